@@ -1,0 +1,132 @@
+//! The worker's side of a job: claim, heartbeat, result, failure. Every write is fenced by job + attempt.
+
+use roost_solver::result::{Progress, RunResult};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use crate::ids::{JobId, WorkerId};
+use crate::job::AttemptOutcome;
+use crate::time::Timestamp;
+
+/// A worker asks for work.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ClaimRequest {
+    /// A repeat with the same id, after a lost reply, returns the same attempts.
+    pub request_id: Uuid,
+    /// Who asks.
+    pub worker_id: WorkerId,
+    /// At most this many jobs.
+    pub max_jobs: u32,
+    /// Wait this long for work before answering with none, in seconds.
+    pub wait_s: f64,
+}
+
+/// What a claim got.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+pub struct ClaimReply {
+    /// The attempts now leased to the worker; empty when there is no work.
+    pub attempts: Vec<ClaimedAttempt>,
+}
+
+/// A leased execution of a job.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+pub struct ClaimedAttempt {
+    /// The job.
+    pub job_id: JobId,
+    /// Number of the attempt, from 1; it fences every write.
+    pub attempt: u32,
+    /// The scenario as run, every default written out.
+    #[schema(value_type = Object)]
+    pub scenario: Value,
+    /// Longest wall time, in seconds.
+    pub max_wall_s: Option<f64>,
+    /// When the lease ends unless renewed.
+    #[schema(value_type = String, format = DateTime)]
+    pub lease_expires_at: Timestamp,
+}
+
+/// One heartbeat covers everything a worker runs.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeartbeatRequest {
+    /// Every attempt the worker holds.
+    pub attempts: Vec<AttemptBeat>,
+}
+
+/// A sign of life of one attempt.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AttemptBeat {
+    /// The job.
+    pub job_id: JobId,
+    /// Number of the attempt.
+    pub attempt: u32,
+    /// How far it has come.
+    #[schema(value_type = Option<Object>)]
+    pub progress: Option<Progress>,
+}
+
+/// The answer to a heartbeat.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+pub struct HeartbeatReply {
+    /// One row an attempt, in the order of the request.
+    pub attempts: Vec<AttemptDirective>,
+    /// The worker shall claim nothing more.
+    pub drain: bool,
+}
+
+/// What the worker shall do with one attempt.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+pub struct AttemptDirective {
+    /// The job.
+    pub job_id: JobId,
+    /// Number of the attempt.
+    pub attempt: u32,
+    /// What to do.
+    pub directive: Directive,
+    /// When the lease now ends; null unless `continue`.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub lease_expires_at: Option<Timestamp>,
+}
+
+/// What the worker shall do with one attempt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Directive {
+    /// Go on: the lease is renewed.
+    Continue,
+    /// Stop and report `cancelled` with the partial series.
+    Cancel,
+    /// Stop and say nothing: the attempt is stale.
+    Abandon,
+}
+
+/// A finished attempt delivers its result. Repeating it is safe.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ResultDelivery {
+    /// The worker that ran it.
+    pub worker_id: WorkerId,
+    /// The result document.
+    #[schema(value_type = Object)]
+    pub result: RunResult,
+}
+
+/// An attempt ended without the job's result. Repeating it is safe.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FailureReport {
+    /// The worker that ran it.
+    pub worker_id: WorkerId,
+    /// How it ended: `invalid`, `unstable`, `worker`, `timeout`, `released` or `cancelled`.
+    pub outcome: AttemptOutcome,
+    /// What happened, in words.
+    pub message: String,
+    /// The partial result of an unstable, cancelled or timed out run.
+    #[serde(default)]
+    #[schema(value_type = Option<Object>)]
+    pub result: Option<RunResult>,
+}

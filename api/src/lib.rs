@@ -1,0 +1,20 @@
+//! Wire types of the Roost HTTP API: what server, worker and client say to each other, and no IO.
+//!
+//! One file a resource. Every type serialises to the JSON that `api.md` and `/openapi.json` describe.
+//! Clients ignore response fields that they do not know; requests refuse them.
+
+pub mod ids;
+pub mod job;
+pub mod lease;
+pub mod page;
+pub mod problem;
+pub mod sweep;
+pub mod time;
+pub mod validate;
+pub mod worker;
+
+pub use roost_solver::result::{Estimate, Phase, Progress, RunResult, Series};
+pub use roost_solver::scenario::Fault;
+
+/// Version of the API, the first segment of every path.
+pub const API_VERSION: &str = "v1";

@@ -1,0 +1,60 @@
+//! Workers: who is there, on what device, doing what.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::ids::{JobId, WorkerId};
+use crate::time::Timestamp;
+
+/// A worker introduces itself.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WorkerRegistration {
+    /// A fresh id for each process.
+    pub worker_id: WorkerId,
+    /// A name for people, such as the host name.
+    pub name: String,
+    /// [`crate::API_VERSION`] it speaks.
+    pub api_version: String,
+    /// `PHYSICS_REVISION` of its solver.
+    pub physics_revision: u32,
+    /// Backend it runs, such as `cpu`.
+    pub backend: String,
+    /// Device in words.
+    pub device: String,
+    /// Threads it uses.
+    pub threads: u32,
+}
+
+/// What a registered worker needs to know.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+pub struct WorkerWelcome {
+    /// Beat this often, in seconds.
+    pub heartbeat_s: f64,
+    /// Leases last this long after a beat, in seconds.
+    pub lease_s: f64,
+}
+
+/// A worker as the API shows it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct WorkerView {
+    /// Its identifier.
+    pub id: WorkerId,
+    /// Its name.
+    pub name: String,
+    /// Backend it runs.
+    pub backend: String,
+    /// Device in words.
+    pub device: String,
+    /// Threads it uses.
+    pub threads: u32,
+    /// `PHYSICS_REVISION` of its solver.
+    pub physics_revision: u32,
+    /// Jobs it holds leases for.
+    pub running: Vec<JobId>,
+    /// Attempts it has brought to a result.
+    pub succeeded: u64,
+    /// When it was last heard of.
+    #[schema(value_type = String, format = DateTime)]
+    pub last_seen_at: Timestamp,
+}
