@@ -1,0 +1,91 @@
+//! Everything that can go wrong between a client and the server, said so that a person can act on it.
+
+use roost_api::problem::Problem;
+
+/// Why a call did not give what was asked for.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// The address is none.
+    #[error("`{0}` is no server address: write it like http://127.0.0.1:7373")]
+    Address(String),
+    /// Nothing answered, or not in time. Trying again may help.
+    #[error("cannot reach {server}: {reason}")]
+    Unreachable {
+        /// Address of the server.
+        server: String,
+        /// The innermost cause, such as `Connection refused`.
+        reason: String,
+    },
+    /// The server answered with a problem.
+    #[error("{}", describe(.0))]
+    Problem(Box<Problem>),
+    /// An error answer that is no problem document: something else answers there.
+    #[error("{server} answered {status} without saying why: {body}")]
+    Foreign {
+        /// Address of the server.
+        server: String,
+        /// HTTP status.
+        status: u16,
+        /// Start of the body.
+        body: String,
+    },
+    /// A success whose body is not what the API promises.
+    #[error("{server} sent an answer that this version does not understand: {reason}")]
+    Body {
+        /// Address of the server.
+        server: String,
+        /// What was wrong with it.
+        reason: String,
+    },
+}
+
+impl ClientError {
+    /// Whether the same call may well succeed later: the server is away, overloaded or restarting.
+    pub fn is_transient(&self) -> bool {
+        match self {
+            Self::Address(_) => false,
+            Self::Unreachable { .. } | Self::Body { .. } => true,
+            Self::Foreign { status, .. } => is_transient_status(*status) || *status == 404,
+            Self::Problem(problem) => is_transient_status(problem.status),
+        }
+    }
+
+    /// The HTTP status of the server's problem, if there was one.
+    pub fn problem_status(&self) -> Option<u16> {
+        match self {
+            Self::Problem(problem) => Some(problem.status),
+            _ => None,
+        }
+    }
+
+    pub(super) fn transport(server: &str, error: &reqwest::Error) -> Self {
+        let server = server.to_owned();
+        if error.is_decode() {
+            return Self::Body { server, reason: innermost(error) };
+        }
+        let reason = if error.is_timeout() { "no answer in time".to_owned() } else { innermost(error) };
+        Self::Unreachable { server, reason }
+    }
+}
+
+fn is_transient_status(status: u16) -> bool {
+    status >= 500 || matches!(status, 408 | 425 | 429)
+}
+
+/// reqwest wraps the cause several times over; only the innermost says something.
+fn innermost(error: &reqwest::Error) -> String {
+    let mut cause: &dyn std::error::Error = error;
+    while let Some(source) = cause.source() {
+        cause = source;
+    }
+    cause.to_string()
+}
+
+fn describe(problem: &Problem) -> String {
+    let mut text = if problem.detail.is_empty() { problem.title.clone() } else { problem.detail.clone() };
+    for fault in &problem.errors {
+        text.push_str("\n  ");
+        text.push_str(&fault.to_string());
+    }
+    text
+}

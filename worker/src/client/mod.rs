@@ -1,0 +1,264 @@
+//! A typed client of the HTTP API: one method a route, for the worker and for the `roost` command.
+//!
+//! Nothing is retried in here: who may wait, and for how long, is the caller's business.
+
+mod error;
+#[cfg(test)]
+pub(crate) mod tests;
+
+use std::net::IpAddr;
+use std::time::Duration;
+
+use reqwest::{Method, RequestBuilder, Url};
+use roost_api::ids::{JobId, SweepId, WorkerId};
+use roost_api::job::{FailureClass, JobEnvelope, JobState, JobView};
+use roost_api::lease::{
+    ClaimReply, ClaimRequest, FailureReport, HeartbeatReply, HeartbeatRequest, ResultDelivery,
+};
+use roost_api::page::Page;
+use roost_api::sweep::{SweepResults, SweepSpec, SweepView};
+use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
+use roost_api::{API_VERSION, RunResult, Series};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+
+pub use error::ClientError;
+
+/// What every call gives.
+pub type ClientResult<T> = Result<T, ClientError>;
+
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
+
+/// A client of one server.
+#[derive(Clone, Debug)]
+pub struct Client {
+    http: reqwest::Client,
+    server: String,
+}
+
+impl Client {
+    /// A client of the server at an address such as `http://127.0.0.1:7373`.
+    pub fn new(server: &str) -> ClientResult<Self> {
+        let server = server.trim_end_matches('/').to_owned();
+        let refused = || ClientError::Address(server.clone());
+        let url = Url::parse(&server).map_err(|_| refused())?;
+        let host = url.host_str().filter(|_| url.scheme() == "http").ok_or_else(refused)?;
+        let mut builder = reqwest::Client::builder()
+            .connect_timeout(CONNECT_TIMEOUT)
+            .timeout(ANSWER_TIMEOUT)
+            .user_agent(concat!("roost/", env!("CARGO_PKG_VERSION")));
+        // A proxy named in the environment knows nothing of this machine's own addresses.
+        let ip = host.trim_matches(['[', ']']).parse::<IpAddr>();
+        if host == "localhost" || ip.is_ok_and(|ip| ip.is_loopback()) {
+            builder = builder.no_proxy();
+        }
+        let http = builder.build().map_err(|_| refused())?;
+        Ok(Self { http, server })
+    }
+
+    /// The server's address.
+    pub fn server(&self) -> &str {
+        &self.server
+    }
+
+    // --- jobs -----------------------------------------------------------------------------------
+
+    /// Submits one scenario.
+    pub async fn submit_job(&self, job: &JobEnvelope) -> ClientResult<JobView> {
+        self.post("jobs", job).await
+    }
+
+    /// One job.
+    pub async fn job(&self, id: JobId) -> ClientResult<JobView> {
+        self.get(&format!("jobs/{id}")).await
+    }
+
+    /// A page of jobs, newest first, of all or one state.
+    pub async fn jobs(
+        &self,
+        state: Option<JobState>,
+        cursor: Option<&str>,
+        limit: u32,
+    ) -> ClientResult<Page<JobView>> {
+        self.page("jobs", state, cursor, limit).await
+    }
+
+    /// The result of a job that has one.
+    pub async fn job_result(&self, id: JobId) -> ClientResult<RunResult> {
+        self.get(&format!("jobs/{id}/result")).await
+    }
+
+    /// One series of a job's result.
+    pub async fn job_series(&self, id: JobId, name: &str) -> ClientResult<Series> {
+        self.get(&format!("jobs/{id}/series/{name}")).await
+    }
+
+    /// Cancels a job.
+    pub async fn cancel_job(&self, id: JobId) -> ClientResult<JobView> {
+        self.post(&format!("jobs/{id}/cancel"), &json!({})).await
+    }
+
+    /// Queues a failed or cancelled job again.
+    pub async fn retry_job(&self, id: JobId) -> ClientResult<JobView> {
+        self.post(&format!("jobs/{id}/retry"), &json!({})).await
+    }
+
+    // --- sweeps ---------------------------------------------------------------------------------
+
+    /// Submits a sweep.
+    pub async fn submit_sweep(&self, sweep: &SweepSpec) -> ClientResult<SweepView> {
+        self.post("sweeps", sweep).await
+    }
+
+    /// Submits any document to `jobs` or `sweeps`, so that the server names its faults.
+    pub async fn submit_document<T: DeserializeOwned>(
+        &self,
+        route: &str,
+        document: &Value,
+    ) -> ClientResult<T> {
+        self.post(route, document).await
+    }
+
+    /// A page of sweeps, newest first.
+    pub async fn sweeps(&self, cursor: Option<&str>, limit: u32) -> ClientResult<Page<SweepView>> {
+        self.page("sweeps", None, cursor, limit).await
+    }
+
+    /// One sweep with its progress.
+    pub async fn sweep(&self, id: SweepId) -> ClientResult<SweepView> {
+        self.get(&format!("sweeps/{id}")).await
+    }
+
+    /// A page of a sweep's jobs.
+    pub async fn sweep_jobs(
+        &self,
+        id: SweepId,
+        state: Option<JobState>,
+        cursor: Option<&str>,
+        limit: u32,
+    ) -> ClientResult<Page<JobView>> {
+        self.page(&format!("sweeps/{id}/jobs"), state, cursor, limit).await
+    }
+
+    /// The result table of a sweep.
+    pub async fn sweep_results(&self, id: SweepId) -> ClientResult<SweepResults> {
+        self.get(&format!("sweeps/{id}/results?format=json")).await
+    }
+
+    /// The result table of a sweep as CSV.
+    pub async fn sweep_results_csv(&self, id: SweepId) -> ClientResult<String> {
+        let request = self.request(Method::GET, &format!("sweeps/{id}/results?format=csv"));
+        let response = self.send(request).await?;
+        response.text().await.map_err(|error| ClientError::transport(&self.server, &error))
+    }
+
+    /// Cancels what is left of a sweep.
+    pub async fn cancel_sweep(&self, id: SweepId) -> ClientResult<SweepView> {
+        self.post(&format!("sweeps/{id}/cancel"), &json!({})).await
+    }
+
+    /// Queues a sweep's failed jobs again: all, or those of some failure classes.
+    pub async fn retry_sweep(&self, id: SweepId, classes: &[FailureClass]) -> ClientResult<SweepView> {
+        let body = if classes.is_empty() { json!({}) } else { json!({ "classes": classes }) };
+        self.post(&format!("sweeps/{id}/retry"), &body).await
+    }
+
+    // --- the worker's side ----------------------------------------------------------------------
+
+    /// Introduces a worker; repeating it is safe.
+    pub async fn register(&self, worker: &WorkerRegistration) -> ClientResult<WorkerWelcome> {
+        self.post("workers", worker).await
+    }
+
+    /// All workers.
+    pub async fn workers(&self) -> ClientResult<Page<WorkerView>> {
+        self.get("workers").await
+    }
+
+    /// Asks for work, waiting at the server for as long as the request says.
+    pub async fn claim(&self, claim: &ClaimRequest) -> ClientResult<ClaimReply> {
+        let wait = Duration::try_from_secs_f64(claim.wait_s).unwrap_or_default();
+        let request = self.request(Method::POST, "claims").json(claim).timeout(wait + CONNECT_TIMEOUT * 2);
+        self.fetch(request).await
+    }
+
+    /// A sign of life for everything a worker runs.
+    pub async fn heartbeat(
+        &self,
+        worker: WorkerId,
+        beat: &HeartbeatRequest,
+        timeout: Duration,
+    ) -> ClientResult<HeartbeatReply> {
+        let request = self.request(Method::POST, &format!("workers/{worker}/heartbeat")).json(beat);
+        self.fetch(request.timeout(timeout)).await
+    }
+
+    /// Delivers a result; repeating it is safe.
+    pub async fn deliver_result(&self, job: JobId, attempt: u32, body: &ResultDelivery) -> ClientResult<()> {
+        let request = self.request(Method::POST, &format!("jobs/{job}/attempts/{attempt}/result"));
+        self.send(request.json(body)).await.map(drop)
+    }
+
+    /// Reports an attempt that ended without the job's result; repeating it is safe.
+    pub async fn report_failure(&self, job: JobId, attempt: u32, body: &FailureReport) -> ClientResult<()> {
+        let request = self.request(Method::POST, &format!("jobs/{job}/attempts/{attempt}/failure"));
+        self.send(request.json(body)).await.map(drop)
+    }
+
+    // --- how ------------------------------------------------------------------------------------
+
+    async fn get<T: DeserializeOwned>(&self, route: &str) -> ClientResult<T> {
+        self.fetch(self.request(Method::GET, route)).await
+    }
+
+    async fn post<T: DeserializeOwned>(&self, route: &str, body: &impl Serialize) -> ClientResult<T> {
+        self.fetch(self.request(Method::POST, route).json(body)).await
+    }
+
+    async fn page<T: DeserializeOwned>(
+        &self,
+        route: &str,
+        state: Option<JobState>,
+        cursor: Option<&str>,
+        limit: u32,
+    ) -> ClientResult<Page<T>> {
+        let mut request = self.request(Method::GET, route).query(&[("limit", limit)]);
+        if let Some(state) = state {
+            request = request.query(&[("state", state.as_str())]);
+        }
+        if let Some(cursor) = cursor {
+            request = request.query(&[("cursor", cursor)]);
+        }
+        self.fetch(request).await
+    }
+
+    fn request(&self, method: Method, route: &str) -> RequestBuilder {
+        self.http.request(method, format!("{}/{API_VERSION}/{route}", self.server))
+    }
+
+    async fn fetch<T: DeserializeOwned>(&self, request: RequestBuilder) -> ClientResult<T> {
+        let response = self.send(request).await?;
+        response.json().await.map_err(|error| ClientError::transport(&self.server, &error))
+    }
+
+    /// Sends, and turns every error answer into an error.
+    async fn send(&self, request: RequestBuilder) -> ClientResult<reqwest::Response> {
+        let transport = |error: reqwest::Error| ClientError::transport(&self.server, &error);
+        let response = request.send().await.map_err(transport)?;
+        let status = response.status();
+        if status.is_success() {
+            return Ok(response);
+        }
+        let body = response.text().await.map_err(transport)?;
+        Err(match serde_json::from_str(&body) {
+            Ok(problem) => ClientError::Problem(Box::new(problem)),
+            Err(_) => ClientError::Foreign {
+                server: self.server.clone(),
+                status: status.as_u16(),
+                body: body.chars().take(200).collect(),
+            },
+        })
+    }
+}

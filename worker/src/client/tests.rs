@@ -1,0 +1,92 @@
+//! What callers are told when the other side answers badly. The answers are canned here because a real server
+//! gives them only on its worst days; everything else is tested against the real one.
+
+use roost_api::ids::JobId;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpListener;
+
+use super::*;
+
+/// A server that gives every request one and the same answer; returns its address.
+pub(crate) async fn answering(status: &str, content_type: &str, body: &str) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = format!("http://{}", listener.local_addr().unwrap());
+    let length = body.len();
+    let answer = format!(
+        "HTTP/1.1 {status}\r\ncontent-type: {content_type}\r\ncontent-length: {length}\r\nconnection: close\r\n\r\n{body}"
+    );
+    tokio::spawn(async move {
+        while let Ok((mut stream, _)) = listener.accept().await {
+            let answer = answer.clone();
+            tokio::spawn(async move {
+                read_request(&mut stream).await;
+                let _ = stream.write_all(answer.as_bytes()).await;
+            });
+        }
+    });
+    address
+}
+
+/// Reads one request whole: closing with unread bytes would reset the connection.
+async fn read_request(stream: &mut tokio::net::TcpStream) {
+    let mut seen = Vec::new();
+    let mut buffer = [0; 4096];
+    loop {
+        let text = String::from_utf8_lossy(&seen).to_lowercase();
+        if let Some((head, body)) = text.split_once("\r\n\r\n") {
+            let length = head.lines().find_map(|line| line.strip_prefix("content-length: ")?.parse().ok());
+            if body.len() >= length.unwrap_or(0) {
+                return;
+            }
+        }
+        match stream.read(&mut buffer).await {
+            Ok(0) | Err(_) => return,
+            Ok(count) => seen.extend_from_slice(&buffer[..count]),
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_problem_lists_its_faults() {
+    let body = r#"{"type":"/problems/invalid-scenario","title":"Invalid scenario","status":422,
+        "detail":"1 fault in the scenario","errors":[{"pointer":"/product/count","value":0,
+        "detail":"too small","allowed":"1 to 10000"}]}"#;
+    let server = answering("422 Unprocessable Entity", "application/problem+json", body).await;
+    let error = Client::new(&server).unwrap().job(JobId::new()).await.unwrap_err();
+    assert_eq!(error.problem_status(), Some(422));
+    assert!(!error.is_transient());
+    assert_eq!(
+        error.to_string(),
+        "1 fault in the scenario\n  /product/count: too small (found 0); allowed: 1 to 10000"
+    );
+}
+
+#[tokio::test]
+async fn what_is_no_roost_server_is_named_and_may_be_tried_again() {
+    let server = answering("404 Not Found", "text/html", "<h1>nginx</h1>").await;
+    let error = Client::new(&server).unwrap().job(JobId::new()).await.unwrap_err();
+    assert!(error.is_transient() && error.problem_status().is_none(), "{error:?}");
+    assert!(error.to_string().contains("answered 404 without saying why: <h1>nginx</h1>"), "{error}");
+
+    let server = answering("200 OK", "application/json", "[]").await;
+    let error = Client::new(&server).unwrap().job(JobId::new()).await.unwrap_err();
+    assert!(matches!(error, ClientError::Body { .. }), "{error:?}");
+}
+
+#[tokio::test]
+async fn nobody_there_is_one_line_with_the_reason() {
+    let port = TcpListener::bind("127.0.0.1:0").await.unwrap().local_addr().unwrap().port();
+    let client = Client::new(&format!("http://127.0.0.1:{port}/")).unwrap();
+    let error = client.job(JobId::new()).await.unwrap_err();
+    assert!(error.is_transient());
+    let text = error.to_string();
+    assert!(text.starts_with(&format!("cannot reach http://127.0.0.1:{port}: Connection refused")), "{text}");
+}
+
+#[test]
+fn an_address_must_be_one() {
+    for text in ["127.0.0.1:7373", "localhost:7373", "ftp://a", "http://", ""] {
+        assert!(matches!(Client::new(text), Err(ClientError::Address(_))), "{text}");
+    }
+    assert_eq!(Client::new("http://[::1]:7373/").unwrap().server(), "http://[::1]:7373");
+}

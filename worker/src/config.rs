@@ -1,0 +1,65 @@
+//! What a worker needs to know before it starts.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// What a worker needs to know before it starts.
+#[derive(Clone, Debug)]
+pub struct WorkerConfig {
+    /// Address of the server, such as `http://127.0.0.1:7373`.
+    pub server: String,
+    /// A name for people, such as the host name.
+    pub name: String,
+    /// Threads to use in all; 0 means one per processor.
+    pub threads: usize,
+    /// Where finished results wait for the server; several workers may share it.
+    pub state_dir: PathBuf,
+    /// Jobs at once; they share the threads.
+    pub slots: usize,
+    /// How long a draining worker lets its jobs finish before it hands them back.
+    pub drain_grace: Duration,
+    /// How long one claim waits at the server for work to appear.
+    pub claim_wait: Duration,
+}
+
+impl WorkerConfig {
+    /// A worker with one slot on all processors that hands its job back at once when it is stopped.
+    pub fn new(server: impl Into<String>, name: impl Into<String>, state_dir: impl Into<PathBuf>) -> Self {
+        Self {
+            server: server.into(),
+            name: name.into(),
+            threads: 0,
+            state_dir: state_dir.into(),
+            slots: 1,
+            drain_grace: Duration::ZERO,
+            claim_wait: Duration::from_secs(20),
+        }
+    }
+
+    /// Threads in all, with "one per processor" resolved.
+    pub fn resolved_threads(&self) -> usize {
+        match self.threads {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            threads => threads,
+        }
+    }
+
+    /// Threads for each job.
+    pub fn threads_per_slot(&self) -> usize {
+        (self.resolved_threads() / self.slots.max(1)).max(1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_share_the_threads_and_always_have_one() {
+        let config = WorkerConfig { threads: 8, slots: 3, ..WorkerConfig::new("s", "n", "d") };
+        assert_eq!(config.threads_per_slot(), 2);
+        let config = WorkerConfig { threads: 1, slots: 3, ..config };
+        assert_eq!(config.threads_per_slot(), 1);
+        assert!(WorkerConfig { threads: 0, ..config }.resolved_threads() >= 1);
+    }
+}

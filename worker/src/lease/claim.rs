@@ -1,0 +1,122 @@
+//! Claims work whenever a slot is free, and sees every claimed attempt through to the outbox.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use roost_api::job::AttemptOutcome;
+use roost_api::lease::{ClaimReply, ClaimRequest, ClaimedAttempt, FailureReport, ResultDelivery};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio_util::task::TaskTracker;
+use uuid::Uuid;
+
+use super::deliver;
+use super::session::Session;
+use crate::backoff::Backoff;
+use crate::client::ClientError;
+use crate::outbox::{Content, Delivery};
+use crate::runner::{Run, RunEnd};
+
+/// How long a stopping worker waits to hear whether its last claim had got something.
+const LAST_WORD: Duration = Duration::from_secs(1);
+
+/// Claims until told to stop; the runs go on in `runs`.
+pub(super) async fn run(session: &Arc<Session>, runs: &TaskTracker) {
+    let slots = Arc::new(Semaphore::new(session.config.slots.max(1)));
+    loop {
+        let permit = tokio::select! {
+            biased;
+            () = session.stop_claiming.cancelled() => return,
+            permit = slots.clone().acquire_owned() => permit.expect("the semaphore is never closed"),
+        };
+        let free = 1 + slots.available_permits();
+        let Some(reply) = claim(session, free).await else { return };
+        let mut permit = Some(permit);
+        for attempt in reply.attempts {
+            let permit = permit.take().or_else(|| slots.clone().try_acquire_owned().ok());
+            runs.spawn(see_through(session.clone(), attempt, permit));
+        }
+    }
+}
+
+/// One claim, repeated under the same request id until it is answered; none when it is time to stop.
+async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
+    let mut request = ClaimRequest {
+        request_id: Uuid::now_v7(),
+        worker_id: session.worker_id,
+        max_jobs: u32::try_from(free).unwrap_or(u32::MAX),
+        wait_s: session.config.claim_wait.as_secs_f64(),
+    };
+    let mut backoff = Backoff::default();
+    loop {
+        let answer = tokio::select! {
+            biased;
+            () = session.stop_claiming.cancelled() => {
+                // The claim on its way may have got something: ask once more, and hand it back.
+                request.wait_s = 0.0;
+                let last = tokio::time::timeout(LAST_WORD, session.client.claim(&request)).await;
+                if let Ok(Ok(reply)) = last {
+                    hand_back(session, reply).await;
+                }
+                return None;
+            }
+            answer = session.client.claim(&request) => answer,
+        };
+        match answer {
+            Ok(reply) => return Some(reply),
+            Err(error) => recover(session, &error, &mut backoff).await,
+        }
+    }
+}
+
+async fn recover(session: &Session, error: &ClientError, backoff: &mut Backoff) {
+    if error.problem_status() == Some(404) {
+        return session.register_again().await;
+    }
+    if error.is_transient() {
+        tracing::debug!(%error, "claim failed; trying again");
+    } else {
+        tracing::error!(%error, "the server refuses the claim; trying again");
+    }
+    tokio::select! {
+        () = session.stop_claiming.cancelled() => {}
+        () = backoff.pause() => {}
+    }
+}
+
+async fn hand_back(session: &Session, reply: ClaimReply) {
+    for ClaimedAttempt { job_id, attempt, .. } in reply.attempts {
+        let report = FailureReport {
+            worker_id: session.worker_id,
+            outcome: AttemptOutcome::Released,
+            message: "claimed by a worker that is stopping".to_owned(),
+            result: None,
+        };
+        deliver::post(session, Delivery { job_id, attempt, content: Content::Failure(report) }).await;
+    }
+}
+
+/// Runs one attempt and puts what came of it in the outbox. A free slot is given back as soon as the run ends.
+async fn see_through(session: Arc<Session>, claimed: ClaimedAttempt, permit: Option<OwnedSemaphorePermit>) {
+    let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, .. } = claimed;
+    tracing::info!(job = %job_id, attempt, "running");
+    let run = Run::start(scenario, session.config.threads_per_slot(), max_wall_s);
+    session.held.insert((job_id, attempt), run.progress.clone(), run.stop.clone());
+    let end = run.end().await;
+    drop(permit);
+    let worker_id = session.worker_id;
+    let content = match end {
+        RunEnd::Finished(result) => {
+            tracing::info!(job = %job_id, attempt, wall_s = result.performance.wall_s, "finished");
+            Content::Result(ResultDelivery { worker_id, result })
+        }
+        RunEnd::Failed { outcome, message, result } => {
+            tracing::warn!(job = %job_id, attempt, %outcome, message, "ended without a result");
+            Content::Failure(FailureReport { worker_id, outcome, message, result })
+        }
+        RunEnd::Abandoned => {
+            tracing::warn!(job = %job_id, attempt, "abandoned: the server gave the job to another attempt");
+            return session.held.remove((job_id, attempt));
+        }
+    };
+    deliver::post(&session, Delivery { job_id, attempt, content }).await;
+}

@@ -1,0 +1,86 @@
+//! What the outbox keeps, what it lets go, and on whose word.
+
+use roost_api::ids::WorkerId;
+use roost_api::job::AttemptOutcome;
+
+use super::*;
+use crate::client::tests::answering;
+
+fn delivery(attempt: u32) -> Delivery {
+    let report = FailureReport {
+        worker_id: WorkerId::new(),
+        outcome: AttemptOutcome::Worker,
+        message: "tried".to_owned(),
+        result: None,
+    };
+    Delivery { job_id: JobId::new(), attempt, content: Content::Failure(report) }
+}
+
+fn outbox() -> (tempfile::TempDir, Outbox) {
+    let folder = tempfile::tempdir().unwrap();
+    let outbox = Outbox::open(folder.path()).unwrap();
+    (folder, outbox)
+}
+
+#[test]
+fn a_delivery_outlives_its_process_until_it_is_removed() {
+    let (folder, outbox) = outbox();
+    let first = delivery(1);
+    let path = outbox.put(&first).unwrap();
+    outbox.put(&delivery(7)).unwrap();
+    drop(outbox);
+
+    let outbox = Outbox::open(folder.path()).unwrap();
+    let waiting = outbox.waiting().unwrap();
+    assert_eq!(waiting.iter().map(|(_, delivery)| delivery.attempt).collect::<Vec<_>>(), [1, 7]);
+    assert_eq!(waiting[0].1.job_id, first.job_id);
+    outbox.remove(&path).unwrap();
+    outbox.remove(&path).expect("a neighbour may have been faster");
+    assert_eq!(outbox.waiting().unwrap().len(), 1);
+}
+
+#[test]
+fn putting_the_same_attempt_twice_keeps_one() {
+    let (_folder, outbox) = outbox();
+    let same = delivery(1);
+    outbox.put(&same).unwrap();
+    outbox.put(&same).unwrap();
+    assert_eq!(outbox.waiting().unwrap().len(), 1);
+}
+
+#[test]
+fn half_written_and_unreadable_files_stop_nobody() {
+    let (folder, outbox) = outbox();
+    outbox.put(&delivery(3)).unwrap();
+    let inside = folder.path().join("outbox");
+    fs::write(inside.join("killed-here.tmp"), "{\"job_id\":").unwrap();
+    fs::write(inside.join("broken-1.json"), "{\"job_id\":").unwrap();
+    assert_eq!(outbox.waiting().unwrap().len(), 1);
+    assert!(inside.join("refused/broken-1.json").exists());
+
+    let old = File::options().write(true).open(inside.join("killed-here.tmp")).unwrap();
+    old.set_modified(SystemTime::now() - 2 * ABANDONED_AFTER).unwrap();
+    fs::write(inside.join("being-written-now.tmp"), "{").unwrap();
+    Outbox::open(folder.path()).unwrap();
+    assert!(!inside.join("killed-here.tmp").exists());
+    assert!(inside.join("being-written-now.tmp").exists());
+}
+
+#[tokio::test]
+async fn only_the_servers_word_settles_a_delivery() {
+    let problem =
+        |status: u16| format!(r#"{{"type":"/problems/x","title":"x","status":{status},"detail":"because"}}"#);
+    let cases = [
+        ("200 OK", "{}".to_owned(), Some(Fate::Confirmed)),
+        ("409 Conflict", problem(409), Some(Fate::Refused)),
+        ("422 Unprocessable Entity", problem(422), Some(Fate::Refused)),
+        ("500 Internal Server Error", problem(500), None),
+        ("404 Not Found", problem(404), None),
+        ("409 Conflict", "a proxy's own opinion".to_owned(), None),
+    ];
+    for (status, body, expected) in cases {
+        let server = answering(status, "application/problem+json", &body).await;
+        let fate = delivery(1).send(&Client::new(&server).unwrap()).await;
+        assert_eq!(fate.ok(), expected, "{status} {body}");
+    }
+}

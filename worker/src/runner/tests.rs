@@ -1,0 +1,118 @@
+//! Every way a run can end, told apart.
+
+use roost_api::Phase;
+use serde_json::json;
+
+use super::*;
+
+/// One fillet of coarse sub-particles in a small hopper: a real run of well under a second.
+fn small() -> Value {
+    json!({
+        "experiment": "hopper",
+        "product": {"count": 1, "subparticle_radius_m": 0.009},
+        "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless"},
+        "numerics": {"timestep_s": "auto", "duration_s": 0.2},
+    })
+}
+
+async fn end_of(document: Value, max_wall_s: Option<f64>) -> RunEnd {
+    Run::start(document, 1, max_wall_s).end().await
+}
+
+#[tokio::test]
+async fn a_scenario_runs_to_its_result_and_reports_progress() {
+    let mut run = Run::start(small(), 1, None);
+    run.progress.changed().await.unwrap();
+    assert!(run.progress.borrow().is_some());
+    let RunEnd::Finished(result) = run.end().await else { panic!("no result") };
+    assert!(result.series("discharged_mass").is_some_and(|series| series.t_s.len() > 5));
+}
+
+#[tokio::test]
+async fn a_bad_scenario_is_invalid_and_names_every_fault() {
+    let mut document = small();
+    document["product"]["count"] = json!(-1);
+    document["equipment"]["gate_opening_m"] = json!("wide");
+    let RunEnd::Failed { outcome, message, result } = end_of(document, None).await else { panic!("it ran") };
+    assert_eq!((outcome, result), (AttemptOutcome::Invalid, None));
+    assert!(message.contains("/product/count") && message.contains("/equipment/gate_opening_m"), "{message}");
+}
+
+#[tokio::test]
+async fn past_its_wall_time_a_run_keeps_what_it_has() {
+    let mut document = small();
+    document["numerics"]["duration_s"] = json!(600);
+    document["numerics"]["stop"] = json!({"when_empty": false});
+    let RunEnd::Failed { outcome, message, result } = end_of(document, Some(0.3)).await else {
+        panic!("no limit")
+    };
+    assert_eq!(outcome, AttemptOutcome::Timeout);
+    assert_eq!(message, "stopped after max_wall_s = 0.3 s");
+    assert_eq!(result.unwrap().end_reason, EndReason::Cancelled);
+}
+
+#[tokio::test]
+async fn each_reason_to_stop_has_its_own_end() {
+    for (why, expected) in [
+        (Stop::Cancel, Some((AttemptOutcome::Cancelled, true))),
+        (Stop::Release, Some((AttemptOutcome::Released, false))),
+        (Stop::Abandon, None),
+    ] {
+        let mut document = small();
+        document["numerics"]["duration_s"] = json!(600);
+        document["numerics"]["stop"] = json!({"when_empty": false});
+        let mut run = Run::start(document, 1, None);
+        run.progress.changed().await.unwrap();
+        run.stop.set(why);
+        let seen = match run.end().await {
+            RunEnd::Failed { outcome, result, .. } => Some((outcome, result.is_some())),
+            RunEnd::Abandoned => None,
+            RunEnd::Finished(_) => panic!("{why:?} did not stop it"),
+        };
+        assert_eq!(seen, expected, "{why:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_diverging_run_is_unstable_with_its_partial_result() {
+    let mut document = small();
+    document["numerics"]["timestep_s"] = json!(0.02);
+    document["numerics"]["allow_unstable"] = json!(true);
+    let RunEnd::Failed { outcome, message, result } = end_of(document, None).await else { panic!("stable?") };
+    assert_eq!(outcome, AttemptOutcome::Unstable);
+    assert!(message.contains("at step"), "{message}");
+    assert_eq!(result.unwrap().end_reason, EndReason::Unstable);
+}
+
+#[tokio::test]
+async fn a_panic_is_the_workers_failure_and_says_what_happened() {
+    let progress = Progress {
+        phase: Phase::Fill,
+        time_s: 0.0,
+        simulated_s: 0.0,
+        fraction: 0.0,
+        subparticles: 1,
+        particle_steps: 1,
+        wall_s: 0.0,
+        discharged_kg: 0.0,
+    };
+    let run = Run::start_with(None, move |on_progress| {
+        on_progress(&progress);
+        panic!("index {} out of range", 7)
+    });
+    let RunEnd::Failed { outcome, message, result } = run.end().await else { panic!("no failure") };
+    assert_eq!((outcome, result), (AttemptOutcome::Worker, None));
+    assert_eq!(message, "the solver panicked: index 7 out of range");
+}
+
+#[test]
+fn the_first_reason_stays_but_abandon_beats_all() {
+    let flag = StopFlag::default();
+    assert_eq!(flag.get(), None);
+    flag.set(Stop::Release);
+    flag.set(Stop::Cancel);
+    assert_eq!(flag.get(), Some(Stop::Release));
+    flag.set(Stop::Abandon);
+    flag.set(Stop::Timeout);
+    assert_eq!(flag.get(), Some(Stop::Abandon));
+}
