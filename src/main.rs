@@ -1,2 +1,107 @@
-//! The `roost` command.
-fn main() {}
+//! The `roost` command: one file a subcommand, each thin; what people see is in `ui`.
+
+mod cancel;
+mod demo;
+mod exit;
+mod input;
+mod list;
+mod output;
+mod retry;
+mod run;
+mod serve;
+mod signals;
+mod status;
+mod submit;
+mod results;
+mod target;
+mod ui;
+mod up;
+mod validate;
+mod watch;
+mod work;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use tracing_subscriber::EnvFilter;
+
+use exit::Exit;
+
+/// Distributed parameter sweeps of bonded-particle simulations of soft food.
+///
+/// A scenario goes in as JSON, a worker runs the solver, the discharge curve comes back. Start with
+/// `roost demo`, or run one scenario right here with `roost run`.
+#[derive(Debug, Parser)]
+#[command(version, propagate_version = true, after_help = exit::HELP)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Up(up::Args),
+    Serve(serve::Args),
+    Work(work::Args),
+    Run(run::Args),
+    Submit(submit::Args),
+    List(list::Args),
+    Status(status::Args),
+    Results(results::Args),
+    Validate(validate::Args),
+    Cancel(cancel::Args),
+    Retry(retry::Args),
+}
+
+impl Command {
+    /// Long-running roles tell what they do; all others only what went wrong.
+    fn log_filter(&self) -> &'static str {
+        match self {
+            Self::Up(_) | Self::Serve(_) | Self::Work(_) => "info",
+            Self::Demo(_) => "error",
+            _ => "warn",
+        }
+    }
+
+    async fn execute(self) -> anyhow::Result<Exit> {
+        match self {
+            Self::Demo(args) => demo::execute(args).await,
+            Self::Up(args) => up::execute(args).await,
+            Self::Serve(args) => serve::execute(args).await,
+            Self::Work(args) => work::execute(args).await,
+            Self::Run(args) => run::execute(args).await,
+            Self::Submit(args) => submit::execute(args).await,
+            Self::List(args) => list::execute(args).await,
+            Self::Status(args) => status::execute(args).await,
+            Self::Results(args) => results::execute(args).await,
+            Self::Validate(args) => validate::execute(&args),
+            Self::Cancel(args) => cancel::execute(args).await,
+            Self::Retry(args) => retry::execute(args).await,
+        }
+    }
+}
+
+#[tokio::main]
+async fn main() -> ExitCode {
+    let Cli { command } = Cli::parse();
+    let filter = EnvFilter::try_from_env("ROOST_LOG").unwrap_or_else(|_| command.log_filter().into());
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    match command.execute().await {
+        Ok(exit) => exit.into(),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            Exit::of(&error).into()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        super::Cli::command().debug_assert();
+    }
+}

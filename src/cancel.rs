@@ -1,0 +1,26 @@
+//! `roost cancel`: stop a sweep or a job.
+
+use anyhow::Result;
+use uuid::Uuid;
+
+use crate::exit::Exit;
+use crate::list;
+use crate::target::{self, Target};
+
+/// Cancel a sweep or a job; what runs is stopped within seconds
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Id of a sweep or a job
+    id: Uuid,
+    #[command(flatten)]
+    server: target::Server,
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let client = args.server.client()?;
+    match target::find(&client, args.id).await? {
+        Target::Sweep(sweep) => print!("{}", list::sweeps(&[client.cancel_sweep(sweep.id).await?])),
+        Target::Job(job) => print!("{}", list::jobs(&[client.cancel_job(job.id).await?])),
+    }
+    Ok(Exit::Done)
+}

@@ -1,0 +1,59 @@
+//! Exit codes: documented in the help, the same in every subcommand.
+
+use std::process::ExitCode;
+
+use roost_worker::client::ClientError;
+
+/// For the end of `--help`.
+pub(crate) const HELP: &str = "\
+Exit codes:
+  0  done
+  1  it failed, or was stopped before its end
+  2  wrong usage or bad input
+  3  the physics diverged (unstable)
+
+Environment:
+  ROOST_SERVER  address of the server, in place of --server
+  ROOST_LOG     what is logged to stderr, such as `info` or `roost_worker=debug`";
+
+/// How the command ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Exit {
+    Done = 0,
+    Failed = 1,
+    BadInput = 2,
+    Unstable = 3,
+}
+
+impl Exit {
+    /// The code of an error: bad input is told apart from everything else.
+    pub(crate) fn of(error: &anyhow::Error) -> Self {
+        let is_bad_input = error.chain().any(|cause| {
+            let refused = cause.downcast_ref::<ClientError>();
+            cause.is::<BadInput>()
+                || refused.is_some_and(|refused| {
+                    matches!(refused, ClientError::Address(_))
+                        || matches!(refused.problem_status(), Some(400 | 404 | 413 | 415 | 422))
+                })
+        });
+        if is_bad_input { Self::BadInput } else { Self::Failed }
+    }
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit as u8)
+    }
+}
+
+/// What the user gave cannot be used; says why.
+#[derive(Debug)]
+pub(crate) struct BadInput(pub(crate) String);
+
+impl std::fmt::Display for BadInput {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for BadInput {}

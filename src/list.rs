@@ -1,0 +1,106 @@
+//! `roost list`: what is at the server.
+
+use anyhow::Result;
+use roost_api::job::{JobState, JobView};
+use roost_api::sweep::SweepView;
+use serde_json::json;
+
+use crate::exit::Exit;
+use crate::target;
+use crate::ui::{format, table::Table};
+
+/// List sweeps, jobs or workers, newest first
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    server: target::Server,
+    /// Jobs instead of sweeps
+    #[arg(long)]
+    jobs: bool,
+    /// Only jobs in this state: queued, running, succeeded, failed or cancelled
+    #[arg(long, requires = "jobs")]
+    state: Option<JobState>,
+    /// Workers instead of sweeps
+    #[arg(long, conflicts_with = "jobs")]
+    workers: bool,
+    /// At most this many
+    #[arg(long, default_value_t = 20, value_name = "N")]
+    limit: u32,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let client = args.server.client()?;
+    let (document, table) = if args.workers {
+        let page = client.workers().await?;
+        let mut table = Table::new(["id", "name", "device", "threads", "running", "succeeded", "last seen"]);
+        for worker in &page.items {
+            table.row([
+                worker.id.to_string(),
+                worker.name.clone(),
+                format!("{}: {}", worker.backend, worker.device),
+                worker.threads.to_string(),
+                worker.running.len().to_string(),
+                worker.succeeded.to_string(),
+                worker.last_seen_at.to_string(),
+            ]);
+        }
+        (json!(page), table)
+    } else if args.jobs {
+        let page = client.jobs(args.state, None, args.limit).await?;
+        (json!(page), jobs(&page.items))
+    } else {
+        let page = client.sweeps(None, args.limit).await?;
+        (json!(page), sweeps(&page.items))
+    };
+    if args.json {
+        println!("{document:#}");
+    } else if table.is_empty() {
+        eprintln!("nothing there yet; see `roost submit --help`");
+    } else {
+        print!("{table}");
+    }
+    Ok(Exit::Done)
+}
+
+pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
+    let mut table = Table::new(["id", "name", "jobs", "done", "running", "failed", "%", "submitted"]);
+    for sweep in sweeps {
+        table.row([
+            sweep.id.to_string(),
+            sweep.name.clone(),
+            sweep.counts.total().to_string(),
+            sweep.counts.ended().to_string(),
+            sweep.counts.running.to_string(),
+            sweep.counts.failed.to_string(),
+            format!("{:.0}", sweep.fraction * 100.0),
+            sweep.submitted_at.to_string(),
+        ]);
+    }
+    table
+}
+
+pub(crate) fn jobs(jobs: &[JobView]) -> Table {
+    let mut table = Table::new(["id", "state", "levels", "seed", "attempt", "%", "submitted"]);
+    for job in jobs {
+        let levels: Vec<_> = job.factors.values().map(format::cell).collect();
+        let state = match (job.cancelling, job.failure_class) {
+            (true, _) => "cancelling".to_owned(),
+            (false, Some(class)) => format!("{}: {class}", job.state),
+            (false, None) => job.state.to_string(),
+        };
+        let progress = job.progress.as_ref().filter(|_| !job.state.is_ended());
+        table.row([
+            job.id.to_string(),
+            state,
+            levels.join(" "),
+            job.seed.to_string(),
+            job.attempt.to_string(),
+            progress.map_or_else(|| "–".to_owned(), |progress| format!("{:.0}", progress.fraction * 100.0)),
+            job.submitted_at.to_string(),
+        ]);
+    }
+    table
+}

@@ -1,0 +1,92 @@
+//! The files of a result: `result.json`, `series.csv`, `curve.svg`.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use roost_api::{RunResult, Series};
+
+use crate::ui::plot::{self, Curve, Look, Panel};
+
+/// Writes all files of a result into a folder, making it if need be; returns their paths.
+pub(crate) fn write(folder: &Path, result: &RunResult) -> Result<Vec<PathBuf>> {
+    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let [document, table, picture] = ["result.json", "series.csv", "curve.svg"].map(|name| folder.join(name));
+    let mut json = serde_json::to_vec_pretty(result)?;
+    json.push(b'\n');
+    fs::write(&document, json).with_context(|| format!("cannot write {}", document.display()))?;
+    let file = fs::File::create(&table).with_context(|| format!("cannot write {}", table.display()))?;
+    series_csv(file, &result.series)?;
+    plot::draw(&picture, "Discharge", &panels(result))?;
+    Ok(vec![document, table, picture])
+}
+
+/// All series as columns beside one column of times; a series without a sample at a time has an empty cell there.
+pub(crate) fn series_csv(writer: impl Write, series: &[Series]) -> Result<()> {
+    let mut times: Vec<f64> = series.iter().flat_map(|series| series.t_s.iter().copied()).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let mut csv = csv::Writer::from_writer(writer);
+    csv.write_record(["t_s".to_owned()].into_iter().chain(series.iter().map(column_name)))?;
+    let mut next = vec![0; series.len()];
+    for t in times {
+        let cells = series.iter().zip(&mut next).map(|(series, next)| {
+            if series.t_s.get(*next) != Some(&t) {
+                return String::new();
+            }
+            *next += 1;
+            series.values.get(*next - 1).map_or_else(String::new, f64::to_string)
+        });
+        csv.write_record([t.to_string()].into_iter().chain(cells.collect::<Vec<_>>()))?;
+    }
+    csv.flush()?;
+    Ok(())
+}
+
+/// The points of a series.
+pub(crate) fn points(series: Option<&Series>) -> Vec<(f64, f64)> {
+    series.map_or_else(Vec::new, |series| series.t_s.iter().copied().zip(series.values.iter().copied()).collect())
+}
+
+/// A series' name with its unit last, as all names of quantities here.
+fn column_name(series: &Series) -> String {
+    match series.unit.as_str() {
+        "" | "1" => series.name.clone(),
+        unit => format!("{}_{}", series.name, unit.to_lowercase().replace('/', "_")),
+    }
+}
+
+fn panels(result: &RunResult) -> Vec<Panel> {
+    [("discharged_mass", "discharged mass (kg)"), ("mass_rate", "mass rate (kg/s)")]
+        .into_iter()
+        .map(|(name, y_label)| {
+            let curve =
+                Curve { label: String::new(), look: Look::default(), points: points(result.series(name)) };
+            Panel { y_label: y_label.to_owned(), curves: vec![curve] }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn series_of_different_times_share_one_table() {
+        let series = |name: &str, unit: &str, t_s: &[f64], values: &[f64]| Series {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            t_s: t_s.to_vec(),
+            values: values.to_vec(),
+        };
+        let all = [
+            series("mass_rate", "kg/s", &[0.0, 0.5, 1.0], &[0.0, 1.5, 2.5]),
+            series("share", "1", &[0.5, 2.0], &[0.25, 1.0]),
+        ];
+        let mut text = Vec::new();
+        series_csv(&mut text, &all).unwrap();
+        let expected = "t_s,mass_rate_kg_s,share\n0,0,\n0.5,1.5,0.25\n1,2.5,\n2,,1\n";
+        assert_eq!(String::from_utf8(text).unwrap(), expected);
+    }
+}

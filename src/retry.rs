@@ -1,0 +1,32 @@
+//! `roost retry`: queue again what failed or was cancelled.
+
+use anyhow::Result;
+use roost_api::job::FailureClass;
+use uuid::Uuid;
+
+use crate::exit::Exit;
+use crate::list;
+use crate::target::{self, Target};
+
+/// Queue the failed and cancelled jobs of a sweep, or one job, again
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Id of a sweep or a job
+    id: Uuid,
+    #[command(flatten)]
+    server: target::Server,
+    /// Only what failed so: invalid, unstable, worker, lost or timeout
+    #[arg(long, value_name = "CLASS")]
+    class: Option<FailureClass>,
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let client = args.server.client()?;
+    match target::find(&client, args.id).await? {
+        Target::Sweep(sweep) => {
+            print!("{}", list::sweeps(&[client.retry_sweep(sweep.id, args.class).await?]));
+        }
+        Target::Job(job) => print!("{}", list::jobs(&[client.retry_job(job.id, args.class).await?])),
+    }
+    Ok(Exit::Done)
+}

@@ -1,0 +1,52 @@
+//! `roost status`: how far a sweep or a job has come.
+
+use anyhow::Result;
+use serde_json::json;
+use uuid::Uuid;
+
+use crate::exit::Exit;
+use crate::target::{self, Target};
+use crate::{list, run};
+
+/// Show how far a sweep or a job has come
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Id of a sweep or a job
+    id: Uuid,
+    #[command(flatten)]
+    server: target::Server,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let client = args.server.client()?;
+    match target::find(&client, args.id).await? {
+        Target::Sweep(sweep) => {
+            let page = client.sweep_jobs(sweep.id, None, None, 100).await?;
+            if args.json {
+                println!("{:#}", json!(sweep));
+            } else {
+                println!("{}\n{}", list::sweeps(&[sweep]), list::jobs(&page.items));
+                if page.next_cursor.is_some() {
+                    eprintln!("the newest 100 jobs only; `roost results {}` has all", args.id);
+                }
+            }
+        }
+        Target::Job(job) => {
+            if args.json {
+                println!("{:#}", json!(job));
+            } else {
+                print!("{}", list::jobs(std::slice::from_ref(&job)));
+                if let Some(progress) = job.progress.as_ref().filter(|_| !job.state.is_ended()) {
+                    println!("{}", run::describe(progress));
+                }
+                if let Some(message) = &job.failure_message {
+                    println!("{message}");
+                }
+            }
+        }
+    }
+    Ok(Exit::Done)
+}

@@ -1,0 +1,107 @@
+//! `roost submit`: a scenario, a job or a sweep goes to the server.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use roost_api::job::{FailureClass, JobState, JobView};
+use roost_api::sweep::SweepView;
+use serde_json::{Value, json};
+
+use crate::exit::Exit;
+use crate::input::{self, Kind};
+use crate::{signals, target, watch};
+
+/// Submit a scenario or a sweep to a server
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// A JSON file with a scenario, or a sweep (it has a `base`); `-` reads stdin
+    file: PathBuf,
+    #[command(flatten)]
+    server: target::Server,
+    /// Stay until it has ended, with a progress bar
+    #[arg(long)]
+    wait: bool,
+    /// Higher is claimed first
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    priority: Option<i32>,
+    /// Longest wall time of each run
+    #[arg(long, value_name = "SECONDS")]
+    max_wall_s: Option<f64>,
+    /// Run it even if the result of the same scenario is there already
+    #[arg(long)]
+    no_cache: bool,
+    /// Print the answer as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let mut document = input::read(&args.file)?;
+    let kind = Kind::of(&document);
+    if kind == Kind::Scenario {
+        document = json!({ "scenario": document });
+    }
+    add_options(&mut document, &args);
+    let client = args.server.client()?;
+    if kind == Kind::Sweep {
+        let mut sweep: SweepView = client.submit_document("sweeps", &document).await?;
+        let id = sweep.id;
+        if !args.json || args.wait {
+            eprintln!("sweep {id}: {} jobs", sweep.counts.total());
+        }
+        if args.wait {
+            sweep = watch::sweep(&client, id, &signals::shutdown()?).await?;
+        }
+        tell(&args, &json!(sweep), &id.to_string());
+        Ok(if args.wait { watch::exit_of_sweep(&client, &sweep).await? } else { Exit::Done })
+    } else {
+        let mut job: JobView = client.submit_document("jobs", &document).await?;
+        let id = job.id;
+        if args.wait {
+            job = watch::job(&client, id, &signals::shutdown()?).await?;
+        }
+        tell(&args, &json!(job), &id.to_string());
+        Ok(if args.wait { exit_of_job(&job) } else { Exit::Done })
+    }
+}
+
+/// How a job's end reads as an exit code.
+fn exit_of_job(job: &JobView) -> Exit {
+    match (job.state, job.failure_class) {
+        (JobState::Succeeded, _) => Exit::Done,
+        (_, Some(FailureClass::Unstable)) => Exit::Unstable,
+        _ => {
+            if let Some(message) = &job.failure_message {
+                eprintln!("{}: {message}", job.state);
+            }
+            Exit::Failed
+        }
+    }
+}
+
+fn add_options(document: &mut Value, args: &Args) {
+    let Some(fields) = document.as_object_mut() else { return };
+    let mut set = |name: &str, value: Value| fields.insert(name.to_owned(), value);
+    if let Some(priority) = args.priority {
+        set("priority", json!(priority));
+    }
+    if let Some(seconds) = args.max_wall_s {
+        set("max_wall_s", json!(seconds));
+    }
+    if args.no_cache {
+        set("cache", json!("bypass"));
+    }
+}
+
+/// The id alone on stdout, so that a script can keep it; what to do next on stderr.
+fn tell(args: &Args, view: &Value, id: &str) {
+    if args.json {
+        println!("{view:#}");
+        return;
+    }
+    println!("{id}");
+    if !args.wait {
+        eprintln!("next: roost status {id}");
+    }
+    eprintln!("      roost results {id}");
+}

@@ -1,0 +1,102 @@
+//! Numbers as people read them.
+
+use serde_json::Value;
+
+/// `42 s`, `3:07`, `1:02:09`: a stretch of wall time.
+pub(crate) fn duration(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round() as u64;
+    match (whole / 3600, whole / 60 % 60, whole % 60) {
+        (0, 0, s) => format!("{s} s"),
+        (0, m, s) => format!("{m}:{s:02}"),
+        (h, m, s) => format!("{h}:{m:02}:{s:02}"),
+    }
+}
+
+/// What is left of something that has taken `elapsed_s` for a share of `fraction`; none when it is too early to say.
+pub(crate) fn time_left(fraction: f64, elapsed_s: f64) -> Option<String> {
+    let is_early = fraction < 0.005 || elapsed_s < 0.5;
+    (!is_early).then(|| format!("{} left", duration(elapsed_s * (1.0 - fraction) / fraction)))
+}
+
+/// `12.3 k`, `4.56 M`: a count with three digits and a prefix.
+pub(crate) fn count(value: f64) -> String {
+    let (scaled, prefix) = match value.abs() {
+        v if v >= 1e9 => (value / 1e9, " G"),
+        v if v >= 1e6 => (value / 1e6, " M"),
+        v if v >= 1e3 => (value / 1e3, " k"),
+        _ => (value, ""),
+    };
+    format!("{}{prefix}", digits(scaled))
+}
+
+/// `12.3 MiB`.
+pub(crate) fn bytes(value: u64) -> String {
+    let value = value as f64;
+    let (scaled, unit) = match value {
+        v if v >= 1073741824.0 => (v / 1073741824.0, "GiB"),
+        v if v >= 1048576.0 => (v / 1048576.0, "MiB"),
+        v => (v / 1024.0, "KiB"),
+    };
+    format!("{} {unit}", digits(scaled))
+}
+
+/// A JSON scalar as a table cell: numbers with four significant digits, a dash for null.
+pub(crate) fn cell(value: &Value) -> String {
+    match value {
+        Value::Null => "–".to_owned(),
+        Value::String(text) => text.clone(),
+        Value::Bool(true) => "yes".to_owned(),
+        Value::Bool(false) => "no".to_owned(),
+        Value::Number(number) if number.is_f64() => number.as_f64().map_or_else(String::new, significant),
+        other => other.to_string(),
+    }
+}
+
+/// Four significant digits, without trailing zeros, in exponent form where it is far from 1.
+pub(crate) fn significant(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let exponent = value.abs().log10().floor() as i32;
+    if !(-4..6).contains(&exponent) {
+        return format!("{value:.2e}");
+    }
+    let places = usize::try_from(3 - exponent).unwrap_or(0);
+    let text = format!("{value:.places$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+fn digits(value: f64) -> String {
+    match value.abs() {
+        v if v >= 100.0 => format!("{value:.0}"),
+        v if v >= 10.0 => format!("{value:.1}"),
+        _ => format!("{value:.2}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn durations() {
+        let shown: Vec<_> = [0.2, 59.4, 59.6, 187.0, 3729.0].into_iter().map(duration).collect();
+        assert_eq!(shown, ["0 s", "59 s", "1:00", "3:07", "1:02:09"]);
+        assert_eq!(time_left(0.25, 10.0).unwrap(), "30 s left");
+        assert_eq!(time_left(0.0, 10.0), None);
+    }
+
+    #[test]
+    fn numbers() {
+        assert_eq!([count(950.0), count(12_340.0), count(4.56e6)], ["950", "12.3 k", "4.56 M"]);
+        assert_eq!(bytes(3 * 1024 * 1024 / 2), "1.50 MiB");
+        let shown: Vec<_> =
+            [33.2178, 0.045, 1234567.0, 120000.0, 5.75e-5, -0.5].into_iter().map(significant).collect();
+        assert_eq!(shown, ["33.22", "0.045", "1.23e6", "120000", "5.75e-5", "-0.5"]);
+        assert_eq!(cell(&json!(191)), "191");
+        assert_eq!(cell(&json!(null)), "–");
+        assert_eq!(cell(&json!(2.0)), "2");
+    }
+}

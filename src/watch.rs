@@ -1,0 +1,114 @@
+//! Follows a sweep or a job at a server to its end, on progress bars.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+use roost_api::ids::{JobId, SweepId};
+use roost_api::job::{FailureClass, JobState, JobView};
+use roost_api::sweep::SweepView;
+use roost_worker::client::{Client, ClientError};
+use tokio_util::sync::CancellationToken;
+
+use crate::exit::Exit;
+use crate::run::describe;
+use crate::ui::format;
+use crate::ui::meter::{Meter, Meters};
+
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// More bars than this would fill the screen.
+const MAX_JOB_BARS: u32 = 8;
+
+/// Follows a sweep; a signal ends the watching, not the sweep.
+pub(crate) async fn sweep(client: &Client, id: SweepId, shutdown: &CancellationToken) -> Result<SweepView> {
+    let started = Instant::now();
+    let meters = Meters::default();
+    let mut overall = meters.add("sweep");
+    let mut bars: BTreeMap<JobId, Meter> = BTreeMap::new();
+    loop {
+        let view = patiently(|| client.sweep(id), shutdown).await?;
+        let counts = view.counts;
+        let elapsed_s = started.elapsed().as_secs_f64();
+        let words = format!("{} of {} jobs done, {} running", counts.ended(), counts.total(), counts.running);
+        if counts.is_ended() {
+            bars.into_values().for_each(Meter::clear);
+            let failed = if counts.failed > 0 { format!(", {} failed", counts.failed) } else { String::new() };
+            let took = format::duration(elapsed_s);
+            overall.finish(1.0, format!("{} of {} jobs done{failed} in {took}", counts.ended(), counts.total()));
+            return Ok(view);
+        }
+        let left = format::time_left(view.fraction, elapsed_s).map(|left| format!(" · {left}"));
+        overall.show(view.fraction, words + &left.unwrap_or_default());
+
+        let state = Some(JobState::Running);
+        let running = patiently(|| client.sweep_jobs(id, state, None, MAX_JOB_BARS), shutdown).await?.items;
+        bars.extract_if(.., |id, _| running.iter().all(|job| job.id != *id)).for_each(|(_, bar)| bar.clear());
+        for job in &running {
+            let bar = bars.entry(job.id).or_insert_with(|| meters.add(short_name(job)));
+            show(bar, job);
+        }
+        pause(shutdown).await?;
+    }
+}
+
+/// Follows one job; a signal ends the watching, not the job.
+pub(crate) async fn job(client: &Client, id: JobId, shutdown: &CancellationToken) -> Result<JobView> {
+    let mut meter = Meter::new("job");
+    loop {
+        let view = patiently(|| client.job(id), shutdown).await?;
+        if view.state.is_ended() {
+            meter.finish(1.0, view.state.to_string());
+            return Ok(view);
+        }
+        show(&mut meter, &view);
+        pause(shutdown).await?;
+    }
+}
+
+/// How a sweep's end reads as an exit code: 3 when all that failed is the physics of some trial.
+pub(crate) async fn exit_of_sweep(client: &Client, sweep: &SweepView) -> Result<Exit> {
+    if sweep.counts.succeeded == sweep.counts.total() {
+        return Ok(Exit::Done);
+    }
+    let trials = client.sweep_results(sweep.id).await?.trials;
+    let mut others = trials.iter().filter(|trial| trial.state != JobState::Succeeded);
+    let is_physics = others.all(|trial| trial.failure_class == Some(FailureClass::Unstable));
+    Ok(if is_physics { Exit::Unstable } else { Exit::Failed })
+}
+
+fn show(meter: &mut Meter, job: &JobView) {
+    match &job.progress {
+        Some(progress) => meter.show(progress.fraction, describe(progress)),
+        None => meter.show(0.0, job.state.to_string()),
+    }
+}
+
+/// The levels of a job's factors, or where it stands.
+fn short_name(job: &JobView) -> String {
+    let levels: Vec<_> = job.factors.values().map(format::cell).collect();
+    match job.replicate {
+        Some(replicate) if replicate > 0 => format!("  {} #{replicate}", levels.join(" ")),
+        _ => format!("  {}", levels.join(" ")),
+    }
+}
+
+/// Asks until there is an answer: a server that restarts is waited for.
+async fn patiently<T, F>(ask: impl Fn() -> F, shutdown: &CancellationToken) -> Result<T>
+where
+    F: Future<Output = Result<T, ClientError>>,
+{
+    loop {
+        match ask().await {
+            Ok(answer) => return Ok(answer),
+            Err(error) if error.is_transient() => pause(shutdown).await?,
+            Err(error) => return Err(error.into()),
+        }
+    }
+}
+
+async fn pause(shutdown: &CancellationToken) -> Result<()> {
+    tokio::select! {
+        () = shutdown.cancelled() => bail!("stopped watching; the server works on"),
+        () = tokio::time::sleep(LOOK_EVERY) => Ok(()),
+    }
+}

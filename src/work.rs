@@ -1,0 +1,75 @@
+//! `roost work`: a worker of a server.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Result;
+use roost_worker::WorkerConfig;
+
+use crate::exit::Exit;
+use crate::signals;
+
+/// Run a worker: claim jobs from a server, simulate, deliver
+///
+/// The worker waits for a server that is away, before the first job and in the middle of one. On SIGTERM or
+/// Ctrl-C it hands its jobs back and exits.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Address of the server
+    #[arg(long, env = "ROOST_SERVER", default_value = "http://127.0.0.1:7373", value_name = "URL")]
+    server: String,
+    #[command(flatten)]
+    worker: WorkerArgs,
+    /// Folder for finished results that the server does not have yet
+    #[arg(long, env = "ROOST_STATE", value_name = "DIR")]
+    state: Option<PathBuf>,
+}
+
+/// What every worker can be told, alone or inside `roost up`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct WorkerArgs {
+    /// Threads to use in all; 0 means one per processor
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    threads: usize,
+    /// Jobs at once; they share the threads
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    slots: u16,
+    /// Seconds that running jobs get to finish after a signal, before they are handed back
+    #[arg(long, default_value_t = 0, value_name = "SECONDS")]
+    grace: u64,
+    /// Name shown to people
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+}
+
+impl WorkerArgs {
+    pub(crate) fn config(self, server: String, state: PathBuf) -> WorkerConfig {
+        WorkerConfig {
+            threads: self.threads,
+            slots: self.slots.into(),
+            drain_grace: Duration::from_secs(self.grace),
+            ..WorkerConfig::new(server, self.name.unwrap_or_else(host_name), state)
+        }
+    }
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let shutdown = signals::shutdown()?;
+    let state = args.state.unwrap_or_else(default_state);
+    roost_worker::work(args.worker.config(args.server, state), shutdown).await?;
+    Ok(Exit::Done)
+}
+
+/// Where a service manager says, else where the XDG rules put the state of a user's programs.
+fn default_state() -> PathBuf {
+    let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    folder("STATE_DIRECTORY")
+        .or_else(|| folder("XDG_STATE_HOME").map(|path| path.join("roost")))
+        .or_else(|| folder("HOME").map(|path| path.join(".local/state/roost")))
+        .unwrap_or_else(|| PathBuf::from("roost-state"))
+}
+
+pub(crate) fn host_name() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    if name.trim().is_empty() { "worker".to_owned() } else { name.trim().to_owned() }
+}
