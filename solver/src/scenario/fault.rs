@@ -1,0 +1,44 @@
+//! What is wrong with a document, in a form that a program can show and a person can mend.
+
+use serde::{Deserialize, Serialize};
+
+/// One thing wrong with a document, said so that its author can mend it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fault {
+    /// JSON pointer (RFC 6901) of the field at fault.
+    pub pointer: String,
+    /// The value found there; null when it is missing.
+    pub value: serde_json::Value,
+    /// What is wrong, in words.
+    pub detail: String,
+    /// What is allowed: a range with its unit, the choices, or the nearest field name.
+    pub allowed: Option<String>,
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {} (found {})", self.pointer, self.detail, self.value)?;
+        match &self.allowed {
+            Some(allowed) => write!(f, "; allowed: {allowed}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Why a text is no scenario.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ScenarioError {
+    /// Not JSON at all.
+    #[error("line {line}, column {column}: {message}")]
+    Syntax {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What the parser says.
+        message: String,
+    },
+    /// JSON, but not a scenario that can run: every fault found.
+    #[error("{} fault(s) in the scenario", .0.len())]
+    Faults(Vec<Fault>),
+}

@@ -1,0 +1,180 @@
+//! The vocabulary of the field table: what one entry says, and what may stand in a field.
+
+use std::fmt;
+
+use serde_json::{Value, json};
+
+/// One field of the scenario: everything that is known about it.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    /// JSON pointer of the field; its last name ends in the unit.
+    pub pointer: &'static str,
+    /// What may stand there.
+    pub kind: Kind,
+    /// Unit as one writes it; empty for what has none.
+    pub unit: &'static str,
+    /// What stands there when the author is silent.
+    pub default: Preset,
+    /// The default under `"condition": "wet"`, where it differs.
+    pub wet: Option<Preset>,
+    /// The field whose presence makes this one null: exactly one of the two is in use.
+    pub yields_to: Option<&'static str>,
+    /// Where the default comes from.
+    pub source: &'static str,
+    /// What the field means, in one sentence.
+    pub doc: &'static str,
+}
+
+/// What may stand in a field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// A number.
+    Number(Range),
+    /// A number, or null.
+    Nullable(Range),
+    /// A number, or the word `auto`.
+    NumberOrAuto(Range),
+    /// A whole number (`191.0` is one).
+    Integer(Range),
+    /// One of some words.
+    Choice(&'static [&'static str]),
+    /// True or false.
+    Flag,
+    /// A list of length, width and thickness, each within the range.
+    Sizes(Range),
+}
+
+/// The most sizes a list may hold.
+pub const MAX_SIZES: usize = 32;
+
+/// What stands in a field when its author is silent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Preset {
+    /// Nothing: the author must say.
+    Required,
+    /// Null.
+    Null,
+    /// A number.
+    Number(f64),
+    /// A whole number.
+    Integer(u64),
+    /// A word.
+    Word(&'static str),
+    /// True or false.
+    Flag(bool),
+    /// Length, width and thickness of each size.
+    Sizes(&'static [[f64; 3]]),
+    /// The value of another field, which stands earlier in the table.
+    SameAs(&'static str),
+}
+
+/// An interval of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Lower bound.
+    pub low: f64,
+    /// Upper bound.
+    pub high: f64,
+    /// Whether the lower bound itself is out.
+    pub low_open: bool,
+    /// Whether the upper bound itself is out.
+    pub high_open: bool,
+}
+
+/// From `low` to `high`, both included.
+pub const fn from_to(low: f64, high: f64) -> Range {
+    Range { low, high, low_open: false, high_open: false }
+}
+
+/// Above `low`, which is out, up to `high`.
+pub const fn above_to(low: f64, high: f64) -> Range {
+    Range { low, high, low_open: true, high_open: false }
+}
+
+/// Between `low` and `high`, both out.
+pub const fn between(low: f64, high: f64) -> Range {
+    Range { low, high, low_open: true, high_open: true }
+}
+
+impl Range {
+    /// Whether `number` lies within; NaN never does.
+    pub fn contains(&self, number: f64) -> bool {
+        let above = if self.low_open { number > self.low } else { number >= self.low };
+        let below = if self.high_open { number < self.high } else { number <= self.high };
+        above && below
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (above, below) = (if self.low_open { '>' } else { '≥' }, if self.high_open { '<' } else { '≤' });
+        write!(f, "{above} {} and {below} {}", plain(self.low), plain(self.high))
+    }
+}
+
+/// A number with an exponent where that is much shorter.
+pub(super) fn plain(number: f64) -> String {
+    let (digits, exponent) = (format!("{number}"), format!("{number:e}"));
+    if exponent.len() + 3 < digits.len() { exponent } else { digits }
+}
+
+impl Preset {
+    /// The value itself; none where there is none, or where another field holds it.
+    pub fn value(&self) -> Option<Value> {
+        match *self {
+            Self::Required | Self::SameAs(_) => None,
+            Self::Null => Some(Value::Null),
+            Self::Number(number) => Some(json!(number)),
+            Self::Integer(number) => Some(json!(number)),
+            Self::Word(word) => Some(json!(word)),
+            Self::Flag(flag) => Some(json!(flag)),
+            Self::Sizes(sizes) => Some(json!(sizes)),
+        }
+    }
+}
+
+impl Field {
+    /// The name of the field: the last part of its pointer.
+    pub fn name(&self) -> &'static str {
+        self.pointer.rsplit('/').next().unwrap_or_default()
+    }
+
+    /// The name as a heading: without its unit, in words.
+    pub fn title(&self) -> String {
+        let name = self.name();
+        let stem = match unit_suffix(self.unit) {
+            suffix if suffix.is_empty() => name,
+            suffix => name.strip_suffix(suffix.as_str()).unwrap_or(name),
+        };
+        let mut letters = stem.replace('_', " ").chars().collect::<Vec<_>>();
+        letters[0] = letters[0].to_ascii_uppercase();
+        letters.into_iter().collect()
+    }
+
+    /// What is allowed, in words, with the unit.
+    pub fn allowed(&self) -> String {
+        let range = |range: Range| match self.unit {
+            "" => range.to_string(),
+            unit => format!("{range} {unit}"),
+        };
+        match self.kind {
+            Kind::Number(within) => range(within),
+            Kind::Nullable(within) => format!("{}, or null", range(within)),
+            Kind::NumberOrAuto(within) => format!("{}, or \"auto\"", range(within)),
+            Kind::Integer(within) => format!("a whole number {}", range(within)),
+            Kind::Choice([only]) => format!("\"{only}\""),
+            Kind::Choice(words) => format!("one of \"{}\"", words.join("\", \"")),
+            Kind::Flag => "true or false".to_owned(),
+            Kind::Sizes(within) => format!("1 to {MAX_SIZES} sizes of three numbers {}", range(within)),
+        }
+    }
+}
+
+/// The ending that a name takes for its unit: `_kg_m3` for kg/m³.
+pub fn unit_suffix(unit: &str) -> String {
+    match unit {
+        "" => String::new(),
+        "°" => "_deg".to_owned(),
+        _ => format!("_{}", unit.to_lowercase().replace('/', "_").replace('²', "2").replace('³', "3")),
+    }
+}

@@ -1,0 +1,47 @@
+//! Names and pointers: which field an unknown name was meant to be, and how a name stands in a JSON pointer.
+
+use super::fields::{FIELDS, SECTIONS};
+
+/// A name longer than this resembles none, and comparing would take long.
+const LONGEST: usize = 100;
+
+/// A name as a part of a JSON pointer (RFC 6901).
+pub fn escape(name: &str) -> String {
+    name.replace('~', "~0").replace('/', "~1")
+}
+
+/// Pointers of all sections and fields.
+fn pointers() -> impl DoubleEndedIterator<Item = &'static str> {
+    SECTIONS.iter().map(|section| section.0).chain(FIELDS.iter().map(|field| field.pointer))
+}
+
+/// The section that holds `pointer`, and the name in it.
+fn split(pointer: &str) -> (&str, &str) {
+    pointer.rsplit_once('/').unwrap_or(("", pointer))
+}
+
+/// The names that may stand in a section.
+pub(super) fn names_in(section: &str) -> Vec<&'static str> {
+    pointers().map(split).filter(|(parent, _)| *parent == section).map(|(_, name)| name).collect()
+}
+
+/// The pointer of the field or section that `pointer` most likely means: its own neighbours first, then the
+/// same or a similar name elsewhere. None when nothing is similar.
+pub fn nearest(pointer: &str) -> Option<&'static str> {
+    let (section, name) = split(pointer);
+    let similarity = |known: &str| {
+        // Edits catch slips of the finger; shared letter pairs catch a left-out unit or prefix.
+        strsim::normalized_damerau_levenshtein(name, known).max(strsim::sorensen_dice(name, known))
+    };
+    let neighbour = |known: &'static str| split(known).0 == section;
+    if name.len() > LONGEST {
+        return None;
+    }
+    // Reversed, since the last of equals wins.
+    pointers()
+        .rev()
+        .map(|known| (similarity(split(known).1), neighbour(known), known))
+        .filter(|(similarity, ..)| *similarity >= 0.5)
+        .max_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
+        .map(|(.., known)| known)
+}

@@ -1,0 +1,214 @@
+//! Every kind of fault, alone and all at once.
+
+use serde_json::{Value, json};
+
+use super::{faults, full, pointers, with};
+use crate::scenario::{ScenarioError, from_value, nearest, parse};
+
+/// Replaces one value of the full document and expects one fault there; returns its text.
+fn one(pointer: &str, value: Value) -> String {
+    let found = faults(&with(pointer, value.clone()));
+    assert_eq!(pointers(&found), [pointer], "{value}");
+    assert_eq!(found[0].value, value);
+    found[0].to_string()
+}
+
+/// Adds fields to the shortest document.
+fn plus(more: Value) -> Value {
+    let mut document = json!({"experiment": "hopper"});
+    document.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+    document
+}
+
+#[test]
+fn all_at_once() {
+    let document = json!({
+        "schema": "roost.scenario/9", "experiment": "hoper", "gate": 1,
+        "product": {"count": 0, "subparticle_raduis_m": 0.004, "sizes_m": [[0.1, 0.1], [0.1, "x", 9]],
+                    "density_kg_m3": 940, "subparticle_density_kg_m3": 2200},
+        "material": 7,
+        "contact": {"fillet_fillet": {"restitution": 0}},
+        "equipment": {"gate_opening_m": 0.6, "side_walls": "ruff", "hopper_width_m": null},
+        "numerics": {"duration_s": "6", "output_interval_s": 1e-5, "stop": {"when_empty": 1}},
+        "seed": 9_007_199_254_740_992_u64
+    });
+    let found = faults(&document);
+    let mut places = pointers(&found);
+    places.sort_unstable();
+    let expected = [
+        "/contact/fillet_fillet/restitution",
+        "/equipment/gate_opening_m",
+        "/equipment/hopper_width_m",
+        "/equipment/side_walls",
+        "/experiment",
+        "/gate",
+        "/material",
+        "/numerics/duration_s",
+        "/numerics/output_interval_s",
+        "/numerics/stop/when_empty",
+        "/product/count",
+        "/product/sizes_m/0",
+        "/product/sizes_m/1/1",
+        "/product/sizes_m/1/2",
+        "/product/subparticle_density_kg_m3",
+        "/product/subparticle_raduis_m",
+        "/schema",
+        "/seed",
+    ];
+    assert_eq!(places, expected);
+    match parse(&document.to_string()) {
+        Err(ScenarioError::Faults(same)) => assert_eq!(same, found),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn what_is_no_object_is_one_fault() {
+    for document in [json!([]), json!("hopper"), json!(1), json!(null), json!(true)] {
+        let found = faults(&document);
+        assert_eq!(pointers(&found), [""]);
+        assert!(found[0].detail.starts_with("must be an object, not "), "{}", found[0]);
+    }
+}
+
+#[test]
+fn the_experiment_must_be_named() {
+    let found = faults(&json!({}));
+    assert_eq!(pointers(&found), ["/experiment"]);
+    assert_eq!(found[0].allowed.as_deref(), Some("\"hopper\""));
+    assert!(one("/experiment", json!("silo")).contains("not among the choices"));
+}
+
+#[test]
+fn a_fault_says_value_range_and_unit() {
+    assert_eq!(
+        one("/equipment/gate_opening_m", json!(-0.06)),
+        "/equipment/gate_opening_m: is out of range (found -0.06); allowed: ≥ 0.001 and ≤ 5 m"
+    );
+    assert_eq!(
+        one("/numerics/timestep_s", json!("fast")),
+        "/numerics/timestep_s: must be a number, not a string (found \"fast\"); \
+         allowed: ≥ 1e-9 and ≤ 0.1 s, or \"auto\""
+    );
+}
+
+#[test]
+fn bounds_are_in_or_out_as_the_table_says() {
+    for (pointer, fine, wrong) in [
+        ("/bonds/contact_radius_ratio", json!(1.732), json!(1.0)),
+        ("/bonds/contact_radius_ratio", json!(1.001), json!(1.7320508)),
+        ("/material/poisson_ratio", json!(0.499), json!(0.5)),
+        ("/contact/fillet_fillet/restitution", json!(1.0), json!(0.0)),
+        ("/contact/fillet_belt/static_friction", json!(0), json!(-1e-9)),
+        ("/seed", json!(9_007_199_254_740_991_u64), json!(9_007_199_254_740_992_u64)),
+        ("/seed", json!(0), json!(-1)),
+        ("/product/count", json!(191.0), json!(191.5)),
+        ("/product/subparticle_radius_m", json!(5e-4), json!(4.9e-4)),
+        ("/bonds/normal_strength_pa", json!(1e300), json!(1.1e300)),
+    ] {
+        from_value(&with(pointer, fine.clone())).unwrap_or_else(|found| panic!("{fine}: {found:?}"));
+        one(pointer, wrong);
+    }
+}
+
+#[test]
+fn null_is_allowed_only_where_it_means_something() {
+    for pointer in ["/bonds/normal_strength_pa", "/numerics/stop/when_jammed_s"] {
+        from_value(&with(pointer, json!(null))).unwrap();
+    }
+    for pointer in
+        ["/seed", "/numerics/timestep_s", "/bonds/formulation", "/product/sizes_m", "/numerics/stop"]
+    {
+        assert!(one(pointer, json!(null)).contains("not null"), "{pointer}");
+    }
+}
+
+#[test]
+fn an_unknown_field_is_told_what_it_may_have_meant() {
+    for (document, pointer, meant) in [
+        (
+            json!({"equipment": {"gate_openign_m": 1}}),
+            "/equipment/gate_openign_m",
+            "/equipment/gate_opening_m",
+        ),
+        (json!({"equipment": {"gate_opening": 1}}), "/equipment/gate_opening", "/equipment/gate_opening_m"),
+        (json!({"gate_opening_m": 1}), "/gate_opening_m", "/equipment/gate_opening_m"),
+        (json!({"stop": {}}), "/stop", "/numerics/stop"),
+        (
+            json!({"numerics": {"stop": {"when_emty": 1}}}),
+            "/numerics/stop/when_emty",
+            "/numerics/stop/when_empty",
+        ),
+        (
+            json!({"contact": {"fillet_belt": {"friction": 1}}}),
+            "/contact/fillet_belt/friction",
+            "/contact/fillet_belt/static_friction",
+        ),
+        (json!({"equipmnt": 1}), "/equipmnt", "/equipment"),
+    ] {
+        let found = faults(&plus(document));
+        assert_eq!(pointers(&found), [pointer]);
+        assert_eq!(found[0].allowed, Some(format!("did you mean {meant}?")));
+    }
+    let found = faults(&plus(json!({"numerics": {"stop": {"xyzzy": 1}}})));
+    assert_eq!(found[0].allowed.as_deref(), Some("known here: when_empty, when_jammed_s"));
+}
+
+#[test]
+fn the_nearest_name_prefers_its_own_section() {
+    assert_eq!(nearest("/contact/fillet_belt/static_fricton"), Some("/contact/fillet_belt/static_friction"));
+    assert_eq!(nearest("/static_friction"), Some("/contact/fillet_fillet/static_friction"));
+    assert_eq!(nearest("/xyzzy"), None);
+    assert_eq!(nearest(&format!("/seed{}", "d".repeat(1_000_000))), None);
+}
+
+#[test]
+fn pointers_escape_their_names() {
+    assert_eq!(pointers(&faults(&plus(json!({"a/b~c": 1})))), ["/a~1b~0c"]);
+}
+
+#[test]
+fn an_answer_stays_of_the_order_of_the_document() {
+    let mut document = full();
+    for index in 0..10_000 {
+        document[format!("unknown{index}")] = json!(index);
+    }
+    document["seed"] = json!("long".repeat(100_000));
+    let found = faults(&document);
+    assert_eq!(found.len(), 52);
+    assert!(found[50].detail.contains("9950 more unknown fields"), "{}", found[50]);
+    assert!(serde_json::to_string(&found).unwrap().len() < 50_000);
+}
+
+#[test]
+fn fields_that_do_not_go_together() {
+    let text = one("/equipment/gate_opening_m", json!(0.51));
+    assert!(
+        text.contains("above the hopper") && text.contains("≤ 0.5 m (/equipment/hopper_height_m)"),
+        "{text}"
+    );
+    assert!(one("/numerics/output_interval_s", json!(7)).contains("before its first sample"));
+    assert!(one("/numerics/output_interval_s", json!(5.8e-5)).contains("makes more than 100000 samples"));
+    assert!(one("/numerics/timestep_s", json!(0.021)).contains("within a time step"));
+    assert!(
+        one("/product/subparticle_density_kg_m3", json!(2200)).contains("excludes /product/density_kg_m3")
+    );
+    assert!(one("/product/density_kg_m3", json!(null)).contains("and so is"));
+    from_value(&with("/equipment/gate_opening_m", json!(0.5))).unwrap();
+}
+
+#[test]
+fn a_pair_at_fault_is_told_where_its_author_wrote() {
+    let low_hopper = plus(json!({"equipment": {"hopper_height_m": 0.05}}));
+    let found = faults(&low_hopper);
+    assert_eq!(pointers(&found), ["/equipment/hopper_height_m"]);
+    assert_eq!(found[0].allowed.as_deref(), Some("≥ 0.06 m (/equipment/gate_opening_m)"));
+}
+
+#[test]
+fn a_fault_of_one_field_brings_no_others_with_it() {
+    let inherited = plus(json!({"contact": {"fillet_fillet": {"restitution": 2}}}));
+    assert_eq!(pointers(&faults(&inherited)), ["/contact/fillet_fillet/restitution"]);
+    let related = plus(json!({"equipment": {"hopper_height_m": -1}}));
+    assert_eq!(pointers(&faults(&related)), ["/equipment/hopper_height_m"]);
+}

@@ -1,0 +1,161 @@
+//! The field table agrees with itself, with the types, and with the two forms made from it.
+
+use std::collections::BTreeSet;
+
+use serde_json::{Value, json};
+
+use super::full;
+use crate::scenario::field::{Kind, Preset, unit_suffix};
+use crate::scenario::fields::{FIELDS, SECTIONS, find};
+use crate::scenario::{Scenario, field_table_markdown, from_value, json_schema};
+
+/// Pointers of all leaves; a list is one.
+fn leaves(value: &Value, pointer: &str, found: &mut BTreeSet<String>) {
+    match value.as_object() {
+        Some(object) => {
+            object.iter().for_each(|(name, value)| leaves(value, &format!("{pointer}/{name}"), found));
+        }
+        None => {
+            found.insert(pointer.to_owned());
+        }
+    }
+}
+
+#[test]
+fn the_typed_scenario_and_the_table_have_the_same_fields() {
+    let mut typed = BTreeSet::new();
+    leaves(&full(), "", &mut typed);
+    let table = FIELDS.iter().map(|field| field.pointer.to_owned()).collect::<BTreeSet<_>>();
+    assert_eq!(typed, table);
+    assert_eq!(table.len(), FIELDS.len(), "a field stands twice");
+}
+
+#[test]
+fn every_section_of_a_field_is_described() {
+    let described = SECTIONS.iter().map(|section| section.0).collect::<BTreeSet<_>>();
+    let mut used = BTreeSet::new();
+    for field in FIELDS {
+        let mut pointer = field.pointer;
+        while let Some((section, _)) = pointer.rsplit_once('/').filter(|(section, _)| !section.is_empty()) {
+            used.insert(section);
+            pointer = section;
+        }
+    }
+    assert_eq!(used, described);
+}
+
+#[test]
+fn every_default_lies_in_its_own_range() {
+    for field in FIELDS {
+        for preset in [Some(field.default), field.wet].into_iter().flatten() {
+            let inside = match (field.kind, preset) {
+                (Kind::Number(range) | Kind::NumberOrAuto(range), Preset::Number(number)) => {
+                    range.contains(number)
+                }
+                (Kind::Nullable(range), Preset::Number(number)) => range.contains(number),
+                (Kind::Nullable(_), Preset::Null) => true,
+                (Kind::Integer(range), Preset::Integer(number)) => range.contains(number as f64),
+                (Kind::Choice(words), Preset::Word(word)) => words.contains(&word),
+                (Kind::Flag, Preset::Flag(_)) => true,
+                (Kind::Sizes(range), Preset::Sizes(sizes)) => {
+                    sizes.iter().flatten().all(|edge| range.contains(*edge))
+                }
+                (Kind::Number(range), Preset::SameAs(other)) => {
+                    matches!(find(other).unwrap().kind, Kind::Number(same) if same == range)
+                }
+                (Kind::Choice(_), Preset::Required) => true,
+                _ => false,
+            };
+            assert!(inside, "{}: {preset:?}", field.pointer);
+        }
+    }
+}
+
+#[test]
+fn a_default_reads_only_what_stands_before_it() {
+    let place = |pointer: &str| FIELDS.iter().position(|field| field.pointer == pointer).unwrap();
+    for (index, field) in FIELDS.iter().enumerate() {
+        if let Preset::SameAs(other) = field.default {
+            assert!(place(other) < index, "{}", field.pointer);
+        }
+        if field.wet.is_some() {
+            assert!(place("/contact/condition") < index, "{}", field.pointer);
+        }
+        if let Some(other) = field.yields_to {
+            assert!(place(other) < index, "{}", field.pointer);
+        }
+    }
+}
+
+#[test]
+fn names_end_in_their_units_and_sentences_in_a_full_stop() {
+    let suffixes = FIELDS.iter().map(|field| unit_suffix(field.unit)).collect::<BTreeSet<_>>();
+    for field in FIELDS {
+        // The longest suffix that fits is the one: `_m_s2` ends in no `_m`, but `_n_m3` might look like others.
+        let longest =
+            suffixes.iter().filter(|suffix| field.pointer.ends_with(*suffix)).max_by_key(|s| s.len());
+        assert_eq!(longest, Some(&unit_suffix(field.unit)), "{}", field.pointer);
+        assert!(field.doc.ends_with('.') && !field.source.is_empty(), "{}", field.pointer);
+    }
+}
+
+#[test]
+fn the_choices_of_the_table_are_the_variants_of_the_types() {
+    for field in FIELDS {
+        let Kind::Choice(words) = field.kind else { continue };
+        if field.pointer == "/schema" {
+            continue;
+        }
+        let mut document = full();
+        for word in words {
+            *document.pointer_mut(field.pointer).unwrap() = json!(word);
+            let scenario = from_value(&document).unwrap();
+            assert_eq!(serde_json::to_value(scenario).unwrap().pointer(field.pointer), Some(&json!(word)));
+        }
+        // The reader of the type names all its variants when it meets a stranger.
+        *document.pointer_mut(field.pointer).unwrap() = json!("stranger");
+        let said = serde_json::from_value::<Scenario>(document).unwrap_err().to_string();
+        let (_, expected) = said.split_once("expected ").unwrap();
+        let variants = expected.split('`').skip(1).step_by(2).collect::<Vec<_>>();
+        assert_eq!(variants, words, "{}: {said}", field.pointer);
+    }
+}
+
+#[test]
+fn the_json_schema_says_what_the_table_says() {
+    let schema = json_schema();
+    assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
+    assert_eq!(schema["required"], json!(["experiment"]));
+    let property = |pointer: &str| schema.pointer(&pointer.replace('/', "/properties/")).cloned().unwrap();
+    for field in FIELDS {
+        let property = property(field.pointer);
+        assert!(property["type"].is_string() || property["type"].is_array(), "{}", field.pointer);
+        assert!(property["description"].as_str().unwrap().contains(field.source));
+        assert_eq!(property.get("default").cloned(), field.default.value());
+    }
+    for (pointer, _) in SECTIONS {
+        assert_eq!(property(pointer)["additionalProperties"], json!(false));
+    }
+    let radius = property("/product/subparticle_radius_m");
+    assert_eq!(radius["title"], "Subparticle radius");
+    assert_eq!((&radius["minimum"], &radius["maximum"]), (&json!(0.0005), &json!(0.05)));
+    assert_eq!(property("/bonds/contact_radius_ratio")["exclusiveMinimum"], json!(1));
+    assert_eq!(property("/seed")["maximum"], json!(9_007_199_254_740_991_u64));
+    assert_eq!(property("/equipment/side_walls")["enum"], json!(["rough", "frictionless", "periodic"]));
+    assert_eq!(property("/numerics/stop/when_jammed_s")["type"], json!(["number", "null"]));
+    assert_eq!(property("/product/sizes_m")["items"]["minItems"], json!(3));
+}
+
+#[test]
+fn the_markdown_table_has_a_row_for_every_field() {
+    let table = field_table_markdown();
+    assert_eq!(table.lines().count(), FIELDS.len() + 2);
+    assert!(
+        table.lines().all(|line| line.matches(" | ").count() == 4 || line.starts_with("|---")),
+        "{table}"
+    );
+    assert!(
+        table.contains("| `/contact/fillet_belt/static_friction` | `0.5`; wet `0.2` | ≥ 0 and ≤ 5 |"),
+        "{table}"
+    );
+}
