@@ -6,8 +6,13 @@
 //! out, [`observe`] reads the state into samples, and [`result`] is what comes back.
 #![doc = include_str!("../README.md")]
 
+pub mod cpu;
+pub mod engine;
+pub mod equipment;
+pub mod physics;
 pub mod result;
 pub mod scenario;
+pub mod shape;
 
 /// Changes whenever the bits of a result change: results of different revisions are never mixed
 /// silently, and the result cache is keyed by it.
