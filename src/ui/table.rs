@@ -56,12 +56,13 @@ mod tests {
         let mut table = Table::new(["gate", "regime", "kg"]);
         table.row(["0.045", "no_flow", "–"]);
         table.row(["0.06", "constant", "33.2"]);
-        let expected = "\
- gate  regime      kg
-─────  ────────  ────
-0.045  no_flow      –
- 0.06  constant  33.2
-";
-        assert_eq!(table.to_string(), expected);
+        let expected = [
+            " gate  regime      kg",
+            "─────  ────────  ────",
+            "0.045  no_flow      –",
+            " 0.06  constant  33.2",
+            "",
+        ];
+        assert_eq!(table.to_string(), expected.join("\n"));
     }
 }

@@ -100,9 +100,9 @@ impl Client {
         self.post(&format!("jobs/{id}/cancel"), &json!({})).await
     }
 
-    /// Queues a failed or cancelled job again.
-    pub async fn retry_job(&self, id: JobId) -> ClientResult<JobView> {
-        self.post(&format!("jobs/{id}/retry"), &json!({})).await
+    /// Queues a failed or cancelled job again; `class` narrows it to one that failed so.
+    pub async fn retry_job(&self, id: JobId, class: Option<FailureClass>) -> ClientResult<JobView> {
+        self.post(&format!("jobs/{id}/retry"), &retry(class)).await
     }
 
     // --- sweeps ---------------------------------------------------------------------------------
@@ -159,10 +159,9 @@ impl Client {
         self.post(&format!("sweeps/{id}/cancel"), &json!({})).await
     }
 
-    /// Queues a sweep's failed jobs again: all, or those of some failure classes.
-    pub async fn retry_sweep(&self, id: SweepId, classes: &[FailureClass]) -> ClientResult<SweepView> {
-        let body = if classes.is_empty() { json!({}) } else { json!({ "classes": classes }) };
-        self.post(&format!("sweeps/{id}/retry"), &body).await
+    /// Queues what of a sweep failed or was cancelled again; `class` narrows it to what failed so.
+    pub async fn retry_sweep(&self, id: SweepId, class: Option<FailureClass>) -> ClientResult<SweepView> {
+        self.post(&format!("sweeps/{id}/retry"), &retry(class)).await
     }
 
     // --- the worker's side ----------------------------------------------------------------------
@@ -261,4 +260,8 @@ impl Client {
             },
         })
     }
+}
+
+fn retry(class: Option<FailureClass>) -> Value {
+    class.map_or_else(|| json!({}), |class| json!({ "failure_class": class }))
 }

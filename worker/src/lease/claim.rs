@@ -52,7 +52,7 @@ async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
             biased;
             () = session.stop_claiming.cancelled() => {
                 // The claim on its way may have got something: ask once more, and hand it back.
-                request.wait_s = 0.0;
+                (request.max_jobs, request.wait_s) = (0, 0.0);
                 let last = tokio::time::timeout(LAST_WORD, session.client.claim(&request)).await;
                 if let Ok(Ok(reply)) = last {
                     hand_back(session, reply).await;

@@ -97,7 +97,7 @@ impl Session {
             api_version: API_VERSION.to_owned(),
             physics_revision: PHYSICS_REVISION,
             backend: "cpu".to_owned(),
-            device: std::env::consts::ARCH.to_owned(),
+            device: roost_solver::cpu::device_name(),
             threads: u32::try_from(self.config.resolved_threads()).unwrap_or(u32::MAX),
         }
     }

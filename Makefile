@@ -1,0 +1,29 @@
+# The commands that README and CI name.
+
+# Debian packages beside the Rust toolchain, as `command:package`: what is missing is installed.
+NEEDS := cc:gcc
+
+.PHONY: demo test check needs
+
+# Server, worker and a real sweep on this machine; ends with a table and a plot.
+demo: needs
+	cargo run -- demo --exit
+
+test: needs
+	cargo test --workspace --no-fail-fast
+
+check: needs
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- -D warnings
+
+needs:
+	@missing=""; \
+	for need in $(NEEDS); do \
+		command -v "$${need%%:*}" >/dev/null || missing="$$missing $${need##*:}"; \
+	done; \
+	if [ -n "$$missing" ]; then \
+		install="apt-get update && apt-get install --yes$$missing"; \
+		if [ "$$(id -u)" = 0 ]; then sh -c "$$install"; \
+		elif sudo -n true 2>/dev/null; then sudo sh -c "$$install"; \
+		else echo "Please run: sudo sh -c '$$install'" >&2; exit 1; fi; \
+	fi

@@ -1,0 +1,179 @@
+//! `roost demo`: the main job on a fresh machine, from a sweep to its table and picture.
+//!
+//! Nothing in here is a shortcut: the server keeps a real database in the folder, the worker claims over
+//! HTTP, and what is shown comes back through the API.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use roost_api::sweep::{SweepResults, SweepView};
+use roost_server::ServerConfig;
+use roost_worker::WorkerConfig;
+use roost_worker::client::Client;
+use serde_json::Value;
+use tokio_util::sync::CancellationToken;
+
+use crate::exit::Exit;
+use crate::farm::Farm;
+use crate::ui::format;
+use crate::ui::plot::{self, Curve, Look, Panel};
+use crate::ui::table::Table;
+use crate::{output, signals, watch, work};
+
+/// Gate opening × dry or wet, on a slice of the paper's hopper.
+const SWEEP: &str = include_str!("sweep.json");
+
+/// Columns of the table, and the responses that fill them.
+const RESPONSES: [(&str, &str); 5] = [
+    ("regime", "regime"),
+    ("filled (kg)", "filled_kg"),
+    ("out at 4 s (kg)", "discharged_kg_at_4s"),
+    ("95 % out after (s)", "time_to_95_percent_s"),
+    ("mean rate (kg/s)", "mean_rate_kg_s"),
+];
+
+/// See it work: server, worker and a real sweep of four simulations
+///
+/// Starts a server and a worker in this process, submits a sweep of gate opening by dry and wet fillets, shows its
+/// progress, then the table of results and a plot of the discharge curves.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Stop when the sweep is done, instead of serving on
+    #[arg(long)]
+    exit: bool,
+    /// Folder for the database, the plot and the results
+    #[arg(short, long, default_value = "demo-out", value_name = "DIR")]
+    output: PathBuf,
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let shutdown = signals::shutdown()?;
+    let server = ServerConfig {
+        listen: ([127, 0, 0, 1], 0).into(),
+        data: args.output.join("data"),
+        ..ServerConfig::default()
+    };
+    let state = args.output.join("worker");
+    let mut farm =
+        Farm::start(server, |address| WorkerConfig::new(address, work::host_name(), state)).await?;
+    eprintln!("server at {}, database in {}", farm.address, args.output.join("data").display());
+    let client = Client::new(&farm.address)?;
+    let shown = tokio::select! {
+        shown = show(&client, &args.output, &shutdown) => shown,
+        error = farm.broken() => return Err(error),
+    };
+    if shown.is_ok() && !args.exit {
+        eprintln!("\nThe server goes on at {}; Ctrl-C stops it.", farm.address);
+        shutdown.cancelled().await;
+    }
+    farm.stop().await?;
+    shown
+}
+
+/// Submits the sweep, follows it, and shows what came out.
+async fn show(client: &Client, folder: &Path, shutdown: &CancellationToken) -> Result<Exit> {
+    cancel_leftovers(client).await?;
+    let document: Value = serde_json::from_str(SWEEP)?;
+    let sweep: SweepView = client.submit_document("sweeps", &document).await?;
+    eprintln!("sweep {}: {} points of gate opening × surface condition", sweep.id, sweep.points);
+    let sweep = watch::sweep(client, sweep.id, shutdown).await?;
+    let results = client.sweep_results(sweep.id).await?;
+    let csv = folder.join("results.csv");
+    std::fs::write(&csv, client.sweep_results_csv(sweep.id).await?)?;
+    let picture = folder.join("discharge.svg");
+    let panel = Panel { y_label: "discharged mass (kg)".to_owned(), curves: curves(client, &results).await? };
+    plot::draw(&picture, "Discharge by gate opening and surface condition", &[panel])?;
+    println!("\n{}", table(&results));
+    println!("plot:  {}\ntable: {}", picture.display(), csv.display());
+    watch::exit_of_sweep(client, &sweep).await
+}
+
+/// An earlier demo in the same folder may have been stopped halfway: its sweep would run before ours.
+async fn cancel_leftovers(client: &Client) -> Result<()> {
+    for sweep in client.sweeps(None, 100).await?.items {
+        if !sweep.counts.is_ended() {
+            client.cancel_sweep(sweep.id).await?;
+        }
+    }
+    Ok(())
+}
+
+fn table(results: &SweepResults) -> Table {
+    let factors = results.sweep.factors.iter().map(|pointer| factor_name(pointer));
+    let names = RESPONSES.iter().map(|(name, _)| (*name).to_owned());
+    let mut table = Table::new(factors.chain(names));
+    for trial in &results.trials {
+        let levels = results.sweep.factors.iter().map(|pointer| format::cell(&trial.factors[pointer]));
+        let responses = RESPONSES.iter().map(|(_, name)| match trial.failure_class {
+            Some(class) if *name == "regime" => format!("({class})"),
+            _ => format::cell(trial.responses.get(*name).unwrap_or(&Value::Null)),
+        });
+        table.row(levels.chain(responses).collect::<Vec<_>>());
+    }
+    table
+}
+
+/// One curve a trial: the first factor has the colour, the second the dashes.
+async fn curves(client: &Client, results: &SweepResults) -> Result<Vec<Curve>> {
+    let mut seen: Vec<Vec<Value>> = vec![Vec::new(); results.sweep.factors.len()];
+    let mut curves = Vec::new();
+    for trial in &results.trials {
+        let mut places = results.sweep.factors.iter().zip(&mut seen).map(|(pointer, seen)| {
+            let level = &trial.factors[pointer];
+            seen.iter().position(|other| other == level).unwrap_or_else(|| {
+                seen.push(level.clone());
+                seen.len() - 1
+            })
+        });
+        let look = Look { colour: places.next().unwrap_or(0), dash: places.next().unwrap_or(0) };
+        let levels = results.sweep.factors.iter().map(|pointer| level(pointer, &trial.factors[pointer]));
+        let label = levels.collect::<Vec<_>>().join(", ");
+        let points = match client.job_series(trial.job_id, "discharged_mass").await {
+            Ok(series) => output::points(Some(&series)),
+            Err(error) if error.problem_status().is_some() => Vec::new(), // a trial without a result
+            Err(error) => return Err(error.into()),
+        };
+        curves.push(Curve { label, look, points });
+    }
+    Ok(curves)
+}
+
+/// `/equipment/gate_opening_m` → `gate opening (m)`.
+fn factor_name(pointer: &str) -> String {
+    let name = pointer.rsplit('/').next().unwrap_or(pointer);
+    match name.strip_suffix("_m") {
+        Some(name) => format!("{} (m)", name.replace('_', " ")),
+        None => name.replace('_', " "),
+    }
+}
+
+/// A level for the legend: openings in centimetres, words as they are.
+fn level(pointer: &str, value: &Value) -> String {
+    match value.as_f64() {
+        Some(metres) if pointer.ends_with("_m") => format!("{} cm", format::significant(metres * 100.0)),
+        _ => format::cell(value),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use roost_api::sweep::SweepSpec;
+    use roost_solver::scenario;
+
+    use super::*;
+
+    #[test]
+    fn the_demo_sweep_is_valid() {
+        let sweep: SweepSpec = serde_json::from_str(SWEEP).unwrap();
+        scenario::from_value(&sweep.base).unwrap();
+        assert_eq!(sweep.factors.iter().map(|factor| factor.levels.len()).product::<usize>(), 4);
+    }
+
+    #[test]
+    fn names_for_people() {
+        assert_eq!(factor_name("/equipment/gate_opening_m"), "gate opening (m)");
+        assert_eq!(factor_name("/contact/condition"), "condition");
+        assert_eq!(level("/equipment/gate_opening_m", &0.045.into()), "4.5 cm");
+        assert_eq!(level("/contact/condition", &"wet".into()), "wet");
+    }
+}

@@ -1,0 +1,76 @@
+//! `roost serve`: the server.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Result;
+use roost_server::{Limits, Server, ServerConfig};
+
+use crate::exit::Exit;
+use crate::signals;
+
+/// Run the server: the queue, the sweeps and the HTTP API
+///
+/// Everything it keeps is in the data folder. On SIGTERM or Ctrl-C it finishes what it answers and exits; running
+/// jobs go on at their workers and are delivered once it is back.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    server: ServerArgs,
+}
+
+/// What every server can be told, alone or inside `roost up`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ServerArgs {
+    /// Where to listen; port 0 lets the system choose
+    #[arg(long, default_value = "127.0.0.1:7373", value_name = "ADDR")]
+    listen: SocketAddr,
+    /// Folder for everything the server keeps
+    #[arg(long, default_value = "roost-data", value_name = "DIR")]
+    pub(crate) data: PathBuf,
+    /// Workers are told to give a sign of life this often
+    #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = positive)]
+    heartbeat_s: f64,
+    /// A job goes back to the queue when its worker has been silent for this long
+    #[arg(long, default_value_t = 15.0, value_name = "SECONDS", value_parser = positive)]
+    lease_s: f64,
+    /// Largest scenario accepted, in sub-particles
+    #[arg(long, default_value_t = Limits::default().max_subparticles, value_name = "N")]
+    max_subparticles: u64,
+    /// Longest scenario accepted, in time steps
+    #[arg(long, default_value_t = Limits::default().max_steps, value_name = "N")]
+    max_steps: u64,
+    /// Largest sweep accepted, in jobs
+    #[arg(long, default_value_t = ServerConfig::default().max_jobs_per_sweep, value_name = "N")]
+    max_jobs: u64,
+}
+
+impl ServerArgs {
+    pub(crate) fn config(self) -> ServerConfig {
+        ServerConfig {
+            listen: self.listen,
+            data: self.data,
+            heartbeat: Duration::from_secs_f64(self.heartbeat_s),
+            lease: Duration::from_secs_f64(self.lease_s),
+            limits: Limits { max_subparticles: self.max_subparticles, max_steps: self.max_steps },
+            max_jobs_per_sweep: self.max_jobs,
+            ..ServerConfig::default()
+        }
+    }
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let shutdown = signals::shutdown()?;
+    let server = Server::bind(args.server.config()).await?;
+    println!("listening on http://{}", server.local_addr());
+    server.run(shutdown).await?;
+    Ok(Exit::Done)
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.05..=86_400.0).contains(&seconds) => Ok(seconds),
+        _ => Err("give a number of seconds from 0.05 to 86400".to_owned()),
+    }
+}

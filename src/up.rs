@@ -1,0 +1,29 @@
+//! `roost up`: a server and a worker in one process.
+
+use anyhow::Result;
+
+use crate::exit::Exit;
+use crate::farm::Farm;
+use crate::serve::ServerArgs;
+use crate::signals;
+use crate::work::WorkerArgs;
+
+/// Run a server and one worker in this process
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    server: ServerArgs,
+    #[command(flatten)]
+    worker: WorkerArgs,
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let shutdown = signals::shutdown()?;
+    let state = args.server.data.join("worker");
+    let mut farm = Farm::start(args.server.config(), |address| args.worker.config(address, state)).await?;
+    println!("listening on {}", farm.address);
+    tokio::select! {
+        () = shutdown.cancelled() => farm.stop().await.map(|()| Exit::Done),
+        error = farm.broken() => Err(error),
+    }
+}

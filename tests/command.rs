@@ -1,0 +1,188 @@
+//! The command without a server: running a scenario here, and saying clearly what is wrong with bad input.
+
+mod support;
+
+use std::io::Write;
+use std::process::Stdio;
+
+use serde_json::{Value, json};
+use support::{Home, roost, run, said, scenario, stdout};
+
+/// Runs a command that must refuse its input; returns what it said on stderr.
+fn refused(arguments: &[&str]) -> String {
+    let output = run(arguments);
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(output.stdout.is_empty(), "{}", said(&output));
+    String::from_utf8(output.stderr).unwrap()
+}
+
+#[test]
+fn run_writes_result_series_and_curve() {
+    let home = Home::new();
+    let (file, out) = (home.file("small.json", &scenario(0.4)), home.path("out"));
+    let folder = out.display().to_string();
+    let table = stdout(&run(&["run", &file, "-o", &folder, "--threads", "1", "--seed", "7"]));
+    assert!(table.contains("discharged_kg") && table.contains("result.json"), "{table}");
+
+    let result: Value = serde_json::from_slice(&std::fs::read(out.join("result.json")).unwrap()).unwrap();
+    assert_eq!(result["schema"], "roost.result/1");
+    assert_eq!(result["end_reason"], "duration");
+    assert_eq!(result["scenario"]["seed"], 7);
+    let mut csv = csv::Reader::from_path(out.join("series.csv")).unwrap();
+    let header = csv.headers().unwrap().clone();
+    assert_eq!(&header[0], "t_s");
+    assert_eq!(header.len(), 1 + result["series"].as_array().unwrap().len());
+    assert!(csv.records().count() > 10);
+    assert!(std::fs::read_to_string(out.join("curve.svg")).unwrap().contains("discharged mass (kg)"));
+}
+
+#[test]
+fn run_reads_stdin_and_prints_json() {
+    let home = Home::new();
+    let mut child = roost()
+        .args(["run", "-", "--json", "--threads", "1", "-o"])
+        .arg(home.path("out"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(scenario(0.2).to_string().as_bytes()).unwrap();
+    let summary: Value = serde_json::from_str(&stdout(&child.wait_with_output().unwrap())).unwrap();
+    assert_eq!(summary["end_reason"], "duration");
+    assert!(summary["responses"]["discharged_kg"].is_number(), "{summary}");
+}
+
+#[test]
+fn ctrl_c_keeps_what_there_is() {
+    let home = Home::new();
+    let (file, out) = (home.file("long.json", &scenario(600.0)), home.path("out"));
+    let child = roost()
+        .args(["run", &file, "--threads", "1", "-o"])
+        .arg(&out)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    support::until("the run has begun", || out.is_dir().then_some(()));
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    support::signal(child.id(), "INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let result: Value = serde_json::from_slice(&std::fs::read(out.join("result.json")).unwrap()).unwrap();
+    assert_eq!(result["end_reason"], "cancelled");
+    assert_eq!(result["responses"], json!({}), "a cancelled run has no responses");
+}
+
+#[test]
+fn a_diverging_run_exits_with_3_and_keeps_its_series() {
+    let home = Home::new();
+    let mut diverging = scenario(0.4);
+    diverging["numerics"]["timestep_s"] = json!(0.02);
+    diverging["numerics"]["allow_unstable"] = json!(true);
+    let (file, out) = (home.file("diverging.json", &diverging), home.path("out"));
+    let output = run(&["run", &file, "-o", &out.display().to_string()]);
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    let result: Value = serde_json::from_slice(&std::fs::read(out.join("result.json")).unwrap()).unwrap();
+    assert_eq!(result["end_reason"], "unstable");
+    assert!(result["instability"]["reason"].is_string());
+}
+
+#[test]
+fn a_missing_file_is_one_line() {
+    for command in ["run", "validate", "submit"] {
+        let mut arguments = vec![command, "/no/such/file.json"];
+        if command == "run" {
+            arguments.extend(["-o", "/tmp/never-made"]);
+        }
+        let text = refused(&arguments);
+        assert_eq!(text, "error: cannot read /no/such/file.json: No such file or directory (os error 2)\n");
+    }
+}
+
+#[test]
+fn what_is_not_json_is_one_line_with_its_place() {
+    let home = Home::new();
+    let path = home.path("bad.json");
+    std::fs::write(&path, "{\"experiment\": \"hopper\",\n \"seed\": NaN}").unwrap();
+    let path = path.display().to_string();
+    for command in ["validate", "submit"] {
+        let text = refused(&[command, &path]);
+        assert!(text.starts_with(&format!("error: {path}: not JSON at line 2, column 1")), "{text}");
+        assert_eq!(text.lines().count(), 1, "{text}");
+    }
+}
+
+#[test]
+fn every_fault_is_listed_at_once() {
+    let home = Home::new();
+    let mut bad = scenario(0.4);
+    bad["product"]["count"] = json!(-3);
+    bad["equipment"]["gate_openning_m"] = json!(0.06);
+    bad["numerics"]["duration_s"] = json!("long");
+    let file = home.file("bad.json", &bad);
+    let out = home.path("out").display().to_string();
+    for arguments in [vec!["validate", &file], vec!["run", &file, "-o", &out]] {
+        let text = refused(&arguments);
+        assert!(text.contains("3 faults"), "{text}");
+        for part in ["/product/count", "-3", "/equipment/gate_openning_m", "gate_opening_m", "/numerics/duration_s"] {
+            assert!(text.contains(part), "no `{part}` in {text}");
+        }
+    }
+    assert!(!home.path("out").exists(), "nothing is made for a scenario that cannot run");
+
+    let output = run(&["validate", "--json", &file]);
+    assert_eq!(output.status.code(), Some(2));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["valid"], false);
+    assert_eq!(report["errors"].as_array().unwrap().len(), 3);
+}
+
+#[test]
+fn the_servers_faults_arrive_too() {
+    let home = Home::new();
+    let _server = home.serve();
+    let mut bad = scenario(0.4);
+    bad["product"]["count"] = json!(-3);
+    let file = home.file("bad.json", &bad);
+    let sweep = json!({"name": "bad", "base": bad, "design": {"kind": "grid"}, "factors": []});
+    let sweep = home.file("sweep.json", &sweep);
+    for (file, pointer) in [(&file, "/product/count"), (&sweep, "/base/product/count")] {
+        let output = home.roost(&["submit", file]);
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(String::from_utf8_lossy(&output.stderr).contains(pointer), "{}", said(&output));
+    }
+    assert!(stdout(&home.roost(&["list"])).is_empty(), "nothing is stored");
+    assert!(stdout(&home.roost(&["list", "--jobs"])).is_empty(), "nothing is stored");
+
+    let nobody = "01890000-0000-7000-8000-000000000000";
+    let output = home.roost(&["status", nobody]);
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("no sweep and no job"), "{}", said(&output));
+}
+
+#[test]
+fn a_server_that_is_away_is_one_line() {
+    let home = Home::new();
+    let output = home.roost(&["list"]);
+    assert_eq!(output.status.code(), Some(1));
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(text.starts_with(&format!("error: cannot reach {}", home.address)), "{text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+}
+
+#[test]
+fn validate_says_what_it_would_cost() {
+    let home = Home::new();
+    let file = home.file("small.json", &scenario(0.4));
+    let report: Value = serde_json::from_str(&stdout(&run(&["validate", "--json", &file]))).unwrap();
+    assert_eq!((&report["document"], &report["jobs"]), (&json!("scenario"), &json!(1)));
+    assert!(report["estimate"]["subparticles"].as_u64().unwrap() > 20);
+    let sweep = json!({
+        "name": "s", "base": scenario(0.4), "design": {"kind": "grid"}, "replicates": 3,
+        "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045, 0.06]}],
+    });
+    let file = home.file("sweep.json", &sweep);
+    let text = stdout(&run(&["validate", &file]));
+    assert!(text.contains("sub-particles") && text.contains("6 jobs"), "{text}");
+}

@@ -1,0 +1,214 @@
+//! Real processes for black-box tests: the binary as users have it, killed and restarted as life does.
+
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use roost_api::job::JobView;
+use roost_worker::client::Client;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+/// Nothing here takes longer, even on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// The binary under test.
+pub fn roost() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_roost"));
+    command.env_remove("ROOST_SERVER").env_remove("ROOST_LOG").stdin(Stdio::null());
+    command
+}
+
+/// Runs it to its end.
+pub fn run(arguments: &[&str]) -> Output {
+    roost().args(arguments).output().expect("the binary starts")
+}
+
+/// What it said, for messages of failed tests.
+pub fn said(output: &Output) -> String {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    format!("{}\nstdout: {}\nstderr: {}", output.status, text(&output.stdout), text(&output.stderr))
+}
+
+/// Standard output of a run that must succeed.
+pub fn stdout(output: &Output) -> String {
+    assert!(output.status.success(), "{}", said(output));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+/// A few coarse fillets in a small hopper that runs for so long, whether it empties or not.
+pub fn scenario(duration_s: f64) -> Value {
+    json!({
+        "experiment": "hopper",
+        "product": {"count": 2, "subparticle_radius_m": 0.009},
+        "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless"},
+        "numerics": {"timestep_s": "auto", "duration_s": duration_s, "stop": {"when_empty": false}},
+    })
+}
+
+/// A process that is killed when the test is over, and shows its log when the test has failed.
+pub struct Process {
+    child: Child,
+    log: PathBuf,
+}
+
+impl Process {
+    fn start(command: &mut Command, log: PathBuf) -> Self {
+        let file = File::create(&log).unwrap();
+        let child = command.stdout(file.try_clone().unwrap()).stderr(file).spawn().unwrap();
+        Self { child, log }
+    }
+
+    /// SIGKILL: no goodbye.
+    pub fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    /// SIGTERM.
+    pub fn terminate(&self) {
+        signal(self.child.id(), "TERM");
+    }
+
+    /// Waits for the end; says how it ended and how long that took.
+    pub fn wait(mut self) -> (ExitStatus, Duration) {
+        let started = Instant::now();
+        let status = until("the process ends", || self.child.try_wait().unwrap());
+        (status, started.elapsed())
+    }
+
+    pub fn log(&self) -> String {
+        std::fs::read_to_string(&self.log).unwrap_or_default()
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        if std::thread::panicking() {
+            eprintln!("--- {}\n{}", self.log.display(), self.log());
+        }
+    }
+}
+
+/// Sends a signal by name.
+pub fn signal(process: u32, name: &str) {
+    let status = Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status().unwrap();
+    assert!(status.success());
+}
+
+/// Asks over and over until there is an answer.
+pub fn until<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
+    let started = Instant::now();
+    loop {
+        if let Some(answer) = ask() {
+            return answer;
+        }
+        assert!(started.elapsed() < PATIENCE, "waited in vain: {what}");
+        std::thread::sleep(Duration::from_millis(30));
+    }
+}
+
+/// A server's home: data directory and address stay the same from start to start.
+pub struct Home {
+    pub folder: TempDir,
+    pub address: String,
+    starts: std::cell::Cell<u32>,
+    runtime: tokio::runtime::Runtime,
+}
+
+impl Home {
+    pub fn new() -> Self {
+        // Free a moment ago; the server is told to use it again after each restart.
+        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+            address: format!("http://127.0.0.1:{port}"),
+            starts: std::cell::Cell::new(0),
+            runtime: tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap(),
+        }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a document and returns its path.
+    pub fn file(&self, name: &str, document: &Value) -> String {
+        let path = self.path(name);
+        std::fs::write(&path, document.to_string()).unwrap();
+        path.display().to_string()
+    }
+
+    /// Starts a server with short leases and waits until it answers.
+    pub fn serve(&self) -> Process {
+        let listen = self.address.trim_start_matches("http://");
+        let mut command = roost();
+        command.args(["serve", "--listen", listen, "--heartbeat-s", "0.2", "--lease-s", "2", "--data"]);
+        let server = self.start("serve", command.arg(self.path("data")));
+        until("the server answers", || self.ask(|client| async move { client.sweeps(None, 1).await.ok() }));
+        server
+    }
+
+    /// Starts a worker of its own state directory.
+    pub fn work(&self, name: &str) -> Process {
+        let mut command = roost();
+        command.args(["work", "--server", &self.address, "--threads", "1", "--name", name, "--state"]);
+        self.start(name, command.arg(self.path(name)))
+    }
+
+    /// Runs a client command against this server.
+    pub fn roost(&self, arguments: &[&str]) -> Output {
+        roost().args(arguments).env("ROOST_SERVER", &self.address).output().unwrap()
+    }
+
+    /// Submits a scenario; returns the job as the server shows it.
+    pub fn submit(&self, scenario: &Value) -> JobView {
+        let file = self.file("scenario.json", scenario);
+        let answer = stdout(&self.roost(&["submit", "--json", &file]));
+        serde_json::from_str(&answer).unwrap()
+    }
+
+    /// One call through the API.
+    pub fn ask<T, F: Future<Output = T>>(&self, call: impl FnOnce(Client) -> F) -> T {
+        let client = Client::new(&self.address).unwrap();
+        self.runtime.block_on(call(client))
+    }
+
+    /// The job now; `None` while the server is away.
+    pub fn job(&self, job: &JobView) -> Option<JobView> {
+        let id = job.id;
+        self.ask(|client| async move { client.job(id).await.ok() })
+    }
+
+    /// Waits until the job looks as asked.
+    pub fn job_when(&self, job: &JobView, what: &str, is_so: impl Fn(&JobView) -> bool) -> JobView {
+        until(what, || self.job(job).filter(|job| is_so(job)))
+    }
+
+    /// How many attempts all workers together have brought to a result.
+    pub fn results_recorded(&self) -> u64 {
+        let workers = self.ask(|client| async move { client.workers().await }).unwrap();
+        workers.items.iter().map(|worker| worker.succeeded).sum()
+    }
+
+    fn start(&self, name: &str, command: &mut Command) -> Process {
+        self.starts.set(self.starts.get() + 1);
+        Process::start(command, self.path(&format!("{}-{name}.log", self.starts.get())))
+    }
+}
+
+/// How far the running attempt has come.
+pub fn fraction(job: &JobView) -> f64 {
+    job.progress.as_ref().map_or(0.0, |progress| progress.fraction)
+}
+
+/// Files in a worker's outbox.
+pub fn outbox(state: &Path) -> usize {
+    let Ok(entries) = std::fs::read_dir(state.join("outbox")) else { return 0 };
+    entries.flatten().filter(|entry| entry.path().is_file()).count()
+}
