@@ -6,6 +6,7 @@
 //! out, [`observe`] reads the state into samples, and [`result`] is what comes back.
 #![doc = include_str!("../README.md")]
 
+pub mod observe;
 pub mod result;
 pub mod scenario;
 
