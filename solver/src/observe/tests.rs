@@ -169,6 +169,12 @@ fn the_variation_of_a_wave() {
 }
 
 #[test]
+fn a_variation_takes_a_second_and_a_half() {
+    assert_eq!(sample(1.98, line(8.0)).responses().rate_variation, None);
+    close(sample(2.0, line(8.0)).responses().rate_variation, 0.0);
+}
+
+#[test]
 fn empty_early_is_judged() {
     let responses = sample(2.5, line(16.0)).ended(EndReason::Empty).responses();
     close(responses.discharged_kg_at_4s, 40.0);
