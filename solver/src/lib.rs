@@ -6,7 +6,13 @@
 //! out, [`observe`] reads the state into samples, and [`result`] is what comes back.
 #![doc = include_str!("../README.md")]
 
+mod check;
+pub mod cpu;
+pub mod engine;
+pub mod equipment;
+pub mod experiments;
 pub mod observe;
+pub mod physics;
 pub mod result;
 pub mod scenario;
 pub mod shape;
