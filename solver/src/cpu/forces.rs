@@ -1,0 +1,159 @@
+//! The `forces` stage: every sub-particle gathers what its bonds, contacts and walls do to it.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::lists::{ChunkLists, Lists};
+use super::walls::Walls;
+use super::{CHUNK, Params};
+use crate::engine::state::State;
+use crate::physics::contact::ContactMemory;
+use crate::physics::{bond, contact};
+
+/// What acts on a sub-particle in one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Load {
+    /// Force without gravity, in newton.
+    pub force: Vec3,
+    /// Torque, in N m.
+    pub torque: Vec3,
+}
+
+impl Load {
+    /// Adds a force at the end of `arm`, of which only `across` has a moment.
+    fn add(&mut self, force: Vec3, arm: Vec3, across: Vec3) {
+        self.force += force;
+        self.torque += arm.cross(across);
+    }
+}
+
+/// What the stage has noticed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Felt {
+    /// Greatest overlap of sub-particles that no bond joins, in metres.
+    pub max_overlap: f32,
+    /// Bonds that broke in this step.
+    pub bonds_broken: u64,
+}
+
+impl Felt {
+    fn and(self, other: Self) -> Self {
+        Self {
+            max_overlap: self.max_overlap.max(other.max_overlap),
+            bonds_broken: self.bonds_broken + other.bonds_broken,
+        }
+    }
+}
+
+/// Works out the load of every sub-particle.
+pub(crate) fn gather(
+    params: &Params,
+    state: &State,
+    walls: &Walls,
+    lists: &mut Lists,
+    loads: &mut Vec<Load>,
+) -> Felt {
+    loads.resize(state.particles.len(), Load::default());
+    let chunks = lists.chunks.par_iter_mut().zip(loads.par_chunks_mut(CHUNK)).enumerate();
+    chunks
+        .map(|(c, (chunk, loads))| {
+            let mut felt = Felt::default();
+            for (k, load) in loads.iter_mut().enumerate() {
+                *load = Load::default();
+                let i = c * CHUNK + k;
+                felt = felt.and(from_pairs(params, state, i, chunk, k, load));
+                from_walls(params, state, walls, i, chunk, k, load);
+            }
+            felt
+        })
+        .reduce(Felt::default, Felt::and)
+}
+
+fn from_pairs(
+    params: &Params,
+    state: &State,
+    i: usize,
+    chunk: &mut ChunkLists,
+    k: usize,
+    load: &mut Load,
+) -> Felt {
+    let Params { laws, radius, dt, .. } = params;
+    let (me, mass) = (&state.particles[i], state.masses[i]);
+    let (touch, hold) = (2.0 * radius, 2.0 * radius + laws.tissue.reach());
+    let mut felt = Felt::default();
+    for pair in chunk.pairs_mut(k) {
+        let j = pair.other as usize;
+        let other = &state.particles[j];
+        let d = state.frame.between(me.position, other.position);
+        let length2 = d.dot(d);
+        let bonded = pair.bond_class != 0;
+        if !bonded && length2 > hold * hold {
+            pair.contact = ContactMemory::default();
+            continue;
+        }
+        let length = length2.sqrt();
+        // Two centres on one spot have no direction; a force along none is no force.
+        let n = if length > 0.0 { d / length } else { Vec3::ZERO };
+        let arm = n * (length / 2.0);
+        // Velocity of j against i where they meet.
+        let v = other.velocity - me.velocity - (me.spin + other.spin).cross(arm);
+        if bonded {
+            let rest = touch * (pair.bond_class as f32).sqrt();
+            let spin = (me.spin + other.spin) * 0.5;
+            match bond::force(&laws.bond, &mut pair.bond, n, rest, length, v, spin, *dt) {
+                Some(force) => load.add(force.total, arm, force.shear),
+                None => {
+                    pair.bond_class = 0;
+                    pair.bond = Vec3::ZERO;
+                    // Both sides see it; the lower one counts it.
+                    felt.bonds_broken += u64::from(i < j);
+                }
+            }
+        }
+        if !bonded || laws.contact_between_bonded {
+            let m_star = mass * state.masses[j] / (mass + state.masses[j]);
+            let delta = touch - length;
+            if let Some(force) = contact::force(&laws.tissue, &mut pair.contact, n, delta, -v, m_star, *dt) {
+                load.add(force.normal + force.tangential, arm, force.tangential);
+                if !bonded {
+                    felt.max_overlap = felt.max_overlap.max(delta);
+                }
+            }
+        }
+    }
+    felt
+}
+
+fn from_walls(
+    params: &Params,
+    state: &State,
+    walls: &Walls,
+    i: usize,
+    chunk: &mut ChunkLists,
+    k: usize,
+    load: &mut Load,
+) {
+    let near = chunk.walls_mut(k);
+    if near.is_empty() {
+        return;
+    }
+    let me = &state.particles[i];
+    let touches: Vec<_> =
+        near.iter().map(|wall| (wall.facet, walls.touch(wall.facet, me.position, &state.frame))).collect();
+    for (wall, (facet, touch)) in near.iter_mut().zip(&touches) {
+        let law = walls.law(*facet);
+        let delta = params.radius - touch.distance;
+        let others = || touches.iter().copied().filter(|(other, _)| other != facet);
+        // A centre right on the plate has no side; it gets one in the next step.
+        if delta < -law.reach() || touch.distance <= 0.0 || walls.is_shadowed(*facet, touch, others()) {
+            wall.contact = ContactMemory::default();
+            continue;
+        }
+        let n = touch.to_wall / touch.distance;
+        let v = me.velocity + me.spin.cross(touch.to_wall) - touch.velocity;
+        let mass = state.masses[i];
+        if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, mass, params.dt) {
+            load.add(force.normal + force.tangential, touch.to_wall, force.tangential);
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! A grid of cells over the sub-particles: finds what is near in any direction.
+
+use glam::IVec3;
+
+use crate::engine::state::State;
+
+/// Sub-particles sorted by cell, by id within a cell.
+#[derive(Debug)]
+pub struct Grid {
+    low: IVec3,
+    /// Edge of a cell, in units.
+    cell: i32,
+    counts: IVec3,
+    starts: Vec<u32>,
+    sorted: Vec<u32>,
+}
+
+impl Grid {
+    /// A grid whose cells are at least `reach` metres wide, so that 27 cells hold all within reach.
+    pub fn new(state: &State, reach: f32) -> Self {
+        let positions = || state.particles.iter().map(|p| p.position);
+        let low = positions().reduce(IVec3::min).unwrap_or(IVec3::ZERO);
+        let high = positions().reduce(IVec3::max).unwrap_or(IVec3::ZERO);
+        let mut cell = (reach / state.frame.unit_m).ceil() as i32 + 1;
+        // Far-flung fragments must not make the grid larger than the particles are many.
+        let most = 8 * state.particles.len() as i64 + 4096;
+        let volume = |cell: i32| {
+            let n = (high - low) / cell + 1;
+            i64::from(n.x) * i64::from(n.y) * i64::from(n.z)
+        };
+        while volume(cell) > most {
+            cell = cell.saturating_mul(2);
+        }
+        let counts = (high - low) / cell + 1;
+        let mut grid = Self { low, cell, counts, starts: Vec::new(), sorted: Vec::new() };
+        let cells: Vec<u32> = positions().map(|x| grid.index(grid.cell_of(x))).collect();
+        grid.starts = vec![0; (counts.x * counts.y * counts.z) as usize + 1];
+        cells.iter().for_each(|&c| grid.starts[c as usize + 1] += 1);
+        for c in 1..grid.starts.len() {
+            grid.starts[c] += grid.starts[c - 1];
+        }
+        let mut next = grid.starts.clone();
+        grid.sorted = vec![0; cells.len()];
+        for (i, &c) in cells.iter().enumerate() {
+            grid.sorted[next[c as usize] as usize] = i as u32;
+            next[c as usize] += 1;
+        }
+        grid
+    }
+
+    fn cell_of(&self, x: IVec3) -> IVec3 {
+        (x - self.low) / self.cell
+    }
+
+    fn index(&self, c: IVec3) -> u32 {
+        (c.x + self.counts.x * (c.y + self.counts.y * c.z)) as u32
+    }
+
+    /// Calls `visit` with every sub-particle in the 27 cells around `x`, and around its images when periodic.
+    pub fn around(&self, x: IVec3, period_y: i32, mut visit: impl FnMut(u32)) {
+        self.around_one(x, &mut visit);
+        if period_y != 0 {
+            self.around_one(x + IVec3::Y * period_y, &mut visit);
+            self.around_one(x - IVec3::Y * period_y, &mut visit);
+        }
+    }
+
+    fn around_one(&self, x: IVec3, visit: &mut impl FnMut(u32)) {
+        // Division rounds towards zero: a position below the grid would look like the first cell, so look there.
+        let c = (x - self.low).div_euclid(IVec3::splat(self.cell));
+        let (from, to) = ((c - 1).max(IVec3::ZERO), (c + 1).min(self.counts - 1));
+        for z in from.z..=to.z {
+            for y in from.y..=to.y {
+                for x in from.x..=to.x {
+                    let k = self.index(IVec3::new(x, y, z)) as usize;
+                    self.sorted[self.starts[k] as usize..self.starts[k + 1] as usize]
+                        .iter()
+                        .for_each(|&j| visit(j));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Neighbour lists with memory: what each sub-particle may touch, and what its bonds and contacts remember.
+//!
+//! A pair stands in the lists of both, each with its own copy of the memory; the copies stay exact opposites.
+//! Rebuilding changes which pairs are looked at, never what a pair that acts remembers.
+
+use rayon::prelude::*;
+
+use super::grid::Grid;
+use super::walls::Walls;
+use super::{CHUNK, Params};
+use crate::engine::scene::Scene;
+use crate::engine::state::State;
+use crate::physics::contact::ContactMemory;
+use glam::Vec3;
+
+/// A neighbour of a sub-particle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pair {
+    /// The other sub-particle.
+    pub other: u32,
+    /// Class of the bond between them (see [`crate::shape::lattice::LatticeBond`]); 0 without a bond.
+    pub bond_class: u32,
+    /// Force remembered by the bond, in newton.
+    pub bond: Vec3,
+    /// What the contact remembers.
+    pub contact: ContactMemory,
+}
+
+/// A facet near a sub-particle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WallPair {
+    /// Index into [`Walls::facets`].
+    pub facet: u32,
+    /// What the contact remembers.
+    pub contact: ContactMemory,
+}
+
+/// The lists of one chunk of sub-particles.
+#[derive(Clone, Debug, Default)]
+pub struct ChunkLists {
+    pub(super) pair_ends: Vec<u32>,
+    pub(super) pairs: Vec<Pair>,
+    pub(super) wall_ends: Vec<u32>,
+    pub(super) walls: Vec<WallPair>,
+}
+
+/// Rows of a compressed list: from the end of the row before to its own end.
+fn row(ends: &[u32], k: usize) -> std::ops::Range<usize> {
+    let from = if k == 0 { 0 } else { ends[k - 1] as usize };
+    from..ends[k] as usize
+}
+
+impl ChunkLists {
+    /// The neighbours of the `k`th sub-particle of the chunk, sorted by id.
+    pub fn pairs_mut(&mut self, k: usize) -> &mut [Pair] {
+        let row = row(&self.pair_ends, k);
+        &mut self.pairs[row]
+    }
+
+    /// The facets near the `k`th sub-particle of the chunk, sorted.
+    pub fn walls_mut(&mut self, k: usize) -> &mut [WallPair] {
+        let row = row(&self.wall_ends, k);
+        &mut self.walls[row]
+    }
+
+    fn pairs(&self, k: usize) -> &[Pair] {
+        &self.pairs[row(&self.pair_ends, k)]
+    }
+
+    fn wall_pairs(&self, k: usize) -> &[WallPair] {
+        &self.walls[row(&self.wall_ends, k)]
+    }
+
+    fn push_row(&mut self, pairs: impl IntoIterator<Item = Pair>, walls: impl IntoIterator<Item = WallPair>) {
+        self.pairs.extend(pairs);
+        self.pair_ends.push(self.pairs.len() as u32);
+        self.walls.extend(walls);
+        self.wall_ends.push(self.walls.len() as u32);
+    }
+}
+
+/// The lists of all sub-particles.
+#[derive(Clone, Debug, Default)]
+pub struct Lists {
+    pub(super) chunks: Vec<ChunkLists>,
+}
+
+impl Lists {
+    /// Lists that hold the bonds and nothing else yet.
+    pub fn new(scene: &Scene, state: &State) -> Self {
+        let mut rows: Vec<Vec<Pair>> = vec![Vec::new(); state.particles.len()];
+        let mut base = 0;
+        for body in &scene.bodies {
+            let meta = &scene.kinds[body.kind].meta;
+            for bond in &meta.bonds {
+                let (i, j) = (base + bond.i, base + bond.j);
+                let pair = |other| Pair { other, bond_class: bond.class, ..Pair::default() };
+                rows[i as usize].push(pair(j));
+                rows[j as usize].push(pair(i));
+            }
+            base += meta.points.len() as u32;
+        }
+        rows.iter_mut().for_each(|row| row.sort_unstable_by_key(|pair| pair.other));
+        Self::from_rows(rows.into_iter().map(|pairs| (pairs, Vec::new())))
+    }
+
+    fn from_rows(rows: impl Iterator<Item = (Vec<Pair>, Vec<WallPair>)>) -> Self {
+        let mut lists = Self::default();
+        for (k, (pairs, walls)) in rows.enumerate() {
+            if k % CHUNK == 0 {
+                lists.chunks.push(ChunkLists::default());
+            }
+            lists.chunks.last_mut().expect("one was pushed").push_row(pairs, walls);
+        }
+        lists
+    }
+
+    /// Renumbers after bodies were taken out: `map` holds the new index of each sub-particle, or `u32::MAX`.
+    pub fn remove(&mut self, map: &[u32]) {
+        let rows = map.iter().enumerate().filter(|&(_, &new)| new != u32::MAX).map(|(old, _)| {
+            let chunk = &self.chunks[old / CHUNK];
+            let renumber = |pair: &Pair| {
+                let other = map[pair.other as usize];
+                (other != u32::MAX).then_some(Pair { other, ..*pair })
+            };
+            let pairs = chunk.pairs(old % CHUNK).iter().filter_map(renumber).collect();
+            (pairs, chunk.wall_pairs(old % CHUNK).to_vec())
+        });
+        *self = Self::from_rows(rows);
+    }
+
+    /// Looks for neighbours afresh. Bonds stay, and so does what touching pairs remember.
+    pub(crate) fn rebuild(&mut self, params: &Params, state: &State, walls: &Walls) {
+        let reach = 2.0 * params.radius + params.laws.reach() + params.skin;
+        let wall_reach = params.radius + params.laws.reach() + params.skin;
+        let grid = Grid::new(state, reach);
+        self.chunks.par_iter_mut().enumerate().for_each(|(c, chunk)| {
+            let mut new = ChunkLists::default();
+            let mut near: Vec<u32> = Vec::new();
+            for k in 0..chunk.pair_ends.len() {
+                let i = c * CHUNK + k;
+                let x = state.particles[i].position;
+                near.clear();
+                grid.around(x, state.frame.period_y, |j| {
+                    let d = state.frame.between(x, state.particles[j as usize].position);
+                    if j != i as u32 && d.dot(d) <= reach * reach {
+                        near.push(j);
+                    }
+                });
+                let known = chunk.pairs(k);
+                near.extend(known.iter().filter(|pair| pair.bond_class != 0).map(|pair| pair.other));
+                near.sort_unstable();
+                near.dedup();
+                let remembered = |&j: &u32| match known.binary_search_by_key(&j, |pair| pair.other) {
+                    Ok(at) => known[at],
+                    Err(_) => Pair { other: j, ..Pair::default() },
+                };
+                let wall_known = chunk.wall_pairs(k);
+                let wall_remembered = |facet| match wall_known.binary_search_by_key(&facet, |pair| pair.facet)
+                {
+                    Ok(at) => wall_known[at],
+                    Err(_) => WallPair { facet, ..WallPair::default() },
+                };
+                new.push_row(
+                    near.iter().map(remembered),
+                    walls.within(x, wall_reach, &state.frame).map(wall_remembered),
+                );
+            }
+            *chunk = new;
+        });
+    }
+}

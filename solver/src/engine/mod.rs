@@ -1,0 +1,66 @@
+//! The engine: state, the stages of a step in their order, the backend's interface and the run loop.
+//!
+//! It knows neither experiments nor backends: an experiment hands it a [`scene::Scene`] and a
+//! [`run::Director`], a backend implements [`Backend`].
+
+pub mod frame;
+pub mod run;
+pub mod scene;
+pub mod state;
+
+use scene::Scene;
+use state::State;
+
+/// The stages of a time step, in their order. Every backend carries out these and no others.
+pub const STAGES: [&str; 4] = ["neighbours", "surfaces", "forces", "integrate"];
+
+/// What computes: recorded with every result.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BackendInfo {
+    /// Short name, such as `cpu`.
+    pub name: String,
+    /// Processor and instruction set, or graphics adapter.
+    pub device: String,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// What happened while a run was advanced.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Advance {
+    /// Steps done.
+    pub steps: u64,
+    /// Sub-particle updates done.
+    pub particle_steps: u64,
+    /// Greatest overlap between sub-particles that no bond joins, in metres.
+    pub max_overlap_m: f32,
+    /// What made the run diverge, if it did: it stands still from then on.
+    pub fault: Option<String>,
+}
+
+/// Carries out the stages for batches of independent runs.
+///
+/// Advancing a run gives the same bits whatever else is in the batch, however many threads there are, and
+/// however the steps are cut into chunks.
+pub trait Backend {
+    /// A run as this backend keeps it, on whatever device.
+    type Run;
+
+    /// What computes.
+    fn info(&self) -> BackendInfo;
+
+    /// Takes a scene in, at rest before t = 0.
+    fn prepare(&self, scene: &Scene) -> Self::Run;
+
+    /// Advances each run by its number of steps; a run that diverges stops at that step.
+    fn advance(&self, runs: &mut [(&mut Self::Run, u64)]) -> Vec<Advance>;
+
+    /// The state of a run, for observers.
+    fn state<'a>(&self, run: &'a mut Self::Run) -> &'a State;
+
+    /// Makes now t = 0: motions start, what was there only until the start goes.
+    fn start(&self, run: &mut Self::Run);
+
+    /// Takes whole bodies out of a run.
+    fn remove(&self, run: &mut Self::Run, bodies: &[u32]);
+}

@@ -1,0 +1,236 @@
+//! The run loop: advances a scene from sample to sample, lets the experiment look and decide, reports progress.
+
+use std::time::Instant;
+
+use super::scene::Scene;
+use super::state::State;
+use super::{Advance, Backend};
+use crate::Flow;
+use crate::result::{EndReason, Instability, Performance, Phase, Progress};
+
+/// Wall time between two looks at the progress callback, in seconds.
+const LOOK_EVERY_S: f64 = 0.1;
+
+/// When an experiment looks at its run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// Simulated time between samples, in seconds.
+    pub sample_interval_s: f64,
+    /// Longest simulated time before t = 0, in seconds.
+    pub longest_fill_s: f64,
+    /// Simulated time from t = 0 on, in seconds.
+    pub duration_s: f64,
+}
+
+/// One look at a run.
+#[derive(Debug)]
+pub struct Sample<'a> {
+    /// Simulated time since the fill began, in seconds.
+    pub simulated_s: f64,
+    /// Belt time in seconds; `None` before the start.
+    pub belt_time_s: Option<f64>,
+    /// The state.
+    pub state: &'a State,
+    /// Greatest overlap of unbonded sub-particles so far, in metres.
+    pub max_overlap_m: f32,
+}
+
+/// What an experiment decides after a look.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Decision {
+    /// Go on, without these bodies.
+    Continue {
+        /// Bodies that have left.
+        remove: Vec<u32>,
+    },
+    /// Now is t = 0; the run is looked at again at once.
+    Start,
+    /// The run is over.
+    End(EndReason),
+}
+
+/// An experiment's side of a run: looks at samples, decides, and says how far it has come.
+pub trait Director {
+    /// Looks at a sample and decides.
+    fn look(&mut self, sample: &Sample<'_>) -> Decision;
+    /// Mass discharged so far, in kilograms, for progress reports.
+    fn discharged_kg(&self) -> f64;
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ended {
+    /// Why.
+    pub reason: EndReason,
+    /// Where and why the physics diverged.
+    pub instability: Option<Instability>,
+    /// What it cost.
+    pub performance: Performance,
+}
+
+/// Runs a scene to its end.
+pub fn run<B: Backend>(
+    backend: &B,
+    scene: &Scene,
+    plan: Plan,
+    director: &mut dyn Director,
+    on_progress: &mut dyn FnMut(&Progress) -> Flow,
+) -> Ended {
+    let clock = Instant::now();
+    let mut run = backend.prepare(scene);
+    let mut course = Course::new(plan, scene.timestep_s);
+    let subparticles = backend.state(&mut run).particles.len() as u64;
+    let (reason, fault) = loop {
+        let state = backend.state(&mut run);
+        let sample = Sample {
+            simulated_s: course.simulated_s(),
+            belt_time_s: course.belt_time_s(),
+            state,
+            max_overlap_m: course.max_overlap_m,
+        };
+        match director.look(&sample) {
+            Decision::End(reason) => break (reason, None),
+            Decision::Start => {
+                backend.start(&mut run);
+                course.start();
+                continue;
+            }
+            Decision::Continue { remove } if remove.is_empty() => {}
+            Decision::Continue { remove } => backend.remove(&mut run, &remove),
+        }
+        if let Some(reason) = course.out_of_time() {
+            break (reason, None);
+        }
+        let next = course.next_sample_step();
+        let mut cancelled = false;
+        while course.step < next && course.fault.is_none() && !cancelled {
+            let steps = course.chunk().min(next - course.step);
+            let before = Instant::now();
+            let advance = backend.advance(&mut [(&mut run, steps)]).swap_remove(0);
+            course.account(advance, before.elapsed().as_secs_f64());
+            let left = backend.state(&mut run).particles.len() as u64;
+            let progress = course.progress(left, clock.elapsed().as_secs_f64(), director.discharged_kg());
+            cancelled = on_progress(&progress) == Flow::Cancel;
+        }
+        if let Some(fault) = course.fault.take() {
+            break (EndReason::Unstable, Some(fault));
+        }
+        if cancelled {
+            break (EndReason::Cancelled, None);
+        }
+    };
+    let instability = fault.map(|reason| Instability {
+        step: course.step,
+        time_s: course.belt_time_s().unwrap_or(course.simulated_s() - plan.longest_fill_s),
+        reason,
+    });
+    let wall_s = clock.elapsed().as_secs_f64();
+    let performance = Performance {
+        subparticles,
+        particle_steps: course.particle_steps,
+        steps: course.step,
+        wall_s,
+        ns_per_particle_step: course.advancing_s * 1e9 / course.particle_steps.max(1) as f64,
+    };
+    Ended { reason, instability, performance }
+}
+
+/// Where a run stands in time, and what it has cost.
+struct Course {
+    plan: Plan,
+    dt: f64,
+    step: u64,
+    start_step: Option<u64>,
+    samples: u64,
+    particle_steps: u64,
+    advancing_s: f64,
+    max_overlap_m: f32,
+    fault: Option<String>,
+}
+
+impl Course {
+    fn new(plan: Plan, dt: f64) -> Self {
+        Self {
+            plan,
+            dt,
+            step: 0,
+            start_step: None,
+            samples: 0,
+            particle_steps: 0,
+            advancing_s: 0.0,
+            max_overlap_m: 0.0,
+            fault: None,
+        }
+    }
+
+    fn start(&mut self) {
+        self.start_step = Some(self.step);
+        self.samples = 0;
+    }
+
+    fn simulated_s(&self) -> f64 {
+        self.step as f64 * self.dt
+    }
+
+    fn belt_time_s(&self) -> Option<f64> {
+        self.start_step.map(|start| (self.step - start) as f64 * self.dt)
+    }
+
+    fn out_of_time(&self) -> Option<EndReason> {
+        // Half a step of grace: the last sample is taken at the step nearest to its time.
+        match self.belt_time_s() {
+            Some(t) => (t >= self.plan.duration_s - self.dt / 2.0).then_some(EndReason::Duration),
+            None => (self.simulated_s() >= self.plan.longest_fill_s).then_some(EndReason::FillNotAtRest),
+        }
+    }
+
+    /// Samples are taken at the steps nearest to whole multiples of the interval, counted within the phase.
+    fn next_sample_step(&mut self) -> u64 {
+        self.samples += 1;
+        let steps = (self.samples as f64 * self.plan.sample_interval_s / self.dt).round() as u64;
+        (self.start_step.unwrap_or(0) + steps).max(self.step + 1)
+    }
+
+    /// Steps until the next look at the callback.
+    fn chunk(&self) -> u64 {
+        if self.step == 0 {
+            return 1;
+        }
+        ((LOOK_EVERY_S * self.step as f64 / self.advancing_s.max(1e-9)) as u64).max(1)
+    }
+
+    fn account(&mut self, advance: Advance, wall_s: f64) {
+        self.step += advance.steps;
+        self.particle_steps += advance.particle_steps;
+        self.advancing_s += wall_s;
+        self.max_overlap_m = self.max_overlap_m.max(advance.max_overlap_m);
+        self.fault = advance.fault;
+    }
+
+    fn progress(&self, subparticles: u64, wall_s: f64, discharged_kg: f64) -> Progress {
+        let simulated_s = self.simulated_s();
+        // A fill usually rests after about a fifth of the time it is allowed.
+        let usual_fill_s = self.plan.longest_fill_s / 5.0;
+        let (phase, time_s, fraction) = match self.belt_time_s() {
+            None => {
+                let filled = (simulated_s / usual_fill_s).min(0.95) * usual_fill_s;
+                let whole = usual_fill_s + self.plan.duration_s;
+                (Phase::Fill, simulated_s - self.plan.longest_fill_s, filled / whole)
+            }
+            Some(t) => {
+                let fill_s = simulated_s - t;
+                (Phase::Process, t, simulated_s / (fill_s + self.plan.duration_s))
+            }
+        };
+        Progress {
+            phase,
+            time_s,
+            simulated_s,
+            fraction: fraction.min(1.0),
+            subparticles,
+            particle_steps: self.particle_steps,
+            wall_s,
+            discharged_kg,
+        }
+    }
+}

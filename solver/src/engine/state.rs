@@ -1,0 +1,134 @@
+//! The state of a run that observers may read: where every sub-particle is and how it moves.
+
+use glam::{DVec3, IVec3, Vec3};
+
+use super::frame::Frame;
+use super::scene::Scene;
+
+/// What changes every step, and what neighbours look at: kept together for locality.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Particle {
+    /// Fixed-point position.
+    pub position: IVec3,
+    /// Velocity, in m/s.
+    pub velocity: Vec3,
+    /// Angular velocity, in rad/s.
+    pub spin: Vec3,
+}
+
+/// All sub-particles, body by body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// The coordinate frame of positions.
+    pub frame: Frame,
+    /// Radius of every sub-particle, in metres.
+    pub radius_m: f32,
+    /// Position, velocity and spin.
+    pub particles: Vec<Particle>,
+    /// What positions have moved beyond whole units, in units.
+    pub remainders: Vec<Vec3>,
+    /// Mass, in kilograms.
+    pub masses: Vec<f32>,
+    /// Number of the body that each belongs to, ascending.
+    pub bodies: Vec<u32>,
+    /// Number within the run, kept when others are removed, ascending.
+    pub serials: Vec<u32>,
+    /// Bonds at the start.
+    pub bonds_at_start: u64,
+    /// Bonds broken so far; a body that leaves takes its bonds along unbroken.
+    pub bonds_broken: u64,
+}
+
+impl State {
+    /// The state that a scene starts from.
+    pub fn new(scene: &Scene) -> Self {
+        let frame = Frame::new(scene.low, scene.high, scene.periodic_y);
+        let mut state = Self {
+            frame,
+            radius_m: scene.radius_m as f32,
+            particles: Vec::new(),
+            remainders: Vec::new(),
+            masses: Vec::new(),
+            bodies: Vec::new(),
+            serials: Vec::new(),
+            bonds_at_start: 0,
+            bonds_broken: 0,
+        };
+        for (number, body) in (0u32..).zip(&scene.bodies) {
+            let kind = &scene.kinds[body.kind];
+            for &point in &kind.meta.points {
+                state.serials.push(state.particles.len() as u32);
+                state.particles.push(Particle {
+                    position: frame.wrap(frame.encode(body.position + body.orientation * point)),
+                    velocity: body.velocity.as_vec3(),
+                    spin: Vec3::ZERO,
+                });
+                state.masses.push(kind.subparticle_mass_kg as f32);
+                state.bodies.push(number);
+            }
+            state.bonds_at_start += kind.meta.bonds.len() as u64;
+        }
+        state.remainders = vec![Vec3::ZERO; state.particles.len()];
+        state
+    }
+
+    /// Position of a sub-particle, in metres.
+    pub fn position(&self, i: usize) -> DVec3 {
+        self.frame.decode(self.particles[i].position)
+    }
+
+    /// Greatest speed, in m/s: exact, whatever the order of looking.
+    pub fn max_speed(&self) -> f64 {
+        let square = self.particles.iter().map(|p| p.velocity.dot(p.velocity)).fold(0.0, f32::max);
+        f64::from(square).sqrt()
+    }
+
+    /// Kinetic energy of translation and spin, in joule.
+    pub fn kinetic_energy(&self) -> f64 {
+        let inertia = 0.4 * f64::from(self.radius_m).powi(2);
+        let of = |(p, &m): (&Particle, &f32)| {
+            let (v, w) = (p.velocity.as_dvec3(), p.spin.as_dvec3());
+            0.5 * f64::from(m) * (v.length_squared() + inertia * w.length_squared())
+        };
+        self.particles.iter().zip(&self.masses).map(of).sum()
+    }
+
+    /// Share of the bonds that have not broken, 0 to 1.
+    pub fn bonds_intact_fraction(&self) -> f64 {
+        if self.bonds_at_start == 0 {
+            return 1.0;
+        }
+        1.0 - self.bonds_broken as f64 / self.bonds_at_start as f64
+    }
+
+    /// Runs of equal body numbers: (number, range of sub-particles).
+    pub fn body_ranges(&self) -> impl Iterator<Item = (u32, std::ops::Range<usize>)> + '_ {
+        let mut from = 0;
+        self.bodies.chunk_by(|a, b| a == b).map(move |part| {
+            let range = from..from + part.len();
+            from = range.end;
+            (part[0], range)
+        })
+    }
+
+    /// Takes bodies out. Returns, for each sub-particle before, its index after, or `u32::MAX` if it is gone.
+    pub fn remove(&mut self, bodies: &[u32]) -> Vec<u32> {
+        let keep: Vec<bool> = self.bodies.iter().map(|body| !bodies.contains(body)).collect();
+        let mut next = 0;
+        let map = keep.iter().map(|&kept| {
+            next += u32::from(kept);
+            if kept { next - 1 } else { u32::MAX }
+        });
+        let map = map.collect();
+        fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
+            let mut keep = keep.iter();
+            values.retain(|_| *keep.next().expect("as many as particles"));
+        }
+        retain(&mut self.particles, &keep);
+        retain(&mut self.remainders, &keep);
+        retain(&mut self.masses, &keep);
+        retain(&mut self.bodies, &keep);
+        retain(&mut self.serials, &keep);
+        map
+    }
+}

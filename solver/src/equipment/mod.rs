@@ -1,0 +1,67 @@
+//! Equipment: surfaces of triangles, with motion, that act on both of their sides.
+
+pub mod facet;
+pub mod motion;
+
+use glam::DVec3;
+
+pub use motion::Motion;
+
+/// What a surface is made of: which contact parameters its contacts take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SurfaceKind {
+    /// Walls, gate, plates: `contact.fillet_equipment`.
+    Equipment,
+    /// The belt: `contact.fillet_belt`.
+    Belt,
+    /// As equipment, without friction.
+    Frictionless,
+}
+
+/// When a surface is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Presence {
+    /// All the time.
+    Always,
+    /// Until t = 0, as a shutter that is drawn away when the belt starts.
+    UntilStart,
+}
+
+/// A named set of triangles that move together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    /// Name, for pictures and messages.
+    pub name: String,
+    /// Which contact parameters it takes.
+    pub kind: SurfaceKind,
+    /// How it moves from t = 0 on.
+    pub motion: Motion,
+    /// When it is there.
+    pub presence: Presence,
+    /// Corners in metres, where the surface is at t = 0.
+    pub triangles: Vec<[DVec3; 3]>,
+}
+
+impl Surface {
+    /// A parallelogram from a corner and two edges, fixed and always there.
+    pub fn parallelogram(name: &str, kind: SurfaceKind, corner: DVec3, u: DVec3, v: DVec3) -> Self {
+        let [a, b, c, d] = [corner, corner + u, corner + u + v, corner + v];
+        Self {
+            name: name.to_owned(),
+            kind,
+            motion: Motion::Fixed,
+            presence: Presence::Always,
+            triangles: vec![[a, b, c], [a, c, d]],
+        }
+    }
+
+    /// The same surface with a motion.
+    pub fn moving(self, motion: Motion) -> Self {
+        Self { motion, ..self }
+    }
+
+    /// The same surface, there only until t = 0.
+    pub fn until_start(self) -> Self {
+        Self { presence: Presence::UntilStart, ..self }
+    }
+}

@@ -1,0 +1,86 @@
+//! Motion of surfaces: a pure function of belt time. Before t = 0 everything stands still.
+
+use glam::{DMat3, DVec3};
+
+/// How a surface moves from t = 0 on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// Not at all.
+    Fixed,
+    /// The surface stays where it is and its material runs along it.
+    Belt {
+        /// Velocity of the material, in m/s.
+        velocity: DVec3,
+    },
+    /// The surface itself moves and turns steadily.
+    Moving {
+        /// Velocity of the pivot, in m/s.
+        velocity: DVec3,
+        /// Point of the surface's frame that it turns about, where it is at t = 0, in metres.
+        pivot: DVec3,
+        /// Angular velocity, in rad/s.
+        spin: DVec3,
+    },
+}
+
+/// Where a surface is and how it moves at one moment: x = pivot + turn · (x₀ − pivot₀).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Displacement of the pivot since t = 0, in metres.
+    pub shift: DVec3,
+    /// Rotation since t = 0.
+    pub turn: DMat3,
+    /// Velocity of the material at the pivot, in m/s.
+    pub velocity: DVec3,
+    /// Angular velocity, in rad/s.
+    pub spin: DVec3,
+}
+
+impl Motion {
+    /// The point that the pose turns about, in metres.
+    pub fn pivot(&self) -> DVec3 {
+        match *self {
+            Motion::Moving { pivot, .. } => pivot,
+            _ => DVec3::ZERO,
+        }
+    }
+
+    /// The pose at belt time `t` in seconds; `None` stands for any time before the start.
+    pub fn pose(&self, t: Option<f64>) -> Pose {
+        let still =
+            Pose { shift: DVec3::ZERO, turn: DMat3::IDENTITY, velocity: DVec3::ZERO, spin: DVec3::ZERO };
+        match (*self, t) {
+            (_, None) | (Motion::Fixed, _) => still,
+            (Motion::Belt { velocity }, _) => Pose { velocity, ..still },
+            (Motion::Moving { velocity, spin, .. }, Some(t)) => {
+                let rate = spin.length();
+                let turn =
+                    if rate > 0.0 { DMat3::from_axis_angle(spin / rate, rate * t) } else { DMat3::IDENTITY };
+                Pose { shift: velocity * t, turn, velocity, spin }
+            }
+        }
+    }
+
+    /// Greatest speed of any point within `reach` metres of the pivot, in m/s; a belt's surface does not move.
+    pub fn top_speed(&self, reach: f64) -> f64 {
+        match *self {
+            Motion::Moving { velocity, spin, .. } => velocity.length() + spin.length() * reach,
+            _ => 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turning_plate_follows_its_angle() {
+        let motion = Motion::Moving { velocity: DVec3::X, pivot: DVec3::ZERO, spin: DVec3::Y * 0.5 };
+        let pose = motion.pose(Some(std::f64::consts::PI));
+        assert!((pose.turn * DVec3::X - -DVec3::Z).length() < 1e-12, "a quarter turn about y takes x to -z");
+        assert!((pose.shift - DVec3::X * std::f64::consts::PI).length() < 1e-12);
+        assert_eq!(motion.pose(None).turn, DMat3::IDENTITY);
+        assert_eq!(Motion::Belt { velocity: DVec3::X }.pose(None).velocity, DVec3::ZERO);
+    }
+}

@@ -1,0 +1,108 @@
+//! The bond between two sub-particles (paper eq. 6), in three formulations.
+//!
+//! k = S A, A = π R_b²;  F_n = k_n (L − 2R) n;  F_t ← turn(F_t) + k_t v_t δt
+//!
+//! | symbol | unit | meaning |
+//! |---|---|---|
+//! | S_n, S_t | N/m³ | normal and shear stiffness per unit area |
+//! | R_b | m | radius of the bond disk |
+//! | L | m | distance of the centres; the bond breaks beyond twice the contact radius |
+//! | v | m/s | v_j − v_i − (ω_i + ω_j) × n L/2, the relative velocity at the bond |
+//!
+//! *corotated*: the normal force from the length, free of drift; the shear force turns with the bond and
+//! with the pair's mean spin about n, keeping its magnitude. *as_published*: one raw vector accumulated in
+//! the global frame and never turned, which can gain energy without bound. *finite_extension*: corotated,
+//! and a stretched bond stiffens as F_n = k_n e / (1 − (e/e_max)²), e = L − 2R, towards its breaking length.
+//! No bending or twisting moments ("torque feedback disabled"), but the shear force's own moment
+//! (n L/2) × F_t acts on both: without it energy grows and the fillet explodes.
+
+use glam::Vec3;
+
+use super::friction::turn_into_plane;
+
+/// How the bond force is formed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// Total normal force, shear force that turns with the bond.
+    Corotated,
+    /// One vector accumulated in the global frame.
+    AsPublished,
+    /// Corotated and stiffening towards the breaking length.
+    FiniteExtension,
+}
+
+/// Share of e_max at which the stiffening of `FiniteExtension` is held, so that the force stays finite.
+const STRETCH_CLAMP: f32 = 0.97;
+
+/// The parameters of the bonds of a run, computed once from the scenario.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BondLaw {
+    /// Formulation.
+    pub form: Form,
+    /// k_n, in N/m.
+    pub k_n: f32,
+    /// k_t, in N/m.
+    pub k_t: f32,
+    /// Length beyond which the bond breaks, in metres.
+    pub break_length: f32,
+    /// Normal force at which the bond yields, in newton; infinite when unbreakable by stress.
+    pub normal_strength: f32,
+    /// Shear force at which the bond yields, in newton; infinite when unbreakable by stress.
+    pub shear_strength: f32,
+}
+
+/// The force of a bond on i, in newton.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BondForce {
+    /// The whole force.
+    pub total: Vec3,
+    /// The part whose moment (n L/2) × shear acts on i.
+    pub shear: Vec3,
+}
+
+/// The normal force of the total formulations at `length`, in newton; positive pulls i to j. `rest_length` is 2R,
+/// or the length of the lattice diagonal that the bond spans, in metres.
+pub fn normal(law: &BondLaw, rest_length: f32, length: f32) -> f32 {
+    let e = length - rest_length;
+    if law.form == Form::FiniteExtension && e > 0.0 {
+        let ratio = (e / (law.break_length - rest_length)).min(STRETCH_CLAMP);
+        law.k_n * e / (1.0 - ratio * ratio)
+    } else {
+        law.k_n * e
+    }
+}
+
+/// The force on i, or `None` when the bond breaks. `rest_length` and `length` are in m; `v` the relative velocity at the bond (j
+/// against i) in m/s; `spin` the pair's mean spin (ω_i + ω_j)/2 in rad/s; `stored` the remembered force.
+#[expect(clippy::too_many_arguments, reason = "the quantities of the equation, in its order")]
+pub fn force(
+    law: &BondLaw,
+    stored: &mut Vec3,
+    n: Vec3,
+    rest_length: f32,
+    length: f32,
+    v: Vec3,
+    spin: Vec3,
+    dt: f32,
+) -> Option<BondForce> {
+    if length > law.break_length {
+        return None;
+    }
+    let v_n = v.dot(n);
+    let v_t = v - n * v_n;
+    let (pull, shear, total) = if law.form == Form::AsPublished {
+        *stored += (n * (law.k_n * v_n) + v_t * law.k_t) * dt;
+        let pull = stored.dot(n);
+        (pull, *stored - n * pull, *stored)
+    } else {
+        let twisted = *stored + n.cross(*stored) * (spin.dot(n) * dt);
+        let keep = stored.dot(*stored);
+        let twisted2 = twisted.dot(twisted);
+        let twisted = if twisted2 > 1e-30 { twisted * (keep / twisted2).sqrt() } else { twisted };
+        *stored = turn_into_plane(twisted, n) + v_t * (law.k_t * dt);
+        let pull = normal(law, rest_length, length);
+        (pull, *stored, n * pull + *stored)
+    };
+    let yields = pull > law.normal_strength || shear.dot(shear) > law.shear_strength * law.shear_strength;
+    (!yields).then_some(BondForce { total, shear })
+}

@@ -1,0 +1,103 @@
+//! One contact: normal force (Hertz or JKR) with its dashpot, and friction.
+//!
+//! n points from i to j, δ is the overlap, v the velocity of i relative to j at the contact point.
+//! The normal force on i is −(F + η_n v·n) n; its total, dashpot included, caps the friction.
+
+use glam::Vec3;
+
+use super::hertz::Moduli;
+use super::jkr::{GAMMA_MIN, JkrScale};
+use super::{damping, friction, hertz, jkr};
+
+/// The parameters of one kind of contact, computed once from the scenario.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactLaw {
+    /// E*, in pascal.
+    pub e_star: f32,
+    /// G*, in pascal.
+    pub g_star: f32,
+    /// R*, in metres.
+    pub r_star: f32,
+    /// Adhesion; none below [`GAMMA_MIN`].
+    pub jkr: Option<JkrScale>,
+    /// 2√(5/6) |β|.
+    pub damping: f32,
+    /// Coefficient of friction.
+    pub mu: f32,
+}
+
+impl ContactLaw {
+    /// From moduli in Pa, R* in m, restitution, friction and surface energy in J/m².
+    pub fn new(moduli: Moduli, r_star: f64, restitution: f64, mu: f64, gamma: f64) -> Self {
+        Self {
+            e_star: moduli.youngs as f32,
+            g_star: moduli.shear as f32,
+            r_star: r_star as f32,
+            jkr: (gamma >= GAMMA_MIN).then(|| JkrScale::new(moduli.youngs, r_star, gamma)),
+            damping: damping::factor(restitution) as f32,
+            mu: mu as f32,
+        }
+    }
+
+    /// How far apart (in metres, ≥ 0) a contact that has formed still holds.
+    pub fn reach(&self) -> f32 {
+        self.jkr.map_or(0.0, |scale| -scale.snap_overlap)
+    }
+}
+
+/// What a contact remembers from step to step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactMemory {
+    /// Whether the surfaces hold each other.
+    pub touching: bool,
+    /// Tangential displacement ξ, in metres.
+    pub slide: Vec3,
+}
+
+/// The force of a contact on i, in newton.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactForce {
+    /// Along n.
+    pub normal: Vec3,
+    /// Across n; its moment is (n times the arm) × tangential.
+    pub tangential: Vec3,
+}
+
+/// The force on i, or `None` when the surfaces do not touch. `v` is the velocity of i relative to j at the
+/// contact point in m/s, `m_star` the equivalent mass in kg.
+pub fn force(
+    law: &ContactLaw,
+    memory: &mut ContactMemory,
+    n: Vec3,
+    delta: f32,
+    v: Vec3,
+    m_star: f32,
+    dt: f32,
+) -> Option<ContactForce> {
+    let holds = match law.jkr {
+        Some(scale) if memory.touching => delta >= scale.snap_overlap,
+        _ => delta >= 0.0,
+    };
+    if !holds {
+        *memory = ContactMemory::default();
+        return None;
+    }
+    memory.touching = true;
+    let (elastic, a) = match &law.jkr {
+        Some(scale) => jkr::force(scale, delta),
+        None => hertz::force(law.e_star, law.r_star, delta),
+    };
+    let k_n = 2.0 * law.e_star * a;
+    let k_t = 8.0 * law.g_star * a;
+    let v_n = v.dot(n);
+    let v_t = v - n * v_n;
+    let total = elastic + damping::constant(law.damping, k_n, m_star) * v_n;
+    // At δ = 0 without adhesion the contact has no area and nothing to hold on to.
+    let tangential = if a > 0.0 {
+        let eta_t = damping::constant(law.damping, k_t, m_star);
+        friction::force(&mut memory.slide, n, v_t, k_t, eta_t, law.mu * total.max(0.0), dt)
+    } else {
+        Vec3::ZERO
+    };
+    Some(ContactForce { normal: n * -total, tangential })
+}

@@ -1,0 +1,173 @@
+//! The lattice fill: a shape becomes a meta-particle of sub-particles on a simple cubic lattice, with bonds.
+//!
+//! Lattice points stand at odd multiples of R from the centre of the shape's box, 2R apart. With two types in a
+//! checkerboard only differing types bond: within √3 of the spacing exactly the six nearest neighbours (Fig. 2, 3).
+//! With one type all neighbours within reach bond, diagonals included: the stiff truss of Fig. 2a.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, IVec3};
+
+use super::teardrop::Teardrop;
+use crate::scenario::Fill;
+
+/// A bond between two points of a meta-particle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LatticeBond {
+    /// The lower index.
+    pub i: u32,
+    /// The higher index.
+    pub j: u32,
+    /// 1 along an edge of the lattice, 2 on a face diagonal, 3 on a body diagonal: rest length is 2R √class.
+    pub class: u32,
+}
+
+/// A fillet as the engine sees it: points about their centre of mass, and bonds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MetaParticle {
+    /// Centres of the sub-particles relative to their centre of mass, in metres, sorted by z, y, x.
+    pub points: Vec<DVec3>,
+    /// Bonds, sorted.
+    pub bonds: Vec<LatticeBond>,
+    /// Volume of the surface, in m³.
+    pub volume_m3: f64,
+    /// Greatest distance of a point from the centre of mass, in metres.
+    pub reach_m: f64,
+}
+
+/// Highest bond class within reach: contact radii sum to 2R · ratio, lengths are 2R √class, and with two types only
+/// odd steps on the lattice join differing types.
+pub fn bond_reach(types: u32, contact_radius_ratio: f64) -> u32 {
+    if types == 1 && contact_radius_ratio >= 2f64.sqrt() { 2 } else { 1 }
+}
+
+impl MetaParticle {
+    /// Fills a shape with sub-particles of `radius` in metres. The result is empty when no lattice point lies inside.
+    pub fn fill(shape: &Teardrop, radius: f64, fill: Fill, reach: u32) -> Self {
+        let spacing = 2.0 * radius;
+        let counts = shape.size_m.map(|size| (size / spacing).ceil() as i32 + 2);
+        let centre = |cell: IVec3| {
+            let half = IVec3::from(counts).as_dvec3() / 2.0;
+            (cell.as_dvec3() + 0.5 - half) * spacing
+        };
+        let mut cells = Vec::new();
+        for z in 0..counts[2] {
+            for y in 0..counts[1] {
+                for x in 0..counts[0] {
+                    let cell = IVec3::new(x, y, z);
+                    let point = centre(cell);
+                    let inside = match fill {
+                        Fill::Centres => shape.contains(point),
+                        Fill::WholeSpheres => directions().all(|d| shape.contains(point + d * radius)),
+                    };
+                    if inside {
+                        cells.push(cell);
+                    }
+                }
+            }
+        }
+        let cells = largest_component(cells);
+        let mut points: Vec<DVec3> = cells.iter().map(|&cell| centre(cell)).collect();
+        let centre_of_mass = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+        points.iter_mut().for_each(|point| *point -= centre_of_mass);
+        Self {
+            bonds: bonds(&cells, reach),
+            reach_m: points.iter().map(|point| point.length()).fold(0.0, f64::max),
+            volume_m3: shape.volume_m3(),
+            points,
+        }
+    }
+}
+
+/// The 26 directions of a cube's faces, edges and corners, as unit vectors: enough to tell whether a sphere pokes
+/// through a surface much larger than itself.
+fn directions() -> impl Iterator<Item = DVec3> {
+    neighbour_steps().flat_map(|step| [step.as_dvec3().normalize(), -step.as_dvec3().normalize()])
+}
+
+/// Half of the 26 neighbours of a cell: those that come later in z, y, x order.
+fn neighbour_steps() -> impl Iterator<Item = IVec3> {
+    (14..27).map(|k| IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1))
+}
+
+fn bonds(cells: &[IVec3], reach: u32) -> Vec<LatticeBond> {
+    let index: HashMap<IVec3, u32> = cells.iter().copied().zip(0..).collect();
+    let mut bonds: Vec<LatticeBond> = cells
+        .iter()
+        .zip(0u32..)
+        .flat_map(|(&cell, i)| neighbour_steps().map(move |step| (cell, i, step)))
+        .filter(|(_, _, step)| step.length_squared() as u32 <= reach)
+        .filter_map(|(cell, i, step)| {
+            let &j = index.get(&(cell + step))?;
+            Some(LatticeBond { i: i.min(j), j: i.max(j), class: step.length_squared() as u32 })
+        })
+        .collect();
+    bonds.sort_unstable();
+    bonds
+}
+
+/// Cells cut off from the rest by a coarse lattice would fall away as loose spheres: only the largest part stays.
+fn largest_component(cells: Vec<IVec3>) -> Vec<IVec3> {
+    let bonds = bonds(&cells, 1);
+    let mut part: Vec<usize> = (0..cells.len()).collect();
+    fn root(part: &mut [usize], mut i: usize) -> usize {
+        while part[i] != i {
+            part[i] = part[part[i]];
+            i = part[i];
+        }
+        i
+    }
+    for bond in &bonds {
+        let (a, b) = (root(&mut part, bond.i as usize), root(&mut part, bond.j as usize));
+        part[a.max(b)] = a.min(b);
+    }
+    let roots: Vec<usize> = (0..cells.len()).map(|i| root(&mut part, i)).collect();
+    let mut sizes: HashMap<usize, usize> = HashMap::new();
+    roots.iter().for_each(|&r| *sizes.entry(r).or_default() += 1);
+    let largest = sizes.iter().max_by_key(|&(&r, &n)| (n, usize::MAX - r)).map(|(&r, _)| r);
+    cells.iter().zip(roots).filter(|&(_, r)| Some(r) == largest).map(|(&cell, _)| cell).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE_1: Teardrop = Teardrop { size_m: [0.144, 0.072, 0.040], mirrored: false };
+
+    #[test]
+    fn bonds_join_nearest_neighbours_and_diagonals_only_with_one_type() {
+        let two = MetaParticle::fill(&SIZE_1, 0.004, Fill::Centres, bond_reach(2, 1.732));
+        assert!(two.bonds.iter().all(|bond| {
+            let length = (two.points[bond.i as usize] - two.points[bond.j as usize]).length();
+            (length - 0.008).abs() < 1e-12 && bond.class == 1
+        }));
+        let one = MetaParticle::fill(&SIZE_1, 0.004, Fill::Centres, bond_reach(1, 1.5));
+        let diagonals = one.bonds.iter().filter(|bond| bond.class == 2).count();
+        assert!(diagonals > one.bonds.len() / 2, "{diagonals} of {}", one.bonds.len());
+        assert_eq!(one.bonds.len() - diagonals, two.bonds.len());
+        assert_eq!(bond_reach(1, 1.4), 1, "below √2 no diagonal is within reach");
+    }
+
+    #[test]
+    fn lattice_volume_follows_the_shape_and_sorting_is_z_y_x() {
+        let meta = MetaParticle::fill(&SIZE_1, 0.002, Fill::Centres, 1);
+        let volume = meta.points.len() as f64 * 0.004f64.powi(3);
+        assert!((volume / meta.volume_m3 - 1.0).abs() < 0.03);
+        assert!(meta.points.is_sorted_by(|a, b| (a.z, a.y, a.x) < (b.z, b.y, b.x)));
+        assert!(meta.points.iter().sum::<DVec3>().length() < 1e-9);
+    }
+
+    #[test]
+    fn whole_spheres_are_fewer_than_centres() {
+        let centres = MetaParticle::fill(&SIZE_1, 0.004, Fill::Centres, 1);
+        let whole = MetaParticle::fill(&SIZE_1, 0.004, Fill::WholeSpheres, 1);
+        assert!(whole.points.len() < centres.points.len() * 2 / 3);
+        assert!(!whole.points.is_empty());
+    }
+
+    #[test]
+    fn stray_cells_are_dropped() {
+        let cells = vec![IVec3::ZERO, IVec3::X, IVec3::new(5, 0, 0), IVec3::new(2, 0, 0)];
+        assert_eq!(largest_component(cells), [IVec3::ZERO, IVec3::X, IVec3::new(2, 0, 0)]);
+    }
+}
