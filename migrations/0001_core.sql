@@ -78,6 +78,7 @@ CREATE TABLE jobs (
 
 CREATE INDEX jobs_to_claim ON jobs (priority DESC, turn, seq) WHERE state = 'queued';
 CREATE INDEX jobs_by_lease ON jobs (lease_expires_at) WHERE state = 'running';
+CREATE INDEX jobs_of_sweep ON jobs (sweep_id) WHERE sweep_id IS NOT NULL;
 CREATE INDEX jobs_by_sweep ON jobs (sweep_id, state) WHERE sweep_id IS NOT NULL;
 CREATE INDEX jobs_by_state ON jobs (state, seq);
 CREATE INDEX jobs_by_worker ON jobs (worker_id) WHERE state = 'running';

@@ -1,1 +1,20 @@
-//! Placeholder while the workspace is laid out.
+//! The Roost server: a durable queue of jobs, sweeps, and the HTTP API to both.
+//!
+//! `http` answers requests, `queue` decides (pure, the clock an argument), `sweep` expands designs (pure),
+//! `store` keeps everything in one SQLite file. axum is used in `http` only, sqlx in `store` only.
+
+mod app;
+mod clock;
+mod config;
+mod http;
+mod queue;
+mod reaper;
+mod server;
+mod store;
+mod sweep;
+
+pub use config::ServerConfig;
+pub use queue::AttemptLimits;
+pub use roost_solver::Limits;
+pub use server::{Server, ServerError};
+pub use store::StoreError;

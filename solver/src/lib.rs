@@ -6,9 +6,12 @@
 //! out, [`observe`] reads the state into samples, and [`result`] is what comes back.
 #![doc = include_str!("../README.md")]
 
+mod check;
 pub mod cpu;
 pub mod engine;
 pub mod equipment;
+pub mod experiments;
+pub mod observe;
 pub mod physics;
 pub mod result;
 pub mod scenario;
@@ -18,8 +21,9 @@ pub mod shape;
 /// silently, and the result cache is keyed by it.
 pub const PHYSICS_REVISION: u32 = 1;
 
-use result::{Estimate, Progress, RunResult};
-use scenario::{Fault, Scenario};
+pub use check::check;
+use result::{Progress, RunResult};
+use scenario::Scenario;
 
 /// The version of the solver crate.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -39,14 +43,6 @@ impl Default for Limits {
     }
 }
 
-/// Checks what the field table cannot: fit, stability and cost, without running anything.
-///
-/// # Errors
-/// Every fault found, each naming its field.
-pub fn check(_scenario: &Scenario, _limits: &Limits) -> Result<Estimate, Vec<Fault>> {
-    todo!()
-}
-
 /// What a progress callback answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
@@ -57,18 +53,18 @@ pub enum Flow {
 }
 
 /// Where a run is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CpuOptions {
     /// Threads; 0 means one per processor.
     pub threads: usize,
 }
 
-/// Runs one scenario on the CPU to its end and returns its result. `on_progress` is called about ten times a
-/// second of wall time (never less than once per output interval) and may cancel.
+/// Runs one scenario on the CPU to its end. `on_progress` is called about ten times a second of wall time and
+/// at least once per output interval, and may cancel: what was sampled so far is then returned, without responses.
 pub fn simulate(
-    _scenario: &Scenario,
-    _options: CpuOptions,
-    _on_progress: &mut dyn FnMut(&Progress) -> Flow,
+    scenario: &Scenario,
+    options: CpuOptions,
+    on_progress: &mut dyn FnMut(&Progress) -> Flow,
 ) -> RunResult {
-    todo!()
+    experiments::simulate(scenario, &cpu::Cpu::new(options.threads), on_progress)
 }

@@ -6,7 +6,7 @@ use super::Refusal;
 
 /// What a cancel does, by the state of the job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CancelEffect {
+pub(crate) enum CancelEffect {
     /// The job is cancelled at once.
     Cancel,
     /// The worker hears of it with its next beat.
@@ -16,7 +16,7 @@ pub enum CancelEffect {
 }
 
 /// Decides on a cancel.
-pub fn on_cancel(state: JobState) -> CancelEffect {
+pub(crate) fn on_cancel(state: JobState) -> CancelEffect {
     match state {
         JobState::Queued => CancelEffect::Cancel,
         JobState::Running => CancelEffect::Ask,
@@ -25,7 +25,7 @@ pub fn on_cancel(state: JobState) -> CancelEffect {
 }
 
 /// Decides on a retry; `wanted` narrows it to jobs that failed so.
-pub fn on_retry(
+pub(crate) fn on_retry(
     state: JobState,
     failure_class: Option<FailureClass>,
     wanted: Option<FailureClass>,

@@ -6,7 +6,7 @@ use super::{AttemptLimits, JobChange, JobFacts, Refusal, Standing};
 
 /// The answer to a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub(crate) enum Verdict {
     /// It counts: the job changes so.
     Record(JobChange),
     /// It counted already: nothing changes.
@@ -14,7 +14,7 @@ pub enum Verdict {
 }
 
 /// Decides on a delivered result. One that arrives while a cancel is on its way wins: the work is done.
-pub fn on_result(standing: Standing) -> Result<Verdict, Refusal> {
+pub(crate) fn on_result(standing: Standing) -> Result<Verdict, Refusal> {
     match standing {
         Standing::Holds => Ok(Verdict::Record(JobChange::Succeed)),
         Standing::Ended(AttemptOutcome::Succeeded) => Ok(Verdict::Repeat),
@@ -24,7 +24,7 @@ pub fn on_result(standing: Standing) -> Result<Verdict, Refusal> {
 }
 
 /// Decides on a reported failure.
-pub fn on_failure(
+pub(crate) fn on_failure(
     job: &JobFacts,
     standing: Standing,
     outcome: AttemptOutcome,

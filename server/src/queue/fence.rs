@@ -10,7 +10,7 @@ use super::{AttemptFacts, JobFacts, Refusal};
 
 /// Where an attempt stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
+pub(crate) enum Standing {
     /// It may write. Its lease may have expired, and the job then waits in the queue.
     Holds,
     /// It has ended by its own report: only a repeat of that report is answered.
@@ -20,7 +20,7 @@ pub enum Standing {
 }
 
 /// Where `attempt` of `job` stands when `worker` writes to it.
-pub fn standing(job: &JobFacts, attempt: &AttemptFacts, worker: WorkerId) -> Standing {
+pub(crate) fn standing(job: &JobFacts, attempt: &AttemptFacts, worker: WorkerId) -> Standing {
     if attempt.worker_id != worker {
         return Standing::Stale(Refusal::OtherWorker);
     }

@@ -7,7 +7,7 @@ use super::{AttemptLimits, JobChange, JobFacts, Standing};
 
 /// What a beat of one attempt does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BeatEffect {
+pub(crate) enum BeatEffect {
     /// The lease now ends then; a job that was back in the queue runs again.
     Renew {
         /// When the lease ends.
@@ -20,7 +20,7 @@ pub enum BeatEffect {
 }
 
 /// Decides on a beat of an attempt that stands so.
-pub fn on_beat(job: &JobFacts, standing: Standing, until: Timestamp) -> BeatEffect {
+pub(crate) fn on_beat(job: &JobFacts, standing: Standing, until: Timestamp) -> BeatEffect {
     match standing {
         Standing::Holds => BeatEffect::Renew { until, cancel: job.cancelling },
         Standing::Ended(_) | Standing::Stale(_) => BeatEffect::Abandon,
@@ -28,7 +28,7 @@ pub fn on_beat(job: &JobFacts, standing: Standing, until: Timestamp) -> BeatEffe
 }
 
 /// Decides on a running job at `now`: nothing while its lease lasts.
-pub fn on_lease_expired(
+pub(crate) fn on_lease_expired(
     job: &JobFacts,
     lease_expires_at: Timestamp,
     limits: AttemptLimits,

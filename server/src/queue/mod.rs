@@ -17,14 +17,14 @@ use roost_api::ids::WorkerId;
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::time::Timestamp;
 
-pub use control::{CancelEffect, on_cancel, on_retry};
-pub use ending::{Verdict, on_failure, on_result};
-pub use fence::{Standing, standing};
-pub use lease::{BeatEffect, on_beat, on_lease_expired};
+pub(crate) use control::{CancelEffect, on_cancel, on_retry};
+pub(crate) use ending::{Verdict, on_failure, on_result};
+pub(crate) use fence::{Standing, standing};
+pub(crate) use lease::{BeatEffect, on_beat, on_lease_expired};
 
 /// What the queue knows of a job when it decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct JobFacts {
+pub(crate) struct JobFacts {
     /// Its state.
     pub state: JobState,
     /// Whether a cancel is on its way.
@@ -41,7 +41,7 @@ pub struct JobFacts {
 
 /// What the queue knows of an attempt when it decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AttemptFacts {
+pub(crate) struct AttemptFacts {
     /// Its number.
     pub number: u32,
     /// Who claimed it.
@@ -67,7 +67,7 @@ impl Default for AttemptLimits {
 
 /// What happens to a job.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum JobChange {
+pub(crate) enum JobChange {
     /// Back to the queue.
     Requeue,
     /// Its result is recorded.
@@ -80,7 +80,7 @@ pub enum JobChange {
 
 /// Why a request to change a job is refused. Nothing has changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
+pub(crate) enum Refusal {
     /// No such job.
     #[error("there is no job with this id")]
     NoJob,
@@ -114,6 +114,9 @@ pub enum Refusal {
     /// Somebody else's attempt.
     #[error("the attempt belongs to another worker")]
     OtherWorker,
+    /// A result of another scenario than the job's.
+    #[error("the result is of another scenario than the job's: its digest differs")]
+    OtherScenario,
     /// A failure report with an outcome that is not a worker's to report.
     #[error("`{outcome}` cannot be reported as a failure here")]
     NotReportable {
@@ -135,6 +138,6 @@ pub enum Refusal {
 }
 
 /// When a lease taken or renewed now ends.
-pub fn lease_end(now: Timestamp, lease: Duration) -> Timestamp {
+pub(crate) fn lease_end(now: Timestamp, lease: Duration) -> Timestamp {
     now.plus_ms(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
 }

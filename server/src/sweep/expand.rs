@@ -13,7 +13,7 @@ use super::{Expansion, MAX_SEED, Point, SweepLimits, design, factor};
 const MAX_FAULTS: usize = 100;
 
 /// Expands a sweep, or lists every fault with pointers into its document.
-pub fn expand(spec: &SweepSpec, limits: SweepLimits) -> Result<Expansion, Vec<Fault>> {
+pub(crate) fn expand(spec: &SweepSpec, limits: SweepLimits) -> Result<Expansion, Vec<Fault>> {
     let mut faults = Vec::new();
     let base = match scenario::from_value(&spec.base) {
         Ok(base) => Some(base),
@@ -37,7 +37,12 @@ pub fn expand(spec: &SweepSpec, limits: SweepLimits) -> Result<Expansion, Vec<Fa
     Ok(Expansion { factors, points, replicates: spec.replicates, base, estimate })
 }
 
-fn fault(pointer: impl Into<String>, value: Value, detail: impl Into<String>, allowed: Option<String>) -> Fault {
+fn fault(
+    pointer: impl Into<String>,
+    value: Value,
+    detail: impl Into<String>,
+    allowed: Option<String>,
+) -> Fault {
     Fault { pointer: pointer.into(), value, detail: detail.into(), allowed }
 }
 
@@ -64,14 +69,14 @@ fn check_factors(spec: &SweepSpec, base: Option<&Scenario>, faults: &mut Vec<Fau
         let at = format!("/factors/{index}/pointer");
         let pointer = factor.pointer.as_str();
         if factor::segments(pointer).is_none() {
-            let allowed = Some("a JSON pointer into the scenario, such as /equipment/gate_opening_m".to_owned());
+            let allowed =
+                Some("a JSON pointer into the scenario, such as /equipment/gate_opening_m".to_owned());
             faults.push(fault(&at, json!(pointer), "not a JSON pointer", allowed));
         } else if pointer == "/seed" || pointer == "/schema" {
             let detail = format!("`{pointer}` cannot be a factor; more seeds are what `replicates` is for");
             faults.push(fault(&at, json!(pointer), detail, None));
         } else if complete.as_ref().is_some_and(|complete| complete.pointer(pointer).is_none()) {
-            let nearest = complete.as_ref().and_then(|complete| nearest_pointer(complete, pointer));
-            let allowed = nearest.map(|nearest| format!("did you mean {nearest}?"));
+            let allowed = scenario::nearest(pointer).map(|nearest| format!("did you mean {nearest}?"));
             faults.push(fault(&at, json!(pointer), "the scenario has no such field", allowed));
         }
         let earlier = &spec.factors[..index];
@@ -81,7 +86,12 @@ fn check_factors(spec: &SweepSpec, base: Option<&Scenario>, faults: &mut Vec<Fau
         }
         let at = format!("/factors/{index}/levels");
         if factor.levels.is_empty() {
-            faults.push(fault(&at, json!([]), "a factor needs levels", Some("at least one value".to_owned())));
+            faults.push(fault(
+                &at,
+                json!([]),
+                "a factor needs levels",
+                Some("at least one value".to_owned()),
+            ));
         }
         for (level, value) in factor.levels.iter().enumerate() {
             if factor.levels[..level].contains(value) {
@@ -92,25 +102,14 @@ fn check_factors(spec: &SweepSpec, base: Option<&Scenario>, faults: &mut Vec<Fau
     }
 }
 
-/// The pointer of the field whose pointer reads most like the wanted one.
-fn nearest_pointer(complete: &Value, wanted: &str) -> Option<String> {
-    fn collect(value: &Value, at: String, all: &mut Vec<String>) {
-        if let Value::Object(fields) = value {
-            for (name, value) in fields {
-                collect(value, format!("{at}/{name}"), all);
-            }
-        }
-        all.push(at);
-    }
-    let mut all = Vec::new();
-    collect(complete, String::new(), &mut all);
-    let score = |pointer: &String| strsim::jaro_winkler(pointer, wanted);
-    all.into_iter().max_by(|one, other| score(one).total_cmp(&score(other))).filter(|best| score(best) > 0.8)
-}
-
 fn check_size(spec: &SweepSpec, limits: SweepLimits, faults: &mut Vec<Fault>) {
     if spec.replicates == 0 {
-        faults.push(fault("/replicates", json!(0), "a point runs at least once", Some("1 or more".to_owned())));
+        faults.push(fault(
+            "/replicates",
+            json!(0),
+            "a point runs at least once",
+            Some("1 or more".to_owned()),
+        ));
     }
     let levels: Vec<_> = spec.factors.iter().map(|factor| factor.levels.len()).collect();
     let jobs = design::size(&spec.design, &levels).and_then(|n| n.checked_mul(spec.replicates.into()));
@@ -167,7 +166,13 @@ fn points(spec: &SweepSpec, base: &Scenario, limits: SweepLimits) -> Result<Vec<
 
 /// Says a design point's fault in terms of the sweep: the level to blame where the fault lies in a factor's
 /// field, else the base field with the point that it does not go with.
-fn point_fault(spec: &SweepSpec, chosen: &[usize], index: u64, levels: &Map<String, Value>, found: Fault) -> Fault {
+fn point_fault(
+    spec: &SweepSpec,
+    chosen: &[usize],
+    index: u64,
+    levels: &Map<String, Value>,
+    found: Fault,
+) -> Fault {
     let blamed = spec.factors.iter().position(|factor| factor::inside(&found.pointer, &factor.pointer));
     let detail = format!("{} (design point {index}: {})", found.detail, Value::Object(levels.clone()));
     match blamed {

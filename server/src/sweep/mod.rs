@@ -15,15 +15,15 @@ use roost_solver::Limits;
 use roost_solver::scenario::Scenario;
 use serde_json::{Map, Value};
 
-pub use expand::expand;
-pub use table::csv;
+pub(crate) use expand::expand;
+pub(crate) use table::csv;
 
 /// The largest seed: beyond it a JSON number is not exact everywhere.
-pub const MAX_SEED: u64 = (1 << 53) - 1;
+pub(crate) const MAX_SEED: u64 = (1 << 53) - 1;
 
 /// What an operator allows a sweep to be.
 #[derive(Clone, Copy, Debug)]
-pub struct SweepLimits {
+pub(crate) struct SweepLimits {
     /// Jobs of one sweep.
     pub max_jobs: u64,
     /// Cost of each scenario.
@@ -32,7 +32,7 @@ pub struct SweepLimits {
 
 /// A sweep written out.
 #[derive(Clone, Debug)]
-pub struct Expansion {
+pub(crate) struct Expansion {
     /// Pointers of the factors, in the order of the specification.
     pub factors: Vec<String>,
     /// The design matrix; its indices are for ever.
@@ -47,7 +47,7 @@ pub struct Expansion {
 
 /// A design point.
 #[derive(Clone, Debug)]
-pub struct Point {
+pub(crate) struct Point {
     /// Level by pointer.
     pub levels: Map<String, Value>,
     /// The scenario of replicate 0, complete.
@@ -56,12 +56,12 @@ pub struct Point {
 
 impl Expansion {
     /// How many jobs it makes.
-    pub fn jobs(&self) -> u64 {
+    pub(crate) fn jobs(&self) -> u64 {
         self.points.len() as u64 * u64::from(self.replicates)
     }
 
     /// Every trial, point by point: point, replicate and scenario. Replicate r has seed `base.seed + r`.
-    pub fn trials(&self) -> impl Iterator<Item = (u32, u32, Scenario)> {
+    pub(crate) fn trials(&self) -> impl Iterator<Item = (u32, u32, Scenario)> {
         self.points.iter().enumerate().flat_map(move |(index, point)| {
             (0..self.replicates).map(move |replicate| {
                 let mut scenario = point.scenario.clone();

@@ -6,7 +6,7 @@ use roost_api::sweep::SweepResults;
 use serde_json::Value;
 
 /// Writes the table. Columns: trial, factors in the order of the sweep, outcome, responses by name.
-pub fn csv(results: &SweepResults) -> Result<String, csv::Error> {
+pub(crate) fn csv(results: &SweepResults) -> Result<String, csv::Error> {
     let names: BTreeSet<&str> =
         results.trials.iter().flat_map(|trial| trial.responses.keys()).map(String::as_str).collect();
     let factors = &results.sweep.factors;

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::{Map, Value, json};
 
 use super::SCHEMA;
-use super::field::{Field, Kind, MAX_SIZES, Preset, Range};
+use super::field::{Field, Kind, MAX_SIZES, Preset, Range, plain};
 use super::fields::{FIELDS, SECTIONS};
 
 /// The JSON Schema (2020-12) of a scenario.
@@ -99,11 +99,8 @@ pub fn field_table_markdown() -> String {
         let default = match field.default {
             Preset::Required => "(required)".to_owned(),
             Preset::SameAs(other) => format!("as `{other}`"),
-            preset => {
-                let value = preset.value().unwrap_or_default();
-                let unit = if value.is_number() { field.unit } else { "" };
-                format!("`{value}` {unit}").trim_end().to_owned()
-            }
+            Preset::Number(number) => format!("`{}` {}", plain(number), field.unit).trim_end().to_owned(),
+            preset => format!("`{}`", preset.value().unwrap_or_default()),
         };
         let wet = field.wet.and_then(|wet| wet.value()).map_or(String::new(), |wet| format!("; wet `{wet}`"));
         let cells = [

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// Always [`SCHEMA`].
+    /// Always [`super::SCHEMA`].
     pub schema: String,
     /// The family of scenarios this one belongs to.
     pub experiment: Experiment,

@@ -1,0 +1,149 @@
+//! Checks what the field table cannot: whether the fillets fit, the step is stable, and what a run will cost.
+
+use crate::Limits;
+use crate::engine::scene::Kind;
+use crate::experiments::{bounds_on_timestep, fault, kinds, timestep_s};
+use crate::result::Estimate;
+use crate::scenario::{Fault, Scenario, SideWalls};
+
+/// Memory that the CPU backend takes for each sub-particle, in bytes: state, lists and their rebuilding.
+const BYTES_PER_SUBPARTICLE: u64 = 1000;
+/// Time of the CPU backend for each particle-step on one thread, in nanoseconds: measured, for estimates only.
+const NS_PER_PARTICLE_STEP: f64 = 500.0;
+/// Simulated time that a fill usually takes to come to rest, in seconds.
+const USUAL_FILL_S: f64 = 2.0;
+/// Share of the sub-particles that are on average still there while the hopper empties.
+const USUAL_SHARE: f64 = 0.6;
+/// Threads that the time is estimated for.
+const THREADS: f64 = 2.0;
+
+/// Checks fit, stability and cost, without running anything. Lattice fills are remembered, so that thousands of
+/// similar scenarios are checked in a second.
+///
+/// # Errors
+/// Every fault found, each naming its field.
+pub fn check(scenario: &Scenario, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
+    let kinds = kinds(scenario);
+    let mut faults = fill_faults(scenario, &kinds);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    faults.extend(fit_faults(scenario, &kinds));
+
+    let numerics = &scenario.numerics;
+    let bounds = bounds_on_timestep(scenario, &kinds);
+    let dt = timestep_s(scenario, &bounds);
+    let mut warnings = Vec::new();
+    if dt > bounds.undamped_s && !numerics.allow_unstable {
+        faults.push(fault(
+            "/numerics/timestep_s",
+            dt,
+            "the time step is past the stability limit 2/ω_max; /numerics/allow_unstable runs it all the same".into(),
+            format!("0 < timestep_s ≤ {:.3e} s, or \"auto\"", bounds.undamped_s),
+        ));
+    } else if dt > bounds.damped_s {
+        warnings.push(format!(
+            "timestep_s {dt:.3e} s is past {:.3e} s, the stability limit with damping: the run may diverge",
+            bounds.damped_s
+        ));
+    }
+
+    let count = u64::from(scenario.product.count);
+    let sum =
+        |of: &dyn Fn(&Kind) -> f64| -> f64 { (0..count as usize).map(|i| of(&kinds[i % kinds.len()])).sum() };
+    let subparticles = sum(&|kind| kind.meta.points.len() as f64) as u64;
+    let steps = ((numerics.max_fill_s + numerics.duration_s) / dt).ceil() as u64;
+    if subparticles > limits.max_subparticles {
+        faults.push(fault(
+            "/product/count",
+            count,
+            format!("{subparticles} sub-particles are more than this service takes"),
+            format!(
+                "at most {} sub-particles: fewer fillets or a larger sub-particle radius",
+                limits.max_subparticles
+            ),
+        ));
+    }
+    if steps > limits.max_steps {
+        faults.push(fault(
+            "/numerics/duration_s",
+            numerics.duration_s,
+            format!("{steps} steps of {dt:.3e} s are more than this service takes"),
+            format!("at most {} steps: a shorter duration or a larger time step", limits.max_steps),
+        ));
+    }
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let particle_steps = subparticles as f64 * (USUAL_FILL_S + USUAL_SHARE * numerics.duration_s) / dt;
+    Ok(Estimate {
+        fillets: count,
+        subparticles,
+        bonds: sum(&|kind| kind.meta.bonds.len() as f64) as u64,
+        mass_kg: sum(&|kind| kind.subparticle_mass_kg * kind.meta.points.len() as f64),
+        timestep_s: dt,
+        stable_timestep_s: bounds.undamped_s,
+        steps,
+        memory_bytes: subparticles * BYTES_PER_SUBPARTICLE,
+        wall_s: particle_steps * NS_PER_PARTICLE_STEP * 1e-9 / THREADS,
+        warnings,
+    })
+}
+
+/// Sizes in which the lattice leaves no sub-particle.
+fn fill_faults(scenario: &Scenario, kinds: &[Kind]) -> Vec<Fault> {
+    let product = &scenario.product;
+    let empty = |k: &usize| kinds[2 * k].meta.points.is_empty();
+    (0..product.sizes_m.len())
+        .filter(empty)
+        .map(|k| {
+            let [length, width, thickness] = product.sizes_m[k];
+            fault(
+                "/product/subparticle_radius_m",
+                product.subparticle_radius_m,
+                format!("no sub-particle fits inside size {k} of /product/sizes_m ({length} × {width} × {thickness} m)"),
+                "a smaller radius, a larger size, or fill \"centres\"".into(),
+            )
+        })
+        .collect()
+}
+
+/// Fillets that fit the hopper in no orientation, or are too many for its volume.
+fn fit_faults(scenario: &Scenario, kinds: &[Kind]) -> Vec<Fault> {
+    let (product, equipment) = (&scenario.product, &scenario.equipment);
+    let radius = product.subparticle_radius_m;
+    let mut faults = Vec::new();
+    let periodic = equipment.side_walls == SideWalls::Periodic;
+    for (k, size) in product.sizes_m.iter().enumerate() {
+        // Upright, a fillet needs its two lesser dimensions; the greater of those must fit both ways, with some
+        // room to turn or it would never be placed.
+        let mut sorted = *size;
+        sorted.sort_unstable_by(f64::total_cmp);
+        let needs = sorted[1] + 4.0 * radius;
+        let mut must_fit = |pointer: &str, room: f64| {
+            if room < needs {
+                let detail = format!("fillets of size {k} of /product/sizes_m cannot fit between the walls");
+                faults.push(fault(pointer, room, detail, format!("at least {needs:.4} m")));
+            }
+        };
+        must_fit("/equipment/hopper_length_m", equipment.hopper_length_m);
+        if !periodic {
+            must_fit("/equipment/hopper_width_m", equipment.hopper_width_m);
+        }
+    }
+    let area = equipment.hopper_length_m * equipment.hopper_width_m;
+    let lean = equipment.hopper_height_m * equipment.wall_slope_deg.to_radians().tan();
+    let volume =
+        area * equipment.hopper_height_m + lean * equipment.hopper_height_m / 2.0 * equipment.hopper_width_m;
+    let mean = kinds.iter().map(|kind| kind.meta.volume_m3).sum::<f64>() / kinds.len() as f64;
+    let most = (volume / mean) as u64;
+    if u64::from(product.count) > most {
+        faults.push(fault(
+            "/product/count",
+            product.count,
+            format!("the fillets alone take more than the hopper's {volume:.4} m³"),
+            format!("at most {most} fillets of these sizes, or a larger hopper"),
+        ));
+    }
+    faults
+}

@@ -1,0 +1,237 @@
+//! Watching a hopper: waits for rest, starts the belt, counts what passes the gate, lets go of what has left.
+
+use serde_json::{Map, Value};
+
+use super::hopper::{GONE_BEYOND_M, floor};
+use crate::engine::run::{Decision, Director, Sample};
+use crate::engine::scene::Scene;
+use crate::engine::state::State;
+use crate::observe::{Discharge, mass_rate};
+use crate::result::{EndReason, Series};
+use crate::scenario::{Equipment, Numerics, Scenario};
+
+/// The bed is at rest once this many samples in a row were slow enough.
+const SAMPLES_AT_REST: u32 = 5;
+/// The bed's surface is the height that this share of the hopper's floor stays below.
+const SURFACE_SHARE: f64 = 0.95;
+
+/// The bed at rest, when the belt starts.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bed {
+    mass_kg: f64,
+    volume_m3: f64,
+    fill_s: f64,
+}
+
+/// The hopper's director.
+#[derive(Debug)]
+pub struct HopperWatch {
+    equipment: Equipment,
+    numerics: Numerics,
+    low_m: glam::DVec3,
+    high_m: glam::DVec3,
+    slow_samples: u32,
+    bed: Option<Bed>,
+    /// Whether each sub-particle, by serial, has passed the gate.
+    passed: Vec<bool>,
+    unpassed: usize,
+    discharged_kg: f64,
+    escaped_kg: f64,
+    last_passage_s: f64,
+    /// Simulated times of all samples; belt time is known only once the belt has started.
+    simulated_s: Vec<f64>,
+    kinetic_energy_j: Vec<f64>,
+    bonds_intact: Vec<f64>,
+    /// Belt times and masses out, from the start on.
+    belt_s: Vec<f64>,
+    mass_kg: Vec<f64>,
+    greatest_height_m: Option<f64>,
+    max_overlap_m: f32,
+    radius_m: f64,
+    mass_at_start_kg: f64,
+}
+
+impl HopperWatch {
+    /// For a scenario and the scene made from it.
+    pub fn new(scenario: &Scenario, scene: &Scene) -> Self {
+        let bodies = || scene.bodies.iter().map(|body| &scene.kinds[body.kind]);
+        let subparticles: usize = bodies().map(|kind| kind.meta.points.len()).sum();
+        Self {
+            equipment: scenario.equipment.clone(),
+            numerics: scenario.numerics.clone(),
+            low_m: scene.low,
+            high_m: scene.high,
+            slow_samples: 0,
+            bed: None,
+            passed: vec![false; subparticles],
+            unpassed: subparticles,
+            discharged_kg: 0.0,
+            escaped_kg: 0.0,
+            last_passage_s: 0.0,
+            simulated_s: Vec::new(),
+            kinetic_energy_j: Vec::new(),
+            bonds_intact: Vec::new(),
+            belt_s: Vec::new(),
+            mass_kg: Vec::new(),
+            greatest_height_m: None,
+            max_overlap_m: 0.0,
+            radius_m: scene.radius_m,
+            mass_at_start_kg: bodies()
+                .map(|kind| kind.subparticle_mass_kg * kind.meta.points.len() as f64)
+                .sum(),
+        }
+    }
+
+    fn at_rest(&mut self, state: &State) -> bool {
+        let slow = state.max_speed() < self.numerics.rest_speed_m_s;
+        self.slow_samples = if slow { self.slow_samples + 1 } else { 0 };
+        self.slow_samples >= SAMPLES_AT_REST
+    }
+
+    fn count_what_passed(&mut self, state: &State, now_s: f64) {
+        let before = self.unpassed;
+        for (i, &serial) in state.serials.iter().enumerate() {
+            let passed = &mut self.passed[serial as usize];
+            if !*passed && state.position(i).x > 0.0 {
+                *passed = true;
+                self.unpassed -= 1;
+                self.discharged_kg += f64::from(state.masses[i]);
+            }
+        }
+        if self.unpassed < before {
+            self.last_passage_s = now_s;
+        }
+    }
+
+    /// Fillets wholly past the gate, and those of which a part has left the domain.
+    fn what_left(&mut self, state: &State) -> Vec<u32> {
+        let mut left = Vec::new();
+        for (body, range) in state.body_ranges() {
+            let at = |i: usize| state.position(i);
+            let periodic = self.equipment.side_walls == crate::scenario::SideWalls::Periodic;
+            let strayed = |x: glam::DVec3| {
+                let (below, above) = (x.cmplt(self.low_m), x.cmpgt(self.high_m));
+                below.x || below.z || above.x || above.z || (!periodic && (below.y || above.y))
+            };
+            if range.clone().all(|i| at(i).x > GONE_BEYOND_M) || range.clone().any(|i| strayed(at(i))) {
+                left.push(body);
+                for i in range {
+                    let serial = state.serials[i] as usize;
+                    if !std::mem::replace(&mut self.passed[serial], true) {
+                        self.unpassed -= 1;
+                        self.escaped_kg += f64::from(state.masses[i]);
+                    }
+                }
+            }
+        }
+        left
+    }
+
+    fn stop(&self, now_s: f64) -> Option<EndReason> {
+        let stop = &self.numerics.stop;
+        if stop.when_empty && self.unpassed == 0 {
+            return Some(EndReason::Empty);
+        }
+        let stood = now_s - self.last_passage_s;
+        stop.when_jammed_s.is_some_and(|longest| stood >= longest).then_some(EndReason::Jammed)
+    }
+
+    /// The responses of the run that ended for `reason`.
+    pub fn responses(&self, reason: EndReason) -> Map<String, Value> {
+        let bed = self.bed.unwrap_or_default();
+        let discharge = Discharge {
+            t_s: &self.belt_s,
+            mass_kg: &self.mass_kg,
+            end_reason: reason,
+            filled_kg: bed.mass_kg,
+            bed_volume_m3: bed.volume_m3,
+            belt_speed_m_s: self.equipment.belt_speed_m_s,
+            hopper_width_m: self.equipment.hopper_width_m,
+            gate_opening_m: self.equipment.gate_opening_m,
+            greatest_height_m: self.greatest_height_m,
+        };
+        let mut responses = discharge.responses().into_map();
+        let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
+        add("loaded_kg", self.mass_at_start_kg.into());
+        add("escaped_kg", self.escaped_kg.into());
+        add("fill_duration_s", self.bed.map(|bed| bed.fill_s).into());
+        add("bonds_intact_fraction", self.bonds_intact.last().copied().into());
+        add("kinetic_energy_end_j", self.kinetic_energy_j.last().copied().into());
+        add("max_overlap_ratio", (f64::from(self.max_overlap_m) / self.radius_m).into());
+        responses
+    }
+
+    /// The series: energy and bonds from the fill on (t < 0), masses from belt start.
+    pub fn series(&self) -> Vec<Series> {
+        // A fill that never rested has no belt start; its times then end at 0.
+        let start = self.bed.map_or(self.simulated_s.last().copied().unwrap_or(0.0), |bed| bed.fill_s);
+        let all: Vec<f64> = self.simulated_s.iter().map(|t| t - start).collect();
+        let series = |name: &str, unit: &str, t_s: &[f64], values: &[f64]| Series {
+            name: name.into(),
+            unit: unit.into(),
+            t_s: t_s.to_vec(),
+            values: values.to_vec(),
+        };
+        vec![
+            series("discharged_mass", "kg", &self.belt_s, &self.mass_kg),
+            series("mass_rate", "kg/s", &self.belt_s, &mass_rate(&self.belt_s, &self.mass_kg)),
+            series("bonds_intact_fraction", "1", &all, &self.bonds_intact),
+            series("kinetic_energy", "J", &all, &self.kinetic_energy_j),
+        ]
+    }
+}
+
+impl Director for HopperWatch {
+    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+        let state = sample.state;
+        self.max_overlap_m = sample.max_overlap_m;
+        // The sample at belt start is looked at twice: as the last of the fill and as the first of the process.
+        if self.simulated_s.last() != Some(&sample.simulated_s) {
+            self.simulated_s.push(sample.simulated_s);
+            self.kinetic_energy_j.push(state.kinetic_energy());
+            self.bonds_intact.push(state.bonds_intact_fraction());
+        }
+        let Some(now_s) = sample.belt_time_s else {
+            if self.at_rest(state) {
+                let mass_kg = state.masses.iter().map(|&m| f64::from(m)).sum();
+                let volume_m3 = bed_volume(state, &self.equipment);
+                self.bed = Some(Bed { mass_kg, volume_m3, fill_s: sample.simulated_s });
+                return Decision::Start;
+            }
+            return Decision::Continue { remove: self.what_left(state) };
+        };
+        self.count_what_passed(state, now_s);
+        let remove = self.what_left(state);
+        self.belt_s.push(now_s);
+        self.mass_kg.push(self.discharged_kg);
+        let inside = (0..state.particles.len()).map(|i| state.position(i)).filter(|x| x.x <= 0.0);
+        self.greatest_height_m = inside.map(|x| x.z + self.radius_m).reduce(f64::max);
+        match self.stop(now_s) {
+            Some(reason) => Decision::End(reason),
+            None => Decision::Continue { remove },
+        }
+    }
+
+    fn discharged_kg(&self) -> f64 {
+        self.discharged_kg
+    }
+}
+
+/// Hopper area times the height that 95 % of its floor, in squares of a sub-particle's diameter, stay below; in m³.
+fn bed_volume(state: &State, equipment: &Equipment) -> f64 {
+    let floor = floor(equipment);
+    let (size, cell) = (floor.high - floor.low, 2.0 * f64::from(state.radius_m));
+    let counts = (size / cell).floor().max(glam::DVec2::ONE);
+    let mut heights = vec![0.0f64; (counts.x * counts.y) as usize];
+    for i in 0..state.particles.len() {
+        let x = state.position(i);
+        let at = ((x.truncate() - floor.low) / size * counts).floor();
+        if at.cmpge(glam::DVec2::ZERO).all() && at.cmplt(counts).all() {
+            let cell = (at.x + counts.x * at.y) as usize;
+            heights[cell] = heights[cell].max(x.z + f64::from(state.radius_m));
+        }
+    }
+    heights.sort_unstable_by(f64::total_cmp);
+    let surface = heights[((heights.len() - 1) as f64 * SURFACE_SHARE).round() as usize];
+    size.x * size.y * surface
+}

@@ -1,0 +1,45 @@
+//! From the parameters of a scenario to the laws of force.
+
+use std::f64::consts::PI;
+
+use crate::engine::scene::Laws;
+use crate::physics::bond::{BondLaw, Form};
+use crate::physics::contact::ContactLaw;
+use crate::physics::hertz;
+use crate::scenario::{Formulation, PairContact, Scenario};
+
+/// The laws of force of a scenario.
+pub fn laws(scenario: &Scenario) -> Laws {
+    let radius = scenario.product.subparticle_radius_m;
+    let (e, nu) = (scenario.material.youngs_modulus_pa, scenario.material.poisson_ratio);
+    let law = |pair: &PairContact, moduli, r_star| {
+        ContactLaw::new(moduli, r_star, pair.restitution, pair.static_friction, pair.surface_energy_j_m2)
+    };
+    let rigid = hertz::tissue_on_rigid(e, nu);
+    let contact = &scenario.contact;
+    Laws {
+        tissue: law(&contact.fillet_fillet, hertz::tissue_on_tissue(e, nu), radius / 2.0),
+        equipment: law(&contact.fillet_equipment, rigid, radius),
+        belt: law(&contact.fillet_belt, rigid, radius),
+        bond: bond_law(scenario),
+        contact_between_bonded: scenario.bonds.contact_between_bonded,
+    }
+}
+
+fn bond_law(scenario: &Scenario) -> BondLaw {
+    let (bonds, radius) = (&scenario.bonds, scenario.product.subparticle_radius_m);
+    let area = PI * (bonds.disk_scale * radius).powi(2);
+    let strength = |pascal: Option<f64>| pascal.map_or(f32::INFINITY, |p| (p * area) as f32);
+    BondLaw {
+        form: match bonds.formulation {
+            Formulation::Corotated => Form::Corotated,
+            Formulation::AsPublished => Form::AsPublished,
+            Formulation::FiniteExtension => Form::FiniteExtension,
+        },
+        k_n: (bonds.normal_stiffness_n_m3 * area) as f32,
+        k_t: (bonds.shear_stiffness_n_m3 * area) as f32,
+        break_length: (2.0 * bonds.contact_radius_ratio * radius) as f32,
+        normal_strength: strength(bonds.normal_strength_pa),
+        shear_strength: strength(bonds.shear_strength_pa),
+    }
+}

@@ -1,0 +1,139 @@
+//! Where fillets start: in random orientation, stacked loosely above one another, touching nothing.
+//!
+//! Each fillet gets a random orientation and is set down, at the best of several random places, on a height map of
+//! what is there already. The stack is loose and collapses into the hopper when the run begins.
+
+use std::f64::consts::TAU;
+
+use glam::{DQuat, DVec2, DVec3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use crate::engine::scene::{Kind, Placement};
+
+/// Places tried for each fillet.
+const PLACES: usize = 24;
+/// Orientations tried until one fits between the walls; a fillet that fits at all does so long before.
+const ORIENTATIONS: usize = 10_000;
+/// Clearance between fillets, as a share of R.
+const GAP_RATIO: f64 = 0.05;
+
+/// The floor space that fillets are dropped over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Floor {
+    /// Lower corner in x and y, in metres.
+    pub low: DVec2,
+    /// Upper corner in x and y, in metres.
+    pub high: DVec2,
+    /// Whether y is periodic: fillets may straddle the corners in y.
+    pub periodic_y: bool,
+}
+
+/// A number from 0 to 1 (excluded), from the top 53 bits of the next word: the same on every platform.
+fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+    (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// A rotation drawn uniformly from all rotations (Shoemake 1992).
+fn rotation(rng: &mut ChaCha8Rng) -> DQuat {
+    let (u, v, w) = (uniform(rng), TAU * uniform(rng), TAU * uniform(rng));
+    let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
+    DQuat::from_xyzw(a * v.sin(), a * v.cos(), b * w.sin(), b * w.cos())
+}
+
+/// Heights of what has been placed, over the floor.
+struct HeightMap {
+    floor: Floor,
+    cell: f64,
+    counts: [usize; 2],
+    heights: Vec<f64>,
+}
+
+impl HeightMap {
+    fn new(floor: Floor, radius: f64) -> Self {
+        let size = floor.high - floor.low;
+        let counts = [size.x, size.y].map(|s| ((s / radius).floor() as usize).max(1));
+        // One cell size for both axes, so that a whole number of cells spans the period.
+        let cell = size.y / counts[1] as f64;
+        let counts = [(size.x / cell).ceil() as usize, counts[1]];
+        Self { floor, cell, counts, heights: vec![0.0; counts[0] * counts[1]] }
+    }
+
+    /// Calls `visit` with the index of every cell under a sphere.
+    fn under(&self, at: DVec2, radius: f64, mut visit: impl FnMut(usize)) {
+        let low = (at - radius - self.floor.low) / self.cell;
+        let high = (at + radius - self.floor.low) / self.cell;
+        for y in low.y.floor() as i64..=high.y.floor() as i64 {
+            let y = if self.floor.periodic_y {
+                y.rem_euclid(self.counts[1] as i64)
+            } else {
+                y.clamp(0, self.counts[1] as i64 - 1)
+            };
+            for x in low.x.floor().max(0.0) as usize..=(high.x.floor() as usize).min(self.counts[0] - 1) {
+                visit(x + self.counts[0] * y as usize);
+            }
+        }
+    }
+}
+
+/// Places `count` bodies, body `i` of kind `i mod kinds`, with velocity zero.
+///
+/// # Panics
+/// When a fillet fits between the walls in no orientation; [`crate::check`] refuses such scenarios.
+pub fn drop_in(kinds: &[Kind], count: usize, radius: f64, floor: Floor, seed: u64) -> Vec<Placement> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut map = HeightMap::new(floor, radius);
+    (0..count)
+        .map(|i| {
+            let kind = i % kinds.len();
+            let (orientation, points) = orient(&kinds[kind], radius, floor, &mut rng);
+            let position = settle(&points, radius, &map, &mut rng);
+            for &point in &points {
+                let top = position + point;
+                let mut cells = Vec::new();
+                map.under(top.truncate(), radius, |cell| cells.push(cell));
+                for cell in cells {
+                    map.heights[cell] = map.heights[cell].max(top.z + radius);
+                }
+            }
+            Placement { kind, position, orientation, velocity: DVec3::ZERO }
+        })
+        .collect()
+}
+
+/// A random orientation in which the body fits over the floor, and its points turned accordingly.
+fn orient(kind: &Kind, radius: f64, floor: Floor, rng: &mut ChaCha8Rng) -> (DQuat, Vec<DVec3>) {
+    let room = floor.high - floor.low - 2.0 * radius * (1.0 + GAP_RATIO);
+    for _ in 0..ORIENTATIONS {
+        let orientation = rotation(rng);
+        let points: Vec<DVec3> = kind.meta.points.iter().map(|&point| orientation * point).collect();
+        let span = points.iter().copied().fold(DVec3::MIN, DVec3::max)
+            - points.iter().copied().fold(DVec3::MAX, DVec3::min);
+        if span.x <= room.x && (floor.periodic_y || span.y <= room.y) {
+            return (orientation, points);
+        }
+    }
+    panic!("a fillet fits between the walls in no orientation");
+}
+
+/// The lowest of several random places where the points clear everything placed before.
+fn settle(points: &[DVec3], radius: f64, map: &HeightMap, rng: &mut ChaCha8Rng) -> DVec3 {
+    let gap = GAP_RATIO * radius;
+    let low = points.iter().copied().fold(DVec3::MAX, DVec3::min).truncate();
+    let high = points.iter().copied().fold(DVec3::MIN, DVec3::max).truncate();
+    let (mut from, mut to) = (map.floor.low - low + radius + gap, map.floor.high - high - radius - gap);
+    if map.floor.periodic_y {
+        (from.y, to.y) = (map.floor.low.y, map.floor.high.y);
+    }
+    let place = |rng: &mut ChaCha8Rng| {
+        let at = from + (to - from) * DVec2::new(uniform(rng), uniform(rng));
+        let mut height = f64::NEG_INFINITY;
+        for point in points {
+            map.under(at + point.truncate(), radius, |cell| {
+                height = height.max(map.heights[cell] + gap + radius - point.z);
+            });
+        }
+        at.extend(height)
+    };
+    (0..PLACES).map(|_| place(rng)).min_by(|a, b| a.z.total_cmp(&b.z)).expect("several places were tried")
+}

@@ -1,0 +1,160 @@
+//! The responses of a hopper: how much came out, how fast, how steadily.
+//!
+//! *Out* means past the gate plane, as a share of the filled mass. Rates and regime look at the curve *until
+//! 80 % is out* (or the run ends): the last fifth trickles out however the hopper works.
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use super::curve::Curve;
+use super::regime::{self, Regime, SPILL_S, WINDOW_S};
+use crate::result::EndReason;
+
+/// Judged by the paper at this belt time, in seconds; also the least that a regime can be told from.
+const JUDGED_S: f64 = 4.0;
+
+/// The share out until which rates are looked at.
+const FLOWING: f64 = 0.8;
+
+/// A mean rate is taken over at least this long, in seconds.
+const SHORTEST_MEAN_S: f64 = 0.1;
+
+/// A `rate_variation` under this is called steady.
+const STEADY: f64 = 0.2;
+
+/// A discharge as it was sampled, and what it is held against.
+#[derive(Clone, Copy, Debug)]
+pub struct Discharge<'a> {
+    /// Belt times of the samples, rising, from 0 (belt start) on, in seconds.
+    pub t_s: &'a [f64],
+    /// Mass that has passed the gate at those times, in kilograms.
+    pub mass_kg: &'a [f64],
+    /// Why the run ended: an empty hopper stays empty, a jammed one was judged.
+    pub end_reason: EndReason,
+    /// Mass of all fillets in the hopper at belt start, in kilograms.
+    pub filled_kg: f64,
+    /// Hopper area times the 95th percentile of the bed's surface height at rest, in m³.
+    pub bed_volume_m3: f64,
+    /// Speed of the belt, in m/s.
+    pub belt_speed_m_s: f64,
+    /// Inner width of the hopper, in metres.
+    pub hopper_width_m: f64,
+    /// Height of the gate's lower edge above the belt, in metres.
+    pub gate_opening_m: f64,
+    /// Greatest height above the belt of what is left in the hopper at the end, in metres; none when it is empty.
+    pub greatest_height_m: Option<f64>,
+}
+
+/// What a discharge comes to. None stands for "not reached" or "too little to tell".
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DischargeResponses {
+    /// Mass in the hopper at belt start.
+    pub filled_kg: f64,
+    /// Mass out at the end.
+    pub discharged_kg: f64,
+    /// Mass out at 4 s; a hopper that is empty sooner keeps its last value.
+    pub discharged_kg_at_4s: Option<f64>,
+    /// When 95 % of the filled mass was out.
+    pub time_to_95_percent_s: Option<f64>,
+    /// When 99 % of the filled mass was out.
+    pub time_to_99_percent_s: Option<f64>,
+    /// Mean rate from 0.5 s until 80 % is out; none when that is under 0.1 s.
+    pub mean_rate_kg_s: Option<f64>,
+    /// Highest running 1 s mean of the rate, opening spill included.
+    pub peak_rate_kg_s: Option<f64>,
+    /// Coefficient of variation of the running 1 s mean of the rate, windows from 0.5 s until 80 % is out;
+    /// none when those are under 1.5 s apart.
+    pub rate_variation: Option<f64>,
+    /// Whether `rate_variation` is under 0.2: a low rate may be slow but steady.
+    pub steady: Option<bool>,
+    /// Longest stretch with the rate, over 0.25 s, under 0.15 of the belt's capacity, until 80 % is out.
+    pub longest_stoppage_s: Option<f64>,
+    /// The regime; none when the belt stands still or the bed has no volume, so that there is no capacity.
+    pub regime: Option<Regime>,
+    /// Q_b, what the belt carries away when the opening is full.
+    pub belt_capacity_kg_s: f64,
+    /// q, the lowest running 1 s mean of the rate over Q_b, from 0.5 s until 80 % is out.
+    pub lowest_rate_ratio: Option<f64>,
+    /// R² of a straight line through the curve from 0 to `linearity_until_s`.
+    pub linearity_r2: Option<f64>,
+    /// 4 s, or when 80 % was out or the run ended, if that was sooner.
+    pub linearity_until_s: f64,
+    /// Filled mass over bed volume at rest; none when the bed has no volume.
+    pub bulk_density_kg_m3: Option<f64>,
+    /// Greatest height of what is left: fillets that hang on a wall look like a jam.
+    pub greatest_height_m: Option<f64>,
+}
+
+impl DischargeResponses {
+    /// The responses by name, for [`crate::result::RunResult::responses`].
+    pub fn into_map(self) -> Map<String, Value> {
+        match serde_json::to_value(self) {
+            Ok(Value::Object(map)) => map,
+            other => unreachable!("a struct of scalars serialises to an object, not {other:?}"),
+        }
+    }
+}
+
+impl Discharge<'_> {
+    /// Works the responses out.
+    ///
+    /// # Panics
+    /// When there are not as many masses as times.
+    pub fn responses(&self) -> DischargeResponses {
+        let curve = Curve::new(self.t_s, self.mass_kg);
+        let out = |share: f64| curve.time_of(share * self.filled_kg).filter(|_| self.filled_kg > 0.0);
+        let until = out(FLOWING).unwrap_or(curve.end());
+        let bulk_density = (self.bed_volume_m3 > 0.0).then(|| self.filled_kg / self.bed_volume_m3);
+        let capacity =
+            bulk_density.unwrap_or(0.0) * self.belt_speed_m_s * self.hopper_width_m * self.gate_opening_m;
+        let lowest_rate_ratio =
+            (capacity > 0.0 && until > 0.0).then(|| regime::lowest_rate(&curve, until) / capacity);
+        let rate_variation = regime::variation(&curve, until);
+        let linearity_until = until.min(JUDGED_S);
+        DischargeResponses {
+            filled_kg: self.filled_kg,
+            discharged_kg: curve.final_mass(),
+            discharged_kg_at_4s: self.known_at(&curve, JUDGED_S).then(|| curve.at(JUDGED_S)),
+            time_to_95_percent_s: out(0.95),
+            time_to_99_percent_s: out(0.99),
+            mean_rate_kg_s: (until - SPILL_S >= SHORTEST_MEAN_S).then(|| curve.mean_rate(SPILL_S, until)),
+            peak_rate_kg_s: self.peak_rate(&curve),
+            rate_variation,
+            steady: rate_variation.map(|variation| variation < STEADY),
+            longest_stoppage_s: (capacity > 0.0)
+                .then(|| regime::longest_stoppage(&curve, until, capacity))
+                .flatten(),
+            regime: (capacity > 0.0).then(|| match lowest_rate_ratio {
+                Some(ratio) if self.judged(&curve, out(FLOWING).is_some()) => Regime::of(ratio),
+                _ => Regime::TooShort,
+            }),
+            belt_capacity_kg_s: capacity,
+            lowest_rate_ratio,
+            linearity_r2: curve.linearity(0.0, linearity_until),
+            linearity_until_s: linearity_until,
+            bulk_density_kg_m3: bulk_density,
+            greatest_height_m: self.greatest_height_m,
+        }
+    }
+
+    /// Whether the mass out at a time is known: sampled, or the hopper was empty before.
+    fn known_at(&self, curve: &Curve<'_>, t: f64) -> bool {
+        reached(curve, t) || self.end_reason == EndReason::Empty && !self.t_s.is_empty()
+    }
+
+    fn peak_rate(&self, curve: &Curve<'_>) -> Option<f64> {
+        let end = if self.known_at(curve, WINDOW_S) { curve.end().max(WINDOW_S) } else { curve.end() };
+        curve.running_mean(0.0, end, WINDOW_S).iter().map(|rate| rate.1).reduce(f64::max)
+    }
+
+    /// Whether the run shows enough to tell a regime: 80 % out, an empty or a jammed hopper, or 4 s of belt.
+    fn judged(&self, curve: &Curve<'_>, flowed_out: bool) -> bool {
+        let ended = matches!(self.end_reason, EndReason::Empty | EndReason::Jammed);
+        flowed_out || ended || reached(curve, JUDGED_S)
+    }
+}
+
+/// Whether the curve goes on to `t`, within the rounding of its last sample's time.
+fn reached(curve: &Curve<'_>, t: f64) -> bool {
+    curve.end() >= t - 1e-6
+}

@@ -1,0 +1,13 @@
+//! From samples to what a run is asked for: rates, responses, regime.
+//!
+//! Everything here is a pure function of samples, knows no engine, and so is tested on curves drawn by hand.
+
+mod curve;
+mod discharge;
+mod regime;
+#[cfg(test)]
+mod tests;
+
+pub use curve::{RATE_WINDOW_S, mass_rate};
+pub use discharge::{Discharge, DischargeResponses};
+pub use regime::Regime;

@@ -1,0 +1,310 @@
+//! Curves drawn by hand, with answers known in advance.
+
+use super::{Discharge, DischargeResponses, RATE_WINDOW_S, Regime, mass_rate};
+use crate::result::EndReason;
+
+/// Filled mass of every test, in kilograms; the capacity of its belt is 10 kg/s.
+const FILLED: f64 = 40.0;
+
+/// Samples of a curve every 20 ms up to `end`.
+struct Sampled {
+    t_s: Vec<f64>,
+    mass_kg: Vec<f64>,
+    end_reason: EndReason,
+}
+
+fn sample(end: f64, curve: impl Fn(f64) -> f64) -> Sampled {
+    sample_every(0.02, end, curve)
+}
+
+fn sample_every(interval: f64, end: f64, curve: impl Fn(f64) -> f64) -> Sampled {
+    let t_s =
+        (0..=(end / interval).round() as usize).map(|index| index as f64 * interval).collect::<Vec<_>>();
+    let mass_kg = t_s.iter().map(|t| curve(*t)).collect();
+    Sampled { t_s, mass_kg, end_reason: EndReason::Duration }
+}
+
+impl Sampled {
+    fn ended(self, end_reason: EndReason) -> Self {
+        Self { end_reason, ..self }
+    }
+
+    fn discharge(&self) -> Discharge<'_> {
+        Discharge {
+            t_s: &self.t_s,
+            mass_kg: &self.mass_kg,
+            end_reason: self.end_reason,
+            filled_kg: FILLED,
+            bed_volume_m3: 0.04,
+            belt_speed_m_s: 0.25,
+            hopper_width_m: 0.5,
+            gate_opening_m: 0.08,
+            greatest_height_m: Some(0.1),
+        }
+    }
+
+    fn responses(&self) -> DischargeResponses {
+        self.discharge().responses()
+    }
+}
+
+/// A straight line of `rate` until all is out.
+fn line(rate: f64) -> impl Fn(f64) -> f64 {
+    move |t| (rate * t).min(FILLED)
+}
+
+#[track_caller]
+fn close(found: impl Into<Option<f64>>, expected: f64) {
+    let found = found.into().expect("a number");
+    assert!((found - expected).abs() < 1e-6, "{found} is not {expected}");
+}
+
+#[track_caller]
+fn near(found: Option<f64>, expected: f64, tolerance: f64) {
+    let found = found.expect("a number");
+    assert!((found - expected).abs() <= tolerance, "{found} is not {expected} ± {tolerance}");
+}
+
+#[test]
+fn a_straight_line() {
+    let responses = sample(6.0, line(8.0)).responses();
+    close(responses.discharged_kg, 40.0);
+    close(responses.discharged_kg_at_4s, 32.0);
+    close(responses.time_to_95_percent_s, 4.75);
+    close(responses.time_to_99_percent_s, 4.95);
+    close(responses.mean_rate_kg_s, 8.0);
+    close(responses.peak_rate_kg_s, 8.0);
+    close(responses.rate_variation, 0.0);
+    assert_eq!(responses.steady, Some(true));
+    close(responses.longest_stoppage_s, 0.0);
+    assert_eq!(responses.regime, Some(Regime::Constant));
+    close(responses.belt_capacity_kg_s, 10.0);
+    close(responses.lowest_rate_ratio, 0.8);
+    close(responses.linearity_r2, 1.0);
+    close(responses.linearity_until_s, 4.0);
+    close(responses.bulk_density_kg_m3, 1000.0);
+}
+
+#[test]
+fn a_stop_of_two_seconds() {
+    // 8 kg/s for 2 s, nothing for 2 s, 8 kg/s again: 80 % (32 kg) is out at 6 s.
+    let responses = sample(8.0, |t| line(8.0)(if t < 2.0 { t } else { (t - 2.0).max(2.0) })).responses();
+    close(responses.discharged_kg_at_4s, 16.0);
+    close(responses.mean_rate_kg_s, (32.0 - 4.0) / 5.5);
+    close(responses.lowest_rate_ratio, 0.0);
+    assert_eq!(responses.regime, Some(Regime::NoFlow));
+    assert_eq!(responses.steady, Some(false));
+    // A window of 0.25 s stays under 1.5 kg/s with 0.047 s of flow in it, on either side.
+    near(responses.longest_stoppage_s, 2.0 + 2.0 * RATE_WINDOW_S * 1.5 / 8.0, 0.021);
+}
+
+#[test]
+fn a_stop_shorter_than_the_running_mean_is_inconsistent() {
+    // The worst second holds 0.6 s of nothing and 0.4 s of 8 kg/s.
+    let responses = sample(8.0, |t| line(8.0)(if t < 2.0 { t } else { (t - 0.6).max(2.0) })).responses();
+    close(responses.lowest_rate_ratio, 0.32);
+    assert_eq!(responses.regime, Some(Regime::Inconsistent));
+    near(responses.longest_stoppage_s, 0.69, 0.021);
+}
+
+#[test]
+fn a_spill_and_then_nothing() {
+    // 8 kg/s for 0.4 s: the spill is neither flow nor the measure of flow.
+    let responses = sample(6.0, |t| 8.0 * t.min(0.4)).responses();
+    close(responses.discharged_kg_at_4s, 3.2);
+    assert_eq!(responses.time_to_95_percent_s, None);
+    assert_eq!(responses.time_to_99_percent_s, None);
+    close(responses.mean_rate_kg_s, 0.0);
+    close(responses.peak_rate_kg_s, 3.2);
+    assert_eq!(responses.rate_variation, None);
+    assert_eq!(responses.steady, None);
+    assert_eq!(responses.regime, Some(Regime::NoFlow));
+    close(responses.lowest_rate_ratio, 0.0);
+    near(responses.longest_stoppage_s, 5.6 + RATE_WINDOW_S * 1.5 / 8.0, 0.011);
+    assert!(responses.linearity_r2.unwrap() < 0.5);
+}
+
+#[test]
+fn a_spill_before_a_steady_flow_spoils_neither_mean_nor_variation() {
+    let responses = sample(6.0, |t| 16.0 * t.min(0.3) + 7.0 * (t - 0.3).max(0.0)).responses();
+    close(responses.mean_rate_kg_s, 7.0);
+    close(responses.rate_variation, 0.0);
+    close(responses.lowest_rate_ratio, 0.7);
+    close(responses.peak_rate_kg_s, 16.0 * 0.3 + 7.0 * 0.7);
+}
+
+#[test]
+fn an_exponential() {
+    // m = 40 (1 − e^(−t/2)): 80 % out at 2 ln 5, and the slowest second is the last before that.
+    let responses = sample(12.0, |t| FILLED * (1.0 - (-t / 2.0).exp())).responses();
+    let until = 2.0 * 5f64.ln();
+    near(responses.time_to_95_percent_s, 2.0 * 20f64.ln(), 1e-4);
+    near(responses.time_to_99_percent_s, 2.0 * 100f64.ln(), 1e-4);
+    near(responses.mean_rate_kg_s, (32.0 - FILLED * (1.0 - (-0.25f64).exp())) / (until - 0.5), 1e-3);
+    near(responses.peak_rate_kg_s, FILLED * (1.0 - (-0.5f64).exp()), 1e-6);
+    near(responses.lowest_rate_ratio, 4.0 * ((-(until - 1.0) / 2.0).exp() - 0.2), 1e-4);
+    near(Some(responses.linearity_until_s), until, 1e-4);
+    // R² of 1 − e^(−x) on [0, a] from its integrals, a = ln 5.
+    let a = 5f64.ln();
+    let e = 1.0 / 5.0;
+    let mean = (1.0 - e) / a;
+    let variance = (1.0 - e * e) / (2.0 * a) - mean * mean;
+    let covariance = (1.0 - e * (1.0 + a)) / a - mean * a / 2.0;
+    near(responses.linearity_r2, covariance * covariance / (variance * a * a / 12.0), 1e-3);
+    // The running mean falls as e^(−t/2) over b = (until − 1.5) / 2: mean and mean square from integrals.
+    let b = (until - 1.5) / 2.0;
+    let first = (1.0 - (-b).exp()) / b;
+    let second = (1.0 - (-2.0 * b).exp()) / (2.0 * b);
+    near(responses.rate_variation, (second / (first * first) - 1.0).sqrt(), 2e-3);
+}
+
+#[test]
+fn the_variation_of_a_wave() {
+    // A rate of 6 + 3 cos(πt) kg/s: over 1 s, half a period, its running mean swings by 3 · 2/π.
+    let responses =
+        sample(5.0, |t| 6.0 * t + 3.0 / std::f64::consts::PI * (std::f64::consts::PI * t).sin()).responses();
+    near(responses.rate_variation, 3.0 * std::f64::consts::FRAC_2_PI / 6.0 / 2f64.sqrt(), 0.01);
+    near(responses.lowest_rate_ratio, 0.6 - 0.3 * std::f64::consts::FRAC_2_PI, 1e-3);
+    assert_eq!(responses.steady, Some(false));
+}
+
+#[test]
+fn a_variation_takes_a_second_and_a_half() {
+    assert_eq!(sample(1.98, line(8.0)).responses().rate_variation, None);
+    close(sample(2.0, line(8.0)).responses().rate_variation, 0.0);
+}
+
+#[test]
+fn empty_early_is_judged() {
+    let responses = sample(2.5, line(16.0)).ended(EndReason::Empty).responses();
+    close(responses.discharged_kg_at_4s, 40.0);
+    close(responses.time_to_99_percent_s, 0.99 * 2.5);
+    close(responses.mean_rate_kg_s, 16.0);
+    assert_eq!(responses.regime, Some(Regime::Constant));
+    close(responses.linearity_until_s, 2.0);
+    close(responses.linearity_r2, 1.0);
+    // The same curve, cut off: what 4 s would have brought is not known, that it flowed is.
+    let cut = sample(2.5, line(16.0)).responses();
+    assert_eq!(cut.discharged_kg_at_4s, None);
+    assert_eq!(cut.regime, Some(Regime::Constant));
+}
+
+#[test]
+fn all_out_within_a_second() {
+    for (rate, end) in [(60.0, 0.68), (200.0, 0.2)] {
+        let responses = sample(end, line(rate)).ended(EndReason::Empty).responses();
+        assert_eq!(responses.regime, Some(Regime::Constant));
+        close(responses.peak_rate_kg_s, 40.0);
+        close(responses.discharged_kg_at_4s, 40.0);
+        close(responses.time_to_95_percent_s, 38.0 / rate);
+        assert_eq!(responses.mean_rate_kg_s, None);
+        assert_eq!(responses.rate_variation, None);
+        close(responses.lowest_rate_ratio, rate / 10.0);
+    }
+    let cut = sample(0.68, line(60.0)).responses();
+    assert_eq!(cut.peak_rate_kg_s, None);
+}
+
+#[test]
+fn a_short_run_is_too_short_unless_something_ended_it() {
+    let short = |end_reason| sample(3.98, line(3.0)).ended(end_reason).responses();
+    assert_eq!(short(EndReason::Duration).regime, Some(Regime::TooShort));
+    assert_eq!(short(EndReason::Unstable).regime, Some(Regime::TooShort));
+    assert_eq!(short(EndReason::Empty).regime, Some(Regime::Inconsistent));
+    assert_eq!(sample(4.0, line(3.0)).responses().regime, Some(Regime::Inconsistent));
+    let jammed = sample(2.0, |t| 8.0 * t.min(0.5)).ended(EndReason::Jammed).responses();
+    assert_eq!(jammed.regime, Some(Regime::NoFlow));
+    assert_eq!(jammed.discharged_kg_at_4s, None);
+}
+
+#[test]
+fn regimes_change_at_their_shares_of_the_capacity() {
+    let regime = |rate| sample(6.0, line(rate)).responses().regime.unwrap();
+    assert_eq!(regime(1.499), Regime::NoFlow);
+    assert_eq!(regime(1.501), Regime::Inconsistent);
+    assert_eq!(regime(5.499), Regime::Inconsistent);
+    assert_eq!(regime(5.501), Regime::Constant);
+}
+
+#[test]
+fn the_last_fifth_may_trickle() {
+    let responses = sample(10.0, |t| if t < 4.2 { 8.0 * t } else { 33.6 + 0.1 * (t - 4.2) }).responses();
+    assert_eq!(responses.regime, Some(Regime::Constant));
+    close(responses.longest_stoppage_s, 0.0);
+    assert_eq!(responses.time_to_95_percent_s, None);
+}
+
+#[test]
+fn nothing_at_all() {
+    let responses = sample(6.0, |_| 0.0).responses();
+    close(responses.discharged_kg, 0.0);
+    close(responses.discharged_kg_at_4s, 0.0);
+    close(responses.mean_rate_kg_s, 0.0);
+    close(responses.peak_rate_kg_s, 0.0);
+    assert_eq!((responses.rate_variation, responses.linearity_r2), (None, None));
+    assert_eq!(responses.regime, Some(Regime::NoFlow));
+    close(responses.longest_stoppage_s, 6.0);
+}
+
+#[test]
+fn without_samples_capacity_or_fill_there_are_no_numbers() {
+    let none = Sampled { t_s: vec![], mass_kg: vec![], end_reason: EndReason::FillNotAtRest }.responses();
+    assert_eq!(none.regime, Some(Regime::TooShort));
+    let one = Sampled { t_s: vec![0.0], mass_kg: vec![0.0], end_reason: EndReason::Unstable }.responses();
+    assert_eq!((one.regime, one.longest_stoppage_s), (Some(Regime::TooShort), None));
+    let moving = sample(6.0, line(8.0));
+    let still = Discharge { belt_speed_m_s: 0.0, ..moving.discharge() }.responses();
+    assert_eq!((still.regime, still.lowest_rate_ratio, still.longest_stoppage_s), (None, None, None));
+    close(still.mean_rate_kg_s, 8.0);
+    let flat = Discharge { bed_volume_m3: 0.0, filled_kg: 0.0, ..moving.discharge() }.responses();
+    assert_eq!((flat.regime, flat.bulk_density_kg_m3, flat.time_to_95_percent_s), (None, None, None));
+    for responses in [none, one, still, flat] {
+        let map = responses.into_map();
+        assert!(map.values().all(|value| !value.is_object() && !value.is_array()), "{map:?}");
+    }
+}
+
+#[test]
+fn responses_hardly_depend_on_the_output_interval() {
+    let wave = |t: f64| 7.0 * t + 0.5 * (2.0 * t).sin();
+    let fine = sample_every(0.001, 6.0, wave).responses();
+    let coarse = sample_every(0.1, 6.0, wave).responses();
+    near(coarse.rate_variation, fine.rate_variation.unwrap(), 2e-3);
+    near(coarse.lowest_rate_ratio, fine.lowest_rate_ratio.unwrap(), 2e-3);
+    near(coarse.mean_rate_kg_s, fine.mean_rate_kg_s.unwrap(), 2e-3);
+    near(coarse.linearity_r2, fine.linearity_r2.unwrap(), 2e-3);
+}
+
+#[test]
+fn the_map_is_flat_and_says_regimes_in_words() {
+    let map = sample(6.0, line(3.0)).responses().into_map();
+    assert_eq!(map["regime"], "inconsistent");
+    assert_eq!(map["steady"], true);
+    assert_eq!(map["discharged_kg"], 18.0);
+    assert!(map["time_to_95_percent_s"].is_null());
+    for name in ["discharged_kg_at_4s", "peak_rate_kg_s", "longest_stoppage_s", "belt_capacity_kg_s"] {
+        assert!(map[name].is_number(), "{name}");
+    }
+}
+
+#[test]
+fn the_rate_is_the_slope_and_smears_a_step_over_its_window() {
+    let sampled = sample(2.0, |t| 8.0 * (t - 1.0).max(0.0));
+    let rates = mass_rate(&sampled.t_s, &sampled.mass_kg);
+    assert_eq!(rates.len(), sampled.t_s.len());
+    close(rates[0], 0.0);
+    close(rates[43], 0.0); // 0.86 s: the window ends at 0.985 s
+    close(rates[50], 4.0); // 1 s: half the window
+    close(rates[57], 8.0); // 1.14 s: the window begins at 1.015 s
+    close(rates[100], 8.0);
+    assert_eq!(mass_rate(&[0.0], &[0.0]), [0.0]);
+    assert!(mass_rate(&[], &[]).is_empty());
+}
+
+#[test]
+fn the_rate_sums_up_to_the_mass() {
+    let sampled = sample(6.0, |t| 16.0 * t.min(0.3) + 6.0 * (t - 0.3).max(0.0));
+    let rates = mass_rate(&sampled.t_s, &sampled.mass_kg);
+    let sum = rates.windows(2).map(|pair| (pair[0] + pair[1]) / 2.0 * 0.02).sum::<f64>();
+    near(Some(sum), 39.0, 0.3);
+}

@@ -1,0 +1,142 @@
+//! Scenes small enough to be solved by hand: a few spheres, a block, a plate.
+#![allow(dead_code, unreachable_pub, reason = "each test binary uses some of these")]
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+use roost_solver::cpu::{Cpu, CpuRun};
+use roost_solver::engine::Backend;
+use roost_solver::engine::scene::{Kind, Laws, Placement, Scene};
+use roost_solver::engine::state::State;
+use roost_solver::equipment::{Surface, SurfaceKind};
+use roost_solver::physics::bond::{BondLaw, Form};
+use roost_solver::physics::contact::ContactLaw;
+use roost_solver::physics::hertz;
+use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
+
+pub const RADIUS: f64 = 0.004;
+pub const MASS: f64 = 4.6e-4;
+pub const E: f64 = 48_600.0;
+pub const NU: f64 = 0.37;
+pub const G: f64 = 9.81;
+
+/// A contact law of the tissue: against itself (R* = R/2) or against something rigid (R* = R).
+pub fn law(rigid: bool, restitution: f64, mu: f64, gamma: f64) -> ContactLaw {
+    if rigid {
+        ContactLaw::new(hertz::tissue_on_rigid(E, NU), RADIUS, restitution, mu, gamma)
+    } else {
+        ContactLaw::new(hertz::tissue_on_tissue(E, NU), RADIUS / 2.0, restitution, mu, gamma)
+    }
+}
+
+/// Bonds of Table 2.
+pub fn bonds() -> BondLaw {
+    let area = std::f64::consts::PI * RADIUS * RADIUS;
+    BondLaw {
+        form: Form::Corotated,
+        k_n: (1e6 * area) as f32,
+        k_t: (6e5 * area) as f32,
+        break_length: (2.0 * 1.732 * RADIUS) as f32,
+        normal_strength: f32::INFINITY,
+        shear_strength: f32::INFINITY,
+    }
+}
+
+/// A box of `n` bonded sub-particles.
+pub fn block(n: [i32; 3]) -> Kind {
+    let cells: Vec<[i32; 3]> =
+        (0..n[2]).flat_map(|z| (0..n[1]).flat_map(move |y| (0..n[0]).map(move |x| [x, y, z]))).collect();
+    let centre = DVec3::new(f64::from(n[0] - 1), f64::from(n[1] - 1), f64::from(n[2] - 1)) * RADIUS;
+    let point =
+        |c: &[i32; 3]| DVec3::new(f64::from(c[0]), f64::from(c[1]), f64::from(c[2])) * 2.0 * RADIUS - centre;
+    let mut bonds = Vec::new();
+    for (i, a) in cells.iter().enumerate() {
+        for (j, b) in cells.iter().enumerate().skip(i + 1) {
+            if (0..3).map(|k| (a[k] - b[k]).abs()).sum::<i32>() == 1 {
+                bonds.push(LatticeBond { i: i as u32, j: j as u32, class: 1 });
+            }
+        }
+    }
+    let points: Vec<DVec3> = cells.iter().map(point).collect();
+    let reach_m = points.iter().map(|p| p.length()).fold(0.0, f64::max);
+    let meta = MetaParticle { points, bonds, volume_m3: cells.len() as f64 * 5.12e-7, reach_m };
+    Kind { meta: Arc::new(meta), subparticle_mass_kg: MASS }
+}
+
+/// A body of the first kind at a place, moving.
+pub fn at(position: DVec3, velocity: DVec3) -> Placement {
+    Placement { kind: 0, position, orientation: DQuat::IDENTITY, velocity }
+}
+
+/// A scene without surfaces and without gravity: Table 2, without adhesion and friction, perfectly elastic.
+pub fn scene(kind: Kind, bodies: Vec<Placement>, dt: f64) -> Scene {
+    let rigid = law(true, 1.0, 0.0, 0.0);
+    let laws = Laws {
+        tissue: law(false, 1.0, 0.0, 0.0),
+        equipment: rigid,
+        belt: rigid,
+        bond: bonds(),
+        contact_between_bonded: false,
+    };
+    Scene {
+        radius_m: RADIUS,
+        kinds: vec![kind],
+        bodies,
+        surfaces: Vec::new(),
+        laws,
+        gravity: DVec3::ZERO,
+        low: DVec3::splat(-0.5),
+        high: DVec3::splat(0.5),
+        periodic_y: false,
+        timestep_s: dt,
+        speed_limit_m_s: 30.0,
+    }
+}
+
+/// A plate z = 0 of 0.8 m square.
+pub fn plate(kind: SurfaceKind) -> Surface {
+    Surface::parallelogram("plate", kind, DVec3::new(-0.4, -0.4, 0.0), DVec3::X * 0.8, DVec3::Y * 0.8)
+}
+
+/// A run of a scene on the CPU, step by step.
+pub struct Bench {
+    pub cpu: Cpu,
+    pub run: CpuRun,
+}
+
+impl Bench {
+    pub fn new(scene: &Scene) -> Self {
+        Self::on(scene, 1)
+    }
+
+    pub fn on(scene: &Scene, threads: usize) -> Self {
+        let cpu = Cpu::new(threads);
+        let run = cpu.prepare(scene);
+        Self { cpu, run }
+    }
+
+    pub fn steps(&mut self, n: u64) -> Option<String> {
+        self.cpu.advance(&mut [(&mut self.run, n)]).swap_remove(0).fault
+    }
+
+    pub fn state(&mut self) -> &State {
+        self.cpu.state(&mut self.run)
+    }
+
+    pub fn position(&mut self, i: usize) -> DVec3 {
+        self.state().position(i)
+    }
+
+    pub fn velocity(&mut self, i: usize) -> DVec3 {
+        self.state().particles[i].velocity.as_dvec3()
+    }
+}
+
+/// Asserts that two numbers agree within a share of the second.
+#[track_caller]
+pub fn assert_close(found: f64, expected: f64, share: f64) {
+    assert!(
+        (found - expected).abs() <= share * expected.abs(),
+        "found {found:e}, expected {expected:e} within {share:e} of it"
+    );
+}
