@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use roost_api::Fault;
+use roost_api::sweep::SCHEMA as SWEEP_SCHEMA;
 use roost_solver::scenario::{self, ScenarioError};
 use serde_json::Value;
 
@@ -23,20 +24,13 @@ pub(crate) enum Kind {
 
 impl Kind {
     pub(crate) fn of(document: &Value) -> Self {
-        if document.get("base").is_some() {
+        let says_so = document.get("schema").is_some_and(|schema| schema == SWEEP_SCHEMA);
+        if says_so || ["base", "factors", "design"].iter().any(|name| document.get(name).is_some()) {
             Self::Sweep
         } else if document.get("scenario").is_some() {
             Self::Job
         } else {
             Self::Scenario
-        }
-    }
-
-    pub(crate) fn as_str(self) -> &'static str {
-        match self {
-            Self::Scenario => "scenario",
-            Self::Job => "job",
-            Self::Sweep => "sweep",
         }
     }
 }

@@ -1,18 +1,23 @@
 //! The `roost` command: one file a subcommand, each thin; what people see is in `ui`.
 
 mod cancel;
+mod demo;
 mod exit;
+mod farm;
 mod input;
 mod list;
 mod output;
+mod results;
 mod retry;
 mod run;
+mod serve;
 mod signals;
 mod status;
 mod submit;
-mod results;
 mod target;
 mod ui;
+mod up;
+mod validate;
 mod watch;
 mod work;
 
@@ -36,12 +41,16 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Args),
+    Up(up::Args),
+    Serve(serve::Args),
     Work(work::Args),
     Run(run::Args),
     Submit(submit::Args),
     List(list::Args),
     Status(status::Args),
     Results(results::Args),
+    Validate(validate::Args),
     Cancel(cancel::Args),
     Retry(retry::Args),
 }
@@ -50,19 +59,24 @@ impl Command {
     /// Long-running roles tell what they do; all others only what went wrong.
     fn log_filter(&self) -> &'static str {
         match self {
-            Self::Work(_) => "info",
+            Self::Up(_) | Self::Serve(_) | Self::Work(_) => "info",
+            Self::Demo(_) => "error",
             _ => "warn",
         }
     }
 
     async fn execute(self) -> anyhow::Result<Exit> {
         match self {
+            Self::Demo(args) => demo::execute(args).await,
+            Self::Up(args) => up::execute(args).await,
+            Self::Serve(args) => serve::execute(args).await,
             Self::Work(args) => work::execute(args).await,
             Self::Run(args) => run::execute(args).await,
             Self::Submit(args) => submit::execute(args).await,
             Self::List(args) => list::execute(args).await,
             Self::Status(args) => status::execute(args).await,
             Self::Results(args) => results::execute(args).await,
+            Self::Validate(args) => validate::execute(&args),
             Self::Cancel(args) => cancel::execute(args).await,
             Self::Retry(args) => retry::execute(args).await,
         }

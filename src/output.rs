@@ -46,7 +46,9 @@ pub(crate) fn series_csv(writer: impl Write, series: &[Series]) -> Result<()> {
 
 /// The points of a series.
 pub(crate) fn points(series: Option<&Series>) -> Vec<(f64, f64)> {
-    series.map_or_else(Vec::new, |series| series.t_s.iter().copied().zip(series.values.iter().copied()).collect())
+    series.map_or_else(Vec::new, |series| {
+        series.t_s.iter().copied().zip(series.values.iter().copied()).collect()
+    })
 }
 
 /// A series' name with its unit last, as all names of quantities here.

@@ -38,7 +38,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     match (target::find(&client, args.id).await?, args.format) {
         (Target::Sweep(sweep), Format::Csv) => print!("{}", client.sweep_results_csv(sweep.id).await?),
-        (Target::Sweep(sweep), Format::Json) => println!("{:#}", json!(client.sweep_results(sweep.id).await?)),
+        (Target::Sweep(sweep), Format::Json) => {
+            println!("{:#}", json!(client.sweep_results(sweep.id).await?))
+        }
         (Target::Sweep(sweep), Format::Table) => print!("{}", trials(&client.sweep_results(sweep.id).await?)),
         (Target::Job(job), format) => {
             let result = client.job_result(job.id).await?;
@@ -54,7 +56,8 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 
 /// One row a trial: levels, seed, state and the chief responses.
 pub(crate) fn trials(results: &SweepResults) -> Table {
-    let levels = results.sweep.factors.iter().map(|pointer| pointer.trim_start_matches('/').replace('/', "."));
+    let levels =
+        results.sweep.factors.iter().map(|pointer| pointer.trim_start_matches('/').replace('/', "."));
     let names = SHOWN.map(str::to_owned);
     let mut table = Table::new(levels.chain(["seed".to_owned(), "state".to_owned()]).chain(names));
     for trial in &results.trials {

@@ -47,8 +47,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         eprintln!("warning: {warning}");
     }
     // Now, not after an hour of simulation.
-    std::fs::create_dir_all(&args.output)
-        .map_err(|error| crate::exit::BadInput(format!("cannot make the folder {}: {error}", args.output.display())))?;
+    std::fs::create_dir_all(&args.output).map_err(|error| {
+        crate::exit::BadInput(format!("cannot make the folder {}: {error}", args.output.display()))
+    })?;
     eprintln!(
         "{} fillets, {} sub-particles, {} steps of {} s at most",
         estimate.fillets,
@@ -135,7 +136,10 @@ pub(crate) fn responses(result: &RunResult) -> Table {
         }
     }
     table.row(["wall_s".to_owned(), format::significant(result.performance.wall_s)]);
-    table.row(["ns_per_particle_step".to_owned(), format::significant(result.performance.ns_per_particle_step)]);
+    table.row([
+        "ns_per_particle_step".to_owned(),
+        format::significant(result.performance.ns_per_particle_step),
+    ]);
     table
 }
 

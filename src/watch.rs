@@ -32,9 +32,11 @@ pub(crate) async fn sweep(client: &Client, id: SweepId, shutdown: &CancellationT
         let words = format!("{} of {} jobs done, {} running", counts.ended(), counts.total(), counts.running);
         if counts.is_ended() {
             bars.into_values().for_each(Meter::clear);
-            let failed = if counts.failed > 0 { format!(", {} failed", counts.failed) } else { String::new() };
+            let failed =
+                if counts.failed > 0 { format!(", {} failed", counts.failed) } else { String::new() };
             let took = format::duration(elapsed_s);
-            overall.finish(1.0, format!("{} of {} jobs done{failed} in {took}", counts.ended(), counts.total()));
+            overall
+                .finish(1.0, format!("{} of {} jobs done{failed} in {took}", counts.ended(), counts.total()));
             return Ok(view);
         }
         let left = format::time_left(view.fraction, elapsed_s).map(|left| format!(" · {left}"));

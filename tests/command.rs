@@ -125,7 +125,9 @@ fn every_fault_is_listed_at_once() {
     for arguments in [vec!["validate", &file], vec!["run", &file, "-o", &out]] {
         let text = refused(&arguments);
         assert!(text.contains("3 faults"), "{text}");
-        for part in ["/product/count", "-3", "/equipment/gate_openning_m", "gate_opening_m", "/numerics/duration_s"] {
+        for part in
+            ["/product/count", "-3", "/equipment/gate_openning_m", "gate_opening_m", "/numerics/duration_s"]
+        {
             assert!(text.contains(part), "no `{part}` in {text}");
         }
     }

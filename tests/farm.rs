@@ -32,8 +32,10 @@ fn a_sweep_goes_in_and_its_table_comes_out() {
     let csv = stdout(&home.roost(&["results", &id, "--format", "csv"]));
     assert_eq!(csv.lines().count(), 5, "{csv}");
     assert!(csv.lines().next().unwrap().contains("discharged_kg"), "{csv}");
-    let json: Value = serde_json::from_str(&stdout(&home.roost(&["results", &id, "--format", "json"]))).unwrap();
-    let seeds: Vec<_> = json["trials"].as_array().unwrap().iter().map(|trial| trial["seed"].clone()).collect();
+    let json: Value =
+        serde_json::from_str(&stdout(&home.roost(&["results", &id, "--format", "json"]))).unwrap();
+    let seeds: Vec<_> =
+        json["trials"].as_array().unwrap().iter().map(|trial| trial["seed"].clone()).collect();
     assert_eq!(seeds, [1, 2, 1, 2]);
     assert!(json["trials"][0]["responses"]["discharged_kg"].is_number());
     let table = stdout(&home.roost(&["results", &id]));
@@ -75,7 +77,8 @@ fn a_killed_server_costs_no_run() {
     server.kill();
 
     let _server = home.serve();
-    let back = home.job_when(&job, "the heartbeat is back", |job| fraction(job) > 0.05 || job.state.is_ended());
+    let back =
+        home.job_when(&job, "the heartbeat is back", |job| fraction(job) > 0.05 || job.state.is_ended());
     assert_eq!(back.attempt, 1);
     let done = home.job_when(&job, "the job has ended", |job| job.state.is_ended());
     assert_eq!((done.state, done.attempt), (JobState::Succeeded, 1), "{}", worker.log());
@@ -176,7 +179,9 @@ fn up_is_server_and_worker_in_one() {
         .stderr(std::process::Stdio::null())
         .spawn()
         .unwrap();
-    support::until("the server answers", || home.ask(|client| async move { client.sweeps(None, 1).await.ok() }));
+    support::until("the server answers", || {
+        home.ask(|client| async move { client.sweeps(None, 1).await.ok() })
+    });
     let file = home.file("scenario.json", &scenario(0.4));
     let output = home.roost(&["submit", "--wait", &file]);
     assert!(output.status.success(), "{}", support::said(&output));

@@ -49,7 +49,9 @@ pub(crate) struct Panel {
 pub(crate) fn draw(path: &Path, title: &str, panels: &[Panel]) -> Result<()> {
     let height = PANEL_HEIGHT * panels.len() as u32 + 40;
     let root = SVGBackend::new(path, (WIDTH, height)).into_drawing_area();
-    paint(&root, title, panels).and_then(|()| Ok(root.present()?)).with_context(|| format!("drawing {}", path.display()))
+    paint(&root, title, panels)
+        .and_then(|()| Ok(root.present()?))
+        .with_context(|| format!("drawing {}", path.display()))
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -58,7 +60,8 @@ fn paint(root: &Area<'_>, title: &str, panels: &[Panel]) -> Result<()> {
     root.fill(&WHITE)?;
     let below = root.titled(title, (FONT, 20).into_font().color(&BLACK))?;
     let has_legend = panels.iter().flat_map(|panel| &panel.curves).any(|curve| !curve.label.is_empty());
-    let longest = panels.iter().flat_map(|panel| &panel.curves).map(|curve| curve.label.chars().count()).max();
+    let longest =
+        panels.iter().flat_map(|panel| &panel.curves).map(|curve| curve.label.chars().count()).max();
     let legend_width = if has_legend { 60 + 8 * longest.unwrap_or(0) as u32 } else { 20 };
     let (plots, side) = below.split_horizontally(WIDTH.saturating_sub(legend_width));
     for (area, panel) in plots.split_evenly((panels.len(), 1)).iter().zip(panels) {
@@ -73,9 +76,9 @@ fn paint(root: &Area<'_>, title: &str, panels: &[Panel]) -> Result<()> {
 fn axes(area: &Area<'_>, panel: &Panel) -> Result<()> {
     let points = || panel.curves.iter().flat_map(|curve| &curve.points);
     let span = |values: &mut dyn Iterator<Item = f64>| {
-        values.filter(|value| value.is_finite()).fold((0.0_f64, f64::MIN_POSITIVE), |(low, high), value| {
-            (low.min(value), high.max(value))
-        })
+        values
+            .filter(|value| value.is_finite())
+            .fold((0.0_f64, f64::MIN_POSITIVE), |(low, high), value| (low.min(value), high.max(value)))
     };
     let (t_low, t_high) = span(&mut points().map(|point| point.0));
     let (low, high) = span(&mut points().map(|point| point.1));
@@ -99,7 +102,9 @@ fn axes(area: &Area<'_>, panel: &Panel) -> Result<()> {
         let stroke = stroke(curve.look);
         match DASHES[curve.look.dash % DASHES.len()] {
             None => drop(chart.draw_series(LineSeries::new(points(), stroke))?),
-            Some((dash, gap)) => drop(chart.draw_series(DashedLineSeries::new(points(), dash, gap, stroke))?),
+            Some((dash, gap)) => {
+                drop(chart.draw_series(DashedLineSeries::new(points(), dash, gap, stroke))?)
+            }
         }
     }
     Ok(())
@@ -145,12 +150,17 @@ mod tests {
         let curves: Vec<_> = looks
             .iter()
             .enumerate()
-            .map(|(i, &(colour, dash))| curve(&format!("gate {i} m, wet"), Look { colour, dash }, 0.4 + i as f64 * 0.2))
+            .map(|(i, &(colour, dash))| {
+                curve(&format!("gate {i} m, wet"), Look { colour, dash }, 0.4 + i as f64 * 0.2)
+            })
             .collect();
         let panel = |y_label: &str| Panel { y_label: y_label.to_owned(), curves: curves.clone() };
-        draw(&path, "Discharge of a hopper", &[panel("discharged mass (kg)"), panel("mass rate (kg/s)")]).unwrap();
+        draw(&path, "Discharge of a hopper", &[panel("discharged mass (kg)"), panel("mass rate (kg/s)")])
+            .unwrap();
         let svg = std::fs::read_to_string(&path).unwrap();
-        for text in ["Discharge of a hopper", "time from belt start (s)", "discharged mass (kg)", "gate 4 m, wet"] {
+        for text in
+            ["Discharge of a hopper", "time from belt start (s)", "discharged mass (kg)", "gate 4 m, wet"]
+        {
             assert!(svg.contains(text), "no `{text}`");
         }
         for colour in ["#0072B2", "#D55E00", "#009E73"] {
@@ -161,7 +171,9 @@ mod tests {
     #[test]
     fn empty_and_flat_curves_draw_too() {
         let folder = tempfile::tempdir().unwrap();
-        for points in [vec![], vec![(0.0, 0.0)], vec![(0.0, 0.0), (1.0, 0.0)], vec![(0.0, f64::NAN), (1.0, 2.0)]] {
+        for points in
+            [vec![], vec![(0.0, 0.0)], vec![(0.0, 0.0), (1.0, 0.0)], vec![(0.0, f64::NAN), (1.0, 2.0)]]
+        {
             let curve = Curve { label: String::new(), look: Look::default(), points };
             let panel = Panel { y_label: "y".to_owned(), curves: vec![curve] };
             draw(&folder.path().join("flat.svg"), "flat", &[panel]).unwrap();

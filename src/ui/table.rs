@@ -22,7 +22,8 @@ impl Table {
 
     /// Columns of numbers to the right, all others to the left.
     fn is_numeric(&self, column: usize) -> bool {
-        let mut cells = self.rows.iter().filter_map(|row| row.get(column)).filter(|cell| *cell != "–").peekable();
+        let mut cells =
+            self.rows.iter().filter_map(|row| row.get(column)).filter(|cell| *cell != "–").peekable();
         cells.peek().is_some() && cells.all(|cell| cell.parse::<f64>().is_ok())
     }
 }

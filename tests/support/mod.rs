@@ -16,31 +16,31 @@ use tempfile::TempDir;
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The binary under test.
-pub fn roost() -> Command {
+pub(crate) fn roost() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_roost"));
     command.env_remove("ROOST_SERVER").env_remove("ROOST_LOG").stdin(Stdio::null());
     command
 }
 
 /// Runs it to its end.
-pub fn run(arguments: &[&str]) -> Output {
+pub(crate) fn run(arguments: &[&str]) -> Output {
     roost().args(arguments).output().expect("the binary starts")
 }
 
 /// What it said, for messages of failed tests.
-pub fn said(output: &Output) -> String {
+pub(crate) fn said(output: &Output) -> String {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     format!("{}\nstdout: {}\nstderr: {}", output.status, text(&output.stdout), text(&output.stderr))
 }
 
 /// Standard output of a run that must succeed.
-pub fn stdout(output: &Output) -> String {
+pub(crate) fn stdout(output: &Output) -> String {
     assert!(output.status.success(), "{}", said(output));
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
 /// A few coarse fillets in a small hopper that runs for so long, whether it empties or not.
-pub fn scenario(duration_s: f64) -> Value {
+pub(crate) fn scenario(duration_s: f64) -> Value {
     json!({
         "experiment": "hopper",
         "product": {"count": 2, "subparticle_radius_m": 0.009},
@@ -50,7 +50,7 @@ pub fn scenario(duration_s: f64) -> Value {
 }
 
 /// A process that is killed when the test is over, and shows its log when the test has failed.
-pub struct Process {
+pub(crate) struct Process {
     child: Child,
     log: PathBuf,
 }
@@ -63,24 +63,24 @@ impl Process {
     }
 
     /// SIGKILL: no goodbye.
-    pub fn kill(mut self) {
+    pub(crate) fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
     /// SIGTERM.
-    pub fn terminate(&self) {
+    pub(crate) fn terminate(&self) {
         signal(self.child.id(), "TERM");
     }
 
     /// Waits for the end; says how it ended and how long that took.
-    pub fn wait(mut self) -> (ExitStatus, Duration) {
+    pub(crate) fn wait(mut self) -> (ExitStatus, Duration) {
         let started = Instant::now();
         let status = until("the process ends", || self.child.try_wait().unwrap());
         (status, started.elapsed())
     }
 
-    pub fn log(&self) -> String {
+    pub(crate) fn log(&self) -> String {
         std::fs::read_to_string(&self.log).unwrap_or_default()
     }
 }
@@ -96,13 +96,13 @@ impl Drop for Process {
 }
 
 /// Sends a signal by name.
-pub fn signal(process: u32, name: &str) {
+pub(crate) fn signal(process: u32, name: &str) {
     let status = Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status().unwrap();
     assert!(status.success());
 }
 
 /// Asks over and over until there is an answer.
-pub fn until<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
+pub(crate) fn until<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
     let started = Instant::now();
     loop {
         if let Some(answer) = ask() {
@@ -114,15 +114,15 @@ pub fn until<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
 }
 
 /// A server's home: data directory and address stay the same from start to start.
-pub struct Home {
-    pub folder: TempDir,
-    pub address: String,
+pub(crate) struct Home {
+    pub(crate) folder: TempDir,
+    pub(crate) address: String,
     starts: std::cell::Cell<u32>,
     runtime: tokio::runtime::Runtime,
 }
 
 impl Home {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         // Free a moment ago; the server is told to use it again after each restart.
         let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         Self {
@@ -133,19 +133,19 @@ impl Home {
         }
     }
 
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// Writes a document and returns its path.
-    pub fn file(&self, name: &str, document: &Value) -> String {
+    pub(crate) fn file(&self, name: &str, document: &Value) -> String {
         let path = self.path(name);
         std::fs::write(&path, document.to_string()).unwrap();
         path.display().to_string()
     }
 
     /// Starts a server with short leases and waits until it answers.
-    pub fn serve(&self) -> Process {
+    pub(crate) fn serve(&self) -> Process {
         let listen = self.address.trim_start_matches("http://");
         let mut command = roost();
         command.args(["serve", "--listen", listen, "--heartbeat-s", "0.2", "--lease-s", "2", "--data"]);
@@ -155,43 +155,43 @@ impl Home {
     }
 
     /// Starts a worker of its own state directory.
-    pub fn work(&self, name: &str) -> Process {
+    pub(crate) fn work(&self, name: &str) -> Process {
         let mut command = roost();
         command.args(["work", "--server", &self.address, "--threads", "1", "--name", name, "--state"]);
         self.start(name, command.arg(self.path(name)))
     }
 
     /// Runs a client command against this server.
-    pub fn roost(&self, arguments: &[&str]) -> Output {
+    pub(crate) fn roost(&self, arguments: &[&str]) -> Output {
         roost().args(arguments).env("ROOST_SERVER", &self.address).output().unwrap()
     }
 
     /// Submits a scenario; returns the job as the server shows it.
-    pub fn submit(&self, scenario: &Value) -> JobView {
+    pub(crate) fn submit(&self, scenario: &Value) -> JobView {
         let file = self.file("scenario.json", scenario);
         let answer = stdout(&self.roost(&["submit", "--json", &file]));
         serde_json::from_str(&answer).unwrap()
     }
 
     /// One call through the API.
-    pub fn ask<T, F: Future<Output = T>>(&self, call: impl FnOnce(Client) -> F) -> T {
+    pub(crate) fn ask<T, F: Future<Output = T>>(&self, call: impl FnOnce(Client) -> F) -> T {
         let client = Client::new(&self.address).unwrap();
         self.runtime.block_on(call(client))
     }
 
     /// The job now; `None` while the server is away.
-    pub fn job(&self, job: &JobView) -> Option<JobView> {
+    pub(crate) fn job(&self, job: &JobView) -> Option<JobView> {
         let id = job.id;
         self.ask(|client| async move { client.job(id).await.ok() })
     }
 
     /// Waits until the job looks as asked.
-    pub fn job_when(&self, job: &JobView, what: &str, is_so: impl Fn(&JobView) -> bool) -> JobView {
+    pub(crate) fn job_when(&self, job: &JobView, what: &str, is_so: impl Fn(&JobView) -> bool) -> JobView {
         until(what, || self.job(job).filter(|job| is_so(job)))
     }
 
     /// How many attempts all workers together have brought to a result.
-    pub fn results_recorded(&self) -> u64 {
+    pub(crate) fn results_recorded(&self) -> u64 {
         let workers = self.ask(|client| async move { client.workers().await }).unwrap();
         workers.items.iter().map(|worker| worker.succeeded).sum()
     }
@@ -203,12 +203,12 @@ impl Home {
 }
 
 /// How far the running attempt has come.
-pub fn fraction(job: &JobView) -> f64 {
+pub(crate) fn fraction(job: &JobView) -> f64 {
     job.progress.as_ref().map_or(0.0, |progress| progress.fraction)
 }
 
 /// Files in a worker's outbox.
-pub fn outbox(state: &Path) -> usize {
+pub(crate) fn outbox(state: &Path) -> usize {
     let Ok(entries) = std::fs::read_dir(state.join("outbox")) else { return 0 };
     entries.flatten().filter(|entry| entry.path().is_file()).count()
 }

@@ -3,8 +3,6 @@
 
 use std::time::Duration;
 
-use rand::RngExt;
-
 const FIRST: Duration = Duration::from_millis(100);
 const LONGEST: Duration = Duration::from_secs(5);
 
@@ -23,7 +21,7 @@ impl Default for Backoff {
 impl Backoff {
     /// The next wait: between half and all of a ceiling that doubles with each call, up to five seconds.
     pub fn next_wait(&mut self) -> Duration {
-        let wait = self.ceiling.mul_f64(rand::rng().random_range(0.5..=1.0));
+        let wait = self.ceiling.mul_f64(0.5 + 0.5 * fastrand::f64());
         self.ceiling = (self.ceiling * 2).min(LONGEST);
         wait
     }

@@ -21,7 +21,7 @@ use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
 use roost_api::{API_VERSION, RunResult, Series};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 pub use error::ClientError;
 
@@ -97,12 +97,12 @@ impl Client {
 
     /// Cancels a job.
     pub async fn cancel_job(&self, id: JobId) -> ClientResult<JobView> {
-        self.post(&format!("jobs/{id}/cancel"), &json!({})).await
+        self.fetch(self.request(Method::POST, &format!("jobs/{id}/cancel"))).await
     }
 
     /// Queues a failed or cancelled job again; `class` narrows it to one that failed so.
     pub async fn retry_job(&self, id: JobId, class: Option<FailureClass>) -> ClientResult<JobView> {
-        self.post(&format!("jobs/{id}/retry"), &retry(class)).await
+        self.retry(&format!("jobs/{id}/retry"), class).await
     }
 
     // --- sweeps ---------------------------------------------------------------------------------
@@ -156,12 +156,12 @@ impl Client {
 
     /// Cancels what is left of a sweep.
     pub async fn cancel_sweep(&self, id: SweepId) -> ClientResult<SweepView> {
-        self.post(&format!("sweeps/{id}/cancel"), &json!({})).await
+        self.fetch(self.request(Method::POST, &format!("sweeps/{id}/cancel"))).await
     }
 
     /// Queues what of a sweep failed or was cancelled again; `class` narrows it to what failed so.
     pub async fn retry_sweep(&self, id: SweepId, class: Option<FailureClass>) -> ClientResult<SweepView> {
-        self.post(&format!("sweeps/{id}/retry"), &retry(class)).await
+        self.retry(&format!("sweeps/{id}/retry"), class).await
     }
 
     // --- the worker's side ----------------------------------------------------------------------
@@ -216,6 +216,11 @@ impl Client {
         self.fetch(self.request(Method::POST, route).json(body)).await
     }
 
+    async fn retry<T: DeserializeOwned>(&self, route: &str, class: Option<FailureClass>) -> ClientResult<T> {
+        let request = self.request(Method::POST, route);
+        self.fetch(request.query(&class.map(|class| [("class", class.as_str())]))).await
+    }
+
     async fn page<T: DeserializeOwned>(
         &self,
         route: &str,
@@ -260,8 +265,4 @@ impl Client {
             },
         })
     }
-}
-
-fn retry(class: Option<FailureClass>) -> Value {
-    class.map_or_else(|| json!({}), |class| json!({ "failure_class": class }))
 }

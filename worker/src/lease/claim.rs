@@ -19,6 +19,9 @@ use crate::runner::{Run, RunEnd};
 /// How long a stopping worker waits to hear whether its last claim had got something.
 const LAST_WORD: Duration = Duration::from_secs(1);
 
+/// The most that the API gives to one claim.
+const MAX_JOBS: usize = 64;
+
 /// Claims until told to stop; the runs go on in `runs`.
 pub(super) async fn run(session: &Arc<Session>, runs: &TaskTracker) {
     let slots = Arc::new(Semaphore::new(session.config.slots.max(1)));
@@ -43,7 +46,7 @@ async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
     let mut request = ClaimRequest {
         request_id: Uuid::now_v7(),
         worker_id: session.worker_id,
-        max_jobs: u32::try_from(free).unwrap_or(u32::MAX),
+        max_jobs: free.min(MAX_JOBS) as u32,
         wait_s: session.config.claim_wait.as_secs_f64(),
     };
     let mut backoff = Backoff::default();
@@ -52,7 +55,7 @@ async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
             biased;
             () = session.stop_claiming.cancelled() => {
                 // The claim on its way may have got something: ask once more, and hand it back.
-                (request.max_jobs, request.wait_s) = (0, 0.0);
+                (request.max_jobs, request.wait_s) = (1, 0.0);
                 let last = tokio::time::timeout(LAST_WORD, session.client.claim(&request)).await;
                 if let Ok(Ok(reply)) = last {
                     hand_back(session, reply).await;
