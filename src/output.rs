@@ -38,7 +38,10 @@ pub(crate) fn series_csv(writer: impl Write, series: &[Series]) -> Result<()> {
             *next += 1;
             series.values.get(*next - 1).map_or_else(String::new, f64::to_string)
         });
-        csv.write_record([t.to_string()].into_iter().chain(cells.collect::<Vec<_>>()))?;
+        // Nanoseconds are enough; the noise of adding up steps is not for people.
+        csv.write_record(
+            [((t * 1e9).round() / 1e9).to_string()].into_iter().chain(cells.collect::<Vec<_>>()),
+        )?;
     }
     csv.flush()?;
     Ok(())

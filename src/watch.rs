@@ -8,6 +8,7 @@ use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::sweep::SweepView;
 use roost_worker::client::{Client, ClientError};
+use serde_json::Value;
 use tokio_util::sync::CancellationToken;
 
 use crate::exit::Exit;
@@ -85,13 +86,15 @@ fn show(meter: &mut Meter, job: &JobView) {
     }
 }
 
-/// The levels of a job's factors, or where it stands.
+/// The levels of a job's factors: words as they are, numbers with their field.
 fn short_name(job: &JobView) -> String {
-    let levels: Vec<_> = job.factors.values().map(format::cell).collect();
-    match job.replicate {
-        Some(replicate) if replicate > 0 => format!("  {} #{replicate}", levels.join(" ")),
-        _ => format!("  {}", levels.join(" ")),
-    }
+    let levels = job.factors.iter().map(|(pointer, level)| match level {
+        Value::String(word) => word.clone(),
+        other => format!("{} {}", pointer.rsplit('/').next().unwrap_or(pointer), format::cell(other)),
+    });
+    let replicate =
+        job.replicate.filter(|replicate| *replicate > 0).map(|replicate| format!("replicate {replicate}"));
+    format!("  {}", levels.chain(replicate).collect::<Vec<_>>().join(", "))
 }
 
 /// Asks until there is an answer: a server that restarts is waited for.

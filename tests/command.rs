@@ -6,7 +6,7 @@ use std::io::Write;
 use std::process::Stdio;
 
 use serde_json::{Value, json};
-use support::{Home, roost, run, said, scenario, stdout};
+use support::{Home, long, roost, run, said, scenario, stdout};
 
 /// Runs a command that must refuse its input; returns what it said on stderr.
 fn refused(arguments: &[&str]) -> String {
@@ -56,7 +56,7 @@ fn run_reads_stdin_and_prints_json() {
 #[test]
 fn ctrl_c_keeps_what_there_is() {
     let home = Home::new();
-    let (file, out) = (home.file("long.json", &scenario(600.0)), home.path("out"));
+    let (file, out) = (home.file("long.json", &long(600.0)), home.path("out"));
     let child = roost()
         .args(["run", &file, "--threads", "1", "-o"])
         .arg(&out)

@@ -8,10 +8,10 @@ use roost_api::job::{FailureClass, JobState};
 use roost_api::sweep::SweepView;
 use serde_json::{Value, json};
 
-use support::{Home, fraction, outbox, scenario, stdout};
+use support::{Home, fraction, long, outbox, scenario, stdout};
 
 /// Long enough to be caught in the middle, short enough to be waited for.
-const A_WHILE_S: f64 = 8.0;
+const A_WHILE_S: f64 = 5.0;
 
 #[test]
 fn a_sweep_goes_in_and_its_table_comes_out() {
@@ -56,7 +56,7 @@ fn a_killed_workers_job_is_finished_once_by_another() {
     let home = Home::new();
     let _server = home.serve();
     let first = home.work("first");
-    let job = home.submit(&scenario(A_WHILE_S));
+    let job = home.submit(&long(A_WHILE_S));
     home.job_when(&job, "the job is under way", |job| fraction(job) > 0.05);
     first.kill();
 
@@ -72,7 +72,7 @@ fn a_killed_server_costs_no_run() {
     let home = Home::new();
     let server = home.serve();
     let worker = home.work("worker");
-    let job = home.submit(&scenario(A_WHILE_S));
+    let job = home.submit(&long(A_WHILE_S));
     home.job_when(&job, "the job is under way", |job| fraction(job) > 0.05);
     server.kill();
 
@@ -90,7 +90,7 @@ fn a_result_finished_while_the_server_is_away_waits_in_the_outbox() {
     let home = Home::new();
     let server = home.serve();
     let worker = home.work("worker");
-    let job = home.submit(&scenario(2.0));
+    let job = home.submit(&long(1.0));
     home.job_when(&job, "the job is under way", |job| job.state == JobState::Running);
     server.kill();
     support::until("the result is in the outbox", || (outbox(&home.path("worker")) == 1).then_some(()));
@@ -109,7 +109,7 @@ fn sigterm_hands_the_job_back_and_both_exit_in_good_order() {
     let home = Home::new();
     let server = home.serve();
     let worker = home.work("worker");
-    let job = home.submit(&scenario(600.0));
+    let job = home.submit(&long(600.0));
     home.job_when(&job, "the job is under way", |job| fraction(job) > 0.0);
 
     worker.terminate();
@@ -134,7 +134,7 @@ fn cancel_reaches_a_running_solver_and_retry_runs_it_again() {
     let home = Home::new();
     let _server = home.serve();
     let _worker = home.work("worker");
-    let job = home.submit(&scenario(600.0));
+    let job = home.submit(&long(600.0));
     home.job_when(&job, "the job is under way", |job| fraction(job) > 0.0);
     let asked = Instant::now();
     let id = job.id.to_string();
@@ -161,7 +161,7 @@ fn failures_carry_their_class_to_the_exit_code() {
     let output = home.roost(&["submit", "--wait", "--json", &file]);
     assert_eq!(output.status.code(), Some(3), "{}", support::said(&output));
 
-    let file = home.file("long.json", &scenario(600.0));
+    let file = home.file("long.json", &long(600.0));
     let output = home.roost(&["submit", "--wait", "--json", "--max-wall-s", "0.3", &file]);
     assert_eq!(output.status.code(), Some(1), "{}", support::said(&output));
     let job: roost_api::job::JobView = serde_json::from_slice(&output.stdout).unwrap();

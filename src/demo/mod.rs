@@ -6,11 +6,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use roost_api::RunResult;
 use roost_api::sweep::{SweepResults, SweepView};
 use roost_server::ServerConfig;
 use roost_worker::WorkerConfig;
 use roost_worker::client::Client;
-use serde_json::Value;
+use serde_json::{Value, json};
 use tokio_util::sync::CancellationToken;
 
 use crate::exit::Exit;
@@ -81,9 +82,10 @@ async fn show(client: &Client, folder: &Path, shutdown: &CancellationToken) -> R
     let csv = folder.join("results.csv");
     std::fs::write(&csv, client.sweep_results_csv(sweep.id).await?)?;
     let picture = folder.join("discharge.svg");
-    let panel = Panel { y_label: "discharged mass (kg)".to_owned(), curves: curves(client, &results).await? };
+    let runs = runs(client, &results).await?;
+    let panel = Panel { y_label: "discharged mass (kg)".to_owned(), curves: curves(&results, &runs) };
     plot::draw(&picture, "Discharge by gate opening and surface condition", &[panel])?;
-    println!("\n{}", table(&results));
+    println!("\n{}", table(&results, &runs));
     println!("plot:  {}\ntable: {}", picture.display(), csv.display());
     watch::exit_of_sweep(client, &sweep).await
 }
@@ -98,26 +100,43 @@ async fn cancel_leftovers(client: &Client) -> Result<()> {
     Ok(())
 }
 
-fn table(results: &SweepResults) -> Table {
+/// The result of each trial; none where there is none.
+async fn runs(client: &Client, results: &SweepResults) -> Result<Vec<Option<RunResult>>> {
+    let mut runs = Vec::with_capacity(results.trials.len());
+    for trial in &results.trials {
+        runs.push(match client.job_result(trial.job_id).await {
+            Ok(run) => Some(run),
+            Err(error) if error.problem_status().is_some() => None,
+            Err(error) => return Err(error.into()),
+        });
+    }
+    Ok(runs)
+}
+
+fn table(results: &SweepResults, runs: &[Option<RunResult>]) -> Table {
     let factors = results.sweep.factors.iter().map(|pointer| factor_name(pointer));
     let names = RESPONSES.iter().map(|(name, _)| (*name).to_owned());
-    let mut table = Table::new(factors.chain(names));
-    for trial in &results.trials {
+    let mut table = Table::new(factors.chain(names).chain(["ended".to_owned()]));
+    for (trial, run) in results.trials.iter().zip(runs) {
         let levels = results.sweep.factors.iter().map(|pointer| format::cell(&trial.factors[pointer]));
-        let responses = RESPONSES.iter().map(|(_, name)| match trial.failure_class {
-            Some(class) if *name == "regime" => format!("({class})"),
-            _ => format::cell(trial.responses.get(*name).unwrap_or(&Value::Null)),
-        });
-        table.row(levels.chain(responses).collect::<Vec<_>>());
+        let responses = RESPONSES
+            .iter()
+            .map(|(_, name)| format::cell(trial.responses.get(*name).unwrap_or(&Value::Null)));
+        let ended = match (run, trial.failure_class) {
+            (_, Some(class)) => class.to_string(),
+            (Some(run), None) => format::cell(&json!(run.end_reason)),
+            (None, None) => trial.state.to_string(),
+        };
+        table.row(levels.chain(responses).chain([ended]).collect::<Vec<_>>());
     }
     table
 }
 
 /// One curve a trial: the first factor has the colour, the second the dashes.
-async fn curves(client: &Client, results: &SweepResults) -> Result<Vec<Curve>> {
+fn curves(results: &SweepResults, runs: &[Option<RunResult>]) -> Vec<Curve> {
     let mut seen: Vec<Vec<Value>> = vec![Vec::new(); results.sweep.factors.len()];
     let mut curves = Vec::new();
-    for trial in &results.trials {
+    for (trial, run) in results.trials.iter().zip(runs) {
         let mut places = results.sweep.factors.iter().zip(&mut seen).map(|(pointer, seen)| {
             let level = &trial.factors[pointer];
             seen.iter().position(|other| other == level).unwrap_or_else(|| {
@@ -128,14 +147,10 @@ async fn curves(client: &Client, results: &SweepResults) -> Result<Vec<Curve>> {
         let look = Look { colour: places.next().unwrap_or(0), dash: places.next().unwrap_or(0) };
         let levels = results.sweep.factors.iter().map(|pointer| level(pointer, &trial.factors[pointer]));
         let label = levels.collect::<Vec<_>>().join(", ");
-        let points = match client.job_series(trial.job_id, "discharged_mass").await {
-            Ok(series) => output::points(Some(&series)),
-            Err(error) if error.problem_status().is_some() => Vec::new(), // a trial without a result
-            Err(error) => return Err(error.into()),
-        };
+        let points = output::points(run.as_ref().and_then(|run| run.series("discharged_mass")));
         curves.push(Curve { label, look, points });
     }
-    Ok(curves)
+    curves
 }
 
 /// `/equipment/gate_opening_m` → `gate opening (m)`.

@@ -101,11 +101,9 @@ fn axes(area: &Area<'_>, panel: &Panel) -> Result<()> {
         let points = || curve.points.iter().copied().filter(|point| point.1.is_finite());
         let stroke = stroke(curve.look);
         match DASHES[curve.look.dash % DASHES.len()] {
-            None => drop(chart.draw_series(LineSeries::new(points(), stroke))?),
-            Some((dash, gap)) => {
-                drop(chart.draw_series(DashedLineSeries::new(points(), dash, gap, stroke))?)
-            }
-        }
+            None => chart.draw_series(LineSeries::new(points(), stroke))?,
+            Some((dash, gap)) => chart.draw_series(DashedLineSeries::new(points(), dash, gap, stroke))?,
+        };
     }
     Ok(())
 }

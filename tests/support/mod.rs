@@ -49,6 +49,14 @@ pub(crate) fn scenario(duration_s: f64) -> Value {
     })
 }
 
+/// The same on a belt so slow that the fillets stay, in small steps: about as many seconds of wall time as simulated.
+pub(crate) fn long(duration_s: f64) -> Value {
+    let mut long = scenario(duration_s);
+    long["equipment"]["belt_speed_m_s"] = json!(0.005);
+    long["numerics"]["timestep_s"] = json!(1e-4);
+    long
+}
+
 /// A process that is killed when the test is over, and shows its log when the test has failed.
 pub(crate) struct Process {
     child: Child,

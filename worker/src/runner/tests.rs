@@ -15,6 +15,14 @@ fn small() -> Value {
     })
 }
 
+/// The same on a belt so slow that the fillets stay: there is work for minutes.
+fn long() -> Value {
+    let mut document = small();
+    document["equipment"]["belt_speed_m_s"] = json!(0.001);
+    document["numerics"] = json!({"timestep_s": 1e-4, "duration_s": 600, "stop": {"when_empty": false}});
+    document
+}
+
 async fn end_of(document: Value, max_wall_s: Option<f64>) -> RunEnd {
     Run::start(document, 1, max_wall_s).end().await
 }
@@ -40,10 +48,7 @@ async fn a_bad_scenario_is_invalid_and_names_every_fault() {
 
 #[tokio::test]
 async fn past_its_wall_time_a_run_keeps_what_it_has() {
-    let mut document = small();
-    document["numerics"]["duration_s"] = json!(600);
-    document["numerics"]["stop"] = json!({"when_empty": false});
-    let RunEnd::Failed { outcome, message, result } = end_of(document, Some(0.3)).await else {
+    let RunEnd::Failed { outcome, message, result } = end_of(long(), Some(0.3)).await else {
         panic!("no limit")
     };
     assert_eq!(outcome, AttemptOutcome::Timeout);
@@ -58,10 +63,7 @@ async fn each_reason_to_stop_has_its_own_end() {
         (Stop::Release, Some((AttemptOutcome::Released, false))),
         (Stop::Abandon, None),
     ] {
-        let mut document = small();
-        document["numerics"]["duration_s"] = json!(600);
-        document["numerics"]["stop"] = json!({"when_empty": false});
-        let mut run = Run::start(document, 1, None);
+        let mut run = Run::start(long(), 1, None);
         run.progress.changed().await.unwrap();
         run.stop.set(why);
         let seen = match run.end().await {
