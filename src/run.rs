@@ -120,7 +120,7 @@ pub(crate) fn describe(progress: &Progress) -> String {
     let work = format::count(progress.particle_steps as f64 / wall_s);
     let left = format::time_left(progress.fraction, progress.wall_s);
     let left = left.map(|left| format!(" · {left}")).unwrap_or_default();
-    format!("{phase} · {rate} s/s · {work} particle-steps/s{left}")
+    format!("{phase} · {rate} × real time · {work} particle-steps/s{left}")
 }
 
 /// Responses, one a line.

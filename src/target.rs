@@ -24,7 +24,6 @@ impl Server {
 
 /// What an id stands for.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "one at a time")]
 pub(crate) enum Target {
     Sweep(SweepView),
     Job(JobView),

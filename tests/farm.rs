@@ -130,6 +130,30 @@ fn sigterm_hands_the_job_back_and_both_exit_in_good_order() {
 }
 
 #[test]
+fn a_worker_waits_for_its_server_and_starts_anew_with_another() {
+    let home = Home::new();
+    let worker = home.work("worker");
+    std::thread::sleep(Duration::from_millis(300));
+    let server = home.serve();
+    let job = home.submit(&scenario(0.2));
+    home.job_when(&job, "the job has ended", |job| job.state == JobState::Succeeded);
+    server.kill();
+
+    // A server that has never heard of this worker.
+    std::fs::remove_dir_all(home.path("data")).unwrap();
+    let _server = home.serve();
+    let job = home.submit(&scenario(0.2));
+    home.job_when(&job, "the job has ended", |job| job.state == JobState::Succeeded);
+
+    worker.terminate();
+    let (status, took) = worker.wait();
+    assert!(status.success() && took < Duration::from_secs(3), "an idle worker: {status} after {took:?}");
+    let job = home.submit(&scenario(0.3));
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(home.job(&job).unwrap().state, JobState::Queued, "nothing claims after its end");
+}
+
+#[test]
 fn cancel_reaches_a_running_solver_and_retry_runs_it_again() {
     let home = Home::new();
     let _server = home.serve();

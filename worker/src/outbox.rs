@@ -34,7 +34,6 @@ pub struct Delivery {
 /// A result, or why there is none.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[expect(clippy::large_enum_variant, reason = "one at a time, and never in a collection")]
 pub enum Content {
     /// The job's result.
     Result(ResultDelivery),

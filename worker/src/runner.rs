@@ -18,7 +18,6 @@ use tokio::task::JoinHandle;
 
 /// How a run ended.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "one a run")]
 pub enum RunEnd {
     /// With the job's result.
     Finished(RunResult),
