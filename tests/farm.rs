@@ -137,13 +137,17 @@ fn a_worker_waits_for_its_server_and_starts_anew_with_another() {
     let server = home.serve();
     let job = home.submit(&scenario(0.2));
     home.job_when(&job, "the job has ended", |job| job.state == JobState::Succeeded);
+    let job = home.submit(&long(600.0));
+    home.job_when(&job, "the job is under way", |job| fraction(job) > 0.0);
     server.kill();
 
-    // A server that has never heard of this worker.
+    // A server that has never heard of this worker, nor of its job: the worker drops that and serves the new one.
     std::fs::remove_dir_all(home.path("data")).unwrap();
     let _server = home.serve();
+    let asked = Instant::now();
     let job = home.submit(&scenario(0.2));
     home.job_when(&job, "the job has ended", |job| job.state == JobState::Succeeded);
+    assert!(asked.elapsed() < Duration::from_secs(10), "{:?}", asked.elapsed());
 
     worker.terminate();
     let (status, took) = worker.wait();
