@@ -199,7 +199,7 @@ async fn a_bad_sweep_lists_every_fault() {
     assert_eq!(faults(seeds).await, ["/replicates"]);
     assert_eq!(faults(sweep(|sweep| sweep["design"]["kind"] = json!("spiral"))).await, ["/design/kind"]);
     assert_eq!(faults(sweep(|sweep| sweep["schema"] = json!("roost.sweep/9"))).await, ["/schema"]);
-    assert_eq!(faults(json!({"name": 1, "factrs": []})).await, ["/base", "/factrs", "/name"]);
+    assert_eq!(faults(json!({"name": 1, "factrs": []})).await, ["/base", "/design", "/factrs", "/name"]);
     assert_nothing_stored(&farm).await;
     farm.stop().await;
 }
