@@ -11,6 +11,7 @@ use super::farm::*;
 /// Lets a job's first attempt expire and be claimed again: (first, second) attempt.
 async fn superseded(worker: &Worker<'_>) -> (Value, Value) {
     let first = worker.claim_one().await;
+    worker.beat(&first, progress(0.8)).await;
     worker.farm.wait_for(&first["job_id"], "queued").await;
     let second = worker.claim_one().await;
     assert_eq!(second["attempt"], 2);
@@ -31,7 +32,7 @@ async fn a_superseded_attempt_can_neither_beat_nor_deliver_nor_fail() {
     worker.fail(&first, "worker", None).await.problem(409, "stale-attempt");
     let untouched = farm.job(&job["id"]).await;
     assert_eq!((&untouched["state"], &untouched["attempt"]), (&json!("running"), &json!(2)));
-    assert_eq!(untouched["progress"], Value::Null);
+    assert_eq!(untouched["progress"], Value::Null, "the first attempt's progress is not the second's");
 
     worker.deliver(&second).await.expect(StatusCode::OK);
     worker.deliver(&first).await.problem(409, "stale-attempt");

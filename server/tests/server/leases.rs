@@ -65,6 +65,23 @@ async fn the_last_of_the_losses_fails_the_job() {
 }
 
 #[tokio::test]
+async fn an_attempt_found_again_was_never_lost() {
+    let (farm, _dir) = Farm::with(|config| {
+        config.lease = Duration::from_millis(150);
+        config.attempts.lost = 2;
+    })
+    .await;
+    let worker = farm.worker("cpu").await;
+    let job = farm.submit(&envelope(1)).await;
+    let attempt = worker.claim_one().await;
+    for _ in 0..3 {
+        farm.wait_for(&job["id"], "queued").await;
+        assert_eq!(worker.beat(&attempt, progress(0.5)).await["directive"], "continue");
+    }
+    farm.stop().await;
+}
+
+#[tokio::test]
 async fn a_restart_keeps_jobs_and_leases() {
     let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(1)).await;
     let running = farm.submit(&envelope(1)).await;
@@ -77,6 +94,7 @@ async fn a_restart_keeps_jobs_and_leases() {
 
     let farm = Farm::on(dir.path(), |config| config.lease = Duration::from_secs(1)).await;
     let worker = Worker { farm: &farm, id: worker_id };
+    tokio::time::sleep(Duration::from_millis(500)).await; // long enough for expired leases to be looked for
     assert_eq!(farm.job(&running["id"]).await["state"], "running", "the lease starts anew with the server");
     assert_eq!(farm.job(&queued["id"]).await, queued);
     assert_eq!(worker.beat(&attempt, progress(0.7)).await["directive"], "continue");

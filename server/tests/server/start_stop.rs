@@ -60,7 +60,7 @@ async fn open_long_polls_do_not_keep_a_server() {
     let silent = tokio::net::TcpStream::connect(farm.address).await.unwrap();
     tokio::time::sleep(Duration::from_millis(200)).await;
     let took = farm.stop().await;
-    assert!(took < Duration::from_secs(5), "took {took:?}");
+    assert!(took < Duration::from_millis(1500), "took {took:?}");
     for poll in polls {
         let answer = poll.await.unwrap().unwrap();
         assert_eq!(answer.status(), StatusCode::OK);
