@@ -20,7 +20,7 @@ async fn superseded(worker: &Worker<'_>) -> (Value, Value) {
 
 #[tokio::test]
 async fn a_superseded_attempt_can_neither_beat_nor_deliver_nor_fail() {
-    let (farm, _dir) = Farm::with(|config| config.lease = Duration::from_millis(400)).await;
+    let (farm, _dir) = Farm::with(|config| config.lease = Duration::from_millis(800)).await;
     let worker = farm.worker("cpu").await;
     let job = farm.submit(&envelope(1)).await;
     let (first, second) = superseded(&worker).await;
