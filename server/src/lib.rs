@@ -12,9 +12,11 @@ mod reaper;
 mod server;
 mod store;
 mod sweep;
+mod validation;
 
 pub use config::ServerConfig;
 pub use queue::AttemptLimits;
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
 pub use store::StoreError;
+pub use validation::validate;

@@ -8,6 +8,7 @@ use roost_api::ids::JobId;
 use roost_api::job::{FailureClass, JobEnvelope, JobState, JobView};
 use roost_api::page::Page;
 use roost_api::problem::Problem;
+use roost_solver::Limits;
 use roost_solver::scenario::{self, Scenario};
 use serde::Deserialize;
 use serde_json::Value;
@@ -31,7 +32,7 @@ pub(crate) async fn submit(
     State(app): State<App>,
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<JobView>), ApiError> {
-    let (envelope, scenario) = read_envelope(&app, document).map_err(ApiError::faults)?;
+    let (envelope, scenario) = read_envelope(&app.config.limits, document).map_err(ApiError::faults)?;
     let id = JobId::new();
     let job = NewJob {
         id,
@@ -48,10 +49,10 @@ pub(crate) async fn submit(
 }
 
 /// Reads an envelope and the scenario in it: the faults of both, at once.
-pub(super) fn read_envelope(app: &App, document: Value) -> Result<(JobEnvelope, Scenario), Vec<Fault>> {
+pub(crate) fn read_envelope(limits: &Limits, document: Value) -> Result<(JobEnvelope, Scenario), Vec<Fault>> {
     let scenario = document.get("scenario").map(|submitted| {
         scenario::from_value(submitted)
-            .and_then(|scenario| roost_solver::check(&scenario, &app.config.limits).map(|_| scenario))
+            .and_then(|scenario| roost_solver::check(&scenario, limits).map(|_| scenario))
             .map_err(|faults| prefixed("/scenario", faults))
     });
     let envelope = read_document::<JobEnvelope>(document).and_then(|envelope| {
