@@ -80,7 +80,8 @@ CREATE INDEX jobs_to_claim ON jobs (priority DESC, turn, seq) WHERE state = 'que
 CREATE INDEX jobs_by_lease ON jobs (lease_expires_at) WHERE state = 'running';
 CREATE INDEX jobs_of_sweep ON jobs (sweep_id) WHERE sweep_id IS NOT NULL;
 CREATE INDEX jobs_by_sweep ON jobs (sweep_id, state) WHERE sweep_id IS NOT NULL;
-CREATE INDEX jobs_by_state ON jobs (state, seq);
+-- Partial, so that it never looks better to the planner than the two for the queue and the leases.
+CREATE INDEX jobs_ended ON jobs (state, seq) WHERE ended_at IS NOT NULL;
 CREATE INDEX jobs_by_worker ON jobs (worker_id) WHERE state = 'running';
 
 -- Round-robin: the jobs of a sweep take one turn each, counted from the turn the queue of that priority has
@@ -112,7 +113,7 @@ CREATE TABLE attempts (
     CHECK ((outcome IS NULL) = (ended_at IS NULL))
 ) STRICT, WITHOUT ROWID;
 
-CREATE INDEX attempts_by_request ON attempts (request_id);
+CREATE INDEX attempts_by_request ON attempts (request_id, worker_id);
 CREATE INDEX attempts_by_worker ON attempts (worker_id, outcome);
 
 -- One row a job, for ever: a result is recorded exactly once.

@@ -36,7 +36,7 @@ pub struct ServerConfig {
 impl Default for ServerConfig {
     fn default() -> Self {
         Self {
-            listen: SocketAddr::from(([127, 0, 0, 1], 7878)),
+            listen: SocketAddr::from(([127, 0, 0, 1], 7373)),
             data: PathBuf::from("roost-data"),
             lease: Duration::from_secs(15),
             heartbeat: Duration::from_secs(2),

@@ -57,6 +57,9 @@ pub enum ServerError {
 /// Requests under way at shutdown get this long.
 const GRACE: Duration = Duration::from_secs(3);
 
+/// Tries, 50 ms apart, for what a server before this one may not have let go of.
+const PATIENCE: u32 = 20;
+
 /// A server that listens but does not answer yet.
 pub struct Server {
     listener: TcpListener,
@@ -73,9 +76,10 @@ impl Server {
         if !address.ip().is_loopback() {
             return Err(ServerError::NotLoopback(address));
         }
-        let lock = lock_data(&config)?;
-        let listener =
-            TcpListener::bind(address).await.map_err(|source| ServerError::Bind { address, source })?;
+        let lock = patiently(async || lock_data(&config)).await?;
+        let bind =
+            async || TcpListener::bind(address).await.map_err(|source| ServerError::Bind { address, source });
+        let listener = patiently(bind).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
         let store = Store::open(&config.data.join("roost.db")).await?;
         let clock = Clock::start();
@@ -118,6 +122,19 @@ impl Server {
         app.store.close().await;
         served.map_err(ServerError::Serve)
     }
+}
+
+/// Tries again for a moment when something is still in use: a server that was killed just before is not quite gone.
+async fn patiently<T>(attempt: impl AsyncFn() -> Result<T, ServerError>) -> Result<T, ServerError> {
+    for _ in 0..PATIENCE {
+        match attempt().await {
+            Err(ServerError::DataInUse(_)) => {}
+            Err(ServerError::Bind { source, .. }) if source.kind() == io::ErrorKind::AddrInUse => {}
+            done => return done,
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    attempt().await
 }
 
 fn lock_data(config: &ServerConfig) -> Result<File, ServerError> {

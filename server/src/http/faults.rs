@@ -12,41 +12,82 @@ use serde_path_to_error::{Path, Segment};
 /// A document with more faults than this is another kind of document.
 const MAX_FAULTS: usize = 50;
 
+/// What can stand where a required field is missing, so that the rest can be looked at.
+const STAND_INS: [&str; 5] = ["null", "\"\"", "0", "[]", "\"00000000-0000-0000-0000-000000000000\""];
+
 /// Reads a document, or lists its faults.
 pub(crate) fn read_document<T: DeserializeOwned>(mut value: Value) -> Result<T, Vec<Fault>> {
     let mut faults: Vec<Fault> = Vec::new();
     loop {
-        let error = match serde_path_to_error::deserialize::<_, T>(&value) {
+        let found = match serde_path_to_error::deserialize::<_, T>(&value) {
             Ok(document) if faults.is_empty() => return Ok(document),
             Ok(_) => return Err(faults),
-            Err(error) => error,
+            Err(error) => Found::new(&error),
         };
+        let told = faults.iter().any(|fault| fault.pointer == found.pointer);
+        let goes_on = if found.missing {
+            stand_in::<T>(&mut value, &found.pointer)
+        } else {
+            let there = value.pointer(&found.pointer).cloned().unwrap_or(Value::Null);
+            faults.push(Fault { value: there, ..found.fault() });
+            remove(&mut value, &found.pointer)
+        };
+        // A field that was taken out is missing from then on, which is no news.
+        if found.missing && !told {
+            faults.push(found.fault());
+        }
+        if !goes_on || faults.len() >= MAX_FAULTS {
+            return Err(faults);
+        }
+    }
+}
+
+/// The one fault that serde names.
+struct Found {
+    pointer: String,
+    message: String,
+    missing: bool,
+    unknown: Option<String>,
+}
+
+impl Found {
+    fn new(error: &serde_path_to_error::Error<serde_json::Error>) -> Self {
         let message = plain(&error.inner().to_string());
         let mut pointer = pointer(error.path());
-        let unknown = quoted(&message, "unknown field `");
-        let missing = quoted(&message, "missing field `");
-        if let Some(name) = unknown.or(missing) {
+        let unknown = quoted(&message, "unknown field `").map(str::to_owned);
+        let missing = quoted(&message, "missing field `").map(str::to_owned);
+        if let Some(name) = unknown.as_ref().or(missing.as_ref()) {
             let inner = format!("/{}", escape(name));
             if !pointer.ends_with(&inner) {
                 pointer.push_str(&inner);
             }
         }
-        if missing.is_some() {
-            // It may be missing only because it was taken out below.
-            if !faults.iter().any(|fault| fault.pointer == pointer) {
-                let detail = "this field is required".to_owned();
-                faults.push(Fault { pointer, value: Value::Null, detail, allowed: None });
-            }
-            return Err(faults);
-        }
-        let found = value.pointer(&pointer).cloned().unwrap_or(Value::Null);
-        let allowed = unknown.and_then(|name| nearest(name, &message));
-        let detail = if unknown.is_some() { "there is no such field".to_owned() } else { message };
-        faults.push(Fault { pointer: pointer.clone(), value: found, detail, allowed });
-        if faults.len() >= MAX_FAULTS || !remove(&mut value, &pointer) {
-            return Err(faults);
+        Self { pointer, message, missing: missing.is_some(), unknown }
+    }
+
+    fn fault(&self) -> Fault {
+        let detail = match (&self.unknown, self.missing) {
+            (Some(_), _) => "there is no such field".to_owned(),
+            (None, true) => "this field is required".to_owned(),
+            (None, false) => self.message.clone(),
+        };
+        let allowed = self.unknown.as_ref().and_then(|name| nearest(name, &self.message));
+        Fault { pointer: self.pointer.clone(), value: Value::Null, detail, allowed }
+    }
+}
+
+/// Puts something acceptable where a field is missing, if there is such a thing.
+fn stand_in<T: DeserializeOwned>(value: &mut Value, pointer: &str) -> bool {
+    for text in STAND_INS {
+        let Some((parent, last)) = pointer.rsplit_once('/') else { return false };
+        let Some(Value::Object(fields)) = value.pointer_mut(parent) else { return false };
+        fields.insert(last.to_owned(), serde_json::from_str(text).unwrap_or_default());
+        match serde_path_to_error::deserialize::<_, T>(&*value) {
+            Err(error) if Found::new(&error).pointer.starts_with(pointer) => {}
+            Ok(_) | Err(_) => return true,
         }
     }
+    false
 }
 
 fn pointer(path: &Path) -> String {
@@ -138,6 +179,10 @@ mod tests {
         let found = faults(json!({"priority": 1}));
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].pointer, "/scenario");
+        let found = faults(json!({"priority": "high", "needs": 3}));
+        let mut pointers: Vec<_> = found.iter().map(|fault| fault.pointer.as_str()).collect();
+        pointers.sort_unstable();
+        assert_eq!(pointers, ["/needs", "/priority", "/scenario"]);
         let found = faults(json!([]));
         assert_eq!(found.len(), 1, "{found:?}");
     }

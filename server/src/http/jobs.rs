@@ -83,6 +83,7 @@ pub(crate) struct JobQuery {
     #[param(value_type = Option<String>)]
     label: Option<(String, Option<String>)>,
     /// `next_cursor` of the page before.
+    #[param(value_type = Option<String>)]
     cursor: Option<i64>,
     /// Rows, 1 to 500; 50 unless given.
     limit: Option<u32>,

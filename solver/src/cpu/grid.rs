@@ -26,7 +26,7 @@ impl Grid {
         let most = 8 * state.particles.len() as i64 + 4096;
         let volume = |cell: i32| {
             let n = (high - low) / cell + 1;
-            i64::from(n.x) * i64::from(n.y) * i64::from(n.z)
+            i64::from(n.x).saturating_mul(i64::from(n.y)).saturating_mul(i64::from(n.z))
         };
         while volume(cell) > most {
             cell = cell.saturating_mul(2);

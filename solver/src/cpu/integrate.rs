@@ -8,6 +8,10 @@ use super::{CHUNK, Params};
 use crate::engine::state::State;
 use crate::physics::integrate;
 
+/// Positions beyond this are twice the domain away from its middle, in units: what goes there is lost, and a little
+/// further differences of positions would wrap.
+const EDGE: i32 = 1 << 30;
+
 /// What the stage has noticed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moved {
@@ -29,10 +33,12 @@ impl Moved {
     pub(crate) fn fault(&self, params: &Params, state: &State) -> Option<String> {
         let i = self.runaway? as usize;
         let speed = state.particles[i].velocity.length();
-        let what = if speed.is_finite() {
-            format!("moves at {speed:.3} m/s, past the speed limit of {} m/s", params.speed_limit)
-        } else {
+        let what = if !speed.is_finite() {
             "has no finite velocity".to_owned()
+        } else if speed <= params.speed_limit {
+            "has left the domain".to_owned()
+        } else {
+            format!("moves at {speed:.3} m/s, past the speed limit of {} m/s", params.speed_limit)
         };
         Some(format!("sub-particle {} of fillet {} {what}", state.serials[i], state.bodies[i]))
     }
@@ -62,8 +68,9 @@ pub(crate) fn advance(params: &Params, state: &mut State, loads: &[Load], drift:
                     frame.wrap(integrate::position(p.position, remainder, p.velocity, dt, inverse_unit));
                 moved.greatest2 = moved.greatest2.max(length2(frame.between(reference[i], p.position)));
                 let speed2 = p.velocity.dot(p.velocity);
+                let inside = p.position.abs().max_element() <= EDGE;
                 // Not `speed2 > limit2`: what is not a number is no speed either.
-                if !(speed2 <= limit2 && p.spin.is_finite()) {
+                if !(speed2 <= limit2 && p.spin.is_finite() && inside) {
                     moved.runaway = moved.runaway.or(Some(i as u32));
                 }
             }

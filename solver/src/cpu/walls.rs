@@ -44,6 +44,9 @@ struct Pose {
 struct WallFacet {
     surface: usize,
     facet: Facet,
+    /// Corners of its box relative to the anchor, in metres: far sub-particles are passed over by it.
+    low: Vec3,
+    high: Vec3,
     /// Indices of the facets of the same surface that share a corner with it.
     meets: Vec<u32>,
 }
@@ -63,6 +66,13 @@ pub struct Touch {
     on_rim: bool,
 }
 
+impl Pose {
+    /// A position relative to the anchor, in the surface's own axes, in metres.
+    fn local(&self, x: IVec3, frame: &Frame) -> Vec3 {
+        self.turn.transpose() * (x.wrapping_sub(self.anchor).as_vec3() * frame.unit_m)
+    }
+}
+
 impl Walls {
     /// The surfaces of a scene.
     pub fn new(scene: &Scene, frame: &Frame) -> Self {
@@ -79,7 +89,10 @@ impl Walls {
             let base = walls.facets.len() as u32;
             for facet in facets(&surface.triangles, anchor) {
                 let meets = facet.meets.iter().map(|m| m + base).collect();
-                walls.facets.push(WallFacet { surface: k, facet, meets });
+                let corners = || facet.triangles.iter().flatten().copied();
+                let low = corners().fold(Vec3::INFINITY, Vec3::min);
+                let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
+                walls.facets.push(WallFacet { surface: k, low, high, facet, meets });
             }
             walls.surfaces.push(WallSurface {
                 motion: surface.motion,
@@ -137,14 +150,19 @@ impl Walls {
 
     /// The facets that come within `reach` metres of a position, ascending.
     pub fn within(&self, x: IVec3, reach: f32, frame: &Frame) -> impl Iterator<Item = u32> {
-        (0..self.facets.len() as u32).filter(move |&facet| self.touch(facet, x, frame).distance <= reach)
+        (0..self.facets.len() as u32).filter(move |&facet| {
+            let WallFacet { surface, low, high, .. } = &self.facets[facet as usize];
+            let p = self.surfaces[*surface].pose.local(x, frame);
+            let outside = (*low - p).max(p - *high).max(Vec3::ZERO);
+            outside.dot(outside) <= reach * reach && self.touch(facet, x, frame).distance <= reach
+        })
     }
 
     /// The nearest point of a facet, seen from a position. Without triangles it is infinitely far.
     pub fn touch(&self, facet: u32, x: IVec3, frame: &Frame) -> Touch {
         let WallFacet { surface, facet, .. } = &self.facets[facet as usize];
         let pose = &self.surfaces[*surface].pose;
-        let p = pose.turn.transpose() * (x.wrapping_sub(pose.anchor).as_vec3() * frame.unit_m);
+        let p = pose.local(x, frame);
         let Some(local) = facet.nearest(p) else {
             let distance = f32::INFINITY;
             return Touch { to_wall: Vec3::ZERO, distance, velocity: Vec3::ZERO, local: p, on_rim: false };

@@ -1,0 +1,124 @@
+//! The same scenario and seed give the same bits: on one thread and on several, in one go and in pieces, in a batch,
+//! and whoever else has left the scene.
+
+mod common;
+
+use common::{Bench, at, block, law, plate, scene};
+use glam::DVec3;
+use roost_solver::cpu::Cpu;
+use roost_solver::engine::Backend;
+use roost_solver::engine::scene::Scene;
+use roost_solver::engine::state::State;
+use roost_solver::equipment::SurfaceKind;
+use roost_solver::scenario::{self, Scenario};
+use roost_solver::{CpuOptions, Flow, simulate};
+
+/// A small hopper with everything in it: 12 fillets, all contacts, belt, shutter.
+fn hopper() -> Scenario {
+    let text = r#"{"experiment": "hopper", "product": {"count": 12, "subparticle_radius_m": 0.009},
+        "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2, "side_walls": "frictionless"},
+        "numerics": {"timestep_s": "auto", "duration_s": 0.6}}"#;
+    scenario::parse(text).expect("a sound scenario")
+}
+
+#[test]
+fn a_run_gives_the_same_bits_on_one_two_and_three_threads() {
+    let run = |threads| simulate(&hopper(), CpuOptions { threads }, &mut |_| Flow::Continue);
+    let one = run(1);
+    assert!(one.response("discharged_kg").is_some_and(|mass| mass > 0.1), "{:?}", one.responses);
+    for threads in [2, 3] {
+        let other = run(threads);
+        assert_eq!(other.solver.threads, threads);
+        assert_eq!(one.responses, other.responses);
+        // `==` on floats would take -0 for 0; the text has every digit and the sign.
+        let text = |result: &roost_solver::result::RunResult| serde_json::to_string(&result.series).unwrap();
+        assert_eq!(text(&one), text(&other));
+    }
+}
+
+#[test]
+fn another_seed_gives_another_run() {
+    let run =
+        |seed| simulate(&Scenario { seed, ..hopper() }, CpuOptions { threads: 2 }, &mut |_| Flow::Continue);
+    assert_ne!(run(1).series, run(2).series);
+}
+
+/// Two blocks that fall onto each other and a plate; a third one far away.
+fn blocks() -> Scene {
+    let bodies = vec![
+        at(DVec3::new(0.0, 0.0, 0.03), DVec3::NEG_Z),
+        at(DVec3::new(0.01, 0.005, 0.07), DVec3::NEG_Z * 2.0),
+        at(DVec3::new(0.3, 0.0, 0.02), DVec3::NEG_Z),
+    ];
+    let mut scene = scene(block([4, 4, 3]), bodies, 5e-5);
+    scene.surfaces = vec![plate(SurfaceKind::Equipment)];
+    scene.gravity = DVec3::NEG_Z * common::G;
+    scene.laws.tissue = law(false, 0.1, 0.3, 0.055);
+    scene.laws.equipment = law(true, 0.1, 0.5, 0.055);
+    scene.laws.contact_between_bonded = true;
+    scene
+}
+
+fn assert_same(a: &State, b: &State) {
+    for (k, (p, q)) in a.particles.iter().zip(&b.particles).enumerate() {
+        assert_eq!(p.position, q.position, "sub-particle {k}");
+        let bits = |v: glam::Vec3| v.to_array().map(f32::to_bits);
+        assert_eq!(bits(p.velocity), bits(q.velocity), "sub-particle {k}");
+        assert_eq!(bits(p.spin), bits(q.spin), "sub-particle {k}");
+    }
+}
+
+#[test]
+fn pieces_and_batches_change_no_bit() {
+    let scene = blocks();
+    let mut whole = Bench::new(&scene);
+    whole.steps(2000);
+    let mut pieces = Bench::new(&scene);
+    for steps in [1, 7, 500, 1492] {
+        pieces.steps(steps);
+    }
+    assert_same(whole.state(), pieces.state());
+
+    let cpu = Cpu::new(2);
+    let (mut a, mut b) = (cpu.prepare(&scene), cpu.prepare(&scene));
+    cpu.advance(&mut [(&mut a, 2000), (&mut b, 1000)]);
+    cpu.advance(&mut [(&mut b, 1000)]);
+    assert_same(whole.state(), cpu.state(&mut a));
+    assert_same(whole.state(), cpu.state(&mut b));
+}
+
+#[test]
+fn what_has_left_is_not_missed() {
+    let scene = blocks();
+    let mut all = Bench::new(&scene);
+    all.steps(2000);
+    let mut fewer = Bench::new(&scene);
+    fewer.steps(700);
+    fewer.cpu.remove(&mut fewer.run, &[2]);
+    fewer.steps(1300);
+    assert_eq!(fewer.state().particles.len(), 96);
+    assert_eq!(fewer.state().serials[95], 95);
+    let mut kept = all.state().clone();
+    kept.remove(&[2]);
+    assert_same(&kept, fewer.state());
+    assert!(all.state().max_speed() > 0.0);
+
+    // One that others touch leaves: those behind it keep their memory of each other and of the plate.
+    fewer.cpu.remove(&mut fewer.run, &[0]);
+    assert_eq!(fewer.steps(2000), None);
+    assert!(fewer.state().serials.iter().all(|&serial| (48..96).contains(&serial)));
+    assert_eq!(fewer.state().bonds_broken, 0);
+}
+
+#[test]
+fn a_cancelled_run_keeps_its_samples_and_has_no_responses() {
+    let mut looks = 0;
+    let result = simulate(&hopper(), CpuOptions { threads: 2 }, &mut |progress| {
+        looks += 1;
+        assert!((0.0..=1.0).contains(&progress.fraction));
+        if progress.simulated_s > 0.1 { Flow::Cancel } else { Flow::Continue }
+    });
+    assert_eq!(result.end_reason, roost_solver::result::EndReason::Cancelled);
+    assert!(looks >= 5 && result.responses.is_empty());
+    assert!(result.series("kinetic_energy").is_some_and(|series| series.values.len() >= 5));
+}
