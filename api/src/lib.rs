@@ -11,6 +11,7 @@ pub mod problem;
 pub mod sweep;
 pub mod time;
 pub mod validate;
+pub mod version;
 pub mod worker;
 
 pub use roost_solver::result::{Estimate, Phase, Progress, RunResult, Series};

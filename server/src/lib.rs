@@ -1,1 +1,24 @@
-//! Placeholder while the workspace is laid out.
+//! The Roost server: a durable queue of jobs, sweeps, and the HTTP API to both.
+//!
+//! `http` answers requests; `document` and `validation` read what was submitted, `queue` decides, `sweep`
+//! expands designs (all pure, the clock an argument); `store` keeps everything in one SQLite file. axum is
+//! used in `http` only, sqlx in `store` only: a test looks.
+
+mod app;
+mod clock;
+mod config;
+mod document;
+mod http;
+mod queue;
+mod reaper;
+mod server;
+mod store;
+mod sweep;
+mod validation;
+
+pub use config::ServerConfig;
+pub use queue::AttemptLimits;
+pub use roost_solver::Limits;
+pub use server::{Server, ServerError};
+pub use store::StoreError;
+pub use validation::validate;

@@ -1,0 +1,63 @@
+//! What every request handler shares.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use roost_api::Progress;
+use roost_api::ids::JobId;
+use roost_api::job::{JobState, JobView};
+use tokio::sync::Notify;
+use tokio_util::sync::CancellationToken;
+
+use crate::clock::Clock;
+use crate::config::ServerConfig;
+use crate::store::Store;
+
+/// A handle to the running server's parts.
+pub(crate) type App = Arc<AppState>;
+
+/// The running server's parts.
+pub(crate) struct AppState {
+    pub(crate) config: ServerConfig,
+    pub(crate) store: Store,
+    pub(crate) clock: Clock,
+    /// Wakes the claims that wait for work.
+    pub(crate) work: Notify,
+    /// Ends everything that waits.
+    pub(crate) shutdown: CancellationToken,
+    /// How far running jobs have come: worth showing, not worth a write.
+    pub(crate) progress: ProgressBoard,
+}
+
+/// The latest progress of each running job.
+#[derive(Default)]
+pub(crate) struct ProgressBoard(Mutex<HashMap<JobId, Progress>>);
+
+impl ProgressBoard {
+    fn lock(&self) -> MutexGuard<'_, HashMap<JobId, Progress>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Notes a job's progress.
+    pub(crate) fn set(&self, job: JobId, progress: Progress) {
+        self.lock().insert(job, progress);
+    }
+
+    /// Forgets a job that runs no longer.
+    pub(crate) fn forget(&self, job: JobId) {
+        self.lock().remove(&job);
+    }
+
+    /// Shows the progress of a job that runs.
+    pub(crate) fn show(&self, job: &mut JobView) {
+        if job.state == JobState::Running {
+            job.progress = self.lock().get(&job.id).cloned();
+        }
+    }
+
+    /// How much of these jobs is done, in jobs.
+    pub(crate) fn done(&self, jobs: &[JobId]) -> f64 {
+        let board = self.lock();
+        jobs.iter().filter_map(|job| board.get(job)).map(|progress| progress.fraction.clamp(0.0, 1.0)).sum()
+    }
+}

@@ -1,0 +1,30 @@
+//! The server's clocks: one to show, one to count leases by.
+
+use std::time::Instant;
+
+use roost_api::time::Timestamp;
+
+/// Within one run of the server leases count monotonic time, so that a clock set back or forth neither ends
+/// them all nor makes them last.
+pub(crate) struct Clock {
+    started_at: Timestamp,
+    started: Instant,
+}
+
+impl Clock {
+    /// A clock that starts now.
+    pub(crate) fn start() -> Self {
+        Self { started_at: Timestamp::now(), started: Instant::now() }
+    }
+
+    /// Now as people read it, for fields that end in `_at`.
+    pub(crate) fn now(&self) -> Timestamp {
+        Timestamp::now()
+    }
+
+    /// Now as leases count it: the start of the server plus the time that has really passed.
+    pub(crate) fn lease_now(&self) -> Timestamp {
+        let passed = i64::try_from(self.started.elapsed().as_millis()).unwrap_or(i64::MAX);
+        self.started_at.plus_ms(passed)
+    }
+}

@@ -1,0 +1,51 @@
+//! What an operator can set.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use roost_solver::Limits;
+
+use crate::queue::AttemptLimits;
+
+/// The settings of a server.
+#[derive(Clone, Debug)]
+pub struct ServerConfig {
+    /// Where to listen; port 0 lets the system choose. A loopback address: there are no tokens yet.
+    pub listen: SocketAddr,
+    /// Everything the server keeps is in this directory.
+    pub data: PathBuf,
+    /// A lease lasts this long after a heartbeat.
+    pub lease: Duration,
+    /// Workers are told to beat this often.
+    pub heartbeat: Duration,
+    /// A claim waits for work no longer than this.
+    pub max_claim_wait: Duration,
+    /// What a scenario may cost.
+    pub limits: Limits,
+    /// Attempts that a job gets.
+    pub attempts: AttemptLimits,
+    /// Jobs that a sweep may make.
+    pub max_jobs_per_sweep: u64,
+    /// Size of a request body.
+    pub max_body_bytes: usize,
+    /// Size of a result that a worker delivers.
+    pub max_result_bytes: usize,
+}
+
+impl Default for ServerConfig {
+    fn default() -> Self {
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 7373)),
+            data: PathBuf::from("roost-data"),
+            lease: Duration::from_secs(15),
+            heartbeat: Duration::from_secs(2),
+            max_claim_wait: Duration::from_secs(30),
+            limits: Limits::default(),
+            attempts: AttemptLimits::default(),
+            max_jobs_per_sweep: 100_000,
+            max_body_bytes: 4 * 1024 * 1024,
+            max_result_bytes: 256 * 1024 * 1024,
+        }
+    }
+}

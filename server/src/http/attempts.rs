@@ -1,0 +1,112 @@
+//! What an attempt delivers: its result, or why there is none.
+
+use axum::Json;
+use axum::extract::State;
+use roost_api::ids::JobId;
+use roost_api::lease::{FailureReport, ResultDelivery};
+use roost_api::problem::Problem;
+use roost_api::{Fault, RunResult};
+use roost_solver::result::{EndReason, SCHEMA};
+use serde::Serialize;
+use serde_json::json;
+use utoipa::ToSchema;
+
+use super::extract::{Body, Segments};
+use super::problem::ApiError;
+use crate::app::App;
+use crate::document::fault;
+use crate::queue::{JobChange, Verdict};
+
+/// The answer to a delivery.
+#[derive(Serialize, ToSchema)]
+pub(crate) struct Receipt {
+    /// Whether this delivery changed something; false when it repeats one that counted already.
+    recorded: bool,
+}
+
+/// Delivers the result of an attempt. It is recorded exactly once; repeating it is safe.
+#[utoipa::path(post, path = "/v1/jobs/{id}/attempts/{n}/result", tag = "workers", operation_id = "deliver_result",
+    params(("id" = uuid::Uuid, Path, description = "The job"),
+           ("n" = u32, Path, description = "Number of the attempt")),
+    request_body = ResultDelivery,
+    responses((status = 200, description = "Recorded, now or before", body = Receipt),
+              (status = 409, description = "The attempt is stale: nothing changed", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 422, description = "The result is not that of the job", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn result(
+    State(app): State<App>,
+    Segments((id, attempt)): Segments<(JobId, u32)>,
+    Body(delivery): Body<ResultDelivery>,
+) -> Result<Json<Receipt>, ApiError> {
+    let ResultDelivery { worker_id, result } = delivery;
+    let mut faults = result_faults(&result);
+    if matches!(result.end_reason, EndReason::Unstable | EndReason::Cancelled) {
+        let detail = "an unstable or cancelled run has no result: report it as a failure";
+        faults.push(fault("/result/end_reason", json!(result.end_reason), detail, ""));
+    }
+    if !faults.is_empty() {
+        return Err(ApiError::faults(faults));
+    }
+    let verdict = app.store.record_result(id, attempt, worker_id, result, app.clock.now()).await??;
+    Ok(Json(settle(&app, id, &verdict)))
+}
+
+/// Reports why an attempt has no result. Repeating it is safe.
+#[utoipa::path(post, path = "/v1/jobs/{id}/attempts/{n}/failure", tag = "workers",
+    operation_id = "report_failure",
+    params(("id" = uuid::Uuid, Path, description = "The job"),
+           ("n" = u32, Path, description = "Number of the attempt")),
+    request_body = FailureReport,
+    responses((status = 200, description = "Recorded, now or before", body = Receipt),
+              (status = 409, description = "The attempt is stale: nothing changed", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 422, description = "The report does not fit the job", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn failure(
+    State(app): State<App>,
+    Segments((id, attempt)): Segments<(JobId, u32)>,
+    Body(report): Body<FailureReport>,
+) -> Result<Json<Receipt>, ApiError> {
+    let FailureReport { worker_id, outcome, message, result } = report;
+    if let Some(faults) = result.as_ref().map(result_faults).filter(|faults| !faults.is_empty()) {
+        return Err(ApiError::faults(faults));
+    }
+    let (limits, now) = (app.config.attempts, app.clock.now());
+    let recorded = app.store.record_failure(id, attempt, worker_id, outcome, message, result, limits, now);
+    let verdict = recorded.await??;
+    Ok(Json(settle(&app, id, &verdict)))
+}
+
+/// What a delivery means for those who wait and watch.
+fn settle(app: &App, job: JobId, verdict: &Verdict) -> Receipt {
+    if let Verdict::Record(change) = verdict {
+        app.progress.forget(job);
+        if *change == JobChange::Requeue {
+            app.work.notify_waiters();
+        }
+    }
+    Receipt { recorded: matches!(verdict, Verdict::Record(_)) }
+}
+
+/// What must hold within a result, whatever the job.
+fn result_faults(result: &RunResult) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    if result.schema != SCHEMA {
+        faults.push(fault("/result/schema", json!(result.schema), "unknown schema", SCHEMA));
+    }
+    if result.scenario.digest() != result.scenario_digest {
+        let detail = "not the digest of the scenario in the result";
+        let found = json!(result.scenario_digest);
+        faults.push(fault("/result/scenario_digest", found, detail, &result.scenario.digest()));
+    }
+    for (index, series) in result.series.iter().enumerate() {
+        if series.t_s.len() != series.values.len() {
+            let at = format!("/result/series/{index}/values");
+            let detail = format!("series `{}` has {} values", series.name, series.values.len());
+            let allowed = format!("as many as times: {}", series.t_s.len());
+            faults.push(fault(&at, json!(series.values.len()), &detail, &allowed));
+        }
+    }
+    faults
+}

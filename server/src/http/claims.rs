@@ -1,0 +1,63 @@
+//! Claims: a worker asks for jobs and waits for them.
+
+use std::time::Duration;
+
+use axum::Json;
+use axum::extract::State;
+use roost_api::lease::{ClaimReply, ClaimRequest};
+use roost_api::problem::Problem;
+use serde_json::json;
+use tokio::time::{Instant, sleep_until};
+
+use super::extract::Body;
+use super::problem::ApiError;
+use crate::app::App;
+use crate::document::fault;
+use crate::queue::lease_end;
+
+/// Jobs of one claim: a batch of a device, not the whole queue.
+const MAX_JOBS: u32 = 64;
+
+/// Claims up to `max_jobs` jobs, waiting up to `wait_s` for the first.
+#[utoipa::path(post, path = "/v1/claims", tag = "workers", operation_id = "claim",
+    request_body = ClaimRequest,
+    responses((status = 200, description = "The attempts; none when there was no work", body = ClaimReply),
+              (status = 404, description = "The worker has not registered", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn claim(
+    State(app): State<App>,
+    Body(request): Body<ClaimRequest>,
+) -> Result<Json<ClaimReply>, ApiError> {
+    check(&request)?;
+    let wait = Duration::from_secs_f64(request.wait_s.min(app.config.max_claim_wait.as_secs_f64()));
+    let deadline = Instant::now() + wait;
+    loop {
+        // Listen before looking: work that comes in between must wake this claim too.
+        let work = app.work.notified();
+        tokio::pin!(work);
+        work.as_mut().enable();
+        let until = lease_end(app.clock.lease_now(), app.config.lease);
+        let (id, worker) = (request.request_id, request.worker_id);
+        let attempts = app.store.claim(id, worker, request.max_jobs, app.clock.now(), until).await??;
+        if !attempts.is_empty() {
+            return Ok(Json(ClaimReply { attempts }));
+        }
+        tokio::select! {
+            () = work => {}
+            () = sleep_until(deadline) => break,
+            () = app.shutdown.cancelled() => break,
+        }
+    }
+    Ok(Json(ClaimReply { attempts: Vec::new() }))
+}
+
+fn check(request: &ClaimRequest) -> Result<(), ApiError> {
+    let mut faults = Vec::new();
+    if !(1..=MAX_JOBS).contains(&request.max_jobs) {
+        faults.push(fault("/max_jobs", json!(request.max_jobs), "not a number of jobs to claim", "1 to 64"));
+    }
+    if !(0.0..=86_400.0).contains(&request.wait_s) {
+        faults.push(fault("/wait_s", json!(request.wait_s), "not a time to wait", "0 to 86400 s"));
+    }
+    if faults.is_empty() { Ok(()) } else { Err(ApiError::faults(faults)) }
+}

@@ -1,0 +1,101 @@
+//! Reading requests: body, path and query, every failure a problem document.
+
+use axum::body::Bytes;
+use axum::extract::rejection::BytesRejection;
+use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, header};
+use roost_solver::scenario::{ScenarioError, read_json};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use super::problem::{ApiError, Kind};
+use crate::document::read_document;
+
+/// A JSON body, not yet given a shape.
+pub(crate) struct Document(pub(crate) Value);
+
+/// A JSON body of a known shape.
+pub(crate) struct Body<T>(pub(crate) T);
+
+/// The variable segments of the path.
+pub(crate) struct Segments<T>(pub(crate) T);
+
+/// The query string.
+pub(crate) struct Params<T>(pub(crate) T);
+
+/// The size limit of the bodies of a route, which its layer also enforces: kept to be named in the answer.
+#[derive(Clone, Copy)]
+pub(crate) struct BodyLimit(pub(crate) usize);
+
+impl<S: Send + Sync> FromRequest<S> for Document {
+    type Rejection = ApiError;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
+        if !says_json(request.headers()) {
+            return Err(ApiError::new(Kind::NotJson, "send the header `content-type: application/json`"));
+        }
+        let limit = request.extensions().get::<BodyLimit>().map_or(0, |limit| limit.0);
+        let bytes = Bytes::from_request(request, state).await.map_err(|error| unread(&error, limit))?;
+        let text = str::from_utf8(&bytes).map_err(|error| {
+            let before = &bytes[..error.valid_up_to()];
+            let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
+            ApiError::new(Kind::Syntax, format!("the body is not UTF-8 (line {line})"))
+        })?;
+        match read_json(text) {
+            Ok(value) => Ok(Self(value)),
+            Err(error @ ScenarioError::Syntax { .. }) => Err(ApiError::new(Kind::Syntax, error.to_string())),
+            Err(ScenarioError::Faults(faults)) => Err(ApiError::faults(faults)),
+        }
+    }
+}
+
+impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
+    type Rejection = ApiError;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
+        let Document(value) = Document::from_request(request, state).await?;
+        read_document(value).map(Self).map_err(ApiError::faults)
+    }
+}
+
+impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for Segments<T> {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
+        match Path::from_request_parts(parts, state).await {
+            Ok(Path(value)) => Ok(Self(value)),
+            Err(rejection) => Err(ApiError::new(Kind::InvalidPath, rejection.body_text())),
+        }
+    }
+}
+
+impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Params<T> {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
+        match Query::from_request_parts(parts, state).await {
+            Ok(Query(value)) => Ok(Self(value)),
+            Err(rejection) => Err(ApiError::new(Kind::InvalidQuery, rejection.body_text())),
+        }
+    }
+}
+
+/// Whether the body is declared as JSON. A page in a browser cannot send that elsewhere without asking first, which
+/// keeps strange pages from submitting to a server on this machine.
+fn says_json(headers: &HeaderMap) -> bool {
+    let Some(Ok(declared)) = headers.get(header::CONTENT_TYPE).map(|value| value.to_str()) else {
+        return false;
+    };
+    let media_type = declared.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
+    media_type == "application/json"
+        || (media_type.starts_with("application/") && media_type.ends_with("+json"))
+}
+
+fn unread(rejection: &BytesRejection, limit: usize) -> ApiError {
+    if rejection.status() == Kind::TooLarge.status() {
+        let detail = format!("the body is larger than {limit} bytes; the operator can set this limit");
+        return ApiError::new(Kind::TooLarge, detail);
+    }
+    ApiError::new(Kind::UnreadableBody, rejection.body_text())
+}

@@ -1,0 +1,148 @@
+//! Jobs: submit, look, cancel, retry.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderName, StatusCode, header};
+use roost_api::ids::JobId;
+use roost_api::job::{FailureClass, JobEnvelope, JobState, JobView};
+use roost_api::page::Page;
+use roost_api::problem::Problem;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::extract::{Document, Params, Segments};
+use super::page::{label, limit, page};
+use super::problem::ApiError;
+use crate::app::App;
+use crate::document::read_envelope;
+use crate::queue::Refusal;
+use crate::store::{JobFilter, NewJob};
+
+/// Submits one scenario.
+#[utoipa::path(post, path = "/v1/jobs", tag = "jobs", operation_id = "submit_job",
+    request_body = JobEnvelope,
+    responses((status = 202, description = "Queued, or answered from the store", body = JobView),
+              (status = 422, description = "Every fault", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn submit(
+    State(app): State<App>,
+    Document(document): Document,
+) -> Result<(StatusCode, [(HeaderName, String); 1], Json<JobView>), ApiError> {
+    let (envelope, scenario) = read_envelope(&app.config.limits, document).map_err(ApiError::faults)?;
+    let id = JobId::new();
+    let job = NewJob {
+        id,
+        scenario,
+        priority: envelope.priority,
+        labels: envelope.labels,
+        needs: envelope.needs,
+        max_wall_s: envelope.max_wall_s,
+        cache: envelope.cache,
+    };
+    app.store.insert_job(job, app.clock.now()).await?;
+    app.work.notify_waiters();
+    Ok((StatusCode::ACCEPTED, [(header::LOCATION, format!("/v1/jobs/{id}"))], Json(view(&app, id).await?)))
+}
+
+/// Which jobs to list.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct JobQuery {
+    /// Only jobs in this state.
+    state: Option<JobState>,
+    /// Only jobs with this label: `key` or `key=value`.
+    #[serde(default, deserialize_with = "label")]
+    #[param(value_type = Option<String>)]
+    label: Option<(String, Option<String>)>,
+    /// `next_cursor` of the page before.
+    #[param(value_type = Option<String>)]
+    cursor: Option<i64>,
+    /// Rows, 1 to 500; 50 unless given.
+    limit: Option<u32>,
+}
+
+impl JobQuery {
+    /// The filter for the store.
+    pub(super) fn filter(self) -> Result<JobFilter, ApiError> {
+        let limit = limit(self.limit)?;
+        Ok(JobFilter { sweep: None, state: self.state, label: self.label, before: self.cursor, limit })
+    }
+}
+
+/// Lists jobs, newest first.
+#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", operation_id = "list_jobs", params(JobQuery),
+    responses((status = 200, description = "A page of jobs", body = Page<JobView>)))]
+pub(crate) async fn list(
+    State(app): State<App>,
+    Params(query): Params<JobQuery>,
+) -> Result<Json<Page<JobView>>, ApiError> {
+    list_filtered(&app, query.filter()?).await
+}
+
+/// Lists what the filter lets through, with the progress of what runs.
+pub(super) async fn list_filtered(app: &App, filter: JobFilter) -> Result<Json<Page<JobView>>, ApiError> {
+    let (mut jobs, next) = app.store.jobs(filter).await?;
+    jobs.iter_mut().for_each(|job| app.progress.show(job));
+    Ok(Json(page(jobs, next)))
+}
+
+/// One job.
+#[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "show_job",
+    params(("id" = uuid::Uuid, Path, description = "The job")),
+    responses((status = 200, description = "The job", body = JobView),
+              (status = 404, description = "No such job", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn show(
+    State(app): State<App>,
+    Segments(id): Segments<JobId>,
+) -> Result<Json<JobView>, ApiError> {
+    view(&app, id).await.map(Json)
+}
+
+async fn view(app: &App, id: JobId) -> Result<JobView, ApiError> {
+    let mut job = app.store.job(id).await?.ok_or(Refusal::NoJob)?;
+    app.progress.show(&mut job);
+    Ok(job)
+}
+
+/// Cancels a job: at once when it is queued, with the next heartbeat when it runs.
+#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", operation_id = "cancel_job",
+    params(("id" = uuid::Uuid, Path, description = "The job")),
+    responses((status = 200, description = "The job as it is now", body = JobView),
+              (status = 404, description = "No such job", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn cancel(
+    State(app): State<App>,
+    Segments(id): Segments<JobId>,
+) -> Result<Json<JobView>, ApiError> {
+    app.store.cancel_job(id, app.clock.now()).await??;
+    view(&app, id).await.map(Json)
+}
+
+/// What to retry.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct RetryQuery {
+    /// Only what failed so.
+    pub(super) class: Option<FailureClass>,
+}
+
+/// Queues a failed or cancelled job again.
+#[utoipa::path(post, path = "/v1/jobs/{id}/retry", tag = "jobs", operation_id = "retry_job",
+    params(("id" = uuid::Uuid, Path, description = "The job"), RetryQuery),
+    responses((status = 200, description = "The job as it is now", body = JobView),
+              (status = 404, description = "No such job", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 409, description = "The job is neither failed nor cancelled", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn retry(
+    State(app): State<App>,
+    Segments(id): Segments<JobId>,
+    Params(query): Params<RetryQuery>,
+) -> Result<Json<JobView>, ApiError> {
+    app.store.retry_job(id, query.class).await??;
+    app.work.notify_waiters();
+    view(&app, id).await.map(Json)
+}

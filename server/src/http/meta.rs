@@ -1,0 +1,81 @@
+//! About the server itself: health, versions, schemas.
+
+use axum::extract::State;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use axum::{Extension, Json};
+use roost_api::API_VERSION;
+use roost_api::problem::Problem;
+use roost_api::version::VersionView;
+use roost_solver::PHYSICS_REVISION;
+use roost_solver::scenario::json_schema;
+use serde::Serialize;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::problem::{ApiError, Kind};
+use crate::app::App;
+
+/// The OpenAPI document, written once.
+#[derive(Clone)]
+pub(crate) struct Spec(axum::body::Bytes);
+
+impl Spec {
+    /// Writes the document down.
+    pub(crate) fn new(spec: &utoipa::openapi::OpenApi) -> Self {
+        Self(spec.to_json().expect("the specification is JSON").into())
+    }
+}
+
+/// That all is well.
+#[derive(Serialize, ToSchema)]
+pub(crate) struct Health {
+    /// Always `ok`.
+    status: &'static str,
+}
+
+/// Whether the process lives.
+#[utoipa::path(get, path = "/healthz", tag = "server", operation_id = "healthz",
+    responses((status = 200, description = "It does", body = Health)))]
+pub(crate) async fn healthz() -> Json<Health> {
+    Json(Health { status: "ok" })
+}
+
+/// Whether requests will be answered: the database reads and writes, and the server is not stopping.
+#[utoipa::path(get, path = "/readyz", tag = "server", operation_id = "readyz",
+    responses((status = 200, description = "They will", body = Health),
+              (status = 503, description = "Not now", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn readyz(State(app): State<App>) -> Result<Json<Health>, ApiError> {
+    if app.shutdown.is_cancelled() {
+        return Err(ApiError::new(Kind::Unavailable, "the server is stopping"));
+    }
+    app.store.ping().await.map_err(|error| ApiError::new(Kind::Unavailable, error.to_string()))?;
+    Ok(Json(Health { status: "ok" }))
+}
+
+/// Versions.
+#[utoipa::path(get, path = "/v1/version", tag = "server", operation_id = "version",
+    responses((status = 200, description = "What the server is made of", body = VersionView)))]
+pub(crate) async fn version(State(app): State<App>) -> Json<VersionView> {
+    Json(VersionView {
+        server: env!("CARGO_PKG_VERSION").to_owned(),
+        api_version: API_VERSION.to_owned(),
+        physics_revision: PHYSICS_REVISION,
+        sqlite: app.store.sqlite_version().to_owned(),
+    })
+}
+
+/// The JSON Schema of a scenario: every field with type, unit, default, range and source.
+#[utoipa::path(get, path = "/v1/schema/scenario", tag = "documents", operation_id = "scenario_schema",
+    responses((status = 200, description = "JSON Schema", body = Object)))]
+pub(crate) async fn scenario_schema() -> Json<Value> {
+    Json(json_schema())
+}
+
+/// This API, as OpenAPI 3.1.
+#[utoipa::path(get, path = "/openapi.json", tag = "server", operation_id = "openapi",
+    responses((status = 200, description = "The OpenAPI document", body = Object)))]
+pub(crate) async fn openapi(Extension(Spec(spec)): Extension<Spec>) -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], spec).into_response()
+}

@@ -1,0 +1,120 @@
+//! The HTTP API: a file per resource, and here the whole route list.
+
+mod attempts;
+mod claims;
+mod extract;
+mod heartbeats;
+mod jobs;
+mod meta;
+mod page;
+mod problem;
+mod results;
+mod sweeps;
+#[cfg(test)]
+mod tests;
+mod validate;
+mod workers;
+
+use std::future::Future;
+use std::io;
+
+use axum::extract::DefaultBodyLimit;
+use axum::http::{Method, Uri};
+use axum::response::{IntoResponse, Response};
+use axum::{Extension, Router};
+use tokio::net::TcpListener;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::trace::TraceLayer;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use crate::app::App;
+use extract::BodyLimit;
+use problem::{ApiError, Kind};
+
+/// Answers requests until `stop`, then finishes those under way.
+pub(crate) async fn serve(
+    listener: TcpListener,
+    app: App,
+    stop: impl Future<Output = ()> + Send + 'static,
+) -> io::Result<()> {
+    axum::serve(listener, router(app)).with_graceful_shutdown(stop).await
+}
+
+/// What the API is called; its routes come from the handlers.
+#[derive(OpenApi)]
+#[openapi(info(
+    title = "Roost",
+    description = "Distributed parameter sweeps of bonded-particle DEM simulations of soft food. \
+                   Every error is an `application/problem+json` document."
+))]
+struct Api;
+
+/// Every route, with its documentation.
+fn routes(app: &App) -> OpenApiRouter<App> {
+    let small = limited(app.config.max_body_bytes);
+    let large = limited(app.config.max_result_bytes);
+    let users = OpenApiRouter::new()
+        .routes(routes!(jobs::submit, jobs::list))
+        .routes(routes!(jobs::show))
+        .routes(routes!(results::result))
+        .routes(routes!(results::series))
+        .routes(routes!(jobs::cancel))
+        .routes(routes!(jobs::retry))
+        .routes(routes!(sweeps::submit, sweeps::list))
+        .routes(routes!(sweeps::show))
+        .routes(routes!(sweeps::jobs))
+        .routes(routes!(results::table))
+        .routes(routes!(sweeps::cancel))
+        .routes(routes!(sweeps::retry))
+        .routes(routes!(validate::validate))
+        .routes(routes!(meta::scenario_schema))
+        .routes(routes!(meta::version))
+        .routes(routes!(workers::register, workers::list))
+        .routes(routes!(claims::claim))
+        .routes(routes!(heartbeats::heartbeat))
+        .routes(routes!(meta::healthz))
+        .routes(routes!(meta::readyz))
+        .routes(routes!(meta::openapi))
+        .layer(small);
+    let deliveries = OpenApiRouter::new()
+        .routes(routes!(attempts::result))
+        .routes(routes!(attempts::failure))
+        .layer(large);
+    OpenApiRouter::with_openapi(Api::openapi()).merge(users).merge(deliveries)
+}
+
+/// The limit of request bodies, enforced and named.
+fn limited(bytes: usize) -> (DefaultBodyLimit, Extension<BodyLimit>) {
+    (DefaultBodyLimit::max(bytes), Extension(BodyLimit(bytes)))
+}
+
+fn router(app: App) -> Router {
+    let (router, spec) = routes(&app).split_for_parts();
+    router
+        .fallback(unknown_path)
+        .method_not_allowed_fallback(wrong_method)
+        .layer(Extension(meta::Spec::new(&spec)))
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(TraceLayer::new_for_http())
+        .with_state(app)
+}
+
+async fn unknown_path(uri: Uri) -> ApiError {
+    ApiError::new(Kind::NotFound, format!("there is no path {}; /openapi.json lists them all", uri.path()))
+}
+
+async fn wrong_method(method: Method, uri: Uri) -> ApiError {
+    ApiError::new(Kind::MethodNotAllowed, format!("{} does not answer {method}; see `allow`", uri.path()))
+}
+
+fn panicked(panic: Box<dyn std::any::Any + Send>) -> Response {
+    let message = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("no message");
+    tracing::error!(message, "a request handler panicked");
+    ApiError::new(Kind::Internal, "this is a bug; the server's log says more").into_response()
+}

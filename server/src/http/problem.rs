@@ -1,0 +1,125 @@
+//! Error answers: one table of the kinds of problem, and the one place where errors become HTTP.
+
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use roost_api::Fault;
+use roost_api::problem::{MEDIA_TYPE, Problem};
+
+use crate::queue::Refusal;
+use crate::store::StoreError;
+
+/// Declares the kinds of problem: name in the `type` field, status, title.
+macro_rules! kinds {
+    ($($(#[$doc:meta])* $name:ident = $slug:literal, $status:ident, $title:literal;)*) => {
+        /// A kind of problem.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(crate) enum Kind { $($(#[$doc])* $name),* }
+
+        impl Kind {
+            /// Every kind; `api.md` lists them.
+            #[cfg(test)]
+            pub(crate) const ALL: &'static [Self] = &[$(Self::$name),*];
+
+            /// The `type` field.
+            pub(crate) fn uri(self) -> &'static str {
+                match self { $(Self::$name => concat!("/problems/", $slug)),* }
+            }
+
+            /// The HTTP status.
+            pub(crate) fn status(self) -> StatusCode {
+                match self { $(Self::$name => StatusCode::$status),* }
+            }
+
+            /// The kind in words.
+            pub(crate) fn title(self) -> &'static str {
+                match self { $(Self::$name => $title),* }
+            }
+        }
+    };
+}
+
+kinds! {
+    NotFound = "not-found", NOT_FOUND, "There is no such thing here";
+    MethodNotAllowed = "method-not-allowed", METHOD_NOT_ALLOWED, "The path does not know this method";
+    InvalidPath = "invalid-path", BAD_REQUEST, "The path holds something unreadable";
+    InvalidQuery = "invalid-query", BAD_REQUEST, "The query string is wrong";
+    Syntax = "syntax", BAD_REQUEST, "The body is not JSON";
+    UnreadableBody = "unreadable-body", BAD_REQUEST, "The body did not arrive whole";
+    NotJson = "not-json", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as JSON";
+    TooLarge = "too-large", PAYLOAD_TOO_LARGE, "The body is over the size limit";
+    InvalidDocument = "invalid-document", UNPROCESSABLE_ENTITY, "The document has faults";
+    WrongResult = "wrong-result", UNPROCESSABLE_ENTITY, "The delivery does not fit the job";
+    StaleAttempt = "stale-attempt", CONFLICT, "The attempt may not write any more";
+    WrongState = "wrong-state", CONFLICT, "The job is in another state";
+    WorkerRefused = "worker-refused", CONFLICT, "The worker does not go with this server";
+    Unavailable = "unavailable", SERVICE_UNAVAILABLE, "The server cannot answer now";
+    Internal = "internal", INTERNAL_SERVER_ERROR, "The server made a mistake";
+}
+
+/// An error answer on its way.
+#[derive(Debug)]
+pub(crate) struct ApiError {
+    kind: Kind,
+    detail: String,
+    faults: Vec<Fault>,
+}
+
+impl ApiError {
+    /// A problem of that kind; the detail says what to do about it.
+    pub(crate) fn new(kind: Kind, detail: impl Into<String>) -> Self {
+        Self { kind, detail: detail.into(), faults: Vec::new() }
+    }
+
+    /// A document with faults.
+    pub(crate) fn faults(faults: Vec<Fault>) -> Self {
+        let detail = match faults.as_slice() {
+            [only] => only.to_string(),
+            all => format!("{} faults; each is in `errors` with its JSON pointer", all.len()),
+        };
+        Self { kind: Kind::InvalidDocument, detail, faults }
+    }
+}
+
+impl IntoResponse for ApiError {
+    fn into_response(self) -> Response {
+        let status = self.kind.status();
+        let problem = Problem {
+            kind: self.kind.uri().to_owned(),
+            title: self.kind.title().to_owned(),
+            status: status.as_u16(),
+            detail: self.detail,
+            errors: self.faults,
+        };
+        let mut response = (status, axum::Json(problem)).into_response();
+        response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
+        response
+    }
+}
+
+impl From<StoreError> for ApiError {
+    fn from(error: StoreError) -> Self {
+        tracing::error!(%error, "the store failed");
+        match error {
+            StoreError::WriterGone => Self::new(Kind::Unavailable, "the server is stopping; try again later"),
+            _ => Self::new(
+                Kind::Internal,
+                "the database did not do what it should; the server's log says more",
+            ),
+        }
+    }
+}
+
+impl From<Refusal> for ApiError {
+    fn from(refusal: Refusal) -> Self {
+        let kind = match refusal {
+            Refusal::NoJob | Refusal::NoSweep | Refusal::NoAttempt | Refusal::NoWorker => Kind::NotFound,
+            Refusal::Superseded { .. }
+            | Refusal::JobEnded { .. }
+            | Refusal::AttemptEnded { .. }
+            | Refusal::OtherWorker => Kind::StaleAttempt,
+            Refusal::OtherScenario | Refusal::NotReportable { .. } => Kind::WrongResult,
+            Refusal::NotRetryable { .. } | Refusal::OtherClass { .. } => Kind::WrongState,
+        };
+        Self::new(kind, refusal.to_string())
+    }
+}

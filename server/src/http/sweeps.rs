@@ -1,0 +1,154 @@
+//! Sweeps: submit, look, cancel, retry.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderName, StatusCode, header};
+use roost_api::ids::SweepId;
+use roost_api::job::JobView;
+use roost_api::page::Page;
+use roost_api::problem::Problem;
+use roost_api::sweep::{SweepSpec, SweepView};
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::extract::{Body, Params, Segments};
+use super::jobs::{JobQuery, RetryQuery, list_filtered};
+use super::page::{label, limit, page};
+use super::problem::{ApiError, Kind};
+use crate::app::App;
+use crate::queue::Refusal;
+use crate::store::{JobFilter, NewSweep};
+use crate::sweep::{Expansion, SweepLimits, expand};
+
+/// Submits a sweep: base × design × replicates, all or nothing.
+#[utoipa::path(post, path = "/v1/sweeps", tag = "sweeps", operation_id = "submit_sweep",
+    request_body = SweepSpec,
+    responses((status = 201, description = "Expanded and queued", body = SweepView),
+              (status = 422, description = "Every fault", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn submit(
+    State(app): State<App>,
+    Body(spec): Body<SweepSpec>,
+) -> Result<(StatusCode, [(HeaderName, String); 1], Json<SweepView>), ApiError> {
+    let id = SweepId::new();
+    let expansion = expanded(&app, spec.clone()).await?;
+    app.store.insert_sweep(NewSweep { id, spec, expansion }, app.clock.now()).await?;
+    app.work.notify_waiters();
+    let location = [(header::LOCATION, format!("/v1/sweeps/{id}"))];
+    Ok((StatusCode::CREATED, location, Json(view(&app, id).await?)))
+}
+
+/// Expands a sweep on a thread of its own: many points take a while, and others wait for answers.
+async fn expanded(app: &App, spec: SweepSpec) -> Result<Expansion, ApiError> {
+    let limits = SweepLimits { max_jobs: app.config.max_jobs_per_sweep, scenario: app.config.limits };
+    tokio::task::spawn_blocking(move || expand(&spec, limits))
+        .await
+        .map_err(|error| ApiError::new(Kind::Internal, format!("the sweep could not be expanded: {error}")))?
+        .map_err(ApiError::faults)
+}
+
+/// Which sweeps to list.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct SweepQuery {
+    /// Only sweeps with this label: `key` or `key=value`.
+    #[serde(default, deserialize_with = "label")]
+    #[param(value_type = Option<String>)]
+    label: Option<(String, Option<String>)>,
+    /// `next_cursor` of the page before.
+    #[param(value_type = Option<String>)]
+    cursor: Option<i64>,
+    /// Rows, 1 to 500; 50 unless given.
+    limit: Option<u32>,
+}
+
+/// Lists sweeps, newest first.
+#[utoipa::path(get, path = "/v1/sweeps", tag = "sweeps", operation_id = "list_sweeps", params(SweepQuery),
+    responses((status = 200, description = "A page of sweeps", body = Page<SweepView>)))]
+pub(crate) async fn list(
+    State(app): State<App>,
+    Params(query): Params<SweepQuery>,
+) -> Result<Json<Page<SweepView>>, ApiError> {
+    let (mut sweeps, next) = app.store.sweeps(query.label, query.cursor, limit(query.limit)?).await?;
+    for sweep in &mut sweeps {
+        add_running(&app, sweep).await?;
+    }
+    Ok(Json(page(sweeps, next)))
+}
+
+/// One sweep with its counts.
+#[utoipa::path(get, path = "/v1/sweeps/{id}", tag = "sweeps", operation_id = "show_sweep",
+    params(("id" = uuid::Uuid, Path, description = "The sweep")),
+    responses((status = 200, description = "The sweep", body = SweepView),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn show(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<SweepView>, ApiError> {
+    view(&app, id).await.map(Json)
+}
+
+/// The sweep as it is now.
+pub(super) async fn view(app: &App, id: SweepId) -> Result<SweepView, ApiError> {
+    let mut sweep = app.store.sweep(id).await?.ok_or(Refusal::NoSweep)?;
+    add_running(app, &mut sweep).await?;
+    Ok(sweep)
+}
+
+/// Adds what the running jobs have done to the share that is done.
+async fn add_running(app: &App, sweep: &mut SweepView) -> Result<(), ApiError> {
+    if sweep.counts.running > 0 {
+        let running = app.store.running_jobs(sweep.id).await?;
+        let share = app.progress.done(&running) / sweep.counts.total() as f64;
+        sweep.fraction = (sweep.fraction + share).min(1.0);
+    }
+    Ok(())
+}
+
+/// Lists the jobs of a sweep, newest first.
+#[utoipa::path(get, path = "/v1/sweeps/{id}/jobs", tag = "sweeps", operation_id = "list_sweep_jobs",
+    params(("id" = uuid::Uuid, Path, description = "The sweep"), JobQuery),
+    responses((status = 200, description = "A page of jobs", body = Page<JobView>),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn jobs(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+    Params(query): Params<JobQuery>,
+) -> Result<Json<Page<JobView>>, ApiError> {
+    app.store.sweep(id).await?.ok_or(Refusal::NoSweep)?;
+    list_filtered(&app, JobFilter { sweep: Some(id), ..query.filter()? }).await
+}
+
+/// Cancels what of a sweep has not ended.
+#[utoipa::path(post, path = "/v1/sweeps/{id}/cancel", tag = "sweeps", operation_id = "cancel_sweep",
+    params(("id" = uuid::Uuid, Path, description = "The sweep")),
+    responses((status = 200, description = "The sweep as it is now", body = SweepView),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn cancel(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<SweepView>, ApiError> {
+    app.store.cancel_sweep(id, app.clock.now()).await??;
+    view(&app, id).await.map(Json)
+}
+
+/// Queues the failed and cancelled jobs of a sweep again, or only those that failed as `class`.
+#[utoipa::path(post, path = "/v1/sweeps/{id}/retry", tag = "sweeps", operation_id = "retry_sweep",
+    params(("id" = uuid::Uuid, Path, description = "The sweep"), RetryQuery),
+    responses((status = 200, description = "The sweep as it is now", body = SweepView),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn retry(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+    Params(query): Params<RetryQuery>,
+) -> Result<Json<SweepView>, ApiError> {
+    if app.store.retry_sweep(id, query.class).await?? > 0 {
+        app.work.notify_waiters();
+    }
+    view(&app, id).await.map(Json)
+}

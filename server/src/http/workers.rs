@@ -1,0 +1,73 @@
+//! Workers: register, and who is there.
+
+use axum::Json;
+use axum::extract::State;
+use roost_api::API_VERSION;
+use roost_api::ids::WorkerId;
+use roost_api::page::Page;
+use roost_api::problem::Problem;
+use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
+use roost_solver::PHYSICS_REVISION;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::extract::{Body, Params};
+use super::page::{limit, page};
+use super::problem::{ApiError, Kind};
+use crate::app::App;
+
+/// Registers a worker process; a repeat is the same worker.
+#[utoipa::path(post, path = "/v1/workers", tag = "workers", operation_id = "register_worker",
+    request_body = WorkerRegistration,
+    responses((status = 200, description = "Welcome", body = WorkerWelcome),
+              (status = 409, description = "Another API version or physics revision", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn register(
+    State(app): State<App>,
+    Body(worker): Body<WorkerRegistration>,
+) -> Result<Json<WorkerWelcome>, ApiError> {
+    if worker.api_version != API_VERSION {
+        let detail = format!(
+            "the worker speaks API {}, this server {API_VERSION}: install the same release on both",
+            worker.api_version
+        );
+        return Err(ApiError::new(Kind::WorkerRefused, detail));
+    }
+    if worker.physics_revision != PHYSICS_REVISION {
+        let detail = format!(
+            "the worker computes physics revision {}, this server {PHYSICS_REVISION}; their results must not \
+             be mixed: install the same release on both",
+            worker.physics_revision
+        );
+        return Err(ApiError::new(Kind::WorkerRefused, detail));
+    }
+    tracing::info!(worker = %worker.worker_id, name = worker.name, device = worker.device, "worker registered");
+    app.store.register_worker(worker, app.clock.now()).await?;
+    Ok(Json(WorkerWelcome {
+        heartbeat_s: app.config.heartbeat.as_secs_f64(),
+        lease_s: app.config.lease.as_secs_f64(),
+    }))
+}
+
+/// Which workers to list.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct WorkerQuery {
+    /// `next_cursor` of the page before.
+    #[param(value_type = Option<String>)]
+    cursor: Option<WorkerId>,
+    /// Rows, 1 to 500; 50 unless given.
+    limit: Option<u32>,
+}
+
+/// Lists workers, newest first: who, on what device, doing what.
+#[utoipa::path(get, path = "/v1/workers", tag = "workers", operation_id = "list_workers", params(WorkerQuery),
+    responses((status = 200, description = "A page of workers", body = Page<WorkerView>)))]
+pub(crate) async fn list(
+    State(app): State<App>,
+    Params(query): Params<WorkerQuery>,
+) -> Result<Json<Page<WorkerView>>, ApiError> {
+    let (workers, next) = app.store.workers(query.cursor, limit(query.limit)?).await?;
+    Ok(Json(page(workers, next)))
+}

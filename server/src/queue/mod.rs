@@ -1,0 +1,143 @@
+//! Decisions of the queue: synchronous, without IO, the clock an argument.
+//!
+//! The store reads the facts, asks here, and carries the answer out in the same transaction. `fence` says
+//! whether a write of an attempt may count, `lease` what a beat and an expired lease mean, `ending` what
+//! a delivery or a failure does to the job, `control` what its owner may do to it.
+
+mod control;
+mod ending;
+mod fence;
+mod lease;
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+use roost_api::ids::WorkerId;
+use roost_api::job::{AttemptOutcome, FailureClass, JobState};
+use roost_api::time::Timestamp;
+
+pub(crate) use control::{CancelEffect, on_cancel, on_retry};
+pub(crate) use ending::{Verdict, on_failure, on_result};
+pub(crate) use fence::{Standing, standing};
+pub(crate) use lease::{BeatEffect, on_beat, on_lease_expired};
+
+/// What the queue knows of a job when it decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct JobFacts {
+    /// Its state.
+    pub state: JobState,
+    /// Whether a cancel is on its way.
+    pub cancelling: bool,
+    /// Number of its newest attempt; 0 before the first.
+    pub attempt: u32,
+    /// Attempts since the last retry that ended as `worker`.
+    pub worker_failures: u32,
+    /// Attempts since the last retry that ended as `lost`.
+    pub lost: u32,
+    /// Why it failed.
+    pub failure_class: Option<FailureClass>,
+}
+
+/// What the queue knows of an attempt when it decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct AttemptFacts {
+    /// Its number.
+    pub number: u32,
+    /// Who claimed it.
+    pub worker_id: WorkerId,
+    /// How it ended, if it has.
+    pub outcome: Option<AttemptOutcome>,
+}
+
+/// How many attempts of a kind a job gets before it fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AttemptLimits {
+    /// Attempts that end as [`FailureClass::Worker`].
+    pub worker: u32,
+    /// Attempts that end as [`FailureClass::Lost`].
+    pub lost: u32,
+}
+
+impl Default for AttemptLimits {
+    fn default() -> Self {
+        Self { worker: 3, lost: 5 }
+    }
+}
+
+/// What happens to a job.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum JobChange {
+    /// Back to the queue.
+    Requeue,
+    /// Its result is recorded.
+    Succeed,
+    /// It fails for good.
+    Fail(FailureClass),
+    /// It is cancelled.
+    Cancel,
+}
+
+/// Why a request to change a job is refused. Nothing has changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum Refusal {
+    /// No such job.
+    #[error("there is no job with this id")]
+    NoJob,
+    /// No such sweep.
+    #[error("there is no sweep with this id")]
+    NoSweep,
+    /// No such attempt.
+    #[error("the job has no attempt with this number")]
+    NoAttempt,
+    /// No such worker.
+    #[error("the worker is not known here: register with POST /v1/workers first")]
+    NoWorker,
+    /// A newer attempt was claimed.
+    #[error("stale attempt: attempt {newest} of the job was claimed since")]
+    Superseded {
+        /// The newest attempt.
+        newest: u32,
+    },
+    /// The job has ended without this attempt.
+    #[error("stale attempt: the job is {state} already")]
+    JobEnded {
+        /// How it ended.
+        state: JobState,
+    },
+    /// The attempt has ended in another way.
+    #[error("stale attempt: it ended as {outcome} already")]
+    AttemptEnded {
+        /// How it ended.
+        outcome: AttemptOutcome,
+    },
+    /// Somebody else's attempt.
+    #[error("the attempt belongs to another worker")]
+    OtherWorker,
+    /// A result of another scenario than the job's.
+    #[error("the result is of another scenario than the job's: its digest differs")]
+    OtherScenario,
+    /// A failure report with an outcome that is not a worker's to report.
+    #[error("`{outcome}` cannot be reported as a failure here")]
+    NotReportable {
+        /// What was reported.
+        outcome: AttemptOutcome,
+    },
+    /// Only what failed or was cancelled can be retried.
+    #[error("the job is {state}: only a failed or cancelled job can be retried")]
+    NotRetryable {
+        /// Its state.
+        state: JobState,
+    },
+    /// The job failed for another reason than the one named.
+    #[error("the job did not fail as {wanted}")]
+    OtherClass {
+        /// The class that was asked for.
+        wanted: FailureClass,
+    },
+}
+
+/// When a lease taken or renewed now ends.
+pub(crate) fn lease_end(now: Timestamp, lease: Duration) -> Timestamp {
+    now.plus_ms(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
+}

@@ -1,0 +1,150 @@
+//! A server from start to end: bind, run, stop.
+
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::net::TcpListener;
+use tokio::sync::Notify;
+use tokio_util::sync::CancellationToken;
+
+use crate::app::{App, AppState, ProgressBoard};
+use crate::clock::Clock;
+use crate::config::ServerConfig;
+use crate::queue::lease_end;
+use crate::store::{Store, StoreError};
+use crate::{http, reaper};
+
+/// Why a server did not start, or stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum ServerError {
+    /// An address that others can reach.
+    #[error(
+        "refusing to listen on {0}: there are no access tokens yet, so only a loopback address such as \
+         127.0.0.1 is safe; put an authenticating reverse proxy in front to reach it from elsewhere"
+    )]
+    NotLoopback(SocketAddr),
+    /// The address is taken or not ours.
+    #[error("cannot listen on {address}: {source}")]
+    Bind {
+        /// The address.
+        address: SocketAddr,
+        /// Why.
+        source: io::Error,
+    },
+    /// The data directory cannot be used.
+    #[error("cannot use the data directory {}: {source}", path.display())]
+    Data {
+        /// The directory.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// Somebody else uses the data directory.
+    #[error("the data directory {} is in use by another server", .0.display())]
+    DataInUse(PathBuf),
+    /// The database cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Serving ended by itself.
+    #[error("serving ended: {0}")]
+    Serve(io::Error),
+}
+
+/// Requests under way at shutdown get this long.
+const GRACE: Duration = Duration::from_secs(3);
+
+/// Tries, 50 ms apart, for what a server before this one may not have let go of.
+const PATIENCE: u32 = 20;
+
+/// A server that listens but does not answer yet.
+pub struct Server {
+    listener: TcpListener,
+    address: SocketAddr,
+    app: App,
+    /// Held while the server lives: two servers on one directory would both hand out its leases.
+    _lock: File,
+}
+
+impl Server {
+    /// Opens the data directory and the address. Attempts that ran when the server last stopped get a fresh lease.
+    pub async fn bind(config: ServerConfig) -> Result<Self, ServerError> {
+        let address = config.listen;
+        if !address.ip().is_loopback() {
+            return Err(ServerError::NotLoopback(address));
+        }
+        let lock = patiently(async || lock_data(&config)).await?;
+        let bind =
+            async || TcpListener::bind(address).await.map_err(|source| ServerError::Bind { address, source });
+        let listener = patiently(bind).await?;
+        let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
+        let store = Store::open(&config.data.join("roost.db")).await?;
+        let clock = Clock::start();
+        let running = store.extend_leases(lease_end(clock.lease_now(), config.lease)).await?;
+        tracing::info!(%address, data = %config.data.display(), running, "listening, open to everybody here");
+        let app = Arc::new(AppState {
+            config,
+            store,
+            clock,
+            work: Notify::new(),
+            shutdown: CancellationToken::new(),
+            progress: ProgressBoard::default(),
+        });
+        Ok(Self { listener, address, app, _lock: lock })
+    }
+
+    /// The address it listens on.
+    pub fn local_addr(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Answers requests until `shutdown` is cancelled, then returns within a few seconds: what waits is answered
+    /// at once, what is under way is finished, what has been accepted is on disk.
+    pub async fn run(self, shutdown: CancellationToken) -> Result<(), ServerError> {
+        let app = self.app;
+        let reaper = tokio::spawn(reaper::run(app.clone()));
+        let stop = app.shutdown.clone();
+        let serving = http::serve(self.listener, app.clone(), stop.clone().cancelled_owned());
+        tokio::pin!(serving);
+        let served = tokio::select! {
+            served = &mut serving => served,
+            () = shutdown.cancelled() => {
+                stop.cancel();
+                // A client that neither reads nor closes must not keep the server.
+                tokio::time::timeout(GRACE, serving).await.unwrap_or(Ok(()))
+            }
+        };
+        stop.cancel();
+        let _ = reaper.await;
+        app.store.close().await;
+        served.map_err(ServerError::Serve)
+    }
+}
+
+/// Tries again for a moment when something is still in use: a server that was killed just before is not quite gone.
+async fn patiently<T>(attempt: impl AsyncFn() -> Result<T, ServerError>) -> Result<T, ServerError> {
+    for _ in 0..PATIENCE {
+        match attempt().await {
+            Err(ServerError::DataInUse(_)) => {}
+            Err(ServerError::Bind { source, .. }) if source.kind() == io::ErrorKind::AddrInUse => {}
+            done => return done,
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    attempt().await
+}
+
+fn lock_data(config: &ServerConfig) -> Result<File, ServerError> {
+    let fail = |source| ServerError::Data { path: config.data.clone(), source };
+    std::fs::create_dir_all(&config.data).map_err(fail)?;
+    let path = config.data.join("roost.lock");
+    let lock = OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(fail)?;
+    match lock.try_lock() {
+        Ok(()) => Ok(lock),
+        Err(std::fs::TryLockError::WouldBlock) => Err(ServerError::DataInUse(config.data.clone())),
+        Err(std::fs::TryLockError::Error(source)) => Err(fail(source)),
+    }
+}

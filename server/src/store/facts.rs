@@ -1,0 +1,113 @@
+//! The facts that `queue` decides on, and the changes it decides.
+
+use roost_api::ids::{JobId, WorkerId};
+use roost_api::job::{AttemptOutcome, JobState};
+use roost_api::time::Timestamp;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{AssertSqlSafe, SqliteConnection};
+
+use super::StoreError;
+use super::rows::Columns;
+use crate::queue::{AttemptFacts, JobChange, JobFacts, Refusal, Standing, standing};
+
+/// The columns of [`JobFacts`]; the counts look at the few attempts of one job.
+pub(super) const JOB_FACTS: &str = "j.state, j.cancelling, j.attempt, j.failure_class,
+    (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.forgiven AND f.outcome = 'worker')
+        AS worker_failures,
+    (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.forgiven AND f.outcome = 'lost')
+        AS lost";
+
+pub(super) fn job_facts(row: &SqliteRow) -> Result<JobFacts, StoreError> {
+    Ok(JobFacts {
+        state: row.parsed("state")?,
+        cancelling: row.column("cancelling")?,
+        attempt: row.number("attempt")?,
+        worker_failures: row.number("worker_failures")?,
+        lost: row.number("lost")?,
+        failure_class: row.parsed_opt("failure_class")?,
+    })
+}
+
+/// A job with one of its attempts, and where that attempt stands when `worker` writes to it.
+pub(super) struct Fenced {
+    pub(super) job: JobFacts,
+    pub(super) digest: String,
+    pub(super) standing: Standing,
+}
+
+/// Looks up an attempt that `worker` writes to.
+pub(super) async fn fenced(
+    tx: &mut SqliteConnection,
+    job_id: JobId,
+    number: u32,
+    worker: WorkerId,
+) -> Result<Result<Fenced, Refusal>, StoreError> {
+    let sql = format!(
+        "SELECT {JOB_FACTS}, j.digest, a.worker_id AS claimed_by, a.outcome
+         FROM jobs j LEFT JOIN attempts a ON a.job_id = j.id AND a.number = ? WHERE j.id = ?"
+    );
+    let row = sqlx::query(AssertSqlSafe(sql))
+        .bind(number)
+        .bind(job_id.to_string())
+        .fetch_optional(&mut *tx)
+        .await?;
+    let Some(row) = row else { return Ok(Err(Refusal::NoJob)) };
+    let Some(worker_id) = row.parsed_opt("claimed_by")? else { return Ok(Err(Refusal::NoAttempt)) };
+    let job = job_facts(&row)?;
+    let attempt = AttemptFacts { number, worker_id, outcome: row.parsed_opt("outcome")? };
+    Ok(Ok(Fenced { digest: row.column("digest")?, standing: standing(&job, &attempt, worker), job }))
+}
+
+/// Carries a change of the job out.
+pub(super) async fn change_job(
+    tx: &mut SqliteConnection,
+    job_id: JobId,
+    change: &JobChange,
+    message: Option<&str>,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    let (state, class) = match change {
+        JobChange::Requeue => (JobState::Queued, None),
+        JobChange::Succeed => (JobState::Succeeded, None),
+        JobChange::Fail(class) => (JobState::Failed, Some(*class)),
+        JobChange::Cancel => (JobState::Cancelled, None),
+    };
+    sqlx::query(
+        "UPDATE jobs SET state = ?, cancelling = 0, lease_expires_at = NULL, failure_class = ?,
+                         failure_message = ?, ended_at = ?
+         WHERE id = ?",
+    )
+    .bind(state.as_str())
+    .bind(class.map(|class| class.as_str()))
+    .bind(class.and(message))
+    .bind(state.is_ended().then_some(now.0))
+    .bind(job_id.to_string())
+    .execute(&mut *tx)
+    .await?;
+    Ok(())
+}
+
+/// Notes how an attempt ended.
+pub(super) async fn end_attempt(
+    tx: &mut SqliteConnection,
+    job_id: JobId,
+    number: u32,
+    outcome: AttemptOutcome,
+    message: Option<&str>,
+    partial: Option<&str>,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "UPDATE attempts SET outcome = ?, message = ?, partial = ?, ended_at = ?
+         WHERE job_id = ? AND number = ?",
+    )
+    .bind(outcome.as_str())
+    .bind(message)
+    .bind(partial)
+    .bind(now.0)
+    .bind(job_id.to_string())
+    .bind(number)
+    .execute(&mut *tx)
+    .await?;
+    Ok(())
+}

@@ -1,0 +1,157 @@
+//! Cancel and retry, of one job and of all jobs of a sweep: the same decision, by state.
+
+use roost_api::ids::{JobId, SweepId};
+use roost_api::job::{FailureClass, JobState};
+use roost_api::time::Timestamp;
+use sqlx::SqliteConnection;
+
+use super::rows::Columns;
+use super::{Store, StoreError};
+use crate::queue::{CancelEffect, Refusal, on_cancel, on_retry};
+
+impl Store {
+    /// Cancels a job; one that has ended stays as it is.
+    pub(crate) async fn cancel_job(
+        &self,
+        id: JobId,
+        now: Timestamp,
+    ) -> Result<Result<(), Refusal>, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    if !exists(tx, "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?)", id.to_string()).await? {
+                        return Ok(Err(Refusal::NoJob));
+                    }
+                    cancel(tx, Some(id), None, now).await.map(Ok)
+                })
+            })
+            .await
+    }
+
+    /// Cancels what of a sweep has not ended.
+    pub(crate) async fn cancel_sweep(
+        &self,
+        id: SweepId,
+        now: Timestamp,
+    ) -> Result<Result<(), Refusal>, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    if !exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string())
+                        .await?
+                    {
+                        return Ok(Err(Refusal::NoSweep));
+                    }
+                    cancel(tx, None, Some(id), now).await.map(Ok)
+                })
+            })
+            .await
+    }
+
+    /// Queues a failed or cancelled job again, with fresh attempt limits.
+    pub(crate) async fn retry_job(
+        &self,
+        id: JobId,
+        wanted: Option<FailureClass>,
+    ) -> Result<Result<(), Refusal>, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let row = sqlx::query("SELECT state, failure_class FROM jobs WHERE id = ?")
+                        .bind(id.to_string())
+                        .fetch_optional(&mut *tx)
+                        .await?;
+                    let Some(row) = row else { return Ok(Err(Refusal::NoJob)) };
+                    let (state, class) = (row.parsed("state")?, row.parsed_opt("failure_class")?);
+                    if let Err(refusal) = on_retry(state, class, wanted) {
+                        return Ok(Err(refusal));
+                    }
+                    requeue(tx, Some(id), None, state, class).await?;
+                    Ok(Ok(()))
+                })
+            })
+            .await
+    }
+
+    /// Queues what of a sweep may be retried. Returns how many jobs that were.
+    pub(crate) async fn retry_sweep(
+        &self,
+        id: SweepId,
+        wanted: Option<FailureClass>,
+    ) -> Result<Result<u64, Refusal>, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    if !exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string())
+                        .await?
+                    {
+                        return Ok(Err(Refusal::NoSweep));
+                    }
+                    let classes = FailureClass::ALL.iter().map(|class| (JobState::Failed, Some(*class)));
+                    let others = JobState::ALL.iter().filter(|state| **state != JobState::Failed);
+                    let mut requeued = 0;
+                    for (state, class) in classes.chain(others.map(|state| (*state, None))) {
+                        if on_retry(state, class, wanted).is_ok() {
+                            requeued += requeue(tx, None, Some(id), state, class).await?;
+                        }
+                    }
+                    Ok(Ok(requeued))
+                })
+            })
+            .await
+    }
+}
+
+async fn exists(tx: &mut SqliteConnection, sql: &'static str, id: String) -> Result<bool, StoreError> {
+    Ok(sqlx::query_scalar(sql).bind(id).fetch_one(&mut *tx).await?)
+}
+
+/// Cancels one job or those of a sweep, whichever is given.
+async fn cancel(
+    tx: &mut SqliteConnection,
+    job: Option<JobId>,
+    sweep: Option<SweepId>,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    for state in JobState::ALL {
+        let query = match on_cancel(*state) {
+            CancelEffect::Cancel => sqlx::query(
+                "UPDATE jobs SET state = 'cancelled', ended_at = ? WHERE state = ? AND (id = ? OR sweep_id = ?)",
+            )
+            .bind(now.0),
+            CancelEffect::Ask => {
+                sqlx::query("UPDATE jobs SET cancelling = 1 WHERE state = ? AND (id = ? OR sweep_id = ?)")
+            }
+            CancelEffect::Nothing => continue,
+        };
+        query
+            .bind(state.as_str())
+            .bind(job.map(|id| id.to_string()))
+            .bind(sweep.map(|id| id.to_string()))
+            .execute(&mut *tx)
+            .await?;
+    }
+    Ok(())
+}
+
+/// Queues one job or those of a sweep again that are in that state and of that class.
+async fn requeue(
+    tx: &mut SqliteConnection,
+    job: Option<JobId>,
+    sweep: Option<SweepId>,
+    state: JobState,
+    class: Option<FailureClass>,
+) -> Result<u64, StoreError> {
+    let done = sqlx::query(
+        "UPDATE jobs SET state = 'queued', forgiven = attempt, failure_class = NULL, failure_message = NULL,
+                         ended_at = NULL
+         WHERE state = ? AND failure_class IS ? AND (id = ? OR sweep_id = ?)",
+    )
+    .bind(state.as_str())
+    .bind(class.map(|class| class.as_str()))
+    .bind(job.map(|id| id.to_string()))
+    .bind(sweep.map(|id| id.to_string()))
+    .execute(&mut *tx)
+    .await?;
+    Ok(done.rows_affected())
+}

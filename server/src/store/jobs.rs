@@ -1,0 +1,109 @@
+//! Jobs as the API shows them.
+
+use roost_api::ids::{JobId, SweepId};
+use roost_api::job::{JobState, JobView};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Sqlite};
+
+use super::rows::Columns;
+use super::{Store, StoreError};
+
+/// Which jobs to list.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct JobFilter {
+    /// Only of this sweep.
+    pub sweep: Option<SweepId>,
+    /// Only in this state.
+    pub state: Option<JobState>,
+    /// Only with this label, and this value of it if given.
+    pub label: Option<(String, Option<String>)>,
+    /// Only older than this row.
+    pub before: Option<i64>,
+    /// At most so many.
+    pub limit: u32,
+}
+
+const VIEW: &str = "SELECT j.*, p.levels, r.responses
+    FROM jobs j
+    LEFT JOIN points p ON p.sweep_id = j.sweep_id AND p.idx = j.point
+    LEFT JOIN results r ON r.job_id = j.id ";
+
+impl Store {
+    /// One job.
+    pub(crate) async fn job(&self, id: JobId) -> Result<Option<JobView>, StoreError> {
+        let row = QueryBuilder::<Sqlite>::new(VIEW)
+            .push("WHERE j.id = ")
+            .push_bind(id.to_string())
+            .build()
+            .fetch_optional(&self.readers)
+            .await?;
+        row.as_ref().map(job_view).transpose()
+    }
+
+    /// Jobs, newest first, and the row that the next page starts before.
+    pub(crate) async fn jobs(&self, filter: JobFilter) -> Result<(Vec<JobView>, Option<i64>), StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(VIEW);
+        query.push("WHERE j.seq < ").push_bind(filter.before.unwrap_or(i64::MAX));
+        if let Some(sweep) = filter.sweep {
+            query.push(" AND j.sweep_id = ").push_bind(sweep.to_string());
+        }
+        if let Some(state) = filter.state {
+            query.push(" AND j.state = ").push_bind(state.as_str());
+            if state.is_ended() {
+                query.push(" AND j.ended_at IS NOT NULL"); // says nothing new, but lets `jobs_ended` serve
+            }
+        }
+        if let Some((key, value)) = filter.label {
+            push_label(&mut query, "j.labels", key, value);
+        }
+        query.push(" ORDER BY j.seq DESC LIMIT ").push_bind(i64::from(filter.limit) + 1);
+        let mut rows = query.build().fetch_all(&self.readers).await?;
+        let more = rows.len() > filter.limit as usize;
+        rows.truncate(filter.limit as usize);
+        let next = match rows.last() {
+            Some(last) if more => Some(last.column("seq")?),
+            _ => None,
+        };
+        Ok((rows.iter().map(job_view).collect::<Result<_, _>>()?, next))
+    }
+}
+
+/// Narrows a query to rows with a label.
+pub(super) fn push_label(
+    query: &mut QueryBuilder<Sqlite>,
+    column: &'static str,
+    key: String,
+    value: Option<String>,
+) {
+    query.push(format!(" AND EXISTS (SELECT 1 FROM json_each({column}) l WHERE l.key = ")).push_bind(key);
+    if let Some(value) = value {
+        query.push(" AND l.value = ").push_bind(value);
+    }
+    query.push(")");
+}
+
+fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
+    Ok(JobView {
+        id: row.parsed("id")?,
+        state: row.parsed("state")?,
+        cancelling: row.column("cancelling")?,
+        sweep_id: row.parsed_opt("sweep_id")?,
+        point: row.number_opt("point")?,
+        replicate: row.number_opt("replicate")?,
+        factors: row.json("levels")?,
+        seed: row.number("seed")?,
+        scenario_digest: row.column("digest")?,
+        priority: row.column("priority")?,
+        labels: row.json("labels")?,
+        attempt: row.number("attempt")?,
+        worker_id: row.parsed_opt("worker_id")?,
+        progress: None, // known to the server's memory only
+        failure_class: row.parsed_opt("failure_class")?,
+        failure_message: row.column("failure_message")?,
+        from_cache: row.column("from_cache")?,
+        responses: row.json("responses")?,
+        submitted_at: row.moment("submitted_at")?,
+        started_at: row.moment_opt("started_at")?,
+        ended_at: row.moment_opt("ended_at")?,
+    })
+}

@@ -1,0 +1,122 @@
+//! Everything that is kept, and all SQL: one SQLite file, one writer, readers beside it.
+//!
+//! A method is one question or one transaction. Transactions read the facts, let `queue` decide, and carry the
+//! decision out; they take `now` as an argument. sqlx is used nowhere else.
+
+mod attempts;
+mod claims;
+mod deliveries;
+mod facts;
+mod heartbeats;
+mod job_control;
+mod jobs;
+mod results;
+mod rows;
+mod submit;
+mod sweeps;
+#[cfg(test)]
+mod tests;
+mod trials;
+mod workers;
+mod writer;
+
+use std::path::Path;
+use std::time::Duration;
+
+use sqlx::sqlite::{
+    SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
+};
+use sqlx::{ConnectOptions, Connection, SqliteConnection};
+
+pub(crate) use heartbeats::Beat;
+pub(crate) use jobs::JobFilter;
+pub(crate) use submit::{NewJob, NewSweep};
+use writer::Writer;
+
+/// The first SQLite without the WAL-reset corruption (3.7.0 to 3.51.2).
+const OLDEST_SQLITE: (u32, u32, u32) = (3, 51, 3);
+
+/// Why the store could not do it. Never the fault of a request.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The database said no.
+    #[error("database: {0}")]
+    Sql(#[from] sqlx::Error),
+    /// The database could not be brought to this version.
+    #[error("database migration: {0}")]
+    Migrate(#[from] sqlx::migrate::MigrateError),
+    /// A group of writes could not be committed.
+    #[error("database commit: {0}")]
+    Commit(String),
+    /// The writer has stopped.
+    #[error("the database writer has stopped")]
+    WriterGone,
+    /// The SQLite library can corrupt a database.
+    #[error("SQLite {0} can corrupt its write-ahead log; 3.51.3 or newer is needed")]
+    OldSqlite(String),
+    /// A stored value cannot be read back.
+    #[error("stored {what} cannot be read: {message}")]
+    Corrupt {
+        /// What it is.
+        what: &'static str,
+        /// What is wrong with it.
+        message: String,
+    },
+}
+
+/// The database.
+pub(crate) struct Store {
+    writer: Writer,
+    readers: SqlitePool,
+    sqlite_version: String,
+}
+
+impl Store {
+    /// Opens the database at `path`, made and migrated as needed.
+    pub(crate) async fn open(path: &Path) -> Result<Self, StoreError> {
+        let options = SqliteConnectOptions::new()
+            .filename(path)
+            .create_if_missing(true)
+            .journal_mode(SqliteJournalMode::Wal)
+            .synchronous(SqliteSynchronous::Full)
+            .foreign_keys(true)
+            .busy_timeout(Duration::from_secs(5));
+        let mut connection = options.connect().await?;
+        let sqlite_version = check_sqlite(&mut connection).await?;
+        sqlx::migrate!("../migrations").run(&mut connection).await?;
+        let readers = SqlitePoolOptions::new()
+            .max_connections(4)
+            .connect_with(options.create_if_missing(false).read_only(true))
+            .await?;
+        Ok(Self { writer: Writer::start(connection), readers, sqlite_version })
+    }
+
+    /// Writes out what is under way and closes the file.
+    pub(crate) async fn close(&self) {
+        self.readers.close().await;
+        self.writer.close().await;
+    }
+
+    /// Whether reads and writes get through.
+    pub(crate) async fn ping(&self) -> Result<(), StoreError> {
+        sqlx::query("SELECT 1").execute(&self.readers).await?;
+        self.writer.write(|_| Box::pin(async { Ok(()) })).await
+    }
+
+    /// Version of the SQLite library.
+    pub(crate) fn sqlite_version(&self) -> &str {
+        &self.sqlite_version
+    }
+}
+
+async fn check_sqlite(connection: &mut SqliteConnection) -> Result<String, StoreError> {
+    connection.ping().await?;
+    let version: String = sqlx::query_scalar("SELECT sqlite_version()").fetch_one(connection).await?;
+    if is_sound(&version) { Ok(version) } else { Err(StoreError::OldSqlite(version)) }
+}
+
+fn is_sound(version: &str) -> bool {
+    let mut numbers = version.split('.').map(|number| number.parse().unwrap_or(0));
+    let mut next = || numbers.next().unwrap_or(0);
+    (next(), next(), next()) >= OLDEST_SQLITE
+}

@@ -1,0 +1,216 @@
+//! Taking in jobs and sweeps.
+
+use std::collections::BTreeMap;
+
+use roost_api::ids::{JobId, SweepId};
+use roost_api::job::{Cache, Needs};
+use roost_api::sweep::SweepSpec;
+use roost_api::time::Timestamp;
+use roost_solver::PHYSICS_REVISION;
+use roost_solver::scenario::Scenario;
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+
+use super::rows::to_json;
+use super::{Store, StoreError};
+use crate::sweep::Expansion;
+
+/// A job about to be stored.
+pub(crate) struct NewJob {
+    /// Its identifier.
+    pub id: JobId,
+    /// The complete scenario.
+    pub scenario: Scenario,
+    /// Higher is claimed first.
+    pub priority: i32,
+    /// Free labels.
+    pub labels: BTreeMap<String, String>,
+    /// What it needs of a worker.
+    pub needs: Needs,
+    /// Longest wall time, in seconds.
+    pub max_wall_s: Option<f64>,
+    /// Whether the result may come from the store.
+    pub cache: Cache,
+}
+
+/// A sweep about to be stored.
+pub(crate) struct NewSweep {
+    /// Its identifier.
+    pub id: SweepId,
+    /// As submitted.
+    pub spec: SweepSpec,
+    /// Written out.
+    pub expansion: Expansion,
+}
+
+/// A row of `jobs` before it has a state.
+struct Draft {
+    id: JobId,
+    digest: String,
+    body: String,
+    seed: i64,
+    place: Option<(SweepId, u32, u32)>,
+}
+
+/// What the jobs of one submission share.
+struct Shared {
+    priority: i32,
+    labels: String,
+    needs_backend: Option<String>,
+    max_wall_s: Option<f64>,
+    cache: Cache,
+}
+
+/// Rows of one `INSERT`: SQLite takes 32,766 parameters.
+const ROWS: usize = 500;
+
+impl Draft {
+    fn new(scenario: &Scenario, place: Option<(SweepId, u32, u32)>, id: JobId) -> Result<Self, StoreError> {
+        let seed = scenario.seed as i64; // at most 2^53 - 1
+        Ok(Self { id, digest: scenario.digest(), body: to_json("scenario", scenario)?, seed, place })
+    }
+}
+
+impl Store {
+    /// Stores a job, answered from the store where that is allowed.
+    pub(crate) async fn insert_job(&self, job: NewJob, now: Timestamp) -> Result<(), StoreError> {
+        let draft = Draft::new(&job.scenario, None, job.id)?;
+        let shared = Shared {
+            priority: job.priority,
+            labels: to_json("labels", &job.labels)?,
+            needs_backend: job.needs.backend,
+            max_wall_s: job.max_wall_s,
+            cache: job.cache,
+        };
+        self.writer.write(move |tx| Box::pin(async move { insert(tx, &[draft], &shared, now).await })).await
+    }
+
+    /// Stores a sweep, its design points and its jobs, all or nothing.
+    pub(crate) async fn insert_sweep(&self, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
+        let NewSweep { id, spec, expansion } = sweep;
+        let shared = Shared {
+            priority: spec.priority,
+            labels: to_json("labels", &spec.labels)?,
+            needs_backend: spec.needs.backend.clone(),
+            max_wall_s: spec.max_wall_s,
+            cache: spec.cache,
+        };
+        let spec_text = to_json("sweep", &spec)?;
+        let factors = to_json("factors", &expansion.factors)?;
+        let drafts = expansion
+            .trials()
+            .map(|(point, replicate, scenario)| {
+                Draft::new(&scenario, Some((id, point, replicate)), JobId::new())
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let levels = expansion
+            .points
+            .iter()
+            .map(|point| to_json("levels", &point.levels))
+            .collect::<Result<Vec<_>, _>>()?;
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    sqlx::query(
+                        "INSERT INTO sweeps (id, name, spec, factors, labels, points, replicates, submitted_at)
+                         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                    )
+                    .bind(id.to_string())
+                    .bind(spec.name)
+                    .bind(spec_text)
+                    .bind(factors)
+                    .bind(&shared.labels)
+                    .bind(levels.len() as i64)
+                    .bind(expansion.replicates)
+                    .bind(now.0)
+                    .execute(&mut *tx)
+                    .await?;
+                    insert_points(tx, id, &levels).await?;
+                    insert(tx, &drafts, &shared, now).await
+                })
+            })
+            .await
+    }
+}
+
+async fn insert_points(tx: &mut SqliteConnection, id: SweepId, levels: &[String]) -> Result<(), StoreError> {
+    for (chunk, rows) in levels.chunks(ROWS).enumerate() {
+        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO points (sweep_id, idx, levels) ");
+        query.push_values(rows.iter().enumerate(), |mut row, (index, levels)| {
+            row.push_bind(id.to_string()).push_bind((chunk * ROWS + index) as i64).push_bind(levels);
+        });
+        query.build().execute(&mut *tx).await?;
+    }
+    Ok(())
+}
+
+async fn insert(
+    tx: &mut SqliteConnection,
+    drafts: &[Draft],
+    shared: &Shared,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    let newest: i64 =
+        sqlx::query_scalar("SELECT coalesce(max(seq), 0) FROM jobs").fetch_one(&mut *tx).await?;
+    let first_turn: i64 =
+        sqlx::query_scalar("SELECT coalesce((SELECT turn FROM turns WHERE priority = ?), 0)")
+            .bind(shared.priority)
+            .fetch_one(&mut *tx)
+            .await?;
+    for (chunk, rows) in drafts.chunks(ROWS).enumerate() {
+        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO scenarios (digest, body) ");
+        query.push_values(rows, |mut row, draft| {
+            row.push_bind(&draft.digest).push_bind(&draft.body);
+        });
+        query.push(" ON CONFLICT (digest) DO NOTHING").build().execute(&mut *tx).await?;
+
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, turn, labels,
+             needs_backend, max_wall_s, cache, submitted_at) ",
+        );
+        query.push_values(rows.iter().enumerate(), |mut row, (index, draft)| {
+            row.push_bind(draft.id.to_string())
+                .push_bind(draft.place.map(|(sweep, _, _)| sweep.to_string()))
+                .push_bind(draft.place.map(|(_, point, _)| point))
+                .push_bind(draft.place.map(|(_, _, replicate)| replicate))
+                .push_bind(&draft.digest)
+                .push_bind(draft.seed)
+                .push_bind(shared.priority)
+                .push_bind(first_turn + (chunk * ROWS + index) as i64)
+                .push_bind(&shared.labels)
+                .push_bind(&shared.needs_backend)
+                .push_bind(shared.max_wall_s)
+                .push_bind(shared.cache.as_str())
+                .push_bind(now.0);
+        });
+        query.build().execute(&mut *tx).await?;
+    }
+    if shared.cache == Cache::Use { answer_from_cache(tx, newest, now).await } else { Ok(()) }
+}
+
+/// Settles the queued jobs after `newest` whose scenario this physics revision has run before.
+async fn answer_from_cache(tx: &mut SqliteConnection, newest: i64, now: Timestamp) -> Result<(), StoreError> {
+    let answered = sqlx::query(
+        "INSERT INTO results
+         SELECT jobs.id, 0, old.digest, old.physics_revision, old.backend, old.responses, old.document, ?
+         FROM jobs JOIN results AS old ON old.job_id =
+             (SELECT job_id FROM results WHERE digest = jobs.digest AND physics_revision = ? LIMIT 1)
+         WHERE jobs.seq > ?",
+    )
+    .bind(now.0)
+    .bind(PHYSICS_REVISION)
+    .bind(newest)
+    .execute(&mut *tx)
+    .await?
+    .rows_affected();
+    if answered > 0 {
+        sqlx::query(
+            "UPDATE jobs SET state = 'succeeded', from_cache = 1, ended_at = ?
+             WHERE seq > ? AND EXISTS (SELECT 1 FROM results WHERE job_id = jobs.id)",
+        )
+        .bind(now.0)
+        .bind(newest)
+        .execute(&mut *tx)
+        .await?;
+    }
+    Ok(())
+}

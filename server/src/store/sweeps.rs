@@ -1,0 +1,97 @@
+//! Sweeps as the API shows them.
+
+use std::collections::HashMap;
+
+use roost_api::ids::SweepId;
+use roost_api::job::JobState;
+use roost_api::sweep::{StateCounts, SweepView};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Sqlite};
+
+use super::jobs::push_label;
+use super::rows::Columns;
+use super::{Store, StoreError};
+
+impl Store {
+    /// One sweep.
+    pub(crate) async fn sweep(&self, id: SweepId) -> Result<Option<SweepView>, StoreError> {
+        let row = sqlx::query("SELECT * FROM sweeps WHERE id = ?")
+            .bind(id.to_string())
+            .fetch_optional(&self.readers)
+            .await?;
+        let Some(row) = row else { return Ok(None) };
+        Ok(self.with_counts(vec![sweep_view(&row)?]).await?.pop())
+    }
+
+    /// Sweeps, newest first, and the row that the next page starts before.
+    pub(crate) async fn sweeps(
+        &self,
+        label: Option<(String, Option<String>)>,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<(Vec<SweepView>, Option<i64>), StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM sweeps WHERE seq < ");
+        query.push_bind(before.unwrap_or(i64::MAX));
+        if let Some((key, value)) = label {
+            push_label(&mut query, "labels", key, value);
+        }
+        query.push(" ORDER BY seq DESC LIMIT ").push_bind(i64::from(limit) + 1);
+        let mut rows = query.build().fetch_all(&self.readers).await?;
+        let more = rows.len() > limit as usize;
+        rows.truncate(limit as usize);
+        let next = match rows.last() {
+            Some(last) if more => Some(last.column("seq")?),
+            _ => None,
+        };
+        let views = rows.iter().map(sweep_view).collect::<Result<Vec<_>, _>>()?;
+        Ok((self.with_counts(views).await?, next))
+    }
+
+    /// Fills in the counts, and the share that has ended; running jobs are not the store's to know.
+    async fn with_counts(&self, mut views: Vec<SweepView>) -> Result<Vec<SweepView>, StoreError> {
+        if views.is_empty() {
+            return Ok(views);
+        }
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "SELECT sweep_id, state, count(*) AS jobs FROM jobs WHERE sweep_id IN (",
+        );
+        let mut ids = query.separated(", ");
+        for view in &views {
+            ids.push_bind(view.id.to_string());
+        }
+        query.push(") GROUP BY sweep_id, state");
+        let mut counts: HashMap<SweepId, StateCounts> = HashMap::new();
+        for row in query.build().fetch_all(&self.readers).await? {
+            let counts = counts.entry(row.parsed("sweep_id")?).or_default();
+            *count_of(counts, row.parsed("state")?) = row.number("jobs")?;
+        }
+        for view in &mut views {
+            view.counts = counts.get(&view.id).copied().unwrap_or_default();
+            view.fraction = view.counts.ended() as f64 / view.counts.total().max(1) as f64;
+        }
+        Ok(views)
+    }
+}
+
+fn count_of(counts: &mut StateCounts, state: JobState) -> &mut u64 {
+    match state {
+        JobState::Queued => &mut counts.queued,
+        JobState::Running => &mut counts.running,
+        JobState::Succeeded => &mut counts.succeeded,
+        JobState::Failed => &mut counts.failed,
+        JobState::Cancelled => &mut counts.cancelled,
+    }
+}
+
+fn sweep_view(row: &SqliteRow) -> Result<SweepView, StoreError> {
+    Ok(SweepView {
+        id: row.parsed("id")?,
+        name: row.column("name")?,
+        points: row.number("points")?,
+        replicates: row.number("replicates")?,
+        factors: row.json("factors")?,
+        counts: StateCounts::default(),
+        fraction: 0.0,
+        submitted_at: row.moment("submitted_at")?,
+    })
+}

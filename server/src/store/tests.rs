@@ -1,0 +1,209 @@
+//! The store from inside: plans, constraints, the group commit.
+
+use roost_api::job::{AttemptOutcome, Cache, FailureClass, JobState};
+use roost_api::time::Timestamp;
+use sqlx::{AssertSqlSafe, Row};
+
+use super::claims::CLAIM;
+use super::*;
+
+async fn store() -> (Store, tempfile::TempDir) {
+    let dir = tempfile::tempdir().unwrap();
+    (Store::open(&dir.path().join("roost.db")).await.unwrap(), dir)
+}
+
+/// The lines of `EXPLAIN QUERY PLAN`.
+async fn plan(store: &Store, sql: &str) -> String {
+    let rows = sqlx::query(AssertSqlSafe(format!("EXPLAIN QUERY PLAN {sql}")))
+        .fetch_all(&store.readers)
+        .await
+        .unwrap();
+    rows.iter().map(|row| row.get::<String, _>("detail")).collect::<Vec<_>>().join("\n")
+}
+
+#[tokio::test]
+async fn a_claim_walks_its_index_and_sorts_nothing() {
+    let (store, _dir) = store().await;
+    let told = plan(&store, CLAIM).await;
+    assert!(
+        told.contains("USING INDEX jobs_to_claim") || told.contains("COVERING INDEX jobs_to_claim"),
+        "{told}"
+    );
+    assert!(!told.contains("TEMP B-TREE"), "{told}");
+    let scans = told.lines().filter(|line| line.contains("SCAN") && !line.contains("INDEX jobs_to_claim"));
+    assert_eq!(scans.count(), 0, "{told}");
+
+    let sorted = plan(&store, "SELECT seq FROM jobs WHERE state = 'queued' ORDER BY turn, priority").await;
+    assert!(sorted.contains("TEMP B-TREE"), "what the check above looks for: {sorted}");
+    store.close().await;
+}
+
+#[tokio::test]
+async fn what_runs_often_is_indexed() {
+    let (store, _dir) = store().await;
+    for (sql, index) in [
+        ("SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= 5", "jobs_by_lease"),
+        (
+            "SELECT state, count(*) FROM jobs WHERE sweep_id IN ('a') GROUP BY sweep_id, state",
+            "jobs_by_sweep",
+        ),
+        ("SELECT * FROM jobs WHERE sweep_id = 'a' AND seq < 9 ORDER BY seq DESC", "jobs_of_sweep"),
+        (
+            "SELECT * FROM jobs WHERE state = ? AND ended_at IS NOT NULL AND seq < 9 ORDER BY seq DESC",
+            "jobs_ended",
+        ),
+        ("SELECT 1 FROM results WHERE digest = 'a' AND physics_revision = 1", "results_by_digest"),
+        ("SELECT 1 FROM attempts WHERE request_id = 'a' AND worker_id = 'b'", "attempts_by_request"),
+    ] {
+        let told = plan(&store, sql).await;
+        assert!(told.contains(index) && !told.contains("TEMP B-TREE"), "{sql}\n{told}");
+    }
+    store.close().await;
+}
+
+#[tokio::test]
+async fn the_enums_are_pinned_by_the_schema() {
+    let (store, _dir) = store().await;
+    let schema: Vec<String> = sqlx::query_scalar("SELECT sql FROM sqlite_master WHERE type = 'table'")
+        .fetch_all(&store.readers)
+        .await
+        .unwrap();
+    let schema = schema.join("\n").split_whitespace().collect::<Vec<_>>().join(" ");
+    fn words(all: impl Iterator<Item = &'static str>) -> String {
+        all.map(|word| format!("'{word}'")).collect::<Vec<_>>().join(", ")
+    }
+    for (column, words) in [
+        ("state", words(JobState::ALL.iter().map(|word| word.as_str()))),
+        ("failure_class", words(FailureClass::ALL.iter().map(|word| word.as_str()))),
+        ("outcome", words(AttemptOutcome::ALL.iter().map(|word| word.as_str()))),
+        ("cache", words(Cache::ALL.iter().map(|word| word.as_str()))),
+    ] {
+        let check = format!("CHECK ({column} IN ({words}))").replace("( ", "(");
+        let found = schema.replace("IN ( ", "IN (").contains(&check);
+        assert!(found, "{check}\n{schema}");
+    }
+    store.close().await;
+}
+
+#[tokio::test]
+async fn the_connection_is_set_up_for_safety() {
+    let (store, _dir) = store().await;
+    let settings = store
+        .writer
+        .write(|tx| {
+            Box::pin(async move {
+                let mode: String = sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut *tx).await?;
+                let flush: i64 = sqlx::query_scalar("PRAGMA synchronous").fetch_one(&mut *tx).await?;
+                let keys: i64 = sqlx::query_scalar("PRAGMA foreign_keys").fetch_one(&mut *tx).await?;
+                Ok((mode, flush, keys))
+            })
+        })
+        .await
+        .unwrap();
+    assert_eq!(settings, ("wal".to_owned(), 2, 1));
+    let written = sqlx::query("DELETE FROM jobs").execute(&store.readers).await;
+    assert!(written.unwrap_err().to_string().contains("readonly"), "readers only read");
+    store.close().await;
+}
+
+#[test]
+fn an_old_sqlite_is_refused() {
+    for (version, sound) in [
+        ("3.51.3", true),
+        ("3.51.2", false),
+        ("3.50.9", false),
+        ("3.52.0", true),
+        ("4.0.0", true),
+        ("3.51.10", true),
+        ("", false),
+    ] {
+        assert_eq!(is_sound(version), sound, "{version}");
+    }
+}
+
+async fn insert_turn(store: &Store, priority: i64, turn: i64) -> Result<(), StoreError> {
+    store
+        .writer
+        .write(move |tx| {
+            Box::pin(async move {
+                let sql = "INSERT INTO turns (priority, turn) VALUES (?, ?)";
+                sqlx::query(sql).bind(priority).bind(turn).execute(&mut *tx).await?;
+                // Fails after the first write where the turn is odd.
+                if turn % 2 == 1 {
+                    sqlx::query(sql).bind(priority).bind(turn).execute(&mut *tx).await?;
+                }
+                Ok(())
+            })
+        })
+        .await
+}
+
+#[tokio::test]
+async fn pieces_of_a_group_fail_alone() {
+    let (store, _dir) = store().await;
+    let store = std::sync::Arc::new(store);
+    let writes: Vec<_> = (0..50)
+        .map(|number| {
+            let store = store.clone();
+            tokio::spawn(async move { insert_turn(&store, number, number).await })
+        })
+        .collect();
+    for (number, write) in writes.into_iter().enumerate() {
+        assert_eq!(write.await.unwrap().is_ok(), number % 2 == 0, "{number}");
+    }
+    let kept: Vec<i64> =
+        sqlx::query_scalar("SELECT turn FROM turns ORDER BY turn").fetch_all(&store.readers).await.unwrap();
+    assert_eq!(kept, (0..50).step_by(2).collect::<Vec<_>>());
+    store.close().await;
+    assert!(matches!(insert_turn(&store, 1, 2).await, Err(StoreError::WriterGone)));
+}
+
+#[tokio::test]
+async fn design_points_and_results_never_change() {
+    let (store, _dir) = store().await;
+    let attempt = |sql: &'static str| {
+        store.writer.write(move |tx| {
+            Box::pin(async move {
+                sqlx::raw_sql(
+                    "INSERT INTO sweeps (id, name, spec, factors, labels, points, replicates, submitted_at)
+                     VALUES ('s', 'n', '{}', '[]', '{}', 1, 1, 0);
+                     INSERT INTO points VALUES ('s', 0, '{}');",
+                )
+                .execute(&mut *tx)
+                .await?;
+                sqlx::raw_sql(sql).execute(&mut *tx).await?;
+                Ok(())
+            })
+        })
+    };
+    let error = attempt("UPDATE points SET levels = '[]'").await.unwrap_err();
+    assert!(error.to_string().contains("a design point never changes"), "{error}");
+    let error = attempt("INSERT INTO points VALUES ('t', 0, '{}')").await.unwrap_err();
+    assert!(error.to_string().contains("FOREIGN KEY"), "{error}");
+    store.close().await;
+}
+
+#[tokio::test]
+async fn a_database_of_a_newer_server_is_refused() {
+    let (store, dir) = store().await;
+    let expired = store.expire_leases(Default::default(), Timestamp(0)).await.unwrap();
+    assert_eq!(expired, []);
+    store
+        .writer
+        .write(|tx| {
+            Box::pin(async move {
+                sqlx::query(
+                    "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+                     VALUES (9999, 'of tomorrow', 1, x'00', 0)",
+                )
+                .execute(&mut *tx)
+                .await?;
+                Ok(())
+            })
+        })
+        .await
+        .unwrap();
+    store.close().await;
+    let error = Store::open(&dir.path().join("roost.db")).await.err().unwrap();
+    assert!(matches!(error, StoreError::Migrate(_)), "{error}");
+}

@@ -1,0 +1,58 @@
+//! Putting a level where a factor points.
+//!
+//! Levels go into the scenario *as submitted*, before defaults are filled in: `/contact/condition` chooses
+//! defaults, and must do so at every level. What the submitted document leaves out on the way to the field
+//! is made as it is in the complete scenario.
+
+use serde_json::{Map, Value};
+
+/// The segments of a JSON pointer, unescaped; `None` unless it starts with `/`.
+pub(super) fn segments(pointer: &str) -> Option<Vec<String>> {
+    let rest = pointer.strip_prefix('/')?;
+    Some(rest.split('/').map(|segment| segment.replace("~1", "/").replace("~0", "~")).collect())
+}
+
+/// Whether two pointers name the same field or one lies inside the other.
+pub(super) fn overlap(one: &str, other: &str) -> bool {
+    inside(one, other) || inside(other, one)
+}
+
+/// Whether `pointer` is `field` or lies inside it.
+pub(super) fn inside(pointer: &str, field: &str) -> bool {
+    pointer.strip_prefix(field).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+}
+
+/// Sets the field at `pointer` of `submitted`, which exists in `complete`, to `level`.
+pub(super) fn set(submitted: &mut Value, complete: &Value, pointer: &str, level: &Value) {
+    let Some(segments) = segments(pointer) else { return };
+    let mut target = submitted;
+    let mut model = Some(complete);
+    for segment in &segments {
+        // An object left out is made empty, so that its other defaults still follow the rest of the document; an
+        // array has no such defaults and is made whole.
+        if target.is_null() {
+            *target = match model {
+                Some(Value::Array(_)) => model.cloned().unwrap_or_default(),
+                _ => Value::Object(Map::new()),
+            };
+        }
+        model = model.and_then(|model| child(model, segment));
+        target = match target {
+            Value::Object(fields) => fields.entry(segment.clone()).or_insert(Value::Null),
+            Value::Array(items) => match segment.parse::<usize>().ok().and_then(|i| items.get_mut(i)) {
+                Some(item) => item,
+                None => return,
+            },
+            _ => return,
+        };
+    }
+    *target = level.clone();
+}
+
+fn child<'a>(value: &'a Value, segment: &str) -> Option<&'a Value> {
+    match value {
+        Value::Object(fields) => fields.get(segment),
+        Value::Array(items) => items.get(segment.parse::<usize>().ok()?),
+        _ => None,
+    }
+}

@@ -1,0 +1,73 @@
+//! Sweeps, without IO: from the specification to design points and trials, and from trials to a table.
+//!
+//! `design` combines levels to points, `factor` puts a level into a scenario, `expand` validates every
+//! point and lists every fault, `table` writes the results as CSV.
+
+mod design;
+mod expand;
+mod factor;
+mod table;
+#[cfg(test)]
+mod tests;
+
+use roost_api::Estimate;
+use roost_solver::Limits;
+use roost_solver::scenario::Scenario;
+use serde_json::{Map, Value};
+
+pub(crate) use expand::expand;
+pub(crate) use table::csv;
+
+/// The largest seed: beyond it a JSON number is not exact everywhere.
+pub(crate) const MAX_SEED: u64 = (1 << 53) - 1;
+
+/// What an operator allows a sweep to be.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SweepLimits {
+    /// Jobs of one sweep.
+    pub max_jobs: u64,
+    /// Cost of each scenario.
+    pub scenario: Limits,
+}
+
+/// A sweep written out.
+#[derive(Clone, Debug)]
+pub(crate) struct Expansion {
+    /// Pointers of the factors, in the order of the specification.
+    pub factors: Vec<String>,
+    /// The design matrix; its indices are for ever.
+    pub points: Vec<Point>,
+    /// Runs per point.
+    pub replicates: u32,
+    /// The base scenario, complete.
+    pub base: Scenario,
+    /// Its cost.
+    pub estimate: Estimate,
+}
+
+/// A design point.
+#[derive(Clone, Debug)]
+pub(crate) struct Point {
+    /// Level by pointer.
+    pub levels: Map<String, Value>,
+    /// The scenario of replicate 0, complete.
+    pub scenario: Scenario,
+}
+
+impl Expansion {
+    /// How many jobs it makes.
+    pub(crate) fn jobs(&self) -> u64 {
+        self.points.len() as u64 * u64::from(self.replicates)
+    }
+
+    /// Every trial, point by point: point, replicate and scenario. Replicate r has seed `base.seed + r`.
+    pub(crate) fn trials(&self) -> impl Iterator<Item = (u32, u32, Scenario)> {
+        self.points.iter().enumerate().flat_map(move |(index, point)| {
+            (0..self.replicates).map(move |replicate| {
+                let mut scenario = point.scenario.clone();
+                scenario.seed += u64::from(replicate);
+                (index as u32, replicate, scenario)
+            })
+        })
+    }
+}

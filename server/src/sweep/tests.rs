@@ -1,0 +1,85 @@
+//! Expansion without a server.
+
+use roost_api::sweep::{Design, SweepSpec};
+use roost_solver::Limits;
+use serde_json::{Value, json};
+
+use super::*;
+
+const LIMITS: SweepLimits =
+    SweepLimits { max_jobs: 1000, scenario: Limits { max_subparticles: 1_000_000, max_steps: 100_000_000 } };
+
+fn spec(factors: Value) -> SweepSpec {
+    let base = json!({"experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.008}});
+    let spec = json!({"name": "s", "base": base, "design": {"kind": "grid"}, "factors": factors});
+    serde_json::from_value(spec).unwrap()
+}
+
+#[test]
+fn a_grid_counts_with_the_last_factor_fastest() {
+    let digits: Vec<_> = (0..6).map(|index| design::level_indices(&Design::Grid, &[2, 3], index)).collect();
+    assert_eq!(digits, [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]);
+    assert_eq!(design::size(&Design::Grid, &[2, 3]), Some(6));
+    assert_eq!(design::size(&Design::Grid, &[]), Some(1), "replicates alone are one point");
+    assert_eq!(design::size(&Design::Grid, &[usize::MAX, 3]), None);
+}
+
+#[test]
+fn a_level_goes_into_the_document_as_submitted() {
+    let complete = json!({"a": {"b": {"c": 1, "d": 2}}, "list": [[1, 2], [3, 4]]});
+    let mut document = json!({"a": {"x": 0}});
+    factor::set(&mut document, &complete, "/a/b/c", &json!(7));
+    assert_eq!(document, json!({"a": {"x": 0, "b": {"c": 7}}}), "siblings keep following the defaults");
+    factor::set(&mut document, &complete, "/list/1/0", &json!(9));
+    assert_eq!(document["list"], json!([[1, 2], [9, 4]]), "an array is made whole first");
+}
+
+#[test]
+fn pointers_overlap_by_segments() {
+    assert!(factor::overlap("/a/b", "/a"));
+    assert!(factor::overlap("/a", "/a"));
+    assert!(!factor::overlap("/a/bc", "/a/b"));
+    assert_eq!(factor::segments("/a~1b/~0").unwrap(), ["a/b", "~"]);
+    assert_eq!(factor::segments("a"), None);
+    assert_eq!(factor::segments(""), None);
+}
+
+#[test]
+fn replicates_count_seeds_from_the_base() {
+    let mut spec = spec(json!([{"pointer": "/equipment/gate_opening_m", "levels": [0.05, 0.06]}]));
+    spec.base["seed"] = json!(40);
+    spec.replicates = 3;
+    let expansion = expand(&spec, LIMITS).unwrap();
+    assert_eq!(expansion.jobs(), 6);
+    let trials: Vec<_> = expansion.trials().map(|(point, r, scenario)| (point, r, scenario.seed)).collect();
+    assert_eq!(trials, [(0, 0, 40), (0, 1, 41), (0, 2, 42), (1, 0, 40), (1, 1, 41), (1, 2, 42)]);
+    let gates: Vec<_> =
+        expansion.points.iter().map(|point| point.scenario.equipment.gate_opening_m).collect();
+    assert_eq!(gates, [0.05, 0.06]);
+}
+
+#[test]
+fn a_fault_of_a_combination_names_the_level_and_the_point() {
+    let factors = json!([{"pointer": "/equipment/hopper_height_m", "levels": [0.3, 0.5]},
+                         {"pointer": "/equipment/gate_opening_m", "levels": [0.06, 0.4]}]);
+    let faults = expand(&spec(factors), LIMITS).unwrap_err();
+    assert!(!faults.is_empty());
+    for fault in &faults {
+        assert!(fault.pointer.starts_with("/factors/"), "{fault}");
+        assert!(fault.detail.contains("design point 1"), "{fault}");
+    }
+}
+
+#[test]
+fn a_fault_outside_every_factor_names_the_base_and_the_point() {
+    let mut spec = spec(json!([{"pointer": "/equipment/hopper_height_m", "levels": [0.5, 0.2]}]));
+    spec.base["equipment"] = json!({"gate_opening_m": 0.3});
+    let faults = expand(&spec, LIMITS).unwrap_err();
+    assert!(faults.iter().all(|fault| fault.detail.contains("design point 1")), "{faults:?}");
+    assert!(
+        faults.iter().all(|fault| {
+            fault.pointer == "/base/equipment/gate_opening_m" || fault.pointer == "/factors/0/levels/1"
+        }),
+        "{faults:?}"
+    );
+}

@@ -1,0 +1,260 @@
+//! Bad input: always a problem document, every fault at once, nothing stored, never a panic.
+
+use reqwest::{Method, StatusCode};
+use serde_json::{Value, json};
+
+use super::farm::*;
+
+const NO_JOB: &str = "01890000-0000-7000-8000-000000000000";
+
+/// The pointers at fault, in order.
+fn pointers(problem: &Value) -> Vec<&str> {
+    let mut all: Vec<_> =
+        problem["errors"].as_array().unwrap().iter().map(|fault| text(&fault["pointer"])).collect();
+    all.sort_unstable();
+    all
+}
+
+async fn assert_nothing_stored(farm: &Farm) {
+    for path in ["/v1/jobs", "/v1/sweeps"] {
+        assert_eq!(farm.get(path).await.expect(StatusCode::OK)["items"], json!([]), "{path}");
+    }
+}
+
+#[tokio::test]
+async fn unknown_paths_methods_and_identifiers() {
+    let (farm, _dir) = Farm::start().await;
+    farm.get("/v1/chickens").await.problem(404, "not-found");
+    farm.get("/").await.problem(404, "not-found");
+    let wrong = farm.send(Method::DELETE, "/v1/jobs", None).await;
+    let allow = wrong.allow.clone().unwrap();
+    assert!(allow.contains("GET") && allow.contains("POST"), "{allow}");
+    wrong.problem(405, "method-not-allowed");
+    for path in ["/v1/jobs/7", "/v1/jobs/7/result", "/v1/sweeps/x", "/v1/sweeps/x/results", "/v1/jobs/%ff"] {
+        farm.get(path).await.problem(400, "invalid-path");
+    }
+    let attempt = format!("/v1/jobs/{NO_JOB}/attempts/first/result");
+    farm.post(&attempt, &json!({})).await.problem(400, "invalid-path");
+    for path in
+        [format!("/v1/jobs/{NO_JOB}"), format!("/v1/jobs/{NO_JOB}/result"), format!("/v1/sweeps/{NO_JOB}")]
+    {
+        farm.get(&path).await.problem(404, "not-found");
+    }
+    for path in ["jobs", "sweeps"] {
+        for verb in ["cancel", "retry"] {
+            farm.post(&format!("/v1/{path}/{NO_JOB}/{verb}"), &json!({})).await.problem(404, "not-found");
+        }
+    }
+    for path in ["jobs", "results"] {
+        farm.get(&format!("/v1/sweeps/{NO_JOB}/{path}")).await.problem(404, "not-found");
+    }
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn wrong_queries() {
+    let (farm, _dir) = Farm::start().await;
+    for query in ["state=ready", "limit=0", "limit=501", "limit=ten", "cursor=x", "colour=red", "label==x"] {
+        let problem = farm.get(&format!("/v1/jobs?{query}")).await.problem(400, "invalid-query");
+        assert!(!text(&problem["detail"]).is_empty(), "{query}");
+    }
+    farm.get("/v1/workers?cursor=1").await.problem(400, "invalid-query");
+    farm.get(&format!("/v1/sweeps/{NO_JOB}/results?format=xlsx")).await.problem(400, "invalid-query");
+    farm.post(&format!("/v1/jobs/{NO_JOB}/retry?class=bad"), &json!({})).await.problem(400, "invalid-query");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn what_is_not_json_is_one_syntax_error_with_its_place() {
+    let (farm, _dir) = Farm::start().await;
+    let json = "application/json";
+    let problem = farm.send_text("/v1/jobs", json, "{\"scenario\":\n  {\"seed\": NaN}}").await;
+    let detail = problem.problem(400, "syntax")["detail"].clone();
+    assert!(text(&detail).starts_with("line 2, column "), "{detail}");
+    let deep = "[".repeat(100_000);
+    for body in ["", "{", "{\"a\": 1} x", "{\"seed\": 1e999}", "{\"seed\": 1, \"seed\": 2}", deep.as_str()] {
+        farm.send_text("/v1/sweeps", json, body.to_owned()).await.problem(400, "syntax");
+    }
+    farm.send_text("/v1/jobs", json, vec![0x7b, 0x22, 0xff, 0xfe]).await.problem(400, "syntax");
+    farm.send_text("/v1/jobs", "text/plain", "{}").await.problem(415, "not-json");
+    farm.send_text("/v1/jobs", "application/x-www-form-urlencoded", "{}").await.problem(415, "not-json");
+    assert_nothing_stored(&farm).await;
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn a_body_over_the_limit_is_refused_with_the_limit() {
+    let (farm, _dir) = Farm::with(|config| config.max_body_bytes = 2000).await;
+    let mut large = envelope(1);
+    large["labels"] = json!({"note": "x".repeat(2000)});
+    let problem = farm.post("/v1/jobs", &large).await.problem(413, "too-large");
+    assert!(text(&problem["detail"]).contains("2000 bytes"), "{problem}");
+    assert_nothing_stored(&farm).await;
+
+    // Deliveries have a limit of their own: a result the server's user cannot shrink must arrive.
+    farm.submit(&envelope(1)).await;
+    let worker = farm.worker("cpu").await;
+    let attempt = worker.claim_one().await;
+    let mut result = result_of(&attempt["scenario"]);
+    result.series[0].t_s = vec![0.5; 2000];
+    result.series[0].values = vec![0.5; 2000];
+    worker.deliver_result(&attempt, &result).await.expect(StatusCode::OK);
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn a_bad_scenario_lists_every_fault_of_scenario_and_envelope() {
+    let (farm, _dir) = Farm::start().await;
+    let bad = json!({"scenario": {"experiment": "hopper", "equipment": {"gate_openning_m": 0.06, "belt_speed_m_s": "fast"},
+                                  "product": {"count": -3}},
+                     "priority": "high", "lables": {}});
+    let problem = farm.post("/v1/jobs", &bad).await.problem(422, "invalid-document");
+    assert_eq!(
+        pointers(&problem),
+        [
+            "/lables",
+            "/priority",
+            "/scenario/equipment/belt_speed_m_s",
+            "/scenario/equipment/gate_openning_m",
+            "/scenario/product/count"
+        ]
+    );
+    let errors = problem["errors"].as_array().unwrap();
+    let of = |pointer: &str| errors.iter().find(|fault| fault["pointer"] == pointer).unwrap();
+    assert!(text(&of("/scenario/equipment/gate_openning_m")["allowed"]).contains("gate_opening_m"));
+    assert!(text(&of("/lables")["allowed"]).contains("labels"));
+    assert_eq!(of("/scenario/product/count")["value"], -3);
+    for body in [json!([]), json!("hopper"), json!(null), json!({}), json!({"scenario": 7})] {
+        farm.post("/v1/jobs", &body).await.problem(422, "invalid-document");
+    }
+    let wall = json!({"scenario": scenario(1), "max_wall_s": 0.0});
+    assert_eq!(
+        pointers(&farm.post("/v1/jobs", &wall).await.problem(422, "invalid-document")),
+        ["/max_wall_s"]
+    );
+    assert_nothing_stored(&farm).await;
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn a_scenario_that_cannot_run_or_costs_too_much_is_refused() {
+    let (farm, _dir) = Farm::with(|config| config.limits.max_subparticles = 10).await;
+    let problem = farm.post("/v1/jobs", &envelope(1)).await.problem(422, "invalid-document");
+    assert_eq!(pointers(&problem), ["/scenario/product/count"]);
+    assert!(text(&problem["errors"][0]["allowed"]).contains("10"));
+    assert_nothing_stored(&farm).await;
+    farm.stop().await;
+}
+
+fn sweep(change: impl FnOnce(&mut Value)) -> Value {
+    let mut sweep = json!({"name": "s", "base": scenario(1), "design": {"kind": "grid"},
+        "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045, 0.06]}]});
+    change(&mut sweep);
+    sweep
+}
+
+#[tokio::test]
+async fn a_bad_sweep_lists_every_fault() {
+    let (farm, _dir) = Farm::with(|config| config.max_jobs_per_sweep = 100).await;
+    let faults = async |document: Value| {
+        let problem = farm.post("/v1/sweeps", &document).await.problem(422, "invalid-document");
+        pointers(&problem).into_iter().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let base = sweep(|sweep| sweep["base"] = json!({"experiment": "hopper", "sed": 1, "material": 3}));
+    assert_eq!(faults(base).await, ["/base/material", "/base/sed"]);
+    let gate = json!({"pointer": "/equipment/gate_opening_m", "levels": []});
+    let many = sweep(|sweep| {
+        sweep["factors"] = json!([gate, {"pointer": "/equipment/gate_opening", "levels": [1]},
+            {"pointer": "gate", "levels": [1]}, {"pointer": "/seed", "levels": [1, 2]},
+            {"pointer": "/equipment", "levels": [{}]}]);
+        sweep["replicates"] = json!(0);
+        sweep["name"] = json!(" ");
+    });
+    assert_eq!(
+        faults(many).await,
+        [
+            "/factors/0/levels",
+            "/factors/1/pointer",
+            "/factors/2/pointer",
+            "/factors/3/pointer",
+            "/factors/4/pointer",
+            "/name",
+            "/replicates"
+        ]
+    );
+    let duplicate = sweep(|sweep| {
+        let factor = sweep["factors"][0].clone();
+        sweep["factors"].as_array_mut().unwrap().push(factor);
+    });
+    assert_eq!(faults(duplicate).await, ["/factors/1/pointer"]);
+    let levels = sweep(|sweep| sweep["factors"][0]["levels"] = json!([0.06, "wide", -1.0, 0.06]));
+    assert_eq!(faults(levels).await, ["/factors/0/levels/3"], "listed twice");
+    let levels = sweep(|sweep| sweep["factors"][0]["levels"] = json!([0.06, "wide", -1.0]));
+    assert_eq!(faults(levels).await, ["/factors/0/levels/1", "/factors/0/levels/2"]);
+    assert_eq!(faults(sweep(|sweep| sweep["replicates"] = json!(51))).await, ["/factors"], "102 jobs of 100");
+    let seeds = sweep(|sweep| {
+        sweep["base"]["seed"] = json!((1_u64 << 53) - 2);
+        sweep["replicates"] = json!(3);
+    });
+    assert_eq!(faults(seeds).await, ["/replicates"]);
+    assert_eq!(faults(sweep(|sweep| sweep["design"]["kind"] = json!("spiral"))).await, ["/design/kind"]);
+    assert_eq!(faults(sweep(|sweep| sweep["schema"] = json!("roost.sweep/9"))).await, ["/schema"]);
+    assert_eq!(faults(json!({"name": 1, "factrs": []})).await, ["/base", "/design", "/factrs", "/name"]);
+    assert_nothing_stored(&farm).await;
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn a_huge_sweep_is_refused_before_it_is_expanded() {
+    let (farm, _dir) = Farm::start().await;
+    let levels: Vec<_> = (0..1000).map(|n| 0.03 + f64::from(n) * 1e-5).collect();
+    let huge = sweep(|sweep| {
+        let names = ["gate_opening_m", "belt_speed_m_s", "hopper_width_m", "hopper_length_m"];
+        let factors = names.map(|name| json!({"pointer": format!("/equipment/{name}"), "levels": levels}));
+        sweep["factors"] = json!(factors);
+    });
+    let problem = farm.post("/v1/sweeps", &huge).await.problem(422, "invalid-document");
+    assert!(text(&problem["errors"][0]["allowed"]).contains("100000 jobs (max_jobs_per_sweep)"), "{problem}");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn bad_claims_registrations_and_deliveries() {
+    let (farm, _dir) = Farm::start().await;
+    let worker = farm.worker("cpu").await;
+    for (jobs, wait) in [(0, 0.0), (65, 0.0), (1, -1.0), (1, 1e300)] {
+        farm.post("/v1/claims", &worker.claim_request(jobs, wait)).await.problem(422, "invalid-document");
+    }
+    let nameless = json!({"worker_id": "me", "backend": 1});
+    let problem = farm.post("/v1/workers", &nameless).await.problem(422, "invalid-document");
+    assert!(pointers(&problem).contains(&"/worker_id"), "{problem}");
+    farm.submit(&envelope(1)).await;
+    let attempt = worker.claim_one().await;
+    let path = format!("/v1/jobs/{}/attempts/1/result", text(&attempt["job_id"]));
+    let half = json!({"worker_id": worker.id, "result": {"schema": "roost.result/1"}});
+    farm.post(&path, &half).await.problem(422, "invalid-document");
+    assert_eq!(farm.job(&attempt["job_id"]).await["state"], "running");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn validation_tells_without_storing() {
+    let (farm, _dir) = Farm::start().await;
+    let validate = async |document: Value| farm.post("/v1/validate", &document).await;
+    let report = validate(scenario(1)).await.expect(StatusCode::OK);
+    assert_eq!((&report["document"], &report["jobs"]), (&json!("scenario"), &json!(1)));
+    assert_eq!(report["scenario"]["bonds"]["formulation"], "corotated");
+    assert!(report["estimate"]["subparticles"].as_u64().unwrap() > 0);
+    assert_eq!(validate(envelope(1)).await.expect(StatusCode::OK)["document"], "scenario");
+    let report = validate(sweep(|sweep| sweep["replicates"] = json!(3))).await.expect(StatusCode::OK);
+    assert_eq!((&report["document"], &report["jobs"]), (&json!("sweep"), &json!(6)));
+
+    let plain = validate(json!({"experiment": "hopper", "seed": -1})).await.problem(422, "invalid-document");
+    assert_eq!(pointers(&plain), ["/seed"]);
+    let wrapped = validate(json!({"scenario": {"experiment": "hopper", "seed": -1}})).await;
+    assert_eq!(pointers(&wrapped.problem(422, "invalid-document")), ["/scenario/seed"]);
+    let swept = validate(sweep(|sweep| sweep["base"]["seed"] = json!(-1))).await;
+    assert_eq!(pointers(&swept.problem(422, "invalid-document")), ["/base/seed"]);
+    assert_nothing_stored(&farm).await;
+    farm.stop().await;
+}

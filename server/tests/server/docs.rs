@@ -1,0 +1,90 @@
+//! The three descriptions of the API say the same: the router, `/openapi.json` and `api.md`.
+
+use std::collections::BTreeSet;
+
+use reqwest::{Method, StatusCode};
+use serde_json::Value;
+
+use super::farm::*;
+
+/// Headings such as `### POST /v1/jobs`.
+fn documented() -> BTreeSet<(String, String)> {
+    let text = include_str!("../../../api.md");
+    let headings = text.lines().filter_map(|line| line.strip_prefix("### "));
+    headings
+        .filter_map(|heading| heading.split_once(' '))
+        .filter(|(_, path)| path.starts_with('/'))
+        .map(|(method, path)| (method.to_owned(), path.to_owned()))
+        .collect()
+}
+
+fn specified(spec: &Value) -> BTreeSet<(String, String)> {
+    let paths = spec["paths"].as_object().unwrap();
+    let routes = paths.iter().flat_map(|(path, item)| {
+        let methods = ["get", "post", "put", "delete", "patch"].into_iter();
+        methods
+            .filter(|method| item.get(method).is_some())
+            .map(|method| (method.to_uppercase(), path.clone()))
+    });
+    routes.collect()
+}
+
+#[tokio::test]
+async fn the_specification_and_api_md_list_the_same_routes() {
+    let (farm, _dir) = Farm::start().await;
+    let spec = farm.get("/openapi.json").await.expect(StatusCode::OK);
+    assert!(text(&spec["openapi"]).starts_with("3.1"));
+    let specified = specified(&spec);
+    assert_eq!(documented(), specified);
+    assert!(specified.len() > 20, "{specified:?}");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn every_documented_route_is_routed() {
+    let (farm, _dir) = Farm::start().await;
+    for (method, path) in documented() {
+        let filled = path
+            .replace("{id}", "01890000-0000-7000-8000-000000000000")
+            .replace("{n}", "1")
+            .replace("{name}", "discharged_mass");
+        let answer = farm.send(Method::from_bytes(method.as_bytes()).unwrap(), &filled, None).await;
+        let routed = answer.status != 405 && !answer.text.contains("there is no path");
+        assert!(routed, "{method} {path}: {} {}", answer.status, answer.text);
+    }
+    let fallback = farm.get("/v1/nothing").await;
+    assert!(fallback.text.contains("there is no path"), "what the check above looks for");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn every_reference_in_the_specification_resolves() {
+    fn references<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
+        match value {
+            Value::Object(fields) => {
+                found.extend(fields.get("$ref").and_then(Value::as_str));
+                fields.values().for_each(|value| references(value, found));
+            }
+            Value::Array(items) => items.iter().for_each(|value| references(value, found)),
+            _ => {}
+        }
+    }
+    let (farm, _dir) = Farm::start().await;
+    let spec = farm.get("/openapi.json").await.expect(StatusCode::OK);
+    let mut found = Vec::new();
+    references(&spec, &mut found);
+    assert!(found.len() > 20);
+    for reference in found {
+        let pointer = reference.strip_prefix('#').unwrap();
+        assert!(spec.pointer(pointer).is_some(), "{reference}");
+    }
+    farm.stop().await;
+}
+
+#[test]
+fn every_curl_example_is_of_a_documented_route() {
+    let text = include_str!("../../../api.md");
+    let documented = documented();
+    let examples = text.matches("curl ").count();
+    assert!(examples >= documented.len(), "{examples} examples for {} routes", documented.len());
+}

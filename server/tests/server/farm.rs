@@ -1,0 +1,272 @@
+//! A server of one test's own, and what a user and a worker say to it.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use reqwest::{Method, StatusCode};
+use roost_api::ids::WorkerId;
+use roost_api::{API_VERSION, RunResult};
+use roost_server::{Server, ServerConfig, ServerError};
+use roost_solver::PHYSICS_REVISION;
+use roost_solver::result::{EndReason, Performance, SCHEMA, Series, SolverInfo};
+use roost_solver::scenario::Scenario;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+use uuid::Uuid;
+
+/// A running server.
+pub(crate) struct Farm {
+    pub address: SocketAddr,
+    pub http: reqwest::Client,
+    stop: CancellationToken,
+    running: JoinHandle<Result<(), ServerError>>,
+}
+
+/// An answer: status, and the body as JSON (a string where it is not).
+pub(crate) struct Answer {
+    pub status: u16,
+    pub media_type: String,
+    pub location: Option<String>,
+    pub allow: Option<String>,
+    pub text: String,
+    pub body: Value,
+}
+
+impl Farm {
+    /// A server with the usual settings.
+    pub(crate) async fn start() -> (Self, TempDir) {
+        Self::with(|_| {}).await
+    }
+
+    /// A server with some settings changed.
+    pub(crate) async fn with(change: impl FnOnce(&mut ServerConfig)) -> (Self, TempDir) {
+        let dir = tempfile::tempdir().unwrap();
+        let farm = Self::on(dir.path(), change).await;
+        (farm, dir)
+    }
+
+    /// A server on a data directory that is already there.
+    pub(crate) async fn on(data: &Path, change: impl FnOnce(&mut ServerConfig)) -> Self {
+        let mut config = ServerConfig { listen: ([127, 0, 0, 1], 0).into(), ..ServerConfig::default() };
+        config.data = data.to_owned();
+        change(&mut config);
+        let server = Server::bind(config).await.unwrap();
+        let address = server.local_addr();
+        let stop = CancellationToken::new();
+        let running = tokio::spawn(server.run(stop.clone()));
+        let http = reqwest::Client::builder().no_proxy().build().unwrap();
+        Self { address, http, stop, running }
+    }
+
+    /// Stops the server and returns how long that took.
+    pub(crate) async fn stop(self) -> Duration {
+        let before = Instant::now();
+        self.stop.cancel();
+        self.running.await.unwrap().unwrap();
+        before.elapsed()
+    }
+
+    pub(crate) async fn send(&self, method: Method, path: &str, body: Option<&Value>) -> Answer {
+        let mut request = self.http.request(method, format!("http://{}{path}", self.address));
+        if let Some(body) = body {
+            request = request.json(body);
+        }
+        read(request.send().await.unwrap()).await
+    }
+
+    /// A body that is not what `json` would send.
+    pub(crate) async fn send_text(
+        &self,
+        path: &str,
+        media_type: &str,
+        body: impl Into<reqwest::Body>,
+    ) -> Answer {
+        let url = format!("http://{}{path}", self.address);
+        let request = self.http.post(url).header("content-type", media_type).body(body);
+        read(request.send().await.unwrap()).await
+    }
+
+    pub(crate) async fn get(&self, path: &str) -> Answer {
+        self.send(Method::GET, path, None).await
+    }
+
+    pub(crate) async fn post(&self, path: &str, body: &Value) -> Answer {
+        self.send(Method::POST, path, Some(body)).await
+    }
+
+    /// Submits a scenario that must be taken, and returns the job.
+    pub(crate) async fn submit(&self, envelope: &Value) -> Value {
+        self.post("/v1/jobs", envelope).await.expect(StatusCode::ACCEPTED)
+    }
+
+    pub(crate) async fn job(&self, id: &Value) -> Value {
+        self.get(&format!("/v1/jobs/{}", text(id))).await.expect(StatusCode::OK)
+    }
+
+    /// Waits until a job is in a state.
+    pub(crate) async fn wait_for(&self, id: &Value, state: &str) -> Value {
+        let deadline = Instant::now() + Duration::from_secs(20);
+        loop {
+            let job = self.job(id).await;
+            if job["state"] == state {
+                return job;
+            }
+            assert!(Instant::now() < deadline, "still not {state}: {job}");
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    }
+
+    /// Registers a worker of that backend.
+    pub(crate) async fn worker(&self, backend: &str) -> Worker<'_> {
+        let id = WorkerId::new().to_string();
+        self.post("/v1/workers", &registration(&id, backend)).await.expect(StatusCode::OK);
+        Worker { farm: self, id }
+    }
+}
+
+async fn read(response: reqwest::Response) -> Answer {
+    let header = |name: &str| response.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
+    let (status, media_type) = (response.status().as_u16(), header("content-type").unwrap_or_default());
+    let (location, allow) = (header("location"), header("allow"));
+    let text = response.text().await.unwrap();
+    let body = serde_json::from_str(&text).unwrap_or(Value::Null);
+    Answer { status, media_type, location, allow, text, body }
+}
+
+impl Answer {
+    /// The body of an answer that has to have that status.
+    #[track_caller]
+    pub(crate) fn expect(self, status: StatusCode) -> Value {
+        assert_eq!(self.status, status.as_u16(), "{}", self.text);
+        self.body
+    }
+
+    /// A problem document of that status and kind.
+    #[track_caller]
+    pub(crate) fn problem(self, status: u16, kind: &str) -> Value {
+        assert_eq!(self.status, status, "{}", self.text);
+        assert_eq!(self.media_type, "application/problem+json");
+        assert_eq!(self.body["type"], format!("/problems/{kind}"), "{}", self.text);
+        assert_eq!(self.body["status"], status);
+        assert!(!self.body["detail"].as_str().unwrap().is_empty());
+        self.body
+    }
+}
+
+pub(crate) fn registration(id: &str, backend: &str) -> Value {
+    json!({"worker_id": id, "name": "bench", "api_version": API_VERSION, "backend": backend,
+           "physics_revision": PHYSICS_REVISION, "device": "a test", "threads": 1})
+}
+
+/// A registered worker.
+pub(crate) struct Worker<'a> {
+    pub farm: &'a Farm,
+    pub id: String,
+}
+
+impl Worker<'_> {
+    pub(crate) fn claim_request(&self, max_jobs: u32, wait_s: f64) -> Value {
+        json!({"request_id": Uuid::now_v7(), "worker_id": self.id, "max_jobs": max_jobs, "wait_s": wait_s})
+    }
+
+    /// Claims up to so many jobs without waiting.
+    pub(crate) async fn claim(&self, max_jobs: u32) -> Vec<Value> {
+        let request = self.claim_request(max_jobs, 0.0);
+        let reply = self.farm.post("/v1/claims", &request).await.expect(StatusCode::OK);
+        reply["attempts"].as_array().unwrap().clone()
+    }
+
+    /// Claims the one job there is.
+    pub(crate) async fn claim_one(&self) -> Value {
+        let mut attempts = self.claim(1).await;
+        assert_eq!(attempts.len(), 1, "nothing to claim");
+        attempts.remove(0)
+    }
+
+    /// Beats for one attempt and returns its row of the reply.
+    pub(crate) async fn beat(&self, attempt: &Value, progress: Value) -> Value {
+        let beat = json!({"job_id": attempt["job_id"], "attempt": attempt["attempt"], "progress": progress});
+        let path = format!("/v1/workers/{}/heartbeat", self.id);
+        let reply = self.farm.post(&path, &json!({"attempts": [beat]})).await.expect(StatusCode::OK);
+        reply["attempts"][0].clone()
+    }
+
+    pub(crate) async fn deliver(&self, attempt: &Value) -> Answer {
+        self.deliver_result(attempt, &result_of(&attempt["scenario"])).await
+    }
+
+    pub(crate) async fn deliver_result(&self, attempt: &Value, result: &RunResult) -> Answer {
+        let body = json!({"worker_id": self.id, "result": result});
+        self.farm.post(&format!("{}/result", path(attempt)), &body).await
+    }
+
+    pub(crate) async fn fail(&self, attempt: &Value, outcome: &str, partial: Option<&RunResult>) -> Answer {
+        let body = json!({"worker_id": self.id, "outcome": outcome, "message": format!("it was {outcome}"),
+                          "result": partial});
+        self.farm.post(&format!("{}/failure", path(attempt)), &body).await
+    }
+}
+
+fn path(attempt: &Value) -> String {
+    format!("/v1/jobs/{}/attempts/{}", text(&attempt["job_id"]), attempt["attempt"])
+}
+
+/// The text of a JSON string.
+pub(crate) fn text(value: &Value) -> &str {
+    value.as_str().unwrap_or_else(|| panic!("not a string: {value}"))
+}
+
+/// A small scenario with that seed.
+pub(crate) fn scenario(seed: u64) -> Value {
+    json!({"experiment": "hopper", "seed": seed, "product": {"count": 6, "subparticle_radius_m": 0.008}})
+}
+
+/// An envelope around a small scenario that no other job has run.
+pub(crate) fn envelope(seed: u64) -> Value {
+    json!({"scenario": scenario(seed)})
+}
+
+/// A result document of a scenario with made-up numbers: what the transport must carry unchanged.
+pub(crate) fn result_of(scenario: &Value) -> RunResult {
+    let scenario: Scenario = serde_json::from_value(scenario.clone()).unwrap();
+    let seed = scenario.seed as f64;
+    let responses = json!({"discharged_kg": 30.0 + seed, "time_to_99_percent_s": null, "regime": "constant"});
+    RunResult {
+        schema: SCHEMA.to_owned(),
+        end_reason: EndReason::Duration,
+        instability: None,
+        responses: responses.as_object().unwrap().clone(),
+        series: vec![Series {
+            name: "discharged_mass".to_owned(),
+            unit: "kg".to_owned(),
+            t_s: vec![0.0, 0.02, 0.04],
+            values: vec![0.0, 0.1, 1.0 / 3.0],
+        }],
+        solver: SolverInfo {
+            version: "0.1.0".to_owned(),
+            physics_revision: PHYSICS_REVISION,
+            backend: "cpu".to_owned(),
+            device: "a test".to_owned(),
+            threads: 1,
+            timestep_s: 1e-4,
+        },
+        performance: Performance {
+            subparticles: 100,
+            particle_steps: 1000,
+            steps: 10,
+            wall_s: 0.5,
+            ns_per_particle_step: 500.0,
+        },
+        scenario_digest: scenario.digest(),
+        scenario,
+    }
+}
+
+/// Progress of a run that has come so far.
+pub(crate) fn progress(fraction: f64) -> Value {
+    json!({"phase": "process", "time_s": 1.0, "simulated_s": 2.0, "fraction": fraction, "subparticles": 9,
+           "particle_steps": 10, "wall_s": 0.1, "discharged_kg": 3.0})
+}

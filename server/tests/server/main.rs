@@ -1,0 +1,13 @@
+//! The server from outside: real HTTP on loopback, a real SQLite file in a directory of its own.
+
+mod bad_input;
+mod cancel;
+mod claims;
+mod docs;
+mod farm;
+mod fences;
+mod layout;
+mod leases;
+mod lifecycle;
+mod start_stop;
+mod sweeps;

@@ -1,0 +1,86 @@
+//! Starting and stopping: what is refused, and that nothing keeps a server from ending.
+
+use std::time::Duration;
+
+use reqwest::StatusCode;
+use roost_server::{Server, ServerConfig, ServerError};
+use serde_json::json;
+
+use super::farm::*;
+
+#[tokio::test]
+async fn an_address_that_others_can_reach_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    for listen in ["0.0.0.0:0", "[::]:0", "192.0.2.1:80"] {
+        let config = ServerConfig {
+            listen: listen.parse().unwrap(),
+            data: dir.path().join("data"),
+            ..ServerConfig::default()
+        };
+        let error = Server::bind(config).await.err().unwrap();
+        assert!(matches!(error, ServerError::NotLoopback(_)), "{error}");
+        assert!(error.to_string().contains("loopback"), "{error}");
+    }
+    assert!(!dir.path().join("data").exists(), "refused before anything is made");
+}
+
+#[tokio::test]
+async fn one_data_directory_has_one_server() {
+    let (farm, dir) = Farm::start().await;
+    let config = ServerConfig {
+        listen: ([127, 0, 0, 1], 0).into(),
+        data: dir.path().to_owned(),
+        ..ServerConfig::default()
+    };
+    let error = Server::bind(config.clone()).await.err().unwrap();
+    assert!(matches!(error, ServerError::DataInUse(_)), "{error}");
+    // The next server may come while the one before it is going.
+    let (next, _) = tokio::join!(Server::bind(config), farm.stop());
+    next.expect("free again");
+}
+
+#[tokio::test]
+async fn a_taken_address_is_named() {
+    let (farm, _dir) = Farm::start().await;
+    let other = tempfile::tempdir().unwrap();
+    let config =
+        ServerConfig { listen: farm.address, data: other.path().to_owned(), ..ServerConfig::default() };
+    let error = Server::bind(config).await.err().unwrap();
+    assert!(error.to_string().contains(&farm.address.to_string()), "{error}");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn open_long_polls_do_not_keep_a_server() {
+    let (farm, _dir) = Farm::start().await;
+    let worker = farm.worker("cpu").await;
+    let request = worker.claim_request(1, 30.0);
+    let url = format!("http://{}/v1/claims", farm.address);
+    let polls: Vec<_> = (0..3).map(|_| tokio::spawn(farm.http.post(&url).json(&request).send())).collect();
+    // A client that opens a connection and says nothing.
+    let silent = tokio::net::TcpStream::connect(farm.address).await.unwrap();
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    let took = farm.stop().await;
+    assert!(took < Duration::from_millis(1500), "took {took:?}");
+    for poll in polls {
+        let answer = poll.await.unwrap().unwrap();
+        assert_eq!(answer.status(), StatusCode::OK);
+        let reply: serde_json::Value = answer.json().await.unwrap();
+        assert_eq!(reply["attempts"], json!([]), "answered, not cut off");
+    }
+    drop(silent);
+}
+
+#[tokio::test]
+async fn a_server_says_how_it_is_and_what_it_is() {
+    let (farm, _dir) = Farm::start().await;
+    for path in ["/healthz", "/readyz"] {
+        assert_eq!(farm.get(path).await.expect(StatusCode::OK), json!({"status": "ok"}));
+    }
+    let version = farm.get("/v1/version").await.expect(StatusCode::OK);
+    assert_eq!(version["physics_revision"], roost_solver::PHYSICS_REVISION);
+    assert_eq!(version["sqlite"], "3.51.3");
+    let schema = farm.get("/v1/schema/scenario").await.expect(StatusCode::OK);
+    assert!(schema["properties"]["equipment"].is_object(), "{schema}");
+    farm.stop().await;
+}
