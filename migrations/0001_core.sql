@@ -36,7 +36,7 @@ BEGIN
     SELECT RAISE(ABORT, 'a design point never changes');
 END;
 
--- Scenarios as run, by the digest of their canonical JSON: replicas of one scenario share a row.
+-- Scenarios as run, by the digest of their canonical JSON: repeats of one scenario share a row.
 CREATE TABLE scenarios (
     digest TEXT NOT NULL PRIMARY KEY,
     body   TEXT NOT NULL CHECK (json_valid(body))

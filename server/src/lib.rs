@@ -1,11 +1,13 @@
 //! The Roost server: a durable queue of jobs, sweeps, and the HTTP API to both.
 //!
-//! `http` answers requests, `queue` decides (pure, the clock an argument), `sweep` expands designs (pure),
-//! `store` keeps everything in one SQLite file. axum is used in `http` only, sqlx in `store` only.
+//! `http` answers requests; `document` and `validation` read what was submitted, `queue` decides, `sweep`
+//! expands designs (all pure, the clock an argument); `store` keeps everything in one SQLite file. axum is
+//! used in `http` only, sqlx in `store` only: a test looks.
 
 mod app;
 mod clock;
 mod config;
+mod document;
 mod http;
 mod queue;
 mod reaper;

@@ -8,7 +8,7 @@ use roost_api::validate::ValidationReport;
 use roost_solver::{Limits, scenario};
 use serde_json::{Value, json};
 
-use crate::http::{read_document, read_envelope};
+use crate::document::{read_document, read_envelope};
 use crate::sweep::{SweepLimits, expand};
 
 /// Checks a scenario, a job envelope or a sweep, and says what it would cost.

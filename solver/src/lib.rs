@@ -4,7 +4,6 @@
 //! top: [`scenario`] is what a user may ask for, [`experiments`] turns it into a scene of bodies and
 //! surfaces, [`engine`] owns the state and the order of the stages of a step, [`cpu`] carries the stages
 //! out, [`observe`] reads the state into samples, and [`result`] is what comes back.
-#![doc = include_str!("../README.md")]
 
 mod check;
 pub mod cpu;

@@ -12,9 +12,9 @@ use serde_json::json;
 use utoipa::ToSchema;
 
 use super::extract::{Body, Segments};
-use super::faults::fault;
 use super::problem::ApiError;
 use crate::app::App;
+use crate::document::fault;
 use crate::queue::{JobChange, Verdict};
 
 /// The answer to a delivery.

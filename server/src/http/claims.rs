@@ -10,9 +10,9 @@ use serde_json::json;
 use tokio::time::{Instant, sleep_until};
 
 use super::extract::Body;
-use super::faults::fault;
 use super::problem::ApiError;
 use crate::app::App;
+use crate::document::fault;
 use crate::queue::lease_end;
 
 /// Jobs of one claim: a batch of a device, not the whole queue.

@@ -9,8 +9,8 @@ use roost_solver::scenario::{ScenarioError, read_json};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use super::faults::read_document;
 use super::problem::{ApiError, Kind};
+use crate::document::read_document;
 
 /// A JSON body, not yet given a shape.
 pub(crate) struct Document(pub(crate) Value);

@@ -3,22 +3,18 @@
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, header};
-use roost_api::Fault;
 use roost_api::ids::JobId;
 use roost_api::job::{FailureClass, JobEnvelope, JobState, JobView};
 use roost_api::page::Page;
 use roost_api::problem::Problem;
-use roost_solver::Limits;
-use roost_solver::scenario::{self, Scenario};
 use serde::Deserialize;
-use serde_json::Value;
 use utoipa::IntoParams;
 
 use super::extract::{Document, Params, Segments};
-use super::faults::{prefixed, read_document, wall_time_fault};
 use super::page::{label, limit, page};
 use super::problem::ApiError;
 use crate::app::App;
+use crate::document::read_envelope;
 use crate::queue::Refusal;
 use crate::store::{JobFilter, NewJob};
 
@@ -46,29 +42,6 @@ pub(crate) async fn submit(
     app.store.insert_job(job, app.clock.now()).await?;
     app.work.notify_waiters();
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, format!("/v1/jobs/{id}"))], Json(view(&app, id).await?)))
-}
-
-/// Reads an envelope and the scenario in it: the faults of both, at once.
-pub(crate) fn read_envelope(limits: &Limits, document: Value) -> Result<(JobEnvelope, Scenario), Vec<Fault>> {
-    let scenario = document.get("scenario").map(|submitted| {
-        scenario::from_value(submitted)
-            .and_then(|scenario| roost_solver::check(&scenario, limits).map(|_| scenario))
-            .map_err(|faults| prefixed("/scenario", faults))
-    });
-    let envelope = read_document::<JobEnvelope>(document).and_then(|envelope| {
-        match wall_time_fault(envelope.max_wall_s) {
-            Some(fault) => Err(vec![fault]),
-            None => Ok(envelope),
-        }
-    });
-    match (envelope, scenario) {
-        (Ok(envelope), Some(Ok(scenario))) => Ok((envelope, scenario)),
-        (envelope, scenario) => {
-            let mut faults = envelope.err().unwrap_or_default();
-            faults.extend(scenario.and_then(Result::err).unwrap_or_default());
-            Err(faults)
-        }
-    }
 }
 
 /// Which jobs to list.

@@ -3,7 +3,6 @@
 mod attempts;
 mod claims;
 mod extract;
-mod faults;
 mod heartbeats;
 mod jobs;
 mod meta;
@@ -32,8 +31,6 @@ use utoipa_axum::routes;
 
 use crate::app::App;
 use extract::BodyLimit;
-pub(crate) use faults::read_document;
-pub(crate) use jobs::read_envelope;
 use problem::{ApiError, Kind};
 
 /// Answers requests until `stop`, then finishes those under way.

@@ -39,7 +39,7 @@ pub(crate) async fn submit(
 }
 
 /// Expands a sweep on a thread of its own: many points take a while, and others wait for answers.
-pub(super) async fn expanded(app: &App, spec: SweepSpec) -> Result<Expansion, ApiError> {
+async fn expanded(app: &App, spec: SweepSpec) -> Result<Expansion, ApiError> {
     let limits = SweepLimits { max_jobs: app.config.max_jobs_per_sweep, scenario: app.config.limits };
     tokio::task::spawn_blocking(move || expand(&spec, limits))
         .await

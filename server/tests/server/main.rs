@@ -6,6 +6,7 @@ mod claims;
 mod docs;
 mod farm;
 mod fences;
+mod layout;
 mod leases;
 mod lifecycle;
 mod start_stop;

@@ -1,10 +1,12 @@
-//! Giving a JSON document its shape, with every fault found at once.
+//! Reading documents: giving JSON its shape, with every fault found at once. Pure.
 //!
 //! serde stops at the first fault. Here the value at fault is taken out and the rest is tried again, until
 //! what is left has no more to say.
 
 use roost_api::Fault;
-use roost_solver::scenario::escape;
+use roost_api::job::JobEnvelope;
+use roost_solver::Limits;
+use roost_solver::scenario::{self, Scenario, escape};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use serde_path_to_error::{Path, Segment};
@@ -90,6 +92,29 @@ fn stand_in<T: DeserializeOwned>(value: &mut Value, pointer: &str) -> bool {
     false
 }
 
+/// Reads an envelope and the scenario in it: the faults of both, at once.
+pub(crate) fn read_envelope(limits: &Limits, document: Value) -> Result<(JobEnvelope, Scenario), Vec<Fault>> {
+    let scenario = document.get("scenario").map(|submitted| {
+        scenario::from_value(submitted)
+            .and_then(|scenario| roost_solver::check(&scenario, limits).map(|_| scenario))
+            .map_err(|faults| prefixed("/scenario", faults))
+    });
+    let envelope = read_document::<JobEnvelope>(document).and_then(|envelope| {
+        match wall_time_fault(envelope.max_wall_s) {
+            Some(fault) => Err(vec![fault]),
+            None => Ok(envelope),
+        }
+    });
+    match (envelope, scenario) {
+        (Ok(envelope), Some(Ok(scenario))) => Ok((envelope, scenario)),
+        (envelope, scenario) => {
+            let mut faults = envelope.err().unwrap_or_default();
+            faults.extend(scenario.and_then(Result::err).unwrap_or_default());
+            Err(faults)
+        }
+    }
+}
+
 fn pointer(path: &Path) -> String {
     path.iter()
         .map(|segment| match segment {
@@ -154,8 +179,6 @@ pub(crate) fn wall_time_fault(max_wall_s: Option<f64>) -> Option<Fault> {
 
 #[cfg(test)]
 mod tests {
-    use roost_api::job::JobEnvelope;
-
     use super::*;
 
     fn faults(document: Value) -> Vec<Fault> {

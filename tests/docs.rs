@@ -1,0 +1,88 @@
+//! Holds the documents to the tree: what they name must be there, and what is there must be on the map.
+
+use std::path::Path;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(name: &str) -> String {
+    std::fs::read_to_string(root().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+/// Words in backticks that look like paths of this tree.
+fn paths(text: &str) -> Vec<&str> {
+    let words = text.split('`').skip(1).step_by(2);
+    words.filter(|word| word.ends_with('/') || word.ends_with(".rs") && word.contains('/')).collect()
+}
+
+#[test]
+fn every_path_that_the_architecture_names_exists() {
+    let text = read("ARCHITECTURE.md");
+    let paths = paths(&text);
+    assert!(paths.len() > 20, "{paths:?}");
+    let missing: Vec<_> = paths.into_iter().filter(|path| !root().join(path).exists()).collect();
+    assert!(missing.is_empty(), "ARCHITECTURE.md names what is not there: {missing:?}");
+}
+
+#[test]
+fn every_folder_is_on_the_map() {
+    let text = read("ARCHITECTURE.md");
+    let folders = |of: &str| {
+        let entries = std::fs::read_dir(root().join(of)).expect("a folder");
+        let names = entries.map(|entry| entry.expect("an entry")).filter(|entry| entry.path().is_dir());
+        names.map(|entry| entry.file_name().into_string().expect("UTF-8")).collect::<Vec<_>>()
+    };
+    let kept = |name: &String| !name.starts_with('.') && name != "target" && name != "demo-out";
+    for name in folders(".").into_iter().filter(kept) {
+        assert!(text.contains(&format!("`{name}/`")), "{name}/ is not on the map");
+    }
+    for name in folders("solver/src") {
+        assert!(text.contains(&format!("`solver/src/{name}/`")), "solver/src/{name}/ is not on the map");
+    }
+}
+
+#[test]
+fn every_document_that_is_linked_exists() {
+    for name in ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "api.md"] {
+        let text = read(name);
+        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+        for link in links.filter(|link| !link.contains("://") && !link.starts_with('#')) {
+            let file = link.split('#').next().expect("a first part");
+            assert!(root().join(file).exists(), "{name} links to {link}, which is not there");
+        }
+    }
+}
+
+#[test]
+fn the_commands_of_the_readme_are_targets_of_the_makefile() {
+    let (readme, makefile) = (read("README.md"), read("Makefile"));
+    let targets: Vec<&str> = readme
+        .lines()
+        .filter_map(|line| line.strip_prefix("make "))
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    assert_eq!(targets, ["demo", "test"]);
+    for target in targets {
+        assert!(makefile.lines().any(|line| line.starts_with(&format!("{target}:"))), "make {target}");
+    }
+}
+
+#[test]
+fn the_scenario_and_the_sweep_of_the_readme_are_sound() {
+    let readme = read("README.md");
+    let documents: Vec<&str> =
+        readme.split("<<'JSON'\n").skip(1).filter_map(|rest| rest.split("\nJSON\n").next()).collect();
+    assert_eq!(documents.len(), 2);
+    for document in documents {
+        let value: serde_json::Value = serde_json::from_str(document).expect("JSON");
+        let scenario = value.get("base").unwrap_or(&value);
+        let scenario = roost_solver::scenario::from_value(scenario).expect("a sound scenario");
+        roost_solver::check(&scenario, &roost_solver::Limits::default()).expect("a scenario that can run");
+    }
+}
+
+#[test]
+fn ci_calls_the_test_command_of_the_readme() {
+    assert!(read(".ci/run").contains("make test"));
+}
