@@ -6,6 +6,7 @@ use uuid::Uuid;
 use crate::exit::Exit;
 use crate::list;
 use crate::target::{self, Target};
+use crate::ui;
 
 /// Cancel a sweep or a job; what runs is stopped within seconds
 #[derive(Debug, clap::Args)]
@@ -19,8 +20,10 @@ pub(crate) struct Args {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     match target::find(&client, args.id).await? {
-        Target::Sweep(sweep) => print!("{}", list::sweeps(&[client.cancel_sweep(sweep.id).await?])),
-        Target::Job(job) => print!("{}", list::jobs(&[client.cancel_job(job.id).await?])),
+        Target::Sweep(sweep) => {
+            ui::print(format_args!("{}", list::sweeps(&[client.cancel_sweep(sweep.id).await?])))?
+        }
+        Target::Job(job) => ui::print(format_args!("{}", list::jobs(&[client.cancel_job(job.id).await?])))?,
     }
     Ok(Exit::Done)
 }

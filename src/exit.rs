@@ -1,5 +1,6 @@
 //! Exit codes: documented in the help, the same in every subcommand.
 
+use std::io;
 use std::process::ExitCode;
 
 use roost_worker::client::ClientError;
@@ -44,6 +45,14 @@ impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
         Self::from(exit as u8)
     }
+}
+
+/// Whether whoever read our output has gone: `roost list | head` is no failure.
+pub(crate) fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let is_so = |cause: &(dyn std::error::Error + 'static)| {
+        cause.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+    };
+    error.chain().any(is_so)
 }
 
 /// What the user gave cannot be used; says why.

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use crate::exit::Exit;
 use crate::target;
+use crate::ui;
 use crate::ui::{format, table::Table};
 
 /// List sweeps, jobs or workers, newest first
@@ -56,11 +57,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         (json!(page), sweeps(&page.items))
     };
     if args.json {
-        println!("{document:#}");
+        ui::println(format_args!("{document:#}"))?;
     } else if table.is_empty() {
         eprintln!("nothing there yet; see `roost submit --help`");
     } else {
-        print!("{table}");
+        ui::print(format_args!("{table}"))?;
     }
     Ok(Exit::Done)
 }

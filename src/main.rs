@@ -90,6 +90,8 @@ async fn main() -> ExitCode {
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
     match command.execute().await {
         Ok(exit) => exit.into(),
+        // The reader of our output has seen enough.
+        Err(error) if exit::is_broken_pipe(&error) => Exit::Done.into(),
         Err(error) => {
             eprintln!("error: {error:#}");
             Exit::of(&error).into()

@@ -8,6 +8,7 @@ use uuid::Uuid;
 
 use crate::exit::Exit;
 use crate::target::{self, Target};
+use crate::ui;
 use crate::ui::{format, table::Table};
 use crate::{output, run};
 
@@ -37,17 +38,21 @@ enum Format {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     match (target::find(&client, args.id).await?, args.format) {
-        (Target::Sweep(sweep), Format::Csv) => print!("{}", client.sweep_results_csv(sweep.id).await?),
-        (Target::Sweep(sweep), Format::Json) => {
-            println!("{:#}", json!(client.sweep_results(sweep.id).await?))
+        (Target::Sweep(sweep), Format::Csv) => {
+            ui::print(format_args!("{}", client.sweep_results_csv(sweep.id).await?))?
         }
-        (Target::Sweep(sweep), Format::Table) => print!("{}", trials(&client.sweep_results(sweep.id).await?)),
+        (Target::Sweep(sweep), Format::Json) => {
+            ui::println(format_args!("{:#}", json!(client.sweep_results(sweep.id).await?)))?
+        }
+        (Target::Sweep(sweep), Format::Table) => {
+            ui::print(format_args!("{}", trials(&client.sweep_results(sweep.id).await?)))?
+        }
         (Target::Job(job), format) => {
             let result = client.job_result(job.id).await?;
             match format {
-                Format::Json => println!("{:#}", json!(result)),
+                Format::Json => ui::println(format_args!("{:#}", json!(result)))?,
                 Format::Csv => output::series_csv(std::io::stdout().lock(), &result.series)?,
-                Format::Table => print!("{}", run::responses(&result)),
+                Format::Table => ui::print(format_args!("{}", run::responses(&result)))?,
             }
         }
     }

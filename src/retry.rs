@@ -7,6 +7,7 @@ use uuid::Uuid;
 use crate::exit::Exit;
 use crate::list;
 use crate::target::{self, Target};
+use crate::ui;
 
 /// Queue the failed and cancelled jobs of a sweep, or one job, again
 #[derive(Debug, clap::Args)]
@@ -24,9 +25,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     match target::find(&client, args.id).await? {
         Target::Sweep(sweep) => {
-            print!("{}", list::sweeps(&[client.retry_sweep(sweep.id, args.class).await?]));
+            ui::print(format_args!("{}", list::sweeps(&[client.retry_sweep(sweep.id, args.class).await?])))?;
         }
-        Target::Job(job) => print!("{}", list::jobs(&[client.retry_job(job.id, args.class).await?])),
+        Target::Job(job) => {
+            ui::print(format_args!("{}", list::jobs(&[client.retry_job(job.id, args.class).await?])))?
+        }
     }
     Ok(Exit::Done)
 }

@@ -10,6 +10,7 @@ use roost_worker::runner::{Run, RunEnd, Stop};
 use serde_json::json;
 
 use crate::exit::Exit;
+use crate::ui;
 use crate::ui::meter::Meter;
 use crate::ui::{format, table::Table};
 use crate::{input, output, signals};
@@ -71,10 +72,13 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     };
     let files = output::write(&args.output, &result)?;
     if args.json {
-        println!("{:#}", summary(&result, &files));
+        ui::println(format_args!("{:#}", summary(&result, &files)))?;
     } else {
-        print!("{}", responses(&result));
-        println!("\n{}", files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("  "));
+        ui::print(format_args!("{}", responses(&result)))?;
+        ui::println(format_args!(
+            "\n{}",
+            files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("  ")
+        ))?;
     }
     Ok(exit)
 }
@@ -116,11 +120,11 @@ pub(crate) fn describe(progress: &Progress) -> String {
         Phase::Process => format!("belt {:.2} s, {:.2} kg out", progress.time_s, progress.discharged_kg),
     };
     let wall_s = progress.wall_s.max(1e-3);
-    let rate = format::significant(progress.simulated_s / wall_s);
-    let work = format::count(progress.particle_steps as f64 / wall_s);
     let left = format::time_left(progress.fraction, progress.wall_s);
     let left = left.map(|left| format!(" · {left}")).unwrap_or_default();
-    format!("{phase} · {rate} × real time · {work} particle-steps/s{left}")
+    let rate = format::significant(progress.simulated_s / wall_s);
+    let work = format::count(progress.particle_steps as f64 / wall_s);
+    format!("{phase}{left} · {rate} × real time · {work} particle-steps/s")
 }
 
 /// Responses, one a line.

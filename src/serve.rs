@@ -9,6 +9,7 @@ use roost_server::{Limits, Server, ServerConfig};
 
 use crate::exit::Exit;
 use crate::signals;
+use crate::ui;
 
 /// Run the server: the queue, the sweeps and the HTTP API
 ///
@@ -63,7 +64,7 @@ impl ServerArgs {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown()?;
     let server = Server::bind(args.server.config()).await?;
-    println!("listening on http://{}", server.local_addr());
+    ui::println(format_args!("listening on http://{}", server.local_addr()))?;
     server.run(shutdown).await?;
     Ok(Exit::Done)
 }

@@ -6,6 +6,7 @@ use uuid::Uuid;
 
 use crate::exit::Exit;
 use crate::target::{self, Target};
+use crate::ui;
 use crate::{list, run};
 
 /// Show how far a sweep or a job has come
@@ -26,9 +27,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         Target::Sweep(sweep) => {
             let page = client.sweep_jobs(sweep.id, None, None, 100).await?;
             if args.json {
-                println!("{:#}", json!(sweep));
+                ui::println(format_args!("{:#}", json!(sweep)))?;
             } else {
-                println!("{}\n{}", list::sweeps(&[sweep]), list::jobs(&page.items));
+                ui::println(format_args!("{}\n{}", list::sweeps(&[sweep]), list::jobs(&page.items)))?;
                 if page.next_cursor.is_some() {
                     eprintln!("the newest 100 jobs only; `roost results {}` has all", args.id);
                 }
@@ -36,14 +37,14 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         }
         Target::Job(job) => {
             if args.json {
-                println!("{:#}", json!(job));
+                ui::println(format_args!("{:#}", json!(job)))?;
             } else {
-                print!("{}", list::jobs(std::slice::from_ref(&job)));
+                ui::print(format_args!("{}", list::jobs(std::slice::from_ref(&job))))?;
                 if let Some(progress) = job.progress.as_ref().filter(|_| !job.state.is_ended()) {
-                    println!("{}", run::describe(progress));
+                    ui::println(format_args!("{}", run::describe(progress)))?;
                 }
                 if let Some(message) = &job.failure_message {
-                    println!("{message}");
+                    ui::println(format_args!("{message}"))?;
                 }
             }
         }

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use crate::exit::Exit;
 use crate::input::{self, Kind};
+use crate::ui;
 use crate::{signals, target, watch};
 
 /// Submit a scenario or a sweep to a server
@@ -52,15 +53,18 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         if args.wait {
             sweep = watch::sweep(&client, id, &signals::shutdown()?).await?;
         }
-        tell(&args, &json!(sweep), &id.to_string());
+        tell(&args, &json!(sweep), &id.to_string())?;
         Ok(if args.wait { watch::exit_of_sweep(&client, &sweep).await? } else { Exit::Done })
     } else {
         let mut job: JobView = client.submit_document("jobs", &document).await?;
         let id = job.id;
         if args.wait {
+            eprintln!("job {id}");
+        }
+        if args.wait {
             job = watch::job(&client, id, &signals::shutdown()?).await?;
         }
-        tell(&args, &json!(job), &id.to_string());
+        tell(&args, &json!(job), &id.to_string())?;
         Ok(if args.wait { exit_of_job(&job) } else { Exit::Done })
     }
 }
@@ -94,14 +98,15 @@ fn add_options(document: &mut Value, args: &Args) {
 }
 
 /// The id alone on stdout, so that a script can keep it; what to do next on stderr.
-fn tell(args: &Args, view: &Value, id: &str) {
+fn tell(args: &Args, view: &Value, id: &str) -> Result<()> {
     if args.json {
-        println!("{view:#}");
-        return;
+        ui::println(format_args!("{view:#}"))?;
+        return Ok(());
     }
-    println!("{id}");
+    ui::println(format_args!("{id}"))?;
     if !args.wait {
         eprintln!("next: roost status {id}");
     }
     eprintln!("      roost results {id}");
+    Ok(())
 }

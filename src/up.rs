@@ -6,6 +6,7 @@ use crate::exit::Exit;
 use crate::farm::Farm;
 use crate::serve::ServerArgs;
 use crate::signals;
+use crate::ui;
 use crate::work::WorkerArgs;
 
 /// Run a server and one worker in this process
@@ -21,7 +22,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown()?;
     let state = args.server.data.join("worker");
     let mut farm = Farm::start(args.server.config(), |address| args.worker.config(address, state)).await?;
-    println!("listening on {}", farm.address);
+    ui::println(format_args!("listening on {}", farm.address))?;
     tokio::select! {
         () = shutdown.cancelled() => farm.stop().await.map(|()| Exit::Done),
         error = farm.broken() => Err(error),

@@ -10,6 +10,7 @@ use serde_json::json;
 
 use crate::exit::Exit;
 use crate::input;
+use crate::ui;
 use crate::ui::format;
 
 /// Check a scenario or a sweep without running it
@@ -32,9 +33,9 @@ pub(crate) fn execute(args: &Args) -> Result<Exit> {
         Ok(report) if args.json => {
             let mut document = json!(report);
             document["valid"] = json!(true);
-            println!("{document:#}");
+            ui::println(format_args!("{document:#}"))?;
         }
-        Ok(report) => tell(args, &report),
+        Ok(report) => tell(args, &report)?,
         Err(faults) => return refuse(args, &faults),
     }
     Ok(Exit::Done)
@@ -44,35 +45,36 @@ fn refuse(args: &Args, faults: &[Fault]) -> Result<Exit> {
     if !args.json {
         return Err(input::faults(&args.file, faults).into());
     }
-    println!("{:#}", json!({ "valid": false, "errors": faults }));
+    ui::println(format_args!("{:#}", json!({ "valid": false, "errors": faults })))?;
     Ok(Exit::BadInput)
 }
 
-fn tell(args: &Args, report: &ValidationReport) {
+fn tell(args: &Args, report: &ValidationReport) -> Result<()> {
     let estimate = &report.estimate;
-    println!("{}: a valid {}", input::name(&args.file), report.document);
+    ui::println(format_args!("{}: a valid {}", input::name(&args.file), report.document))?;
     if report.document == "sweep" {
-        println!("  {} jobs; its base scenario:", report.jobs);
+        ui::println(format_args!("  {} jobs; its base scenario:", report.jobs))?;
     }
-    println!(
+    ui::println(format_args!(
         "  {} fillets of {} kg in all, {} sub-particles, {} bonds",
         estimate.fillets,
         format::significant(estimate.mass_kg),
         estimate.subparticles,
         estimate.bonds
-    );
-    println!(
+    ))?;
+    ui::println(format_args!(
         "  at most {} steps of {} s (stable up to {} s)",
         estimate.steps,
         format::significant(estimate.timestep_s),
         format::significant(estimate.stable_timestep_s)
-    );
-    println!(
+    ))?;
+    ui::println(format_args!(
         "  about {} of memory, {} on two cores",
         format::bytes(estimate.memory_bytes),
         format::duration(estimate.wall_s)
-    );
+    ))?;
     for warning in &estimate.warnings {
-        println!("  warning: {warning}");
+        ui::println(format_args!("  warning: {warning}"))?;
     }
+    Ok(())
 }

@@ -19,12 +19,14 @@ use crate::ui::meter::{Meter, Meters};
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// More bars than this would fill the screen.
 const MAX_JOB_BARS: u32 = 8;
+/// Width of the names, so that the bars stand under each other.
+const NAME: usize = 28;
 
 /// Follows a sweep; a signal ends the watching, not the sweep.
 pub(crate) async fn sweep(client: &Client, id: SweepId, shutdown: &CancellationToken) -> Result<SweepView> {
     let started = Instant::now();
     let meters = Meters::default();
-    let mut overall = meters.add("sweep");
+    let mut overall = meters.add(format!("{:<NAME$}", "sweep"));
     let mut bars: BTreeMap<JobId, Meter> = BTreeMap::new();
     loop {
         let view = patiently(|| client.sweep(id), shutdown).await?;
@@ -47,7 +49,7 @@ pub(crate) async fn sweep(client: &Client, id: SweepId, shutdown: &CancellationT
         let running = patiently(|| client.sweep_jobs(id, state, None, MAX_JOB_BARS), shutdown).await?.items;
         bars.extract_if(.., |id, _| running.iter().all(|job| job.id != *id)).for_each(|(_, bar)| bar.clear());
         for job in &running {
-            let bar = bars.entry(job.id).or_insert_with(|| meters.add(short_name(job)));
+            let bar = bars.entry(job.id).or_insert_with(|| meters.add(format!("{:<NAME$}", short_name(job))));
             show(bar, job);
         }
         pause(shutdown).await?;

@@ -16,6 +16,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::exit::Exit;
 use crate::farm::Farm;
+use crate::ui;
 use crate::ui::format;
 use crate::ui::plot::{self, Curve, Look, Panel};
 use crate::ui::table::Table;
@@ -85,8 +86,8 @@ async fn show(client: &Client, folder: &Path, shutdown: &CancellationToken) -> R
     let runs = runs(client, &results).await?;
     let panel = Panel { y_label: "discharged mass (kg)".to_owned(), curves: curves(&results, &runs) };
     plot::draw(&picture, "Discharge by gate opening and surface condition", &[panel])?;
-    println!("\n{}", table(&results, &runs));
-    println!("plot:  {}\ntable: {}", picture.display(), csv.display());
+    ui::println(format_args!("\n{}", table(&results, &runs)))?;
+    ui::println(format_args!("plot:  {}\ntable: {}", picture.display(), csv.display()))?;
     watch::exit_of_sweep(client, &sweep).await
 }
 

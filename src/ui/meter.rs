@@ -18,7 +18,7 @@ impl Meters {
     pub(crate) fn add(&self, name: impl Into<String>) -> Meter {
         let name = name.into();
         let bar = self.0.add(ProgressBar::new(RESOLUTION));
-        let style = ProgressStyle::with_template("{prefix} {bar:30.cyan/dim} {percent:>3} %  {msg}");
+        let style = ProgressStyle::with_template("{prefix} {bar:20.cyan/dim} {percent:>3} %  {wide_msg}");
         bar.set_style(style.expect("the template is well formed").progress_chars("━╸─"));
         bar.set_prefix(name.clone());
         Meter { bar, name, last_line: None, is_terminal: std::io::stderr().is_terminal() }

@@ -4,3 +4,18 @@ pub(crate) mod format;
 pub(crate) mod meter;
 pub(crate) mod plot;
 pub(crate) mod table;
+
+use std::fmt::Display;
+use std::io::{self, Write};
+
+/// Prints to stdout. A reader that has seen enough (`| head`) is an error to pass up, not a panic.
+pub(crate) fn print(text: impl Display) -> io::Result<()> {
+    let mut stdout = io::stdout().lock();
+    write!(stdout, "{text}")?;
+    stdout.flush()
+}
+
+/// The same, with the end of the line.
+pub(crate) fn println(text: impl Display) -> io::Result<()> {
+    print(format_args!("{text}\n"))
+}

@@ -71,19 +71,20 @@ async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
     }
 }
 
+/// Does what can be done about a failed claim, unless it is time to stop.
 async fn recover(session: &Session, error: &ClientError, backoff: &mut Backoff) {
-    if error.problem_status() == Some(404) {
-        return session.register_again().await;
-    }
-    if error.is_transient() {
-        tracing::debug!(%error, "claim failed; trying again");
-    } else {
-        tracing::error!(%error, "the server refuses the claim; trying again");
-    }
-    tokio::select! {
-        () = session.stop_claiming.cancelled() => {}
-        () = backoff.pause() => {}
-    }
+    let act = async {
+        if error.problem_status() == Some(404) {
+            return session.register_again().await;
+        }
+        if error.is_transient() {
+            tracing::debug!(%error, "claim failed; trying again");
+        } else {
+            tracing::error!(%error, "the server refuses the claim; trying again");
+        }
+        backoff.pause().await;
+    };
+    session.stop_claiming.run_until_cancelled(act).await;
 }
 
 async fn hand_back(session: &Session, reply: ClaimReply) {

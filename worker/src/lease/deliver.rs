@@ -1,8 +1,7 @@
 //! Brings the outbox to the server, for as long as that takes.
 
+use std::convert::Infallible;
 use std::io;
-
-use tokio_util::sync::CancellationToken;
 
 use super::session::Session;
 use crate::backoff::Backoff;
@@ -27,28 +26,20 @@ pub(super) async fn post(session: &Session, delivery: Delivery) {
     }
 }
 
-/// Delivers whatever comes, until `finish`.
-pub(super) async fn run(session: &Session, finish: &CancellationToken) {
+/// Delivers whatever comes, for as long as it is polled.
+pub(super) async fn run(session: &Session) -> Infallible {
     let mut backoff = Backoff::default();
     loop {
-        let is_empty = match deliver_waiting(session).await {
-            Ok(is_empty) => is_empty,
-            Err(error) => {
-                tracing::error!(%error, "cannot read the outbox");
-                false
-            }
-        };
-        let next = async {
-            if is_empty {
+        match deliver_waiting(session).await {
+            Ok(true) => {
                 backoff.reset();
                 session.mail.notified().await;
-            } else {
+            }
+            Ok(false) => backoff.pause().await,
+            Err(error) => {
+                tracing::error!(%error, "cannot read the outbox");
                 backoff.pause().await;
             }
-        };
-        tokio::select! {
-            () = finish.cancelled() => return,
-            () = next => {}
         }
     }
 }

@@ -3,15 +3,16 @@
 //! A server that is away changes nothing here: the runs go on, the beats go on, and the attempts stay
 //! valid until the server says otherwise.
 
+use std::convert::Infallible;
+
 use roost_api::lease::HeartbeatRequest;
 use roost_api::worker::WorkerWelcome;
 use tokio::time::{Instant, MissedTickBehavior, interval_at};
-use tokio_util::sync::CancellationToken;
 
 use super::session::{Session, seconds};
 
-/// Beats until `finish`.
-pub(super) async fn run(session: &Session, welcome: &WorkerWelcome, finish: &CancellationToken) {
+/// Beats for as long as it is polled.
+pub(super) async fn run(session: &Session, welcome: &WorkerWelcome) -> Infallible {
     let every = seconds(welcome.heartbeat_s);
     // An unanswered beat must leave time for another within the lease.
     let timeout = seconds(welcome.lease_s / 3.0);
@@ -19,10 +20,7 @@ pub(super) async fn run(session: &Session, welcome: &WorkerWelcome, finish: &Can
     clock.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut is_away = false;
     loop {
-        tokio::select! {
-            () = finish.cancelled() => return,
-            _ = clock.tick() => {}
-        }
+        clock.tick().await;
         let beat = HeartbeatRequest { attempts: session.held.beats() };
         match session.client.heartbeat(session.worker_id, &beat, timeout).await {
             Ok(reply) => {

@@ -64,24 +64,21 @@ pub async fn work(config: WorkerConfig, shutdown: CancellationToken) -> Result<(
     let background = TaskTracker::new();
     background.spawn({
         let (session, finish) = (session.clone(), finish.clone());
-        async move { heartbeat::run(&session, &welcome, &finish).await }
+        async move { finish.run_until_cancelled(heartbeat::run(&session, &welcome)).await }
     });
-    let postman = background.spawn({
+    background.spawn({
         let (session, finish) = (session.clone(), finish.clone());
-        async move { deliver::run(&session, &finish).await }
+        async move { finish.run_until_cancelled(deliver::run(&session)).await }
     });
+    background.close();
 
     let runs = TaskTracker::new();
     claim::run(&session, &runs).await;
     drain(&session, &runs, &shutdown).await;
 
     finish.cancel();
-    let _ = tokio::time::timeout(LAST_DELIVERIES, async {
-        let _ = postman.await;
-        let _ = deliver::deliver_waiting(&session).await;
-    })
-    .await;
-    background.close();
+    background.wait().await;
+    let _ = tokio::time::timeout(LAST_DELIVERIES, deliver::deliver_waiting(&session)).await;
     match session.refusal() {
         Some(reason) => Err(WorkerError::Refused(reason.clone())),
         None => Ok(()),
