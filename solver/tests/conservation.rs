@@ -70,7 +70,7 @@ fn a_bonded_body_in_free_flight_keeps_its_energy() {
     points.iter_mut().for_each(|p| p.x *= 1.01);
     let mut bench = Bench::new(&scene(kind, vec![at(DVec3::ZERO, DVec3::ZERO)], 5e-6));
     let k_n = f64::from(bonds().k_n);
-    let mut total = |bench: &mut Bench| {
+    let total = |bench: &mut Bench| {
         let stretch = |i: usize| (bench.position(i + 1) - bench.position(i)).length() - 2.0 * RADIUS;
         let energies: Vec<f64> = (0..5).map(stretch).map(|e| 0.5 * k_n * e * e).collect();
         energies.iter().sum::<f64>() + bench.state().kinetic_energy()

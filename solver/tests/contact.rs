@@ -124,7 +124,7 @@ fn slow_spheres_stick_and_fast_ones_do_not() {
 
 #[test]
 fn hertz_is_the_limit_of_jkr_without_adhesion() {
-    let mut force_at = |gamma: f64| {
+    let force_at = |gamma: f64| {
         let law = law(false, 1.0, 0.0, gamma);
         let mut memory = ContactMemory::default();
         let force = contact::force(&law, &mut memory, Vec3::X, 2e-4, Vec3::ZERO, 2.3e-4, 1e-5);
