@@ -88,6 +88,22 @@ fn pieces_and_batches_change_no_bit() {
 }
 
 #[test]
+fn the_bits_are_those_of_this_physics_revision() {
+    // Every bit of every sub-particle after 2000 steps. If this changes, results have changed: raise
+    // PHYSICS_REVISION, write down why in the changelog, and only then renew the digest.
+    let mut bench = Bench::new(&blocks());
+    bench.steps(2000);
+    let state = bench.state();
+    let words = state.particles.iter().flat_map(|p| {
+        let bits = |v: glam::Vec3| v.to_array().map(f32::to_bits);
+        [p.position.to_array().map(|x| x as u32), bits(p.velocity), bits(p.spin)].concat()
+    });
+    let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
+    let digest = blake3::hash(&bytes).to_hex();
+    assert_eq!((roost_solver::PHYSICS_REVISION, digest.as_str()), (1, "d54ac1add4c298e02f31059302948f0d88ed7cfab9dc6cde881ad63dd8bdfc4d"));
+}
+
+#[test]
 fn what_has_left_is_not_missed() {
     let scene = blocks();
     let mut all = Bench::new(&scene);
