@@ -69,14 +69,16 @@ impl Grid {
         // Division rounds towards zero: a position below the grid would look like the first cell, so look there.
         let c = (x - self.low).div_euclid(IVec3::splat(self.cell));
         let (from, to) = ((c - 1).max(IVec3::ZERO), (c + 1).min(self.counts - 1));
+        if from.x > to.x {
+            return;
+        }
         for z in from.z..=to.z {
             for y in from.y..=to.y {
-                for x in from.x..=to.x {
-                    let k = self.index(IVec3::new(x, y, z)) as usize;
-                    self.sorted[self.starts[k] as usize..self.starts[k + 1] as usize]
-                        .iter()
-                        .for_each(|&j| visit(j));
-                }
+                // Cells that are neighbours in x are neighbours in the list: one stretch holds all three.
+                let first = self.index(IVec3::new(from.x, y, z)) as usize;
+                let last = self.index(IVec3::new(to.x, y, z)) as usize;
+                let stretch = self.starts[first] as usize..self.starts[last + 1] as usize;
+                self.sorted[stretch].iter().for_each(|&j| visit(j));
             }
         }
     }
