@@ -1,10 +1,24 @@
 //! Checks what the field table cannot: whether the fillets fit, the step is stable, and what a run will cost.
 
-use crate::Limits;
 use crate::engine::scene::Kind;
-use crate::experiments::{bounds_on_timestep, fault, kinds, timestep_s};
+use crate::experiments::{bounds_on_timestep, kinds, timestep_s};
 use crate::result::Estimate;
 use crate::scenario::{Fault, Scenario, SideWalls};
+
+/// What an operator allows a single scenario to cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Sub-particles at the start of a run.
+    pub max_subparticles: u64,
+    /// Time steps of a run.
+    pub max_steps: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { max_subparticles: 2_000_000, max_steps: 50_000_000 }
+    }
+}
 
 /// Memory that the CPU backend takes for each sub-particle, in bytes: state, lists and their rebuilding.
 const BYTES_PER_SUBPARTICLE: u64 = 1000;
@@ -146,4 +160,8 @@ fn fit_faults(scenario: &Scenario, kinds: &[Kind]) -> Vec<Fault> {
         ));
     }
     faults
+}
+
+fn fault(pointer: &str, value: impl Into<serde_json::Value>, detail: String, allowed: String) -> Fault {
+    Fault::new(pointer, &value.into(), detail, Some(allowed))
 }

@@ -16,40 +16,10 @@ pub mod result;
 pub mod scenario;
 pub mod shape;
 
-/// Changes whenever the bits of a result change: results of different revisions are never mixed
-/// silently, and the result cache is keyed by it.
-pub const PHYSICS_REVISION: u32 = 1;
-
-pub use check::check;
+pub use check::{Limits, check};
+pub use result::{Flow, PHYSICS_REVISION, VERSION};
 use result::{Progress, RunResult};
 use scenario::Scenario;
-
-/// The version of the solver crate.
-pub const VERSION: &str = env!("CARGO_PKG_VERSION");
-
-/// What an operator allows a single scenario to cost.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Sub-particles at the start of a run.
-    pub max_subparticles: u64,
-    /// Time steps of a run.
-    pub max_steps: u64,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self { max_subparticles: 2_000_000, max_steps: 50_000_000 }
-    }
-}
-
-/// What a progress callback answers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flow {
-    /// Go on.
-    Continue,
-    /// End the run as soon as possible; what was sampled so far is returned.
-    Cancel,
-}
 
 /// Where a run is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

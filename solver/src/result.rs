@@ -5,6 +5,13 @@ use serde_json::{Map, Value};
 
 use crate::scenario::Scenario;
 
+/// Changes whenever the bits of a result change: results of different revisions are never mixed
+/// silently, and the result cache is keyed by it.
+pub const PHYSICS_REVISION: u32 = 1;
+
+/// The version of the solver crate.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
 /// The schema name that every result carries.
 pub const SCHEMA: &str = "roost.result/1";
 
@@ -90,7 +97,7 @@ pub struct Series {
 pub struct SolverInfo {
     /// Version of the solver crate.
     pub version: String,
-    /// [`crate::PHYSICS_REVISION`] of the solver.
+    /// [`PHYSICS_REVISION`] of the solver.
     pub physics_revision: u32,
     /// Name of the backend, such as `cpu`.
     pub backend: String,
@@ -171,4 +178,13 @@ pub enum Phase {
     Fill,
     /// From belt start on.
     Process,
+}
+
+/// What a progress callback answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    /// Go on.
+    Continue,
+    /// End the run as soon as possible; what was sampled so far is returned.
+    Cancel,
 }

@@ -5,8 +5,7 @@ use std::time::Instant;
 use super::scene::Scene;
 use super::state::State;
 use super::{Advance, Backend};
-use crate::Flow;
-use crate::result::{EndReason, Instability, Performance, Phase, Progress};
+use crate::result::{EndReason, Flow, Instability, Performance, Phase, Progress};
 
 /// Wall time between two looks at the progress callback, in seconds.
 const LOOK_EVERY_S: f64 = 0.1;

@@ -11,11 +11,10 @@ use crate::engine::Backend;
 use crate::engine::run::{Plan, run};
 use crate::engine::scene::Kind;
 use crate::physics::timestep::{Stability, stability};
-use crate::result::{self, EndReason, Progress, RunResult, SolverInfo};
-use crate::scenario::{Auto, Fault, Scenario, Timestep};
+use crate::result::{self, EndReason, Flow, PHYSICS_REVISION, Progress, RunResult, SolverInfo, VERSION};
+use crate::scenario::{Auto, Scenario, Timestep};
 use crate::shape::lattice::MetaParticle;
 use crate::shape::{meta_particles, subparticle_mass_kg};
-use crate::{Flow, PHYSICS_REVISION, VERSION};
 use discharge::HopperWatch;
 
 /// The shapes of a scenario, with the mass of their sub-particles.
@@ -86,14 +85,4 @@ pub fn simulate<B: Backend>(
         scenario: scenario.clone(),
         scenario_digest: scenario.digest(),
     }
-}
-
-/// A fault of a field, as [`crate::check`] reports it.
-pub(crate) fn fault(
-    pointer: &str,
-    value: impl Into<serde_json::Value>,
-    detail: String,
-    allowed: String,
-) -> Fault {
-    Fault { pointer: pointer.into(), value: value.into(), detail, allowed: Some(allowed) }
 }

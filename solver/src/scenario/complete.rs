@@ -13,21 +13,18 @@ use super::relations;
 /// the order of the document that caused it.
 const MAX_UNKNOWN: usize = 50;
 
-/// The most characters of JSON that a fault repeats.
-const MAX_SHOWN: usize = 200;
-
 /// The document with every default written out.
 pub(super) fn complete(document: &Value) -> Result<Value, Vec<Fault>> {
     let mut faults = Vec::new();
     let Some(root) = document.as_object() else {
-        return Err(vec![fault("", document, must_be("an object", document), None)]);
+        return Err(vec![Fault::new("", document, must_be("an object", document), None)]);
     };
     check_names("", root, &mut faults);
     for (pointer, _) in SECTIONS {
         match document.pointer(pointer) {
             None => {}
             Some(Value::Object(section)) => check_names(pointer, section, &mut faults),
-            Some(other) => faults.push(fault(pointer, other, must_be("an object", other), None)),
+            Some(other) => faults.push(Fault::new(pointer, other, must_be("an object", other), None)),
         }
     }
     let completed = fill(document, &mut faults);
@@ -45,11 +42,11 @@ fn check_names(section: &str, object: &Map<String, Value>, faults: &mut Vec<Faul
             Some(near) => format!("did you mean {near}?"),
             None => format!("known here: {}", known.join(", ")),
         };
-        faults.push(fault(&pointer, value, "is not a known field".to_owned(), Some(allowed)));
+        faults.push(Fault::new(&pointer, value, "is not a known field".to_owned(), Some(allowed)));
     }
     let rest = unknown.count();
     if rest > 0 {
-        faults.push(fault(section, &Value::Null, format!("has {rest} more unknown fields"), None));
+        faults.push(Fault::new(section, &Value::Null, format!("has {rest} more unknown fields"), None));
     }
 }
 
@@ -64,7 +61,7 @@ fn fill(document: &Value, faults: &mut Vec<Fault>) -> Value {
             },
             None if field.default == Preset::Required => {
                 let detail = "is missing, and is the one field that must be there".to_owned();
-                faults.push(fault(field.pointer, &Value::Null, detail, Some(field.allowed())));
+                faults.push(Fault::new(field.pointer, &Value::Null, detail, Some(field.allowed())));
             }
             None => {
                 if let Some(value) = default(field, &completed) {
@@ -92,7 +89,7 @@ fn default(field: &Field, completed: &Value) -> Option<Value> {
 /// The written value in the form the typed scenario reads, or its faults.
 fn accept(field: &Field, written: &Value, faults: &mut Vec<Fault>) -> Option<Value> {
     let mut refuse = |detail: String| {
-        faults.push(fault(field.pointer, written, detail, Some(field.allowed())));
+        faults.push(Fault::new(field.pointer, written, detail, Some(field.allowed())));
         None
     };
     match (field.kind, written) {
@@ -132,7 +129,7 @@ fn accept(field: &Field, written: &Value, faults: &mut Vec<Fault>) -> Option<Val
 fn accept_sizes(field: &Field, sizes: &[Value], faults: &mut Vec<Fault>) -> Option<Value> {
     let before = faults.len();
     let mut refuse = |pointer: String, value: &Value, detail: String| {
-        faults.push(fault(&pointer, value, detail, Some(field.allowed())));
+        faults.push(Fault::new(&pointer, value, detail, Some(field.allowed())));
     };
     let Kind::Sizes(range) = field.kind else { return None };
     for (index, size) in sizes.iter().enumerate() {
@@ -160,16 +157,6 @@ fn put(document: &mut Value, pointer: &str, value: Value) {
         place = &mut place[name];
     }
     *place = value;
-}
-
-/// A fault; a long value is cut short.
-pub(super) fn fault(pointer: &str, value: &Value, detail: String, allowed: Option<String>) -> Fault {
-    let text = value.to_string();
-    let value = match text.char_indices().nth(MAX_SHOWN) {
-        None => value.clone(),
-        Some((end, _)) => Value::from(format!("{}…", &text[..end])),
-    };
-    Fault { pointer: pointer.to_owned(), value, detail, allowed }
 }
 
 fn must_be(wanted: &str, found: &Value) -> String {

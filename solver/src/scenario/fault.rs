@@ -1,6 +1,7 @@
 //! What is wrong with a document, in a form that a program can show and a person can mend.
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// One thing wrong with a document, said so that its author can mend it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -8,7 +9,7 @@ pub struct Fault {
     /// JSON pointer (RFC 6901) of the field at fault.
     pub pointer: String,
     /// The value found there; null when it is missing.
-    pub value: serde_json::Value,
+    pub value: Value,
     /// What is wrong, in words.
     pub detail: String,
     /// What is allowed: a range with its unit, the choices, or the nearest field name.
@@ -22,6 +23,21 @@ impl std::fmt::Display for Fault {
             Some(allowed) => write!(f, "; allowed: {allowed}"),
             None => Ok(()),
         }
+    }
+}
+
+/// The most characters of JSON that a fault repeats.
+const MAX_SHOWN: usize = 200;
+
+impl Fault {
+    /// A fault of the field at `pointer`; a long value is cut short.
+    pub fn new(pointer: &str, value: &Value, detail: String, allowed: Option<String>) -> Self {
+        let text = value.to_string();
+        let value = match text.char_indices().nth(MAX_SHOWN) {
+            None => value.clone(),
+            Some((end, _)) => Value::from(format!("{}…", &text[..end])),
+        };
+        Self { pointer: pointer.to_owned(), value, detail, allowed }
     }
 }
 

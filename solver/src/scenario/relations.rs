@@ -3,7 +3,6 @@
 use serde_json::Value;
 
 use super::Fault;
-use super::complete::fault;
 use super::field::plain;
 use super::fields::{FIELDS, find};
 
@@ -70,7 +69,7 @@ fn check_order(order: &AtMost, document: &Value, completed: &Value, faults: &mut
     let unit = find(pointer).map_or("", |field| field.unit);
     let allowed = format!("{sign} {} {unit} ({other})", plain(bound));
     let value = as_written(document, completed, pointer);
-    faults.push(fault(pointer, value, order.otherwise.to_owned(), Some(allowed)));
+    faults.push(Fault::new(pointer, value, order.otherwise.to_owned(), Some(allowed)));
 }
 
 fn check_samples(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
@@ -84,7 +83,7 @@ fn check_samples(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
         let detail = format!("makes more than {MAX_SAMPLES} samples");
         let allowed = format!("≥ {} s at this duration", plain(duration / MAX_SAMPLES));
         let value = as_written(document, completed, interval_at);
-        faults.push(fault(interval_at, value, detail, Some(allowed)));
+        faults.push(Fault::new(interval_at, value, detail, Some(allowed)));
     }
 }
 
@@ -98,9 +97,9 @@ fn check_alternatives(document: &Value, completed: &Value, faults: &mut Vec<Faul
         let allowed = Some(format!("null in one of {} and {other}", field.pointer));
         if !one.is_null() && !two.is_null() {
             let two = as_written(document, completed, other);
-            faults.push(fault(other, two, format!("excludes {}", field.pointer), allowed));
+            faults.push(Fault::new(other, two, format!("excludes {}", field.pointer), allowed));
         } else if one.is_null() && two.is_null() {
-            faults.push(fault(field.pointer, one, format!("is null, and so is {other}"), allowed));
+            faults.push(Fault::new(field.pointer, one, format!("is null, and so is {other}"), allowed));
         }
     }
 }
