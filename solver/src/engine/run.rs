@@ -176,19 +176,25 @@ impl Course {
         self.start_step.map(|start| (self.step - start) as f64 * self.dt)
     }
 
-    fn out_of_time(&self) -> Option<EndReason> {
-        // Half a step of grace: the last sample is taken at the step nearest to its time.
-        match self.belt_time_s() {
-            Some(t) => (t >= self.plan.duration_s - self.dt / 2.0).then_some(EndReason::Duration),
-            None => (self.simulated_s() >= self.plan.longest_fill_s).then_some(EndReason::FillNotAtRest),
+    /// The step that ends the phase: the one nearest to the duration, or the first past the longest fill.
+    fn last_step(&self) -> u64 {
+        match self.start_step {
+            Some(start) => start + (self.plan.duration_s / self.dt).round() as u64,
+            None => (self.plan.longest_fill_s / self.dt).ceil() as u64,
         }
     }
 
-    /// Samples are taken at the steps nearest to whole multiples of the interval, counted within the phase.
+    fn out_of_time(&self) -> Option<EndReason> {
+        let reason = if self.start_step.is_some() { EndReason::Duration } else { EndReason::FillNotAtRest };
+        (self.step >= self.last_step()).then_some(reason)
+    }
+
+    /// Samples are taken at the steps nearest to whole multiples of the interval, counted within the phase, and at its
+    /// last step.
     fn next_sample_step(&mut self) -> u64 {
         self.samples += 1;
         let steps = (self.samples as f64 * self.plan.sample_interval_s / self.dt).round() as u64;
-        (self.start_step.unwrap_or(0) + steps).max(self.step + 1)
+        (self.start_step.unwrap_or(0) + steps).min(self.last_step()).max(self.step + 1)
     }
 
     /// Steps until the next look at the callback.

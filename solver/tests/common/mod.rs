@@ -1,4 +1,4 @@
-//! Scenes small enough to be solved by hand: a few spheres, a block, a plate.
+//! Scenes small enough to be solved by hand: a few spheres, a block, a plate; and the force on a sphere at rest.
 #![allow(dead_code, unreachable_pub, reason = "each test binary uses some of these")]
 
 use std::sync::Arc;
@@ -139,4 +139,49 @@ pub fn assert_close(found: f64, expected: f64, share: f64) {
         (found - expected).abs() <= share * expected.abs(),
         "found {found:e}, expected {expected:e} within {share:e} of it"
     );
+}
+
+/// A time step so short that nothing moves in it.
+pub const BLINK: f64 = 1e-9;
+
+/// Force of a sphere pressed `overlap` metres deep into something rigid and flat.
+pub fn hertz(overlap: f64) -> f64 {
+    4.0 / 3.0 * E / (1.0 - NU * NU) * RADIUS.sqrt() * overlap.powf(1.5)
+}
+
+/// A sphere at rest among surfaces, without gravity and friction.
+pub fn sphere(surfaces: Vec<Surface>, position: DVec3, dt: f64) -> Scene {
+    Scene { surfaces, ..scene(block([1, 1, 1]), vec![at(position, DVec3::ZERO)], dt) }
+}
+
+/// The force that the surfaces exert on a sphere at rest.
+pub fn push(surfaces: &[Surface], position: DVec3) -> DVec3 {
+    push_in(sphere(surfaces.to_vec(), position, BLINK))
+}
+
+pub fn push_in(scene: Scene) -> DVec3 {
+    let mut bench = Bench::new(&scene);
+    assert_eq!(bench.steps(1), None);
+    bench.velocity(0) * (MASS / BLINK)
+}
+
+#[track_caller]
+pub fn assert_force(found: DVec3, expected: DVec3, share: f64) {
+    let off = (found - expected).length();
+    assert!(
+        off <= share * expected.length(),
+        "{found} is not {expected}: off by {:e}",
+        off / expected.length()
+    );
+}
+
+/// A sphere that weighs on the plate z = 0, pressed into it by its weight, with friction.
+pub fn weighing(surfaces: Vec<Surface>, x: DVec3, velocity: DVec3, mu: f64, dt: f64) -> Scene {
+    let overlap = (MASS * G / hertz(1.0)).powf(2.0 / 3.0);
+    let mut scene = sphere(surfaces, x + DVec3::Z * (RADIUS - overlap), dt);
+    scene.bodies[0].velocity = velocity;
+    scene.gravity = DVec3::NEG_Z * G;
+    scene.laws.equipment = law(true, 0.3, mu, 0.0);
+    scene.laws.belt = law(true, 0.3, mu, 0.0);
+    scene
 }

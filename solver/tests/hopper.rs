@@ -1,0 +1,203 @@
+//! A very small hopper from fill to end: what goes in comes out, every end has its reason, every wall and bond runs.
+
+use roost_solver::result::{EndReason, RunResult, Series};
+use roost_solver::scenario;
+use roost_solver::{CpuOptions, Flow, simulate};
+use serde_json::{Value, json};
+
+/// Runs a hopper of 8 fillets with these fields, by pointer, instead of its own.
+fn run(fields: &[(&str, Value)]) -> RunResult {
+    let mut document = json!({
+        "experiment": "hopper",
+        "product": {"count": 8, "subparticle_radius_m": 0.01},
+        "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2, "gate_opening_m": 0.1},
+        "numerics": {"timestep_s": "auto", "duration_s": 0.4},
+    });
+    for (pointer, value) in fields {
+        let mut at = &mut document;
+        for name in pointer.split('/').skip(1) {
+            at = &mut at[name];
+        }
+        *at = value.clone();
+    }
+    let scenario = scenario::from_value(&document).expect("a sound scenario");
+    let result = simulate(&scenario, CpuOptions { threads: 2 }, &mut |_| Flow::Continue);
+    assert_sound(&result);
+    result
+}
+
+/// What holds for every result, however it ended.
+fn assert_sound(result: &RunResult) {
+    assert_eq!(result.schema, "roost.result/1");
+    assert_eq!(result.scenario_digest, result.scenario.digest());
+    for series in &result.series {
+        assert_eq!(series.t_s.len(), series.values.len(), "{}", series.name);
+        assert!(series.t_s.is_sorted_by(|a, b| a < b), "{}", series.name);
+        assert!(series.values.iter().all(|value| value.is_finite()), "{}", series.name);
+    }
+    assert!(masses(result).values.is_sorted());
+    assert_eq!(masses(result).t_s, result.series("mass_rate").expect("there").t_s);
+    let cost = &result.performance;
+    assert!(cost.steps > 0 && cost.particle_steps <= cost.steps * cost.subparticles);
+}
+
+fn masses(result: &RunResult) -> &Series {
+    result.series("discharged_mass").expect("there")
+}
+
+fn last(values: &[f64]) -> f64 {
+    *values.last().expect("samples")
+}
+
+fn response(result: &RunResult, name: &str) -> f64 {
+    result.response(name).unwrap_or_else(|| panic!("{name} in {:?}", result.responses))
+}
+
+#[track_caller]
+fn assert_near(found: f64, expected: f64, within: f64) {
+    assert!((found - expected).abs() <= within, "{found} is not {expected} within {within}");
+}
+
+/// Mass of all fillets of a scenario, in kg.
+fn loaded(result: &RunResult) -> f64 {
+    roost_solver::check(&result.scenario, &roost_solver::Limits::default()).expect("accepted").mass_kg
+}
+
+#[test]
+fn all_that_went_in_comes_out() {
+    let result = run(&[("/numerics/duration_s", json!(20.0)), ("/equipment/belt_speed_m_s", json!(0.5))]);
+    assert_eq!(result.end_reason, EndReason::Empty);
+    let mass = loaded(&result);
+    for name in ["loaded_kg", "filled_kg", "discharged_kg"] {
+        assert_near(response(&result, name), mass, 1e-6 * mass);
+    }
+    assert_eq!(response(&result, "escaped_kg"), 0.0);
+    assert_eq!(response(&result, "bonds_intact_fraction"), 1.0);
+    assert_eq!(result.responses["greatest_height_m"], Value::Null);
+    let out = masses(&result);
+    assert_eq!((out.t_s[0], out.values[0]), (0.0, 0.0));
+    // At the sample before the last, something was still inside.
+    assert!(out.values[out.values.len() - 2] < mass * (1.0 - 1e-6));
+    // Nothing outruns the belt for long: 0.2 m of fillets take most of 0.4 s.
+    assert!(last(&out.t_s) > 0.3);
+    // What has left is not computed any more.
+    let cost = &result.performance;
+    assert!(cost.particle_steps < cost.steps * cost.subparticles);
+}
+
+#[test]
+fn a_run_of_its_whole_duration_is_sampled_at_the_interval() {
+    let result = run(&[("/numerics/output_interval_s", json!(0.015))]);
+    assert_eq!(result.end_reason, EndReason::Duration);
+    let dt = result.solver.timestep_s;
+    let out = masses(&result);
+    assert_near(last(&out.t_s), 0.4, dt);
+    for (k, t) in out.t_s.iter().enumerate() {
+        assert_near(*t, (0.015 * k as f64).min(0.4), 0.51 * dt);
+    }
+    // Energy and bonds from the fill on; belt start is among their times.
+    let energy = result.series("kinetic_energy").expect("there");
+    let fill = response(&result, "fill_duration_s");
+    assert_near(energy.t_s[0], -fill, 1e-9);
+    let from_start = &energy.t_s[energy.t_s.len() - out.t_s.len()..];
+    assert!(from_start.iter().zip(&out.t_s).all(|(a, b)| (a - b).abs() < 1e-9));
+    assert_eq!(result.series("bonds_intact_fraction").expect("there").t_s, energy.t_s);
+    assert!(energy.values[0] < 1e-3 && energy.values.iter().copied().fold(0.0, f64::max) > 0.01);
+    let steps = ((fill + last(&out.t_s)) / dt).round() as u64;
+    assert_eq!(result.performance.steps, steps);
+    assert_eq!(response(&result, "discharged_kg"), last(&out.values));
+    assert_eq!(response(&result, "kinetic_energy_end_j"), last(&energy.values));
+    assert!(response(&result, "greatest_height_m") > 0.02);
+}
+
+#[test]
+fn a_fill_that_has_no_time_to_rest_says_so() {
+    let result = run(&[("/numerics/max_fill_s", json!(0.05))]);
+    assert_eq!(result.end_reason, EndReason::FillNotAtRest);
+    assert!(masses(&result).values.is_empty());
+    assert_eq!(result.responses["fill_duration_s"], Value::Null);
+    let energy = result.series("kinetic_energy").expect("there");
+    assert_eq!(energy.t_s.last(), Some(&0.0));
+    assert_near(energy.t_s[0], -0.05, result.solver.timestep_s);
+    assert_eq!(result.performance.steps, (0.05 / result.solver.timestep_s).ceil() as u64);
+}
+
+#[test]
+fn a_belt_that_stands_still_is_a_jam() {
+    let result = run(&[
+        ("/equipment/belt_speed_m_s", json!(0.0)),
+        ("/equipment/gate_opening_m", json!(0.02)),
+        ("/numerics/duration_s", json!(5.0)),
+        ("/numerics/stop/when_jammed_s", json!(0.2)),
+    ]);
+    assert_eq!(result.end_reason, EndReason::Jammed);
+    let out = masses(&result);
+    assert!(response(&result, "discharged_kg") < 0.1 * loaded(&result));
+    // The end comes with the first sample 0.2 s after the last passage, or after belt start.
+    let passed = out.values.windows(2).rposition(|pair| pair[1] > pair[0]).map_or(0.0, |k| out.t_s[k + 1]);
+    assert_near(last(&out.t_s), passed + 0.2, 0.021);
+    assert!(response(&result, "greatest_height_m") > 0.02);
+}
+
+#[test]
+fn a_fall_faster_than_the_speed_limit_is_unstable_and_keeps_its_samples() {
+    // What falls freely reaches 1 m/s after 0.1 s.
+    let result = run(&[("/numerics/speed_limit_m_s", json!(1.0))]);
+    assert_eq!(result.end_reason, EndReason::Unstable);
+    let instability = result.instability.as_ref().expect("said where");
+    assert_eq!(instability.step, result.performance.steps);
+    assert!(instability.reason.contains("speed limit of 1 m/s"), "{}", instability.reason);
+    let simulated = instability.step as f64 * result.solver.timestep_s;
+    assert!(simulated > 0.09, "{simulated}");
+    assert_near(instability.time_s, simulated - result.scenario.numerics.max_fill_s, 1e-9);
+    let energy = result.series("kinetic_energy").expect("there");
+    let whole = (simulated / result.scenario.numerics.output_interval_s) as usize;
+    assert!((whole..=whole + 1).contains(&energy.values.len()) && whole > 3, "{whole}");
+    assert!(response(&result, "max_overlap_ratio") >= 0.0);
+}
+
+#[test]
+fn every_kind_of_side_wall_runs() {
+    let mut seen = Vec::new();
+    for walls in ["rough", "frictionless", "periodic"] {
+        let result =
+            run(&[("/equipment/side_walls", json!(walls)), ("/equipment/hopper_width_m", json!(0.25))]);
+        assert_eq!(result.end_reason, EndReason::Duration, "{walls}: {:?}", result.instability);
+        assert!(response(&result, "discharged_kg") > 0.1, "{walls}");
+        assert_eq!(response(&result, "escaped_kg"), 0.0, "{walls}");
+        assert_near(response(&result, "filled_kg"), loaded(&result), 1e-6);
+        seen.push(masses(&result).values.clone());
+    }
+    assert!(seen[0] != seen[1] && seen[1] != seen[2]);
+}
+
+#[test]
+fn a_leaning_wall_and_an_open_gate_run() {
+    let result = run(&[("/equipment/wall_slope_deg", json!(10.0))]);
+    assert_eq!(result.end_reason, EndReason::Duration);
+    assert_eq!(response(&result, "escaped_kg"), 0.0);
+    assert!(response(&result, "discharged_kg") > 0.1);
+    // Without a shutter some of the fill may pass before the belt starts, and is counted at t = 0.
+    let open = run(&[("/equipment/shutter_while_filling", json!(false))]);
+    assert_eq!(open.end_reason, EndReason::Duration);
+    assert_near(response(&open, "filled_kg"), loaded(&open), 1e-6);
+}
+
+#[test]
+fn every_formulation_runs() {
+    for formulation in ["finite_extension", "as_published"] {
+        let result = run(&[("/bonds/formulation", json!(formulation))]);
+        assert_eq!(result.end_reason, EndReason::Duration, "{formulation}: {:?}", result.instability);
+        assert!(response(&result, "discharged_kg") > 0.1, "{formulation}");
+        assert_eq!(response(&result, "bonds_intact_fraction"), 1.0, "{formulation}");
+    }
+}
+
+#[test]
+fn bonds_that_reach_no_farther_than_they_are_long_break() {
+    let result = run(&[("/bonds/contact_radius_ratio", json!(1.01)), ("/numerics/duration_s", json!(0.1))]);
+    let intact = &result.series("bonds_intact_fraction").expect("there").values;
+    assert_eq!(intact[0], 1.0);
+    assert!(intact.is_sorted_by(|a, b| a >= b) && last(intact) < 0.9, "{}", last(intact));
+    assert!(intact.iter().all(|share| (0.0..=1.0).contains(share)));
+}

@@ -1,0 +1,123 @@
+//! Equipment in motion: plates that rise, turn and drag, belts, shutters, and what each kind of surface is made of.
+
+mod common;
+
+use common::{Bench, G, assert_close, block, law, plate, sphere, weighing};
+use glam::{DMat3, DVec3};
+use roost_solver::engine::Backend;
+use roost_solver::equipment::{Motion, SurfaceKind};
+
+#[test]
+fn a_rising_plate_lifts_a_sphere() {
+    let rising = Motion::Moving { velocity: DVec3::Z * 0.2, pivot: DVec3::X * 0.3, spin: DVec3::ZERO };
+    let plates = vec![plate(SurfaceKind::Equipment).moving(rising)];
+    let mut bench = Bench::new(&weighing(plates, DVec3::ZERO, DVec3::ZERO, 0.0, 2e-5));
+    bench.steps(1000);
+    let rest = bench.position(0).z;
+    bench.cpu.start(&mut bench.run);
+    assert_eq!(bench.steps(50_000), None);
+    assert!((bench.position(0).z - rest - 0.2).abs() < 1e-5, "carried up by 0.2 m/s for 1 s");
+    assert_close(bench.velocity(0).z, 0.2, 1e-3);
+}
+
+#[test]
+fn a_plate_reaches_what_it_was_far_from() {
+    // Nothing moves but the plate: only its own motion can renew the neighbour lists.
+    for speed in [0.5, -0.5] {
+        let motion = Motion::Moving { velocity: DVec3::Z * speed, pivot: DVec3::ZERO, spin: DVec3::ZERO };
+        let plates = vec![plate(SurfaceKind::Equipment).moving(motion)];
+        let mut bench = Bench::new(&sphere(plates, DVec3::Z * 0.1 * speed.signum(), 1e-5));
+        bench.cpu.start(&mut bench.run);
+        bench.steps(30_000);
+        // An elastic blow from something heavy: twice its speed.
+        assert_close(bench.velocity(0).z, 2.0 * speed, 1e-2);
+    }
+    // A plate that turns: its tip, 0.4 m from the pivot, moves at 0.4 m/s.
+    let motion = Motion::Moving { velocity: DVec3::ZERO, pivot: DVec3::ZERO, spin: DVec3::NEG_Y };
+    let plates = vec![plate(SurfaceKind::Equipment).moving(motion)];
+    let mut bench = Bench::new(&sphere(plates, DVec3::new(0.38, 0.0, 0.03), 1e-5));
+    bench.cpu.start(&mut bench.run);
+    bench.steps(12_000);
+    assert_close(bench.velocity(0).length(), 2.0 * 0.38, 1e-2);
+}
+
+#[test]
+fn a_turning_plate_takes_a_resting_block_along() {
+    // A quarter of a radian in half a second about an axis 5 cm off: the block stays where it is on the plate.
+    let (pivot, rate) = (DVec3::new(0.05, 0.0, 0.0), 0.5);
+    let turning = Motion::Moving { velocity: DVec3::ZERO, pivot, spin: DVec3::Y * rate };
+    let mut scene = weighing(vec![], DVec3::ZERO, DVec3::ZERO, 2.0, 2e-5);
+    scene.kinds = vec![block([3, 3, 1])];
+    scene.surfaces = vec![plate(SurfaceKind::Equipment).moving(turning)];
+    scene.laws.tissue = law(false, 0.2, 0.0, 0.0);
+    scene.laws.contact_between_bonded = true;
+    let mut bench = Bench::new(&scene);
+    bench.steps(2000);
+    let centre = |bench: &mut Bench| (0..9).map(|i| bench.position(i)).sum::<DVec3>() / 9.0;
+    let before = centre(&mut bench);
+    bench.cpu.start(&mut bench.run);
+    assert_eq!(bench.steps(25_000), None);
+    let turned = pivot + DMat3::from_rotation_y(0.25) * (before - pivot);
+    let off = centre(&mut bench) - turned;
+    assert!((before - turned).length() > 0.01, "it has moved");
+    assert!(off.length() < 1e-4, "off by {off} m");
+}
+
+#[test]
+fn the_material_of_a_turntable_drags_across_its_radius() {
+    let table =
+        Motion::Moving { velocity: DVec3::ZERO, pivot: DVec3::new(0.1, 0.0, 0.0), spin: DVec3::Z * 5.0 };
+    let plates = vec![plate(SurfaceKind::Equipment).moving(table)];
+    let mut bench = Bench::new(&weighing(plates, DVec3::new(0.1, -0.2, 0.0), DVec3::ZERO, 0.1, 1e-5));
+    bench.steps(100);
+    assert_eq!(bench.velocity(0).truncate().length(), 0.0, "stands still before the start");
+    bench.cpu.start(&mut bench.run);
+    bench.steps(5000);
+    // The plate runs along +x at 1 m/s under it: it slides, and gathers speed at μ g.
+    assert_close(bench.velocity(0).x, 0.1 * G * 0.05, 1e-2);
+    assert!(bench.velocity(0).y.abs() < 0.02 * bench.velocity(0).x);
+}
+
+#[test]
+fn a_plate_that_moves_in_its_plane_drags_like_a_belt() {
+    let moving = Motion::Moving { velocity: DVec3::X, pivot: DVec3::ZERO, spin: DVec3::ZERO };
+    let belt = Motion::Belt { velocity: DVec3::X };
+    let speed = |kind, motion| {
+        let plates = vec![plate(kind).moving(motion)];
+        let mut bench = Bench::new(&weighing(plates, DVec3::ZERO, DVec3::ZERO, 0.1, 1e-5));
+        bench.steps(200);
+        assert_eq!(bench.velocity(0).x, 0.0, "stands still before the start");
+        bench.cpu.start(&mut bench.run);
+        bench.steps(5000);
+        bench.velocity(0).x
+    };
+    assert_close(speed(SurfaceKind::Equipment, moving), 0.1 * G * 0.05, 1e-2);
+    assert_close(speed(SurfaceKind::Belt, belt), 0.1 * G * 0.05, 1e-2);
+    assert_eq!(speed(SurfaceKind::Frictionless, moving), 0.0);
+}
+
+#[test]
+fn each_kind_of_surface_takes_its_own_friction() {
+    for (kind, mu) in
+        [(SurfaceKind::Equipment, 0.3), (SurfaceKind::Belt, 0.2), (SurfaceKind::Frictionless, 0.0)]
+    {
+        let mut scene = weighing(vec![plate(kind)], DVec3::ZERO, DVec3::X, 0.3, 1e-5);
+        scene.laws.belt = law(true, 0.3, 0.2, 0.0);
+        let mut bench = Bench::new(&scene);
+        bench.steps(5000);
+        let lost = 1.0 - bench.velocity(0).x;
+        assert!((lost - mu * G * 0.05).abs() < 2e-3, "{kind:?}: {lost}");
+    }
+}
+
+#[test]
+fn what_is_there_until_the_start_goes_at_the_start() {
+    let shutter = plate(SurfaceKind::Equipment).until_start();
+    let mut bench = Bench::new(&weighing(vec![shutter], DVec3::ZERO, DVec3::ZERO, 0.5, 1e-5));
+    bench.steps(10_000);
+    let rest = bench.position(0).z;
+    assert!(bench.velocity(0).length() < 1e-4, "held");
+    bench.cpu.start(&mut bench.run);
+    assert_eq!(bench.steps(5000), None);
+    assert_close(bench.position(0).z - rest, -0.5 * G * 0.05 * 0.05, 2e-3);
+}

@@ -1,0 +1,98 @@
+//! The bounds on the time step against runs: stable below, diverging above, and `auto` good for a drop.
+
+mod common;
+
+use common::{Bench, G, MASS, RADIUS, at, block, law, plate, scene};
+use glam::DVec3;
+use roost_solver::engine::scene::Scene;
+use roost_solver::equipment::SurfaceKind;
+use roost_solver::experiments::{bounds_on_timestep, kinds, laws, timestep_s};
+use roost_solver::physics::bond::Form;
+use roost_solver::physics::timestep::stability;
+use roost_solver::scenario::{self, Scenario};
+use serde_json::json;
+
+fn hopper(radius_m: f64, formulation: &str) -> Scenario {
+    scenario::from_value(&json!({
+        "experiment": "hopper",
+        "product": {"subparticle_radius_m": radius_m},
+        "bonds": {"formulation": formulation},
+        "numerics": {"timestep_s": "auto"},
+    }))
+    .expect("a sound scenario")
+}
+
+#[test]
+fn the_table_of_automatic_steps() {
+    // In microseconds, at the defaults: docs/verification.md quotes these.
+    let table = [
+        (0.004, [137, 152, 776]),
+        (0.005, [176, 196, 976]),
+        (0.006, [202, 224, 1094]),
+        (0.008, [263, 292, 1371]),
+    ];
+    for (radius, expected) in table {
+        let scenario = hopper(radius, "corotated");
+        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario));
+        let found = [bounds.auto_s, bounds.damped_s, bounds.undamped_s].map(|s| (s * 1e6).round() as u32);
+        assert_eq!(found, expected, "at {radius} m");
+        assert_eq!(timestep_s(&scenario, &bounds), bounds.auto_s);
+    }
+}
+
+/// Whether a block of bonds alone, a little disturbed, stays together at this share of the undamped bound.
+fn stays(share: f64, shear_ratio: f32) -> bool {
+    let mut scene = scene(block([8, 8, 8]), vec![at(DVec3::ZERO, DVec3::ZERO)], 1e-5);
+    scene.laws.bond.form = Form::Corotated;
+    scene.laws.bond.k_t = shear_ratio * scene.laws.bond.k_n;
+    let (k_n, k_t) = (f64::from(scene.laws.bond.k_n), f64::from(scene.laws.bond.k_t));
+    // Contact so soft that it does not count.
+    let mut soft = law(false, 1.0, 0.0, 0.0);
+    (soft.e_star, soft.g_star) = (1e-6, 1e-6);
+    scene.timestep_s = share * stability(MASS, RADIUS, k_n, k_t, &soft, false).undamped_s;
+    std::sync::Arc::make_mut(&mut scene.kinds[0].meta).points[219] += DVec3::new(1e-6, 2e-6, -1e-6);
+    let mut bench = Bench::new(&scene);
+    let fault = bench.steps(3000);
+    fault.is_none() && bench.state().bonds_broken == 0 && bench.state().max_speed() < 0.1
+}
+
+#[test]
+fn a_lattice_diverges_past_the_undamped_bound_and_not_below_it() {
+    // Spinning alike is the fastest mode above k_t = k_n / 3, moving against each other below.
+    for shear_ratio in [0.6, 0.1] {
+        assert!(stays(0.98, shear_ratio), "below, k_t / k_n = {shear_ratio}");
+        assert!(!stays(1.1, shear_ratio), "above, k_t / k_n = {shear_ratio}");
+    }
+}
+
+#[test]
+fn a_drop_at_the_automatic_step_comes_to_rest_whole() {
+    for formulation in ["corotated", "as_published", "finite_extension"] {
+        for radius in [0.004, 0.005, 0.006, 0.008] {
+            let scenario = hopper(radius, formulation);
+            let kinds = kinds(&scenario);
+            let dt = bounds_on_timestep(&scenario, &kinds).auto_s;
+            let mut scene = Scene {
+                radius_m: radius,
+                laws: laws::laws(&scenario),
+                gravity: DVec3::NEG_Z * G,
+                surfaces: vec![plate(SurfaceKind::Equipment)],
+                kinds,
+                ..scene(block([1, 1, 1]), vec![at(DVec3::Z * 0.06, DVec3::NEG_Z * 2.0)], dt)
+            };
+            scene.bodies[0].orientation = glam::DQuat::from_rotation_x(0.4);
+            let mut bench = Bench::new(&scene);
+            let mut peak = 0.0f64;
+            for _ in 0..10 {
+                assert_eq!(bench.steps((0.06 / dt) as u64), None, "{formulation} at {radius} m");
+                peak = peak.max(bench.state().kinetic_energy());
+            }
+            let state = bench.state();
+            assert!(
+                state.kinetic_energy() < 0.02 * peak,
+                "{formulation} at {radius} m does not come to rest"
+            );
+            assert_eq!(state.bonds_broken, 0, "{formulation} at {radius} m");
+        }
+    }
+}
