@@ -64,7 +64,7 @@ fn a_killed_workers_job_is_finished_once_by_another() {
     let done = home.job_when(&job, "the job has ended", |job| job.state.is_ended());
     assert_eq!((done.state, done.attempt), (JobState::Succeeded, 2), "{}", second.log());
     assert_eq!(home.results_recorded(), 1);
-    assert_eq!(outbox(&home.path("second")), 0);
+    support::until("the outbox is empty", || (outbox(&home.path("second")) == 0).then_some(()));
 }
 
 #[test]
@@ -90,7 +90,7 @@ fn a_result_finished_while_the_server_is_away_waits_in_the_outbox() {
     let home = Home::new();
     let server = home.serve();
     let worker = home.work("worker");
-    let job = home.submit(&long(1.0));
+    let job = home.submit(&long(A_WHILE_S));
     home.job_when(&job, "the job is under way", |job| job.state == JobState::Running);
     server.kill();
     support::until("the result is in the outbox", || (outbox(&home.path("worker")) == 1).then_some(()));
@@ -216,4 +216,33 @@ fn up_is_server_and_worker_in_one() {
     support::signal(up.id(), "TERM");
     let status = support::until("it exits", || up.try_wait().unwrap());
     assert!(status.success(), "{status}");
+}
+
+#[test]
+fn accidents_over_and_over_lose_nothing_and_repeat_nothing() {
+    let home = Home::new();
+    let (mut server, mut worker) = (home.serve(), home.work("worker"));
+    let sweep = json!({
+        "name": "accidents", "base": long(0.3), "design": {"kind": "grid"}, "factors": [], "replicates": 12,
+    });
+    let file = home.file("sweep.json", &sweep);
+    let view: SweepView = serde_json::from_str(&stdout(&home.roost(&["submit", "--json", &file]))).unwrap();
+    for round in 0..6 {
+        std::thread::sleep(Duration::from_millis(300 + 170 * round));
+        if round % 2 == 0 {
+            worker.kill();
+            worker = home.work("worker");
+        } else {
+            server.kill();
+            server = home.serve();
+        }
+    }
+    let done = support::until("the sweep has ended", || {
+        let sweep = home.ask(|client| async move { client.sweep(view.id).await }).unwrap();
+        sweep.counts.is_ended().then_some(sweep)
+    });
+    assert_eq!(done.counts.succeeded, 12, "{:?}", done.counts);
+    support::until("the outbox is empty", || (outbox(&home.path("worker")) == 0).then_some(()));
+    assert_eq!(home.results_recorded(), 12);
+    drop((server, worker));
 }

@@ -215,8 +215,11 @@ pub(crate) fn fraction(job: &JobView) -> f64 {
     job.progress.as_ref().map_or(0.0, |progress| progress.fraction)
 }
 
-/// Files in a worker's outbox.
+/// Deliveries that wait in a worker's outbox; one that is still being written is none yet.
 pub(crate) fn outbox(state: &Path) -> usize {
     let Ok(entries) = std::fs::read_dir(state.join("outbox")) else { return 0 };
-    entries.flatten().filter(|entry| entry.path().is_file()).count()
+    entries
+        .flatten()
+        .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "json"))
+        .count()
 }
