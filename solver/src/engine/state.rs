@@ -83,6 +83,12 @@ impl State {
         f64::from(square).sqrt()
     }
 
+    /// Sub-particles faster than `speed` in m/s: a count, the same in whatever order one looks.
+    pub fn faster_than(&self, speed: f64) -> usize {
+        let limit2 = (speed * speed) as f32;
+        self.particles.iter().filter(|p| p.velocity.dot(p.velocity) > limit2).count()
+    }
+
     /// Kinetic energy of translation and spin, in joule.
     pub fn kinetic_energy(&self) -> f64 {
         let inertia = 0.4 * f64::from(self.radius_m).powi(2);

@@ -219,7 +219,7 @@ pub const FIELDS: &[Field] = &[
     number("/numerics/gravity_m_s2", "m/s²", 9.81, from_to(0.0, 100.0), "assumed",
         "Acceleration of gravity, downwards."),
     number("/numerics/rest_speed_m_s", "m/s", 0.05, above_to(0.0, 1.0), "numerics",
-        "The bed is at rest, and the belt starts, once its fastest sub-particle is slower than this."),
+        "The bed is at rest, and the belt starts, once all but one in a thousand of its sub-particles are slower than this."),
     number("/numerics/max_fill_s", "s", 10.0, TIME, "numerics",
         "A fill that has not come to rest after this long ends the run."),
     number("/numerics/speed_limit_m_s", "m/s", 30.0, from_to(1.0, 10_000.0), "numerics",

@@ -193,7 +193,7 @@ pub struct Numerics {
     pub stop: Stop,
     /// Acceleration of gravity, in m/s².
     pub gravity_m_s2: f64,
-    /// The bed is at rest once its fastest sub-particle is slower than this, in m/s.
+    /// The bed is at rest once all but one in a thousand of its sub-particles are slower than this, in m/s.
     pub rest_speed_m_s: f64,
     /// A fill that has not come to rest after this long ends the run, in seconds.
     pub max_fill_s: f64,
