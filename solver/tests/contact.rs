@@ -135,6 +135,25 @@ fn hertz_is_the_limit_of_jkr_without_adhesion() {
 }
 
 #[test]
+fn friction_lies_in_the_plane_and_is_capped_by_the_whole_normal_force() {
+    let law = law(true, 0.3, 0.5, 0.0);
+    let feel = |v: Vec3| {
+        contact::force(&law, &mut ContactMemory::default(), Vec3::X, 1e-4, v, 4.6e-4, 1e-3).expect("touches")
+    };
+    let still = feel(Vec3::ZERO).normal.x;
+    // The dashpot counts: coming closer presses harder, and holds more.
+    for v_n in [0.0, 0.02, 0.2] {
+        let force = feel(Vec3::new(v_n, 3.0, 4.0));
+        assert!(v_n == 0.0 || force.normal.x < 1.1 * still);
+        let expected = Vec3::new(0.0, -0.6, -0.8) * 0.5 * -force.normal.x;
+        assert!((force.tangential - expected).length() < 1e-5 * expected.length(), "{force:?}");
+    }
+    assert_eq!(feel(Vec3::X * 0.1).tangential, Vec3::ZERO);
+    let parting = feel(Vec3::new(-10.0, 3.0, 4.0));
+    assert!(parting.normal.x > 0.0 && parting.tangential == Vec3::ZERO, "pulled apart: nothing to rub on");
+}
+
+#[test]
 fn a_bouncing_sphere_keeps_its_energy_and_its_height() {
     let height = 0.02;
     let mut scene = scene(block([1, 1, 1]), vec![at(DVec3::Z * (RADIUS + height), DVec3::ZERO)], 5e-6);
