@@ -141,6 +141,23 @@ fn a_bond_of_finite_strength_yields_at_it() {
 }
 
 #[test]
+fn a_bond_of_finite_shear_strength_yields_at_it() {
+    let law = BondLaw { normal_strength: 0.05, shear_strength: 0.02, ..bonds() };
+    let rest = 2.0 * RADIUS as f32;
+    let feel = |form, mut stored: Vec3| {
+        let law = BondLaw { form, ..law };
+        bond::force(&law, &mut stored, Vec3::X, rest, rest, Vec3::ZERO, Vec3::ZERO, 1e-5)
+    };
+    for form in [Form::Corotated, Form::FiniteExtension, Form::AsPublished] {
+        assert!(feel(form, Vec3::Y * 0.0199).is_some() && feel(form, Vec3::Y * 0.0201).is_none(), "{form:?}");
+    }
+    // As published the pull is part of the stored force: it yields by itself, and has no moment.
+    let force = feel(Form::AsPublished, Vec3::new(0.049, 0.01, 0.0)).expect("holds");
+    assert_eq!((force.total, force.shear), (Vec3::new(0.049, 0.01, 0.0), Vec3::Y * 0.01));
+    assert!(feel(Form::AsPublished, Vec3::X * 0.051).is_none());
+}
+
+#[test]
 fn a_turned_bond_keeps_its_shear_force() {
     // The stored force turns with the bond: after a quarter turn of the pair in 1000 steps its size is the same.
     let law = bonds();
@@ -152,13 +169,13 @@ fn a_turned_bond_keeps_its_shear_force() {
         bond::force(&law, &mut stored, n, rest, rest, Vec3::ZERO, Vec3::ZERO, 1e-5).expect("holds");
     }
     assert!((stored - Vec3::NEG_X * 0.01).length() < 1e-4 * 0.01 * 10.0, "{stored}");
-    // And it turns with a spin about the bond: a full turn in 1000 steps.
+    // And it turns with a spin about the bond, and the same way: a quarter turn in 1000 steps takes y to z.
     let mut stored = Vec3::Y * 0.01;
     for _ in 0..1000 {
-        let spin = Vec3::X * std::f32::consts::TAU / 1000.0 / 1e-5;
+        let spin = Vec3::X * std::f32::consts::FRAC_PI_2 / 1000.0 / 1e-5;
         bond::force(&law, &mut stored, Vec3::X, rest, rest, Vec3::ZERO, spin, 1e-5).expect("holds");
     }
-    assert!((stored - Vec3::Y * 0.01).length() < 1e-3 * 0.01, "{stored}");
+    assert!((stored - Vec3::Z * 0.01).length() < 1e-3 * 0.01, "{stored}");
 }
 
 /// A fillet of size 2 that falls on a plate at 2 m/s, pitched by 45°: greatest kinetic energy after the impact, the

@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 
 use common::{Bench, E, G, MASS, NU, RADIUS, assert_close, at, block, law, plate, scene};
 use glam::{DVec3, Vec3};
+use roost_solver::engine::Backend;
 use roost_solver::equipment::SurfaceKind;
 use roost_solver::physics::contact::{self, ContactMemory};
 use roost_solver::physics::{hertz, jkr};
@@ -123,6 +124,54 @@ fn slow_spheres_stick_and_fast_ones_do_not() {
 }
 
 #[test]
+fn a_neck_holds_beyond_touch_and_brings_back_what_is_slow() {
+    // The work from touch to the snap, of order 8/3 πγR* · |snap|, holds 14 mm/s between spheres and not 60.
+    let part = |wall: bool, v: f64| {
+        let mut scene = scene(block([1, 1, 1]), vec![], 1e-6);
+        if wall {
+            scene.bodies = vec![at(DVec3::Z * (RADIUS - 1e-7), DVec3::Z * v)];
+            scene.surfaces = vec![plate(SurfaceKind::Equipment)];
+        } else {
+            let x = DVec3::Z * (RADIUS - 1e-7);
+            scene.bodies = vec![at(-x, DVec3::Z * -v / 2.0), at(x, DVec3::Z * v / 2.0)];
+        }
+        scene.laws.tissue = law(false, 1.0, 0.0, 0.055);
+        scene.laws.equipment = law(true, 1.0, 0.0, 0.055);
+        let mut bench = Bench::new(&scene);
+        let (mut apart, mut back) = (0.0f64, false);
+        for _ in 0..400 {
+            bench.steps(50);
+            let last = bench.state().particles.len() - 1;
+            let from = if wall { DVec3::ZERO } else { bench.position(0) };
+            let gap = (bench.position(last) - from).length() - if wall { RADIUS } else { 2.0 * RADIUS };
+            apart = apart.max(gap);
+            back |= apart > 1e-5 && gap < 0.0;
+        }
+        (apart, back)
+    };
+    for wall in [false, true] {
+        let (apart, back) = part(wall, 0.014);
+        assert!(apart > 1e-5 && apart < 1e-4 && back, "wall {wall}: {apart:e} m apart");
+        let (apart, back) = part(wall, 0.08);
+        assert!(apart > 3e-4 && !back, "wall {wall}: {apart:e} m apart");
+    }
+}
+
+#[test]
+fn the_greatest_overlap_is_that_of_what_no_bond_joins() {
+    let overlap = |kind, bodies: Vec<_>| {
+        let mut bench = Bench::new(&scene(kind, bodies, 1e-9));
+        bench.cpu.advance(&mut [(&mut bench.run, 1)])[0].max_overlap_m
+    };
+    let apart = [DVec3::ZERO, DVec3::X * (2.0 * RADIUS - 3e-4), DVec3::Y * (2.0 * RADIUS - 1e-4)];
+    let spheres = apart.map(|x| at(x, DVec3::ZERO)).to_vec();
+    assert_close(f64::from(overlap(block([1, 1, 1]), spheres)), 3e-4, 1e-3);
+    let mut pair = block([2, 1, 1]);
+    std::sync::Arc::make_mut(&mut pair.meta).points[1].x -= 3e-4;
+    assert_eq!(overlap(pair, vec![at(DVec3::ZERO, DVec3::ZERO)]), 0.0);
+}
+
+#[test]
 fn hertz_is_the_limit_of_jkr_without_adhesion() {
     let force_at = |gamma: f64| {
         let law = law(false, 1.0, 0.0, gamma);
@@ -132,6 +181,25 @@ fn hertz_is_the_limit_of_jkr_without_adhesion() {
     };
     assert!(law(false, 1.0, 0.0, 0.9e-7).jkr.is_none() && law(false, 1.0, 0.0, 1.1e-7).jkr.is_some());
     assert_close(force_at(1.1e-7), force_at(0.0), 2e-3);
+}
+
+#[test]
+fn friction_lies_in_the_plane_and_is_capped_by_the_whole_normal_force() {
+    let law = law(true, 0.3, 0.5, 0.0);
+    let feel = |v: Vec3| {
+        contact::force(&law, &mut ContactMemory::default(), Vec3::X, 1e-4, v, 4.6e-4, 1e-3).expect("touches")
+    };
+    let still = feel(Vec3::ZERO).normal.x;
+    // The dashpot counts: coming closer presses harder, and holds more.
+    for v_n in [0.0, 0.02, 0.2] {
+        let force = feel(Vec3::new(v_n, 3.0, 4.0));
+        assert!(v_n == 0.0 || force.normal.x < 1.1 * still);
+        let expected = Vec3::new(0.0, -0.6, -0.8) * 0.5 * -force.normal.x;
+        assert!((force.tangential - expected).length() < 1e-5 * expected.length(), "{force:?}");
+    }
+    assert_eq!(feel(Vec3::X * 0.1).tangential, Vec3::ZERO);
+    let parting = feel(Vec3::new(-10.0, 3.0, 4.0));
+    assert!(parting.normal.x > 0.0 && parting.tangential == Vec3::ZERO, "pulled apart: nothing to rub on");
 }
 
 #[test]

@@ -107,6 +107,22 @@ fn the_bits_are_those_of_this_physics_revision() {
 }
 
 #[test]
+fn a_stranger_that_renews_all_lists_changes_no_bit() {
+    // At 8 m/s it has the neighbour lists built anew every other step: what touches remembers all the same.
+    let calm = blocks();
+    let mut alone = Bench::new(&calm);
+    let mut hurried = blocks();
+    hurried.bodies.push(at(DVec3::new(-0.4, -0.4, 0.1), DVec3::Z * 8.0));
+    let mut both = Bench::new(&hurried);
+    for bench in [&mut alone, &mut both] {
+        assert_eq!(bench.steps(1500), None);
+    }
+    let mut kept = both.state().clone();
+    kept.remove(&[3]);
+    assert_same(alone.state(), &kept);
+}
+
+#[test]
 fn what_has_left_is_not_missed() {
     let scene = blocks();
     let mut all = Bench::new(&scene);

@@ -35,7 +35,7 @@ fn cube() -> Surface {
 #[test]
 fn a_plate_acts_on_both_of_its_sides() {
     let plates = [plate(SurfaceKind::Equipment)];
-    for overlap in [1e-4, 1e-3] {
+    for overlap in [1e-4, 1e-3, 3.5e-3] {
         let centre = DVec3::new(0.03, 0.1, RADIUS - overlap);
         assert_force(push(&plates, centre), DVec3::Z * hertz(overlap), 1e-3);
         assert_force(push(&plates, -centre), DVec3::NEG_Z * hertz(overlap), 1e-3);

@@ -7,10 +7,11 @@
 mod common;
 
 use common::{Bench, E, G, MASS, NU, RADIUS, assert_close, at, block, law, plate, scene};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Kind, Scene};
 use roost_solver::equipment::{Motion, SurfaceKind};
+use roost_solver::physics::friction;
 use roost_solver::shape::lattice::LatticeBond;
 
 const DT: f64 = 1e-5;
@@ -60,6 +61,20 @@ fn travel(bench: &mut Bench) -> (f64, f64) {
 /// I / (m d²) of a rolling sphere, whose lever d is its radius less the overlap: 2/5 for a hard one.
 fn roll(bench: &mut Bench) -> f64 {
     0.4 * (RADIUS / bench.position(0).z).powi(2)
+}
+
+#[test]
+fn a_stored_displacement_turns_with_the_contact_plane() {
+    // The normal makes a quarter turn from x to y in 1000 steps: what lay along y then lies along -x, as long as before.
+    let mut slide = Vec3::new(0.0, 3e-5, 4e-5);
+    for k in 1..=1000 {
+        let angle = std::f32::consts::FRAC_PI_2 * k as f32 / 1000.0;
+        let n = Vec3::new(angle.cos(), angle.sin(), 0.0);
+        let force = friction::force(&mut slide, n, Vec3::ZERO, 20.0, 0.0, 1.0, 1e-5);
+        assert!(force.dot(n).abs() < 1e-6 * force.length() && (force + slide * 20.0).length() < 1e-9);
+    }
+    assert!((slide.length() - 5e-5).abs() < 1e-8, "{slide}");
+    assert!(slide.x < -2.9e-5 && slide.y.abs() < 1e-9, "{slide}");
 }
 
 #[test]

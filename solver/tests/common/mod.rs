@@ -13,6 +13,7 @@ use roost_solver::physics::bond::{BondLaw, Form};
 use roost_solver::physics::contact::ContactLaw;
 use roost_solver::physics::hertz;
 use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
+use serde_json::{Value, json};
 
 pub const RADIUS: f64 = 0.004;
 pub const MASS: f64 = 4.6e-4;
@@ -184,4 +185,17 @@ pub fn weighing(surfaces: Vec<Surface>, x: DVec3, velocity: DVec3, mu: f64, dt: 
     scene.laws.equipment = law(true, 0.3, mu, 0.0);
     scene.laws.belt = law(true, 0.3, mu, 0.0);
     scene
+}
+
+/// A hopper scenario's document with these fields, by pointer.
+pub fn document(fields: &[(&str, Value)]) -> Value {
+    let mut document = json!({"experiment": "hopper"});
+    for (pointer, value) in fields {
+        let mut at = &mut document;
+        for name in pointer.split('/').skip(1) {
+            at = &mut at[name];
+        }
+        *at = value.clone();
+    }
+    document
 }
