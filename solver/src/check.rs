@@ -1,6 +1,7 @@
 //! Checks what the field table cannot: whether the fillets fit, the step is stable, and what a run will cost.
 
 use crate::engine::scene::Kind;
+use crate::experiments::laws::laws;
 use crate::experiments::{bounds_on_timestep, kinds, timestep_s};
 use crate::result::Estimate;
 use crate::scenario::{Fault, Scenario, SideWalls};
@@ -20,6 +21,8 @@ impl Default for Limits {
     }
 }
 
+/// Cells that placing and filling may make: a few seconds of work.
+const MOST_CELLS: f64 = 1e7;
 /// Memory that the CPU backend takes for each sub-particle, in bytes: state, lists and their rebuilding.
 const BYTES_PER_SUBPARTICLE: u64 = 1000;
 /// Time of the CPU backend for each particle-step on one thread, in nanoseconds: measured, for estimates only.
@@ -37,12 +40,17 @@ const THREADS: f64 = 2.0;
 /// # Errors
 /// Every fault found, each naming its field.
 pub fn check(scenario: &Scenario, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
+    let faults = size_faults(scenario);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
     let kinds = kinds(scenario);
     let mut faults = fill_faults(scenario, &kinds);
     if !faults.is_empty() {
         return Err(faults);
     }
     faults.extend(fit_faults(scenario, &kinds));
+    faults.extend(reach_faults(scenario));
 
     let numerics = &scenario.numerics;
     let bounds = bounds_on_timestep(scenario, &kinds);
@@ -104,6 +112,47 @@ pub fn check(scenario: &Scenario, limits: &Limits) -> Result<Estimate, Vec<Fault
     })
 }
 
+/// Radii so small against the fillets or the hopper that even looking at them would take too long.
+fn size_faults(scenario: &Scenario) -> Vec<Fault> {
+    let (product, equipment) = (&scenario.product, &scenario.equipment);
+    let radius = product.subparticle_radius_m;
+    let cells = |size: &[f64; 3]| size.iter().map(|s| s / (2.0 * radius) + 2.0).product::<f64>();
+    // Each size is filled twice, as it is and mirrored.
+    let points: f64 = product.sizes_m.iter().map(|size| 2.0 * cells(size)).sum();
+    let floor = equipment.hopper_length_m * equipment.hopper_width_m / (radius * radius);
+    [(points, "lattice points of the fillets' boxes"), (floor, "places on the hopper's floor")]
+        .into_iter()
+        .filter(|(number, _)| *number > MOST_CELLS)
+        .map(|(number, what)| {
+            let detail = format!("makes about {number:.1e} {what}");
+            let allowed = format!("a radius that makes at most {MOST_CELLS:.0e}, or smaller dimensions");
+            fault("/product/subparticle_radius_m", radius, detail, allowed)
+        })
+        .collect()
+}
+
+/// Adhesion so strong against the stiffness that necks would reach past the nearest neighbours.
+fn reach_faults(scenario: &Scenario) -> Vec<Fault> {
+    let (laws, contact) = (laws(scenario), &scenario.contact);
+    let radius = scenario.product.subparticle_radius_m;
+    [
+        ("fillet_fillet", &contact.fillet_fillet, laws.tissue),
+        ("fillet_equipment", &contact.fillet_equipment, laws.equipment),
+        ("fillet_belt", &contact.fillet_belt, laws.belt),
+    ]
+    .into_iter()
+    .filter(|(_, _, law)| f64::from(law.reach()) > radius)
+    .map(|(name, pair, law)| {
+        fault(
+            &format!("/contact/{name}/surface_energy_j_m2"),
+            pair.surface_energy_j_m2,
+            format!("adhesive necks would reach {:.1e} m at this Young's modulus", law.reach()),
+            format!("a neck of at most the sub-particle radius, {radius} m"),
+        )
+    })
+    .collect()
+}
+
 /// Sizes in which the lattice leaves no sub-particle.
 fn fill_faults(scenario: &Scenario, kinds: &[Kind]) -> Vec<Fault> {
     let product = &scenario.product;
@@ -133,17 +182,17 @@ fn fit_faults(scenario: &Scenario, kinds: &[Kind]) -> Vec<Fault> {
         // room to turn or it would never be placed.
         let mut sorted = *size;
         sorted.sort_unstable_by(f64::total_cmp);
-        let needs = sorted[1] + 4.0 * radius;
-        let mut must_fit = |pointer: &str, room: f64| {
+        let mut must_fit = |pointer: &str, room: f64, dimension: f64| {
+            let needs = dimension + 4.0 * radius;
             if room < needs {
                 let detail = format!("fillets of size {k} of /product/sizes_m cannot fit between the walls");
                 faults.push(fault(pointer, room, detail, format!("at least {needs:.4} m")));
             }
         };
-        must_fit("/equipment/hopper_length_m", equipment.hopper_length_m);
-        if !periodic {
-            must_fit("/equipment/hopper_width_m", equipment.hopper_width_m);
-        }
+        must_fit("/equipment/hopper_length_m", equipment.hopper_length_m, sorted[1]);
+        // A fillet must not meet its own image.
+        let across = if periodic { sorted[2] } else { sorted[1] };
+        must_fit("/equipment/hopper_width_m", equipment.hopper_width_m, across);
     }
     let area = equipment.hopper_length_m * equipment.hopper_width_m;
     let lean = equipment.hopper_height_m * equipment.wall_slope_deg.to_radians().tan();

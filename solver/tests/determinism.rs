@@ -59,6 +59,11 @@ fn blocks() -> Scene {
     scene
 }
 
+/// The serials of the sub-particles of one of the blocks.
+fn block_of(body: u32) -> Vec<u32> {
+    (48 * body..48 * body + 48).collect()
+}
+
 fn assert_same(a: &State, b: &State) {
     for (k, (p, q)) in a.particles.iter().zip(&b.particles).enumerate() {
         assert_eq!(p.position, q.position, "sub-particle {k}");
@@ -118,7 +123,7 @@ fn a_stranger_that_renews_all_lists_changes_no_bit() {
         assert_eq!(bench.steps(1500), None);
     }
     let mut kept = both.state().clone();
-    kept.remove(&[3]);
+    kept.remove(&block_of(3));
     assert_same(alone.state(), &kept);
 }
 
@@ -129,17 +134,17 @@ fn what_has_left_is_not_missed() {
     all.steps(2000);
     let mut fewer = Bench::new(&scene);
     fewer.steps(700);
-    fewer.cpu.remove(&mut fewer.run, &[2]);
+    fewer.cpu.remove(&mut fewer.run, &block_of(2));
     fewer.steps(1300);
     assert_eq!(fewer.state().particles.len(), 96);
     assert_eq!(fewer.state().serials[95], 95);
     let mut kept = all.state().clone();
-    kept.remove(&[2]);
+    kept.remove(&block_of(2));
     assert_same(&kept, fewer.state());
     assert!(all.state().max_speed() > 0.0);
 
     // One that others touch leaves: those behind it keep their memory of each other and of the plate.
-    fewer.cpu.remove(&mut fewer.run, &[0]);
+    fewer.cpu.remove(&mut fewer.run, &block_of(0));
     assert_eq!(fewer.steps(2000), None);
     assert!(fewer.state().serials.iter().all(|&serial| (48..96).contains(&serial)));
     assert_eq!(fewer.state().bonds_broken, 0);

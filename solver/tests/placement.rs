@@ -11,7 +11,7 @@ use roost_solver::equipment::facet::facets;
 use roost_solver::experiments::hopper;
 use roost_solver::scenario::field::{Kind, Range};
 use roost_solver::scenario::fields::FIELDS;
-use roost_solver::scenario::{self, Scenario, SideWalls};
+use roost_solver::scenario::{self, Scenario};
 use roost_solver::{Limits, check};
 use serde_json::{Value, json};
 
@@ -87,9 +87,6 @@ fn no_scenario_makes_the_check_panic_and_what_it_accepts_is_placed_apart() {
         let Some(scenario) = draw.scenario() else { continue };
         sound += 1;
         let _culprit = Culprit(&scenario);
-        if narrower_than_a_fillet(&scenario) {
-            continue;
-        }
         if let Ok(estimate) = check(&scenario, &Limits::default())
             && estimate.subparticles < 20_000
         {
@@ -98,13 +95,6 @@ fn no_scenario_makes_the_check_panic_and_what_it_accepts_is_placed_apart() {
         }
     }
     assert!(built > 150, "{built} of {sound} were built");
-}
-
-/// Whether a fillet could meet its own image across the seam.
-fn narrower_than_a_fillet(scenario: &Scenario) -> bool {
-    let longest = scenario.product.sizes_m.iter().flatten().fold(0.0, |a: f64, &b| a.max(b));
-    let needs = longest + 4.0 * scenario.product.subparticle_radius_m;
-    scenario.equipment.side_walls == SideWalls::Periodic && scenario.equipment.hopper_width_m < needs
 }
 
 /// Shows the scenario when something panics over it.

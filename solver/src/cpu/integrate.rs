@@ -1,5 +1,6 @@
 //! The `integrate` stage: loads become motion, and what went wrong or far is noticed.
 
+use glam::IVec3;
 use rayon::prelude::*;
 
 use super::bounds::{Drift, length2};
@@ -33,8 +34,8 @@ impl Moved {
     pub(crate) fn fault(&self, params: &Params, state: &State) -> Option<String> {
         let i = self.runaway? as usize;
         let speed = state.particles[i].velocity.length();
-        let what = if !speed.is_finite() {
-            "has no finite velocity".to_owned()
+        let what = if !(speed.is_finite() && state.particles[i].spin.is_finite()) {
+            "has no finite velocity or spin".to_owned()
         } else if speed <= params.speed_limit {
             "has left the domain".to_owned()
         } else {
@@ -68,7 +69,8 @@ pub(crate) fn advance(params: &Params, state: &mut State, loads: &[Load], drift:
                     frame.wrap(integrate::position(p.position, remainder, p.velocity, dt, inverse_unit));
                 moved.greatest2 = moved.greatest2.max(length2(frame.between(reference[i], p.position)));
                 let speed2 = p.velocity.dot(p.velocity);
-                let inside = p.position.abs().max_element() <= EDGE;
+                let inside =
+                    p.position.cmpge(IVec3::splat(-EDGE)).all() && p.position.cmple(IVec3::splat(EDGE)).all();
                 // Not `speed2 > limit2`: what is not a number is no speed either.
                 if !(speed2 <= limit2 && p.spin.is_finite() && inside) {
                     moved.runaway = moved.runaway.or(Some(i as u32));

@@ -121,8 +121,8 @@ impl Backend for Cpu {
         run.drift.invalidate();
     }
 
-    fn remove(&self, run: &mut CpuRun, bodies: &[u32]) {
-        let map = run.state.remove(bodies);
+    fn remove(&self, run: &mut CpuRun, serials: &[u32]) {
+        let map = run.state.remove(serials);
         run.lists.remove(&map);
         run.drift.invalidate();
     }
@@ -141,7 +141,7 @@ impl CpuRun {
         done
     }
 
-    /// One time step: the stages of [`crate::engine::STAGES`].
+    /// One time step: the stages of [`Backend`].
     fn one_step(&mut self, done: &mut Advance) {
         let belt_time = self.start_step.map(|start| (self.step - start) as f64 * self.params.dt_exact);
         self.walls.pose(belt_time, &self.state.frame);

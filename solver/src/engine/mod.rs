@@ -11,9 +11,6 @@ pub mod state;
 use scene::Scene;
 use state::State;
 
-/// The stages of a time step, in their order. Every backend carries out these and no others.
-pub const STAGES: [&str; 4] = ["neighbours", "surfaces", "forces", "integrate"];
-
 /// What computes: recorded with every result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BackendInfo {
@@ -38,7 +35,8 @@ pub struct Advance {
     pub fault: Option<String>,
 }
 
-/// Carries out the stages for batches of independent runs.
+/// Carries out time steps for batches of independent runs. The stages of a step, in their order: *surfaces* are brought to
+/// where they are, *neighbours* are looked up where they may have changed, *forces* are gathered, motion is *integrated*.
 ///
 /// Advancing a run gives the same bits whatever else is in the batch, however many threads there are, and
 /// however the steps are cut into chunks.
@@ -61,6 +59,6 @@ pub trait Backend {
     /// Makes now t = 0: motions start, what was there only until the start goes.
     fn start(&self, run: &mut Self::Run);
 
-    /// Takes whole bodies out of a run.
-    fn remove(&self, run: &mut Self::Run, bodies: &[u32]);
+    /// Takes sub-particles out of a run, by serial, ascending.
+    fn remove(&self, run: &mut Self::Run, serials: &[u32]);
 }

@@ -37,9 +37,9 @@ pub struct Sample<'a> {
 /// What an experiment decides after a look.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Decision {
-    /// Go on, without these bodies.
+    /// Go on, without these sub-particles.
     Continue {
-        /// Bodies that have left.
+        /// Serials of those that have left, ascending.
         remove: Vec<u32>,
     },
     /// Now is t = 0; the run is looked at again at once.

@@ -96,7 +96,8 @@ impl State {
             let (v, w) = (p.velocity.as_dvec3(), p.spin.as_dvec3());
             0.5 * f64::from(m) * (v.length_squared() + inertia * w.length_squared())
         };
-        self.particles.iter().zip(&self.masses).map(of).sum()
+        // Not `sum`: that of nothing is -0.
+        self.particles.iter().zip(&self.masses).map(of).fold(0.0, |a, b| a + b)
     }
 
     /// Share of the bonds that have not broken, 0 to 1.
@@ -117,9 +118,10 @@ impl State {
         })
     }
 
-    /// Takes bodies out. Returns, for each sub-particle before, its index after, or `u32::MAX` if it is gone.
-    pub fn remove(&mut self, bodies: &[u32]) -> Vec<u32> {
-        let keep: Vec<bool> = self.bodies.iter().map(|body| !bodies.contains(body)).collect();
+    /// Takes sub-particles out, by serial, ascending; their bonds go with them unbroken. Returns, for each sub-particle before, its index after, or `u32::MAX` if it is gone.
+    pub fn remove(&mut self, serials: &[u32]) -> Vec<u32> {
+        let kept = |serial: &u32| serials.binary_search(serial).is_err();
+        let keep: Vec<bool> = self.serials.iter().map(kept).collect();
         let mut next = 0;
         let map = keep.iter().map(|&kept| {
             next += u32::from(kept);

@@ -37,14 +37,6 @@ pub struct Pose {
 }
 
 impl Motion {
-    /// The point that the pose turns about, in metres.
-    pub fn pivot(&self) -> DVec3 {
-        match *self {
-            Motion::Moving { pivot, .. } => pivot,
-            _ => DVec3::ZERO,
-        }
-    }
-
     /// The pose at belt time `t` in seconds; `None` stands for any time before the start.
     pub fn pose(&self, t: Option<f64>) -> Pose {
         let still =

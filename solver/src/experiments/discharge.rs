@@ -10,8 +10,8 @@ use crate::observe::{Discharge, mass_rate};
 use crate::result::{EndReason, Series};
 use crate::scenario::{Equipment, Numerics, Scenario};
 
-/// The bed is at rest once this many samples in a row were slow enough.
-const SAMPLES_AT_REST: u32 = 5;
+/// The bed is at rest once it has been slow for this long, in seconds.
+const REST_FOR_S: f64 = 0.1;
 /// Sub-particles that may still move while the bed is at rest: one in this many. Where fillets have been driven into
 /// each other, single sub-particles go on trembling, since a stretched bond has no damping.
 const ONE_MAY_MOVE_IN: usize = 1000;
@@ -33,7 +33,10 @@ pub struct HopperWatch {
     numerics: Numerics,
     low_m: glam::DVec3,
     high_m: glam::DVec3,
-    slow_samples: u32,
+    periodic: bool,
+    /// Nothing can be at rest before the highest fillet has fallen, in seconds.
+    longest_fall_s: f64,
+    slow_since_s: Option<f64>,
     bed: Option<Bed>,
     /// Whether each sub-particle, by serial, has passed the gate.
     passed: Vec<bool>,
@@ -64,7 +67,9 @@ impl HopperWatch {
             numerics: scenario.numerics.clone(),
             low_m: scene.low,
             high_m: scene.high,
-            slow_samples: 0,
+            periodic: scene.periodic_y,
+            longest_fall_s: longest_fall(scene),
+            slow_since_s: None,
             bed: None,
             passed: vec![false; subparticles],
             unpassed: subparticles,
@@ -85,11 +90,13 @@ impl HopperWatch {
         }
     }
 
-    fn at_rest(&mut self, state: &State) -> bool {
+    fn at_rest(&mut self, state: &State, now_s: f64) -> bool {
         let moving = state.faster_than(self.numerics.rest_speed_m_s);
         let slow = moving <= state.particles.len() / ONE_MAY_MOVE_IN;
-        self.slow_samples = if slow { self.slow_samples + 1 } else { 0 };
-        self.slow_samples >= SAMPLES_AT_REST
+        self.slow_since_s = slow.then(|| self.slow_since_s.unwrap_or(now_s));
+        // A share of the time step's rounding must not cost a sample.
+        now_s >= self.longest_fall_s
+            && self.slow_since_s.is_some_and(|since| now_s - since >= REST_FOR_S * (1.0 - 1e-6))
     }
 
     fn count_what_passed(&mut self, state: &State, now_s: f64) {
@@ -107,28 +114,25 @@ impl HopperWatch {
         }
     }
 
-    /// Fillets wholly past the gate, and those of which a part has left the domain.
+    /// The sub-particles, by serial, of fillets wholly past the gate, and those that have strayed from the domain.
     fn what_left(&mut self, state: &State) -> Vec<u32> {
         let mut left = Vec::new();
-        for (body, range) in state.body_ranges() {
-            let at = |i: usize| state.position(i);
-            let periodic = self.equipment.side_walls == crate::scenario::SideWalls::Periodic;
-            let strayed = |x: glam::DVec3| {
-                let (below, above) = (x.cmplt(self.low_m), x.cmpgt(self.high_m));
-                below.x || below.z || above.x || above.z || (!periodic && (below.y || above.y))
-            };
-            if range.clone().all(|i| at(i).x > GONE_BEYOND_M) || range.clone().any(|i| strayed(at(i))) {
-                left.push(body);
-                for i in range {
-                    let serial = state.serials[i] as usize;
-                    if !std::mem::replace(&mut self.passed[serial], true) {
-                        self.unpassed -= 1;
-                        self.escaped_kg += f64::from(state.masses[i]);
-                    }
-                }
+        for (_, range) in state.body_ranges() {
+            let gone = range.clone().all(|i| state.position(i).x > GONE_BEYOND_M);
+            left.extend(range.filter(|&i| gone || self.strayed(state.position(i))));
+        }
+        for &i in &left {
+            if !std::mem::replace(&mut self.passed[state.serials[i] as usize], true) {
+                self.unpassed -= 1;
+                self.escaped_kg += f64::from(state.masses[i]);
             }
         }
-        left
+        left.into_iter().map(|i| state.serials[i]).collect()
+    }
+
+    fn strayed(&self, x: glam::DVec3) -> bool {
+        let (below, above) = (x.cmplt(self.low_m), x.cmpgt(self.high_m));
+        below.x || below.z || above.x || above.z || (!self.periodic && (below.y || above.y))
     }
 
     fn stop(&self, now_s: f64) -> Option<EndReason> {
@@ -196,7 +200,11 @@ impl Director for HopperWatch {
             self.bonds_intact.push(state.bonds_intact_fraction());
         }
         let Some(now_s) = sample.belt_time_s else {
-            if self.at_rest(state) {
+            if state.particles.is_empty() {
+                // All of it sank through the belt: there is nothing to start it for.
+                return Decision::End(EndReason::FillNotAtRest);
+            }
+            if self.at_rest(state, sample.simulated_s) {
                 let mass_kg = state.masses.iter().map(|&m| f64::from(m)).sum();
                 let volume_m3 = bed_volume(state, &self.equipment);
                 self.bed = Some(Bed { mass_kg, volume_m3, fill_s: sample.simulated_s });
@@ -221,7 +229,15 @@ impl Director for HopperWatch {
     }
 }
 
-/// Hopper area times the height that 95 % of its floor, in squares of a sub-particle's diameter, stay below; in m³.
+/// Time that the highest fillet takes to fall to the belt, in seconds; none without gravity.
+fn longest_fall(scene: &Scene) -> f64 {
+    let top = scene.bodies.iter().map(|body| body.position.z).fold(0.0, f64::max);
+    let gravity = scene.gravity.length();
+    if gravity > 0.0 { (2.0 * top / gravity).sqrt() } else { 0.0 }
+}
+
+/// Hopper area times the height that 95 % of its floor, in squares of a sub-particle's diameter, stay below; in m³. The area is
+/// that of the floor: what lies above a sloped back wall counts as if it stood upright.
 fn bed_volume(state: &State, equipment: &Equipment) -> f64 {
     let floor = floor(equipment);
     let (size, cell) = (floor.high - floor.low, 2.0 * f64::from(state.radius_m));

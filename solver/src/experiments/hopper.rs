@@ -15,8 +15,6 @@ use crate::scenario::{Equipment, Scenario, SideWalls};
 
 /// A fillet that has wholly passed this far beyond the gate leaves the simulation, in metres.
 pub const GONE_BEYOND_M: f64 = 0.25;
-/// The belt reaches this far beyond the gate, in metres: past where fillets leave, by more than a fillet's length.
-const BELT_BEYOND_M: f64 = 0.5;
 /// The belt reaches this far to the sides of the hopper, in metres.
 const BELT_SIDE_M: f64 = 0.2;
 /// Room below the belt and around everything, in metres.
@@ -47,14 +45,16 @@ pub fn scene(scenario: &Scenario) -> Scene {
     let top = wall_top(top, equipment);
     let lean = top * equipment.wall_slope_deg.to_radians().tan();
     let side = if floor.periodic_y { 0.0 } else { BELT_SIDE_M };
+    let longest = kinds.iter().map(|kind| 2.0 * kind.meta.reach_m).fold(0.0, f64::max);
+    let belt_end = GONE_BEYOND_M + longest + MARGIN_M;
     let dt = timestep_s(scenario, &bounds_on_timestep(scenario, &kinds));
     Scene {
         radius_m: radius,
-        surfaces: surfaces(equipment, top, lean),
+        surfaces: surfaces(equipment, top, lean, belt_end),
         laws: laws::laws(scenario),
         gravity: DVec3::NEG_Z * scenario.numerics.gravity_m_s2,
         low: DVec3::new(floor.low.x - lean - MARGIN_M, floor.low.y - side, -MARGIN_M),
-        high: DVec3::new(BELT_BEYOND_M + MARGIN_M, floor.high.y + side, top + MARGIN_M),
+        high: DVec3::new(belt_end + MARGIN_M, floor.high.y + side, top + MARGIN_M),
         periodic_y: floor.periodic_y,
         timestep_s: dt,
         speed_limit_m_s: scenario.numerics.speed_limit_m_s,
@@ -63,8 +63,9 @@ pub fn scene(scenario: &Scenario) -> Scene {
     }
 }
 
-/// The equipment: walls up to `top`, the back wall leaning out by `lean` metres at that height.
-fn surfaces(equipment: &Equipment, top: f64, lean: f64) -> Vec<Surface> {
+/// The equipment: walls up to `top`, the back wall leaning out by `lean` metres at that height, the belt running to
+/// `belt_end`, past where the longest fillet leaves.
+fn surfaces(equipment: &Equipment, top: f64, lean: f64, belt_end: f64) -> Vec<Surface> {
     let (length, width) = (equipment.hopper_length_m, equipment.hopper_width_m);
     let periodic = equipment.side_walls == SideWalls::Periodic;
     // In a periodic hopper every surface goes on beyond the period, so that no rim is felt at the seam.
@@ -83,7 +84,7 @@ fn surfaces(equipment: &Equipment, top: f64, lean: f64) -> Vec<Surface> {
             "belt",
             SurfaceKind::Belt,
             at(belt_start, -belt_half, 0.0),
-            DVec3::X * (BELT_BEYOND_M - belt_start),
+            DVec3::X * (belt_end - belt_start),
             DVec3::Y * 2.0 * belt_half,
         )
         .moving(Motion::Belt { velocity: DVec3::X * equipment.belt_speed_m_s }),

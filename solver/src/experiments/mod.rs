@@ -35,6 +35,7 @@ pub fn bounds_on_timestep(scenario: &Scenario, kinds: &[Kind]) -> Stability {
         scenario.product.subparticle_radius_m,
         f64::from(laws.bond.k_n),
         f64::from(laws.bond.k_t),
+        kinds.iter().any(|kind| kind.meta.bonds.iter().any(|bond| bond.class > 1)),
         &laws.tissue,
         laws.contact_between_bonded,
     )

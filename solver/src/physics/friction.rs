@@ -11,6 +11,7 @@
 //! | μ | – | coefficient of friction |
 //!
 //! Capping on the *total* normal force is what leaves the slide angle independent of γ (paper Fig. 8).
+//! ξ is kept in the plane but not turned about n with the pair's spin: contacts last too short for that to show.
 //! No rolling friction: the shape of a fillet resists rolling (paper section 2.1).
 
 use glam::Vec3;

@@ -7,6 +7,7 @@
 //! - neighbours moving against each other: ω² = 4 (K_n + 2 K_t) / m,
 //! - all spinning alike, which shears every bond: ω² = 8 K_t R² / I = 20 K_t / m.
 //!
+//! With one type of sub-particle the twelve face diagonals bond as well and add at most 8 (k_n + 2 k_t) / m and 80 k_t / m.
 //! Leapfrog is stable for δt < 2/ω. A dashpot taken at the old velocity lowers that to
 //! δt < (2/ω) (√(1 + ζ²) − ζ) for the damping ratio ζ. Both are estimates of the linear lattice; contact
 //! stiffens with overlap and is taken at a stated overlap.
@@ -39,12 +40,13 @@ pub struct Stability {
 }
 
 /// The bounds for sub-particles of `mass` in kg and `radius` in m, bonds of `k_n` and `k_t` in N/m and contacts by
-/// `law`; `contact_in_bonds` tells whether bonded neighbours touch as well.
+/// `law`; `diagonals` tells whether face diagonals bond, `contact_in_bonds` whether bonded neighbours touch as well.
 pub fn stability(
     mass: f64,
     radius: f64,
     k_n: f64,
     k_t: f64,
+    diagonals: bool,
     law: &ContactLaw,
     contact_in_bonds: bool,
 ) -> Stability {
@@ -54,12 +56,16 @@ pub fn stability(
     // Without contact in bonds a loaded sub-particle still touches others on about two sides of six.
     let share = if contact_in_bonds { 1.0 } else { 1.0 / 3.0 };
     let (side_n, side_t) = (k_n + share * contact_n, k_t + share * contact_t);
+    let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
     let factor = f64::from(law.damping);
     let eta = |stiffness: f64| share * factor * (stiffness * mass / 2.0).sqrt();
     let modes = [
         // (ω², dashpot in the same combination per mass)
-        (4.0 * (side_n + 2.0 * side_t) / mass, 4.0 * (eta(contact_n) + 2.0 * eta(contact_t)) / mass),
-        (20.0 * side_t / mass, 20.0 * eta(contact_t) / mass),
+        (
+            (4.0 * (side_n + 2.0 * side_t) + 8.0 * (diagonal_n + 2.0 * diagonal_t)) / mass,
+            4.0 * (eta(contact_n) + 2.0 * eta(contact_t)) / mass,
+        ),
+        ((20.0 * side_t + 80.0 * diagonal_t) / mass, 20.0 * eta(contact_t) / mass),
     ];
     let mut stability =
         Stability { undamped_s: f64::INFINITY, damped_s: f64::INFINITY, auto_s: f64::INFINITY };

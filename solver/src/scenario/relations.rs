@@ -74,14 +74,16 @@ fn check_order(order: &AtMost, document: &Value, completed: &Value, faults: &mut
 
 fn check_samples(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     let interval_at = "/numerics/output_interval_s";
-    let (Some(interval), Some(duration)) =
-        (number(completed, interval_at), number(completed, "/numerics/duration_s"))
+    let time = |name| number(completed, &format!("/numerics/{name}"));
+    let (Some(interval), Some(fill), Some(process)) =
+        (number(completed, interval_at), time("max_fill_s"), time("duration_s"))
     else {
         return;
     };
+    let duration = fill + process;
     if duration / interval > MAX_SAMPLES {
         let detail = format!("makes more than {MAX_SAMPLES} samples");
-        let allowed = format!("≥ {} s at this duration", plain(duration / MAX_SAMPLES));
+        let allowed = format!("≥ {} s at this duration and longest fill", plain(duration / MAX_SAMPLES));
         let value = as_written(document, completed, interval_at);
         faults.push(Fault::new(interval_at, value, detail, Some(allowed)));
     }

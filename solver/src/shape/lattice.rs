@@ -1,6 +1,6 @@
 //! The lattice fill: a shape becomes a meta-particle of sub-particles on a simple cubic lattice, with bonds.
 //!
-//! Lattice points stand at odd multiples of R from the centre of the shape's box, 2R apart. With two types in a
+//! Lattice points stand 2R apart, symmetrically about the centre of the shape's box. With two types in a
 //! checkerboard only differing types bond: within √3 of the spacing exactly the six nearest neighbours (Fig. 2, 3).
 //! With one type all neighbours within reach bond, diagonals included: the stiff truss of Fig. 2a.
 

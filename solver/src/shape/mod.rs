@@ -15,6 +15,9 @@ use teardrop::Teardrop;
 
 type Key = ([u64; 4], bool, Fill, u32);
 
+/// Points of remembered fills past which all are forgotten.
+const MOST_POINTS_KEPT: usize = 2_000_000;
+
 /// Fills seen before: validating a sweep asks for the same few thousands of times.
 static FILLS: Mutex<Option<HashMap<Key, Arc<MetaParticle>>>> = Mutex::new(None);
 
@@ -41,7 +44,7 @@ fn fill(shape: Teardrop, product: &Product, reach: u32) -> Arc<MetaParticle> {
     let mut fills = lock();
     let fills = fills.get_or_insert_default();
     // A sweep over the radius could grow this for ever; starting over costs milliseconds.
-    if fills.len() > 1000 {
+    if fills.values().map(|meta| meta.points.len()).sum::<usize>() > MOST_POINTS_KEPT {
         fills.clear();
     }
     fills.insert(key, filled.clone());

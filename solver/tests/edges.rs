@@ -1,0 +1,137 @@
+//! The edges of what a scenario may ask for: what would take hours, never end or start too early is seen beforehand.
+
+mod common;
+
+use std::time::{Duration, Instant};
+
+use common::{Bench, at, block, document, law, scene};
+use glam::DVec3;
+use roost_solver::experiments::hopper;
+use roost_solver::scenario::{self, Scenario};
+use roost_solver::{CpuOptions, Flow, Limits, check, simulate};
+use serde_json::{Value, json};
+
+fn with(fields: &[(&str, Value)]) -> Scenario {
+    scenario::from_value(&document(fields)).expect("a sound scenario")
+}
+
+/// The pointers of what is wrong with a scenario.
+fn refused(fields: &[(&str, Value)]) -> Vec<String> {
+    let faults = check(&with(fields), &Limits::default()).expect_err("refused");
+    faults.into_iter().map(|fault| fault.pointer).collect()
+}
+
+#[test]
+fn the_belt_starts_when_the_bed_is_at_rest_however_often_one_looks() {
+    let fill_s = |interval: f64, rest_speed: f64| {
+        let scenario = with(&[
+            ("/product/count", json!(4)),
+            ("/product/subparticle_radius_m", json!(0.01)),
+            ("/equipment/hopper_width_m", json!(0.15)),
+            ("/equipment/hopper_length_m", json!(0.2)),
+            ("/numerics/timestep_s", json!(2e-4)),
+            ("/numerics/duration_s", json!(0.1)),
+            ("/numerics/output_interval_s", json!(interval)),
+            ("/numerics/rest_speed_m_s", json!(rest_speed)),
+        ]);
+        let result = simulate(&scenario, CpuOptions { threads: 2 }, &mut |_| Flow::Continue);
+        result.response("fill_duration_s").expect("it came to rest")
+    };
+    let usual = fill_s(0.02, 0.05);
+    assert!((fill_s(0.001, 0.05) - usual).abs() < 0.05, "looking more often changes nothing");
+    assert!(usual > 0.3);
+    // However fast counts as slow, nothing is at rest while it falls: the stack is some 0.3 m high.
+    assert!(fill_s(0.02, 1.0) > 0.2);
+}
+
+#[test]
+fn a_lattice_too_fine_to_look_at_is_refused_at_once() {
+    let start = Instant::now();
+    let sizes = json!([[2.0, 2.0, 2.0]]);
+    let fine = ("/product/subparticle_radius_m", json!(5e-4));
+    assert_eq!(refused(&[("/product/sizes_m", sizes), fine.clone()]), ["/product/subparticle_radius_m"]);
+    let wide =
+        [("/equipment/hopper_width_m", json!(10.0)), ("/equipment/hopper_length_m", json!(10.0)), fine];
+    assert_eq!(refused(&wide), ["/product/subparticle_radius_m"]);
+    assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
+}
+
+#[test]
+fn a_fillet_must_not_meet_its_own_image() {
+    // The longest fillet of Table 1 is 0.176 m, and four radii are wanted beside it.
+    let periodic = |width: f64| {
+        [
+            ("/product/count", json!(2)),
+            ("/equipment/side_walls", json!("periodic")),
+            ("/equipment/hopper_width_m", json!(width)),
+        ]
+    };
+    check(&with(&periodic(0.193)), &Limits::default()).expect("wide enough");
+    assert!(refused(&periodic(0.191)).iter().all(|pointer| pointer == "/equipment/hopper_width_m"));
+}
+
+#[test]
+fn what_barely_fits_is_stood_upright() {
+    let tight = with(&[
+        ("/product/count", json!(3)),
+        ("/product/sizes_m", json!([[0.5, 0.02, 0.02]])),
+        ("/product/subparticle_radius_m", json!(0.002)),
+        ("/equipment/hopper_width_m", json!(0.0281)),
+        ("/equipment/hopper_length_m", json!(0.0281)),
+    ]);
+    check(&tight, &Limits::default()).expect("fits");
+    let scene = hopper::scene(&tight);
+    assert!(scene.bodies.iter().all(|body| (body.orientation * DVec3::X).z.abs() > 0.99));
+}
+
+#[test]
+fn adhesion_that_reaches_past_the_neighbours_is_refused() {
+    let soft = [
+        ("/material/youngs_modulus_pa", json!(100)),
+        ("/contact/fillet_fillet/surface_energy_j_m2", json!(10)),
+    ];
+    let pointers = refused(&soft);
+    assert!(pointers.iter().any(|p| p == "/contact/fillet_fillet/surface_energy_j_m2"), "{pointers:?}");
+}
+
+#[test]
+fn samples_of_the_fill_count_too() {
+    let fields = [
+        ("/numerics/max_fill_s", json!(600)),
+        ("/numerics/duration_s", json!(0.1)),
+        ("/numerics/timestep_s", json!(1e-5)),
+        ("/numerics/output_interval_s", json!(2e-5)),
+    ];
+    let faults = scenario::from_value(&document(&fields)).expect_err("too many samples");
+    assert_eq!(faults[0].pointer, "/numerics/output_interval_s", "{faults:?}");
+}
+
+#[test]
+fn the_automatic_step_of_a_stiff_truss_holds() {
+    let truss = with(&[
+        ("/product/count", json!(2)),
+        ("/product/subparticle_radius_m", json!(0.01)),
+        ("/bonds/types", json!(1)),
+        ("/bonds/normal_stiffness_n_m3", json!(1e8)),
+        ("/bonds/shear_stiffness_n_m3", json!(6e7)),
+        ("/numerics/timestep_s", json!("auto")),
+    ]);
+    let mut bench = Bench::new(&hopper::scene(&truss));
+    assert_eq!(bench.steps(3000), None);
+    assert_eq!(bench.state().bonds_broken, 0);
+}
+
+#[test]
+fn slow_adhesive_spheres_stick_and_others_part() {
+    let meet = |gamma: f64| {
+        let x = 0.004 + 1e-5;
+        let v = DVec3::X * 0.005;
+        let mut scene = scene(block([1, 1, 1]), vec![at(DVec3::X * -x, v), at(DVec3::X * x, -v)], 2e-5);
+        scene.laws.tissue = law(false, 0.3, 0.0, gamma);
+        let mut bench = Bench::new(&scene);
+        bench.steps(50_000);
+        (bench.position(1) - bench.position(0)).length()
+    };
+    assert!(meet(0.055) < 0.008, "held together");
+    assert!(meet(0.0) > 0.0085, "went their ways");
+}
