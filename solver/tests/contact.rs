@@ -126,7 +126,7 @@ fn slow_spheres_stick_and_fast_ones_do_not() {
 #[test]
 fn a_neck_holds_beyond_touch_and_brings_back_what_is_slow() {
     // The work from touch to the snap, of order 8/3 πγR* · |snap|, holds 14 mm/s between spheres and not 60.
-    let part = |wall: bool, v: f64| {
+    let part = |wall: bool, v: f64, gamma: f64| {
         let mut scene = scene(block([1, 1, 1]), vec![], 1e-6);
         if wall {
             scene.bodies = vec![at(DVec3::Z * (RADIUS - 1e-7), DVec3::Z * v)];
@@ -135,8 +135,8 @@ fn a_neck_holds_beyond_touch_and_brings_back_what_is_slow() {
             let x = DVec3::Z * (RADIUS - 1e-7);
             scene.bodies = vec![at(-x, DVec3::Z * -v / 2.0), at(x, DVec3::Z * v / 2.0)];
         }
-        scene.laws.tissue = law(false, 1.0, 0.0, 0.055);
-        scene.laws.equipment = law(true, 1.0, 0.0, 0.055);
+        scene.laws.tissue = law(false, 1.0, 0.0, gamma);
+        scene.laws.equipment = law(true, 1.0, 0.0, gamma);
         let mut bench = Bench::new(&scene);
         let (mut apart, mut back) = (0.0f64, false);
         for _ in 0..400 {
@@ -150,10 +150,13 @@ fn a_neck_holds_beyond_touch_and_brings_back_what_is_slow() {
         (apart, back)
     };
     for wall in [false, true] {
-        let (apart, back) = part(wall, 0.014);
+        let (apart, back) = part(wall, 0.014, 0.055);
         assert!(apart > 1e-5 && apart < 1e-4 && back, "wall {wall}: {apart:e} m apart");
-        let (apart, back) = part(wall, 0.08);
+        let (apart, back) = part(wall, 0.08, 0.055);
         assert!(apart > 3e-4 && !back, "wall {wall}: {apart:e} m apart");
+        // Glue: a neck longer than what the neighbour lists allow for motion.
+        let (apart, back) = part(wall, 10.0, 200.0);
+        assert!(apart > 2e-3 && back, "wall {wall}: {apart:e} m apart");
     }
 }
 
