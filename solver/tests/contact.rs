@@ -6,10 +6,14 @@ use std::f64::consts::PI;
 
 use common::{Bench, E, G, MASS, NU, RADIUS, assert_close, at, block, law, plate, scene};
 use glam::{DVec3, Vec3};
+use roost_solver::Flow;
+use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
+use roost_solver::engine::run::{Decision, Director, Plan, Sample, run};
 use roost_solver::equipment::SurfaceKind;
 use roost_solver::physics::contact::{self, ContactMemory};
 use roost_solver::physics::{hertz, jkr};
+use roost_solver::result::EndReason;
 
 /// E* of tissue on tissue, written out from eq. 2.
 fn e_star() -> f64 {
@@ -172,6 +176,34 @@ fn the_greatest_overlap_is_that_of_what_no_bond_joins() {
     let mut pair = block([2, 1, 1]);
     std::sync::Arc::make_mut(&mut pair.meta).points[1].x -= 3e-4;
     assert_eq!(overlap(pair, vec![at(DVec3::ZERO, DVec3::ZERO)]), 0.0);
+}
+
+/// Remembers the greatest overlap that each look at a run tells.
+struct Overlaps(Vec<f32>);
+
+impl Director for Overlaps {
+    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+        self.0.push(sample.max_overlap_m);
+        if sample.belt_time_s.is_none() { Decision::Start } else { Decision::Continue { remove: vec![] } }
+    }
+
+    fn discharged_kg(&self) -> f64 {
+        0.0
+    }
+}
+
+#[test]
+fn a_run_remembers_the_greatest_overlap_of_a_collision_long_past() {
+    let bodies = [-1.0, 1.0].map(|side| at(DVec3::X * side * 1.01 * RADIUS, DVec3::X * -side * 0.25));
+    let scene = scene(block([1, 1, 1]), bodies.to_vec(), 1e-5);
+    let plan = Plan { sample_interval_s: 1e-3, longest_fill_s: 1.0, duration_s: 0.1 };
+    let mut overlaps = Overlaps(Vec::new());
+    let ended = run(&Cpu::new(1), &scene, plan, &mut overlaps, &mut |_| Flow::Continue);
+    assert_eq!(ended.reason, EndReason::Duration);
+    let (v, m_star, r_star) = (0.5, MASS / 2.0, RADIUS / 2.0);
+    let deepest = (15.0 * m_star * v * v / (16.0 * e_star() * f64::sqrt(r_star))).powf(0.4);
+    assert_close(f64::from(overlaps.0[101]), deepest, 1e-2);
+    assert!(overlaps.0.is_sorted() && overlaps.0.len() == 102);
 }
 
 #[test]
