@@ -234,6 +234,16 @@ fn a_runaway_is_named_and_nothing_becomes_nan() {
 }
 
 #[test]
+fn what_is_not_a_number_is_a_fault_too() {
+    let mut scene = scene(block([2, 2, 1]), vec![at(DVec3::ZERO, DVec3::X * f64::NAN)], 1e-5);
+    let mut bench = Bench::new(&scene);
+    assert!(bench.steps(5).expect("noticed").contains("no finite velocity"));
+    scene.bodies[0].velocity = DVec3::ZERO;
+    scene.laws.bond.k_t = f32::NAN;
+    assert!(Bench::new(&scene).steps(5).is_some());
+}
+
+#[test]
 fn a_pressed_block_is_as_stiff_as_its_lattice() {
     // With contact off in bonds a simple cubic lattice has the modulus k_n / 2R = S_n π R / 2.
     let speed = 2e-3;

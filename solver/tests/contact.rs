@@ -6,10 +6,14 @@ use std::f64::consts::PI;
 
 use common::{Bench, E, G, MASS, NU, RADIUS, assert_close, at, block, law, plate, scene};
 use glam::{DVec3, Vec3};
+use roost_solver::Flow;
+use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
+use roost_solver::engine::run::{Decision, Director, Plan, Sample, run};
 use roost_solver::equipment::SurfaceKind;
 use roost_solver::physics::contact::{self, ContactMemory};
 use roost_solver::physics::{hertz, jkr};
+use roost_solver::result::EndReason;
 
 /// E* of tissue on tissue, written out from eq. 2.
 fn e_star() -> f64 {
@@ -126,7 +130,7 @@ fn slow_spheres_stick_and_fast_ones_do_not() {
 #[test]
 fn a_neck_holds_beyond_touch_and_brings_back_what_is_slow() {
     // The work from touch to the snap, of order 8/3 πγR* · |snap|, holds 14 mm/s between spheres and not 60.
-    let part = |wall: bool, v: f64| {
+    let part = |wall: bool, v: f64, gamma: f64| {
         let mut scene = scene(block([1, 1, 1]), vec![], 1e-6);
         if wall {
             scene.bodies = vec![at(DVec3::Z * (RADIUS - 1e-7), DVec3::Z * v)];
@@ -135,8 +139,8 @@ fn a_neck_holds_beyond_touch_and_brings_back_what_is_slow() {
             let x = DVec3::Z * (RADIUS - 1e-7);
             scene.bodies = vec![at(-x, DVec3::Z * -v / 2.0), at(x, DVec3::Z * v / 2.0)];
         }
-        scene.laws.tissue = law(false, 1.0, 0.0, 0.055);
-        scene.laws.equipment = law(true, 1.0, 0.0, 0.055);
+        scene.laws.tissue = law(false, 1.0, 0.0, gamma);
+        scene.laws.equipment = law(true, 1.0, 0.0, gamma);
         let mut bench = Bench::new(&scene);
         let (mut apart, mut back) = (0.0f64, false);
         for _ in 0..400 {
@@ -150,10 +154,13 @@ fn a_neck_holds_beyond_touch_and_brings_back_what_is_slow() {
         (apart, back)
     };
     for wall in [false, true] {
-        let (apart, back) = part(wall, 0.014);
+        let (apart, back) = part(wall, 0.014, 0.055);
         assert!(apart > 1e-5 && apart < 1e-4 && back, "wall {wall}: {apart:e} m apart");
-        let (apart, back) = part(wall, 0.08);
+        let (apart, back) = part(wall, 0.08, 0.055);
         assert!(apart > 3e-4 && !back, "wall {wall}: {apart:e} m apart");
+        // Glue: a neck longer than what the neighbour lists allow for motion.
+        let (apart, back) = part(wall, 10.0, 200.0);
+        assert!(apart > 2e-3 && back, "wall {wall}: {apart:e} m apart");
     }
 }
 
@@ -169,6 +176,34 @@ fn the_greatest_overlap_is_that_of_what_no_bond_joins() {
     let mut pair = block([2, 1, 1]);
     std::sync::Arc::make_mut(&mut pair.meta).points[1].x -= 3e-4;
     assert_eq!(overlap(pair, vec![at(DVec3::ZERO, DVec3::ZERO)]), 0.0);
+}
+
+/// Remembers the greatest overlap that each look at a run tells.
+struct Overlaps(Vec<f32>);
+
+impl Director for Overlaps {
+    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+        self.0.push(sample.max_overlap_m);
+        if sample.belt_time_s.is_none() { Decision::Start } else { Decision::Continue { remove: vec![] } }
+    }
+
+    fn discharged_kg(&self) -> f64 {
+        0.0
+    }
+}
+
+#[test]
+fn a_run_remembers_the_greatest_overlap_of_a_collision_long_past() {
+    let bodies = [-1.0, 1.0].map(|side| at(DVec3::X * side * 1.01 * RADIUS, DVec3::X * -side * 0.25));
+    let scene = scene(block([1, 1, 1]), bodies.to_vec(), 1e-5);
+    let plan = Plan { sample_interval_s: 1e-3, longest_fill_s: 1.0, duration_s: 0.1 };
+    let mut overlaps = Overlaps(Vec::new());
+    let ended = run(&Cpu::new(1), &scene, plan, &mut overlaps, &mut |_| Flow::Continue);
+    assert_eq!(ended.reason, EndReason::Duration);
+    let (v, m_star, r_star) = (0.5, MASS / 2.0, RADIUS / 2.0);
+    let deepest = (15.0 * m_star * v * v / (16.0 * e_star() * f64::sqrt(r_star))).powf(0.4);
+    assert_close(f64::from(overlaps.0[101]), deepest, 1e-2);
+    assert!(overlaps.0.is_sorted() && overlaps.0.len() == 102);
 }
 
 #[test]

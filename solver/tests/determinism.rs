@@ -129,19 +129,24 @@ fn a_stranger_that_renews_all_lists_changes_no_bit() {
 
 #[test]
 fn what_has_left_is_not_missed() {
-    let scene = blocks();
-    let mut all = Bench::new(&scene);
-    all.steps(2000);
-    let mut fewer = Bench::new(&scene);
-    fewer.steps(700);
-    fewer.cpu.remove(&mut fewer.run, &block_of(2));
-    fewer.steps(1300);
-    assert_eq!(fewer.state().particles.len(), 96);
-    assert_eq!(fewer.state().serials[95], 95);
-    let mut kept = all.state().clone();
-    kept.remove(&block_of(2));
-    assert_same(&kept, fewer.state());
-    assert!(all.state().max_speed() > 0.0);
+    // The last of three bodies, then the first.
+    let mut fewer = Bench::new(&blocks());
+    for (turned, gone) in [(1, 0), (0, 2)] {
+        let mut scene = blocks();
+        scene.bodies.rotate_right(turned);
+        let mut all = Bench::new(&scene);
+        all.steps(2000);
+        fewer = Bench::new(&scene);
+        fewer.steps(700);
+        fewer.cpu.remove(&mut fewer.run, &block_of(gone));
+        fewer.steps(1300);
+        assert_eq!(fewer.state().particles.len(), 96);
+        assert_eq!(fewer.state().serials[95], if gone == 0 { 143 } else { 95 });
+        let mut kept = all.state().clone();
+        kept.remove(&block_of(gone));
+        assert_same(&kept, fewer.state());
+        assert!(all.state().max_speed() > 0.0);
+    }
 
     // One that others touch leaves: those behind it keep their memory of each other and of the plate.
     fewer.cpu.remove(&mut fewer.run, &block_of(0));

@@ -120,6 +120,14 @@ fn a_convex_edge_and_a_corner_are_one_contact() {
 }
 
 #[test]
+fn a_corner_that_two_triangles_share_and_no_edge_is_one_contact() {
+    // Two sails that stand on the origin.
+    let sail = |x: f64| [DVec3::ZERO, DVec3::new(x, 0.05, -0.1), DVec3::new(x, -0.05, -0.1)];
+    let sails = [surface(vec![sail(0.05), sail(-0.04)])];
+    assert_force(push(&sails, DVec3::Z * 0.9 * RADIUS), DVec3::Z * hertz(0.1 * RADIUS), 2e-3);
+}
+
+#[test]
 fn a_sphere_pulled_over_an_edge_feels_one_steady_load() {
     // A ridge of 30° between two slopes: the load turns from one normal to the other and never doubles.
     let slope = 15f64.to_radians();

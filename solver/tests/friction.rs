@@ -88,7 +88,10 @@ fn a_sphere_that_slides_begins_to_roll_as_its_inertia_says() {
     bench.steps(5000);
     let (_, v) = travel(&mut bench);
     assert_close(v, 1.0 / (1.0 + k), 3e-3);
-    assert_close(f64::from(bench.state().particles[0].spin.y), v / bench.position(0).z, 5e-3);
+    let spin = f64::from(bench.state().particles[0].spin.y);
+    assert_close(spin, v / bench.position(0).z, 5e-3);
+    let energy = 0.5 * MASS * v * v + 0.5 * 0.4 * MASS * RADIUS * RADIUS * spin * spin;
+    assert_close(bench.state().kinetic_energy(), energy, 1e-4);
 }
 
 #[test]

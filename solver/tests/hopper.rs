@@ -76,6 +76,7 @@ fn all_that_went_in_comes_out() {
     assert_eq!(result.responses["greatest_height_m"], Value::Null);
     let out = masses(&result);
     assert_eq!((out.t_s[0], out.values[0]), (0.0, 0.0));
+    assert!(response(&result, "max_overlap_ratio") > 0.02, "the greatest of the whole run");
     // At the sample before the last, something was still inside.
     assert!(out.values[out.values.len() - 2] < mass * (1.0 - 1e-6));
     // Nothing outruns the belt for long: 0.2 m of fillets take most of 0.4 s.

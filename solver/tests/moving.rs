@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, G, assert_close, block, law, plate, sphere, weighing};
+use common::{Bench, G, RADIUS, assert_close, block, law, plate, sphere, weighing};
 use glam::{DMat3, DVec3};
 use roost_solver::engine::Backend;
 use roost_solver::equipment::{Motion, SurfaceKind};
@@ -39,6 +39,21 @@ fn a_plate_reaches_what_it_was_far_from() {
     bench.cpu.start(&mut bench.run);
     bench.steps(12_000);
     assert_close(bench.velocity(0).length(), 2.0 * 0.38, 1e-2);
+}
+
+#[test]
+fn a_plate_that_has_turned_strikes_along_its_normal() {
+    // Turned by 60° when it meets the sphere 0.3 m from its pivot, with 1.2 m/s there: elastic, so twice that.
+    let motion = Motion::Moving { velocity: DVec3::ZERO, pivot: DVec3::ZERO, spin: DVec3::NEG_Y * 4.0 };
+    let turn = |angle: f64| DMat3::from_rotation_y(-angle);
+    let (met, ahead) = (60f64.to_radians(), (RADIUS / 0.3f64).asin());
+    let plates = vec![plate(SurfaceKind::Equipment).moving(motion)];
+    let mut bench = Bench::new(&sphere(plates, turn(met + ahead) * DVec3::X * 0.3, 1e-5));
+    bench.cpu.start(&mut bench.run);
+    bench.steps(28_000);
+    let expected = turn(met) * DVec3::Z * 2.4;
+    let off = bench.velocity(0) - expected;
+    assert!(off.length() < 0.03 * expected.length(), "{} is not {expected}", bench.velocity(0));
 }
 
 #[test]

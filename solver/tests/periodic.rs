@@ -3,11 +3,14 @@
 mod common;
 
 use common::{
-    BLINK, Bench, E, MASS, NU, RADIUS, assert_force, at, block, hertz, law, plate, push_in, scene, sphere,
-    weighing,
+    BLINK, Bench, E, MASS, NU, RADIUS, assert_force, at, block, document, hertz, law, plate, push_in, scene,
+    sphere, weighing,
 };
 use glam::DVec3;
 use roost_solver::equipment::{Surface, SurfaceKind};
+use roost_solver::experiments::hopper;
+use roost_solver::scenario;
+use serde_json::json;
 
 /// Two spheres in a domain that is periodic in y, around `y`, and their velocities after a collision.
 fn meet(periodic: Option<f64>, y: f64, steps: u64) -> [DVec3; 2] {
@@ -91,4 +94,22 @@ fn walls_are_steady_across_the_seam() {
         (scene.low.y, scene.high.y, scene.periodic_y) = (-0.05, 0.05, true);
         assert_force(push_in(scene), DVec3::Z * hertz(0.1 * RADIUS), 1e-3);
     }
+}
+
+#[test]
+fn the_surfaces_of_a_periodic_hopper_go_on_beyond_the_seam() {
+    let fields = [
+        ("/equipment/side_walls", json!("periodic")),
+        ("/product/count", json!(2)),
+        ("/product/subparticle_radius_m", json!(0.02)),
+    ];
+    let hopper = hopper::scene(&scenario::from_value(&document(&fields)).expect("a sound scenario"));
+    let half = 0.59 / 2.0;
+    for surface in &hopper.surfaces {
+        let y = || surface.triangles.iter().flatten().map(|corner| corner.y);
+        let (low, high) = (y().fold(f64::MAX, f64::min), y().fold(f64::MIN, f64::max));
+        // By more than the largest radius and the skin of the neighbour lists.
+        assert!(low < -half - 0.07 && high > half + 0.07, "{}: {low} to {high} m", surface.name);
+    }
+    assert_eq!(hopper.surfaces.len(), 4, "belt, back wall, gate, shutter");
 }

@@ -66,8 +66,8 @@ impl Grid {
     }
 
     fn around_one(&self, x: IVec3, visit: &mut impl FnMut(u32)) {
-        // Division rounds towards zero: a position below the grid would look like the first cell, so look there.
-        let c = (x - self.low).div_euclid(IVec3::splat(self.cell));
+        // Rounded towards zero: below the grid this is a cell too high, and then more is looked at, never less.
+        let c = self.cell_of(x);
         let (from, to) = ((c - 1).max(IVec3::ZERO), (c + 1).min(self.counts - 1));
         if from.x > to.x {
             return;

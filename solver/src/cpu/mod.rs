@@ -118,7 +118,6 @@ impl Backend for Cpu {
     fn start(&self, run: &mut CpuRun) {
         run.start_step = Some(run.step);
         run.walls.drop_what_goes_at_start();
-        run.drift.invalidate();
     }
 
     fn remove(&self, run: &mut CpuRun, serials: &[u32]) {

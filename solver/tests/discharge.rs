@@ -1,0 +1,167 @@
+//! The hopper's director, shown states made by hand: when the bed rests, what has passed, what has left, when to stop.
+
+mod common;
+
+use common::{assert_close, document};
+use glam::DVec3;
+use roost_solver::engine::run::{Decision, Director, Sample};
+use roost_solver::engine::scene::Scene;
+use roost_solver::engine::state::State;
+use roost_solver::experiments::discharge::HopperWatch;
+use roost_solver::experiments::hopper;
+use roost_solver::result::EndReason;
+use roost_solver::scenario::{self, Scenario};
+use serde_json::{Value, json};
+
+/// Two fillets in a hopper of 0.59 × 0.30 m, their states to be moved about.
+struct Stage {
+    scene: Scene,
+    state: State,
+    watch: HopperWatch,
+    simulated_s: f64,
+    start_s: f64,
+}
+
+impl Stage {
+    fn new(fields: &[(&str, Value)]) -> Self {
+        let few = [("/product/count", json!(2)), ("/product/subparticle_radius_m", json!(0.008))];
+        let scenario: Scenario =
+            scenario::from_value(&document(&[&few[..], fields].concat())).expect("a sound scenario");
+        let scene = hopper::scene(&scenario);
+        let mut state = State::new(&scene);
+        state.particles.iter_mut().for_each(|p| p.position.x = state.frame.encode(DVec3::X * -0.1).x);
+        let watch = HopperWatch::new(&scenario, &scene);
+        Self { scene, state, watch, simulated_s: 0.0, start_s: 0.0 }
+    }
+
+    /// Started: five looks at rest.
+    fn started(fields: &[(&str, Value)]) -> Self {
+        let mut stage = Self::new(fields);
+        for _ in 0..4 {
+            assert_eq!(stage.fill(), Decision::Continue { remove: vec![] });
+        }
+        assert_eq!(stage.fill(), Decision::Start);
+        stage.simulated_s -= 0.02;
+        stage.start_s = stage.simulated_s;
+        stage
+    }
+
+    fn fill(&mut self) -> Decision {
+        let decision = self.look(None);
+        self.simulated_s += 0.02;
+        decision
+    }
+
+    fn process(&mut self) -> Decision {
+        let decision = self.look(Some(self.simulated_s - self.start_s));
+        self.simulated_s += 0.02;
+        decision
+    }
+
+    fn look(&mut self, belt_time_s: Option<f64>) -> Decision {
+        let (simulated_s, state) = (self.simulated_s, &self.state);
+        self.watch.look(&Sample { simulated_s, belt_time_s, state, max_overlap_m: 4e-4 })
+    }
+
+    /// Puts these sub-particles at x.
+    fn put(&mut self, range: std::ops::Range<usize>, x: f64) {
+        let x = self.state.frame.encode(DVec3::X * x).x;
+        self.state.particles[range].iter_mut().for_each(|p| p.position.x = x);
+    }
+
+    /// Sub-particles of the first body.
+    fn first(&self) -> usize {
+        self.scene.kinds[0].meta.points.len()
+    }
+
+    fn mass(&self, range: std::ops::Range<usize>) -> f64 {
+        self.state.masses[range].iter().map(|&m| f64::from(m)).sum()
+    }
+}
+
+const GO_ON: Decision = Decision::Continue { remove: vec![] };
+
+#[test]
+fn the_bed_rests_after_five_slow_samples_in_a_row() {
+    let mut stage = Stage::new(&[]);
+    for speed in [0.0, 0.0, 0.0, 0.0, 0.051, 0.0, 0.049, 0.0, 0.0] {
+        stage.state.particles[3].velocity.y = speed;
+        assert_eq!(stage.fill(), GO_ON);
+    }
+    assert_eq!(stage.fill(), Decision::Start);
+}
+
+#[test]
+fn mass_counts_once_when_its_centre_passes_the_gate() {
+    let mut stage = Stage::started(&[]);
+    let (n, all) = (stage.first(), stage.state.particles.len());
+    for (count, x, passed) in
+        [(n, -1e-6, 0), (5, 1e-6, 5), (5, -0.01, 5), (5, 0.01, 5), (n, 0.1, n), (all, 0.1, all)]
+    {
+        stage.put(0..count, x);
+        let decision = stage.process();
+        let out = stage.mass(0..passed);
+        assert!((stage.watch.discharged_kg() - out).abs() < 1e-12, "{count} at {x} m: {out} kg");
+        assert_eq!(decision == Decision::End(EndReason::Empty), passed == all);
+    }
+    let responses = stage.watch.responses(EndReason::Empty);
+    assert_close(responses["filled_kg"].as_f64().unwrap(), stage.mass(0..all), 1e-9);
+    assert_close(responses["max_overlap_ratio"].as_f64().unwrap(), 0.05, 1e-6);
+    let series = stage.watch.series();
+    assert_eq!(series[0].t_s.len(), 6);
+    assert!(series[0].t_s.iter().enumerate().all(|(k, t)| (t - 0.02 * k as f64).abs() < 1e-12));
+    // Energy from the fill on: four samples before the start, which is at 0 in both.
+    assert!((series[3].t_s[0] + 0.08).abs() < 1e-12 && series[3].t_s[4].abs() < 1e-12);
+    assert_eq!(series[3].t_s.len(), 10);
+}
+
+#[test]
+fn whole_fillets_leave_past_the_gate_and_strays_are_counted_as_escaped() {
+    let mut stage = Stage::started(&[]);
+    let (n, all) = (stage.first(), stage.state.particles.len());
+    stage.put(0..n - 1, 0.3);
+    assert_eq!(stage.process(), GO_ON, "a part of it still hangs in the hopper");
+    stage.put(n - 1..n, 0.26);
+    assert_eq!(stage.process(), Decision::Continue { remove: vec![0] });
+    assert_eq!(stage.watch.responses(EndReason::Duration)["escaped_kg"], json!(0.0));
+    // One sub-particle far to the side: the second fillet is lost, what of it had passed is not.
+    stage.put(n..n + 4, 0.01);
+    stage.process();
+    let beside = DVec3::new(-0.1, 0.59 / 2.0 + 0.21, 0.1);
+    stage.state.particles[all - 1].position = stage.state.frame.encode(beside);
+    stage.put(n..n + 4, -0.01);
+    stage.put(0..n, 0.01);
+    assert_eq!(stage.process(), Decision::End(EndReason::Empty));
+    let responses = stage.watch.responses(EndReason::Empty);
+    assert_close(responses["escaped_kg"].as_f64().unwrap(), stage.mass(n + 4..all), 1e-9);
+    assert_close(responses["discharged_kg"].as_f64().unwrap(), stage.mass(0..n + 4), 1e-9);
+}
+
+#[test]
+fn a_jam_is_counted_from_the_last_passage() {
+    let mut stage = Stage::started(&[("/numerics/stop/when_jammed_s", json!(0.09))]);
+    for k in 0..12 {
+        // Something passes until t = 0.12 s.
+        if k <= 6 {
+            stage.put(0..k + 1, 0.01);
+        }
+        let ended = stage.process() == Decision::End(EndReason::Jammed);
+        assert_eq!(ended, k == 11, "at {} s", 0.02 * f64::from(k as u32));
+    }
+}
+
+#[test]
+fn the_beds_volume_is_its_floor_times_its_surface() {
+    // Both fillets flat at 0.1 m, spread so that every square of the floor has one.
+    let mut stage = Stage::new(&[("/product/count", json!(40)), ("/equipment/hopper_width_m", json!(0.32))]);
+    let (cells, squares) = (stage.state.particles.len(), [18, 20]);
+    assert!(cells > squares[0] * squares[1]);
+    for (i, p) in stage.state.particles.iter_mut().enumerate() {
+        let (x, y) = (i % squares[0], i / squares[0] % squares[1]);
+        let at = DVec3::new(-0.3 + (x as f64 + 0.5) * 0.3 / 18.0, -0.16 + (y as f64 + 0.5) * 0.016, 0.1);
+        p.position = stage.state.frame.encode(at);
+    }
+    while stage.fill() == GO_ON {}
+    let density = stage.watch.responses(EndReason::Duration)["bulk_density_kg_m3"].as_f64().unwrap();
+    assert_close(density, stage.mass(0..cells) / (0.3 * 0.32 * 0.108), 1e-6);
+}
