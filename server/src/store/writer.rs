@@ -205,6 +205,28 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn a_full_disk_is_told_and_the_writer_goes_on() {
+        let dir = tempfile::tempdir().unwrap();
+        let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
+        let mut connection = options.connect().await.unwrap();
+        let small = "CREATE TABLE t (x); PRAGMA max_page_count = 3";
+        sqlx::raw_sql(small).execute(&mut connection).await.unwrap();
+        let writer = Writer::start(connection);
+        let insert = async |bytes: i64| {
+            let sql = "INSERT INTO t VALUES (zeroblob(?))";
+            writer
+                .write(move |tx| {
+                    Box::pin(async move { Ok(sqlx::query(sql).bind(bytes).execute(tx).await.map(drop)?) })
+                })
+                .await
+        };
+        let error = insert(1_000_000).await.unwrap_err();
+        assert_eq!(error.hindrance(), Some(Hindrance::Full), "{error:?}");
+        insert(10).await.unwrap();
+        writer.close().await;
+    }
+
+    #[tokio::test]
     async fn a_writer_that_panics_says_that_it_ended() {
         let writer = Writer::start(SqliteConnectOptions::new().in_memory(true).connect().await.unwrap());
         let lost = writer.write::<(), _>(|_| Box::pin(async { panic!("on purpose") })).await;

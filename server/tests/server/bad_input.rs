@@ -149,9 +149,9 @@ async fn a_bad_scenario_lists_every_fault_of_scenario_and_envelope() {
 /// One thread answers here, so that what computes on it is heard of at once.
 #[tokio::test(flavor = "current_thread")]
 async fn a_costly_scenario_keeps_nobody_waiting() {
-    let (farm, _dir) = Farm::start().await;
+    let (farm, _dir) = Farm::with(|config| config.limits.max_subparticles = u64::MAX).await;
     let mut costly = envelope(1);
-    costly["scenario"]["product"] = json!({"count": 191, "subparticle_radius_m": 0.004});
+    costly["scenario"]["product"] = json!({"count": 191, "subparticle_radius_m": 0.001});
     let started = std::time::Instant::now();
     let submitted = farm.send(Method::POST, "/v1/jobs", Some(&costly));
     let mut submitted = Box::pin(submitted);
