@@ -57,8 +57,9 @@ fn one() -> u32 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Design {
+    // With braces: serde lets unknown fields of a variant without fields pass.
     /// Every combination of all levels, the last factor varying fastest.
-    Grid,
+    Grid {},
 }
 
 /// A varied input.

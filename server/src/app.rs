@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use roost_api::Progress;
 use roost_api::ids::JobId;
 use roost_api::job::{JobState, JobView};
-use tokio::sync::Notify;
+use tokio::sync::{Notify, Semaphore};
 use tokio_util::sync::CancellationToken;
 
 use crate::clock::Clock;
@@ -23,6 +23,8 @@ pub(crate) struct AppState {
     pub(crate) clock: Clock,
     /// Wakes the claims that wait for work.
     pub(crate) work: Notify,
+    /// Long documents that are read at once.
+    pub(crate) deliveries: Arc<Semaphore>,
     /// Ends everything that waits.
     pub(crate) shutdown: CancellationToken,
     /// How far running jobs have come: worth showing, not worth a write.
@@ -46,6 +48,11 @@ impl ProgressBoard {
     /// Forgets a job that runs no longer.
     pub(crate) fn forget(&self, job: JobId) {
         self.lock().remove(&job);
+    }
+
+    /// The jobs on the board.
+    pub(crate) fn jobs(&self) -> Vec<JobId> {
+        self.lock().keys().copied().collect()
     }
 
     /// Shows the progress of a job that runs.

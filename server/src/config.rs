@@ -45,7 +45,7 @@ impl Default for ServerConfig {
             attempts: AttemptLimits::default(),
             max_jobs_per_sweep: 100_000,
             max_body_bytes: 4 * 1024 * 1024,
-            max_result_bytes: 256 * 1024 * 1024,
+            max_result_bytes: 32 * 1024 * 1024,
         }
     }
 }

@@ -21,4 +21,4 @@ pub use queue::AttemptLimits;
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
 pub use store::StoreError;
-pub use validation::validate;
+pub use validation::{is_sweep, validate};

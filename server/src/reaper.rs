@@ -1,25 +1,61 @@
-//! The reaper: ends leases that ran out, so that what a dead worker held is run by another.
+//! The reaper: ends leases that ran out, so that what a dead worker held is run by another, and clears the
+//! progress of jobs that run no longer.
 
 use std::time::Duration;
 
 use crate::app::App;
 use crate::queue::JobChange;
+use crate::store::StoreError;
 
 /// Looks for expired leases until the server shuts down.
 pub(crate) async fn run(app: App) {
     let interval = (app.config.lease / 4).clamp(Duration::from_millis(20), Duration::from_secs(1));
     while app.shutdown.run_until_cancelled(tokio::time::sleep(interval)).await.is_some() {
-        match app.store.expire_leases(app.config.attempts, app.clock.lease_now()).await {
-            Ok(changes) => {
-                for (job, change) in &changes {
-                    tracing::warn!(%job, ?change, "lease expired");
-                    app.progress.forget(*job);
-                }
-                if changes.iter().any(|(_, change)| *change == JobChange::Requeue) {
-                    app.work.notify_waiters();
-                }
-            }
-            Err(error) => tracing::error!(%error, "leases could not be looked through"),
+        if let Err(error) = tick(&app).await {
+            tracing::error!(error = error.as_dyn(), "leases could not be looked through");
         }
+    }
+}
+
+async fn tick(app: &App) -> Result<(), StoreError> {
+    let changes =
+        app.store.expire_leases(app.config.attempts, app.clock.lease_now(), app.clock.now()).await?;
+    for (job, change) in &changes {
+        tracing::warn!(%job, ?change, "lease expired");
+        app.progress.forget(*job);
+    }
+    if changes.iter().any(|(_, change)| *change == JobChange::Requeue) {
+        app.work.notify_waiters();
+    }
+    // A beat that was answered before the job ended may note its progress after.
+    let shown = app.progress.jobs();
+    if !shown.is_empty() {
+        let running = app.store.running_of(&shown).await?;
+        shown.into_iter().filter(|job| !running.contains(job)).for_each(|job| app.progress.forget(job));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use roost_api::ids::JobId;
+    use serde_json::json;
+
+    use super::*;
+    use crate::config::ServerConfig;
+    use crate::server::Server;
+
+    #[tokio::test]
+    async fn progress_of_a_job_that_does_not_run_is_cleared() {
+        let dir = tempfile::tempdir().unwrap();
+        let listen = ([127, 0, 0, 1], 0).into();
+        let config = ServerConfig { listen, data: dir.path().to_owned(), ..ServerConfig::default() };
+        let server = Server::bind(config).await.unwrap();
+        let progress = json!({"phase": "process", "time_s": 1.0, "simulated_s": 2.0, "fraction": 0.5,
+            "subparticles": 9, "particle_steps": 10, "wall_s": 0.1, "discharged_kg": 3.0});
+        server.app.progress.set(JobId::new(), serde_json::from_value(progress).unwrap());
+        tick(&server.app).await.unwrap();
+        assert_eq!(server.app.progress.jobs(), []);
+        server.app.store.close().await;
     }
 }

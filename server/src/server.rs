@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::TcpListener;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, Semaphore};
 use tokio_util::sync::CancellationToken;
 
 use crate::app::{App, AppState, ProgressBoard};
@@ -28,7 +28,7 @@ pub enum ServerError {
     )]
     NotLoopback(SocketAddr),
     /// The address is taken or not ours.
-    #[error("cannot listen on {address}: {source}")]
+    #[error("cannot listen on {address}")]
     Bind {
         /// The address.
         address: SocketAddr,
@@ -36,7 +36,7 @@ pub enum ServerError {
         source: io::Error,
     },
     /// The data directory cannot be used.
-    #[error("cannot use the data directory {}: {source}", path.display())]
+    #[error("cannot use the data directory {}", path.display())]
     Data {
         /// The directory.
         path: PathBuf,
@@ -52,6 +52,9 @@ pub enum ServerError {
     /// Serving ended by itself.
     #[error("serving ended: {0}")]
     Serve(io::Error),
+    /// The task that writes to the database ended.
+    #[error("the database writer ended by itself; the log says more")]
+    WriterEnded,
 }
 
 /// Requests under way at shutdown get this long.
@@ -64,7 +67,7 @@ const PATIENCE: u32 = 20;
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
-    app: App,
+    pub(crate) app: App,
     /// Held while the server lives: two servers on one directory would both hand out its leases.
     _lock: File,
 }
@@ -76,10 +79,11 @@ impl Server {
         if !address.ip().is_loopback() {
             return Err(ServerError::NotLoopback(address));
         }
-        let lock = patiently(async || lock_data(&config)).await?;
+        // The address first: what cannot be listened on leaves no directory behind.
         let bind =
             async || TcpListener::bind(address).await.map_err(|source| ServerError::Bind { address, source });
         let listener = patiently(bind).await?;
+        let lock = patiently(async || lock_data(&config)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
         let store = Store::open(&config.data.join("roost.db")).await?;
         let clock = Clock::start();
@@ -90,6 +94,7 @@ impl Server {
             store,
             clock,
             work: Notify::new(),
+            deliveries: Arc::new(Semaphore::new(http::AT_ONCE)),
             shutdown: CancellationToken::new(),
             progress: ProgressBoard::default(),
         });
@@ -110,17 +115,22 @@ impl Server {
         let serving = http::serve(self.listener, app.clone(), stop.clone().cancelled_owned());
         tokio::pin!(serving);
         let served = tokio::select! {
-            served = &mut serving => served,
+            served = &mut serving => served.map_err(ServerError::Serve),
             () = shutdown.cancelled() => {
                 stop.cancel();
                 // A client that neither reads nor closes must not keep the server.
-                tokio::time::timeout(GRACE, serving).await.unwrap_or(Ok(()))
+                tokio::time::timeout(GRACE, serving).await.unwrap_or(Ok(())).map_err(ServerError::Serve)
+            }
+            () = app.store.ended() => {
+                stop.cancel();
+                let _ = tokio::time::timeout(GRACE, serving).await;
+                Err(ServerError::WriterEnded)
             }
         };
         stop.cancel();
         let _ = reaper.await;
         app.store.close().await;
-        served.map_err(ServerError::Serve)
+        served
     }
 }
 
@@ -146,5 +156,23 @@ fn lock_data(config: &ServerConfig) -> Result<File, ServerError> {
         Ok(()) => Ok(lock),
         Err(std::fs::TryLockError::WouldBlock) => Err(ServerError::DataInUse(config.data.clone())),
         Err(std::fs::TryLockError::Error(source)) => Err(fail(source)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_server_whose_writer_ended_ends() {
+        let dir = tempfile::tempdir().unwrap();
+        let listen = ([127, 0, 0, 1], 0).into();
+        let config = ServerConfig { listen, data: dir.path().to_owned(), ..ServerConfig::default() };
+        let server = Server::bind(config).await.unwrap();
+        let app = server.app.clone();
+        let running = tokio::spawn(server.run(CancellationToken::new()));
+        app.store.close().await;
+        let ended = tokio::time::timeout(Duration::from_secs(20), running).await.expect("not half alive");
+        assert!(matches!(ended.unwrap(), Err(ServerError::WriterEnded)));
     }
 }

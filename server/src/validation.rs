@@ -3,13 +3,13 @@
 //! Pure, so that `roost validate` says without a server what `POST /v1/validate` says with one.
 
 use roost_api::Fault;
-use roost_api::sweep::{SCHEMA, SweepSpec};
+use roost_api::sweep::SCHEMA;
 use roost_api::validate::ValidationReport;
 use roost_solver::{Limits, scenario};
 use serde_json::{Value, json};
 
-use crate::document::{read_document, read_envelope};
-use crate::sweep::{SweepLimits, expand};
+use crate::document::read_envelope;
+use crate::sweep::{self, SweepLimits};
 
 /// Checks a scenario, a job envelope or a sweep, and says what it would cost.
 ///
@@ -17,8 +17,7 @@ use crate::sweep::{SweepLimits, expand};
 /// Every fault found, with pointers into the document.
 pub fn validate(document: Value, limits: &Limits, max_jobs: u64) -> Result<ValidationReport, Vec<Fault>> {
     if is_sweep(&document) {
-        let spec: SweepSpec = read_document(document)?;
-        let expansion = expand(&spec, SweepLimits { max_jobs, scenario: *limits })?;
+        let (_, expansion) = sweep::read(document, SweepLimits { max_jobs, scenario: *limits })?;
         return Ok(ValidationReport {
             document: "sweep".to_owned(),
             jobs: expansion.jobs(),
@@ -35,7 +34,7 @@ pub fn validate(document: Value, limits: &Limits, max_jobs: u64) -> Result<Valid
 }
 
 /// A sweep says so, or has what only a sweep has.
-fn is_sweep(document: &Value) -> bool {
+pub fn is_sweep(document: &Value) -> bool {
     document.get("schema").is_some_and(|schema| schema == SCHEMA)
         || ["base", "factors", "design"].iter().any(|name| document.get(name).is_some())
 }

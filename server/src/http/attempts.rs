@@ -3,6 +3,7 @@
 use axum::Json;
 use axum::extract::State;
 use roost_api::ids::JobId;
+use roost_api::job::AttemptOutcome;
 use roost_api::lease::{FailureReport, ResultDelivery};
 use roost_api::problem::Problem;
 use roost_api::{Fault, RunResult};
@@ -11,11 +12,13 @@ use serde::Serialize;
 use serde_json::json;
 use utoipa::ToSchema;
 
-use super::extract::{Body, Segments};
+use super::aside::aside;
+use super::delivery::Delivery;
 use super::problem::ApiError;
 use crate::app::App;
 use crate::document::fault;
 use crate::queue::{JobChange, Verdict};
+use crate::store::StoredResult;
 
 /// The answer to a delivery.
 #[derive(Serialize, ToSchema)]
@@ -36,10 +39,15 @@ pub(crate) struct Receipt {
                content_type = "application/problem+json")))]
 pub(crate) async fn result(
     State(app): State<App>,
-    Segments((id, attempt)): Segments<(JobId, u32)>,
-    Body(delivery): Body<ResultDelivery>,
+    Delivery { job: id, attempt, body, turn: _turn }: Delivery<ResultDelivery>,
 ) -> Result<Json<Receipt>, ApiError> {
-    let ResultDelivery { worker_id, result } = delivery;
+    let ResultDelivery { worker_id, result } = body;
+    let stored = aside(move || prepared_result(result)).await??;
+    let verdict = app.store.record_result(id, attempt, worker_id, stored, app.clock.now()).await??;
+    Ok(Json(settle(&app, id, &verdict)))
+}
+
+fn prepared_result(result: RunResult) -> Result<StoredResult, ApiError> {
     let mut faults = result_faults(&result);
     if matches!(result.end_reason, EndReason::Unstable | EndReason::Cancelled) {
         let detail = "an unstable or cancelled run has no result: report it as a failure";
@@ -48,8 +56,7 @@ pub(crate) async fn result(
     if !faults.is_empty() {
         return Err(ApiError::faults(faults));
     }
-    let verdict = app.store.record_result(id, attempt, worker_id, result, app.clock.now()).await??;
-    Ok(Json(settle(&app, id, &verdict)))
+    Ok(StoredResult::new(&result)?)
 }
 
 /// Reports why an attempt has no result. Repeating it is safe.
@@ -65,17 +72,26 @@ pub(crate) async fn result(
                content_type = "application/problem+json")))]
 pub(crate) async fn failure(
     State(app): State<App>,
-    Segments((id, attempt)): Segments<(JobId, u32)>,
-    Body(report): Body<FailureReport>,
+    Delivery { job: id, attempt, body, turn: _turn }: Delivery<FailureReport>,
 ) -> Result<Json<Receipt>, ApiError> {
-    let FailureReport { worker_id, outcome, message, result } = report;
-    if let Some(faults) = result.as_ref().map(result_faults).filter(|faults| !faults.is_empty()) {
-        return Err(ApiError::faults(faults));
-    }
+    let FailureReport { worker_id, outcome, message, result } = body;
+    let partial = aside(move || result.map(|result| prepared_partial(outcome, result)).transpose()).await??;
     let (limits, now) = (app.config.attempts, app.clock.now());
-    let recorded = app.store.record_failure(id, attempt, worker_id, outcome, message, result, limits, now);
+    let recorded = app.store.record_failure(id, attempt, worker_id, outcome, message, partial, limits, now);
     let verdict = recorded.await??;
     Ok(Json(settle(&app, id, &verdict)))
+}
+
+/// What a cancelled run had come to is no response.
+fn prepared_partial(outcome: AttemptOutcome, mut result: RunResult) -> Result<StoredResult, ApiError> {
+    let faults = result_faults(&result);
+    if !faults.is_empty() {
+        return Err(ApiError::faults(faults));
+    }
+    if outcome == AttemptOutcome::Cancelled {
+        result.responses.clear();
+    }
+    Ok(StoredResult::new(&result)?)
 }
 
 /// What a delivery means for those who wait and watch.

@@ -6,9 +6,11 @@ use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
 use roost_solver::scenario::{ScenarioError, read_json};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use super::aside::aside;
 use super::problem::{ApiError, Kind};
 use crate::document::read_document;
 
@@ -28,35 +30,48 @@ pub(crate) struct Params<T>(pub(crate) T);
 #[derive(Clone, Copy)]
 pub(crate) struct BodyLimit(pub(crate) usize);
 
+/// A body larger than this is parsed aside.
+const LARGE: usize = 64 * 1024;
+
 impl<S: Send + Sync> FromRequest<S> for Document {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
-        if !says_json(request.headers()) {
-            return Err(ApiError::new(Kind::NotJson, "send the header `content-type: application/json`"));
-        }
-        let limit = request.extensions().get::<BodyLimit>().map_or(0, |limit| limit.0);
-        let bytes = Bytes::from_request(request, state).await.map_err(|error| unread(&error, limit))?;
-        let text = str::from_utf8(&bytes).map_err(|error| {
-            let before = &bytes[..error.valid_up_to()];
-            let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
-            ApiError::new(Kind::Syntax, format!("the body is not UTF-8 (line {line})"))
-        })?;
-        match read_json(text) {
-            Ok(value) => Ok(Self(value)),
-            Err(error @ ScenarioError::Syntax { .. }) => Err(ApiError::new(Kind::Syntax, error.to_string())),
-            Err(ScenarioError::Faults(faults)) => Err(ApiError::faults(faults)),
-        }
+        let bytes = json_bytes(request, state).await?;
+        let value = if bytes.len() > LARGE { aside(move || parsed(&bytes)).await? } else { parsed(&bytes) };
+        value.map(Self)
     }
 }
 
-impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
+impl<S: Send + Sync, T: DeserializeOwned + Serialize> FromRequest<S> for Body<T> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
         let Document(value) = Document::from_request(request, state).await?;
         read_document(value).map(Self).map_err(ApiError::faults)
     }
+}
+
+/// The bytes of a body that is declared as JSON.
+pub(super) async fn json_bytes<S: Send + Sync>(request: Request, state: &S) -> Result<Bytes, ApiError> {
+    if !says_json(request.headers()) {
+        return Err(ApiError::new(Kind::NotJson, "send the header `content-type: application/json`"));
+    }
+    let limit = request.extensions().get::<BodyLimit>().map_or(0, |limit| limit.0);
+    Bytes::from_request(request, state).await.map_err(|error| unread(&error, limit))
+}
+
+/// The JSON value that the bytes spell, or where they do not.
+pub(super) fn parsed(bytes: &[u8]) -> Result<Value, ApiError> {
+    let text = str::from_utf8(bytes).map_err(|error| {
+        let before = &bytes[..error.valid_up_to()];
+        let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
+        ApiError::new(Kind::Syntax, format!("the body is not UTF-8 (line {line})"))
+    })?;
+    read_json(text).map_err(|error| match error {
+        ScenarioError::Syntax { .. } => ApiError::new(Kind::Syntax, error.to_string()),
+        ScenarioError::Faults(faults) => ApiError::faults(faults),
+    })
 }
 
 impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for Segments<T> {

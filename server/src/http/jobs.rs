@@ -10,8 +10,9 @@ use roost_api::problem::Problem;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
+use super::aside::aside;
 use super::extract::{Document, Params, Segments};
-use super::page::{label, limit, page};
+use super::page::{cursor, label, limit, page};
 use super::problem::ApiError;
 use crate::app::App;
 use crate::document::read_envelope;
@@ -28,7 +29,9 @@ pub(crate) async fn submit(
     State(app): State<App>,
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<JobView>), ApiError> {
-    let (envelope, scenario) = read_envelope(&app.config.limits, document).map_err(ApiError::faults)?;
+    let limits = app.config.limits;
+    let (envelope, scenario) =
+        aside(move || read_envelope(&limits, document)).await?.map_err(ApiError::faults)?;
     let id = JobId::new();
     let job = NewJob {
         id,
@@ -66,7 +69,13 @@ impl JobQuery {
     /// The filter for the store.
     pub(super) fn filter(self) -> Result<JobFilter, ApiError> {
         let limit = limit(self.limit)?;
-        Ok(JobFilter { sweep: None, state: self.state, label: self.label, before: self.cursor, limit })
+        Ok(JobFilter {
+            sweep: None,
+            state: self.state,
+            label: self.label,
+            before: cursor(self.cursor)?,
+            limit,
+        })
     }
 }
 

@@ -1,7 +1,9 @@
 //! The HTTP API: a file per resource, and here the whole route list.
 
+mod aside;
 mod attempts;
 mod claims;
+mod delivery;
 mod extract;
 mod heartbeats;
 mod jobs;
@@ -30,6 +32,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use crate::app::App;
+pub(crate) use delivery::AT_ONCE;
 use extract::BodyLimit;
 use problem::{ApiError, Kind};
 

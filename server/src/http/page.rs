@@ -18,6 +18,16 @@ pub(crate) fn limit(asked: Option<u32>) -> Result<u32, ApiError> {
     }
 }
 
+/// The place to go on from: a number of ours, and those are not negative.
+pub(crate) fn cursor(given: Option<i64>) -> Result<Option<i64>, ApiError> {
+    match given {
+        Some(wrong @ ..0) => {
+            Err(ApiError::new(Kind::InvalidQuery, format!("cursor {wrong} is no `next_cursor` of a page")))
+        }
+        given => Ok(given),
+    }
+}
+
 /// A page whose cursor is a word of ours.
 pub(crate) fn page<T>(items: Vec<T>, next: Option<impl std::fmt::Display>) -> Page<T> {
     Page { items, next_cursor: next.map(|next| next.to_string()) }

@@ -6,7 +6,7 @@ use roost_api::Fault;
 use roost_api::problem::{MEDIA_TYPE, Problem};
 
 use crate::queue::Refusal;
-use crate::store::StoreError;
+use crate::store::{Hindrance, StoreError};
 
 /// Declares the kinds of problem: name in the `type` field, status, title.
 macro_rules! kinds {
@@ -53,6 +53,7 @@ kinds! {
     WrongState = "wrong-state", CONFLICT, "The job is in another state";
     WorkerRefused = "worker-refused", CONFLICT, "The worker does not go with this server";
     Unavailable = "unavailable", SERVICE_UNAVAILABLE, "The server cannot answer now";
+    StorageFull = "storage-full", INSUFFICIENT_STORAGE, "The server's disk is full";
     Internal = "internal", INTERNAL_SERVER_ERROR, "The server made a mistake";
 }
 
@@ -98,9 +99,18 @@ impl IntoResponse for ApiError {
 
 impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
-        tracing::error!(%error, "the store failed");
-        match error {
-            StoreError::WriterGone => Self::new(Kind::Unavailable, "the server is stopping; try again later"),
+        tracing::error!(error = error.as_dyn(), "the store failed");
+        match (error.hindrance(), &error) {
+            (Some(Hindrance::Busy), _) => {
+                Self::new(Kind::Unavailable, "the database is held by another program; try again later")
+            }
+            (Some(Hindrance::Full), _) => Self::new(
+                Kind::StorageFull,
+                "the disk of the server's data directory is full: nothing changed",
+            ),
+            (None, StoreError::WriterGone) => {
+                Self::new(Kind::Unavailable, "the server is stopping; try again later")
+            }
             _ => Self::new(
                 Kind::Internal,
                 "the database did not do what it should; the server's log says more",

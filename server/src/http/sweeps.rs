@@ -11,14 +11,15 @@ use roost_api::sweep::{SweepSpec, SweepView};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::extract::{Body, Params, Segments};
+use super::aside::aside;
+use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
-use super::page::{label, limit, page};
-use super::problem::{ApiError, Kind};
+use super::page::{cursor, label, limit, page};
+use super::problem::ApiError;
 use crate::app::App;
 use crate::queue::Refusal;
 use crate::store::{JobFilter, NewSweep};
-use crate::sweep::{Expansion, SweepLimits, expand};
+use crate::sweep::{self, SweepLimits};
 
 /// Submits a sweep: base × design × replicates, all or nothing.
 #[utoipa::path(post, path = "/v1/sweeps", tag = "sweeps", operation_id = "submit_sweep",
@@ -28,23 +29,16 @@ use crate::sweep::{Expansion, SweepLimits, expand};
                content_type = "application/problem+json")))]
 pub(crate) async fn submit(
     State(app): State<App>,
-    Body(spec): Body<SweepSpec>,
+    Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<SweepView>), ApiError> {
     let id = SweepId::new();
-    let expansion = expanded(&app, spec.clone()).await?;
+    // Many points take a while.
+    let limits = SweepLimits { max_jobs: app.config.max_jobs_per_sweep, scenario: app.config.limits };
+    let (spec, expansion) = aside(move || sweep::read(document, limits)).await?.map_err(ApiError::faults)?;
     app.store.insert_sweep(NewSweep { id, spec, expansion }, app.clock.now()).await?;
     app.work.notify_waiters();
     let location = [(header::LOCATION, format!("/v1/sweeps/{id}"))];
     Ok((StatusCode::CREATED, location, Json(view(&app, id).await?)))
-}
-
-/// Expands a sweep on a thread of its own: many points take a while, and others wait for answers.
-async fn expanded(app: &App, spec: SweepSpec) -> Result<Expansion, ApiError> {
-    let limits = SweepLimits { max_jobs: app.config.max_jobs_per_sweep, scenario: app.config.limits };
-    tokio::task::spawn_blocking(move || expand(&spec, limits))
-        .await
-        .map_err(|error| ApiError::new(Kind::Internal, format!("the sweep could not be expanded: {error}")))?
-        .map_err(ApiError::faults)
 }
 
 /// Which sweeps to list.
@@ -70,7 +64,8 @@ pub(crate) async fn list(
     State(app): State<App>,
     Params(query): Params<SweepQuery>,
 ) -> Result<Json<Page<SweepView>>, ApiError> {
-    let (mut sweeps, next) = app.store.sweeps(query.label, query.cursor, limit(query.limit)?).await?;
+    let (mut sweeps, next) =
+        app.store.sweeps(query.label, cursor(query.cursor)?, limit(query.limit)?).await?;
     for sweep in &mut sweeps {
         add_running(&app, sweep).await?;
     }

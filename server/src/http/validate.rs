@@ -5,8 +5,9 @@ use axum::extract::State;
 use roost_api::problem::Problem;
 use roost_api::validate::ValidationReport;
 
+use super::aside::aside;
 use super::extract::Document;
-use super::problem::{ApiError, Kind};
+use super::problem::ApiError;
 use crate::app::App;
 
 /// Checks a scenario, a job envelope or a sweep without running it, and says what it would cost.
@@ -20,11 +21,8 @@ pub(crate) async fn validate(
     Document(document): Document,
 ) -> Result<Json<ValidationReport>, ApiError> {
     let (limits, max_jobs) = (app.config.limits, app.config.max_jobs_per_sweep);
-    tokio::task::spawn_blocking(move || crate::validation::validate(document, &limits, max_jobs))
-        .await
-        .map_err(|error| {
-            ApiError::new(Kind::Internal, format!("the document could not be checked: {error}"))
-        })?
+    aside(move || crate::validation::validate(document, &limits, max_jobs))
+        .await?
         .map(Json)
         .map_err(ApiError::faults)
 }

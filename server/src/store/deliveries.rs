@@ -4,7 +4,6 @@ use roost_api::RunResult;
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
-use serde_json::Map;
 use sqlx::SqliteConnection;
 
 use super::facts::{change_job, end_attempt, fenced};
@@ -12,18 +11,62 @@ use super::rows::to_json;
 use super::{Store, StoreError};
 use crate::queue::{AttemptLimits, Refusal, Verdict, on_failure, on_result};
 
+/// A result written out and hashed, which for a long one takes a while: done before any transaction.
+pub(crate) struct StoredResult {
+    scenario_digest: String,
+    physics_revision: u32,
+    backend: String,
+    responses: String,
+    digest: String,
+    body: String,
+}
+
+impl StoredResult {
+    /// Writes a result out.
+    pub(crate) fn new(result: &RunResult) -> Result<Self, StoreError> {
+        let body = to_json("result", result)?;
+        Ok(Self {
+            scenario_digest: result.scenario_digest.clone(),
+            physics_revision: result.solver.physics_revision,
+            backend: result.solver.backend.clone(),
+            responses: to_json("responses", &result.responses)?,
+            digest: blake3::hash(body.as_bytes()).to_hex().to_string(),
+            body,
+        })
+    }
+}
+
 impl Store {
+    /// Whether there is such an attempt.
+    pub(crate) async fn find_attempt(
+        &self,
+        job: JobId,
+        attempt: u32,
+    ) -> Result<Result<(), Refusal>, StoreError> {
+        let row: Option<(bool,)> = sqlx::query_as(
+            "SELECT EXISTS (SELECT 1 FROM attempts WHERE job_id = jobs.id AND number = ?)
+             FROM jobs WHERE id = ?",
+        )
+        .bind(attempt)
+        .bind(job.to_string())
+        .fetch_optional(&self.readers)
+        .await?;
+        Ok(match row {
+            None => Err(Refusal::NoJob),
+            Some((false,)) => Err(Refusal::NoAttempt),
+            Some((true,)) => Ok(()),
+        })
+    }
+
     /// Records a result, exactly once per job.
     pub(crate) async fn record_result(
         &self,
         job_id: JobId,
         attempt: u32,
         worker: WorkerId,
-        result: RunResult,
+        result: StoredResult,
         now: Timestamp,
     ) -> Result<Result<Verdict, Refusal>, StoreError> {
-        let body = to_json("result", &result)?;
-        let responses = to_json("responses", &result.responses)?;
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
@@ -39,7 +82,7 @@ impl Store {
                     if result.scenario_digest != fenced.digest {
                         return Ok(Err(Refusal::OtherScenario));
                     }
-                    let document = insert_document(tx, body).await?;
+                    insert_document(tx, &result.digest, result.body).await?;
                     sqlx::query(
                         "INSERT INTO results (job_id, attempt, digest, physics_revision, backend, responses,
                                               document, recorded_at)
@@ -48,10 +91,10 @@ impl Store {
                     .bind(job_id.to_string())
                     .bind(attempt)
                     .bind(&fenced.digest)
-                    .bind(result.solver.physics_revision)
-                    .bind(&result.solver.backend)
-                    .bind(responses)
-                    .bind(document)
+                    .bind(result.physics_revision)
+                    .bind(&result.backend)
+                    .bind(&result.responses)
+                    .bind(&result.digest)
                     .bind(now.0)
                     .execute(&mut *tx)
                     .await?;
@@ -63,8 +106,7 @@ impl Store {
             .await
     }
 
-    /// Records why an attempt has no result. A partial result keeps its series; what a cancelled run had
-    /// come to is no response.
+    /// Records why an attempt has no result, with what it came to.
     #[expect(clippy::too_many_arguments, reason = "a report as it arrives, and the clock")]
     pub(crate) async fn record_failure(
         &self,
@@ -73,7 +115,7 @@ impl Store {
         worker: WorkerId,
         outcome: AttemptOutcome,
         message: String,
-        partial: Option<RunResult>,
+        partial: Option<StoredResult>,
         limits: AttemptLimits,
         now: Timestamp,
     ) -> Result<Result<Verdict, Refusal>, StoreError> {
@@ -93,11 +135,9 @@ impl Store {
                         return Ok(Err(Refusal::OtherScenario));
                     }
                     let document = match partial {
-                        Some(mut partial) => {
-                            if outcome == AttemptOutcome::Cancelled {
-                                partial.responses = Map::new();
-                            }
-                            Some(insert_document(tx, to_json("result", &partial)?).await?)
+                        Some(partial) => {
+                            insert_document(tx, &partial.digest, partial.body).await?;
+                            Some(partial.digest)
                         }
                         None => None,
                     };
@@ -112,12 +152,11 @@ impl Store {
 }
 
 /// Stores a document under its digest.
-async fn insert_document(tx: &mut SqliteConnection, body: String) -> Result<String, StoreError> {
-    let digest = blake3::hash(body.as_bytes()).to_hex().to_string();
+async fn insert_document(tx: &mut SqliteConnection, digest: &str, body: String) -> Result<(), StoreError> {
     sqlx::query("INSERT INTO documents (digest, body) VALUES (?, ?) ON CONFLICT (digest) DO NOTHING")
-        .bind(&digest)
+        .bind(digest)
         .bind(body)
         .execute(&mut *tx)
         .await?;
-    Ok(digest)
+    Ok(())
 }

@@ -21,13 +21,16 @@ mod workers;
 mod writer;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
+use libsqlite3_sys::{SQLITE_BUSY, SQLITE_FULL};
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
+pub(crate) use deliveries::StoredResult;
 pub(crate) use heartbeats::Beat;
 pub(crate) use jobs::JobFilter;
 pub(crate) use submit::{NewJob, NewSweep};
@@ -40,14 +43,14 @@ const OLDEST_SQLITE: (u32, u32, u32) = (3, 51, 3);
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The database said no.
-    #[error("database: {0}")]
+    #[error("the database said no")]
     Sql(#[from] sqlx::Error),
     /// The database could not be brought to this version.
-    #[error("database migration: {0}")]
+    #[error("the database could not be brought to this version")]
     Migrate(#[from] sqlx::migrate::MigrateError),
     /// A group of writes could not be committed.
-    #[error("database commit: {0}")]
-    Commit(String),
+    #[error("a group of writes was not committed")]
+    Commit(#[source] Arc<sqlx::Error>),
     /// The writer has stopped.
     #[error("the database writer has stopped")]
     WriterGone,
@@ -62,6 +65,37 @@ pub enum StoreError {
         /// What is wrong with it.
         message: String,
     },
+}
+
+/// What hinders a database that is sound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Hindrance {
+    /// Somebody else holds it.
+    Busy,
+    /// The disk is full.
+    Full,
+}
+
+impl StoreError {
+    /// What to wait for or to clear away, if that is all.
+    pub(crate) fn hindrance(&self) -> Option<Hindrance> {
+        let error = match self {
+            Self::Sql(error) => error,
+            Self::Commit(error) => error.as_ref(),
+            _ => return None,
+        };
+        let code: i32 = error.as_database_error()?.code()?.parse().ok()?;
+        match code & 0xff {
+            SQLITE_BUSY => Some(Hindrance::Busy),
+            SQLITE_FULL => Some(Hindrance::Full),
+            _ => None,
+        }
+    }
+
+    /// For the log, which writes out the sources as well.
+    pub(crate) fn as_dyn(&self) -> &(dyn std::error::Error + 'static) {
+        self
+    }
 }
 
 /// The database.
@@ -95,6 +129,11 @@ impl Store {
     pub(crate) async fn close(&self) {
         self.readers.close().await;
         self.writer.close().await;
+    }
+
+    /// Returns when the writer has ended, which by itself it never does.
+    pub(crate) async fn ended(&self) {
+        self.writer.ended().await;
     }
 
     /// Whether reads and writes get through.

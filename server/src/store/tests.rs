@@ -177,16 +177,18 @@ async fn design_points_and_results_never_change() {
         })
     };
     let error = attempt("UPDATE points SET levels = '[]'").await.unwrap_err();
-    assert!(error.to_string().contains("a design point never changes"), "{error}");
+    let error = format!("{error:?}");
+    assert!(error.contains("a design point never changes"), "{error}");
     let error = attempt("INSERT INTO points VALUES ('t', 0, '{}')").await.unwrap_err();
-    assert!(error.to_string().contains("FOREIGN KEY"), "{error}");
+    let error = format!("{error:?}");
+    assert!(error.contains("FOREIGN KEY"), "{error}");
     store.close().await;
 }
 
 #[tokio::test]
 async fn a_database_of_a_newer_server_is_refused() {
     let (store, dir) = store().await;
-    let expired = store.expire_leases(Default::default(), Timestamp(0)).await.unwrap();
+    let expired = store.expire_leases(Default::default(), Timestamp(0), Timestamp(0)).await.unwrap();
     assert_eq!(expired, []);
     store
         .writer
@@ -206,4 +208,33 @@ async fn a_database_of_a_newer_server_is_refused() {
     store.close().await;
     let error = Store::open(&dir.path().join("roost.db")).await.err().unwrap();
     assert!(matches!(error, StoreError::Migrate(_)), "{error}");
+}
+
+#[tokio::test]
+async fn a_lease_counts_by_its_own_clock_and_ends_at_the_time_people_read() {
+    let (store, _dir) = store().await;
+    store
+        .writer
+        .write(|tx| {
+            Box::pin(async move {
+                sqlx::raw_sql(
+                    "INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
+                     INSERT INTO jobs (id, digest, seed, priority, turn, labels, cache, submitted_at, state,
+                                       attempt, cancelling, lease_expires_at)
+                     VALUES ('01890000-0000-7000-8000-000000000000', 'd', 1, 0, 0, '{}', 'use', 0, 'running',
+                             1, 1, 100);",
+                )
+                .execute(&mut *tx)
+                .await?;
+                Ok(())
+            })
+        })
+        .await
+        .unwrap();
+    let (lease_now, now) = (Timestamp(100), Timestamp(7000));
+    let expired = store.expire_leases(Default::default(), lease_now, now).await.unwrap();
+    assert_eq!(expired.len(), 1);
+    let ended: i64 = sqlx::query_scalar("SELECT ended_at FROM jobs").fetch_one(&store.readers).await.unwrap();
+    assert_eq!(ended, 7000);
+    store.close().await;
 }

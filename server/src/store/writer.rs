@@ -7,18 +7,56 @@
 
 use std::future::Future;
 use std::pin::Pin;
+use std::sync::Arc;
 
 use sqlx::{Connection, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
 
 use super::StoreError;
 
 /// What a piece of work returns: a future that borrows the connection.
 pub(super) type Work<'t, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 't>>;
 
-type Piece = Box<dyn for<'t> FnOnce(&'t mut SqliteConnection) -> BorrowedFinish<'t> + Send>;
-type BorrowedFinish<'t> = Pin<Box<dyn Future<Output = Finished> + Send + 't>>;
+type Run<'t> = Pin<Box<dyn Future<Output = Finished> + Send + 't>>;
+
+/// A piece of work with somebody who waits for it.
+trait Piece: Send {
+    /// Does the work, which is then to be committed and answered.
+    fn run<'t>(self: Box<Self>, connection: &'t mut SqliteConnection) -> Run<'t>;
+
+    /// Answers that the work was not begun.
+    fn refuse(self: Box<Self>, error: StoreError);
+}
+
+struct Asked<T, F> {
+    work: F,
+    sender: oneshot::Sender<Result<T, StoreError>>,
+}
+
+impl<T, F> Piece for Asked<T, F>
+where
+    T: Send + 'static,
+    F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
+{
+    fn run<'t>(self: Box<Self>, connection: &'t mut SqliteConnection) -> Run<'t> {
+        Box::pin(async move {
+            let Self { work, sender } = *self;
+            let outcome = work(connection).await;
+            let keep = outcome.is_ok();
+            let reply = Box::new(move |committed: Result<(), StoreError>| {
+                // An error of its own says more than that of the group. Nobody may be listening any more.
+                let _ = sender.send(outcome.and_then(|value| committed.map(|()| value)));
+            });
+            Finished { keep, reply }
+        })
+    }
+
+    fn refuse(self: Box<Self>, error: StoreError) {
+        let _ = self.sender.send(Err(error));
+    }
+}
 
 /// Work done but not yet committed.
 struct Finished {
@@ -32,18 +70,30 @@ const GROUP: usize = 128;
 pub(super) struct Writer {
     queue: mpsc::Sender<Message>,
     task: tokio::sync::Mutex<Option<JoinHandle<()>>>,
+    ended: CancellationToken,
 }
 
 enum Message {
-    Work(Piece),
+    Work(Box<dyn Piece>),
     Close,
 }
 
 impl Writer {
     pub(super) fn start(connection: SqliteConnection) -> Self {
         let (queue, waiting) = mpsc::channel(1024);
-        let task = tokio::spawn(run(connection, waiting));
-        Self { queue, task: tokio::sync::Mutex::new(Some(task)) }
+        let ended = CancellationToken::new();
+        // Cancelled however the task ends, a panic included.
+        let guard = ended.clone().drop_guard();
+        let task = tokio::spawn(async move {
+            let _guard = guard;
+            run(connection, waiting).await;
+        });
+        Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended }
+    }
+
+    /// Returns when the writer has ended.
+    pub(super) async fn ended(&self) {
+        self.ended.cancelled().await;
     }
 
     /// Runs `work` in a transaction and returns once it is on disk.
@@ -53,17 +103,7 @@ impl Writer {
         F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
     {
         let (sender, receiver) = oneshot::channel();
-        let piece: Piece = Box::new(move |connection| {
-            Box::pin(async move {
-                let outcome = work(connection).await;
-                let keep = outcome.is_ok();
-                let reply = Box::new(move |committed: Result<(), StoreError>| {
-                    // An error of its own says more than that of the group. Nobody may be listening any more.
-                    let _ = sender.send(outcome.and_then(|value| committed.map(|()| value)));
-                });
-                Finished { keep, reply }
-            })
-        });
+        let piece = Box::new(Asked { work, sender });
         self.queue.send(Message::Work(piece)).await.map_err(|_| StoreError::WriterGone)?;
         receiver.await.map_err(|_| StoreError::WriterGone)?
     }
@@ -81,32 +121,22 @@ async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Messa
     let mut open = true;
     while open {
         let Some(Message::Work(first)) = waiting.recv().await else { break };
-        let mut finished = Vec::new();
-        let mut next = Some(first);
-        let committed = async {
-            sqlx::query("BEGIN IMMEDIATE").execute(&mut connection).await?;
-            while let Some(piece) = next.take() {
-                finished.push(run_piece(&mut connection, piece).await?);
-                if finished.len() < GROUP {
-                    match waiting.try_recv() {
-                        Ok(Message::Work(piece)) => next = Some(piece),
-                        Ok(Message::Close) => open = false,
-                        Err(_) => {}
-                    }
-                }
-            }
-            sqlx::query("COMMIT").execute(&mut connection).await?;
-            Ok::<_, sqlx::Error>(())
+        if let Err(error) = sqlx::query("BEGIN IMMEDIATE").execute(&mut connection).await {
+            let error = StoreError::Commit(Arc::new(error));
+            tracing::error!(error = error.as_dyn(), "a write was not begun");
+            first.refuse(error);
+            continue;
         }
-        .await;
-        let failure = committed.err().map(|error| error.to_string());
-        if let Some(message) = &failure {
-            tracing::error!(message, pieces = finished.len(), "a group of writes was not committed");
+        let mut finished = Vec::new();
+        let committed = group(&mut connection, first, &mut waiting, &mut finished, &mut open).await;
+        let failure = committed.err();
+        if let Some(error) = &failure {
+            tracing::error!(%error, pieces = finished.len(), "a group of writes was not committed");
             // Fails where there is nothing to roll back, which is as good.
             let _ = sqlx::query("ROLLBACK").execute(&mut connection).await;
         }
         for piece in finished {
-            (piece.reply)(failure.clone().map_or(Ok(()), |message| Err(StoreError::Commit(message))));
+            (piece.reply)(failure.clone().map_or(Ok(()), |error| Err(StoreError::Commit(error))));
         }
     }
     if let Err(error) = connection.close().await {
@@ -114,12 +144,93 @@ async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Messa
     }
 }
 
-async fn run_piece(connection: &mut SqliteConnection, piece: Piece) -> Result<Finished, sqlx::Error> {
-    sqlx::query("SAVEPOINT piece").execute(&mut *connection).await?;
-    let finished = piece(&mut *connection).await;
-    if !finished.keep {
-        sqlx::query("ROLLBACK TO piece").execute(&mut *connection).await?;
+/// Does the first piece and what has queued up meanwhile, and commits.
+async fn group(
+    connection: &mut SqliteConnection,
+    first: Box<dyn Piece>,
+    waiting: &mut mpsc::Receiver<Message>,
+    finished: &mut Vec<Finished>,
+    open: &mut bool,
+) -> Result<(), Arc<sqlx::Error>> {
+    let mut next = Some(first);
+    while let Some(piece) = next.take() {
+        if let Err(error) = sqlx::query("SAVEPOINT piece").execute(&mut *connection).await {
+            let error = Arc::new(error);
+            piece.refuse(StoreError::Commit(error.clone()));
+            return Err(error);
+        }
+        let done = piece.run(&mut *connection).await;
+        let keep = done.keep;
+        // Noted before anything else can fail: it is to be answered either way.
+        finished.push(done);
+        if !keep {
+            sqlx::query("ROLLBACK TO piece").execute(&mut *connection).await?;
+        }
+        sqlx::query("RELEASE piece").execute(&mut *connection).await?;
+        if finished.len() < GROUP {
+            match waiting.try_recv() {
+                Ok(Message::Work(piece)) => next = Some(piece),
+                Ok(Message::Close) => *open = false,
+                Err(_) => {}
+            }
+        }
     }
-    sqlx::query("RELEASE piece").execute(&mut *connection).await?;
-    Ok(finished)
+    sqlx::query("COMMIT").execute(&mut *connection).await?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use sqlx::ConnectOptions;
+    use sqlx::sqlite::SqliteConnectOptions;
+
+    use super::*;
+    use crate::store::Hindrance;
+
+    #[tokio::test]
+    async fn a_busy_database_is_told_and_the_writer_goes_on() {
+        let dir = tempfile::tempdir().unwrap();
+        let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
+        let options = options.busy_timeout(Duration::from_millis(20));
+        let mut other = options.connect().await.unwrap();
+        let writer = Writer::start(options.connect().await.unwrap());
+        sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
+        let error = writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap_err();
+        assert_eq!(error.hindrance(), Some(Hindrance::Busy), "{error:?}");
+        sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
+        writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap();
+        writer.close().await;
+    }
+
+    #[tokio::test]
+    async fn a_full_disk_is_told_and_the_writer_goes_on() {
+        let dir = tempfile::tempdir().unwrap();
+        let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
+        let mut connection = options.connect().await.unwrap();
+        let small = "CREATE TABLE t (x); PRAGMA max_page_count = 3";
+        sqlx::raw_sql(small).execute(&mut connection).await.unwrap();
+        let writer = Writer::start(connection);
+        let insert = async |bytes: i64| {
+            let sql = "INSERT INTO t VALUES (zeroblob(?))";
+            writer
+                .write(move |tx| {
+                    Box::pin(async move { Ok(sqlx::query(sql).bind(bytes).execute(tx).await.map(drop)?) })
+                })
+                .await
+        };
+        let error = insert(1_000_000).await.unwrap_err();
+        assert_eq!(error.hindrance(), Some(Hindrance::Full), "{error:?}");
+        insert(10).await.unwrap();
+        writer.close().await;
+    }
+
+    #[tokio::test]
+    async fn a_writer_that_panics_says_that_it_ended() {
+        let writer = Writer::start(SqliteConnectOptions::new().in_memory(true).connect().await.unwrap());
+        let lost = writer.write::<(), _>(|_| Box::pin(async { panic!("on purpose") })).await;
+        assert!(matches!(lost, Err(StoreError::WriterGone)), "{lost:?}");
+        tokio::time::timeout(Duration::from_secs(20), writer.ended()).await.expect("told");
+    }
 }

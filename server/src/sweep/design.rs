@@ -5,14 +5,14 @@ use roost_api::sweep::Design;
 /// How many points a design has for factors with so many levels; `None` past 2⁶⁴.
 pub(super) fn size(design: &Design, levels: &[usize]) -> Option<u64> {
     match design {
-        Design::Grid => levels.iter().try_fold(1_u64, |product, count| product.checked_mul(*count as u64)),
+        Design::Grid {} => levels.iter().try_fold(1_u64, |product, count| product.checked_mul(*count as u64)),
     }
 }
 
 /// The index of each factor's level at design point `index`.
 pub(super) fn level_indices(design: &Design, levels: &[usize], index: u64) -> Vec<usize> {
     match design {
-        Design::Grid => grid(levels, index),
+        Design::Grid {} => grid(levels, index),
     }
 }
 

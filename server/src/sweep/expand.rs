@@ -4,10 +4,12 @@ use std::collections::BTreeSet;
 
 use roost_api::Fault;
 use roost_api::sweep::{SCHEMA, SweepSpec};
-use roost_solver::scenario::{self, Scenario};
+use roost_solver::scenario::{self, Scenario, fields};
 use serde_json::{Map, Value, json};
 
-use super::{Expansion, MAX_SEED, Point, SweepLimits, design, factor};
+use super::levels::{self, same};
+use super::{Expansion, Point, SweepLimits, design, factor};
+use crate::document::wall_time_fault;
 
 /// Past so many faults the rest says nothing new.
 const MAX_FAULTS: usize = 100;
@@ -27,6 +29,9 @@ pub(crate) fn expand(spec: &SweepSpec, limits: SweepLimits) -> Result<Expansion,
     check_size(spec, limits, &mut faults);
     if let Some(base) = &base {
         check_seeds(spec, base, &mut faults);
+    }
+    if !faults.is_empty() {
+        levels::check(spec, &mut faults);
     }
     let (Some(base), true) = (base, faults.is_empty()) else { return Err(faults) };
 
@@ -57,10 +62,7 @@ fn check_words(spec: &SweepSpec, faults: &mut Vec<Fault>) {
     if spec.name.trim().is_empty() {
         faults.push(fault("/name", json!(spec.name), "a sweep needs a name", Some("some text".to_owned())));
     }
-    if spec.max_wall_s.is_some_and(|seconds| seconds <= 0.0) {
-        let allowed = Some("more than 0 s, or null".to_owned());
-        faults.push(fault("/max_wall_s", json!(spec.max_wall_s), "not a time to run for", allowed));
-    }
+    faults.extend(wall_time_fault(spec.max_wall_s));
 }
 
 fn check_factors(spec: &SweepSpec, base: Option<&Scenario>, faults: &mut Vec<Fault>) {
@@ -80,7 +82,9 @@ fn check_factors(spec: &SweepSpec, base: Option<&Scenario>, faults: &mut Vec<Fau
             faults.push(fault(&at, json!(pointer), "the scenario has no such field", allowed));
         }
         let earlier = &spec.factors[..index];
-        if let Some(other) = earlier.iter().position(|other| factor::overlap(&other.pointer, pointer)) {
+        if let Some(other) = earlier.iter().position(|other| {
+            factor::segments(&other.pointer).is_some() && factor::overlap(&other.pointer, pointer)
+        }) {
             let detail = format!("factor {other} varies the same field");
             faults.push(fault(&at, json!(pointer), detail, None));
         }
@@ -94,7 +98,7 @@ fn check_factors(spec: &SweepSpec, base: Option<&Scenario>, faults: &mut Vec<Fau
             ));
         }
         for (level, value) in factor.levels.iter().enumerate() {
-            if factor.levels[..level].contains(value) {
+            if factor.levels[..level].iter().any(|other| same(other, value)) {
                 let detail = "the level is listed twice; more runs of a point are what `replicates` is for";
                 faults.push(fault(format!("{at}/{level}"), value.clone(), detail, None));
             }
@@ -125,9 +129,10 @@ fn check_size(spec: &SweepSpec, limits: SweepLimits, faults: &mut Vec<Fault>) {
 
 fn check_seeds(spec: &SweepSpec, base: &Scenario, faults: &mut Vec<Fault>) {
     let last = base.seed.saturating_add(u64::from(spec.replicates.max(1)) - 1);
-    if last > MAX_SEED {
+    let Some(seed) = fields::find("/seed") else { return };
+    if !levels::fits(seed, &json!(last)) {
         let detail = format!("the last replicate would run with seed {last}");
-        let allowed = Some(format!("base.seed + replicates - 1 at most {MAX_SEED}"));
+        let allowed = Some(format!("base.seed + replicates - 1: {}", seed.allowed()));
         faults.push(fault("/replicates", json!(spec.replicates), detail, allowed));
     }
 }

@@ -6,6 +6,8 @@
 
 use serde_json::{Map, Value};
 
+pub(super) use crate::document::inside;
+
 /// The segments of a JSON pointer, unescaped; `None` unless it starts with `/`.
 pub(super) fn segments(pointer: &str) -> Option<Vec<String>> {
     let rest = pointer.strip_prefix('/')?;
@@ -15,11 +17,6 @@ pub(super) fn segments(pointer: &str) -> Option<Vec<String>> {
 /// Whether two pointers name the same field or one lies inside the other.
 pub(super) fn overlap(one: &str, other: &str) -> bool {
     inside(one, other) || inside(other, one)
-}
-
-/// Whether `pointer` is `field` or lies inside it.
-pub(super) fn inside(pointer: &str, field: &str) -> bool {
-    pointer.strip_prefix(field).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
 }
 
 /// Sets the field at `pointer` of `submitted`, which exists in `complete`, to `level`.

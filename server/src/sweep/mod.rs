@@ -1,25 +1,42 @@
 //! Sweeps, without IO: from the specification to design points and trials, and from trials to a table.
 //!
-//! `design` combines levels to points, `factor` puts a level into a scenario, `expand` validates every
-//! point and lists every fault, `table` writes the results as CSV.
+//! `design` combines levels to points, `factor` puts a level into a scenario, `levels` judges one by itself,
+//! `expand` validates every point and lists every fault, `table` writes the results as CSV.
 
 mod design;
 mod expand;
 mod factor;
+mod levels;
 mod table;
 #[cfg(test)]
 mod tests;
 
-use roost_api::Estimate;
+use roost_api::sweep::SweepSpec;
+use roost_api::{Estimate, Fault};
 use roost_solver::Limits;
 use roost_solver::scenario::Scenario;
 use serde_json::{Map, Value};
 
-pub(crate) use expand::expand;
+use crate::document::read_leniently;
+use expand::expand;
 pub(crate) use table::csv;
 
-/// The largest seed: beyond it a JSON number is not exact everywhere.
-pub(crate) const MAX_SEED: u64 = (1 << 53) - 1;
+/// Reads a sweep and expands it: the faults of its shape and those of its content, at once.
+pub(crate) fn read(document: Value, limits: SweepLimits) -> Result<(SweepSpec, Expansion), Vec<Fault>> {
+    let (spec, mut faults) = read_leniently::<SweepSpec>(document);
+    let Some(spec) = spec else { return Err(faults) };
+    match expand(&spec, limits) {
+        Ok(expansion) if faults.is_empty() => Ok((spec, expansion)),
+        Ok(_) => Err(faults),
+        Err(found) => {
+            // What stands in for a value at fault has no faults of its own.
+            let told: Vec<_> = faults.iter().map(|fault| fault.pointer.clone()).collect();
+            let news = |fault: &Fault| !told.iter().any(|told| factor::overlap(&fault.pointer, told));
+            faults.extend(found.into_iter().filter(news));
+            Err(faults)
+        }
+    }
+}
 
 /// What an operator allows a sweep to be.
 #[derive(Clone, Copy, Debug)]

@@ -17,11 +17,12 @@ fn spec(factors: Value) -> SweepSpec {
 
 #[test]
 fn a_grid_counts_with_the_last_factor_fastest() {
-    let digits: Vec<_> = (0..6).map(|index| design::level_indices(&Design::Grid, &[2, 3], index)).collect();
+    let digits: Vec<_> =
+        (0..6).map(|index| design::level_indices(&Design::Grid {}, &[2, 3], index)).collect();
     assert_eq!(digits, [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]);
-    assert_eq!(design::size(&Design::Grid, &[2, 3]), Some(6));
-    assert_eq!(design::size(&Design::Grid, &[]), Some(1), "replicates alone are one point");
-    assert_eq!(design::size(&Design::Grid, &[usize::MAX, 3]), None);
+    assert_eq!(design::size(&Design::Grid {}, &[2, 3]), Some(6));
+    assert_eq!(design::size(&Design::Grid {}, &[]), Some(1), "replicates alone are one point");
+    assert_eq!(design::size(&Design::Grid {}, &[usize::MAX, 3]), None);
 }
 
 #[test]

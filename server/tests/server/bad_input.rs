@@ -54,10 +54,20 @@ async fn unknown_paths_methods_and_identifiers() {
 #[tokio::test]
 async fn wrong_queries() {
     let (farm, _dir) = Farm::start().await;
-    for query in ["state=ready", "limit=0", "limit=501", "limit=ten", "cursor=x", "colour=red", "label==x"] {
+    for query in [
+        "state=ready",
+        "limit=0",
+        "limit=501",
+        "limit=ten",
+        "cursor=x",
+        "cursor=-1",
+        "colour=red",
+        "label==x",
+    ] {
         let problem = farm.get(&format!("/v1/jobs?{query}")).await.problem(400, "invalid-query");
         assert!(!text(&problem["detail"]).is_empty(), "{query}");
     }
+    farm.get("/v1/sweeps?cursor=-1").await.problem(400, "invalid-query");
     farm.get("/v1/workers?cursor=1").await.problem(400, "invalid-query");
     farm.get(&format!("/v1/sweeps/{NO_JOB}/results?format=xlsx")).await.problem(400, "invalid-query");
     farm.post(&format!("/v1/jobs/{NO_JOB}/retry?class=bad"), &json!({})).await.problem(400, "invalid-query");
@@ -136,6 +146,31 @@ async fn a_bad_scenario_lists_every_fault_of_scenario_and_envelope() {
     farm.stop().await;
 }
 
+/// One thread answers here, so that what computes on it is heard of at once.
+#[tokio::test(flavor = "current_thread")]
+async fn a_costly_scenario_keeps_nobody_waiting() {
+    let (farm, _dir) = Farm::with(|config| config.limits.max_subparticles = u64::MAX).await;
+    let mut costly = envelope(1);
+    costly["scenario"]["product"] = json!({"count": 191, "subparticle_radius_m": 0.001});
+    let started = std::time::Instant::now();
+    let submitted = farm.send(Method::POST, "/v1/jobs", Some(&costly));
+    let mut submitted = Box::pin(submitted);
+    let (mut last, mut gap) = (started, std::time::Duration::ZERO);
+    let status = loop {
+        tokio::select! {
+            answer = &mut submitted => break answer.status,
+            () = tokio::time::sleep(std::time::Duration::from_millis(1)) => {}
+        }
+        gap = gap.max(last.elapsed());
+        last = std::time::Instant::now();
+    };
+    drop(submitted);
+    let took = started.elapsed();
+    gap = gap.max(last.elapsed());
+    assert!(gap < took / 2, "{status}: others waited {gap:?} of {took:?}");
+    farm.stop().await;
+}
+
 #[tokio::test]
 async fn a_scenario_that_cannot_run_or_costs_too_much_is_refused() {
     let (farm, _dir) = Farm::with(|config| config.limits.max_subparticles = 10).await;
@@ -188,7 +223,12 @@ async fn a_bad_sweep_lists_every_fault() {
     });
     assert_eq!(faults(duplicate).await, ["/factors/1/pointer"]);
     let levels = sweep(|sweep| sweep["factors"][0]["levels"] = json!([0.06, "wide", -1.0, 0.06]));
-    assert_eq!(faults(levels).await, ["/factors/0/levels/3"], "listed twice");
+    let told = ["/factors/0/levels/1", "/factors/0/levels/2", "/factors/0/levels/3"];
+    assert_eq!(faults(levels).await, told, "two of no use, one listed twice");
+    let same = sweep(|sweep| {
+        sweep["factors"][0] = json!({"pointer": "/equipment/belt_speed_m_s", "levels": [1, 1.0]});
+    });
+    assert_eq!(faults(same).await, ["/factors/0/levels/1"], "1 and 1.0 are one value");
     let levels = sweep(|sweep| sweep["factors"][0]["levels"] = json!([0.06, "wide", -1.0]));
     assert_eq!(faults(levels).await, ["/factors/0/levels/1", "/factors/0/levels/2"]);
     assert_eq!(faults(sweep(|sweep| sweep["replicates"] = json!(51))).await, ["/factors"], "102 jobs of 100");
@@ -199,7 +239,32 @@ async fn a_bad_sweep_lists_every_fault() {
     assert_eq!(faults(seeds).await, ["/replicates"]);
     assert_eq!(faults(sweep(|sweep| sweep["design"]["kind"] = json!("spiral"))).await, ["/design/kind"]);
     assert_eq!(faults(sweep(|sweep| sweep["schema"] = json!("roost.sweep/9"))).await, ["/schema"]);
-    assert_eq!(faults(json!({"name": 1, "factrs": []})).await, ["/base", "/design", "/factrs", "/name"]);
+    assert_eq!(
+        faults(json!({"name": 1, "factrs": []})).await,
+        ["/base", "/design", "/factors", "/factrs", "/name"]
+    );
+    let extra = sweep(|sweep| sweep["design"]["extra"] = json!(1));
+    assert_eq!(faults(extra).await, ["/design/extra"]);
+    let mixed = sweep(|sweep| {
+        sweep["base"] = json!({"experiment": "hopper", "seed": -1});
+        sweep["design"]["kind"] = json!("spiral");
+        sweep["replicates"] = json!(-1);
+        sweep["max_wall_s"] = json!(0);
+        let bad = json!({"pointer": "/equipment/gate", "levels": [1]});
+        sweep["factors"] =
+            json!([3, bad, {"pointer": "/equipment/gate_opening_m", "levels": [0.06, "wide"]}]);
+    });
+    assert_eq!(
+        faults(mixed).await,
+        ["/base/seed", "/design/kind", "/factors/0", "/factors/2/levels/1", "/max_wall_s", "/replicates"],
+        "shape and content at once; without a base nobody knows what /factors/1 points at"
+    );
+    let pointer = sweep(|sweep| {
+        let bad = json!({"pointer": "/equipment/gate", "levels": [1]});
+        sweep["factors"] = json!([bad, {"pointer": "/equipment/gate_opening_m", "levels": [0.06, -1]}]);
+    });
+    assert_eq!(faults(pointer).await, ["/factors/0/pointer", "/factors/1/levels/1"]);
+    assert_eq!(faults(json!(["s", {}, {"kind": "grid"}, []])).await, [""]);
     assert_nothing_stored(&farm).await;
     farm.stop().await;
 }
@@ -231,6 +296,12 @@ async fn bad_claims_registrations_and_deliveries() {
     farm.submit(&envelope(1)).await;
     let attempt = worker.claim_one().await;
     let path = format!("/v1/jobs/{}/attempts/1/result", text(&attempt["job_id"]));
+    for (job, number) in [(NO_JOB, 1), (text(&attempt["job_id"]), 2)] {
+        let nowhere = format!("/v1/jobs/{job}/attempts/{number}/result");
+        farm.send_text(&nowhere, "application/json", "not even read").await.problem(404, "not-found");
+    }
+    farm.send_text(&path, "application/json", "read").await.problem(400, "syntax");
+    farm.post(&path, &json!([worker.id, {}])).await.problem(422, "invalid-document");
     let half = json!({"worker_id": worker.id, "result": {"schema": "roost.result/1"}});
     farm.post(&path, &half).await.problem(422, "invalid-document");
     assert_eq!(farm.job(&attempt["job_id"]).await["state"], "running");

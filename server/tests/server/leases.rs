@@ -7,11 +7,10 @@ use serde_json::json;
 
 use super::farm::*;
 
-const SHORT: Duration = Duration::from_millis(300);
-
 #[tokio::test]
 async fn a_lost_lease_is_run_by_another_and_heartbeats_keep_one() {
-    let (farm, _dir) = Farm::with(|config| config.lease = SHORT).await;
+    let lease = Duration::from_secs(2);
+    let (farm, _dir) = Farm::with(|config| config.lease = lease).await;
     let (dead, alive) = (farm.worker("cpu").await, farm.worker("cpu").await);
     let lost = farm.submit(&envelope(1)).await;
     dead.claim_one().await;
@@ -19,8 +18,9 @@ async fn a_lost_lease_is_run_by_another_and_heartbeats_keep_one() {
     let held = alive.claim_one().await;
     for _ in 0..15 {
         assert_eq!(alive.beat(&held, progress(0.5)).await["directive"], "continue");
-        tokio::time::sleep(SHORT / 6).await;
+        tokio::time::sleep(lease / 10).await;
     }
+    assert_eq!(alive.beat(&held, progress(0.5)).await["directive"], "continue");
     assert_eq!(farm.job(&kept["id"]).await["attempt"], 1, "beats renew the lease");
     assert_eq!(farm.job(&lost["id"]).await["state"], "queued");
     let second = alive.claim_one().await;
@@ -31,7 +31,7 @@ async fn a_lost_lease_is_run_by_another_and_heartbeats_keep_one() {
 
 #[tokio::test]
 async fn an_expired_but_unclaimed_attempt_may_still_beat_and_deliver() {
-    let (farm, _dir) = Farm::with(|config| config.lease = SHORT).await;
+    let (farm, _dir) = Farm::with(|config| config.lease = Duration::from_secs(2)).await;
     let worker = farm.worker("cpu").await;
     let job = farm.submit(&envelope(1)).await;
     let attempt = worker.claim_one().await;
@@ -83,18 +83,18 @@ async fn an_attempt_found_again_was_never_lost() {
 
 #[tokio::test]
 async fn a_restart_keeps_jobs_and_leases() {
-    let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(1)).await;
+    let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(3)).await;
     let running = farm.submit(&envelope(1)).await;
     let worker = farm.worker("cpu").await;
     let worker_id = worker.id.clone();
     let attempt = worker.claim_one().await;
     let queued = farm.submit(&envelope(2)).await;
     farm.stop().await;
-    tokio::time::sleep(Duration::from_millis(1200)).await; // longer than the lease
+    tokio::time::sleep(Duration::from_millis(3200)).await; // longer than the lease
 
-    let farm = Farm::on(dir.path(), |config| config.lease = Duration::from_secs(1)).await;
+    let farm = Farm::on(dir.path(), |config| config.lease = Duration::from_secs(3)).await;
     let worker = Worker { farm: &farm, id: worker_id };
-    tokio::time::sleep(Duration::from_millis(500)).await; // long enough for expired leases to be looked for
+    tokio::time::sleep(Duration::from_millis(1000)).await; // long enough for expired leases to be looked for
     assert_eq!(farm.job(&running["id"]).await["state"], "running", "the lease starts anew with the server");
     assert_eq!(farm.job(&queued["id"]).await, queued);
     assert_eq!(worker.beat(&attempt, progress(0.7)).await["directive"], "continue");

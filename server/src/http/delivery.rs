@@ -1,0 +1,49 @@
+//! Reading what attempts deliver: long documents, of attempts that exist, few at a time.
+
+use axum::extract::{FromRequest, FromRequestParts, Request};
+use roost_api::ids::JobId;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use tokio::sync::OwnedSemaphorePermit;
+
+use super::aside::aside;
+use super::extract::{Segments, json_bytes, parsed};
+use super::problem::ApiError;
+use crate::app::App;
+use crate::document::read_document;
+
+/// Deliveries that are parsed and recorded at once: in memory each is several times its body.
+pub(crate) const AT_ONCE: usize = 2;
+
+/// A delivery to an attempt that exists.
+pub(crate) struct Delivery<T> {
+    pub(crate) job: JobId,
+    pub(crate) attempt: u32,
+    pub(crate) body: T,
+    /// Held until it is recorded; the server never takes the places away.
+    pub(crate) turn: Option<OwnedSemaphorePermit>,
+}
+
+impl<T: DeserializeOwned + Serialize + Send + 'static> FromRequest<App> for Delivery<T> {
+    type Rejection = ApiError;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, ApiError> {
+        let (mut parts, body) = request.into_parts();
+        let Segments((job, attempt)) = Segments::from_request_parts(&mut parts, app).await?;
+        // Nobody sends megabytes to learn that there is no such attempt.
+        app.store.find_attempt(job, attempt).await??;
+        let bytes = json_bytes(Request::from_parts(parts, body), app).await?;
+        // Only now, so that a slow sender keeps nobody else waiting.
+        let turn = app.deliveries.clone().acquire_owned().await.ok();
+        let body = aside(move || {
+            // Without a detour where there is nothing to complain of.
+            let sound =
+                bytes.trim_ascii_start().starts_with(b"{").then(|| serde_json::from_slice(&bytes).ok());
+            match sound.flatten() {
+                Some(body) => Ok(body),
+                None => read_document(parsed(&bytes)?).map_err(ApiError::faults),
+            }
+        });
+        Ok(Self { job, attempt, body: body.await??, turn })
+    }
+}

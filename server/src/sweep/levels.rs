@@ -1,0 +1,50 @@
+//! Levels by themselves: whether two are the same, and whether a field could take one in any scenario.
+//!
+//! A sweep whose points cannot be made, because something else is wrong with it, still hears of its levels.
+
+use roost_api::Fault;
+use roost_api::sweep::SweepSpec;
+use roost_solver::scenario::field::{Field, Kind};
+use roost_solver::scenario::fields;
+use serde_json::Value;
+
+use crate::document::fault;
+
+/// Whether two levels are the same value: 1 and 1.0 are.
+pub(super) fn same(one: &Value, other: &Value) -> bool {
+    match (one, other) {
+        (Value::Number(one), Value::Number(other)) => one.as_f64() == other.as_f64(),
+        (Value::Array(ones), Value::Array(others)) => {
+            ones.len() == others.len() && ones.iter().zip(others).all(|(one, other)| same(one, other))
+        }
+        _ => one == other,
+    }
+}
+
+/// Whether a field could take a value, whatever stands in the others. Lists are for whole scenarios to judge.
+pub(super) fn fits(field: &Field, value: &Value) -> bool {
+    match (field.kind, value) {
+        (Kind::Nullable(_), Value::Null) | (Kind::Flag, Value::Bool(_)) => true,
+        (Kind::NumberOrAuto(_), Value::String(word)) => word == "auto",
+        (Kind::Integer(range), Value::Number(number)) => {
+            number.as_f64().is_some_and(|number| range.contains(number) && number.fract() == 0.0)
+        }
+        (Kind::Number(range) | Kind::Nullable(range) | Kind::NumberOrAuto(range), Value::Number(number)) => {
+            number.as_f64().is_some_and(|number| range.contains(number))
+        }
+        (Kind::Choice(words), Value::String(word)) => words.contains(&word.as_str()),
+        (Kind::Sizes(_), _) => true,
+        _ => false,
+    }
+}
+
+/// Finds levels that no scenario could take.
+pub(super) fn check(spec: &SweepSpec, faults: &mut Vec<Fault>) {
+    for (index, factor) in spec.factors.iter().enumerate() {
+        let Some(field) = fields::find(&factor.pointer) else { continue };
+        for (level, value) in factor.levels.iter().enumerate().filter(|(_, value)| !fits(field, value)) {
+            let at = format!("/factors/{index}/levels/{level}");
+            faults.push(fault(&at, value.clone(), "not a value of this field", &field.allowed()));
+        }
+    }
+}
