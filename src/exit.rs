@@ -3,6 +3,7 @@
 use std::io;
 use std::process::ExitCode;
 
+use roost_server::ServerError;
 use roost_worker::client::ClientError;
 
 /// For the end of `--help`.
@@ -32,6 +33,7 @@ impl Exit {
         let is_bad_input = error.chain().any(|cause| {
             let refused = cause.downcast_ref::<ClientError>();
             cause.is::<BadInput>()
+                || cause.downcast_ref::<ServerError>().is_some_and(cannot_start)
                 || refused.is_some_and(|refused| {
                     matches!(refused, ClientError::Address(_))
                         || matches!(refused.problem_status(), Some(400 | 404 | 413 | 415 | 422))
@@ -39,6 +41,12 @@ impl Exit {
         });
         if is_bad_input { Self::BadInput } else { Self::Failed }
     }
+}
+
+/// An address or a folder that a server was told to use and cannot.
+fn cannot_start(error: &ServerError) -> bool {
+    use ServerError::{Bind, Data, DataInUse, NotLoopback};
+    matches!(error, NotLoopback(_) | Bind { .. } | Data { .. } | DataInUse(_))
 }
 
 impl From<Exit> for ExitCode {

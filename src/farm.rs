@@ -25,9 +25,11 @@ impl Farm {
     ) -> Result<Self> {
         let server = Server::bind(server).await?;
         let address = format!("http://{}", server.local_addr());
+        // The state directory belongs to this server, whatever port it has this time.
+        let worker = WorkerConfig { outbox_key: Some("here".to_owned()), ..worker(address.clone()) };
         let (stop_worker, stop_server) = (CancellationToken::new(), CancellationToken::new());
         Ok(Self {
-            worker: tokio::spawn(roost_worker::work(worker(address.clone()), stop_worker.clone())),
+            worker: tokio::spawn(roost_worker::work(worker, stop_worker.clone())),
             server: tokio::spawn(server.run(stop_server.clone())),
             address,
             stop_worker,

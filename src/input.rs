@@ -7,6 +7,7 @@ use anyhow::Result;
 use roost_api::Fault;
 use roost_api::sweep::SCHEMA as SWEEP_SCHEMA;
 use roost_solver::scenario::{self, ScenarioError};
+use roost_worker::client::fault_line;
 use serde_json::Value;
 
 use crate::exit::BadInput;
@@ -59,7 +60,8 @@ pub(crate) fn faults(path: &Path, faults: &[Fault]) -> BadInput {
     let plural = if faults.len() == 1 { "fault" } else { "faults" };
     let mut text = format!("{}: {} {plural}", name(path), faults.len());
     for fault in faults {
-        text.push_str(&format!("\n  {fault}"));
+        text.push_str("\n  ");
+        text.push_str(&fault_line(fault));
     }
     BadInput(text)
 }

@@ -7,12 +7,28 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use roost_api::{RunResult, Series};
 
+use crate::exit::BadInput;
 use crate::ui::plot::{self, Curve, Look, Panel};
 
-/// Writes all files of a result into a folder, making it if need be; returns their paths.
+const FILES: [&str; 3] = ["result.json", "series.csv", "curve.svg"];
+
+/// Makes the folder if need be, and finds out whether the files of a result can be written there. Leaves what is
+/// there alone.
+pub(crate) fn prepare(folder: &Path) -> Result<(), BadInput> {
+    fs::create_dir_all(folder)
+        .map_err(|error| BadInput(format!("cannot make the folder {}: {error}", folder.display())))?;
+    for path in FILES.map(|name| folder.join(name)) {
+        let is_new = !path.exists();
+        let tried = fs::OpenOptions::new().append(true).create(true).open(&path);
+        let tried = tried.and_then(|_| if is_new { fs::remove_file(&path) } else { Ok(()) });
+        tried.map_err(|error| BadInput(format!("cannot write {}: {error}", path.display())))?;
+    }
+    Ok(())
+}
+
+/// Writes all files of a result into a folder; returns their paths.
 pub(crate) fn write(folder: &Path, result: &RunResult) -> Result<Vec<PathBuf>> {
-    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    let [document, table, picture] = ["result.json", "series.csv", "curve.svg"].map(|name| folder.join(name));
+    let [document, table, picture] = FILES.map(|name| folder.join(name));
     let mut json = serde_json::to_vec_pretty(result)?;
     json.push(b'\n');
     fs::write(&document, json).with_context(|| format!("cannot write {}", document.display()))?;

@@ -3,6 +3,7 @@
 use anyhow::Result;
 use clap::ValueEnum;
 use roost_api::sweep::SweepResults;
+use roost_worker::client::ClientError;
 use serde_json::{Value, json};
 use uuid::Uuid;
 
@@ -48,7 +49,15 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
             ui::print(format_args!("{}", trials(&client.sweep_results(sweep.id).await?)))?
         }
         (Target::Job(job), format) => {
-            let result = client.job_result(job.id).await?;
+            let result = match client.job_result(job.id).await {
+                Ok(result) => result,
+                // The job is there, its result is not (yet): the id was no wrong input.
+                Err(ClientError::Problem(problem)) if problem.status == 404 => {
+                    eprintln!("error: {}", problem.detail);
+                    return Ok(Exit::Failed);
+                }
+                Err(error) => return Err(error.into()),
+            };
             match format {
                 Format::Json => ui::println(format_args!("{:#}", json!(result)))?,
                 Format::Csv => output::series_csv(std::io::stdout().lock(), &result.series)?,

@@ -8,11 +8,13 @@ use roost_api::{Phase, Progress, RunResult};
 use roost_solver::{Limits, scenario};
 use roost_worker::runner::{Run, RunEnd, Stop};
 use serde_json::json;
+use tokio_util::sync::CancellationToken;
 
 use crate::exit::Exit;
 use crate::ui;
 use crate::ui::meter::Meter;
 use crate::ui::{format, table::Table};
+use crate::work::threads;
 use crate::{input, output, signals};
 
 /// Run one scenario here, without a server
@@ -26,8 +28,8 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Threads to use; 0 means one per processor
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    threads: usize,
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads())]
+    threads: u16,
     /// Use this seed instead of the scenario's
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -38,6 +40,8 @@ pub(crate) struct Args {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let mut document = input::read(&args.scenario)?;
+    // Before anything is made or runs: a signal at any time from here on keeps what there is.
+    let shutdown = signals::shutdown()?;
     if let (Some(seed), Some(fields)) = (args.seed, document.as_object_mut()) {
         fields.insert("seed".to_owned(), json!(seed));
     }
@@ -48,9 +52,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         eprintln!("warning: {warning}");
     }
     // Now, not after an hour of simulation.
-    std::fs::create_dir_all(&args.output).map_err(|error| {
-        crate::exit::BadInput(format!("cannot make the folder {}: {error}", args.output.display()))
-    })?;
+    output::prepare(&args.output)?;
     eprintln!(
         "{} fillets, {} sub-particles, {} steps of {} s at most",
         estimate.fillets,
@@ -59,7 +61,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         format::significant(estimate.timestep_s),
     );
 
-    let end = watch(Run::start(json!(scenario), args.threads, None)).await?;
+    let end = watch(Run::start(json!(scenario), args.threads.into(), None), &shutdown).await;
     let (result, exit) = match end {
         RunEnd::Finished(result) => (result, Exit::Done),
         RunEnd::Failed { outcome, message, result: Some(result) } => {
@@ -84,8 +86,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 }
 
 /// Follows a run to its end on a progress bar; a signal stops it.
-async fn watch(mut run: Run) -> Result<RunEnd> {
-    let shutdown = signals::shutdown()?;
+async fn watch(mut run: Run, shutdown: &CancellationToken) -> RunEnd {
     let mut meter = Meter::new("simulating");
     let mut last = None;
     loop {
@@ -110,7 +111,7 @@ async fn watch(mut run: Run) -> Result<RunEnd> {
         }
         None => meter.clear(),
     }
-    Ok(end)
+    end
 }
 
 /// Phase, simulated time, rates and time left in one line.

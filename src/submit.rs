@@ -1,10 +1,11 @@
 //! `roost submit`: a scenario, a job or a sweep goes to the server.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::sweep::SweepView;
+use roost_worker::client::ClientError;
 use serde_json::{Value, json};
 
 use crate::exit::Exit;
@@ -26,7 +27,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     priority: Option<i32>,
     /// Longest wall time of each run
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     max_wall_s: Option<f64>,
     /// Run it even if the result of the same scenario is there already
     #[arg(long)]
@@ -44,8 +45,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     }
     add_options(&mut document, &args);
     let client = args.server.client()?;
+    let refused = |error| refusal(&args.file, kind, error);
     if kind == Kind::Sweep {
-        let mut sweep: SweepView = client.submit_document("sweeps", &document).await?;
+        let mut sweep: SweepView = client.submit_document("sweeps", &document).await.map_err(refused)?;
         let id = sweep.id;
         if !args.json || args.wait {
             eprintln!("sweep {id}: {} jobs", sweep.counts.total());
@@ -56,7 +58,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         tell(&args, &json!(sweep), &id.to_string())?;
         Ok(if args.wait { watch::exit_of_sweep(&client, &sweep).await? } else { Exit::Done })
     } else {
-        let mut job: JobView = client.submit_document("jobs", &document).await?;
+        let mut job: JobView = client.submit_document("jobs", &document).await.map_err(refused)?;
         let id = job.id;
         if args.wait {
             eprintln!("job {id}");
@@ -66,6 +68,13 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         }
         tell(&args, &json!(job), &id.to_string())?;
         Ok(if args.wait { exit_of_job(&job) } else { Exit::Done })
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if f64::is_finite(seconds) && seconds > 0.0 => Ok(seconds),
+        _ => Err("give a number of seconds above 0".to_owned()),
     }
 }
 
@@ -81,6 +90,23 @@ fn exit_of_job(job: &JobView) -> Exit {
             Exit::Failed
         }
     }
+}
+
+/// The faults that the server found, with pointers into the file: the envelope around a scenario is ours.
+fn refusal(file: &Path, kind: Kind, error: ClientError) -> anyhow::Error {
+    let ClientError::Problem(problem) = &error else { return error.into() };
+    if problem.errors.is_empty() {
+        return error.into();
+    }
+    let mut faults = problem.errors.clone();
+    if kind == Kind::Scenario {
+        for fault in &mut faults {
+            if let Some(inner) = fault.pointer.strip_prefix("/scenario") {
+                fault.pointer = inner.to_owned();
+            }
+        }
+    }
+    input::faults(file, &faults).into()
 }
 
 fn add_options(document: &mut Value, args: &Args) {

@@ -19,6 +19,7 @@ use crate::ui::meter::{Meter, Meters};
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// More bars than this would fill the screen.
 const MAX_JOB_BARS: u32 = 8;
+const STOPPED: &str = "stopped watching; the server works on";
 /// Width of the names, so that the bars stand under each other.
 const NAME: usize = 28;
 
@@ -99,15 +100,26 @@ fn short_name(job: &JobView) -> String {
     format!("  {}", levels.chain(replicate).collect::<Vec<_>>().join(", "))
 }
 
-/// Asks until there is an answer: a server that restarts is waited for.
+/// Asks until there is an answer: a server that restarts is waited for, which is said once. A signal ends it even
+/// while the server keeps us waiting.
 async fn patiently<T, F>(ask: impl Fn() -> F, shutdown: &CancellationToken) -> Result<T>
 where
     F: Future<Output = Result<T, ClientError>>,
 {
+    let mut has_complained = false;
     loop {
-        match ask().await {
+        let answer = tokio::select! {
+            () = shutdown.cancelled() => bail!(STOPPED),
+            answer = ask() => answer,
+        };
+        match answer {
             Ok(answer) => return Ok(answer),
-            Err(error) if error.is_transient() => pause(shutdown).await?,
+            Err(error) if error.is_transient() => {
+                if !std::mem::replace(&mut has_complained, true) {
+                    eprintln!("waiting for the server: {error}");
+                }
+                pause(shutdown).await?;
+            }
             Err(error) => return Err(error.into()),
         }
     }
@@ -115,7 +127,7 @@ where
 
 async fn pause(shutdown: &CancellationToken) -> Result<()> {
     tokio::select! {
-        () = shutdown.cancelled() => bail!("stopped watching; the server works on"),
+        () = shutdown.cancelled() => bail!(STOPPED),
         () = tokio::time::sleep(LOOK_EVERY) => Ok(()),
     }
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
+use clap::builder::RangedI64ValueParser;
 use roost_worker::WorkerConfig;
 
 use crate::exit::Exit;
@@ -29,8 +30,8 @@ pub(crate) struct Args {
 #[derive(Debug, clap::Args)]
 pub(crate) struct WorkerArgs {
     /// Threads to use in all; 0 means one per processor
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    threads: usize,
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads())]
+    threads: u16,
     /// Jobs at once; they share the threads
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     slots: u16,
@@ -42,10 +43,15 @@ pub(crate) struct WorkerArgs {
     name: Option<String>,
 }
 
+/// What `--threads` takes.
+pub(crate) fn threads() -> RangedI64ValueParser<u16> {
+    clap::value_parser!(u16).range(0..=roost_worker::MAX_THREADS as i64)
+}
+
 impl WorkerArgs {
     pub(crate) fn config(self, server: String, state: PathBuf) -> WorkerConfig {
         WorkerConfig {
-            threads: self.threads,
+            threads: self.threads.into(),
             slots: self.slots.into(),
             drain_grace: Duration::from_secs(self.grace),
             ..WorkerConfig::new(server, self.name.unwrap_or_else(host_name), state)

@@ -37,6 +37,23 @@ fn run_writes_result_series_and_curve() {
 }
 
 #[test]
+fn threads_have_a_limit() {
+    let home = Home::new();
+    let (file, out) = (home.file("small.json", &scenario(0.2)), home.path("out").display().to_string());
+    let state = home.path("state").display().to_string();
+    for arguments in [
+        vec!["run", &file, "-o", &out],
+        vec!["work", "--server", &home.address, "--state", &state],
+        vec!["up", "--data", &state],
+    ] {
+        for threads in ["1025", "999999999999"] {
+            let text = refused(&[arguments.as_slice(), &["--threads", threads]].concat());
+            assert!(text.contains("0..=1024"), "{text}");
+        }
+    }
+}
+
+#[test]
 fn run_reads_stdin_and_prints_json() {
     let home = Home::new();
     let mut child = roost()
@@ -161,6 +178,128 @@ fn the_servers_faults_arrive_too() {
     let output = home.roost(&["status", nobody]);
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert!(String::from_utf8_lossy(&output.stderr).contains("no sweep and no job"), "{}", said(&output));
+}
+
+#[test]
+fn one_fault_is_said_once_with_its_place_in_the_file() {
+    let home = Home::new();
+    let _server = home.serve();
+    let mut bad = scenario(0.4);
+    bad["product"]["count"] = json!(-3);
+    let mut typo = json!({"name": "s", "base": scenario(0.4), "design": {"kind": "grid"}, "factors": []});
+    typo["base"]["product"]["count"] = json!(-3);
+    for (document, start) in [
+        (bad.clone(), "/product/count: "),
+        (json!({"scenario": bad}), "/scenario/product/count: "),
+        (typo, "/base/product/count: "),
+        (json!([]), "the document: "),
+    ] {
+        let file = home.file("bad.json", &document);
+        let output = home.roost(&["submit", &file]);
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        let text = String::from_utf8(output.stderr).unwrap();
+        let lines: Vec<_> = text.lines().collect();
+        assert_eq!(lines.len(), 2, "{text}");
+        assert_eq!(lines[0], format!("error: {file}: 1 fault"));
+        assert!(lines[1].starts_with(&format!("  {start}")), "{text}");
+    }
+    let file = home.file("bad.json", &json!([]));
+    assert!(refused(&["validate", &file]).contains("\n  the document: "));
+}
+
+#[test]
+fn a_limit_of_wall_time_is_a_number_above_zero() {
+    let home = Home::new();
+    let file = home.file("small.json", &scenario(0.2));
+    for limit in ["nan", "inf", "0", "-1", "soon"] {
+        let text = refused(&["submit", "--server", &home.address, &file, "--max-wall-s", limit]);
+        assert!(text.contains("a number of seconds above 0"), "{limit}: {text}");
+    }
+}
+
+#[test]
+fn waiting_ends_with_ctrl_c_even_when_the_server_hangs_and_says_when_it_is_away() {
+    let home = Home::new();
+    let mut server = home.serve();
+    let file = home.file("scenario.json", &scenario(0.2));
+    let wait = || {
+        let log = home.path("wait.log");
+        let child = roost()
+            .args(["submit", "--wait", "--server", &home.address, &file])
+            .stdout(Stdio::null())
+            .stderr(std::fs::File::create(&log).unwrap())
+            .spawn()
+            .unwrap();
+        let said = move || std::fs::read_to_string(&log).unwrap();
+        support::until("it waits", || said().contains("queued").then_some(()));
+        (child, said)
+    };
+    let ends = |mut child: std::process::Child| {
+        support::signal(child.id(), "INT");
+        let started = std::time::Instant::now();
+        let status = support::until("it ends", || child.try_wait().unwrap());
+        // Less than the time that a client waits for an answer.
+        assert!(started.elapsed() < std::time::Duration::from_secs(30), "{:?}", started.elapsed());
+        assert_eq!(status.code(), Some(1));
+    };
+
+    let (child, said) = wait();
+    server.kill();
+    support::until("it says so", || said().contains("waiting for the server").then_some(()));
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    assert_eq!(said().matches("waiting for the server").count(), 1, "{}", said());
+    ends(child);
+
+    server = home.serve();
+    let (child, _) = wait();
+    server.freeze();
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    ends(child);
+}
+
+#[test]
+fn what_a_server_cannot_use_is_wrong_input() {
+    let (home, other) = (Home::new(), Home::new());
+    let _server = home.serve();
+    let at = |home: &Home| home.address.trim_start_matches("http://").to_owned();
+    let (data, elsewhere) =
+        (home.path("data").display().to_string(), other.path("data").display().to_string());
+    for (command, listen, data, part) in [
+        ("serve", at(&home), &elsewhere, "cannot listen on"),
+        ("up", at(&home), &elsewhere, "cannot listen on"),
+        ("serve", at(&other), &data, "in use by another server"),
+        ("serve", "0.0.0.0:0".to_owned(), &elsewhere, "refusing to listen"),
+        ("serve", at(&other), &"/dev/null/data".to_owned(), "cannot use the data directory"),
+    ] {
+        let text = refused(&[command, "--listen", &listen, "--data", data]);
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn results_that_are_not_there_yet_are_no_wrong_input() {
+    let home = Home::new();
+    let _server = home.serve();
+    let job = home.submit(&scenario(0.2));
+    let output = home.roost(&["results", &job.id.to_string()]);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert!(
+        String::from_utf8_lossy(&output.stderr).starts_with("error: the job is queued: "),
+        "{}",
+        said(&output)
+    );
+}
+
+#[test]
+fn run_finds_out_beforehand_that_it_cannot_write() {
+    let home = Home::new();
+    let (file, out) = (home.file("long.json", &long(600.0)), home.path("out"));
+    std::fs::create_dir_all(out.join("series.csv")).unwrap();
+    std::fs::write(out.join("result.json"), "kept").unwrap();
+    let text = refused(&["run", &file, "--threads", "1", "-o", &out.display().to_string()]);
+    assert!(text.contains("cannot write") && text.contains("series.csv"), "{text}");
+    assert_eq!(std::fs::read_to_string(out.join("result.json")).unwrap(), "kept");
+    assert!(!out.join("curve.svg").exists());
 }
 
 #[test]

@@ -13,6 +13,9 @@ use support::{Home, fraction, long, outbox, scenario, stdout};
 /// Long enough to be caught in the middle, short enough to be waited for.
 const A_WHILE_S: f64 = 5.0;
 
+/// What SIGTERM promises: an exit in good order within this time.
+const PROMISE: Duration = Duration::from_secs(5);
+
 #[test]
 fn a_sweep_goes_in_and_its_table_comes_out() {
     let home = Home::new();
@@ -105,7 +108,33 @@ fn a_result_finished_while_the_server_is_away_waits_in_the_outbox() {
 }
 
 #[test]
+fn a_result_waits_for_its_own_server_and_is_not_shown_to_another() {
+    let (home, other) = (Home::new(), Home::new());
+    let server = home.serve();
+    let worker = home.work("worker");
+    let job = home.submit(&long(1.0));
+    home.job_when(&job, "the job is under way", |job| job.state == JobState::Running);
+    server.kill();
+    support::until("the result is in the outbox", || (outbox(&home.path("worker")) == 1).then_some(()));
+    worker.kill();
+
+    // The same state directory, another server: that one has never heard of the job.
+    let _other_server = other.serve();
+    let stranger = other.work_in("stranger", &home.path("worker"));
+    let theirs = other.submit(&scenario(0.2));
+    other.job_when(&theirs, "the other job has ended", |job| job.state == JobState::Succeeded);
+    drop(stranger);
+    assert_eq!(outbox(&home.path("worker")), 1, "the first server's result still waits");
+
+    let _server = home.serve();
+    let _worker = home.work("worker");
+    let done = home.job_when(&job, "the job has ended", |job| job.state.is_ended());
+    assert_eq!((done.state, done.attempt), (JobState::Succeeded, 1));
+}
+
+#[test]
 fn sigterm_hands_the_job_back_and_both_exit_in_good_order() {
+    let _undisturbed = support::undisturbed();
     let home = Home::new();
     let server = home.serve();
     let worker = home.work("worker");
@@ -114,7 +143,7 @@ fn sigterm_hands_the_job_back_and_both_exit_in_good_order() {
 
     worker.terminate();
     let (status, took) = worker.wait();
-    assert!(status.success() && took < Duration::from_secs(5), "{status} after {took:?}");
+    assert!(status.success() && took < PROMISE, "{status} after {took:?}");
     let back = home.job(&job).unwrap();
     assert_eq!((back.state, back.attempt), (JobState::Queued, 1), "released, not lost");
 
@@ -122,15 +151,16 @@ fn sigterm_hands_the_job_back_and_both_exit_in_good_order() {
     home.job_when(&job, "another takes it up", |job| job.state == JobState::Running && job.attempt == 2);
     server.terminate();
     let (status, took) = server.wait();
-    assert!(status.success() && took < Duration::from_secs(5), "{status} after {took:?}");
+    assert!(status.success() && took < PROMISE, "{status} after {took:?}");
     // Without a server to hand back to, a worker still exits.
     idle.terminate();
     let (status, took) = idle.wait();
-    assert!(status.success() && took < Duration::from_secs(5), "{status} after {took:?}");
+    assert!(status.success() && took < PROMISE, "{status} after {took:?}");
 }
 
 #[test]
 fn a_worker_waits_for_its_server_and_starts_anew_with_another() {
+    let _undisturbed = support::undisturbed();
     let home = Home::new();
     let worker = home.work("worker");
     std::thread::sleep(Duration::from_millis(300));
@@ -144,14 +174,13 @@ fn a_worker_waits_for_its_server_and_starts_anew_with_another() {
     // A server that has never heard of this worker, nor of its job: the worker drops that and serves the new one.
     std::fs::remove_dir_all(home.path("data")).unwrap();
     let _server = home.serve();
-    let asked = Instant::now();
     let job = home.submit(&scenario(0.2));
+    // Patience ends long before the first job's ten minutes: this is served because that was dropped.
     home.job_when(&job, "the job has ended", |job| job.state == JobState::Succeeded);
-    assert!(asked.elapsed() < Duration::from_secs(10), "{:?}", asked.elapsed());
 
     worker.terminate();
     let (status, took) = worker.wait();
-    assert!(status.success() && took < Duration::from_secs(3), "an idle worker: {status} after {took:?}");
+    assert!(status.success() && took < PROMISE, "an idle worker: {status} after {took:?}");
     let job = home.submit(&scenario(0.3));
     std::thread::sleep(Duration::from_millis(300));
     assert_eq!(home.job(&job).unwrap().state, JobState::Queued, "nothing claims after its end");
@@ -159,17 +188,18 @@ fn a_worker_waits_for_its_server_and_starts_anew_with_another() {
 
 #[test]
 fn cancel_reaches_a_running_solver_and_retry_runs_it_again() {
+    let _undisturbed = support::undisturbed();
     let home = Home::new();
     let _server = home.serve();
     let _worker = home.work("worker");
     let job = home.submit(&long(600.0));
     home.job_when(&job, "the job is under way", |job| fraction(job) > 0.0);
-    let asked = Instant::now();
     let id = job.id.to_string();
     stdout(&home.roost(&["cancel", &id]));
+    let asked = Instant::now();
     let ended = home.job_when(&job, "the job has ended", |job| job.state.is_ended());
     assert_eq!(ended.state, JobState::Cancelled);
-    assert!(asked.elapsed() < Duration::from_secs(5), "{:?}", asked.elapsed());
+    assert!(asked.elapsed() < Duration::from_secs(20), "{:?}", asked.elapsed());
 
     stdout(&home.roost(&["retry", &id]));
     home.job_when(&job, "it runs again", |job| job.state == JobState::Running && job.attempt == 2);

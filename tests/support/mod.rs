@@ -5,6 +5,8 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use roost_api::job::JobView;
@@ -14,6 +16,9 @@ use tempfile::TempDir;
 
 /// Nothing here takes longer, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Where test servers listen.
+const PORTS: std::ops::Range<u16> = 20_000..32_000;
 
 /// The binary under test.
 pub(crate) fn roost() -> Command {
@@ -76,6 +81,11 @@ impl Process {
         self.child.wait().unwrap();
     }
 
+    /// SIGSTOP: it is there, its connections are open, and it answers nothing.
+    pub(crate) fn freeze(&self) {
+        signal(self.child.id(), "STOP");
+    }
+
     /// SIGTERM.
     pub(crate) fn terminate(&self) {
         signal(self.child.id(), "TERM");
@@ -121,6 +131,23 @@ pub(crate) fn until<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
     }
 }
 
+/// A port that stays free while its server is down: below those that the system gives to outgoing connections,
+/// and no two of one process the same.
+fn free_port() -> u16 {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    (0..PORTS.len())
+        .map(|_| NEXT.fetch_add(1, Ordering::Relaxed).wrapping_add(std::process::id().wrapping_mul(97)))
+        .map(|number| PORTS.start + (number % PORTS.len() as u32) as u16)
+        .find(|port| std::net::TcpListener::bind(("127.0.0.1", *port)).is_ok())
+        .expect("a free port")
+}
+
+/// For tests that measure time: one at a time, so that they do not measure each other.
+pub(crate) fn undisturbed() -> MutexGuard<'static, ()> {
+    static ONE: Mutex<()> = Mutex::new(());
+    ONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
 /// A server's home: data directory and address stay the same from start to start.
 pub(crate) struct Home {
     pub(crate) folder: TempDir,
@@ -131,11 +158,9 @@ pub(crate) struct Home {
 
 impl Home {
     pub(crate) fn new() -> Self {
-        // Free a moment ago; the server is told to use it again after each restart.
-        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         Self {
             folder: tempfile::tempdir().unwrap(),
-            address: format!("http://127.0.0.1:{port}"),
+            address: format!("http://127.0.0.1:{}", free_port()),
             starts: std::cell::Cell::new(0),
             runtime: tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap(),
         }
@@ -164,9 +189,14 @@ impl Home {
 
     /// Starts a worker of its own state directory.
     pub(crate) fn work(&self, name: &str) -> Process {
+        self.work_in(name, &self.path(name))
+    }
+
+    /// Starts a worker in a state directory that another may have used.
+    pub(crate) fn work_in(&self, name: &str, state: &Path) -> Process {
         let mut command = roost();
         command.args(["work", "--server", &self.address, "--threads", "1", "--name", name, "--state"]);
-        self.start(name, command.arg(self.path(name)))
+        self.start(name, command.arg(state))
     }
 
     /// Runs a client command against this server.
@@ -217,9 +247,9 @@ pub(crate) fn fraction(job: &JobView) -> f64 {
 
 /// Deliveries that wait in a worker's outbox; one that is still being written is none yet.
 pub(crate) fn outbox(state: &Path) -> usize {
-    let Ok(entries) = std::fs::read_dir(state.join("outbox")) else { return 0 };
-    entries
-        .flatten()
+    let folders = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten();
+    folders(&state.join("outbox"))
+        .flat_map(|server| folders(&server.path()))
         .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "json"))
         .count()
 }

@@ -3,6 +3,9 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+/// The most threads that a worker starts, whatever it is told: more is a slip of the finger.
+pub const MAX_THREADS: usize = 1024;
+
 /// What a worker needs to know before it starts.
 #[derive(Clone, Debug)]
 pub struct WorkerConfig {
@@ -14,6 +17,9 @@ pub struct WorkerConfig {
     pub threads: usize,
     /// Where finished results wait for the server; several workers may share it.
     pub state_dir: PathBuf,
+    /// What names the server in the state directory; none means its address. For a server whose address changes
+    /// from start to start, and which alone uses the directory.
+    pub outbox_key: Option<String>,
     /// Jobs at once; they share the threads.
     pub slots: usize,
     /// How long a draining worker lets its jobs finish before it hands them back.
@@ -30,6 +36,7 @@ impl WorkerConfig {
             name: name.into(),
             threads: 0,
             state_dir: state_dir.into(),
+            outbox_key: None,
             slots: 1,
             drain_grace: Duration::ZERO,
             claim_wait: Duration::from_secs(20),
@@ -40,7 +47,7 @@ impl WorkerConfig {
     pub fn resolved_threads(&self) -> usize {
         match self.threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
-            threads => threads,
+            threads => threads.min(MAX_THREADS),
         }
     }
 
@@ -58,6 +65,8 @@ mod tests {
     fn slots_share_the_threads_and_always_have_one() {
         let config = WorkerConfig { threads: 8, slots: 3, ..WorkerConfig::new("s", "n", "d") };
         assert_eq!(config.threads_per_slot(), 2);
+        let config = WorkerConfig { threads: 999_999_999_999, slots: 1, ..config };
+        assert_eq!((config.resolved_threads(), config.threads_per_slot()), (MAX_THREADS, MAX_THREADS));
         let config = WorkerConfig { threads: 1, slots: 3, ..config };
         assert_eq!(config.threads_per_slot(), 1);
         assert!(WorkerConfig { threads: 0, ..config }.resolved_threads() >= 1);

@@ -12,5 +12,5 @@ mod lease;
 pub mod outbox;
 pub mod runner;
 
-pub use config::WorkerConfig;
+pub use config::{MAX_THREADS, WorkerConfig};
 pub use lease::{WorkerError, work};

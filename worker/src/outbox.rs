@@ -1,9 +1,10 @@
 //! Finished work on disk until the server has it: a crash of either side loses nothing.
 //!
-//! One file a delivery, named by job and attempt, written beside and renamed into place after an fsync, so that
-//! a file is whole or not there. Only the server's word removes one: 2xx (it has it), or 409 and 422 (it
-//! will never take it). What the server refuses for another reason is set aside in `refused/`, where a person
-//! can look at it. Workers may share a directory: deliveries are safe to repeat.
+//! One folder a server: what one server knows nothing of must wait for the other. In it, one file a delivery, named
+//! by job and attempt, written beside and renamed into place after an fsync, so that
+//! a file is whole or not there. Only the server's word removes one: 2xx (it has it), or 409 (another attempt
+//! counts). What the server refuses for another reason is set aside in `refused/`, where a person can look at it,
+//! and the attempt reported as failed: a job whose result nobody takes is not run over and over. Workers may share a directory: deliveries are safe to repeat.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -11,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use roost_api::ids::JobId;
+use roost_api::job::AttemptOutcome;
 use roost_api::lease::{FailureReport, ResultDelivery};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -46,7 +48,7 @@ pub enum Content {
 pub enum Fate {
     /// The server has it.
     Confirmed,
-    /// The server will never take it: the attempt is stale or the document unacceptable.
+    /// The server will never take it: the attempt is stale.
     Refused,
 }
 
@@ -54,7 +56,7 @@ impl Delivery {
     /// Sends it once.
     ///
     /// # Errors
-    /// Any answer other than "I have it" (2xx) and "I will never take it" (409, 422).
+    /// Any answer other than "I have it" (2xx) and "the attempt is stale" (409).
     pub async fn send(&self, client: &Client) -> Result<Fate, ClientError> {
         let sent = match &self.content {
             Content::Result(body) => client.deliver_result(self.job_id, self.attempt, body).await,
@@ -62,12 +64,35 @@ impl Delivery {
         };
         match sent {
             Ok(()) => Ok(Fate::Confirmed),
-            Err(error) if matches!(error.problem_status(), Some(409 | 422)) => {
+            Err(error) if matches!(error.problem_status(), Some(409)) => {
                 tracing::warn!(job = %self.job_id, attempt = self.attempt, %error, "the server refused a delivery");
                 Ok(Fate::Refused)
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// What to tell the server in place of a delivery whose content it refuses: that the attempt failed, and why. None
+    /// when the refusal is not about the content, or there is nothing left to leave out.
+    pub fn instead(self, refusal: &ClientError) -> Option<Self> {
+        if !matches!(refusal.problem_status(), Some(400 | 413 | 422)) {
+            return None;
+        }
+        let report = match self.content {
+            Content::Result(ResultDelivery { worker_id, .. }) => FailureReport {
+                worker_id,
+                outcome: AttemptOutcome::Worker,
+                message: format!("the server refused the result: {refusal}"),
+                result: None,
+            },
+            Content::Failure(report) if report.result.is_some() => FailureReport {
+                message: format!("{} (the server refused the partial result: {refusal})", report.message),
+                result: None,
+                ..report
+            },
+            Content::Failure(_) => return None,
+        };
+        Some(Self { content: Content::Failure(report), ..self })
     }
 }
 
@@ -78,9 +103,10 @@ pub struct Outbox {
 }
 
 impl Outbox {
-    /// Opens the outbox in a worker's state directory, making it if need be.
-    pub fn open(state_dir: &Path) -> io::Result<Self> {
-        let folder = state_dir.join("outbox");
+    /// Opens the outbox for one server in a worker's state directory, making it if need be. The key names the
+    /// server, such as its address.
+    pub fn open(state_dir: &Path, key: &str) -> io::Result<Self> {
+        let folder = state_dir.join("outbox").join(folder_name(key));
         fs::create_dir_all(folder.join("refused"))?;
         remove_abandoned(&folder)?;
         Ok(Self { folder })
@@ -98,29 +124,31 @@ impl Outbox {
         Ok(path)
     }
 
-    /// Every delivery that waits, oldest job first. A file that cannot be read is set aside.
-    pub fn waiting(&self) -> io::Result<Vec<(PathBuf, Delivery)>> {
+    /// Where the deliveries that wait are, oldest job first. Only paths: results are large, and there may be many.
+    pub fn waiting(&self) -> io::Result<Vec<PathBuf>> {
         let mut paths: Vec<_> = fs::read_dir(&self.folder)?
             .map(|entry| entry.map(|entry| entry.path()))
             .collect::<io::Result<_>>()?;
         paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
         paths.sort();
-        let mut deliveries = Vec::with_capacity(paths.len());
-        for path in paths {
-            let bytes = match fs::read(&path) {
-                Ok(bytes) => bytes,
-                Err(error) if error.kind() == ErrorKind::NotFound => continue, // delivered by a neighbour
-                Err(error) => return Err(error),
-            };
-            match serde_json::from_slice(&bytes) {
-                Ok(delivery) => deliveries.push((path, delivery)),
-                Err(error) => {
-                    tracing::error!(path = %path.display(), %error, "set aside an unreadable delivery");
-                    self.set_aside(&path)?;
-                }
+        Ok(paths)
+    }
+
+    /// One delivery; none when a neighbour has delivered it meanwhile. A file that makes no sense is set aside.
+    pub fn read(&self, path: &Path) -> io::Result<Option<Delivery>> {
+        let bytes = match fs::read(path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        match serde_json::from_slice(&bytes) {
+            Ok(delivery) => Ok(Some(delivery)),
+            Err(error) => {
+                tracing::error!(path = %path.display(), %error, "set aside an unreadable delivery");
+                self.set_aside(path)?;
+                Ok(None)
             }
         }
-        Ok(deliveries)
     }
 
     /// Forgets a delivery that the server has, or will never take.
@@ -139,6 +167,22 @@ impl Outbox {
     fn sync_folder(&self) -> io::Result<()> {
         File::open(&self.folder)?.sync_all()
     }
+}
+
+/// A server's address as the name of a folder: no two addresses share one.
+fn folder_name(key: &str) -> String {
+    let address = key.strip_prefix("http://").unwrap_or(key).trim_end_matches('/');
+    let mut name = String::with_capacity(address.len());
+    for byte in address.bytes() {
+        match byte {
+            b'.' if name.is_empty() => name.push_str("%2e"), // neither hidden nor `..`
+            b'.' | b'-' | b'0'..=b'9' | b'a'..=b'z' => name.push(byte.into()),
+            b'A'..=b'Z' => name.push(byte.to_ascii_lowercase().into()),
+            b':' => name.push('_'),
+            other => name.push_str(&format!("%{other:02x}")),
+        }
+    }
+    name
 }
 
 fn missing_is_fine(outcome: io::Result<()>) -> io::Result<()> {

@@ -1,5 +1,6 @@
 //! Everything that can go wrong between a client and the server, said so that a person can act on it.
 
+use roost_api::Fault;
 use roost_api::problem::Problem;
 
 /// Why a call did not give what was asked for.
@@ -82,10 +83,18 @@ fn innermost(error: &reqwest::Error) -> String {
 }
 
 fn describe(problem: &Problem) -> String {
-    let mut text = if problem.detail.is_empty() { problem.title.clone() } else { problem.detail.clone() };
+    // The detail of a single fault is that fault: it would be there twice.
+    let says_it_all = problem.errors.iter().any(|fault| fault.to_string() == problem.detail);
+    let is_title = problem.detail.is_empty() || says_it_all;
+    let mut text = if is_title { problem.title.clone() } else { problem.detail.clone() };
     for fault in &problem.errors {
         text.push_str("\n  ");
-        text.push_str(&fault.to_string());
+        text.push_str(&fault_line(fault));
     }
     text
+}
+
+/// A fault for people: where it is, what, and what would be allowed. An empty pointer is the document itself.
+pub fn fault_line(fault: &Fault) -> String {
+    if fault.pointer.is_empty() { format!("the document{fault}") } else { fault.to_string() }
 }

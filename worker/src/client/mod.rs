@@ -11,19 +11,19 @@ use std::time::Duration;
 
 use reqwest::{Method, RequestBuilder, Url};
 use roost_api::ids::{JobId, SweepId, WorkerId};
-use roost_api::job::{FailureClass, JobEnvelope, JobState, JobView};
+use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::lease::{
     ClaimReply, ClaimRequest, FailureReport, HeartbeatReply, HeartbeatRequest, ResultDelivery,
 };
 use roost_api::page::Page;
-use roost_api::sweep::{SweepResults, SweepSpec, SweepView};
+use roost_api::sweep::{SweepResults, SweepView};
 use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
-use roost_api::{API_VERSION, RunResult, Series};
+use roost_api::{API_VERSION, RunResult};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-pub use error::ClientError;
+pub use error::{ClientError, fault_line};
 
 /// What every call gives.
 pub type ClientResult<T> = Result<T, ClientError>;
@@ -65,11 +65,6 @@ impl Client {
 
     // --- jobs -----------------------------------------------------------------------------------
 
-    /// Submits one scenario.
-    pub async fn submit_job(&self, job: &JobEnvelope) -> ClientResult<JobView> {
-        self.post("jobs", job).await
-    }
-
     /// One job.
     pub async fn job(&self, id: JobId) -> ClientResult<JobView> {
         self.get(&format!("jobs/{id}")).await
@@ -90,11 +85,6 @@ impl Client {
         self.get(&format!("jobs/{id}/result")).await
     }
 
-    /// One series of a job's result.
-    pub async fn job_series(&self, id: JobId, name: &str) -> ClientResult<Series> {
-        self.get(&format!("jobs/{id}/series/{name}")).await
-    }
-
     /// Cancels a job.
     pub async fn cancel_job(&self, id: JobId) -> ClientResult<JobView> {
         self.fetch(self.request(Method::POST, &format!("jobs/{id}/cancel"))).await
@@ -106,11 +96,6 @@ impl Client {
     }
 
     // --- sweeps ---------------------------------------------------------------------------------
-
-    /// Submits a sweep.
-    pub async fn submit_sweep(&self, sweep: &SweepSpec) -> ClientResult<SweepView> {
-        self.post("sweeps", sweep).await
-    }
 
     /// Submits any document to `jobs` or `sweeps`, so that the server names its faults.
     pub async fn submit_document<T: DeserializeOwned>(

@@ -9,17 +9,29 @@ use super::*;
 
 /// A server that gives every request one and the same answer; returns its address.
 pub(crate) async fn answering(status: &str, content_type: &str, body: &str) -> String {
+    let (content_type, body) = (content_type.to_owned(), body.to_owned());
+    let answer = (status.to_owned(), body);
+    answering_by(&content_type, move |_| answer.clone()).await
+}
+
+/// A server whose answer (status and body) depends on the request; returns its address.
+pub(crate) async fn answering_by(
+    content_type: &str,
+    answer: impl Fn(&str) -> (String, String) + Clone + Send + 'static,
+) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = format!("http://{}", listener.local_addr().unwrap());
-    let length = body.len();
-    let answer = format!(
-        "HTTP/1.1 {status}\r\ncontent-type: {content_type}\r\ncontent-length: {length}\r\nconnection: close\r\n\r\n{body}"
-    );
+    let content_type = content_type.to_owned();
     tokio::spawn(async move {
         while let Ok((mut stream, _)) = listener.accept().await {
-            let answer = answer.clone();
+            let (answer, content_type) = (answer.clone(), content_type.clone());
             tokio::spawn(async move {
-                read_request(&mut stream).await;
+                let request = read_request(&mut stream).await;
+                let (status, body) = answer(&request);
+                let length = body.len();
+                let answer = format!(
+                    "HTTP/1.1 {status}\r\ncontent-type: {content_type}\r\ncontent-length: {length}\r\nconnection: close\r\n\r\n{body}"
+                );
                 let _ = stream.write_all(answer.as_bytes()).await;
             });
         }
@@ -28,7 +40,7 @@ pub(crate) async fn answering(status: &str, content_type: &str, body: &str) -> S
 }
 
 /// Reads one request whole: closing with unread bytes would reset the connection.
-async fn read_request(stream: &mut tokio::net::TcpStream) {
+async fn read_request(stream: &mut tokio::net::TcpStream) -> String {
     let mut seen = Vec::new();
     let mut buffer = [0; 4096];
     loop {
@@ -36,11 +48,11 @@ async fn read_request(stream: &mut tokio::net::TcpStream) {
         if let Some((head, body)) = text.split_once("\r\n\r\n") {
             let length = head.lines().find_map(|line| line.strip_prefix("content-length: ")?.parse().ok());
             if body.len() >= length.unwrap_or(0) {
-                return;
+                return text;
             }
         }
         match stream.read(&mut buffer).await {
-            Ok(0) | Err(_) => return,
+            Ok(0) | Err(_) => return text,
             Ok(count) => seen.extend_from_slice(&buffer[..count]),
         }
     }

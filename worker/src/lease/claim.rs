@@ -10,6 +10,7 @@ use tokio_util::task::TaskTracker;
 use uuid::Uuid;
 
 use super::deliver;
+use super::held::Key;
 use super::session::Session;
 use crate::backoff::Backoff;
 use crate::client::ClientError;
@@ -36,7 +37,7 @@ pub(super) async fn run(session: &Arc<Session>, runs: &TaskTracker) {
         let mut permit = Some(permit);
         for attempt in reply.attempts {
             let permit = permit.take().or_else(|| slots.clone().try_acquire_owned().ok());
-            runs.spawn(see_through(session.clone(), attempt, permit));
+            begin(session, runs, attempt, permit);
         }
     }
 }
@@ -99,12 +100,27 @@ async fn hand_back(session: &Session, reply: ClaimReply) {
     }
 }
 
-/// Runs one attempt and puts what came of it in the outbox. A free slot is given back as soon as the run ends.
-async fn see_through(session: Arc<Session>, claimed: ClaimedAttempt, permit: Option<OwnedSemaphorePermit>) {
+/// Starts one attempt. It is held before anything is awaited: a drain right after a claim must find it.
+fn begin(
+    session: &Arc<Session>,
+    runs: &TaskTracker,
+    claimed: ClaimedAttempt,
+    permit: Option<OwnedSemaphorePermit>,
+) {
     let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, .. } = claimed;
     tracing::info!(job = %job_id, attempt, "running");
     let run = Run::start(scenario, session.config.threads_per_slot(), max_wall_s);
     session.held.insert((job_id, attempt), run.progress.clone(), run.stop.clone());
+    runs.spawn(see_through(session.clone(), (job_id, attempt), run, permit));
+}
+
+/// Puts what comes of a run in the outbox. A free slot is given back as soon as the run ends.
+async fn see_through(
+    session: Arc<Session>,
+    (job_id, attempt): Key,
+    run: Run,
+    permit: Option<OwnedSemaphorePermit>,
+) {
     let end = run.end().await;
     drop(permit);
     let worker_id = session.worker_id;
@@ -123,4 +139,28 @@ async fn see_through(session: Arc<Session>, claimed: ClaimedAttempt, permit: Opt
         }
     };
     deliver::post(&session, Delivery { job_id, attempt, content }).await;
+}
+
+#[cfg(test)]
+mod tests {
+    use roost_api::ids::JobId;
+    use serde_json::json;
+    use tokio_util::sync::CancellationToken;
+
+    use super::*;
+    use crate::WorkerConfig;
+
+    #[tokio::test]
+    async fn a_drain_right_after_a_claim_finds_the_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let config = WorkerConfig::new("http://127.0.0.1:1", "worker", folder.path());
+        let session = Arc::new(Session::open(config, &CancellationToken::new()).unwrap());
+        let claimed: ClaimedAttempt = serde_json::from_value(json!({
+            "job_id": JobId::new(), "attempt": 1, "scenario": {}, "lease_expires_at": "2030-01-01T00:00:00Z",
+        }))
+        .unwrap();
+        // One thread and no await: nothing that was spawned has run yet.
+        begin(&session, &TaskTracker::new(), claimed, None);
+        assert_eq!(session.held.beats().len(), 1);
+    }
 }

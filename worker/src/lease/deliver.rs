@@ -1,5 +1,6 @@
 //! Brings the outbox to the server, for as long as that takes.
 
+use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::io;
 
@@ -9,7 +10,7 @@ use crate::outbox::Delivery;
 
 /// Puts a delivery in the outbox and rings for the postman. A disk that will not take it does not lose it: then it
 /// goes straight to the server, or waits in memory until one of the two does.
-pub(super) async fn post(session: &Session, delivery: Delivery) {
+pub(super) async fn post(session: &Session, mut delivery: Delivery) {
     let mut backoff = Backoff::default();
     loop {
         let (outbox, copy) = (session.outbox.clone(), delivery.clone());
@@ -17,8 +18,14 @@ pub(super) async fn post(session: &Session, delivery: Delivery) {
             Ok(_) => return session.mail.notify_one(),
             Err(error) => {
                 tracing::error!(%error, folder = %session.config.state_dir.display(), "cannot write to the outbox");
-                if delivery.send(&session.client).await.is_ok() {
-                    return session.held.remove((delivery.job_id, delivery.attempt));
+                let key = (delivery.job_id, delivery.attempt);
+                match delivery.send(&session.client).await {
+                    Ok(_) => return session.held.remove(key),
+                    Err(refusal) => {
+                        if let Some(report) = delivery.clone().instead(&refusal) {
+                            delivery = report;
+                        }
+                    }
                 }
                 backoff.pause().await;
             }
@@ -48,7 +55,10 @@ pub(super) async fn run(session: &Session) -> Infallible {
 pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
     let outbox = session.outbox.clone();
     let mut is_empty = true;
-    for (path, delivery) in on_disk(move || outbox.waiting()).await? {
+    let mut paths = VecDeque::from(on_disk(move || outbox.waiting()).await?);
+    while let Some(path) = paths.pop_front() {
+        let (outbox, from) = (session.outbox.clone(), path.clone());
+        let Some(delivery) = on_disk(move || outbox.read(&from)).await? else { continue };
         match delivery.send(&session.client).await {
             Ok(_) => session.outbox.remove(&path)?,
             Err(error) if error.is_transient() => {
@@ -59,6 +69,10 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
             Err(error) => {
                 tracing::error!(job = %delivery.job_id, %error, "set aside a delivery that the server refuses");
                 session.outbox.set_aside(&path)?;
+                if let Some(report) = delivery.clone().instead(&error) {
+                    paths.push_front(session.outbox.put(&report)?);
+                    continue;
+                }
             }
         }
         session.held.remove((delivery.job_id, delivery.attempt));
@@ -69,4 +83,88 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
 /// File work off the async threads: an fsync can take a while.
 async fn on_disk<T: Send + 'static>(work: impl FnOnce() -> io::Result<T> + Send + 'static) -> io::Result<T> {
     tokio::task::spawn_blocking(work).await.map_err(io::Error::other)?
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use roost_api::job::AttemptOutcome;
+    use roost_api::lease::ResultDelivery;
+    use roost_solver::{CpuOptions, Flow, scenario, simulate};
+    use serde_json::json;
+    use tokio_util::sync::CancellationToken;
+
+    use super::*;
+    use crate::WorkerConfig;
+    use crate::client::tests::answering_by;
+    use crate::outbox::Content;
+
+    /// A result as small as they come.
+    fn result() -> roost_api::RunResult {
+        let document = json!({
+            "experiment": "hopper",
+            "product": {"count": 1, "subparticle_radius_m": 0.009},
+            "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless"},
+            "numerics": {"timestep_s": "auto", "duration_s": 0.05},
+        });
+        let scenario = scenario::from_value(&document).unwrap();
+        simulate(&scenario, CpuOptions { threads: 1 }, &mut |_| Flow::Cancel)
+    }
+
+    /// Delivers to a server that refuses whatever carries a result; returns the reports that it took.
+    async fn reports_after_refusal(
+        status: &'static str,
+        content: Content,
+    ) -> (Vec<String>, tempfile::TempDir) {
+        let taken = Arc::new(Mutex::new(Vec::new()));
+        let reports = taken.clone();
+        let server = answering_by("application/problem+json", move |request| {
+            let (head, body) = request.split_once("\r\n\r\n").unwrap();
+            if head.contains("/failure http") && !body.contains("series") {
+                reports.lock().unwrap().push(body.to_owned());
+                return ("200 OK".to_owned(), "{}".to_owned());
+            }
+            let code = &status[..3];
+            let problem =
+                format!(r#"{{"type":"/problems/x","title":"x","status":{code},"detail":"over 8 MiB"}}"#);
+            (status.to_owned(), problem)
+        })
+        .await;
+        let folder = tempfile::tempdir().unwrap();
+        let config = WorkerConfig::new(server, "worker", folder.path());
+        let session = Session::open(config, &CancellationToken::new()).unwrap();
+        let delivery = Delivery { job_id: roost_api::ids::JobId::new(), attempt: 2, content };
+        post(&session, delivery).await;
+        assert!(deliver_waiting(&session).await.unwrap(), "the outbox is empty");
+        assert!(session.outbox.waiting().unwrap().is_empty());
+        let reports = taken.lock().unwrap().clone();
+        (reports, folder)
+    }
+
+    #[tokio::test]
+    async fn a_result_that_nobody_takes_is_the_attempts_failure() {
+        let worker_id = roost_api::ids::WorkerId::new();
+        for status in ["413 Payload Too Large", "400 Bad Request", "422 Unprocessable Entity"] {
+            let delivery = ResultDelivery { worker_id, result: result() };
+            let (reports, _folder) = reports_after_refusal(status, Content::Result(delivery)).await;
+            assert_eq!(reports.len(), 1, "{status}");
+            assert!(reports[0].contains(r#""outcome":"worker""#), "{status}: {}", reports[0]);
+            assert!(reports[0].contains("refused the result: over 8 mib"), "{status}: {}", reports[0]);
+        }
+    }
+
+    #[tokio::test]
+    async fn a_partial_result_that_nobody_takes_leaves_the_failure_as_it_was() {
+        let report = roost_api::lease::FailureReport {
+            worker_id: roost_api::ids::WorkerId::new(),
+            outcome: AttemptOutcome::Timeout,
+            message: "stopped".to_owned(),
+            result: Some(result()),
+        };
+        let (reports, _folder) =
+            reports_after_refusal("413 Payload Too Large", Content::Failure(report)).await;
+        assert_eq!(reports.len(), 1);
+        assert!(reports[0].contains(r#""outcome":"timeout""#), "{}", reports[0]);
+    }
 }

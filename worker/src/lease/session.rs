@@ -34,7 +34,8 @@ pub(super) struct Session {
 
 impl Session {
     pub(super) fn open(config: WorkerConfig, shutdown: &CancellationToken) -> Result<Self, WorkerError> {
-        let outbox = Outbox::open(&config.state_dir)
+        let key = config.outbox_key.as_ref().unwrap_or(&config.server);
+        let outbox = Outbox::open(&config.state_dir, key)
             .map_err(|source| WorkerError::StateDir { path: config.state_dir.clone(), source })?;
         Ok(Self {
             client: Client::new(&config.server)?,

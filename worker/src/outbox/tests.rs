@@ -1,10 +1,11 @@
 //! What the outbox keeps, what it lets go, and on whose word.
 
 use roost_api::ids::WorkerId;
-use roost_api::job::AttemptOutcome;
 
 use super::*;
 use crate::client::tests::answering;
+
+const SERVER: &str = "http://127.0.0.1:7373";
 
 fn delivery(attempt: u32) -> Delivery {
     let report = FailureReport {
@@ -18,7 +19,7 @@ fn delivery(attempt: u32) -> Delivery {
 
 fn outbox() -> (tempfile::TempDir, Outbox) {
     let folder = tempfile::tempdir().unwrap();
-    let outbox = Outbox::open(folder.path()).unwrap();
+    let outbox = Outbox::open(folder.path(), SERVER).unwrap();
     (folder, outbox)
 }
 
@@ -30,10 +31,11 @@ fn a_delivery_outlives_its_process_until_it_is_removed() {
     outbox.put(&delivery(7)).unwrap();
     drop(outbox);
 
-    let outbox = Outbox::open(folder.path()).unwrap();
+    let outbox = Outbox::open(folder.path(), SERVER).unwrap();
     let waiting = outbox.waiting().unwrap();
-    assert_eq!(waiting.iter().map(|(_, delivery)| delivery.attempt).collect::<Vec<_>>(), [1, 7]);
-    assert_eq!(waiting[0].1.job_id, first.job_id);
+    let found: Vec<_> = waiting.iter().map(|path| outbox.read(path).unwrap().unwrap()).collect();
+    assert_eq!(found.iter().map(|delivery| delivery.attempt).collect::<Vec<_>>(), [1, 7]);
+    assert_eq!(found[0].job_id, first.job_id);
     outbox.remove(&path).unwrap();
     outbox.remove(&path).expect("a neighbour may have been faster");
     assert_eq!(outbox.waiting().unwrap().len(), 1);
@@ -49,19 +51,36 @@ fn putting_the_same_attempt_twice_keeps_one() {
 }
 
 #[test]
+fn servers_do_not_share_their_deliveries() {
+    let folder = tempfile::tempdir().unwrap();
+    let addresses =
+        [SERVER, "http://127.0.0.1:7374", "http://[::1]:7373", "http://a:1/b", "http://a:1_b", "../up", ".."];
+    for address in addresses {
+        let outbox = Outbox::open(folder.path(), address).unwrap();
+        assert!(outbox.waiting().unwrap().is_empty(), "{address} sees another's");
+        let path = outbox.put(&delivery(1)).unwrap();
+        assert!(path.starts_with(folder.path().join("outbox")) && !path.to_string_lossy().contains("/.."));
+    }
+    let again = Outbox::open(folder.path(), "http://127.0.0.1:7373/").unwrap();
+    assert_eq!(again.waiting().unwrap().len(), 1);
+}
+
+#[test]
 fn half_written_and_unreadable_files_stop_nobody() {
     let (folder, outbox) = outbox();
     outbox.put(&delivery(3)).unwrap();
-    let inside = folder.path().join("outbox");
+    let inside = folder.path().join("outbox/127.0.0.1_7373");
     fs::write(inside.join("killed-here.tmp"), "{\"job_id\":").unwrap();
     fs::write(inside.join("broken-1.json"), "{\"job_id\":").unwrap();
-    assert_eq!(outbox.waiting().unwrap().len(), 1);
+    assert!(outbox.read(&inside.join("broken-1.json")).unwrap().is_none());
     assert!(inside.join("refused/broken-1.json").exists());
+    assert!(outbox.read(&inside.join("delivered-by-a-neighbour-1.json")).unwrap().is_none());
+    assert_eq!(outbox.waiting().unwrap().len(), 1);
 
     let old = File::options().write(true).open(inside.join("killed-here.tmp")).unwrap();
     old.set_modified(SystemTime::now() - 2 * ABANDONED_AFTER).unwrap();
     fs::write(inside.join("being-written-now.tmp"), "{").unwrap();
-    Outbox::open(folder.path()).unwrap();
+    Outbox::open(folder.path(), SERVER).unwrap();
     assert!(!inside.join("killed-here.tmp").exists());
     assert!(inside.join("being-written-now.tmp").exists());
 }
@@ -73,7 +92,7 @@ async fn only_the_servers_word_settles_a_delivery() {
     let cases = [
         ("200 OK", "{}".to_owned(), Some(Fate::Confirmed)),
         ("409 Conflict", problem(409), Some(Fate::Refused)),
-        ("422 Unprocessable Entity", problem(422), Some(Fate::Refused)),
+        ("422 Unprocessable Entity", problem(422), None),
         ("500 Internal Server Error", problem(500), None),
         ("404 Not Found", problem(404), None),
         ("409 Conflict", "a proxy's own opinion".to_owned(), None),
