@@ -5,7 +5,6 @@ use std::path::Path;
 
 use anyhow::Result;
 use roost_api::Fault;
-use roost_api::sweep::SCHEMA as SWEEP_SCHEMA;
 use roost_solver::scenario::{self, ScenarioError};
 use roost_worker::client::fault_line;
 use serde_json::Value;
@@ -25,8 +24,7 @@ pub(crate) enum Kind {
 
 impl Kind {
     pub(crate) fn of(document: &Value) -> Self {
-        let says_so = document.get("schema").is_some_and(|schema| schema == SWEEP_SCHEMA);
-        if says_so || ["base", "factors", "design"].iter().any(|name| document.get(name).is_some()) {
+        if roost_server::is_sweep(document) {
             Self::Sweep
         } else if document.get("scenario").is_some() {
             Self::Job
