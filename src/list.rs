@@ -59,7 +59,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     if args.json {
         ui::println(format_args!("{document:#}"))?;
     } else if table.is_empty() {
-        eprintln!("nothing there yet; see `roost submit --help`");
+        eprintln!("nothing to list; `roost submit --help` says how to begin");
     } else {
         ui::print(format_args!("{table}"))?;
     }
@@ -67,15 +67,28 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 }
 
 pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
-    let mut table = Table::new(["id", "name", "jobs", "done", "running", "failed", "%", "submitted"]);
+    let mut table = Table::new([
+        "id",
+        "name",
+        "jobs",
+        "queued",
+        "running",
+        "succeeded",
+        "failed",
+        "cancelled",
+        "%",
+        "submitted",
+    ]);
     for sweep in sweeps {
         table.row([
             sweep.id.to_string(),
             sweep.name.clone(),
             sweep.counts.total().to_string(),
-            sweep.counts.ended().to_string(),
+            sweep.counts.queued.to_string(),
             sweep.counts.running.to_string(),
+            sweep.counts.succeeded.to_string(),
             sweep.counts.failed.to_string(),
+            sweep.counts.cancelled.to_string(),
             format!("{:.0}", sweep.fraction * 100.0),
             sweep.submitted_at.to_string(),
         ]);
@@ -86,7 +99,10 @@ pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
 pub(crate) fn jobs(jobs: &[JobView]) -> Table {
     let mut table = Table::new(["id", "state", "levels", "seed", "attempt", "%", "submitted"]);
     for job in jobs {
-        let levels: Vec<_> = job.factors.values().map(format::cell).collect();
+        let level = |(pointer, value): (&String, _)| {
+            format!("{}={}", pointer.rsplit('/').next().unwrap_or_default(), format::cell(value))
+        };
+        let levels: Vec<_> = job.factors.iter().map(level).collect();
         let state = match (job.cancelling, job.failure_class) {
             (true, _) => "cancelling".to_owned(),
             (false, Some(class)) => format!("{}: {class}", job.state),

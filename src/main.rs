@@ -21,6 +21,7 @@ mod validate;
 mod watch;
 mod work;
 
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -87,7 +88,12 @@ impl Command {
 async fn main() -> ExitCode {
     let Cli { command } = Cli::parse();
     let filter = EnvFilter::try_from_env("ROOST_LOG").unwrap_or_else(|_| command.log_filter().into());
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
+        .init();
     match command.execute().await {
         Ok(exit) => exit.into(),
         // The reader of our output has seen enough.

@@ -10,7 +10,7 @@ use roost_worker::runner::{Run, RunEnd, Stop};
 use serde_json::json;
 use tokio_util::sync::CancellationToken;
 
-use crate::exit::Exit;
+use crate::exit::{BadInput, Exit};
 use crate::ui;
 use crate::ui::meter::Meter;
 use crate::ui::{format, table::Table};
@@ -44,6 +44,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown()?;
     if let (Some(seed), Some(fields)) = (args.seed, document.as_object_mut()) {
         fields.insert("seed".to_owned(), json!(seed));
+    }
+    if input::Kind::of(&document) == input::Kind::Sweep {
+        let name = input::name(&args.scenario);
+        let text = format!("{name} is a sweep, and this runs one scenario; `roost submit` takes sweeps");
+        return Err(BadInput(text).into());
     }
     let bad = |faults: Vec<_>| input::faults(&args.scenario, &faults);
     let scenario = scenario::from_value(&document).map_err(bad)?;

@@ -86,3 +86,23 @@ fn the_scenario_and_the_sweep_of_the_readme_are_sound() {
 fn ci_calls_the_test_command_of_the_readme() {
     assert!(read(".ci/run").contains("make test"));
 }
+
+#[test]
+fn the_table_of_fields_is_that_of_the_scenario() {
+    let table = roost_solver::scenario::field_table_markdown();
+    assert!(read("docs/scenario.md").contains(table.trim_end()), "docs/scenario.md shall hold:\n{table}");
+}
+
+#[test]
+fn every_response_is_explained() {
+    use roost_solver::experiments::{discharge::HopperWatch, hopper};
+    let text = r#"{"experiment": "hopper", "product": {"count": 2, "subparticle_radius_m": 0.008}}"#;
+    let scenario = roost_solver::scenario::parse(text).expect("a sound scenario");
+    let watch = HopperWatch::new(&scenario, &hopper::scene(&scenario));
+    let document = read("docs/responses.md");
+    let responses = watch.responses(roost_solver::result::EndReason::Duration);
+    let series = watch.series();
+    let names = responses.keys().map(String::as_str).chain(series.iter().map(|series| series.name.as_str()));
+    let missing: Vec<&str> = names.filter(|name| !document.contains(&format!("| `{name}` |"))).collect();
+    assert!(missing.is_empty(), "docs/responses.md does not explain {missing:?}");
+}
