@@ -106,3 +106,26 @@ fn every_response_is_explained() {
     let missing: Vec<&str> = names.filter(|name| !document.contains(&format!("| `{name}` |"))).collect();
     assert!(missing.is_empty(), "docs/responses.md does not explain {missing:?}");
 }
+
+#[test]
+fn every_test_that_the_verification_names_exists() {
+    let mut sources = String::new();
+    let mut folders = vec![root().join("solver/src"), root().join("solver/tests")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                sources += &std::fs::read_to_string(path).expect("a source");
+            }
+        }
+    }
+    let text = read("docs/verification.md");
+    let words = text.split('`').skip(1).step_by(2).filter(|word| word.contains("::"));
+    let names: Vec<&str> = words.filter_map(|word| word.rsplit("::").next()).collect();
+    assert!(names.len() > 50, "{names:?}");
+    let missing: Vec<_> =
+        names.into_iter().filter(|name| !sources.contains(&format!("fn {name}("))).collect();
+    assert!(missing.is_empty(), "docs/verification.md names what is not there: {missing:?}");
+}
