@@ -17,8 +17,9 @@ pub mod scenario;
 pub mod shape;
 
 pub use check::{Limits, check};
-pub use result::{Flow, PHYSICS_REVISION, VERSION};
-use result::{Progress, RunResult};
+pub use engine::run::Observer;
+use result::RunResult;
+pub use result::{Flow, PHYSICS_REVISION, Progress, VERSION};
 use scenario::Scenario;
 
 /// Where a run is computed.
@@ -28,12 +29,8 @@ pub struct CpuOptions {
     pub threads: usize,
 }
 
-/// Runs one scenario on the CPU to its end. `on_progress` is called about ten times a second of wall time and
+/// Runs one scenario on the CPU to its end. The observer is told the progress about ten times a second of wall time and
 /// at least once per output interval, and may cancel: what was sampled so far is then returned, without responses.
-pub fn simulate(
-    scenario: &Scenario,
-    options: CpuOptions,
-    on_progress: &mut dyn FnMut(&Progress) -> Flow,
-) -> RunResult {
-    experiments::simulate(scenario, &cpu::Cpu::new(options.threads), on_progress)
+pub fn simulate(scenario: &Scenario, options: CpuOptions, observer: &mut dyn Observer) -> RunResult {
+    experiments::simulate(scenario, &cpu::Cpu::new(options.threads), observer)
 }

@@ -11,7 +11,7 @@ use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::SurfaceKind;
 use roost_solver::scenario::{self, Scenario};
-use roost_solver::{CpuOptions, Flow, simulate};
+use roost_solver::{CpuOptions, Flow, Progress, simulate};
 
 /// A small hopper with everything in it: 12 fillets, all contacts, belt, shutter.
 fn hopper() -> Scenario {
@@ -23,7 +23,7 @@ fn hopper() -> Scenario {
 
 #[test]
 fn a_run_gives_the_same_bits_on_one_two_and_three_threads() {
-    let run = |threads| simulate(&hopper(), CpuOptions { threads }, &mut |_| Flow::Continue);
+    let run = |threads| simulate(&hopper(), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue);
     let one = run(1);
     assert!(one.response("discharged_kg").is_some_and(|mass| mass > 0.1), "{:?}", one.responses);
     for threads in [2, 3] {
@@ -38,8 +38,11 @@ fn a_run_gives_the_same_bits_on_one_two_and_three_threads() {
 
 #[test]
 fn another_seed_gives_another_run() {
-    let run =
-        |seed| simulate(&Scenario { seed, ..hopper() }, CpuOptions { threads: 2 }, &mut |_| Flow::Continue);
+    let run = |seed| {
+        simulate(&Scenario { seed, ..hopper() }, CpuOptions { threads: 2 }, &mut |_: &Progress| {
+            Flow::Continue
+        })
+    };
     assert_ne!(run(1).series, run(2).series);
 }
 
@@ -158,7 +161,7 @@ fn what_has_left_is_not_missed() {
 #[test]
 fn a_cancelled_run_keeps_its_samples_and_has_no_responses() {
     let mut looks = 0;
-    let result = simulate(&hopper(), CpuOptions { threads: 2 }, &mut |progress| {
+    let result = simulate(&hopper(), CpuOptions { threads: 2 }, &mut |progress: &Progress| {
         looks += 1;
         assert!((0.0..=1.0).contains(&progress.fraction));
         if progress.simulated_s > 0.1 { Flow::Cancel } else { Flow::Continue }

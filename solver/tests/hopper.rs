@@ -2,7 +2,7 @@
 
 use roost_solver::result::{EndReason, RunResult, Series};
 use roost_solver::scenario;
-use roost_solver::{CpuOptions, Flow, simulate};
+use roost_solver::{CpuOptions, Flow, Progress, simulate};
 use serde_json::{Value, json};
 
 /// Runs a hopper of 8 fillets with these fields, by pointer, instead of its own.
@@ -21,7 +21,7 @@ fn run(fields: &[(&str, Value)]) -> RunResult {
         *at = value.clone();
     }
     let scenario = scenario::from_value(&document).expect("a sound scenario");
-    let result = simulate(&scenario, CpuOptions { threads: 2 }, &mut |_| Flow::Continue);
+    let result = simulate(&scenario, CpuOptions { threads: 2 }, &mut |_: &Progress| Flow::Continue);
     assert_sound(&result);
     result
 }

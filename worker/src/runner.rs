@@ -11,7 +11,7 @@ use roost_api::job::AttemptOutcome;
 use roost_api::{Progress, RunResult};
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Fault};
-use roost_solver::{CpuOptions, Flow, Limits};
+use roost_solver::{CpuOptions, Flow, Limits, Observer};
 use serde_json::Value;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -89,24 +89,24 @@ pub struct Run {
 impl Run {
     /// Starts a scenario document. Must be called within a tokio runtime.
     pub fn start(document: Value, threads: usize, max_wall_s: Option<f64>) -> Self {
-        Self::start_with(max_wall_s, move |on_progress| {
+        Self::start_with(max_wall_s, move |observer| {
             let scenario = scenario::from_value(&document)?;
             roost_solver::check(&scenario, &Limits { max_subparticles: u64::MAX, max_steps: u64::MAX })?;
-            Ok(roost_solver::simulate(&scenario, CpuOptions { threads }, on_progress))
+            Ok(roost_solver::simulate(&scenario, CpuOptions { threads }, observer))
         })
     }
 
     /// Starts anything that reports progress and gives a result, as the solver does.
     fn start_with<F>(max_wall_s: Option<f64>, solve: F) -> Self
     where
-        F: FnOnce(&mut dyn FnMut(&Progress) -> Flow) -> Result<RunResult, Vec<Fault>> + Send + 'static,
+        F: FnOnce(&mut dyn Observer) -> Result<RunResult, Vec<Fault>> + Send + 'static,
     {
         let (sender, progress) = watch::channel(None);
         let stop = StopFlag::default();
         let flag = stop.clone();
         let thread = tokio::task::spawn_blocking(move || {
             let started = Instant::now();
-            let outcome = solve(&mut |progress| {
+            let outcome = solve(&mut |progress: &Progress| {
                 sender.send_replace(Some(progress.clone()));
                 if max_wall_s.is_some_and(|limit| started.elapsed().as_secs_f64() > limit) {
                     flag.set(Stop::Timeout);

@@ -33,7 +33,7 @@ pub struct Felt {
     /// Greatest overlap of sub-particles that no bond joins, in metres.
     pub max_overlap: f32,
     /// Bonds that broke in this step.
-    pub bonds_broken: u64,
+    pub bonds_broken: u32,
 }
 
 impl Felt {
@@ -52,16 +52,20 @@ pub(crate) fn gather(
     walls: &Walls,
     lists: &mut Lists,
     loads: &mut Vec<Load>,
+    broken: &mut [u32],
 ) -> Felt {
     loads.resize(state.particles.len(), Load::default());
-    let chunks = lists.chunks.par_iter_mut().zip(loads.par_chunks_mut(CHUNK)).enumerate();
+    let shares = loads.par_chunks_mut(CHUNK).zip(broken.par_chunks_mut(CHUNK));
+    let chunks = lists.chunks.par_iter_mut().zip(shares).enumerate();
     chunks
-        .map(|(c, (chunk, loads))| {
+        .map(|(c, (chunk, (loads, broken)))| {
             let mut felt = Felt::default();
-            for (k, load) in loads.iter_mut().enumerate() {
+            for (k, (load, broken)) in loads.iter_mut().zip(broken).enumerate() {
                 *load = Load::default();
                 let i = c * CHUNK + k;
-                felt = felt.and(from_pairs(params, state, i, chunk, k, load));
+                let pairs = from_pairs(params, state, i, chunk, k, load);
+                *broken += pairs.bonds_broken;
+                felt = felt.and(pairs);
                 from_walls(params, state, walls, i, chunk, k, load);
             }
             felt
@@ -106,7 +110,7 @@ fn from_pairs(
                     pair.bond_class = 0;
                     pair.bond = Vec3::ZERO;
                     // Both sides see it; the lower one counts it.
-                    felt.bonds_broken += u64::from(i < j);
+                    felt.bonds_broken += u32::from(i < j);
                 }
             }
         }
@@ -147,13 +151,16 @@ fn from_walls(
         // A centre right on the plate has no side; it gets one in the next step.
         if delta < -law.reach() || touch.distance <= 0.0 || walls.is_shadowed(*facet, touch, others()) {
             wall.contact = ContactMemory::default();
+            wall.force = Vec3::ZERO;
             continue;
         }
         let n = touch.to_wall / touch.distance;
         let v = me.velocity + me.spin.cross(touch.to_wall) - touch.velocity;
         let mass = state.masses[i];
+        wall.force = Vec3::ZERO;
         if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, mass, params.dt) {
-            load.add(force.normal + force.tangential, touch.to_wall, force.tangential);
+            wall.force = force.normal + force.tangential;
+            load.add(wall.force, touch.to_wall, force.tangential);
         }
     }
 }

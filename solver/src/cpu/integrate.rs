@@ -51,7 +51,7 @@ pub(crate) fn advance(params: &Params, state: &mut State, loads: &[Load], drift:
     let inverse_unit = 1.0 / state.frame.unit_m;
     let spin_factor = 2.5 / (params.radius * params.radius);
     let limit2 = params.speed_limit * params.speed_limit;
-    let (frame, masses, reference) = (state.frame, &state.masses, drift.reference());
+    let (frame, masses, held, reference) = (state.frame, &state.masses, &state.held, drift.reference());
     let moved = state
         .particles
         .par_chunks_mut(CHUNK)
@@ -62,6 +62,9 @@ pub(crate) fn advance(params: &Params, state: &mut State, loads: &[Load], drift:
             for (k, (p, remainder)) in particles.iter_mut().zip(remainders).enumerate() {
                 let i = c * CHUNK + k;
                 let inverse_mass = 1.0 / masses[i];
+                if held[i] {
+                    continue;
+                }
                 p.velocity =
                     integrate::velocity(p.velocity, loads[i].force, inverse_mass, params.gravity, dt);
                 p.spin = integrate::spin(p.spin, loads[i].torque, inverse_mass * spin_factor, dt);

@@ -33,6 +33,8 @@ pub struct WallPair {
     pub facet: u32,
     /// What the contact remembers.
     pub contact: ContactMemory,
+    /// Force on the sub-particle in the last step, in newton.
+    pub force: Vec3,
 }
 
 /// The lists of one chunk of sub-particles.
@@ -63,7 +65,13 @@ impl ChunkLists {
         &mut self.walls[row]
     }
 
-    fn pairs(&self, k: usize) -> &[Pair] {
+    /// All facets near sub-particles of the chunk, in the order of sub-particles.
+    pub fn all_walls(&self) -> &[WallPair] {
+        &self.walls
+    }
+
+    /// The neighbours of the `k`th sub-particle of the chunk, sorted by id.
+    pub fn pairs(&self, k: usize) -> &[Pair] {
         &self.pairs[row(&self.pair_ends, k)]
     }
 

@@ -19,7 +19,7 @@ use crate::engine::state::State;
 use crate::engine::{Advance, Backend, BackendInfo};
 use bounds::Drift;
 use forces::Load;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use lists::Lists;
 use walls::Walls;
 
@@ -115,6 +115,24 @@ impl Backend for Cpu {
         &run.state
     }
 
+    fn surface_forces(&self, run: &mut CpuRun) -> Vec<DVec3> {
+        let mut forces = vec![DVec3::ZERO; run.walls.surface_count()];
+        for wall in run.lists.chunks.iter().flat_map(|chunk| chunk.all_walls()) {
+            forces[run.walls.surface_of(wall.facet)] -= wall.force.as_dvec3();
+        }
+        forces
+    }
+
+    fn bonds(&self, run: &mut CpuRun) -> Vec<[u32; 2]> {
+        let serials = &run.state.serials;
+        let row = |i: usize| run.lists.chunks[i / CHUNK].pairs(i % CHUNK).iter().map(move |pair| (i, pair));
+        (0..serials.len())
+            .flat_map(row)
+            .filter(|(i, pair)| pair.bond_class != 0 && *i < pair.other as usize)
+            .map(|(i, pair)| [serials[i], serials[pair.other as usize]])
+            .collect()
+    }
+
     fn start(&self, run: &mut CpuRun) {
         run.start_step = Some(run.step);
         run.walls.drop_what_goes_at_start();
@@ -148,9 +166,18 @@ impl CpuRun {
             self.lists.rebuild(&self.params, &self.state, &self.walls);
             self.drift.restart(&self.state, &mut self.walls);
         }
-        let felt = forces::gather(&self.params, &self.state, &self.walls, &mut self.lists, &mut self.loads);
+        let mut broken = std::mem::take(&mut self.state.broken);
+        let felt = forces::gather(
+            &self.params,
+            &self.state,
+            &self.walls,
+            &mut self.lists,
+            &mut self.loads,
+            &mut broken,
+        );
+        self.state.broken = broken;
         let moved = integrate::advance(&self.params, &mut self.state, &self.loads, &mut self.drift);
-        self.state.bonds_broken += felt.bonds_broken;
+        self.state.bonds_broken += u64::from(felt.bonds_broken);
         self.step += 1;
         done.steps += 1;
         done.particle_steps += self.state.particles.len() as u64;

@@ -96,7 +96,7 @@ impl Walls {
             }
             walls.surfaces.push(WallSurface {
                 motion: surface.motion,
-                law: scene.laws.of_surface(surface.kind),
+                law: scene.laws.of_surface(surface),
                 presence: surface.presence,
                 anchor,
                 reach: corners().map(|c| c.distance(anchor)).fold(0.0, f64::max),
@@ -194,6 +194,16 @@ impl Walls {
                     (nearer || first) && on_theirs.is_some_and(|q| q.distance(touch.local) < SAME)
                 },
             )
+    }
+
+    /// Number of surfaces.
+    pub fn surface_count(&self) -> usize {
+        self.surfaces.len()
+    }
+
+    /// The surface that a facet is part of.
+    pub fn surface_of(&self, facet: u32) -> usize {
+        self.facets[facet as usize].surface
     }
 
     /// The law of a facet's contacts.

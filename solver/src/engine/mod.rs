@@ -8,6 +8,7 @@ pub mod run;
 pub mod scene;
 pub mod state;
 
+use glam::DVec3;
 use scene::Scene;
 use state::State;
 
@@ -55,6 +56,12 @@ pub trait Backend {
 
     /// The state of a run, for observers.
     fn state<'a>(&self, run: &'a mut Self::Run) -> &'a State;
+
+    /// The force on each surface of the scene in the last step, in newton; zero before the first.
+    fn surface_forces(&self, run: &mut Self::Run) -> Vec<DVec3>;
+
+    /// The bonds that hold, as pairs of serials, ascending.
+    fn bonds(&self, run: &mut Self::Run) -> Vec<[u32; 2]>;
 
     /// Makes now t = 0: motions start, what was there only until the start goes.
     fn start(&self, run: &mut Self::Run);

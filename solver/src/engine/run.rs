@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::scene::Scene;
 use super::state::State;
 use super::{Advance, Backend};
@@ -32,6 +34,43 @@ pub struct Sample<'a> {
     pub state: &'a State,
     /// Greatest overlap of unbonded sub-particles so far, in metres.
     pub max_overlap_m: f32,
+    /// Force on each surface of the scene in the last step, in newton.
+    pub surface_forces: &'a [DVec3],
+}
+
+/// A moment of a run, for pictures.
+#[derive(Debug)]
+pub struct Snapshot<'a> {
+    /// What runs.
+    pub scene: &'a Scene,
+    /// Simulated time since the run began, in seconds.
+    pub simulated_s: f64,
+    /// Belt time in seconds; `None` before the start.
+    pub belt_time_s: Option<f64>,
+    /// The state.
+    pub state: &'a State,
+    /// The bonds that hold, as pairs of serials, ascending.
+    pub bonds: &'a [[u32; 2]],
+}
+
+/// Who watches a run from outside. A function from progress to flow is one that wants no pictures.
+pub trait Observer {
+    /// Is told how far the run has come, and may end it.
+    fn progress(&mut self, progress: &Progress) -> Flow;
+
+    /// Whether it wants a picture of the sample at this simulated time, in seconds.
+    fn wants_snapshot(&self, _simulated_s: f64) -> bool {
+        false
+    }
+
+    /// Takes a picture.
+    fn snapshot(&mut self, _snapshot: &Snapshot<'_>) {}
+}
+
+impl<F: FnMut(&Progress) -> Flow> Observer for F {
+    fn progress(&mut self, progress: &Progress) -> Flow {
+        self(progress)
+    }
 }
 
 /// What an experiment decides after a look.
@@ -73,19 +112,33 @@ pub fn run<B: Backend>(
     scene: &Scene,
     plan: Plan,
     director: &mut dyn Director,
-    on_progress: &mut dyn FnMut(&Progress) -> Flow,
+    observer: &mut dyn Observer,
 ) -> Ended {
     let clock = Instant::now();
     let mut run = backend.prepare(scene);
     let mut course = Course::new(plan, scene.timestep_s);
     let subparticles = backend.state(&mut run).particles.len() as u64;
+    let mut pictured = None;
     let (reason, fault) = loop {
+        let surface_forces = backend.surface_forces(&mut run);
+        if pictured != Some(course.step) && observer.wants_snapshot(course.simulated_s()) {
+            let bonds = backend.bonds(&mut run);
+            observer.snapshot(&Snapshot {
+                scene,
+                simulated_s: course.simulated_s(),
+                belt_time_s: course.belt_time_s(),
+                state: backend.state(&mut run),
+                bonds: &bonds,
+            });
+            pictured = Some(course.step);
+        }
         let state = backend.state(&mut run);
         let sample = Sample {
             simulated_s: course.simulated_s(),
             belt_time_s: course.belt_time_s(),
             state,
             max_overlap_m: course.max_overlap_m,
+            surface_forces: &surface_forces,
         };
         match director.look(&sample) {
             Decision::End(reason) => break (reason, None),
@@ -109,7 +162,7 @@ pub fn run<B: Backend>(
             course.account(advance, before.elapsed().as_secs_f64());
             let left = backend.state(&mut run).particles.len() as u64;
             let progress = course.progress(left, clock.elapsed().as_secs_f64(), director.discharged_kg());
-            cancelled = on_progress(&progress) == Flow::Cancel;
+            cancelled = observer.progress(&progress) == Flow::Cancel;
         }
         if let Some(fault) = course.fault.take() {
             break (EndReason::Unstable, Some(fault));

@@ -18,6 +18,8 @@ pub struct Scene {
     pub kinds: Vec<Kind>,
     /// The bodies, in the order that numbers them.
     pub bodies: Vec<Placement>,
+    /// Sub-particles that are held where they start, by serial (body by body, in the order of points).
+    pub held: Vec<u32>,
     /// The equipment.
     pub surfaces: Vec<Surface>,
     /// The laws of force.
@@ -74,13 +76,14 @@ pub struct Laws {
 }
 
 impl Laws {
-    /// The law for a kind of surface.
-    pub fn of_surface(&self, kind: SurfaceKind) -> ContactLaw {
-        match kind {
+    /// The law of a surface: that of its kind, with its own friction where it has one.
+    pub fn of_surface(&self, surface: &Surface) -> ContactLaw {
+        let law = match surface.kind {
             SurfaceKind::Equipment => self.equipment,
             SurfaceKind::Belt => self.belt,
             SurfaceKind::Frictionless => ContactLaw { mu: 0.0, ..self.equipment },
-        }
+        };
+        ContactLaw { mu: surface.friction.map_or(law.mu, |mu| mu as f32), ..law }
     }
 
     /// How far apart sub-particles or a surface can still hold each other, in metres.

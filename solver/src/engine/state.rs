@@ -33,6 +33,10 @@ pub struct State {
     pub bodies: Vec<u32>,
     /// Number within the run, kept when others are removed, ascending.
     pub serials: Vec<u32>,
+    /// Whether it is held where it is, as in a clamp: it feels forces and does not move.
+    pub held: Vec<bool>,
+    /// Bonds broken so far between it and sub-particles of higher index.
+    pub broken: Vec<u32>,
     /// Bonds at the start.
     pub bonds_at_start: u64,
     /// Bonds broken so far; a body that leaves takes its bonds along unbroken.
@@ -51,6 +55,8 @@ impl State {
             masses: Vec::new(),
             bodies: Vec::new(),
             serials: Vec::new(),
+            held: Vec::new(),
+            broken: Vec::new(),
             bonds_at_start: 0,
             bonds_broken: 0,
         };
@@ -68,7 +74,14 @@ impl State {
             }
             state.bonds_at_start += kind.meta.bonds.len() as u64;
         }
-        state.remainders = vec![Vec3::ZERO; state.particles.len()];
+        let count = state.particles.len();
+        state.remainders = vec![Vec3::ZERO; count];
+        state.broken = vec![0; count];
+        state.held = vec![false; count];
+        for &serial in &scene.held {
+            state.held[serial as usize] = true;
+            state.particles[serial as usize].velocity = Vec3::ZERO;
+        }
         state
     }
 
@@ -137,6 +150,8 @@ impl State {
         retain(&mut self.masses, &keep);
         retain(&mut self.bodies, &keep);
         retain(&mut self.serials, &keep);
+        retain(&mut self.held, &keep);
+        retain(&mut self.broken, &keep);
         map
     }
 }

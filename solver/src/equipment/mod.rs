@@ -34,6 +34,8 @@ pub struct Surface {
     pub name: String,
     /// Which contact parameters it takes.
     pub kind: SurfaceKind,
+    /// Coulomb coefficient of friction of its own; none takes that of its kind.
+    pub friction: Option<f64>,
     /// How it moves from t = 0 on.
     pub motion: Motion,
     /// When it is there.
@@ -49,6 +51,7 @@ impl Surface {
         Self {
             name: name.to_owned(),
             kind,
+            friction: None,
             motion: Motion::Fixed,
             presence: Presence::Always,
             triangles: vec![[a, b, c], [a, c, d]],

@@ -60,6 +60,7 @@ pub fn scene(scenario: &Scenario) -> Scene {
         speed_limit_m_s: scenario.numerics.speed_limit_m_s,
         kinds,
         bodies,
+        held: Vec::new(),
     }
 }
 

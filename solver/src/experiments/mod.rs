@@ -8,10 +8,10 @@ pub mod placement;
 use std::sync::Arc;
 
 use crate::engine::Backend;
-use crate::engine::run::{Plan, run};
+use crate::engine::run::{Observer, Plan, run};
 use crate::engine::scene::Kind;
 use crate::physics::timestep::{Stability, stability};
-use crate::result::{self, EndReason, Flow, PHYSICS_REVISION, Progress, RunResult, SolverInfo, VERSION};
+use crate::result::{self, EndReason, PHYSICS_REVISION, RunResult, SolverInfo, VERSION};
 use crate::scenario::{Auto, Scenario, Timestep};
 use crate::shape::lattice::MetaParticle;
 use crate::shape::{meta_particles, subparticle_mass_kg};
@@ -50,11 +50,7 @@ pub fn timestep_s(scenario: &Scenario, stability: &Stability) -> f64 {
 }
 
 /// Runs one scenario on a backend to its end; see [`crate::simulate`].
-pub fn simulate<B: Backend>(
-    scenario: &Scenario,
-    backend: &B,
-    on_progress: &mut dyn FnMut(&Progress) -> Flow,
-) -> RunResult {
+pub fn simulate<B: Backend>(scenario: &Scenario, backend: &B, observer: &mut dyn Observer) -> RunResult {
     let scene = hopper::scene(scenario);
     let numerics = &scenario.numerics;
     let plan = Plan {
@@ -63,7 +59,7 @@ pub fn simulate<B: Backend>(
         duration_s: numerics.duration_s,
     };
     let mut watch = HopperWatch::new(scenario, &scene);
-    let ended = run(backend, &scene, plan, &mut watch, on_progress);
+    let ended = run(backend, &scene, plan, &mut watch, observer);
     let info = backend.info();
     RunResult {
         schema: result::SCHEMA.to_owned(),

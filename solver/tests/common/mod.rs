@@ -83,6 +83,7 @@ pub fn scene(kind: Kind, bodies: Vec<Placement>, dt: f64) -> Scene {
         radius_m: RADIUS,
         kinds: vec![kind],
         bodies,
+        held: Vec::new(),
         surfaces: Vec::new(),
         laws,
         gravity: DVec3::ZERO,

@@ -98,8 +98,8 @@ async fn a_panic_is_the_workers_failure_and_says_what_happened() {
         wall_s: 0.0,
         discharged_kg: 0.0,
     };
-    let run = Run::start_with(None, move |on_progress| {
-        on_progress(&progress);
+    let run = Run::start_with(None, move |observer| {
+        observer.progress(&progress);
         panic!("index {} out of range", 7)
     });
     let RunEnd::Failed { outcome, message, result } = run.end().await else { panic!("no failure") };
