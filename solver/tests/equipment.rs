@@ -14,6 +14,7 @@ fn surface(triangles: Vec<[DVec3; 3]>) -> Surface {
     Surface {
         name: "made up".into(),
         kind: SurfaceKind::Equipment,
+        friction: None,
         motion: Motion::Fixed,
         presence: Presence::Always,
         triangles,
