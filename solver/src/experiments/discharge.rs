@@ -2,6 +2,7 @@
 
 use serde_json::{Map, Value};
 
+use super::Watch;
 use super::hopper::{GONE_BEYOND_M, floor};
 use crate::engine::run::{Decision, Director, Sample};
 use crate::engine::scene::Scene;
@@ -59,11 +60,11 @@ pub struct HopperWatch {
 
 impl HopperWatch {
     /// For a scenario and the scene made from it.
-    pub fn new(scenario: &Scenario, scene: &Scene) -> Self {
+    pub fn new(scenario: &Scenario, equipment: &Equipment, scene: &Scene) -> Self {
         let bodies = || scene.bodies.iter().map(|body| &scene.kinds[body.kind]);
         let subparticles: usize = bodies().map(|kind| kind.meta.points.len()).sum();
         Self {
-            equipment: scenario.equipment.clone(),
+            equipment: equipment.clone(),
             numerics: scenario.numerics.clone(),
             low_m: scene.low,
             high_m: scene.high,
@@ -143,9 +144,10 @@ impl HopperWatch {
         let stood = now_s - self.last_passage_s;
         stop.when_jammed_s.is_some_and(|longest| stood >= longest).then_some(EndReason::Jammed)
     }
+}
 
-    /// The responses of the run that ended for `reason`.
-    pub fn responses(&self, reason: EndReason) -> Map<String, Value> {
+impl Watch for HopperWatch {
+    fn responses(&self, reason: EndReason) -> Map<String, Value> {
         let bed = self.bed.unwrap_or_default();
         let discharge = Discharge {
             t_s: &self.belt_s,
@@ -169,8 +171,8 @@ impl HopperWatch {
         responses
     }
 
-    /// The series: energy and bonds from the fill on (t < 0), masses from belt start.
-    pub fn series(&self) -> Vec<Series> {
+    // Energy and bonds from the fill on (t < 0), masses from belt start.
+    fn series(&self) -> Vec<Series> {
         // A fill that never rested has no belt start; its times then end at 0.
         let start = self.bed.map_or(self.simulated_s.last().copied().unwrap_or(0.0), |bed| bed.fill_s);
         let all: Vec<f64> = self.simulated_s.iter().map(|t| t - start).collect();

@@ -7,8 +7,9 @@
 
 use glam::{DVec2, DVec3};
 
+use super::discharge::HopperWatch;
 use super::placement::{Floor, drop_in};
-use super::{bounds_on_timestep, kinds, laws, timestep_s};
+use super::{Prepared, bounds_on_timestep, kinds, laws, plan, timestep_s};
 use crate::engine::scene::Scene;
 use crate::equipment::{Motion, Surface, SurfaceKind};
 use crate::scenario::{Equipment, Scenario, SideWalls};
@@ -35,9 +36,16 @@ pub fn floor(equipment: &Equipment) -> Floor {
     }
 }
 
+/// The hopper's experiment.
+pub(super) fn prepare(scenario: &Scenario, equipment: &Equipment) -> Prepared {
+    let scene = scene(scenario, equipment);
+    let watch = Box::new(HopperWatch::new(scenario, equipment, &scene));
+    Prepared { plan: plan(&scenario.numerics), watch, scene }
+}
+
 /// The scene of a hopper scenario.
-pub fn scene(scenario: &Scenario) -> Scene {
-    let (equipment, radius) = (&scenario.equipment, scenario.product.subparticle_radius_m);
+pub fn scene(scenario: &Scenario, equipment: &Equipment) -> Scene {
+    let radius = scenario.product.radius_m();
     let kinds = kinds(scenario);
     let floor = floor(equipment);
     let bodies = drop_in(&kinds, scenario.product.count as usize, radius, floor, scenario.seed);

@@ -7,23 +7,87 @@ pub mod placement;
 
 use std::sync::Arc;
 
+use glam::{DQuat, EulerRot};
+use serde_json::{Map, Value};
+
 use crate::engine::Backend;
-use crate::engine::run::{Observer, Plan, run};
-use crate::engine::scene::Kind;
+use crate::engine::run::{Director, Observer, Plan, run};
+use crate::engine::scene::{Kind, Scene};
 use crate::physics::timestep::{Stability, stability};
-use crate::result::{self, EndReason, PHYSICS_REVISION, RunResult, SolverInfo, VERSION};
-use crate::scenario::{Auto, Scenario, Timestep};
+use crate::result::{self, Curve, EndReason, PHYSICS_REVISION, RunResult, Series, SolverInfo, VERSION};
+use crate::scenario::{Auto, Experiment, Numerics, Scenario, Timestep};
 use crate::shape::lattice::MetaParticle;
 use crate::shape::{meta_particles, subparticle_mass_kg};
-use discharge::HopperWatch;
 
-/// The shapes of a scenario, with the mass of their sub-particles.
+/// An experiment, ready to run.
+pub struct Prepared {
+    /// What runs.
+    pub scene: Scene,
+    /// When it is looked at, and for how long it runs.
+    pub plan: Plan,
+    /// Who looks.
+    pub watch: Box<dyn Watch>,
+}
+
+/// An experiment's side of a run: decides while it runs, and afterwards tells what came out.
+pub trait Watch: Director {
+    /// The responses of the run that ended for `reason`.
+    fn responses(&self, reason: EndReason) -> Map<String, Value>;
+
+    /// What was sampled over time.
+    fn series(&self) -> Vec<Series>;
+
+    /// What came out over something else than time.
+    fn curves(&self) -> Vec<Curve> {
+        Vec::new()
+    }
+}
+
+/// Makes an experiment of a scenario that [`crate::check()`] has passed.
+pub fn prepare(scenario: &Scenario) -> Prepared {
+    match &scenario.experiment {
+        Experiment::Hopper { equipment } => hopper::prepare(scenario, equipment),
+        Experiment::Drop { .. }
+        | Experiment::Bend { .. }
+        | Experiment::Slide { .. }
+        | Experiment::Compress { .. }
+        | Experiment::Scene { .. } => todo!(),
+    }
+}
+
+/// The plan that the numerics of a scenario make.
+fn plan(numerics: &Numerics) -> Plan {
+    Plan {
+        sample_interval_s: numerics.output_interval_s,
+        longest_fill_s: numerics.max_fill_s,
+        duration_s: numerics.duration_s,
+    }
+}
+
+/// The orientation of intrinsic yaw (about z), pitch (about y) and roll (about x), in degrees.
+pub fn orientation([yaw, pitch, roll]: [f64; 3]) -> DQuat {
+    DQuat::from_euler(EulerRot::ZYX, yaw.to_radians(), pitch.to_radians(), roll.to_radians())
+}
+
+/// The shapes that bodies of a scenario may have, with the mass of their sub-particles: all of the product's, or the one that is asked for.
 pub fn kinds(scenario: &Scenario) -> Vec<Kind> {
     let product = &scenario.product;
     let weigh =
         |meta: Arc<MetaParticle>| Kind { subparticle_mass_kg: subparticle_mass_kg(product, &meta), meta };
     let bonds = &scenario.bonds;
-    meta_particles(product, bonds.types, bonds.contact_radius_ratio).into_iter().map(weigh).collect()
+    let all = meta_particles(product, bonds.types, bonds.contact_radius_ratio);
+    match product.shape {
+        Some(shape) => all.into_iter().skip(shape as usize).take(1).map(weigh).collect(),
+        None => all.into_iter().map(weigh).collect(),
+    }
+}
+
+/// The kind of each body, by its index among `kinds` of them.
+pub fn kind_of_each(scenario: &Scenario, kinds: usize) -> Vec<usize> {
+    match &scenario.experiment {
+        Experiment::Scene { scene } => scene.bodies.iter().map(|body| body.shape as usize).collect(),
+        _ => (0..scenario.product.count as usize).map(|i| i % kinds).collect(),
+    }
 }
 
 /// The bounds on the time step: those of the lightest sub-particle.
@@ -32,7 +96,7 @@ pub fn bounds_on_timestep(scenario: &Scenario, kinds: &[Kind]) -> Stability {
     let mass = kinds.iter().map(|kind| kind.subparticle_mass_kg).fold(f64::INFINITY, f64::min);
     stability(
         mass,
-        scenario.product.subparticle_radius_m,
+        scenario.product.radius_m(),
         f64::from(laws.bond.k_n),
         f64::from(laws.bond.k_t),
         kinds.iter().any(|kind| kind.meta.bonds.iter().any(|bond| bond.class > 1)),
@@ -51,15 +115,8 @@ pub fn timestep_s(scenario: &Scenario, stability: &Stability) -> f64 {
 
 /// Runs one scenario on a backend to its end; see [`crate::simulate`].
 pub fn simulate<B: Backend>(scenario: &Scenario, backend: &B, observer: &mut dyn Observer) -> RunResult {
-    let scene = hopper::scene(scenario);
-    let numerics = &scenario.numerics;
-    let plan = Plan {
-        sample_interval_s: numerics.output_interval_s,
-        longest_fill_s: numerics.max_fill_s,
-        duration_s: numerics.duration_s,
-    };
-    let mut watch = HopperWatch::new(scenario, &scene);
-    let ended = run(backend, &scene, plan, &mut watch, observer);
+    let Prepared { scene, plan, mut watch } = prepare(scenario);
+    let ended = run(backend, &scene, plan, &mut *watch, observer);
     let info = backend.info();
     RunResult {
         schema: result::SCHEMA.to_owned(),
@@ -68,6 +125,7 @@ pub fn simulate<B: Backend>(scenario: &Scenario, backend: &B, observer: &mut dyn
             reason => watch.responses(reason),
         },
         series: watch.series(),
+        curves: watch.curves(),
         end_reason: ended.reason,
         instability: ended.instability,
         solver: SolverInfo {
