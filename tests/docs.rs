@@ -95,10 +95,9 @@ fn the_table_of_fields_is_that_of_the_scenario() {
 
 #[test]
 fn every_response_is_explained() {
-    use roost_solver::experiments::{discharge::HopperWatch, hopper};
     let text = r#"{"experiment": "hopper", "product": {"count": 2, "subparticle_radius_m": 0.008}}"#;
     let scenario = roost_solver::scenario::parse(text).expect("a sound scenario");
-    let watch = HopperWatch::new(&scenario, &hopper::scene(&scenario));
+    let watch = roost_solver::experiments::prepare(&scenario).watch;
     let document = read("docs/responses.md");
     let responses = watch.responses(roost_solver::result::EndReason::Duration);
     let series = watch.series();

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use common::{assert_close, document};
 use roost_solver::engine::state::State;
-use roost_solver::experiments::{bounds_on_timestep, hopper, kinds};
+use roost_solver::experiments::{bounds_on_timestep, kinds, prepare};
 use roost_solver::result::Estimate;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{Limits, check};
@@ -54,7 +54,7 @@ fn the_estimate_is_what_is_built() {
         vec![("/product/count", json!(50)), ("/numerics/timestep_s", json!("auto"))],
     ] {
         let scenario = with(&fields);
-        let (estimate, scene) = (accepted(&scenario), hopper::scene(&scenario));
+        let (estimate, scene) = (accepted(&scenario), prepare(&scenario).scene);
         let state = State::new(&scene);
         assert_eq!(estimate.fillets, scene.bodies.len() as u64);
         assert_eq!(estimate.subparticles, state.particles.len() as u64);

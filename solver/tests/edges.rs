@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use common::{Bench, at, block, document, law, scene};
 use glam::DVec3;
-use roost_solver::experiments::hopper;
+use roost_solver::experiments::prepare;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{CpuOptions, Flow, Limits, Progress, check, simulate};
 use serde_json::{Value, json};
@@ -80,7 +80,7 @@ fn what_barely_fits_is_stood_upright() {
         ("/equipment/hopper_length_m", json!(0.0281)),
     ]);
     check(&tight, &Limits::default()).expect("fits");
-    let scene = hopper::scene(&tight);
+    let scene = prepare(&tight).scene;
     assert!(scene.bodies.iter().all(|body| (body.orientation * DVec3::X).z.abs() > 0.99));
 }
 
@@ -116,7 +116,7 @@ fn the_automatic_step_of_a_stiff_truss_holds() {
         ("/bonds/shear_stiffness_n_m3", json!(6e7)),
         ("/numerics/timestep_s", json!("auto")),
     ]);
-    let mut bench = Bench::new(&hopper::scene(&truss));
+    let mut bench = Bench::new(&prepare(&truss).scene);
     assert_eq!(bench.steps(3000), None);
     assert_eq!(bench.state().bonds_broken, 0);
 }

@@ -8,7 +8,7 @@ use common::{
 };
 use glam::DVec3;
 use roost_solver::equipment::{Surface, SurfaceKind};
-use roost_solver::experiments::hopper;
+use roost_solver::experiments::prepare;
 use roost_solver::scenario;
 use serde_json::json;
 
@@ -103,7 +103,7 @@ fn the_surfaces_of_a_periodic_hopper_go_on_beyond_the_seam() {
         ("/product/count", json!(2)),
         ("/product/subparticle_radius_m", json!(0.02)),
     ];
-    let hopper = hopper::scene(&scenario::from_value(&document(&fields)).expect("a sound scenario"));
+    let hopper = prepare(&scenario::from_value(&document(&fields)).expect("a sound scenario")).scene;
     let half = 0.59 / 2.0;
     for surface in &hopper.surfaces {
         let y = || surface.triangles.iter().flatten().map(|corner| corner.y);

@@ -8,7 +8,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::facet::facets;
-use roost_solver::experiments::hopper;
+use roost_solver::experiments::prepare;
 use roost_solver::scenario::field::{Kind, Range};
 use roost_solver::scenario::fields::FIELDS;
 use roost_solver::scenario::{self, Scenario};
@@ -91,7 +91,7 @@ fn no_scenario_makes_the_check_panic_and_what_it_accepts_is_placed_apart() {
             && estimate.subparticles < 20_000
         {
             built += 1;
-            assert_placed_apart(&scenario, &hopper::scene(&scenario));
+            assert_placed_apart(&scenario, &prepare(&scenario).scene);
         }
     }
     assert!(built > 150, "{built} of {sound} were built");
