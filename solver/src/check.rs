@@ -2,7 +2,7 @@
 
 use crate::engine::scene::Kind;
 use crate::experiments::laws::laws;
-use crate::experiments::{bounds_on_timestep, kind_of_each, kinds, timestep_s};
+use crate::experiments::{bounds_on_timestep, kind_of_each, kinds, plan, timestep_s};
 use crate::result::Estimate;
 use crate::scenario::{Equipment, Fault, Scenario, SideWalls};
 
@@ -76,7 +76,8 @@ pub fn check(scenario: &Scenario, limits: &Limits) -> Result<Estimate, Vec<Fault
     let count = each.len() as u64;
     let sum = |of: &dyn Fn(&Kind) -> f64| -> f64 { each.iter().map(|&kind| of(&kinds[kind])).sum() };
     let subparticles = sum(&|kind| kind.meta.points.len() as f64) as u64;
-    let steps = ((numerics.max_fill_s + numerics.duration_s) / dt).ceil() as u64;
+    let plan = plan(scenario);
+    let steps = ((plan.longest_fill_s + plan.duration_s) / dt).ceil() as u64;
     if subparticles > limits.max_subparticles {
         faults.push(fault(
             "/product/count",

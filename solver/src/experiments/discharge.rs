@@ -7,15 +7,10 @@ use super::hopper::{GONE_BEYOND_M, floor};
 use crate::engine::run::{Decision, Director, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::observe::{Discharge, mass_rate};
+use crate::observe::{Discharge, REST_FOR_S, Rest, mass_rate};
 use crate::result::{EndReason, Series};
 use crate::scenario::{Equipment, Numerics, Scenario};
 
-/// The bed is at rest once it has been slow for this long, in seconds.
-const REST_FOR_S: f64 = 0.1;
-/// Sub-particles that may still move while the bed is at rest: one in this many. Where fillets have been driven into
-/// each other, single sub-particles go on trembling, since a stretched bond has no damping.
-const ONE_MAY_MOVE_IN: usize = 1000;
 /// The bed's surface is the height that this share of the hopper's floor stays below.
 const SURFACE_SHARE: f64 = 0.95;
 
@@ -37,7 +32,7 @@ pub struct HopperWatch {
     periodic: bool,
     /// Nothing can be at rest before the highest fillet has fallen, in seconds.
     longest_fall_s: f64,
-    slow_since_s: Option<f64>,
+    rest: Rest,
     bed: Option<Bed>,
     /// Whether each sub-particle, by serial, has passed the gate.
     passed: Vec<bool>,
@@ -70,7 +65,7 @@ impl HopperWatch {
             high_m: scene.high,
             periodic: scene.periodic_y,
             longest_fall_s: longest_fall(scene),
-            slow_since_s: None,
+            rest: Rest::default(),
             bed: None,
             passed: vec![false; subparticles],
             unpassed: subparticles,
@@ -93,11 +88,8 @@ impl HopperWatch {
 
     fn at_rest(&mut self, state: &State, now_s: f64) -> bool {
         let moving = state.faster_than(self.numerics.rest_speed_m_s);
-        let slow = moving <= state.particles.len() / ONE_MAY_MOVE_IN;
-        self.slow_since_s = slow.then(|| self.slow_since_s.unwrap_or(now_s));
-        // A share of the time step's rounding must not cost a sample.
-        now_s >= self.longest_fall_s
-            && self.slow_since_s.is_some_and(|since| now_s - since >= REST_FOR_S * (1.0 - 1e-6))
+        self.rest.note(now_s, moving, state.particles.len());
+        now_s >= self.longest_fall_s && self.rest.since_s(REST_FOR_S).is_some()
     }
 
     fn count_what_passed(&mut self, state: &State, now_s: f64) {

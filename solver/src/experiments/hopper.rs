@@ -40,7 +40,7 @@ pub fn floor(equipment: &Equipment) -> Floor {
 pub(super) fn prepare(scenario: &Scenario, equipment: &Equipment) -> Prepared {
     let scene = scene(scenario, equipment);
     let watch = Box::new(HopperWatch::new(scenario, equipment, &scene));
-    Prepared { plan: plan(&scenario.numerics), watch, scene }
+    Prepared { plan: plan(scenario), watch, scene }
 }
 
 /// The scene of a hopper scenario.

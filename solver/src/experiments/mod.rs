@@ -15,7 +15,7 @@ use crate::engine::run::{Director, Observer, Plan, run};
 use crate::engine::scene::{Kind, Scene};
 use crate::physics::timestep::{Stability, stability};
 use crate::result::{self, Curve, EndReason, PHYSICS_REVISION, RunResult, Series, SolverInfo, VERSION};
-use crate::scenario::{Auto, Experiment, Numerics, Scenario, Timestep};
+use crate::scenario::{Auto, Experiment, Scenario, Timestep};
 use crate::shape::lattice::MetaParticle;
 use crate::shape::{meta_particles, subparticle_mass_kg};
 
@@ -55,13 +55,16 @@ pub fn prepare(scenario: &Scenario) -> Prepared {
     }
 }
 
-/// The plan that the numerics of a scenario make.
-fn plan(numerics: &Numerics) -> Plan {
-    Plan {
-        sample_interval_s: numerics.output_interval_s,
-        longest_fill_s: numerics.max_fill_s,
-        duration_s: numerics.duration_s,
-    }
+/// When a scenario is looked at, and for how long it runs at most, before t = 0 and from there on.
+pub fn plan(scenario: &Scenario) -> Plan {
+    let numerics = &scenario.numerics;
+    let (longest_fill_s, duration_s) = match &scenario.experiment {
+        Experiment::Hopper { .. } | Experiment::Bend { .. } => (numerics.max_fill_s, numerics.duration_s),
+        Experiment::Drop { .. } | Experiment::Scene { .. } => (0.0, numerics.duration_s),
+        Experiment::Slide { slide } => (numerics.max_fill_s, slide.max_tilt_deg / slide.tilt_rate_deg_s),
+        Experiment::Compress { compress } => (0.0, compress.max_strain / compress.strain_rate_1_s),
+    };
+    Plan { sample_interval_s: numerics.output_interval_s, longest_fill_s, duration_s }
 }
 
 /// The orientation of intrinsic yaw (about z), pitch (about y) and roll (about x), in degrees.

@@ -6,6 +6,7 @@ mod bend;
 mod curve;
 mod discharge;
 mod regime;
+mod rest;
 #[cfg(test)]
 mod tests;
 
@@ -13,3 +14,4 @@ pub use bend::bend_angle_deg;
 pub use curve::{RATE_WINDOW_S, mass_rate};
 pub use discharge::{Discharge, DischargeResponses};
 pub use regime::Regime;
+pub use rest::{REST_FOR_S, Rest};
