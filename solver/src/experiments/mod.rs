@@ -1,6 +1,7 @@
 //! The paper's experiments: from a scenario to a scene, and from samples to responses.
 
 pub mod discharge;
+pub mod drop;
 pub mod hopper;
 pub mod laws;
 pub mod placement;
@@ -47,8 +48,8 @@ pub trait Watch: Director {
 pub fn prepare(scenario: &Scenario) -> Prepared {
     match &scenario.experiment {
         Experiment::Hopper { equipment } => hopper::prepare(scenario, equipment),
-        Experiment::Drop { .. }
-        | Experiment::Bend { .. }
+        Experiment::Drop { drop } => drop::prepare(scenario, drop),
+        Experiment::Bend { .. }
         | Experiment::Slide { .. }
         | Experiment::Compress { .. }
         | Experiment::Scene { .. } => todo!(),

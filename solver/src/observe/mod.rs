@@ -7,6 +7,7 @@ mod curve;
 mod discharge;
 mod regime;
 mod rest;
+mod settle;
 #[cfg(test)]
 mod tests;
 
@@ -15,3 +16,4 @@ pub use curve::{RATE_WINDOW_S, mass_rate};
 pub use discharge::{Discharge, DischargeResponses};
 pub use regime::Regime;
 pub use rest::{REST_FOR_S, Rest};
+pub use settle::{SETTLED_SHARE, Settling};
