@@ -52,7 +52,8 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     }
     let bad = |faults: Vec<_>| input::faults(&args.scenario, &faults);
     let scenario = scenario::from_value(&document).map_err(bad)?;
-    let estimate = roost_solver::check(&scenario, &Limits::default()).map_err(bad)?;
+    let estimate = roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
+        .map_err(bad)?;
     for warning in &estimate.warnings {
         eprintln!("warning: {warning}");
     }

@@ -9,6 +9,7 @@ use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::facet::facets;
 use roost_solver::experiments::prepare;
+use roost_solver::mesh::Meshes;
 use roost_solver::scenario::field::{Field, Kind, Range};
 use roost_solver::scenario::fields::FIELDS;
 use roost_solver::scenario::{self, Scenario};
@@ -97,11 +98,11 @@ fn no_scenario_makes_the_check_panic_and_what_it_accepts_is_placed_apart() {
         let Some(scenario) = draw.scenario() else { continue };
         sound += 1;
         let _culprit = Culprit(&scenario);
-        if let Ok(estimate) = check(&scenario, &Limits::default())
+        if let Ok(estimate) = check(&scenario, &Meshes::default(), &Limits::default())
             && estimate.subparticles < 20_000
         {
             built += 1;
-            assert_placed_apart(&scenario, &prepare(&scenario).scene);
+            assert_placed_apart(&scenario, &prepare(&scenario, &Meshes::default()).scene);
         }
     }
     assert!(built > 150, "{built} of {sound} were built");
