@@ -3,8 +3,9 @@
 use crate::engine::scene::Kind;
 use crate::experiments::laws::laws;
 use crate::experiments::{bounds_on_timestep, kind_of_each, kinds, plan, timestep_s};
+use crate::mesh::Meshes;
 use crate::result::Estimate;
-use crate::scenario::{Equipment, Fault, Scenario, SideWalls};
+use crate::scenario::{Equipment, Fault, MeshRef, Scenario, SideWalls};
 
 /// What an operator allows a single scenario to cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,17 +35,21 @@ const USUAL_SHARE: f64 = 0.6;
 /// Threads that the time is estimated for.
 const THREADS: f64 = 2.0;
 
-/// Checks fit, stability and cost, without running anything. Lattice fills are remembered, so that thousands of
+/// Checks fit, stability and cost, without running anything; the scenario's meshes must be among `meshes`. Lattice fills are remembered, so that thousands of
 /// similar scenarios are checked in a second.
 ///
 /// # Errors
 /// Every fault found, each naming its field.
-pub fn check(scenario: &Scenario, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
+pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
     let faults = size_faults(scenario);
     if !faults.is_empty() {
         return Err(faults);
     }
-    let kinds = kinds(scenario);
+    let faults = mesh_faults(scenario, meshes);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let kinds = kinds(scenario, meshes);
     let mut faults = fill_faults(scenario, &kinds);
     if !faults.is_empty() {
         return Err(faults);
@@ -113,6 +118,21 @@ pub fn check(scenario: &Scenario, limits: &Limits) -> Result<Estimate, Vec<Fault
         wall_s: particle_steps * NS_PER_PARTICLE_STEP * 1e-9 / THREADS,
         warnings,
     })
+}
+
+/// Meshes that are not at hand, or cannot be meant in their units.
+fn mesh_faults(scenario: &Scenario, meshes: &Meshes) -> Vec<Fault> {
+    let faulty = |(pointer, named): (String, &MeshRef)| {
+        let (name, detail, allowed) = match meshes.get(&named.digest).map(|stl| stl.in_units(named.units)) {
+            None => {
+                ("digest", "is not the digest of a mesh at hand".to_owned(), "that of a mesh given along")
+            }
+            Some(Err(error)) => ("units", error.to_string(), "\"mm\" or \"m\", as the file means it"),
+            Some(Ok(_)) => return None,
+        };
+        Some(fault(&format!("{pointer}/{name}"), named.digest.clone(), detail, allowed.to_owned()))
+    };
+    scenario.named_meshes().into_iter().filter_map(faulty).collect()
 }
 
 /// Radii so small against the fillets or the hopper that even looking at them would take too long.

@@ -8,6 +8,7 @@ use roost_solver::engine::run::{Decision, Sample};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::experiments::{Prepared, Watch, prepare};
+use roost_solver::mesh::Meshes;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Value, json};
@@ -26,7 +27,7 @@ impl Stage {
         let few = [("/product/count", json!(2)), ("/product/subparticle_radius_m", json!(0.008))];
         let scenario: Scenario =
             scenario::from_value(&document(&[&few[..], fields].concat())).expect("a sound scenario");
-        let Prepared { scene, watch, .. } = prepare(&scenario);
+        let Prepared { scene, watch, .. } = prepare(&scenario, &Meshes::default());
         let mut state = State::new(&scene);
         state.particles.iter_mut().for_each(|p| p.position.x = state.frame.encode(DVec3::X * -0.1).x);
         // By now the highest of them would have fallen.

@@ -2,9 +2,9 @@
 
 mod common;
 
-use common::{assert_close, document};
+use common::{assert_close, document, kinds, prepare};
 use roost_solver::engine::scene::Laws;
-use roost_solver::experiments::{kinds, laws, prepare};
+use roost_solver::experiments::laws;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Value, json};
 

@@ -3,12 +3,11 @@
 mod common;
 
 use common::{
-    BLINK, Bench, E, MASS, NU, RADIUS, assert_force, at, block, document, hertz, law, plate, push_in, scene,
-    sphere, weighing,
+    BLINK, Bench, E, MASS, NU, RADIUS, assert_force, at, block, document, hertz, law, plate, prepare,
+    push_in, scene, sphere, weighing,
 };
 use glam::DVec3;
 use roost_solver::equipment::{Surface, SurfaceKind};
-use roost_solver::experiments::prepare;
 use roost_solver::scenario;
 use serde_json::json;
 

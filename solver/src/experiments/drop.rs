@@ -20,6 +20,7 @@ use crate::engine::run::{Decision, Director, Sample};
 use crate::engine::scene::{Kind, Placement, Scene};
 use crate::engine::state::State;
 use crate::equipment::{Surface, SurfaceKind};
+use crate::mesh::Meshes;
 use crate::observe::{Rest, Settling};
 use crate::result::{Curve, EndReason, Series};
 use crate::scenario::{Drop, Numerics, Scenario};
@@ -81,19 +82,19 @@ impl Grid {
 }
 
 /// The experiment of a drop.
-pub(super) fn prepare(scenario: &Scenario, drop: &Drop) -> Prepared {
-    let (scene, grid) = scene_on_grid(scenario, drop);
+pub(super) fn prepare(scenario: &Scenario, drop: &Drop, meshes: &Meshes) -> Prepared {
+    let (scene, grid) = scene_on_grid(scenario, drop, meshes);
     let watch = Box::new(DropWatch::new(scenario, drop, &scene, grid));
     Prepared { plan: plan(scenario), watch, scene }
 }
 
 /// The scene of a drop scenario.
-pub fn scene(scenario: &Scenario, drop: &Drop) -> Scene {
-    scene_on_grid(scenario, drop).0
+pub fn scene(scenario: &Scenario, drop: &Drop, meshes: &Meshes) -> Scene {
+    scene_on_grid(scenario, drop, meshes).0
 }
 
-fn scene_on_grid(scenario: &Scenario, drop: &Drop) -> (Scene, Grid) {
-    let kinds = kinds(scenario);
+fn scene_on_grid(scenario: &Scenario, drop: &Drop, meshes: &Meshes) -> (Scene, Grid) {
+    let kinds = kinds(scenario, meshes);
     let radius_m = scenario.product.radius_m();
     let reach_m = kinds.iter().map(|kind| kind.meta.reach_m).fold(0.0, f64::max);
     let grid = Grid::new(scenario.product.count, reach_m, radius_m, drop, &scenario.numerics);

@@ -12,6 +12,7 @@ use super::placement::{Floor, drop_in};
 use super::{Prepared, bounds_on_timestep, kinds, laws, plan, timestep_s};
 use crate::engine::scene::Scene;
 use crate::equipment::{Motion, Surface, SurfaceKind};
+use crate::mesh::Meshes;
 use crate::scenario::{Equipment, Scenario, SideWalls};
 
 /// A fillet that has wholly passed this far beyond the gate leaves the simulation, in metres.
@@ -37,16 +38,16 @@ pub fn floor(equipment: &Equipment) -> Floor {
 }
 
 /// The hopper's experiment.
-pub(super) fn prepare(scenario: &Scenario, equipment: &Equipment) -> Prepared {
-    let scene = scene(scenario, equipment);
+pub(super) fn prepare(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Prepared {
+    let scene = scene(scenario, equipment, meshes);
     let watch = Box::new(HopperWatch::new(scenario, equipment, &scene));
     Prepared { plan: plan(scenario), watch, scene }
 }
 
 /// The scene of a hopper scenario.
-pub fn scene(scenario: &Scenario, equipment: &Equipment) -> Scene {
+pub fn scene(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Scene {
     let radius = scenario.product.radius_m();
-    let kinds = kinds(scenario);
+    let kinds = kinds(scenario, meshes);
     let floor = floor(equipment);
     let bodies = drop_in(&kinds, scenario.product.count as usize, radius, floor, scenario.seed);
     let top = bodies.iter().map(|body| body.position.z + kinds[body.kind].meta.reach_m).fold(0.0, f64::max);

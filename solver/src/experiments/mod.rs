@@ -14,6 +14,7 @@ use serde_json::{Map, Value};
 use crate::engine::Backend;
 use crate::engine::run::{Director, Observer, Plan, run};
 use crate::engine::scene::{Kind, Scene};
+use crate::mesh::Meshes;
 use crate::physics::timestep::{Stability, stability};
 use crate::result::{self, Curve, EndReason, PHYSICS_REVISION, RunResult, Series, SolverInfo, VERSION};
 use crate::scenario::{Auto, Experiment, Scenario, Timestep};
@@ -44,11 +45,11 @@ pub trait Watch: Director {
     }
 }
 
-/// Makes an experiment of a scenario that [`crate::check()`] has passed.
-pub fn prepare(scenario: &Scenario) -> Prepared {
+/// Makes an experiment of a scenario that [`crate::check()`] has passed with the same meshes.
+pub fn prepare(scenario: &Scenario, meshes: &Meshes) -> Prepared {
     match &scenario.experiment {
-        Experiment::Hopper { equipment } => hopper::prepare(scenario, equipment),
-        Experiment::Drop { drop } => drop::prepare(scenario, drop),
+        Experiment::Hopper { equipment } => hopper::prepare(scenario, equipment, meshes),
+        Experiment::Drop { drop } => drop::prepare(scenario, drop, meshes),
         Experiment::Bend { .. }
         | Experiment::Slide { .. }
         | Experiment::Compress { .. }
@@ -74,12 +75,12 @@ pub fn orientation([yaw, pitch, roll]: [f64; 3]) -> DQuat {
 }
 
 /// The shapes that bodies of a scenario may have, with the mass of their sub-particles: all of the product's, or the one that is asked for.
-pub fn kinds(scenario: &Scenario) -> Vec<Kind> {
+pub fn kinds(scenario: &Scenario, meshes: &Meshes) -> Vec<Kind> {
     let product = &scenario.product;
     let weigh =
         |meta: Arc<MetaParticle>| Kind { subparticle_mass_kg: subparticle_mass_kg(product, &meta), meta };
     let bonds = &scenario.bonds;
-    let all = meta_particles(product, bonds.types, bonds.contact_radius_ratio);
+    let all = meta_particles(product, meshes, bonds.types, bonds.contact_radius_ratio);
     match product.shape {
         Some(shape) => all.into_iter().skip(shape as usize).take(1).map(weigh).collect(),
         None => all.into_iter().map(weigh).collect(),
@@ -118,8 +119,13 @@ pub fn timestep_s(scenario: &Scenario, stability: &Stability) -> f64 {
 }
 
 /// Runs one scenario on a backend to its end; see [`crate::simulate`].
-pub fn simulate<B: Backend>(scenario: &Scenario, backend: &B, observer: &mut dyn Observer) -> RunResult {
-    let Prepared { scene, plan, mut watch } = prepare(scenario);
+pub fn simulate<B: Backend>(
+    scenario: &Scenario,
+    meshes: &Meshes,
+    backend: &B,
+    observer: &mut dyn Observer,
+) -> RunResult {
+    let Prepared { scene, plan, mut watch } = prepare(scenario, meshes);
     let ended = run(backend, &scene, plan, &mut *watch, observer);
     let info = backend.info();
     RunResult {

@@ -3,6 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
+pub use crate::mesh::Units;
+
 /// The complete input of one simulation, every default written out. SI units; t = 0 is belt start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scenario {
@@ -70,15 +72,24 @@ impl Scenario {
         }
     }
 
+    /// The meshes that it names, each with the pointer of where.
+    pub fn named_meshes(&self) -> Vec<(String, &MeshRef)> {
+        let (list, surfaces): (_, &[SurfaceSpec]) = match &self.experiment {
+            Experiment::Hopper { equipment } => ("/equipment/surfaces", &equipment.surfaces),
+            Experiment::Scene { scene } => ("/scene/surfaces", &scene.surfaces),
+            _ => ("", &[]),
+        };
+        let of_surfaces = surfaces.iter().enumerate().filter_map(|(index, surface)| {
+            surface.mesh.as_ref().map(|mesh| (format!("{list}/{index}/mesh"), mesh))
+        });
+        let of_product = self.product.mesh.iter().map(|mesh| ("/product/mesh".to_owned(), mesh));
+        of_product.chain(of_surfaces).collect()
+    }
+
     /// Digests of the mesh files that it names, each once, sorted.
     pub fn meshes(&self) -> Vec<&str> {
-        let surfaces: &[SurfaceSpec] = match &self.experiment {
-            Experiment::Hopper { equipment } => &equipment.surfaces,
-            Experiment::Scene { scene } => &scene.surfaces,
-            _ => &[],
-        };
-        let named = surfaces.iter().filter_map(|surface| surface.mesh.as_ref()).chain(&self.product.mesh);
-        let mut digests: Vec<&str> = named.map(|mesh| mesh.digest.as_str()).collect();
+        let mut digests: Vec<&str> =
+            self.named_meshes().into_iter().map(|(_, mesh)| mesh.digest.as_str()).collect();
         digests.sort_unstable();
         digests.dedup();
         digests
@@ -237,16 +248,6 @@ pub struct MeshRef {
     pub digest: String,
     /// The unit of its coordinates, which an STL file does not tell.
     pub units: Units,
-}
-
-/// The unit of a mesh's coordinates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Units {
-    /// Millimetres.
-    Mm,
-    /// Metres.
-    M,
 }
 
 /// Whose contact parameters a surface takes.

@@ -9,6 +9,7 @@ pub mod teardrop;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::mesh::Meshes;
 use crate::scenario::{Fill, Product};
 use lattice::MetaParticle;
 use teardrop::Teardrop;
@@ -24,6 +25,7 @@ static FILLS: Mutex<Option<HashMap<Key, Arc<MetaParticle>>>> = Mutex::new(None);
 /// The meta-particles of a product, one a shape.
 pub fn meta_particles(
     product: &Product,
+    _meshes: &Meshes,
     bond_types: u32,
     contact_radius_ratio: f64,
 ) -> Vec<Arc<MetaParticle>> {

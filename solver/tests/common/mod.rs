@@ -9,9 +9,12 @@ use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Kind, Laws, Placement, Scene};
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Surface, SurfaceKind};
+use roost_solver::experiments::Prepared;
+use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::{BondLaw, Form};
 use roost_solver::physics::contact::ContactLaw;
 use roost_solver::physics::hertz;
+use roost_solver::scenario::Scenario;
 use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
 use serde_json::{Value, json};
 
@@ -199,4 +202,14 @@ pub fn document(fields: &[(&str, Value)]) -> Value {
         *at = value.clone();
     }
     document
+}
+
+/// The experiment of a scenario without meshes.
+pub fn prepare(scenario: &Scenario) -> Prepared {
+    roost_solver::experiments::prepare(scenario, &Meshes::default())
+}
+
+/// The kinds of bodies of a scenario without meshes.
+pub fn kinds(scenario: &Scenario) -> Vec<Kind> {
+    roost_solver::experiments::kinds(scenario, &Meshes::default())
 }
