@@ -3,6 +3,7 @@
 use serde_json::{Map, Value};
 
 use super::Watch;
+use super::curl::Curls;
 use super::hopper::{GONE_BEYOND_M, floor};
 use crate::engine::run::{Decision, Director, Sample};
 use crate::engine::scene::Scene;
@@ -47,6 +48,7 @@ pub struct HopperWatch {
     /// Belt times and masses out, from the start on.
     belt_s: Vec<f64>,
     mass_kg: Vec<f64>,
+    curls: Curls,
     greatest_height_m: Option<f64>,
     max_overlap_m: f32,
     radius_m: f64,
@@ -77,6 +79,7 @@ impl HopperWatch {
             bonds_intact: Vec::new(),
             belt_s: Vec::new(),
             mass_kg: Vec::new(),
+            curls: Curls::new(scene),
             greatest_height_m: None,
             max_overlap_m: 0.0,
             radius_m: scene.radius_m,
@@ -152,10 +155,13 @@ impl Watch for HopperWatch {
             gate_opening_m: self.equipment.gate_opening_m,
             greatest_height_m: self.greatest_height_m,
         };
+        let curl = self.curls.mean_and_largest_deg(discharge.flowing_until_s());
         let mut responses = discharge.responses().into_map();
         let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
         add("loaded_kg", self.mass_at_start_kg.into());
         add("escaped_kg", self.escaped_kg.into());
+        add("curl_angle_deg", curl.map(|(mean, _)| mean).into());
+        add("largest_curl_angle_deg", curl.map(|(_, largest)| largest).into());
         add("fill_duration_s", self.bed.map(|bed| bed.fill_s).into());
         add("bonds_intact_fraction", self.bonds_intact.last().copied().into());
         add("kinetic_energy_end_j", self.kinetic_energy_j.last().copied().into());
@@ -207,6 +213,7 @@ impl Director for HopperWatch {
             return Decision::Continue { remove: self.what_left(state) };
         };
         self.count_what_passed(state, now_s);
+        self.curls.note(state, now_s);
         let remove = self.what_left(state);
         self.belt_s.push(now_s);
         self.mass_kg.push(self.discharged_kg);

@@ -1,10 +1,14 @@
 //! The paper's experiments: from a scenario to a scene, and from samples to responses.
 
+mod curl;
 pub mod discharge;
 pub mod drop;
 pub mod hopper;
+mod impact;
 pub mod laws;
 pub mod placement;
+pub mod scene;
+pub mod surfaces;
 
 use std::sync::Arc;
 
@@ -50,10 +54,8 @@ pub fn prepare(scenario: &Scenario, meshes: &Meshes) -> Prepared {
     match &scenario.experiment {
         Experiment::Hopper { equipment } => hopper::prepare(scenario, equipment, meshes),
         Experiment::Drop { drop } => drop::prepare(scenario, drop, meshes),
-        Experiment::Bend { .. }
-        | Experiment::Slide { .. }
-        | Experiment::Compress { .. }
-        | Experiment::Scene { .. } => todo!(),
+        Experiment::Scene { scene } => scene::prepare(scenario, scene, meshes),
+        Experiment::Bend { .. } | Experiment::Slide { .. } | Experiment::Compress { .. } => todo!(),
     }
 }
 
