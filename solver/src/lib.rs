@@ -10,6 +10,7 @@ pub mod cpu;
 pub mod engine;
 pub mod equipment;
 pub mod experiments;
+pub mod mesh;
 pub mod observe;
 pub mod physics;
 pub mod result;
