@@ -2,7 +2,7 @@
 
 use crate::engine::scene::Kind;
 use crate::experiments::laws::laws;
-use crate::experiments::{bounds_on_timestep, kind_of_each, kinds, timestep_s};
+use crate::experiments::{bounds_on_timestep, kind_of_each, timestep_s, try_kinds};
 use crate::mesh::Meshes;
 use crate::result::Estimate;
 use crate::scenario::{Equipment, Fault, MeshRef, Scenario, SideWalls};
@@ -49,7 +49,14 @@ pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Es
     if !faults.is_empty() {
         return Err(faults);
     }
-    let kinds = kinds(scenario, meshes);
+    let kinds = match try_kinds(scenario, meshes) {
+        Ok(kinds) => kinds,
+        Err(error) => {
+            let allowed = "a closed mesh that the lattice of sub-particles fills in one piece".to_owned();
+            let digest = scenario.product.mesh.as_ref().map(|mesh| mesh.digest.clone());
+            return Err(vec![fault("/product/mesh", digest, error.to_string(), allowed)]);
+        }
+    };
     let mut faults = fill_faults(scenario, &kinds);
     if !faults.is_empty() {
         return Err(faults);
