@@ -1,9 +1,14 @@
 //! The paper's experiments: from a scenario to a scene, and from samples to responses.
 
+mod curl;
 pub mod discharge;
+pub mod drop;
 pub mod hopper;
+mod impact;
 pub mod laws;
 pub mod placement;
+pub mod scene;
+pub mod surfaces;
 
 use std::sync::Arc;
 
@@ -16,7 +21,7 @@ use crate::engine::scene::{Kind, Scene};
 use crate::mesh::Meshes;
 use crate::physics::timestep::{Stability, stability};
 use crate::result::{self, Curve, EndReason, PHYSICS_REVISION, RunResult, Series, SolverInfo, VERSION};
-use crate::scenario::{Auto, Experiment, Numerics, Scenario, Timestep};
+use crate::scenario::{Auto, Experiment, Scenario, Timestep};
 use crate::shape::lattice::MetaParticle;
 use crate::shape::{ShapeError, meta_particles, subparticle_mass_kg};
 
@@ -48,21 +53,22 @@ pub trait Watch: Director {
 pub fn prepare(scenario: &Scenario, meshes: &Meshes) -> Prepared {
     match &scenario.experiment {
         Experiment::Hopper { equipment } => hopper::prepare(scenario, equipment, meshes),
-        Experiment::Drop { .. }
-        | Experiment::Bend { .. }
-        | Experiment::Slide { .. }
-        | Experiment::Compress { .. }
-        | Experiment::Scene { .. } => todo!(),
+        Experiment::Drop { drop } => drop::prepare(scenario, drop, meshes),
+        Experiment::Scene { scene } => scene::prepare(scenario, scene, meshes),
+        Experiment::Bend { .. } | Experiment::Slide { .. } | Experiment::Compress { .. } => todo!(),
     }
 }
 
-/// The plan that the numerics of a scenario make.
-fn plan(numerics: &Numerics) -> Plan {
-    Plan {
-        sample_interval_s: numerics.output_interval_s,
-        longest_fill_s: numerics.max_fill_s,
-        duration_s: numerics.duration_s,
-    }
+/// When a scenario is looked at, and for how long it runs at most, before t = 0 and from there on.
+pub fn plan(scenario: &Scenario) -> Plan {
+    let numerics = &scenario.numerics;
+    let (longest_fill_s, duration_s) = match &scenario.experiment {
+        Experiment::Hopper { .. } | Experiment::Bend { .. } => (numerics.max_fill_s, numerics.duration_s),
+        Experiment::Drop { .. } | Experiment::Scene { .. } => (0.0, numerics.duration_s),
+        Experiment::Slide { slide } => (numerics.max_fill_s, slide.max_tilt_deg / slide.tilt_rate_deg_s),
+        Experiment::Compress { compress } => (0.0, compress.max_strain / compress.strain_rate_1_s),
+    };
+    Plan { sample_interval_s: numerics.output_interval_s, longest_fill_s, duration_s }
 }
 
 /// The orientation of intrinsic yaw (about z), pitch (about y) and roll (about x), in degrees.
