@@ -6,17 +6,33 @@ use super::fault;
 use super::inside::{OVERLAP_RATIO, Other, clashes};
 use crate::engine::scene::Kind;
 use crate::experiments::hopper::scene;
-use crate::mesh::Meshes;
-use crate::scenario::{Equipment, Fault, Scenario, SideWalls};
+use crate::mesh::{Mesh, Meshes};
+use crate::scenario::{Equipment, Fault, Product, Scenario, SideWalls};
+
+/// Length, width and thickness of every size of fillet there is, scaled, in metres, and where it stands.
+fn sizes(product: &Product, meshes: &Meshes) -> Vec<(String, [f64; 3])> {
+    if let Some(named) = &product.mesh {
+        let mesh = meshes.get(&named.digest).and_then(|stl| stl.in_units(named.units).ok());
+        let size = |mesh: Mesh| ("/product/mesh".to_owned(), (mesh.size_m() * product.scale).to_array());
+        return mesh.map(size).into_iter().collect();
+    }
+    let there = |k: &usize| product.shape.is_none_or(|shape| shape as usize / 2 == *k);
+    let sizes = product.scaled_sizes_m().enumerate().filter(|(k, _)| there(k));
+    sizes.map(|(k, size)| (format!("size {k} of /product/sizes_m"), size)).collect()
+}
 
 /// Fillets that fit the hopper in no orientation, or are too many for its volume.
-pub(super) fn fit_faults(scenario: &Scenario, equipment: &Equipment, kinds: &[Kind]) -> Vec<Fault> {
+pub(super) fn fit_faults(
+    scenario: &Scenario,
+    equipment: &Equipment,
+    meshes: &Meshes,
+    kinds: &[Kind],
+) -> Vec<Fault> {
     let product = &scenario.product;
     let radius = product.radius_m();
     let mut faults = Vec::new();
     let periodic = equipment.side_walls == SideWalls::Periodic;
-    let used = |k: &usize| product.shape.is_none_or(|shape| shape as usize / 2 == *k);
-    for (k, size) in product.scaled_sizes_m().enumerate().filter(|(k, _)| used(k)) {
+    for (named, size) in sizes(product, meshes) {
         // Upright, a fillet needs its two lesser dimensions; the greater of those must fit both ways, with some
         // room to turn or it would never be placed.
         let mut sorted = size;
@@ -24,7 +40,7 @@ pub(super) fn fit_faults(scenario: &Scenario, equipment: &Equipment, kinds: &[Ki
         let mut must_fit = |pointer: &str, room: f64, dimension: f64| {
             let needs = dimension + 4.0 * radius;
             if room < needs {
-                let detail = format!("fillets of size {k} of /product/sizes_m cannot fit between the walls");
+                let detail = format!("fillets of {named} cannot fit between the walls");
                 faults.push(fault(pointer, room, detail, format!("at least {needs:.4} m")));
             }
         };

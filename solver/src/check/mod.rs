@@ -7,7 +7,7 @@ mod scene;
 
 use crate::engine::scene::Kind;
 use crate::experiments::laws::laws;
-use crate::experiments::{bounds_on_timestep, kinds, timestep_s};
+use crate::experiments::{bounds_on_timestep, timestep_s, try_kinds};
 use crate::mesh::Meshes;
 use crate::physics::timestep::Stability;
 use crate::result::Estimate;
@@ -39,21 +39,28 @@ const MOST_CELLS: f64 = 1e7;
 /// # Errors
 /// Every fault found, each naming its field.
 pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
-    let faults = size_faults(scenario);
-    if !faults.is_empty() {
-        return Err(faults);
-    }
     let faults = mesh_faults(scenario, meshes);
     if !faults.is_empty() {
         return Err(faults);
     }
-    let kinds = kinds(scenario, meshes);
+    let faults = size_faults(scenario);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let kinds = match try_kinds(scenario, meshes) {
+        Ok(kinds) => kinds,
+        Err(error) => {
+            let allowed = "a closed mesh that the lattice of sub-particles fills in one piece".to_owned();
+            let digest = scenario.product.mesh.as_ref().map(|mesh| mesh.digest.clone());
+            return Err(vec![fault("/product/mesh", digest, error.to_string(), allowed)]);
+        }
+    };
     let mut faults = fill_faults(scenario, &kinds);
     if !faults.is_empty() {
         return Err(faults);
     }
     if let Experiment::Hopper { equipment } = &scenario.experiment {
-        faults.extend(fit_faults(scenario, equipment, &kinds));
+        faults.extend(fit_faults(scenario, equipment, meshes, &kinds));
     }
     let fits = faults.is_empty();
     faults.extend(reach_faults(scenario));
@@ -121,6 +128,8 @@ fn size_faults(scenario: &Scenario) -> Vec<Fault> {
     // Each size is filled twice, as it is and mirrored.
     let points: f64 = match &scenario.experiment {
         Experiment::Compress { compress } => compress.lattice.map(f64::from).iter().product(),
+        // A mesh is looked at when it is filled.
+        _ if product.mesh.is_some() => 0.0,
         _ => product.scaled_sizes_m().map(|size| 2.0 * cells(&size)).sum(),
     };
     let floor = scenario

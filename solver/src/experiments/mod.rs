@@ -23,7 +23,7 @@ use crate::physics::timestep::{Stability, stability};
 use crate::result::{self, Curve, EndReason, PHYSICS_REVISION, RunResult, Series, SolverInfo, VERSION};
 use crate::scenario::{Auto, Experiment, Scenario, Timestep};
 use crate::shape::lattice::MetaParticle;
-use crate::shape::{meta_particles, subparticle_mass_kg};
+use crate::shape::{ShapeError, meta_particles, subparticle_mass_kg};
 
 /// An experiment, ready to run.
 pub struct Prepared {
@@ -76,17 +76,29 @@ pub fn orientation([yaw, pitch, roll]: [f64; 3]) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, yaw.to_radians(), pitch.to_radians(), roll.to_radians())
 }
 
-/// The shapes that bodies of a scenario may have, with the mass of their sub-particles: all of the product's, or the one that is asked for.
+/// The shapes that bodies of a scenario may have, with the mass of their sub-particles.
+///
+/// # Panics
+/// Where [`try_kinds`] fails.
 pub fn kinds(scenario: &Scenario, meshes: &Meshes) -> Vec<Kind> {
+    try_kinds(scenario, meshes).expect("the scenario has passed the check")
+}
+
+/// The shapes that bodies of a scenario may have, with the mass of their sub-particles: all of the product's, or the one
+/// that is asked for.
+///
+/// # Errors
+/// A mesh that is no product.
+pub fn try_kinds(scenario: &Scenario, meshes: &Meshes) -> Result<Vec<Kind>, ShapeError> {
     let product = &scenario.product;
     let weigh =
         |meta: Arc<MetaParticle>| Kind { subparticle_mass_kg: subparticle_mass_kg(product, &meta), meta };
     let bonds = &scenario.bonds;
-    let all = meta_particles(product, meshes, bonds.types, bonds.contact_radius_ratio);
-    match product.shape {
+    let all = meta_particles(product, meshes, bonds.types, bonds.contact_radius_ratio)?;
+    Ok(match product.shape {
         Some(shape) => all.into_iter().skip(shape as usize).take(1).map(weigh).collect(),
         None => all.into_iter().map(weigh).collect(),
-    }
+    })
 }
 
 /// The kind of each body, by its index among `kinds` of them.
