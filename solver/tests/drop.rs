@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{assert_close, prepare};
+use common::{assert_close, document, prepare};
 use glam::DVec3;
 use roost_solver::engine::run::{Decision, Sample};
 use roost_solver::engine::state::State;
@@ -15,19 +15,13 @@ use serde_json::{Value, json};
 
 /// A drop of few coarse fillets with these fields, by pointer.
 fn drop(fields: &[(&str, Value)]) -> Scenario {
-    let mut document = json!({
-        "experiment": "drop",
-        "product": {"count": 1, "subparticle_radius_m": 0.009},
-        "numerics": {"timestep_s": "auto"},
-    });
-    for (pointer, value) in fields {
-        let mut at = &mut document;
-        for name in pointer.split('/').skip(1) {
-            at = &mut at[name];
-        }
-        *at = value.clone();
-    }
-    scenario::from_value(&document).expect("a sound scenario")
+    let own = [
+        ("/experiment", json!("drop")),
+        ("/product/count", json!(1)),
+        ("/product/subparticle_radius_m", json!(0.009)),
+        ("/numerics/timestep_s", json!("auto")),
+    ];
+    scenario::from_value(&document(&[&own[..], fields].concat())).expect("a sound scenario")
 }
 
 fn run(scenario: &Scenario) -> RunResult {
