@@ -71,6 +71,10 @@ pub struct Touch {
 /// Points nearer than this are one, in metres: some roundings of `f32`, a metre from the anchor.
 const SAME: f32 = 1e-6;
 
+/// A point lies on a facet when it is nearer than this share of its distance from the sphere's centre: in `f32` the
+/// nearest point of a triangle can be off by more than [`SAME`] (see [`crate::mesh::nearest`]).
+const AT_THE_EDGE: f32 = 0.01;
+
 /// Cosine of the angle, some 26°, within which two facets push the same way: more than neighbours turn on curves that
 /// CAD programs cut into facets, less than at creases that are meant.
 const SAME_WAY: f32 = 0.9;
@@ -230,7 +234,7 @@ impl Walls {
         let before = || others.clone().filter(|(other, theirs)| comes_before(*other, theirs));
         let has_the_point = |other: u32| {
             let q = self.facets[other as usize].facet.nearest(touch.local);
-            q.is_some_and(|q| q.distance(touch.local) < SAME)
+            q.is_some_and(|q| q.distance(touch.local) < SAME.max(AT_THE_EDGE * touch.distance))
         };
         before().any(|(_, theirs)| theirs.pushes_like(touch))
             || touch.on_rim && before().any(|(other, _)| has_the_point(other))
