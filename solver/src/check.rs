@@ -2,7 +2,7 @@
 
 use crate::engine::scene::Kind;
 use crate::experiments::laws::laws;
-use crate::experiments::{bounds_on_timestep, kind_of_each, kinds, timestep_s};
+use crate::experiments::{bounds_on_timestep, kind_of_each, plan, timestep_s, try_kinds};
 use crate::mesh::Meshes;
 use crate::result::Estimate;
 use crate::scenario::{Equipment, Fault, MeshRef, Scenario, SideWalls};
@@ -41,15 +41,22 @@ const THREADS: f64 = 2.0;
 /// # Errors
 /// Every fault found, each naming its field.
 pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
-    let faults = size_faults(scenario);
-    if !faults.is_empty() {
-        return Err(faults);
-    }
     let faults = mesh_faults(scenario, meshes);
     if !faults.is_empty() {
         return Err(faults);
     }
-    let kinds = kinds(scenario, meshes);
+    let faults = size_faults(scenario);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let kinds = match try_kinds(scenario, meshes) {
+        Ok(kinds) => kinds,
+        Err(error) => {
+            let allowed = "a closed mesh that the lattice of sub-particles fills in one piece".to_owned();
+            let digest = scenario.product.mesh.as_ref().map(|mesh| mesh.digest.clone());
+            return Err(vec![fault("/product/mesh", digest, error.to_string(), allowed)]);
+        }
+    };
     let mut faults = fill_faults(scenario, &kinds);
     if !faults.is_empty() {
         return Err(faults);
@@ -81,7 +88,8 @@ pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Es
     let count = each.len() as u64;
     let sum = |of: &dyn Fn(&Kind) -> f64| -> f64 { each.iter().map(|&kind| of(&kinds[kind])).sum() };
     let subparticles = sum(&|kind| kind.meta.points.len() as f64) as u64;
-    let steps = ((numerics.max_fill_s + numerics.duration_s) / dt).ceil() as u64;
+    let plan = plan(scenario);
+    let steps = ((plan.longest_fill_s + plan.duration_s) / dt).ceil() as u64;
     if subparticles > limits.max_subparticles {
         faults.push(fault(
             "/product/count",
