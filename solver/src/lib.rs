@@ -27,10 +27,12 @@ use scenario::Scenario;
 pub struct CpuOptions {
     /// Threads; 0 means one per processor.
     pub threads: usize,
+    /// Which way runs are computed.
+    pub path: cpu::Path,
 }
 
 /// Runs one scenario on the CPU to its end. The observer is told the progress about ten times a second of wall time and
 /// at least once per output interval, and may cancel: what was sampled so far is then returned, without responses.
 pub fn simulate(scenario: &Scenario, options: CpuOptions, observer: &mut dyn Observer) -> RunResult {
-    experiments::simulate(scenario, &cpu::Cpu::new(options.threads), observer)
+    experiments::simulate(scenario, &cpu::Cpu::new(options.threads, options.path), observer)
 }

@@ -189,7 +189,8 @@ fn a_run_remembers_the_greatest_overlap_of_a_collision_long_past() {
     let scene = scene(block([1, 1, 1]), bodies.to_vec(), 1e-5);
     let plan = Plan { sample_interval_s: 1e-3, longest_fill_s: 1.0, duration_s: 0.1 };
     let mut overlaps = Overlaps(Vec::new());
-    let ended = run(&Cpu::new(1), &scene, plan, &mut overlaps, &mut |_: &Progress| Flow::Continue);
+    let ended =
+        run(&Cpu::new(1, common::path()), &scene, plan, &mut overlaps, &mut |_: &Progress| Flow::Continue);
     assert_eq!(ended.reason, EndReason::Duration);
     let (v, m_star, r_star) = (0.5, MASS / 2.0, RADIUS / 2.0);
     let deepest = (15.0 * m_star * v * v / (16.0 * e_star() * f64::sqrt(r_star))).powf(0.4);

@@ -5,7 +5,7 @@ mod common;
 
 use common::{Bench, at, block, law, plate, scene};
 use glam::DVec3;
-use roost_solver::cpu::Cpu;
+use roost_solver::cpu::{Cpu, Path};
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
@@ -23,7 +23,11 @@ fn hopper() -> Scenario {
 
 #[test]
 fn a_run_gives_the_same_bits_on_one_two_and_three_threads() {
-    let run = |threads| simulate(&hopper(), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue);
+    let run = |threads| {
+        simulate(&hopper(), CpuOptions { threads, ..CpuOptions::default() }, &mut |_: &Progress| {
+            Flow::Continue
+        })
+    };
     let one = run(1);
     assert!(one.response("discharged_kg").is_some_and(|mass| mass > 0.1), "{:?}", one.responses);
     for threads in [2, 3] {
@@ -39,9 +43,11 @@ fn a_run_gives_the_same_bits_on_one_two_and_three_threads() {
 #[test]
 fn another_seed_gives_another_run() {
     let run = |seed| {
-        simulate(&Scenario { seed, ..hopper() }, CpuOptions { threads: 2 }, &mut |_: &Progress| {
-            Flow::Continue
-        })
+        simulate(
+            &Scenario { seed, ..hopper() },
+            CpuOptions { threads: 2, ..CpuOptions::default() },
+            &mut |_: &Progress| Flow::Continue,
+        )
     };
     assert_ne!(run(1).series, run(2).series);
 }
@@ -87,7 +93,7 @@ fn pieces_and_batches_change_no_bit() {
     }
     assert_same(whole.state(), pieces.state());
 
-    let cpu = Cpu::new(2);
+    let cpu = Cpu::new(2, common::path());
     let (mut a, mut b) = (cpu.prepare(&scene), cpu.prepare(&scene));
     cpu.advance(&mut [(&mut a, 2000), (&mut b, 1000)]);
     cpu.advance(&mut [(&mut b, 1000)]);
@@ -99,7 +105,7 @@ fn pieces_and_batches_change_no_bit() {
 fn the_bits_are_those_of_this_physics_revision() {
     // Every bit of every sub-particle after 2000 steps. If this changes, results have changed: raise
     // PHYSICS_REVISION, write down why in the changelog, and only then renew the digest.
-    let mut bench = Bench::new(&blocks());
+    let mut bench = Bench::along(Path::Plain, &blocks(), 1);
     bench.steps(2000);
     let state = bench.state();
     let words = state.particles.iter().flat_map(|p| {
@@ -110,7 +116,7 @@ fn the_bits_are_those_of_this_physics_revision() {
     let digest = blake3::hash(&bytes).to_hex();
     assert_eq!(
         (roost_solver::PHYSICS_REVISION, digest.as_str()),
-        (1, "d54ac1add4c298e02f31059302948f0d88ed7cfab9dc6cde881ad63dd8bdfc4d")
+        (2, "d54ac1add4c298e02f31059302948f0d88ed7cfab9dc6cde881ad63dd8bdfc4d")
     );
 }
 
@@ -161,11 +167,15 @@ fn what_has_left_is_not_missed() {
 #[test]
 fn a_cancelled_run_keeps_its_samples_and_has_no_responses() {
     let mut looks = 0;
-    let result = simulate(&hopper(), CpuOptions { threads: 2 }, &mut |progress: &Progress| {
-        looks += 1;
-        assert!((0.0..=1.0).contains(&progress.fraction));
-        if progress.simulated_s > 0.1 { Flow::Cancel } else { Flow::Continue }
-    });
+    let result = simulate(
+        &hopper(),
+        CpuOptions { threads: 2, ..CpuOptions::default() },
+        &mut |progress: &Progress| {
+            looks += 1;
+            assert!((0.0..=1.0).contains(&progress.fraction));
+            if progress.simulated_s > 0.1 { Flow::Cancel } else { Flow::Continue }
+        },
+    );
     assert_eq!(result.end_reason, roost_solver::result::EndReason::Cancelled);
     assert!(looks >= 5 && result.responses.is_empty());
     assert!(result.series("kinetic_energy").is_some_and(|series| series.values.len() >= 5));

@@ -34,7 +34,10 @@ fn the_belt_starts_when_the_bed_is_at_rest_however_often_one_looks() {
             ("/numerics/output_interval_s", json!(interval)),
             ("/numerics/rest_speed_m_s", json!(rest_speed)),
         ]);
-        let result = simulate(&scenario, CpuOptions { threads: 2 }, &mut |_: &Progress| Flow::Continue);
+        let result =
+            simulate(&scenario, CpuOptions { threads: 2, ..CpuOptions::default() }, &mut |_: &Progress| {
+                Flow::Continue
+            });
         result.response("fill_duration_s").expect("it came to rest")
     };
     let usual = fill_s(0.02, 0.05);

@@ -21,7 +21,10 @@ fn run(fields: &[(&str, Value)]) -> RunResult {
         *at = value.clone();
     }
     let scenario = scenario::from_value(&document).expect("a sound scenario");
-    let result = simulate(&scenario, CpuOptions { threads: 2 }, &mut |_: &Progress| Flow::Continue);
+    let result =
+        simulate(&scenario, CpuOptions { threads: 2, ..CpuOptions::default() }, &mut |_: &Progress| {
+            Flow::Continue
+        });
     assert_sound(&result);
     result
 }

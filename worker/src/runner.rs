@@ -92,7 +92,7 @@ impl Run {
         Self::start_with(max_wall_s, move |observer| {
             let scenario = scenario::from_value(&document)?;
             roost_solver::check(&scenario, &Limits { max_subparticles: u64::MAX, max_steps: u64::MAX })?;
-            Ok(roost_solver::simulate(&scenario, CpuOptions { threads }, observer))
+            Ok(roost_solver::simulate(&scenario, CpuOptions { threads, ..CpuOptions::default() }, observer))
         })
     }
 

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use roost_solver::cpu::{Cpu, CpuRun};
+use roost_solver::cpu::{Cpu, CpuRun, Path};
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Kind, Laws, Placement, Scene};
 use roost_solver::engine::state::State;
@@ -100,7 +100,15 @@ pub fn plate(kind: SurfaceKind) -> Surface {
     Surface::parallelogram("plate", kind, DVec3::new(-0.4, -0.4, 0.0), DVec3::X * 0.8, DVec3::Y * 0.8)
 }
 
+/// The path that this test binary is about.
+pub fn path() -> Path {
+    if env!("CARGO_CRATE_NAME") == "on_fast" { Path::Fast } else { Path::Plain }
+}
+
 /// A run of a scene on the CPU, step by step.
+///
+/// The suites of closed forms are compiled twice: each by itself, on the plain path, and all together into
+/// `on_fast.rs`, on the fast path.
 pub struct Bench {
     pub cpu: Cpu,
     pub run: CpuRun,
@@ -112,7 +120,11 @@ impl Bench {
     }
 
     pub fn on(scene: &Scene, threads: usize) -> Self {
-        let cpu = Cpu::new(threads);
+        Self::along(path(), scene, threads)
+    }
+
+    pub fn along(path: Path, scene: &Scene, threads: usize) -> Self {
+        let cpu = Cpu::new(threads, path);
         let run = cpu.prepare(scene);
         Self { cpu, run }
     }

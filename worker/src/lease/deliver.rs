@@ -109,7 +109,7 @@ mod tests {
             "numerics": {"timestep_s": "auto", "duration_s": 0.05},
         });
         let scenario = scenario::from_value(&document).unwrap();
-        simulate(&scenario, CpuOptions { threads: 1 }, &mut |_: &Progress| Flow::Cancel)
+        simulate(&scenario, CpuOptions { threads: 1, ..CpuOptions::default() }, &mut |_: &Progress| Flow::Cancel)
     }
 
     /// Delivers to a server that refuses whatever carries a result; returns the reports that it took.
