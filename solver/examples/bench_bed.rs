@@ -1,5 +1,5 @@
-//! Times the plain and the fast path on the bulk hopper, in turn, in one process: on a machine that others load too,
-//! only the ratio is worth something. `bench_bed [threads] [radius_mm] [fill_s] [belt_s] [paths]`, paths being any of
+//! Times the plain and the fast path on the bulk hopper, in turn, in one process. On a machine that others load
+//! too, look at the ratio, and at the time of processors rather than that of the wall. `bench_bed [threads] [radius_mm] [fill_s] [belt_s] [paths]`, paths being any of
 //! `plain`, `fast` and the names of instruction sets, with commas between.
 
 use std::time::Instant;
@@ -19,7 +19,16 @@ struct Racer {
     cpu: Cpu,
     run: CpuRun,
     seconds: f64,
+    busy_s: f64,
     particle_steps: u64,
+}
+
+/// Time that processors have worked for this process, in seconds, where the system tells; else 0.
+fn processor_s() -> f64 {
+    let Ok(tasks) = std::fs::read_dir("/proc/self/task") else { return 0.0 };
+    let of = |task: std::fs::DirEntry| std::fs::read_to_string(task.path().join("schedstat")).ok();
+    let first = |text: String| text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok());
+    tasks.flatten().filter_map(of).filter_map(first).sum::<f64>() * 1e-9
 }
 
 fn main() {
@@ -46,7 +55,7 @@ fn main() {
             };
             let cpu = Cpu::with(threads as usize, instructions);
             let run = cpu.prepare(&scene);
-            Racer { name: name.to_owned(), cpu, run, seconds: 0.0, particle_steps: 0 }
+            Racer { name: name.to_owned(), cpu, run, seconds: 0.0, busy_s: 0.0, particle_steps: 0 }
         })
         .collect();
     let count: usize = scene.bodies.iter().map(|body| scene.kinds[body.kind].meta.points.len()).sum();
@@ -56,22 +65,28 @@ fn main() {
         for part in 1..=parts {
             let steps = (seconds / dt / f64::from(parts)) as u64;
             for racer in &mut racers {
-                (racer.seconds, racer.particle_steps) = (0.0, 0);
+                (racer.seconds, racer.busy_s, racer.particle_steps) = (0.0, 0.0, 0);
             }
             for _ in 0..steps.div_ceil(TURN) {
                 for racer in &mut racers {
-                    let clock = Instant::now();
+                    let (clock, busy) = (Instant::now(), processor_s());
                     let done = racer.cpu.advance(&mut [(&mut racer.run, TURN)]).swap_remove(0);
                     racer.seconds += clock.elapsed().as_secs_f64();
+                    racer.busy_s += processor_s() - busy;
                     racer.particle_steps += done.particle_steps;
                     assert_eq!(done.fault, None);
                 }
             }
             print!("{phase} {part}/{parts}:");
-            let cost = |racer: &Racer| racer.seconds * 1e9 / racer.particle_steps.max(1) as f64;
+            let share = |seconds: f64, racer: &Racer| seconds * 1e9 / racer.particle_steps.max(1) as f64;
+            let cost = |racer: &Racer| share(racer.busy_s, racer);
             for racer in &mut racers {
                 let energy = racer.cpu.state(&mut racer.run).kinetic_energy();
-                print!("  {} {:.1} ns (kinetic {energy:.3} J)", racer.name, cost(racer));
+                let (busy, wall) = (cost(racer), share(racer.seconds, racer));
+                print!(
+                    "  {} {busy:.1} ns of processor, {wall:.1} ns of wall (kinetic {energy:.3} J)",
+                    racer.name
+                );
             }
             println!("  ratio {:.2}", cost(&racers[0]) / cost(&racers[racers.len() - 1]));
         }

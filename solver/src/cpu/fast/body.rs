@@ -6,8 +6,8 @@ use glam::{DVec3, IVec3, Vec3};
 use pulp::Simd;
 
 use super::bonds::BondChunk;
-use super::kernel::{self, Felt, PairLaws, Seen};
-use super::load::Record;
+use super::kernel::{self, PairLaws};
+use super::load::{BATCH, Batch, Record};
 use super::meeting::{Meeting, SAFE};
 use crate::cpu::forces::{Load, from_walls};
 use crate::cpu::integrate::Mover;
@@ -15,6 +15,11 @@ use crate::cpu::lists::WallPair;
 use crate::cpu::walls::Walls;
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
+
+/// √m* of two sub-particles of masses in kg, in kg^½.
+pub(super) fn root_of_equivalent(mass: f32, other: f32) -> f32 {
+    (mass * other / (mass + other)).sqrt()
+}
 
 /// A box around positions, both corners inside.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +55,8 @@ pub(super) struct NearWalls {
 #[derive(Debug)]
 pub(super) struct Body {
     range: Range<usize>,
+    /// Mass of each of its sub-particles, in kilograms.
+    pub(super) mass: f32,
     pub(super) bonds: Vec<BondChunk>,
     /// Pairs that were bonded at the start, sorted: those whose bond broke still stand among the bonds.
     joined: Vec<[u32; 2]>,
@@ -84,6 +91,13 @@ pub(super) struct Share<'a> {
     pub(super) particles: &'a mut [Particle],
     pub(super) remainders: &'a mut [Vec3],
     pub(super) broken: &'a mut [u32],
+}
+
+/// Room to work in.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    sums: Vec<Record>,
+    batch: Batch,
 }
 
 /// What a body has noticed in a step.
@@ -141,10 +155,16 @@ impl Extent {
 }
 
 impl Body {
-    pub(super) fn new(range: Range<usize>, bonds: Vec<BondChunk>, mut joined: Vec<[u32; 2]>) -> Self {
+    pub(super) fn new(
+        range: Range<usize>,
+        mass: f32,
+        bonds: Vec<BondChunk>,
+        mut joined: Vec<[u32; 2]>,
+    ) -> Self {
         joined.sort_unstable();
         Self {
             range,
+            mass,
             bonds,
             joined,
             walls: NearWalls::default(),
@@ -176,24 +196,21 @@ impl Body {
         me: u32,
         around: &Surroundings<'_>,
         share: Share<'_>,
-        sums: &mut Vec<Record>,
+        Room { sums, batch }: &mut Room,
     ) -> Noticed {
         sums.clear();
         sums.resize(self.range.len(), Record::ZERO);
         for &m in &self.meets {
-            let Meeting { bodies, pairs, loads, .. } = &around.meetings[m as usize];
+            let Meeting { bodies, chunks, .. } = &around.meetings[m as usize];
+            let pairs = chunks.iter().flat_map(|chunk| chunk.pairs().iter().zip(&chunk.loads));
             if bodies[0] == me {
-                for ([i, _], load) in pairs.iter().zip(loads) {
-                    sums[*i as usize].add(load);
-                }
+                pairs.clone().for_each(|([i, _], load)| sums[*i as usize].add(load));
             }
             if bodies[1] == me {
-                for ([_, j], load) in pairs.iter().zip(loads) {
-                    sums[*j as usize].add_opposite(load);
-                }
+                pairs.for_each(|([_, j], load)| sums[*j as usize].add_opposite(load));
             }
         }
-        let mut noticed = self.add_bonds(simd, around, &share, sums);
+        let mut noticed = self.add_bonds(simd, around, &share, sums, batch);
         self.add_walls(around, share.particles, sums);
         noticed.bonds_broken = 0;
         for (k, count) in self.bonds.iter_mut().flat_map(|chunk| chunk.fresh_breaks()) {
@@ -211,20 +228,26 @@ impl Body {
         around: &Surroundings<'_>,
         share: &Share<'_>,
         sums: &mut [Record],
+        batch: &mut Batch,
     ) -> Noticed {
-        let (mut seen, mut felt) = (Seen::NOTHING, Felt::NOTHING);
+        let root_mass = root_of_equivalent(self.mass, self.mass);
         let mut noticed = Noticed::default();
-        for chunk in &mut self.bonds {
-            let pairs = &chunk.pairs;
-            seen.look([share.particles, share.particles], pairs, around.frame);
-            let (deepest, broke) =
-                kernel::bonds(simd, around.laws, pairs.len(), &seen, &mut chunk.memory, &mut felt);
-            chunk.broke = broke;
-            noticed.max_overlap = noticed.max_overlap.max(deepest);
-            for (lane, &[i, j]) in pairs.iter().enumerate() {
-                let load = felt.record(lane);
-                sums[i as usize].add(&load);
-                sums[j as usize].add_opposite(&load);
+        for chunks in self.bonds.chunks_mut(BATCH) {
+            for (chunk, seen) in chunks.iter().zip(&mut batch.seen) {
+                seen.look([share.particles, share.particles], &chunk.pairs, around.frame);
+            }
+            for ((chunk, seen), felt) in chunks.iter_mut().zip(&batch.seen).zip(&mut batch.felt) {
+                let (count, memory) = (chunk.pairs.len(), &mut chunk.memory);
+                let (deepest, broke) = kernel::bonds(simd, around.laws, root_mass, count, seen, memory, felt);
+                chunk.broke = broke;
+                noticed.max_overlap = noticed.max_overlap.max(deepest);
+            }
+            for (chunk, felt) in chunks.iter().zip(&batch.felt) {
+                for (lane, &[i, j]) in chunk.pairs.iter().enumerate() {
+                    let load = felt.record(lane);
+                    sums[i as usize].add(&load);
+                    sums[j as usize].add_opposite(&load);
+                }
             }
         }
         noticed

@@ -23,8 +23,8 @@ impl BondChunk {
         Self { pairs: Vec::new(), memory, broke: false, counted: [false; WIDTH] }
     }
 
-    /// The bonds of a body whose sub-particles all have that mass, in kg.
-    pub(super) fn all(bonds: &[LatticeBond], mass: f32, laws: &PairLaws) -> Vec<Self> {
+    /// The bonds of a body.
+    pub(super) fn all(bonds: &[LatticeBond], laws: &PairLaws) -> Vec<Self> {
         let mut sorted: Vec<&LatticeBond> = bonds.iter().collect();
         sorted.sort_by_key(|bond| (bond.class, bond.j - bond.i != 1));
         let mut chunks: Vec<Self> = Vec::new();
@@ -38,7 +38,6 @@ impl BondChunk {
             let lane = chunk.pairs.len();
             chunk.pairs.push([bond.i, bond.j]);
             chunk.memory.break_length.0[lane] = laws.bond.break_length;
-            chunk.memory.contacts.root_mass.0[lane] = (mass * mass / (mass + mass)).sqrt();
         }
         chunks
     }
@@ -81,7 +80,6 @@ impl BondChunk {
                     mine.0[lane] = theirs.0[from];
                 }
                 let contacts = &mut chunk.memory.contacts;
-                contacts.root_mass.0[lane] = old.memory.contacts.root_mass.0[from];
                 contacts.take(lane, &old.memory.contacts, from);
             }
         }

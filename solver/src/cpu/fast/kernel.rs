@@ -66,8 +66,6 @@ pub(super) struct Felt {
 /// What [`WIDTH`] contacts remember.
 #[derive(Clone, Debug)]
 pub(super) struct Contacts {
-    /// √m*, in kg^½.
-    pub(super) root_mass: Lanes,
     /// Overlap from which the contact acts: 0, or where it snaps if it has formed; in metres.
     pub(super) limit: Lanes,
     /// ξ, in metres.
@@ -97,7 +95,7 @@ impl Felt {
 
 impl Contacts {
     pub(super) fn new() -> Self {
-        Self { root_mass: Lanes::ZERO, limit: Lanes::ZERO, slide: [Lanes::ZERO; 3] }
+        Self { limit: Lanes::ZERO, slide: [Lanes::ZERO; 3] }
     }
 }
 
@@ -125,11 +123,12 @@ impl<S: Simd> Pairs<S> {
     }
 }
 
-/// Contacts of pairs that no bond joins; `count` of them exist. Returns their greatest overlap, in metres.
+/// Contacts of pairs that no bond joins; `count` of them exist, all of √m* = `root_mass` in kg^½. Returns their greatest overlap, in metres.
 #[inline(always)]
 pub(super) fn contacts<S: Simd>(
     simd: S,
     laws: &PairLaws,
+    root_mass: f32,
     count: usize,
     seen: &Seen,
     memory: &mut Contacts,
@@ -139,7 +138,7 @@ pub(super) fn contacts<S: Simd>(
     for part in 0..WIDTH / S::F32_LANES {
         let exists = F::load(simd, &Lanes::COUNT, part).lt(F::splat(simd, count as f32));
         let pairs = Pairs::new(simd, seen, part);
-        let (normal, across, delta) = contact(simd, laws, &pairs, exists, memory, part);
+        let (normal, across, delta) = contact(simd, laws, root_mass, &pairs, exists, memory, part);
         deepest = deepest.max(delta);
         (normal + across).store(&mut felt.force, part);
         pairs.arm.cross(across).store(&mut felt.torque, part);
@@ -153,6 +152,7 @@ pub(super) fn contacts<S: Simd>(
 pub(super) fn bonds<S: Simd>(
     simd: S,
     laws: &PairLaws,
+    root_mass: f32,
     count: usize,
     seen: &Seen,
     memory: &mut Bonds,
@@ -174,7 +174,7 @@ pub(super) fn bonds<S: Simd>(
         let touches = if laws.contact_between_bonded { exists } else { free };
         if laws.contact_between_bonded || free.any() {
             let (normal, tangential, delta) =
-                contact(simd, laws, &pairs, touches, &mut memory.contacts, part);
+                contact(simd, laws, root_mass, &pairs, touches, &mut memory.contacts, part);
             force += normal + tangential;
             across += tangential;
             deepest = deepest.max(free.select(delta, zero));
@@ -237,6 +237,7 @@ fn bond<S: Simd>(
 fn contact<S: Simd>(
     simd: S,
     laws: &PairLaws,
+    root_mass: f32,
     pairs: &Pairs<S>,
     touches: Mask<S>,
     memory: &mut Contacts,
@@ -260,7 +261,7 @@ fn contact<S: Simd>(
             (splat(4.0 / 3.0 * law.e_star) * a * delta, a, a.sqrt())
         }
     };
-    let damp = F::load(simd, &memory.root_mass, part) * root_a;
+    let damp = splat(root_mass) * root_a;
     let v = -pairs.v;
     let v_n = v.dot(n);
     let v_t = v - n * v_n;

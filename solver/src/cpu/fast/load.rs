@@ -7,6 +7,23 @@ use crate::cpu::forces::Load;
 use crate::engine::frame::Frame;
 use crate::engine::state::Particle;
 
+/// Chunks of pairs that go through the kernels together: each is one long chain of dependent operations, and the
+/// processor works on the next while it waits for the one before.
+pub(super) const BATCH: usize = 8;
+
+/// What is seen and felt of a batch.
+#[derive(Debug)]
+pub(super) struct Batch {
+    pub(super) seen: [Seen; BATCH],
+    pub(super) felt: [Felt; BATCH],
+}
+
+impl Default for Batch {
+    fn default() -> Self {
+        Self { seen: [Seen::NOTHING; BATCH], felt: [Felt::NOTHING; BATCH] }
+    }
+}
+
 /// Force and torque on one sub-particle, in a form that is added in one instruction.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]

@@ -7,10 +7,10 @@
 use glam::{DVec3, IVec3};
 use pulp::Simd;
 
-use super::body::{Body, Extent};
-use super::kernel::{self, Contacts, Felt, PairLaws, Seen};
+use super::body::{Body, Extent, root_of_equivalent};
+use super::kernel::{self, Contacts, PairLaws};
 use super::lanes::{F, Lanes, WIDTH};
-use super::load::Record;
+use super::load::{BATCH, Batch, Record};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
 
@@ -27,16 +27,30 @@ pub(super) struct Meeting {
     pub(super) bodies: [u32; 2],
     /// Whether the pairs must be looked up before the next step.
     pub(super) due: bool,
-    /// Sub-particles that may touch, counted within their bodies, sorted.
-    pub(super) pairs: Vec<[u32; 2]>,
-    /// What acts on the first of each pair.
-    pub(super) loads: Vec<Record>,
-    contacts: Vec<Contacts>,
+    /// Pairs that may touch, sorted.
+    pub(super) chunks: Vec<PairChunk>,
     /// Where the bodies were against each other when the pairs were looked up, in metres.
     seen_apart: DVec3,
     seen_path: f64,
     /// How far they may move from there, in metres.
     allowed: f64,
+}
+
+/// Pairs that may touch, side by side with all that a step reads and writes of them.
+#[derive(Clone, Debug)]
+pub(super) struct PairChunk {
+    count: usize,
+    /// Sub-particles, counted within their bodies.
+    pairs: [[u32; 2]; WIDTH],
+    contacts: Contacts,
+    /// What acts on the first of each pair.
+    pub(super) loads: [Record; WIDTH],
+}
+
+impl PairChunk {
+    pub(super) fn pairs(&self) -> &[[u32; 2]] {
+        &self.pairs[..self.count]
+    }
 }
 
 /// What a search for pairs needs to know.
@@ -60,6 +74,8 @@ struct Cloud {
 pub(super) struct Scratch {
     first: Cloud,
     second: Cloud,
+    found: Vec<[u32; 2]>,
+    pub(super) batch: Batch,
 }
 
 impl Cloud {
@@ -90,9 +106,7 @@ impl Meeting {
         Self {
             bodies,
             due: true,
-            pairs: Vec::new(),
-            loads: Vec::new(),
-            contacts: Vec::new(),
+            chunks: Vec::new(),
             seen_apart: DVec3::ZERO,
             seen_path: 0.0,
             allowed: f64::NEG_INFINITY,
@@ -121,41 +135,59 @@ impl Meeting {
         let alone = self.bodies[0] == self.bodies[1];
         self.seen_apart = b.motion.shift - a.motion.shift;
         self.seen_path = a.motion.path + b.motion.path;
-        let (old_pairs, old) = (std::mem::take(&mut self.pairs), std::mem::take(&mut self.contacts));
         // Bodies without a pair may come nearer by what is between them; how much that is, is known this far.
         let (listed, far) = (search.reach + search.skin, search.reach + FAR * search.skin);
+        scratch.found.clear();
         let mut apart = if alone { 0.0 } else { a.extent.gap(&b.extent, frame) };
         if apart <= listed {
             let (near_a, near_b) = (a.extent.grown(far, frame), b.extent.grown(far, frame));
             let origin = b.extent.low;
             scratch.first.fill(&state.particles[a.range()], &near_b, origin, frame);
             scratch.second.fill(&state.particles[b.range()], &near_a, origin, frame);
-            apart = find(simd, listed, frame, alone, scratch, &mut self.pairs).min(far);
+            apart = find(simd, listed, frame, alone, scratch).min(far);
             if alone {
-                self.pairs.retain(|pair| !a.is_joined(*pair));
+                scratch.found.retain(|pair| !a.is_joined(*pair));
             }
         }
         let margin =
-            if self.pairs.is_empty() { (apart - search.reach).max(search.skin) } else { search.skin };
+            if scratch.found.is_empty() { (apart - search.reach).max(search.skin) } else { search.skin };
         self.allowed = SAFE * f64::from(margin);
-        self.contacts.resize(self.pairs.len().div_ceil(WIDTH), Contacts::new());
-        self.loads.resize(self.pairs.len(), Record::ZERO);
-        let mut at = 0;
-        let root_mass = |i: usize, j: usize| {
-            let (m, other) = (state.masses[i], state.masses[j]);
-            (m * other / (m + other)).sqrt()
-        };
-        for (k, pair) in self.pairs.iter().enumerate() {
-            let (contacts, lane) = (&mut self.contacts[k / WIDTH], k % WIDTH);
-            contacts.root_mass.0[lane] =
-                root_mass(a.range().start + pair[0] as usize, b.range().start + pair[1] as usize);
-            while at < old_pairs.len() && old_pairs[at] < *pair {
-                at += 1;
+        self.take_pairs(&scratch.found);
+    }
+
+    /// Lists these pairs, sorted. Those that were listed keep what they remember.
+    fn take_pairs(&mut self, pairs: &[[u32; 2]]) {
+        let old = std::mem::take(&mut self.chunks);
+        let mut known = old.iter().flat_map(|chunk| {
+            chunk.pairs().iter().enumerate().map(move |(lane, pair)| (*pair, &chunk.contacts, lane))
+        });
+        let mut next = known.next();
+        for &pair in pairs {
+            let (chunk, lane) = self.push(pair);
+            while next.is_some_and(|(old, ..)| old < pair) {
+                next = known.next();
             }
-            if old_pairs.get(at) == Some(pair) {
-                contacts.take(lane, &old[at / WIDTH], at % WIDTH);
+            if let Some((_, contacts, from)) = next.filter(|(old, ..)| *old == pair) {
+                chunk.contacts.take(lane, contacts, from);
             }
         }
+    }
+
+    /// Adds a pair that remembers nothing; returns its chunk and its lane.
+    fn push(&mut self, pair: [u32; 2]) -> (&mut PairChunk, usize) {
+        if self.chunks.last().is_none_or(|chunk| chunk.count == WIDTH) {
+            self.chunks.push(PairChunk {
+                count: 0,
+                pairs: [[0; 2]; WIDTH],
+                contacts: Contacts::new(),
+                loads: [Record::ZERO; WIDTH],
+            });
+        }
+        let chunk = self.chunks.last_mut().expect("one was pushed");
+        let lane = chunk.count;
+        chunk.pairs[lane] = pair;
+        chunk.count += 1;
+        (chunk, lane)
     }
 
     /// Works out the load of every pair. Returns their greatest overlap, in metres.
@@ -166,16 +198,23 @@ impl Meeting {
         laws: &PairLaws,
         state: &State,
         [a, b]: [&Body; 2],
+        batch: &mut Batch,
     ) -> f32 {
         let mut deepest = 0.0f32;
-        let (mut seen, mut felt) = (Seen::NOTHING, Felt::NOTHING);
         let sides = [&state.particles[a.range()], &state.particles[b.range()]];
-        let chunks = self.pairs.chunks(WIDTH).zip(self.loads.chunks_mut(WIDTH)).zip(&mut self.contacts);
-        for ((pairs, loads), contacts) in chunks {
-            seen.look(sides, pairs, &state.frame);
-            deepest = deepest.max(kernel::contacts(simd, laws, pairs.len(), &seen, contacts, &mut felt));
-            for (lane, load) in loads.iter_mut().enumerate() {
-                *load = felt.record(lane);
+        let root_mass = root_of_equivalent(a.mass, b.mass);
+        for chunks in self.chunks.chunks_mut(BATCH) {
+            for (chunk, seen) in chunks.iter().zip(&mut batch.seen) {
+                seen.look(sides, chunk.pairs(), &state.frame);
+            }
+            for ((chunk, seen), felt) in chunks.iter_mut().zip(&batch.seen).zip(&mut batch.felt) {
+                let PairChunk { count, contacts, .. } = chunk;
+                deepest = deepest.max(kernel::contacts(simd, laws, root_mass, *count, seen, contacts, felt));
+            }
+            for (chunk, felt) in chunks.iter_mut().zip(&batch.felt) {
+                for (lane, load) in chunk.loads.iter_mut().enumerate() {
+                    *load = felt.record(lane);
+                }
             }
         }
         deepest
@@ -186,17 +225,14 @@ impl Meeting {
         let [Some(a), Some(b)] = bodies else { return false };
         self.bodies = [a, b];
         let mut kept = Self::new(self.bodies);
-        for (k, [i, j]) in self.pairs.iter().enumerate() {
-            let pair = [locals[0][*i as usize], locals[1][*j as usize]];
-            if pair.contains(&u32::MAX) {
-                continue;
+        for chunk in &self.chunks {
+            for (from, &[i, j]) in chunk.pairs().iter().enumerate() {
+                let pair = [locals[0][i as usize], locals[1][j as usize]];
+                if !pair.contains(&u32::MAX) {
+                    let (new, lane) = kept.push(pair);
+                    new.contacts.take(lane, &chunk.contacts, from);
+                }
             }
-            let at = kept.pairs.len();
-            if at % WIDTH == 0 {
-                kept.contacts.push(Contacts::new());
-            }
-            kept.pairs.push(pair);
-            kept.contacts[at / WIDTH].take(at % WIDTH, &self.contacts[k / WIDTH], k % WIDTH);
         }
         *self = kept;
         true
@@ -205,16 +241,9 @@ impl Meeting {
 
 /// Pairs of the two clouds within `reach` metres, sorted, and the distance of the nearest of all, in metres.
 #[inline(always)]
-fn find<S: Simd>(
-    simd: S,
-    reach: f32,
-    frame: &Frame,
-    alone: bool,
-    scratch: &Scratch,
-    pairs: &mut Vec<[u32; 2]>,
-) -> f32 {
+fn find<S: Simd>(simd: S, reach: f32, frame: &Frame, alone: bool, scratch: &mut Scratch) -> f32 {
     let splat = |value| F::splat(simd, value);
-    let Scratch { first, second } = scratch;
+    let Scratch { first, second, found, .. } = scratch;
     let period = frame.period_y as f32 * frame.unit_m;
     let half = 0.5 * period;
     let mut nearest2 = splat(f32::INFINITY);
@@ -240,7 +269,7 @@ fn find<S: Simd>(
                     for (lane, _) in near.0.iter().enumerate().filter(|(_, hit)| **hit != 0.0) {
                         let j = second.index[block * WIDTH + part * S::F32_LANES + lane];
                         if !alone || i < j {
-                            pairs.push([i, j]);
+                            found.push([i, j]);
                         }
                     }
                 }

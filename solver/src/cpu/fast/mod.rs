@@ -25,7 +25,7 @@ use super::walls::Walls;
 use crate::engine::Advance;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use body::{Body, Extent, Noticed, Share, Surroundings};
+use body::{Body, Extent, Noticed, Room, Share, Surroundings};
 use bonds::BondChunk;
 pub use instructions::Instructions;
 use kernel::{LaneContact, PairLaws};
@@ -75,9 +75,15 @@ impl FastRun {
             let kind = &scene.kinds[placement.kind];
             let range = from..from + kind.meta.points.len();
             from = range.end;
-            let chunks = BondChunk::all(&kind.meta.bonds, kind.subparticle_mass_kg as f32, &laws);
+            let chunks = BondChunk::all(&kind.meta.bonds, &laws);
+            let mass = kind.subparticle_mass_kg as f32;
             if !range.is_empty() {
-                bodies.push(Body::new(range, chunks, kind.meta.bonds.iter().map(|b| [b.i, b.j]).collect()));
+                bodies.push(Body::new(
+                    range,
+                    mass,
+                    chunks,
+                    kind.meta.bonds.iter().map(|b| [b.i, b.j]).collect(),
+                ));
             }
         }
         Self {
@@ -199,7 +205,7 @@ impl FastRun {
         let search = self.search();
         let Self { laws, state, bodies, instructions, .. } = self;
         let work = self.meetings.par_iter_mut().map_init(Scratch::default, |scratch, meeting| {
-            if !meeting.due && meeting.pairs.is_empty() {
+            if !meeting.due && meeting.chunks.is_empty() {
                 return 0.0;
             }
             let sides = meeting.bodies.map(|body| &bodies[body as usize]);
@@ -238,8 +244,8 @@ impl FastRun {
                 (body, share)
             })
             .collect();
-        let work = shares.into_par_iter().enumerate().map_init(Vec::new, |sums, (me, (body, share))| {
-            instructions.arch.dispatch(Move { body, me: me as u32, around: &around, share, sums })
+        let work = shares.into_par_iter().enumerate().map_init(Room::default, |room, (me, (body, share))| {
+            instructions.arch.dispatch(Move { body, me: me as u32, around: &around, share, room })
         });
         work.reduce(Noticed::default, Noticed::and)
     }
@@ -312,7 +318,7 @@ impl WithSimd for Meet<'_> {
         if self.meeting.due {
             self.meeting.search(simd, self.search, self.state, self.sides, self.scratch);
         }
-        self.meeting.forces(simd, self.laws, self.state, self.sides)
+        self.meeting.forces(simd, self.laws, self.state, self.sides, &mut self.scratch.batch)
     }
 }
 
@@ -322,7 +328,7 @@ struct Move<'a> {
     me: u32,
     around: &'a Surroundings<'a>,
     share: Share<'a>,
-    sums: &'a mut Vec<load::Record>,
+    room: &'a mut Room,
 }
 
 impl WithSimd for Move<'_> {
@@ -330,6 +336,6 @@ impl WithSimd for Move<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Noticed {
-        self.body.step(simd, self.me, self.around, self.share, self.sums)
+        self.body.step(simd, self.me, self.around, self.share, self.room)
     }
 }
