@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use roost_api::{RunResult, Series};
+use serde_json::json;
 
 use crate::exit::BadInput;
 use crate::ui::plot::{self, Curve, Look, Panel};
@@ -34,8 +35,15 @@ pub(crate) fn write(folder: &Path, result: &RunResult) -> Result<Vec<PathBuf>> {
     fs::write(&document, json).with_context(|| format!("cannot write {}", document.display()))?;
     let file = fs::File::create(&table).with_context(|| format!("cannot write {}", table.display()))?;
     series_csv(file, &result.series)?;
-    plot::draw(&picture, "Discharge", &panels(result))?;
+    plot::draw(&picture, &title(result), &panels(result))?;
     Ok(vec![document, table, picture])
+}
+
+/// The experiment, as a title.
+fn title(result: &RunResult) -> String {
+    let experiment = json!(result.scenario)["experiment"].as_str().unwrap_or_default().to_owned();
+    let mut letters = experiment.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// All series as columns beside one column of times; a series without a sample at a time has an empty cell there.
@@ -78,15 +86,49 @@ fn column_name(series: &Series) -> String {
     }
 }
 
+/// What is drawn of an experiment's result, in this order; of others, all that was sampled.
+const CHIEF: [&str; 7] = [
+    "discharged_mass",
+    "mass_rate",
+    "bend_angle",
+    "sliding_speed",
+    "stress",
+    "settle_time",
+    "kinetic_energy",
+];
+/// The most panels of a picture.
+const MOST_PANELS: usize = 3;
+
+/// Panels of the chief quantities, over time or over whatever else.
 fn panels(result: &RunResult) -> Vec<Panel> {
-    [("discharged_mass", "discharged mass (kg)"), ("mass_rate", "mass rate (kg/s)")]
-        .into_iter()
-        .map(|(name, y_label)| {
-            let curve =
-                Curve { label: String::new(), look: Look::default(), points: points(result.series(name)) };
-            Panel { y_label: y_label.to_owned(), curves: vec![curve] }
-        })
-        .collect()
+    let over_time = result.series.iter().map(|series| {
+        let points = points(Some(series));
+        (series.name.as_str(), panel("time from t = 0 (s)".to_owned(), &series.name, &series.unit, points))
+    });
+    let over_else = result.curves.iter().map(|curve| {
+        let points = curve.x.iter().copied().zip(curve.values.iter().copied()).collect();
+        let over = label(&curve.over, &curve.over_unit);
+        (curve.name.as_str(), panel(over, &curve.name, &curve.unit, points))
+    });
+    let mut all: Vec<(&str, Panel)> = over_time.chain(over_else).collect();
+    let rank = |name: &str| CHIEF.iter().position(|chief| *chief == name).unwrap_or(CHIEF.len());
+    // The hopper's energy has nothing new to say beside its masses.
+    if all.iter().any(|(name, _)| rank(name) < 2) {
+        all.retain(|(name, _)| rank(name) < 2);
+    }
+    all.sort_by_key(|(name, _)| rank(name));
+    all.into_iter().map(|(_, panel)| panel).take(MOST_PANELS).collect()
+}
+
+fn panel(x_label: String, name: &str, unit: &str, points: Vec<(f64, f64)>) -> Panel {
+    let curve = Curve { label: String::new(), look: Look::default(), points };
+    Panel { x_label, y_label: label(name, unit), curves: vec![curve] }
+}
+
+/// A quantity in words, with its unit.
+fn label(name: &str, unit: &str) -> String {
+    let words = name.replace('_', " ");
+    if unit.is_empty() || unit == "1" { words } else { format!("{words} ({unit})") }
 }
 
 #[cfg(test)]

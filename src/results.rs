@@ -13,9 +13,23 @@ use crate::ui;
 use crate::ui::{format, table::Table};
 use crate::{output, run};
 
-/// Responses shown in a terminal; JSON and CSV have all.
-const SHOWN: [&str; 5] =
-    ["regime", "discharged_kg", "discharged_kg_at_4s", "time_to_95_percent_s", "mean_rate_kg_s"];
+/// Responses shown in a terminal, those that the experiment has; JSON and CSV have all.
+const SHOWN: [&str; 14] = [
+    "regime",
+    "discharged_kg",
+    "discharged_kg_at_4s",
+    "time_to_95_percent_s",
+    "mean_rate_kg_s",
+    "settle_time_s",
+    "bend_angle_deg",
+    "tip_deflection_m",
+    "critical_angle_deg",
+    "friction_angle_deg",
+    "modulus_pa",
+    "modulus_lattice_pa",
+    "time_to_rest_s",
+    "lowest_bonds_intact_fraction",
+];
 
 /// Print the results of a sweep or a job
 #[derive(Debug, clap::Args)]
@@ -72,7 +86,12 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 pub(crate) fn trials(results: &SweepResults) -> Table {
     let levels =
         results.sweep.factors.iter().map(|pointer| pointer.trim_start_matches('/').replace('/', "."));
-    let names = SHOWN.map(str::to_owned);
+    let has = |name: &str| results.trials.iter().any(|trial| trial.responses.contains_key(name));
+    let mut shown: Vec<&str> = SHOWN.into_iter().filter(|name| has(name)).collect();
+    if shown.is_empty() {
+        shown = SHOWN[..5].to_vec();
+    }
+    let names = shown.iter().map(|name| (*name).to_owned());
     let mut table = Table::new(levels.chain(["seed".to_owned(), "state".to_owned()]).chain(names));
     for trial in &results.trials {
         let levels = results.sweep.factors.iter().map(|pointer| format::cell(&trial.factors[pointer]));
@@ -80,7 +99,8 @@ pub(crate) fn trials(results: &SweepResults) -> Table {
             Some(class) => format!("{}: {class}", trial.state),
             None => trial.state.to_string(),
         };
-        let responses = SHOWN.map(|name| format::cell(trial.responses.get(name).unwrap_or(&Value::Null)));
+        let responses =
+            shown.iter().map(|name| format::cell(trial.responses.get(*name).unwrap_or(&Value::Null)));
         table.row(levels.chain([trial.seed.to_string(), state]).chain(responses).collect::<Vec<_>>());
     }
     table

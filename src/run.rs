@@ -52,7 +52,8 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     }
     let bad = |faults: Vec<_>| input::faults(&args.scenario, &faults);
     let scenario = scenario::from_value(&document).map_err(bad)?;
-    let estimate = roost_solver::check(&scenario, &Limits::default()).map_err(bad)?;
+    let estimate = roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
+        .map_err(bad)?;
     for warning in &estimate.warnings {
         eprintln!("warning: {warning}");
     }
@@ -122,8 +123,11 @@ async fn watch(mut run: Run, shutdown: &CancellationToken) -> RunEnd {
 /// Phase, simulated time, rates and time left in one line.
 pub(crate) fn describe(progress: &Progress) -> String {
     let phase = match progress.phase {
-        Phase::Fill => format!("filling, {:.2} s", progress.simulated_s),
-        Phase::Process => format!("belt {:.2} s, {:.2} kg out", progress.time_s, progress.discharged_kg),
+        Phase::Fill => format!("coming to rest, {:.2} s", progress.simulated_s),
+        Phase::Process if progress.discharged_kg > 0.0 => {
+            format!("t = {:.2} s, {:.2} kg out", progress.time_s, progress.discharged_kg)
+        }
+        Phase::Process => format!("t = {:.2} s", progress.time_s),
     };
     let wall_s = progress.wall_s.max(1e-3);
     let left = format::time_left(progress.fraction, progress.wall_s);

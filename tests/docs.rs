@@ -78,7 +78,12 @@ fn the_scenario_and_the_sweep_of_the_readme_are_sound() {
         let value: serde_json::Value = serde_json::from_str(document).expect("JSON");
         let scenario = value.get("base").unwrap_or(&value);
         let scenario = roost_solver::scenario::from_value(scenario).expect("a sound scenario");
-        roost_solver::check(&scenario, &roost_solver::Limits::default()).expect("a scenario that can run");
+        roost_solver::check(
+            &scenario,
+            &roost_solver::mesh::Meshes::default(),
+            &roost_solver::Limits::default(),
+        )
+        .expect("a scenario that can run");
     }
 }
 
@@ -95,10 +100,9 @@ fn the_table_of_fields_is_that_of_the_scenario() {
 
 #[test]
 fn every_response_is_explained() {
-    use roost_solver::experiments::{discharge::HopperWatch, hopper};
     let text = r#"{"experiment": "hopper", "product": {"count": 2, "subparticle_radius_m": 0.008}}"#;
     let scenario = roost_solver::scenario::parse(text).expect("a sound scenario");
-    let watch = HopperWatch::new(&scenario, &hopper::scene(&scenario));
+    let watch = roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).watch;
     let document = read("docs/responses.md");
     let responses = watch.responses(roost_solver::result::EndReason::Duration);
     let series = watch.series();

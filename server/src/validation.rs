@@ -29,7 +29,7 @@ pub fn validate(document: Value, limits: &Limits, max_jobs: u64) -> Result<Valid
         Some(_) => read_envelope(limits, document)?.1,
         None => scenario::from_value(&document)?,
     };
-    let estimate = roost_solver::check(&scenario, limits)?;
+    let estimate = roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), limits)?;
     Ok(ValidationReport { document: "scenario".to_owned(), jobs: 1, estimate, scenario: json!(scenario) })
 }
 

@@ -7,7 +7,8 @@ use std::time::Instant;
 use roost_solver::cpu::fast::Instructions;
 use roost_solver::cpu::{Cpu, CpuRun};
 use roost_solver::engine::Backend;
-use roost_solver::experiments::hopper;
+use roost_solver::experiments::prepare;
+use roost_solver::mesh::Meshes;
 use roost_solver::scenario;
 use serde_json::json;
 
@@ -42,18 +43,17 @@ fn main() {
         "product": {"subparticle_radius_m": radius_mm * 1e-3},
         "numerics": {"timestep_s": "auto"},
     });
-    let scene = hopper::scene(&scenario::from_value(&document).expect("a sound scenario"));
+    let scene = prepare(&scenario::from_value(&document).expect("a sound scenario"), &Meshes::default()).scene;
     let dt = scene.timestep_s;
     let mut racers: Vec<Racer> = paths
         .split(',')
         .map(|name| {
             let named = Instructions::available().into_iter().find(|set| set.name() == name);
-            let instructions = match name {
-                "plain" => None,
-                "fast" => Some(Instructions::widest()),
-                _ => Some(named.expect("an instruction set that this machine has")),
+            let cpu = match name {
+                "plain" => Cpu::plain(threads as usize),
+                "fast" => Cpu::new(threads as usize),
+                _ => Cpu::fast(threads as usize, named.expect("an instruction set that this machine has")),
             };
-            let cpu = Cpu::with(threads as usize, instructions);
             let run = cpu.prepare(&scene);
             Racer { name: name.to_owned(), cpu, run, seconds: 0.0, busy_s: 0.0, particle_steps: 0 }
         })

@@ -2,9 +2,10 @@
 
 use crate::engine::scene::Kind;
 use crate::experiments::laws::laws;
-use crate::experiments::{bounds_on_timestep, kinds, timestep_s};
+use crate::experiments::{bounds_on_timestep, kind_of_each, plan, timestep_s, try_kinds};
+use crate::mesh::Meshes;
 use crate::result::Estimate;
-use crate::scenario::{Fault, Scenario, SideWalls};
+use crate::scenario::{Equipment, Fault, MeshRef, Scenario, SideWalls};
 
 /// What an operator allows a single scenario to cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,22 +35,35 @@ const USUAL_SHARE: f64 = 0.6;
 /// Threads that the time is estimated for.
 const THREADS: f64 = 2.0;
 
-/// Checks fit, stability and cost, without running anything. Lattice fills are remembered, so that thousands of
+/// Checks fit, stability and cost, without running anything; the scenario's meshes must be among `meshes`. Lattice fills are remembered, so that thousands of
 /// similar scenarios are checked in a second.
 ///
 /// # Errors
 /// Every fault found, each naming its field.
-pub fn check(scenario: &Scenario, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
+pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
+    let faults = mesh_faults(scenario, meshes);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
     let faults = size_faults(scenario);
     if !faults.is_empty() {
         return Err(faults);
     }
-    let kinds = kinds(scenario);
+    let kinds = match try_kinds(scenario, meshes) {
+        Ok(kinds) => kinds,
+        Err(error) => {
+            let allowed = "a closed mesh that the lattice of sub-particles fills in one piece".to_owned();
+            let digest = scenario.product.mesh.as_ref().map(|mesh| mesh.digest.clone());
+            return Err(vec![fault("/product/mesh", digest, error.to_string(), allowed)]);
+        }
+    };
     let mut faults = fill_faults(scenario, &kinds);
     if !faults.is_empty() {
         return Err(faults);
     }
-    faults.extend(fit_faults(scenario, &kinds));
+    if let Some(equipment) = scenario.equipment() {
+        faults.extend(fit_faults(scenario, equipment, &kinds));
+    }
     faults.extend(reach_faults(scenario));
 
     let numerics = &scenario.numerics;
@@ -70,11 +84,12 @@ pub fn check(scenario: &Scenario, limits: &Limits) -> Result<Estimate, Vec<Fault
         ));
     }
 
-    let count = u64::from(scenario.product.count);
-    let sum =
-        |of: &dyn Fn(&Kind) -> f64| -> f64 { (0..count as usize).map(|i| of(&kinds[i % kinds.len()])).sum() };
+    let each = kind_of_each(scenario, kinds.len());
+    let count = each.len() as u64;
+    let sum = |of: &dyn Fn(&Kind) -> f64| -> f64 { each.iter().map(|&kind| of(&kinds[kind])).sum() };
     let subparticles = sum(&|kind| kind.meta.points.len() as f64) as u64;
-    let steps = ((numerics.max_fill_s + numerics.duration_s) / dt).ceil() as u64;
+    let plan = plan(scenario);
+    let steps = ((plan.longest_fill_s + plan.duration_s) / dt).ceil() as u64;
     if subparticles > limits.max_subparticles {
         faults.push(fault(
             "/product/count",
@@ -112,14 +127,31 @@ pub fn check(scenario: &Scenario, limits: &Limits) -> Result<Estimate, Vec<Fault
     })
 }
 
+/// Meshes that are not at hand, or cannot be meant in their units.
+fn mesh_faults(scenario: &Scenario, meshes: &Meshes) -> Vec<Fault> {
+    let faulty = |(pointer, named): (String, &MeshRef)| {
+        let (name, detail, allowed) = match meshes.get(&named.digest).map(|stl| stl.in_units(named.units)) {
+            None => {
+                ("digest", "is not the digest of a mesh at hand".to_owned(), "that of a mesh given along")
+            }
+            Some(Err(error)) => ("units", error.to_string(), "\"mm\" or \"m\", as the file means it"),
+            Some(Ok(_)) => return None,
+        };
+        Some(fault(&format!("{pointer}/{name}"), named.digest.clone(), detail, allowed.to_owned()))
+    };
+    scenario.named_meshes().into_iter().filter_map(faulty).collect()
+}
+
 /// Radii so small against the fillets or the hopper that even looking at them would take too long.
 fn size_faults(scenario: &Scenario) -> Vec<Fault> {
-    let (product, equipment) = (&scenario.product, &scenario.equipment);
-    let radius = product.subparticle_radius_m;
+    let product = &scenario.product;
+    let radius = product.radius_m();
     let cells = |size: &[f64; 3]| size.iter().map(|s| s / (2.0 * radius) + 2.0).product::<f64>();
     // Each size is filled twice, as it is and mirrored.
-    let points: f64 = product.sizes_m.iter().map(|size| 2.0 * cells(size)).sum();
-    let floor = equipment.hopper_length_m * equipment.hopper_width_m / (radius * radius);
+    let points: f64 = product.scaled_sizes_m().map(|size| 2.0 * cells(&size)).sum();
+    let floor = scenario
+        .equipment()
+        .map_or(0.0, |equipment| equipment.hopper_length_m * equipment.hopper_width_m / (radius * radius));
     [(points, "lattice points of the fillets' boxes"), (floor, "places on the hopper's floor")]
         .into_iter()
         .filter(|(number, _)| *number > MOST_CELLS)
@@ -134,7 +166,7 @@ fn size_faults(scenario: &Scenario) -> Vec<Fault> {
 /// Adhesion so strong against the stiffness that necks would reach past the nearest neighbours.
 fn reach_faults(scenario: &Scenario) -> Vec<Fault> {
     let (laws, contact) = (laws(scenario), &scenario.contact);
-    let radius = scenario.product.subparticle_radius_m;
+    let radius = scenario.product.radius_m();
     [
         ("fillet_fillet", &contact.fillet_fillet, laws.tissue),
         ("fillet_equipment", &contact.fillet_equipment, laws.equipment),
@@ -156,9 +188,12 @@ fn reach_faults(scenario: &Scenario) -> Vec<Fault> {
 /// Sizes in which the lattice leaves no sub-particle.
 fn fill_faults(scenario: &Scenario, kinds: &[Kind]) -> Vec<Fault> {
     let product = &scenario.product;
-    let empty = |k: &usize| kinds[2 * k].meta.points.is_empty();
-    (0..product.sizes_m.len())
-        .filter(empty)
+    let first = product.shape.map_or(0, |shape| shape as usize);
+    let empty = kinds.iter().enumerate().filter(|(_, kind)| kind.meta.points.is_empty());
+    let mut sizes: Vec<usize> = empty.map(|(k, _)| (first + k) / 2).collect();
+    sizes.dedup();
+    sizes
+        .into_iter()
         .map(|k| {
             let [length, width, thickness] = product.sizes_m[k];
             fault(
@@ -172,15 +207,15 @@ fn fill_faults(scenario: &Scenario, kinds: &[Kind]) -> Vec<Fault> {
 }
 
 /// Fillets that fit the hopper in no orientation, or are too many for its volume.
-fn fit_faults(scenario: &Scenario, kinds: &[Kind]) -> Vec<Fault> {
-    let (product, equipment) = (&scenario.product, &scenario.equipment);
-    let radius = product.subparticle_radius_m;
+fn fit_faults(scenario: &Scenario, equipment: &Equipment, kinds: &[Kind]) -> Vec<Fault> {
+    let product = &scenario.product;
+    let radius = product.radius_m();
     let mut faults = Vec::new();
     let periodic = equipment.side_walls == SideWalls::Periodic;
-    for (k, size) in product.sizes_m.iter().enumerate() {
+    for (k, size) in product.scaled_sizes_m().enumerate() {
         // Upright, a fillet needs its two lesser dimensions; the greater of those must fit both ways, with some
         // room to turn or it would never be placed.
-        let mut sorted = *size;
+        let mut sorted = size;
         sorted.sort_unstable_by(f64::total_cmp);
         let mut must_fit = |pointer: &str, room: f64, dimension: f64| {
             let needs = dimension + 4.0 * radius;

@@ -10,6 +10,7 @@ pub mod cpu;
 pub mod engine;
 pub mod equipment;
 pub mod experiments;
+pub mod mesh;
 pub mod observe;
 pub mod physics;
 pub mod result;
@@ -18,6 +19,7 @@ pub mod shape;
 
 pub use check::{Limits, check};
 pub use engine::run::Observer;
+use mesh::Meshes;
 use result::RunResult;
 pub use result::{Flow, PHYSICS_REVISION, Progress, VERSION};
 use scenario::Scenario;
@@ -27,12 +29,15 @@ use scenario::Scenario;
 pub struct CpuOptions {
     /// Threads; 0 means one per processor.
     pub threads: usize,
-    /// Which way runs are computed.
-    pub path: cpu::Path,
 }
 
-/// Runs one scenario on the CPU to its end. The observer is told the progress about ten times a second of wall time and
+/// Runs one scenario, whose meshes must be among `meshes`, on the CPU to its end. The observer is told the progress about ten times a second of wall time and
 /// at least once per output interval, and may cancel: what was sampled so far is then returned, without responses.
-pub fn simulate(scenario: &Scenario, options: CpuOptions, observer: &mut dyn Observer) -> RunResult {
-    experiments::simulate(scenario, &cpu::Cpu::new(options.threads, options.path), observer)
+pub fn simulate(
+    scenario: &Scenario,
+    meshes: &Meshes,
+    options: CpuOptions,
+    observer: &mut dyn Observer,
+) -> RunResult {
+    experiments::simulate(scenario, meshes, &cpu::Cpu::new(options.threads), observer)
 }

@@ -28,6 +28,9 @@ pub struct RunResult {
     pub responses: Map<String, Value>,
     /// Sampled quantities.
     pub series: Vec<Series>,
+    /// Quantities over something else than time, such as stress over strain.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub curves: Vec<Curve>,
     /// What computed this.
     pub solver: SolverInfo,
     /// What it cost.
@@ -60,7 +63,9 @@ pub enum EndReason {
     Empty,
     /// `numerics.stop.when_jammed_s`: nothing has passed the gate for that long.
     Jammed,
-    /// The fill never came to rest.
+    /// `numerics.stop.when_done`: what the run measures is known.
+    Done,
+    /// What was to rest before t = 0 never did.
     FillNotAtRest,
     /// The physics diverged.
     Unstable,
@@ -89,6 +94,23 @@ pub struct Series {
     /// Belt times of the samples, in seconds.
     pub t_s: Vec<f64>,
     /// The samples, as many as times.
+    pub values: Vec<f64>,
+}
+
+/// A quantity over something else than time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Curve {
+    /// Name, such as `stress`.
+    pub name: String,
+    /// Unit, such as `Pa`.
+    pub unit: String,
+    /// What it is taken over, such as `strain` or `fillet`.
+    pub over: String,
+    /// Unit of that.
+    pub over_unit: String,
+    /// Where it was taken.
+    pub x: Vec<f64>,
+    /// The values, as many.
     pub values: Vec<f64>,
 }
 

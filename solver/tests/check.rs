@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use common::{assert_close, document};
 use roost_solver::engine::state::State;
-use roost_solver::experiments::{bounds_on_timestep, hopper, kinds};
+use roost_solver::experiments::{bounds_on_timestep, kinds, prepare};
+use roost_solver::mesh::Meshes;
 use roost_solver::result::Estimate;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{Limits, check};
@@ -22,7 +23,7 @@ fn with(fields: &[(&str, Value)]) -> Scenario {
 
 /// The pointers of the faults found, sorted, each once.
 fn refused(scenario: &Scenario, limits: &Limits) -> Vec<String> {
-    let faults = check(scenario, limits).expect_err("refused");
+    let faults = check(scenario, &Meshes::default(), limits).expect_err("refused");
     assert!(faults.iter().all(|fault| fault.allowed.is_some() && !fault.detail.is_empty()));
     let mut pointers: Vec<String> = faults.into_iter().map(|fault| fault.pointer).collect();
     pointers.sort_unstable();
@@ -31,12 +32,12 @@ fn refused(scenario: &Scenario, limits: &Limits) -> Vec<String> {
 }
 
 fn accepted(scenario: &Scenario) -> Estimate {
-    check(scenario, &NO_LIMITS).expect("accepted")
+    check(scenario, &Meshes::default(), &NO_LIMITS).expect("accepted")
 }
 
 #[test]
 fn the_papers_hopper_is_accepted_and_weighs_what_the_paper_says() {
-    let estimate = check(&with(&[]), &Limits::default()).expect("accepted");
+    let estimate = check(&with(&[]), &Meshes::default(), &Limits::default()).expect("accepted");
     assert_eq!((estimate.fillets, estimate.warnings.len()), (191, 0), "{:?}", estimate.warnings);
     assert_close(estimate.mass_kg, 38.21, 0.01);
     assert_eq!(estimate.timestep_s, 5.75e-5);
@@ -54,7 +55,7 @@ fn the_estimate_is_what_is_built() {
         vec![("/product/count", json!(50)), ("/numerics/timestep_s", json!("auto"))],
     ] {
         let scenario = with(&fields);
-        let (estimate, scene) = (accepted(&scenario), hopper::scene(&scenario));
+        let (estimate, scene) = (accepted(&scenario), prepare(&scenario, &Meshes::default()).scene);
         let state = State::new(&scene);
         assert_eq!(estimate.fillets, scene.bodies.len() as u64);
         assert_eq!(estimate.subparticles, state.particles.len() as u64);
@@ -82,7 +83,7 @@ fn fillets_that_cannot_fit_are_refused() {
 #[test]
 fn a_radius_too_coarse_for_a_size_is_refused() {
     let coarse = [("/product/subparticle_radius_m", json!(0.02)), ("/product/fill", json!("whole_spheres"))];
-    let faults = check(&with(&coarse), &NO_LIMITS).expect_err("refused");
+    let faults = check(&with(&coarse), &Meshes::default(), &NO_LIMITS).expect_err("refused");
     assert_eq!(faults.len(), 3, "one for each size: {faults:?}");
     assert!(faults.iter().all(|fault| fault.pointer == "/product/subparticle_radius_m"));
     assert!(
@@ -95,7 +96,7 @@ fn a_radius_too_coarse_for_a_size_is_refused() {
 
 #[test]
 fn a_time_step_past_stability_is_refused_and_near_it_warned_of() {
-    let bounds = bounds_on_timestep(&with(&[]), &kinds(&with(&[])));
+    let bounds = bounds_on_timestep(&with(&[]), &kinds(&with(&[]), &Meshes::default()));
     assert!(bounds.auto_s < bounds.damped_s && bounds.damped_s < bounds.undamped_s);
     let step =
         |dt: f64, fields: &[(&str, Value)]| with(&[&[("/numerics/timestep_s", json!(dt))], fields].concat());
@@ -116,7 +117,7 @@ fn what_costs_too_much_is_refused() {
     let scenario = with(&[]);
     let estimate = accepted(&scenario);
     let limits = |max_subparticles, max_steps| Limits { max_subparticles, max_steps };
-    assert!(check(&scenario, &limits(estimate.subparticles, estimate.steps)).is_ok());
+    assert!(check(&scenario, &Meshes::default(), &limits(estimate.subparticles, estimate.steps)).is_ok());
     assert_eq!(refused(&scenario, &limits(estimate.subparticles - 1, u64::MAX)), ["/product/count"]);
     assert_eq!(refused(&scenario, &limits(u64::MAX, estimate.steps - 1)), ["/numerics/duration_s"]);
 }
@@ -146,7 +147,7 @@ fn ten_thousand_variants_are_checked_in_seconds() {
     accepted(&scenario);
     let clock = Instant::now();
     for k in 0..10_000 {
-        scenario.equipment.belt_speed_m_s = 0.1 + f64::from(k) * 1e-5;
+        scenario.numerics.gravity_m_s2 = 9.0 + f64::from(k) * 1e-5;
         accepted(&scenario);
     }
     assert!(clock.elapsed() < Duration::from_secs(5), "{:?}", clock.elapsed());

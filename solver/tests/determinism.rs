@@ -5,11 +5,12 @@ mod common;
 
 use common::{Bench, at, block, law, plate, scene};
 use glam::DVec3;
-use roost_solver::cpu::{Cpu, Path};
+use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::SurfaceKind;
+use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{CpuOptions, Flow, Progress, simulate};
 
@@ -24,9 +25,7 @@ fn hopper() -> Scenario {
 #[test]
 fn a_run_gives_the_same_bits_on_one_two_and_three_threads() {
     let run = |threads| {
-        simulate(&hopper(), CpuOptions { threads, ..CpuOptions::default() }, &mut |_: &Progress| {
-            Flow::Continue
-        })
+        simulate(&hopper(), &Meshes::default(), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue)
     };
     let one = run(1);
     assert!(one.response("discharged_kg").is_some_and(|mass| mass > 0.1), "{:?}", one.responses);
@@ -45,7 +44,8 @@ fn another_seed_gives_another_run() {
     let run = |seed| {
         simulate(
             &Scenario { seed, ..hopper() },
-            CpuOptions { threads: 2, ..CpuOptions::default() },
+            &Meshes::default(),
+            CpuOptions { threads: 2 },
             &mut |_: &Progress| Flow::Continue,
         )
     };
@@ -93,7 +93,7 @@ fn pieces_and_batches_change_no_bit() {
     }
     assert_same(whole.state(), pieces.state());
 
-    let cpu = Cpu::new(2, common::path());
+    let cpu = common::backend(2);
     let (mut a, mut b) = (cpu.prepare(&scene), cpu.prepare(&scene));
     cpu.advance(&mut [(&mut a, 2000), (&mut b, 1000)]);
     cpu.advance(&mut [(&mut b, 1000)]);
@@ -105,7 +105,7 @@ fn pieces_and_batches_change_no_bit() {
 fn the_bits_are_those_of_this_physics_revision() {
     // Every bit of every sub-particle after 2000 steps. If this changes, results have changed: raise
     // PHYSICS_REVISION, write down why in the changelog, and only then renew the digest.
-    let mut bench = Bench::along(Path::Plain, &blocks(), 1);
+    let mut bench = Bench::with(Cpu::plain(1), &blocks());
     bench.steps(2000);
     let state = bench.state();
     let words = state.particles.iter().flat_map(|p| {
@@ -167,15 +167,12 @@ fn what_has_left_is_not_missed() {
 #[test]
 fn a_cancelled_run_keeps_its_samples_and_has_no_responses() {
     let mut looks = 0;
-    let result = simulate(
-        &hopper(),
-        CpuOptions { threads: 2, ..CpuOptions::default() },
-        &mut |progress: &Progress| {
+    let result =
+        simulate(&hopper(), &Meshes::default(), CpuOptions { threads: 2 }, &mut |progress: &Progress| {
             looks += 1;
             assert!((0.0..=1.0).contains(&progress.fraction));
             if progress.simulated_s > 0.1 { Flow::Cancel } else { Flow::Continue }
-        },
-    );
+        });
     assert_eq!(result.end_reason, roost_solver::result::EndReason::Cancelled);
     assert!(looks >= 5 && result.responses.is_empty());
     assert!(result.series("kinetic_energy").is_some_and(|series| series.values.len() >= 5));

@@ -4,11 +4,11 @@ mod common;
 
 use common::{assert_close, document};
 use glam::DVec3;
-use roost_solver::engine::run::{Decision, Director, Sample};
+use roost_solver::engine::run::{Decision, Sample};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
-use roost_solver::experiments::discharge::HopperWatch;
-use roost_solver::experiments::hopper;
+use roost_solver::experiments::{Prepared, Watch, prepare};
+use roost_solver::mesh::Meshes;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Value, json};
@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 struct Stage {
     scene: Scene,
     state: State,
-    watch: HopperWatch,
+    watch: Box<dyn Watch>,
     simulated_s: f64,
     start_s: f64,
 }
@@ -27,10 +27,9 @@ impl Stage {
         let few = [("/product/count", json!(2)), ("/product/subparticle_radius_m", json!(0.008))];
         let scenario: Scenario =
             scenario::from_value(&document(&[&few[..], fields].concat())).expect("a sound scenario");
-        let scene = hopper::scene(&scenario);
+        let Prepared { scene, watch, .. } = prepare(&scenario, &Meshes::default());
         let mut state = State::new(&scene);
         state.particles.iter_mut().for_each(|p| p.position.x = state.frame.encode(DVec3::X * -0.1).x);
-        let watch = HopperWatch::new(&scenario, &scene);
         // By now the highest of them would have fallen.
         Self { scene, state, watch, simulated_s: 1.0, start_s: 0.0 }
     }
@@ -61,7 +60,7 @@ impl Stage {
 
     fn look(&mut self, belt_time_s: Option<f64>) -> Decision {
         let (simulated_s, state) = (self.simulated_s, &self.state);
-        self.watch.look(&Sample { simulated_s, belt_time_s, state, max_overlap_m: 4e-4 })
+        self.watch.look(&Sample { simulated_s, belt_time_s, state, max_overlap_m: 4e-4, surface_forces: &[] })
     }
 
     /// Puts these sub-particles at x.

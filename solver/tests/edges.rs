@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use common::{Bench, at, block, document, law, scene};
 use glam::DVec3;
-use roost_solver::experiments::hopper;
+use roost_solver::experiments::prepare;
+use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{CpuOptions, Flow, Limits, Progress, check, simulate};
 use serde_json::{Value, json};
@@ -17,7 +18,7 @@ fn with(fields: &[(&str, Value)]) -> Scenario {
 
 /// The pointers of what is wrong with a scenario.
 fn refused(fields: &[(&str, Value)]) -> Vec<String> {
-    let faults = check(&with(fields), &Limits::default()).expect_err("refused");
+    let faults = check(&with(fields), &Meshes::default(), &Limits::default()).expect_err("refused");
     faults.into_iter().map(|fault| fault.pointer).collect()
 }
 
@@ -35,7 +36,7 @@ fn the_belt_starts_when_the_bed_is_at_rest_however_often_one_looks() {
             ("/numerics/rest_speed_m_s", json!(rest_speed)),
         ]);
         let result =
-            simulate(&scenario, CpuOptions { threads: 2, ..CpuOptions::default() }, &mut |_: &Progress| {
+            simulate(&scenario, &Meshes::default(), CpuOptions { threads: 2 }, &mut |_: &Progress| {
                 Flow::Continue
             });
         result.response("fill_duration_s").expect("it came to rest")
@@ -69,7 +70,7 @@ fn a_fillet_must_not_meet_its_own_image() {
             ("/equipment/hopper_width_m", json!(width)),
         ]
     };
-    check(&with(&periodic(0.193)), &Limits::default()).expect("wide enough");
+    check(&with(&periodic(0.193)), &Meshes::default(), &Limits::default()).expect("wide enough");
     assert!(refused(&periodic(0.191)).iter().all(|pointer| pointer == "/equipment/hopper_width_m"));
 }
 
@@ -82,8 +83,8 @@ fn what_barely_fits_is_stood_upright() {
         ("/equipment/hopper_width_m", json!(0.0281)),
         ("/equipment/hopper_length_m", json!(0.0281)),
     ]);
-    check(&tight, &Limits::default()).expect("fits");
-    let scene = hopper::scene(&tight);
+    check(&tight, &Meshes::default(), &Limits::default()).expect("fits");
+    let scene = prepare(&tight, &Meshes::default()).scene;
     assert!(scene.bodies.iter().all(|body| (body.orientation * DVec3::X).z.abs() > 0.99));
 }
 
@@ -119,7 +120,7 @@ fn the_automatic_step_of_a_stiff_truss_holds() {
         ("/bonds/shear_stiffness_n_m3", json!(6e7)),
         ("/numerics/timestep_s", json!("auto")),
     ]);
-    let mut bench = Bench::new(&hopper::scene(&truss));
+    let mut bench = Bench::new(&prepare(&truss, &Meshes::default()).scene);
     assert_eq!(bench.steps(3000), None);
     assert_eq!(bench.state().bonds_broken, 0);
 }

@@ -61,9 +61,13 @@ fn run(scene: &Scene, course: &Course, cpu: &Cpu, mut look: impl FnMut(&Cpu, &mu
     }
 }
 
+fn cpu(threads: usize, fast: Option<Instructions>) -> Cpu {
+    fast.map_or_else(|| Cpu::plain(threads), |instructions| Cpu::fast(threads, instructions))
+}
+
 fn states(scene: &Scene, course: &Course, fast: Option<Instructions>, threads: usize) -> Vec<State> {
     let mut states = Vec::new();
-    run(scene, course, &Cpu::with(threads, fast), |cpu, run| states.push(cpu.state(run).clone()));
+    run(scene, course, &cpu(threads, fast), |cpu, run| states.push(cpu.state(run).clone()));
     states
 }
 
@@ -171,7 +175,7 @@ fn bonds_break_alike_and_go_on_as_contacts() {
     }
     let mut intact = Vec::new();
     for fast in [None, Some(Instructions::widest())] {
-        run(&scene, &Course::of(300), &Cpu::with(1, fast), |cpu, run| intact.push(cpu.bonds(run)));
+        run(&scene, &Course::of(300), &cpu(1, fast), |cpu, run| intact.push(cpu.bonds(run)));
     }
     let (plain, fast) = intact.split_at(intact.len() / 2);
     assert!(plain == fast);
@@ -214,7 +218,7 @@ fn surfaces_that_move_agree_and_feel_the_same_forces() {
     assert_agrees("moving", &scene, &course);
     let mut forces = Vec::new();
     for fast in [None, Some(Instructions::widest())] {
-        run(&scene, &course, &Cpu::with(1, fast), |cpu, run| forces.push(cpu.surface_forces(run)));
+        run(&scene, &course, &cpu(1, fast), |cpu, run| forces.push(cpu.surface_forces(run)));
     }
     let (plain, fast) = forces.split_at(forces.len() / 2);
     for (a, b) in plain.iter().flatten().zip(fast.iter().flatten()) {

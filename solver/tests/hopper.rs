@@ -1,5 +1,6 @@
 //! A very small hopper from fill to end: what goes in comes out, every end has its reason, every wall and bond runs.
 
+use roost_solver::mesh::Meshes;
 use roost_solver::result::{EndReason, RunResult, Series};
 use roost_solver::scenario;
 use roost_solver::{CpuOptions, Flow, Progress, simulate};
@@ -21,10 +22,9 @@ fn run(fields: &[(&str, Value)]) -> RunResult {
         *at = value.clone();
     }
     let scenario = scenario::from_value(&document).expect("a sound scenario");
-    let result =
-        simulate(&scenario, CpuOptions { threads: 2, ..CpuOptions::default() }, &mut |_: &Progress| {
-            Flow::Continue
-        });
+    let result = simulate(&scenario, &Meshes::default(), CpuOptions { threads: 2 }, &mut |_: &Progress| {
+        Flow::Continue
+    });
     assert_sound(&result);
     result
 }
@@ -63,7 +63,9 @@ fn assert_near(found: f64, expected: f64, within: f64) {
 
 /// Mass of all fillets of a scenario, in kg.
 fn loaded(result: &RunResult) -> f64 {
-    roost_solver::check(&result.scenario, &roost_solver::Limits::default()).expect("accepted").mass_kg
+    roost_solver::check(&result.scenario, &Meshes::default(), &roost_solver::Limits::default())
+        .expect("accepted")
+        .mass_kg
 }
 
 #[test]

@@ -8,8 +8,9 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::facet::facets;
-use roost_solver::experiments::hopper;
-use roost_solver::scenario::field::{Kind, Range};
+use roost_solver::experiments::prepare;
+use roost_solver::mesh::Meshes;
+use roost_solver::scenario::field::{Field, Kind, Range};
 use roost_solver::scenario::fields::FIELDS;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{Limits, check};
@@ -42,6 +43,7 @@ impl Draw {
         let mut within = |low, high| self.number(Range { low, high, low_open: false, high_open: false });
         match pointer {
             "/product/count" => return json!(within(1.0, 15.0).round()),
+            "/product/scale" => return json!(within(0.5, 2.0)),
             "/product/subparticle_radius_m" => return json!(within(0.003, 0.05)),
             "/product/sizes_m" => {
                 let sizes = 1 + self.pick(3);
@@ -63,14 +65,23 @@ impl Draw {
             Kind::Integer(range) => json!(self.number(range).round()),
             Kind::Choice(words) => json!(words[self.pick(words.len())]),
             Kind::Flag => json!(self.pick(2) == 0),
-            Kind::Sizes(_) => unreachable!("drawn above"),
+            Kind::NullableInteger(_) if self.pick(2) == 0 => json!(self.pick(2)),
+            Kind::NullableInteger(_) => Value::Null,
+            other => unreachable!("{pointer}: {other:?} is not drawn"),
         }
     }
 
     /// About half of the fields drawn, the others by default.
     fn scenario(&mut self) -> Option<Scenario> {
         let mut fields = Vec::new();
-        for field in FIELDS.iter().filter(|field| field.pointer != "/schema") {
+        let drawn = |pointer: &str| {
+            let sections = ["/product/", "/material/", "/bonds/", "/contact/", "/equipment/", "/numerics/"];
+            pointer == "/seed" || sections.iter().any(|section| pointer.starts_with(section))
+        };
+        let drawn = |field: &&Field| {
+            drawn(field.pointer) && field.kind != Kind::Mesh && !field.unused_in.contains(&"hopper")
+        };
+        for field in FIELDS.iter().filter(drawn) {
             if self.pick(2) == 0 {
                 fields.push((field.pointer, self.value(field.pointer, field.kind)));
             }
@@ -87,11 +98,11 @@ fn no_scenario_makes_the_check_panic_and_what_it_accepts_is_placed_apart() {
         let Some(scenario) = draw.scenario() else { continue };
         sound += 1;
         let _culprit = Culprit(&scenario);
-        if let Ok(estimate) = check(&scenario, &Limits::default())
+        if let Ok(estimate) = check(&scenario, &Meshes::default(), &Limits::default())
             && estimate.subparticles < 20_000
         {
             built += 1;
-            assert_placed_apart(&scenario, &hopper::scene(&scenario));
+            assert_placed_apart(&scenario, &prepare(&scenario, &Meshes::default()).scene);
         }
     }
     assert!(built > 150, "{built} of {sound} were built");
@@ -124,7 +135,7 @@ fn assert_placed_apart(scenario: &Scenario, scene: &Scene) {
             assert!(apart >= 2.0 * radius, "{i} and {j} are {apart} m apart");
         }
     }
-    let equipment = &scenario.equipment;
+    let equipment = scenario.equipment().expect("a hopper");
     let half = equipment.hopper_width_m / 2.0;
     let slope = equipment.wall_slope_deg.to_radians().tan();
     for i in 0..state.particles.len() {

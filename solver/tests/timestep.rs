@@ -7,6 +7,7 @@ use glam::DVec3;
 use roost_solver::engine::scene::Scene;
 use roost_solver::equipment::SurfaceKind;
 use roost_solver::experiments::{bounds_on_timestep, kinds, laws, timestep_s};
+use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::Form;
 use roost_solver::physics::timestep::stability;
 use roost_solver::scenario::{self, Scenario};
@@ -33,7 +34,7 @@ fn the_table_of_automatic_steps() {
     ];
     for (radius, expected) in table {
         let scenario = hopper(radius, "corotated");
-        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario));
+        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
         let found = [bounds.auto_s, bounds.damped_s, bounds.undamped_s].map(|s| (s * 1e6).round() as u32);
         assert_eq!(found, expected, "at {radius} m");
         assert_eq!(timestep_s(&scenario, &bounds), bounds.auto_s);
@@ -70,7 +71,7 @@ fn a_drop_at_the_automatic_step_comes_to_rest_whole() {
     for formulation in ["corotated", "as_published", "finite_extension"] {
         for radius in [0.004, 0.005, 0.006, 0.008] {
             let scenario = hopper(radius, formulation);
-            let kinds = kinds(&scenario);
+            let kinds = kinds(&scenario, &Meshes::default());
             let dt = bounds_on_timestep(&scenario, &kinds).auto_s;
             let mut scene = Scene {
                 radius_m: radius,

@@ -84,7 +84,11 @@ async fn show(client: &Client, folder: &Path, shutdown: &CancellationToken) -> R
     std::fs::write(&csv, client.sweep_results_csv(sweep.id).await?)?;
     let picture = folder.join("discharge.svg");
     let runs = runs(client, &results).await?;
-    let panel = Panel { y_label: "discharged mass (kg)".to_owned(), curves: curves(&results, &runs) };
+    let panel = Panel {
+        x_label: "time from belt start (s)".to_owned(),
+        y_label: "discharged mass (kg)".to_owned(),
+        curves: curves(&results, &runs),
+    };
     plot::draw(&picture, "Discharge by gate opening and surface condition", &[panel])?;
     ui::println(format_args!("\n{}", table(&results, &runs)))?;
     ui::println(format_args!("plot:  {}\ntable: {}", picture.display(), csv.display()))?;

@@ -1,4 +1,4 @@
-//! Plots as SVG: one or more panels over belt time, the legend beside the data.
+//! Plots as SVG: one or more panels, the legend beside the data.
 
 use std::path::Path;
 
@@ -41,6 +41,7 @@ pub(crate) struct Curve {
 /// One pair of axes.
 #[derive(Clone, Debug)]
 pub(crate) struct Panel {
+    pub(crate) x_label: String,
     pub(crate) y_label: String,
     pub(crate) curves: Vec<Curve>,
 }
@@ -89,7 +90,7 @@ fn axes(area: &Area<'_>, panel: &Panel) -> Result<()> {
         .build_cartesian_2d(t_low..t_high, low..(high + 0.05 * (high - low)))?;
     chart
         .configure_mesh()
-        .x_desc("time from belt start (s)")
+        .x_desc(panel.x_label.as_str())
         .y_desc(panel.y_label.as_str())
         .axis_desc_style((FONT, 15))
         .label_style((FONT, 13))
@@ -152,7 +153,11 @@ mod tests {
                 curve(&format!("gate {i} m, wet"), Look { colour, dash }, 0.4 + i as f64 * 0.2)
             })
             .collect();
-        let panel = |y_label: &str| Panel { y_label: y_label.to_owned(), curves: curves.clone() };
+        let panel = |y_label: &str| Panel {
+            x_label: "time from belt start (s)".to_owned(),
+            y_label: y_label.to_owned(),
+            curves: curves.clone(),
+        };
         draw(&path, "Discharge of a hopper", &[panel("discharged mass (kg)"), panel("mass rate (kg/s)")])
             .unwrap();
         let svg = std::fs::read_to_string(&path).unwrap();
@@ -173,7 +178,7 @@ mod tests {
             [vec![], vec![(0.0, 0.0)], vec![(0.0, 0.0), (1.0, 0.0)], vec![(0.0, f64::NAN), (1.0, 2.0)]]
         {
             let curve = Curve { label: String::new(), look: Look::default(), points };
-            let panel = Panel { y_label: "y".to_owned(), curves: vec![curve] };
+            let panel = Panel { x_label: "x".to_owned(), y_label: "y".to_owned(), curves: vec![curve] };
             draw(&folder.path().join("flat.svg"), "flat", &[panel]).unwrap();
         }
     }

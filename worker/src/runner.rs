@@ -91,8 +91,17 @@ impl Run {
     pub fn start(document: Value, threads: usize, max_wall_s: Option<f64>) -> Self {
         Self::start_with(max_wall_s, move |observer| {
             let scenario = scenario::from_value(&document)?;
-            roost_solver::check(&scenario, &Limits { max_subparticles: u64::MAX, max_steps: u64::MAX })?;
-            Ok(roost_solver::simulate(&scenario, CpuOptions { threads, ..CpuOptions::default() }, observer))
+            roost_solver::check(
+                &scenario,
+                &roost_solver::mesh::Meshes::default(),
+                &Limits { max_subparticles: u64::MAX, max_steps: u64::MAX },
+            )?;
+            Ok(roost_solver::simulate(
+                &scenario,
+                &roost_solver::mesh::Meshes::default(),
+                CpuOptions { threads },
+                observer,
+            ))
         })
     }
 

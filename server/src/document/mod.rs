@@ -161,7 +161,10 @@ fn unescaped(segment: &str) -> String {
 pub(crate) fn read_envelope(limits: &Limits, document: Value) -> Result<(JobEnvelope, Scenario), Vec<Fault>> {
     let scenario = document.get("scenario").map(|submitted| {
         scenario::from_value(submitted)
-            .and_then(|scenario| roost_solver::check(&scenario, limits).map(|_| scenario))
+            .and_then(|scenario| {
+                roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), limits)
+                    .map(|_| scenario)
+            })
             .map_err(|faults| prefixed("/scenario", faults))
     });
     let (envelope, mut faults) = read_leniently::<JobEnvelope>(document);

@@ -35,7 +35,7 @@ pub(crate) fn expand(spec: &SweepSpec, limits: SweepLimits) -> Result<Expansion,
     }
     let (Some(base), true) = (base, faults.is_empty()) else { return Err(faults) };
 
-    let estimate = roost_solver::check(&base, &limits.scenario)
+    let estimate = roost_solver::check(&base, &roost_solver::mesh::Meshes::default(), &limits.scenario)
         .map_err(|found| found.into_iter().map(|fault| prefixed("/base", fault)).collect::<Vec<_>>())?;
     let points = points(spec, &base, limits)?;
     let factors = spec.factors.iter().map(|factor| factor.pointer.clone()).collect();
@@ -152,8 +152,10 @@ fn points(spec: &SweepSpec, base: &Scenario, limits: SweepLimits) -> Result<Vec<
             factor::set(&mut document, &complete, &factor.pointer, &factor.levels[*level]);
             levels.insert(factor.pointer.clone(), factor.levels[*level].clone());
         }
-        let valid = scenario::from_value(&document)
-            .and_then(|scenario| roost_solver::check(&scenario, &limits.scenario).map(|_| scenario));
+        let valid = scenario::from_value(&document).and_then(|scenario| {
+            roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &limits.scenario)
+                .map(|_| scenario)
+        });
         match valid {
             Ok(scenario) => points.push(Point { levels, scenario }),
             Err(found) => {

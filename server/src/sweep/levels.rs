@@ -24,16 +24,17 @@ pub(super) fn same(one: &Value, other: &Value) -> bool {
 /// Whether a field could take a value, whatever stands in the others. Lists are for whole scenarios to judge.
 pub(super) fn fits(field: &Field, value: &Value) -> bool {
     match (field.kind, value) {
-        (Kind::Nullable(_), Value::Null) | (Kind::Flag, Value::Bool(_)) => true,
+        (Kind::Nullable(_) | Kind::NullableInteger(_), Value::Null) | (Kind::Flag, Value::Bool(_)) => true,
         (Kind::NumberOrAuto(_), Value::String(word)) => word == "auto",
-        (Kind::Integer(range), Value::Number(number)) => {
+        (Kind::Integer(range) | Kind::NullableInteger(range), Value::Number(number)) => {
             number.as_f64().is_some_and(|number| range.contains(number) && number.fract() == 0.0)
         }
         (Kind::Number(range) | Kind::Nullable(range) | Kind::NumberOrAuto(range), Value::Number(number)) => {
             number.as_f64().is_some_and(|number| range.contains(number))
         }
         (Kind::Choice(words), Value::String(word)) => words.contains(&word.as_str()),
-        (Kind::Sizes(_), _) => true,
+        (Kind::Sizes(_) | Kind::Vector(_) | Kind::Counts(_) | Kind::Plate(_) | Kind::Mesh, _) => true,
+        (Kind::Text, Value::String(_)) => true,
         _ => false,
     }
 }

@@ -55,7 +55,7 @@ fn replicates_count_seeds_from_the_base() {
     let trials: Vec<_> = expansion.trials().map(|(point, r, scenario)| (point, r, scenario.seed)).collect();
     assert_eq!(trials, [(0, 0, 40), (0, 1, 41), (0, 2, 42), (1, 0, 40), (1, 1, 41), (1, 2, 42)]);
     let gates: Vec<_> =
-        expansion.points.iter().map(|point| point.scenario.equipment.gate_opening_m).collect();
+        expansion.points.iter().map(|point| point.scenario.equipment().unwrap().gate_opening_m).collect();
     assert_eq!(gates, [0.05, 0.06]);
 }
 

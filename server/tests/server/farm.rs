@@ -239,6 +239,7 @@ pub(crate) fn result_of(scenario: &Value) -> RunResult {
         end_reason: EndReason::Duration,
         instability: None,
         responses: responses.as_object().unwrap().clone(),
+        curves: Vec::new(),
         series: vec![Series {
             name: "discharged_mass".to_owned(),
             unit: "kg".to_owned(),

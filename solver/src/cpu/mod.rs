@@ -32,18 +32,6 @@ pub const CHUNK: usize = 256;
 /// diagonal, 2√2 R, or they triple.
 const SKIN_RATIO: f32 = 0.35;
 
-/// Which way a run is computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Path {
-    /// The fast path.
-    #[default]
-    Auto,
-    /// One pair at a time: the reference.
-    Plain,
-    /// Many pairs at a time, with the widest instructions there are.
-    Fast,
-}
-
 /// The CPU: a pool of threads, and which way it computes.
 #[derive(Debug)]
 pub struct Cpu {
@@ -87,22 +75,30 @@ pub(crate) struct Params {
 }
 
 impl Cpu {
-    /// A backend on that many threads; 0 means one per processor.
-    pub fn new(threads: usize, path: Path) -> Self {
-        Self::with(threads, (path != Path::Plain).then(Instructions::widest))
+    /// A backend on that many threads; 0 means one per processor. It takes the fast path with the widest instructions.
+    pub fn new(threads: usize) -> Self {
+        Self::fast(threads, Instructions::widest())
     }
 
-    /// A backend whose fast path uses these instructions, or the plain path without any.
-    pub fn with(threads: usize, fast: Option<Instructions>) -> Self {
-        let pool =
-            ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("solver-{k}")).build();
-        Self { pool: pool.expect("the operating system gives threads"), fast }
+    /// A backend that takes the fast path with these instructions.
+    pub fn fast(threads: usize, instructions: Instructions) -> Self {
+        Self { pool: pool(threads), fast: Some(instructions) }
+    }
+
+    /// A backend that takes the plain path.
+    pub fn plain(threads: usize) -> Self {
+        Self { pool: pool(threads), fast: None }
     }
 
     fn device(&self) -> String {
         let path = self.fast.map_or("plain", |instructions| instructions.name());
         format!("{} {path} f32", std::env::consts::ARCH)
     }
+}
+
+fn pool(threads: usize) -> ThreadPool {
+    let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("solver-{k}")).build();
+    pool.expect("the operating system gives threads")
 }
 
 /// The processor, in words: its architecture and the instruction set that runs use.

@@ -10,7 +10,7 @@ use crate::scenario::{Formulation, PairContact, Scenario};
 
 /// The laws of force of a scenario.
 pub fn laws(scenario: &Scenario) -> Laws {
-    let radius = scenario.product.subparticle_radius_m;
+    let radius = scenario.product.radius_m();
     let (e, nu) = (scenario.material.youngs_modulus_pa, scenario.material.poisson_ratio);
     let law = |pair: &PairContact, moduli, r_star| {
         ContactLaw::new(moduli, r_star, pair.restitution, pair.static_friction, pair.surface_energy_j_m2)
@@ -27,7 +27,7 @@ pub fn laws(scenario: &Scenario) -> Laws {
 }
 
 fn bond_law(scenario: &Scenario) -> BondLaw {
-    let (bonds, radius) = (&scenario.bonds, scenario.product.subparticle_radius_m);
+    let (bonds, radius) = (&scenario.bonds, scenario.product.radius_m());
     let area = PI * (bonds.disk_scale * radius).powi(2);
     let strength = |pascal: Option<f64>| pascal.map_or(f32::INFINITY, |p| (p * area) as f32);
     BondLaw {

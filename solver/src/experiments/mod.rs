@@ -1,29 +1,112 @@
 //! The paper's experiments: from a scenario to a scene, and from samples to responses.
 
+mod curl;
 pub mod discharge;
+pub mod drop;
 pub mod hopper;
+mod impact;
 pub mod laws;
 pub mod placement;
+pub mod scene;
+pub mod surfaces;
 
 use std::sync::Arc;
 
-use crate::engine::Backend;
-use crate::engine::run::{Observer, Plan, run};
-use crate::engine::scene::Kind;
-use crate::physics::timestep::{Stability, stability};
-use crate::result::{self, EndReason, PHYSICS_REVISION, RunResult, SolverInfo, VERSION};
-use crate::scenario::{Auto, Scenario, Timestep};
-use crate::shape::lattice::MetaParticle;
-use crate::shape::{meta_particles, subparticle_mass_kg};
-use discharge::HopperWatch;
+use glam::{DQuat, EulerRot};
+use serde_json::{Map, Value};
 
-/// The shapes of a scenario, with the mass of their sub-particles.
-pub fn kinds(scenario: &Scenario) -> Vec<Kind> {
+use crate::engine::Backend;
+use crate::engine::run::{Director, Observer, Plan, run};
+use crate::engine::scene::{Kind, Scene};
+use crate::mesh::Meshes;
+use crate::physics::timestep::{Stability, stability};
+use crate::result::{self, Curve, EndReason, PHYSICS_REVISION, RunResult, Series, SolverInfo, VERSION};
+use crate::scenario::{Auto, Experiment, Scenario, Timestep};
+use crate::shape::lattice::MetaParticle;
+use crate::shape::{ShapeError, meta_particles, subparticle_mass_kg};
+
+/// An experiment, ready to run.
+pub struct Prepared {
+    /// What runs.
+    pub scene: Scene,
+    /// When it is looked at, and for how long it runs.
+    pub plan: Plan,
+    /// Who looks.
+    pub watch: Box<dyn Watch>,
+}
+
+/// An experiment's side of a run: decides while it runs, and afterwards tells what came out.
+pub trait Watch: Director {
+    /// The responses of the run that ended for `reason`.
+    fn responses(&self, reason: EndReason) -> Map<String, Value>;
+
+    /// What was sampled over time.
+    fn series(&self) -> Vec<Series>;
+
+    /// What came out over something else than time.
+    fn curves(&self) -> Vec<Curve> {
+        Vec::new()
+    }
+}
+
+/// Makes an experiment of a scenario that [`crate::check()`] has passed with the same meshes.
+pub fn prepare(scenario: &Scenario, meshes: &Meshes) -> Prepared {
+    match &scenario.experiment {
+        Experiment::Hopper { equipment } => hopper::prepare(scenario, equipment, meshes),
+        Experiment::Drop { drop } => drop::prepare(scenario, drop, meshes),
+        Experiment::Scene { scene } => scene::prepare(scenario, scene, meshes),
+        Experiment::Bend { .. } | Experiment::Slide { .. } | Experiment::Compress { .. } => todo!(),
+    }
+}
+
+/// When a scenario is looked at, and for how long it runs at most, before t = 0 and from there on.
+pub fn plan(scenario: &Scenario) -> Plan {
+    let numerics = &scenario.numerics;
+    let (longest_fill_s, duration_s) = match &scenario.experiment {
+        Experiment::Hopper { .. } | Experiment::Bend { .. } => (numerics.max_fill_s, numerics.duration_s),
+        Experiment::Drop { .. } | Experiment::Scene { .. } => (0.0, numerics.duration_s),
+        Experiment::Slide { slide } => (numerics.max_fill_s, slide.max_tilt_deg / slide.tilt_rate_deg_s),
+        Experiment::Compress { compress } => (0.0, compress.max_strain / compress.strain_rate_1_s),
+    };
+    Plan { sample_interval_s: numerics.output_interval_s, longest_fill_s, duration_s }
+}
+
+/// The orientation of intrinsic yaw (about z), pitch (about y) and roll (about x), in degrees.
+pub fn orientation([yaw, pitch, roll]: [f64; 3]) -> DQuat {
+    DQuat::from_euler(EulerRot::ZYX, yaw.to_radians(), pitch.to_radians(), roll.to_radians())
+}
+
+/// The shapes that bodies of a scenario may have, with the mass of their sub-particles.
+///
+/// # Panics
+/// Where [`try_kinds`] fails.
+pub fn kinds(scenario: &Scenario, meshes: &Meshes) -> Vec<Kind> {
+    try_kinds(scenario, meshes).expect("the scenario has passed the check")
+}
+
+/// The shapes that bodies of a scenario may have, with the mass of their sub-particles: all of the product's, or the one
+/// that is asked for.
+///
+/// # Errors
+/// A mesh that is no product.
+pub fn try_kinds(scenario: &Scenario, meshes: &Meshes) -> Result<Vec<Kind>, ShapeError> {
     let product = &scenario.product;
     let weigh =
         |meta: Arc<MetaParticle>| Kind { subparticle_mass_kg: subparticle_mass_kg(product, &meta), meta };
     let bonds = &scenario.bonds;
-    meta_particles(product, bonds.types, bonds.contact_radius_ratio).into_iter().map(weigh).collect()
+    let all = meta_particles(product, meshes, bonds.types, bonds.contact_radius_ratio)?;
+    Ok(match product.shape {
+        Some(shape) => all.into_iter().skip(shape as usize).take(1).map(weigh).collect(),
+        None => all.into_iter().map(weigh).collect(),
+    })
+}
+
+/// The kind of each body, by its index among `kinds` of them.
+pub fn kind_of_each(scenario: &Scenario, kinds: usize) -> Vec<usize> {
+    match &scenario.experiment {
+        Experiment::Scene { scene } => scene.bodies.iter().map(|body| body.shape as usize).collect(),
+        _ => (0..scenario.product.count as usize).map(|i| i % kinds).collect(),
+    }
 }
 
 /// The bounds on the time step: those of the lightest sub-particle.
@@ -32,7 +115,7 @@ pub fn bounds_on_timestep(scenario: &Scenario, kinds: &[Kind]) -> Stability {
     let mass = kinds.iter().map(|kind| kind.subparticle_mass_kg).fold(f64::INFINITY, f64::min);
     stability(
         mass,
-        scenario.product.subparticle_radius_m,
+        scenario.product.radius_m(),
         f64::from(laws.bond.k_n),
         f64::from(laws.bond.k_t),
         kinds.iter().any(|kind| kind.meta.bonds.iter().any(|bond| bond.class > 1)),
@@ -50,16 +133,14 @@ pub fn timestep_s(scenario: &Scenario, stability: &Stability) -> f64 {
 }
 
 /// Runs one scenario on a backend to its end; see [`crate::simulate`].
-pub fn simulate<B: Backend>(scenario: &Scenario, backend: &B, observer: &mut dyn Observer) -> RunResult {
-    let scene = hopper::scene(scenario);
-    let numerics = &scenario.numerics;
-    let plan = Plan {
-        sample_interval_s: numerics.output_interval_s,
-        longest_fill_s: numerics.max_fill_s,
-        duration_s: numerics.duration_s,
-    };
-    let mut watch = HopperWatch::new(scenario, &scene);
-    let ended = run(backend, &scene, plan, &mut watch, observer);
+pub fn simulate<B: Backend>(
+    scenario: &Scenario,
+    meshes: &Meshes,
+    backend: &B,
+    observer: &mut dyn Observer,
+) -> RunResult {
+    let Prepared { scene, plan, mut watch } = prepare(scenario, meshes);
+    let ended = run(backend, &scene, plan, &mut *watch, observer);
     let info = backend.info();
     RunResult {
         schema: result::SCHEMA.to_owned(),
@@ -68,6 +149,7 @@ pub fn simulate<B: Backend>(scenario: &Scenario, backend: &B, observer: &mut dyn
             reason => watch.responses(reason),
         },
         series: watch.series(),
+        curves: watch.curves(),
         end_reason: ended.reason,
         instability: ended.instability,
         solver: SolverInfo {

@@ -4,8 +4,8 @@
 use serde_json::{Map, Value};
 
 use super::Fault;
-use super::field::{Field, Kind, MAX_SIZES, Preset};
-use super::fields::{FIELDS, SECTIONS};
+use super::field::{Field, Kind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section};
+use super::fields::{EXPERIMENTS, FIELDS, SECTIONS};
 use super::names::{escape, names_in, nearest};
 use super::relations;
 
@@ -20,16 +20,60 @@ pub(super) fn complete(document: &Value) -> Result<Value, Vec<Fault>> {
         return Err(vec![Fault::new("", document, must_be("an object", document), None)]);
     };
     check_names("", root, &mut faults);
-    for (pointer, _) in SECTIONS {
-        match document.pointer(pointer) {
-            None => {}
-            Some(Value::Object(section)) => check_names(pointer, section, &mut faults),
-            Some(other) => faults.push(Fault::new(pointer, other, must_be("an object", other), None)),
-        }
+    let experiment = document.get("experiment").and_then(Value::as_str).filter(|e| EXPERIMENTS.contains(e));
+    for section in SECTIONS.iter().filter(|section| !section.pointer.contains('*')) {
+        check_section(section, experiment, document, &mut faults);
     }
-    let completed = fill(document, &mut faults);
+    let completed = fill(document, experiment, &mut faults);
     relations::check(document, &completed, &mut faults);
     if faults.is_empty() { Ok(completed) } else { Err(faults) }
+}
+
+/// Whether a section, or a field in it, is there in this experiment. Where no experiment is named, everything is.
+fn belongs(section: &Section, experiment: Option<&str>) -> bool {
+    section.only_in.is_none_or(|only| experiment.is_none_or(|experiment| experiment == only))
+}
+
+/// Whether the section of a field is there in this experiment.
+fn field_belongs(field: &Field, experiment: Option<&str>) -> bool {
+    let inside = |section: &&Section| {
+        field.pointer.strip_prefix(section.pointer).is_some_and(|rest| rest.starts_with('/'))
+    };
+    SECTIONS.iter().filter(inside).all(|section| belongs(section, experiment))
+}
+
+/// A section is an object of known names, or a list of such, and stands where it belongs.
+fn check_section(section: &Section, experiment: Option<&str>, document: &Value, faults: &mut Vec<Fault>) {
+    let Some(written) = document.pointer(section.pointer) else { return };
+    if !belongs(section, experiment) {
+        // Its own sections are not told one by one.
+        if section.pointer.matches('/').count() == 1 {
+            let only = section.only_in.unwrap_or_default();
+            let detail = format!("belongs to the experiment \"{only}\"");
+            let allowed = experiment.map(|experiment| format!("nothing here in \"{experiment}\""));
+            faults.push(Fault::new(section.pointer, written, detail, allowed));
+        }
+        return;
+    }
+    match (section.items, written) {
+        (None, Value::Object(object)) => check_names(section.pointer, object, faults),
+        (None, other) => faults.push(Fault::new(section.pointer, other, must_be("an object", other), None)),
+        (Some(_), Value::Array(items)) if items.len() > MAX_ITEMS => {
+            let allowed = Some(format!("at most {MAX_ITEMS}"));
+            let detail = format!("has {} items", items.len());
+            faults.push(Fault::new(section.pointer, &Value::Null, detail, allowed));
+        }
+        (Some(_), Value::Array(items)) => {
+            for (index, item) in items.iter().enumerate() {
+                let pointer = format!("{}/{index}", section.pointer);
+                match item.as_object() {
+                    Some(object) => check_names(&pointer, object, faults),
+                    None => faults.push(Fault::new(&pointer, item, must_be("an object", item), None)),
+                }
+            }
+        }
+        (Some(_), other) => faults.push(Fault::new(section.pointer, other, must_be("a list", other), None)),
+    }
 }
 
 /// Finds the names that no field bears.
@@ -51,58 +95,112 @@ fn check_names(section: &str, object: &Map<String, Value>, faults: &mut Vec<Faul
 }
 
 /// Every field that is sound: as written, or by its default. What is at fault stays out.
-fn fill(document: &Value, faults: &mut Vec<Fault>) -> Value {
+fn fill(document: &Value, experiment: Option<&str>, faults: &mut Vec<Fault>) -> Value {
     let mut completed = Value::Object(Map::new());
-    for field in FIELDS {
-        match document.pointer(field.pointer) {
-            Some(written) => match accept(field, written, faults) {
-                Some(value) => put(&mut completed, field.pointer, value),
-                None => continue,
-            },
-            None if field.default == Preset::Required => {
-                let detail = "is missing, and is the one field that must be there".to_owned();
-                faults.push(Fault::new(field.pointer, &Value::Null, detail, Some(field.allowed())));
-            }
-            None => {
-                if let Some(value) = default(field, &completed) {
-                    put(&mut completed, field.pointer, value);
+    let own = |field: &&Field| field_belongs(field, experiment);
+    for field in FIELDS.iter().filter(own).filter(|field| !field.pointer.contains('*')) {
+        if let Some(value) = settle(field, field.pointer, document, experiment, &completed, faults) {
+            put(&mut completed, field.pointer, value);
+        }
+    }
+    for section in SECTIONS.iter().filter(|section| belongs(section, experiment)) {
+        let Some(items) = section.items else { continue };
+        let written = document.pointer(section.pointer).and_then(Value::as_array);
+        let count = written.map_or(0, |items| items.len().min(MAX_ITEMS));
+        let list = (0..count).map(|index| {
+            let mut item = Value::Object(Map::new());
+            for field in FIELDS.iter() {
+                let Some(name) = field.pointer.strip_prefix(items) else { continue };
+                let pointer = format!("{}/{index}{name}", section.pointer);
+                let is_object = document.pointer(section.pointer).is_some_and(|list| list[index].is_object());
+                if !is_object {
+                    continue;
+                }
+                if let Some(value) = settle(field, &pointer, document, experiment, &completed, faults) {
+                    put(&mut item, name, value);
                 }
             }
-        }
+            item
+        });
+        let list = list.collect();
+        put(&mut completed, section.pointer, list);
     }
     completed
 }
 
+/// The value of the field at `pointer`, as written or by its default; none when it is at fault.
+fn settle(
+    field: &Field,
+    pointer: &str,
+    document: &Value,
+    experiment: Option<&str>,
+    completed: &Value,
+    faults: &mut Vec<Fault>,
+) -> Option<Value> {
+    match document.pointer(pointer) {
+        Some(written) => {
+            let value = accept(field, pointer, written, faults)?;
+            let idle = experiment.filter(|experiment| field.unused_in.contains(experiment));
+            let default = default(field, experiment, completed);
+            // Every default written out is a scenario as well; only what asks for something else is at fault.
+            if let Some(experiment) = idle.filter(|_| default.as_ref() != Some(&value)) {
+                let detail = format!("means nothing in the experiment \"{experiment}\"");
+                faults.push(Fault::new(pointer, written, detail, Some("nothing here".to_owned())));
+                return None;
+            }
+            Some(value)
+        }
+        None if field.default == Preset::Required => {
+            let detail = match pointer {
+                "/experiment" => "is missing, and is the one field that must be there",
+                _ => "is missing",
+            };
+            faults.push(Fault::new(pointer, &Value::Null, detail.to_owned(), Some(field.allowed())));
+            None
+        }
+        None => default(field, experiment, completed),
+    }
+}
+
 /// What a silent author gets; none when the field it follows is at fault.
-fn default(field: &Field, completed: &Value) -> Option<Value> {
+fn default(field: &Field, experiment: Option<&str>, completed: &Value) -> Option<Value> {
     let given = |pointer: &str| completed.pointer(pointer).is_some_and(|value| !value.is_null());
     let wet = completed.pointer("/contact/condition").is_some_and(|condition| condition == "wet");
     if field.yields_to.is_some_and(given) {
         return Some(Value::Null);
     }
-    match field.wet.filter(|_| wet).unwrap_or(field.default) {
+    let elsewhere =
+        field.elsewhere.iter().find(|(name, _)| Some(*name) == experiment).map(|(_, preset)| *preset);
+    match field.wet.filter(|_| wet).or(elsewhere).unwrap_or(field.default) {
         Preset::SameAs(other) => completed.pointer(other).cloned(),
         preset => preset.value(),
     }
 }
 
 /// The written value in the form the typed scenario reads, or its faults.
-fn accept(field: &Field, written: &Value, faults: &mut Vec<Fault>) -> Option<Value> {
+fn accept(field: &Field, pointer: &str, written: &Value, faults: &mut Vec<Fault>) -> Option<Value> {
     let mut refuse = |detail: String| {
-        faults.push(Fault::new(field.pointer, written, detail, Some(field.allowed())));
+        faults.push(Fault::new(pointer, written, detail, Some(field.allowed())));
         None
     };
     match (field.kind, written) {
-        (Kind::Nullable(_), Value::Null) => Some(Value::Null),
+        (Kind::Nullable(_) | Kind::NullableInteger(_) | Kind::Mesh | Kind::Plate(_), Value::Null) => {
+            Some(Value::Null)
+        }
         (Kind::NumberOrAuto(_), Value::String(word)) if word == "auto" => Some(written.clone()),
         (
-            Kind::Number(range) | Kind::Nullable(range) | Kind::NumberOrAuto(range) | Kind::Integer(range),
+            Kind::Number(range)
+            | Kind::Nullable(range)
+            | Kind::NumberOrAuto(range)
+            | Kind::Integer(range)
+            | Kind::NullableInteger(range),
             Value::Number(number),
         ) => {
             let number = number.as_f64().unwrap_or(f64::NAN);
+            let whole = matches!(field.kind, Kind::Integer(_) | Kind::NullableInteger(_));
             if !range.contains(number) {
                 refuse("is out of range".to_owned())
-            } else if !matches!(field.kind, Kind::Integer(_)) {
+            } else if !whole {
                 Some(Value::from(number))
             } else if number.fract() != 0.0 {
                 refuse("must be a whole number".to_owned())
@@ -114,40 +212,129 @@ fn accept(field: &Field, written: &Value, faults: &mut Vec<Fault>) -> Option<Val
         (Kind::Choice(words), Value::String(word)) if words.contains(&word.as_str()) => Some(written.clone()),
         (Kind::Choice(_), Value::String(_)) => refuse("is not among the choices".to_owned()),
         (Kind::Flag, Value::Bool(_)) => Some(written.clone()),
-        (Kind::Sizes(_), Value::Array(sizes)) if (1..=MAX_SIZES).contains(&sizes.len()) => {
-            accept_sizes(field, sizes, faults)
+        (Kind::Text, Value::String(text)) if text.is_empty() => refuse("is empty".to_owned()),
+        (Kind::Text, Value::String(text)) if text.chars().count() > LONGEST_TEXT => {
+            refuse("is too long".to_owned())
         }
-        (Kind::Sizes(_), Value::Array(_)) => refuse("has the wrong number of sizes".to_owned()),
-        (Kind::Sizes(_), _) => refuse(must_be("a list", written)),
-        (Kind::Choice(_), _) => refuse(must_be("a string", written)),
+        (Kind::Text, Value::String(_)) => Some(written.clone()),
+        (Kind::Sizes(_), Value::Array(sizes)) if !(1..=MAX_SIZES).contains(&sizes.len()) => {
+            refuse("has the wrong number of sizes".to_owned())
+        }
+        (Kind::Sizes(range), Value::Array(_)) => {
+            Check { field, range, whole: false }.rows(pointer, written, None, faults)
+        }
+        (Kind::Plate(range), Value::Array(_)) => {
+            Check { field, range, whole: false }.rows(pointer, written, Some(3), faults)
+        }
+        (Kind::Vector(range), Value::Array(_)) => {
+            Check { field, range, whole: false }.row(pointer, written, faults)
+        }
+        (Kind::Counts(range), Value::Array(_)) => {
+            Check { field, range, whole: true }.row(pointer, written, faults)
+        }
+        (Kind::Mesh, Value::Object(mesh)) => accept_mesh(field, pointer, mesh, faults),
+        (Kind::Sizes(_) | Kind::Vector(_) | Kind::Counts(_) | Kind::Plate(_), _) => {
+            refuse(must_be("a list", written))
+        }
+        (Kind::Mesh, _) => refuse(must_be("an object", written)),
+        (Kind::Choice(_) | Kind::Text, _) => refuse(must_be("a string", written)),
         (Kind::Flag, _) => refuse(must_be("true or false", written)),
         _ => refuse(must_be("a number", written)),
     }
 }
 
-/// Every size is three numbers in the range.
-fn accept_sizes(field: &Field, sizes: &[Value], faults: &mut Vec<Fault>) -> Option<Value> {
-    let before = faults.len();
-    let mut refuse = |pointer: String, value: &Value, detail: String| {
-        faults.push(Fault::new(&pointer, value, detail, Some(field.allowed())));
-    };
-    let Kind::Sizes(range) = field.kind else { return None };
-    for (index, size) in sizes.iter().enumerate() {
-        let pointer = format!("{}/{index}", field.pointer);
-        match size.as_array().map(Vec::as_slice) {
-            Some(edges @ [_, _, _]) => {
-                for (axis, edge) in edges.iter().enumerate() {
-                    match edge.as_f64() {
-                        Some(edge) if range.contains(edge) => {}
-                        Some(_) => refuse(format!("{pointer}/{axis}"), edge, "is out of range".to_owned()),
-                        None => refuse(format!("{pointer}/{axis}"), edge, must_be("a number", edge)),
-                    }
+/// Reads lists of numbers, and tells each wrong one at its place.
+struct Check<'a> {
+    field: &'a Field,
+    range: Range,
+    whole: bool,
+}
+
+impl Check<'_> {
+    /// Three numbers in the range.
+    fn row(&self, pointer: &str, written: &Value, faults: &mut Vec<Fault>) -> Option<Value> {
+        let mut refuse = |pointer: &str, value: &Value, detail: String| {
+            faults.push(Fault::new(pointer, value, detail, Some(self.field.allowed())));
+        };
+        let Some(numbers @ [_, _, _]) = written.as_array().map(Vec::as_slice) else {
+            let wanted = match self.field.kind {
+                Kind::Sizes(_) => "must be a list of length, width and thickness",
+                _ => "must be a list of three numbers",
+            };
+            refuse(pointer, written, wanted.to_owned());
+            return None;
+        };
+        let mut row = Vec::new();
+        for (axis, value) in numbers.iter().enumerate() {
+            let at = format!("{pointer}/{axis}");
+            match value.as_f64() {
+                None => refuse(&at, value, must_be("a number", value)),
+                Some(number) if !self.range.contains(number) => {
+                    refuse(&at, value, "is out of range".to_owned())
                 }
+                Some(number) if self.whole && number.fract() != 0.0 => {
+                    refuse(&at, value, "must be a whole number".to_owned())
+                }
+                Some(number) if self.whole => row.push(Value::from(number as u64)),
+                Some(number) => row.push(Value::from(number)),
             }
-            _ => refuse(pointer, size, "must be a list of length, width and thickness".to_owned()),
         }
+        (row.len() == 3).then_some(Value::Array(row))
     }
-    (faults.len() == before).then(|| Value::from(sizes.to_vec()))
+
+    /// Rows of three numbers, as many as wanted.
+    fn rows(
+        &self,
+        pointer: &str,
+        written: &Value,
+        wanted: Option<usize>,
+        faults: &mut Vec<Fault>,
+    ) -> Option<Value> {
+        let rows = written.as_array()?;
+        if wanted.is_some_and(|wanted| rows.len() != wanted) {
+            let detail = "must be a corner and two edges".to_owned();
+            faults.push(Fault::new(pointer, written, detail, Some(self.field.allowed())));
+            return None;
+        }
+        let read = |(index, row)| self.row(&format!("{pointer}/{index}"), row, faults);
+        let read: Vec<Option<Value>> = rows.iter().enumerate().map(read).collect();
+        read.into_iter().collect()
+    }
+}
+
+/// A mesh by the digest of its file.
+fn accept_mesh(
+    field: &Field,
+    pointer: &str,
+    mesh: &Map<String, Value>,
+    faults: &mut Vec<Fault>,
+) -> Option<Value> {
+    let before = faults.len();
+    let mut refuse = |name: &str, value: &Value, detail: &str| {
+        let at = format!("{pointer}/{}", escape(name));
+        faults.push(Fault::new(&at, value, detail.to_owned(), Some(field.allowed())));
+    };
+    let hex = |text: &str| {
+        text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
+    };
+    match mesh.get("digest") {
+        None => refuse("digest", &Value::Null, "is missing"),
+        Some(Value::String(digest)) if hex(digest) => {}
+        Some(other) => refuse("digest", other, "is no digest of 64 lower-case hexadecimal digits"),
+    }
+    match mesh.get("units") {
+        None => {
+            refuse("units", &Value::Null, "is missing: an STL file does not tell the unit of its coordinates")
+        }
+        Some(Value::String(units)) if units == "mm" || units == "m" => {}
+        Some(other) => refuse("units", other, "is not among the choices"),
+    }
+    for (name, value) in
+        mesh.iter().filter(|(name, _)| !["digest", "units"].contains(&name.as_str())).take(MAX_UNKNOWN)
+    {
+        refuse(name, value, "is not a known field");
+    }
+    (faults.len() == before).then(|| Value::Object(mesh.clone()))
 }
 
 /// Puts a value into the document, making the sections on the way.

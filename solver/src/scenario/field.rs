@@ -17,11 +17,28 @@ pub struct Field {
     pub default: Preset,
     /// The default under `"condition": "wet"`, where it differs.
     pub wet: Option<Preset>,
+    /// The defaults in experiments where they differ.
+    pub elsewhere: &'static [(&'static str, Preset)],
+    /// Experiments in which the field means nothing, and so must not be written.
+    pub unused_in: &'static [&'static str],
     /// The field whose presence makes this one null: exactly one of the two is in use.
     pub yields_to: Option<&'static str>,
     /// Where the default comes from.
     pub source: &'static str,
     /// What the field means, in one sentence.
+    pub doc: &'static str,
+}
+
+/// A section of a scenario: an object of fields, or a list of such objects.
+#[derive(Clone, Copy, Debug)]
+pub struct Section {
+    /// JSON pointer.
+    pub pointer: &'static str,
+    /// For a list: the pointer under which its items' fields stand in the table, `*` being the index.
+    pub items: Option<&'static str>,
+    /// The experiment it belongs to; none belongs to all.
+    pub only_in: Option<&'static str>,
+    /// What it holds, in one sentence.
     pub doc: &'static str,
 }
 
@@ -40,10 +57,26 @@ pub enum Kind {
     Choice(&'static [&'static str]),
     /// True or false.
     Flag,
+    /// A whole number, or null.
+    NullableInteger(Range),
     /// A list of length, width and thickness, each within the range.
     Sizes(Range),
+    /// Three numbers, each within the range.
+    Vector(Range),
+    /// Three whole numbers, each within the range.
+    Counts(Range),
+    /// Text of at most [`LONGEST_TEXT`] characters.
+    Text,
+    /// A mesh by the digest of its file, with its unit; or null.
+    Mesh,
+    /// Three vectors, a corner and two edges, each number within the range; or null.
+    Plate(Range),
 }
 
+/// The most characters of a text.
+pub const LONGEST_TEXT: usize = 60;
+/// The most objects that a list section may hold.
+pub const MAX_ITEMS: usize = 1000;
 /// The most sizes a list may hold.
 pub const MAX_SIZES: usize = 32;
 
@@ -64,6 +97,10 @@ pub enum Preset {
     Flag(bool),
     /// Length, width and thickness of each size.
     Sizes(&'static [[f64; 3]]),
+    /// Three numbers.
+    Vector([f64; 3]),
+    /// Three whole numbers.
+    Counts([u64; 3]),
     /// The value of another field, which stands earlier in the table.
     SameAs(&'static str),
 }
@@ -129,6 +166,8 @@ impl Preset {
             Self::Word(word) => Some(json!(word)),
             Self::Flag(flag) => Some(json!(flag)),
             Self::Sizes(sizes) => Some(json!(sizes)),
+            Self::Vector(vector) => Some(json!(vector)),
+            Self::Counts(counts) => Some(json!(counts)),
         }
     }
 }
@@ -165,6 +204,16 @@ impl Field {
             Kind::Choice([only]) => format!("\"{only}\""),
             Kind::Choice(words) => format!("one of \"{}\"", words.join("\", \"")),
             Kind::Flag => "true or false".to_owned(),
+            Kind::NullableInteger(within) => format!("a whole number {}, or null", range(within)),
+            Kind::Vector(within) => format!("three numbers {}", range(within)),
+            Kind::Counts(within) => format!("three whole numbers {}", range(within)),
+            Kind::Text => format!("text of at most {LONGEST_TEXT} characters"),
+            Kind::Mesh => {
+                "{\"digest\": blake3 of the STL file in hex, \"units\": \"mm\" or \"m\"}, or null".to_owned()
+            }
+            Kind::Plate(within) => {
+                format!("a corner and two edges, each three numbers {}; or null", range(within))
+            }
             Kind::Sizes(within) => format!("1 to {MAX_SIZES} sizes of three numbers {}", range(within)),
         }
     }
@@ -175,6 +224,7 @@ pub fn unit_suffix(unit: &str) -> String {
     match unit {
         "" => String::new(),
         "°" => "_deg".to_owned(),
+        "°/s" => "_deg_s".to_owned(),
         _ => format!("_{}", unit.to_lowercase().replace('/', "_").replace('²', "2").replace('³', "3")),
     }
 }

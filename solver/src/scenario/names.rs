@@ -1,6 +1,6 @@
 //! Names and pointers: which field an unknown name was meant to be, and how a name stands in a JSON pointer.
 
-use super::fields::{FIELDS, SECTIONS};
+use super::fields::{FIELDS, SECTIONS, in_table};
 
 /// A name longer than this resembles none, and comparing would take long.
 const LONGEST: usize = 100;
@@ -12,7 +12,7 @@ pub fn escape(name: &str) -> String {
 
 /// Pointers of all sections and fields.
 fn pointers() -> impl DoubleEndedIterator<Item = &'static str> {
-    SECTIONS.iter().map(|section| section.0).chain(FIELDS.iter().map(|field| field.pointer))
+    SECTIONS.iter().map(|section| section.pointer).chain(FIELDS.iter().map(|field| field.pointer))
 }
 
 /// The section that holds `pointer`, and the name in it.
@@ -22,13 +22,15 @@ fn split(pointer: &str) -> (&str, &str) {
 
 /// The names that may stand in a section.
 pub(super) fn names_in(section: &str) -> Vec<&'static str> {
+    let section = in_table(section);
     pointers().map(split).filter(|(parent, _)| *parent == section).map(|(_, name)| name).collect()
 }
 
 /// The pointer of the field or section that `pointer` most likely means: its own neighbours first, then the
 /// same or a similar name elsewhere. None when nothing is similar.
 pub fn nearest(pointer: &str) -> Option<&'static str> {
-    let (section, name) = split(pointer);
+    let pointer = in_table(pointer);
+    let (section, name) = split(&pointer);
     let similarity = |known: &str| {
         // Edits catch slips of the finger; shared letter pairs catch a left-out unit or prefix.
         strsim::normalized_damerau_levenshtein(name, known).max(strsim::sorensen_dice(name, known))

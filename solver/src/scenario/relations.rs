@@ -25,6 +25,16 @@ const ORDER: &[AtMost] = &[
         otherwise: "the run would end before its first sample",
     },
     AtMost {
+        small: "/compress/modulus_from_strain",
+        large: "/compress/modulus_to_strain",
+        otherwise: "the window of strain would be empty",
+    },
+    AtMost {
+        small: "/compress/modulus_to_strain",
+        large: "/compress/max_strain",
+        otherwise: "the test would end before the window of strain does",
+    },
+    AtMost {
         small: "/numerics/timestep_s",
         large: "/numerics/output_interval_s",
         otherwise: "a sample would be due within a time step",
@@ -42,6 +52,10 @@ pub(super) fn check(document: &Value, completed: &Value, faults: &mut Vec<Fault>
     }
     check_samples(document, completed, faults);
     check_alternatives(document, completed, faults);
+    check_shapes(document, completed, faults);
+    for list in ["/equipment/surfaces", "/scene/surfaces"] {
+        check_surfaces(list, document, completed, faults);
+    }
 }
 
 fn number(document: &Value, pointer: &str) -> Option<f64> {
@@ -102,6 +116,90 @@ fn check_alternatives(document: &Value, completed: &Value, faults: &mut Vec<Faul
             faults.push(Fault::new(other, two, format!("excludes {}", field.pointer), allowed));
         } else if one.is_null() && two.is_null() {
             faults.push(Fault::new(field.pointer, one, format!("is null, and so is {other}"), allowed));
+        }
+    }
+}
+
+/// Shapes that are named must be there, and a mesh and sizes exclude each other.
+fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
+    let sizes = completed.pointer("/product/sizes_m").and_then(Value::as_array).map(Vec::len);
+    let mesh = completed.pointer("/product/mesh").is_some_and(Value::is_object);
+    if let (true, Some(written)) = (mesh, document.pointer("/product/sizes_m"))
+        && Some(written) != find("/product/sizes_m").and_then(|field| field.default.value()).as_ref()
+    {
+        let allowed = Some("one of /product/mesh and /product/sizes_m".to_owned());
+        faults.push(Fault::new(
+            "/product/sizes_m",
+            written,
+            "is excluded by /product/mesh".to_owned(),
+            allowed,
+        ));
+    }
+    let Some(shapes) = sizes.map(|sizes| if mesh { 1 } else { 2 * sizes }) else { return };
+    let bodies = completed.pointer("/scene/bodies").and_then(Value::as_array).map_or(0, Vec::len);
+    let named = (0..bodies).map(|index| format!("/scene/bodies/{index}/shape"));
+    for pointer in std::iter::once("/product/shape".to_owned()).chain(named) {
+        let Some(shape) = number(completed, &pointer) else { continue };
+        if shape >= shapes as f64 {
+            // A test's own default gives way to a shorter list of sizes only when its author says which.
+            let value = as_written(document, completed, &pointer);
+            let detail = format!("there are {shapes} shapes, numbered from 0");
+            faults.push(Fault::new(&pointer, value, detail, Some(format!("≥ 0 and ≤ {}", shapes - 1))));
+        }
+    }
+    if completed.get("experiment").is_some_and(|experiment| experiment == "scene") && bodies == 0 {
+        let empty = Value::Array(Vec::new());
+        let written = document.pointer("/scene/bodies").unwrap_or(&empty);
+        if written.is_array() {
+            let allowed = Some("a list of 1 to 1000 bodies".to_owned());
+            faults.push(Fault::new("/scene/bodies", written, "holds no body".to_owned(), allowed));
+        }
+    }
+    if completed
+        .pointer("/scene/gravity_direction")
+        .is_some_and(|v| v.as_array().is_some_and(|v| v.iter().all(|c| c == 0.0)))
+    {
+        let pointer = "/scene/gravity_direction";
+        let value = as_written(document, completed, pointer);
+        let allowed = Some("a direction; no gravity is /numerics/gravity_m_s2 0".to_owned());
+        faults.push(Fault::new(pointer, value, "has no length".to_owned(), allowed));
+    }
+}
+
+/// A surface is a mesh or a plate with an area, and its name is its own.
+fn check_surfaces(list: &str, document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
+    let surfaces = completed.pointer(list).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    for (index, surface) in surfaces.iter().enumerate() {
+        let at = |name: &str| format!("{list}/{index}/{name}");
+        if let (Some(mesh), Some(plate)) = (surface.get("mesh"), surface.get("plate_m"))
+            && mesh.is_null() == plate.is_null()
+        {
+            let (pointer, detail) = if mesh.is_null() {
+                (at("mesh"), "is missing, and so is plate_m")
+            } else {
+                (at("plate_m"), "excludes mesh")
+            };
+            let value = as_written(document, completed, &pointer);
+            faults.push(Fault::new(
+                &pointer,
+                value,
+                detail.to_owned(),
+                Some("one of mesh and plate_m".to_owned()),
+            ));
+        }
+        if let Some(Value::Array(plate)) = surface.get("plate_m") {
+            let edge =
+                |k: usize| glam::DVec3::from([0, 1, 2].map(|axis| plate[k][axis].as_f64().unwrap_or(0.0)));
+            if edge(1).cross(edge(2)).length() < 1e-8 {
+                let allowed = Some("two edges that span at least 1e-8 m²".to_owned());
+                let value = &surface["plate_m"];
+                faults.push(Fault::new(&at("plate_m"), value, "has no area".to_owned(), allowed));
+            }
+        }
+        let Some(name) = surface.get("name") else { continue };
+        if surfaces[..index].iter().any(|other| other.get("name") == Some(name)) {
+            let allowed = Some("a name of its own".to_owned());
+            faults.push(Fault::new(&at("name"), name, "stands twice".to_owned(), allowed));
         }
     }
 }

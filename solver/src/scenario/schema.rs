@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::{Map, Value, json};
 
 use super::SCHEMA;
-use super::field::{Field, Kind, MAX_SIZES, Preset, Range, plain};
+use super::field::{Field, Kind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, plain};
 use super::fields::{FIELDS, SECTIONS};
 
 /// The JSON Schema (2020-12) of a scenario.
@@ -13,12 +13,6 @@ pub fn json_schema() -> Value {
     let mut root = object("", "The complete input of one simulation, in SI units; t = 0 is belt start.");
     root["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     root["title"] = json!(SCHEMA);
-    root["required"] = FIELDS
-        .iter()
-        .filter(|field| field.default == Preset::Required)
-        .map(Field::name)
-        .collect::<Vec<_>>()
-        .into();
     root
 }
 
@@ -30,10 +24,30 @@ fn object(section: &str, doc: &str) -> Value {
     for field in FIELDS.iter().filter(|field| inside(field.pointer)) {
         properties.insert(field.name().to_owned(), property(field));
     }
-    for (pointer, doc) in SECTIONS.iter().filter(|(pointer, _)| inside(pointer)) {
-        properties.insert(name(pointer), object(pointer, doc));
+    for section in SECTIONS.iter().filter(|section| inside(section.pointer)) {
+        let doc = match section.only_in {
+            Some(only) => format!("{} Only in the experiment `{only}`.", section.doc),
+            None => section.doc.to_owned(),
+        };
+        let schema = match section.items {
+            None => object(section.pointer, &doc),
+            Some(items) => {
+                let items = object(items, "");
+                json!({"type": "array", "description": doc, "maxItems": MAX_ITEMS, "items": items})
+            }
+        };
+        properties.insert(name(section.pointer), schema);
     }
-    json!({"type": "object", "description": doc, "additionalProperties": false, "properties": properties})
+    let required: Vec<&str> = FIELDS
+        .iter()
+        .filter(|field| inside(field.pointer) && field.default == Preset::Required)
+        .map(Field::name)
+        .collect();
+    let mut object = json!({"type": "object", "description": doc, "additionalProperties": false, "properties": properties});
+    if !required.is_empty() {
+        object["required"] = json!(required);
+    }
+    object
 }
 
 fn property(field: &Field) -> Value {
@@ -50,11 +64,27 @@ fn property(field: &Field) -> Value {
         Kind::Choice([only]) => json!({"type": "string", "const": only}),
         Kind::Choice(words) => json!({"type": "string", "enum": words}),
         Kind::Flag => json!({"type": "boolean"}),
+        Kind::NullableInteger(range) => bounded(["integer", "null"], range),
+        Kind::Text => json!({"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}),
+        Kind::Vector(range) => triple("number", range),
+        Kind::Counts(range) => triple("integer", range),
         Kind::Sizes(range) => {
-            let size =
-                json!({"type": "array", "minItems": 3, "maxItems": 3, "items": bounded("number", range)});
+            let size = triple("number", range);
             json!({"type": "array", "minItems": 1, "maxItems": MAX_SIZES, "items": size})
         }
+        Kind::Plate(range) => {
+            let edge = triple("number", range);
+            json!({"type": ["array", "null"], "minItems": 3, "maxItems": 3, "items": edge})
+        }
+        Kind::Mesh => json!({
+            "type": ["object", "null"],
+            "required": ["digest", "units"],
+            "additionalProperties": false,
+            "properties": {
+                "digest": {"type": "string", "pattern": "^[0-9a-f]{64}$"},
+                "units": {"type": "string", "enum": ["mm", "m"]},
+            },
+        }),
     };
     property["title"] = json!(field.title());
     property["description"] = json!(description(field));
@@ -62,6 +92,11 @@ fn property(field: &Field) -> Value {
         property["default"] = default;
     }
     property
+}
+
+/// Three of the given type within a range.
+fn triple(kind: &str, range: Range) -> Value {
+    json!({"type": "array", "minItems": 3, "maxItems": 3, "items": bounded(kind, range)})
 }
 
 /// A property of the given type within a range.
@@ -88,8 +123,18 @@ fn description(field: &Field) -> String {
     if let Some(wet) = field.wet.and_then(|wet| wet.value()) {
         let _ = write!(text, " Default when wet: {wet}.");
     }
+    for (experiment, preset) in field.elsewhere {
+        let _ = write!(text, " Default in `{experiment}`: {}.", preset.value().unwrap_or_default());
+    }
+    if !field.unused_in.is_empty() {
+        let _ = write!(text, " Not in {}.", quoted(field.unused_in));
+    }
     let _ = write!(text, " Source: {}.", field.source);
     text
+}
+
+fn quoted(words: &[&str]) -> String {
+    words.iter().map(|word| format!("`{word}`")).collect::<Vec<_>>().join(", ")
 }
 
 /// The field table as Markdown: pointer, default, unit, range, source, meaning.
@@ -102,13 +147,21 @@ pub fn field_table_markdown() -> String {
             Preset::Number(number) => format!("`{}` {}", plain(number), field.unit).trim_end().to_owned(),
             preset => format!("`{}`", preset.value().unwrap_or_default()),
         };
-        let wet = field.wet.and_then(|wet| wet.value()).map_or(String::new(), |wet| format!("; wet `{wet}`"));
+        let mut other =
+            field.wet.and_then(|wet| wet.value()).map_or(String::new(), |wet| format!("; wet `{wet}`"));
+        for (experiment, preset) in field.elsewhere {
+            let _ = write!(other, "; in {experiment} `{}`", preset.value().unwrap_or_default());
+        }
+        let unused = match field.unused_in {
+            [] => String::new(),
+            unused => format!(" Not in {}.", quoted(unused)),
+        };
         let cells = [
             format!("`{}`", field.pointer),
-            format!("{default}{wet}"),
+            format!("{default}{other}"),
             field.allowed(),
             field.source.to_owned(),
-            field.doc.to_owned(),
+            format!("{}{unused}", field.doc),
         ];
         let _ = writeln!(table, "| {} |", cells.map(|cell| cell.replace('|', "\\|")).join(" | "));
     }

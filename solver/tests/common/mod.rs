@@ -4,14 +4,17 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use roost_solver::cpu::{Cpu, CpuRun, Path};
+use roost_solver::cpu::{Cpu, CpuRun};
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Kind, Laws, Placement, Scene};
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Surface, SurfaceKind};
+use roost_solver::experiments::Prepared;
+use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::{BondLaw, Form};
 use roost_solver::physics::contact::ContactLaw;
 use roost_solver::physics::hertz;
+use roost_solver::scenario::Scenario;
 use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
 use serde_json::{Value, json};
 
@@ -101,8 +104,8 @@ pub fn plate(kind: SurfaceKind) -> Surface {
 }
 
 /// The path that this test binary is about.
-pub fn path() -> Path {
-    if env!("CARGO_CRATE_NAME") == "on_fast" { Path::Fast } else { Path::Plain }
+pub fn backend(threads: usize) -> Cpu {
+    if env!("CARGO_CRATE_NAME") == "on_fast" { Cpu::new(threads) } else { Cpu::plain(threads) }
 }
 
 /// A run of a scene on the CPU, step by step.
@@ -120,11 +123,10 @@ impl Bench {
     }
 
     pub fn on(scene: &Scene, threads: usize) -> Self {
-        Self::along(path(), scene, threads)
+        Self::with(backend(threads), scene)
     }
 
-    pub fn along(path: Path, scene: &Scene, threads: usize) -> Self {
-        let cpu = Cpu::new(threads, path);
+    pub fn with(cpu: Cpu, scene: &Scene) -> Self {
         let run = cpu.prepare(scene);
         Self { cpu, run }
     }
@@ -211,4 +213,14 @@ pub fn document(fields: &[(&str, Value)]) -> Value {
         *at = value.clone();
     }
     document
+}
+
+/// The experiment of a scenario without meshes.
+pub fn prepare(scenario: &Scenario) -> Prepared {
+    roost_solver::experiments::prepare(scenario, &Meshes::default())
+}
+
+/// The kinds of bodies of a scenario without meshes.
+pub fn kinds(scenario: &Scenario) -> Vec<Kind> {
+    roost_solver::experiments::kinds(scenario, &Meshes::default())
 }

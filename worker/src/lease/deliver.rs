@@ -91,6 +91,7 @@ mod tests {
 
     use roost_api::job::AttemptOutcome;
     use roost_api::lease::ResultDelivery;
+    use roost_solver::mesh::Meshes;
     use roost_solver::{CpuOptions, Flow, Progress, scenario, simulate};
     use serde_json::json;
     use tokio_util::sync::CancellationToken;
@@ -109,7 +110,7 @@ mod tests {
             "numerics": {"timestep_s": "auto", "duration_s": 0.05},
         });
         let scenario = scenario::from_value(&document).unwrap();
-        simulate(&scenario, CpuOptions { threads: 1, ..CpuOptions::default() }, &mut |_: &Progress| Flow::Cancel)
+        simulate(&scenario, &Meshes::default(), CpuOptions { threads: 1 }, &mut |_: &Progress| Flow::Cancel)
     }
 
     /// Delivers to a server that refuses whatever carries a result; returns the reports that it took.

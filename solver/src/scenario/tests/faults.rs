@@ -75,7 +75,7 @@ fn what_is_no_object_is_one_fault() {
 fn the_experiment_must_be_named() {
     let found = faults(&json!({}));
     assert_eq!(pointers(&found), ["/experiment"]);
-    assert_eq!(found[0].allowed.as_deref(), Some("\"hopper\""));
+    assert!(found[0].allowed.as_deref().is_some_and(|words| words.contains("\"hopper\", \"drop\"")));
     assert!(one("/experiment", json!("silo")).contains("not among the choices"));
 }
 
@@ -151,7 +151,7 @@ fn an_unknown_field_is_told_what_it_may_have_meant() {
         assert_eq!(found[0].allowed, Some(format!("did you mean {meant}?")));
     }
     let found = faults(&plus(json!({"numerics": {"stop": {"xyzzy": 1}}})));
-    assert_eq!(found[0].allowed.as_deref(), Some("known here: when_empty, when_jammed_s"));
+    assert_eq!(found[0].allowed.as_deref(), Some("known here: when_empty, when_jammed_s, when_done"));
 }
 
 #[test]
@@ -211,4 +211,65 @@ fn a_fault_of_one_field_brings_no_others_with_it() {
     assert_eq!(pointers(&faults(&inherited)), ["/contact/fillet_fillet/restitution"]);
     let related = plus(json!({"equipment": {"hopper_height_m": -1}}));
     assert_eq!(pointers(&faults(&related)), ["/equipment/hopper_height_m"]);
+}
+
+#[test]
+fn what_belongs_to_another_experiment_is_told_so() {
+    let found =
+        faults(&json!({"experiment": "drop", "equipment": {"gate_opening_m": 0.05, "surfaces": [{}]}}));
+    assert_eq!(pointers(&found), ["/equipment"]);
+    assert!(found[0].detail.contains("belongs to the experiment \"hopper\""), "{}", found[0]);
+
+    let found =
+        faults(&json!({"experiment": "slide", "product": {"count": 2}, "numerics": {"duration_s": 3}}));
+    assert_eq!(pointers(&found), ["/product/count", "/numerics/duration_s"]);
+    assert!(found[0].detail.contains("means nothing in the experiment \"slide\""), "{}", found[0]);
+}
+
+#[test]
+fn faults_in_lists_are_told_by_index() {
+    let document = json!({"experiment": "scene", "scene": {
+    "gravity_direction": [0, 0, 0],
+    "bodies": [{"position_m": [0, 0, 1]}, {"positon_m": [0, 0, 1]}, 7, {"position_m": [0, 1], "shape": 6}],
+    "surfaces": [
+        {"name": "a", "plate_m": [[0, 0, 0], [1, 0, 0], [2, 0, 0]]},
+        {"name": "a", "mesh": {"digest": "ab", "scale": 1}},
+        {"name": "", "mesh": {"digest": "0".repeat(64), "units": "mm"}, "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]},
+        {"plate_m": [[0, 0, 0], [1, 0, 0]], "motion": "belt"},
+    ]}});
+    let found = faults(&document);
+    let mut places = pointers(&found);
+    places.sort_unstable();
+    let expected = [
+        "/scene/bodies/1/position_m",
+        "/scene/bodies/1/positon_m",
+        "/scene/bodies/2",
+        "/scene/bodies/3/position_m",
+        "/scene/bodies/3/shape",
+        "/scene/gravity_direction",
+        "/scene/surfaces/0/plate_m",
+        "/scene/surfaces/1/mesh/digest",
+        "/scene/surfaces/1/mesh/scale",
+        "/scene/surfaces/1/mesh/units",
+        "/scene/surfaces/1/name",
+        "/scene/surfaces/2/name",
+        "/scene/surfaces/2/plate_m",
+        "/scene/surfaces/3/name",
+        "/scene/surfaces/3/plate_m",
+    ];
+    assert_eq!(places, expected);
+    let near = found.iter().find(|fault| fault.pointer == "/scene/bodies/1/positon_m").unwrap();
+    assert_eq!(near.allowed.as_deref(), Some("did you mean /scene/bodies/*/position_m?"));
+}
+
+#[test]
+fn a_scene_needs_a_body_and_a_shape_must_exist() {
+    assert_eq!(pointers(&faults(&json!({"experiment": "scene"}))), ["/scene/bodies"]);
+    let found = faults(&json!({"experiment": "bend", "product": {"sizes_m": [[0.1, 0.1, 0.1]]}}));
+    assert_eq!(pointers(&found), ["/product/shape"]);
+    assert_eq!(found[0].allowed.as_deref(), Some("≥ 0 and ≤ 1"));
+    let mesh = json!({"digest": "0".repeat(64), "units": "mm"});
+    let found =
+        faults(&json!({"experiment": "drop", "product": {"mesh": mesh, "sizes_m": [[0.1, 0.1, 0.1]]}}));
+    assert_eq!(pointers(&found), ["/product/sizes_m"]);
 }

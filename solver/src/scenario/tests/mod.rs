@@ -19,6 +19,40 @@ fn full() -> Value {
     serde_json::to_value(minimal()).unwrap()
 }
 
+/// A sound document of every experiment, all written out, with an item in each list.
+fn every_experiment() -> Vec<Value> {
+    let document = |short: Value| {
+        let scenario = from_value(&short).unwrap_or_else(|found| panic!("{short}: {found:?}"));
+        serde_json::to_value(scenario).unwrap()
+    };
+    let surface = json!([{"name": "ramp", "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}]);
+    let mut documents = vec![
+        document(json!({"experiment": "hopper", "equipment": {"surfaces": surface}})),
+        document(json!({"experiment": "scene",
+            "scene": {"bodies": [{"position_m": [0, 0, 1]}], "surfaces": surface}})),
+    ];
+    for name in ["drop", "bend", "slide", "compress"] {
+        documents.push(document(json!({"experiment": name})));
+    }
+    documents
+}
+
+/// The documents in which the field or section of this pointer of the table means something, with its pointer there.
+fn documents_with(pointer: &str, unused_in: &[&str]) -> Vec<(Value, String)> {
+    let lists = ["/equipment/surfaces", "/scene/surfaces"];
+    let places = match pointer.strip_prefix("/scene/surfaces/*") {
+        Some(rest) => lists.iter().map(|list| format!("{list}/0{rest}")).collect(),
+        None => vec![pointer.replace("/*", "/0")],
+    };
+    let documents = every_experiment();
+    let used = |document: &&Value| !unused_in.iter().any(|name| document["experiment"] == *name);
+    let found = documents.iter().filter(used).flat_map(|document| {
+        let there = places.iter().filter(|place| document.pointer(place).is_some());
+        there.map(|place| (document.clone(), place.clone()))
+    });
+    found.collect()
+}
+
 /// The full document with one value replaced.
 fn with(pointer: &str, value: Value) -> Value {
     let mut document = full();

@@ -1,0 +1,58 @@
+//! Files at hand, by digest: what the meshes of scenarios are looked up in.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+
+use glam::DVec3;
+
+use super::{Mesh, MeshError, Units, stl};
+
+/// BLAKE3 digest of a file, in hexadecimal: its name in scenarios.
+pub fn digest(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+/// A file that was read. What its numbers mean is for the scenario to say.
+#[derive(Debug)]
+pub struct Stl {
+    digest: String,
+    triangles: Vec<[DVec3; 3]>,
+    /// In millimetres and in metres, once asked for.
+    meshes: [OnceLock<Result<Mesh, MeshError>>; 2],
+}
+
+impl Stl {
+    /// The mesh that the file holds in these units; remembered.
+    ///
+    /// # Errors
+    /// A size that cannot be meant in these units, or no triangle that has an area.
+    pub fn in_units(&self, units: Units) -> Result<Mesh, MeshError> {
+        let mesh = &self.meshes[units as usize];
+        mesh.get_or_init(|| Mesh::new(&self.triangles, &self.digest, units)).clone()
+    }
+}
+
+/// Files by their digests. A clone shares them and costs nothing.
+#[derive(Clone, Debug, Default)]
+pub struct Meshes(Arc<BTreeMap<String, Arc<Stl>>>);
+
+impl Meshes {
+    /// Reads a file and keeps it under its digest, which comes back.
+    ///
+    /// # Errors
+    /// What is wrong with the file.
+    pub fn insert(&mut self, bytes: &[u8]) -> Result<String, MeshError> {
+        let digest = digest(bytes);
+        if !self.0.contains_key(&digest) {
+            let triangles = stl::read(bytes)?;
+            let stl = Stl { digest: digest.clone(), triangles, meshes: Default::default() };
+            Arc::make_mut(&mut self.0).insert(digest.clone(), Arc::new(stl));
+        }
+        Ok(digest)
+    }
+
+    /// The file of a digest, when it is here.
+    pub fn get(&self, digest: &str) -> Option<Arc<Stl>> {
+        self.0.get(digest).cloned()
+    }
+}

@@ -1,0 +1,155 @@
+//! Triangles from CAD files, and the geometry that triangles need.
+//!
+//! [`stl`] reads a file, [`Meshes`] keeps what was read by digest, [`Mesh`] is a file in metres with what there is to
+//! know about it. [`weld`], [`tree`] and [`nearest`] serve all triangles, those of the experiments' own surfaces too.
+
+mod collection;
+mod error;
+pub mod nearest;
+pub mod stl;
+pub mod tree;
+pub mod weld;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+pub use collection::{Meshes, Stl, digest};
+pub use error::MeshError;
+use weld::weld;
+
+/// The most triangles that a file may have.
+pub const MOST_TRIANGLES: usize = 200_000;
+/// The longest side of a mesh's box is at least this, in metres.
+pub const SMALLEST_M: f64 = 1e-3;
+/// The longest side of a mesh's box is at most this, in metres.
+pub const LARGEST_M: f64 = 100.0;
+/// A triangle has no area when twice of it is at most this, in m².
+pub const NO_AREA_M2: f64 = 1e-14;
+
+/// What the numbers of a file mean: STL does not say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Units {
+    /// Millimetres.
+    Mm,
+    /// Metres.
+    M,
+}
+
+impl Units {
+    /// Length of one unit, in metres.
+    pub fn in_metres(self) -> f64 {
+        match self {
+            Self::Mm => 1e-3,
+            Self::M => 1.0,
+        }
+    }
+}
+
+/// A file's triangles in metres, and what there is to know about them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mesh {
+    /// Corners in metres, welded: corners of neighbours are the same to the bit. Triangles whose corners fell together
+    /// are not here; those whose corners lie on a line are, since they close seams.
+    pub triangles: Arc<[[DVec3; 3]]>,
+    /// Digest of the file, see [`digest`].
+    pub digest: String,
+    /// The units that it was read in.
+    pub units: Units,
+    /// Triangles of the file that have no area, and so act on nothing.
+    pub degenerate: usize,
+    /// Edges where an odd number of triangles meet: rims and holes. The mesh is closed when there are none.
+    pub open_edges: usize,
+    /// Edges that an even number of triangles share of which not half run each way: neighbours that face opposite ways.
+    pub turned_edges: usize,
+    /// Volume enclosed, in m³: negative when the triangles face inwards, without meaning when the mesh is open or turned.
+    pub signed_volume_m3: f64,
+    /// The corner of its box where all coordinates are least, in metres.
+    pub low: DVec3,
+    /// The opposite corner, in metres.
+    pub high: DVec3,
+}
+
+impl Mesh {
+    /// Triangles in a file's units, at least one.
+    ///
+    /// # Errors
+    /// A size that cannot be meant in these units, or no triangle that has an area.
+    fn new(triangles: &[[DVec3; 3]], digest: &str, units: Units) -> Result<Self, MeshError> {
+        let found = triangles.len();
+        let mut triangles: Vec<[DVec3; 3]> =
+            triangles.iter().map(|corners| corners.map(|corner| corner * units.in_metres())).collect();
+        let corners = || triangles.iter().flatten().copied();
+        let low = corners().fold(DVec3::INFINITY, DVec3::min);
+        let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let size_m = high - low;
+        if !(SMALLEST_M..=LARGEST_M).contains(&size_m.max_element()) {
+            return Err(MeshError::Size { size_m: size_m.to_array(), units });
+        }
+        let welded = weld(&triangles);
+        let solid = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
+        let kept: Vec<[u32; 3]> = welded.triangles.into_iter().filter(solid).collect();
+        triangles.clear();
+        triangles.extend(kept.iter().map(|corners| corners.map(|k| welded.points[k as usize])));
+        let areas = triangles.iter().filter(|triangle| doubled_area(triangle) > NO_AREA_M2).count();
+        if areas == 0 {
+            return Err(MeshError::AllDegenerate { triangles: found });
+        }
+        let (open_edges, turned_edges) = edges(&kept);
+        let centre = (low + high) / 2.0;
+        let wedge = |t: &[DVec3; 3]| (t[0] - centre).dot((t[1] - centre).cross(t[2] - centre)) / 6.0;
+        Ok(Self {
+            signed_volume_m3: triangles.iter().map(wedge).sum(),
+            triangles: triangles.into(),
+            digest: digest.to_owned(),
+            units,
+            degenerate: found - areas,
+            open_edges,
+            turned_edges,
+            low,
+            high,
+        })
+    }
+
+    /// Whether it encloses a volume: no rims, no holes.
+    pub fn is_closed(&self) -> bool {
+        self.open_edges == 0
+    }
+
+    /// Whether all triangles face the same way.
+    pub fn is_oriented(&self) -> bool {
+        self.turned_edges == 0
+    }
+
+    /// Sides of its box, in metres.
+    pub fn size_m(&self) -> DVec3 {
+        self.high - self.low
+    }
+}
+
+/// Twice the area of a triangle, in m².
+pub fn doubled_area([a, b, c]: &[DVec3; 3]) -> f64 {
+    (b - a).cross(c - a).length()
+}
+
+/// How many edges are open, and how many turned.
+fn edges(triangles: &[[u32; 3]]) -> (usize, usize) {
+    let around = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
+    let mut edges: Vec<(u32, u32, i32)> = triangles
+        .iter()
+        .flat_map(around)
+        .map(|(from, to)| if from < to { (from, to, 1) } else { (to, from, -1) })
+        .collect();
+    edges.sort_unstable();
+    let (mut open, mut turned) = (0, 0);
+    for edge in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        if edge.len() % 2 == 1 {
+            open += 1;
+        } else if edge.iter().map(|&(.., way)| way).sum::<i32>() != 0 {
+            turned += 1;
+        }
+    }
+    (open, turned)
+}

@@ -1,0 +1,140 @@
+//! A tree of boxes: finds what is near a point, or what a line meets, without looking at everything.
+//!
+//! Boxes are halved by their centres along the longest axis until a few are left. Nodes stand in the order in which a
+//! walk down meets them, each with the place to go on at when it is passed over.
+
+use glam::Vec3;
+
+/// Boxes that are not halved any more.
+const LEAF: usize = 4;
+/// Share by which a box may seem farther than what is in it, by rounding.
+const SLACK: f32 = 1e-5;
+
+/// A box with sides along the axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// The corner where all coordinates are least.
+    pub low: Vec3,
+    /// The opposite corner.
+    pub high: Vec3,
+}
+
+impl Span {
+    /// The smallest box around points.
+    pub fn around(points: impl IntoIterator<Item = Vec3>) -> Self {
+        let nothing = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+        let wider = |span: Self, p| Self { low: span.low.min(p), high: span.high.max(p) };
+        points.into_iter().fold(nothing, wider)
+    }
+
+    /// Square of the distance from a point to the box; 0 inside.
+    pub fn distance2(&self, p: Vec3) -> f32 {
+        let outside = (self.low - p).max(p - self.high).max(Vec3::ZERO);
+        outside.dot(outside)
+    }
+}
+
+/// Numbered boxes in a tree.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tree {
+    nodes: Vec<Node>,
+    /// Numbers of the boxes, in the order of the leaves.
+    order: Vec<u32>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Node {
+    /// The box around all below.
+    span: Span,
+    /// The node to go on at when all below this one is passed over.
+    next: u32,
+    /// Where its boxes begin in the order, and how many they are; none in a node that is halved.
+    first: u32,
+    count: u32,
+}
+
+impl Tree {
+    /// A tree over boxes, which are numbered from 0.
+    pub fn new(spans: &[Span]) -> Self {
+        let mut tree = Self { nodes: Vec::new(), order: (0..spans.len() as u32).collect() };
+        if !spans.is_empty() {
+            tree.grow(spans, 0, spans.len());
+        }
+        tree
+    }
+
+    fn grow(&mut self, spans: &[Span], from: usize, to: usize) {
+        let part = &mut self.order[from..to];
+        let of = |k: u32| &spans[k as usize];
+        let corners = part.iter().flat_map(|&k| [of(k).low, of(k).high]);
+        let span = Span::around(corners);
+        let at = self.nodes.len();
+        let halves = part.len() > LEAF;
+        let count = if halves { 0 } else { part.len() as u32 };
+        self.nodes.push(Node { span, next: 0, first: from as u32, count });
+        if halves {
+            let centre = |k: u32| of(k).low + of(k).high;
+            let centres = Span::around(part.iter().map(|&k| centre(k)));
+            let axis = (centres.high - centres.low).max_position();
+            let middle = part.len() / 2;
+            part.select_nth_unstable_by(middle, |&a, &b| {
+                centre(a)[axis].total_cmp(&centre(b)[axis]).then(a.cmp(&b))
+            });
+            self.grow(spans, from, from + middle);
+            self.grow(spans, from + middle, to);
+        }
+        self.nodes[at].next = self.nodes.len() as u32;
+    }
+
+    /// Calls `visit` with the number of every box in leaves that `enters` lets in, whose parents it let in too. It may
+    /// be called with boxes that `enters` itself would refuse.
+    pub fn visit(&self, enters: impl Fn(&Span) -> bool, visit: impl FnMut(u32)) {
+        let mut visit = visit;
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            if enters(&node.span) {
+                let first = node.first as usize;
+                self.order[first..first + node.count as usize].iter().for_each(|&k| visit(k));
+                at += 1;
+            } else {
+                at = node.next as usize;
+            }
+        }
+    }
+
+    /// Calls `visit` with the number of every box within `reach` of a point, and maybe with some beyond.
+    pub fn within(&self, p: Vec3, reach: f32, visit: impl FnMut(u32)) {
+        self.visit(|span| span.distance2(p) <= reach * reach * (1.0 + SLACK), visit);
+    }
+
+    /// The number of what is nearest to a point, the lowest of several; `distance2` measures what is in a box.
+    pub fn nearest(&self, p: Vec3, distance2: impl Fn(u32) -> f32) -> Option<u32> {
+        let mut best = (f32::INFINITY, u32::MAX);
+        // Halving leaves no more than 32 levels.
+        let (mut waiting, mut left) = ([0u32; 64], usize::from(!self.nodes.is_empty()));
+        while left > 0 {
+            left -= 1;
+            let at = waiting[left] as usize;
+            let node = &self.nodes[at];
+            if node.span.distance2(p) > best.0 * (1.0 + SLACK) {
+                continue;
+            }
+            if node.count > 0 {
+                let first = node.first as usize;
+                let measured =
+                    self.order[first..first + node.count as usize].iter().map(|&k| (distance2(k), k));
+                best = measured.fold(best, |best, this| if this < best { this } else { best });
+            } else {
+                // The nearer half first: it is taken off the end.
+                let halves = [at + 1, self.nodes[at + 1].next as usize];
+                let [a, b] = halves.map(|half| self.nodes[half].span.distance2(p));
+                let order = if a <= b { [halves[1], halves[0]] } else { halves };
+                for half in order {
+                    waiting[left] = half as u32;
+                    left += 1;
+                }
+            }
+        }
+        (best.1 != u32::MAX).then_some(best.1)
+    }
+}
