@@ -6,7 +6,7 @@ use super::{Limits, fault};
 use crate::engine::scene::Kind;
 use crate::experiments::{kind_of_each, plan};
 use crate::result::Estimate;
-use crate::scenario::{Experiment, Fault, Scenario};
+use crate::scenario::{Experiment, Fault, MAX_SAMPLES, Scenario};
 
 /// Memory that the CPU backend takes for each sub-particle, in bytes: state, lists and their rebuilding.
 const BYTES_PER_SUBPARTICLE: u64 = 1000;
@@ -81,6 +81,22 @@ impl Cost {
                 value,
                 detail,
                 format!("at most {most} steps: a shorter run or a larger time step"),
+            )
+        })
+    }
+
+    /// More samples than anyone reads, where how long the run is follows from other fields than `duration_s`.
+    pub(super) fn samples_fault(&self, scenario: &Scenario) -> Option<Fault> {
+        let (plan, interval) = (plan(scenario), scenario.numerics.output_interval_s);
+        let simulated_s = plan.longest_fill_s + plan.duration_s;
+        (simulated_s / interval > MAX_SAMPLES).then(|| {
+            let detail = format!("makes more than {MAX_SAMPLES} samples of {simulated_s} s");
+            let least = simulated_s / MAX_SAMPLES;
+            fault(
+                "/numerics/output_interval_s",
+                interval,
+                detail,
+                format!("≥ {least:.2e} s for so long a run"),
             )
         })
     }

@@ -79,6 +79,7 @@ pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Es
     }
     faults.extend(size_fault);
     faults.extend(cost.steps_fault(scenario, limits));
+    faults.extend(cost.samples_fault(scenario));
     if !faults.is_empty() {
         return Err(faults);
     }
