@@ -7,6 +7,7 @@ mod farm;
 mod input;
 mod list;
 mod output;
+mod reproduce;
 mod results;
 mod retry;
 mod run;
@@ -54,6 +55,7 @@ enum Command {
     Validate(validate::Args),
     Cancel(cancel::Args),
     Retry(retry::Args),
+    Reproduce(reproduce::Args),
 }
 
 impl Command {
@@ -80,6 +82,7 @@ impl Command {
             Self::Validate(args) => validate::execute(&args),
             Self::Cancel(args) => cancel::execute(args).await,
             Self::Retry(args) => retry::execute(args).await,
+            Self::Reproduce(args) => reproduce::execute(args).await,
         }
     }
 }
