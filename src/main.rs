@@ -6,6 +6,7 @@ mod exit;
 mod farm;
 mod input;
 mod list;
+mod meshes;
 mod output;
 mod reproduce;
 mod results;

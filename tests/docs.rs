@@ -100,15 +100,24 @@ fn the_table_of_fields_is_that_of_the_scenario() {
 
 #[test]
 fn every_response_is_explained() {
-    let text = r#"{"experiment": "hopper", "product": {"count": 2, "subparticle_radius_m": 0.008}}"#;
-    let scenario = roost_solver::scenario::parse(text).expect("a sound scenario");
-    let watch = roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).watch;
     let document = read("docs/responses.md");
-    let responses = watch.responses(roost_solver::result::EndReason::Duration);
-    let series = watch.series();
-    let names = responses.keys().map(String::as_str).chain(series.iter().map(|series| series.name.as_str()));
-    let missing: Vec<&str> = names.filter(|name| !document.contains(&format!("| `{name}` |"))).collect();
-    assert!(missing.is_empty(), "docs/responses.md does not explain {missing:?}");
+    let product = r#""product": {"subparticle_radius_m": 0.008}"#;
+    let scene = r#""scene": {"bodies": [{"position_m": [0, 0, 1]}],
+        "surfaces": [{"name": "<name>", "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}]}"#;
+    for (experiment, section) in [("hopper", ""), ("drop", ""), ("scene", scene)] {
+        let comma = if section.is_empty() { "" } else { "," };
+        let text = format!(r#"{{"experiment": "{experiment}", {product}{comma} {section}}}"#);
+        let scenario = roost_solver::scenario::parse(&text).expect("a sound scenario");
+        let watch = roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).watch;
+        let responses = watch.responses(roost_solver::result::EndReason::Duration);
+        let series = watch.series().into_iter().map(|series| series.name);
+        let curves = watch.curves().into_iter().map(|curve| curve.name);
+        let names: Vec<String> = responses.keys().cloned().chain(series).chain(curves).collect();
+        assert!(names.len() > 8, "{experiment}: {names:?}");
+        let missing: Vec<&String> =
+            names.iter().filter(|name| !document.contains(&format!("| `{name}` |"))).collect();
+        assert!(missing.is_empty(), "docs/responses.md does not explain {missing:?} of {experiment}");
+    }
 }
 
 #[test]

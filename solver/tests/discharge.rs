@@ -9,6 +9,7 @@ use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::experiments::{Prepared, Watch, prepare};
 use roost_solver::mesh::Meshes;
+use roost_solver::observe::bend_angle_deg;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Value, json};
@@ -189,4 +190,71 @@ fn the_beds_volume_is_its_floor_times_its_surface() {
     while stage.fill() == GO_ON {}
     let density = stage.watch.responses(EndReason::Duration)["bulk_density_kg_m3"].as_f64().unwrap();
     assert_close(density, stage.mass(0..cells) / (0.3 * 0.32 * 0.108), 1e-6);
+}
+
+impl Stage {
+    /// Lays a fillet out with its centre of mass at a place and its length along x: flat, or bent to an arc about y of a
+    /// radius in metres. Returns its bend angle.
+    fn lay(&mut self, body: u32, at: DVec3, arc: Option<f64>) -> f64 {
+        let flat = &self.scene.kinds[self.scene.bodies[body as usize].kind].meta.points;
+        let bend = |p: &DVec3| match arc {
+            None => *p,
+            Some(radius) => {
+                let (sin, cos) = (p.x / radius).sin_cos();
+                DVec3::new((radius - p.z) * sin, p.y, radius - (radius - p.z) * cos)
+            }
+        };
+        let bent: Vec<DVec3> = flat.iter().map(bend).collect();
+        let centre = bent.iter().sum::<DVec3>() / bent.len() as f64;
+        let own = (0..self.state.bodies.len()).filter(|&i| self.state.bodies[i] == body);
+        for (i, p) in own.collect::<Vec<_>>().into_iter().zip(&bent) {
+            self.state.particles[i].position = self.state.frame.encode(p - centre + at);
+        }
+        bend_angle_deg(flat, &bent).expect("it has a length")
+    }
+
+    fn curl(&self, name: &str) -> Option<f64> {
+        self.watch.responses(EndReason::Duration)[name].as_f64()
+    }
+}
+
+#[test]
+fn curl_is_the_bend_of_what_has_just_passed_the_gate() {
+    let mut stage = Stage::started(&[]);
+    let inside = DVec3::new(-0.15, 0.0, 0.1);
+    let bent = stage.lay(0, inside, Some(0.05));
+    stage.lay(1, inside, None);
+    stage.process();
+    assert!(bent > 60.0, "{bent}");
+    assert_eq!((stage.curl("curl_angle_deg"), stage.curl("largest_curl_angle_deg")), (None, None));
+    // One past the gate, bent; then with it the other, flat, its centre of mass just out and so less than 80 % of all.
+    stage.lay(0, DVec3::new(0.12, 0.0, 0.1), Some(0.05));
+    stage.process();
+    assert_close(stage.curl("curl_angle_deg").expect("one is out"), bent, 1e-5);
+    stage.lay(1, DVec3::new(1e-3, 0.0, 0.1), None);
+    stage.process();
+    assert_close(stage.curl("curl_angle_deg").expect("two are out"), bent * 2.0 / 3.0, 1e-5);
+    assert_close(stage.curl("largest_curl_angle_deg").expect("two are out"), bent, 1e-5);
+    // Once 80 % were out, what is seen counts no more.
+    stage.lay(1, DVec3::new(0.15, 0.0, 0.1), Some(0.03));
+    stage.process();
+    stage.process();
+    assert_close(stage.curl("curl_angle_deg").expect("two are out"), bent * 2.0 / 3.0, 1e-5);
+}
+
+#[test]
+fn what_is_far_out_or_torn_apart_does_not_count_as_curl() {
+    for (x, torn, counts) in
+        [(0.199, false, true), (0.201, false, false), (-1e-3, false, false), (0.1, true, false)]
+    {
+        let mut stage = Stage::started(&[]);
+        let all = stage.state.particles.len();
+        stage.put(0..all, -0.1);
+        stage.lay(0, DVec3::new(x, 0.0, 0.1), None);
+        if torn {
+            stage.state.remove(&[0]);
+        }
+        stage.process();
+        assert_eq!(stage.curl("curl_angle_deg").is_some(), counts, "at {x} m, torn: {torn}");
+    }
 }

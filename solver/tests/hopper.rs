@@ -1,5 +1,7 @@
 //! A very small hopper from fill to end: what goes in comes out, every end has its reason, every wall and bond runs.
 
+use roost_solver::equipment::{Motion, Presence, Surface, SurfaceKind};
+use roost_solver::experiments::prepare;
 use roost_solver::mesh::Meshes;
 use roost_solver::result::{EndReason, RunResult, Series};
 use roost_solver::scenario;
@@ -206,4 +208,66 @@ fn bonds_that_reach_no_farther_than_they_are_long_break() {
     assert_eq!(intact[0], 1.0);
     assert!(intact.is_sorted_by(|a, b| a >= b) && last(intact) < 0.9, "{}", last(intact));
     assert!(intact.iter().all(|share| (0.0..=1.0).contains(share)));
+}
+
+/// A surface of a scene, as one would write it.
+fn written(surface: &Surface) -> Value {
+    let [[a, b, _], [.., d]] = &surface.triangles[..] else { panic!("a parallelogram") };
+    let mut value = json!({
+        "name": surface.name,
+        "plate_m": [a.to_array(), (*b - *a).to_array(), (*d - *a).to_array()],
+        "kind": match surface.kind {
+            SurfaceKind::Equipment => "equipment",
+            SurfaceKind::Belt => "belt",
+            SurfaceKind::Frictionless => "frictionless",
+        },
+    });
+    if let Motion::Belt { velocity } = surface.motion {
+        value["motion"] = json!("belt");
+        value["velocity_m_s"] = json!(velocity.to_array());
+    }
+    if surface.presence == Presence::UntilStart {
+        value["presence"] = json!("until_start");
+    }
+    value
+}
+
+#[test]
+fn a_hopper_written_surface_by_surface_is_the_same_to_the_bit() {
+    for walls in ["frictionless", "periodic"] {
+        let fields = [
+            ("/equipment/side_walls", json!(walls)),
+            ("/equipment/hopper_width_m", json!(0.25)),
+            ("/numerics/duration_s", json!(0.1)),
+        ];
+        let parametric = run(&fields);
+        let scene = prepare(&parametric.scenario, &Meshes::default()).scene;
+        let surfaces: Vec<Value> = scene.surfaces.iter().map(written).collect();
+        let own = [("/equipment/parametric", json!(false)), ("/equipment/surfaces", json!(surfaces))];
+        let drawn_up = run(&[&fields[..], &own].concat());
+        let theirs = prepare(&drawn_up.scenario, &Meshes::default()).scene;
+        assert_eq!(scene.surfaces, theirs.surfaces, "the same triangles in the same order");
+        assert_eq!((scene.low, scene.high), (theirs.low, theirs.high));
+        let text = |result: &RunResult| serde_json::to_string(&(&result.responses, &result.series)).unwrap();
+        assert_eq!(text(&parametric), text(&drawn_up), "{walls}");
+        assert!(response(&parametric, "discharged_kg") > 0.0);
+    }
+}
+
+#[test]
+fn further_surfaces_are_felt_and_widen_the_domain() {
+    // A lid over the opening: the belt runs, and nothing comes out.
+    let lid = json!({"name": "lid", "plate_m": [[0, -0.075, 0], [0, 0.15, 0], [0, 0, 0.1]]});
+    let closed = run(&[("/equipment/surfaces", json!([lid]))]);
+    assert!(response(&closed, "discharged_kg") < 0.1, "{}", response(&closed, "discharged_kg"));
+    // A tray far below: what falls on it has not strayed.
+    let tray = json!({"name": "tray", "plate_m": [[-1, -0.5, -0.5], [1.5, 0, 0], [0, 1, 0]]});
+    let holed = run(&[
+        ("/equipment/parametric", json!(false)),
+        ("/equipment/surfaces", json!([tray])),
+        ("/numerics/duration_s", json!(0.1)),
+    ]);
+    assert_eq!(holed.end_reason, EndReason::Duration);
+    assert_eq!(response(&holed, "escaped_kg"), 0.0);
+    assert_near(response(&holed, "filled_kg"), loaded(&holed), 1e-6);
 }

@@ -6,6 +6,7 @@ use crate::engine::frame::Frame;
 use crate::engine::scene::Scene;
 use crate::equipment::facet::{Facet, facets};
 use crate::equipment::{Motion, Presence};
+use crate::mesh::tree::{Span, Tree};
 use crate::physics::contact::ContactLaw;
 
 /// All surfaces of a run.
@@ -29,6 +30,10 @@ struct WallSurface {
     /// Farthest corner from the anchor, in metres.
     reach: f64,
     pose: Pose,
+    /// Its first facet; the tree numbers them from there.
+    first: u32,
+    /// Finds its facets near a point relative to the anchor.
+    tree: Tree,
 }
 
 /// Where a surface is in this step, in the numbers of the run.
@@ -44,11 +49,8 @@ struct Pose {
 struct WallFacet {
     surface: usize,
     facet: Facet,
-    /// Corners of its box relative to the anchor, in metres: far sub-particles are passed over by it.
-    low: Vec3,
-    high: Vec3,
-    /// Indices of the facets of the same surface that share a corner with it.
-    meets: Vec<u32>,
+    /// Its box relative to the anchor, in metres: far sub-particles are passed over by it.
+    span: Span,
 }
 
 /// The nearest point of a facet, seen from a sub-particle.
@@ -64,6 +66,24 @@ pub struct Touch {
     local: Vec3,
     /// Whether the point lies on the rim of the facet and not under the sphere.
     on_rim: bool,
+}
+
+/// Points nearer than this are one, in metres: some roundings of `f32`, a metre from the anchor.
+const SAME: f32 = 1e-6;
+
+/// A point lies on a facet when it is nearer than this share of its distance from the sphere's centre: in `f32` the
+/// nearest point of a triangle can be off by more than [`SAME`] (see [`crate::mesh::nearest`]).
+const AT_THE_EDGE: f32 = 0.01;
+
+/// Cosine of the angle, some 26°, within which two facets push the same way: more than neighbours turn on curves that
+/// CAD programs cut into facets, less than at creases that are meant.
+const SAME_WAY: f32 = 0.9;
+
+impl Touch {
+    /// Whether two touches of one sub-particle are on the same side of it.
+    fn pushes_like(&self, other: &Self) -> bool {
+        self.to_wall.dot(other.to_wall) > SAME_WAY * self.distance * other.distance
+    }
 }
 
 impl Pose {
@@ -86,14 +106,10 @@ impl Walls {
                 _ => corners().sum::<DVec3>() / corners().count().max(1) as f64,
             };
             let anchor = frame.decode(frame.encode(anchor));
-            let base = walls.facets.len() as u32;
-            for facet in facets(&surface.triangles, anchor) {
-                let meets = facet.meets.iter().map(|m| m + base).collect();
-                let corners = || facet.triangles.iter().flatten().copied();
-                let low = corners().fold(Vec3::INFINITY, Vec3::min);
-                let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
-                walls.facets.push(WallFacet { surface: k, low, high, facet, meets });
-            }
+            let first = walls.facets.len();
+            let facets = facets(&surface.triangles, anchor).into_iter();
+            walls.facets.extend(facets.map(|facet| WallFacet { surface: k, span: facet.span(), facet }));
+            let spans: Vec<Span> = walls.facets[first..].iter().map(|facet| facet.span).collect();
             walls.surfaces.push(WallSurface {
                 motion: surface.motion,
                 law: scene.laws.of_surface(surface),
@@ -106,6 +122,8 @@ impl Walls {
                     velocity: Vec3::ZERO,
                     spin: Vec3::ZERO,
                 },
+                first: first as u32,
+                tree: Tree::new(&spans),
             });
         }
         walls
@@ -135,7 +153,7 @@ impl Walls {
         let surfaces = &self.surfaces;
         let gone = |facet: &WallFacet| surfaces[facet.surface].presence == Presence::UntilStart;
         // Its facets stay in the list, so that the numbers of the others do not change, but without triangles.
-        self.facets.iter_mut().filter(|facet| gone(facet)).for_each(|facet| facet.facet.triangles.clear());
+        self.facets.iter_mut().filter(|facet| gone(facet)).for_each(|facet| facet.facet = Facet::default());
     }
 
     /// How far any point of a surface may have moved since the lists were built, in metres.
@@ -150,11 +168,18 @@ impl Walls {
 
     /// The facets that come within `reach` metres of a position, ascending.
     pub fn within(&self, x: IVec3, reach: f32, frame: &Frame) -> impl Iterator<Item = u32> {
-        (0..self.facets.len() as u32).filter(move |&facet| {
-            let WallFacet { surface, low, high, .. } = &self.facets[facet as usize];
-            let p = self.surfaces[*surface].pose.local(x, frame);
-            let outside = (*low - p).max(p - *high).max(Vec3::ZERO);
-            outside.dot(outside) <= reach * reach && self.touch(facet, x, frame).distance <= reach
+        self.surfaces.iter().flat_map(move |surface| {
+            let p = surface.pose.local(x, frame);
+            let mut near = Vec::new();
+            surface.tree.within(p, reach, |k| {
+                let facet = surface.first + k;
+                let boxed = self.facets[facet as usize].span.distance2(p) <= reach * reach;
+                if boxed && self.touch(facet, x, frame).distance <= reach {
+                    near.push(facet);
+                }
+            });
+            near.sort_unstable();
+            near
         })
     }
 
@@ -168,8 +193,7 @@ impl Walls {
             return Touch { to_wall: Vec3::ZERO, distance, velocity: Vec3::ZERO, local: p, on_rim: false };
         };
         let d = local - p;
-        let [a, b, c] = facet.triangles[0];
-        let n = (b - a).cross(c - a);
+        let n = facet.normal;
         let across = d - n * (n.dot(d) / n.dot(n));
         let distance2 = d.dot(d);
         Touch {
@@ -181,19 +205,39 @@ impl Walls {
         }
     }
 
-    /// Whether a touch is felt through another facet of the same surface: its point lies on a shared edge, and the
-    /// other facet is nearer, or as near and comes first. `others` are the other touches of the same sub-particle.
-    pub fn is_shadowed(&self, facet: u32, touch: &Touch, others: impl Iterator<Item = (u32, Touch)>) -> bool {
-        const SAME: f32 = 1e-6;
-        touch.on_rim
-            && others.filter(|(other, _)| self.facets[facet as usize].meets.contains(other)).any(
-                |(other, theirs)| {
-                    let nearer = theirs.distance < touch.distance - SAME;
-                    let first = theirs.distance < touch.distance + SAME && other < facet;
-                    let on_theirs = self.facets[other as usize].facet.nearest(touch.local);
-                    (nearer || first) && on_theirs.is_some_and(|q| q.distance(touch.local) < SAME)
-                },
-            )
+    /// Whether a touch is no contact of its own, because another facet of the same surface comes before it and either
+    /// pushes nearly the same way, or has its point too, where the two meet at an edge. The first rule makes one
+    /// contact of a surface that many facets round off, hollow ones included, and of the two faces of a thin sheet.
+    /// `others` are the other touches of the same sub-particle.
+    ///
+    /// The nearer facet comes first, and of those that touch in one point the one with the lowest number, so that a
+    /// sphere on an edge does not hop between its sides by rounding. This orders all facets of a surface, so the first
+    /// of them is never shadowed.
+    pub fn is_shadowed(
+        &self,
+        facet: u32,
+        touch: &Touch,
+        others: impl Iterator<Item = (u32, Touch)> + Clone,
+    ) -> bool {
+        let surface = |facet: u32| self.facets[facet as usize].surface;
+        let others = others.filter(|&(other, _)| surface(other) == surface(facet));
+        // The least distance of all that touch in the point of this one: no more than SAME from its own.
+        let rank = |of: &Touch| {
+            let touches = others.clone().map(|(_, theirs)| theirs).chain([*touch]);
+            let here = touches.filter(|theirs| theirs.local.distance(of.local) < SAME);
+            here.map(|theirs| theirs.distance).fold(of.distance, f32::min)
+        };
+        let comes_before = |other: u32, theirs: &Touch| {
+            let further = theirs.distance - touch.distance;
+            further < -SAME || further <= SAME && (rank(theirs), other) < (rank(touch), facet)
+        };
+        let before = || others.clone().filter(|(other, theirs)| comes_before(*other, theirs));
+        let has_the_point = |other: u32| {
+            let q = self.facets[other as usize].facet.nearest(touch.local);
+            q.is_some_and(|q| q.distance(touch.local) < SAME.max(AT_THE_EDGE * touch.distance))
+        };
+        before().any(|(_, theirs)| theirs.pushes_like(touch))
+            || touch.on_rim && before().any(|(other, _)| has_the_point(other))
     }
 
     /// Number of surfaces.

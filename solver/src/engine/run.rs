@@ -85,6 +85,8 @@ pub enum Decision {
     Start,
     /// The run is over.
     End(EndReason),
+    /// The physics has diverged, as seen in words; the run is over.
+    Diverged(String),
 }
 
 /// An experiment's side of a run: looks at samples, decides, and says how far it has come.
@@ -142,6 +144,7 @@ pub fn run<B: Backend>(
         };
         match director.look(&sample) {
             Decision::End(reason) => break (reason, None),
+            Decision::Diverged(seen) => break (EndReason::Unstable, Some(seen)),
             Decision::Start => {
                 backend.start(&mut run);
                 course.start();

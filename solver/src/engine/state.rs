@@ -104,13 +104,18 @@ impl State {
 
     /// Kinetic energy of translation and spin, in joule.
     pub fn kinetic_energy(&self) -> f64 {
+        self.kinetic_energy_of(0..self.particles.len())
+    }
+
+    /// Kinetic energy of some of the sub-particles, in joule.
+    pub fn kinetic_energy_of(&self, range: std::ops::Range<usize>) -> f64 {
         let inertia = 0.4 * f64::from(self.radius_m).powi(2);
         let of = |(p, &m): (&Particle, &f32)| {
             let (v, w) = (p.velocity.as_dvec3(), p.spin.as_dvec3());
             0.5 * f64::from(m) * (v.length_squared() + inertia * w.length_squared())
         };
         // Not `sum`: that of nothing is -0.
-        self.particles.iter().zip(&self.masses).map(of).fold(0.0, |a, b| a + b)
+        self.particles[range.clone()].iter().zip(&self.masses[range]).map(of).fold(0.0, |a, b| a + b)
     }
 
     /// Share of the bonds that have not broken, 0 to 1.

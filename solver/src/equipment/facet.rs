@@ -1,122 +1,142 @@
 //! Facets: the flat parts of a surface. A sphere has at most one contact with a facet.
 //!
 //! Triangles that share an edge and a plane form one facet, and the contact is with the nearest point of the
-//! whole facet: the edges inside it cannot be felt. Two facets that meet at an edge can both be near; the
-//! contact with the one whose nearest point lies on the shared edge is then no contact of its own (`meets`).
+//! whole facet: the edges inside it cannot be felt. What of several facets near a sphere is one contact is for
+//! [`crate::cpu::walls`] to say.
 
 use glam::{DVec3, Vec3};
 
+use crate::mesh::nearest::{is_long, nearest_on_long_triangle, nearest_on_triangle};
+use crate::mesh::tree::{Span, Tree};
+use crate::mesh::weld::{WELD_M, weld};
+use crate::mesh::{NO_AREA_M2, doubled_area};
+
 /// A flat part of a surface.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facet {
     /// Corners of its triangles in metres, relative to the surface's anchor.
     pub triangles: Vec<[Vec3; 3]>,
-    /// Indices, within the surface, of the facets that share a corner with it.
-    pub meets: Vec<u32>,
+    /// Across its plane, of any length: the cross product of two edges of its largest triangle.
+    pub normal: Vec3,
+    /// Whether a triangle is so long for its width that `f32` would miss the nearest point.
+    long: bool,
+    /// Finds the nearest of many triangles; empty when they are few.
+    tree: Tree,
 }
 
-/// Corners nearer than this are the same, in metres.
-const WELD: f64 = 1e-7;
+/// Facets of up to that many triangles are looked at whole.
+const FEW: usize = 8;
+
+/// An edge where more triangles meet joins none of them: no surface has such edges, and looking at all their pairs
+/// could take for ever.
+const MOST_AT_AN_EDGE: usize = 16;
 
 /// Splits a surface's triangles into facets, relative to an anchor. Triangles without area are dropped.
 pub fn facets(triangles: &[[DVec3; 3]], anchor: DVec3) -> Vec<Facet> {
-    let triangles: Vec<[DVec3; 3]> = triangles.iter().copied().filter(|t| doubled_area(t) > 1e-14).collect();
-    let same = |a: DVec3, b: DVec3| a.distance(b) < WELD;
-    let shared =
-        |a: &[DVec3; 3], b: &[DVec3; 3]| a.iter().filter(|&&p| b.iter().any(|&q| same(p, q))).count();
-    let coplanar = |a: &[DVec3; 3], b: &[DVec3; 3]| {
-        let (n, m) = (normal(a), normal(b));
-        n.dot(m).abs() > 1.0 - 1e-9 && (b[0] - a[0]).dot(n).abs() < WELD
+    let triangles: Vec<[DVec3; 3]> =
+        triangles.iter().copied().filter(|t| doubled_area(t) > NO_AREA_M2).collect();
+    let joined = joined(&triangles);
+    let joins = |k: usize| {
+        let from = joined.partition_point(|&[a, _]| (a as usize) < k);
+        joined[from..].iter().take_while(move |&&[a, _]| a as usize == k).map(|&[_, b]| b as usize)
     };
-    let mut groups: Vec<Vec<usize>> = Vec::new();
-    let mut free: Vec<usize> = (0..triangles.len()).collect();
-    while !free.is_empty() {
-        let mut group = vec![free.remove(0)];
+    let mut taken = vec![false; triangles.len()];
+    let mut facets = Vec::new();
+    for first in 0..triangles.len() {
+        if taken[first] {
+            continue;
+        }
+        taken[first] = true;
+        let mut group = vec![first];
         let mut next = 0;
         while next < group.len() {
-            let a = &triangles[group[next]];
-            let joins = |k: &usize| shared(a, &triangles[*k]) == 2 && coplanar(a, &triangles[*k]);
-            let (joined, rest) = free.into_iter().partition(joins);
-            free = rest;
-            group.extend::<Vec<usize>>(joined);
+            for k in joins(group[next]) {
+                if !std::mem::replace(&mut taken[k], true) {
+                    group.push(k);
+                }
+            }
             next += 1;
         }
-        groups.push(group);
+        facets
+            .push(Facet::new(group.iter().map(|&k| triangles[k].map(|p| (p - anchor).as_vec3())).collect()));
     }
-    let touching = |g: &[usize], h: &[usize]| {
-        g.iter().any(|&a| h.iter().any(|&b| shared(&triangles[a], &triangles[b]) > 0))
+    facets
+}
+
+/// Pairs of triangles that share an edge and a plane, both ways round, sorted.
+fn joined(triangles: &[[DVec3; 3]]) -> Vec<[u32; 2]> {
+    let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * triangles.len());
+    for (&[a, b, c], k) in weld(triangles).triangles.iter().zip(0..) {
+        edges.extend([(a, b), (b, c), (c, a)].map(|(a, b)| ([a.min(b), a.max(b)], k)));
+    }
+    edges.sort_unstable();
+    let normals: Vec<DVec3> = triangles.iter().map(normal).collect();
+    let coplanar = |a: u32, b: u32| {
+        let (a, b) = (a as usize, b as usize);
+        let n = normals[a];
+        n.dot(normals[b]).abs() > 1.0 - 1e-9 && (triangles[b][0] - triangles[a][0]).dot(n).abs() < WELD_M
     };
-    (0..groups.len())
-        .map(|g| Facet {
-            triangles: groups[g].iter().map(|&k| triangles[k].map(|p| (p - anchor).as_vec3())).collect(),
-            meets: (0..groups.len())
-                .filter(|&h| h != g && touching(&groups[g], &groups[h]))
-                .map(|h| h as u32)
-                .collect(),
-        })
-        .collect()
+    let mut joined = Vec::new();
+    for edge in edges.chunk_by(|a, b| a.0 == b.0).filter(|edge| edge.len() <= MOST_AT_AN_EDGE) {
+        for &(_, a) in edge {
+            joined.extend(edge.iter().filter(|&&(_, b)| a != b && coplanar(a, b)).map(|&(_, b)| [a, b]));
+        }
+    }
+    joined.sort_unstable();
+    joined.dedup();
+    joined
 }
 
 fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a).normalize()
 }
 
-fn doubled_area([a, b, c]: &[DVec3; 3]) -> f64 {
-    (b - a).cross(c - a).length()
-}
-
 impl Facet {
+    /// Triangles in one plane.
+    fn new(triangles: Vec<[Vec3; 3]>) -> Self {
+        let across = |[a, b, c]: &[Vec3; 3]| (*b - *a).cross(*c - *a);
+        let larger =
+            |most: Vec3, n: Vec3| if n.length_squared() > 1.01 * most.length_squared() { n } else { most };
+        let tree = match triangles.len() {
+            0..=FEW => Tree::default(),
+            _ => Tree::new(&triangles.iter().copied().map(Span::around).collect::<Vec<_>>()),
+        };
+        Self {
+            normal: triangles.iter().map(across).reduce(larger).unwrap_or(Vec3::ZERO),
+            long: triangles.iter().any(is_long),
+            tree,
+            triangles,
+        }
+    }
+
+    /// The smallest box around it.
+    pub fn span(&self) -> Span {
+        Span::around(self.triangles.iter().flatten().copied())
+    }
+
     /// The point of the facet nearest to `p`, both relative to the surface's anchor, in metres; none without triangles.
     pub fn nearest(&self, p: Vec3) -> Option<Vec3> {
-        let mut best: Option<(f32, Vec3)> = None;
-        for triangle in &self.triangles {
-            let q = nearest_on_triangle(p, triangle);
-            let d = p - q;
-            let distance2 = d.dot(d);
-            if best.is_none_or(|(least, _)| distance2 < least) {
-                best = Some((distance2, q));
+        let on = |triangle: &[Vec3; 3]| match self.long {
+            true => {
+                nearest_on_long_triangle(p.as_dvec3(), &triangle.map(|corner| corner.as_dvec3())).as_vec3()
             }
+            false => nearest_on_triangle(p, triangle),
+        };
+        let distance2 = |q: Vec3| (p - q).dot(p - q);
+        if self.triangles.len() > FEW {
+            let k = self.tree.nearest(p, |k| distance2(on(&self.triangles[k as usize])))?;
+            return Some(on(&self.triangles[k as usize]));
         }
-        best.map(|(_, q)| q)
+        let nearer = |best: Vec3, q: Vec3| if distance2(q) < distance2(best) { q } else { best };
+        self.triangles.iter().map(on).reduce(nearer)
     }
-}
-
-/// The point of a triangle nearest to `p`, by the Voronoi region of `p` (Ericson 2005, section 5.1.5).
-pub fn nearest_on_triangle(p: Vec3, &[a, b, c]: &[Vec3; 3]) -> Vec3 {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return a;
-    }
-    let bp = p - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return b;
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return a + ab * (d1 / (d1 - d3));
-    }
-    let cp = p - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return c;
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return a + ac * (d2 / (d2 - d6));
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
-    }
-    // Inside: by the plane, which loses less than barycentric coordinates do on a long triangle.
-    let n = ab.cross(ac);
-    p - n * (n.dot(ap) / n.dot(n))
 }
 
 #[cfg(test)]
 mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
     use super::*;
 
     fn quad(corner: DVec3, u: DVec3, v: DVec3) -> Vec<[DVec3; 3]> {
@@ -124,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_has_six_facets_that_each_meet_four() {
+    fn a_box_has_six_facets() {
         let (o, far) = (DVec3::ZERO, DVec3::ONE);
         let mut triangles = Vec::new();
         for (u, v) in [(DVec3::X, DVec3::Y), (DVec3::Y, DVec3::Z), (DVec3::Z, DVec3::X)] {
@@ -133,31 +153,101 @@ mod tests {
         }
         let facets = facets(&triangles, DVec3::ZERO);
         assert_eq!(facets.len(), 6);
-        assert!(facets.iter().all(|facet| facet.triangles.len() == 2 && facet.meets.len() == 4));
-    }
-
-    #[test]
-    fn the_nearest_point_agrees_with_a_search() {
-        let triangle = [Vec3::ZERO, Vec3::new(1.0, 0.2, 0.0), Vec3::new(0.3, 0.9, 0.4)];
-        let [a, b, c] = triangle;
-        for k in 0..500u32 {
-            let f = |m: u32| (k * m % 101) as f32 / 101.0 * 3.0 - 1.0;
-            let p = Vec3::new(f(7), f(31), f(57));
-            let mut best = f32::INFINITY;
-            for i in 0..=60 {
-                for j in 0..=60 - i {
-                    let q = a + (b - a) * (i as f32 / 60.0) + (c - a) * (j as f32 / 60.0);
-                    best = best.min(p.distance(q));
-                }
-            }
-            let found = p.distance(nearest_on_triangle(p, &triangle));
-            assert!(found <= best + 1e-6 && found > best - 0.02, "{p}: {found} against {best}");
-        }
+        assert!(facets.iter().all(|facet| facet.triangles.len() == 2));
     }
 
     #[test]
     fn triangles_without_area_are_dropped() {
         let flat = [[DVec3::ZERO, DVec3::X, DVec3::X * 2.0]];
         assert!(facets(&flat, DVec3::ZERO).is_empty());
+    }
+
+    /// Facets by looking at all pairs of triangles: what the quick way is held to.
+    fn facets_by_pairs(triangles: &[[DVec3; 3]], anchor: DVec3) -> Vec<Vec<[Vec3; 3]>> {
+        let triangles: Vec<_> = triangles.iter().copied().filter(|t| doubled_area(t) > 1e-14).collect();
+        let same = |a: DVec3, b: DVec3| a.distance(b) < 1e-7;
+        let shared =
+            |a: &[DVec3; 3], b: &[DVec3; 3]| a.iter().filter(|&&p| b.iter().any(|&q| same(p, q))).count();
+        let coplanar = |a: &[DVec3; 3], b: &[DVec3; 3]| {
+            let (n, m) = (normal(a), normal(b));
+            n.dot(m).abs() > 1.0 - 1e-9 && (b[0] - a[0]).dot(n).abs() < 1e-7
+        };
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        let mut free: Vec<usize> = (0..triangles.len()).collect();
+        while !free.is_empty() {
+            let mut group = vec![free.remove(0)];
+            let mut next = 0;
+            while next < group.len() {
+                let a = &triangles[group[next]];
+                let joins = |k: &usize| shared(a, &triangles[*k]) >= 2 && coplanar(a, &triangles[*k]);
+                let (joined, rest) = free.into_iter().partition(joins);
+                free = rest;
+                group.extend::<Vec<usize>>(joined);
+                next += 1;
+            }
+            groups.push(group);
+        }
+        let relative = |k: &usize| triangles[*k].map(|p| (p - anchor).as_vec3());
+        groups.iter().map(|group| group.iter().map(relative).collect()).collect()
+    }
+
+    fn shaken(draw: &mut ChaCha8Rng, size: f64) -> DVec3 {
+        let mut share = || f64::from(draw.next_u32()) / f64::from(u32::MAX) - 0.5;
+        DVec3::new(share(), share(), share()) * size
+    }
+
+    #[test]
+    fn facets_are_those_that_all_pairs_of_triangles_give() {
+        let mut draw = ChaCha8Rng::seed_from_u64(1);
+        let mut joined = 0;
+        for round in 0..40 {
+            // Squares of a lattice, some in one plane, some upright, each cut along one of its diagonals; corners are
+            // off by roundings; some triangles turned, some twice, some nothing but a line.
+            let mut triangles = Vec::new();
+            for _ in 0..60 {
+                let cell = (shaken(&mut draw, 6.0) * DVec3::new(1.0, 1.0, 0.3)).round();
+                let (u, v) =
+                    [(DVec3::X, DVec3::Y), (DVec3::X, DVec3::Z), (DVec3::Y, DVec3::X), (DVec3::X, DVec3::X)]
+                        [draw.next_u32() as usize % 4];
+                let square = quad(cell * 0.01, u * 0.01, v * 0.01);
+                triangles.extend(square.iter().map(|t| t.map(|p| p + shaken(&mut draw, 2e-8))));
+            }
+            let anchor = shaken(&mut draw, 0.1 * f64::from(round % 2));
+            let quick: Vec<_> = facets(&triangles, anchor).into_iter().map(|facet| facet.triangles).collect();
+            assert_eq!(quick, facets_by_pairs(&triangles, anchor), "round {round}");
+            joined += quick.iter().filter(|facet| facet.len() > 2).count();
+        }
+        assert!(joined > 100, "{joined} facets of several squares");
+    }
+
+    #[test]
+    fn an_edge_of_a_thousand_triangles_takes_no_time_and_joins_none() {
+        let page = |k: u32| {
+            let angle = f64::from(k) * 1e-5;
+            [DVec3::ZERO, DVec3::Z, DVec3::new(angle.cos(), angle.sin(), 0.0)]
+        };
+        let pages: Vec<_> = (0..1000).map(page).collect();
+        assert_eq!(facets(&pages, DVec3::ZERO).len(), 1000);
+    }
+
+    #[test]
+    fn the_nearest_of_many_triangles_is_that_of_them_all() {
+        let at = |i: u32, j: u32| DVec3::new(f64::from(i), f64::from(j), 0.0) * 0.01;
+        let cells = (0..600).map(|k| (k % 30, k / 30)).filter(|(i, j)| (i * 7 + j * 3) % 11 != 0);
+        let square =
+            |(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]];
+        let facets = facets(&cells.flat_map(square).collect::<Vec<_>>(), DVec3::ZERO);
+        assert_eq!(facets.len(), 1);
+        let triangles = &facets[0].triangles;
+        let mut draw = ChaCha8Rng::seed_from_u64(2);
+        for k in 0..2000 {
+            // Points in general, and points right over corners, where six triangles are as near.
+            let p = (DVec3::new(0.15, 0.1, 0.0) + shaken(&mut draw, 0.4)).as_vec3();
+            let p = if k % 2 == 0 { p } else { (p * 100.0).round() * 0.01 };
+            let all = triangles.iter().map(|triangle| nearest_on_triangle(p, triangle));
+            let least = all.clone().map(|q| (p - q).dot(p - q)).fold(f32::INFINITY, f32::min);
+            let first = all.clone().find(|&q| (p - q).dot(p - q) == least);
+            assert_eq!(facets[0].nearest(p), first, "{p}");
+        }
     }
 }

@@ -3,19 +3,15 @@
 use serde_json::{Map, Value};
 
 use super::Watch;
+use super::curl::Curls;
 use super::hopper::{GONE_BEYOND_M, floor};
 use crate::engine::run::{Decision, Director, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::observe::{Discharge, mass_rate};
+use crate::observe::{Discharge, REST_FOR_S, Rest, mass_rate};
 use crate::result::{EndReason, Series};
 use crate::scenario::{Equipment, Numerics, Scenario};
 
-/// The bed is at rest once it has been slow for this long, in seconds.
-const REST_FOR_S: f64 = 0.1;
-/// Sub-particles that may still move while the bed is at rest: one in this many. Where fillets have been driven into
-/// each other, single sub-particles go on trembling, since a stretched bond has no damping.
-const ONE_MAY_MOVE_IN: usize = 1000;
 /// The bed's surface is the height that this share of the hopper's floor stays below.
 const SURFACE_SHARE: f64 = 0.95;
 
@@ -37,7 +33,7 @@ pub struct HopperWatch {
     periodic: bool,
     /// Nothing can be at rest before the highest fillet has fallen, in seconds.
     longest_fall_s: f64,
-    slow_since_s: Option<f64>,
+    rest: Rest,
     bed: Option<Bed>,
     /// Whether each sub-particle, by serial, has passed the gate.
     passed: Vec<bool>,
@@ -52,6 +48,7 @@ pub struct HopperWatch {
     /// Belt times and masses out, from the start on.
     belt_s: Vec<f64>,
     mass_kg: Vec<f64>,
+    curls: Curls,
     greatest_height_m: Option<f64>,
     max_overlap_m: f32,
     radius_m: f64,
@@ -70,7 +67,7 @@ impl HopperWatch {
             high_m: scene.high,
             periodic: scene.periodic_y,
             longest_fall_s: longest_fall(scene),
-            slow_since_s: None,
+            rest: Rest::default(),
             bed: None,
             passed: vec![false; subparticles],
             unpassed: subparticles,
@@ -82,6 +79,7 @@ impl HopperWatch {
             bonds_intact: Vec::new(),
             belt_s: Vec::new(),
             mass_kg: Vec::new(),
+            curls: Curls::new(scene),
             greatest_height_m: None,
             max_overlap_m: 0.0,
             radius_m: scene.radius_m,
@@ -93,11 +91,8 @@ impl HopperWatch {
 
     fn at_rest(&mut self, state: &State, now_s: f64) -> bool {
         let moving = state.faster_than(self.numerics.rest_speed_m_s);
-        let slow = moving <= state.particles.len() / ONE_MAY_MOVE_IN;
-        self.slow_since_s = slow.then(|| self.slow_since_s.unwrap_or(now_s));
-        // A share of the time step's rounding must not cost a sample.
-        now_s >= self.longest_fall_s
-            && self.slow_since_s.is_some_and(|since| now_s - since >= REST_FOR_S * (1.0 - 1e-6))
+        self.rest.note(now_s, moving, state.particles.len());
+        now_s >= self.longest_fall_s && self.rest.since_s(REST_FOR_S).is_some()
     }
 
     fn count_what_passed(&mut self, state: &State, now_s: f64) {
@@ -160,10 +155,13 @@ impl Watch for HopperWatch {
             gate_opening_m: self.equipment.gate_opening_m,
             greatest_height_m: self.greatest_height_m,
         };
+        let curl = self.curls.mean_and_largest_deg(discharge.flowing_until_s());
         let mut responses = discharge.responses().into_map();
         let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
         add("loaded_kg", self.mass_at_start_kg.into());
         add("escaped_kg", self.escaped_kg.into());
+        add("curl_angle_deg", curl.map(|(mean, _)| mean).into());
+        add("largest_curl_angle_deg", curl.map(|(_, largest)| largest).into());
         add("fill_duration_s", self.bed.map(|bed| bed.fill_s).into());
         add("bonds_intact_fraction", self.bonds_intact.last().copied().into());
         add("kinetic_energy_end_j", self.kinetic_energy_j.last().copied().into());
@@ -215,6 +213,7 @@ impl Director for HopperWatch {
             return Decision::Continue { remove: self.what_left(state) };
         };
         self.count_what_passed(state, now_s);
+        self.curls.note(state, now_s);
         let remove = self.what_left(state);
         self.belt_s.push(now_s);
         self.mass_kg.push(self.discharged_kg);

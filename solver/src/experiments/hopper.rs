@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 
 use super::discharge::HopperWatch;
 use super::placement::{Floor, drop_in};
+use super::surfaces::{extent, surfaces};
 use super::{Prepared, bounds_on_timestep, kinds, laws, plan, timestep_s};
 use crate::engine::scene::Scene;
 use crate::equipment::{Motion, Surface, SurfaceKind};
@@ -41,7 +42,7 @@ pub fn floor(equipment: &Equipment) -> Floor {
 pub(super) fn prepare(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Prepared {
     let scene = scene(scenario, equipment, meshes);
     let watch = Box::new(HopperWatch::new(scenario, equipment, &scene));
-    Prepared { plan: plan(&scenario.numerics), watch, scene }
+    Prepared { plan: plan(scenario), watch, scene }
 }
 
 /// The scene of a hopper scenario.
@@ -57,13 +58,23 @@ pub fn scene(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Sce
     let longest = kinds.iter().map(|kind| 2.0 * kind.meta.reach_m).fold(0.0, f64::max);
     let belt_end = GONE_BEYOND_M + longest + MARGIN_M;
     let dt = timestep_s(scenario, &bounds_on_timestep(scenario, &kinds));
+    let mut low = DVec3::new(floor.low.x - lean - MARGIN_M, floor.low.y - side, -MARGIN_M);
+    let mut high = DVec3::new(belt_end + MARGIN_M, floor.high.y + side, top + MARGIN_M);
+    let mut all = if equipment.parametric { built_in(equipment, top, lean, belt_end) } else { Vec::new() };
+    let further = surfaces(&equipment.surfaces, meshes);
+    if let Some((lowest, highest)) = extent(&further) {
+        // What lies on them has not strayed. A period stays as wide as the hopper.
+        let periodic = |own: DVec3, grown: DVec3| if floor.periodic_y { grown.with_y(own.y) } else { grown };
+        (low, high) = (periodic(low, low.min(lowest)), periodic(high, high.max(highest)));
+    }
+    all.extend(further);
     Scene {
         radius_m: radius,
-        surfaces: surfaces(equipment, top, lean, belt_end),
+        surfaces: all,
         laws: laws::laws(scenario),
         gravity: DVec3::NEG_Z * scenario.numerics.gravity_m_s2,
-        low: DVec3::new(floor.low.x - lean - MARGIN_M, floor.low.y - side, -MARGIN_M),
-        high: DVec3::new(belt_end + MARGIN_M, floor.high.y + side, top + MARGIN_M),
+        low,
+        high,
         periodic_y: floor.periodic_y,
         timestep_s: dt,
         speed_limit_m_s: scenario.numerics.speed_limit_m_s,
@@ -73,9 +84,9 @@ pub fn scene(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Sce
     }
 }
 
-/// The equipment: walls up to `top`, the back wall leaning out by `lean` metres at that height, the belt running to
+/// The equipment that the scenario's fields make: walls up to `top`, the back wall leaning out by `lean` metres at that height, the belt running to
 /// `belt_end`, past where the longest fillet leaves.
-fn surfaces(equipment: &Equipment, top: f64, lean: f64, belt_end: f64) -> Vec<Surface> {
+fn built_in(equipment: &Equipment, top: f64, lean: f64, belt_end: f64) -> Vec<Surface> {
     let (length, width) = (equipment.hopper_length_m, equipment.hopper_width_m);
     let periodic = equipment.side_walls == SideWalls::Periodic;
     // In a periodic hopper every surface goes on beyond the period, so that no rim is felt at the seam.

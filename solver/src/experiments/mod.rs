@@ -1,9 +1,14 @@
 //! The paper's experiments: from a scenario to a scene, and from samples to responses.
 
+mod curl;
 pub mod discharge;
+pub mod drop;
 pub mod hopper;
+mod impact;
 pub mod laws;
 pub mod placement;
+pub mod scene;
+pub mod surfaces;
 
 use std::sync::Arc;
 
@@ -16,9 +21,9 @@ use crate::engine::scene::{Kind, Scene};
 use crate::mesh::Meshes;
 use crate::physics::timestep::{Stability, stability};
 use crate::result::{self, Curve, EndReason, PHYSICS_REVISION, RunResult, Series, SolverInfo, VERSION};
-use crate::scenario::{Auto, Experiment, Numerics, Scenario, Timestep};
+use crate::scenario::{Auto, Experiment, Scenario, Timestep};
 use crate::shape::lattice::MetaParticle;
-use crate::shape::{meta_particles, subparticle_mass_kg};
+use crate::shape::{ShapeError, meta_particles, subparticle_mass_kg};
 
 /// An experiment, ready to run.
 pub struct Prepared {
@@ -48,21 +53,22 @@ pub trait Watch: Director {
 pub fn prepare(scenario: &Scenario, meshes: &Meshes) -> Prepared {
     match &scenario.experiment {
         Experiment::Hopper { equipment } => hopper::prepare(scenario, equipment, meshes),
-        Experiment::Drop { .. }
-        | Experiment::Bend { .. }
-        | Experiment::Slide { .. }
-        | Experiment::Compress { .. }
-        | Experiment::Scene { .. } => todo!(),
+        Experiment::Drop { drop } => drop::prepare(scenario, drop, meshes),
+        Experiment::Scene { scene } => scene::prepare(scenario, scene, meshes),
+        Experiment::Bend { .. } | Experiment::Slide { .. } | Experiment::Compress { .. } => todo!(),
     }
 }
 
-/// The plan that the numerics of a scenario make.
-fn plan(numerics: &Numerics) -> Plan {
-    Plan {
-        sample_interval_s: numerics.output_interval_s,
-        longest_fill_s: numerics.max_fill_s,
-        duration_s: numerics.duration_s,
-    }
+/// When a scenario is looked at, and for how long it runs at most, before t = 0 and from there on.
+pub fn plan(scenario: &Scenario) -> Plan {
+    let numerics = &scenario.numerics;
+    let (longest_fill_s, duration_s) = match &scenario.experiment {
+        Experiment::Hopper { .. } | Experiment::Bend { .. } => (numerics.max_fill_s, numerics.duration_s),
+        Experiment::Drop { .. } | Experiment::Scene { .. } => (0.0, numerics.duration_s),
+        Experiment::Slide { slide } => (numerics.max_fill_s, slide.max_tilt_deg / slide.tilt_rate_deg_s),
+        Experiment::Compress { compress } => (0.0, compress.max_strain / compress.strain_rate_1_s),
+    };
+    Plan { sample_interval_s: numerics.output_interval_s, longest_fill_s, duration_s }
 }
 
 /// The orientation of intrinsic yaw (about z), pitch (about y) and roll (about x), in degrees.
@@ -70,17 +76,29 @@ pub fn orientation([yaw, pitch, roll]: [f64; 3]) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, yaw.to_radians(), pitch.to_radians(), roll.to_radians())
 }
 
-/// The shapes that bodies of a scenario may have, with the mass of their sub-particles: all of the product's, or the one that is asked for.
+/// The shapes that bodies of a scenario may have, with the mass of their sub-particles.
+///
+/// # Panics
+/// Where [`try_kinds`] fails.
 pub fn kinds(scenario: &Scenario, meshes: &Meshes) -> Vec<Kind> {
+    try_kinds(scenario, meshes).expect("the scenario has passed the check")
+}
+
+/// The shapes that bodies of a scenario may have, with the mass of their sub-particles: all of the product's, or the one
+/// that is asked for.
+///
+/// # Errors
+/// A mesh that is no product.
+pub fn try_kinds(scenario: &Scenario, meshes: &Meshes) -> Result<Vec<Kind>, ShapeError> {
     let product = &scenario.product;
     let weigh =
         |meta: Arc<MetaParticle>| Kind { subparticle_mass_kg: subparticle_mass_kg(product, &meta), meta };
     let bonds = &scenario.bonds;
-    let all = meta_particles(product, meshes, bonds.types, bonds.contact_radius_ratio);
-    match product.shape {
+    let all = meta_particles(product, meshes, bonds.types, bonds.contact_radius_ratio)?;
+    Ok(match product.shape {
         Some(shape) => all.into_iter().skip(shape as usize).take(1).map(weigh).collect(),
         None => all.into_iter().map(weigh).collect(),
-    }
+    })
 }
 
 /// The kind of each body, by its index among `kinds` of them.

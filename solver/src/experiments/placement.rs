@@ -30,7 +30,7 @@ pub struct Floor {
 }
 
 /// A number from 0 to 1 (excluded), from the top 53 bits of the next word: the same on every platform.
-fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+pub(super) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 

@@ -69,7 +69,7 @@ pub enum MeshError {
     },
     /// So small or large that other units must be meant.
     #[error(
-        "read in {}, the mesh is {} × {} × {} m; its longest side must be from {SMALLEST_M} to {LARGEST_M} m: are the units right?",
+        "read in {}, the mesh is {:.3e} × {:.3e} × {:.3e} m; its longest side must be from {SMALLEST_M} to {LARGEST_M} m: are the units right?",
         name(*.units), .size_m[0], .size_m[1], .size_m[2]
     )]
     Size {

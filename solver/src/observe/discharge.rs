@@ -16,6 +16,9 @@ const JUDGED_S: f64 = 4.0;
 /// The share out until which rates are looked at.
 const FLOWING: f64 = 0.8;
 
+/// The share out at which a hopper counts as emptied: the last fillets straddle the gate.
+const MOSTLY_OUT: f64 = 0.95;
+
 /// A mean rate is taken over at least this long, in seconds.
 const SHORTEST_MEAN_S: f64 = 0.1;
 
@@ -58,6 +61,8 @@ pub struct DischargeResponses {
     pub time_to_95_percent_s: Option<f64>,
     /// When 99 % of the filled mass was out.
     pub time_to_99_percent_s: Option<f64>,
+    /// 95 % of the filled mass over the time until it was out; none when it was not.
+    pub effective_throughput_kg_s: Option<f64>,
     /// Mean rate from 0.5 s until 80 % is out; none when that is under 0.1 s.
     pub mean_rate_kg_s: Option<f64>,
     /// Highest running 1 s mean of the rate, opening spill included.
@@ -102,8 +107,8 @@ impl Discharge<'_> {
     /// When there are not as many masses as times.
     pub fn responses(&self) -> DischargeResponses {
         let curve = Curve::new(self.t_s, self.mass_kg);
-        let out = |share: f64| curve.time_of(share * self.filled_kg).filter(|_| self.filled_kg > 0.0);
-        let until = out(FLOWING).unwrap_or(curve.end());
+        let out = |share: f64| self.time_of(&curve, share);
+        let until = self.flowing_until_s();
         let bulk_density = (self.bed_volume_m3 > 0.0).then(|| self.filled_kg / self.bed_volume_m3);
         let capacity =
             bulk_density.unwrap_or(0.0) * self.belt_speed_m_s * self.hopper_width_m * self.gate_opening_m;
@@ -115,8 +120,11 @@ impl Discharge<'_> {
             filled_kg: self.filled_kg,
             discharged_kg: curve.final_mass(),
             discharged_kg_at_4s: self.known_at(&curve, JUDGED_S).then(|| curve.at(JUDGED_S)),
-            time_to_95_percent_s: out(0.95),
+            time_to_95_percent_s: out(MOSTLY_OUT),
             time_to_99_percent_s: out(0.99),
+            effective_throughput_kg_s: out(MOSTLY_OUT)
+                .filter(|t| *t > 0.0)
+                .map(|t| MOSTLY_OUT * self.filled_kg / t),
             mean_rate_kg_s: (until - SPILL_S >= SHORTEST_MEAN_S).then(|| curve.mean_rate(SPILL_S, until)),
             peak_rate_kg_s: self.peak_rate(&curve),
             rate_variation,
@@ -135,6 +143,20 @@ impl Discharge<'_> {
             bulk_density_kg_m3: bulk_density,
             greatest_height_m: self.greatest_height_m,
         }
+    }
+
+    /// Until when rates are looked at, in seconds: when 80 % is out, or the curve ends.
+    ///
+    /// # Panics
+    /// When there are not as many masses as times.
+    pub fn flowing_until_s(&self) -> f64 {
+        let curve = Curve::new(self.t_s, self.mass_kg);
+        self.time_of(&curve, FLOWING).unwrap_or(curve.end())
+    }
+
+    /// When a share of the filled mass was out, if it was.
+    fn time_of(&self, curve: &Curve<'_>, share: f64) -> Option<f64> {
+        curve.time_of(share * self.filled_kg).filter(|_| self.filled_kg > 0.0)
     }
 
     /// Whether the mass out at a time is known: sampled, or the hopper was empty before.

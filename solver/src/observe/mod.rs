@@ -2,12 +2,18 @@
 //!
 //! Everything here is a pure function of samples, knows no engine, and so is tested on curves drawn by hand.
 
+mod bend;
 mod curve;
 mod discharge;
 mod regime;
+mod rest;
+mod settle;
 #[cfg(test)]
 mod tests;
 
+pub use bend::bend_angle_deg;
 pub use curve::{RATE_WINDOW_S, mass_rate};
 pub use discharge::{Discharge, DischargeResponses};
 pub use regime::Regime;
+pub use rest::{REST_FOR_S, Rest};
+pub use settle::{SETTLED_SHARE, Settling};

@@ -66,6 +66,17 @@ fn near(found: Option<f64>, expected: f64, tolerance: f64) {
 }
 
 #[test]
+fn the_throughput_is_95_percent_over_the_time_until_they_were_out() {
+    let responses = sample(10.0, line(8.0)).responses();
+    close(responses.effective_throughput_kg_s, 8.0);
+    // Slow at first, and fast at last: the mean counts.
+    let late = sample(10.0, |t| if t < 4.0 { 2.0 * t } else { (8.0 + 10.0 * (t - 4.0)).min(FILLED) });
+    close(late.responses().effective_throughput_kg_s, 38.0 / 7.0);
+    assert_eq!(sample(4.0, line(8.0)).responses().effective_throughput_kg_s, None, "80 % came out");
+    assert_eq!(sample(4.0, |_| FILLED).responses().effective_throughput_kg_s, None, "in no time");
+}
+
+#[test]
 fn a_straight_line() {
     let responses = sample(6.0, line(8.0)).responses();
     close(responses.discharged_kg, 40.0);

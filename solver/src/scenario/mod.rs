@@ -21,6 +21,7 @@ mod types;
 pub use fault::{Fault, ScenarioError};
 pub use json::read_json;
 pub use names::{escape, nearest};
+pub use relations::MAX_SAMPLES;
 pub use schema::{field_table_markdown, json_schema};
 pub use types::*;
 

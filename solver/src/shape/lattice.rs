@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, IVec3};
 
-use super::teardrop::Teardrop;
+use super::Shape;
 use crate::scenario::Fill;
 
 /// A bond between two points of a meta-particle.
@@ -42,23 +42,36 @@ pub fn bond_reach(types: u32, contact_radius_ratio: f64) -> u32 {
 }
 
 impl MetaParticle {
+    /// The same, larger or smaller; sub-particles scale alike.
+    pub fn scaled(&self, scale: f64) -> Self {
+        Self {
+            points: self.points.iter().map(|&point| point * scale).collect(),
+            bonds: self.bonds.clone(),
+            volume_m3: self.volume_m3 * scale.powi(3),
+            reach_m: self.reach_m * scale,
+        }
+    }
+
     /// Fills a shape with sub-particles of `radius` in metres. The result is empty when no lattice point lies inside.
-    pub fn fill(shape: &Teardrop, radius: f64, fill: Fill, reach: u32) -> Self {
+    pub fn fill(shape: &impl Shape, radius: f64, fill: Fill, reach: u32) -> Self {
+        Self::fill_counting(shape, radius, fill, reach).0
+    }
+
+    /// As [`MetaParticle::fill`], and how many points inside were left out because they do not hang together with the
+    /// rest.
+    pub fn fill_counting(shape: &impl Shape, radius: f64, fill: Fill, reach: u32) -> (Self, usize) {
         let spacing = 2.0 * radius;
-        let counts = shape.size_m.map(|size| (size / spacing).ceil() as i32 + 2);
-        let centre = |cell: IVec3| {
-            let half = IVec3::from(counts).as_dvec3() / 2.0;
-            (cell.as_dvec3() + 0.5 - half) * spacing
-        };
+        let counts = shape.layers(spacing) + 2;
+        let centre = |cell: IVec3| (cell.as_dvec3() + 0.5 - counts.as_dvec3() / 2.0) * spacing;
         let mut cells = Vec::new();
-        for z in 0..counts[2] {
-            for y in 0..counts[1] {
-                for x in 0..counts[0] {
+        for z in 0..counts.z {
+            for y in 0..counts.y {
+                for x in 0..counts.x {
                     let cell = IVec3::new(x, y, z);
                     let point = centre(cell);
                     let inside = match fill {
                         Fill::Centres => shape.contains(point),
-                        Fill::WholeSpheres => directions().all(|d| shape.contains(point + d * radius)),
+                        Fill::WholeSpheres => shape.contains_sphere(point, radius),
                     };
                     if inside {
                         cells.push(cell);
@@ -66,27 +79,23 @@ impl MetaParticle {
                 }
             }
         }
+        let inside = cells.len();
         let cells = largest_component(cells);
         let mut points: Vec<DVec3> = cells.iter().map(|&cell| centre(cell)).collect();
         let centre_of_mass = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         points.iter_mut().for_each(|point| *point -= centre_of_mass);
-        Self {
+        let meta = Self {
             bonds: bonds(&cells, reach),
             reach_m: points.iter().map(|point| point.length()).fold(0.0, f64::max),
             volume_m3: shape.volume_m3(),
             points,
-        }
+        };
+        (meta, inside - cells.len())
     }
 }
 
-/// The 26 directions of a cube's faces, edges and corners, as unit vectors: enough to tell whether a sphere pokes
-/// through a surface much larger than itself.
-fn directions() -> impl Iterator<Item = DVec3> {
-    neighbour_steps().flat_map(|step| [step.as_dvec3().normalize(), -step.as_dvec3().normalize()])
-}
-
 /// Half of the 26 neighbours of a cell: those that come later in z, y, x order.
-fn neighbour_steps() -> impl Iterator<Item = IVec3> {
+pub(super) fn neighbour_steps() -> impl Iterator<Item = IVec3> {
     (14..27).map(|k| IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1))
 }
 
@@ -130,6 +139,7 @@ fn largest_component(cells: Vec<IVec3>) -> Vec<IVec3> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::teardrop::Teardrop;
     use super::*;
 
     const SIZE_1: Teardrop = Teardrop { size_m: [0.144, 0.072, 0.040], mirrored: false };

@@ -1,20 +1,120 @@
-//! The shapes of fillets and their lattices of bonded sub-particles.
+//! The shapes of products and their lattices of bonded sub-particles.
 //!
-//! [`teardrop`] is the surface, [`lattice`] fills it. Fillet `i` of a scenario has shape `i mod (2 × sizes)`: each
-//! size of Table 1 and its mirror image in turn.
+//! A [`Shape`] is what [`lattice`] fills: the fillet's [`teardrop`], a [`solid`] from a CAD file, a [`block`]. Fillet `i`
+//! of a scenario has shape `i mod (2 × sizes)`: each size of Table 1 and its mirror image in turn.
 
+pub mod block;
 pub mod lattice;
+pub mod solid;
 pub mod teardrop;
 
 use std::collections::HashMap;
+use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::mesh::Meshes;
+use glam::{DVec3, IVec3};
+
+use crate::mesh::{Mesh, Meshes, Units};
 use crate::scenario::{Fill, Product};
+use block::Block;
 use lattice::MetaParticle;
+use solid::Solid;
 use teardrop::Teardrop;
 
-type Key = ([u64; 4], bool, Fill, u32);
+/// What a lattice can fill. Its own origin is the centre of its box, and so of the lattice.
+pub trait Shape {
+    /// Sides of its box, in metres.
+    fn size_m(&self) -> DVec3;
+
+    /// Whether a point lies inside.
+    fn contains(&self, point: DVec3) -> bool;
+
+    /// Its volume, in m³.
+    fn volume_m3(&self) -> f64;
+
+    /// Layers of a lattice that its box takes along x, y and z.
+    fn layers(&self, spacing_m: f64) -> IVec3 {
+        (self.size_m() / spacing_m).ceil().as_ivec3()
+    }
+
+    /// Whether a sphere lies inside wholly. In 26 directions: enough to tell whether it pokes through a smooth surface
+    /// much larger than itself.
+    fn contains_sphere(&self, centre: DVec3, radius_m: f64) -> bool {
+        let steps = lattice::neighbour_steps().map(|step| step.as_dvec3().normalize());
+        steps.flat_map(|step| [step, -step]).all(|d| self.contains(centre + d * radius_m))
+    }
+}
+
+/// Why a mesh or a block is no product.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ShapeError {
+    /// Holes, or rims.
+    #[error(
+        "the mesh is open: {edges} of its edges belong to an odd number of triangles, and a product needs a closed surface"
+    )]
+    Open {
+        /// Such edges.
+        edges: usize,
+    },
+    /// Triangles that face opposite ways.
+    #[error(
+        "at {edges} edges of the mesh neighbours face opposite ways, which leaves open what is inside: let the CAD program unify the normals"
+    )]
+    Turned {
+        /// Such edges.
+        edges: usize,
+    },
+    /// Closed, and nothing in it.
+    #[error("the mesh encloses {volume_m3} m³, which is nothing: a sheet is no product")]
+    Flat {
+        /// The volume, in m³.
+        volume_m3: f64,
+    },
+    /// So fine a lattice that even looking at it would take too long.
+    #[error(
+        "sub-particles of radius {radius_m} m make {cells:.1e} lattice points in the shape's box, at most {MOST_CELLS:.0e} are taken"
+    )]
+    TooFine {
+        /// Radius of the sub-particles, in metres.
+        radius_m: f64,
+        /// Lattice points in the box.
+        cells: f64,
+    },
+    /// So coarse a lattice that none of its points is inside.
+    #[error("no sub-particle of radius {radius_m} m fits inside the shape, which is {} × {} × {} m", .size_m[0], .size_m[1], .size_m[2])]
+    NoPoint {
+        /// Radius of the sub-particles, in metres.
+        radius_m: f64,
+        /// Sides of its box, in metres.
+        size_m: [f64; 3],
+    },
+    /// Several bodies in one file, or bridges thinner than the lattice: what does not hang together would be lost.
+    #[error(
+        "the lattice falls into pieces: {kept} sub-particles hang together, {cut_off} are cut off from them; a product is one body, and a smaller radius keeps thin parts"
+    )]
+    Pieces {
+        /// Sub-particles of the largest piece.
+        kept: usize,
+        /// Sub-particles of all others.
+        cut_off: usize,
+    },
+}
+
+/// The most lattice points in the box of a mesh or a block: seconds of work.
+const MOST_CELLS: f64 = 2e6;
+
+/// What a fill is remembered by: the shape, the radius, how it was filled and bonded.
+type Key = (Form, u64, Fill, u32);
+
+/// A shape to the bit.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+enum Form {
+    /// Its sizes, and whether it is mirrored.
+    Teardrop([u64; 3], bool),
+    /// The digest of its file, and the units.
+    Mesh(String, Units),
+    Block([u32; 3]),
+}
 
 /// Points of remembered fills past which all are forgotten.
 const MOST_POINTS_KEPT: usize = 2_000_000;
@@ -22,27 +122,85 @@ const MOST_POINTS_KEPT: usize = 2_000_000;
 /// Fills seen before: validating a sweep asks for the same few thousands of times.
 static FILLS: Mutex<Option<HashMap<Key, Arc<MetaParticle>>>> = Mutex::new(None);
 
-/// The meta-particles of a product, one a shape.
+/// The meta-particles of a product, one a shape: that of its mesh, or each size and its mirror image. They are filled
+/// as they are and scaled afterwards.
+///
+/// # Errors
+/// A mesh that is no product; see [`from_mesh`].
+///
+/// # Panics
+/// When the product's mesh is not among `meshes`, or cannot be meant in its units.
 pub fn meta_particles(
     product: &Product,
-    _meshes: &Meshes,
+    meshes: &Meshes,
     bond_types: u32,
     contact_radius_ratio: f64,
-) -> Vec<Arc<MetaParticle>> {
-    let shapes = product.scaled_sizes_m().flat_map(|size| [(size, false), (size, true)]);
+) -> Result<Vec<Arc<MetaParticle>>, ShapeError> {
     let reach = lattice::bond_reach(bond_types, contact_radius_ratio);
-    shapes.map(|(size, mirrored)| fill(Teardrop { size_m: size, mirrored }, product, reach)).collect()
+    let (radius, fill) = (product.subparticle_radius_m, product.fill);
+    let scaled = |meta: Arc<MetaParticle>| match product.scale {
+        1.0 => meta,
+        scale => Arc::new(meta.scaled(scale)),
+    };
+    if let Some(named) = &product.mesh {
+        let stl = meshes.get(&named.digest).expect("the scenario's meshes are at hand");
+        let mesh = stl.in_units(named.units).expect("the size of the mesh was checked");
+        return Ok(vec![scaled(from_mesh(&mesh, radius, fill, reach)?)]);
+    }
+    let shapes = product.sizes_m.iter().flat_map(|&size_m| [(size_m, false), (size_m, true)]);
+    let filled = shapes.map(|(size_m, mirrored)| {
+        let form = Form::Teardrop(size_m.map(f64::to_bits), mirrored);
+        let shape = Teardrop { size_m, mirrored };
+        let filled = || Ok::<_, Infallible>(MetaParticle::fill(&shape, radius, fill, reach));
+        let Ok(meta) = remembered((form, radius.to_bits(), fill, reach), filled);
+        scaled(meta)
+    });
+    Ok(filled.collect())
 }
 
-fn fill(shape: Teardrop, product: &Product, reach: u32) -> Arc<MetaParticle> {
-    let [length, width, thickness] = shape.size_m;
-    let bits = [length, width, thickness, product.radius_m()].map(f64::to_bits);
-    let key = (bits, shape.mirrored, product.fill, reach);
+/// The meta-particle of a closed mesh, by sub-particles of a radius in metres; `reach` is [`lattice::bond_reach`].
+///
+/// # Errors
+/// A mesh that encloses nothing; a lattice too fine to look at, too coarse to leave a sub-particle or to hang together.
+pub fn from_mesh(
+    mesh: &Mesh,
+    radius_m: f64,
+    fill: Fill,
+    reach: u32,
+) -> Result<Arc<MetaParticle>, ShapeError> {
+    let key = (Form::Mesh(mesh.digest.clone(), mesh.units), radius_m.to_bits(), fill, reach);
+    remembered(key, || filled(&Solid::new(mesh)?, radius_m, fill, reach))
+}
+
+/// A block of sub-particles of a radius in metres; `reach` is [`lattice::bond_reach`].
+///
+/// # Errors
+/// More sub-particles than anyone would wait for, or none.
+pub fn from_block(counts: [u32; 3], radius_m: f64, reach: u32) -> Result<Arc<MetaParticle>, ShapeError> {
+    let key = (Form::Block(counts), radius_m.to_bits(), Fill::Centres, reach);
+    remembered(key, || filled(&Block { counts, radius_m }, radius_m, Fill::Centres, reach))
+}
+
+fn filled(shape: &impl Shape, radius_m: f64, fill: Fill, reach: u32) -> Result<MetaParticle, ShapeError> {
+    // The fill looks a layer beyond either side.
+    let cells = (shape.layers(2.0 * radius_m).as_dvec3() + 2.0).element_product();
+    if cells > MOST_CELLS {
+        return Err(ShapeError::TooFine { radius_m, cells });
+    }
+    let (meta, cut_off) = MetaParticle::fill_counting(shape, radius_m, fill, reach);
+    match meta.points.len() {
+        0 => Err(ShapeError::NoPoint { radius_m, size_m: shape.size_m().to_array() }),
+        kept if cut_off * 10 > kept => Err(ShapeError::Pieces { kept, cut_off }),
+        _ => Ok(meta),
+    }
+}
+
+fn remembered<E>(key: Key, fill: impl FnOnce() -> Result<MetaParticle, E>) -> Result<Arc<MetaParticle>, E> {
     let lock = || FILLS.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(known) = lock().as_ref().and_then(|fills| fills.get(&key).cloned()) {
-        return known;
+        return Ok(known);
     }
-    let filled = Arc::new(MetaParticle::fill(&shape, product.radius_m(), product.fill, reach));
+    let filled = Arc::new(fill()?);
     let mut fills = lock();
     let fills = fills.get_or_insert_default();
     // A sweep over the radius could grow this for ever; starting over costs milliseconds.
@@ -50,7 +208,7 @@ fn fill(shape: Teardrop, product: &Product, reach: u32) -> Arc<MetaParticle> {
         fills.clear();
     }
     fills.insert(key, filled.clone());
-    filled
+    Ok(filled)
 }
 
 /// Mass of one sub-particle of a meta-particle, in kilograms.

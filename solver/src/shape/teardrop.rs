@@ -8,6 +8,8 @@
 
 use glam::DVec3;
 
+use super::Shape;
+
 /// Exponents of the profile on the right (y > 0) side.
 const RIGHT: (f64, f64) = (0.5, 0.6);
 /// Exponents of the profile on the left (y < 0) side.
@@ -30,9 +32,12 @@ fn profile((a, b): (f64, f64), s: f64) -> f64 {
     (s / peak).powf(a) * ((1.0 - s) / (1.0 - peak)).powf(b)
 }
 
-impl Teardrop {
-    /// Whether a point lies inside.
-    pub fn contains(&self, point: DVec3) -> bool {
+impl Shape for Teardrop {
+    fn size_m(&self) -> DVec3 {
+        DVec3::from(self.size_m)
+    }
+
+    fn contains(&self, point: DVec3) -> bool {
         let [length, width, thickness] = self.size_m;
         let s = point.x / length + 0.5;
         if !(0.0..=1.0).contains(&s) {
@@ -45,8 +50,8 @@ impl Teardrop {
         v * v + w * w <= 1.0
     }
 
-    /// Volume in m³: L · π/2 · W/2 · T/2 · ∫ thickness (left + right) ds, by the midpoint rule.
-    pub fn volume_m3(&self) -> f64 {
+    /// L · π/2 · W/2 · T/2 · ∫ thickness (left + right) ds, by the midpoint rule.
+    fn volume_m3(&self) -> f64 {
         let [length, width, thickness] = self.size_m;
         let n = 20_000;
         let integral: f64 = (0..n)

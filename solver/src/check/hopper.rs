@@ -1,0 +1,98 @@
+//! Whether the fillets fit the hopper, and what else stands in it.
+
+use serde_json::json;
+
+use super::fault;
+use super::inside::{OVERLAP_RATIO, Other, clashes};
+use crate::engine::scene::Kind;
+use crate::experiments::hopper::scene;
+use crate::mesh::{Mesh, Meshes};
+use crate::scenario::{Equipment, Fault, Product, Scenario, SideWalls};
+
+/// Length, width and thickness of every size of fillet there is, scaled, in metres, and where it stands.
+fn sizes(product: &Product, meshes: &Meshes) -> Vec<(String, [f64; 3])> {
+    if let Some(named) = &product.mesh {
+        let mesh = meshes.get(&named.digest).and_then(|stl| stl.in_units(named.units).ok());
+        let size = |mesh: Mesh| ("/product/mesh".to_owned(), (mesh.size_m() * product.scale).to_array());
+        return mesh.map(size).into_iter().collect();
+    }
+    let there = |k: &usize| product.shape.is_none_or(|shape| shape as usize / 2 == *k);
+    let sizes = product.scaled_sizes_m().enumerate().filter(|(k, _)| there(k));
+    sizes.map(|(k, size)| (format!("size {k} of /product/sizes_m"), size)).collect()
+}
+
+/// Fillets that fit the hopper in no orientation, or are too many for its volume.
+pub(super) fn fit_faults(
+    scenario: &Scenario,
+    equipment: &Equipment,
+    meshes: &Meshes,
+    kinds: &[Kind],
+) -> Vec<Fault> {
+    let product = &scenario.product;
+    let radius = product.radius_m();
+    let mut faults = Vec::new();
+    let periodic = equipment.side_walls == SideWalls::Periodic;
+    for (named, size) in sizes(product, meshes) {
+        // Upright, a fillet needs its two lesser dimensions; the greater of those must fit both ways, with some
+        // room to turn or it would never be placed.
+        let mut sorted = size;
+        sorted.sort_unstable_by(f64::total_cmp);
+        let mut must_fit = |pointer: &str, room: f64, dimension: f64| {
+            let needs = dimension + 4.0 * radius;
+            if room < needs {
+                let detail = format!("fillets of {named} cannot fit between the walls");
+                faults.push(fault(pointer, room, detail, format!("at least {needs:.4} m")));
+            }
+        };
+        must_fit("/equipment/hopper_length_m", equipment.hopper_length_m, sorted[1]);
+        // A fillet must not meet its own image.
+        let across = if periodic { sorted[2] } else { sorted[1] };
+        must_fit("/equipment/hopper_width_m", equipment.hopper_width_m, across);
+    }
+    let area = equipment.hopper_length_m * equipment.hopper_width_m;
+    let lean = equipment.hopper_height_m * equipment.wall_slope_deg.to_radians().tan();
+    let volume =
+        area * equipment.hopper_height_m + lean * equipment.hopper_height_m / 2.0 * equipment.hopper_width_m;
+    let mean = kinds.iter().map(|kind| kind.meta.volume_m3).sum::<f64>() / kinds.len() as f64;
+    let most = (volume / mean) as u64;
+    if u64::from(product.count) > most {
+        faults.push(fault(
+            "/product/count",
+            product.count,
+            format!("the fillets alone take more than the hopper's {volume:.4} m³"),
+            format!("at most {most} fillets of these sizes, or a larger hopper"),
+        ));
+    }
+    faults
+}
+
+/// A hopper of no surfaces, or with one in the way of the fill.
+pub(super) fn surface_faults(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Vec<Fault> {
+    let pointer = "/equipment/surfaces";
+    if equipment.surfaces.is_empty() {
+        let nothing = || {
+            let detail = "is empty, and so nothing would hold the fillets".to_owned();
+            fault(pointer, json!([]), detail, "a hopper's surfaces, or /equipment/parametric true".to_owned())
+        };
+        return (!equipment.parametric).then(nothing).into_iter().collect();
+    }
+    let scene = scene(scenario, equipment, meshes);
+    let built_in = scene.surfaces.len() - equipment.surfaces.len();
+    let mut faults: Vec<Fault> = Vec::new();
+    for (fillet, other) in clashes(&scene) {
+        let Other::Surface(surface) = other else { continue };
+        let Some(index) = surface.checked_sub(built_in) else { continue };
+        let at = format!("{pointer}/{index}");
+        if faults.iter().all(|fault| fault.pointer != at) {
+            let name = &equipment.surfaces[index].name;
+            let detail =
+                format!("\"{name}\" is in the way of the fill: fillet {fillet} would start inside it");
+            let apart = (1.0 - OVERLAP_RATIO) * scene.radius_m;
+            let allowed = format!(
+                "sub-particles at least {apart:.2e} m from it, where fillets are stacked over the floor"
+            );
+            faults.push(fault(&at, json!(name), detail, allowed));
+        }
+    }
+    faults
+}

@@ -1,0 +1,141 @@
+//! What would start inside something: bodies in each other, bodies in or through a surface.
+//!
+//! Such a start is no scenario but a mistake: it would blow up, or a fillet would hang through a plate. Sub-particles may overlap by a
+//! tenth of R, since places are written with few digits.
+
+use std::cell::OnceCell;
+use std::collections::HashSet;
+
+use glam::{DVec3, IVec3, Vec3};
+
+use crate::engine::scene::{Kind, Placement, Scene};
+use crate::equipment::Surface;
+use crate::mesh::nearest::nearest_on_triangle;
+use crate::mesh::tree::{Span, Tree};
+
+/// Overlap that a start may have, as a share of R.
+pub(super) const OVERLAP_RATIO: f64 = 0.1;
+
+/// What a body starts inside of, by its number in the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Other {
+    Body(usize),
+    Surface(usize),
+}
+
+/// Every body that starts inside another or a surface, with the first of each that it is in.
+pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Other)> {
+    let lattices: Vec<OnceCell<Lattice>> = vec![OnceCell::new(); scene.kinds.len()];
+    let lattice =
+        |kind: usize| lattices[kind].get_or_init(|| Lattice::new(&scene.kinds[kind], scene.radius_m));
+    let sheets: Vec<Sheet<'_>> = scene.surfaces.iter().map(Sheet::new).collect();
+    let mut found = Vec::new();
+    for (number, body) in scene.bodies.iter().enumerate() {
+        let points = points(body, &scene.kinds[body.kind]);
+        let reach = |other: &Placement| scene.kinds[other.kind].meta.reach_m + 2.0 * scene.radius_m;
+        let inside = |other: &Placement| {
+            let near = body.position.distance(other.position) < reach(body) + reach(other);
+            near && lattice(other.kind).holds_any(&points, other, reach(other))
+        };
+        let earlier = scene.bodies[..number].iter().position(inside);
+        let crossed = sheets.iter().position(|sheet| sheet.cuts(&points, body, scene));
+        found.extend(earlier.map(|other| (number, Other::Body(other))));
+        found.extend(crossed.map(|other| (number, Other::Surface(other))));
+    }
+    found
+}
+
+/// Where the sub-particles of a body start, in metres.
+fn points(body: &Placement, kind: &Kind) -> Vec<DVec3> {
+    kind.meta.points.iter().map(|&point| body.position + body.orientation * point).collect()
+}
+
+/// The sub-particles of a kind by their cells: what is near a place is found without looking at all of them.
+#[derive(Clone)]
+struct Lattice {
+    first: DVec3,
+    spacing: f64,
+    cells: HashSet<IVec3>,
+    /// Nearer than this is inside, in metres.
+    apart: f64,
+}
+
+impl Lattice {
+    fn new(kind: &Kind, radius: f64) -> Self {
+        let (first, spacing) = (kind.meta.points.first().copied().unwrap_or_default(), 2.0 * radius);
+        let cell = |point: &DVec3| ((*point - first) / spacing).round().as_ivec3();
+        let cells = kind.meta.points.iter().map(cell).collect();
+        Self { first, spacing, cells, apart: (2.0 - OVERLAP_RATIO) * radius }
+    }
+
+    /// Whether one of some points lies inside a body of this kind, all of which is within `reach` of its place.
+    fn holds_any(&self, points: &[DVec3], body: &Placement, reach: f64) -> bool {
+        let turn = body.orientation.inverse();
+        let near = points.iter().filter(|point| point.distance(body.position) < reach);
+        near.map(|&point| turn * (point - body.position)).any(|point| self.holds(point))
+    }
+
+    /// Whether a point, in the kind's own axes, is nearer than allowed to a sub-particle: to a corner of the cell it is in, for
+    /// the lattice is wider than that.
+    fn holds(&self, point: DVec3) -> bool {
+        let at = (point - self.first) / self.spacing;
+        let low = at.floor().as_ivec3();
+        (0..8).map(|k| low + IVec3::new(k & 1, k >> 1 & 1, k >> 2)).any(|cell| {
+            (cell.as_dvec3() - at).length() * self.spacing < self.apart && self.cells.contains(&cell)
+        })
+    }
+}
+
+/// A surface, its triangles in a tree.
+struct Sheet<'a> {
+    surface: &'a Surface,
+    /// What the tree's boxes are relative to, in metres.
+    anchor: DVec3,
+    tree: Tree,
+}
+
+impl<'a> Sheet<'a> {
+    fn new(surface: &'a Surface) -> Self {
+        let anchor = surface.triangles.first().map_or(DVec3::ZERO, |triangle| triangle[0]);
+        let span = |triangle: &[DVec3; 3]| Span::around(triangle.map(|corner| (corner - anchor).as_vec3()));
+        let spans: Vec<Span> = surface.triangles.iter().map(span).collect();
+        Self { surface, anchor, tree: Tree::new(&spans) }
+    }
+
+    /// Whether a body starts in it or through it.
+    fn cuts(&self, points: &[DVec3], body: &Placement, scene: &Scene) -> bool {
+        let reach = scene.kinds[body.kind].meta.reach_m + scene.radius_m;
+        let mut cuts = false;
+        self.tree.within((body.position - self.anchor).as_vec3(), reach as f32, |k| {
+            cuts = cuts || self.triangle_cuts(&self.surface.triangles[k as usize], points, body, scene);
+        });
+        cuts
+    }
+
+    fn triangle_cuts(
+        &self,
+        triangle: &[DVec3; 3],
+        points: &[DVec3],
+        body: &Placement,
+        scene: &Scene,
+    ) -> bool {
+        let [a, b, c] = triangle;
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        // Relative to the body, where single precision is enough.
+        let local = |point: DVec3| (point - body.position).as_vec3();
+        let corners = triangle.map(local);
+        let distance = |point: Vec3| f64::from(nearest_on_triangle(point, &corners).distance(point));
+        let apart = (1.0 - OVERLAP_RATIO) * scene.radius_m;
+        let side: Vec<f64> = points.iter().map(|point| normal.dot(point - a)).collect();
+        let mut near = points.iter().zip(&side).filter(|(_, side)| side.abs() < apart);
+        if normal == DVec3::ZERO || near.any(|(&point, _)| distance(local(point)) < apart) {
+            return normal != DVec3::ZERO;
+        }
+        // Right between two layers of the lattice no sub-particle touches it, but bonds go through.
+        scene.kinds[body.kind].meta.bonds.iter().any(|bond| {
+            let (i, j) = (bond.i as usize, bond.j as usize);
+            let crossing = || points[i].lerp(points[j], side[i] / (side[i] - side[j]));
+            side[i] * side[j] < 0.0 && distance(local(crossing())) < OVERLAP_RATIO * scene.radius_m
+        })
+    }
+}

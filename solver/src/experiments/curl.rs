@@ -1,0 +1,69 @@
+//! How far fillets curl as they come out under the gate: the "curling" and "draping" of section 3.4, as a number.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::engine::scene::Scene;
+use crate::engine::state::State;
+use crate::observe::bend_angle_deg;
+use crate::shape::lattice::MetaParticle;
+
+/// Fillets are looked at while their centre of mass lies at most this far past the gate, in metres.
+const PAST_GATE_M: f64 = 0.2;
+
+/// The bend angles of the fillets just past the gate, sample by sample.
+#[derive(Debug)]
+pub(super) struct Curls {
+    /// The shape of each fillet.
+    shapes: Vec<Arc<MetaParticle>>,
+    samples: Vec<Curl>,
+}
+
+/// The bend angles of one sample, in degrees.
+#[derive(Debug)]
+struct Curl {
+    t_s: f64,
+    count: u32,
+    sum_deg: f64,
+    largest_deg: f64,
+}
+
+impl Curls {
+    pub(super) fn new(scene: &Scene) -> Self {
+        let shape = |kind: usize| scene.kinds[kind].meta.clone();
+        Self { shapes: scene.bodies.iter().map(|body| shape(body.kind)).collect(), samples: Vec::new() }
+    }
+
+    /// Takes in a sample. A fillet of which a part has left the simulation is passed over.
+    pub(super) fn note(&mut self, state: &State, now_s: f64) {
+        let mut curl = Curl { t_s: now_s, count: 0, sum_deg: 0.0, largest_deg: 0.0 };
+        for (body, range) in state.body_ranges() {
+            let shape = &self.shapes[body as usize];
+            let x = range.clone().map(|i| state.position(i).x).sum::<f64>() / range.len() as f64;
+            if range.len() != shape.points.len() || x <= 0.0 || x > PAST_GATE_M {
+                continue;
+            }
+            // From one sub-particle, so that a fillet across the periodic seam is whole.
+            let first = state.particles[range.start].position;
+            let points = state.particles[range].iter().map(|p| state.frame.between(first, p.position));
+            let points: Vec<DVec3> = points.map(|point| point.as_dvec3()).collect();
+            let Some(angle) = bend_angle_deg(&shape.points, &points) else { continue };
+            curl.count += 1;
+            curl.sum_deg += angle;
+            curl.largest_deg = curl.largest_deg.max(angle);
+        }
+        if curl.count > 0 {
+            self.samples.push(curl);
+        }
+    }
+
+    /// The mean over all fillets and samples until a time in seconds, and the largest angle; none when there were none.
+    pub(super) fn mean_and_largest_deg(&self, until_s: f64) -> Option<(f64, f64)> {
+        let samples = || self.samples.iter().take_while(|curl| curl.t_s <= until_s);
+        let count: u32 = samples().map(|curl| curl.count).sum();
+        let sum: f64 = samples().map(|curl| curl.sum_deg).sum();
+        let largest = samples().map(|curl| curl.largest_deg).fold(0.0, f64::max);
+        (count > 0).then(|| (sum / f64::from(count), largest))
+    }
+}

@@ -1,0 +1,207 @@
+//! Watching fillets hit their plates: which bonds hold, when each has settled, what has left the room over its plate.
+
+use serde_json::{Map, Value};
+
+use super::Watch;
+use super::drop::{GAP_RATIO, Grid};
+use crate::engine::run::{Decision, Director, Sample};
+use crate::engine::scene::{Placement, Scene};
+use crate::engine::state::State;
+use crate::observe::{Rest, Settling};
+use crate::result::{Curve, EndReason, Series};
+use crate::scenario::{Drop, Numerics, Scenario};
+
+/// The run is over once all have settled and have been at rest for this long, in seconds: what stands on its end and is about to
+/// topple has moved by then.
+const REST_FOR_S: f64 = 0.25;
+
+/// A fillet with this many times the kinetic energy that it was given has not got it from the fall: the bonds have made
+/// it, as the published ones do at S_n 1e7, S_t 1e5, and the run is unstable however slow each sub-particle still is.
+const ENERGY_MARGIN: f64 = 2.0;
+
+/// What is known of one fillet.
+#[derive(Clone, Debug)]
+struct Fillet {
+    bonds: u64,
+    /// Broken bonds of sub-particles that have left.
+    broken_and_gone: u64,
+    broken: u64,
+    settling: Settling,
+    /// More kinetic energy than this no passive body could have come to, in joule.
+    most_energy_j: f64,
+}
+
+impl Fillet {
+    fn bonds_intact_fraction(&self) -> f64 {
+        if self.bonds == 0 { 1.0 } else { 1.0 - self.broken as f64 / self.bonds as f64 }
+    }
+}
+
+/// The drop's director.
+#[derive(Debug)]
+pub(super) struct DropWatch {
+    numerics: Numerics,
+    grid: Grid,
+    fillets: Vec<Fillet>,
+    rest: Rest,
+    escaped_kg: f64,
+    max_overlap_m: f32,
+    radius_m: f64,
+    t_s: Vec<f64>,
+    kinetic_energy_j: Vec<f64>,
+    bonds_intact: Vec<f64>,
+    plate_force_n: Vec<f64>,
+}
+
+impl DropWatch {
+    pub(super) fn new(scenario: &Scenario, drop: &Drop, scene: &Scene, grid: Grid) -> Self {
+        // A free fall through the gap.
+        let gap_m = GAP_RATIO * scene.radius_m;
+        let (g, speed) = (scenario.numerics.gravity_m_s2, drop.speed_m_s);
+        let hits_at = (speed * speed + 2.0 * g * gap_m).sqrt();
+        let contact_s = 2.0 * gap_m / (speed + hits_at);
+        let contact = &scenario.contact;
+        let gamma =
+            contact.fillet_fillet.surface_energy_j_m2.max(contact.fillet_equipment.surface_energy_j_m2);
+        let neck_j = 2.0 * gamma * std::f64::consts::PI * scene.radius_m.powi(2);
+        let fillet = |body: &Placement| {
+            let kind = &scene.kinds[body.kind];
+            let (points, bonds) = (kind.meta.points.len() as f64, kind.meta.bonds.len());
+            let mass_kg = kind.subparticle_mass_kg * points;
+            let energy_j = 0.5 * mass_kg * hits_at * hits_at;
+            // What it hits with, what it may still fall, and what necks that form may give.
+            let given_j = energy_j + mass_kg * g * body.position.z + (points + bonds as f64) * neck_j;
+            Fillet {
+                bonds: bonds as u64,
+                broken_and_gone: 0,
+                broken: 0,
+                settling: Settling::new(contact_s, energy_j),
+                most_energy_j: ENERGY_MARGIN * given_j,
+            }
+        };
+        Self {
+            numerics: scenario.numerics.clone(),
+            grid,
+            fillets: scene.bodies.iter().map(fillet).collect(),
+            rest: Rest::default(),
+            escaped_kg: 0.0,
+            max_overlap_m: 0.0,
+            radius_m: scene.radius_m,
+            t_s: Vec::new(),
+            kinetic_energy_j: Vec::new(),
+            bonds_intact: Vec::new(),
+            plate_force_n: Vec::new(),
+        }
+    }
+
+    /// Looks at each fillet, and returns the serials of what has left the room over its plate; or what must not be.
+    fn look_at_fillets(&mut self, state: &State, now_s: f64) -> Result<Vec<u32>, String> {
+        let mut left = Vec::new();
+        let mut diverged = None;
+        for (number, range) in state.body_ranges() {
+            let (fillet, middle) = (&mut self.fillets[number as usize], self.grid.middle(number as usize));
+            let broken = |i: usize| u64::from(state.broken[i]);
+            fillet.broken = fillet.broken_and_gone + range.clone().map(broken).sum::<u64>();
+            let energy_j = state.kinetic_energy_of(range.clone());
+            fillet.settling.note(now_s, energy_j);
+            if energy_j > fillet.most_energy_j {
+                let most = fillet.most_energy_j;
+                diverged.get_or_insert(format!(
+                    "fillet {number} has {energy_j:.2e} J of kinetic energy; {most:.2e} J are twice what it can have come to"
+                ));
+            }
+            for i in range.filter(|&i| !self.grid.holds(state.position(i) - middle)) {
+                fillet.broken_and_gone += broken(i);
+                self.escaped_kg += f64::from(state.masses[i]);
+                left.push(state.serials[i]);
+            }
+        }
+        diverged.map_or(Ok(left), Err)
+    }
+
+    fn settle_times_s(&self) -> impl Iterator<Item = Option<f64>> {
+        self.fillets.iter().map(|fillet| fillet.settling.time_s())
+    }
+
+    fn is_done(&self) -> bool {
+        self.numerics.stop.when_done
+            && self.rest.since_s(REST_FOR_S).is_some()
+            && self.settle_times_s().all(|time| time.is_some())
+    }
+}
+
+impl Director for DropWatch {
+    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+        let Some(now_s) = sample.belt_time_s else { return Decision::Start };
+        let state = sample.state;
+        self.max_overlap_m = sample.max_overlap_m;
+        self.t_s.push(now_s);
+        self.kinetic_energy_j.push(state.kinetic_energy());
+        self.bonds_intact.push(state.bonds_intact_fraction());
+        self.plate_force_n.push(sample.surface_forces.iter().fold(0.0, |sum, force| sum - force.z));
+        self.rest.note(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
+        match self.look_at_fillets(state, now_s) {
+            Err(seen) => Decision::Diverged(seen),
+            Ok(_) if self.is_done() => Decision::End(EndReason::Done),
+            Ok(remove) => Decision::Continue { remove },
+        }
+    }
+
+    fn discharged_kg(&self) -> f64 {
+        0.0
+    }
+}
+
+impl Watch for DropWatch {
+    fn responses(&self, _reason: EndReason) -> Map<String, Value> {
+        let intact = || self.fillets.iter().map(Fillet::bonds_intact_fraction);
+        let settled: Vec<f64> = self.settle_times_s().flatten().collect();
+        let count = self.fillets.len();
+        let all = (settled.len() == count).then_some(&settled);
+        let mut responses = Map::new();
+        let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
+        add("bonds_intact_fraction", self.bonds_intact.last().copied().into());
+        add("lowest_bonds_intact_fraction", intact().reduce(f64::min).into());
+        add("settle_time_s", all.map(|times| times.iter().sum::<f64>() / count as f64).into());
+        add("longest_settle_time_s", all.and_then(|times| times.iter().copied().reduce(f64::max)).into());
+        add("settled_fraction", (settled.len() as f64 / count as f64).into());
+        add("max_overlap_ratio", (f64::from(self.max_overlap_m) / self.radius_m).into());
+        add("kinetic_energy_end_j", self.kinetic_energy_j.last().copied().into());
+        add("escaped_kg", self.escaped_kg.into());
+        responses
+    }
+
+    fn series(&self) -> Vec<Series> {
+        let series = |name: &str, unit: &str, values: &[f64]| Series {
+            name: name.into(),
+            unit: unit.into(),
+            t_s: self.t_s.clone(),
+            values: values.to_vec(),
+        };
+        vec![
+            series("kinetic_energy", "J", &self.kinetic_energy_j),
+            series("bonds_intact_fraction", "1", &self.bonds_intact),
+            series("plate_force", "N", &self.plate_force_n),
+        ]
+    }
+
+    // Per fillet, numbered from 0; those that have not settled have no time.
+    fn curves(&self) -> Vec<Curve> {
+        let curve = |name: &str, unit: &str, of: &dyn Fn(&Fillet) -> Option<f64>| {
+            let values = self.fillets.iter().enumerate().filter_map(|(i, f)| Some((i as f64, of(f)?)));
+            let (x, values) = values.unzip();
+            Curve {
+                name: name.into(),
+                unit: unit.into(),
+                over: "fillet".into(),
+                over_unit: "1".into(),
+                x,
+                values,
+            }
+        };
+        vec![
+            curve("bonds_intact_fraction", "1", &|fillet| Some(fillet.bonds_intact_fraction())),
+            curve("settle_time", "s", &|fillet| fillet.settling.time_s()),
+        ]
+    }
+}

@@ -1,0 +1,130 @@
+//! How far a fillet is bent: the turning of its centre line's tangent from end to end (paper Fig. 7, section 3.4).
+//!
+//! The tangent of a cross-section is the mean direction of the material that lay along the length (x) before it was bent:
+//! from each sub-particle to the next in its row of the lattice. The angle between the mean tangents of the two outermost
+//! tenths of the length is 0° for a flat fillet however it lies, 180° for one that is folded double, and counts an S as what its
+//! ends differ by. A fillet bent evenly along its whole length reads a tenth less than the arc between its tips.
+
+use glam::DVec3;
+
+/// Share of the length, at each end, that an end's tangent is the mean over.
+const END_SHARE: f64 = 0.1;
+
+/// The bend angle in degrees, 0 to 180, of a body whose sub-particles lay at `reference`, its length along x and sorted by z, y, x
+/// ([`crate::shape::lattice::MetaParticle::points`]), and now are at `current`, in the same order. Both are in metres, about
+/// any origin. None where no two sub-particles lie along the length, or an end has no direction.
+///
+/// # Panics
+/// When there are not as many points now as before.
+pub fn bend_angle_deg(reference: &[DVec3], current: &[DVec3]) -> Option<f64> {
+    assert_eq!(reference.len(), current.len(), "as many points now as before");
+    // Where in the length two sub-particles of one row lay, and how the material between them lies now.
+    let along: Vec<(f64, DVec3)> = reference
+        .windows(2)
+        .zip(current.windows(2))
+        .filter(|(before, _)| {
+            let d = before[1] - before[0];
+            d.x > 0.0 && d.truncate().with_x(d.z).length() < 1e-3 * d.x
+        })
+        .map(|(before, now)| ((before[0].x + before[1].x) / 2.0, now[1] - now[0]))
+        .collect();
+    let low = along.iter().map(|(x, _)| *x).fold(f64::INFINITY, f64::min);
+    let high = along.iter().map(|(x, _)| *x).fold(f64::NEG_INFINITY, f64::max);
+    // A little more than the share, so that rounding leaves no sub-particle of a lattice's layer out.
+    let end = (END_SHARE + 1e-6) * (high - low);
+    let tangent = |inside: &dyn Fn(f64) -> bool| {
+        along.iter().filter(|(x, _)| inside(*x)).map(|(_, d)| d).sum::<DVec3>().try_normalize()
+    };
+    let (blunt, tail) = (tangent(&|x| x <= low + end)?, tangent(&|x| x >= high - end)?);
+    // Sharper than the arc cosine near 0 and 180°.
+    Some(blunt.cross(tail).length().atan2(blunt.dot(tail)).to_degrees())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use glam::DQuat;
+
+    use super::*;
+    use crate::scenario::Fill;
+    use crate::shape::lattice::MetaParticle;
+    use crate::shape::teardrop::Teardrop;
+
+    const SIZE_M: [f64; 3] = [0.172, 0.072, 0.032];
+
+    fn fillet(radius: f64) -> Vec<DVec3> {
+        MetaParticle::fill(&Teardrop { size_m: SIZE_M, mirrored: false }, radius, Fill::Centres, 1).points
+    }
+
+    /// The points bent to an arc of `radius` metres about the y axis, plane sections staying plane.
+    fn bent(points: &[DVec3], radius: f64) -> Vec<DVec3> {
+        let bend = |p: &DVec3| {
+            let (sin, cos) = (p.x / radius).sin_cos();
+            DVec3::new((radius + p.z) * sin, p.y, (radius + p.z) * cos)
+        };
+        points.iter().map(bend).collect()
+    }
+
+    #[test]
+    fn a_flat_fillet_is_flat_however_it_lies() {
+        for radius in [0.003, 0.004, 0.009] {
+            let flat = fillet(radius);
+            let turn = DQuat::from_scaled_axis(DVec3::new(0.3, -1.1, 0.7));
+            let moved: Vec<DVec3> = flat.iter().map(|&p| turn * p + DVec3::ONE).collect();
+            assert!(bend_angle_deg(&flat, &moved).unwrap() < 1e-9, "R = {radius}");
+        }
+    }
+
+    #[test]
+    fn an_arc_reads_the_turning_between_the_middles_of_its_outer_tenths() {
+        for (radius, arc) in [(0.002, 0.05), (0.002, 0.2), (0.004, 0.08)] {
+            let flat = fillet(radius);
+            // Between the outermost rows' middles; the outermost layers hold few sub-particles, so the means lie further in.
+            let (low, high) = flat.iter().fold((f64::MAX, f64::MIN), |(a, b), p| (a.min(p.x), b.max(p.x)));
+            let whole = ((high - low - 2.0 * radius) / arc).to_degrees();
+            let found = bend_angle_deg(&flat, &bent(&flat, arc)).unwrap();
+            assert!((0.85..0.95).contains(&(found / whole)), "{found} of {whole}");
+        }
+    }
+
+    #[test]
+    fn a_folded_fillet_reads_half_a_turn() {
+        // Straight legs, and between them a half circle of 1 cm about x = 0.
+        let flat = fillet(0.002);
+        let half = PI * 0.01 / 2.0;
+        let fold = |p: &DVec3| {
+            let turn = DQuat::from_rotation_y(p.x.clamp(-half, half) / 0.01);
+            let leg = p.x - p.x.clamp(-half, half);
+            turn * DVec3::new(leg, p.y, 0.01 + p.z)
+        };
+        let folded: Vec<DVec3> = flat.iter().map(fold).collect();
+        let found = bend_angle_deg(&flat, &folded).unwrap();
+        assert!((found - 180.0).abs() < 1e-6, "{found}");
+    }
+
+    #[test]
+    fn an_s_reads_what_its_ends_differ_by() {
+        let flat = fillet(0.003);
+        let wave = |p: &DVec3| DVec3::new(p.x, p.y, p.z + 0.02 * (p.x * 40.0).sin());
+        let found = bend_angle_deg(&flat, &flat.iter().map(wave).collect::<Vec<_>>()).unwrap();
+        let slope = |x: f64| (0.8 * (x * 40.0).cos()).atan().to_degrees();
+        let (low, high) = flat.iter().fold((f64::MAX, f64::MIN), |(a, b), p| (a.min(p.x), b.max(p.x)));
+        let ends = |share: f64| {
+            let inwards = share * (high - low);
+            (slope(low + inwards) - slope(high - inwards)).abs()
+        };
+        let (a, b) = (ends(0.02), ends(0.1));
+        assert!((a.min(b)..=a.max(b)).contains(&found), "{found} is not between {a} and {b}");
+    }
+
+    #[test]
+    fn what_has_no_length_has_no_angle() {
+        let column = [DVec3::ZERO, DVec3::Z, DVec3::Z * 2.0];
+        assert_eq!(bend_angle_deg(&column, &column), None);
+        assert_eq!(bend_angle_deg(&[], &[]), None);
+        let pair = [DVec3::ZERO, DVec3::X];
+        assert_eq!(bend_angle_deg(&pair, &[DVec3::ONE; 2]), None);
+        assert_eq!(bend_angle_deg(&pair, &pair), Some(0.0));
+    }
+}

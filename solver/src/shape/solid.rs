@@ -1,0 +1,137 @@
+//! A closed mesh as a shape: what the triangles of a CAD file enclose.
+//!
+//! A point is inside when the mesh winds round it: along a ray towards +x, crossings from inside to outside are counted
+//! up, others down, and the sum is not zero. Bodies that overlap in one file so are one, a body within another is a
+//! hollow when it faces inwards. Whether the ray passes a triangle is decided edge by edge, by arithmetic that gives
+//! both triangles at an edge the same answer: a ray right through an edge or a corner is never lost nor counted twice.
+
+use std::cell::Cell;
+
+use glam::{DVec3, IVec3, Vec3};
+
+use super::{Shape, ShapeError};
+use crate::mesh::Mesh;
+use crate::mesh::nearest::nearest_on_long_triangle;
+use crate::mesh::tree::{Span, Tree};
+
+/// What lies this near to the surface lies on it, as a share of the longest side: some roundings of `f32`.
+const HAIR: f64 = 1e-6;
+/// A closed mesh of less volume than this share of its longest side cubed is a sheet.
+const LEAST_VOLUME: f64 = 1e-9;
+
+/// A closed mesh, with the origin at the centre of its box.
+#[derive(Clone, Debug)]
+pub struct Solid {
+    triangles: Vec<[Vec3; 3]>,
+    tree: Tree,
+    size_m: DVec3,
+    volume_m3: f64,
+    /// See [`HAIR`], in metres.
+    hair: f32,
+}
+
+impl Solid {
+    /// What a mesh encloses.
+    ///
+    /// # Errors
+    /// A mesh that encloses nothing.
+    pub fn new(mesh: &Mesh) -> Result<Self, ShapeError> {
+        let (size_m, longest) = (mesh.size_m(), mesh.size_m().max_element());
+        let volume_m3 = mesh.signed_volume_m3.abs();
+        match () {
+            () if !mesh.is_closed() => return Err(ShapeError::Open { edges: mesh.open_edges }),
+            () if !mesh.is_oriented() => return Err(ShapeError::Turned { edges: mesh.turned_edges }),
+            () if volume_m3 < LEAST_VOLUME * longest.powi(3) => return Err(ShapeError::Flat { volume_m3 }),
+            () => {}
+        }
+        let centre = (mesh.low + mesh.high) / 2.0;
+        let triangles: Vec<[Vec3; 3]> =
+            mesh.triangles.iter().map(|corners| corners.map(|p| (p - centre).as_vec3())).collect();
+        let spans: Vec<Span> = triangles.iter().copied().map(Span::around).collect();
+        Ok(Self { tree: Tree::new(&spans), triangles, size_m, volume_m3, hair: (HAIR * longest) as f32 })
+    }
+
+    /// How often the mesh winds round a point.
+    fn winding(&self, p: Vec3) -> i32 {
+        let (low, high) = (p - self.hair, p + self.hair);
+        let ahead = |span: &Span| {
+            let beside = low.cmpgt(span.high) | high.cmplt(span.low);
+            !(beside.y || beside.z) && low.x <= span.high.x
+        };
+        let mut winding = 0;
+        self.tree.visit(ahead, |k| winding += crossing(&self.triangles[k as usize], p));
+        winding
+    }
+
+    /// Whether the surface comes within `reach` metres of a point.
+    fn is_near(&self, p: Vec3, reach: f32) -> bool {
+        let near = Cell::new(false);
+        self.tree.visit(
+            |span| !near.get() && span.distance2(p) <= reach * reach,
+            |k| {
+                let triangle = self.triangles[k as usize].map(|corner| corner.as_dvec3());
+                let q = nearest_on_long_triangle(p.as_dvec3(), &triangle).as_vec3();
+                near.set(near.get() || q.distance(p) <= reach);
+            },
+        );
+        near.get()
+    }
+}
+
+/// 1 when a ray from `p` towards +x leaves through a triangle, −1 when it enters, else 0.
+fn crossing(triangle: &[Vec3; 3], p: Vec3) -> i32 {
+    let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
+    let p = p.as_dvec3();
+    let winding = around(a, b, p) + around(b, c, p) + around(c, a, p);
+    if winding == 0 {
+        return 0;
+    }
+    let n = (b - a).cross(c - a);
+    // Where the ray meets the plane: between the corners, however steep that is.
+    let beyond = (n.y * (p.y - a.y) + n.z * (p.z - a.z)) / n.x;
+    let (low, high) = (a.min(b).min(c).x, a.max(b).max(c).x);
+    let x = if beyond.is_finite() { (a.x - beyond).clamp(low, high) } else { (low + high) / 2.0 };
+    if x > p.x { winding } else { 0 }
+}
+
+/// What an edge adds to how often its triangle's shadow on the plane x = 0 winds round that of `p`: 1 or −1 when it passes
+/// `p` on the side of +y. From whichever end it is looked at, the lower corner is taken first: the answers of both of
+/// its triangles are opposite to the bit.
+fn around(from: DVec3, to: DVec3, p: DVec3) -> i32 {
+    let up = to.z > p.z;
+    if (from.z > p.z) == up {
+        return 0;
+    }
+    let (low, high) = if up { (from, to) } else { (to, from) };
+    let side = (high.y - low.y) * (p.z - low.z) - (p.y - low.y) * (high.z - low.z);
+    match side > 0.0 {
+        true if up => 1,
+        true => -1,
+        false => 0,
+    }
+}
+
+impl Shape for Solid {
+    fn size_m(&self) -> DVec3 {
+        self.size_m
+    }
+
+    fn layers(&self, spacing_m: f64) -> IVec3 {
+        // A box of whole layers must not get one more by the rounding of its corners.
+        ((self.size_m - f64::from(self.hair)) / spacing_m).ceil().as_ivec3()
+    }
+
+    /// The surface itself is inside, wherever the file's numbers were rounded to.
+    fn contains(&self, point: DVec3) -> bool {
+        let p = point.as_vec3();
+        self.winding(p) != 0 || self.is_near(p, self.hair)
+    }
+
+    fn contains_sphere(&self, centre: DVec3, radius_m: f64) -> bool {
+        self.contains(centre) && !self.is_near(centre.as_vec3(), radius_m as f32 - self.hair)
+    }
+
+    fn volume_m3(&self) -> f64 {
+        self.volume_m3
+    }
+}

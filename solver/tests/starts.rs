@@ -1,0 +1,279 @@
+//! What may not start where it is put: bodies in each other or in surfaces, held to a search through all sub-particles; and what
+//! scenes and drops cost.
+
+mod common;
+
+use std::time::{Duration, Instant};
+
+use common::{assert_close, document, prepare};
+use glam::{DQuat, DVec3};
+use roost_solver::engine::scene::Scene;
+use roost_solver::engine::state::State;
+use roost_solver::mesh::Meshes;
+use roost_solver::scenario::{self, Fault, Scenario};
+use roost_solver::{Limits, check};
+use serde_json::{Value, json};
+
+const RADIUS_M: f64 = 0.008;
+
+fn scene(fields: &[(&str, Value)]) -> Scenario {
+    let own = [("/experiment", json!("scene")), ("/product/subparticle_radius_m", json!(RADIUS_M))];
+    scenario::from_value(&document(&[&own[..], fields].concat())).expect("a sound scenario")
+}
+
+fn faults(scenario: &Scenario) -> Vec<Fault> {
+    check(scenario, &Meshes::default(), &Limits::default()).err().unwrap_or_default()
+}
+
+fn pointers(scenario: &Scenario) -> Vec<String> {
+    faults(scenario).into_iter().map(|fault| fault.pointer).collect()
+}
+
+/// Numbers that look drawn at random, from 0 to 1.
+struct Draw(u64);
+
+impl Draw {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.next()
+    }
+
+    fn angles(&mut self) -> Value {
+        json!([self.within(-180.0, 180.0), self.within(-180.0, 180.0), self.within(-180.0, 180.0)])
+    }
+}
+
+/// Where the sub-particles of each body start.
+fn points(scene: &Scene) -> Vec<Vec<DVec3>> {
+    let state = State::new(scene);
+    state.body_ranges().map(|(_, range)| range.map(|i| state.position(i)).collect()).collect()
+}
+
+#[test]
+fn bodies_are_inside_each_other_when_their_sub_particles_are() {
+    let mut draw = Draw(1);
+    let (mut inside, mut apart) = (0, 0);
+    for _ in 0..300 {
+        let place = json!([draw.within(-0.1, 0.1), draw.within(-0.1, 0.1), draw.within(0.0, 0.08)]);
+        let bodies = json!([
+            {"position_m": [0, 0, 0], "orientation_deg": draw.angles()},
+            {"shape": (draw.next() * 6.0) as u32, "position_m": place, "orientation_deg": draw.angles()},
+        ]);
+        let scenario = scene(&[("/scene/bodies", bodies)]);
+        let [a, b] = &points(&prepare(&scenario).scene)[..] else { panic!("two bodies") };
+        let least = a.iter().flat_map(|a| b.iter().map(|b| a.distance(*b))).fold(f64::INFINITY, f64::min);
+        let found = faults(&scenario);
+        if (least / RADIUS_M - 1.9).abs() < 1e-4 {
+            continue;
+        }
+        assert_eq!(!found.is_empty(), least < 1.9 * RADIUS_M, "{} R apart: {found:?}", least / RADIUS_M);
+        if let [fault] = &found[..] {
+            assert_eq!(fault.pointer, "/scene/bodies/1/position_m");
+            assert!(fault.detail.contains("/scene/bodies/0"), "{}", fault.detail);
+            inside += 1;
+        } else {
+            apart += 1;
+        }
+    }
+    assert!(inside > 50 && apart > 50, "{inside} inside, {apart} apart");
+}
+
+#[test]
+fn a_body_is_in_a_surface_when_a_sub_particle_or_a_bond_is() {
+    let mut draw = Draw(2);
+    let (mut inside, mut apart, mut between) = (0, 0, 0);
+    for k in 0..400 {
+        // A plate larger than the body, or one that fits between its sub-particles' rows.
+        let half = if k % 2 == 0 { 0.3 } else { 0.03 };
+        // Now and then right between two layers of the lattice, where nothing but bonds can tell.
+        let height = if k % 8 < 2 { RADIUS_M + draw.within(-7e-4, 7e-4) } else { draw.within(-0.1, 0.1) };
+        let place = json!([draw.within(-0.05, 0.05), draw.within(-0.05, 0.05), height]);
+        let turned = if k % 4 < 2 { json!([0, 0, 0]) } else { draw.angles() };
+        let scenario = scene(&[
+            ("/scene/bodies", json!([{"position_m": place, "orientation_deg": turned}])),
+            (
+                "/scene/surfaces",
+                json!([
+                    {"name": "far", "plate_m": [[0, 0, 5], [1, 0, 0], [0, 1, 0]]},
+                    {"name": "near", "plate_m": [[-half, -half, 0], [2.0 * half, 0, 0], [0, 2.0 * half, 0]]},
+                ]),
+            ),
+        ]);
+        let scene = prepare(&scenario).scene;
+        let points = &points(&scene)[0];
+        let off = |p: DVec3| p.distance(DVec3::new(p.x.clamp(-half, half), p.y.clamp(-half, half), 0.0));
+        let least = points.iter().map(|&p| off(p)).fold(f64::INFINITY, f64::min);
+        let crosses = scene.kinds[0].meta.bonds.iter().any(|bond| {
+            let (p, q) = (points[bond.i as usize], points[bond.j as usize]);
+            p.z * q.z < 0.0 && off(p.lerp(q, p.z / (p.z - q.z))) < 1e-9
+        });
+        if (least / RADIUS_M - 0.9).abs() < 1e-4 {
+            continue;
+        }
+        between += u32::from(crosses && least > 0.9 * RADIUS_M);
+        let found = faults(&scenario);
+        assert_eq!(!found.is_empty(), least < 0.9 * RADIUS_M || crosses, "{} R: {found:?}", least / RADIUS_M);
+        if let [fault] = &found[..] {
+            assert_eq!(fault.pointer, "/scene/bodies/0/position_m");
+            assert!(fault.detail.contains("\"near\" at /scene/surfaces/1"), "{}", fault.detail);
+            inside += 1;
+        } else {
+            apart += 1;
+        }
+    }
+    assert!(
+        inside > 50 && apart > 50 && between > 3,
+        "{inside} inside, {apart} apart, {between} between layers"
+    );
+}
+
+#[test]
+fn every_body_in_the_wrong_place_is_named_once_with_what_it_is_in() {
+    let scenario = scene(&[
+        (
+            "/scene/bodies",
+            json!([
+                {"position_m": [0, 0, 0]},
+                {"position_m": [0.01, 0, 0]},
+                {"position_m": [0.02, 0, 0]},
+                {"position_m": [0, 0, 1]},
+            ]),
+        ),
+        (
+            "/scene/surfaces",
+            json!([
+                {"name": "table", "plate_m": [[-1, -1, 1], [2, 0, 0], [0, 2, 0]], "presence": "until_start"},
+            ]),
+        ),
+        ("/numerics/timestep_s", json!(0.01)),
+    ]);
+    let found = faults(&scenario);
+    let told: Vec<(&str, bool)> = found
+        .iter()
+        .map(|fault| (fault.pointer.as_str(), fault.detail.contains("/scene/bodies/0")))
+        .collect();
+    assert_eq!(
+        told,
+        [
+            ("/numerics/timestep_s", false),
+            ("/scene/bodies/1/position_m", true),
+            ("/scene/bodies/2/position_m", true),
+            ("/scene/bodies/3/position_m", false),
+            ("/scene/surfaces/0/presence", false),
+        ]
+    );
+    assert_eq!(found[3].value, json!([0.0, 0.0, 1.0]));
+    assert!(found.iter().all(|fault| fault.allowed.is_some()));
+}
+
+#[test]
+fn a_full_heap_is_looked_at_in_a_moment() {
+    // 1000 fillets side by side, a hair apart, in five layers.
+    let bodies: Vec<Value> = (0..1000)
+        .map(|k| json!({"position_m": [0.16 * f64::from(k % 20), 0.08 * f64::from(k / 20 % 10), 0.05 * f64::from(k / 200)]}))
+        .collect();
+    let scenario =
+        scene(&[("/scene/bodies", json!(bodies)), ("/product/subparticle_radius_m", json!(0.004))]);
+    let clock = Instant::now();
+    assert_eq!(faults(&scenario), []);
+    assert!(clock.elapsed() < Duration::from_secs(3), "{:?}", clock.elapsed());
+}
+
+#[test]
+fn a_scene_of_too_many_forces_is_refused() {
+    let surfaces: Vec<Value> = (0..1000)
+        .map(|k| json!({"name": format!("plate {k}"), "plate_m": [[0, 0, -1], [1, 0, 0], [0, 1, 0]]}))
+        .collect();
+    let of = |interval: f64| {
+        scene(&[
+            ("/scene/bodies", json!([{"position_m": [0, 0, 0]}])),
+            ("/scene/surfaces", json!(surfaces)),
+            ("/numerics/output_interval_s", json!(interval)),
+        ])
+    };
+    // 3 components · 1000 surfaces · 2 s at 0.014 s are 4.3e5 numbers.
+    assert_eq!(pointers(&of(0.014)), ["/numerics/output_interval_s"]);
+    assert_eq!(faults(&of(0.016)), []);
+}
+
+#[test]
+fn costs_are_those_of_what_is_built_and_run() {
+    let drop = |fields: &[(&str, Value)]| {
+        let own = [("/experiment", json!("drop")), ("/product/count", json!(7))];
+        scenario::from_value(&document(&[&own[..], fields].concat())).expect("a sound scenario")
+    };
+    let free = scene(&[(
+        "/scene/bodies",
+        json!([{"shape": 4, "position_m": [0, 0, 0]}, {"position_m": [0, 0, 1]}]),
+    )]);
+    for (scenario, bodies) in [(drop(&[]), 7), (drop(&[("/product/shape", json!(3))]), 7), (free, 2)] {
+        let estimate = check(&scenario, &Meshes::default(), &Limits::default()).expect("accepted");
+        let prepared = prepare(&scenario);
+        let state = State::new(&prepared.scene);
+        assert_eq!((estimate.fillets, prepared.scene.bodies.len()), (bodies, bodies as usize));
+        assert_eq!(estimate.subparticles, state.particles.len() as u64);
+        assert_eq!(estimate.bonds, state.bonds_at_start);
+        assert_close(estimate.mass_kg, state.masses.iter().map(|&mass| f64::from(mass)).sum(), 1e-6);
+        // Nothing is filled before: two seconds at the paper's step.
+        assert_eq!(estimate.steps, (2.0f64 / 5.75e-5).ceil() as u64);
+        assert_eq!((prepared.plan.longest_fill_s, prepared.plan.duration_s), (0.0, 2.0));
+    }
+    // What is too much is told at the field that makes it so.
+    let few = Limits { max_subparticles: 100, max_steps: 100 };
+    let told = |scenario: &Scenario| -> Vec<String> {
+        let faults = check(scenario, &Meshes::default(), &few).expect_err("refused");
+        faults.into_iter().map(|fault| fault.pointer).collect()
+    };
+    assert_eq!(told(&drop(&[])), ["/product/count", "/numerics/duration_s"]);
+    let two = scene(&[("/scene/bodies", json!([{"position_m": [0, 0, 0]}, {"position_m": [0, 0, 0]}]))]);
+    assert_eq!(told(&two), ["/scene/bodies", "/numerics/duration_s"]);
+    let slide = scenario::from_value(&json!({"experiment": "slide"})).expect("a sound scenario");
+    assert_eq!(told(&slide), ["/product/subparticle_radius_m", "/slide/tilt_rate_deg_s"]);
+}
+
+#[test]
+fn a_hopper_of_ones_own_surfaces_is_checked() {
+    let hopper = |fields: &[(&str, Value)]| {
+        let few = [("/product/count", json!(20)), ("/product/subparticle_radius_m", json!(0.009))];
+        scenario::from_value(&document(&[&few[..], fields].concat())).expect("a sound scenario")
+    };
+    let plate = |name: &str, corner: [f64; 3], u: [f64; 3], v: [f64; 3]| json!({"name": name, "plate_m": [corner, u, v]});
+    let nothing = hopper(&[("/equipment/parametric", json!(false))]);
+    assert_eq!(pointers(&nothing), ["/equipment/surfaces"]);
+    // One beside the hopper, one across the fill: only that is in the way, and it is told once.
+    let beside = plate("table", [0.3, -0.3, -0.05], [0.5, 0.0, 0.0], [0.0, 0.6, 0.0]);
+    let across = plate("baffle", [-0.3, -0.3, 0.05], [0.3, 0.0, 0.0], [0.0, 0.6, 0.0]);
+    assert_eq!(faults(&hopper(&[("/equipment/surfaces", json!([beside]))])), []);
+    let found = faults(&hopper(&[("/equipment/surfaces", json!([beside, across]))]));
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(found[0].pointer, "/equipment/surfaces/1");
+    assert!(found[0].detail.contains("\"baffle\""), "{}", found[0].detail);
+}
+
+#[test]
+fn only_the_shapes_that_are_there_must_fit() {
+    let of = |shape: Value| {
+        scenario::from_value(&document(&[
+            ("/product/count", json!(2)),
+            ("/product/shape", shape),
+            ("/product/sizes_m", json!([[0.1, 0.05, 0.03], [0.3, 0.2, 0.1]])),
+            ("/equipment/hopper_length_m", json!(0.12)),
+        ]))
+        .expect("a sound scenario")
+    };
+    assert_eq!(faults(&of(json!(1))), []);
+    assert_eq!(pointers(&of(Value::Null)), ["/equipment/hopper_length_m"]);
+}
+
+#[test]
+fn orientation_is_yaw_then_pitch_then_roll() {
+    let turn = roost_solver::experiments::orientation([90.0, 90.0, 0.0]);
+    assert!((turn * DVec3::X).distance(DVec3::NEG_Z) < 1e-12, "pitch 90 points the tail down");
+    let turn = roost_solver::experiments::orientation([90.0, 0.0, 90.0]);
+    assert!((turn * DVec3::X).distance(DVec3::Y) < 1e-12 && (turn * DVec3::Y).distance(DVec3::Z) < 1e-12);
+    assert_eq!(roost_solver::experiments::orientation([0.0; 3]), DQuat::IDENTITY);
+}
