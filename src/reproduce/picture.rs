@@ -243,7 +243,7 @@ mod tests {
         let svg = picture.svg("two discs", 400.0);
         assert_eq!(svg.matches("<circle").count(), 2);
         assert!(svg.contains(&colour(0)) && svg.contains(&colour(1)) && colour(0) != colour(1));
-        assert!(svg.contains("20 mm") && svg.contains("two discs"), "{svg}");
+        assert!(svg.contains("5 mm") && svg.contains("two discs"), "{svg}");
         let empty = Picture { discs: Vec::new(), ..picture };
         assert_eq!(empty.svg("nothing", 400.0), "");
     }

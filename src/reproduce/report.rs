@@ -274,6 +274,9 @@ fn value(value: &Value) -> String {
 
 /// A share as signed per cent.
 fn percent(share: f64) -> String {
+    if share.abs() < 5e-4 {
+        return "0 %".to_owned();
+    }
     let text = significant_to(100.0 * share, 2);
     if share > 0.0 { format!("+{text} %") } else { format!("{} %", text.replace('-', "−")) }
 }
@@ -354,7 +357,8 @@ mod tests {
 
     #[test]
     fn numbers_for_people() {
-        assert_eq!([percent(0.0712), percent(-0.5), percent(1.5)], ["+7.1 %", "−50 %", "+150 %"]);
+        let shown = [0.0712, -0.5, 1.5, 3e-6].map(percent);
+        assert_eq!(shown, ["+7.1 %", "−50 %", "+150 %", "0 %"]);
         assert_eq!([significant_to(0.01234, 2), significant_to(0.0, 2)], ["0.012", "0"]);
     }
 }

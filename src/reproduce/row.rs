@@ -34,6 +34,8 @@ pub(super) struct Row {
 /// What is demanded of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Demand {
+    /// Up to rounding.
+    Exactly(f64),
     AtLeast(f64),
     AtMost(f64),
     Below(f64),
@@ -46,6 +48,7 @@ pub(super) enum Demand {
 impl Demand {
     fn is_met_by(self, value: f64) -> bool {
         match self {
+            Self::Exactly(expected) => (value - expected).abs() <= 1e-9 * expected.abs(),
             Self::AtLeast(least) => value >= least,
             Self::AtMost(most) => value <= most,
             Self::Below(limit) => value < limit,
@@ -60,6 +63,7 @@ impl fmt::Display for Demand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let s = significant;
         match *self {
+            Self::Exactly(expected) => write!(f, "= {}", s(expected)),
             Self::AtLeast(least) => write!(f, "≥ {}", s(least)),
             Self::AtMost(most) => write!(f, "≤ {}", s(most)),
             Self::Below(limit) => write!(f, "< {}", s(limit)),
@@ -164,6 +168,7 @@ mod tests {
     #[test]
     fn every_kind_of_demand_can_fail() {
         let cases = [
+            (Demand::Exactly(0.1 + 0.2), 0.3, 0.3001),
             (Demand::AtLeast(1.0), 1.0, 0.9),
             (Demand::AtMost(1.0), 1.0, 1.1),
             (Demand::Below(1.0), 0.9, 1.0),

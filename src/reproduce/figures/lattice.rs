@@ -35,7 +35,9 @@ pub(super) fn figures_2_and_3() -> Figure {
 /// The first shape with so many types and such a contact radius, relative to R.
 fn filled(types: u32, contact_radius_ratio: f64) -> Arc<MetaParticle> {
     let product = default_scenario().product;
-    meta_particles(&product, &Meshes::default(), types, contact_radius_ratio).swap_remove(0)
+    meta_particles(&product, &Meshes::default(), types, contact_radius_ratio)
+        .expect("teardrops are filled")
+        .swap_remove(0)
 }
 
 /// The most bonds that one sub-particle has.
@@ -71,20 +73,20 @@ fn told() -> Told {
     let rows = vec![
         Row::new(NAME, "contact radius over R past which one type bonds diagonally", "")
             .paper(2f64.sqrt())
-            .one(first_diagonal(1))
+            .from_all(first_diagonal(1), 0)
             .demand(Demand::Near(2f64.sqrt(), 1e-4)),
         Row::new(NAME, "diagonal bonds of two types at 1.732 R", "")
             .paper("none up to R√3")
-            .one(Some(two.bonds.iter().filter(|bond| bond.class > 1).count() as f64))
+            .from_all(Some(two.bonds.iter().filter(|bond| bond.class > 1).count() as f64), 0)
             .demand(Demand::AtMost(0.0))
             .note("at exactly √3 the body diagonals would bond, hence 1.732"),
         Row::new(NAME, "most bonds of a sub-particle, two types at 1.732 R", "")
-            .one(Some(most_bonds(&two) as f64))
-            .demand(Demand::Near(6.0, 0.0))
+            .from_all(Some(most_bonds(&two) as f64), 0)
+            .demand(Demand::Exactly(6.0))
             .note("the six nearest neighbours"),
         Row::new(NAME, "most bonds of a sub-particle, one type at 1.5 R", "")
-            .one(Some(most_bonds(&one) as f64))
-            .demand(Demand::Near(18.0, 0.0))
+            .from_all(Some(most_bonds(&one) as f64), 0)
+            .demand(Demand::Exactly(18.0))
             .note("twelve face diagonals more"),
     ];
     let illustrations = vec![

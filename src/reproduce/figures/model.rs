@@ -40,8 +40,8 @@ fn told_shapes() -> Told {
             rows.push(
                 Row::new(NAME, quantity, "mm")
                     .paper(paper)
-                    .one(Some(ours * 1e3))
-                    .demand(Demand::Near(paper, 1e-9)),
+                    .from_all(Some(ours * 1e3), 0)
+                    .demand(Demand::Exactly(paper)),
             );
         }
     }
@@ -51,14 +51,14 @@ fn told_shapes() -> Told {
     rows.push(
         Row::new(NAME, "mass of 191 fillets", "kg")
             .paper(38.21)
-            .one(Some(mass))
+            .from_all(Some(mass), 0)
             .demand(Demand::Near(38.21, 0.3821))
             .note("the teardrop fills 48.66 % of its box, chosen so that this holds"),
     );
     rows.push(
         Row::new(NAME, "sub-particles of 191 fillets", "")
             .paper(41_000.0)
-            .one(Some(count as f64))
+            .from_all(Some(count as f64), 0)
             .note("the paper says over 41,000; see below"),
     );
     let findings = vec![
@@ -137,8 +137,8 @@ fn told_parameters(scenario: &Value) -> Told {
         .iter()
         .map(|&(what, pointer, paper, unit, factor)| {
             let ours = scenario.pointer(pointer).and_then(Value::as_f64).map(|value| value * factor);
-            let row = Row::new(NAME, what, unit).paper(paper).one(ours);
-            row.demand(Demand::Near(paper, 1e-9 * paper)).note(format!("default of {pointer}"))
+            let row = Row::new(NAME, what, unit).paper(paper).from_all(ours, 0);
+            row.demand(Demand::Exactly(paper)).note(format!("default of {pointer}"))
         })
         .collect();
     let is_null = |pointer| scenario.pointer(pointer).is_some_and(Value::is_null);
@@ -152,7 +152,7 @@ fn told_parameters(scenario: &Value) -> Told {
     rows.push(
         Row::new(NAME, "density of a sub-particle", "kg/m³")
             .paper(2200.0)
-            .one(scenario.pointer("/product/subparticle_density_kg_m3").and_then(Value::as_f64))
+            .from_all(scenario.pointer("/product/subparticle_density_kg_m3").and_then(Value::as_f64), 0)
             .note("not used by default: see below"),
     );
     let findings = vec![
