@@ -22,6 +22,7 @@ fn surface(triangles: Vec<Triangle>) -> Surface {
     Surface {
         name: "from a file".into(),
         kind: SurfaceKind::Equipment,
+        friction: None,
         motion: Motion::Fixed,
         presence: Presence::Always,
         triangles,

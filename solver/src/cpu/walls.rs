@@ -18,6 +18,8 @@ pub struct Walls {
     posed_at: f64,
     /// How far any point of a surface may have moved since the lists were built, in metres.
     moved_m: f64,
+    /// The same since the run began, in metres.
+    moved_in_all_m: f64,
 }
 
 #[derive(Debug)]
@@ -96,8 +98,13 @@ impl Pose {
 impl Walls {
     /// The surfaces of a scene.
     pub fn new(scene: &Scene, frame: &Frame) -> Self {
-        let mut walls =
-            Self { surfaces: Vec::new(), facets: Vec::new(), posed_at: f64::NEG_INFINITY, moved_m: 0.0 };
+        let mut walls = Self {
+            surfaces: Vec::new(),
+            facets: Vec::new(),
+            posed_at: f64::NEG_INFINITY,
+            moved_m: 0.0,
+            moved_in_all_m: 0.0,
+        };
         for (k, surface) in scene.surfaces.iter().enumerate() {
             let corners = || surface.triangles.iter().flatten();
             // Facets relative to a point in their midst keep more digits; what turns must be relative to its pivot.
@@ -146,6 +153,7 @@ impl Walls {
             fastest = fastest.max(surface.motion.top_speed(surface.reach));
         }
         self.moved_m += fastest * elapsed;
+        self.moved_in_all_m += fastest * elapsed;
     }
 
     /// t = 0 is now: what was there only until the start goes.
@@ -159,6 +167,11 @@ impl Walls {
     /// How far any point of a surface may have moved since the lists were built, in metres.
     pub fn moved_m(&self) -> f32 {
         self.moved_m as f32
+    }
+
+    /// How far any point of a surface may have moved since the run began, in metres.
+    pub fn moved_in_all_m(&self) -> f64 {
+        self.moved_in_all_m
     }
 
     /// The lists were built for where the surfaces are now.
