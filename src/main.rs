@@ -8,6 +8,7 @@ mod input;
 mod list;
 mod meshes;
 mod output;
+mod reproduce;
 mod results;
 mod retry;
 mod run;
@@ -55,6 +56,7 @@ enum Command {
     Validate(validate::Args),
     Cancel(cancel::Args),
     Retry(retry::Args),
+    Reproduce(reproduce::Args),
 }
 
 impl Command {
@@ -81,6 +83,7 @@ impl Command {
             Self::Validate(args) => validate::execute(&args),
             Self::Cancel(args) => cancel::execute(args).await,
             Self::Retry(args) => retry::execute(args).await,
+            Self::Reproduce(args) => reproduce::execute(args).await,
         }
     }
 }
