@@ -6,7 +6,9 @@ mod exit;
 mod farm;
 mod input;
 mod list;
+mod meshes;
 mod output;
+mod reproduce;
 mod results;
 mod retry;
 mod run;
@@ -54,6 +56,7 @@ enum Command {
     Validate(validate::Args),
     Cancel(cancel::Args),
     Retry(retry::Args),
+    Reproduce(reproduce::Args),
 }
 
 impl Command {
@@ -80,6 +83,7 @@ impl Command {
             Self::Validate(args) => validate::execute(&args),
             Self::Cancel(args) => cancel::execute(args).await,
             Self::Retry(args) => retry::execute(args).await,
+            Self::Reproduce(args) => reproduce::execute(args).await,
         }
     }
 }

@@ -9,7 +9,7 @@ use roost_api::{RunResult, Series};
 use serde_json::json;
 
 use crate::exit::BadInput;
-use crate::ui::plot::{self, Curve, Look, Panel};
+use crate::ui::plot::{self, Curve, Panel};
 
 const FILES: [&str; 3] = ["result.json", "series.csv", "curve.svg"];
 
@@ -121,8 +121,8 @@ fn panels(result: &RunResult) -> Vec<Panel> {
 }
 
 fn panel(x_label: String, name: &str, unit: &str, points: Vec<(f64, f64)>) -> Panel {
-    let curve = Curve { label: String::new(), look: Look::default(), points };
-    Panel { x_label, y_label: label(name, unit), curves: vec![curve] }
+    let curve = Curve { points, ..Curve::default() };
+    Panel { x_label, y_label: label(name, unit), curves: vec![curve], ..Panel::default() }
 }
 
 /// A quantity in words, with its unit.

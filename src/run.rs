@@ -6,6 +6,7 @@ use anyhow::Result;
 use roost_api::job::AttemptOutcome;
 use roost_api::{Phase, Progress, RunResult};
 use roost_solver::{Limits, scenario};
+use roost_worker::meshes::MeshSource;
 use roost_worker::runner::{Run, RunEnd, Stop};
 use serde_json::json;
 use tokio_util::sync::CancellationToken;
@@ -15,7 +16,7 @@ use crate::ui;
 use crate::ui::meter::Meter;
 use crate::ui::{format, table::Table};
 use crate::work::threads;
-use crate::{input, output, signals};
+use crate::{input, meshes, output, signals};
 
 /// Run one scenario here, without a server
 ///
@@ -50,10 +51,10 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         let text = format!("{name} is a sweep, and this runs one scenario; `roost submit` takes sweeps");
         return Err(BadInput(text).into());
     }
-    let bad = |faults: Vec<_>| input::faults(&args.scenario, &faults);
-    let scenario = scenario::from_value(&document).map_err(bad)?;
-    let estimate = roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
-        .map_err(bad)?;
+    let named = meshes::resolve(&args.scenario, document).without_a_server();
+    let bad = |faults: Vec<_>| input::faults(&args.scenario, &named.faults_and(faults));
+    let scenario = scenario::from_value(&named.document).map_err(bad)?;
+    let estimate = roost_solver::check(&scenario, &named.meshes, &Limits::default()).map_err(bad)?;
     for warning in &estimate.warnings {
         eprintln!("warning: {warning}");
     }
@@ -67,7 +68,8 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         format::significant(estimate.timestep_s),
     );
 
-    let end = watch(Run::start(json!(scenario), args.threads.into(), None), &shutdown).await;
+    let meshes = MeshSource::Given(named.meshes);
+    let end = watch(Run::start(json!(scenario), meshes, args.threads.into(), None), &shutdown).await;
     let (result, exit) = match end {
         RunEnd::Finished(result) => (result, Exit::Done),
         RunEnd::Failed { outcome, message, result: Some(result) } => {

@@ -11,9 +11,11 @@ use serde_json::{Value, json};
 use crate::exit::Exit;
 use crate::input::{self, Kind};
 use crate::ui;
-use crate::{signals, target, watch};
+use crate::{meshes, signals, target, watch};
 
 /// Submit a scenario or a sweep to a server
+///
+/// STL files that it names are uploaded first, unless the server has them.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// A JSON file with a scenario, or a sweep (it has a `base`); `-` reads stdin
@@ -38,13 +40,15 @@ pub(crate) struct Args {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let mut document = input::read(&args.file)?;
+    let named = meshes::resolve(&args.file, input::read(&args.file)?).checked(&args.file)?;
+    let mut document = named.document.clone();
     let kind = Kind::of(&document);
     if kind == Kind::Scenario {
         document = json!({ "scenario": document });
     }
     add_options(&mut document, &args);
     let client = args.server.client()?;
+    named.upload(&client).await?;
     let refused = |error| refusal(&args.file, kind, error);
     if kind == Kind::Sweep {
         let mut sweep: SweepView = client.submit_document("sweeps", &document).await.map_err(refused)?;

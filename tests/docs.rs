@@ -108,7 +108,8 @@ fn every_response_is_explained() {
         let comma = if section.is_empty() { "" } else { "," };
         let text = format!(r#"{{"experiment": "{experiment}", {product}{comma} {section}}}"#);
         let scenario = roost_solver::scenario::parse(&text).expect("a sound scenario");
-        let watch = roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).watch;
+        let watch =
+            roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).watch;
         let responses = watch.responses(roost_solver::result::EndReason::Duration);
         let series = watch.series().into_iter().map(|series| series.name);
         let curves = watch.curves().into_iter().map(|curve| curve.name);

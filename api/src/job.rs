@@ -59,6 +59,7 @@ macro_rules! words {
         }
     };
 }
+pub(crate) use words;
 
 words!(
     /// The state of a job; the diagram stands above.

@@ -6,6 +6,7 @@
 pub mod ids;
 pub mod job;
 pub mod lease;
+pub mod mesh;
 pub mod page;
 pub mod problem;
 pub mod sweep;

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use roost_api::Progress;
 use roost_api::ids::JobId;
 use roost_api::job::{JobState, JobView};
+use roost_solver::mesh::Meshes;
 use tokio::sync::{Notify, Semaphore};
 use tokio_util::sync::CancellationToken;
 
@@ -25,10 +26,23 @@ pub(crate) struct AppState {
     pub(crate) work: Notify,
     /// Long documents that are read at once.
     pub(crate) deliveries: Arc<Semaphore>,
+    /// STL files that are taken in at once.
+    pub(crate) uploads: Arc<Semaphore>,
+    /// Meshes for the checks of submissions.
+    pub(crate) shelf: tokio::sync::Mutex<Shelf>,
     /// Ends everything that waits.
     pub(crate) shutdown: CancellationToken,
     /// How far running jobs have come: worth showing, not worth a write.
     pub(crate) progress: ProgressBoard,
+}
+
+/// Meshes that were read before, so that the submissions of one design read each file once. When it is full, all are
+/// forgotten: reading one takes milliseconds.
+#[derive(Default)]
+pub(crate) struct Shelf {
+    pub(crate) meshes: Meshes,
+    /// Triangles of all of them.
+    pub(crate) triangles: u64,
 }
 
 /// The latest progress of each running job.

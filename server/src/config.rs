@@ -31,6 +31,10 @@ pub struct ServerConfig {
     pub max_body_bytes: usize,
     /// Size of a result that a worker delivers.
     pub max_result_bytes: usize,
+    /// Size of an STL file.
+    pub max_mesh_bytes: usize,
+    /// Triangles of all meshes that one document names.
+    pub max_mesh_triangles: u64,
 }
 
 impl Default for ServerConfig {
@@ -46,6 +50,8 @@ impl Default for ServerConfig {
             max_jobs_per_sweep: 100_000,
             max_body_bytes: 4 * 1024 * 1024,
             max_result_bytes: 32 * 1024 * 1024,
+            max_mesh_bytes: roost_api::mesh::MAX_BYTES,
+            max_mesh_triangles: 1_000_000,
         }
     }
 }

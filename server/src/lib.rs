@@ -1,6 +1,6 @@
 //! The Roost server: a durable queue of jobs, sweeps, and the HTTP API to both.
 //!
-//! `http` answers requests; `document` and `validation` read what was submitted, `queue` decides, `sweep`
+//! `http` answers requests; `document`, `mesh` and `validation` read what was submitted, `queue` decides, `sweep`
 //! expands designs (all pure, the clock an argument); `store` keeps everything in one SQLite file. axum is
 //! used in `http` only, sqlx in `store` only: a test looks.
 
@@ -9,6 +9,7 @@ mod clock;
 mod config;
 mod document;
 mod http;
+mod mesh;
 mod queue;
 mod reaper;
 mod server;

@@ -94,7 +94,9 @@ impl Server {
             store,
             clock,
             work: Notify::new(),
-            deliveries: Arc::new(Semaphore::new(http::AT_ONCE)),
+            deliveries: Arc::new(Semaphore::new(http::DELIVERIES_AT_ONCE)),
+            uploads: Arc::new(Semaphore::new(http::UPLOADS_AT_ONCE)),
+            shelf: Default::default(),
             shutdown: CancellationToken::new(),
             progress: ProgressBoard::default(),
         });

@@ -6,7 +6,6 @@ use std::f64::consts::PI;
 
 use common::{Bench, E, G, MASS, NU, RADIUS, assert_close, at, block, law, plate, scene};
 use glam::{DVec3, Vec3};
-use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::run::{Decision, Director, Plan, Sample, run};
 use roost_solver::equipment::SurfaceKind;
@@ -189,7 +188,7 @@ fn a_run_remembers_the_greatest_overlap_of_a_collision_long_past() {
     let scene = scene(block([1, 1, 1]), bodies.to_vec(), 1e-5);
     let plan = Plan { sample_interval_s: 1e-3, longest_fill_s: 1.0, duration_s: 0.1 };
     let mut overlaps = Overlaps(Vec::new());
-    let ended = run(&Cpu::new(1), &scene, plan, &mut overlaps, &mut |_: &Progress| Flow::Continue);
+    let ended = run(&common::backend(1), &scene, plan, &mut overlaps, &mut |_: &Progress| Flow::Continue);
     assert_eq!(ended.reason, EndReason::Duration);
     let (v, m_star, r_star) = (0.5, MASS / 2.0, RADIUS / 2.0);
     let deepest = (15.0 * m_star * v * v / (16.0 * e_star() * f64::sqrt(r_star))).powf(0.4);

@@ -88,6 +88,7 @@ async fn show(client: &Client, folder: &Path, shutdown: &CancellationToken) -> R
         x_label: "time from belt start (s)".to_owned(),
         y_label: "discharged mass (kg)".to_owned(),
         curves: curves(&results, &runs),
+        ..Panel::default()
     };
     plot::draw(&picture, "Discharge by gate opening and surface condition", &[panel])?;
     ui::println(format_args!("\n{}", table(&results, &runs)))?;
@@ -153,7 +154,7 @@ fn curves(results: &SweepResults, runs: &[Option<RunResult>]) -> Vec<Curve> {
         let levels = results.sweep.factors.iter().map(|pointer| level(pointer, &trial.factors[pointer]));
         let label = levels.collect::<Vec<_>>().join(", ");
         let points = output::points(run.as_ref().and_then(|run| run.series("discharged_mass")));
-        curves.push(Curve { label, look, points });
+        curves.push(Curve { label, look, points, ..Curve::default() });
     }
     curves
 }

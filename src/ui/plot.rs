@@ -4,6 +4,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::ValueFormatter;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 /// Okabe and Ito's palette: told apart by the colour-blind too.
@@ -29,37 +31,76 @@ pub(crate) struct Look {
     pub(crate) dash: usize,
 }
 
+/// What stands at the points of a curve.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Mark {
+    /// Nothing: a line alone.
+    #[default]
+    None,
+    /// A disc at each point, and a line through them.
+    Joined,
+    /// A disc at each point, and no line.
+    Alone,
+}
+
 /// One curve.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Curve {
     /// For the legend; a panel whose only curve has none needs no legend.
     pub(crate) label: String,
     pub(crate) look: Look,
+    pub(crate) mark: Mark,
     pub(crate) points: Vec<(f64, f64)>,
+    /// Half heights of the error bars, as many as points; or none at all.
+    pub(crate) bars: Vec<f64>,
+}
+
+/// How an axis is divided.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Scale {
+    /// Evenly, zero included.
+    #[default]
+    Linear,
+    /// By powers of ten, as far as the data go.
+    Log,
 }
 
 /// One pair of axes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Panel {
     pub(crate) x_label: String,
     pub(crate) y_label: String,
+    pub(crate) x_scale: Scale,
+    /// Where the y axis begins, in place of zero.
+    pub(crate) y_from: Option<f64>,
     pub(crate) curves: Vec<Curve>,
 }
 
 /// Draws panels above each other into an SVG file.
 pub(crate) fn draw(path: &Path, title: &str, panels: &[Panel]) -> Result<()> {
-    let height = PANEL_HEIGHT * panels.len() as u32 + 40;
-    let root = SVGBackend::new(path, (WIDTH, height)).into_drawing_area();
-    paint(&root, title, panels)
-        .and_then(|()| Ok(root.present()?))
-        .with_context(|| format!("drawing {}", path.display()))
+    let drawn = svg(title, panels)?;
+    std::fs::write(path, drawn).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// The same as a text; without a title where that is empty.
+pub(crate) fn svg(title: &str, panels: &[Panel]) -> Result<String> {
+    let head = if title.is_empty() { 0 } else { 40 };
+    let height = PANEL_HEIGHT * panels.len() as u32 + head;
+    let mut drawn = String::new();
+    let root = SVGBackend::with_string(&mut drawn, (WIDTH, height)).into_drawing_area();
+    paint(&root, title, panels).and_then(|()| Ok(root.present()?)).context("drawing a plot")?;
+    drop(root);
+    Ok(drawn)
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 fn paint(root: &Area<'_>, title: &str, panels: &[Panel]) -> Result<()> {
     root.fill(&WHITE)?;
-    let below = root.titled(title, (FONT, 20).into_font().color(&BLACK))?;
+    let below = match title {
+        "" => root.clone(),
+        title => root.titled(title, (FONT, 20).into_font().color(&BLACK))?,
+    };
     let has_legend = panels.iter().flat_map(|panel| &panel.curves).any(|curve| !curve.label.is_empty());
     let longest =
         panels.iter().flat_map(|panel| &panel.curves).map(|curve| curve.label.chars().count()).max();
@@ -76,18 +117,42 @@ fn paint(root: &Area<'_>, title: &str, panels: &[Panel]) -> Result<()> {
 
 fn axes(area: &Area<'_>, panel: &Panel) -> Result<()> {
     let points = || panel.curves.iter().flat_map(|curve| &curve.points);
-    let span = |values: &mut dyn Iterator<Item = f64>| {
+    let span = |values: &mut dyn Iterator<Item = f64>, from: Option<f64>| {
+        let start = from.map_or((0.0, f64::MIN_POSITIVE), |from| (from, from + f64::MIN_POSITIVE));
         values
             .filter(|value| value.is_finite())
-            .fold((0.0_f64, f64::MIN_POSITIVE), |(low, high), value| (low.min(value), high.max(value)))
+            .fold(start, |(low, high), value| (low.min(value), high.max(value)))
     };
-    let (t_low, t_high) = span(&mut points().map(|point| point.0));
-    let (low, high) = span(&mut points().map(|point| point.1));
-    let mut chart = ChartBuilder::on(area)
-        .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(64)
-        .build_cartesian_2d(t_low..t_high, low..(high + 0.05 * (high - low)))?;
+    let tops = panel.curves.iter().flat_map(|curve| {
+        let bars = curve.bars.iter().copied().chain(std::iter::repeat(0.0));
+        curve.points.iter().zip(bars).flat_map(|(point, bar)| [point.1 - bar, point.1 + bar])
+    });
+    let (low, high) = span(&mut tops.into_iter(), panel.y_from);
+    let y = low..(high + 0.05 * (high - low));
+    let mut builder = ChartBuilder::on(area);
+    builder.margin(12).x_label_area_size(44).y_label_area_size(64);
+    match panel.x_scale {
+        Scale::Linear => {
+            let (from, to) = span(&mut points().map(|point| point.0), None);
+            curves(builder.build_cartesian_2d(from..to, y)?, panel, |x| x > f64::NEG_INFINITY)
+        }
+        Scale::Log => {
+            let mut known = points().map(|point| point.0).filter(|x| *x > 0.0).collect::<Vec<_>>();
+            known.sort_by(f64::total_cmp);
+            let from = known.first().map_or(1.0, |x| x / 1.25);
+            let to = known.last().map_or(10.0, |x| x * 1.25);
+            curves(builder.build_cartesian_2d((from..to).log_scale(), y)?, panel, |x| x > 0.0)
+        }
+    }
+}
+
+type Chart<'a, 'b, X> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, RangedCoordf64>>;
+
+/// The mesh of a chart, and its curves as far as their points are on the chart.
+fn curves<X>(mut chart: Chart<'_, '_, X>, panel: &Panel, shows: impl Fn(f64) -> bool) -> Result<()>
+where
+    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+{
     chart
         .configure_mesh()
         .x_desc(panel.x_label.as_str())
@@ -99,12 +164,21 @@ fn axes(area: &Area<'_>, panel: &Panel) -> Result<()> {
         .axis_style(BLACK.mix(0.6))
         .draw()?;
     for curve in &panel.curves {
-        let points = || curve.points.iter().copied().filter(|point| point.1.is_finite());
+        let points = || curve.points.iter().copied().filter(|point| point.1.is_finite() && shows(point.0));
         let stroke = stroke(curve.look);
-        match DASHES[curve.look.dash % DASHES.len()] {
-            None => chart.draw_series(LineSeries::new(points(), stroke))?,
-            Some((dash, gap)) => chart.draw_series(DashedLineSeries::new(points(), dash, gap, stroke))?,
-        };
+        if curve.mark != Mark::Alone {
+            match DASHES[curve.look.dash % DASHES.len()] {
+                None => chart.draw_series(LineSeries::new(points(), stroke))?,
+                Some((dash, gap)) => chart.draw_series(DashedLineSeries::new(points(), dash, gap, stroke))?,
+            };
+        }
+        if curve.mark != Mark::None {
+            chart.draw_series(points().map(|point| Circle::new(point, 4, stroke.filled())))?;
+        }
+        let bars = curve.points.iter().zip(&curve.bars).filter(|(point, bar)| shows(point.0) && **bar > 0.0);
+        chart.draw_series(
+            bars.map(|(&(x, y), &bar)| PathElement::new([(x, y - bar), (x, y + bar)], stroke)),
+        )?;
     }
     Ok(())
 }
@@ -113,7 +187,11 @@ fn legend(area: &Area<'_>, curves: &[Curve]) -> Result<()> {
     for (row, curve) in curves.iter().enumerate() {
         let y = 30 + 22 * row as i32;
         let stroke = stroke(curve.look);
+        if curve.mark != Mark::None {
+            area.draw(&Circle::new((17, y), 4, stroke.filled()))?;
+        }
         match DASHES[curve.look.dash % DASHES.len()] {
+            _ if curve.mark == Mark::Alone => {}
             None => area.draw(&PathElement::new([(0, y), (34, y)], stroke))?,
             Some((dash, gap)) => {
                 for x in (0..34).step_by((dash + gap) as usize) {
@@ -136,7 +214,7 @@ mod tests {
 
     fn curve(label: &str, look: Look, rate: f64) -> Curve {
         let points = (0..300).map(|i| i as f64 * 0.02).map(|t| (t, 9.5 * (1.0 - (-rate * t).exp())));
-        Curve { label: label.to_owned(), look, points: points.collect() }
+        Curve { label: label.to_owned(), look, points: points.collect(), ..Curve::default() }
     }
 
     /// Draws to a folder that `ROOST_KEEP_PLOTS` names, to be looked at; otherwise to one that goes away.
@@ -157,6 +235,7 @@ mod tests {
             x_label: "time from belt start (s)".to_owned(),
             y_label: y_label.to_owned(),
             curves: curves.clone(),
+            ..Panel::default()
         };
         draw(&path, "Discharge of a hopper", &[panel("discharged mass (kg)"), panel("mass rate (kg/s)")])
             .unwrap();
@@ -177,9 +256,35 @@ mod tests {
         for points in
             [vec![], vec![(0.0, 0.0)], vec![(0.0, 0.0), (1.0, 0.0)], vec![(0.0, f64::NAN), (1.0, 2.0)]]
         {
-            let curve = Curve { label: String::new(), look: Look::default(), points };
-            let panel = Panel { x_label: "x".to_owned(), y_label: "y".to_owned(), curves: vec![curve] };
-            draw(&folder.path().join("flat.svg"), "flat", &[panel]).unwrap();
+            let curve = Curve { points, bars: vec![0.1], ..Curve::default() };
+            for x_scale in [Scale::Linear, Scale::Log] {
+                let panel = Panel { x_scale, curves: vec![curve.clone()], ..Panel::default() };
+                draw(&folder.path().join("flat.svg"), "flat", &[panel]).unwrap();
+            }
         }
+    }
+
+    /// The centres of the discs of a picture.
+    fn discs(svg: &str) -> Vec<(f64, f64)> {
+        let number = |line: &str, name: &str| -> f64 {
+            let rest = line.split(&format!(" {name}=\"")).nth(1).unwrap();
+            rest.split('"').next().unwrap().parse().unwrap()
+        };
+        let circles = svg.lines().filter(|line| line.starts_with("<circle"));
+        circles.map(|line| (number(line, "cx"), number(line, "cy"))).collect()
+    }
+
+    #[test]
+    fn powers_of_ten_stand_evenly_on_a_log_axis() {
+        let points = vec![(0.0, 1.0), (1e5, 1.0), (1e6, 1.5), (1e7, 2.0)];
+        let curve = Curve { mark: Mark::Alone, points, bars: vec![0.2; 4], ..Curve::default() };
+        let panel = Panel { x_scale: Scale::Log, curves: vec![curve], ..Panel::default() };
+        let drawn = svg("", &[panel]).unwrap();
+        let discs = discs(&drawn);
+        assert_eq!(discs.len(), 3, "zero has no place there");
+        assert!((discs[2].0 - 2.0 * discs[1].0 + discs[0].0).abs() <= 2.0, "{discs:?}");
+        assert!(discs[0].1 > discs[1].1 && discs[1].1 > discs[2].1, "upwards: {discs:?}");
+        let bars = drawn.lines().filter(|line| line.contains("<polyline") && line.contains("#0072B2"));
+        assert_eq!(bars.count(), 3, "error bars and no line");
     }
 }

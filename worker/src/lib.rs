@@ -1,7 +1,7 @@
 //! The worker: claims jobs from a Roost server, runs the solver, delivers results.
 //!
 //! [`work`] is the whole of it. The pieces: [`client`] speaks the HTTP API (the `roost` command uses it too),
-//! [`runner`] runs one scenario on a thread of its own, [`outbox`] keeps finished work on disk until
+//! [`runner`] runs one scenario on a thread of its own, [`meshes`] keeps the files that scenarios name, [`outbox`] keeps finished work on disk until
 //! the server has it, and the private `lease` modules hold the leases in between. The worker decides nothing
 //! about the queue: which attempt is valid is the server's word, fenced by job + attempt.
 
@@ -9,6 +9,7 @@ pub mod backoff;
 pub mod client;
 mod config;
 mod lease;
+pub mod meshes;
 pub mod outbox;
 pub mod runner;
 

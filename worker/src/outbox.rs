@@ -192,7 +192,8 @@ fn missing_is_fine(outcome: io::Result<()>) -> io::Result<()> {
     }
 }
 
-fn remove_abandoned(folder: &Path) -> io::Result<()> {
+/// Removes what nobody is writing any more.
+pub(crate) fn remove_abandoned(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
         let is_half_written = entry.path().extension().is_some_and(|extension| extension == "tmp");

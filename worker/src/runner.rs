@@ -1,11 +1,12 @@
-//! Runs one scenario on a thread of its own: progress comes out through a watch channel, a stop flag goes in.
+//! Runs one scenario on a thread of its own, once its meshes are there: progress comes out through a watch channel, a
+//! stop flag goes in.
 //!
 //! Whatever happens in the solver, a [`Run`] ends with exactly one [`RunEnd`]; a panic is one too.
 
 use std::any::Any;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use roost_api::job::AttemptOutcome;
 use roost_api::{Progress, RunResult};
@@ -14,7 +15,14 @@ use roost_solver::scenario::{self, Fault};
 use roost_solver::{CpuOptions, Flow, Limits, Observer};
 use serde_json::Value;
 use tokio::sync::watch;
-use tokio::task::JoinHandle;
+use tokio::task::{JoinError, JoinHandle};
+
+use crate::meshes::MeshSource;
+
+/// How often a run that has not begun looks whether it is to stop.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
+
+const HANDED_BACK: &str = "handed back by a worker that is stopping";
 
 /// How a run ended.
 #[derive(Debug)]
@@ -74,6 +82,16 @@ impl StopFlag {
             .into_iter()
             .find(|why| *why as u8 == self.0.load(Ordering::Relaxed))
     }
+
+    /// Waits until the run is to stop.
+    async fn raised(&self) -> Stop {
+        loop {
+            if let Some(why) = self.get() {
+                return why;
+            }
+            tokio::time::sleep(LOOK_AGAIN).await;
+        }
+    }
 }
 
 /// A run under way.
@@ -83,61 +101,90 @@ pub struct Run {
     pub progress: watch::Receiver<Option<Progress>>,
     /// Asks it to stop.
     pub stop: StopFlag,
-    thread: JoinHandle<RunEnd>,
+    run: JoinHandle<RunEnd>,
 }
 
 impl Run {
-    /// Starts a scenario document. Must be called within a tokio runtime.
-    pub fn start(document: Value, threads: usize, max_wall_s: Option<f64>) -> Self {
-        Self::start_with(max_wall_s, move |observer| {
-            let scenario = scenario::from_value(&document)?;
-            roost_solver::check(
-                &scenario,
-                &roost_solver::mesh::Meshes::default(),
-                &Limits { max_subparticles: u64::MAX, max_steps: u64::MAX },
-            )?;
-            Ok(roost_solver::simulate(
-                &scenario,
-                &roost_solver::mesh::Meshes::default(),
-                CpuOptions { threads },
-                observer,
-            ))
+    /// Starts a scenario document, once its meshes are there. Must be called within a tokio runtime.
+    pub fn start(document: Value, meshes: MeshSource, threads: usize, max_wall_s: Option<f64>) -> Self {
+        Self::start_with(max_wall_s, async move {
+            let scenario = scenario::from_value(&document).map_err(|faults| refused(&faults))?;
+            let digests = scenario.meshes().into_iter().map(str::to_owned).collect();
+            let meshes = meshes.load(digests).await;
+            let meshes =
+                meshes.map_err(|failure| RunEnd::failed(AttemptOutcome::Worker, failure.to_string()))?;
+            Ok(move |observer: &mut dyn Observer| {
+                let limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
+                roost_solver::check(&scenario, &meshes, &limits)?;
+                Ok(roost_solver::simulate(&scenario, &meshes, CpuOptions { threads }, observer))
+            })
         })
     }
 
-    /// Starts anything that reports progress and gives a result, as the solver does.
-    fn start_with<F>(max_wall_s: Option<f64>, solve: F) -> Self
+    /// Starts anything that, once prepared, reports progress and gives a result, as the solver does.
+    fn start_with<P, F>(max_wall_s: Option<f64>, prepare: P) -> Self
     where
+        P: Future<Output = Result<F, RunEnd>> + Send + 'static,
         F: FnOnce(&mut dyn Observer) -> Result<RunResult, Vec<Fault>> + Send + 'static,
     {
         let (sender, progress) = watch::channel(None);
         let stop = StopFlag::default();
         let flag = stop.clone();
-        let thread = tokio::task::spawn_blocking(move || {
-            let started = Instant::now();
-            let outcome = solve(&mut |progress: &Progress| {
-                sender.send_replace(Some(progress.clone()));
-                if max_wall_s.is_some_and(|limit| started.elapsed().as_secs_f64() > limit) {
-                    flag.set(Stop::Timeout);
-                }
-                if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
+        let run = tokio::spawn(async move {
+            let solve = tokio::select! {
+                biased;
+                prepared = prepare => match prepared {
+                    Ok(solve) => solve,
+                    Err(end) => return end,
+                },
+                why = flag.raised() => return stopped(why),
+            };
+            let solving = tokio::task::spawn_blocking(move || {
+                let started = Instant::now();
+                let outcome = solve(&mut |progress: &Progress| {
+                    sender.send_replace(Some(progress.clone()));
+                    if max_wall_s.is_some_and(|limit| started.elapsed().as_secs_f64() > limit) {
+                        flag.set(Stop::Timeout);
+                    }
+                    if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
+                });
+                judge(outcome, flag.get(), max_wall_s)
             });
-            judge(outcome, flag.get(), max_wall_s)
+            solving.await.unwrap_or_else(broken)
         });
-        Self { progress, stop, thread }
+        Self { progress, stop, run }
     }
 
     /// Waits for the end.
     pub async fn end(self) -> RunEnd {
-        match self.thread.await {
-            Ok(end) => end,
-            Err(error) if error.is_panic() => RunEnd::failed(
-                AttemptOutcome::Worker,
-                format!("the solver panicked: {}", panic_text(&*error.into_panic())),
-            ),
-            Err(_) => RunEnd::failed(AttemptOutcome::Worker, "the run's thread was dropped"),
+        self.run.await.unwrap_or_else(broken)
+    }
+}
+
+/// A run whose thread ended by itself.
+fn broken(error: JoinError) -> RunEnd {
+    if !error.is_panic() {
+        return RunEnd::failed(AttemptOutcome::Worker, "the run's thread was dropped");
+    }
+    let message = format!("the solver panicked: {}", panic_text(&*error.into_panic()));
+    RunEnd::failed(AttemptOutcome::Worker, message)
+}
+
+/// A run that was stopped before it began.
+fn stopped(why: Stop) -> RunEnd {
+    match why {
+        Stop::Abandon => RunEnd::Abandoned,
+        Stop::Release => RunEnd::failed(AttemptOutcome::Released, HANDED_BACK),
+        Stop::Cancel | Stop::Timeout => {
+            RunEnd::failed(AttemptOutcome::Cancelled, "cancelled before it began")
         }
     }
+}
+
+/// A scenario that the solver would not run.
+fn refused(faults: &[Fault]) -> RunEnd {
+    let faults: Vec<_> = faults.iter().map(Fault::to_string).collect();
+    RunEnd::failed(AttemptOutcome::Invalid, faults.join("; "))
 }
 
 /// What the solver's answer means, given what it had been asked. A run that came to its own end before it saw the
@@ -145,10 +192,7 @@ impl Run {
 fn judge(outcome: Result<RunResult, Vec<Fault>>, stop: Option<Stop>, max_wall_s: Option<f64>) -> RunEnd {
     let result = match outcome {
         Ok(result) => result,
-        Err(faults) => {
-            let faults: Vec<_> = faults.iter().map(Fault::to_string).collect();
-            return RunEnd::failed(AttemptOutcome::Invalid, faults.join("; "));
-        }
+        Err(faults) => return refused(&faults),
     };
     let (outcome, message) = match (result.end_reason, stop) {
         (_, Some(Stop::Abandon)) => return RunEnd::Abandoned,
@@ -162,7 +206,7 @@ fn judge(outcome: Result<RunResult, Vec<Fault>>, stop: Option<Stop>, max_wall_s:
             (AttemptOutcome::Unstable, message)
         }
         (EndReason::Cancelled, Some(Stop::Release)) => {
-            return RunEnd::failed(AttemptOutcome::Released, "handed back by a worker that is stopping");
+            return RunEnd::failed(AttemptOutcome::Released, HANDED_BACK);
         }
         (EndReason::Cancelled, Some(Stop::Timeout)) => {
             let limit = max_wall_s.unwrap_or_default();

@@ -10,11 +10,13 @@ mod tests;
 use roost_api::Fault;
 use roost_api::job::JobEnvelope;
 use roost_solver::Limits;
+use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
+use crate::mesh;
 use found::{Found, kind};
 
 /// A document with more faults than this is another kind of document.
@@ -158,13 +160,14 @@ fn unescaped(segment: &str) -> String {
 }
 
 /// Reads an envelope and the scenario in it: the faults of both, at once.
-pub(crate) fn read_envelope(limits: &Limits, document: Value) -> Result<(JobEnvelope, Scenario), Vec<Fault>> {
+pub(crate) fn read_envelope(
+    meshes: &Meshes,
+    limits: &Limits,
+    document: Value,
+) -> Result<(JobEnvelope, Scenario), Vec<Fault>> {
     let scenario = document.get("scenario").map(|submitted| {
         scenario::from_value(submitted)
-            .and_then(|scenario| {
-                roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), limits)
-                    .map(|_| scenario)
-            })
+            .and_then(|scenario| mesh::check(&scenario, meshes, limits).map(|_| scenario))
             .map_err(|faults| prefixed("/scenario", faults))
     });
     let (envelope, mut faults) = read_leniently::<JobEnvelope>(document);

@@ -57,6 +57,11 @@ pub(super) async fn json_bytes<S: Send + Sync>(request: Request, state: &S) -> R
     if !says_json(request.headers()) {
         return Err(ApiError::new(Kind::NotJson, "send the header `content-type: application/json`"));
     }
+    whole_body(request, state).await
+}
+
+/// The bytes of a body, up to the limit of the route.
+pub(super) async fn whole_body<S: Send + Sync>(request: Request, state: &S) -> Result<Bytes, ApiError> {
     let limit = request.extensions().get::<BodyLimit>().map_or(0, |limit| limit.0);
     Bytes::from_request(request, state).await.map_err(|error| unread(&error, limit))
 }
@@ -99,12 +104,15 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Params<T> {
 /// Whether the body is declared as JSON. A page in a browser cannot send that elsewhere without asking first, which
 /// keeps strange pages from submitting to a server on this machine.
 fn says_json(headers: &HeaderMap) -> bool {
-    let Some(Ok(declared)) = headers.get(header::CONTENT_TYPE).map(|value| value.to_str()) else {
-        return false;
-    };
-    let media_type = declared.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
+    let media_type = media_type(headers);
     media_type == "application/json"
         || (media_type.starts_with("application/") && media_type.ends_with("+json"))
+}
+
+/// What the body is declared as, in small letters; empty when it is not.
+pub(super) fn media_type(headers: &HeaderMap) -> String {
+    let declared = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    declared.unwrap_or_default().split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
 }
 
 fn unread(rejection: &BytesRejection, limit: usize) -> ApiError {

@@ -11,6 +11,7 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::aside::aside;
+use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
 use super::page::{cursor, label, limit, page};
 use super::problem::ApiError;
@@ -30,8 +31,9 @@ pub(crate) async fn submit(
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<JobView>), ApiError> {
     let limits = app.config.limits;
+    let meshes = at_hand(&app, &document).await?;
     let (envelope, scenario) =
-        aside(move || read_envelope(&limits, document)).await?.map_err(ApiError::faults)?;
+        aside(move || read_envelope(&meshes, &limits, document)).await?.map_err(ApiError::faults)?;
     let id = JobId::new();
     let job = NewJob {
         id,

@@ -1,12 +1,14 @@
 //! The HTTP API: a file per resource, and here the whole route list.
 
 mod aside;
+mod at_hand;
 mod attempts;
 mod claims;
 mod delivery;
 mod extract;
 mod heartbeats;
 mod jobs;
+mod meshes;
 mod meta;
 mod page;
 mod problem;
@@ -14,6 +16,7 @@ mod results;
 mod sweeps;
 #[cfg(test)]
 mod tests;
+mod upload;
 mod validate;
 mod workers;
 
@@ -32,9 +35,10 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use crate::app::App;
-pub(crate) use delivery::AT_ONCE;
+pub(crate) use delivery::AT_ONCE as DELIVERIES_AT_ONCE;
 use extract::BodyLimit;
 use problem::{ApiError, Kind};
+pub(crate) use upload::AT_ONCE as UPLOADS_AT_ONCE;
 
 /// Answers requests until `stop`, then finishes those under way.
 pub(crate) async fn serve(
@@ -58,6 +62,7 @@ struct Api;
 fn routes(app: &App) -> OpenApiRouter<App> {
     let small = limited(app.config.max_body_bytes);
     let large = limited(app.config.max_result_bytes);
+    let files = limited(app.config.max_mesh_bytes);
     let users = OpenApiRouter::new()
         .routes(routes!(jobs::submit, jobs::list))
         .routes(routes!(jobs::show))
@@ -85,7 +90,12 @@ fn routes(app: &App) -> OpenApiRouter<App> {
         .routes(routes!(attempts::result))
         .routes(routes!(attempts::failure))
         .layer(large);
-    OpenApiRouter::with_openapi(Api::openapi()).merge(users).merge(deliveries)
+    let meshes = OpenApiRouter::new()
+        .routes(routes!(meshes::upload, meshes::list))
+        .routes(routes!(meshes::show))
+        .routes(routes!(meshes::file))
+        .layer(files);
+    OpenApiRouter::with_openapi(Api::openapi()).merge(users).merge(deliveries).merge(meshes)
 }
 
 /// The limit of request bodies, enforced and named.

@@ -46,8 +46,10 @@ kinds! {
     Syntax = "syntax", BAD_REQUEST, "The body is not JSON";
     UnreadableBody = "unreadable-body", BAD_REQUEST, "The body did not arrive whole";
     NotJson = "not-json", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as JSON";
+    NotStl = "not-stl", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as STL";
     TooLarge = "too-large", PAYLOAD_TOO_LARGE, "The body is over the size limit";
     InvalidDocument = "invalid-document", UNPROCESSABLE_ENTITY, "The document has faults";
+    InvalidMesh = "invalid-mesh", UNPROCESSABLE_ENTITY, "The file is no sound mesh";
     WrongResult = "wrong-result", UNPROCESSABLE_ENTITY, "The delivery does not fit the job";
     StaleAttempt = "stale-attempt", CONFLICT, "The attempt may not write any more";
     WrongState = "wrong-state", CONFLICT, "The job is in another state";

@@ -12,6 +12,7 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::aside::aside;
+use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
 use super::page::{cursor, label, limit, page};
@@ -34,7 +35,9 @@ pub(crate) async fn submit(
     let id = SweepId::new();
     // Many points take a while.
     let limits = SweepLimits { max_jobs: app.config.max_jobs_per_sweep, scenario: app.config.limits };
-    let (spec, expansion) = aside(move || sweep::read(document, limits)).await?.map_err(ApiError::faults)?;
+    let meshes = at_hand(&app, &document).await?;
+    let (spec, expansion) =
+        aside(move || sweep::read(document, &meshes, limits)).await?.map_err(ApiError::faults)?;
     app.store.insert_sweep(NewSweep { id, spec, expansion }, app.clock.now()).await?;
     app.work.notify_waiters();
     let location = [(header::LOCATION, format!("/v1/sweeps/{id}"))];

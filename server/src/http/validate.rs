@@ -6,6 +6,7 @@ use roost_api::problem::Problem;
 use roost_api::validate::ValidationReport;
 
 use super::aside::aside;
+use super::at_hand::at_hand;
 use super::extract::Document;
 use super::problem::ApiError;
 use crate::app::App;
@@ -21,7 +22,8 @@ pub(crate) async fn validate(
     Document(document): Document,
 ) -> Result<Json<ValidationReport>, ApiError> {
     let (limits, max_jobs) = (app.config.limits, app.config.max_jobs_per_sweep);
-    aside(move || crate::validation::validate(document, &limits, max_jobs))
+    let meshes = at_hand(&app, &document).await?;
+    aside(move || crate::validation::validate(document, &meshes, &limits, max_jobs))
         .await?
         .map(Json)
         .map_err(ApiError::faults)

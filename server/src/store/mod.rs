@@ -10,6 +10,7 @@ mod facts;
 mod heartbeats;
 mod job_control;
 mod jobs;
+mod meshes;
 mod results;
 mod rows;
 mod submit;
@@ -118,6 +119,7 @@ impl Store {
         let mut connection = options.connect().await?;
         let sqlite_version = check_sqlite(&mut connection).await?;
         sqlx::migrate!("../migrations").run(&mut connection).await?;
+        meshes::sweep(&mut connection).await?;
         let readers = SqlitePoolOptions::new()
             .max_connections(4)
             .connect_with(options.create_if_missing(false).read_only(true))

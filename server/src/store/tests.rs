@@ -1,6 +1,7 @@
 //! The store from inside: plans, constraints, the group commit.
 
 use roost_api::job::{AttemptOutcome, Cache, FailureClass, JobState};
+use roost_api::mesh::{MeshFormat, MeshView};
 use roost_api::time::Timestamp;
 use sqlx::{AssertSqlSafe, Row};
 
@@ -77,6 +78,7 @@ async fn the_enums_are_pinned_by_the_schema() {
         ("failure_class", words(FailureClass::ALL.iter().map(|word| word.as_str()))),
         ("outcome", words(AttemptOutcome::ALL.iter().map(|word| word.as_str()))),
         ("cache", words(Cache::ALL.iter().map(|word| word.as_str()))),
+        ("format", words(MeshFormat::ALL.iter().map(|word| word.as_str()))),
     ] {
         let check = format!("CHECK ({column} IN ({words}))").replace("( ", "(");
         let found = schema.replace("IN ( ", "IN (").contains(&check);
@@ -236,5 +238,47 @@ async fn a_lease_counts_by_its_own_clock_and_ends_at_the_time_people_read() {
     assert_eq!(expired.len(), 1);
     let ended: i64 = sqlx::query_scalar("SELECT ended_at FROM jobs").fetch_one(&store.readers).await.unwrap();
     assert_eq!(ended, 7000);
+    store.close().await;
+}
+
+fn mesh(digest: &str) -> MeshView {
+    MeshView {
+        digest: digest.to_owned(),
+        bytes: 3,
+        format: MeshFormat::Binary,
+        triangles: 1,
+        degenerate: 0,
+        closed: false,
+        open_edges: 3,
+        turned_edges: 0,
+        low: [0.0; 3],
+        high: [1.0; 3],
+        size: [1.0; 3],
+        uploaded_at: Timestamp(7),
+    }
+}
+
+#[tokio::test]
+async fn what_a_broken_off_upload_left_goes_at_the_next_start() {
+    let (store, dir) = store().await;
+    assert!(store.insert_mesh(mesh("whole"), &[1, 2, 3]).await.unwrap());
+    assert!(!store.insert_mesh(mesh("whole"), &[1, 2, 3]).await.unwrap(), "once");
+    let half = "INSERT INTO mesh_parts VALUES ('half', 0, x'0102')";
+    let write = async |sql: &'static str| {
+        store
+            .writer
+            .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(sql).execute(tx).await.map(drop)?) }))
+            .await
+    };
+    write(half).await.unwrap();
+    for sql in ["UPDATE mesh_parts SET data = x'00'", "UPDATE meshes SET bytes = 4"] {
+        let error = format!("{:?}", write(sql).await.unwrap_err());
+        assert!(error.contains("a mesh never changes"), "{sql}: {error}");
+    }
+    store.close().await;
+    let store = Store::open(&dir.path().join("roost.db")).await.unwrap();
+    assert_eq!(store.mesh_part("half", 0).await.unwrap(), None);
+    assert_eq!(store.mesh_file("whole").await.unwrap(), [1, 2, 3]);
+    assert_eq!(store.mesh("whole").await.unwrap(), Some(mesh("whole")));
     store.close().await;
 }

@@ -4,18 +4,24 @@ use std::collections::BTreeSet;
 
 use roost_api::Fault;
 use roost_api::sweep::{SCHEMA, SweepSpec};
+use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario, fields};
 use serde_json::{Map, Value, json};
 
 use super::levels::{self, same};
 use super::{Expansion, Point, SweepLimits, design, factor};
 use crate::document::wall_time_fault;
+use crate::mesh;
 
 /// Past so many faults the rest says nothing new.
 const MAX_FAULTS: usize = 100;
 
 /// Expands a sweep, or lists every fault with pointers into its document.
-pub(crate) fn expand(spec: &SweepSpec, limits: SweepLimits) -> Result<Expansion, Vec<Fault>> {
+pub(crate) fn expand(
+    spec: &SweepSpec,
+    meshes: &Meshes,
+    limits: SweepLimits,
+) -> Result<Expansion, Vec<Fault>> {
     let mut faults = Vec::new();
     let base = match scenario::from_value(&spec.base) {
         Ok(base) => Some(base),
@@ -35,9 +41,9 @@ pub(crate) fn expand(spec: &SweepSpec, limits: SweepLimits) -> Result<Expansion,
     }
     let (Some(base), true) = (base, faults.is_empty()) else { return Err(faults) };
 
-    let estimate = roost_solver::check(&base, &roost_solver::mesh::Meshes::default(), &limits.scenario)
+    let estimate = mesh::check(&base, meshes, &limits.scenario)
         .map_err(|found| found.into_iter().map(|fault| prefixed("/base", fault)).collect::<Vec<_>>())?;
-    let points = points(spec, &base, limits)?;
+    let points = points(spec, &base, meshes, limits)?;
     let factors = spec.factors.iter().map(|factor| factor.pointer.clone()).collect();
     Ok(Expansion { factors, points, replicates: spec.replicates, base, estimate })
 }
@@ -137,7 +143,12 @@ fn check_seeds(spec: &SweepSpec, base: &Scenario, faults: &mut Vec<Fault>) {
     }
 }
 
-fn points(spec: &SweepSpec, base: &Scenario, limits: SweepLimits) -> Result<Vec<Point>, Vec<Fault>> {
+fn points(
+    spec: &SweepSpec,
+    base: &Scenario,
+    meshes: &Meshes,
+    limits: SweepLimits,
+) -> Result<Vec<Point>, Vec<Fault>> {
     let complete = json!(base);
     let counts: Vec<_> = spec.factors.iter().map(|factor| factor.levels.len()).collect();
     let size = design::size(&spec.design, &counts).unwrap_or(0);
@@ -152,10 +163,8 @@ fn points(spec: &SweepSpec, base: &Scenario, limits: SweepLimits) -> Result<Vec<
             factor::set(&mut document, &complete, &factor.pointer, &factor.levels[*level]);
             levels.insert(factor.pointer.clone(), factor.levels[*level].clone());
         }
-        let valid = scenario::from_value(&document).and_then(|scenario| {
-            roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &limits.scenario)
-                .map(|_| scenario)
-        });
+        let valid = scenario::from_value(&document)
+            .and_then(|scenario| mesh::check(&scenario, meshes, &limits.scenario).map(|_| scenario));
         match valid {
             Ok(scenario) => points.push(Point { levels, scenario }),
             Err(found) => {

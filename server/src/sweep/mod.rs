@@ -14,6 +14,7 @@ mod tests;
 use roost_api::sweep::SweepSpec;
 use roost_api::{Estimate, Fault};
 use roost_solver::Limits;
+use roost_solver::mesh::Meshes;
 use roost_solver::scenario::Scenario;
 use serde_json::{Map, Value};
 
@@ -22,10 +23,14 @@ use expand::expand;
 pub(crate) use table::csv;
 
 /// Reads a sweep and expands it: the faults of its shape and those of its content, at once.
-pub(crate) fn read(document: Value, limits: SweepLimits) -> Result<(SweepSpec, Expansion), Vec<Fault>> {
+pub(crate) fn read(
+    document: Value,
+    meshes: &Meshes,
+    limits: SweepLimits,
+) -> Result<(SweepSpec, Expansion), Vec<Fault>> {
     let (spec, mut faults) = read_leniently::<SweepSpec>(document);
     let Some(spec) = spec else { return Err(faults) };
-    match expand(&spec, limits) {
+    match expand(&spec, meshes, limits) {
         Ok(expansion) if faults.is_empty() => Ok((spec, expansion)),
         Ok(_) => Err(faults),
         Err(found) => {

@@ -50,7 +50,7 @@ fn replicates_count_seeds_from_the_base() {
     let mut spec = spec(json!([{"pointer": "/equipment/gate_opening_m", "levels": [0.05, 0.06]}]));
     spec.base["seed"] = json!(40);
     spec.replicates = 3;
-    let expansion = expand(&spec, LIMITS).unwrap();
+    let expansion = expand(&spec, &Meshes::default(), LIMITS).unwrap();
     assert_eq!(expansion.jobs(), 6);
     let trials: Vec<_> = expansion.trials().map(|(point, r, scenario)| (point, r, scenario.seed)).collect();
     assert_eq!(trials, [(0, 0, 40), (0, 1, 41), (0, 2, 42), (1, 0, 40), (1, 1, 41), (1, 2, 42)]);
@@ -63,7 +63,7 @@ fn replicates_count_seeds_from_the_base() {
 fn a_fault_of_a_combination_names_the_level_and_the_point() {
     let factors = json!([{"pointer": "/equipment/hopper_height_m", "levels": [0.3, 0.5]},
                          {"pointer": "/equipment/gate_opening_m", "levels": [0.06, 0.4]}]);
-    let faults = expand(&spec(factors), LIMITS).unwrap_err();
+    let faults = expand(&spec(factors), &Meshes::default(), LIMITS).unwrap_err();
     assert!(!faults.is_empty());
     for fault in &faults {
         assert!(fault.pointer.starts_with("/factors/"), "{fault}");
@@ -75,7 +75,7 @@ fn a_fault_of_a_combination_names_the_level_and_the_point() {
 fn a_fault_outside_every_factor_names_the_base_and_the_point() {
     let mut spec = spec(json!([{"pointer": "/equipment/hopper_height_m", "levels": [0.5, 0.2]}]));
     spec.base["equipment"] = json!({"gate_opening_m": 0.3});
-    let faults = expand(&spec, LIMITS).unwrap_err();
+    let faults = expand(&spec, &Meshes::default(), LIMITS).unwrap_err();
     assert!(faults.iter().all(|fault| fault.detail.contains("design point 1")), "{faults:?}");
     assert!(
         faults.iter().all(|fault| {

@@ -9,5 +9,8 @@ mod fences;
 mod layout;
 mod leases;
 mod lifecycle;
+mod meshes;
 mod start_stop;
+#[path = "../../../tests/support/stl.rs"]
+mod stl;
 mod sweeps;

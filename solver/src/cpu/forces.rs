@@ -3,10 +3,11 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::lists::{ChunkLists, Lists};
+use super::lists::{ChunkLists, Lists, WallPair};
 use super::walls::Walls;
 use super::{CHUNK, Params};
-use crate::engine::state::State;
+use crate::engine::frame::Frame;
+use crate::engine::state::{Particle, State};
 use crate::physics::contact::ContactMemory;
 use crate::physics::{bond, contact};
 
@@ -66,7 +67,8 @@ pub(crate) fn gather(
                 let pairs = from_pairs(params, state, i, chunk, k, load);
                 *broken += pairs.bonds_broken;
                 felt = felt.and(pairs);
-                from_walls(params, state, walls, i, chunk, k, load);
+                let (me, near) = (&state.particles[i], chunk.walls_mut(k));
+                from_walls(params.radius, params.dt, &state.frame, walls, me, state.masses[i], near, load);
             }
             felt
         })
@@ -128,25 +130,26 @@ fn from_pairs(
     felt
 }
 
-fn from_walls(
-    params: &Params,
-    state: &State,
+/// Adds what the facets near a sub-particle do to it.
+#[expect(clippy::too_many_arguments, reason = "what both paths have at hand")]
+pub(super) fn from_walls(
+    radius: f32,
+    dt: f32,
+    frame: &Frame,
     walls: &Walls,
-    i: usize,
-    chunk: &mut ChunkLists,
-    k: usize,
+    me: &Particle,
+    mass: f32,
+    near: &mut [WallPair],
     load: &mut Load,
 ) {
-    let near = chunk.walls_mut(k);
     if near.is_empty() {
         return;
     }
-    let me = &state.particles[i];
     let touches: Vec<_> =
-        near.iter().map(|wall| (wall.facet, walls.touch(wall.facet, me.position, &state.frame))).collect();
+        near.iter().map(|wall| (wall.facet, walls.touch(wall.facet, me.position, frame))).collect();
     for (wall, (facet, touch)) in near.iter_mut().zip(&touches) {
         let law = walls.law(*facet);
-        let delta = params.radius - touch.distance;
+        let delta = radius - touch.distance;
         let others = || touches.iter().copied().filter(|(other, _)| other != facet);
         // A centre right on the plate has no side; it gets one in the next step.
         if delta < -law.reach() || touch.distance <= 0.0 || walls.is_shadowed(*facet, touch, others()) {
@@ -156,9 +159,8 @@ fn from_walls(
         }
         let n = touch.to_wall / touch.distance;
         let v = me.velocity + me.spin.cross(touch.to_wall) - touch.velocity;
-        let mass = state.masses[i];
         wall.force = Vec3::ZERO;
-        if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, mass, params.dt) {
+        if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, mass, dt) {
             wall.force = force.normal + force.tangential;
             load.add(wall.force, touch.to_wall, force.tangential);
         }

@@ -1,12 +1,13 @@
 //! The `integrate` stage: loads become motion, and what went wrong or far is noticed.
 
-use glam::IVec3;
+use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::bounds::{Drift, length2};
 use super::forces::Load;
 use super::{CHUNK, Params};
-use crate::engine::state::State;
+use crate::engine::frame::Frame;
+use crate::engine::state::{Particle, State};
 use crate::physics::integrate;
 
 /// Positions beyond this are twice the domain away from its middle, in units: what goes there is lost, and a little
@@ -30,6 +31,11 @@ impl Moved {
         }
     }
 
+    /// Nothing but that a sub-particle is too fast, not a number any more, or lost.
+    pub(super) fn runaway(runaway: Option<u32>) -> Self {
+        Self { runaway, ..Self::default() }
+    }
+
     /// What is wrong, in words, if something is.
     pub(crate) fn fault(&self, params: &Params, state: &State) -> Option<String> {
         let i = self.runaway? as usize;
@@ -45,12 +51,53 @@ impl Moved {
     }
 }
 
+/// What the motion of every sub-particle has in common.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mover {
+    dt: f32,
+    gravity: Vec3,
+    inverse_unit: f32,
+    spin_factor: f32,
+    limit2: f32,
+}
+
+impl Mover {
+    pub(super) fn new(params: &Params, frame: &Frame) -> Self {
+        Self {
+            dt: params.dt,
+            gravity: params.gravity,
+            inverse_unit: 1.0 / frame.unit_m,
+            spin_factor: 2.5 / (params.radius * params.radius),
+            limit2: params.speed_limit * params.speed_limit,
+        }
+    }
+
+    /// Moves a sub-particle of `mass` in kg by one step. Whether all is well with it.
+    #[inline(always)]
+    pub(super) fn step(
+        &self,
+        p: &mut Particle,
+        remainder: &mut Vec3,
+        load: &Load,
+        mass: f32,
+        frame: &Frame,
+    ) -> bool {
+        let inverse_mass = 1.0 / mass;
+        p.velocity = integrate::velocity(p.velocity, load.force, inverse_mass, self.gravity, self.dt);
+        p.spin = integrate::spin(p.spin, load.torque, inverse_mass * self.spin_factor, self.dt);
+        let x = integrate::position(p.position, remainder, p.velocity, self.dt, self.inverse_unit);
+        p.position = frame.wrap(x);
+        let speed2 = p.velocity.dot(p.velocity);
+        let inside =
+            p.position.cmpge(IVec3::splat(-EDGE)).all() && p.position.cmple(IVec3::splat(EDGE)).all();
+        // Not `speed2 > limit2`: what is not a number is no speed either.
+        speed2 <= self.limit2 && p.spin.is_finite() && inside
+    }
+}
+
 /// Moves every sub-particle by one step.
 pub(crate) fn advance(params: &Params, state: &mut State, loads: &[Load], drift: &mut Drift) -> Moved {
-    let dt = params.dt;
-    let inverse_unit = 1.0 / state.frame.unit_m;
-    let spin_factor = 2.5 / (params.radius * params.radius);
-    let limit2 = params.speed_limit * params.speed_limit;
+    let mover = Mover::new(params, &state.frame);
     let (frame, masses, held, reference) = (state.frame, &state.masses, &state.held, drift.reference());
     let moved = state
         .particles
@@ -61,23 +108,13 @@ pub(crate) fn advance(params: &Params, state: &mut State, loads: &[Load], drift:
             let mut moved = Moved::default();
             for (k, (p, remainder)) in particles.iter_mut().zip(remainders).enumerate() {
                 let i = c * CHUNK + k;
-                let inverse_mass = 1.0 / masses[i];
                 if held[i] {
                     continue;
                 }
-                p.velocity =
-                    integrate::velocity(p.velocity, loads[i].force, inverse_mass, params.gravity, dt);
-                p.spin = integrate::spin(p.spin, loads[i].torque, inverse_mass * spin_factor, dt);
-                p.position =
-                    frame.wrap(integrate::position(p.position, remainder, p.velocity, dt, inverse_unit));
-                moved.greatest2 = moved.greatest2.max(length2(frame.between(reference[i], p.position)));
-                let speed2 = p.velocity.dot(p.velocity);
-                let inside =
-                    p.position.cmpge(IVec3::splat(-EDGE)).all() && p.position.cmple(IVec3::splat(EDGE)).all();
-                // Not `speed2 > limit2`: what is not a number is no speed either.
-                if !(speed2 <= limit2 && p.spin.is_finite() && inside) {
+                if !mover.step(p, remainder, &loads[i], masses[i], &frame) {
                     moved.runaway = moved.runaway.or(Some(i as u32));
                 }
+                moved.greatest2 = moved.greatest2.max(length2(frame.between(reference[i], p.position)));
             }
             moved
         })

@@ -6,6 +6,7 @@
 //! Work is shared out in chunks of [`CHUNK`] sub-particles, which own the memory of their contacts and bonds.
 
 pub mod bounds;
+pub mod fast;
 pub mod forces;
 pub mod grid;
 pub mod integrate;
@@ -18,6 +19,7 @@ use crate::engine::scene::{Laws, Scene};
 use crate::engine::state::State;
 use crate::engine::{Advance, Backend, BackendInfo};
 use bounds::Drift;
+use fast::{FastRun, Instructions};
 use forces::Load;
 use glam::{DVec3, Vec3};
 use lists::Lists;
@@ -30,15 +32,25 @@ pub const CHUNK: usize = 256;
 /// diagonal, 2√2 R, or they triple.
 const SKIN_RATIO: f32 = 0.35;
 
-/// The plain path on a pool of threads.
+/// The CPU: a pool of threads, and which way it computes.
 #[derive(Debug)]
 pub struct Cpu {
     pool: ThreadPool,
+    fast: Option<Instructions>,
 }
 
 /// A run in main memory.
 #[derive(Debug)]
-pub struct CpuRun {
+pub enum CpuRun {
+    /// On the plain path.
+    Plain(Box<PlainRun>),
+    /// On the fast path.
+    Fast(Box<FastRun>),
+}
+
+/// A run on the plain path.
+#[derive(Debug)]
+pub struct PlainRun {
     params: Params,
     state: State,
     walls: Walls,
@@ -63,28 +75,45 @@ pub(crate) struct Params {
 }
 
 impl Cpu {
-    /// A backend on that many threads; 0 means one per processor.
+    /// A backend on that many threads; 0 means one per processor. It takes the fast path with the widest instructions.
     pub fn new(threads: usize) -> Self {
-        let pool =
-            ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("solver-{k}")).build();
-        Self { pool: pool.expect("the operating system gives threads") }
+        Self::fast(threads, Instructions::widest())
+    }
+
+    /// A backend that takes the fast path with these instructions.
+    pub fn fast(threads: usize, instructions: Instructions) -> Self {
+        Self { pool: pool(threads), fast: Some(instructions) }
+    }
+
+    /// A backend that takes the plain path.
+    pub fn plain(threads: usize) -> Self {
+        Self { pool: pool(threads), fast: None }
+    }
+
+    fn device(&self) -> String {
+        let path = self.fast.map_or("plain", |instructions| instructions.name());
+        format!("{} {path} f32", std::env::consts::ARCH)
     }
 }
 
-/// The processor, in words: its architecture and the instruction set that the plain path uses.
+fn pool(threads: usize) -> ThreadPool {
+    let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("solver-{k}")).build();
+    pool.expect("the operating system gives threads")
+}
+
+/// The processor, in words: its architecture and the instruction set that runs use.
 pub fn device_name() -> String {
-    format!("{} plain f32", std::env::consts::ARCH)
+    format!("{} {} f32", std::env::consts::ARCH, Instructions::widest().name())
 }
 
 impl Backend for Cpu {
     type Run = CpuRun;
 
     fn info(&self) -> BackendInfo {
-        BackendInfo { name: "cpu".into(), device: device_name(), threads: self.pool.current_num_threads() }
+        BackendInfo { name: "cpu".into(), device: self.device(), threads: self.pool.current_num_threads() }
     }
 
     fn prepare(&self, scene: &Scene) -> CpuRun {
-        let state = State::new(scene);
         let params = Params {
             laws: scene.laws,
             radius: scene.radius_m as f32,
@@ -94,7 +123,60 @@ impl Backend for Cpu {
             speed_limit: scene.speed_limit_m_s as f32,
             skin: SKIN_RATIO * scene.radius_m as f32,
         };
-        CpuRun {
+        match self.fast {
+            Some(instructions) => CpuRun::Fast(Box::new(FastRun::new(scene, params, instructions))),
+            None => CpuRun::Plain(Box::new(PlainRun::new(scene, params))),
+        }
+    }
+
+    fn advance(&self, runs: &mut [(&mut CpuRun, u64)]) -> Vec<Advance> {
+        let advance = |(run, steps): &mut (&mut CpuRun, u64)| match run {
+            CpuRun::Plain(run) => run.advance(*steps),
+            CpuRun::Fast(run) => run.advance(*steps),
+        };
+        self.pool.install(|| runs.iter_mut().map(advance).collect())
+    }
+
+    fn state<'a>(&self, run: &'a mut CpuRun) -> &'a State {
+        match run {
+            CpuRun::Plain(run) => &run.state,
+            CpuRun::Fast(run) => &run.state,
+        }
+    }
+
+    fn surface_forces(&self, run: &mut CpuRun) -> Vec<DVec3> {
+        match run {
+            CpuRun::Plain(run) => run.surface_forces(),
+            CpuRun::Fast(run) => run.surface_forces(),
+        }
+    }
+
+    fn bonds(&self, run: &mut CpuRun) -> Vec<[u32; 2]> {
+        match run {
+            CpuRun::Plain(run) => run.bonds(),
+            CpuRun::Fast(run) => run.bonds(),
+        }
+    }
+
+    fn start(&self, run: &mut CpuRun) {
+        match run {
+            CpuRun::Plain(run) => run.start(),
+            CpuRun::Fast(run) => run.start(),
+        }
+    }
+
+    fn remove(&self, run: &mut CpuRun, serials: &[u32]) {
+        match run {
+            CpuRun::Plain(run) => run.remove(serials),
+            CpuRun::Fast(run) => run.remove(serials),
+        }
+    }
+}
+
+impl PlainRun {
+    fn new(scene: &Scene, params: Params) -> Self {
+        let state = State::new(scene);
+        Self {
             walls: Walls::new(scene, &state.frame),
             lists: Lists::new(scene, &state),
             loads: Vec::new(),
@@ -107,25 +189,17 @@ impl Backend for Cpu {
         }
     }
 
-    fn advance(&self, runs: &mut [(&mut CpuRun, u64)]) -> Vec<Advance> {
-        self.pool.install(|| runs.iter_mut().map(|(run, steps)| run.advance(*steps)).collect())
-    }
-
-    fn state<'a>(&self, run: &'a mut CpuRun) -> &'a State {
-        &run.state
-    }
-
-    fn surface_forces(&self, run: &mut CpuRun) -> Vec<DVec3> {
-        let mut forces = vec![DVec3::ZERO; run.walls.surface_count()];
-        for wall in run.lists.chunks.iter().flat_map(|chunk| chunk.all_walls()) {
-            forces[run.walls.surface_of(wall.facet)] -= wall.force.as_dvec3();
+    fn surface_forces(&self) -> Vec<DVec3> {
+        let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
+        for wall in self.lists.chunks.iter().flat_map(|chunk| chunk.all_walls()) {
+            forces[self.walls.surface_of(wall.facet)] -= wall.force.as_dvec3();
         }
         forces
     }
 
-    fn bonds(&self, run: &mut CpuRun) -> Vec<[u32; 2]> {
-        let serials = &run.state.serials;
-        let row = |i: usize| run.lists.chunks[i / CHUNK].pairs(i % CHUNK).iter().map(move |pair| (i, pair));
+    fn bonds(&self) -> Vec<[u32; 2]> {
+        let serials = &self.state.serials;
+        let row = |i: usize| self.lists.chunks[i / CHUNK].pairs(i % CHUNK).iter().map(move |pair| (i, pair));
         (0..serials.len())
             .flat_map(row)
             .filter(|(i, pair)| pair.bond_class != 0 && *i < pair.other as usize)
@@ -133,19 +207,17 @@ impl Backend for Cpu {
             .collect()
     }
 
-    fn start(&self, run: &mut CpuRun) {
-        run.start_step = Some(run.step);
-        run.walls.drop_what_goes_at_start();
+    fn start(&mut self) {
+        self.start_step = Some(self.step);
+        self.walls.drop_what_goes_at_start();
     }
 
-    fn remove(&self, run: &mut CpuRun, serials: &[u32]) {
-        let map = run.state.remove(serials);
-        run.lists.remove(&map);
-        run.drift.invalidate();
+    fn remove(&mut self, serials: &[u32]) {
+        let map = self.state.remove(serials);
+        self.lists.remove(&map);
+        self.drift.invalidate();
     }
-}
 
-impl CpuRun {
     fn advance(&mut self, steps: u64) -> Advance {
         let mut done = Advance::default();
         for _ in 0..steps {

@@ -18,6 +18,8 @@ pub struct Walls {
     posed_at: f64,
     /// How far any point of a surface may have moved since the lists were built, in metres.
     moved_m: f64,
+    /// The same since the run began, in metres.
+    moved_in_all_m: f64,
 }
 
 #[derive(Debug)]
@@ -71,6 +73,10 @@ pub struct Touch {
 /// Points nearer than this are one, in metres: some roundings of `f32`, a metre from the anchor.
 const SAME: f32 = 1e-6;
 
+/// A point lies on a facet when it is nearer than this share of its distance from the sphere's centre: in `f32` the
+/// nearest point of a triangle can be off by more than [`SAME`] (see [`crate::mesh::nearest`]).
+const AT_THE_EDGE: f32 = 0.01;
+
 /// Cosine of the angle, some 26°, within which two facets push the same way: more than neighbours turn on curves that
 /// CAD programs cut into facets, less than at creases that are meant.
 const SAME_WAY: f32 = 0.9;
@@ -92,8 +98,13 @@ impl Pose {
 impl Walls {
     /// The surfaces of a scene.
     pub fn new(scene: &Scene, frame: &Frame) -> Self {
-        let mut walls =
-            Self { surfaces: Vec::new(), facets: Vec::new(), posed_at: f64::NEG_INFINITY, moved_m: 0.0 };
+        let mut walls = Self {
+            surfaces: Vec::new(),
+            facets: Vec::new(),
+            posed_at: f64::NEG_INFINITY,
+            moved_m: 0.0,
+            moved_in_all_m: 0.0,
+        };
         for (k, surface) in scene.surfaces.iter().enumerate() {
             let corners = || surface.triangles.iter().flatten();
             // Facets relative to a point in their midst keep more digits; what turns must be relative to its pivot.
@@ -142,6 +153,7 @@ impl Walls {
             fastest = fastest.max(surface.motion.top_speed(surface.reach));
         }
         self.moved_m += fastest * elapsed;
+        self.moved_in_all_m += fastest * elapsed;
     }
 
     /// t = 0 is now: what was there only until the start goes.
@@ -155,6 +167,11 @@ impl Walls {
     /// How far any point of a surface may have moved since the lists were built, in metres.
     pub fn moved_m(&self) -> f32 {
         self.moved_m as f32
+    }
+
+    /// How far any point of a surface may have moved since the run began, in metres.
+    pub fn moved_in_all_m(&self) -> f64 {
+        self.moved_in_all_m
     }
 
     /// The lists were built for where the surfaces are now.
@@ -230,7 +247,7 @@ impl Walls {
         let before = || others.clone().filter(|(other, theirs)| comes_before(*other, theirs));
         let has_the_point = |other: u32| {
             let q = self.facets[other as usize].facet.nearest(touch.local);
-            q.is_some_and(|q| q.distance(touch.local) < SAME)
+            q.is_some_and(|q| q.distance(touch.local) < SAME.max(AT_THE_EDGE * touch.distance))
         };
         before().any(|(_, theirs)| theirs.pushes_like(touch))
             || touch.on_rim && before().any(|(other, _)| has_the_point(other))

@@ -6,7 +6,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::mesh::nearest::nearest_on_triangle;
+use crate::mesh::nearest::{is_long, nearest_on_long_triangle, nearest_on_triangle};
 use crate::mesh::tree::{Span, Tree};
 use crate::mesh::weld::{WELD_M, weld};
 use crate::mesh::{NO_AREA_M2, doubled_area};
@@ -18,6 +18,8 @@ pub struct Facet {
     pub triangles: Vec<[Vec3; 3]>,
     /// Across its plane, of any length: the cross product of two edges of its largest triangle.
     pub normal: Vec3,
+    /// Whether a triangle is so long for its width that `f32` would miss the nearest point.
+    long: bool,
     /// Finds the nearest of many triangles; empty when they are few.
     tree: Tree,
 }
@@ -99,7 +101,12 @@ impl Facet {
             0..=FEW => Tree::default(),
             _ => Tree::new(&triangles.iter().copied().map(Span::around).collect::<Vec<_>>()),
         };
-        Self { normal: triangles.iter().map(across).reduce(larger).unwrap_or(Vec3::ZERO), tree, triangles }
+        Self {
+            normal: triangles.iter().map(across).reduce(larger).unwrap_or(Vec3::ZERO),
+            long: triangles.iter().any(is_long),
+            tree,
+            triangles,
+        }
     }
 
     /// The smallest box around it.
@@ -109,7 +116,12 @@ impl Facet {
 
     /// The point of the facet nearest to `p`, both relative to the surface's anchor, in metres; none without triangles.
     pub fn nearest(&self, p: Vec3) -> Option<Vec3> {
-        let on = |triangle: &[Vec3; 3]| nearest_on_triangle(p, triangle);
+        let on = |triangle: &[Vec3; 3]| match self.long {
+            true => {
+                nearest_on_long_triangle(p.as_dvec3(), &triangle.map(|corner| corner.as_dvec3())).as_vec3()
+            }
+            false => nearest_on_triangle(p, triangle),
+        };
         let distance2 = |q: Vec3| (p - q).dot(p - q);
         if self.triangles.len() > FEW {
             let k = self.tree.nearest(p, |k| distance2(on(&self.triangles[k as usize])))?;

@@ -32,7 +32,7 @@ pub enum Form {
 }
 
 /// Share of e_max at which the stiffening of `FiniteExtension` is held, so that the force stays finite.
-const STRETCH_CLAMP: f32 = 0.97;
+pub const STRETCH_CLAMP: f32 = 0.97;
 
 /// The parameters of the bonds of a run, computed once from the scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,10 +20,10 @@
 pub const D_SNAP: f32 = -0.472_470_4;
 
 /// x at which the neck snaps.
-const X_SNAP: f32 = 0.629_960_5;
+pub const X_SNAP: f32 = 0.629_960_5;
 
 /// Half the second derivative of x⁴ − x at the snap, 6 x_c².
-const CURVATURE: f32 = 2.381_101_6;
+pub const CURVATURE: f32 = 2.381_101_6;
 
 /// Surface energy below which plain Hertz is used, in J/m²: pull-off then is under 1e-9 N at R* = 2 mm.
 pub const GAMMA_MIN: f64 = 1e-7;

@@ -11,7 +11,7 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::{Shape, ShapeError};
 use crate::mesh::Mesh;
-use crate::mesh::nearest::nearest_on_triangle;
+use crate::mesh::nearest::nearest_on_long_triangle;
 use crate::mesh::tree::{Span, Tree};
 
 /// What lies this near to the surface lies on it, as a share of the longest side: some roundings of `f32`.
@@ -69,7 +69,8 @@ impl Solid {
         self.tree.visit(
             |span| !near.get() && span.distance2(p) <= reach * reach,
             |k| {
-                let q = nearest_on_triangle(p, &self.triangles[k as usize]);
+                let triangle = self.triangles[k as usize].map(|corner| corner.as_dvec3());
+                let q = nearest_on_long_triangle(p.as_dvec3(), &triangle).as_vec3();
                 near.set(near.get() || q.distance(p) <= reach);
             },
         );

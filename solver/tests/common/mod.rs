@@ -103,7 +103,15 @@ pub fn plate(kind: SurfaceKind) -> Surface {
     Surface::parallelogram("plate", kind, DVec3::new(-0.4, -0.4, 0.0), DVec3::X * 0.8, DVec3::Y * 0.8)
 }
 
+/// The path that this test binary is about.
+pub fn backend(threads: usize) -> Cpu {
+    if env!("CARGO_CRATE_NAME") == "on_fast" { Cpu::new(threads) } else { Cpu::plain(threads) }
+}
+
 /// A run of a scene on the CPU, step by step.
+///
+/// The suites of closed forms are compiled twice: each by itself, on the plain path, and all together into
+/// `on_fast.rs`, on the fast path.
 pub struct Bench {
     pub cpu: Cpu,
     pub run: CpuRun,
@@ -115,7 +123,10 @@ impl Bench {
     }
 
     pub fn on(scene: &Scene, threads: usize) -> Self {
-        let cpu = Cpu::new(threads);
+        Self::with(backend(threads), scene)
+    }
+
+    pub fn with(cpu: Cpu, scene: &Scene) -> Self {
         let run = cpu.prepare(scene);
         Self { cpu, run }
     }

@@ -9,12 +9,14 @@ pub(crate) mod tests;
 use std::net::IpAddr;
 use std::time::Duration;
 
+use reqwest::header::CONTENT_TYPE;
 use reqwest::{Method, RequestBuilder, Url};
 use roost_api::ids::{JobId, SweepId, WorkerId};
 use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::lease::{
     ClaimReply, ClaimRequest, FailureReport, HeartbeatReply, HeartbeatRequest, ResultDelivery,
 };
+use roost_api::mesh::{self, MeshView};
 use roost_api::page::Page;
 use roost_api::sweep::{SweepResults, SweepView};
 use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
@@ -30,6 +32,8 @@ pub type ClientResult<T> = Result<T, ClientError>;
 
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
+/// A large file over a slow line.
+const FILE_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// A client of one server.
 #[derive(Clone, Debug)]
@@ -147,6 +151,27 @@ impl Client {
     /// Queues what of a sweep failed or was cancelled again; `class` narrows it to what failed so.
     pub async fn retry_sweep(&self, id: SweepId, class: Option<FailureClass>) -> ClientResult<SweepView> {
         self.retry(&format!("sweeps/{id}/retry"), class).await
+    }
+
+    // --- meshes ---------------------------------------------------------------------------------
+
+    /// What the server knows of a mesh.
+    pub async fn mesh(&self, digest: &str) -> ClientResult<MeshView> {
+        self.get(&format!("meshes/{digest}")).await
+    }
+
+    /// Uploads an STL file; repeating it is safe.
+    pub async fn upload_mesh(&self, file: Vec<u8>) -> ClientResult<MeshView> {
+        let request = self.request(Method::POST, "meshes").header(CONTENT_TYPE, mesh::MEDIA_TYPE);
+        self.fetch(request.body(file).timeout(FILE_TIMEOUT)).await
+    }
+
+    /// The STL file of a mesh; whether it is the right one is for the caller to see.
+    pub async fn mesh_file(&self, digest: &str) -> ClientResult<Vec<u8>> {
+        let request = self.request(Method::GET, &format!("meshes/{digest}/file"));
+        let response = self.send(request.timeout(FILE_TIMEOUT)).await?;
+        let file = response.bytes().await.map_err(|error| ClientError::transport(&self.server, &error))?;
+        Ok(file.into())
     }
 
     // --- the worker's side ----------------------------------------------------------------------

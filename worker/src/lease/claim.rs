@@ -14,6 +14,7 @@ use super::held::Key;
 use super::session::Session;
 use crate::backoff::Backoff;
 use crate::client::ClientError;
+use crate::meshes::MeshSource;
 use crate::outbox::{Content, Delivery};
 use crate::runner::{Run, RunEnd};
 
@@ -109,7 +110,8 @@ fn begin(
 ) {
     let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, .. } = claimed;
     tracing::info!(job = %job_id, attempt, "running");
-    let run = Run::start(scenario, session.config.threads_per_slot(), max_wall_s);
+    let meshes = MeshSource::Server(session.meshes.clone());
+    let run = Run::start(scenario, meshes, session.config.threads_per_slot(), max_wall_s);
     session.held.insert((job_id, attempt), run.progress.clone(), run.stop.clone());
     runs.spawn(see_through(session.clone(), (job_id, attempt), run, permit));
 }

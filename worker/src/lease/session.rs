@@ -1,6 +1,6 @@
 //! One worker process as the server sees it: its id, its registration, and what its loops share.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use roost_api::API_VERSION;
@@ -15,6 +15,7 @@ use super::held::Held;
 use crate::WorkerConfig;
 use crate::backoff::Backoff;
 use crate::client::{Client, ClientError};
+use crate::meshes::MeshCache;
 use crate::outbox::Outbox;
 
 /// What the loops of a worker share.
@@ -25,6 +26,7 @@ pub(super) struct Session {
     pub(super) worker_id: WorkerId,
     pub(super) held: Held,
     pub(super) outbox: Outbox,
+    pub(super) meshes: Arc<MeshCache>,
     /// Rung when the outbox has something new.
     pub(super) mail: Notify,
     /// Nothing more is claimed once this is cancelled: by a signal, by the server, or by a refusal.
@@ -35,13 +37,16 @@ pub(super) struct Session {
 impl Session {
     pub(super) fn open(config: WorkerConfig, shutdown: &CancellationToken) -> Result<Self, WorkerError> {
         let key = config.outbox_key.as_ref().unwrap_or(&config.server);
-        let outbox = Outbox::open(&config.state_dir, key)
-            .map_err(|source| WorkerError::StateDir { path: config.state_dir.clone(), source })?;
+        let unusable = |source| WorkerError::StateDir { path: config.state_dir.clone(), source };
+        let outbox = Outbox::open(&config.state_dir, key).map_err(unusable)?;
+        let client = Client::new(&config.server)?;
+        let meshes = MeshCache::open(&config.state_dir, client.clone()).map_err(unusable)?;
         Ok(Self {
-            client: Client::new(&config.server)?,
+            client,
             worker_id: WorkerId::new(),
             held: Held::default(),
             outbox,
+            meshes: Arc::new(meshes),
             mail: Notify::new(),
             stop_claiming: shutdown.child_token(),
             refusal: OnceLock::new(),

@@ -1,6 +1,7 @@
 //! Every way a run can end, told apart.
 
 use roost_api::Phase;
+use roost_solver::mesh::Meshes;
 use serde_json::json;
 
 use super::*;
@@ -23,13 +24,17 @@ fn long() -> Value {
     document
 }
 
+fn start(document: Value, max_wall_s: Option<f64>) -> Run {
+    Run::start(document, MeshSource::Given(Meshes::default()), 1, max_wall_s)
+}
+
 async fn end_of(document: Value, max_wall_s: Option<f64>) -> RunEnd {
-    Run::start(document, 1, max_wall_s).end().await
+    start(document, max_wall_s).end().await
 }
 
 #[tokio::test]
 async fn a_scenario_runs_to_its_result_and_reports_progress() {
-    let mut run = Run::start(small(), 1, None);
+    let mut run = start(small(), None);
     run.progress.changed().await.unwrap();
     assert!(run.progress.borrow().is_some());
     let RunEnd::Finished(result) = run.end().await else { panic!("no result") };
@@ -63,7 +68,7 @@ async fn each_reason_to_stop_has_its_own_end() {
         (Stop::Release, Some((AttemptOutcome::Released, false))),
         (Stop::Abandon, None),
     ] {
-        let mut run = Run::start(long(), 1, None);
+        let mut run = start(long(), None);
         run.progress.changed().await.unwrap();
         run.stop.set(why);
         let seen = match run.end().await {
@@ -98,10 +103,11 @@ async fn a_panic_is_the_workers_failure_and_says_what_happened() {
         wall_s: 0.0,
         discharged_kg: 0.0,
     };
-    let run = Run::start_with(None, move |observer| {
+    let solve = move |observer: &mut dyn Observer| -> Result<RunResult, Vec<Fault>> {
         observer.progress(&progress);
         panic!("index {} out of range", 7)
-    });
+    };
+    let run = Run::start_with(None, async { Ok(solve) });
     let RunEnd::Failed { outcome, message, result } = run.end().await else { panic!("no failure") };
     assert_eq!((outcome, result), (AttemptOutcome::Worker, None));
     assert_eq!(message, "the solver panicked: index 7 out of range");
@@ -117,4 +123,24 @@ fn the_first_reason_stays_but_abandon_beats_all() {
     flag.set(Stop::Abandon);
     flag.set(Stop::Timeout);
     assert_eq!(flag.get(), Some(Stop::Abandon));
+}
+
+#[tokio::test]
+async fn what_waits_for_its_meshes_can_be_stopped() {
+    type Solve = fn(&mut dyn Observer) -> Result<RunResult, Vec<Fault>>;
+    for (why, expected) in [
+        (Stop::Cancel, Some(AttemptOutcome::Cancelled)),
+        (Stop::Release, Some(AttemptOutcome::Released)),
+        (Stop::Abandon, None),
+    ] {
+        let run = Run::start_with(None, std::future::pending::<Result<Solve, RunEnd>>());
+        run.stop.set(why);
+        let end = tokio::time::timeout(Duration::from_secs(20), run.end()).await.expect("an end");
+        let seen = match end {
+            RunEnd::Failed { outcome, result: None, .. } => Some(outcome),
+            RunEnd::Abandoned => None,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(seen, expected, "{why:?}");
+    }
 }

@@ -1,0 +1,145 @@
+//! Meshes: upload, look, fetch the file.
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use futures_util::stream;
+use roost_api::mesh::{MEDIA_TYPE, MeshView, is_digest};
+use roost_api::page::Page;
+use roost_api::problem::Problem;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::aside::aside;
+use super::extract::{Params, Segments};
+use super::page::{cursor, limit, page};
+use super::problem::{ApiError, Kind};
+use super::upload::Upload;
+use crate::app::App;
+use crate::mesh;
+
+/// The digest in a path.
+#[derive(Deserialize)]
+#[serde(try_from = "String")]
+pub(crate) struct Digest(String);
+
+impl TryFrom<String> for Digest {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        match is_digest(&text) {
+            true => Ok(Self(text)),
+            false => Err(format!("`{text}` is no digest of 64 lower-case hexadecimal digits")),
+        }
+    }
+}
+
+/// Takes an STL file in, once.
+#[utoipa::path(post, path = "/v1/meshes", tag = "meshes", operation_id = "upload_mesh",
+    request_body(description = "The file", content(("model/stl"), ("application/octet-stream"))),
+    responses((status = 201, description = "Stored", body = MeshView),
+              (status = 200, description = "It was there already", body = MeshView),
+              (status = 413, description = "Over the size limit", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 422, description = "No sound STL file, and why", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn upload(
+    State(app): State<App>,
+    Upload { file, turn: _turn }: Upload,
+) -> Result<(StatusCode, [(HeaderName, String); 1], Json<MeshView>), ApiError> {
+    let now = app.clock.now();
+    let (file, read) = aside(move || {
+        let read = mesh::read(&file, now);
+        (file, read)
+    })
+    .await?;
+    let mesh = read.map_err(|error| ApiError::new(Kind::InvalidMesh, error.to_string()))?;
+    let location = [(header::LOCATION, format!("/v1/meshes/{}", mesh.digest))];
+    if let Some(before) = app.store.mesh(&mesh.digest).await? {
+        return Ok((StatusCode::OK, location, Json(before)));
+    }
+    let is_new = app.store.insert_mesh(mesh.clone(), &file).await?;
+    tracing::info!(digest = mesh.digest, bytes = mesh.bytes, triangles = mesh.triangles, "mesh uploaded");
+    let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
+    Ok((status, location, Json(found(&app, &mesh.digest).await?)))
+}
+
+/// Which meshes to list.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct MeshQuery {
+    /// `next_cursor` of the page before.
+    #[param(value_type = Option<String>)]
+    cursor: Option<i64>,
+    /// Rows, 1 to 500; 50 unless given.
+    limit: Option<u32>,
+}
+
+/// Lists meshes, newest first.
+#[utoipa::path(get, path = "/v1/meshes", tag = "meshes", operation_id = "list_meshes", params(MeshQuery),
+    responses((status = 200, description = "A page of meshes", body = Page<MeshView>)))]
+pub(crate) async fn list(
+    State(app): State<App>,
+    Params(query): Params<MeshQuery>,
+) -> Result<Json<Page<MeshView>>, ApiError> {
+    let (meshes, next) = app.store.meshes(cursor(query.cursor)?, limit(query.limit)?).await?;
+    Ok(Json(page(meshes, next)))
+}
+
+/// What is known of a mesh.
+#[utoipa::path(get, path = "/v1/meshes/{digest}", tag = "meshes", operation_id = "show_mesh",
+    params(("digest" = String, Path, description = "blake3 of the file")),
+    responses((status = 200, description = "The mesh", body = MeshView),
+              (status = 404, description = "No such mesh", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn show(
+    State(app): State<App>,
+    Segments(Digest(digest)): Segments<Digest>,
+) -> Result<Json<MeshView>, ApiError> {
+    found(&app, &digest).await.map(Json)
+}
+
+async fn found(app: &App, digest: &str) -> Result<MeshView, ApiError> {
+    let mesh = app.store.mesh(digest).await?;
+    mesh.ok_or_else(|| ApiError::new(Kind::NotFound, format!("there is no mesh {digest}")))
+}
+
+/// The file of a mesh, as it was uploaded. It never changes, so that it may be kept for ever.
+#[utoipa::path(get, path = "/v1/meshes/{digest}/file", tag = "meshes", operation_id = "mesh_file",
+    params(("digest" = String, Path, description = "blake3 of the file")),
+    responses((status = 200, description = "The file", content(("model/stl"))),
+              (status = 304, description = "`if-none-match` names it: it is there already"),
+              (status = 404, description = "No such mesh", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn file(
+    State(app): State<App>,
+    Segments(Digest(digest)): Segments<Digest>,
+    asked: HeaderMap,
+) -> Result<Response, ApiError> {
+    let mesh = found(&app, &digest).await?;
+    let etag = format!("\"{digest}\"");
+    let is_known = |known: &str| known == "*" || known.contains(&etag);
+    let known = asked.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok()).is_some_and(is_known);
+    let caching =
+        [(header::ETAG, etag), (header::CACHE_CONTROL, "private, max-age=31536000, immutable".to_owned())];
+    if known {
+        return Ok((StatusCode::NOT_MODIFIED, caching).into_response());
+    }
+    let about = [
+        (header::CONTENT_TYPE, MEDIA_TYPE.to_owned()),
+        (header::CONTENT_LENGTH, mesh.bytes.to_string()),
+        // Whatever the bytes look like, no browser shall take them for a page.
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff".to_owned()),
+    ];
+    // Part by part: however many fetch at once, little of it is in memory.
+    let parts = stream::try_unfold((app, digest, 0), |(app, digest, part)| async move {
+        let data = app.store.mesh_part(&digest, part).await.inspect_err(|error| {
+            tracing::error!(error = error.as_dyn(), digest, "a file broke off");
+        })?;
+        Ok::<_, crate::store::StoreError>(data.map(|data| (data, (app, digest, part + 1))))
+    });
+    Ok((caching, about, Body::from_stream(parts)).into_response())
+}

@@ -1,0 +1,112 @@
+//! Meshes, without IO: what there is to know about a file, and which ones a document names.
+
+use std::collections::BTreeSet;
+
+use roost_api::mesh::{MeshFormat, MeshView, is_digest};
+use roost_api::time::Timestamp;
+use roost_api::validate::MeshReport;
+use roost_api::{Estimate, Fault};
+use roost_solver::Limits;
+use roost_solver::mesh::stl::binary_length;
+use roost_solver::mesh::{Mesh, MeshError, Meshes, NO_AREA_M2, Units, doubled_area};
+use roost_solver::scenario::{MeshRef, Scenario, escape};
+use serde_json::{Value, json};
+
+use crate::document::fault;
+
+/// Reads a file: what there is to know about it, or why it is no mesh.
+pub(crate) fn read(file: &[u8], now: Timestamp) -> Result<MeshView, MeshError> {
+    let mut meshes = Meshes::default();
+    let digest = meshes.insert(file)?;
+    let stl = meshes.get(&digest).expect("it has just been put there");
+    let mesh = stl.in_units(Units::Mm).or_else(|_| stl.in_units(Units::M))?;
+    let in_file = |metres: [f64; 3]| metres.map(|metres| (metres / mesh.units.in_metres()) as f32);
+    Ok(MeshView {
+        digest,
+        bytes: file.len() as u64,
+        format: if is_binary(file) { MeshFormat::Binary } else { MeshFormat::Ascii },
+        triangles: triangles(&mesh),
+        degenerate: mesh.degenerate as u64,
+        closed: mesh.is_closed(),
+        open_edges: mesh.open_edges as u64,
+        turned_edges: mesh.turned_edges as u64,
+        low: in_file(mesh.low.to_array()),
+        high: in_file(mesh.high.to_array()),
+        size: in_file(mesh.size_m().to_array()),
+        uploaded_at: now,
+    })
+}
+
+/// Whether a sound file is binary: then its length is the one that it announces.
+fn is_binary(file: &[u8]) -> bool {
+    let announced = file.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
+    announced.is_some_and(|triangles| binary_length(triangles) == file.len() as u64)
+}
+
+/// Triangles in the file: those whose corners fell together are not in the mesh.
+fn triangles(mesh: &Mesh) -> u64 {
+    let areas = mesh.triangles.iter().filter(|triangle| doubled_area(triangle) > NO_AREA_M2).count();
+    (areas + mesh.degenerate) as u64
+}
+
+/// Every text of a document that could be the digest of a mesh, with its pointer: what to have at hand before the document
+/// is checked.
+pub(crate) fn digests_in(document: &Value) -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    walk(document, &mut String::new(), &mut found);
+    found
+}
+
+fn walk(value: &Value, pointer: &mut String, found: &mut Vec<(String, String)>) {
+    let length = pointer.len();
+    let mut step = |name: &str, inner: &Value| {
+        pointer.push('/');
+        pointer.push_str(name);
+        walk(inner, pointer, found);
+        pointer.truncate(length);
+    };
+    match value {
+        Value::Object(fields) => fields.iter().for_each(|(name, inner)| step(&escape(name), inner)),
+        Value::Array(items) => {
+            items.iter().enumerate().for_each(|(index, inner)| step(&index.to_string(), inner));
+        }
+        Value::String(text) if is_digest(text) => found.push((pointer.clone(), text.clone())),
+        _ => {}
+    }
+}
+
+/// Checks a scenario against the meshes at hand and the limits; says first which meshes are not there.
+pub(crate) fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
+    let missing = |(pointer, named): (String, &MeshRef)| {
+        let is_missing = meshes.get(&named.digest).is_none();
+        let (detail, allowed) =
+            ("there is no mesh of this digest here", "that of an STL file uploaded with POST /v1/meshes");
+        is_missing.then(|| fault(&format!("{pointer}/digest"), json!(named.digest), detail, allowed))
+    };
+    let faults: Vec<_> = scenario.named_meshes().into_iter().filter_map(missing).collect();
+    if faults.is_empty() { roost_solver::check(scenario, meshes, limits) } else { Err(faults) }
+}
+
+/// What scenarios that were checked read of the meshes that they name, each mesh and unit once.
+pub(crate) fn reports<'a>(scenarios: impl Iterator<Item = &'a Scenario>, meshes: &Meshes) -> Vec<MeshReport> {
+    let mut told = BTreeSet::new();
+    let mut reports = Vec::new();
+    for (pointer, MeshRef { digest, units }) in scenarios.flat_map(Scenario::named_meshes) {
+        let is_news = told.insert((digest, *units as u8));
+        let Some(Ok(mesh)) = meshes.get(digest).filter(|_| is_news).map(|stl| stl.in_units(*units)) else {
+            continue;
+        };
+        reports.push(MeshReport {
+            pointer,
+            digest: digest.clone(),
+            units: *units,
+            triangles: triangles(&mesh),
+            degenerate: mesh.degenerate as u64,
+            size_m: mesh.size_m().to_array(),
+            closed: mesh.is_closed(),
+            open_edges: mesh.open_edges as u64,
+            turned_edges: mesh.turned_edges as u64,
+        });
+    }
+    reports
+}

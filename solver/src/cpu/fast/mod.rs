@@ -1,0 +1,341 @@
+//! The CPU backend, fast path: what the plain path does, many pairs at a time.
+//!
+//! A step has two phases. In the first every [`meeting`] of two bodies works out the contacts between them, each pair
+//! once. In the second every [`body`] adds up the loads of its meetings, its bonds and its walls, and moves. Within
+//! a phase nothing depends on the order in which meetings or bodies are worked on: each writes only what is its own,
+//! and sums go by the order of ids. So the bits are the same whatever the number of threads, the batch, the chunks of
+//! steps, or the moment when pairs were looked up; and since [`lanes`] uses no fused multiply-add, on every
+//! instruction set. They differ from the plain path's, which the tests hold them to within a tolerance.
+
+mod body;
+mod bonds;
+mod instructions;
+mod kernel;
+mod lanes;
+mod load;
+mod meeting;
+
+use glam::DVec3;
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::Params;
+use super::integrate::{Moved, Mover};
+use super::walls::Walls;
+use crate::engine::Advance;
+use crate::engine::scene::Scene;
+use crate::engine::state::State;
+use body::{Body, Extent, Noticed, Room, Share, Surroundings};
+use bonds::BondChunk;
+pub use instructions::Instructions;
+use kernel::{LaneContact, PairLaws};
+use meeting::{Meeting, SAFE, Scratch, Search};
+
+/// Distance beyond reach that meetings cover, as a share of R. Short of the lattice's face diagonal, 2√2 R.
+const SKIN_RATIO: f32 = 0.35;
+
+/// The same for facets.
+const WALL_SKIN_RATIO: f32 = 0.7;
+
+/// Distance of bodies that makes them meet, beyond reach, as a share of R.
+const MARGIN_RATIO: f32 = 6.0;
+
+/// A run on the fast path.
+#[derive(Debug)]
+pub struct FastRun {
+    params: Params,
+    laws: PairLaws,
+    mover: Mover,
+    instructions: Instructions,
+    pub(super) state: State,
+    walls: Walls,
+    bodies: Vec<Body>,
+    /// Sorted by their bodies.
+    meetings: Vec<Meeting>,
+    /// Motion of each body when the meetings were drawn up; empty forces it.
+    drawn_up: Vec<(DVec3, f64)>,
+    step: u64,
+    start_step: Option<u64>,
+    pub(super) fault: Option<String>,
+}
+
+impl FastRun {
+    pub(super) fn new(scene: &Scene, params: Params, instructions: Instructions) -> Self {
+        let state = State::new(scene);
+        let laws = PairLaws {
+            contact: LaneContact::new(params.laws.tissue),
+            bond: params.laws.bond,
+            contact_between_bonded: params.laws.contact_between_bonded,
+            touch: 2.0 * params.radius,
+            dt: params.dt,
+        };
+        let mut bodies = Vec::new();
+        let mut from = 0;
+        for placement in &scene.bodies {
+            let kind = &scene.kinds[placement.kind];
+            let range = from..from + kind.meta.points.len();
+            from = range.end;
+            let chunks = BondChunk::all(&kind.meta.bonds, &laws);
+            let mass = kind.subparticle_mass_kg as f32;
+            if !range.is_empty() {
+                bodies.push(Body::new(
+                    range,
+                    mass,
+                    chunks,
+                    kind.meta.bonds.iter().map(|b| [b.i, b.j]).collect(),
+                ));
+            }
+        }
+        Self {
+            walls: Walls::new(scene, &state.frame),
+            mover: Mover::new(&params, &state.frame),
+            laws,
+            instructions,
+            bodies,
+            meetings: Vec::new(),
+            drawn_up: Vec::new(),
+            step: 0,
+            start_step: None,
+            fault: None,
+            params,
+            state,
+        }
+    }
+
+    pub(super) fn advance(&mut self, steps: u64) -> Advance {
+        let mut done = Advance::default();
+        for _ in 0..steps {
+            if self.fault.is_some() {
+                break;
+            }
+            self.one_step(&mut done);
+        }
+        done.fault.clone_from(&self.fault);
+        done
+    }
+
+    pub(super) fn start(&mut self) {
+        self.start_step = Some(self.step);
+        self.walls.drop_what_goes_at_start();
+    }
+
+    /// One time step: the stages of [`crate::engine::Backend`].
+    fn one_step(&mut self, done: &mut Advance) {
+        let belt_time = self.start_step.map(|start| (self.step - start) as f64 * self.params.dt_exact);
+        self.walls.pose(belt_time, &self.state.frame);
+        self.neighbours();
+        let max_overlap = self.meet();
+        let noticed = self.move_bodies();
+        self.state.bonds_broken += u64::from(noticed.bonds_broken);
+        self.step += 1;
+        done.steps += 1;
+        done.particle_steps += self.state.particles.len() as u64;
+        done.max_overlap_m = done.max_overlap_m.max(max_overlap).max(noticed.max_overlap);
+        self.fault = Moved::runaway(noticed.runaway).fault(&self.params, &self.state);
+    }
+
+    /// Distance of two centres within which a contact can hold, in metres.
+    fn search(&self) -> Search {
+        Search {
+            reach: 2.0 * self.params.radius + self.params.laws.reach(),
+            skin: SKIN_RATIO * self.params.radius,
+        }
+    }
+
+    /// Decides which bodies meet, and which meetings must look up their pairs.
+    fn neighbours(&mut self) {
+        let half = SAFE * 0.5 * f64::from(MARGIN_RATIO * self.params.radius);
+        let strayed = |(body, (shift, path)): (&Body, &(DVec3, f64))| {
+            let moved = body.motion.shift.distance(*shift) + (body.motion.path - path);
+            !(moved <= half)
+        };
+        if self.drawn_up.len() != self.bodies.len() || self.bodies.iter().zip(&self.drawn_up).any(strayed) {
+            self.draw_up_meetings();
+        }
+        let mut due = vec![false; self.bodies.len()];
+        for meeting in &mut self.meetings {
+            let [a, b] = meeting.bodies.map(|body| body as usize);
+            meeting.mark(&self.bodies[a], &self.bodies[b]);
+            due[a] |= meeting.due;
+            due[b] |= meeting.due;
+        }
+        let state = &self.state;
+        let due = self.bodies.par_iter_mut().zip(due).filter(|(_, due)| *due);
+        due.for_each(|(body, _)| body.locate(state));
+    }
+
+    /// Finds the bodies that are near each other. Meetings that stay keep their pairs.
+    fn draw_up_meetings(&mut self) {
+        let Self { bodies, state, .. } = self;
+        bodies.par_iter_mut().for_each(|body| body.locate(state));
+        self.drawn_up = self.bodies.iter().map(|body| (body.motion.shift, body.motion.path)).collect();
+        let reach = self.search().reach + MARGIN_RATIO * self.params.radius;
+        let frame = &self.state.frame;
+        let extents: Vec<Extent> = self.bodies.iter().map(|body| body.extent).collect();
+        let mut order: Vec<u32> = (0..extents.len() as u32).collect();
+        order.sort_by_key(|&body| (extents[body as usize].low.x, body));
+        let mut pairs = Vec::new();
+        for (k, &a) in order.iter().enumerate() {
+            pairs.push([a, a]);
+            let far = extents[a as usize].grown(reach, frame).high.x;
+            let near = order[k + 1..].iter().take_while(|&&b| extents[b as usize].low.x <= far);
+            let close = near.filter(|&&b| extents[a as usize].gap(&extents[b as usize], frame) <= reach);
+            pairs.extend(close.map(|&b| [a.min(b), a.max(b)]));
+        }
+        pairs.sort_unstable();
+        let mut old = std::mem::take(&mut self.meetings).into_iter().peekable();
+        for pair in pairs {
+            while old.next_if(|meeting| meeting.bodies < pair).is_some() {}
+            let known = old.next_if(|meeting| meeting.bodies == pair);
+            self.meetings.push(known.unwrap_or_else(|| Meeting::new(pair)));
+        }
+        self.bodies.iter_mut().for_each(|body| body.meets.clear());
+        // Sorted by the lower body and then the higher, each body finds its meetings in the order of the other.
+        for (m, meeting) in (0u32..).zip(&self.meetings) {
+            let [a, b] = meeting.bodies;
+            self.bodies[b as usize].meets.push(m);
+            if a != b {
+                self.bodies[a as usize].meets.push(m);
+            }
+        }
+    }
+
+    /// The first phase.
+    fn meet(&mut self) -> f32 {
+        let search = self.search();
+        let Self { laws, state, bodies, instructions, .. } = self;
+        let work = self.meetings.par_iter_mut().map_init(Scratch::default, |scratch, meeting| {
+            if !meeting.due && meeting.chunks.is_empty() {
+                return 0.0;
+            }
+            let sides = meeting.bodies.map(|body| &bodies[body as usize]);
+            instructions.arch.dispatch(Meet { meeting, search: &search, laws, state, sides, scratch })
+        });
+        work.reduce(|| 0.0, f32::max)
+    }
+
+    /// The second phase.
+    fn move_bodies(&mut self) -> Noticed {
+        let Self { laws, mover, state, bodies, meetings, walls, params, instructions, .. } = self;
+        let around = Surroundings {
+            laws,
+            mover,
+            frame: &state.frame,
+            walls,
+            meetings,
+            masses: &state.masses,
+            held: &state.held,
+            radius: params.radius,
+            wall_reach: params.radius + params.laws.reach(),
+            wall_skin: WALL_SKIN_RATIO * params.radius,
+        };
+        let mut particles = &mut state.particles[..];
+        let mut remainders = &mut state.remainders[..];
+        let mut broken = &mut state.broken[..];
+        let shares: Vec<_> = bodies
+            .iter_mut()
+            .map(|body| {
+                let count = body.range().len();
+                let share = Share {
+                    particles: particles.split_off_mut(..count).expect("as many as bodies have"),
+                    remainders: remainders.split_off_mut(..count).expect("as many as bodies have"),
+                    broken: broken.split_off_mut(..count).expect("as many as bodies have"),
+                };
+                (body, share)
+            })
+            .collect();
+        let work = shares.into_par_iter().enumerate().map_init(Room::default, |room, (me, (body, share))| {
+            instructions.arch.dispatch(Move { body, me: me as u32, around: &around, share, room })
+        });
+        work.reduce(Noticed::default, Noticed::and)
+    }
+
+    pub(super) fn remove(&mut self, serials: &[u32]) {
+        let map = self.state.remove(serials);
+        let mut from = 0;
+        let mut locals: Vec<Vec<u32>> = Vec::new();
+        let mut numbers = Vec::new();
+        let mut kept = Vec::new();
+        for mut body in std::mem::take(&mut self.bodies) {
+            let mut next = 0;
+            let local = body.range().map(|at| {
+                let stays = map[at] != u32::MAX;
+                next += u32::from(stays);
+                if stays { next - 1 } else { u32::MAX }
+            });
+            let local: Vec<u32> = local.collect();
+            numbers.push((next > 0).then_some(kept.len() as u32));
+            if next > 0 {
+                body.renumber(from..from + next as usize, &local);
+                from += next as usize;
+                kept.push(body);
+            }
+            locals.push(local);
+        }
+        self.bodies = kept;
+        self.meetings.retain_mut(|meeting| {
+            let [a, b] = meeting.bodies.map(|body| body as usize);
+            meeting.renumber([numbers[a], numbers[b]], [&locals[a], &locals[b]])
+        });
+        self.drawn_up.clear();
+    }
+
+    pub(super) fn surface_forces(&self) -> Vec<DVec3> {
+        let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
+        for wall in self.bodies.iter().flat_map(|body| &body.walls.pairs) {
+            forces[self.walls.surface_of(wall.facet)] -= wall.force.as_dvec3();
+        }
+        forces
+    }
+
+    pub(super) fn bonds(&self) -> Vec<[u32; 2]> {
+        let of = |body: &Body| {
+            let serials = &self.state.serials[body.range()];
+            let pairs = body.bonds.iter().flat_map(BondChunk::intact);
+            pairs.map(|pair| pair.map(|k| serials[k as usize])).collect::<Vec<_>>()
+        };
+        let mut bonds: Vec<[u32; 2]> = self.bodies.iter().flat_map(of).collect();
+        bonds.sort_unstable();
+        bonds
+    }
+}
+
+/// A meeting's part of the first phase.
+struct Meet<'a> {
+    meeting: &'a mut Meeting,
+    search: &'a Search,
+    laws: &'a PairLaws,
+    state: &'a State,
+    sides: [&'a Body; 2],
+    scratch: &'a mut Scratch,
+}
+
+impl WithSimd for Meet<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f32 {
+        if self.meeting.due {
+            self.meeting.search(simd, self.search, self.state, self.sides, self.scratch);
+        }
+        self.meeting.forces(simd, self.laws, self.state, self.sides, &mut self.scratch.batch)
+    }
+}
+
+/// A body's part of the second phase.
+struct Move<'a> {
+    body: &'a mut Body,
+    me: u32,
+    around: &'a Surroundings<'a>,
+    share: Share<'a>,
+    room: &'a mut Room,
+}
+
+impl WithSimd for Move<'_> {
+    type Output = Noticed;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Noticed {
+        self.body.step(simd, self.me, self.around, self.share, self.room)
+    }
+}

@@ -1,0 +1,21 @@
+//! The suites of closed forms once more, on the fast path (see `common::path`).
+#![allow(clippy::duplicate_mod, reason = "each suite brings what they have in common along")]
+
+#[path = "bonds.rs"]
+mod bonds;
+#[path = "conservation.rs"]
+mod conservation;
+#[path = "contact.rs"]
+mod contact;
+#[path = "determinism.rs"]
+mod determinism;
+#[path = "equipment.rs"]
+mod equipment;
+#[path = "friction.rs"]
+mod friction;
+#[path = "moving.rs"]
+mod moving;
+#[path = "periodic.rs"]
+mod periodic;
+#[path = "timestep.rs"]
+mod timestep;

@@ -1,0 +1,210 @@
+//! Meshes that a document names by file, `{"file": "hopper.stl", "units": "mm"}`: read, checked, and from here on named by
+//! the digest of their bytes, as the solver and the server know them.
+//!
+//! Such an object may stand wherever a `mesh` may: in a scenario, in the base of a sweep, and as a level of a factor that
+//! points at a mesh.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use roost_api::Fault;
+use roost_api::mesh::{MAX_BYTES, is_digest};
+use roost_solver::mesh::Meshes;
+use roost_solver::scenario::escape;
+use roost_worker::client::Client;
+use serde_json::{Map, Value, json};
+
+use crate::input;
+use crate::ui::format;
+
+/// What may stand in place of a file that cannot be used, so that what else is wrong can be told as well.
+const NO_DIGEST: &str = "0000000000000000000000000000000000000000000000000000000000000000";
+
+const ALLOWED: &str = "the path of an STL file, seen from the folder of this document";
+
+/// A document whose meshes are named by digest.
+#[derive(Debug)]
+pub(crate) struct Resolved {
+    /// The document, otherwise as it was.
+    pub(crate) document: Value,
+    /// The files that it named, read.
+    pub(crate) meshes: Meshes,
+    /// The same as they are on disk, each content once.
+    files: Vec<MeshFile>,
+    /// Files that cannot be used.
+    faults: Vec<Fault>,
+    /// Where the document named a digest itself.
+    bare: Vec<(String, String)>,
+}
+
+#[derive(Debug)]
+struct MeshFile {
+    /// As the document has it.
+    name: String,
+    digest: String,
+    bytes: Vec<u8>,
+}
+
+/// Reads the files that a document names; paths are seen from the document's folder, or from here if it came by stdin.
+pub(crate) fn resolve(path: &Path, document: Value) -> Resolved {
+    let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+    let resolved = Resolved {
+        document,
+        meshes: Meshes::default(),
+        files: Vec::new(),
+        faults: Vec::new(),
+        bare: Vec::new(),
+    };
+    let mut reader = Reader { folder, resolved, read: HashMap::new() };
+    let mut document = std::mem::take(&mut reader.resolved.document);
+    reader.walk(&mut document, String::new(), false);
+    Resolved { document, ..reader.resolved }
+}
+
+struct Reader {
+    folder: PathBuf,
+    resolved: Resolved,
+    /// Digest or complaint of each path.
+    read: HashMap<PathBuf, Result<String, String>>,
+}
+
+impl Reader {
+    fn walk(&mut self, value: &mut Value, pointer: String, is_mesh: bool) {
+        match value {
+            Value::Object(fields) if is_mesh => self.mesh(fields, &pointer),
+            Value::Object(fields) => {
+                let levels = fields.get("pointer").and_then(Value::as_str).is_some_and(ends_in_mesh);
+                for (name, inner) in fields {
+                    let at = format!("{pointer}/{}", escape(name));
+                    match inner {
+                        Value::Array(items) if levels && name == "levels" => {
+                            for (index, level) in items.iter_mut().enumerate() {
+                                self.walk(level, format!("{at}/{index}"), true);
+                            }
+                        }
+                        inner => self.walk(inner, at, name == "mesh"),
+                    }
+                }
+            }
+            Value::Array(items) => {
+                for (index, inner) in items.iter_mut().enumerate() {
+                    self.walk(inner, format!("{pointer}/{index}"), false);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn mesh(&mut self, fields: &mut Map<String, Value>, pointer: &str) {
+        let named = fields.get("digest").and_then(Value::as_str).filter(|digest| is_digest(digest));
+        let Some(file) = fields.get("file").cloned() else {
+            self.resolved.bare.extend(named.map(|digest| (pointer.to_owned(), digest.to_owned())));
+            return;
+        };
+        let found = match (&file, fields.get("digest")) {
+            (_, Some(_)) => Err("excludes `digest`, which comes from the file".to_owned()),
+            (Value::String(name), None) => self.file(name),
+            _ => Err("must be a text".to_owned()),
+        };
+        let digest = found.unwrap_or_else(|detail| {
+            let allowed = Some(ALLOWED.to_owned());
+            self.resolved.faults.push(Fault::new(&format!("{pointer}/file"), &file, detail, allowed));
+            NO_DIGEST.to_owned()
+        });
+        fields.remove("file");
+        fields.insert("digest".to_owned(), json!(digest));
+    }
+
+    /// The digest of a file; reads it unless that was done before.
+    fn file(&mut self, name: &str) -> Result<String, String> {
+        let path = self.folder.join(name);
+        if let Some(known) = self.read.get(&path) {
+            return known.clone();
+        }
+        let read = read(&path).and_then(|bytes| {
+            let digest =
+                self.resolved.meshes.insert(&bytes).map_err(|error| format!("is no STL mesh: {error}"))?;
+            if self.resolved.files.iter().all(|file| file.digest != digest) {
+                self.resolved.files.push(MeshFile { name: name.to_owned(), digest: digest.clone(), bytes });
+            }
+            Ok(digest)
+        });
+        self.read.insert(path, read.clone());
+        read
+    }
+}
+
+fn ends_in_mesh(pointer: &str) -> bool {
+    pointer.ends_with("/mesh")
+}
+
+/// Reads a file, up to the limit.
+fn read(path: &Path) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes));
+    read.map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+    if bytes.len() > MAX_BYTES {
+        let most = format::bytes(MAX_BYTES as u64);
+        return Err(format!("{} is larger than {most}, the most that is taken", path.display()));
+    }
+    Ok(bytes)
+}
+
+impl Resolved {
+    /// For what runs here: a digest alone says nothing without a server.
+    pub(crate) fn without_a_server(mut self) -> Self {
+        let allowed = "the file itself: {\"file\": \"….stl\", \"units\": \"mm\" or \"m\"}";
+        for (pointer, digest) in std::mem::take(&mut self.bare) {
+            if self.meshes.get(&digest).is_none() {
+                let detail = "names a mesh of a server; without a server its file is needed".to_owned();
+                let at = format!("{pointer}/digest");
+                self.faults.push(Fault::new(&at, &json!(digest), detail, Some(allowed.to_owned())));
+            }
+        }
+        self
+    }
+
+    /// The faults of the meshes, and those of the document that lie elsewhere.
+    pub(crate) fn faults_and(&self, others: Vec<Fault>) -> Vec<Fault> {
+        let parent = |fault: &Fault| fault.pointer.rsplit_once('/').map(|(parent, _)| parent.to_owned());
+        let told: Vec<String> = self.faults.iter().filter_map(parent).collect();
+        let is_news = |fault: &Fault| {
+            let inside = |place: &String| {
+                fault
+                    .pointer
+                    .strip_prefix(place.as_str())
+                    .is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+            };
+            !told.iter().any(inside)
+        };
+        self.faults.iter().cloned().chain(others.into_iter().filter(is_news)).collect()
+    }
+
+    /// Whether every file can be used.
+    pub(crate) fn checked(self, path: &Path) -> Result<Self> {
+        if self.faults.is_empty() { Ok(self) } else { Err(input::faults(path, &self.faults).into()) }
+    }
+
+    /// Brings to the server what it does not have yet.
+    pub(crate) async fn upload(&self, client: &Client) -> Result<()> {
+        for MeshFile { name, digest, bytes } in &self.files {
+            match client.mesh(digest).await {
+                Ok(_) => continue,
+                Err(error) if error.problem_status() == Some(404) => {}
+                Err(error) => return Err(error.into()),
+            }
+            client.upload_mesh(bytes.clone()).await?;
+            eprintln!("uploaded {name}: {}", format::bytes(bytes.len() as u64));
+        }
+        Ok(())
+    }
+
+    /// The name of a mesh: its file, or the start of its digest.
+    pub(crate) fn name(&self, digest: &str) -> String {
+        let file = self.files.iter().find(|file| file.digest == digest);
+        file.map_or_else(|| digest.chars().take(12).collect(), |file| file.name.clone())
+    }
+}

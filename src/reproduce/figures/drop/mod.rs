@@ -1,0 +1,69 @@
+//! Fig. 9 to 12: fillets that hit a plate. How many bonds hold, and how long the kinetic energy takes to go.
+
+mod angles;
+mod scales;
+mod speeds;
+mod stiffness;
+
+use serde_json::{Value, json};
+
+use crate::reproduce::plan::{Figure, Results, with};
+use crate::reproduce::profile::Profile;
+
+/// Angles are off by up to this much when there are several fillets of a shape, in degrees: they would all fall alike.
+const SCATTER_DEG: f64 = 5.0;
+/// The speed up to which fillets shall hold, in m/s.
+const FAST_M_S: f64 = 4.0;
+const USUAL_M_S: f64 = 2.0;
+
+/// Orientations: name, pitch and roll in degrees.
+const FLAT: (&str, f64, f64) = ("flat", 0.0, 0.0);
+const ON_END: (&str, f64, f64) = ("on end, tail first", 90.0, 0.0);
+const ORIENTATIONS: [(&str, f64, f64); 6] = [
+    FLAT,
+    ("pitched by 45°", 45.0, 0.0),
+    ON_END,
+    ("on end, blunt end first", -90.0, 0.0),
+    ("rolled by 45°", 0.0, 45.0),
+    ("on its side", 0.0, 90.0),
+];
+
+/// Multiples of Table 2's stiffnesses.
+const MULTIPLES: [(&str, f64); 3] =
+    [("a tenth of Table 2", 0.1), ("Table 2", 1.0), ("ten times Table 2", 10.0)];
+
+/// All four.
+pub(super) fn figures(profile: &Profile) -> Vec<Figure> {
+    [stiffness::figure, angles::figure, speeds::figure, scales::figure].map(|figure| figure(profile)).into()
+}
+
+/// The scenario of a drop, flat at 2 m/s.
+fn base(profile: &Profile) -> Value {
+    let scatter_deg = if profile.of_each_shape > 1 { SCATTER_DEG } else { 0.0 };
+    json!({
+        "experiment": "drop",
+        "product": {"count": 6 * profile.of_each_shape, "subparticle_radius_m": profile.radius_m},
+        "drop": {"speed_m_s": USUAL_M_S, "scatter_deg": scatter_deg},
+        "numerics": {"timestep_s": "auto"},
+    })
+}
+
+/// One fillet of size 3, for pictures.
+fn alone(scenario: &Value) -> Value {
+    with(scenario, json!({"product": {"count": 1, "shape": 4}, "drop": {"scatter_deg": 0.0}}))
+}
+
+/// An orientation and a speed.
+fn impact((_, pitch, roll): (&str, f64, f64), speed_m_s: f64) -> Value {
+    json!({"drop": {"pitch_deg": pitch, "roll_deg": roll, "speed_m_s": speed_m_s}})
+}
+
+/// Share of all bonds that held.
+fn intact(results: &Results<'_>, name: &str) -> Option<f64> {
+    results.value(name, "bonds_intact_fraction")
+}
+
+/// Mean time until settled, in seconds; none when a fillet has not.
+fn settle_s(results: &Results<'_>, name: &str) -> Option<f64> {
+    results.value(name, "settle_time_s")
+}
