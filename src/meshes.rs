@@ -159,8 +159,7 @@ impl Resolved {
         let allowed = "the file itself: {\"file\": \"….stl\", \"units\": \"mm\" or \"m\"}";
         for (pointer, digest) in std::mem::take(&mut self.bare) {
             if self.meshes.get(&digest).is_none() {
-                let detail =
-                    "names a mesh by the digest that a server knows, and none is asked here".to_owned();
+                let detail = "names a mesh of a server; without a server its file is needed".to_owned();
                 let at = format!("{pointer}/digest");
                 self.faults.push(Fault::new(&at, &json!(digest), detail, Some(allowed.to_owned())));
             }

@@ -92,7 +92,7 @@ fn describe(mesh: &MeshReport) -> String {
     let mut text = format!("{}, {size_m} m, ", counted(mesh.triangles, "triangle"));
     match mesh.open_edges {
         0 => text.push_str("closed"),
-        open => text.push_str(&format!("open: {}", counted(open, "open edge"))),
+        open => text.push_str(&counted(open, "open edge")),
     }
     if mesh.degenerate > 0 {
         text.push_str(&format!(", {} without area", counted(mesh.degenerate, "triangle")));

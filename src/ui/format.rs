@@ -40,13 +40,17 @@ pub(crate) fn bytes(value: u64) -> String {
     format!("{} {unit}", digits(scaled))
 }
 
-/// A JSON scalar as a table cell: numbers with four significant digits, a dash for null.
+/// A JSON value as a table cell: numbers with four significant digits, a dash for null, a mesh by the start of its digest.
 pub(crate) fn cell(value: &Value) -> String {
     match value {
         Value::Null => "–".to_owned(),
         Value::String(text) => text.clone(),
         Value::Bool(true) => "yes".to_owned(),
         Value::Bool(false) => "no".to_owned(),
+        Value::Object(mesh) if mesh.contains_key("digest") => {
+            let word = |name| mesh.get(name).and_then(Value::as_str).unwrap_or_default();
+            format!("{:.8}… {}", word("digest"), word("units"))
+        }
         Value::Number(number) if number.is_f64() => number.as_f64().map_or_else(String::new, significant),
         other => other.to_string(),
     }
@@ -98,5 +102,7 @@ mod tests {
         assert_eq!(cell(&json!(191)), "191");
         assert_eq!(cell(&json!(null)), "–");
         assert_eq!(cell(&json!(2.0)), "2");
+        let mesh = json!({"digest": "0123456789abcdef".repeat(4), "units": "mm"});
+        assert_eq!(cell(&mesh), "01234567… mm");
     }
 }

@@ -2,6 +2,9 @@
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub(crate) mod proxy;
+pub(crate) mod stl;
+
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
@@ -197,6 +200,13 @@ impl Home {
         let mut command = roost();
         command.args(["work", "--server", &self.address, "--threads", "1", "--name", name, "--state"]);
         self.start(name, command.arg(state))
+    }
+
+    /// Starts a worker of so many slots that reaches the server by another address.
+    pub(crate) fn work_by(&self, address: &str, name: &str, slots: &str) -> Process {
+        let mut command = roost();
+        command.args(["work", "--server", address, "--threads", "1", "--slots", slots, "--name", name]);
+        self.start(name, command.arg("--state").arg(self.path(name)))
     }
 
     /// Runs a client command against this server.

@@ -244,7 +244,7 @@ async fn validation_tells_of_each_mesh() {
 }
 
 #[tokio::test]
-async fn the_meshes_of_a_document_have_a_limit_and_the_shelf_is_no_longer() {
+async fn the_meshes_of_a_document_have_a_limit() {
     let (farm, _dir) = Farm::with(|config| config.max_mesh_triangles = 20).await;
     let mut digests = Vec::new();
     for length in [100.0, 110.0, 120.0] {

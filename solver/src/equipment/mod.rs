@@ -3,7 +3,9 @@
 pub mod facet;
 pub mod motion;
 
-use glam::DVec3;
+use std::f64::consts::TAU;
+
+use glam::{DQuat, DVec3};
 
 pub use motion::Motion;
 
@@ -56,6 +58,26 @@ impl Surface {
             presence: Presence::Always,
             triangles: vec![[a, b, c], [a, c, d]],
         }
+    }
+
+    /// The side of a round bar about `middle`, `half` reaching along its axis to one end, with a number of flat sides whose edges
+    /// lie on the cylinder; fixed and always there.
+    pub fn cylinder(
+        name: &str,
+        kind: SurfaceKind,
+        middle: DVec3,
+        half: DVec3,
+        radius: f64,
+        sides: u32,
+    ) -> Self {
+        let (axis, across) = (half.normalize(), half.normalize().any_orthonormal_vector() * radius);
+        let edge = |k: u32| {
+            let turn = DQuat::from_axis_angle(axis, TAU * f64::from(k % sides) / f64::from(sides));
+            middle - half + turn * across
+        };
+        let side = |k| Self::parallelogram(name, kind, edge(k), edge(k + 1) - edge(k), 2.0 * half).triangles;
+        let triangles = (0..sides).flat_map(side).collect();
+        Self { triangles, ..Self::parallelogram(name, kind, middle, half, across) }
     }
 
     /// The same surface with a motion.

@@ -123,7 +123,7 @@ fn scattered(drop: &Drop, rng: &mut ChaCha8Rng) -> DQuat {
 }
 
 /// Height of the centre of mass at which the lowest sub-particle just does not touch, in metres.
-fn height_over_plate(kind: &Kind, orientation: DQuat, radius_m: f64) -> f64 {
+pub(super) fn height_over_plate(kind: &Kind, orientation: DQuat, radius_m: f64) -> f64 {
     let lowest = kind.meta.points.iter().map(|&point| (orientation * point).z).fold(f64::INFINITY, f64::min);
     radius_m * (1.0 + GAP_RATIO) - lowest
 }

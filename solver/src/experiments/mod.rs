@@ -1,5 +1,8 @@
 //! The paper's experiments: from a scenario to a scene, and from samples to responses.
 
+pub(crate) mod bend;
+mod bending;
+pub(crate) mod compress;
 mod curl;
 pub mod discharge;
 pub mod drop;
@@ -8,22 +11,24 @@ mod impact;
 pub mod laws;
 pub mod placement;
 pub mod scene;
+mod slide;
 pub mod surfaces;
 
 use std::sync::Arc;
 
-use glam::{DQuat, EulerRot};
+use glam::{DQuat, DVec3, EulerRot};
 use serde_json::{Map, Value};
 
 use crate::engine::Backend;
 use crate::engine::run::{Director, Observer, Plan, run};
 use crate::engine::scene::{Kind, Scene};
+use crate::engine::state::State;
 use crate::mesh::Meshes;
 use crate::physics::timestep::{Stability, stability};
 use crate::result::{self, Curve, EndReason, PHYSICS_REVISION, RunResult, Series, SolverInfo, VERSION};
 use crate::scenario::{Auto, Experiment, Scenario, Timestep};
-use crate::shape::lattice::MetaParticle;
-use crate::shape::{ShapeError, meta_particles, subparticle_mass_kg};
+use crate::shape::lattice::{MetaParticle, bond_reach};
+use crate::shape::{ShapeError, from_block, meta_particles, subparticle_mass_kg};
 
 /// An experiment, ready to run.
 pub struct Prepared {
@@ -55,7 +60,9 @@ pub fn prepare(scenario: &Scenario, meshes: &Meshes) -> Prepared {
         Experiment::Hopper { equipment } => hopper::prepare(scenario, equipment, meshes),
         Experiment::Drop { drop } => drop::prepare(scenario, drop, meshes),
         Experiment::Scene { scene } => scene::prepare(scenario, scene, meshes),
-        Experiment::Bend { .. } | Experiment::Slide { .. } | Experiment::Compress { .. } => todo!(),
+        Experiment::Compress { compress } => compress::prepare(scenario, compress, meshes),
+        Experiment::Slide { slide } => slide::prepare(scenario, slide, meshes),
+        Experiment::Bend { bend } => bend::prepare(scenario, bend, meshes),
     }
 }
 
@@ -66,7 +73,7 @@ pub fn plan(scenario: &Scenario) -> Plan {
         Experiment::Hopper { .. } | Experiment::Bend { .. } => (numerics.max_fill_s, numerics.duration_s),
         Experiment::Drop { .. } | Experiment::Scene { .. } => (0.0, numerics.duration_s),
         Experiment::Slide { slide } => (numerics.max_fill_s, slide.max_tilt_deg / slide.tilt_rate_deg_s),
-        Experiment::Compress { compress } => (0.0, compress.max_strain / compress.strain_rate_1_s),
+        Experiment::Compress { compress } => (0.0, compress::duration_s(compress)),
     };
     Plan { sample_interval_s: numerics.output_interval_s, longest_fill_s, duration_s }
 }
@@ -88,12 +95,16 @@ pub fn kinds(scenario: &Scenario, meshes: &Meshes) -> Vec<Kind> {
 /// that is asked for.
 ///
 /// # Errors
-/// A mesh that is no product.
+/// A mesh that is no product, a block of too many sub-particles.
 pub fn try_kinds(scenario: &Scenario, meshes: &Meshes) -> Result<Vec<Kind>, ShapeError> {
     let product = &scenario.product;
     let weigh =
         |meta: Arc<MetaParticle>| Kind { subparticle_mass_kg: subparticle_mass_kg(product, &meta), meta };
     let bonds = &scenario.bonds;
+    if let Experiment::Compress { compress } = &scenario.experiment {
+        let reach = bond_reach(bonds.types, bonds.contact_radius_ratio);
+        return Ok(vec![weigh(from_block(compress.lattice, product.radius_m(), reach)?)]);
+    }
     let all = meta_particles(product, meshes, bonds.types, bonds.contact_radius_ratio)?;
     Ok(match product.shape {
         Some(shape) => all.into_iter().skip(shape as usize).take(1).map(weigh).collect(),
@@ -130,6 +141,13 @@ pub fn timestep_s(scenario: &Scenario, stability: &Stability) -> f64 {
         Timestep::Fixed(dt) => dt,
         Timestep::Auto(Auto::Auto) => stability.auto_s.min(scenario.numerics.output_interval_s),
     }
+}
+
+/// The sub-particles, by serial, that are outside a box.
+fn strayed(state: &State, low: DVec3, high: DVec3) -> Vec<u32> {
+    let inside = |x: DVec3| x.cmpge(low).all() && x.cmple(high).all();
+    let outside = (0..state.particles.len()).filter(|&i| !inside(state.position(i)));
+    outside.map(|i| state.serials[i]).collect()
 }
 
 /// Runs one scenario on a backend to its end; see [`crate::simulate`].

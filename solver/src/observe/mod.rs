@@ -3,17 +3,21 @@
 //! Everything here is a pure function of samples, knows no engine, and so is tested on curves drawn by hand.
 
 mod bend;
+mod compression;
 mod curve;
 mod discharge;
 mod regime;
 mod rest;
 mod settle;
+mod sliding;
 #[cfg(test)]
 mod tests;
 
 pub use bend::bend_angle_deg;
+pub use compression::{Compression, Point, Pressed, modulus_pa};
 pub use curve::{RATE_WINDOW_S, mass_rate};
 pub use discharge::{Discharge, DischargeResponses};
 pub use regime::Regime;
 pub use rest::{REST_FOR_S, Rest};
 pub use settle::{SETTLED_SHARE, Settling};
+pub use sliding::{FAST_M_S, SLOW_M_S, Sliding};

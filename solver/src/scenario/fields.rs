@@ -218,7 +218,8 @@ pub const FIELDS: &[Field] = &[
     number("/product/subparticle_radius_m", "m", 0.004, from_to(5e-4, 0.05), "section 2.2",
         "Radius of a sub-particle; the lattice is twice that wide, and sub-particles grow as its inverse cube."),
     choice("/product/fill", &["centres", "whole_spheres"], "assumed",
-        "Which lattice points become sub-particles: those whose centre, or whose whole sphere, lies in the shape."),
+        "Which lattice points become sub-particles: those whose centre, or whose whole sphere, lies in the shape.")
+        .unused_in(&["compress"]),
     nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
         "Density of a sub-particle, instead of `density_kg_m3`; the paper's two densities cannot both hold."),
     field("/product/density_kg_m3", Kind::Nullable(DENSITY), "kg/m³", Preset::Number(940.0), "Table 2",
@@ -311,7 +312,7 @@ pub const FIELDS: &[Field] = &[
         "Yaw, pitch and roll of each fillet are off by up to this much, drawn by `/seed`."),
 
     choice("/bend/support", &["over_bar", "off_ledge", "clamped"], "section 2.3.2",
-        "Laid across a bar with both ends hanging; carried off the end of a conveyor; or held at its blunt end."),
+        "Across a bar with both ends hanging; carried off the end of a conveyor; or held at its blunt end."),
     number("/bend/bar_radius_m", "m", 0.02, from_to(0.002, 1.0), "assumed",
         "Radius of the bar, or of the roller at the conveyor's end."),
     number("/bend/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
@@ -335,7 +336,7 @@ pub const FIELDS: &[Field] = &[
     number("/compress/strain_rate_1_s", "1/s", 0.05, above_to(0.0, 10.0), "assumed",
         "Rate of strain; the paper's 1 mm/min on 10 mm is 0.0017 1/s."),
     number("/compress/max_strain", "", 0.06, above_to(0.0, 0.5), "Fig. 6",
-        "Strain at which the test ends."),
+        "Strain, from first contact on, at which the test ends."),
     number("/compress/modulus_from_strain", "", 0.0, from_to(0.0, 0.5), "section 3.1",
         "Start of the window of strain that the modulus is fitted over."),
     number("/compress/modulus_to_strain", "", 0.03, above_to(0.0, 0.5), "section 3.1",
@@ -384,7 +385,7 @@ pub const FIELDS: &[Field] = &[
         "Time step; `auto` picks the largest safe one from stiffness, mass and damping."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
         "Simulated time from t = 0: the start of the belt, or of the test.")
-        .elsewhere(&[("drop", Preset::Number(2.0)), ("bend", Preset::Number(3.0)), ("scene", Preset::Number(2.0))])
+        .elsewhere(&[("drop", Preset::Number(2.0)), ("bend", Preset::Number(5.0)), ("scene", Preset::Number(2.0))])
         .unused_in(&["slide", "compress"]),
     number("/numerics/output_interval_s", "s", 0.02, above_to(0.0, 0.1), "numerics",
         "Interval between samples.")
@@ -403,7 +404,8 @@ pub const FIELDS: &[Field] = &[
         "Acceleration of gravity, downwards; none in a compression test, where the block's weight would stand in the curve.")
         .elsewhere(&[("compress", Preset::Number(0.0))]),
     number("/numerics/rest_speed_m_s", "m/s", 0.05, above_to(0.0, 1.0), "numerics",
-        "The bed is at rest, and the belt starts, once all but one in a thousand of its sub-particles are slower than this."),
+        "The bed is at rest, and the belt starts, once all but one in a thousand of its sub-particles are slower than this.")
+        .elsewhere(&[("bend", Preset::Number(0.02)), ("slide", Preset::Number(0.01))]),
     number("/numerics/max_fill_s", "s", 10.0, TIME, "numerics",
         "What has not come to rest before t = 0 after this long ends the run.")
         .unused_in(&["drop", "compress", "scene"]),

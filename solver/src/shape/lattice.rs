@@ -115,10 +115,9 @@ fn bonds(cells: &[IVec3], reach: u32) -> Vec<LatticeBond> {
     bonds
 }
 
-/// Cells cut off from the rest by a coarse lattice would fall away as loose spheres: only the largest part stays.
-fn largest_component(cells: Vec<IVec3>) -> Vec<IVec3> {
-    let bonds = bonds(&cells, 1);
-    let mut part: Vec<usize> = (0..cells.len()).collect();
+/// Which of `count` things hang together by these pairs: each has the lowest number of those that it hangs together with.
+pub fn pieces(count: usize, pairs: impl Iterator<Item = (u32, u32)>) -> Vec<usize> {
+    let mut part: Vec<usize> = (0..count).collect();
     fn root(part: &mut [usize], mut i: usize) -> usize {
         while part[i] != i {
             part[i] = part[part[i]];
@@ -126,11 +125,16 @@ fn largest_component(cells: Vec<IVec3>) -> Vec<IVec3> {
         }
         i
     }
-    for bond in &bonds {
-        let (a, b) = (root(&mut part, bond.i as usize), root(&mut part, bond.j as usize));
+    for (i, j) in pairs {
+        let (a, b) = (root(&mut part, i as usize), root(&mut part, j as usize));
         part[a.max(b)] = a.min(b);
     }
-    let roots: Vec<usize> = (0..cells.len()).map(|i| root(&mut part, i)).collect();
+    (0..count).map(|i| root(&mut part, i)).collect()
+}
+
+/// Cells cut off from the rest by a coarse lattice would fall away as loose spheres: only the largest part stays.
+fn largest_component(cells: Vec<IVec3>) -> Vec<IVec3> {
+    let roots = pieces(cells.len(), bonds(&cells, 1).iter().map(|bond| (bond.i, bond.j)));
     let mut sizes: HashMap<usize, usize> = HashMap::new();
     roots.iter().for_each(|&r| *sizes.entry(r).or_default() += 1);
     let largest = sizes.iter().max_by_key(|&(&r, &n)| (n, usize::MAX - r)).map(|(&r, _)| r);

@@ -1,0 +1,131 @@
+//! When a body on a plate that is being tilted begins to slide for good (paper Fig. 8).
+//!
+//! Past the angle of friction θ_c a Coulomb block on a plate that tilts at the rate ω gains speed as v = g ω τ² / (2 cos θ_c), τ being
+//! the time since: any threshold is passed late, a speed of 1 cm/s by 0.6° at 3 °/s. But √v is straight in time, and so the onset lies
+//! as long before [`SLOW_M_S`] is passed as that lies before [`FAST_M_S`], which is four times as fast. What falls
+//! back under [`SLOW_M_S`] has not begun to slide for good.
+
+/// What is slower than this is no sliding, in m/s.
+pub const SLOW_M_S: f64 = 0.01;
+/// What is faster than this slides, in m/s.
+pub const FAST_M_S: f64 = 4.0 * SLOW_M_S;
+/// What has been sliding for this long will not come to rest on a plate that is tilted on and on, in seconds.
+const CERTAIN_AFTER_S: f64 = 0.25;
+
+/// A body's speed down the slope, watched while the plate is tilted.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Sliding {
+    /// Time and speed of the last sample.
+    last: Option<(f64, f64)>,
+    /// When the two speeds were passed, for good so far, in seconds.
+    slow_s: Option<f64>,
+    fast_s: Option<f64>,
+}
+
+impl Sliding {
+    /// Takes in a sample: the speed down the slope, against the plate, in m/s.
+    pub fn note(&mut self, now_s: f64, speed_m_s: f64) {
+        // Read as straight between samples.
+        let passed_s = |speed: f64| match self.last {
+            Some((t, v)) if v < speed => t + (now_s - t) * (speed - v) / (speed_m_s - v),
+            _ => now_s,
+        };
+        if speed_m_s < SLOW_M_S {
+            (self.slow_s, self.fast_s) = (None, None);
+        } else if self.slow_s.is_none() {
+            self.slow_s = Some(passed_s(SLOW_M_S));
+        }
+        if speed_m_s >= FAST_M_S && self.fast_s.is_none() {
+            self.fast_s = Some(passed_s(FAST_M_S));
+        }
+        self.last = Some((now_s, speed_m_s));
+    }
+
+    /// When sliding set in, in seconds, if it has and has not ended since; not before 0.
+    pub fn onset_s(&self) -> Option<f64> {
+        Some((2.0 * self.slow_s? - self.fast_s?).max(0.0))
+    }
+
+    /// Whether it has been sliding for long enough.
+    pub fn is_certain(&self) -> bool {
+        let since = |(now_s, _): (f64, f64)| Some(now_s - self.fast_s?);
+        self.last.and_then(since).is_some_and(|since| since >= CERTAIN_AFTER_S)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const G: f64 = 9.81;
+
+    /// Tilt in degrees at which a block with these coefficients of static and sliding friction is seen to begin to slide, on a plate tilted at a rate in
+    /// degrees a second; its motion step by step, samples every 20 ms.
+    fn found_deg(rate_deg_s: f64, holds: f64, slides: f64) -> Option<f64> {
+        let (dt, mut v, mut sliding) = (1e-4, 0.0f64, Sliding::default());
+        for k in 0..(89.0 / rate_deg_s / dt) as u64 {
+            let t = k as f64 * dt;
+            let (sin, cos) = (rate_deg_s * t).to_radians().sin_cos();
+            if k % 200 == 0 {
+                sliding.note(t, v);
+            }
+            if sliding.is_certain() {
+                break;
+            }
+            let moves = v > 0.0 || sin > holds * cos;
+            v = if moves { (v + G * (sin - slides * cos) * dt).max(0.0) } else { 0.0 };
+        }
+        sliding.onset_s().map(|t| t * rate_deg_s)
+    }
+
+    #[test]
+    fn a_coulomb_block_slides_at_its_angle_of_friction() {
+        for mu in [0.1, 0.3, 0.5, 1.0] {
+            let angle = f64::atan(mu).to_degrees();
+            for (rate, within) in [(0.5, 0.02), (3.0, 0.05), (6.0, 0.1), (30.0, 1.0)] {
+                let found = found_deg(rate, mu, mu).expect("slides");
+                assert!((found - angle).abs() < within, "{found} of {angle} at {rate} °/s");
+            }
+        }
+    }
+
+    #[test]
+    fn a_block_that_breaks_loose_slides_from_there() {
+        // Static friction above that of sliding: it jumps to speed within a few samples.
+        let found = found_deg(3.0, 0.5, 0.4).expect("slides");
+        assert!((found - 0.5f64.atan().to_degrees()).abs() < 0.1, "{found}");
+    }
+
+    #[test]
+    fn what_comes_to_rest_again_has_not_slid() {
+        let mut sliding = Sliding::default();
+        for (t, v) in [(0.0, 0.0), (1.0, 0.05), (1.2, 0.06), (1.4, 0.0), (1.6, 0.009)] {
+            sliding.note(t, v);
+        }
+        assert_eq!(sliding.onset_s(), None);
+        assert!(!sliding.is_certain());
+        // Then for good: 1 cm/s at 2.0, 4 cm/s at 2.2.
+        for (t, v) in [(2.0, 0.01), (2.2, 0.04), (2.4, 0.09)] {
+            sliding.note(t, v);
+        }
+        assert!((sliding.onset_s().unwrap() - 1.8).abs() < 1e-12);
+        assert!(!sliding.is_certain());
+        sliding.note(2.46, 0.1);
+        assert!(sliding.is_certain());
+    }
+
+    #[test]
+    fn creep_is_no_sliding() {
+        let mut sliding = Sliding::default();
+        (0..100).for_each(|k| sliding.note(0.1 * f64::from(k), 0.03));
+        assert_eq!(sliding.onset_s(), None);
+    }
+
+    #[test]
+    fn what_slides_from_the_start_slides_at_0() {
+        let mut sliding = Sliding::default();
+        [(0.0, 0.02), (0.1, 0.06), (0.5, 0.4)].map(|(t, v)| sliding.note(t, v));
+        assert_eq!(sliding.onset_s(), Some(0.0));
+        assert!(sliding.is_certain());
+    }
+}
