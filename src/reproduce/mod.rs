@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::exit::{BadInput, Exit};
+use crate::exit::Exit;
 use crate::signals;
 use crate::ui;
 use crate::ui::format;
@@ -91,14 +91,14 @@ fn reproduce(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
     let profile = args.profile();
     let figures = figures::all(profile).into_iter().filter(|figure| args.wants(figure.part));
     let plan = Plan::new(figures.collect())?;
-    let runs = args.output.join("runs");
-    let store = Store::open(runs).map_err(|error| BadInput(format!("{error:#}")))?;
+    let store = Store::in_folder(args.output.join("runs"));
     let mut ended: Ended =
         plan.tasks.iter().map(|task| store.load(&task.digest, &task.shots).map(Ok)).collect();
     if args.plan {
         ui::println(outline(&plan, &ended))?;
         return Ok(Exit::Done);
     }
+    store.prepare()?;
     let threads = match usize::from(args.threads) {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         threads => threads,

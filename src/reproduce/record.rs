@@ -9,6 +9,7 @@ use roost_solver::result::RunResult;
 use serde::{Deserialize, Serialize};
 
 use super::picture::{Picture, Shot, View, When};
+use crate::exit::BadInput;
 
 /// A run's result and the pictures taken of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,11 +38,14 @@ impl Record {
 pub(super) struct Store(PathBuf);
 
 impl Store {
-    /// The folder is made if need be.
-    pub(super) fn open(folder: PathBuf) -> Result<Self> {
-        fs::create_dir_all(&folder)
-            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
-        Ok(Self(folder))
+    pub(super) fn in_folder(folder: PathBuf) -> Self {
+        Self(folder)
+    }
+
+    /// Makes the folder if need be.
+    pub(super) fn prepare(&self) -> Result<(), BadInput> {
+        fs::create_dir_all(&self.0)
+            .map_err(|error| BadInput(format!("cannot make the folder {}: {error}", self.0.display())))
     }
 
     fn path(&self, digest: &str) -> PathBuf {

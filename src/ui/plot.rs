@@ -8,6 +8,8 @@ use plotters::coord::ranged1d::ValueFormatter;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
+use super::format::significant;
+
 /// Okabe and Ito's palette: told apart by the colour-blind too.
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
@@ -148,14 +150,21 @@ fn axes(area: &Area<'_>, panel: &Panel) -> Result<()> {
 
 type Chart<'a, 'b, X> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, RangedCoordf64>>;
 
+/// `0.5`, `10`, `1e5`: a place on an axis by powers of ten.
+fn power(value: &f64) -> String {
+    if (1e-3..1e4).contains(value) { significant(*value) } else { format!("{value:e}") }
+}
+
 /// The mesh of a chart, and its curves as far as their points are on the chart.
 fn curves<X>(mut chart: Chart<'_, '_, X>, panel: &Panel, shows: impl Fn(f64) -> bool) -> Result<()>
 where
     X: Ranged<ValueType = f64> + ValueFormatter<f64>,
 {
-    chart
-        .configure_mesh()
-        .x_desc(panel.x_label.as_str())
+    let mut mesh = chart.configure_mesh();
+    if panel.x_scale == Scale::Log {
+        mesh.x_label_formatter(&power);
+    }
+    mesh.x_desc(panel.x_label.as_str())
         .y_desc(panel.y_label.as_str())
         .axis_desc_style((FONT, 15))
         .label_style((FONT, 13))
@@ -286,5 +295,6 @@ mod tests {
         assert!(discs[0].1 > discs[1].1 && discs[1].1 > discs[2].1, "upwards: {discs:?}");
         let bars = drawn.lines().filter(|line| line.contains("<polyline") && line.contains("#0072B2"));
         assert_eq!(bars.count(), 3, "error bars and no line");
+        assert!(["1e5", "1e6", "1e7"].iter().all(|label| drawn.contains(&format!("\n{label}\n"))), "{drawn}");
     }
 }

@@ -117,7 +117,7 @@ fn illustrations(profile: &Profile, results: &Results<'_>) -> Vec<Illustration> 
     let grid = profile.stiffnesses_n_m3;
     let each = grid.iter().enumerate().map(|(colour, shear)| {
         let points = grid.iter().map(|normal| (*normal, held_deg(results, &stiffness_name(*normal, *shear))));
-        curve(&format!("S_t {} N/m³", significant(*shear)), Look { colour, dash: 0 }, points)
+        curve(&format!("S_t {shear:e} N/m³"), Look { colour, dash: 0 }, points)
     });
     let point = std::iter::once((TABLE_2.0, held_deg(results, "straight")));
     let table_2 = Curve { mark: Mark::Alone, ..curve("Table 2", Look { colour: 6, dash: 0 }, point) };

@@ -13,7 +13,6 @@ use serde_json::{Value, json};
 
 use super::plan::Figure;
 use super::profile::Profile;
-use crate::ui::format::significant;
 use crate::ui::plot::{self, Curve, Look, Mark, Panel, Scale};
 
 /// Normal and shear stiffness of Table 2, in N/m³.
@@ -34,7 +33,7 @@ fn stiffness(normal: f64, shear: f64) -> Value {
 
 /// What runs with such bonds are called.
 fn stiffness_name(normal: f64, shear: f64) -> String {
-    format!("S_n {}, S_t {} N/m³", significant(normal), significant(shear))
+    format!("S_n {normal:e}, S_t {shear:e} N/m³")
 }
 
 /// A plot of one quantity over another.

@@ -83,7 +83,7 @@ fn told_speeds(profile: &Profile, results: &Results<'_>) -> Told {
         curve(&label, look, shares(multiple, orientation).into_iter())
     });
     let svg =
-        plotted("speed of impact (m/s)", "share of bonds intact", Scale::Linear, None, curves.collect());
+        plotted("speed of impact (m/s)", "share of bonds intact", Scale::Linear, Some(0.9), curves.collect());
     let illustrations =
         svg.map(|svg| Illustration::new(svg, "Share of bonds intact over the speed of impact."));
     Told { rows, illustrations: illustrations.into_iter().collect(), findings: Vec::new() }

@@ -128,7 +128,7 @@ fn told_stiffness(profile: &Profile, results: &Results<'_>) -> Told {
     let lines = |of: &dyn Fn(&str) -> Option<f64>| {
         let each = grid.iter().enumerate().map(|(colour, shear)| {
             let points = grid.iter().map(|normal| (*normal, of(&at(*normal, *shear))));
-            curve(&format!("S_t {} N/m³", significant(*shear)), Look { colour, dash: 0 }, points)
+            curve(&format!("S_t {shear:e} N/m³"), Look { colour, dash: 0 }, points)
         });
         let look = Look { colour: 6, dash: 0 };
         let point = (TABLE_2.0, of(&table_2));
@@ -139,7 +139,7 @@ fn told_stiffness(profile: &Profile, results: &Results<'_>) -> Told {
     let svg = plotted(over, "settle time (s)", Scale::Log, None, lines(&|name| settle_s(results, name)));
     let settling = "Settle time; a pair of which some fillets have not settled in 2 s has no point.";
     let svg_intact =
-        plotted(over, "share of bonds intact", Scale::Log, None, lines(&|name| intact(results, name)));
+        plotted(over, "share of bonds intact", Scale::Log, Some(0.9), lines(&|name| intact(results, name)));
     let picture = results.first("fragments").and_then(|record| record.picture(View::Side, When::At(0.1)));
     let illustrations = [
         svg.map(|svg| Illustration::new(svg, settling)),
