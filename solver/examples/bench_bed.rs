@@ -43,7 +43,8 @@ fn main() {
         "product": {"subparticle_radius_m": radius_mm * 1e-3},
         "numerics": {"timestep_s": "auto"},
     });
-    let scene = prepare(&scenario::from_value(&document).expect("a sound scenario"), &Meshes::default()).scene;
+    let scene =
+        prepare(&scenario::from_value(&document).expect("a sound scenario"), &Meshes::default()).scene;
     let dt = scene.timestep_s;
     let mut racers: Vec<Racer> = paths
         .split(',')
