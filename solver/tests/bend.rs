@@ -1,113 +1,221 @@
-//! Fillets that bend under their own weight: over a bar, off a conveyor, in a clamp.
+//! Fillets that bend: a clamped beam against its closed form, what a bar and a ledge do to a fillet, and what is refused.
 
-use roost_solver::experiments::prepare;
+#[path = "common/stl.rs"]
+mod stl;
+
+mod common;
+
+use common::{RADIUS, assert_close, assert_force, hertz, push};
+use glam::DVec3;
+use roost_solver::equipment::{Surface, SurfaceKind};
 use roost_solver::mesh::Meshes;
 use roost_solver::result::{EndReason, RunResult};
-use roost_solver::scenario;
+use roost_solver::scenario::{self, Scenario};
 use roost_solver::{CpuOptions, Flow, Limits, Progress, check, simulate};
 use serde_json::{Value, json};
 
-/// A fillet of size 2 (coarser ones are single sheets towards the tail, which hinge at every bond) with these fields, by pointer, instead of the defaults.
-fn run(threads: usize, fields: &[(&str, Value)]) -> RunResult {
+/// At a radius of 8 mm size 2 is two layers thick all over, and none of it a single layer that folds at no cost.
+fn scenario(support: &str, fields: &[(&str, Value)]) -> Scenario {
     let mut document = json!({
         "experiment": "bend",
-        "numerics": {"timestep_s": "auto", "output_interval_s": 0.01, "duration_s": 1.0},
+        "product": {"subparticle_radius_m": 0.008},
+        "bend": {"support": support},
+        "numerics": {"timestep_s": "auto"},
     });
     for (pointer, value) in fields {
-        let mut at = &mut document;
-        for name in pointer.split('/').skip(1) {
-            at = &mut at[name];
-        }
+        let at = pointer.split('/').skip(1).fold(&mut document, |at, name| &mut at[name]);
         *at = value.clone();
     }
-    let scenario = scenario::from_value(&document).expect("a sound scenario");
-    check(&scenario, &Meshes::default(), &Limits::default()).expect("a scenario that can run");
-    simulate(&scenario, &Meshes::default(), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue)
+    scenario::from_value(&document).expect("a sound scenario")
+}
+
+fn run_on(threads: usize, support: &str, fields: &[(&str, Value)]) -> RunResult {
+    let options = CpuOptions { threads };
+    simulate(&scenario(support, fields), &Meshes::default(), options, &mut |_: &Progress| Flow::Continue)
+}
+
+fn run(support: &str, fields: &[(&str, Value)]) -> RunResult {
+    run_on(1, support, fields)
 }
 
 fn response(result: &RunResult, name: &str) -> f64 {
-    result.response(name).unwrap_or_else(|| panic!("{name} is null: {:?}", result.responses))
+    result.response(name).unwrap_or_else(|| panic!("{name} in {:?}", result.responses))
 }
 
-fn stiffness(n_m3: f64) -> [(&'static str, Value); 2] {
-    [("/bonds/normal_stiffness_n_m3", json!(n_m3)), ("/bonds/shear_stiffness_n_m3", json!(0.6 * n_m3))]
+/// Both stiffnesses of the bonds, as multiples of Table 2.
+fn stiffness(times: f64) -> [(&'static str, Value); 2] {
+    [
+        ("/bonds/normal_stiffness_n_m3", json!(1e6 * times)),
+        ("/bonds/shear_stiffness_n_m3", json!(6e5 * times)),
+    ]
+}
+
+/// How far the tip of a cantilever of two rows hangs, in metres: `free` layers of sub-particles of weight `weight_n` beyond the
+/// last that is held.
+///
+/// The bond from layer i to the next bears the shear S_i of all weight beyond it. The spheres of layer i are turned by R (S_{i−1} +
+/// S_i), and without moments in bonds it is the one bond between the rows that holds against it, by a shear r_i = S_{i−1} + S_i. That
+/// pulls the upper row and pushes the lower one: the row's own bonds bear T_i = Σ_{j>i} r_j. So the rows stretch by u, the
+/// spheres turn by θ, and each layer hangs lower than the one before:
+///
+/// k_n (u_{i+1} − u_i) = T_i,   k_t (2R θ_i − 2 u_i) = r_i,   k_t (w_{i+1} − w_i − R (θ_i + θ_{i+1})) = S_i.
+fn ladder(free: usize, weight_n: f64, k_n: f64, k_t: f64) -> f64 {
+    let shear = |i: usize| weight_n * (free - i) as f64;
+    let rung = |i: usize| shear(i - 1) + shear(i);
+    let (mut u, mut turn, mut w) = (0.0, 0.0, 0.0);
+    for i in 0..free {
+        u += (i + 1..=free).map(rung).sum::<f64>() / k_n;
+        let next = (rung(i + 1) / k_t + 2.0 * u) / (2.0 * RADIUS);
+        w += shear(i) / k_t + RADIUS * (turn + next);
+        turn = next;
+    }
+    w
 }
 
 #[test]
-fn a_soft_fillet_hangs_over_the_bar_and_a_stiff_one_lies_on_it() {
-    let soft = run(1, &[]);
-    assert_eq!(soft.responses["fell_off"], json!(false));
-    assert!(response(&soft, "bend_angle_deg") > 100.0, "{:?}", soft.responses);
-    assert_eq!(response(&soft, "bonds_intact_fraction"), 1.0);
-    let stiff = run(1, &stiffness(3e7));
-    assert!(response(&stiff, "largest_bend_angle_deg") < 30.0, "{:?}", stiff.responses);
-    let angles = &soft.series("bend_angle").expect("there").values;
-    // It starts as it lies on a flat table, whose underside is round.
-    assert!(angles[0] < 40.0 && angles.iter().all(|angle| (0.0..=180.0).contains(angle)), "{angles:?}");
+fn a_clamped_beam_hangs_as_its_bonds_say() {
+    // Bending by the stretch of the rows, and shear of three bonds' compliance in two rows: neither alone.
+    let (s_n, s_t) = (4e8, 2.4e8);
+    let size = DVec3::new(12.0, 2.0, 2.0) * 2.0 * RADIUS;
+    let mut meshes = Meshes::default();
+    let digest = meshes.insert(&stl::binary(&stl::cuboid(DVec3::ZERO, size, 1))).expect("a sound file");
+    for share in [s_t, 20.0 * s_t] {
+        let scenario = scenario(
+            "clamped",
+            &[
+                ("/product/subparticle_radius_m", json!(RADIUS)),
+                ("/product/mesh", json!({"digest": digest, "units": "m"})),
+                ("/product/shape", Value::Null),
+                ("/bonds/normal_stiffness_n_m3", json!(s_n)),
+                ("/bonds/shear_stiffness_n_m3", json!(share)),
+                ("/bonds/contact_between_bonded", json!(false)),
+                ("/contact/fillet_equipment", json!({"surface_energy_j_m2": 0.0})),
+                ("/numerics/output_interval_s", json!(5e-4)),
+                ("/numerics/duration_s", json!(0.6)),
+                ("/numerics/stop", json!({"when_done": false})),
+            ],
+        );
+        let options = CpuOptions { threads: 1 };
+        let result = simulate(&scenario, &meshes, options, &mut |_: &Progress| Flow::Continue);
+        assert_eq!(result.end_reason, EndReason::Duration);
+        // It swings about where it would hang, undamped: the mean over many swings, faded in and out.
+        let tip = result.series("tip_deflection").expect("there");
+        let (from, to) = (0.1, 0.6);
+        let weight = |t: f64| (std::f64::consts::PI * (t - from) / (to - from)).sin().powi(2);
+        let samples = || tip.t_s.iter().zip(&tip.values).filter(|(t, _)| **t > from);
+        let mean = samples().map(|(t, w)| weight(*t) * w).sum::<f64>()
+            / samples().map(|(t, _)| weight(*t)).sum::<f64>();
+        let area = std::f64::consts::PI * RADIUS * RADIUS;
+        let weight_n = 940.0 * (2.0 * RADIUS).powi(3) * 9.81;
+        let hangs = ladder(9, weight_n, s_n * area, share * area);
+        assert_close(mean, hangs, 1e-2);
+    }
 }
 
 #[test]
-fn a_fillet_and_its_mirror_image_bend_alike() {
-    let [one, other] = [2, 3].map(|shape| run(1, &[("/product/shape", json!(shape))]));
-    let [one, other] = [&one, &other].map(|result| response(result, "bend_angle_deg"));
-    assert!((one - other).abs() < 5.0, "{one}° and {other}°");
+fn a_bar_pushes_along_its_radius() {
+    let bar = Surface::cylinder("bar", SurfaceKind::Equipment, DVec3::ZERO, DVec3::Y * 0.1, 0.02, 256);
+    assert_eq!(bar.triangles.len(), 512);
+    let deep = 2e-4;
+    for k in 0..16 {
+        let angle = 0.1 + f64::from(k);
+        let out = DVec3::new(angle.sin(), 0.0, angle.cos());
+        // A side's middle lies 1.5 µm within the cylinder.
+        assert_force(push(&[bar.clone()], out * (0.02 + RADIUS - deep)), out * hertz(deep), 2e-2);
+    }
 }
 
 #[test]
-fn a_clamped_fillet_sinks_in_proportion_to_gravity_and_to_compliance() {
-    // Without contact and while small, all of it is linear: k u = m g. Rest speed and time leave room to settle.
-    let still = [
-        ("/bend/support", json!("clamped")),
-        ("/bonds/contact_between_bonded", json!(false)),
-        ("/numerics/rest_speed_m_s", json!(1e-4)),
-        ("/numerics/duration_s", json!(0.5)),
-    ];
-    let mean_deflection = |gravity: f64, n_m3: f64| {
-        let fields = [&still[..], &stiffness(n_m3), &[("/numerics/gravity_m_s2", json!(gravity))]].concat();
-        let result = run(1, &fields);
+fn over_a_bar_stiffer_fillets_bend_less() {
+    let mut last = 180.0;
+    for times in [1.0, 8.0, 64.0] {
+        let result = run("over_bar", &stiffness(times));
+        assert_eq!(result.responses["fell_off"], false);
         assert_eq!(response(&result, "bonds_intact_fraction"), 1.0);
-        // Bonds without contact have no damping: the mean angle over whole swings is the one at rest.
-        let angles = &result.series("bend_angle").expect("there").values;
-        angles.iter().sum::<f64>() / angles.len() as f64
-    };
-    let base = mean_deflection(0.5, 1e7);
-    let (heavier, stiffer) = (mean_deflection(1.0, 1e7), mean_deflection(1.0, 2e7));
-    assert!(base > 0.05, "{base}° is too little to tell");
-    assert!((heavier / base / 2.0 - 1.0).abs() < 0.05, "{heavier}° is not twice {base}°");
-    assert!((stiffer / base - 1.0).abs() < 0.1, "{stiffer}° is not {base}°");
+        let angle = response(&result, "bend_angle_deg");
+        assert!(angle < 0.9 * last, "{angle} after {last}");
+        assert!(response(&result, "largest_bend_angle_deg") >= angle);
+        assert!(result.responses["tip_deflection_m"].is_null());
+        last = angle;
+    }
 }
 
 #[test]
-fn what_is_clamped_does_not_move() {
-    let clamped = [("/bend/support", json!("clamped")), ("/numerics/duration_s", json!(0.3))];
-    let result = run(1, &clamped);
-    let scene = prepare(&result.scenario, &Meshes::default()).scene;
-    let points = &scene.kinds[0].meta.points;
-    let low = points.iter().map(|p| p.x).fold(f64::INFINITY, f64::min);
-    let high = points.iter().map(|p| p.x).fold(f64::NEG_INFINITY, f64::max);
-    assert!(!scene.held.is_empty() && scene.held.len() < points.len());
-    assert!(scene.held.iter().all(|&k| points[k as usize].x <= low + 0.25 * (high - low)));
-    assert!(response(&result, "tip_deflection_m") > 0.02, "{:?}", result.responses);
-}
-
-#[test]
-fn a_conveyor_carries_its_load_over_the_edge_at_its_speed() {
-    let carried = [("/bend/support", json!("off_ledge")), ("/bend/belt_speed_m_s", json!(0.5))];
-    let result = run(1, &carried);
+fn off_a_ledge_a_fillet_bends_and_falls() {
+    let result = run("off_ledge", &[]);
     assert_eq!(result.end_reason, EndReason::Done);
-    // Its 0.172 m have passed the edge after 0.34 s, a little sooner once most of it hangs and pulls.
-    let last = *result.series("kinetic_energy").expect("there").t_s.last().expect("samples");
-    assert!((0.2..0.36).contains(&last), "{last} s");
-    assert!(response(&result, "largest_bend_angle_deg") > 30.0, "{:?}", result.responses);
+    assert_eq!(result.responses["fell_off"], true);
+    let angle = response(&result, "bend_angle_deg");
+    assert!((40.0..180.0).contains(&angle), "{angle}");
+    assert_eq!(response(&result, "largest_bend_angle_deg"), angle);
+    assert!(result.responses["time_to_rest_s"].is_null());
+    // It lay still until the conveyor started, and was carried at its speed until it had fallen off.
+    let bend = result.series("bend_angle").expect("there");
+    let energy = result.series("kinetic_energy").expect("there");
+    assert!(bend.t_s[0] == 0.0 && energy.t_s[0] < -0.1, "{:?}", energy.t_s);
+    let carried = energy.t_s.iter().zip(&energy.values).find(|(t, _)| **t > 0.15).expect("samples").1;
+    let estimate = check(&result.scenario, &Meshes::default(), &Limits::default()).expect("it ran");
+    assert_close(*carried, 0.5 * estimate.mass_kg * 0.25 * 0.25, 0.1);
+    let slower = run("off_ledge", &[("/bend/belt_speed_m_s", json!(0.125))]);
+    let left = |result: &RunResult| *result.series("bend_angle").expect("there").t_s.last().expect("samples");
+    assert!(left(&slower) > 1.5 * left(&result), "{} after {}", left(&slower), left(&result));
 }
 
 #[test]
-fn threads_do_not_matter_and_the_seed_turns_the_fillet() {
-    let scattered = |seed: u64, threads: usize| {
-        let fields =
-            [("/bend/scatter_deg", json!(20)), ("/seed", json!(seed)), ("/numerics/duration_s", json!(0.2))];
-        serde_json::to_string(&run(threads, &fields).series).unwrap()
+fn a_ledge_that_stands_still_carries_nothing_off() {
+    let result = run("off_ledge", &[("/bend/belt_speed_m_s", json!(0.0))]);
+    assert_eq!(result.end_reason, EndReason::Done);
+    assert_eq!(result.responses["fell_off"], false);
+    assert_eq!(response(&result, "time_to_rest_s"), 0.0);
+}
+
+#[test]
+fn a_longer_free_end_hangs_lower() {
+    let hangs = |share: f64| {
+        let stiff = stiffness(8.0);
+        let fields = [("/bend/clamped_share", json!(share)), stiff[0].clone(), stiff[1].clone()];
+        response(&run("clamped", &fields), "tip_deflection_m")
     };
-    assert_eq!(scattered(1, 1), scattered(1, 2));
-    assert_ne!(scattered(1, 1), scattered(2, 1));
+    let (long, short) = (hangs(0.2), hangs(0.5));
+    assert!(long > 2.0 * short && short > 0.0, "{long} and {short}");
+}
+
+#[test]
+fn what_tears_is_measured_as_long_as_it_was_whole() {
+    // Bonds that break when stretched by a tenth.
+    let result = run("clamped", &[("/bonds/contact_radius_ratio", json!(1.1))]);
+    assert_eq!(result.end_reason, EndReason::Done);
+    assert_eq!((&result.responses["torn"], &result.responses["fell_off"]), (&json!(true), &json!(false)));
+    assert!(response(&result, "bonds_intact_fraction") < 1.0);
+    assert!(response(&result, "tip_deflection_m") < 0.172, "{:?}", result.responses);
+    let (last, end) =
+        (result.series("bend_angle").expect("there"), result.series("kinetic_energy").expect("there"));
+    assert!(last.t_s.last() < end.t_s.last());
+}
+
+#[test]
+fn a_clamp_must_hold_something_and_leave_something() {
+    for (share, held) in [(0.01, "none"), (0.99, "all")] {
+        let scenario = scenario("clamped", &[("/bend/clamped_share", json!(share))]);
+        let faults = check(&scenario, &Meshes::default(), &Limits::default()).expect_err("refused");
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        assert_eq!(faults[0].pointer, "/bend/clamped_share");
+        assert!(faults[0].detail.starts_with(held), "{faults:?}");
+    }
+    let other = scenario("over_bar", &[("/bend/clamped_share", json!(0.01))]);
+    assert!(check(&other, &Meshes::default(), &Limits::default()).is_ok(), "nothing is clamped");
+}
+
+#[test]
+fn a_fillet_bends_alike_to_the_bit_on_any_number_of_threads() {
+    let text = |threads| {
+        let fields = [("/product/subparticle_radius_m", json!(0.006)), ("/numerics/duration_s", json!(0.5))];
+        let result = run_on(threads, "over_bar", &fields);
+        assert_eq!(result.solver.threads, threads);
+        serde_json::to_string(&(&result.responses, &result.series)).expect("JSON")
+    };
+    let one = text(1);
+    for threads in [2, 3] {
+        assert_eq!(text(threads), one);
+    }
 }

@@ -165,3 +165,20 @@ fn the_cubic_lattice_slides_farther_because_its_neighbours_turn_like_gears() {
     let alternate = spins[..4].windows(2).all(|pair| pair[0] * pair[1] < 0.0);
     assert!(alternate && spins[0].abs() > 50.0, "{spins:?}");
 }
+
+#[test]
+fn a_pair_slides_sooner_because_it_turns_like_gears() {
+    // Two bonded spheres in a row down the slope. Friction F turns each alike, by F R; the bond holds against that with a shear S on
+    // either, by S R: F = S, which takes as much load off the upper as it puts on the lower. Both must bear the same
+    // friction, for they can turn against each other: m g sin α = F ≤ μ (m g cos α − S), and so tan α = μ/(1 + μ), 18.4°.
+    let held = |tilt_deg: f64| {
+        let mut bench = Bench::new(&resting(block([2, 1, 1]), 1.0, DVec3::ZERO, tilt_deg));
+        bench.steps(20_000);
+        let (settled, _) = travel(&mut bench);
+        bench.steps(20_000);
+        (travel(&mut bench).0 - settled).abs() < 2e-5
+    };
+    let angle = (MU / (1.0 + MU)).atan().to_degrees();
+    assert!(held(angle - 1.0), "held");
+    assert!(!held(angle + 1.0), "slides, 7° below its angle of friction");
+}

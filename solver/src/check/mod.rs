@@ -6,6 +6,8 @@ mod inside;
 mod scene;
 
 use crate::engine::scene::Kind;
+use crate::experiments::bend::clamp_fault;
+use crate::experiments::compress::lattice_fault;
 use crate::experiments::laws::laws;
 use crate::experiments::{bounds_on_timestep, timestep_s, try_kinds};
 use crate::mesh::Meshes;
@@ -50,6 +52,9 @@ pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Es
     let kinds = match try_kinds(scenario, meshes) {
         Ok(kinds) => kinds,
         Err(error) => {
+            if let Experiment::Compress { compress } = &scenario.experiment {
+                return Err(vec![lattice_fault(compress, &error)]);
+            }
             let allowed = "a closed mesh that the lattice of sub-particles fills in one piece".to_owned();
             let digest = scenario.product.mesh.as_ref().map(|mesh| mesh.digest.clone());
             return Err(vec![fault("/product/mesh", digest, error.to_string(), allowed)]);
@@ -74,6 +79,7 @@ pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Es
         faults.extend(match &scenario.experiment {
             Experiment::Hopper { equipment } if fits => surface_faults(scenario, equipment, meshes),
             Experiment::Scene { scene } => scene_faults(scenario, scene, meshes),
+            Experiment::Bend { bend } => clamp_fault(scenario, bend, &kinds).into_iter().collect(),
             _ => Vec::new(),
         });
     }

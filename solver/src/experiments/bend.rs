@@ -29,7 +29,7 @@ const SIDE_RATIO: f64 = 0.25;
 /// Fewest and most sides of the bar.
 const SIDES: (f64, f64) = (48.0, 1024.0);
 /// The table sinks at this speed, in m/s.
-const SINKING_M_S: f64 = 0.1;
+pub(super) const SINKING_M_S: f64 = 0.1;
 /// Room around everything, in metres.
 const MARGIN_M: f64 = 0.1;
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde_json::{Map, Value};
 
+use super::bend::SINKING_M_S;
 use super::{Watch, strayed};
 use crate::engine::run::{Decision, Director, Sample};
 use crate::engine::scene::Scene;
@@ -35,12 +36,12 @@ pub(super) struct BendWatch {
     rest: Rest,
     fell_off: bool,
     torn: bool,
+    /// Simulated time at t = 0.
+    start_s: f64,
     /// Simulated times of all samples.
     simulated_s: Vec<f64>,
     kinetic_energy_j: Vec<f64>,
     bonds_intact: Vec<f64>,
-    /// Belt time of the last sample.
-    now_s: f64,
     /// Belt times at which the fillet was whole and on its support, its bend angle and how low its tip hung.
     t_s: Vec<f64>,
     angle_deg: Vec<f64>,
@@ -71,10 +72,10 @@ impl BendWatch {
             rest: Rest::default(),
             fell_off: false,
             torn: false,
+            start_s: 0.0,
             simulated_s: Vec::new(),
             kinetic_energy_j: Vec::new(),
             bonds_intact: Vec::new(),
-            now_s: 0.0,
             t_s: Vec::new(),
             angle_deg: Vec::new(),
             deflection_m: Vec::new(),
@@ -82,7 +83,8 @@ impl BendWatch {
     }
 
     fn note_rest(&mut self, state: &State, now_s: f64) {
-        let moving = state.faster_than(self.numerics.rest_speed_m_s);
+        // What goes down with the table does not rest.
+        let moving = state.faster_than(self.numerics.rest_speed_m_s.min(SINKING_M_S / 2.0));
         self.rest.note(now_s, moving, state.particles.len());
     }
 
@@ -114,7 +116,7 @@ impl BendWatch {
         self.tip.iter().all(|&tip| self.blunt.iter().all(|&blunt| part[tip] != part[blunt]))
     }
 
-    fn take_in(&mut self, state: &State) {
+    fn take_in(&mut self, state: &State, now_s: f64) {
         self.fell_off = self.fell_off || self.is_off(state);
         let whole = state.particles.len() == self.shape.points.len();
         let places: Vec<DVec3> = (0..state.particles.len()).map(|i| state.position(i)).collect();
@@ -123,7 +125,7 @@ impl BendWatch {
             return;
         }
         if let Some(angle) = bend_angle_deg(&self.shape.points, &places) {
-            self.t_s.push(self.now_s);
+            self.t_s.push(now_s);
             self.angle_deg.push(angle);
             self.deflection_m.push(self.tip_start_m - mean_height(&places, &self.tip));
         }
@@ -147,6 +149,8 @@ impl Director for BendWatch {
         let remove = strayed(state, self.low_m, self.high_m);
         let Some(now_s) = sample.belt_time_s else {
             self.note_rest(state, sample.simulated_s);
+            // As long as it has not rested, its times end at 0.
+            self.start_s = sample.simulated_s;
             let lies = self.rest.since_s(REST_FOR_S).is_some();
             if lies {
                 // From now on it is to hang.
@@ -155,9 +159,8 @@ impl Director for BendWatch {
             }
             return Decision::Continue { remove };
         };
-        self.now_s = now_s;
         self.note_rest(state, now_s);
-        self.take_in(state);
+        self.take_in(state, now_s);
         let known = self.numerics.stop.when_done && self.hangs_since_s().is_some();
         match known || self.fell_off || self.torn {
             true => Decision::End(EndReason::Done),
@@ -194,8 +197,7 @@ impl Watch for BendWatch {
             t_s: t_s.to_vec(),
             values: values.to_vec(),
         };
-        let start_s = self.simulated_s.last().copied().unwrap_or(0.0) - self.now_s;
-        let all: Vec<f64> = self.simulated_s.iter().map(|t| t - start_s).collect();
+        let all: Vec<f64> = self.simulated_s.iter().map(|t| t - self.start_s).collect();
         vec![
             series("bend_angle", "°", &self.t_s, &self.angle_deg),
             series("tip_deflection", "m", &self.t_s, &self.deflection_m),

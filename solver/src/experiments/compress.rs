@@ -9,7 +9,7 @@
 //! it. The paper's 48.6 kPa are that of its sub-particles; its lattice cannot reach them, nor the stiffening to 4 kPa.
 
 use glam::DVec3;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use super::{Prepared, Watch, bounds_on_timestep, kinds, laws, plan, strayed, timestep_s};
 use crate::engine::run::{Decision, Director, Sample};
@@ -19,7 +19,8 @@ use crate::equipment::{Motion, Surface, SurfaceKind};
 use crate::mesh::Meshes;
 use crate::observe::{Compression, Point, Pressed, modulus_pa};
 use crate::result::{Curve, EndReason, Series};
-use crate::scenario::{Compress, Numerics, Plates, Scenario};
+use crate::scenario::{Compress, Fault, Numerics, Plates, Scenario};
+use crate::shape::{MOST_CELLS, ShapeError};
 
 /// Strain that the plates may take up before they press: adhesion shrinks a block by up to about 1 %.
 const TAKE_UP_STRAIN: f64 = 0.03;
@@ -73,6 +74,12 @@ pub(super) fn prepare(scenario: &Scenario, compress: &Compress, meshes: &Meshes)
     };
     let watch = Box::new(CompressWatch::new(scenario, compress, &scene, size, speed_m_s));
     Prepared { plan: plan(scenario), watch, scene }
+}
+
+/// A block that nobody would wait for.
+pub(crate) fn lattice_fault(compress: &Compress, error: &ShapeError) -> Fault {
+    let allowed = format!("at most {MOST_CELLS:.0e} sub-particles, with a layer to spare on every side");
+    Fault::new("/compress/lattice", &json!(compress.lattice), error.to_string(), Some(allowed))
 }
 
 /// The compression test's director.

@@ -87,6 +87,8 @@ struct SlideWatch {
     sliding: Sliding,
     start: Option<DVec3>,
     rolled_over: bool,
+    /// Simulated time at t = 0.
+    start_s: f64,
     /// Simulated times of all samples.
     simulated_s: Vec<f64>,
     kinetic_energy_j: Vec<f64>,
@@ -112,6 +114,7 @@ impl SlideWatch {
             sliding: Sliding::default(),
             start: None,
             rolled_over: false,
+            start_s: 0.0,
             simulated_s: Vec::new(),
             kinetic_energy_j: Vec::new(),
             bonds_intact: Vec::new(),
@@ -172,6 +175,8 @@ impl Director for SlideWatch {
         let Some(now_s) = sample.belt_time_s else {
             let moving = state.faster_than(self.numerics.rest_speed_m_s);
             self.rest.note(sample.simulated_s, moving, state.particles.len());
+            // As long as it has not rested, its times end at 0.
+            self.start_s = sample.simulated_s;
             return if self.rest.since_s(REST_FOR_S).is_some() { Decision::Start } else { go_on };
         };
         self.take_in(state, now_s);
@@ -205,10 +210,7 @@ impl Watch for SlideWatch {
             t_s: t_s.to_vec(),
             values: values.to_vec(),
         };
-        // What never rested has no start; its times then end at 0.
-        let last_s = self.simulated_s.last().copied().unwrap_or(0.0);
-        let start_s = last_s - self.t_s.last().copied().unwrap_or(0.0);
-        let all: Vec<f64> = self.simulated_s.iter().map(|t| t - start_s).collect();
+        let all: Vec<f64> = self.simulated_s.iter().map(|t| t - self.start_s).collect();
         vec![
             series("tilt_angle", "°", &self.t_s, &self.tilt_deg),
             series("sliding_speed", "m/s", &self.t_s, &self.speed_m_s),

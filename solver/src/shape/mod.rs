@@ -101,7 +101,7 @@ pub enum ShapeError {
 }
 
 /// The most lattice points in the box of a mesh or a block: seconds of work.
-const MOST_CELLS: f64 = 2e6;
+pub(crate) const MOST_CELLS: f64 = 2e6;
 
 /// What a fill is remembered by: the shape, the radius, how it was filled and bonded.
 type Key = (Form, u64, Fill, u32);

@@ -1,0 +1,156 @@
+//! Blocks between plates against closed forms: the modulus of the lattice, the whole curve with contact between bonded
+//! neighbours, and what a test tells when it is cut short, refused or run on more threads.
+
+use std::f64::consts::PI;
+
+use roost_solver::mesh::Meshes;
+use roost_solver::result::{Curve, EndReason, RunResult};
+use roost_solver::scenario::{self, Scenario};
+use roost_solver::{CpuOptions, Flow, Limits, Progress, check, simulate};
+use serde_json::{Value, json};
+
+const RADIUS: f64 = 0.004;
+
+fn scenario(fields: &[(&str, Value)]) -> Scenario {
+    let mut document = json!({
+        "experiment": "compress",
+        "compress": {"lattice": [4, 4, 4], "strain_rate_1_s": 0.1},
+        "numerics": {"timestep_s": "auto", "output_interval_s": 0.005},
+    });
+    for (pointer, value) in fields {
+        let at = pointer.split('/').skip(1).fold(&mut document, |at, name| &mut at[name]);
+        *at = value.clone();
+    }
+    scenario::from_value(&document).expect("a sound scenario")
+}
+
+fn run_on(threads: usize, fields: &[(&str, Value)]) -> RunResult {
+    let options = CpuOptions { threads };
+    simulate(&scenario(fields), &Meshes::default(), options, &mut |_: &Progress| Flow::Continue)
+}
+
+fn run(fields: &[(&str, Value)]) -> RunResult {
+    run_on(1, fields)
+}
+
+fn response(result: &RunResult, name: &str) -> f64 {
+    result.response(name).unwrap_or_else(|| panic!("{name} in {:?}", result.responses))
+}
+
+fn curve<'a>(result: &'a RunResult, name: &str) -> &'a Curve {
+    result.curves.iter().find(|curve| curve.name == name).expect("there")
+}
+
+#[track_caller]
+fn assert_close(found: f64, expected: f64, share: f64) {
+    assert!((found / expected - 1.0).abs() < share, "{found} is not {expected} within {share} of it");
+}
+
+#[test]
+fn without_contact_in_bonds_the_modulus_is_that_of_the_lattice() {
+    // Columns of springs k_n = S_n π R², each in series along its 2R, one on every (2R)²: S_n π R/2.
+    for (radius, stiffness) in [(RADIUS, 1e6), (0.00175, 1e6), (RADIUS, 2e5)] {
+        let result = run(&[
+            ("/product/subparticle_radius_m", json!(radius)),
+            ("/bonds/normal_stiffness_n_m3", json!(stiffness)),
+            ("/bonds/contact_between_bonded", json!(false)),
+            ("/compress/plates", json!("frictionless")),
+        ]);
+        let modulus = stiffness * PI * radius / 2.0;
+        assert_close(response(&result, "modulus_lattice_pa"), modulus, 3e-3);
+        assert!(response(&result, "plate_imbalance_fraction") < 5e-2, "{:?}", result.responses);
+    }
+}
+
+/// Force of two bonded neighbours at a distance, in newton, positive where they push: the bond, and JKR by its contact radius
+/// (eq. 4 and 5), found by bisection.
+fn push(distance: f64) -> f64 {
+    let (e_star, r_star) = (48_600.0 / (1.0 - 0.37 * 0.37) / 2.0, RADIUS / 2.0);
+    let neck = 4.0 * PI * 0.055 / e_star;
+    let overlap = |a: f64| a * a / r_star - (neck * a).sqrt();
+    let (mut low, mut high) = ((neck * r_star * r_star / 16.0).cbrt(), 2.0 * RADIUS);
+    for _ in 0..100 {
+        let middle = (low + high) / 2.0;
+        if overlap(middle) < 2.0 * RADIUS - distance { low = middle } else { high = middle }
+    }
+    let contact =
+        4.0 * e_star * low.powi(3) / (3.0 * r_star) - 4.0 * (PI * 0.055 * e_star * low.powi(3)).sqrt();
+    contact + 1e6 * PI * RADIUS * RADIUS * (2.0 * RADIUS - distance)
+}
+
+#[test]
+fn with_contact_in_bonds_the_curve_is_that_of_a_chain_of_neighbours() {
+    let result = run(&[]);
+    // Adhesion draws neighbours together: at rest they push each other with nothing.
+    let (mut near, mut far) = (1.8 * RADIUS, 2.0 * RADIUS);
+    for _ in 0..100 {
+        let middle = (near + far) / 2.0;
+        if push(middle) > 0.0 { near = middle } else { far = middle }
+    }
+    let stress = curve(&result, "stress_lattice");
+    assert!(stress.x.len() > 100);
+    let most = stress.values.last().expect("points");
+    for (strain, stress) in stress.x.iter().zip(&stress.values) {
+        let expected = push(near * (1.0 - strain)) / (4.0 * RADIUS * RADIUS);
+        assert!((stress - expected).abs() < 5e-3 * most, "{stress} Pa at {strain}, not {expected}");
+    }
+    // 8 to 10 kPa; the paper's 48.6 kPa are out of reach.
+    let modulus = response(&result, "modulus_lattice_pa");
+    assert!((8e3..1e4).contains(&modulus), "{modulus}");
+}
+
+#[test]
+fn strain_counts_from_first_contact_to_what_was_asked_for() {
+    let result = run(&[]);
+    assert_eq!(result.end_reason, EndReason::Done);
+    let stress = curve(&result, "stress");
+    assert!(stress.x[0] == 0.0 && stress.values[0].abs() < 1e-9);
+    assert!(stress.x.is_sorted() && stress.values.is_sorted());
+    let largest = response(&result, "largest_strain");
+    assert!((0.06..0.0606).contains(&largest), "{largest}");
+    assert_eq!(response(&result, "stress_at_end_pa"), *stress.values.last().unwrap());
+    // Before that the plates pulled, as the block shrank.
+    for name in ["lower_plate_force", "upper_plate_force"] {
+        assert!(result.series(name).expect("there").values[1] < 0.0, "{name}");
+    }
+    // The plates press into the block: by their distance it is softer than by the extensometer.
+    assert!(response(&result, "modulus_pa") < 0.9 * response(&result, "modulus_lattice_pa"));
+}
+
+#[test]
+fn a_test_that_is_not_to_end_early_runs_to_its_duration() {
+    let fields = [("/numerics/stop/when_done", json!(false)), ("/compress/max_strain", json!(0.03))];
+    let result = run(&fields);
+    assert_eq!(result.end_reason, EndReason::Duration);
+    assert!(response(&result, "largest_strain") > 0.04);
+}
+
+#[test]
+fn a_single_layer_has_no_extensometer() {
+    let result = run(&[("/compress/lattice", json!([3, 3, 1])), ("/compress/max_strain", json!(0.04))]);
+    assert!(result.responses["modulus_lattice_pa"].is_null(), "{:?}", result.responses);
+    assert!(response(&result, "modulus_pa") > 0.0);
+}
+
+#[test]
+fn a_block_that_nobody_would_wait_for_is_refused_by_its_lattice() {
+    let scenario = scenario(&[("/compress/lattice", json!([200, 200, 60]))]);
+    let faults = check(&scenario, &Meshes::default(), &Limits::default()).expect_err("too many");
+    assert_eq!(faults.len(), 1);
+    assert_eq!(faults[0].pointer, "/compress/lattice");
+}
+
+#[test]
+fn a_test_gives_the_same_bits_on_any_number_of_threads() {
+    let fields = [("/compress/lattice", json!([8, 8, 6])), ("/compress/strain_rate_1_s", json!(0.5))];
+    let text = |threads| {
+        let result = run_on(threads, &fields);
+        let told = (&result.responses, &result.series, &result.curves);
+        serde_json::to_string(&told).expect("JSON")
+    };
+    let one = text(1);
+    assert!(one.contains("modulus_pa"));
+    for threads in [2, 3] {
+        assert_eq!(text(threads), one);
+    }
+}

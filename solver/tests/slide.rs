@@ -1,0 +1,150 @@
+//! Fillets on a plate that is tilted: where they slide, what moves that angle and what does not.
+
+use roost_solver::mesh::Meshes;
+use roost_solver::result::{EndReason, RunResult};
+use roost_solver::scenario::{self, Scenario};
+use roost_solver::{CpuOptions, Flow, Progress, simulate};
+use serde_json::{Value, json};
+
+fn scenario(fields: &[(&str, Value)]) -> Scenario {
+    let mut document = json!({
+        "experiment": "slide",
+        "product": {"subparticle_radius_m": 0.008},
+        "slide": {"tilt_rate_deg_s": 6.0},
+        "numerics": {"timestep_s": "auto"},
+    });
+    for (pointer, value) in fields {
+        let at = pointer.split('/').skip(1).fold(&mut document, |at, name| &mut at[name]);
+        *at = value.clone();
+    }
+    scenario::from_value(&document).expect("a sound scenario")
+}
+
+fn run_on(threads: usize, fields: &[(&str, Value)]) -> RunResult {
+    let options = CpuOptions { threads };
+    simulate(&scenario(fields), &Meshes::default(), options, &mut |_: &Progress| Flow::Continue)
+}
+
+fn run(fields: &[(&str, Value)]) -> RunResult {
+    run_on(1, fields)
+}
+
+fn critical_angle_deg(result: &RunResult) -> f64 {
+    assert_eq!(result.end_reason, EndReason::Done, "{:?}", result.instability);
+    assert_eq!(result.responses["slid"], true);
+    assert_eq!(result.responses["rolled_over"], false);
+    assert_eq!(result.response("bonds_intact_fraction"), Some(1.0));
+    result.response("critical_angle_deg").expect("slid")
+}
+
+fn with_friction(mu: f64) -> (&'static str, Value) {
+    ("/contact/fillet_equipment/static_friction", json!(mu))
+}
+
+#[test]
+fn a_truss_slides_at_its_angle_of_friction() {
+    // One type of sub-particle bonds the diagonals too: none turns against its neighbours.
+    for mu in [0.2, 0.5] {
+        let result = run(&[("/bonds/types", json!(1)), with_friction(mu)]);
+        let friction_angle = f64::atan(mu).to_degrees();
+        assert_eq!(result.response("friction_angle_deg"), Some(friction_angle));
+        let found = critical_angle_deg(&result);
+        assert!((found - friction_angle).abs() < 1.5, "{found} of {friction_angle}");
+    }
+}
+
+#[test]
+fn the_cubic_lattice_slides_sooner_and_yet_nearly_linearly() {
+    // Its neighbours turn like gears: `friction::a_pair_slides_sooner_because_it_turns_like_gears`.
+    let frictions = [0.1, 0.2, 0.3, 0.4, 0.5];
+    let angles = frictions.map(|mu| critical_angle_deg(&run(&[with_friction(mu)])));
+    for (mu, angle) in frictions.iter().zip(angles) {
+        let friction_angle = mu.atan().to_degrees();
+        assert!((0.6 * friction_angle..friction_angle).contains(&angle), "{angles:?}");
+    }
+    let mean = |values: &[f64; 5]| values.iter().sum::<f64>() / 5.0;
+    let (x, y) = (mean(&frictions), mean(&angles));
+    let sum = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+        frictions.iter().zip(&angles).map(|(mu, angle)| of(mu - x, angle - y)).sum()
+    };
+    let r2 = sum(&|a, b| a * b).powi(2) / sum(&|a, _| a * a) / sum(&|_, b| b * b);
+    assert!(r2 > 0.95, "{r2}: {angles:?}");
+}
+
+#[test]
+fn the_surface_energy_hardly_matters() {
+    let with_energy = |gamma: f64| {
+        let fields = [
+            ("/contact/fillet_equipment/surface_energy_j_m2", json!(gamma)),
+            ("/contact/fillet_fillet/surface_energy_j_m2", json!(gamma)),
+            with_friction(0.3),
+        ];
+        critical_angle_deg(&run(&fields))
+    };
+    let (none, table_2) = (with_energy(0.0), with_energy(0.055));
+    assert!((none - table_2).abs() < 1.0, "{none} and {table_2}");
+}
+
+#[test]
+fn what_holds_up_to_the_greatest_tilt_has_no_critical_angle() {
+    let result = run(&[("/slide/max_tilt_deg", json!(12.0)), with_friction(0.5)]);
+    assert_eq!(result.end_reason, EndReason::Duration);
+    assert_eq!(result.responses["slid"], false);
+    assert!(result.responses["critical_angle_deg"].is_null());
+    let tilt = &result.series("tilt_angle").expect("there").values;
+    assert!(tilt[0] == 0.0 && (tilt.last().unwrap() - 12.0).abs() < 0.01, "{tilt:?}");
+}
+
+#[test]
+fn without_friction_it_slides_at_once() {
+    let angle = critical_angle_deg(&run(&[with_friction(0.0)]));
+    assert!(angle < 0.5, "{angle}");
+}
+
+#[test]
+fn without_an_early_end_it_slides_off_the_plate() {
+    let fields = [("/numerics/stop/when_done", json!(false)), with_friction(0.1)];
+    let result = run(&fields);
+    assert_eq!(result.end_reason, EndReason::Done);
+    let way = &result.series("displacement").expect("there").values;
+    assert!(way.last().unwrap() > &0.5 && way[way.len() - 2] <= 0.5);
+    let early = run(&fields[1..]);
+    assert_eq!(critical_angle_deg(&result), critical_angle_deg(&early), "whatever comes after");
+}
+
+#[test]
+fn speed_and_displacement_are_of_one_motion() {
+    let result = run(&[with_friction(0.2)]);
+    let [speed, way] = ["sliding_speed", "displacement"].map(|name| result.series(name).expect("there"));
+    let steps = speed.t_s.windows(2).zip(speed.values.windows(2));
+    let summed: f64 = steps.map(|(t, v)| (t[1] - t[0]) * (v[0] + v[1]) / 2.0).sum();
+    let way = way.values.last().unwrap();
+    assert!((summed / way - 1.0).abs() < 0.02, "{summed} and {way}");
+    // It was at rest before: what is told of the time before t = 0 says so.
+    let energy = result.series("kinetic_energy").expect("there");
+    assert!(energy.t_s[0] < -0.1 && energy.t_s.contains(&0.0), "{:?}", &energy.t_s[..3]);
+}
+
+#[test]
+fn the_seed_turns_the_fillet() {
+    let angle = |seed: u64| {
+        let fields = [("/slide/scatter_deg", json!(180.0)), ("/seed", json!(seed)), with_friction(0.4)];
+        critical_angle_deg(&run(&fields))
+    };
+    let (one, two) = (angle(1), angle(2));
+    assert!(one != two && (one - two).abs() < 6.0, "{one} and {two}");
+}
+
+#[test]
+fn a_fillet_slides_alike_to_the_bit_on_any_number_of_threads() {
+    let text = |threads| {
+        let fields = [("/product/subparticle_radius_m", json!(0.006)), with_friction(0.05)];
+        let result = run_on(threads, &fields);
+        assert_eq!(result.solver.threads, threads);
+        serde_json::to_string(&(&result.responses, &result.series)).expect("JSON")
+    };
+    let one = text(1);
+    for threads in [2, 3] {
+        assert_eq!(text(threads), one);
+    }
+}
