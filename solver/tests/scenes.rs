@@ -92,6 +92,8 @@ fn a_body_falls_along_gravity_as_it_was_thrown() {
         );
     }
     assert_eq!(result.responses["bodies"], json!(2));
+    let kinds: Vec<usize> = prepare(&scenario).scene.bodies.iter().map(|body| body.kind).collect();
+    assert_eq!(kinds, [1, 0]);
     assert_eq!(result.responses["time_to_rest_s"], Value::Null);
     // Upwards is against gravity.
     let highest = result.response("greatest_height_m").expect("a number");
@@ -111,6 +113,9 @@ fn what_goes_beyond_the_margin_leaves_and_is_counted() {
     ]);
     let result = run(&scenario);
     assert_eq!(result.end_reason, EndReason::Empty);
+    // The one that only falls is gone when its length and the margin are behind it, after 0.3 s.
+    let end_s = result.series[0].t_s.last().expect("samples");
+    assert!((0.2..0.45).contains(end_s), "{end_s} s");
     assert_close(result.response("escaped_kg").expect("a number"), mass_kg(&scenario), 1e-6);
     assert_eq!(result.responses["bodies"], json!(0));
     assert_eq!(result.responses["greatest_height_m"], Value::Null);
@@ -123,6 +128,13 @@ fn what_goes_beyond_the_margin_leaves_and_is_counted() {
         ("/numerics/duration_s", json!(0.3)),
     ]));
     assert_eq!((stays.end_reason, &stays.responses["time_to_rest_s"]), (EndReason::Duration, &Value::Null));
+    // Nor is what has just reached the height that it was thrown to.
+    let thrown = run(&scene(&[
+        ("/scene/bodies", json!([{"position_m": [0, 0, 0], "velocity_m_s": [0, 0, 0.981]}])),
+        ("/numerics/duration_s", json!(0.1)),
+    ]));
+    assert!(thrown.response("kinetic_energy_end_j").expect("a number") < 1e-5);
+    assert_eq!(thrown.responses["time_to_rest_s"], Value::Null);
 }
 
 #[test]

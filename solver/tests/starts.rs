@@ -152,18 +152,21 @@ fn every_body_in_the_wrong_place_is_named_once_with_what_it_is_in() {
         ("/numerics/timestep_s", json!(0.01)),
     ]);
     let found = faults(&scenario);
-    let told: Vec<(&str, bool)> = found
+    let told: Vec<(&str, bool, bool)> = found
         .iter()
-        .map(|fault| (fault.pointer.as_str(), fault.detail.contains("/scene/bodies/0")))
+        .map(|fault| {
+            let names = |body: &str| fault.detail.contains(body);
+            (fault.pointer.as_str(), names("/scene/bodies/0"), names("/scene/bodies/1"))
+        })
         .collect();
     assert_eq!(
         told,
         [
-            ("/numerics/timestep_s", false),
-            ("/scene/bodies/1/position_m", true),
-            ("/scene/bodies/2/position_m", true),
-            ("/scene/bodies/3/position_m", false),
-            ("/scene/surfaces/0/presence", false),
+            ("/numerics/timestep_s", false, false),
+            ("/scene/bodies/1/position_m", true, false),
+            ("/scene/bodies/2/position_m", false, true),
+            ("/scene/bodies/3/position_m", false, false),
+            ("/scene/surfaces/0/presence", false, false),
         ]
     );
     assert_eq!(found[3].value, json!([0.0, 0.0, 1.0]));

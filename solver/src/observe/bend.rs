@@ -152,6 +152,8 @@ mod tests {
         let column = [DVec3::ZERO, DVec3::Z, DVec3::Z * 2.0];
         assert_eq!(bend_angle_deg(&column, &column), None);
         assert_eq!(bend_angle_deg(&[], &[]), None);
+        let askew = [DVec3::ZERO, DVec3::ONE];
+        assert_eq!(bend_angle_deg(&askew, &askew), None, "of two rows");
         let pair = [DVec3::ZERO, DVec3::X];
         assert_eq!(bend_angle_deg(&pair, &[DVec3::ONE; 2]), None);
         assert_eq!(bend_angle_deg(&pair, &pair), Some(0.0));
