@@ -140,7 +140,7 @@ fn write(folder: &Path, profile: &Profile, plan: &Plan, ended: &Ended) -> Result
     let files = ["report.html", "report.json"].map(|name| folder.join(name));
     record::write(&files[0], report.html().as_bytes())?;
     record::write(&files[1], report.json().as_bytes())?;
-    Ok(format!("{}\n\n{}  {}", summary(&report), files[0].display(), files[1].display()))
+    Ok(format!("{}\n{}  {}", summary(&report), files[0].display(), files[1].display()))
 }
 
 /// What a figure tells once all of its runs have ended.
@@ -170,21 +170,21 @@ fn machine<'a>(records: impl Iterator<Item = &'a Record>) -> String {
     [vec![format!("{processor}, {count} processor(s)")], devices].concat().join("; ")
 }
 
-/// A line a figure.
-fn summary(report: &Report<'_>) -> Table {
-    let mut table = Table::new(["figure", "demands that hold", "those that do not"]);
+/// A line a figure, and what does not hold below.
+fn summary(report: &Report<'_>) -> String {
+    let mut table = Table::new(["figure", "demands that hold"]);
     for section in &report.sections {
-        let rows = section.told.iter().flat_map(|told| &told.rows);
-        let (holds, fails) = counts(rows.clone());
-        let failed = rows.filter(|row| row.holds == Some(false)).map(|row| row.quantity.as_str());
+        let (holds, fails) = counts(section.rows().iter());
         let held = if section.told.is_some() {
             format!("{holds} of {}", holds + fails)
         } else {
             "not run yet".to_owned()
         };
-        table.row([section.figure.name.to_owned(), held, failed.collect::<Vec<_>>().join("; ")]);
+        table.row([section.figure.name.to_owned(), held]);
     }
-    table
+    let failed = report.rows().filter(|row| row.holds == Some(false));
+    let failed = failed.map(|row| format!("does not hold: {}: {}\n", row.figure, row.quantity));
+    format!("{table}\n{}", failed.collect::<String>())
 }
 
 /// What would run, figure by figure.

@@ -27,7 +27,8 @@ pub(super) struct Section<'a> {
 }
 
 impl Section<'_> {
-    fn rows(&self) -> &[Row] {
+    /// What it tells in rows; none until all of its runs have ended.
+    pub(super) fn rows(&self) -> &[Row] {
         self.told.as_ref().map_or(&[], |told| &told.rows)
     }
 

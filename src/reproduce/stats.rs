@@ -86,6 +86,19 @@ pub(super) fn line(points: &[(f64, f64)]) -> Option<Line> {
     Some(Line { slope, intercept: mean_y - slope * mean_x, r2: xy * xy / (xx * yy) })
 }
 
+/// How well the order of the second coordinates follows that of the first, −1 to 1 (Spearman): the correlation of ranks.
+pub(super) fn rank_correlation(points: &[(f64, f64)]) -> Option<f64> {
+    // Equals share the mean of their ranks.
+    let rank = |of: &dyn Fn(&(f64, f64)) -> f64, value: f64| {
+        let below = points.iter().filter(|point| of(point) < value).count();
+        let same = points.iter().filter(|point| of(point) == value).count();
+        below as f64 + same as f64 / 2.0
+    };
+    let ranks = points.iter().map(|(x, y)| (rank(&|point| point.0, *x), rank(&|point| point.1, *y)));
+    let line = line(&ranks.collect::<Vec<_>>())?;
+    Some(line.r2.sqrt() * line.slope.signum())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -135,5 +148,16 @@ mod tests {
         let fit = line(&[(0.0, 1.0), (1.0, 3.0), (2.0, 2.0)]).unwrap();
         assert_eq!((fit.slope, fit.intercept, fit.r2), (0.5, 1.5, 0.25));
         assert_eq!(line(&[(0.0, 1.0), (1.0, 1.0)]), None);
+    }
+
+    #[test]
+    fn ranks_see_order_and_nothing_else() {
+        let of =
+            |ys: &[f64]| rank_correlation(&(0..).map(f64::from).zip(ys.iter().copied()).collect::<Vec<_>>());
+        near(of(&[1.0, 10.0, 100.0, 101.0]).unwrap(), 1.0);
+        near(of(&[4.0, 3.0, 2.0, -50.0]).unwrap(), -1.0);
+        // One pair of neighbours among six changes places: 1 − 6 · 2 / (6 · 35).
+        near(of(&[0.1, 0.2, 0.3, 0.4, 0.6, 0.5]).unwrap(), 1.0 - 12.0 / 210.0);
+        assert_eq!(of(&[1.0, 1.0, 1.0]), None);
     }
 }
