@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn what_slides_from_the_start_slides_at_0() {
         let mut sliding = Sliding::default();
-        [(0.0, 0.02), (0.1, 0.06), (0.5, 0.4)].map(|(t, v)| sliding.note(t, v));
+        let _ = [(0.0, 0.02), (0.1, 0.06), (0.5, 0.4)].map(|(t, v)| sliding.note(t, v));
         assert_eq!(sliding.onset_s(), Some(0.0));
         assert!(sliding.is_certain());
     }
