@@ -138,8 +138,8 @@ fn every_body_in_the_wrong_place_is_named_once_with_what_it_is_in() {
             "/scene/bodies",
             json!([
                 {"position_m": [0, 0, 0]},
-                {"position_m": [0.01, 0, 0]},
-                {"position_m": [0.02, 0, 0]},
+                {"position_m": [0.1, 0, 0]},
+                {"position_m": [0.2, 0, 0]},
                 {"position_m": [0, 0, 1]},
             ]),
         ),
