@@ -104,7 +104,10 @@ fn every_response_is_explained() {
     let product = r#""product": {"subparticle_radius_m": 0.008}"#;
     let scene = r#""scene": {"bodies": [{"position_m": [0, 0, 1]}],
         "surfaces": [{"name": "<name>", "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}]}"#;
-    for (experiment, section) in [("hopper", ""), ("drop", ""), ("scene", scene)] {
+    let block = r#""compress": {"lattice": [2, 2, 2]}"#;
+    for (experiment, section) in
+        [("hopper", ""), ("drop", ""), ("bend", ""), ("slide", ""), ("compress", block), ("scene", scene)]
+    {
         let comma = if section.is_empty() { "" } else { "," };
         let text = format!(r#"{{"experiment": "{experiment}", {product}{comma} {section}}}"#);
         let scenario = roost_solver::scenario::parse(&text).expect("a sound scenario");

@@ -74,12 +74,12 @@ fn ladder(free: usize, weight_n: f64, k_n: f64, k_t: f64) -> f64 {
 
 #[test]
 fn a_clamped_beam_hangs_as_its_bonds_say() {
-    // Bending by the stretch of the rows, and shear of three bonds' compliance in two rows: neither alone.
+    // With the second shear stiffness it is half bending and half shear.
     let (s_n, s_t) = (4e8, 2.4e8);
     let size = DVec3::new(12.0, 2.0, 2.0) * 2.0 * RADIUS;
     let mut meshes = Meshes::default();
     let digest = meshes.insert(&stl::binary(&stl::cuboid(DVec3::ZERO, size, 1))).expect("a sound file");
-    for share in [s_t, 20.0 * s_t] {
+    for s_t in [s_t, s_t / 20.0] {
         let scenario = scenario(
             "clamped",
             &[
@@ -87,7 +87,7 @@ fn a_clamped_beam_hangs_as_its_bonds_say() {
                 ("/product/mesh", json!({"digest": digest, "units": "m"})),
                 ("/product/shape", Value::Null),
                 ("/bonds/normal_stiffness_n_m3", json!(s_n)),
-                ("/bonds/shear_stiffness_n_m3", json!(share)),
+                ("/bonds/shear_stiffness_n_m3", json!(s_t)),
                 ("/bonds/contact_between_bonded", json!(false)),
                 ("/contact/fillet_equipment", json!({"surface_energy_j_m2": 0.0})),
                 ("/numerics/output_interval_s", json!(5e-4)),
@@ -107,8 +107,8 @@ fn a_clamped_beam_hangs_as_its_bonds_say() {
             / samples().map(|(t, _)| weight(*t)).sum::<f64>();
         let area = std::f64::consts::PI * RADIUS * RADIUS;
         let weight_n = 940.0 * (2.0 * RADIUS).powi(3) * 9.81;
-        let hangs = ladder(9, weight_n, s_n * area, share * area);
-        assert_close(mean, hangs, 1e-2);
+        let hangs = ladder(9, weight_n, s_n * area, s_t * area);
+        assert_close(mean, hangs, 5e-3);
     }
 }
 

@@ -110,6 +110,7 @@ fn without_an_early_end_it_slides_off_the_plate() {
     assert!(way.last().unwrap() > &0.5 && way[way.len() - 2] <= 0.5);
     let early = run(&fields[1..]);
     assert_eq!(critical_angle_deg(&result), critical_angle_deg(&early), "whatever comes after");
+    assert!(early.series("displacement").expect("there").values.last().unwrap() < &0.25);
 }
 
 #[test]
@@ -123,6 +124,19 @@ fn speed_and_displacement_are_of_one_motion() {
     // It was at rest before: what is told of the time before t = 0 says so.
     let energy = result.series("kinetic_energy").expect("there");
     assert!(energy.t_s[0] < -0.1 && energy.t_s.contains(&0.0), "{:?}", &energy.t_s[..3]);
+}
+
+#[test]
+fn a_rough_plate_rolls_a_stiff_fillet_over() {
+    let result = run(&[
+        ("/slide/yaw_deg", json!(90.0)),
+        ("/slide/max_tilt_deg", json!(89.0)),
+        ("/bonds", json!({"types": 1, "normal_stiffness_n_m3": 1e7, "shear_stiffness_n_m3": 6e6})),
+        ("/contact/fillet_equipment/surface_energy_j_m2", json!(0.0)),
+        with_friction(3.0),
+    ]);
+    assert_eq!(result.responses["rolled_over"], true);
+    assert!(result.response("critical_angle_deg").expect("it moved") < 3f64.atan().to_degrees() - 10.0);
 }
 
 #[test]

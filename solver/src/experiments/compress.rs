@@ -172,13 +172,10 @@ impl Director for CompressWatch {
 impl Watch for CompressWatch {
     fn responses(&self, _reason: EndReason) -> Map<String, Value> {
         let end = self.compression.curve().pop();
-        // A single layer has no inside to measure.
-        let layers = self.compress.lattice[2];
-        let by_lattice = (layers > 1).then(|| self.modulus_pa(|point| point.gauge_strain)).flatten();
         let mut responses = Map::new();
         let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
         add("modulus_pa", self.modulus_pa(|point| point.strain).into());
-        add("modulus_lattice_pa", by_lattice.into());
+        add("modulus_lattice_pa", self.modulus_pa(|point| point.gauge_strain).into());
         add("stress_at_end_pa", end.map(|point| point.stress_pa).into());
         add("largest_strain", end.map(|point| point.strain).into());
         add("plate_imbalance_fraction", self.plate_imbalance().into());

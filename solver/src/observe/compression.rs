@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn the_modulus_sees_the_window_alone() {
         let bent =
-            (0..100).map(|k| f64::from(k) * 1e-3).map(|e| (e, if e <= 0.05 { 100.0 * e } else { 9.0 }));
+            (0..100).map(|k| f64::from(k) * 1e-3).map(|e| (e, if e <= 0.05 { 100.0 * e } else { 5.0 }));
         let bent: Vec<(f64, f64)> = bent.collect();
         assert!((modulus_pa(bent.iter().copied(), 0.0, 0.05).unwrap() - 100.0).abs() < 1e-9);
         assert!(modulus_pa(bent.iter().copied(), 0.0, 0.09).unwrap() < 100.0);
