@@ -3,12 +3,13 @@
 //! Whatever happens in the solver, a [`Run`] ends with exactly one [`RunEnd`]; a panic is one too.
 
 use std::any::Any;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use roost_api::job::AttemptOutcome;
 use roost_api::{Progress, RunResult};
+use roost_solver::engine::run::Snapshot;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Fault};
 use roost_solver::{CpuOptions, Flow, Limits, Observer};
@@ -76,6 +77,9 @@ impl StopFlag {
     }
 }
 
+/// Who takes pictures of a run; shared, so that whoever hands it in can ask it what became of them.
+pub type Pictures = Arc<Mutex<dyn Observer + Send>>;
+
 /// A run under way.
 #[derive(Debug)]
 pub struct Run {
@@ -89,7 +93,18 @@ pub struct Run {
 impl Run {
     /// Starts a scenario document. Must be called within a tokio runtime.
     pub fn start(document: Value, threads: usize, max_wall_s: Option<f64>) -> Self {
-        Self::start_with(max_wall_s, move |observer| {
+        Self::start_pictured(document, threads, max_wall_s, None)
+    }
+
+    /// Starts a scenario document of which somebody takes pictures, on the run's thread. Must be called within a tokio
+    /// runtime.
+    pub fn start_pictured(
+        document: Value,
+        threads: usize,
+        max_wall_s: Option<f64>,
+        pictures: Option<Pictures>,
+    ) -> Self {
+        Self::start_with(max_wall_s, pictures, move |observer| {
             let scenario = scenario::from_value(&document)?;
             roost_solver::check(&scenario, &Limits { max_subparticles: u64::MAX, max_steps: u64::MAX })?;
             Ok(roost_solver::simulate(&scenario, CpuOptions { threads }, observer))
@@ -97,7 +112,7 @@ impl Run {
     }
 
     /// Starts anything that reports progress and gives a result, as the solver does.
-    fn start_with<F>(max_wall_s: Option<f64>, solve: F) -> Self
+    fn start_with<F>(max_wall_s: Option<f64>, pictures: Option<Pictures>, solve: F) -> Self
     where
         F: FnOnce(&mut dyn Observer) -> Result<RunResult, Vec<Fault>> + Send + 'static,
     {
@@ -106,13 +121,14 @@ impl Run {
         let flag = stop.clone();
         let thread = tokio::task::spawn_blocking(move || {
             let started = Instant::now();
-            let outcome = solve(&mut |progress: &Progress| {
+            let report = |progress: &Progress| {
                 sender.send_replace(Some(progress.clone()));
                 if max_wall_s.is_some_and(|limit| started.elapsed().as_secs_f64() > limit) {
                     flag.set(Stop::Timeout);
                 }
                 if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
-            });
+            };
+            let outcome = solve(&mut Watched { report, pictures });
             judge(outcome, flag.get(), max_wall_s)
         });
         Self { progress, stop, thread }
@@ -127,6 +143,29 @@ impl Run {
                 format!("the solver panicked: {}", panic_text(&*error.into_panic())),
             ),
             Err(_) => RunEnd::failed(AttemptOutcome::Worker, "the run's thread was dropped"),
+        }
+    }
+}
+
+/// Reports progress here, has pictures taken there.
+struct Watched<F> {
+    report: F,
+    pictures: Option<Pictures>,
+}
+
+impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
+    fn progress(&mut self, progress: &Progress) -> Flow {
+        (self.report)(progress)
+    }
+
+    fn wants_snapshot(&self, simulated_s: f64) -> bool {
+        let pictures = self.pictures.as_ref().map(|pictures| pictures.lock());
+        pictures.is_some_and(|p| p.unwrap_or_else(PoisonError::into_inner).wants_snapshot(simulated_s))
+    }
+
+    fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
+        if let Some(pictures) = &self.pictures {
+            pictures.lock().unwrap_or_else(PoisonError::into_inner).snapshot(snapshot);
         }
     }
 }
