@@ -4,6 +4,7 @@ mod cancel;
 mod demo;
 mod exit;
 mod farm;
+mod frames;
 mod input;
 mod list;
 mod meshes;

@@ -12,11 +12,12 @@ use serde_json::json;
 use tokio_util::sync::CancellationToken;
 
 use crate::exit::{BadInput, Exit};
+use crate::frames::{FrameArgs, Frames};
 use crate::ui;
 use crate::ui::meter::Meter;
 use crate::ui::{format, table::Table};
 use crate::work::threads;
-use crate::{input, meshes, output, signals};
+use crate::{frames, input, meshes, output, signals};
 
 /// Run one scenario here, without a server
 ///
@@ -37,6 +38,8 @@ pub(crate) struct Args {
     /// Print a summary as JSON instead of a table
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    frames: FrameArgs,
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
@@ -67,9 +70,12 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         estimate.steps,
         format::significant(estimate.timestep_s),
     );
-
+    let mut frames = args.frames.prepare(&scenario, &estimate)?;
+    let pictures = frames.as_ref().map(Frames::pictures);
     let meshes = MeshSource::Given(named.meshes);
-    let end = watch(Run::start(json!(scenario), meshes, args.threads.into(), None), &shutdown).await;
+    let run = Run::start_pictured(json!(scenario), meshes, args.threads.into(), None, pictures);
+    let end = watch(run, &shutdown, || frames.as_mut()?.warning()).await;
+    let recorded = frames.as_mut().map(Frames::finish);
     let (result, exit) = match end {
         RunEnd::Finished(result) => (result, Exit::Done),
         RunEnd::Failed { outcome, message, result: Some(result) } => {
@@ -80,9 +86,14 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         RunEnd::Failed { outcome, message, result: None } => anyhow::bail!("{outcome}: {message}"),
         RunEnd::Abandoned => anyhow::bail!("the run was abandoned"),
     };
-    let files = output::write(&args.output, &result)?;
+    let mut files = output::write(&args.output, &result)?;
+    files.extend(recorded.iter().flat_map(|recorded| recorded.files.iter().cloned()));
     if args.json {
-        ui::println(format_args!("{:#}", summary(&result, &files)))?;
+        let mut summary = summary(&result, &files);
+        if let Some(recorded) = &recorded {
+            summary["frames"] = frames::summary(recorded);
+        }
+        ui::println(format_args!("{summary:#}"))?;
     } else {
         ui::print(format_args!("{}", responses(&result)))?;
         ui::println(format_args!(
@@ -93,8 +104,12 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     Ok(exit)
 }
 
-/// Follows a run to its end on a progress bar; a signal stops it.
-async fn watch(mut run: Run, shutdown: &CancellationToken) -> RunEnd {
+/// Follows a run to its end on a progress bar, and tells what is `news` on the way; a signal stops it.
+async fn watch(
+    mut run: Run,
+    shutdown: &CancellationToken,
+    mut news: impl FnMut() -> Option<String>,
+) -> RunEnd {
     let mut meter = Meter::new("simulating");
     let mut last = None;
     loop {
@@ -107,6 +122,9 @@ async fn watch(mut run: Run, shutdown: &CancellationToken) -> RunEnd {
                 last = run.progress.borrow_and_update().clone();
                 if let Some(progress) = &last {
                     meter.show(progress.fraction, describe(progress));
+                }
+                if let Some(news) = news() {
+                    meter.tell(&news);
                 }
             }
         }

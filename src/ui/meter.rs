@@ -50,6 +50,11 @@ impl Meter {
         }
     }
 
+    /// A line that stays, above the bar.
+    pub(crate) fn tell(&self, line: &str) {
+        self.bar.suspend(|| eprintln!("{line}"));
+    }
+
     /// The last word; the bar stays.
     pub(crate) fn finish(self, fraction: f64, words: String) {
         if self.is_terminal {

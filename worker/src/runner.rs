@@ -4,12 +4,13 @@
 //! Whatever happens in the solver, a [`Run`] ends with exactly one [`RunEnd`]; a panic is one too.
 
 use std::any::Any;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use roost_api::job::AttemptOutcome;
 use roost_api::{Progress, RunResult};
+use roost_solver::engine::run::Snapshot;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Fault};
 use roost_solver::{CpuOptions, Flow, Limits, Observer};
@@ -94,6 +95,9 @@ impl StopFlag {
     }
 }
 
+/// Who takes pictures of a run; shared, so that whoever hands it in can ask it what became of them.
+pub type Pictures = Arc<Mutex<dyn Observer + Send>>;
+
 /// A run under way.
 #[derive(Debug)]
 pub struct Run {
@@ -107,7 +111,19 @@ pub struct Run {
 impl Run {
     /// Starts a scenario document, once its meshes are there. Must be called within a tokio runtime.
     pub fn start(document: Value, meshes: MeshSource, threads: usize, max_wall_s: Option<f64>) -> Self {
-        Self::start_with(max_wall_s, async move {
+        Self::start_pictured(document, meshes, threads, max_wall_s, None)
+    }
+
+    /// Starts a scenario document, once its meshes are there, of which somebody takes pictures, on the run's thread. Must be
+    /// called within a tokio runtime.
+    pub fn start_pictured(
+        document: Value,
+        meshes: MeshSource,
+        threads: usize,
+        max_wall_s: Option<f64>,
+        pictures: Option<Pictures>,
+    ) -> Self {
+        Self::start_with(max_wall_s, pictures, async move {
             let scenario = scenario::from_value(&document).map_err(|faults| refused(&faults))?;
             let digests = scenario.meshes().into_iter().map(str::to_owned).collect();
             let meshes = meshes.load(digests).await;
@@ -122,7 +138,7 @@ impl Run {
     }
 
     /// Starts anything that, once prepared, reports progress and gives a result, as the solver does.
-    fn start_with<P, F>(max_wall_s: Option<f64>, prepare: P) -> Self
+    fn start_with<P, F>(max_wall_s: Option<f64>, pictures: Option<Pictures>, prepare: P) -> Self
     where
         P: Future<Output = Result<F, RunEnd>> + Send + 'static,
         F: FnOnce(&mut dyn Observer) -> Result<RunResult, Vec<Fault>> + Send + 'static,
@@ -141,13 +157,14 @@ impl Run {
             };
             let solving = tokio::task::spawn_blocking(move || {
                 let started = Instant::now();
-                let outcome = solve(&mut |progress: &Progress| {
+                let report = |progress: &Progress| {
                     sender.send_replace(Some(progress.clone()));
                     if max_wall_s.is_some_and(|limit| started.elapsed().as_secs_f64() > limit) {
                         flag.set(Stop::Timeout);
                     }
                     if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
-                });
+                };
+                let outcome = solve(&mut Watched { report, pictures });
                 judge(outcome, flag.get(), max_wall_s)
             });
             solving.await.unwrap_or_else(broken)
@@ -185,6 +202,29 @@ fn stopped(why: Stop) -> RunEnd {
 fn refused(faults: &[Fault]) -> RunEnd {
     let faults: Vec<_> = faults.iter().map(Fault::to_string).collect();
     RunEnd::failed(AttemptOutcome::Invalid, faults.join("; "))
+}
+
+/// Reports progress here, has pictures taken there.
+struct Watched<F> {
+    report: F,
+    pictures: Option<Pictures>,
+}
+
+impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
+    fn progress(&mut self, progress: &Progress) -> Flow {
+        (self.report)(progress)
+    }
+
+    fn wants_snapshot(&self, simulated_s: f64) -> bool {
+        let pictures = self.pictures.as_ref().map(|pictures| pictures.lock());
+        pictures.is_some_and(|p| p.unwrap_or_else(PoisonError::into_inner).wants_snapshot(simulated_s))
+    }
+
+    fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
+        if let Some(pictures) = &self.pictures {
+            pictures.lock().unwrap_or_else(PoisonError::into_inner).snapshot(snapshot);
+        }
+    }
 }
 
 /// What the solver's answer means, given what it had been asked. A run that came to its own end before it saw the

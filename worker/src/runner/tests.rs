@@ -1,5 +1,7 @@
 //! Every way a run can end, told apart.
 
+use std::sync::atomic::AtomicU32;
+
 use roost_api::Phase;
 use roost_solver::mesh::Meshes;
 use serde_json::json;
@@ -39,6 +41,38 @@ async fn a_scenario_runs_to_its_result_and_reports_progress() {
     assert!(run.progress.borrow().is_some());
     let RunEnd::Finished(result) = run.end().await else { panic!("no result") };
     assert!(result.series("discharged_mass").is_some_and(|series| series.t_s.len() > 5));
+}
+
+/// Asks for every other picture, and counts.
+#[derive(Default)]
+struct Camera {
+    asked: AtomicU32,
+    taken: Vec<f64>,
+}
+
+impl Observer for Camera {
+    fn progress(&mut self, _progress: &Progress) -> Flow {
+        panic!("progress is told to the run alone")
+    }
+
+    fn wants_snapshot(&self, _simulated_s: f64) -> bool {
+        self.asked.fetch_add(1, Ordering::Relaxed).is_multiple_of(2)
+    }
+
+    fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
+        assert_eq!(snapshot.scene.bodies.len(), 1);
+        self.taken.push(snapshot.simulated_s);
+    }
+}
+
+#[tokio::test]
+async fn pictures_are_taken_where_they_are_wanted() {
+    let camera = Arc::new(Mutex::new(Camera::default()));
+    let end = Run::start_pictured(small(), 1, None, Some(camera.clone())).end().await;
+    let RunEnd::Finished(_) = end else { panic!("no result") };
+    let camera = camera.lock().unwrap();
+    assert_eq!(camera.taken.len() as u32, camera.asked.load(Ordering::Relaxed).div_ceil(2));
+    assert!(camera.taken.len() > 5 && camera.taken.is_sorted_by(|a, b| a < b), "{:?}", camera.taken);
 }
 
 #[tokio::test]
@@ -107,7 +141,7 @@ async fn a_panic_is_the_workers_failure_and_says_what_happened() {
         observer.progress(&progress);
         panic!("index {} out of range", 7)
     };
-    let run = Run::start_with(None, async { Ok(solve) });
+    let run = Run::start_with(None, None, async { Ok(solve) });
     let RunEnd::Failed { outcome, message, result } = run.end().await else { panic!("no failure") };
     assert_eq!((outcome, result), (AttemptOutcome::Worker, None));
     assert_eq!(message, "the solver panicked: index 7 out of range");

@@ -1,0 +1,53 @@
+//! A few fillets for the tests.
+
+use glam::{IVec3, Vec3};
+use roost_solver::engine::run::Snapshot;
+use roost_solver::engine::scene::Scene;
+use roost_solver::engine::state::State;
+use roost_solver::experiments::prepare;
+use roost_solver::scenario::{Scenario, parse};
+
+/// A few coarse fillets over a hopper, and where they start.
+pub(crate) fn fillets(count: u32) -> (Scenario, Scene, State) {
+    let text = format!(
+        r#"{{"experiment": "hopper", "product": {{"count": {count}, "subparticle_radius_m": 0.009}},
+            "numerics": {{"timestep_s": "auto"}}}}"#
+    );
+    let scenario = parse(&text).expect("a sound scenario");
+    let scene = prepare(&scenario, &roost_solver::mesh::Meshes::default()).scene;
+    let state = State::new(&scene);
+    (scenario, scene, state)
+}
+
+/// Makes it move and break, each sub-particle in its own way.
+pub(crate) fn shake(state: &mut State) {
+    for (i, p) in state.particles.iter_mut().enumerate() {
+        p.position += IVec3::new(i as i32 * 917, -(i as i32) * 3001, (i as i32 % 7) * 40_000);
+        p.velocity = Vec3::new(0.01 * (i % 5) as f32, -0.3, i as f32 * 1e-3);
+        p.spin = Vec3::new(i as f32, -2.0, 0.5);
+        state.broken[i] = (i % 3) as u32;
+    }
+}
+
+/// The bonds that all hold, as the engine tells them.
+pub(crate) fn bonds(scene: &Scene) -> Vec<[u32; 2]> {
+    let mut first = 0;
+    let mut bonds = Vec::new();
+    for body in &scene.bodies {
+        let meta = &scene.kinds[body.kind].meta;
+        bonds.extend(meta.bonds.iter().map(|bond| [first + bond.i, first + bond.j]));
+        first += meta.points.len() as u32;
+    }
+    bonds
+}
+
+/// A moment of a run.
+pub(crate) fn moment<'a>(
+    scene: &'a Scene,
+    state: &'a State,
+    bonds: &'a [[u32; 2]],
+    simulated_s: f64,
+    belt_time_s: Option<f64>,
+) -> Snapshot<'a> {
+    Snapshot { scene, simulated_s, belt_time_s, state, bonds }
+}

@@ -1,0 +1,60 @@
+//! Sub-particles as points, the bonds that hold as lines.
+
+use roost_solver::engine::run::Snapshot;
+use roost_solver::engine::state::Particle;
+use vtkio::model::{Attributes, PolyDataPiece};
+
+use super::{Error, cells, file, scalars, vectors};
+
+/// A `.vtp` file of a moment. `first_shape` is the number of the shape that is the first kind of the scene.
+///
+/// Lines carry `stretch`, their length over 2R: 1 at rest along an edge of the lattice, √2 across a face. In a periodic
+/// scene bonds that reach across its seam are left out, as they would be drawn across everything.
+///
+/// # Errors
+/// None that a sound run can cause: the file is made in memory.
+pub fn particles(snapshot: &Snapshot<'_>, first_shape: u32) -> Result<Vec<u8>, Error> {
+    let state = snapshot.state;
+    let count = state.particles.len();
+    let shapes: Vec<u32> = snapshot.scene.bodies.iter().map(|body| first_shape + body.kind as u32).collect();
+    let positions: Vec<[f32; 3]> = (0..count).map(|i| state.position(i).as_vec3().to_array()).collect();
+    let flat = |of: fn(&Particle) -> [f32; 3]| state.particles.iter().flat_map(of).collect::<Vec<f32>>();
+
+    // Serials outlast removals, indices do not.
+    let mut index = vec![0; state.serials.last().map_or(0, |&last| last as usize + 1)];
+    state.serials.iter().zip(0usize..).for_each(|(&serial, i)| index[serial as usize] = i);
+    let (mut ends, mut stretch) = (Vec::new(), Vec::new());
+    for bond in snapshot.bonds {
+        let [i, j] = bond.map(|serial| index[serial as usize]);
+        let [a, b] = [i, j].map(|i| state.particles[i].position);
+        let (apart, across) = (state.frame.between(a, b), b.wrapping_sub(a).y);
+        if state.frame.period_y == 0 || across.unsigned_abs() <= state.frame.period_y.unsigned_abs() / 2 {
+            ends.extend([i as u64, j as u64]);
+            stretch.push(apart.length() / (2.0 * state.radius_m));
+        }
+    }
+    let lines = cells(2, ends);
+    file(PolyDataPiece {
+        points: positions.concat().into(),
+        data: Attributes {
+            point: vec![
+                scalars(
+                    "speed_m_s",
+                    state.particles.iter().map(|p| p.velocity.length()).collect::<Vec<f32>>(),
+                ),
+                vectors("velocity_m_s", flat(|p| p.velocity.to_array())),
+                vectors("spin_rad_s", flat(|p| p.spin.to_array())),
+                scalars("body", state.bodies.clone()),
+                scalars(
+                    "shape",
+                    state.bodies.iter().map(|&body| shapes[body as usize]).collect::<Vec<u32>>(),
+                ),
+                scalars("radius_m", vec![state.radius_m; count]),
+                scalars("bonds_broken", state.broken.clone()),
+            ],
+            cell: lines.iter().map(|_| scalars("stretch", stretch.clone())).collect(),
+        },
+        lines,
+        ..PolyDataPiece::default()
+    })
+}

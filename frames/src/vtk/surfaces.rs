@@ -1,0 +1,53 @@
+//! The equipment as triangles where they are at a moment.
+
+use glam::DVec3;
+use roost_solver::engine::scene::Scene;
+use roost_solver::equipment::motion::Pose;
+use roost_solver::equipment::{Motion, Presence, Surface};
+use serde_json::json;
+use vtkio::model::{Attributes, PolyDataPiece};
+
+use super::{Error, cells, file, scalars, vectors};
+use crate::web::kind_name;
+
+/// A `.vtp` file of the surfaces that are there at a belt time in seconds (`None` before the start), each triangle with
+/// the number of its surface and the velocity of its material.
+///
+/// # Errors
+/// None that a sound scene can cause: the file is made in memory.
+pub fn surfaces(scene: &Scene, belt_time_s: Option<f64>) -> Result<Vec<u8>, Error> {
+    let (mut points, mut numbers, mut velocities) = (Vec::new(), Vec::new(), Vec::new());
+    for (number, surface) in (0u32..).zip(&scene.surfaces) {
+        if surface.presence == Presence::UntilStart && belt_time_s.is_some() {
+            continue;
+        }
+        let pose = surface.motion.pose(belt_time_s);
+        let pivot = match surface.motion {
+            Motion::Moving { pivot, .. } => pivot,
+            Motion::Fixed | Motion::Belt { .. } => DVec3::ZERO,
+        };
+        for triangle in &surface.triangles {
+            let corners = triangle.map(|corner| posed(&pose, pivot, corner));
+            let arm = corners.iter().sum::<DVec3>() / 3.0 - (pivot + pose.shift);
+            numbers.push(number);
+            velocities.extend((pose.velocity + pose.spin.cross(arm)).as_vec3().to_array());
+            points.extend(corners.iter().flat_map(|corner| corner.as_vec3().to_array()));
+        }
+    }
+    let polys = cells(3, (0..points.len() as u64 / 3).collect());
+    let cell = vec![scalars("surface", numbers), vectors("velocity_m_s", velocities)];
+    let data = Attributes { point: Vec::new(), cell };
+    file(PolyDataPiece { points: points.into(), polys, data, ..PolyDataPiece::default() })
+}
+
+/// Where a point of a surface is: x = pivot + shift + turn · (x₀ − pivot).
+fn posed(pose: &Pose, pivot: DVec3, point: DVec3) -> DVec3 {
+    pivot + pose.shift + pose.turn * (point - pivot)
+}
+
+/// Names and kinds of the surfaces by their number, as JSON: VTK files have numbers only.
+pub fn legend(scene: &Scene) -> String {
+    let entry = |(number, surface): (usize, &Surface)| json!({"surface": number, "name": surface.name, "kind": kind_name(surface.kind)});
+    let all: Vec<_> = scene.surfaces.iter().enumerate().map(entry).collect();
+    format!("{:#}\n", json!(all))
+}

@@ -1,0 +1,274 @@
+//! Frames of real runs: what `roost run --frames` leaves, whole, killed, unstable, and again.
+
+mod support;
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::path::Path;
+use std::process::Stdio;
+
+use roost_frames::web::{Frame, Reader};
+use roost_solver::engine::scene::Scene;
+use serde_json::{Value, json};
+use support::{Home, long, roost, run, said, scenario, signal, until};
+use vtkio::model::{Attribute, DataSet, Piece, PolyDataPiece, Vtk};
+
+/// Three fillets that are through the gate and off the belt in a second.
+fn swift() -> Value {
+    let mut swift = scenario(1.2);
+    swift["product"]["count"] = json!(3);
+    swift["equipment"]["belt_speed_m_s"] = json!(1.5);
+    swift
+}
+
+/// Runs a scenario with frames; its folder and what it said.
+fn record(home: &Home, scenario: &Value, name: &str, more: &[&str]) -> (std::path::PathBuf, Value, String) {
+    let (file, folder) = (home.file(&format!("{name}.json"), scenario), home.path(name));
+    let (out, frames) =
+        (home.path(&format!("{name}-out")).display().to_string(), folder.display().to_string());
+    let output = run(&[&["run", &file, "-o", &out, "--frames", &frames, "--json"], more].concat());
+    let summary = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(&output)));
+    (folder, summary, String::from_utf8(output.stderr).unwrap())
+}
+
+fn stream(folder: &Path) -> Reader<File> {
+    Reader::open(File::open(folder.join("run.roostframes")).unwrap()).unwrap()
+}
+
+fn frames(reader: &mut Reader<File>) -> Vec<Frame> {
+    (0..reader.index().len()).map(|k| reader.frame(k).unwrap()).collect()
+}
+
+/// Times and files of a collection: of each time, particles and surfaces.
+fn collection(folder: &Path) -> Vec<(f64, [String; 2])> {
+    let text = fs::read_to_string(folder.join("frames.pvd")).unwrap();
+    let value = |line: &str, name: &str| {
+        let rest = line.split_once(&format!("{name}=\"")).unwrap().1;
+        rest.split('"').next().unwrap().to_owned()
+    };
+    let lines: Vec<&str> = text.lines().filter(|line| line.starts_with("<DataSet")).collect();
+    let pairs = lines.chunks_exact(2);
+    pairs
+        .map(|pair| {
+            (value(pair[0], "timestep").parse().unwrap(), [pair[0], pair[1]].map(|l| value(l, "file")))
+        })
+        .collect()
+}
+
+fn piece(path: &Path) -> PolyDataPiece {
+    let DataSet::PolyData { pieces, .. } = Vtk::import(path).unwrap().data else { panic!("{path:?}") };
+    let Some(Piece::Inline(piece)) = pieces.into_iter().next() else { panic!("{path:?}") };
+    *piece
+}
+
+fn point_numbers(piece: &PolyDataPiece, name: &str) -> Vec<f64> {
+    let arrays = piece.data.point.iter();
+    let found = arrays.filter_map(|a| if let Attribute::DataArray(a) = a { Some(a) } else { None });
+    found.into_iter().find(|array| array.name == name).unwrap().data.cast_into().unwrap()
+}
+
+/// Every file below a folder, by name.
+fn all_files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        if path.is_dir() {
+            files.extend(
+                all_files(&path).into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)),
+            );
+        } else {
+            files.insert(name, fs::read(path).unwrap());
+        }
+    }
+    files
+}
+
+fn scene_of(scenario: &Value) -> Scene {
+    let scenario = roost_solver::scenario::from_value(scenario).unwrap();
+    roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).scene
+}
+
+#[test]
+fn both_formats_show_what_the_result_tells() {
+    let home = Home::new();
+    let (folder, summary, said) = record(&home, &swift(), "both", &["--threads", "1"]);
+    assert!(said.contains("frames: one every 0.06 s (3 samples of 0.02 s)"), "{said}");
+    let result: Value =
+        serde_json::from_slice(&fs::read(home.path("both-out/result.json")).unwrap()).unwrap();
+    let mut reader = stream(&folder);
+    assert!(reader.is_whole());
+    assert_eq!(json!(reader.header().scenario_digest), result["scenario_digest"]);
+    let frames = frames(&mut reader);
+    assert_eq!(summary["frames"]["frames"], json!(frames.len()));
+
+    // The same times and places in both, belt start among them, a whole interval apart from there on.
+    let listed = collection(&folder);
+    let start = reader.start_s().unwrap();
+    assert_eq!(listed.len(), frames.len());
+    for ((time_s, [particles, surfaces]), frame) in listed.iter().zip(&frames) {
+        assert!((time_s - (frame.simulated_s - start)).abs() < 1e-9);
+        let piece = piece(&folder.join(particles));
+        let points: Vec<f64> = piece.points.cast_into().unwrap();
+        assert_eq!(points.len(), 3 * frame.positions.len());
+        let apart = points.iter().zip(frame.positions.iter().flat_map(|x| x.to_array()));
+        let most = frame.error_m.max_element() + 1e-6;
+        assert!(apart.into_iter().all(|(a, b)| (a - b).abs() < most), "{time_s}");
+        assert!(folder.join(surfaces).exists());
+    }
+    let started: Vec<f64> =
+        listed.iter().map(|(time_s, _)| *time_s).filter(|&time_s| time_s >= 0.0).collect();
+    let expected: Vec<f64> = (0..started.len()).map(|k| 0.06 * k as f64).collect();
+    let dt = result["solver"]["timestep_s"].as_f64().unwrap();
+    assert!(started.len() > 15 && listed[0].0 < -0.5, "{started:?}");
+    assert!(started.iter().zip(expected).all(|(a, b)| (a - b).abs() <= dt), "{started:?}");
+
+    // What the frames show out of the gate is what the result says was discharged.
+    let scene = scene_of(&swift());
+    let mass = |body: usize| scene.kinds[scene.bodies[body].kind].subparticle_mass_kg;
+    let loaded: f64 =
+        (0..3).map(|body| mass(body) * scene.kinds[scene.bodies[body].kind].meta.points.len() as f64).sum();
+    let series =
+        result["series"].as_array().unwrap().iter().find(|s| s["name"] == "discharged_mass").unwrap();
+    let discharged = |time_s: f64| {
+        let times: Vec<f64> = serde_json::from_value(series["t_s"].clone()).unwrap();
+        let k = times.iter().position(|t| (t - time_s).abs() < 1e-6).unwrap();
+        series["values"][k].as_f64().unwrap()
+    };
+    let mut partly = 0;
+    for (time_s, [particles, _]) in listed.iter().filter(|(time_s, _)| *time_s >= 0.0) {
+        let piece = piece(&folder.join(particles));
+        let x: Vec<f64> = piece.points.cast_into::<f64>().unwrap().chunks_exact(3).map(|p| p[0]).collect();
+        let bodies = point_numbers(&piece, "body");
+        let inside: f64 =
+            x.iter().zip(bodies).filter(|(x, _)| **x <= 0.0).map(|(_, b)| mass(b as usize)).sum();
+        assert!((loaded - inside - discharged(*time_s)).abs() < 1e-6, "{time_s}: {inside}");
+        partly += u32::from(inside > 0.0 && inside < loaded);
+    }
+    assert!(partly > 2, "frames in the midst of the discharge");
+
+    // Fillets that have left the simulation are in no later frame; at the end none is left.
+    let counts: Vec<usize> = frames.iter().map(|frame| frame.bodies.len()).collect();
+    assert!(counts.is_sorted_by(|a, b| a >= b) && counts[0] == 3, "{counts:?}");
+    assert_eq!(counts.last(), Some(&0), "{counts:?}");
+}
+
+#[test]
+fn the_same_scenario_makes_the_same_bytes() {
+    let home = Home::new();
+    let once = all_files(&record(&home, &swift(), "once", &["--threads", "1"]).0);
+    let again = all_files(&record(&home, &swift(), "again", &["--threads", "2"]).0);
+    assert!(once.len() > 40, "{:?}", once.keys());
+    let differing: Vec<_> = once.iter().filter(|(name, bytes)| again.get(*name) != Some(bytes)).collect();
+    assert!(differing.is_empty() && once.len() == again.len(), "{:?}", differing.iter().map(|d| d.0));
+}
+
+#[test]
+fn a_killed_run_leaves_every_frame_up_to_the_last_whole_one() {
+    let home = Home::new();
+    let (file, folder) = (home.file("long.json", &long(600.0)), home.path("frames"));
+    let mut child = roost()
+        .args(["run", &file, "--threads", "1", "--frame-interval", "0.02", "-o"])
+        .arg(home.path("out"))
+        .arg("--frames")
+        .arg(&folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    until("there are frames", || folder.join("vtk/particles_000005.vtp").exists().then_some(()));
+    child.kill().unwrap();
+    child.wait().unwrap();
+
+    let mut reader = stream(&folder);
+    assert!(!reader.is_whole());
+    let frames = frames(&mut reader);
+    assert!(frames.len() >= 5 && frames.iter().all(|frame| frame.bodies.len() == 2), "{}", frames.len());
+    let listed = collection(&folder);
+    assert!(listed.len() >= 5 && listed.last().unwrap().0 == 0.0, "no belt has started: times end at 0");
+    for path in listed.iter().flat_map(|(_, files)| files) {
+        assert!(!piece(&folder.join(path)).points.is_empty());
+    }
+}
+
+#[test]
+fn an_unstable_run_keeps_its_frames() {
+    let home = Home::new();
+    let mut diverging = scenario(0.4);
+    diverging["numerics"]["timestep_s"] = json!(0.02);
+    diverging["numerics"]["allow_unstable"] = json!(true);
+    let (folder, summary, _) = record(&home, &diverging, "unstable", &["--frame-format", "web"]);
+    assert_eq!(summary["end_reason"], "unstable");
+    let mut reader = stream(&folder);
+    assert!(reader.is_whole() && !reader.index().is_empty());
+    assert_eq!(frames(&mut reader)[0].bodies.len(), 2);
+    assert!(!folder.join("frames.pvd").exists(), "only what was asked for");
+}
+
+#[test]
+fn what_would_pass_the_limit_is_refused_with_its_figures() {
+    let home = Home::new();
+    let mut bulk = scenario(4.0);
+    bulk["product"] = json!({"count": 40, "subparticle_radius_m": 0.004});
+    bulk["equipment"] = json!({});
+    let (file, out) = (home.file("bulk.json", &bulk), home.path("out").display().to_string());
+    let frames = home.path("frames");
+    let folder = frames.display().to_string();
+    let common = ["run", &file, "-o", &out, "--frames", &folder, "--frame-limit-mb", "3"];
+    let output = run(&common);
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(text.contains("more than --frame-limit-mb 3") && text.contains("--frame-format web"), "{text}");
+    assert!(!frames.exists(), "refused before anything is made");
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let home = Home::new();
+    let (file, out) = (home.file("small.json", &scenario(0.2)), home.path("out").display().to_string());
+    let blocked = home.file("a-file", &json!(1));
+    let cases: [(&[&str], &str); 5] = [
+        (&["--frames", "f", "--frame-interval", "-1"], "above 0"),
+        (&["--frames", "f", "--frame-interval", "NaN"], "above 0"),
+        (&["--frames", "f", "--frame-limit-mb", "0"], "1..=1000000000"),
+        (&["--frame-interval", "0.1"], "--frames"),
+        (&["--frames", &blocked], "cannot write frames"),
+    ];
+    for (options, expected) in cases {
+        let output = run(&[&["run", &file, "-o", &out], options].concat());
+        assert_eq!(output.status.code(), Some(2), "{options:?} {}", said(&output));
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert!(text.contains(expected), "{options:?} {text}");
+    }
+}
+
+#[test]
+fn a_run_whose_frames_cannot_be_written_goes_on_and_says_so() {
+    let home = Home::new();
+    let (file, folder, out) = (home.file("long.json", &long(600.0)), home.path("frames"), home.path("out"));
+    let child = roost()
+        .args(["run", &file, "--threads", "1", "--json", "-o"])
+        .arg(&out)
+        .arg("--frames")
+        .arg(&folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    until("there are frames", || folder.join("vtk/particles_000002.vtp").exists().then_some(()));
+    fs::remove_dir_all(folder.join("vtk")).unwrap();
+    let frames = || stream(&folder).index().len();
+    until("the stream has stopped", || {
+        let before = frames();
+        std::thread::sleep(std::time::Duration::from_millis(700));
+        (frames() == before).then_some(())
+    });
+    signal(child.id(), "INT");
+    let output = child.wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(text.contains("warning: frames end at") && text.contains("goes on without frames"), "{text}");
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["end_reason"], "cancelled", "it was still running");
+    assert!(summary["frames"]["stopped"].is_string());
+    assert!(stream(&folder).is_whole());
+}
