@@ -9,10 +9,11 @@ use std::f64::consts::{PI, TAU};
 use std::time::{Duration, Instant};
 
 use common::{Bench, G, MASS, RADIUS, assert_close, assert_force, hertz, push, sphere, weighing};
-use glam::{DQuat, DVec3, EulerRot};
+use glam::{DQuat, DVec3, EulerRot, IVec3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use roost_solver::cpu::walls::Walls;
+use roost_solver::cpu::walls::{Touch, Walls};
+use roost_solver::engine::frame::Frame;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::facet::facets;
 use roost_solver::equipment::{Motion, Presence, Surface, SurfaceKind};
@@ -235,9 +236,10 @@ fn a_sphere_rolls_to_and_fro_in_a_pipe_of_narrow_facets() {
 
 #[test]
 fn a_sphere_on_an_edge_stays_with_one_of_its_facets() {
-    // A roof of two slopes, somewhere in space. Over the ridge both are as near, but for rounding.
+    // A roof of two slopes, somewhere in space. Over the ridge both are as near, but for rounding: their triangles
+    // begin at opposite ends of it.
     let (turn, at) = tilt();
-    let slope = |x: f64| quad(DVec3::Y * -0.1, DVec3::new(x, 0.0, -0.03), DVec3::Y * 0.2);
+    let slope = |y: f64| quad(DVec3::Y * -y, DVec3::new(y, 0.0, -0.03), DVec3::Y * 2.0 * y);
     let roof = moved(&[slope(-0.1), slope(0.1)].concat(), |p| turn * p + at);
     let scene = sphere(vec![surface(roof)], DVec3::ZERO, 1e-5);
     let frame = State::new(&scene).frame;
@@ -253,6 +255,18 @@ fn a_sphere_on_an_edge_stays_with_one_of_its_facets() {
         };
         assert_eq!([shadowed(0), shadowed(1)], [false, true]);
     }
+}
+
+/// The facets that a sphere touches, and those of them that it feels.
+fn felt(walls: &Walls, frame: &Frame, x: IVec3) -> (Vec<Touch>, Vec<Touch>) {
+    let near = walls.within(x, RADIUS as f32, frame);
+    let touches: Vec<_> = near.map(|facet| (facet, walls.touch(facet, x, frame))).collect();
+    let felt = touches.iter().filter(|(facet, touch)| {
+        let others = touches.iter().copied().filter(|(other, _)| other != facet);
+        !walls.is_shadowed(*facet, touch, others)
+    });
+    let felt = felt.map(|&(_, touch)| touch).collect();
+    (touches.iter().map(|&(_, touch)| touch).collect(), felt)
 }
 
 #[test]
@@ -272,23 +286,40 @@ fn of_the_facets_in_touch_the_nearest_is_always_felt() {
         let mut several = 0;
         for k in 0..500 {
             let x = frame.encode(middle + any([0.05, 0.008, 0.0002][k % 3]));
-            let touches: Vec<_> = walls
-                .within(x, RADIUS as f32, &frame)
-                .map(|facet| (facet, walls.touch(facet, x, &frame)))
-                .collect();
-            let felt = touches.iter().filter(|(facet, touch)| {
-                let others = touches.iter().copied().filter(|(other, _)| other != facet);
-                !walls.is_shadowed(*facet, touch, others)
-            });
-            let least = |of: &mut dyn Iterator<Item = f32>| of.fold(f32::INFINITY, f32::min);
-            let nearest = least(&mut touches.iter().map(|(_, touch)| touch.distance));
-            let nearest_felt = least(&mut felt.map(|(_, touch)| touch.distance));
+            let (touches, felt) = felt(&walls, &frame, x);
+            let nearest = touches.iter().map(|touch| touch.distance).fold(f32::INFINITY, f32::min);
+            let nearest_felt = felt.iter().map(|touch| touch.distance).fold(f32::INFINITY, f32::min);
             // Of those that touch in one point it may be another.
             assert!(nearest_felt - nearest < 1e-6 || touches.is_empty(), "{nearest_felt} and not {nearest}");
             several += usize::from(touches.len() > 1);
         }
         assert!(several > 50, "{several} places where several facets touch");
     }
+}
+
+#[test]
+fn long_narrow_facets_are_not_felt_twice_however_deep() {
+    // Six planks of 1 m by 11.5 mm, each turned by 4° from the one before, bent up or down, lying anywhere.
+    let (mut draw, width) = (Draw::new(9), 0.0115);
+    let mut several = 0;
+    for k in 0..60 {
+        let turn = DQuat::from_euler(EulerRot::ZYX, f64::from(k) * 0.37, f64::from(k) * 0.71, f64::from(k));
+        let rise = |i: f64| 0.0004 * i * i * f64::from(k % 2 * 2 - 1);
+        let at = |i: f64, y: f64| DVec3::new(i * width, y, rise(i));
+        let planks = moved(&grid(6, 1, |i, j| at(i as f64, j as f64 - 0.5)), |p| turn * p);
+        let mut scene = sphere(vec![surface(planks)], DVec3::ZERO, 1e-5);
+        (scene.low, scene.high) = (DVec3::splat(-1.0), DVec3::ONE);
+        let frame = State::new(&scene).frame;
+        let walls = Walls::new(&scene, &frame);
+        for _ in 0..1000 {
+            let height = draw.within(0.1, 0.99) * RADIUS * if k % 3 == 0 { -1.0 } else { 1.0 };
+            let over = at(draw.within(0.5, 5.5), draw.within(-0.45, 0.45)) + DVec3::Z * height;
+            let (touches, felt) = felt(&walls, &frame, frame.encode(turn * over));
+            assert!(felt.len() <= 1, "{height} m over {over}: {felt:?}");
+            several += usize::from(touches.len() > 1);
+        }
+    }
+    assert!(several > 10_000, "{several} places where several facets touch");
 }
 
 #[test]
@@ -316,6 +347,17 @@ fn the_two_faces_of_a_thin_sheet_are_one_contact() {
     // Round its edge it is felt from the nearest point.
     let out = DVec3::new(1.0, 0.0, 0.6).normalize();
     assert_force(push(&sheet, DVec3::X * 0.05 + out * 0.9 * RADIUS), out * hertz(0.1 * RADIUS), 2e-3);
+}
+
+#[test]
+fn surfaces_of_their_own_are_felt_on_their_own() {
+    // The same plate twice, as two surfaces and as one.
+    let plate = quad(DVec3::new(-0.05, -0.05, 0.0), DVec3::X * 0.1, DVec3::Y * 0.1).to_vec();
+    let centre = DVec3::new(0.01, 0.02, 0.9 * RADIUS);
+    let both = [surface(plate.clone()), surface(plate.clone())];
+    assert_force(push(&both, centre), DVec3::Z * 2.0 * hertz(0.1 * RADIUS), 1e-3);
+    let one = [surface([plate.clone(), plate].concat())];
+    assert_force(push(&one, centre), DVec3::Z * hertz(0.1 * RADIUS), 1e-3);
 }
 
 #[test]
