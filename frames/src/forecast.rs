@@ -83,7 +83,9 @@ mod tests {
         let packed = stream.pack(&moment).expect("memory takes all").size();
         let files = vtk::particles(&moment, 0).expect("memory takes all").len() as u64;
 
-        let estimate = roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default()).expect("a sound scenario");
+        let estimate =
+            roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
+                .expect("a sound scenario");
         let forecast = forecast(&scenario, &estimate, &BOTH);
         for (foreseen, real) in [(forecast.web_bytes, packed), (forecast.vtk_bytes, files)] {
             let ratio = foreseen as f64 / real as f64;
@@ -98,7 +100,9 @@ mod tests {
     #[test]
     fn what_is_not_asked_for_weighs_nothing() {
         let (scenario, ..) = fillets(2);
-        let estimate = roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default()).expect("a sound scenario");
+        let estimate =
+            roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
+                .expect("a sound scenario");
         let of = |vtk, web| forecast(&scenario, &estimate, &Options { vtk, web, ..BOTH });
         assert_eq!((of(true, false).web_bytes, of(false, true).vtk_bytes), (0, 0));
         assert_eq!(of(true, false).vtk_bytes, of(true, true).vtk_bytes);

@@ -188,6 +188,8 @@ fn files_are_shared_by_digest() {
     let other = meshes.insert(&binary(&brick()[..4])).expect("sound");
     assert!(copy.get(&other).is_none() && meshes.get(&other).is_some());
     assert!(std::sync::Arc::ptr_eq(&copy.get(&name).expect("here"), &meshes.get(&name).expect("here")));
+    let size = |units| copy.get(&name).expect("here").in_units(units).expect("sound").size_m();
+    assert_eq!(size(Units::Mm), size(Units::M) * 1e-3);
     // A mesh is worked out once.
     let again = || copy.get(&name).expect("here").in_units(Units::Mm).expect("sound").triangles;
     assert!(std::sync::Arc::ptr_eq(&again(), &again()));

@@ -244,10 +244,8 @@ fn what_falls_into_pieces_is_refused() {
 fn fills_are_remembered_by_file_units_radius_fill_and_bonds() {
     let mut meshes = Meshes::default();
     let digest = meshes.insert(&binary(&cuboid(DVec3::ZERO, DVec3::new(8.0, 5.0, 4.0), 1))).expect("sound");
-    let fill = |units, radius, fill, reach| {
-        let mesh = meshes.get(&digest).expect("here").in_units(units).expect("sound");
-        from_mesh(&mesh, radius, fill, reach).expect("closed")
-    };
+    let in_units = |units| meshes.get(&digest).expect("here").in_units(units).expect("sound");
+    let fill = |units, radius, fill, reach| from_mesh(&in_units(units), radius, fill, reach).expect("closed");
     let first = fill(Units::M, 0.5, Fill::Centres, 1);
     assert!(Arc::ptr_eq(&first, &fill(Units::M, 0.5, Fill::Centres, 1)));
     let others = [
@@ -257,6 +255,8 @@ fn fills_are_remembered_by_file_units_radius_fill_and_bonds() {
     ];
     assert!(others.iter().all(|other| other.points != first.points || other.bonds != first.bonds));
     assert!(!Arc::ptr_eq(&first, &fill(Units::M, 0.5, Fill::WholeSpheres, 1)));
+    // 8 mm leave room for one centre, 8 m for many.
+    assert_eq!(fill(Units::Mm, 0.5, Fill::Centres, 1).points.len(), 1);
     assert!(Arc::ptr_eq(&from_block([2, 3, 4], 0.01, 1).unwrap(), &from_block([2, 3, 4], 0.01, 1).unwrap()));
     assert_ne!(from_block([2, 3, 4], 0.01, 1), from_block([4, 3, 2], 0.01, 1));
 }

@@ -207,7 +207,7 @@ impl Walls {
         };
         let d = local - p;
         let n = facet.normal;
-        let across = d - n * (n.dot(d) / n.dot(n));
+        let across = d - n * n.dot(d);
         let distance2 = d.dot(d);
         Touch {
             to_wall: pose.turn * d,

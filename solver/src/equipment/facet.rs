@@ -16,7 +16,7 @@ use crate::mesh::{NO_AREA_M2, doubled_area};
 pub struct Facet {
     /// Corners of its triangles in metres, relative to the surface's anchor.
     pub triangles: Vec<[Vec3; 3]>,
-    /// Across its plane, of any length: the cross product of two edges of its largest triangle.
+    /// Unit vector across its plane.
     pub normal: Vec3,
     /// Whether a triangle is so long for its width that `f32` would miss the nearest point.
     long: bool,
@@ -35,7 +35,8 @@ const MOST_AT_AN_EDGE: usize = 16;
 pub fn facets(triangles: &[[DVec3; 3]], anchor: DVec3) -> Vec<Facet> {
     let triangles: Vec<[DVec3; 3]> =
         triangles.iter().copied().filter(|t| doubled_area(t) > NO_AREA_M2).collect();
-    let joined = joined(&triangles);
+    let normals: Vec<DVec3> = triangles.iter().map(normal).collect();
+    let joined = joined(&triangles, &normals);
     let joins = |k: usize| {
         let from = joined.partition_point(|&[a, _]| (a as usize) < k);
         joined[from..].iter().take_while(move |&&[a, _]| a as usize == k).map(|&[_, b]| b as usize)
@@ -57,20 +58,19 @@ pub fn facets(triangles: &[[DVec3; 3]], anchor: DVec3) -> Vec<Facet> {
             }
             next += 1;
         }
-        facets
-            .push(Facet::new(group.iter().map(|&k| triangles[k].map(|p| (p - anchor).as_vec3())).collect()));
+        let relative = |&k: &usize| triangles[k].map(|p| (p - anchor).as_vec3());
+        facets.push(Facet::new(group.iter().map(relative).collect(), normals[first].as_vec3()));
     }
     facets
 }
 
 /// Pairs of triangles that share an edge and a plane, both ways round, sorted.
-fn joined(triangles: &[[DVec3; 3]]) -> Vec<[u32; 2]> {
+fn joined(triangles: &[[DVec3; 3]], normals: &[DVec3]) -> Vec<[u32; 2]> {
     let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * triangles.len());
     for (&[a, b, c], k) in weld(triangles).triangles.iter().zip(0..) {
         edges.extend([(a, b), (b, c), (c, a)].map(|(a, b)| ([a.min(b), a.max(b)], k)));
     }
     edges.sort_unstable();
-    let normals: Vec<DVec3> = triangles.iter().map(normal).collect();
     let coplanar = |a: u32, b: u32| {
         let (a, b) = (a as usize, b as usize);
         let n = normals[a];
@@ -93,20 +93,12 @@ fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
 
 impl Facet {
     /// Triangles in one plane.
-    fn new(triangles: Vec<[Vec3; 3]>) -> Self {
-        let across = |[a, b, c]: &[Vec3; 3]| (*b - *a).cross(*c - *a);
-        let larger =
-            |most: Vec3, n: Vec3| if n.length_squared() > 1.01 * most.length_squared() { n } else { most };
+    fn new(triangles: Vec<[Vec3; 3]>, normal: Vec3) -> Self {
         let tree = match triangles.len() {
             0..=FEW => Tree::default(),
             _ => Tree::new(&triangles.iter().copied().map(Span::around).collect::<Vec<_>>()),
         };
-        Self {
-            normal: triangles.iter().map(across).reduce(larger).unwrap_or(Vec3::ZERO),
-            long: triangles.iter().any(is_long),
-            tree,
-            triangles,
-        }
+        Self { long: triangles.iter().any(is_long), triangles, normal, tree }
     }
 
     /// The smallest box around it.

@@ -138,3 +138,48 @@ impl Tree {
         (best.1 != u32::MAX).then_some(best.1)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    /// Boxes of a lattice of 30 × 30 × 30, each 0.6 wide.
+    fn boxes() -> Vec<Span> {
+        let low = |k: u32| Vec3::new((k % 30) as f32, (k / 30 % 30) as f32, (k / 900) as f32);
+        (0..27_000).map(low).map(|low| Span { low, high: low + 0.6 }).collect()
+    }
+
+    #[test]
+    fn what_is_near_is_found_without_looking_at_much() {
+        let (boxes, looked) = (boxes(), Cell::new(0));
+        let tree = Tree::new(&boxes);
+        for p in [Vec3::new(3.3, 17.9, 8.2), Vec3::splat(-0.5), Vec3::new(15.0, 40.0, 15.0)] {
+            let reach = 1.5f32;
+            let mut found = Vec::new();
+            tree.visit(
+                |span| {
+                    looked.set(looked.get() + 1);
+                    span.distance2(p) <= reach * reach
+                },
+                |k| found.push(k),
+            );
+            found.retain(|&k| boxes[k as usize].distance2(p) <= reach * reach);
+            found.sort_unstable();
+            let all: Vec<u32> =
+                (0..27_000).filter(|&k| boxes[k as usize].distance2(p) <= reach * reach).collect();
+            assert_eq!(found, all);
+            let measured = |k: u32| {
+                looked.set(looked.get() + 1);
+                boxes[k as usize].distance2(p)
+            };
+            let nearest = tree.nearest(p, measured).expect("27,000 boxes");
+            let least = (0..27_000).min_by(|&a, &b| measured(a).total_cmp(&measured(b)).then(a.cmp(&b)));
+            looked.set(looked.get() - 2 * 26_999);
+            assert_eq!(Some(nearest), least);
+        }
+        assert!((50..1500).contains(&looked.get()), "looked at {}", looked.get());
+        assert_eq!(Tree::new(&[]).nearest(Vec3::ZERO, |_| 0.0), None);
+    }
+}

@@ -87,10 +87,7 @@ fn crossing(triangle: &[Vec3; 3], p: Vec3) -> i32 {
         return 0;
     }
     let n = (b - a).cross(c - a);
-    // Where the ray meets the plane: between the corners, however steep that is.
-    let beyond = (n.y * (p.y - a.y) + n.z * (p.z - a.z)) / n.x;
-    let (low, high) = (a.min(b).min(c).x, a.max(b).max(c).x);
-    let x = if beyond.is_finite() { (a.x - beyond).clamp(low, high) } else { (low + high) / 2.0 };
+    let x = a.x - (n.y * (p.y - a.y) + n.z * (p.z - a.z)) / n.x;
     if x > p.x { winding } else { 0 }
 }
 

@@ -68,7 +68,10 @@ impl Observer for Camera {
 #[tokio::test]
 async fn pictures_are_taken_where_they_are_wanted() {
     let camera = Arc::new(Mutex::new(Camera::default()));
-    let end = Run::start_pictured(small(), 1, None, Some(camera.clone())).end().await;
+    let end =
+        Run::start_pictured(small(), MeshSource::Given(Meshes::default()), 1, None, Some(camera.clone()))
+            .end()
+            .await;
     let RunEnd::Finished(_) = end else { panic!("no result") };
     let camera = camera.lock().unwrap();
     assert_eq!(camera.taken.len() as u32, camera.asked.load(Ordering::Relaxed).div_ceil(2));
@@ -167,7 +170,7 @@ async fn what_waits_for_its_meshes_can_be_stopped() {
         (Stop::Release, Some(AttemptOutcome::Released)),
         (Stop::Abandon, None),
     ] {
-        let run = Run::start_with(None, std::future::pending::<Result<Solve, RunEnd>>());
+        let run = Run::start_with(None, None, std::future::pending::<Result<Solve, RunEnd>>());
         run.stop.set(why);
         let end = tokio::time::timeout(Duration::from_secs(20), run.end()).await.expect("an end");
         let seen = match end {
