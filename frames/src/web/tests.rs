@@ -1,6 +1,6 @@
 //! Streams come back as they were written, whole or broken off, and nothing that is read can do harm.
 
-use std::io::{Cursor, Read};
+use std::io::{Cursor, Read, Write};
 
 use glam::DVec3;
 use roost_solver::engine::scene::Scene;
@@ -85,14 +85,18 @@ fn bodies_and_strays_that_have_left_are_in_no_later_frame() {
 
 #[test]
 fn what_is_outside_the_domain_is_where_it_is() {
-    let (scenario, scene, mut state) = fillets(1);
-    let far = scene.high + DVec3::new(0.3, 0.0, 1.0);
-    state.particles[5].position = state.frame.encode(far);
-    let bytes = write(&scenario, &scene, &[(0.0, None, &state)]);
-    let frame = open(&bytes).expect("a stream").frame(0).expect("a frame");
-    assert!((frame.positions[5] - state.position(5)).abs().cmple(frame.error_m * (1.0 + 1e-9)).all());
-    assert!((frame.positions[5] - far).length() < 1e-4);
-    assert!((frame.positions[9] - state.position(9)).abs().cmple(frame.error_m * (1.0 + 1e-9)).all());
+    for far in [DVec3::new(0.3, 0.0, 1.0), DVec3::new(-0.2, -0.4, 0.0)] {
+        let (scenario, scene, mut state) = fillets(1);
+        let far = far + if far.x > 0.0 { scene.high } else { scene.low };
+        state.particles[5].position = state.frame.encode(far);
+        let bytes = write(&scenario, &scene, &[(0.0, None, &state)]);
+        let frame = open(&bytes).expect("a stream").frame(0).expect("a frame");
+        for i in [5, 9] {
+            let off = (frame.positions[i] - state.position(i)).abs();
+            assert!(off.cmple(frame.error_m * (1.0 + 1e-9)).all(), "{i} {off}");
+        }
+        assert!((frame.positions[5] - far).length() < 1e-4);
+    }
 }
 
 #[test]
@@ -224,6 +228,51 @@ fn absurd_numbers_are_refused_before_room_is_made_for_them() {
     assert!(matches!(open(&other), Err(Error::Schema(schema)) if schema == "roost.frames/2"));
     let fewer = with_header(&bytes, |header| header["bodies"] = serde_json::json!([0]));
     assert!(frame(&fewer).is_err(), "bodies that the header does not know");
+}
+
+/// The last frame as a stream of its own, unpacked, changed and packed again.
+fn repacked(change: impl Fn(&mut Vec<u8>)) -> Result<Frame, Error> {
+    let (.., bytes) = three_frames();
+    let index = open(&bytes).expect("a stream").index().to_vec();
+    let (first, last) = (index[0].offset as usize, index[2].offset as usize);
+    let size = u32::from_le_bytes(bytes[last + 4..last + 8].try_into().expect("four bytes")) as usize;
+    let mut body = Vec::new();
+    flate2::bufread::ZlibDecoder::new(&bytes[last + 32..last + 8 + size])
+        .read_to_end(&mut body)
+        .expect("zlib");
+    change(&mut body);
+    let mut zlib = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+    zlib.write_all(&body).expect("memory takes all");
+    let packed = zlib.finish().expect("memory takes all");
+    let mut changed = bytes[..first].to_vec();
+    changed.extend(FRAME);
+    changed.extend((packed.len() as u32 + 24).to_le_bytes());
+    changed.extend(&bytes[last + 8..last + 28]);
+    changed.extend((body.len() as u32).to_le_bytes());
+    changed.extend(packed);
+    open(&changed).expect("a stream").frame(0)
+}
+
+#[test]
+fn what_is_packed_is_not_believed_either() {
+    let said = |result: Result<Frame, Error>| match result {
+        Err(Error::Damaged(what)) => what,
+        other => panic!("{other:?}"),
+    };
+    assert!(repacked(|_| ()).is_ok_and(|frame| frame.bodies.len() == 2));
+    let bomb = repacked(|body| body.resize(50_000_000, 0));
+    assert!(said(bomb).contains("longer than its bodies"), "50 MB of zeros in 50 kB");
+    let mut cases: Vec<(usize, u32, &str)> =
+        vec![(64, 3, "ascending"), (64, 2, "ascending"), (68, 9, "header")];
+    cases.extend([(80, 0, "misses"), (52, 3, "length"), (60, 7, "length")]);
+    for (at, value, expected) in cases {
+        let text = said(repacked(|body| body[at..at + 4].copy_from_slice(&value.to_le_bytes())));
+        assert!(text.contains(expected), "{value} at {at}: {text}");
+    }
+    for (at, value) in [(0, f64::NAN), (24, f64::INFINITY), (24, -1e9)] {
+        let text = said(repacked(|body| body[at..at + 8].copy_from_slice(&value.to_le_bytes())));
+        assert!(text.contains("box"), "{value} at {at}: {text}");
+    }
 }
 
 #[test]
