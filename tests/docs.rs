@@ -98,29 +98,66 @@ fn the_table_of_fields_is_that_of_the_scenario() {
     assert!(read("docs/scenario.md").contains(table.trim_end()), "docs/scenario.md shall hold:\n{table}");
 }
 
-#[test]
-fn every_response_is_explained() {
-    let document = read("docs/responses.md");
+/// The rows of a document's tables: the heading that each stands below (none in the beginning), and the name it explains.
+fn explained(document: &str) -> Vec<(&str, &str)> {
+    let mut heading = "";
+    let mut rows = Vec::new();
+    for line in document.lines() {
+        heading = line.strip_prefix("## ").unwrap_or(heading);
+        let name = line.strip_prefix("| `").and_then(|rest| rest.split_once("` |"));
+        rows.extend(name.map(|(name, _)| (heading, name)));
+    }
+    rows
+}
+
+/// What the smallest scenario of an experiment returns: names of responses, series and curves.
+fn returned(experiment: &str) -> Vec<String> {
+    let section = match experiment {
+        "compress" => r#", "compress": {"lattice": [2, 2, 2]}"#,
+        "scene" => {
+            r#", "scene": {"bodies": [{"position_m": [0, 0, 1]}],
+                "surfaces": [{"name": "<name>", "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}]}"#
+        }
+        _ => "",
+    };
     let product = r#""product": {"subparticle_radius_m": 0.008}"#;
-    let scene = r#""scene": {"bodies": [{"position_m": [0, 0, 1]}],
-        "surfaces": [{"name": "<name>", "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}]}"#;
-    let block = r#""compress": {"lattice": [2, 2, 2]}"#;
-    for (experiment, section) in
-        [("hopper", ""), ("drop", ""), ("bend", ""), ("slide", ""), ("compress", block), ("scene", scene)]
-    {
-        let comma = if section.is_empty() { "" } else { "," };
-        let text = format!(r#"{{"experiment": "{experiment}", {product}{comma} {section}}}"#);
-        let scenario = roost_solver::scenario::parse(&text).expect("a sound scenario");
-        let watch =
-            roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).watch;
-        let responses = watch.responses(roost_solver::result::EndReason::Duration);
-        let series = watch.series().into_iter().map(|series| series.name);
-        let curves = watch.curves().into_iter().map(|curve| curve.name);
-        let names: Vec<String> = responses.keys().cloned().chain(series).chain(curves).collect();
+    let text = format!(r#"{{"experiment": "{experiment}", {product}{section}}}"#);
+    let scenario = roost_solver::scenario::parse(&text).expect("a sound scenario");
+    let watch = roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).watch;
+    let responses = watch.responses(roost_solver::result::EndReason::Duration);
+    let series = watch.series().into_iter().map(|series| series.name);
+    let curves = watch.curves().into_iter().map(|curve| curve.name);
+    responses.keys().cloned().chain(series).chain(curves).collect()
+}
+
+#[test]
+fn every_response_is_explained_where_its_experiment_is_and_nothing_else() {
+    let document = read("docs/responses.md");
+    let rows = explained(&document);
+    let headings = |experiment: &str| match experiment {
+        "hopper" => vec!["Responses of the hopper", "Series of the hopper"],
+        "drop" => vec!["Drops"],
+        "bend" => vec!["Bending"],
+        "slide" => vec!["Sliding"],
+        "compress" => vec!["Compression"],
+        "scene" => vec!["Scenes"],
+        other => panic!("docs/responses.md says nothing of {other}"),
+    };
+    let mut of_all = Vec::new();
+    for experiment in roost_solver::scenario::fields::EXPERIMENTS {
+        let (headings, names) = (headings(experiment), returned(experiment));
         assert!(names.len() > 8, "{experiment}: {names:?}");
-        let missing: Vec<&String> =
-            names.iter().filter(|name| !document.contains(&format!("| `{name}` |"))).collect();
+        let here = || rows.iter().filter(|(heading, _)| headings.contains(heading)).map(|(_, name)| *name);
+        let alike = rows.iter().filter(|(heading, _)| heading.is_empty()).map(|(_, name)| *name);
+        let known: Vec<&str> = alike.chain(here()).collect();
+        let missing: Vec<&String> = names.iter().filter(|name| !known.contains(&name.as_str())).collect();
         assert!(missing.is_empty(), "docs/responses.md does not explain {missing:?} of {experiment}");
+        let unknown: Vec<&str> = here().filter(|name| !names.iter().any(|known| known == name)).collect();
+        assert!(unknown.is_empty(), "docs/responses.md explains {unknown:?}, which {experiment} has not");
+        of_all.extend(names);
+    }
+    for (_, name) in rows.iter().filter(|(heading, _)| heading.is_empty()) {
+        assert!(of_all.iter().any(|known| known == name), "no experiment has {name}");
     }
 }
 

@@ -7,7 +7,7 @@ use crate::scenario::Scenario;
 
 /// Changes whenever the bits of a result change: results of different revisions are never mixed
 /// silently, and the result cache is keyed by it.
-pub const PHYSICS_REVISION: u32 = 2;
+pub const PHYSICS_REVISION: u32 = 3;
 
 /// The version of the solver crate.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -121,7 +121,7 @@ fn a_bar_pushes_along_its_radius() {
         let angle = 0.1 + f64::from(k);
         let out = DVec3::new(angle.sin(), 0.0, angle.cos());
         // A side's middle lies 1.5 µm within the cylinder.
-        assert_force(push(&[bar.clone()], out * (0.02 + RADIUS - deep)), out * hertz(deep), 2e-2);
+        assert_force(push(std::slice::from_ref(&bar), out * (0.02 + RADIUS - deep)), out * hertz(deep), 2e-2);
     }
 }
 

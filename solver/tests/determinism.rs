@@ -116,7 +116,7 @@ fn the_bits_are_those_of_this_physics_revision() {
     let digest = blake3::hash(&bytes).to_hex();
     assert_eq!(
         (roost_solver::PHYSICS_REVISION, digest.as_str()),
-        (2, "d54ac1add4c298e02f31059302948f0d88ed7cfab9dc6cde881ad63dd8bdfc4d")
+        (3, "d54ac1add4c298e02f31059302948f0d88ed7cfab9dc6cde881ad63dd8bdfc4d")
     );
 }
 

@@ -35,10 +35,10 @@ fn a_sphere_on_an_edge_stays_with_one_of_its_facets() {
         let over = DVec3::new(draw.within(-0.2, 0.2), 0.0, 1.0).normalize() * draw.within(0.5, 0.99) * RADIUS;
         let x = frame.encode(turn * (over + DVec3::Y * draw.within(-0.09, 0.09)) + at);
         let touches = [0, 1].map(|facet| (facet, walls.touch(facet, x, &frame)));
-        let shadowed = |facet: usize| {
-            walls.is_shadowed(facet as u32, &touches[facet].1, [touches[1 - facet]].into_iter())
+        let gives_way_to = |facet: usize| {
+            walls.gives_way_to(facet as u32, &touches[facet].1, [touches[1 - facet]].into_iter())
         };
-        assert_eq!([shadowed(0), shadowed(1)], [false, true]);
+        assert_eq!([gives_way_to(0), gives_way_to(1)], [None, Some(0)]);
     }
 }
 
@@ -48,7 +48,7 @@ fn felt(walls: &Walls, frame: &Frame, x: IVec3) -> (Vec<Touch>, Vec<Touch>) {
     let touches: Vec<_> = near.map(|facet| (facet, walls.touch(facet, x, frame))).collect();
     let felt = touches.iter().filter(|(facet, touch)| {
         let others = touches.iter().copied().filter(|(other, _)| other != facet);
-        !walls.is_shadowed(*facet, touch, others)
+        walls.gives_way_to(*facet, touch, others).is_none()
     });
     let felt = felt.map(|&(_, touch)| touch).collect();
     (touches.iter().map(|&(_, touch)| touch).collect(), felt)

@@ -262,6 +262,7 @@ fn what_is_packed_is_not_believed_either() {
     assert!(repacked(|_| ()).is_ok_and(|frame| frame.bodies.len() == 2));
     let bomb = repacked(|body| body.resize(50_000_000, 0));
     assert!(said(bomb).contains("longer than its bodies"), "50 MB of zeros in 50 kB");
+    assert!(said(repacked(|body| body.truncate(40))).contains("too short"));
     let mut cases: Vec<(usize, u32, &str)> =
         vec![(64, 3, "ascending"), (64, 2, "ascending"), (68, 9, "header")];
     cases.extend([(80, 0, "misses"), (52, 3, "length"), (60, 7, "length")]);

@@ -1,10 +1,12 @@
 //! The `forces` stage: every sub-particle gathers what its bonds, contacts and walls do to it.
 
+use std::iter::successors;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::lists::{ChunkLists, Lists, WallPair};
-use super::walls::Walls;
+use super::walls::{Touch, Walls};
 use super::{CHUNK, Params};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -147,12 +149,14 @@ pub(super) fn from_walls(
     }
     let touches: Vec<_> =
         near.iter().map(|wall| (wall.facet, walls.touch(wall.facet, me.position, frame))).collect();
-    for (wall, (facet, touch)) in near.iter_mut().zip(&touches) {
+    if touches.len() > 1 {
+        hand_over(radius, walls, &touches, near);
+    }
+    for (k, (wall, (facet, touch))) in near.iter_mut().zip(&touches).enumerate() {
         let law = walls.law(*facet);
         let delta = radius - touch.distance;
-        let others = || touches.iter().copied().filter(|(other, _)| other != facet);
         // A centre right on the plate has no side; it gets one in the next step.
-        if delta < -law.reach() || touch.distance <= 0.0 || walls.is_shadowed(*facet, touch, others()) {
+        if delta < -law.reach() || touch.distance <= 0.0 || gives_way(walls, &touches, k).is_some() {
             wall.contact = ContactMemory::default();
             wall.force = Vec3::ZERO;
             continue;
@@ -165,4 +169,34 @@ pub(super) fn from_walls(
             load.add(wall.force, touch.to_wall, force.tangential);
         }
     }
+}
+
+/// Where a facet that the sphere held on to now gives way to another, hands what their contact remembers on to the one
+/// that takes over: to the sphere it is one contact that moves along a surface, however that is cut. A facet that was
+/// felt beside it keeps its own memory. What has left the reach has nothing to hand on, whether or not lists still hold
+/// it.
+fn hand_over(radius: f32, walls: &Walls, touches: &[(u32, Touch)], near: &mut [WallPair]) {
+    for k in 0..near.len() {
+        let (facet, touch) = touches[k];
+        if !near[k].contact.touching || radius - touch.distance < -walls.law(facet).reach() {
+            continue;
+        }
+        // One that is felt: those that come before are ordered. Should rounding ever say otherwise, the memory is lost.
+        let chain = successors(Some(k), |&at| gives_way(walls, touches, at));
+        let heir = chain.take(touches.len()).last().unwrap_or(k);
+        if heir != k {
+            let handed = std::mem::take(&mut near[k].contact);
+            if !near[heir].contact.touching {
+                near[heir].contact = handed;
+            }
+        }
+    }
+}
+
+/// Which of the touches of a sub-particle the `k`th gives way to.
+fn gives_way(walls: &Walls, touches: &[(u32, Touch)], k: usize) -> Option<usize> {
+    let (facet, touch) = &touches[k];
+    let others = touches.iter().copied().filter(|(other, _)| other != facet);
+    let before = walls.gives_way_to(*facet, touch, others)?;
+    touches.iter().position(|&(other, _)| other == before)
 }

@@ -218,20 +218,20 @@ impl Walls {
         }
     }
 
-    /// Whether a touch is no contact of its own, because another facet of the same surface comes before it and either
-    /// pushes nearly the same way, or has its point too, where the two meet at an edge. The first rule makes one
-    /// contact of a surface that many facets round off, hollow ones included, and of the two faces of a thin sheet.
-    /// `others` are the other touches of the same sub-particle.
+    /// The facet that a touch gives way to, if it is no contact of its own: another facet of the same surface that comes
+    /// before it and either pushes nearly the same way, or has its point too, where the two meet at an edge. The first
+    /// rule makes one contact of a surface that many facets round off, hollow ones included, and of the two faces of
+    /// a thin sheet. `others` are the other touches of the same sub-particle.
     ///
     /// The nearer facet comes first, and of those that touch in one point the one with the lowest number, so that a
     /// sphere on an edge does not hop between its sides by rounding. This orders all facets of a surface, so the first
-    /// of them is never shadowed.
-    pub fn is_shadowed(
+    /// of them gives way to none.
+    pub fn gives_way_to(
         &self,
         facet: u32,
         touch: &Touch,
         others: impl Iterator<Item = (u32, Touch)> + Clone,
-    ) -> bool {
+    ) -> Option<u32> {
         let surface = |facet: u32| self.facets[facet as usize].surface;
         let others = others.filter(|&(other, _)| surface(other) == surface(facet));
         // The least distance of all that touch in the point of this one: no more than SAME from its own.
@@ -249,8 +249,9 @@ impl Walls {
             let q = self.facets[other as usize].facet.nearest(touch.local);
             q.is_some_and(|q| q.distance(touch.local) < SAME.max(AT_THE_EDGE * touch.distance))
         };
-        before().any(|(_, theirs)| theirs.pushes_like(touch))
-            || touch.on_rim && before().any(|(other, _)| has_the_point(other))
+        let alike = before().find(|(_, theirs)| theirs.pushes_like(touch));
+        let at_the_edge = || before().find(|&(other, _)| touch.on_rim && has_the_point(other));
+        alike.or_else(at_the_edge).map(|(other, _)| other)
     }
 
     /// Number of surfaces.

@@ -13,7 +13,9 @@ pub mod fields;
 mod json;
 mod names;
 mod relations;
+mod row;
 mod schema;
+mod sections;
 #[cfg(test)]
 mod tests;
 mod types;
@@ -23,7 +25,8 @@ pub use json::read_json;
 pub use names::{escape, nearest};
 pub use relations::MAX_SAMPLES;
 pub use schema::{field_table_markdown, json_schema};
-pub use types::*;
+pub use sections::*;
+pub use types::{Experiment, Scenario};
 
 /// The schema name that every scenario carries once it has been read.
 pub const SCHEMA: &str = "roost.scenario/1";

@@ -1,0 +1,122 @@
+//! Rows of the field table, written briefly, and what several of them share.
+
+use super::field::{Field, Kind, Preset, Range, from_to};
+
+pub(super) const ORIGIN: Preset = Preset::Vector([0.0; 3]);
+pub(super) const PLACE: Range = from_to(-100.0, 100.0);
+pub(super) const SPEED: Range = from_to(-100.0, 100.0);
+pub(super) const ANGLE: Range = from_to(-180.0, 180.0);
+pub(super) const SCATTER: Range = from_to(0.0, 180.0);
+pub(super) const FRICTION: Range = from_to(0.0, 5.0);
+
+pub(super) const fn field(
+    pointer: &'static str,
+    kind: Kind,
+    unit: &'static str,
+    default: Preset,
+    source: &'static str,
+    doc: &'static str,
+) -> Field {
+    Field {
+        pointer,
+        kind,
+        unit,
+        default,
+        wet: None,
+        elsewhere: &[],
+        unused_in: &[],
+        yields_to: None,
+        source,
+        doc,
+    }
+}
+
+pub(super) const fn number(
+    pointer: &'static str,
+    unit: &'static str,
+    default: f64,
+    range: Range,
+    source: &'static str,
+    doc: &'static str,
+) -> Field {
+    field(pointer, Kind::Number(range), unit, Preset::Number(default), source, doc)
+}
+
+pub(super) const fn nullable(
+    pointer: &'static str,
+    unit: &'static str,
+    range: Range,
+    source: &'static str,
+    doc: &'static str,
+) -> Field {
+    field(pointer, Kind::Nullable(range), unit, Preset::Null, source, doc)
+}
+
+pub(super) const fn integer(
+    pointer: &'static str,
+    default: u64,
+    range: Range,
+    source: &'static str,
+    doc: &'static str,
+) -> Field {
+    field(pointer, Kind::Integer(range), "", Preset::Integer(default), source, doc)
+}
+
+/// The first word is the default.
+pub(super) const fn choice(
+    pointer: &'static str,
+    words: &'static [&'static str],
+    source: &'static str,
+    doc: &'static str,
+) -> Field {
+    field(pointer, Kind::Choice(words), "", Preset::Word(words[0]), source, doc)
+}
+
+pub(super) const fn flag(
+    pointer: &'static str,
+    default: bool,
+    source: &'static str,
+    doc: &'static str,
+) -> Field {
+    field(pointer, Kind::Flag, "", Preset::Flag(default), source, doc)
+}
+
+pub(super) const fn same_as(
+    other: &'static str,
+    pointer: &'static str,
+    unit: &'static str,
+    range: Range,
+    source: &'static str,
+    doc: &'static str,
+) -> Field {
+    field(pointer, Kind::Number(range), unit, Preset::SameAs(other), source, doc)
+}
+
+pub(super) const fn vector(
+    pointer: &'static str,
+    unit: &'static str,
+    default: Preset,
+    range: Range,
+    source: &'static str,
+    doc: &'static str,
+) -> Field {
+    field(pointer, Kind::Vector(range), unit, default, source, doc)
+}
+
+impl Field {
+    pub(super) const fn wet(self, number: f64) -> Self {
+        Self { wet: Some(Preset::Number(number)), ..self }
+    }
+
+    pub(super) const fn elsewhere(self, elsewhere: &'static [(&'static str, Preset)]) -> Self {
+        Self { elsewhere, ..self }
+    }
+
+    pub(super) const fn unused_in(self, unused_in: &'static [&'static str]) -> Self {
+        Self { unused_in, ..self }
+    }
+
+    pub(super) const fn yields_to(self, other: &'static str) -> Self {
+        Self { yields_to: Some(other), ..self }
+    }
+}

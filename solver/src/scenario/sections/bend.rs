@@ -1,0 +1,49 @@
+//! A fillet that bends under its own weight.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scenario::field::{Field, between, from_to};
+use crate::scenario::row::{choice, number};
+
+/// A fillet that bends under its own weight.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bend {
+    /// What it is held by.
+    pub support: Support,
+    /// Radius of the bar or of the roller at the conveyor's end, in metres.
+    pub bar_radius_m: f64,
+    /// Speed of the conveyor, in m/s.
+    pub belt_speed_m_s: f64,
+    /// Share of the fillet's length that is held.
+    pub clamped_share: f64,
+    /// Greatest random deviation of the yaw, in degrees.
+    pub scatter_deg: f64,
+}
+
+/// What a bending fillet is held by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Support {
+    /// Laid across a bar, both ends hanging.
+    OverBar,
+    /// Carried off the end of a conveyor.
+    OffLedge,
+    /// Held at its blunt end.
+    Clamped,
+}
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    choice("/bend/support", &["over_bar", "off_ledge", "clamped"], "section 2.3.2",
+        "Across a bar with both ends hanging; carried off the end of a conveyor; or held at its blunt end."),
+    number("/bend/bar_radius_m", "m", 0.02, from_to(0.002, 1.0), "assumed",
+        "Radius of the bar, or of the roller at the conveyor's end."),
+    number("/bend/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
+        "Speed of the conveyor, for `off_ledge`."),
+    number("/bend/clamped_share", "", 0.25, between(0.0, 1.0), "assumed",
+        "Share of the fillet's length that is held, for `clamped`."),
+    number("/bend/scatter_deg", "°", 0.0, from_to(0.0, 45.0), "assumed",
+        "Yaw of the fillet is off by up to this much, drawn by `/seed`."),
+];

@@ -1,0 +1,69 @@
+//! The bonds between the sub-particles of a fillet.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scenario::field::{Field, Range, above_to, from_to};
+use crate::scenario::row::{choice, flag, integer, nullable, number};
+
+/// The bonds between the sub-particles of a fillet (eq. 6, Table 2).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bonds {
+    /// How the bond force is formed.
+    pub formulation: Formulation,
+    /// Sub-particle types: 2 bonds only differing types (a checkerboard), 1 all within reach (Fig. 2).
+    pub types: u32,
+    /// Normal stiffness per unit area S_n, in N/m³.
+    pub normal_stiffness_n_m3: f64,
+    /// Shear stiffness per unit area S_t, in N/m³.
+    pub shear_stiffness_n_m3: f64,
+    /// Contact radius over sub-particle radius; a bond breaks beyond twice the contact radius.
+    pub contact_radius_ratio: f64,
+    /// Bond disk radius over sub-particle radius (R_b / R).
+    pub disk_scale: f64,
+    /// Whether bonded neighbours also act on each other by contact, as in the commercial model.
+    pub contact_between_bonded: bool,
+    /// Normal strength, in pascal; null is unbreakable by stress (the paper's 1e300 Pa).
+    pub normal_strength_pa: Option<f64>,
+    /// Shear strength, in pascal; null is unbreakable by stress.
+    pub shear_strength_pa: Option<f64>,
+}
+
+/// How the bond force is formed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Formulation {
+    /// Total normal force, incremental shear force that turns with the bond.
+    Corotated,
+    /// One raw force vector accumulated in the global frame and never turned.
+    AsPublished,
+    /// Corotated, with a normal force that grows without bound towards the breaking length.
+    FiniteExtension,
+}
+
+const STRENGTH: Range = above_to(0.0, 1e300);
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    choice("/bonds/formulation", &["corotated", "as_published", "finite_extension"], "eq. 6",
+        "How the bond force is formed: turning with the bond; one raw vector that never turns; or corotated and \
+         stiffening towards the breaking length."),
+    integer("/bonds/types", 2, from_to(1.0, 2.0), "section 2.2",
+        "Sub-particle types: 2 bonds only differing types, in a checkerboard; 1 bonds all within reach (Fig. 2)."),
+    number("/bonds/normal_stiffness_n_m3", "N/m³", 1e6, above_to(0.0, 1e12), "Table 2",
+        "Normal stiffness per unit area, S_n."),
+    number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",
+        "Shear stiffness per unit area, S_t."),
+    number("/bonds/contact_radius_ratio", "", 1.732, above_to(1.0, 1.732), "Table 2",
+        "Contact radius over sub-particle radius; a bond breaks beyond twice the contact radius, and at √3 the \
+         body diagonals would bond as well."),
+    number("/bonds/disk_scale", "", 1.0, above_to(0.0, 2.0), "assumed",
+        "Radius of the bond disk over that of a sub-particle, R_b / R."),
+    flag("/bonds/contact_between_bonded", true, "assumed",
+        "Whether bonded neighbours also act on each other by contact, as in the commercial model."),
+    nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
+        "Normal strength of a bond; null is unbreakable by stress."),
+    nullable("/bonds/shear_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
+        "Shear strength of a bond; null is unbreakable by stress."),
+];

@@ -1,0 +1,51 @@
+//! A block of tissue between plates.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scenario::field::{Field, Kind, Preset, above_to, from_to};
+use crate::scenario::row::{choice, field, number};
+
+/// A block of tissue between plates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Compress {
+    /// Sub-particles along x, y and z.
+    pub lattice: [u32; 3],
+    /// Rate of strain, in 1/s.
+    pub strain_rate_1_s: f64,
+    /// Strain at which the test ends.
+    pub max_strain: f64,
+    /// Start of the window of the modulus.
+    pub modulus_from_strain: f64,
+    /// End of the window of the modulus.
+    pub modulus_to_strain: f64,
+    /// Plates with friction or without.
+    pub plates: Plates,
+}
+
+/// The plates of a compression test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Plates {
+    /// With the friction of the equipment.
+    Rough,
+    /// Without friction.
+    Frictionless,
+}
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    field("/compress/lattice", Kind::Counts(from_to(1.0, 200.0)), "", Preset::Counts([10, 10, 3]), "section 2.3.2",
+        "Sub-particles of the block along x, y and z; 10 × 10 × 3 of 1.75 mm radius are 35 × 35 × 10.5 mm."),
+    number("/compress/strain_rate_1_s", "1/s", 0.05, above_to(0.0, 10.0), "assumed",
+        "Rate of strain; the paper's 1 mm/min on 10 mm is 0.0017 1/s."),
+    number("/compress/max_strain", "", 0.06, above_to(0.0, 0.5), "Fig. 6",
+        "Strain, from first contact on, at which the test ends."),
+    number("/compress/modulus_from_strain", "", 0.0, from_to(0.0, 0.5), "section 3.1",
+        "Start of the window of strain that the modulus is fitted over."),
+    number("/compress/modulus_to_strain", "", 0.03, above_to(0.0, 0.5), "section 3.1",
+        "End of the window of strain that the modulus is fitted over."),
+    choice("/compress/plates", &["rough", "frictionless"], "assumed",
+        "Plates with the friction of the equipment, or without."),
+];

@@ -1,0 +1,77 @@
+//! The contacts between fillets and with the equipment.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scenario::field::{Field, Range, above_to, from_to};
+use crate::scenario::row::{FRICTION, choice, number, same_as};
+
+/// The contacts between fillets and with the equipment (Table 2).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// Dry or wet fillets: chooses other defaults below, nothing else.
+    pub condition: Condition,
+    /// Between sub-particles.
+    pub fillet_fillet: PairContact,
+    /// Between sub-particles and walls, gate and back plate.
+    pub fillet_equipment: PairContact,
+    /// Between sub-particles and the belt.
+    pub fillet_belt: PairContact,
+}
+
+/// Surface condition of the fillets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Condition {
+    /// Normal fillets.
+    Dry,
+    /// Fillets with water added.
+    Wet,
+}
+
+/// The parameters of one kind of contact.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairContact {
+    /// Coulomb coefficient of friction.
+    pub static_friction: f64,
+    /// Coefficient of restitution.
+    pub restitution: f64,
+    /// Interfacial surface energy γ, in J/m².
+    pub surface_energy_j_m2: f64,
+}
+
+const RESTITUTION: Range = above_to(0.0, 1.0);
+const SURFACE_ENERGY: Range = from_to(0.0, 10.0);
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    choice("/contact/condition", &["dry", "wet"], "section 2.4",
+        "Surface of the fillets: `wet` only sets other defaults, and what is written out wins."),
+    number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
+        "Coulomb coefficient of friction between fillets."),
+    number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",
+        "Coefficient of restitution between fillets."),
+    number("/contact/fillet_fillet/surface_energy_j_m2", "J/m²", 0.055, SURFACE_ENERGY, "Table 2",
+        "Interfacial surface energy γ between fillets; wet, as an assumption, the surface tension of water at 20 °C.")
+        .wet(0.0728),
+    number("/contact/fillet_equipment/static_friction", "", 0.5, FRICTION, "Table 2",
+        "Coulomb coefficient of friction on walls, gate and back plate; the same when wet, as Fig. 8b shows."),
+    same_as("/contact/fillet_fillet/restitution",
+        "/contact/fillet_equipment/restitution", "", RESTITUTION, "Table 2",
+        "Coefficient of restitution on walls, gate and back plate."),
+    same_as("/contact/fillet_fillet/surface_energy_j_m2",
+        "/contact/fillet_equipment/surface_energy_j_m2", "J/m²", SURFACE_ENERGY, "Table 2",
+        "Interfacial surface energy γ on walls, gate and back plate."),
+    number("/contact/fillet_belt/static_friction", "", 0.5, FRICTION, "assumed",
+        "Coulomb coefficient of friction on the belt, which the paper did not measure: dry as on steel plate; wet, \
+         as an assumption, low enough to lose the traction that section 3.4 blames.")
+        .wet(0.2),
+    same_as("/contact/fillet_fillet/restitution",
+        "/contact/fillet_belt/restitution", "", RESTITUTION, "assumed",
+        "Coefficient of restitution on the belt."),
+    same_as("/contact/fillet_fillet/surface_energy_j_m2",
+        "/contact/fillet_belt/surface_energy_j_m2", "J/m²", SURFACE_ENERGY, "assumed",
+        "Interfacial surface energy γ on the belt."),
+];

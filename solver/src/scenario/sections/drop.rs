@@ -1,0 +1,37 @@
+//! Fillets that hit a plate.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scenario::field::{Field, from_to};
+use crate::scenario::row::{ANGLE, SCATTER, number};
+
+/// Fillets that hit a plate: orientation, and speed at the plate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drop {
+    /// Downward speed at which fillets reach the plate, in m/s.
+    pub speed_m_s: f64,
+    /// First turn, about the vertical, in degrees.
+    pub yaw_deg: f64,
+    /// Second turn, about the fillet's width, in degrees.
+    pub pitch_deg: f64,
+    /// Third turn, about the fillet's length, in degrees.
+    pub roll_deg: f64,
+    /// Greatest random deviation of each of the three, in degrees.
+    pub scatter_deg: f64,
+}
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    number("/drop/speed_m_s", "m/s", 2.0, from_to(0.0, 30.0), "Fig. 11",
+        "Speed at which fillets reach the plate, downwards; a free fall of 0.2 m reaches 2 m/s."),
+    number("/drop/yaw_deg", "°", 0.0, ANGLE, "Fig. 10",
+        "Orientation: first about the vertical; 0, 0, 0 lies flat, its length along x."),
+    number("/drop/pitch_deg", "°", 0.0, ANGLE, "Fig. 10",
+        "Orientation: then about the fillet's width; 90 falls end on, tail first."),
+    number("/drop/roll_deg", "°", 0.0, ANGLE, "Fig. 10",
+        "Orientation: last about the fillet's length; 90 falls on its side."),
+    number("/drop/scatter_deg", "°", 0.0, SCATTER, "assumed",
+        "Yaw, pitch and roll of each fillet are off by up to this much, drawn by `/seed`."),
+];

@@ -1,0 +1,69 @@
+//! Hopper, gate and belt.
+
+use serde::{Deserialize, Serialize};
+
+use super::surface::SurfaceSpec;
+use crate::scenario::field::{Field, from_to};
+use crate::scenario::row::{choice, flag, number};
+
+/// Hopper, gate and belt. The dimensions of the paper's Fig. 5 are derived (see ARCHITECTURE.md).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Equipment {
+    /// Height of the gate's lower edge above the belt, in metres.
+    pub gate_opening_m: f64,
+    /// Inner width of the hopper across the belt (y), in metres.
+    pub hopper_width_m: f64,
+    /// Inner length of the hopper along the belt (x) at the belt, in metres.
+    pub hopper_length_m: f64,
+    /// Height of the hopper walls above the belt, in metres.
+    pub hopper_height_m: f64,
+    /// Slope of the back wall from the vertical, opening upwards, in degrees.
+    pub wall_slope_deg: f64,
+    /// The two walls along the belt.
+    pub side_walls: SideWalls,
+    /// Speed of the belt from t = 0 on, in m/s.
+    pub belt_speed_m_s: f64,
+    /// Whether a shutter closes the opening until the belt starts.
+    pub shutter_while_filling: bool,
+    /// Whether belt, walls, gate and shutter are made from these fields.
+    pub parametric: bool,
+    /// Further surfaces.
+    pub surfaces: Vec<SurfaceSpec>,
+}
+
+/// The two walls along the belt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SideWalls {
+    /// With the friction of the equipment.
+    Rough,
+    /// Without friction: a slice of a wide hopper.
+    Frictionless,
+    /// No walls: what leaves on one side enters on the other.
+    Periodic,
+}
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    number("/equipment/gate_opening_m", "m", 0.06, from_to(0.001, 5.0), "Fig. 5",
+        "Height of the gate's lower edge above the belt."),
+    number("/equipment/hopper_width_m", "m", 0.59, from_to(0.01, 10.0), "derived",
+        "Inner width of the hopper across the belt (y); from 33.2 kg in 4 s."),
+    number("/equipment/hopper_length_m", "m", 0.30, from_to(0.01, 10.0), "derived",
+        "Inner length of the hopper along the belt (x), at the belt."),
+    number("/equipment/hopper_height_m", "m", 0.5, from_to(0.01, 10.0), "assumed",
+        "Height of the hopper walls above the belt."),
+    number("/equipment/wall_slope_deg", "°", 0.0, from_to(0.0, 80.0), "assumed",
+        "Slope of the back wall from the vertical, opening upwards."),
+    choice("/equipment/side_walls", &["rough", "frictionless", "periodic"], "section 2.4",
+        "The walls along the belt: with the equipment's friction; without friction, a slice of a wide hopper; or \
+         none, what leaves on one side entering on the other."),
+    number("/equipment/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
+        "Speed of the belt from t = 0 on; the paper's 15 m/min."),
+    flag("/equipment/shutter_while_filling", true, "assumed",
+        "Whether a shutter closes the opening until the belt starts."),
+    flag("/equipment/parametric", true, "assumed",
+        "Whether belt, walls, gate and shutter are made from the fields here; false leaves all of it to `surfaces`."),
+];

@@ -1,0 +1,99 @@
+//! Time step, duration, sampling and stopping.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scenario::field::{Field, Kind, Preset, Range, above_to, from_to};
+use crate::scenario::row::{field, flag, nullable, number};
+
+/// Time step, duration, sampling and stopping.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Numerics {
+    /// Time step.
+    pub timestep_s: Timestep,
+    /// Simulated time from belt start, in seconds.
+    pub duration_s: f64,
+    /// Interval between samples, in seconds.
+    pub output_interval_s: f64,
+    /// What ends a run before its duration.
+    pub stop: Stop,
+    /// Acceleration of gravity, in m/s².
+    pub gravity_m_s2: f64,
+    /// The bed is at rest once all but one in a thousand of its sub-particles are slower than this, in m/s.
+    pub rest_speed_m_s: f64,
+    /// A fill that has not come to rest after this long ends the run, in seconds.
+    pub max_fill_s: f64,
+    /// A sub-particle faster than this makes the run `unstable`, in m/s.
+    pub speed_limit_m_s: f64,
+    /// Run time steps past the stability limit, as a stability study needs.
+    pub allow_unstable: bool,
+}
+
+/// A time step: a number of seconds, or `"auto"` for the largest safe one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Timestep {
+    /// Seconds.
+    Fixed(f64),
+    /// Chosen from stiffness, mass and damping.
+    Auto(Auto),
+}
+
+/// The word `"auto"`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Auto {
+    /// The only value.
+    Auto,
+}
+
+/// What ends a run before its duration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stop {
+    /// Stop once every fillet has left.
+    pub when_empty: bool,
+    /// Stop once nothing has passed the gate for this long, in seconds; null never.
+    pub when_jammed_s: Option<f64>,
+    /// Stop once what the run measures is known.
+    pub when_done: bool,
+}
+
+const TIME: Range = above_to(0.0, 600.0);
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    field("/numerics/timestep_s", Kind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
+        "Time step; `auto` picks the largest safe one from stiffness, mass and damping."),
+    number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
+        "Simulated time from t = 0: the start of the belt, or of the test.")
+        .elsewhere(&[("drop", Preset::Number(2.0)), ("bend", Preset::Number(5.0)), ("scene", Preset::Number(2.0))])
+        .unused_in(&["slide", "compress"]),
+    number("/numerics/output_interval_s", "s", 0.02, above_to(0.0, 0.1), "numerics",
+        "Interval between samples.")
+        .elsewhere(&[("drop", Preset::Number(0.002))]),
+    flag("/numerics/stop/when_empty", true, "numerics",
+        "Whether a run ends once every fillet has left.")
+        .unused_in(&["drop", "bend", "slide", "compress"]),
+    nullable("/numerics/stop/when_jammed_s", "s", TIME, "numerics",
+        "A run ends once nothing has passed the gate for this long; null never.")
+        .unused_in(&["drop", "bend", "slide", "compress", "scene"]),
+    flag("/numerics/stop/when_done", true, "numerics",
+        "Whether a run ends once what it measures is known: fillets at rest, or sliding, or the block compressed.")
+        .elsewhere(&[("scene", Preset::Flag(false))])
+        .unused_in(&["hopper"]),
+    number("/numerics/gravity_m_s2", "m/s²", 9.81, from_to(0.0, 100.0), "assumed",
+        "Acceleration of gravity, downwards; none in a compression test, where the block's weight would stand in the curve.")
+        .elsewhere(&[("compress", Preset::Number(0.0))]),
+    number("/numerics/rest_speed_m_s", "m/s", 0.05, above_to(0.0, 1.0), "numerics",
+        "The bed is at rest, and the belt starts, once all but one in a thousand of its sub-particles are slower than this.")
+        .elsewhere(&[("bend", Preset::Number(0.02)), ("slide", Preset::Number(0.01))]),
+    number("/numerics/max_fill_s", "s", 10.0, TIME, "numerics",
+        "What has not come to rest before t = 0 after this long ends the run.")
+        .unused_in(&["drop", "compress", "scene"]),
+    number("/numerics/speed_limit_m_s", "m/s", 30.0, from_to(1.0, 10_000.0), "numerics",
+        "A sub-particle faster than this makes the run `unstable`."),
+    flag("/numerics/allow_unstable", false, "numerics",
+        "Whether time steps past the stability limit run, as a stability study needs."),
+];

@@ -1,0 +1,95 @@
+//! The fillets: how many, of what size, made of what sub-particles.
+
+use serde::{Deserialize, Serialize};
+
+use super::surface::MeshRef;
+use crate::scenario::field::{Field, Kind, Preset, Range, from_to};
+use crate::scenario::row::{choice, field, integer, nullable, number};
+
+/// The fillets.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Product {
+    /// Number of fillets. Fillet `i` has shape `i mod (2 * sizes)`: each size and its mirror image in turn.
+    pub count: u32,
+    /// Length, width and thickness of each size, in metres (Table 1).
+    pub sizes_m: Vec<[f64; 3]>,
+    /// The one shape that all fillets have; null takes each in turn.
+    pub shape: Option<u32>,
+    /// A closed mesh in place of the teardrops.
+    pub mesh: Option<MeshRef>,
+    /// Scale of fillets and sub-particles alike.
+    pub scale: f64,
+    /// Radius of a sub-particle, in metres.
+    pub subparticle_radius_m: f64,
+    /// Which lattice points become sub-particles.
+    pub fill: Fill,
+    /// Density of a fillet, in kg/m³; null when `subparticle_density_kg_m3` is given.
+    pub density_kg_m3: Option<f64>,
+    /// Density of a sub-particle, in kg/m³ (Table 2 has 2200); null when `density_kg_m3` is used.
+    pub subparticle_density_kg_m3: Option<f64>,
+}
+
+impl Product {
+    /// Radius of a sub-particle after scaling, in metres.
+    pub fn radius_m(&self) -> f64 {
+        self.subparticle_radius_m * self.scale
+    }
+
+    /// Length, width and thickness of each size after scaling, in metres.
+    pub fn scaled_sizes_m(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        self.sizes_m.iter().map(|size| size.map(|edge| edge * self.scale))
+    }
+
+    /// Number of shapes that `shape` and a body's shape may name: each size and its mirror image, or the mesh.
+    pub fn shapes(&self) -> u32 {
+        if self.mesh.is_some() { 1 } else { 2 * self.sizes_m.len() as u32 }
+    }
+}
+
+/// Which lattice points of a shape become sub-particles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fill {
+    /// Those whose centre lies inside the surface.
+    Centres,
+    /// Those whose whole sphere lies inside the surface.
+    WholeSpheres,
+}
+
+const ONE: Preset = Preset::Integer(1);
+const DENSITY: Range = from_to(10.0, 20_000.0);
+/// Length, width and thickness of the three sizes.
+const SIZES_M: &[[f64; 3]] = &[[0.144, 0.072, 0.040], [0.172, 0.072, 0.032], [0.176, 0.072, 0.040]];
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    integer("/product/count", 191, from_to(1.0, 100_000.0), "section 2.4",
+        "Number of fillets; fillet i has shape i mod (2 · sizes), each size and its mirror image in turn, unless \
+         `shape` is given. A drop takes 15 of each of the six shapes (section 2.3.3).")
+        .elsewhere(&[("drop", Preset::Integer(90)), ("bend", ONE), ("slide", ONE), ("compress", ONE), ("scene", ONE)])
+        .unused_in(&["bend", "slide", "compress", "scene"]),
+    field("/product/sizes_m", Kind::Sizes(from_to(0.005, 2.0)), "m", Preset::Sizes(SIZES_M), "Table 1",
+        "Length, width and thickness of each size.")
+        .unused_in(&["compress"]),
+    field("/product/shape", Kind::NullableInteger(from_to(0.0, 63.0)), "", Preset::Null, "Fig. 1",
+        "The one shape that all fillets have: 2 · (number of the size, from 0), plus 1 for its mirror image; null takes each in turn.")
+        .elsewhere(&[("bend", Preset::Integer(2)), ("slide", Preset::Integer(2))])
+        .unused_in(&["compress", "scene"]),
+    field("/product/mesh", Kind::Mesh, "", Preset::Null, "section 2.2",
+        "A closed mesh that all fillets have as their shape, in place of the teardrops of `sizes_m`.")
+        .unused_in(&["compress"]),
+    number("/product/scale", "", 1.0, from_to(0.05, 20.0), "Fig. 12",
+        "Scale of fillets and sub-particles alike."),
+    number("/product/subparticle_radius_m", "m", 0.004, from_to(5e-4, 0.05), "section 2.2",
+        "Radius of a sub-particle; the lattice is twice that wide, and sub-particles grow as its inverse cube."),
+    choice("/product/fill", &["centres", "whole_spheres"], "assumed",
+        "Which lattice points become sub-particles: those whose centre, or whose whole sphere, lies in the shape.")
+        .unused_in(&["compress"]),
+    nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
+        "Density of a sub-particle, instead of `density_kg_m3`; the paper's two densities cannot both hold."),
+    field("/product/density_kg_m3", Kind::Nullable(DENSITY), "kg/m³", Preset::Number(940.0), "Table 2",
+        "Density of a fillet, which sets its mass from its volume; null when `subparticle_density_kg_m3` is given.")
+        .yields_to("/product/subparticle_density_kg_m3"),
+];

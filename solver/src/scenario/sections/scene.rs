@@ -1,0 +1,52 @@
+//! Bodies and surfaces, freely placed.
+
+use serde::{Deserialize, Serialize};
+
+use super::surface::SurfaceSpec;
+use crate::scenario::field::{Field, Preset, above_to, from_to};
+use crate::scenario::row::{ANGLE, ORIGIN, PLACE, SPEED, integer, number, vector};
+
+/// Bodies and surfaces, freely placed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FreeScene {
+    /// Direction of gravity, of any length.
+    pub gravity_direction: [f64; 3],
+    /// What goes this far beyond all that is there at the start leaves, in metres.
+    pub margin_m: f64,
+    /// The bodies.
+    pub bodies: Vec<BodySpec>,
+    /// The surfaces.
+    pub surfaces: Vec<SurfaceSpec>,
+}
+
+/// A body of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodySpec {
+    /// Its shape: 2 · (number of the size), plus 1 for the mirror image.
+    pub shape: u32,
+    /// Where its centre of mass starts, in metres.
+    pub position_m: [f64; 3],
+    /// Yaw, pitch and roll, in degrees.
+    pub orientation_deg: [f64; 3],
+    /// Its velocity at the start, in m/s.
+    pub velocity_m_s: [f64; 3],
+}
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    vector("/scene/gravity_direction", "", Preset::Vector([0.0, 0.0, -1.0]), from_to(-1.0, 1.0), "assumed",
+        "Direction of gravity; its length does not matter, its strength is `/numerics/gravity_m_s2`."),
+    number("/scene/margin_m", "m", 0.5, above_to(0.0, 10.0), "numerics",
+        "What goes this far beyond all that is there at the start leaves the simulation."),
+    integer("/scene/bodies/*/shape", 0, from_to(0.0, 63.0), "Fig. 1",
+        "The body's shape: 2 · (number of the size in `/product/sizes_m`, from 0), plus 1 for its mirror image."),
+    vector("/scene/bodies/*/position_m", "m", Preset::Required, PLACE, "assumed",
+        "Where its centre of mass starts."),
+    vector("/scene/bodies/*/orientation_deg", "°", ORIGIN, ANGLE, "assumed",
+        "Yaw, pitch and roll: about z, then its width, then its length."),
+    vector("/scene/bodies/*/velocity_m_s", "m/s", ORIGIN, SPEED, "assumed",
+        "Velocity at the start."),
+];

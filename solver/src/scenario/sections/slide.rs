@@ -1,0 +1,33 @@
+//! A fillet on a plate that is tilted.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scenario::field::{Field, from_to};
+use crate::scenario::row::{ANGLE, SCATTER, number};
+
+/// A fillet on a plate that is tilted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Slide {
+    /// Rate of tilting, in degrees a second.
+    pub tilt_rate_deg_s: f64,
+    /// Greatest tilt, in degrees.
+    pub max_tilt_deg: f64,
+    /// Heading of the fillet, in degrees; 0 points its length up the slope.
+    pub yaw_deg: f64,
+    /// Greatest random deviation of the heading, in degrees.
+    pub scatter_deg: f64,
+}
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    number("/slide/tilt_rate_deg_s", "°/s", 3.0, from_to(0.1, 30.0), "section 2.3.2",
+        "Rate at which the plate is tilted; past 6 °/s the angle at which sliding is noticed lags behind."),
+    number("/slide/max_tilt_deg", "°", 60.0, from_to(1.0, 89.0), "assumed",
+        "The plate is tilted up to this angle."),
+    number("/slide/yaw_deg", "°", 0.0, ANGLE, "assumed",
+        "Heading of the fillet on the plate; 0 points its length up the slope."),
+    number("/slide/scatter_deg", "°", 0.0, SCATTER, "assumed",
+        "Yaw of the fillet is off by up to this much, drawn by `/seed`."),
+];

@@ -1,0 +1,110 @@
+//! Surfaces of a scene, or added to the hopper's.
+
+use serde::{Deserialize, Serialize};
+
+pub use crate::mesh::Units;
+use crate::scenario::field::{Field, Kind, Preset, from_to};
+use crate::scenario::row::{ANGLE, FRICTION, ORIGIN, PLACE, SPEED, choice, field, nullable, vector};
+
+/// A surface of a scene, or one added to the hopper's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SurfaceSpec {
+    /// Its name.
+    pub name: String,
+    /// Its triangles from CAD, unless it is a plate.
+    pub mesh: Option<MeshRef>,
+    /// A corner and two edges, in metres, unless it is a mesh.
+    pub plate_m: Option<[[f64; 3]; 3]>,
+    /// Whose contact parameters it takes.
+    pub kind: SurfaceMaterial,
+    /// A Coulomb coefficient of its own.
+    pub static_friction: Option<f64>,
+    /// Where the origin of its triangles lies, in metres.
+    pub position_m: [f64; 3],
+    /// Yaw, pitch and roll about that origin, in degrees.
+    pub orientation_deg: [f64; 3],
+    /// How it moves from t = 0 on.
+    pub motion: MotionKind,
+    /// Velocity of the belt's material or of the pivot, in m/s.
+    pub velocity_m_s: [f64; 3],
+    /// Angular velocity about the pivot, in degrees a second.
+    pub spin_deg_s: [f64; 3],
+    /// Point that it turns about, where it is at t = 0, in metres.
+    pub pivot_m: [f64; 3],
+    /// When it is there.
+    pub presence: PresenceKind,
+}
+
+/// A mesh by the digest of its file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshRef {
+    /// blake3 of the STL file, in hex.
+    pub digest: String,
+    /// The unit of its coordinates, which an STL file does not tell.
+    pub units: Units,
+}
+
+/// Whose contact parameters a surface takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SurfaceMaterial {
+    /// `contact.fillet_equipment`.
+    Equipment,
+    /// `contact.fillet_belt`.
+    Belt,
+    /// `contact.fillet_equipment` without friction.
+    Frictionless,
+}
+
+/// How a surface moves from t = 0 on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MotionKind {
+    /// Not at all.
+    Fixed,
+    /// Its material runs along it.
+    Belt,
+    /// It moves and turns as a whole.
+    Moving,
+}
+
+/// When a surface is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PresenceKind {
+    /// All the time.
+    Always,
+    /// Until t = 0.
+    UntilStart,
+}
+
+/// Its fields in the table.
+#[rustfmt::skip]
+pub(in crate::scenario) const FIELDS: &[Field] = &[
+    field("/scene/surfaces/*/name", Kind::Text, "", Preset::Required, "assumed",
+        "Name of the surface, in messages and series; each surface has its own."),
+    field("/scene/surfaces/*/mesh", Kind::Mesh, "", Preset::Null, "assumed",
+        "Its triangles, from CAD; of `mesh` and `plate_m` exactly one is given."),
+    field("/scene/surfaces/*/plate_m", Kind::Plate(PLACE), "m", Preset::Null, "assumed",
+        "A flat parallelogram: a corner and its two edges."),
+    choice("/scene/surfaces/*/kind", &["equipment", "belt", "frictionless"], "Table 2",
+        "Whose contact parameters it takes: `/contact/fillet_equipment`, `/contact/fillet_belt`, or the former without friction."),
+    nullable("/scene/surfaces/*/static_friction", "", FRICTION, "assumed",
+        "A Coulomb coefficient of friction of its own; null takes that of its kind."),
+    vector("/scene/surfaces/*/position_m", "m", ORIGIN, PLACE, "assumed",
+        "Where the origin of its triangles lies."),
+    vector("/scene/surfaces/*/orientation_deg", "°", ORIGIN, ANGLE, "assumed",
+        "Yaw, pitch and roll of its triangles about that origin."),
+    choice("/scene/surfaces/*/motion", &["fixed", "belt", "moving"], "assumed",
+        "From t = 0 on: not at all; its material runs along it as a belt; or it moves and turns as a whole."),
+    vector("/scene/surfaces/*/velocity_m_s", "m/s", ORIGIN, SPEED, "assumed",
+        "Velocity of the belt's material, or of the pivot."),
+    vector("/scene/surfaces/*/spin_deg_s", "°/s", ORIGIN, from_to(-36_000.0, 36_000.0), "assumed",
+        "Angular velocity about the pivot, for `moving`."),
+    vector("/scene/surfaces/*/pivot_m", "m", ORIGIN, PLACE, "assumed",
+        "Point that it turns about, where it is at t = 0, for `moving`."),
+    choice("/scene/surfaces/*/presence", &["always", "until_start"], "assumed",
+        "All the time, or only until t = 0, as a shutter."),
+];
