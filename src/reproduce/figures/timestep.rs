@@ -106,11 +106,11 @@ mod tests {
 
     /// Rows of differences, where `auto` discharges so much of 10 kg a second and the paper's step 2 kg.
     fn rows(auto_kg_s: f64, is_lost: bool) -> Vec<Row> {
-        let profile = crate::reproduce::profile::Name::Tiny.profile();
+        let profile = crate::reproduce::profile::PROFILES[0];
         let told = made_up::told(profile, figure(profile), |run| {
             let rate = if run.name == AUTO { auto_kg_s } else { 2.0 };
             let rate = rate + 0.01 * run.scenario["seed"].as_f64().unwrap();
-            let record = made_up::discharge(&[(0.0, 0.0), (0.6, 0.6 * rate)], 10.0);
+            let record = made_up::discharge(&[(0.0, 0.0), (4.0, 4.0 * rate)], 10.0);
             (!is_lost || run.name != AUTO || run.scenario["seed"] != 1).then_some(record)
         });
         told.rows.into_iter().filter(|row| row.quantity.contains("difference")).collect()
