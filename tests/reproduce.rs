@@ -164,6 +164,9 @@ fn ctrl_c_keeps_what_has_run_and_the_next_call_goes_on() {
     let kept = records(&folder);
     let document = report(&folder);
     assert_eq!(document["complete"], false);
+    // What ended since the last figure was complete is counted, too.
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(page.contains(&format!("Not run yet: {} of", kept.len())), "{} runs", kept.len());
 
     reproduce(&folder, &["hopper"]);
     assert_eq!(report(&folder)["complete"], true);
