@@ -9,6 +9,10 @@ use crate::scenario::Scenario;
 /// silently, and the result cache is keyed by it.
 pub const PHYSICS_REVISION: u32 = 3;
 
+/// Changes whenever a response, series or curve is defined anew while the simulation beneath keeps its bits: what was observed
+/// under another revision is not comparable. 2: how a fillet hangs is averaged over a second, with its swing.
+pub const RESPONSES_REVISION: u32 = 2;
+
 /// The version of the solver crate.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 

@@ -136,6 +136,21 @@ fn over_a_bar_stiffer_fillets_bend_less() {
         assert!(angle < 0.9 * last, "{angle} after {last}");
         assert!(response(&result, "largest_bend_angle_deg") >= angle);
         assert!(result.responses["tip_deflection_m"].is_null());
+        // Mean and half range since it rests, or over the last second.
+        let series = result.series("bend_angle").expect("there");
+        let end = *series.t_s.last().expect("sampled");
+        let from = result.response("time_to_rest_s").unwrap_or(end - 1.0);
+        let last_of: Vec<f64> = series
+            .t_s
+            .iter()
+            .zip(&series.values)
+            .filter(|(t, _)| **t >= from)
+            .map(|(_, angle)| *angle)
+            .collect();
+        let (low, high) =
+            last_of.iter().fold((f64::MAX, f64::MIN), |(low, high), a| (low.min(*a), high.max(*a)));
+        assert_close(angle, last_of.iter().sum::<f64>() / last_of.len() as f64, 1e-9);
+        assert_close(response(&result, "bend_swing_deg"), (high - low) / 2.0, 1e-9);
         last = angle;
     }
 }

@@ -14,7 +14,7 @@ use roost_solver::scenario::Scenario;
 use roost_solver::{CpuOptions, Flow, Observer, Progress, simulate};
 
 use super::picture::{Picture, Shot, When};
-use super::record::Record;
+use super::record::{Record, this_machine};
 
 /// Threads do not help a run with fewer sub-particles than this for each.
 const SUBPARTICLES_A_THREAD: u64 = 2000;
@@ -103,7 +103,7 @@ fn run(index: usize, task: &Task, threads: usize, stopped: &AtomicBool, news: &S
             Onlooker { index, task, stopped, news, now: None, last: Vec::new(), pictures: Vec::new() };
         let result = simulate(&task.scenario, &Meshes::default(), CpuOptions { threads }, &mut watch);
         let pictures = watch.pictures.into_iter().chain(watch.last).map(Picture::of_what_is_seen);
-        Record { result, shots: task.shots.clone(), pictures: pictures.collect() }
+        Record { result, machine: this_machine(), shots: task.shots.clone(), pictures: pictures.collect() }
     };
     let ended = catch_unwind(AssertUnwindSafe(solve)).map_err(|payload| panic_text(&*payload));
     // Nobody listens any more when the whole command is being torn down.
@@ -213,12 +213,16 @@ mod tests {
             "equipment": {"hopper_width_m": 0.2}, "numerics": {"duration_s": 600.0, "stop": {"when_empty": false}},
         }))
         .unwrap();
-        let mut ended = 0;
+        let (mut ended, mut begun) = (0, Vec::new());
         work(&[long, task(2, Vec::new())], &[0, 1], 1, &|| true, &mut |news| {
-            ended += usize::from(matches!(news, News::Ended(..)));
+            match news {
+                News::Ended(..) => ended += 1,
+                News::Progress(index, _) => begun.push(index),
+            }
             Ok(())
         })
         .unwrap();
-        assert_eq!(ended, 0);
+        begun.dedup();
+        assert_eq!((ended, begun), (0, vec![0]));
     }
 }

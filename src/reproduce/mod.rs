@@ -104,7 +104,7 @@ fn reproduce(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
         threads => threads,
     };
     let order: Vec<usize> = plan.order().into_iter().filter(|index| ended[*index].is_none()).collect();
-    let mut report = write(&args.output, profile, &plan, &ended)?;
+    write(&args.output, profile, &plan, &ended)?;
     let mut progress = Progress::new(&plan, &order);
     work(&plan.tasks, &order, threads, stop, &mut |news| {
         match news {
@@ -115,14 +115,15 @@ fn reproduce(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
                 }
                 ended[index] = Some(*end);
                 if progress.ended(index) {
-                    report = write(&args.output, profile, &plan, &ended)?;
+                    write(&args.output, profile, &plan, &ended)?;
                 }
             }
         }
         Ok(())
     })?;
     drop(progress);
-    ui::println(format_args!("{report}"))?;
+    // What was stopped in the middle of a figure has ended runs that the last report does not count.
+    ui::println(write(&args.output, profile, &plan, &ended)?)?;
     let is_complete = ended.iter().all(Option::is_some);
     if !is_complete {
         eprintln!("stopped; the same command goes on from here");
@@ -136,7 +137,7 @@ fn write(folder: &Path, profile: &Profile, plan: &Plan, ended: &Ended) -> Result
     let sections =
         plan.figures.iter().zip(&plan.uses).map(|(figure, used)| section(profile, figure, used, ended));
     let records = ended.iter().flatten().flatten();
-    let report = Report { profile, machine: machine(records), sections: sections.collect() };
+    let report = Report { profile, machine: machines(records), sections: sections.collect() };
     let files = ["report.html", "report.json"].map(|name| folder.join(name));
     record::write(&files[0], report.html().as_bytes())?;
     record::write(&files[1], report.json().as_bytes())?;
@@ -148,26 +149,19 @@ fn section<'a>(profile: &Profile, figure: &'a Figure, used: &[usize], ended: &'a
     let of = |index: &usize| ended[*index].as_ref().map(|end| end.as_ref().map_err(String::as_str));
     let ended: Vec<Option<Result<&Record, &str>>> = used.iter().map(of).collect();
     let told = ended.iter().all(Option::is_some).then(|| {
-        let pairs = figure.runs.iter().zip(&ended);
-        let records =
-            pairs.filter_map(|(run, end)| Some((run.name.as_str(), end.as_ref()?.as_ref().ok().copied()?)));
-        (figure.tell)(profile, &Results { records: records.collect() })
+        let record = |end: &Option<Result<&'a Record, &str>>| end.as_ref()?.as_ref().ok().copied();
+        let runs = figure.runs.iter().zip(&ended).map(|(run, end)| (run.name.as_str(), record(end)));
+        (figure.tell)(profile, &Results { runs: runs.collect() })
     });
     Section { figure, ended, told }
 }
 
-/// What computed the records, and what this machine is.
-fn machine<'a>(records: impl Iterator<Item = &'a Record>) -> String {
-    let mut devices: Vec<String> = records
-        .map(|record| format!("{} ({})", record.result.solver.backend, record.result.solver.device))
-        .collect();
-    devices.sort();
-    devices.dedup();
-    let about = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = about.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    let processor = model.map_or(std::env::consts::ARCH, |(_, model)| model.trim()).to_owned();
-    let count = std::thread::available_parallelism().map_or(1, usize::from);
-    [vec![format!("{processor}, {count} processor(s)")], devices].concat().join("; ")
+/// What computed the records: each machine and backend once.
+fn machines<'a>(records: impl Iterator<Item = &'a Record>) -> String {
+    let mut all: Vec<String> = records.map(Record::computed_by).collect();
+    all.sort();
+    all.dedup();
+    if all.is_empty() { "nothing yet".to_owned() } else { all.join("; ") }
 }
 
 /// A line a figure, and what does not hold below.
@@ -190,8 +184,8 @@ fn summary(report: &Report<'_>) -> String {
 /// What would run, figure by figure.
 fn outline(plan: &Plan, ended: &Ended) -> Table {
     let mut table =
-        Table::new(["figure", "simulations", "there already", "sub-particles", "on one thread, about"]);
-    let mut counted = Vec::new();
+        Table::new(["figure", "simulations", "there already", "sub-particles", "on two threads, about"]);
+    let (mut counted, mut all_s) = (Vec::new(), 0.0);
     for (figure, used) in plan.figures.iter().zip(&plan.uses) {
         let there = used.iter().filter(|index| ended[**index].is_some()).count();
         let most = used.iter().map(|index| plan.tasks[*index].subparticles).max().unwrap_or(0);
@@ -202,6 +196,7 @@ fn outline(plan: &Plan, ended: &Ended) -> Table {
             .collect();
         let cost_s = fresh.iter().map(|index| plan.tasks[*index].cost).sum::<f64>();
         counted.extend(fresh);
+        all_s += cost_s;
         table.row([
             figure.name.to_owned(),
             used.len().to_string(),
@@ -210,5 +205,8 @@ fn outline(plan: &Plan, ended: &Ended) -> Table {
             format::duration(cost_s),
         ]);
     }
+    let there = ended.iter().flatten().count();
+    let (tasks, there) = (plan.tasks.len().to_string(), there.to_string());
+    table.row(["all, each once".to_owned(), tasks, there, String::new(), format::duration(all_s)]);
     table
 }

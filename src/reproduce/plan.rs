@@ -13,6 +13,7 @@ use super::picture::Shot;
 use super::profile::Profile;
 use super::record::Record;
 use super::row::Row;
+use super::stats::Seeds;
 
 /// What the command line calls by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -85,28 +86,48 @@ pub(super) fn with(base: &Value, over: Value) -> Value {
     }
 }
 
-/// The results of a figure's runs.
+/// The results of a figure's runs: a record each, none where the run failed.
 pub(super) struct Results<'a> {
-    pub(super) records: Vec<(&'a str, &'a Record)>,
+    pub(super) runs: Vec<(&'a str, Option<&'a Record>)>,
 }
 
 impl<'a> Results<'a> {
-    /// All runs of a name, by seed; those that failed are not there.
-    pub(super) fn of(&self, name: &str) -> Vec<&'a Record> {
-        self.records.iter().filter(|(other, _)| *other == name).map(|(_, record)| *record).collect()
+    fn named(&self, name: &str) -> impl Iterator<Item = Option<&'a Record>> {
+        self.runs.iter().filter(move |(other, _)| *other == name).map(|(_, record)| *record)
     }
 
-    /// The first run of a name.
+    /// How many runs of a name there were to be.
+    pub(super) fn planned(&self, name: &str) -> usize {
+        self.named(name).count()
+    }
+
+    /// All runs of a name, by seed, those that diverged too; those that failed are not there.
+    pub(super) fn any(&self, name: &str) -> Vec<&'a Record> {
+        self.named(name).flatten().collect()
+    }
+
+    /// All sound runs of a name, by seed.
+    pub(super) fn of(&self, name: &str) -> Vec<&'a Record> {
+        self.named(name).flatten().filter(|record| record.is_sound()).collect()
+    }
+
+    /// The first sound run of a name.
     pub(super) fn first(&self, name: &str) -> Option<&'a Record> {
         self.of(name).first().copied()
     }
 
-    /// A response of all runs of a name that reached it.
-    pub(super) fn values(&self, name: &str, response: &str) -> Vec<f64> {
-        self.of(name).iter().filter_map(|record| record.response(response)).collect()
+    /// Something of all sound runs of a name, as far as they have it.
+    pub(super) fn seeds_of(&self, name: &str, value: impl Fn(&Record) -> Option<f64>) -> Seeds {
+        let values = self.of(name).into_iter().filter_map(value);
+        Seeds { values: values.collect(), planned: self.planned(name) }
     }
 
-    /// A response of the first run of a name.
+    /// A response of all sound runs of a name that reached it.
+    pub(super) fn seeds(&self, name: &str, response: &str) -> Seeds {
+        self.seeds_of(name, |record| record.response(response))
+    }
+
+    /// A response of the first sound run of a name.
     pub(super) fn value(&self, name: &str, response: &str) -> Option<f64> {
         self.first(name)?.response(response)
     }

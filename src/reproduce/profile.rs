@@ -16,8 +16,12 @@ pub(super) struct Profile {
     pub(super) speeds_m_s: &'static [f64],
     /// Scales of Fig. 12, rising.
     pub(super) scales: &'static [f64],
-    /// Seeds of bending and sliding at Table 2.
+    /// Seeds of bending at Table 2.
     pub(super) fillet_seeds: u64,
+    /// Seeds of each drop: every fillet's angles are drawn by them.
+    pub(super) drop_seeds: u64,
+    /// Seeds of sliding, each another heading.
+    pub(super) headings: u64,
     /// Coefficients of friction of Fig. 8, rising.
     pub(super) frictions: &'static [f64],
     /// Rate at which the plate of Fig. 8 is tilted, in °/s.
@@ -29,6 +33,8 @@ pub(super) struct Profile {
     /// Seeds of the dry hopper, and of the wet one.
     pub(super) dry_seeds: u64,
     pub(super) wet_seeds: u64,
+    /// Seeds of the dry hopper with less friction on the belt, or with more adhesion.
+    pub(super) traction_seeds: u64,
     /// The hopper that the time step is judged on.
     pub(super) proof: Bed,
     pub(super) proof_seeds: u64,
@@ -58,13 +64,16 @@ const QUICK: Profile = Profile {
     stiffnesses_n_m3: &[1e5, 1e6, 1e7],
     speeds_m_s: &[1.0, 2.0, 4.0],
     scales: &[0.25, 0.5, 1.0, 2.0, 4.0, 10.0],
-    fillet_seeds: 3,
+    fillet_seeds: 5,
+    drop_seeds: 3,
+    headings: 5,
     frictions: &[0.1, 0.3, 0.5, 0.7],
     tilt_rate_deg_s: 3.0,
     strain_rate_1_s: 0.05,
     bed: Bed { radius_m: 0.006, width_m: 0.15, count: 48, duration_s: 6.0 },
     dry_seeds: 5,
     wet_seeds: 3,
+    traction_seeds: 2,
     proof: Bed { radius_m: 0.0075, width_m: 0.15, count: 48, duration_s: 4.0 },
     proof_seeds: 5,
 };
@@ -75,7 +84,7 @@ const STANDARD: Profile = Profile {
     stiffnesses_n_m3: &[1e5, 3e5, 1e6, 3e6, 1e7],
     speeds_m_s: &[0.5, 1.0, 2.0, 3.0, 4.0, 6.0],
     scales: &[0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0, 7.0, 10.0],
-    fillet_seeds: 5,
+    drop_seeds: 5,
     frictions: &[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8],
     tilt_rate_deg_s: 1.5,
     strain_rate_1_s: 0.01,
@@ -107,12 +116,15 @@ const TINY: Profile = Profile {
     speeds_m_s: &[1.0, 4.0],
     scales: &[1.0, 2.0],
     fillet_seeds: 1,
+    drop_seeds: 2,
+    headings: 1,
     frictions: &[0.3, 0.5],
     tilt_rate_deg_s: 30.0,
     strain_rate_1_s: 1.0,
     bed: Bed { radius_m: 0.012, width_m: 0.2, count: 6, duration_s: 1.0 },
     dry_seeds: 2,
     wet_seeds: 1,
+    traction_seeds: 1,
     proof: Bed { radius_m: 0.012, width_m: 0.2, count: 2, duration_s: 0.6 },
     proof_seeds: 2,
 };

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use roost_solver::PHYSICS_REVISION;
-use roost_solver::result::RunResult;
+use roost_solver::result::{EndReason, RunResult};
+use roost_solver::{PHYSICS_REVISION, RESPONSES_REVISION};
 use serde::{Deserialize, Serialize};
 
 use super::picture::{Picture, Shot, View, When};
@@ -15,12 +15,25 @@ use crate::exit::BadInput;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Record {
     pub(super) result: RunResult,
+    /// The machine that ran it, in words.
+    pub(super) machine: String,
     /// The pictures that were asked for; a run that ended before the moment of one has none of it.
     pub(super) shots: Vec<Shot>,
     pub(super) pictures: Vec<Picture>,
 }
 
 impl Record {
+    /// Whether its numbers may enter a mean: what diverged, or was stopped, tells nothing but that.
+    pub(super) fn is_sound(&self) -> bool {
+        !matches!(self.result.end_reason, EndReason::Unstable | EndReason::Cancelled)
+    }
+
+    /// What ran it, in words.
+    pub(super) fn computed_by(&self) -> String {
+        let solver = &self.result.solver;
+        format!("{}: {} ({})", self.machine, solver.backend, solver.device)
+    }
+
     /// A response as a number, if it was reached.
     pub(super) fn response(&self, name: &str) -> Option<f64> {
         self.result.response(name)
@@ -33,7 +46,16 @@ impl Record {
     }
 }
 
-/// A folder of records, by the digest of the scenario and the revision of the physics.
+/// This machine, in words: its processor and how many there are.
+pub(super) fn this_machine() -> String {
+    let about = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = about.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    let processor = model.map_or(std::env::consts::ARCH, |(_, model)| model.trim());
+    let count = std::thread::available_parallelism().map_or(1, usize::from);
+    format!("{processor}, {count} processor(s)")
+}
+
+/// A folder of records, by the digest of the scenario and the revisions of physics and responses.
 #[derive(Clone, Debug)]
 pub(super) struct Store(PathBuf);
 
@@ -49,7 +71,7 @@ impl Store {
     }
 
     fn path(&self, digest: &str) -> PathBuf {
-        self.0.join(format!("{digest}-{PHYSICS_REVISION}.json"))
+        self.0.join(format!("{digest}-{PHYSICS_REVISION}.{RESPONSES_REVISION}.json"))
     }
 
     /// The record of a scenario, if it is there. What cannot be read, or was made for other pictures, is not.

@@ -3,7 +3,7 @@
 //! Both are a function of the records alone: the same runs give the same bytes.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use roost_solver::{PHYSICS_REVISION, VERSION};
+use roost_solver::{PHYSICS_REVISION, RESPONSES_REVISION, VERSION};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -54,6 +54,7 @@ struct Document<'a> {
     machine: &'a str,
     version: &'static str,
     physics_revision: u32,
+    responses_revision: u32,
     /// Whether every figure has all of its runs.
     complete: bool,
     rows: Vec<&'a Row>,
@@ -81,6 +82,7 @@ impl Report<'_> {
             machine: &self.machine,
             version: VERSION,
             physics_revision: PHYSICS_REVISION,
+            responses_revision: RESPONSES_REVISION,
             complete: self.sections.iter().all(|section| section.told.is_some()),
             rows: self.rows().collect(),
         };
@@ -116,7 +118,8 @@ impl Report<'_> {
         html! {
             p {
                 "Every figure and table of the paper, simulated anew: profile " strong { (self.profile.name) } ", Roost "
-                (VERSION) ", physics revision " (PHYSICS_REVISION) ", on " (self.machine) "."
+                (VERSION) ", revision " (PHYSICS_REVISION) " of the physics and " (RESPONSES_REVISION) " of the responses. Computed on "
+                (self.machine) "."
             }
             p {
                 "The column " em { "paper" } " has only numbers that the paper's text quotes; its plots are not read off. "

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::stats::Sample;
+use super::stats::{Difference, Sample, Seeds};
 use crate::ui::format::significant;
 
 /// One line of `report.json`, and of a table of `report.html`.
@@ -115,8 +115,21 @@ impl Row {
         }
     }
 
+    /// Values of the seeds that were planned; says so where some of them have none.
+    pub(super) fn seeds(self, seeds: &Seeds) -> Self {
+        let (reached, planned) = (seeds.values.len(), seeds.planned);
+        let row = self.many(&seeds.values);
+        if reached < planned { row.note(format!("{reached} of {planned} runs reached it")) } else { row }
+    }
+
+    /// A difference or a ratio of the means of so many simulations.
+    pub(super) fn difference_of(self, difference: Option<Difference>, n: usize) -> Self {
+        let row = self.overall(difference.map(|difference| difference.mean), n);
+        Self { half_width_95: difference.map(|difference| difference.half_width), ..row }
+    }
+
     /// A value that several simulations together make.
-    pub(super) fn from_all(self, value: Option<f64>, n: usize) -> Self {
+    pub(super) fn overall(self, value: Option<f64>, n: usize) -> Self {
         Self { n, ..self.one(value) }
     }
 
@@ -125,10 +138,14 @@ impl Row {
         Self { measured: words.into().into(), n, ..self }
     }
 
-    /// Demands something of the number measured.
+    /// Demands something of the number measured, a mean where there are several; says so where the interval leaves it open.
     pub(super) fn demand(self, demand: Demand) -> Self {
-        let met = self.measured.as_f64().is_some_and(|value| demand.is_met_by(value));
-        self.demand_in_words(demand.to_string(), met)
+        let measured = self.measured.as_f64();
+        let met = measured.is_some_and(|value| demand.is_met_by(value));
+        let ends = measured.zip(self.half_width_95).map(|(mean, half)| [mean - half, mean + half]);
+        let is_open = ends.is_some_and(|ends| ends.into_iter().any(|end| demand.is_met_by(end) != met));
+        let row = self.demand_in_words(demand.to_string(), met);
+        if is_open { row.note("the 95 % interval goes past the demand") } else { row }
     }
 
     /// A demand that is met or not.
@@ -136,8 +153,13 @@ impl Row {
         Self { demand: Some(demand.into()), holds: Some(is_met), ..self }
     }
 
-    pub(super) fn note(self, note: impl Into<String>) -> Self {
-        Self { note: note.into(), ..self }
+    /// Adds to what else there is to know.
+    pub(super) fn note(mut self, note: impl AsRef<str>) -> Self {
+        if !self.note.is_empty() && !note.as_ref().is_empty() {
+            self.note.push_str("; ");
+        }
+        self.note.push_str(note.as_ref());
+        self
     }
 
     /// Difference of what was measured to the paper's number, as a share of that.
@@ -163,6 +185,22 @@ mod tests {
         assert_eq!(row().one(None).demand(demand).holds, Some(false), "nothing was measured");
         assert_eq!(row().one(Some(25.0)).holds, None, "nothing was demanded");
         assert_eq!(row().one(Some(f64::NAN)).demand(Demand::AtMost(1.0)).holds, Some(false));
+    }
+
+    #[test]
+    fn an_interval_that_leaves_a_demand_open_is_noted() {
+        let of = |values: &[f64]| row().many(values).demand(Demand::AtMost(33.0));
+        assert_eq!(of(&[32.0, 32.1, 32.2]).note, "");
+        let open = of(&[32.0, 33.5]);
+        assert_eq!((open.holds, &*open.note), (Some(true), "the 95 % interval goes past the demand"));
+    }
+
+    #[test]
+    fn what_some_seeds_did_not_reach_is_noted() {
+        let seeds = |planned| Seeds { values: vec![1.0, 2.0], planned };
+        assert_eq!(row().seeds(&seeds(2)).note, "");
+        let row = row().seeds(&seeds(3)).note("and more");
+        assert_eq!((row.n, &*row.note), (2, "2 of 3 runs reached it; and more"));
     }
 
     #[test]

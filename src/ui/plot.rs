@@ -48,7 +48,7 @@ pub(crate) enum Mark {
 /// One curve.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Curve {
-    /// For the legend; a panel whose only curve has none needs no legend.
+    /// For the legend, which leaves out what has none.
     pub(crate) label: String,
     pub(crate) look: Look,
     pub(crate) mark: Mark,
@@ -193,7 +193,7 @@ where
 }
 
 fn legend(area: &Area<'_>, curves: &[Curve]) -> Result<()> {
-    for (row, curve) in curves.iter().enumerate() {
+    for (row, curve) in curves.iter().filter(|curve| !curve.label.is_empty()).enumerate() {
         let y = 30 + 22 * row as i32;
         let stroke = stroke(curve.look);
         if curve.mark != Mark::None {
@@ -257,6 +257,16 @@ mod tests {
         for colour in ["#0072B2", "#D55E00", "#009E73"] {
             assert!(svg.contains(colour), "no curve in {colour}");
         }
+    }
+
+    #[test]
+    fn what_has_no_label_takes_no_place_in_the_legend() {
+        let unnamed = (0..30).map(|_| curve("", Look::default(), 0.5));
+        let curves = unnamed.chain([curve("the last", Look { colour: 1, dash: 0 }, 0.4)]).collect();
+        let drawn = svg("", &[Panel { curves, ..Panel::default() }]).unwrap();
+        let before = drawn.split("\nthe last\n").next().unwrap();
+        let place = before.rsplit(" y=\"").next().unwrap().split('"').next().unwrap();
+        assert!(place.parse::<f64>().unwrap() < 60.0, "{place}: not the first in the legend");
     }
 
     #[test]

@@ -17,6 +17,8 @@ use crate::shape::lattice::{MetaParticle, pieces};
 
 /// What swings is slow where it turns; what hangs is at rest once it has been slow for this long, in seconds.
 const HANGS_FOR_S: f64 = 0.25;
+/// How what still swings hangs is averaged over this long, some of its swings, in seconds.
+const AVERAGED_S: f64 = 1.0;
 
 /// The director of a fillet that bends.
 #[derive(Debug)]
@@ -94,11 +96,23 @@ impl BendWatch {
         self.rest.since_s(HANGS_FOR_S).filter(|_| !carried && !self.fell_off && !self.torn)
     }
 
-    /// Mean of what was sampled last, for as long as what hangs swings.
+    /// What was sampled since the fillet has been hanging still, or over the last second of its swings.
+    fn last<'a>(&self, values: &'a [f64]) -> &'a [f64] {
+        let end_s = self.t_s.last().copied().unwrap_or(0.0);
+        let from_s = self.hangs_since_s().unwrap_or(end_s - AVERAGED_S);
+        &values[self.t_s.partition_point(|&t| t < from_s)..]
+    }
+
+    /// Mean of what was sampled last.
     fn at_the_end(&self, values: &[f64]) -> Option<f64> {
-        let from_s = self.t_s.last()? - HANGS_FOR_S;
-        let last = &values[self.t_s.partition_point(|&t| t < from_s)..];
-        Some(last.iter().sum::<f64>() / last.len() as f64)
+        let last = self.last(values);
+        (!last.is_empty()).then(|| last.iter().sum::<f64>() / last.len() as f64)
+    }
+
+    /// Half of the range of what was sampled last.
+    fn swing(&self, values: &[f64]) -> Option<f64> {
+        let last = || self.last(values).iter().copied();
+        Some((last().reduce(f64::max)? - last().reduce(f64::min)?) / 2.0)
     }
 
     /// Whether all of it is below the axis of what it lay on.
@@ -179,8 +193,10 @@ impl Watch for BendWatch {
         let clamped = self.bend.support == Support::Clamped;
         let mut responses = Map::new();
         let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
-        let angle = if self.fell_off || self.torn { largest } else { self.at_the_end(&self.angle_deg) };
+        let hangs = !self.fell_off && !self.torn;
+        let angle = if hangs { self.at_the_end(&self.angle_deg) } else { largest };
         add("bend_angle_deg", angle.into());
+        add("bend_swing_deg", self.swing(&self.angle_deg).filter(|_| hangs).into());
         add("largest_bend_angle_deg", largest.into());
         add("tip_deflection_m", self.at_the_end(&self.deflection_m).filter(|_| clamped).into());
         add("fell_off", self.fell_off.into());

@@ -73,19 +73,19 @@ fn told() -> Told {
     let rows = vec![
         Row::new(NAME, "contact radius over R past which one type bonds diagonally", "")
             .paper(2f64.sqrt())
-            .from_all(first_diagonal(1), 0)
+            .overall(first_diagonal(1), 0)
             .demand(Demand::Near(2f64.sqrt(), 1e-4)),
         Row::new(NAME, "diagonal bonds of two types at 1.732 R", "")
             .paper("none up to R√3")
-            .from_all(Some(two.bonds.iter().filter(|bond| bond.class > 1).count() as f64), 0)
+            .overall(Some(two.bonds.iter().filter(|bond| bond.class > 1).count() as f64), 0)
             .demand(Demand::AtMost(0.0))
             .note("at exactly √3 the body diagonals would bond, hence 1.732"),
         Row::new(NAME, "most bonds of a sub-particle, two types at 1.732 R", "")
-            .from_all(Some(most_bonds(&two) as f64), 0)
+            .overall(Some(most_bonds(&two) as f64), 0)
             .demand(Demand::Exactly(6.0))
             .note("the six nearest neighbours"),
         Row::new(NAME, "most bonds of a sub-particle, one type at 1.5 R", "")
-            .from_all(Some(most_bonds(&one) as f64), 0)
+            .overall(Some(most_bonds(&one) as f64), 0)
             .demand(Demand::Exactly(18.0))
             .note("twelve face diagonals more"),
     ];

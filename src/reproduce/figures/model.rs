@@ -7,7 +7,9 @@ use serde_json::{Value, json};
 
 use crate::reproduce::picture::{Picture, Shot, View, When};
 use crate::reproduce::plan::{Figure, Illustration, Part, Told};
+use crate::reproduce::profile::Profile;
 use crate::reproduce::row::{Demand, Row};
+use crate::ui::format::significant;
 
 /// The bulk experiment with everything by default.
 pub(super) fn default_scenario() -> Scenario {
@@ -23,26 +25,53 @@ pub(super) fn table_1() -> Figure {
         paper: "Three sizes of fillets and their mirror images, each filled with sub-particles of 4 mm radius. 191 of them, \
                 38.21 kg, make over 41,000 sub-particles.",
         runs: Vec::new(),
-        tell: |_, _| told_shapes(),
+        tell: |profile, _| told_shapes(profile),
     }
 }
 
-fn told_shapes() -> Told {
+/// Sizes of Table 1, in millimetres.
+const SIZES_MM: [[f64; 3]; 3] = [[144.0, 72.0, 40.0], [172.0, 72.0, 32.0], [176.0, 72.0, 40.0]];
+
+/// What a fillet of so many's size takes at a sub-particle radius, surface to surface along length, width and thickness, in metres.
+pub(super) fn extent_m(size: usize, radius_m: f64) -> Option<[f64; 3]> {
+    let document = json!({"experiment": "hopper", "product": {"subparticle_radius_m": radius_m}});
+    let scenario = scenario::from_value(&document).ok()?;
+    // Each size beside its mirror image.
+    let kinds = kinds(&scenario, &Meshes::default());
+    let points = &kinds.get(2 * size)?.meta.points;
+    let low = points.iter().copied().reduce(|a, b| a.min(b))?;
+    let high = points.iter().copied().reduce(|a, b| a.max(b))?;
+    Some((high - low + 2.0 * radius_m).to_array())
+}
+
+fn told_shapes(profile: &Profile) -> Told {
     const NAME: &str = "Table 1";
     let scenario = default_scenario();
     let kinds = kinds(&scenario, &Meshes::default());
     let mut rows = Vec::new();
-    let sizes = [[144.0, 72.0, 40.0], [172.0, 72.0, 32.0], [176.0, 72.0, 40.0]];
-    for (number, paper) in sizes.into_iter().enumerate() {
+    let mut radii_m = vec![profile.radius_m, profile.bed.radius_m];
+    radii_m.dedup();
+    for (number, paper) in SIZES_MM.into_iter().enumerate() {
         let ours = scenario.product.sizes_m.get(number).copied().unwrap_or_default();
-        for ((what, paper), ours) in ["length", "width", "thickness"].into_iter().zip(paper).zip(ours) {
-            let quantity = format!("{what} of size {}", number + 1);
+        for (axis, what) in ["length", "width", "thickness"].into_iter().enumerate() {
+            let quantity = |of: &str| format!("{what} of size {}{of}", number + 1);
             rows.push(
-                Row::new(NAME, quantity, "mm")
-                    .paper(paper)
-                    .from_all(Some(ours * 1e3), 0)
-                    .demand(Demand::Exactly(paper)),
+                Row::new(NAME, quantity(", the box it is drawn in"), "mm")
+                    .paper(paper[axis])
+                    .overall(Some(ours[axis] * 1e3), 0)
+                    .demand(Demand::Exactly(paper[axis]))
+                    .note("default of /product/sizes_m"),
             );
+            for &radius_m in &radii_m {
+                let extent = extent_m(number, radius_m).map(|extent| extent[axis] * 1e3);
+                let radius_mm = significant(radius_m * 1e3);
+                rows.push(
+                    Row::new(NAME, quantity(&format!(", filled at R = {radius_mm} mm")), "mm")
+                        .paper(paper[axis])
+                        .overall(extent, 0)
+                        .note("from surface to surface of its sub-particles"),
+                );
+            }
         }
     }
     let fillets = || (0..191).map(|i| &kinds[i % kinds.len()]);
@@ -51,24 +80,28 @@ fn told_shapes() -> Told {
     rows.push(
         Row::new(NAME, "mass of 191 fillets", "kg")
             .paper(38.21)
-            .from_all(Some(mass), 0)
+            .overall(Some(mass), 0)
             .demand(Demand::Near(38.21, 0.3821))
             .note("the teardrop fills 48.66 % of its box, chosen so that this holds"),
     );
     rows.push(
         Row::new(NAME, "sub-particles of 191 fillets", "")
             .paper(41_000.0)
-            .from_all(Some(count as f64), 0)
+            .overall(Some(count as f64), 0)
             .note("the paper says over 41,000; see below"),
     );
     let findings = vec![
         "The paper's meshes are not public, so the shape is ours: a teardrop in the box of Table 1."
             .to_owned(),
         format!(
-            "The number of sub-particles does not reproduce: ours are {count}, twice as many. The paper's own numbers cannot \
+            "The number of sub-particles does not reproduce: ours are {count}, {} times as many. The paper's own numbers cannot \
              all hold: 41,000 spheres of 4 mm for 191 fillets are 215 each, which on a lattice of 8 mm fill only half of the \
-             volume that 0.2 kg of meat take."
+             volume that 0.2 kg of meat take.",
+            significant((count as f64 / 4100.0).round() / 10.0)
         ),
+        "The boxes are Table 1's by default, the fillets in them are not: a sub-particle is where a lattice point lies inside the \
+         shape, so that a fillet ends a radius beyond its outermost centres, and a tip that holds none is missing."
+            .to_owned(),
     ];
     Told { rows, illustrations: vec![six_shapes(&scenario)], findings }
 }
@@ -137,7 +170,7 @@ fn told_parameters(scenario: &Value) -> Told {
         .iter()
         .map(|&(what, pointer, paper, unit, factor)| {
             let ours = scenario.pointer(pointer).and_then(Value::as_f64).map(|value| value * factor);
-            let row = Row::new(NAME, what, unit).paper(paper).from_all(ours, 0);
+            let row = Row::new(NAME, what, unit).paper(paper).overall(ours, 0);
             row.demand(Demand::Exactly(paper)).note(format!("default of {pointer}"))
         })
         .collect();
@@ -152,7 +185,7 @@ fn told_parameters(scenario: &Value) -> Told {
     rows.push(
         Row::new(NAME, "density of a sub-particle", "kg/m³")
             .paper(2200.0)
-            .from_all(scenario.pointer("/product/subparticle_density_kg_m3").and_then(Value::as_f64), 0)
+            .overall(scenario.pointer("/product/subparticle_density_kg_m3").and_then(Value::as_f64), 0)
             .note("not used by default: see below"),
     );
     let findings = vec![
@@ -169,6 +202,18 @@ fn told_parameters(scenario: &Value) -> Told {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sizes_are_those_of_the_lattice_and_not_of_its_box() {
+        let [length, width, thickness] = extent_m(1, 0.004).unwrap();
+        let whole = |metres: f64| (metres / 0.008 - (metres / 0.008).round()).abs() < 1e-6;
+        assert!(whole(length) && whole(width) && whole(thickness), "{length} × {width} × {thickness}");
+        assert!((0.140..0.172).contains(&length), "the tip of the teardrop holds no centre: {length}");
+        let told = told_shapes(crate::reproduce::profile::PROFILES[0]);
+        let row =
+            told.rows.iter().find(|row| row.quantity == "length of size 2, filled at R = 4 mm").unwrap();
+        assert_eq!(row.measured.as_f64(), Some(length * 1e3));
+    }
 
     #[test]
     fn what_differs_from_table_2_does_not_hold() {

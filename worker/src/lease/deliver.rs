@@ -60,7 +60,10 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
         let (outbox, from) = (session.outbox.clone(), path.clone());
         let Some(delivery) = on_disk(move || outbox.read(&from)).await? else { continue };
         match delivery.send(&session.client).await {
-            Ok(_) => session.outbox.remove(&path)?,
+            Ok(_) => {
+                let outbox = session.outbox.clone();
+                on_disk(move || outbox.remove(&path)).await?;
+            }
             Err(error) if error.is_transient() => {
                 tracing::debug!(%error, "delivery failed; it waits in the outbox");
                 is_empty = false;
@@ -68,9 +71,11 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
             }
             Err(error) => {
                 tracing::error!(job = %delivery.job_id, %error, "set aside a delivery that the server refuses");
-                session.outbox.set_aside(&path)?;
+                let outbox = session.outbox.clone();
+                on_disk(move || outbox.set_aside(&path)).await?;
                 if let Some(report) = delivery.clone().instead(&error) {
-                    paths.push_front(session.outbox.put(&report)?);
+                    let outbox = session.outbox.clone();
+                    paths.push_front(on_disk(move || outbox.put(&report)).await?);
                     continue;
                 }
             }

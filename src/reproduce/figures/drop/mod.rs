@@ -7,10 +7,12 @@ mod stiffness;
 
 use serde_json::{Value, json};
 
-use crate::reproduce::plan::{Figure, Results, with};
+use crate::reproduce::plan::{Figure, Results, Run, with};
 use crate::reproduce::profile::Profile;
+use crate::reproduce::stats::Seeds;
+use crate::ui::format::significant;
 
-/// Angles are off by up to this much when there are several fillets of a shape, in degrees: they would all fall alike.
+/// Each fillet's angles are off by up to this much, drawn by the seed, in degrees.
 const SCATTER_DEG: f64 = 5.0;
 /// The speed up to which fillets shall hold, in m/s.
 const FAST_M_S: f64 = 4.0;
@@ -39,18 +41,27 @@ pub(super) fn figures(profile: &Profile) -> Vec<Figure> {
 
 /// The scenario of a drop, flat at 2 m/s.
 fn base(profile: &Profile) -> Value {
-    let scatter_deg = if profile.of_each_shape > 1 { SCATTER_DEG } else { 0.0 };
     json!({
         "experiment": "drop",
         "product": {"count": 6 * profile.of_each_shape, "subparticle_radius_m": profile.radius_m},
-        "drop": {"speed_m_s": USUAL_M_S, "scatter_deg": scatter_deg},
+        "drop": {"speed_m_s": USUAL_M_S, "scatter_deg": SCATTER_DEG},
         "numerics": {"timestep_s": "auto"},
     })
 }
 
-/// One fillet of size 3, for pictures.
+/// One fillet of size 3.
 fn alone(scenario: &Value) -> Value {
-    with(scenario, json!({"product": {"count": 1, "shape": 4}, "drop": {"scatter_deg": 0.0}}))
+    with(scenario, json!({"product": {"count": 1, "shape": 4}}))
+}
+
+/// One that falls as it is told, for pictures.
+fn pictured(scenario: &Value) -> Value {
+    with(&alone(scenario), json!({"drop": {"scatter_deg": 0.0}}))
+}
+
+/// A drop under every seed.
+fn seeds(profile: &Profile, name: &str, scenario: &Value) -> Vec<Run> {
+    Run::seeds(name, scenario, profile.drop_seeds)
 }
 
 /// An orientation and a speed.
@@ -58,12 +69,21 @@ fn impact((_, pitch, roll): (&str, f64, f64), speed_m_s: f64) -> Value {
     json!({"drop": {"pitch_deg": pitch, "roll_deg": roll, "speed_m_s": speed_m_s}})
 }
 
-/// Share of all bonds that held.
-fn intact(results: &Results<'_>, name: &str) -> Option<f64> {
-    results.value(name, "bonds_intact_fraction")
+/// Share of all bonds that held, of each seed.
+fn intact(results: &Results<'_>, name: &str) -> Seeds {
+    results.seeds(name, "bonds_intact_fraction")
 }
 
-/// Mean time until settled, in seconds; none when a fillet has not.
-fn settle_s(results: &Results<'_>, name: &str) -> Option<f64> {
-    results.value(name, "settle_time_s")
+/// Mean time until settled of each seed whose fillets all have, in seconds.
+fn settle_s(results: &Results<'_>, name: &str) -> Seeds {
+    results.seeds(name, "settle_time_s")
+}
+
+/// How many fillets a row's runs have, and what left the room over their plates.
+fn of_fillets(profile: &Profile, results: &Results<'_>, name: &str) -> String {
+    let count = 6 * profile.of_each_shape;
+    let escaped = results.seeds(name, "escaped_kg").mean().filter(|mass| *mass > 0.0);
+    let escaped = escaped
+        .map(|mass| format!(", {} g of fragments flew off", significant((mass * 1e5).round() / 100.0)));
+    format!("{count} fillets a run{}", escaped.unwrap_or_default())
 }

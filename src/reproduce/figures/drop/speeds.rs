@@ -1,10 +1,11 @@
 //! Fig. 11: bonds intact over the speed of impact.
 
-use super::super::{TABLE_2, curve, plotted, stiffness};
-use super::{FAST_M_S, FLAT, MULTIPLES, ON_END, base, impact, intact};
+use super::super::{TABLE_2, plotted, rounded, sampled, stiffness};
+use super::{FAST_M_S, FLAT, MULTIPLES, ON_END, base, impact, intact, of_fillets, seeds};
 use crate::reproduce::plan::{Figure, Illustration, Part, Results, Run, Told, with};
 use crate::reproduce::profile::Profile;
 use crate::reproduce::row::{Demand, Row};
+use crate::reproduce::stats::{Sample, Seeds, welch};
 use crate::ui::format::significant;
 use crate::ui::plot::{Look, Scale};
 
@@ -15,7 +16,7 @@ pub(super) fn figure(profile: &Profile) -> Figure {
         title: "Fig. 11: bonds intact over the speed of impact",
         part: Part::Drop,
         paper: "Slower impacts consistently leave more bonds intact; stiffer bonds break less, up to 100 % intact, but make \
-                unrealistically rigid fillets.",
+                unrealistically rigid fillets. Points with more than 50 % intact are highlighted as stable.",
         runs: runs_of_speeds(profile),
         tell: told_speeds,
     }
@@ -31,11 +32,9 @@ fn runs_of_speeds(profile: &Profile) -> Vec<Run> {
     for (multiple, factor) in MULTIPLES {
         let scaled = with(&base, stiffness(factor * TABLE_2.0, factor * TABLE_2.1));
         for orientation in [FLAT, ON_END] {
-            runs.extend(profile.speeds_m_s.iter().map(|speed| {
-                Run::new(
-                    speed_name(multiple, orientation, *speed),
-                    with(&scaled, impact(orientation, *speed)),
-                )
+            runs.extend(profile.speeds_m_s.iter().flat_map(|speed| {
+                let at = with(&scaled, impact(orientation, *speed));
+                seeds(profile, &speed_name(multiple, orientation, *speed), &at)
             }));
         }
     }
@@ -50,28 +49,65 @@ fn told_speeds(profile: &Profile, results: &Results<'_>) -> Told {
     };
     let table_2 = MULTIPLES[1].0;
     let slow = shares(table_2, FLAT).into_iter().filter(|(speed, _)| *speed <= FAST_M_S);
-    let slow: Vec<Option<f64>> = slow.map(|(_, share)| share).collect();
-    let lowest =
-        slow.iter().copied().collect::<Option<Vec<_>>>().and_then(|all| all.into_iter().reduce(f64::min));
+    let slow: Option<Vec<Sample>> = slow.map(|(_, share)| share.of_all()).collect();
+    let lowest = slow.and_then(|slow| slow.into_iter().min_by(|a, b| a.mean.total_cmp(&b.mean)));
     let mut rows = vec![
         Row::new(NAME, "lowest share of bonds intact, flat, up to 4 m/s, Table 2", "")
-            .from_all(lowest, slow.len())
-            .demand(Demand::AtLeast(0.99)),
+            .sample(lowest)
+            .demand(Demand::AtLeast(0.99))
+            .note("of the speed at which fewest hold"),
     ];
     for (speed, share) in shares(table_2, ON_END) {
         let quantity = format!("share of bonds intact on end at {} m/s, Table 2", significant(speed));
-        rows.push(Row::new(NAME, quantity, "").one(share));
+        let name = speed_name(table_2, ON_END, speed);
+        rows.push(Row::new(NAME, quantity, "").seeds(&share).note(of_fillets(profile, results, &name)));
     }
-    let fast = |multiple: &str| intact(results, &speed_name(multiple, ON_END, FAST_M_S));
+    for (multiple, papers) in [(MULTIPLES[2].0, "more than softer"), (MULTIPLES[0].0, "less than stiffer")] {
+        let name = speed_name(multiple, ON_END, FAST_M_S);
+        rows.push(
+            Row::new(NAME, format!("the same on end at 4 m/s, {multiple}"), "")
+                .paper(papers)
+                .seeds(&intact(results, &name))
+                .note(of_fillets(profile, results, &name)),
+        );
+    }
+    let lines = || MULTIPLES.into_iter().flat_map(|(multiple, _)| [FLAT, ON_END].map(|o| (multiple, o)));
+    let mut findings = Vec::new();
+    for (multiple, orientation) in lines() {
+        let line = shares(multiple, orientation);
+        let rises = rises(&line);
+        let n = line.iter().map(|(_, share)| share.values.len()).sum();
+        rows.push(
+            Row::new(
+                NAME,
+                format!("steps to a faster impact that leaves more intact, {multiple}, {}", orientation.0),
+                "",
+            )
+            .paper("none")
+            .overall(Some(rises.len() as f64), n)
+            .note(format!("of {}, beyond the interval of the difference", line.len().saturating_sub(1))),
+        );
+        findings.extend(rises.into_iter().map(|((from, before), (to, after))| {
+            format!(
+                "“Slower impacts consistently leave more intact” does not hold for {multiple}, {}: {} % at {} m/s, {} % at {} m/s.",
+                orientation.0,
+                rounded(100.0 * before, 1),
+                significant(from),
+                rounded(100.0 * after, 1),
+                significant(to)
+            )
+        }));
+    }
+    let points: Vec<Sample> = lines()
+        .flat_map(|(multiple, o)| shares(multiple, o))
+        .filter_map(|(_, share)| share.sample())
+        .collect();
+    let stable = points.iter().filter(|share| share.mean > 0.5).count();
     rows.push(
-        Row::new(NAME, "the same on end at 4 m/s, ten times Table 2", "")
-            .paper("more than softer")
-            .one(fast(MULTIPLES[2].0)),
-    );
-    rows.push(
-        Row::new(NAME, "the same on end at 4 m/s, a tenth of Table 2", "")
-            .paper("less than stiffer")
-            .one(fast(MULTIPLES[0].0)),
+        Row::new(NAME, "points with more than half of the bonds intact", "")
+            .paper("highlighted as stable")
+            .overall(Some(stable as f64), points.iter().map(|share| share.n).sum())
+            .note(format!("of {} points of stiffness, orientation and speed", points.len())),
     );
     let curves = MULTIPLES.into_iter().enumerate().flat_map(|(colour, (multiple, _))| {
         [FLAT, ON_END].into_iter().enumerate().map(move |(dash, orientation)| {
@@ -80,11 +116,66 @@ fn told_speeds(profile: &Profile, results: &Results<'_>) -> Told {
         })
     });
     let curves = curves.map(|(label, look, multiple, orientation)| {
-        curve(&label, look, shares(multiple, orientation).into_iter())
+        let points = shares(multiple, orientation).into_iter().map(|(speed, share)| (speed, share.sample()));
+        sampled(&label, look, points)
     });
     let svg =
         plotted("speed of impact (m/s)", "share of bonds intact", Scale::Linear, Some(0.9), curves.collect());
     let illustrations =
         svg.map(|svg| Illustration::new(svg, "Share of bonds intact over the speed of impact."));
-    Told { rows, illustrations: illustrations.into_iter().collect(), findings: Vec::new() }
+    Told { rows, illustrations: illustrations.into_iter().collect(), findings }
+}
+
+/// A speed, and the mean share intact at it.
+type At = (f64, f64);
+
+/// Steps between neighbours after which more bonds hold, beyond the interval of the difference.
+fn rises(line: &[(f64, Seeds)]) -> Vec<(At, At)> {
+    let step = |pair: &[(f64, Seeds)]| {
+        let (before, after) = (pair[0].1.sample()?, pair[1].1.sample()?);
+        welch(&after, &before)?.is_rise().then_some(((pair[0].0, before.mean), (pair[1].0, after.mean)))
+    };
+    line.windows(2).filter_map(step).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::super::made_up;
+    use super::*;
+    use crate::reproduce::profile::PROFILES;
+
+    fn at(speed: f64, mean: f64) -> (f64, Seeds) {
+        (speed, Seeds { values: vec![mean - 0.015625, mean, mean + 0.015625], planned: 3 })
+    }
+
+    #[test]
+    fn a_rise_goes_beyond_what_seeds_make() {
+        assert_eq!(rises(&[at(1.0, 0.99), at(2.0, 0.95), at(4.0, 0.96)]), []);
+        assert_eq!(rises(&[at(1.0, 1.0), at(2.0, 0.75), at(4.0, 0.875)]), [((2.0, 0.75), (4.0, 0.875))]);
+        let alone = (2.0, Seeds { values: vec![0.5], planned: 1 });
+        assert_eq!(rises(&[alone, at(4.0, 0.95)]), [], "of one run nothing is known");
+    }
+
+    #[test]
+    fn the_worst_speed_is_judged_and_rises_are_told() {
+        let told = |worst: f64| {
+            made_up::told(PROFILES[0], figure(PROFILES[0]), |run| {
+                let share = if run.scenario["drop"]["speed_m_s"] == 2.0 { worst } else { 1.0 };
+                let share = share - 1e-4 * run.scenario["seed"].as_f64().unwrap();
+                Some(made_up::responses(&run.scenario, json!({"bonds_intact_fraction": share})))
+            })
+        };
+        let (good, bad) = (told(0.995), told(0.4));
+        assert_eq!((good.rows[0].holds, bad.rows[0].holds), (Some(true), Some(false)));
+        assert_eq!(
+            bad.findings.len(),
+            6,
+            "from 2 to 4 m/s, at each stiffness and orientation: {:?}",
+            bad.findings
+        );
+        let stable = |told: &Told| told.rows.last().unwrap().measured.as_f64();
+        assert_eq!((stable(&good), stable(&bad)), (Some(18.0), Some(12.0)));
+    }
 }
