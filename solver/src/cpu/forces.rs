@@ -132,7 +132,7 @@ fn from_pairs(
     felt
 }
 
-/// Adds what the facets near a sub-particle do to it.
+/// Adds what the facets near a sub-particle do to it. Returns the distance of the nearest, in metres.
 #[expect(clippy::too_many_arguments, reason = "what both paths have at hand")]
 pub(super) fn from_walls(
     radius: f32,
@@ -143,9 +143,9 @@ pub(super) fn from_walls(
     mass: f32,
     near: &mut [WallPair],
     load: &mut Load,
-) {
+) -> f32 {
     if near.is_empty() {
-        return;
+        return f32::INFINITY;
     }
     let touches: Vec<_> =
         near.iter().map(|wall| (wall.facet, walls.touch(wall.facet, me.position, frame))).collect();
@@ -169,6 +169,7 @@ pub(super) fn from_walls(
             load.add(wall.force, touch.to_wall, force.tangential);
         }
     }
+    touches.iter().map(|(_, touch)| touch.distance).fold(f32::INFINITY, f32::min)
 }
 
 /// Where a facet that the sphere held on to now gives way to another, hands what their contact remembers on to the one

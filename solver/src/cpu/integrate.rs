@@ -12,7 +12,7 @@ use crate::physics::integrate;
 
 /// Positions beyond this are twice the domain away from its middle, in units: what goes there is lost, and a little
 /// further differences of positions would wrap.
-const EDGE: i32 = 1 << 30;
+pub(super) const EDGE: i32 = 1 << 30;
 
 /// What the stage has noticed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -54,11 +54,14 @@ impl Moved {
 /// What the motion of every sub-particle has in common.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mover {
-    dt: f32,
-    gravity: Vec3,
-    inverse_unit: f32,
-    spin_factor: f32,
-    limit2: f32,
+    pub(super) dt: f32,
+    pub(super) gravity: Vec3,
+    pub(super) inverse_unit: f32,
+    /// m/I of a solid sphere, in 1/m².
+    pub(super) spin_factor: f32,
+    pub(super) limit2: f32,
+    /// Distance from a reference position after which the fast path takes a new one, in metres.
+    pub(super) new_reference: f64,
 }
 
 impl Mover {
@@ -69,6 +72,7 @@ impl Mover {
             inverse_unit: 1.0 / frame.unit_m,
             spin_factor: 2.5 / (params.radius * params.radius),
             limit2: params.speed_limit * params.speed_limit,
+            new_reference: 0.1 * f64::from(params.radius),
         }
     }
 

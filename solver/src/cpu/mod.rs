@@ -140,7 +140,7 @@ impl Backend for Cpu {
     fn state<'a>(&self, run: &'a mut CpuRun) -> &'a State {
         match run {
             CpuRun::Plain(run) => &run.state,
-            CpuRun::Fast(run) => &run.state,
+            CpuRun::Fast(run) => run.state(),
         }
     }
 

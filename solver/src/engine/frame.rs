@@ -53,7 +53,8 @@ impl Frame {
         x
     }
 
-    fn nearest_image(&self, y: i32) -> i32 {
+    /// The difference that leads to the nearest periodic image, in units.
+    pub fn nearest_image(&self, y: i32) -> i32 {
         let half = self.period_y / 2;
         if y > half {
             y - self.period_y

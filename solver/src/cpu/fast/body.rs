@@ -2,19 +2,20 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, IVec3, Vec3};
-use pulp::Simd;
+use glam::{DVec3, IVec3};
 
-use super::bonds::BondChunk;
-use super::kernel::{self, PairLaws};
-use super::load::{BATCH, Batch, Record};
+use super::bonds::{self, BondSet};
+use super::instructions::{Job, Wide};
+use super::kernel::PairLaws;
+use super::lanes::Ints;
+use super::load::Sums;
 use super::meeting::{Meeting, SAFE};
+use super::points::{Block, Motion, Points, folded, place_of};
 use crate::cpu::forces::{Load, from_walls};
 use crate::cpu::integrate::Mover;
 use crate::cpu::lists::WallPair;
 use crate::cpu::walls::Walls;
 use crate::engine::frame::Frame;
-use crate::engine::state::{Particle, State};
 
 /// √m* of two sub-particles of masses in kg, in kg^½.
 pub(super) fn root_of_equivalent(mass: f32, other: f32) -> f32 {
@@ -28,23 +29,10 @@ pub(super) struct Extent {
     pub(super) high: IVec3,
 }
 
-/// How a body has moved since the run began. Since any moment, each of its sub-particles has moved by as much as
-/// `shift`, to within what `path` has grown: a bound that follows the body.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Motion {
-    /// Mean velocity before the step, in m/s.
-    pub(super) velocity: Vec3,
-    /// Integral of the mean velocity, in metres.
-    pub(super) shift: DVec3,
-    /// Integral of the greatest speed against the mean, in metres.
-    pub(super) path: f64,
-}
-
 /// Facets near the sub-particles of a body.
 #[derive(Debug, Default)]
 pub(super) struct NearWalls {
-    /// Sub-particles that have any, and the end of their facets in `pairs`.
-    rows: Vec<(u32, u32)>,
+    rows: Vec<WallRow>,
     pub(super) pairs: Vec<WallPair>,
     seen_shift: DVec3,
     seen_path: f64,
@@ -52,18 +40,36 @@ pub(super) struct NearWalls {
     known: bool,
 }
 
+/// A sub-particle that has facets near it.
+#[derive(Clone, Copy, Debug)]
+struct WallRow {
+    /// Its number in the body.
+    of: u32,
+    /// Where its facets end among all.
+    end: u32,
+    /// What body and surfaces must have travelled before it can touch any, in metres.
+    wakes: f64,
+}
+
 #[derive(Debug)]
 pub(super) struct Body {
     range: Range<usize>,
+    pub(super) points: Points,
     /// Mass of each of its sub-particles, in kilograms.
     pub(super) mass: f32,
-    pub(super) bonds: Vec<BondChunk>,
-    /// Pairs that were bonded at the start, sorted: those whose bond broke still stand among the bonds.
+    pub(super) bonds: Vec<BondSet>,
+    /// Pairs that were bonded at the start, by places, sorted: those whose bond broke still stand among the bonds.
     joined: Vec<[u32; 2]>,
     pub(super) walls: NearWalls,
     pub(super) motion: Motion,
+    /// Integral of the greatest speed, in metres.
+    travelled: f64,
     /// Where it is, brought up to date before pairs are looked up.
     pub(super) extent: Extent,
+    /// The same of each block.
+    pub(super) boxes: Vec<Extent>,
+    /// Lower sub-particles of bonds that broke in the last step.
+    pub(super) broken: Vec<u32>,
     /// Its meetings, in the order of the other body.
     pub(super) meets: Vec<u32>,
 }
@@ -76,8 +82,6 @@ pub(super) struct Surroundings<'a> {
     pub(super) frame: &'a Frame,
     pub(super) walls: &'a Walls,
     pub(super) meetings: &'a [Meeting],
-    pub(super) masses: &'a [f32],
-    pub(super) held: &'a [bool],
     pub(super) radius: f32,
     /// Distance of a centre from a facet within which a contact can hold, in metres.
     pub(super) wall_reach: f32,
@@ -85,26 +89,10 @@ pub(super) struct Surroundings<'a> {
     pub(super) wall_skin: f32,
 }
 
-/// The part of the state that is a body's own.
-#[derive(Debug)]
-pub(super) struct Share<'a> {
-    pub(super) particles: &'a mut [Particle],
-    pub(super) remainders: &'a mut [Vec3],
-    pub(super) broken: &'a mut [u32],
-}
-
-/// Room to work in.
-#[derive(Debug, Default)]
-pub(super) struct Room {
-    sums: Vec<Record>,
-    batch: Batch,
-}
-
 /// What a body has noticed in a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Noticed {
     pub(super) max_overlap: f32,
-    pub(super) bonds_broken: u32,
     /// The first sub-particle that is too fast, not a number or lost, counted in the run.
     pub(super) runaway: Option<u32>,
 }
@@ -113,20 +101,32 @@ impl Noticed {
     pub(super) fn and(self, other: Self) -> Self {
         Self {
             max_overlap: self.max_overlap.max(other.max_overlap),
-            bonds_broken: self.bonds_broken + other.bonds_broken,
             runaway: self.runaway.into_iter().chain(other.runaway).min(),
         }
     }
 }
 
+/// Pairs of sub-particles by their places, the lower first, sorted.
+fn placed(pairs: impl Iterator<Item = [u32; 2]>) -> Vec<[u32; 2]> {
+    let sorted = |[i, j]: [u32; 2]| [i.min(j), i.max(j)];
+    let mut placed: Vec<_> = pairs.map(|pair| sorted(pair.map(place_of))).collect();
+    placed.sort_unstable();
+    placed
+}
+
 impl Extent {
-    pub(super) fn of(particles: &[Particle]) -> Self {
-        let (mut low, mut high) = (IVec3::MAX, IVec3::MIN);
-        for p in particles {
-            low = low.min(p.position);
-            high = high.max(p.position);
-        }
-        Self { low, high }
+    /// Around nothing.
+    const EMPTY: Self = Self { low: IVec3::MAX, high: IVec3::MIN };
+
+    #[inline(always)]
+    fn of(block: &Block) -> Self {
+        let ends = |x: &Ints| (folded(x.0, i32::min), folded(x.0, i32::max));
+        let [x, y, z] = block.position.each_ref().map(ends);
+        Self { low: IVec3::new(x.0, y.0, z.0), high: IVec3::new(x.1, y.1, z.1) }
+    }
+
+    fn and(self, other: &Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
     /// Larger by `by` metres on all sides; without bounds in a direction that is periodic.
@@ -139,11 +139,8 @@ impl Extent {
         Self { low, high }
     }
 
-    pub(super) fn holds(&self, x: IVec3) -> bool {
-        x.cmpge(self.low).all() & x.cmple(self.high).all()
-    }
-
     /// Distance to another box in metres, at least; 0 where they overlap. A periodic direction counts nothing.
+    #[inline(always)]
     pub(super) fn gap(&self, other: &Self, frame: &Frame) -> f32 {
         let (low, high) = (self.low.max(other.low), self.high.min(other.high));
         let mut between = low.saturating_sub(high).max(IVec3::ZERO).as_vec3() * frame.unit_m;
@@ -157,19 +154,24 @@ impl Extent {
 impl Body {
     pub(super) fn new(
         range: Range<usize>,
+        points: Points,
         mass: f32,
-        bonds: Vec<BondChunk>,
-        mut joined: Vec<[u32; 2]>,
+        bonds: Vec<BondSet>,
+        joined: impl Iterator<Item = [u32; 2]>,
     ) -> Self {
-        joined.sort_unstable();
+        let joined = placed(joined);
         Self {
             range,
+            points,
             mass,
             bonds,
             joined,
             walls: NearWalls::default(),
             motion: Motion::default(),
-            extent: Extent { low: IVec3::ZERO, high: IVec3::ZERO },
+            travelled: 0.0,
+            extent: Extent::EMPTY,
+            boxes: Vec::new(),
+            broken: Vec::new(),
             meets: Vec::new(),
         }
     }
@@ -179,124 +181,98 @@ impl Body {
         self.range.clone()
     }
 
-    /// Whether a pair of its sub-particles was bonded at the start.
-    pub(super) fn is_joined(&self, pair: [u32; 2]) -> bool {
-        self.joined.binary_search(&pair).is_ok()
+    /// Takes pairs out that were bonded at the start: both sorted, by places.
+    pub(super) fn leave_out_joined(&self, pairs: &mut Vec<[u32; 2]>) {
+        let mut joined = self.joined.iter().peekable();
+        pairs.retain(|pair| {
+            while joined.next_if(|joined| *joined < pair).is_some() {}
+            joined.peek() != Some(&pair)
+        });
     }
 
-    pub(super) fn locate(&mut self, state: &State) {
-        self.extent = Extent::of(&state.particles[self.range()]);
+    /// Finds out where it is.
+    #[inline(always)]
+    fn locate(&mut self) {
+        self.boxes.clear();
+        self.boxes.extend(self.points.blocks.iter().map(Extent::of));
+        self.extent = self.boxes.iter().fold(Extent::EMPTY, Extent::and);
     }
 
     /// One step of this body, once its meetings have worked out their loads.
     #[inline(always)]
-    pub(super) fn step<S: Simd>(
+    pub(super) fn step<S: Wide>(
         &mut self,
         simd: S,
         me: u32,
         around: &Surroundings<'_>,
-        share: Share<'_>,
-        Room { sums, batch }: &mut Room,
+        sums: &mut Sums,
     ) -> Noticed {
-        sums.clear();
-        sums.resize(self.range.len(), Record::ZERO);
+        sums.clear(self.points.blocks.len());
         for &m in &self.meets {
             let Meeting { bodies, chunks, .. } = &around.meetings[m as usize];
-            let pairs = chunks.iter().flat_map(|chunk| chunk.pairs().iter().zip(&chunk.loads));
             if bodies[0] == me {
-                pairs.clone().for_each(|([i, _], load)| sums[*i as usize].add(load));
+                chunks.iter().for_each(|chunk| sums.add_firsts(chunk.pairs(), &chunk.loads));
             }
             if bodies[1] == me {
-                pairs.for_each(|([_, j], load)| sums[*j as usize].add_opposite(load));
+                chunks.iter().for_each(|chunk| sums.add_seconds(chunk.pairs(), &chunk.loads));
             }
         }
-        let mut noticed = self.add_bonds(simd, around, &share, sums, batch);
-        self.add_walls(around, share.particles, sums);
-        noticed.bonds_broken = 0;
-        for (k, count) in self.bonds.iter_mut().flat_map(|chunk| chunk.fresh_breaks()) {
-            share.broken[k as usize] += count;
-            noticed.bonds_broken += count;
-        }
-        noticed.runaway = self.integrate(around, share.particles, share.remainders, sums);
-        noticed
-    }
-
-    #[inline(always)]
-    fn add_bonds<S: Simd>(
-        &mut self,
-        simd: S,
-        around: &Surroundings<'_>,
-        share: &Share<'_>,
-        sums: &mut [Record],
-        batch: &mut Batch,
-    ) -> Noticed {
-        let root_mass = root_of_equivalent(self.mass, self.mass);
         let mut noticed = Noticed::default();
-        for chunks in self.bonds.chunks_mut(BATCH) {
-            for (chunk, seen) in chunks.iter().zip(&mut batch.seen) {
-                seen.look([share.particles, share.particles], &chunk.pairs, around.frame);
-            }
-            for ((chunk, seen), felt) in chunks.iter_mut().zip(&batch.seen).zip(&mut batch.felt) {
-                let (count, memory) = (chunk.pairs.len(), &mut chunk.memory);
-                let (deepest, broke) = kernel::bonds(simd, around.laws, root_mass, count, seen, memory, felt);
-                chunk.broke = broke;
-                noticed.max_overlap = noticed.max_overlap.max(deepest);
-            }
-            for (chunk, felt) in chunks.iter().zip(&batch.felt) {
-                for (lane, &[i, j]) in chunk.pairs.iter().enumerate() {
-                    let load = felt.record(lane);
-                    sums[i as usize].add(&load);
-                    sums[j as usize].add_opposite(&load);
-                }
-            }
+        let Self { points, bonds: sets, broken, .. } = self;
+        let root_mass = root_of_equivalent(self.mass, self.mass);
+        broken.clear();
+        for pair in sets.chunks_exact_mut(2) {
+            let Surroundings { laws, frame, .. } = around;
+            let [one, two] = pair else { break };
+            let pair = [one, two];
+            let deepest = bonds::forces(pair, simd, laws, root_mass, frame, &points.blocks, sums, broken);
+            noticed.max_overlap = noticed.max_overlap.max(deepest);
         }
+        self.add_walls(around, sums);
+        let Self { points, motion, .. } = self;
+        let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, sums);
+        self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);
+        noticed.runaway = moved.runaway.map(|k| self.range.start as u32 + k);
         noticed
     }
 
-    fn add_walls(&mut self, around: &Surroundings<'_>, particles: &[Particle], sums: &mut [Record]) {
+    #[inline(always)]
+    fn add_walls(&mut self, around: &Surroundings<'_>, sums: &mut Sums) {
         if self.walls.is_due(&self.motion, around) {
-            let extent = Extent::of(particles);
-            self.walls.search(&self.motion, around, particles, &extent);
+            self.locate();
+            self.walls.search(&self.motion, around, &self.points, &self.extent);
         }
+        let Surroundings { laws, radius, frame, walls, .. } = around;
+        let travelled = self.travelled + walls.moved_in_all_m();
         let mut from = 0;
-        for &(k, end) in &self.walls.rows {
-            let near = &mut self.walls.pairs[from as usize..end as usize];
-            from = end;
+        for row in &mut self.walls.rows {
+            let near = &mut self.walls.pairs[from as usize..row.end as usize];
+            from = row.end;
+            if travelled < row.wakes {
+                continue;
+            }
             let mut load = Load::default();
-            let mass = around.masses[self.range.start + k as usize];
-            let p = &particles[k as usize];
-            let Surroundings { laws, radius, frame, walls, .. } = around;
-            from_walls(*radius, laws.dt, frame, walls, p, mass, near, &mut load);
-            sums[k as usize].add(&Record::new(&load));
+            let particle = self.points.particle(row.of as usize);
+            let nearest = from_walls(*radius, laws.dt, frame, walls, &particle, self.mass, near, &mut load);
+            row.wakes = travelled + SAFE * f64::from((nearest - around.wall_reach).max(0.0));
+            sums.add(place_of(row.of), &load);
         }
     }
 
-    #[inline(always)]
-    fn integrate(
-        &mut self,
-        around: &Surroundings<'_>,
-        particles: &mut [Particle],
-        remainders: &mut [Vec3],
-        sums: &[Record],
-    ) -> Option<u32> {
-        let mut runaway = None;
-        let (mut total, mut apart2) = (Vec3::ZERO, 0.0f32);
-        for (k, (p, remainder)) in particles.iter_mut().zip(remainders).enumerate() {
-            let at = self.range.start + k;
-            let sound = around.held[at]
-                || around.mover.step(p, remainder, &sums[k].load(), around.masses[at], around.frame);
-            if !sound {
-                runaway = runaway.or(Some(at as u32));
-            }
-            total += p.velocity;
-            let apart = p.velocity - self.motion.velocity;
-            apart2 = apart2.max(apart.dot(apart));
-        }
-        let dt = f64::from(around.laws.dt);
-        self.motion.shift += self.motion.velocity.as_dvec3() * dt;
-        self.motion.path += f64::from(apart2.sqrt()) * dt;
-        self.motion.velocity = total / particles.len() as f32;
-        runaway
+    /// Renumbers after sub-particles were taken out.
+    pub(super) fn renumber(&mut self, range: Range<usize>, points: Points, locals: &[u32]) {
+        self.range = range;
+        self.points = points;
+        let map = |k: u32| locals[k as usize];
+        let joined = self.joined.iter().map(|pair| pair.map(|place| map(place_of(place))));
+        self.joined = placed(joined.filter(|pair| !pair.contains(&u32::MAX)));
+        self.bonds = BondSet::renumbered(&self.bonds, map);
+        self.walls.renumber(locals);
+    }
+
+    /// Moves on in the state, as it is.
+    pub(super) fn place(&mut self, range: Range<usize>) {
+        self.range = range;
     }
 }
 
@@ -309,13 +285,7 @@ impl NearWalls {
     }
 
     /// Looks up the facets near each sub-particle. What touching pairs remember stays.
-    fn search(
-        &mut self,
-        motion: &Motion,
-        around: &Surroundings<'_>,
-        particles: &[Particle],
-        extent: &Extent,
-    ) {
+    fn search(&mut self, motion: &Motion, around: &Surroundings<'_>, points: &Points, extent: &Extent) {
         let Surroundings { walls, frame, .. } = around;
         let reach = around.wall_reach + around.wall_skin;
         let centre = (extent.low >> 1) + (extent.high >> 1);
@@ -326,27 +296,28 @@ impl NearWalls {
         self.seen_shift = motion.shift;
         self.seen_path = motion.path;
         self.seen_moved = walls.moved_in_all_m();
-        let mut old_rows = old.rows.iter().copied().scan(0, |from, (k, end)| {
-            let row = (k, *from as usize..end as usize);
-            *from = end;
-            Some(row)
+        let mut old_rows = old.rows.iter().scan(0, |from, row| {
+            let pairs = (row.of, *from as usize..row.end as usize);
+            *from = row.end;
+            Some(pairs)
         });
         let mut known = old_rows.next();
-        for (k, p) in (0u32..).zip(particles) {
+        for k in 0..points.count as u32 {
+            let position = points.particle(k as usize).position;
             while known.as_ref().is_some_and(|(row, _)| *row < k) {
                 known = old_rows.next();
             }
             let remembered =
                 known.as_ref().filter(|(row, _)| *row == k).map_or(&[][..], |(_, r)| &old.pairs[r.clone()]);
             for &facet in &near {
-                if walls.touch(facet, p.position, frame).distance <= reach {
+                if walls.touch(facet, position, frame).distance <= reach {
                     let before = remembered.iter().find(|pair| pair.facet == facet);
                     self.pairs.push(before.copied().unwrap_or(WallPair { facet, ..WallPair::default() }));
                 }
             }
             let end = self.pairs.len() as u32;
-            if end > self.rows.last().map_or(0, |row| row.1) {
-                self.rows.push((k, end));
+            if end > self.rows.last().map_or(0, |row| row.end) {
+                self.rows.push(WallRow { of: k, end, wakes: f64::NEG_INFINITY });
             }
         }
     }
@@ -355,24 +326,25 @@ impl NearWalls {
     pub(super) fn renumber(&mut self, locals: &[u32]) {
         let old = std::mem::take(self);
         let mut from = 0;
-        for (k, end) in old.rows {
-            if locals[k as usize] != u32::MAX {
-                self.pairs.extend_from_slice(&old.pairs[from as usize..end as usize]);
-                self.rows.push((locals[k as usize], self.pairs.len() as u32));
+        for row in old.rows {
+            let of = locals[row.of as usize];
+            if of != u32::MAX {
+                self.pairs.extend_from_slice(&old.pairs[from as usize..row.end as usize]);
+                self.rows.push(WallRow { of, end: self.pairs.len() as u32, ..row });
             }
-            from = end;
+            from = row.end;
         }
     }
 }
 
-impl Body {
-    /// Renumbers after sub-particles were taken out.
-    pub(super) fn renumber(&mut self, range: Range<usize>, locals: &[u32]) {
-        self.range = range;
-        let map = |[i, j]: [u32; 2]| [locals[i as usize], locals[j as usize]];
-        self.joined =
-            self.joined.iter().map(|&pair| map(pair)).filter(|pair| !pair.contains(&u32::MAX)).collect();
-        self.bonds = BondChunk::renumbered(&self.bonds, map);
-        self.walls.renumber(locals);
+/// To find out where a body is.
+pub(super) struct Locate<'a>(pub(super) &'a mut Body);
+
+impl Job for Locate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Wide>(self, _: S) {
+        self.0.locate();
     }
 }

@@ -1,88 +1,235 @@
-//! The bonds of a body in chunks. A pair whose bond breaks stays here, as a contact.
+//! The bonds of a body: up to [`WIDTH`] of one block of sub-particles, to others of at most two blocks, side by side.
+//! So neighbours are moved into their lanes within registers, and not fetched one by one. A pair whose bond breaks stays here,
+//! as a contact.
 
-use super::kernel::{Bonds, Contacts, PairLaws};
+use super::instructions::{Places, Wide};
+use super::kernel::{self, Bonds, Contacts, Felt, NO_BOND, PairLaws, Seen};
 use super::lanes::{Lanes, WIDTH};
+use super::load::Sums;
+use super::points::Block;
+use crate::engine::frame::Frame;
 use crate::shape::lattice::LatticeBond;
 
-/// Bonds of one class, at most [`WIDTH`] of them.
+/// Bonds of one class, at most one of each sub-particle of a block to a later one, and at most one to each of those.
 #[derive(Clone, Debug)]
-pub(super) struct BondChunk {
-    /// Sub-particles, counted within the body; the first is the lower.
-    pub(super) pairs: Vec<[u32; 2]>,
-    pub(super) memory: Bonds,
-    /// Whether any broke in this step.
-    pub(super) broke: bool,
+pub(super) struct BondSet {
+    /// The block of the lower sub-particles.
+    block: u32,
+    /// The blocks of the higher ones.
+    window: [u32; 2],
+    /// Where in the window they stand.
+    at: Places,
+    /// For each place of the window, the lane that it is bonded to, and whether there is one.
+    back: [Places; 2],
+    bonded: [u16; 2],
+    memory: Bonds,
     /// Lanes whose break has been counted.
-    counted: [bool; WIDTH],
+    counted: u16,
 }
 
-impl BondChunk {
-    fn new(rest: f32) -> Self {
-        let memory =
-            Bonds { rest, break_length: Lanes::ZERO, stored: [Lanes::ZERO; 3], contacts: Contacts::new() };
-        Self { pairs: Vec::new(), memory, broke: false, counted: [false; WIDTH] }
+impl BondSet {
+    fn new(block: u32, beyond: u32, rest: f32) -> Self {
+        let nowhere = Places([0; WIDTH]);
+        Self {
+            block,
+            window: [beyond; 2],
+            at: nowhere,
+            back: [nowhere; 2],
+            bonded: [0; 2],
+            memory: Bonds {
+                rest,
+                break_length: Lanes([NO_BOND; WIDTH]),
+                stored: [Lanes::ZERO; 3],
+                contacts: Contacts::new(),
+            },
+            counted: 0,
+        }
+    }
+
+    /// The lane that a bond could take here, and its place in the window.
+    fn room_for(&self, [i, j]: [u32; 2], rest: f32) -> Option<(usize, u32)> {
+        let width = WIDTH as u32;
+        let [low, high] = self.window;
+        let half = match j / width {
+            beyond if beyond == low => 0,
+            beyond if beyond == high || high == low => 1,
+            _ => return None,
+        };
+        let lane = (i % width) as usize;
+        let free = self.block == i / width
+            && self.memory.rest == rest
+            && self.memory.break_length.0[lane] == NO_BOND
+            && self.bonded[half] >> (j % width) & 1 == 0;
+        free.then_some((lane, half as u32 * width + j % width))
+    }
+
+    fn put(&mut self, lane: usize, place: u32, j: u32) {
+        let (half, at) = (place as usize / WIDTH, place as usize % WIDTH);
+        self.window[half] = j / WIDTH as u32;
+        self.at.0[lane] = place;
+        self.back[half].0[at] = lane as u32;
+        self.bonded[half] |= 1 << at;
+    }
+
+    /// Where a bond goes among the sets, which grow where it has no room.
+    fn find(sets: &mut Vec<Self>, pair: [u32; 2], rest: f32) -> (&mut Self, usize) {
+        let [i, j] = pair;
+        let found = sets.iter().enumerate().rev().find_map(|(s, set)| Some((s, set.room_for(pair, rest)?)));
+        let (s, (lane, place)) = found.unwrap_or_else(|| {
+            sets.push(Self::new(i / WIDTH as u32, j / WIDTH as u32, rest));
+            let place = sets[sets.len() - 1].room_for(pair, rest);
+            (sets.len() - 1, place.expect("it was made for it"))
+        });
+        sets[s].put(lane, place, j);
+        (&mut sets[s], lane)
     }
 
     /// The bonds of a body.
     pub(super) fn all(bonds: &[LatticeBond], laws: &PairLaws) -> Vec<Self> {
         let mut sorted: Vec<&LatticeBond> = bonds.iter().collect();
-        sorted.sort_by_key(|bond| (bond.class, bond.j - bond.i != 1));
-        let mut chunks: Vec<Self> = Vec::new();
-        for bond in sorted {
-            let rest = laws.touch * (bond.class as f32).sqrt();
-            let fits = |chunk: &Self| chunk.pairs.len() < WIDTH && chunk.memory.rest == rest;
-            if !chunks.last().is_some_and(fits) {
-                chunks.push(Self::new(rest));
+        // Those of one direction on the lattice are as far apart in number, or nearly: they go together.
+        sorted.sort_by_key(|bond| (bond.i / WIDTH as u32, bond.class, bond.j - bond.i, bond.i));
+        let mut sets: Vec<Self> = Vec::new();
+        for of_block in sorted.chunk_by(|a, b| a.i / WIDTH as u32 == b.i / WIDTH as u32) {
+            let mut of_this = Vec::new();
+            for bond in of_block {
+                let rest = laws.touch * (bond.class as f32).sqrt();
+                let (set, lane) = Self::find(&mut of_this, [bond.i, bond.j], rest);
+                set.memory.break_length.0[lane] = laws.bond.break_length;
             }
-            let chunk = chunks.last_mut().expect("one was pushed");
-            let lane = chunk.pairs.len();
-            chunk.pairs.push([bond.i, bond.j]);
-            chunk.memory.break_length.0[lane] = laws.bond.break_length;
+            sets.append(&mut of_this);
         }
-        chunks
+        Self::evened(sets)
+    }
+
+    /// With one that is empty where they are odd in number: they are worked on two by two.
+    fn evened(mut sets: Vec<Self>) -> Vec<Self> {
+        if !sets.len().is_multiple_of(2) {
+            sets.push(Self::new(0, 0, 0.0));
+        }
+        sets
+    }
+
+    /// Pairs, by lane.
+    fn pairs(&self) -> impl Iterator<Item = (usize, [u32; 2])> {
+        let there = |lane: &usize| self.memory.break_length.0[*lane] != NO_BOND;
+        (0..WIDTH).filter(there).map(|lane| {
+            let place = self.at.0[lane] as usize;
+            let width = WIDTH as u32;
+            let j = self.window[place / WIDTH] * width + (place % WIDTH) as u32;
+            (lane, [self.block * width + lane as u32, j])
+        })
     }
 
     /// The pairs whose bond holds.
     pub(super) fn intact(&self) -> impl Iterator<Item = [u32; 2]> {
-        let lanes = self.pairs.iter().zip(self.memory.break_length.0);
-        lanes.filter(|&(_, length)| length > 0.0).map(|(pair, _)| *pair)
+        self.pairs().filter(|&(lane, _)| self.memory.break_length.0[lane] > 0.0).map(|(_, pair)| pair)
     }
 
-    /// Bonds that broke in the last step, as counts at the lower sub-particle.
-    pub(super) fn fresh_breaks(&mut self) -> impl Iterator<Item = (u32, u32)> {
-        let lanes = if self.broke { self.pairs.len() } else { 0 };
-        (0..lanes).filter_map(|lane| {
-            let fresh = self.memory.break_length.0[lane] <= 0.0 && !self.counted[lane];
-            self.counted[lane] |= fresh;
-            fresh.then_some((self.pairs[lane][0], 1))
-        })
+    /// What is seen of the pairs.
+    #[inline(always)]
+    fn seen<S: Wide>(&self, simd: S, frame: &Frame, blocks: &[Block]) -> Seen {
+        let (me, at) = (&blocks[self.block as usize], &self.at);
+        let others = self.window.map(|block| &blocks[block as usize]);
+        let mut seen = Seen::NOTHING;
+        for axis in 0..3 {
+            let mut position = simd.pick_ints(others.map(|block| &block.position[axis]), at);
+            let velocity = simd.pick(others.map(|block| &block.velocity[axis]), at);
+            let spin = simd.pick(others.map(|block| &block.spin[axis]), at);
+            for k in 0..WIDTH {
+                position.0[k] = position.0[k].wrapping_sub(me.position[axis].0[k]);
+            }
+            if axis == 1 && frame.period_y != 0 {
+                position.0.iter_mut().for_each(|y| *y = frame.nearest_image(*y));
+            }
+            for k in 0..WIDTH {
+                seen.apart[axis].0[k] = position.0[k] as f32 * frame.unit_m;
+                seen.velocity[axis].0[k] = velocity.0[k] - me.velocity[axis].0[k];
+                seen.spin[axis].0[k] = spin.0[k] + me.spin[axis].0[k];
+            }
+        }
+        seen
+    }
+
+    /// Adds what acts on either side.
+    #[inline(always)]
+    fn add<S: Wide>(&self, simd: S, felt: &Felt, sums: &mut Sums) {
+        let mine = &mut sums.blocks[self.block as usize];
+        for axis in 0..3 {
+            for k in 0..WIDTH {
+                mine.force[axis].0[k] += felt.force[axis].0[k];
+                mine.torque[axis].0[k] += felt.torque[axis].0[k];
+            }
+        }
+        for half in 0..2 {
+            let theirs = &mut sums.blocks[self.window[half] as usize];
+            for axis in 0..3 {
+                let force = simd.spread(&felt.force[axis], &self.back[half], self.bonded[half]);
+                let torque = simd.spread(&felt.torque[axis], &self.back[half], self.bonded[half]);
+                for k in 0..WIDTH {
+                    theirs.force[axis].0[k] -= force.0[k];
+                    theirs.torque[axis].0[k] += torque.0[k];
+                }
+            }
+        }
+    }
+
+    /// Counts the bonds that broke in this step: their lower sub-particles go into `broken`.
+    #[cold]
+    fn count_breaks(&mut self, broken: &mut Vec<u32>) {
+        let counted = self.counted;
+        let fresh = |lane: &usize| self.memory.break_length.0[*lane] == 0.0 && counted >> lane & 1 == 0;
+        for lane in (0..WIDTH).filter(fresh) {
+            self.counted |= 1 << lane;
+            broken.push(self.block * WIDTH as u32 + lane as u32);
+        }
     }
 
     /// What is left of the bonds when sub-particles are renumbered; `u32::MAX` is gone.
-    pub(super) fn renumbered(chunks: &[Self], map: impl Fn([u32; 2]) -> [u32; 2]) -> Vec<Self> {
+    pub(super) fn renumbered(sets: &[Self], map: impl Fn(u32) -> u32) -> Vec<Self> {
         let mut kept: Vec<Self> = Vec::new();
-        for old in chunks {
-            for (from, &pair) in old.pairs.iter().enumerate() {
-                let pair = map(pair);
+        for old in sets {
+            for (from, pair) in old.pairs() {
+                let pair = pair.map(&map);
                 if pair.contains(&u32::MAX) {
                     continue;
                 }
-                let fits = |chunk: &Self| chunk.pairs.len() < WIDTH && chunk.memory.rest == old.memory.rest;
-                if !kept.last().is_some_and(fits) {
-                    kept.push(Self::new(old.memory.rest));
-                }
-                let chunk = kept.last_mut().expect("one was pushed");
-                let lane = chunk.pairs.len();
-                chunk.pairs.push(pair);
-                chunk.counted[lane] = old.counted[from];
-                chunk.memory.break_length.0[lane] = old.memory.break_length.0[from];
-                for (mine, theirs) in chunk.memory.stored.iter_mut().zip(&old.memory.stored) {
+                let (set, lane) = Self::find(&mut kept, pair, old.memory.rest);
+                set.counted |= (old.counted >> from & 1) << lane;
+                set.memory.break_length.0[lane] = old.memory.break_length.0[from];
+                for (mine, theirs) in set.memory.stored.iter_mut().zip(&old.memory.stored) {
                     mine.0[lane] = theirs.0[from];
                 }
-                let contacts = &mut chunk.memory.contacts;
-                contacts.take(lane, &old.memory.contacts, from);
+                set.memory.contacts.take(lane, &old.memory.contacts, from);
             }
         }
-        kept
+        Self::evened(kept)
     }
+}
+
+/// Adds what the bonds of two sets do, and the contacts of their pairs. Returns the greatest overlap of those whose bond has broken,
+/// in metres; the lower sub-particles of those that break now go into `broken`.
+#[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
+pub(super) fn forces<S: Wide>(
+    [one, two]: [&mut BondSet; 2],
+    simd: S,
+    laws: &PairLaws,
+    root_mass: f32,
+    frame: &Frame,
+    blocks: &[Block],
+    sums: &mut Sums,
+    broken: &mut Vec<u32>,
+) -> f32 {
+    let seen = [one.seen(simd, frame, blocks), two.seen(simd, frame, blocks)];
+    let mut felt = [Felt::NOTHING; 2];
+    let memory = [&mut one.memory, &mut two.memory];
+    let (deepest, broke) = kernel::bonds(simd, laws, root_mass, &seen, memory, &mut felt);
+    one.add(simd, &felt[0], sums);
+    two.add(simd, &felt[1], sums);
+    if broke {
+        one.count_breaks(broken);
+        two.count_breaks(broken);
+    }
+    deepest
 }

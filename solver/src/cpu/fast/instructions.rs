@@ -1,12 +1,225 @@
-//! The instruction sets that a kernel can run with on this machine.
+//! The instruction sets that a kernel can run with on this machine, and what each does best.
 
-use pulp::Arch;
+use pulp::{Scalar, Simd};
+
+use super::lanes::{Ints, Lanes, Quads, WIDTH};
 
 /// An instruction set that this machine has.
 #[derive(Clone, Copy, Debug)]
 pub struct Instructions {
-    pub(super) arch: Arch,
+    set: Set,
     name: &'static str,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Set {
+    #[cfg(target_arch = "x86_64")]
+    Avx512(pulp::x86::V4),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(pulp::x86::V3),
+    #[cfg(target_arch = "aarch64")]
+    Neon(pulp::aarch64::Neon),
+    Scalar,
+}
+
+/// Work that is written once for all instruction sets.
+pub(super) trait Job {
+    type Output;
+
+    /// Must be inlined, and all that it calls.
+    fn run<S: Wide>(self, simd: S) -> Self::Output;
+}
+
+/// Places in a window of two blocks: under [`WIDTH`] in the first, else in the second.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(super) struct Places(pub(super) [u32; WIDTH]);
+
+#[inline(always)]
+fn stands_at<T: Copy>(window: [&[T; WIDTH]; 2], place: u32) -> T {
+    let place = place as usize;
+    window[usize::from(place >= WIDTH)][place % WIDTH]
+}
+
+/// An instruction set with the moves between lanes that kernels need.
+pub(super) trait Wide: Simd {
+    /// What stands at these places of a window.
+    #[inline(always)]
+    fn pick(self, window: [&Lanes; 2], at: &Places) -> Lanes {
+        Lanes(std::array::from_fn(|k| stands_at(window.map(|of| &of.0), at.0[k])))
+    }
+
+    /// What stands at these places of a window.
+    #[inline(always)]
+    fn pick_ints(self, window: [&Ints; 2], at: &Places) -> Ints {
+        Ints(std::array::from_fn(|k| stands_at(window.map(|of| &of.0), at.0[k])))
+    }
+
+    /// The lanes of at most `limit`, as bits.
+    #[inline(always)]
+    fn at_most(self, values: &Lanes, limit: f32) -> u16 {
+        values.0.iter().enumerate().fold(0, |bits, (k, value)| bits | u16::from(*value <= limit) << k)
+    }
+
+    /// The nearest whole numbers. Numbers that none is near to give anything.
+    #[inline(always)]
+    fn whole(self, numbers: &Lanes) -> Ints {
+        Ints(numbers.0.map(|x| x.round_ties_even() as i32))
+    }
+
+    /// The values whose lanes stand in `from`, and 0 where `takes` has no bit.
+    #[inline(always)]
+    fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
+        Lanes(std::array::from_fn(|k| {
+            if takes >> k & 1 == 1 { values.0[from.0[k] as usize % WIDTH] } else { 0.0 }
+        }))
+    }
+
+    /// From four numbers each one after the other to lanes (see [`super::lanes::quad_of`]).
+    #[inline(always)]
+    fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
+        std::array::from_fn(|c| Lanes(std::array::from_fn(|lane| quads.0[super::lanes::quad_of(lane)][c])))
+    }
+
+    /// From lanes to four numbers each one after the other.
+    #[inline(always)]
+    fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
+        Quads(std::array::from_fn(|place| std::array::from_fn(|c| lanes[c].0[super::lanes::quad_of(place)])))
+    }
+}
+
+impl Wide for Scalar {}
+
+#[cfg(target_arch = "aarch64")]
+impl Wide for pulp::aarch64::Neon {}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use std::arch::x86_64::{__m256, __m256d, __m512, __m512d};
+
+    use pulp::x86::{V3, V4};
+    use pulp::{Simd, cast};
+
+    use super::{Ints, Lanes, Places, Quads, WIDTH, Wide};
+
+    /// Rows of four registers become columns, within every quarter (or half) of a register.
+    macro_rules! transpose {
+        ($simd:expr, $rows:expr, $type:ty, $half:ty, $lo:ident, $hi:ident, $lo2:ident, $hi2:ident) => {{
+            let [a, b, c, d]: [$type; 4] = $rows;
+            let simd = $simd;
+            let (ab, cd): ($half, $half) = (cast(simd.$lo(a, b)), cast(simd.$lo(c, d)));
+            let (ab2, cd2): ($half, $half) = (cast(simd.$hi(a, b)), cast(simd.$hi(c, d)));
+            let columns = [simd.$lo2(ab, cd), simd.$hi2(ab, cd), simd.$lo2(ab2, cd2), simd.$hi2(ab2, cd2)];
+            columns.map(|column| -> $type { cast(column) })
+        }};
+    }
+
+    #[inline(always)]
+    fn transposed_in_512(simd: V4, rows: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
+        let rows = rows.map(|row| -> __m512 { cast(row) });
+        transpose!(
+            simd.avx512f,
+            rows,
+            __m512,
+            __m512d,
+            _mm512_unpacklo_ps,
+            _mm512_unpackhi_ps,
+            _mm512_unpacklo_pd,
+            _mm512_unpackhi_pd
+        )
+        .map(cast)
+    }
+
+    impl Wide for V4 {
+        #[inline(always)]
+        fn pick(self, [low, high]: [&Lanes; 2], at: &Places) -> Lanes {
+            let picked = self.avx512f._mm512_permutex2var_ps(cast(low.0), cast(at.0), cast(high.0));
+            Lanes(cast(picked))
+        }
+
+        #[inline(always)]
+        fn pick_ints(self, [low, high]: [&Ints; 2], at: &Places) -> Ints {
+            let picked = self.avx512f._mm512_permutex2var_epi32(cast(low.0), cast(at.0), cast(high.0));
+            Ints(cast(picked))
+        }
+
+        #[inline(always)]
+        fn at_most(self, values: &Lanes, limit: f32) -> u16 {
+            self.less_than_or_equal_f32s(cast(values.0), self.splat_f32s(limit)).0
+        }
+
+        #[inline(always)]
+        fn whole(self, numbers: &Lanes) -> Ints {
+            Ints(cast(self.avx512f._mm512_cvtps_epi32(cast(numbers.0))))
+        }
+
+        #[inline(always)]
+        fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
+            Lanes(cast(self.avx512f._mm512_maskz_permutexvar_ps(takes, cast(from.0), cast(values.0))))
+        }
+
+        #[inline(always)]
+        fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
+            let rows: [[f32; WIDTH]; 4] = cast(quads.0);
+            transposed_in_512(self, rows).map(Lanes)
+        }
+
+        #[inline(always)]
+        fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
+            Quads(cast(transposed_in_512(self, lanes.map(|lanes| lanes.0))))
+        }
+    }
+
+    impl Wide for V3 {
+        #[inline(always)]
+        fn at_most(self, values: &Lanes, limit: f32) -> u16 {
+            let halves: [[f32; 8]; 2] = cast(values.0);
+            let bits = |half: [f32; 8]| {
+                let at_most = self.less_than_or_equal_f32s(cast(half), self.splat_f32s(limit));
+                self.avx._mm256_movemask_ps(cast(at_most)) as u16
+            };
+            bits(halves[0]) | bits(halves[1]) << 8
+        }
+
+        #[inline(always)]
+        fn whole(self, numbers: &Lanes) -> Ints {
+            let halves: [[f32; 8]; 2] = cast(numbers.0);
+            let whole = |half: [f32; 8]| -> [i32; 8] { cast(self.avx._mm256_cvtps_epi32(cast(half))) };
+            Ints(cast(halves.map(whole)))
+        }
+
+        #[inline(always)]
+        fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
+            let rows: [[f32; WIDTH]; 4] = cast(quads.0);
+            transposed(self, rows).map(Lanes)
+        }
+
+        #[inline(always)]
+        fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
+            Quads(cast(transposed(self, lanes.map(|lanes| lanes.0))))
+        }
+    }
+
+    #[inline(always)]
+    fn transposed(simd: V3, rows: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
+        let halves: [[[f32; 8]; 2]; 4] = rows.map(cast);
+        let of = |half: usize| -> [[f32; 8]; 4] {
+            let rows = halves.map(|row| -> __m256 { cast(row[half]) });
+            transpose!(
+                simd.avx,
+                rows,
+                __m256,
+                __m256d,
+                _mm256_unpacklo_ps,
+                _mm256_unpackhi_ps,
+                _mm256_unpacklo_pd,
+                _mm256_unpackhi_pd
+            )
+            .map(cast)
+        };
+        let (low, high) = (of(0), of(1));
+        std::array::from_fn(|k| cast([low[k], high[k]]))
+    }
 }
 
 impl Instructions {
@@ -16,14 +229,12 @@ impl Instructions {
         #[cfg(target_arch = "x86_64")]
         {
             use pulp::x86::{V3, V4};
-            all.extend(V4::try_new().map(|simd| Self { arch: Arch::V4(simd), name: "AVX-512" }));
-            all.extend(V3::try_new().map(|simd| Self { arch: Arch::V3(simd), name: "AVX2" }));
+            all.extend(V4::try_new().map(|simd| Self { set: Set::Avx512(simd), name: "AVX-512" }));
+            all.extend(V3::try_new().map(|simd| Self { set: Set::Avx2(simd), name: "AVX2" }));
         }
         #[cfg(target_arch = "aarch64")]
-        if !matches!(Arch::new(), Arch::Scalar) {
-            all.push(Self { arch: Arch::new(), name: "Neon" });
-        }
-        all.push(Self { arch: Arch::Scalar, name: "scalar" });
+        all.extend(pulp::aarch64::Neon::try_new().map(|simd| Self { set: Set::Neon(simd), name: "Neon" }));
+        all.push(Self { set: Set::Scalar, name: "scalar" });
         all
     }
 
@@ -35,5 +246,34 @@ impl Instructions {
     /// Its name, such as `AVX-512`.
     pub fn name(&self) -> &'static str {
         self.name
+    }
+
+    /// Does a job with these instructions.
+    #[inline(always)]
+    pub(super) fn run<J: Job>(&self, job: J) -> J::Output {
+        match self.set {
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512(simd) => simd.vectorize(Inlined { simd, job }),
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2(simd) => simd.vectorize(Inlined { simd, job }),
+            #[cfg(target_arch = "aarch64")]
+            Set::Neon(simd) => simd.vectorize(Inlined { simd, job }),
+            Set::Scalar => job.run(Scalar),
+        }
+    }
+}
+
+/// A job on its way into a function that may use an instruction set: closures would not be inlined for sure.
+struct Inlined<S, J> {
+    simd: S,
+    job: J,
+}
+
+impl<S: Wide, J: Job> pulp::NullaryFnOnce for Inlined<S, J> {
+    type Output = J::Output;
+
+    #[inline(always)]
+    fn call(self) -> J::Output {
+        self.job.run(self.simd)
     }
 }

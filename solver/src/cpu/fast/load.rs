@@ -1,93 +1,164 @@
 //! Loads on their way from pairs to sub-particles, and what pairs look like before.
 
-use glam::Vec3;
-
+use super::instructions::Wide;
 use super::kernel::{Contacts, Felt, Seen};
+use super::lanes::{Lanes, Lanes3, Quads, WIDTH};
+use super::points::Points;
 use crate::cpu::forces::Load;
 use crate::engine::frame::Frame;
-use crate::engine::state::Particle;
 
 /// Chunks of pairs that go through the kernels together: each is one long chain of dependent operations, and the
 /// processor works on the next while it waits for the one before.
 pub(super) const BATCH: usize = 8;
 
-/// What is seen and felt of a batch.
+/// Pairs on their way into the kernels, and loads on their way out.
 #[derive(Debug)]
 pub(super) struct Batch {
-    pub(super) seen: [Seen; BATCH],
-    pub(super) felt: [Felt; BATCH],
+    pub(super) looks: [Look; BATCH],
+    pub(super) felt: [Felt; 2],
 }
 
 impl Default for Batch {
     fn default() -> Self {
-        Self { seen: [Seen::NOTHING; BATCH], felt: [Felt::NOTHING; BATCH] }
+        Self { looks: [Look::NOTHING; BATCH], felt: [Felt::NOTHING; 2] }
     }
 }
 
-/// Force and torque on one sub-particle, in a form that is added in one instruction.
+/// [`WIDTH`] pairs, one after the other: x_j − x_i in metres, v_j − v_i, ω_i + ω_j.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
-pub(super) struct Record([f32; 8]);
+pub(super) struct Look {
+    apart: Quads,
+    velocity: Quads,
+    spin: Quads,
+}
 
-impl Record {
-    pub(super) const ZERO: Self = Self([0.0; 8]);
+/// What acts on the firsts of [`WIDTH`] pairs: force and torque, one after the other.
+#[derive(Clone, Debug)]
+pub(super) struct PairLoads {
+    force: Quads,
+    torque: Quads,
+}
 
+/// Loads of a block of sub-particles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LoadBlock {
+    pub(super) force: Lanes3,
+    pub(super) torque: Lanes3,
+}
+
+/// Sums of the loads of a body's sub-particles.
+#[derive(Debug, Default)]
+pub(super) struct Sums {
+    /// What comes one at a time, in quads; at the places of [`super::points::place_of`].
+    single: Vec<PairLoads>,
+    /// What comes in blocks.
+    pub(super) blocks: Vec<LoadBlock>,
+}
+
+impl Look {
+    pub(super) const NOTHING: Self = Self { apart: Quads::ZERO, velocity: Quads::ZERO, spin: Quads::ZERO };
+
+    /// Looks at pairs, from the first towards the second. Places without a pair keep what they had.
     #[inline(always)]
-    pub(super) fn new(load: &Load) -> Self {
-        let ([fx, fy, fz], [tx, ty, tz]) = (load.force.to_array(), load.torque.to_array());
-        Self([fx, fy, fz, tx, ty, tz, 0.0, 0.0])
+    pub(super) fn at(&mut self, [first, second]: [&Points; 2], pairs: &[[u32; 2]], frame: &Frame) {
+        for (k, &[i, j]) in pairs.iter().enumerate().take(WIDTH) {
+            let (a, p) = (&first.looks[i as usize / WIDTH], i as usize % WIDTH);
+            let (b, q) = (&second.looks[j as usize / WIDTH], j as usize % WIDTH);
+            let (x, y) = (&a.position[p], &b.position[q]);
+            let mut apart: [i32; 4] = std::array::from_fn(|c| y[c].wrapping_sub(x[c]));
+            if frame.period_y != 0 {
+                apart[1] = frame.nearest_image(apart[1]);
+            }
+            self.apart.0[k] = apart.map(|d| d as f32 * frame.unit_m);
+            self.velocity.0[k] = std::array::from_fn(|c| b.velocity.0[q][c] - a.velocity.0[p][c]);
+            self.spin.0[k] = std::array::from_fn(|c| a.spin.0[p][c] + b.spin.0[q][c]);
+        }
     }
 
-    /// Adds what acts on the first of a pair.
+    /// The same in lanes.
     #[inline(always)]
-    pub(super) fn add(&mut self, other: &Self) {
-        for (sum, part) in self.0.iter_mut().zip(other.0) {
-            *sum += part;
+    pub(super) fn seen<S: Wide>(&self, simd: S) -> Seen {
+        let three = |quads: &Quads| {
+            let [x, y, z, _] = simd.to_lanes(quads);
+            [x, y, z]
+        };
+        Seen { apart: three(&self.apart), velocity: three(&self.velocity), spin: three(&self.spin) }
+    }
+}
+
+impl PairLoads {
+    pub(super) const ZERO: Self = Self { force: Quads::ZERO, torque: Quads::ZERO };
+
+    /// From lanes.
+    #[inline(always)]
+    pub(super) fn set<S: Wide>(&mut self, simd: S, felt: &Felt) {
+        let [x, y, z] = &felt.force;
+        self.force = simd.to_quads([x, y, z, &Lanes::ZERO]);
+        let [x, y, z] = &felt.torque;
+        self.torque = simd.to_quads([x, y, z, &Lanes::ZERO]);
+    }
+}
+
+impl Sums {
+    /// Nothing yet, for so many blocks.
+    pub(super) fn clear(&mut self, blocks: usize) {
+        self.single.clear();
+        self.single.resize(blocks, PairLoads::ZERO);
+        self.blocks.clear();
+        self.blocks.resize(blocks, LoadBlock { force: [Lanes::ZERO; 3], torque: [Lanes::ZERO; 3] });
+    }
+
+    /// Adds what acts on the first of each pair.
+    #[inline(always)]
+    pub(super) fn add_firsts(&mut self, pairs: &[[u32; 2]], loads: &PairLoads) {
+        for (k, &[i, _]) in pairs.iter().enumerate().take(WIDTH) {
+            let (sum, at) = (&mut self.single[i as usize / WIDTH], i as usize % WIDTH);
+            for c in 0..4 {
+                sum.force.0[at][c] += loads.force.0[k][c];
+            }
+            for c in 0..4 {
+                sum.torque.0[at][c] += loads.torque.0[k][c];
+            }
         }
     }
 
     /// Adds what then acts on the second: the opposite force, the same torque.
     #[inline(always)]
-    pub(super) fn add_opposite(&mut self, other: &Self) {
-        const SIGN: [f32; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
-        for ((sum, part), sign) in self.0.iter_mut().zip(other.0).zip(SIGN) {
-            *sum += sign * part;
-        }
-    }
-
-    #[inline(always)]
-    pub(super) fn load(&self) -> Load {
-        let [fx, fy, fz, tx, ty, tz, ..] = self.0;
-        Load { force: Vec3::new(fx, fy, fz), torque: Vec3::new(tx, ty, tz) }
-    }
-}
-
-impl Felt {
-    /// What acts on the first of the pair in a lane.
-    #[inline(always)]
-    pub(super) fn record(&self, lane: usize) -> Record {
-        let ([fx, fy, fz], [tx, ty, tz]) = (&self.force, &self.torque);
-        Record([fx.0[lane], fy.0[lane], fz.0[lane], tx.0[lane], ty.0[lane], tz.0[lane], 0.0, 0.0])
-    }
-}
-
-impl Seen {
-    /// Looks at up to [`super::lanes::WIDTH`] pairs, from the first towards the second. Lanes without a pair keep what
-    /// they had.
-    #[inline(always)]
-    pub(super) fn look(&mut self, [first, second]: [&[Particle]; 2], pairs: &[[u32; 2]], frame: &Frame) {
-        for (lane, &[i, j]) in pairs.iter().enumerate() {
-            let (p, q) = (&first[i as usize], &second[j as usize]);
-            let apart = frame.between(p.position, q.position);
-            let (velocity, spin) = (q.velocity - p.velocity, p.spin + q.spin);
-            for (lanes, value) in
-                [(&mut self.apart, apart), (&mut self.velocity, velocity), (&mut self.spin, spin)]
-            {
-                lanes[0].0[lane] = value.x;
-                lanes[1].0[lane] = value.y;
-                lanes[2].0[lane] = value.z;
+    pub(super) fn add_seconds(&mut self, pairs: &[[u32; 2]], loads: &PairLoads) {
+        for (k, &[_, j]) in pairs.iter().enumerate().take(WIDTH) {
+            let (sum, at) = (&mut self.single[j as usize / WIDTH], j as usize % WIDTH);
+            for c in 0..4 {
+                sum.force.0[at][c] -= loads.force.0[k][c];
+            }
+            for c in 0..4 {
+                sum.torque.0[at][c] += loads.torque.0[k][c];
             }
         }
+    }
+
+    /// Adds what acts on the sub-particle at a place.
+    #[inline(always)]
+    pub(super) fn add(&mut self, place: u32, load: &Load) {
+        let (sum, at) = (&mut self.single[place as usize / WIDTH], place as usize % WIDTH);
+        for (c, (force, torque)) in load.force.to_array().into_iter().zip(load.torque.to_array()).enumerate()
+        {
+            sum.force.0[at][c] += force;
+            sum.torque.0[at][c] += torque;
+        }
+    }
+
+    /// All that acts on a block.
+    #[inline(always)]
+    pub(super) fn of_block<S: Wide>(&self, simd: S, b: usize) -> LoadBlock {
+        let (single, mut all) = (&self.single[b], self.blocks[b]);
+        let (force, torque) = (simd.to_lanes(&single.force), simd.to_lanes(&single.torque));
+        for axis in 0..3 {
+            for k in 0..WIDTH {
+                all.force[axis].0[k] += force[axis].0[k];
+                all.torque[axis].0[k] += torque[axis].0[k];
+            }
+        }
+        all
     }
 }
 

@@ -4,8 +4,14 @@
 //! once. In the second every [`body`] adds up the loads of its meetings, its bonds and its walls, and moves. Within
 //! a phase nothing depends on the order in which meetings or bodies are worked on: each writes only what is its own,
 //! and sums go by the order of ids. So the bits are the same whatever the number of threads, the batch, the chunks of
-//! steps, or the moment when pairs were looked up; and since [`lanes`] uses no fused multiply-add, on every
-//! instruction set. They differ from the plain path's, which the tests hold them to within a tolerance.
+//! steps, or the moment when pairs were looked up; and since [`lanes`] fuses multiplications with additions on every
+//! instruction set, whatever that costs there, on all of them. They differ from the plain path's, which the tests hold
+//! them to within a tolerance.
+//!
+//! Sub-particles stand in blocks of 16 ([`points`]). Bonds join a block with at most two others, so that neighbours are moved into
+//! their lanes within registers ([`bonds`]); pairs of different bodies are looked at one after the other and then
+//! transposed ([`load`]). Loads of such pairs come out the same way, and are added to sums that stand as sub-particles
+//! are looked at; blocks transpose them back when they move.
 
 mod body;
 mod bonds;
@@ -14,25 +20,30 @@ mod kernel;
 mod lanes;
 mod load;
 mod meeting;
+mod points;
 
 use glam::DVec3;
-use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::Params;
 use super::integrate::{Moved, Mover};
 use super::walls::Walls;
 use crate::engine::Advance;
+use crate::engine::frame::Frame;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use body::{Body, Extent, Noticed, Room, Share, Surroundings};
-use bonds::BondChunk;
+use body::{Body, Extent, Locate, Noticed, Surroundings};
+use bonds::BondSet;
 pub use instructions::Instructions;
+use instructions::{Job, Wide};
 use kernel::{LaneContact, PairLaws};
+use load::Sums;
 use meeting::{Meeting, SAFE, Scratch, Search};
+use points::Points;
 
-/// Distance beyond reach that meetings cover, as a share of R. Short of the lattice's face diagonal, 2√2 R.
-const SKIN_RATIO: f32 = 0.35;
+/// Distance beyond reach that meetings cover, as a share of R: between two bodies, and between a body and itself, where it
+/// must stay short of the lattice's face diagonal, 2√2 R.
+const SKIN_RATIOS: [f32; 2] = [0.35, 0.35];
 
 /// The same for facets.
 const WALL_SKIN_RATIO: f32 = 0.7;
@@ -47,7 +58,9 @@ pub struct FastRun {
     laws: PairLaws,
     mover: Mover,
     instructions: Instructions,
-    pub(super) state: State,
+    state: State,
+    /// Whether positions and velocities of the state are those of the bodies.
+    told: bool,
     walls: Walls,
     bodies: Vec<Body>,
     /// Sorted by their bodies.
@@ -75,15 +88,12 @@ impl FastRun {
             let kind = &scene.kinds[placement.kind];
             let range = from..from + kind.meta.points.len();
             from = range.end;
-            let chunks = BondChunk::all(&kind.meta.bonds, &laws);
+            let bonds = BondSet::all(&kind.meta.bonds, &laws);
             let mass = kind.subparticle_mass_kg as f32;
             if !range.is_empty() {
-                bodies.push(Body::new(
-                    range,
-                    mass,
-                    chunks,
-                    kind.meta.bonds.iter().map(|b| [b.i, b.j]).collect(),
-                ));
+                let points = Points::of(&state, range.clone());
+                let joined = kind.meta.bonds.iter().map(|bond| [bond.i, bond.j]);
+                bodies.push(Body::new(range, points, mass, bonds, joined));
             }
         }
         Self {
@@ -98,8 +108,25 @@ impl FastRun {
             start_step: None,
             fault: None,
             params,
+            told: true,
             state,
         }
+    }
+
+    /// The state, brought up to date.
+    pub(super) fn state(&mut self) -> &State {
+        if !self.told {
+            let (mut particles, mut remainders) =
+                (&mut self.state.particles[..], &mut self.state.remainders[..]);
+            for body in &self.bodies {
+                let count = body.range().len();
+                let particles = particles.split_off_mut(..count).expect("as many as bodies have");
+                let remainders = remainders.split_off_mut(..count).expect("as many as bodies have");
+                body.points.tell(particles, remainders);
+            }
+            self.told = true;
+        }
+        &self.state
     }
 
     pub(super) fn advance(&mut self, steps: u64) -> Advance {
@@ -126,19 +153,27 @@ impl FastRun {
         self.neighbours();
         let max_overlap = self.meet();
         let noticed = self.move_bodies();
-        self.state.bonds_broken += u64::from(noticed.bonds_broken);
+        self.told = false;
+        for body in &self.bodies {
+            let first = body.range().start;
+            body.broken.iter().for_each(|&k| self.state.broken[first + k as usize] += 1);
+            self.state.bonds_broken += body.broken.len() as u64;
+        }
         self.step += 1;
         done.steps += 1;
         done.particle_steps += self.state.particles.len() as u64;
         done.max_overlap_m = done.max_overlap_m.max(max_overlap).max(noticed.max_overlap);
-        self.fault = Moved::runaway(noticed.runaway).fault(&self.params, &self.state);
+        if noticed.runaway.is_some() {
+            self.state();
+            self.fault = Moved::runaway(noticed.runaway).fault(&self.params, &self.state);
+        }
     }
 
     /// Distance of two centres within which a contact can hold, in metres.
     fn search(&self) -> Search {
         Search {
             reach: 2.0 * self.params.radius + self.params.laws.reach(),
-            skin: SKIN_RATIO * self.params.radius,
+            skins: SKIN_RATIOS.map(|ratio| ratio * self.params.radius),
         }
     }
 
@@ -147,7 +182,7 @@ impl FastRun {
         let half = SAFE * 0.5 * f64::from(MARGIN_RATIO * self.params.radius);
         let strayed = |(body, (shift, path)): (&Body, &(DVec3, f64))| {
             let moved = body.motion.shift.distance(*shift) + (body.motion.path - path);
-            !(moved <= half)
+            moved > half || moved.is_nan()
         };
         if self.drawn_up.len() != self.bodies.len() || self.bodies.iter().zip(&self.drawn_up).any(strayed) {
             self.draw_up_meetings();
@@ -159,15 +194,13 @@ impl FastRun {
             due[a] |= meeting.due;
             due[b] |= meeting.due;
         }
-        let state = &self.state;
         let due = self.bodies.par_iter_mut().zip(due).filter(|(_, due)| *due);
-        due.for_each(|(body, _)| body.locate(state));
+        due.for_each(|(body, _)| self.instructions.run(Locate(body)));
     }
 
     /// Finds the bodies that are near each other. Meetings that stay keep their pairs.
     fn draw_up_meetings(&mut self) {
-        let Self { bodies, state, .. } = self;
-        bodies.par_iter_mut().for_each(|body| body.locate(state));
+        self.bodies.par_iter_mut().for_each(|body| self.instructions.run(Locate(body)));
         self.drawn_up = self.bodies.iter().map(|body| (body.motion.shift, body.motion.path)).collect();
         let reach = self.search().reach + MARGIN_RATIO * self.params.radius;
         let frame = &self.state.frame;
@@ -209,7 +242,7 @@ impl FastRun {
                 return 0.0;
             }
             let sides = meeting.bodies.map(|body| &bodies[body as usize]);
-            instructions.arch.dispatch(Meet { meeting, search: &search, laws, state, sides, scratch })
+            instructions.run(Meet { meeting, search: &search, laws, frame: &state.frame, sides, scratch })
         });
         work.reduce(|| 0.0, f32::max)
     }
@@ -223,34 +256,18 @@ impl FastRun {
             frame: &state.frame,
             walls,
             meetings,
-            masses: &state.masses,
-            held: &state.held,
             radius: params.radius,
             wall_reach: params.radius + params.laws.reach(),
             wall_skin: WALL_SKIN_RATIO * params.radius,
         };
-        let mut particles = &mut state.particles[..];
-        let mut remainders = &mut state.remainders[..];
-        let mut broken = &mut state.broken[..];
-        let shares: Vec<_> = bodies
-            .iter_mut()
-            .map(|body| {
-                let count = body.range().len();
-                let share = Share {
-                    particles: particles.split_off_mut(..count).expect("as many as bodies have"),
-                    remainders: remainders.split_off_mut(..count).expect("as many as bodies have"),
-                    broken: broken.split_off_mut(..count).expect("as many as bodies have"),
-                };
-                (body, share)
-            })
-            .collect();
-        let work = shares.into_par_iter().enumerate().map_init(Room::default, |room, (me, (body, share))| {
-            instructions.arch.dispatch(Move { body, me: me as u32, around: &around, share, room })
+        let work = bodies.par_iter_mut().enumerate().map_init(Sums::default, |sums, (me, body)| {
+            instructions.run(Move { body, me: me as u32, around: &around, sums })
         });
         work.reduce(Noticed::default, Noticed::and)
     }
 
     pub(super) fn remove(&mut self, serials: &[u32]) {
+        self.state();
         let map = self.state.remove(serials);
         let mut from = 0;
         let mut locals: Vec<Vec<u32>> = Vec::new();
@@ -266,8 +283,14 @@ impl FastRun {
             let local: Vec<u32> = local.collect();
             numbers.push((next > 0).then_some(kept.len() as u32));
             if next > 0 {
-                body.renumber(from..from + next as usize, &local);
-                from += next as usize;
+                let range = from..from + next as usize;
+                from = range.end;
+                if range.len() == local.len() {
+                    body.place(range);
+                } else {
+                    let points = Points::of(&self.state, range.clone());
+                    body.renumber(range, points, &local);
+                }
                 kept.push(body);
             }
             locals.push(local);
@@ -291,7 +314,7 @@ impl FastRun {
     pub(super) fn bonds(&self) -> Vec<[u32; 2]> {
         let of = |body: &Body| {
             let serials = &self.state.serials[body.range()];
-            let pairs = body.bonds.iter().flat_map(BondChunk::intact);
+            let pairs = body.bonds.iter().flat_map(BondSet::intact);
             pairs.map(|pair| pair.map(|k| serials[k as usize])).collect::<Vec<_>>()
         };
         let mut bonds: Vec<[u32; 2]> = self.bodies.iter().flat_map(of).collect();
@@ -305,20 +328,20 @@ struct Meet<'a> {
     meeting: &'a mut Meeting,
     search: &'a Search,
     laws: &'a PairLaws,
-    state: &'a State,
+    frame: &'a Frame,
     sides: [&'a Body; 2],
     scratch: &'a mut Scratch,
 }
 
-impl WithSimd for Meet<'_> {
+impl Job for Meet<'_> {
     type Output = f32;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f32 {
-        if self.meeting.due {
-            self.meeting.search(simd, self.search, self.state, self.sides, self.scratch);
+    fn run<S: Wide>(self, simd: S) -> f32 {
+        if self.meeting.due && !self.meeting.holds(self.sides) {
+            self.meeting.search(simd, self.search, self.frame, self.sides, self.scratch);
         }
-        self.meeting.forces(simd, self.laws, self.state, self.sides, &mut self.scratch.batch)
+        self.meeting.forces(simd, self.laws, self.frame, self.sides, &mut self.scratch.batch)
     }
 }
 
@@ -327,15 +350,14 @@ struct Move<'a> {
     body: &'a mut Body,
     me: u32,
     around: &'a Surroundings<'a>,
-    share: Share<'a>,
-    room: &'a mut Room,
+    sums: &'a mut Sums,
 }
 
-impl WithSimd for Move<'_> {
+impl Job for Move<'_> {
     type Output = Noticed;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Noticed {
-        self.body.step(simd, self.me, self.around, self.share, self.room)
+    fn run<S: Wide>(self, simd: S) -> Noticed {
+        self.body.step(simd, self.me, self.around, self.sums)
     }
 }
