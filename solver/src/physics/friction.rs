@@ -11,7 +11,8 @@
 //! | μ | – | coefficient of friction |
 //!
 //! Capping on the *total* normal force is what leaves the slide angle independent of γ (paper Fig. 8).
-//! ξ is kept in the plane but not turned about n with the pair's spin: contacts last too short for that to show.
+//! ξ is kept in the plane but not turned about n with the pair's spin. Between fillets contacts last too short for that to show;
+//! between bonded neighbours, where they last, a body that turns about a bond's axis leaves its ξ behind, which μ F_n bounds.
 //! No rolling friction: the shape of a fillet resists rolling (paper section 2.1).
 
 use glam::Vec3;
