@@ -105,19 +105,21 @@ fn pieces_and_batches_change_no_bit() {
 fn the_bits_are_those_of_this_physics_revision() {
     // Every bit of every sub-particle after 2000 steps. If this changes, results have changed: raise
     // PHYSICS_REVISION, write down why in the changelog, and only then renew the digest.
-    let mut bench = Bench::with(Cpu::plain(1), &blocks());
-    bench.steps(2000);
-    let state = bench.state();
-    let words = state.particles.iter().flat_map(|p| {
-        let bits = |v: glam::Vec3| v.to_array().map(f32::to_bits);
-        [p.position.to_array().map(|x| x as u32), bits(p.velocity), bits(p.spin)].concat()
-    });
-    let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
-    let digest = blake3::hash(&bytes).to_hex();
-    assert_eq!(
-        (roost_solver::PHYSICS_REVISION, digest.as_str()),
-        (3, "d54ac1add4c298e02f31059302948f0d88ed7cfab9dc6cde881ad63dd8bdfc4d")
-    );
+    let digest_on = |cpu: Cpu| {
+        let mut bench = Bench::with(cpu, &blocks());
+        bench.steps(2000);
+        let words = bench.state().particles.iter().flat_map(|p| {
+            let bits = |v: glam::Vec3| v.to_array().map(f32::to_bits);
+            [p.position.to_array().map(|x| x as u32), bits(p.velocity), bits(p.spin)].concat()
+        });
+        let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
+        blake3::hash(&bytes).to_hex()
+    };
+    assert_eq!(roost_solver::PHYSICS_REVISION, 4);
+    let plain = digest_on(Cpu::plain(1));
+    assert_eq!(plain.as_str(), "d54ac1add4c298e02f31059302948f0d88ed7cfab9dc6cde881ad63dd8bdfc4d", "plain");
+    let fast = digest_on(Cpu::new(1));
+    assert_eq!(fast.as_str(), "86e4142dd05f3518af32a34c1d626069fc7939d6bda3ee7c36451bb6ae3bf8b8", "fast");
 }
 
 #[test]
