@@ -56,10 +56,10 @@ pub(super) struct Bed {
 /// Inner width of the whole hopper, in metres: derived from 33.2 kg in 4 s.
 pub(super) const WHOLE_WIDTH_M: f64 = 0.59;
 
-/// A slice of the hopper, single fillets as in the paper, few of everything.
+/// A slice of the hopper, everything coarse, few of everything.
 const QUICK: Profile = Profile {
     name: "quick",
-    radius_m: 0.004,
+    radius_m: 0.005,
     of_each_shape: 1,
     stiffnesses_n_m3: &[1e5, 1e6, 1e7],
     speeds_m_s: &[1.0, 2.0, 4.0],
@@ -70,17 +70,18 @@ const QUICK: Profile = Profile {
     frictions: &[0.1, 0.3, 0.5, 0.7],
     tilt_rate_deg_s: 3.0,
     strain_rate_1_s: 0.05,
-    bed: Bed { radius_m: 0.006, width_m: 0.15, count: 48, duration_s: 6.0 },
+    bed: Bed { radius_m: 0.0075, width_m: 0.15, count: 48, duration_s: 6.0 },
     dry_seeds: 5,
     wet_seeds: 3,
-    traction_seeds: 2,
+    traction_seeds: 1,
     proof: Bed { radius_m: 0.0075, width_m: 0.15, count: 48, duration_s: 4.0 },
     proof_seeds: 5,
 };
 
-/// The whole hopper, as many sub-particles as in the paper's.
+/// The whole hopper, as many sub-particles as in the paper's, single fillets as in the paper.
 const STANDARD: Profile = Profile {
     name: "standard",
+    radius_m: 0.004,
     stiffnesses_n_m3: &[1e5, 3e5, 1e6, 3e6, 1e7],
     speeds_m_s: &[0.5, 1.0, 2.0, 3.0, 4.0, 6.0],
     scales: &[0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0, 7.0, 10.0],
@@ -90,6 +91,7 @@ const STANDARD: Profile = Profile {
     strain_rate_1_s: 0.01,
     bed: Bed { radius_m: 0.005, width_m: WHOLE_WIDTH_M, count: 191, duration_s: 6.0 },
     wet_seeds: 5,
+    traction_seeds: 2,
     proof: Bed { radius_m: 0.006, width_m: WHOLE_WIDTH_M, count: 191, duration_s: 4.0 },
     ..QUICK
 };
