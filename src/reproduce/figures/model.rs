@@ -29,6 +29,9 @@ pub(super) fn table_1() -> Figure {
     }
 }
 
+/// The paper's sub-particles, in metres.
+const PAPER_RADIUS_M: f64 = 0.004;
+
 /// Sizes of Table 1, in millimetres.
 const SIZES_MM: [[f64; 3]; 3] = [[144.0, 72.0, 40.0], [172.0, 72.0, 32.0], [176.0, 72.0, 40.0]];
 
@@ -49,7 +52,7 @@ fn told_shapes(profile: &Profile) -> Told {
     let scenario = default_scenario();
     let kinds = kinds(&scenario, &Meshes::default());
     let mut rows = Vec::new();
-    let mut radii_m = vec![profile.radius_m, profile.bed.radius_m];
+    let mut radii_m = vec![PAPER_RADIUS_M, profile.radius_m, profile.bed.radius_m];
     radii_m.dedup();
     for (number, paper) in SIZES_MM.into_iter().enumerate() {
         let ours = scenario.product.sizes_m.get(number).copied().unwrap_or_default();
