@@ -56,10 +56,10 @@ pub(super) struct Bed {
 /// Inner width of the whole hopper, in metres: derived from 33.2 kg in 4 s.
 pub(super) const WHOLE_WIDTH_M: f64 = 0.59;
 
-/// A slice of the hopper, everything coarse, few of everything.
+/// A slice of the hopper, coarse; single fillets as in the paper; few of everything.
 const QUICK: Profile = Profile {
     name: "quick",
-    radius_m: 0.005,
+    radius_m: 0.004,
     of_each_shape: 1,
     stiffnesses_n_m3: &[1e5, 1e6, 1e7],
     speeds_m_s: &[1.0, 2.0, 4.0],
@@ -78,10 +78,9 @@ const QUICK: Profile = Profile {
     proof_seeds: 5,
 };
 
-/// The whole hopper, as many sub-particles as in the paper's, single fillets as in the paper.
+/// The whole hopper, as many sub-particles as in the paper's.
 const STANDARD: Profile = Profile {
     name: "standard",
-    radius_m: 0.004,
     stiffnesses_n_m3: &[1e5, 3e5, 1e6, 3e6, 1e7],
     speeds_m_s: &[0.5, 1.0, 2.0, 3.0, 4.0, 6.0],
     scales: &[0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 4.0, 7.0, 10.0],

@@ -1,8 +1,10 @@
 //! The proof of the time step: mean discharge curves of the paper's step and of the largest safe one do not differ.
 
-use super::hopper::{at_timestep, out_kg, scenario};
+use serde_json::json;
+
+use super::hopper::{out_kg, scenario};
 use super::{rounded, sampled};
-use crate::reproduce::plan::{Figure, Illustration, Part, Results, Run, Told};
+use crate::reproduce::plan::{Figure, Illustration, Part, Results, Run, Told, with};
 use crate::reproduce::profile::Profile;
 use crate::reproduce::row::Row;
 use crate::reproduce::stats::{Difference, Seeds, welch};
@@ -20,8 +22,9 @@ const NEGLIGIBLE: f64 = 3.0;
 /// The proof.
 pub(super) fn figure(profile: &Profile) -> Figure {
     let base = scenario(&profile.proof, 0.06, "dry");
+    let at_papers = with(&base, json!({"numerics": {"timestep_s": PAPERS_STEP_S}}));
     let auto = Run::seeds(AUTO, &base, profile.proof_seeds);
-    let papers = Run::seeds(PAPERS, &at_timestep(&base, PAPERS_STEP_S), profile.proof_seeds);
+    let papers = Run::seeds(PAPERS, &at_papers, profile.proof_seeds);
     Figure {
         name: NAME,
         title: "The time step",
