@@ -5,41 +5,32 @@ mod stl;
 
 mod common;
 
-use common::{RADIUS, assert_close, assert_force, hertz, push};
+use common::{RADIUS, assert_close, assert_force, hertz, push, response};
 use glam::DVec3;
 use roost_solver::equipment::{Surface, SurfaceKind};
 use roost_solver::mesh::Meshes;
 use roost_solver::result::{EndReason, RunResult};
-use roost_solver::scenario::{self, Scenario};
+use roost_solver::scenario::Scenario;
 use roost_solver::{CpuOptions, Flow, Limits, Progress, check, simulate};
 use serde_json::{Value, json};
 
 /// At a radius of 8 mm size 2 is two layers thick all over, and none of it a single layer that folds at no cost.
 fn scenario(support: &str, fields: &[(&str, Value)]) -> Scenario {
-    let mut document = json!({
+    let document = json!({
         "experiment": "bend",
         "product": {"subparticle_radius_m": 0.008},
         "bend": {"support": support},
         "numerics": {"timestep_s": "auto"},
     });
-    for (pointer, value) in fields {
-        let at = pointer.split('/').skip(1).fold(&mut document, |at, name| &mut at[name]);
-        *at = value.clone();
-    }
-    scenario::from_value(&document).expect("a sound scenario")
+    common::scenario(document, fields)
 }
 
 fn run_on(threads: usize, support: &str, fields: &[(&str, Value)]) -> RunResult {
-    let options = CpuOptions { threads };
-    simulate(&scenario(support, fields), &Meshes::default(), options, &mut |_: &Progress| Flow::Continue)
+    common::run_on(threads, &scenario(support, fields))
 }
 
 fn run(support: &str, fields: &[(&str, Value)]) -> RunResult {
     run_on(1, support, fields)
-}
-
-fn response(result: &RunResult, name: &str) -> f64 {
-    result.response(name).unwrap_or_else(|| panic!("{name} in {:?}", result.responses))
 }
 
 /// Both stiffnesses of the bonds, as multiples of Table 2.

@@ -1,49 +1,32 @@
 //! Blocks between plates against closed forms: the modulus of the lattice, the whole curve with contact between bonded
 //! neighbours, and what a test tells when it is cut short, refused or run on more threads.
 
+mod common;
+
 use std::f64::consts::PI;
 
+use common::{RADIUS, assert_close, curve, response};
 use roost_solver::mesh::Meshes;
-use roost_solver::result::{Curve, EndReason, RunResult};
-use roost_solver::scenario::{self, Scenario};
-use roost_solver::{CpuOptions, Flow, Limits, Progress, check, simulate};
+use roost_solver::result::{EndReason, RunResult};
+use roost_solver::scenario::Scenario;
+use roost_solver::{Limits, check};
 use serde_json::{Value, json};
 
-const RADIUS: f64 = 0.004;
-
 fn scenario(fields: &[(&str, Value)]) -> Scenario {
-    let mut document = json!({
+    let document = json!({
         "experiment": "compress",
         "compress": {"lattice": [4, 4, 4], "strain_rate_1_s": 0.1},
         "numerics": {"timestep_s": "auto", "output_interval_s": 0.005},
     });
-    for (pointer, value) in fields {
-        let at = pointer.split('/').skip(1).fold(&mut document, |at, name| &mut at[name]);
-        *at = value.clone();
-    }
-    scenario::from_value(&document).expect("a sound scenario")
+    common::scenario(document, fields)
 }
 
 fn run_on(threads: usize, fields: &[(&str, Value)]) -> RunResult {
-    let options = CpuOptions { threads };
-    simulate(&scenario(fields), &Meshes::default(), options, &mut |_: &Progress| Flow::Continue)
+    common::run_on(threads, &scenario(fields))
 }
 
 fn run(fields: &[(&str, Value)]) -> RunResult {
     run_on(1, fields)
-}
-
-fn response(result: &RunResult, name: &str) -> f64 {
-    result.response(name).unwrap_or_else(|| panic!("{name} in {:?}", result.responses))
-}
-
-fn curve<'a>(result: &'a RunResult, name: &str) -> &'a Curve {
-    result.curves.iter().find(|curve| curve.name == name).expect("there")
-}
-
-#[track_caller]
-fn assert_close(found: f64, expected: f64, share: f64) {
-    assert!((found / expected - 1.0).abs() < share, "{found} is not {expected} within {share} of it");
 }
 
 #[test]

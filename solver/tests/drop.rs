@@ -2,15 +2,13 @@
 
 mod common;
 
-use common::{assert_close, document, prepare};
+use common::{assert_close, document, prepare, response, run_on};
 use glam::DVec3;
 use roost_solver::engine::run::{Decision, Sample};
 use roost_solver::engine::state::State;
 use roost_solver::experiments::Watch;
-use roost_solver::mesh::Meshes;
 use roost_solver::result::{EndReason, RunResult};
 use roost_solver::scenario::{self, Scenario};
-use roost_solver::{CpuOptions, Flow, Progress, simulate};
 use serde_json::{Value, json};
 
 /// A drop of few coarse fillets with these fields, by pointer.
@@ -25,20 +23,12 @@ fn drop(fields: &[(&str, Value)]) -> Scenario {
 }
 
 fn run(scenario: &Scenario) -> RunResult {
-    run_on(scenario, 1)
-}
-
-fn run_on(scenario: &Scenario, threads: usize) -> RunResult {
-    simulate(scenario, &Meshes::default(), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue)
-}
-
-fn response(result: &RunResult, name: &str) -> f64 {
-    result.response(name).unwrap_or_else(|| panic!("{name} in {:?}", result.responses))
+    run_on(1, scenario)
 }
 
 /// The values of a curve, one a fillet.
 fn curve(result: &RunResult, name: &str) -> Vec<f64> {
-    let curve = result.curves.iter().find(|curve| curve.name == name).expect("there");
+    let curve = common::curve(result, name);
     assert_eq!((curve.over.as_str(), curve.x.len()), ("fillet", curve.values.len()));
     curve.values.clone()
 }
@@ -122,10 +112,10 @@ fn a_drop_gives_the_same_bits_on_any_number_of_threads() {
     let text = |result: &RunResult| {
         serde_json::to_string(&(&result.responses, &result.series, &result.curves)).expect("serialises")
     };
-    let one = run_on(&scenario, 1);
+    let one = run_on(1, &scenario);
     assert!(one.performance.subparticles > 512);
     for threads in [2, 3] {
-        assert_eq!(text(&one), text(&run_on(&scenario, threads)));
+        assert_eq!(text(&one), text(&run_on(threads, &scenario)));
     }
     assert_ne!(text(&one), text(&run(&Scenario { seed: 2, ..scenario })));
 }

@@ -1,32 +1,23 @@
 //! A very small hopper from fill to end: what goes in comes out, every end has its reason, every wall and bond runs.
 
+mod common;
+
+use common::{response, run_on};
 use roost_solver::equipment::{Motion, Presence, Surface, SurfaceKind};
 use roost_solver::experiments::prepare;
 use roost_solver::mesh::Meshes;
 use roost_solver::result::{EndReason, RunResult, Series};
-use roost_solver::scenario;
-use roost_solver::{CpuOptions, Flow, Progress, simulate};
 use serde_json::{Value, json};
 
 /// Runs a hopper of 8 fillets with these fields, by pointer, instead of its own.
 fn run(fields: &[(&str, Value)]) -> RunResult {
-    let mut document = json!({
+    let document = json!({
         "experiment": "hopper",
         "product": {"count": 8, "subparticle_radius_m": 0.01},
         "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2, "gate_opening_m": 0.1},
         "numerics": {"timestep_s": "auto", "duration_s": 0.4},
     });
-    for (pointer, value) in fields {
-        let mut at = &mut document;
-        for name in pointer.split('/').skip(1) {
-            at = &mut at[name];
-        }
-        *at = value.clone();
-    }
-    let scenario = scenario::from_value(&document).expect("a sound scenario");
-    let result = simulate(&scenario, &Meshes::default(), CpuOptions { threads: 2 }, &mut |_: &Progress| {
-        Flow::Continue
-    });
+    let result = run_on(2, &common::scenario(document, fields));
     assert_sound(&result);
     result
 }
@@ -52,10 +43,6 @@ fn masses(result: &RunResult) -> &Series {
 
 fn last(values: &[f64]) -> f64 {
     *values.last().expect("samples")
-}
-
-fn response(result: &RunResult, name: &str) -> f64 {
-    result.response(name).unwrap_or_else(|| panic!("{name} in {:?}", result.responses))
 }
 
 #[track_caller]

@@ -4,7 +4,7 @@ mod common;
 #[path = "common/stl.rs"]
 mod stl;
 
-use common::{assert_close, document, prepare};
+use common::{assert_close, document, prepare, run_on};
 use glam::DVec3;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Motion, Presence, SurfaceKind};
@@ -28,11 +28,7 @@ fn scene(fields: &[(&str, Value)]) -> Scenario {
 }
 
 fn run(scenario: &Scenario) -> RunResult {
-    run_on(scenario, 1)
-}
-
-fn run_on(scenario: &Scenario, threads: usize) -> RunResult {
-    simulate(scenario, &Meshes::default(), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue)
+    run_on(1, scenario)
 }
 
 fn values(result: &RunResult, series: &str) -> Vec<f64> {
@@ -42,7 +38,7 @@ fn values(result: &RunResult, series: &str) -> Vec<f64> {
 /// Where the centre of mass of each body that is left is at the end.
 fn places(result: &RunResult) -> Vec<DVec3> {
     let [x, y, z] = ["position_x", "position_y", "position_z"].map(|name| {
-        let curve = result.curves.iter().find(|curve| curve.name == name).expect("there");
+        let curve = common::curve(result, name);
         assert_eq!((curve.over.as_str(), curve.unit.as_str()), ("body", "m"));
         &curve.values
     });
@@ -324,11 +320,11 @@ fn a_scene_gives_the_same_bits_on_any_number_of_threads() {
     let text = |result: &RunResult| {
         serde_json::to_string(&(&result.responses, &result.series, &result.curves)).expect("serialises")
     };
-    let one = run_on(&scenario, 1);
+    let one = run_on(1, &scenario);
     assert!(
         one.performance.subparticles > 512 && one.response("max_overlap_ratio").is_some_and(|o| o > 0.01)
     );
     for threads in [2, 3] {
-        assert_eq!(text(&one), text(&run_on(&scenario, threads)));
+        assert_eq!(text(&one), text(&run_on(threads, &scenario)));
     }
 }

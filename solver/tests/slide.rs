@@ -1,28 +1,23 @@
 //! Fillets on a plate that is tilted: where they slide, what moves that angle and what does not.
 
-use roost_solver::mesh::Meshes;
+mod common;
+
 use roost_solver::result::{EndReason, RunResult};
-use roost_solver::scenario::{self, Scenario};
-use roost_solver::{CpuOptions, Flow, Progress, simulate};
+use roost_solver::scenario::Scenario;
 use serde_json::{Value, json};
 
 fn scenario(fields: &[(&str, Value)]) -> Scenario {
-    let mut document = json!({
+    let document = json!({
         "experiment": "slide",
         "product": {"subparticle_radius_m": 0.008},
         "slide": {"tilt_rate_deg_s": 6.0},
         "numerics": {"timestep_s": "auto"},
     });
-    for (pointer, value) in fields {
-        let at = pointer.split('/').skip(1).fold(&mut document, |at, name| &mut at[name]);
-        *at = value.clone();
-    }
-    scenario::from_value(&document).expect("a sound scenario")
+    common::scenario(document, fields)
 }
 
 fn run_on(threads: usize, fields: &[(&str, Value)]) -> RunResult {
-    let options = CpuOptions { threads };
-    simulate(&scenario(fields), &Meshes::default(), options, &mut |_: &Progress| Flow::Continue)
+    common::run_on(threads, &scenario(fields))
 }
 
 fn run(fields: &[(&str, Value)]) -> RunResult {

@@ -14,8 +14,10 @@ use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::{BondLaw, Form};
 use roost_solver::physics::contact::ContactLaw;
 use roost_solver::physics::hertz;
-use roost_solver::scenario::Scenario;
+use roost_solver::result::{Curve, RunResult};
+use roost_solver::scenario::{self, Scenario};
 use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
+use roost_solver::{CpuOptions, Flow, Progress, simulate};
 use serde_json::{Value, json};
 
 pub const RADIUS: f64 = 0.004;
@@ -202,9 +204,8 @@ pub fn weighing(surfaces: Vec<Surface>, x: DVec3, velocity: DVec3, mu: f64, dt: 
     scene
 }
 
-/// A hopper scenario's document with these fields, by pointer.
-pub fn document(fields: &[(&str, Value)]) -> Value {
-    let mut document = json!({"experiment": "hopper"});
+/// A document with these fields, by pointer, in place of its own.
+pub fn with(mut document: Value, fields: &[(&str, Value)]) -> Value {
     for (pointer, value) in fields {
         let mut at = &mut document;
         for name in pointer.split('/').skip(1) {
@@ -213,6 +214,33 @@ pub fn document(fields: &[(&str, Value)]) -> Value {
         *at = value.clone();
     }
     document
+}
+
+/// A hopper scenario's document with these fields, by pointer.
+pub fn document(fields: &[(&str, Value)]) -> Value {
+    with(json!({"experiment": "hopper"}), fields)
+}
+
+/// The scenario of a document with these fields, by pointer, in place of its own.
+pub fn scenario(document: Value, fields: &[(&str, Value)]) -> Scenario {
+    scenario::from_value(&with(document, fields)).expect("a sound scenario")
+}
+
+/// What comes of a scenario without meshes.
+pub fn run_on(threads: usize, scenario: &Scenario) -> RunResult {
+    simulate(scenario, &Meshes::default(), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue)
+}
+
+/// A response, which must be there.
+#[track_caller]
+pub fn response(result: &RunResult, name: &str) -> f64 {
+    result.response(name).unwrap_or_else(|| panic!("{name} in {:?}", result.responses))
+}
+
+/// A curve, which must be there.
+#[track_caller]
+pub fn curve<'a>(result: &'a RunResult, name: &str) -> &'a Curve {
+    result.curves.iter().find(|curve| curve.name == name).unwrap_or_else(|| panic!("{name}"))
 }
 
 /// The experiment of a scenario without meshes.
