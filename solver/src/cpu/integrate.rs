@@ -60,8 +60,6 @@ pub(super) struct Mover {
     /// m/I of a solid sphere, in 1/m².
     pub(super) spin_factor: f32,
     pub(super) limit2: f32,
-    /// Distance from a reference position after which the fast path takes a new one, in metres.
-    pub(super) new_reference: f64,
 }
 
 impl Mover {
@@ -72,7 +70,6 @@ impl Mover {
             inverse_unit: 1.0 / frame.unit_m,
             spin_factor: 2.5 / (params.radius * params.radius),
             limit2: params.speed_limit * params.speed_limit,
-            new_reference: 0.1 * f64::from(params.radius),
         }
     }
 

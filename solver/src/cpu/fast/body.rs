@@ -7,10 +7,10 @@ use glam::{DVec3, IVec3};
 use super::bonds::{self, BondSet};
 use super::instructions::{Job, Wide};
 use super::kernel::PairLaws;
-use super::lanes::Ints;
 use super::load::Sums;
 use super::meeting::{Meeting, SAFE};
-use super::points::{Block, Motion, Points, folded, place_of};
+use super::memory::{Ints, folded};
+use super::points::{Block, Motion, Points, place_of};
 use crate::cpu::forces::{Load, from_walls};
 use crate::cpu::integrate::Mover;
 use crate::cpu::lists::WallPair;
@@ -210,11 +210,10 @@ impl Body {
         sums.clear(self.points.blocks.len());
         for &m in &self.meets {
             let Meeting { bodies, chunks, .. } = &around.meetings[m as usize];
-            if bodies[0] == me {
-                chunks.iter().for_each(|chunk| sums.add_firsts(chunk.pairs(), &chunk.loads));
-            }
-            if bodies[1] == me {
-                chunks.iter().for_each(|chunk| sums.add_seconds(chunk.pairs(), &chunk.loads));
+            for side in [0, 1] {
+                if bodies[side] == me {
+                    chunks.iter().for_each(|chunk| sums.add_side(side, chunk.pairs(), &chunk.loads));
+                }
             }
         }
         let mut noticed = Noticed::default();

@@ -4,8 +4,8 @@
 
 use super::instructions::{Places, Wide};
 use super::kernel::{self, Bonds, Contacts, Felt, NO_BOND, PairLaws, Seen};
-use super::lanes::{Lanes, WIDTH};
 use super::load::Sums;
+use super::memory::{Lanes, WIDTH};
 use super::points::Block;
 use crate::engine::frame::Frame;
 use crate::shape::lattice::LatticeBond;

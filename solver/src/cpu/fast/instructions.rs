@@ -2,7 +2,7 @@
 
 use pulp::{Scalar, Simd};
 
-use super::lanes::{Ints, Lanes, Quads, WIDTH};
+use super::memory::{Ints, Lanes, Quads, WIDTH, quad_of};
 
 /// An instruction set that this machine has.
 #[derive(Clone, Copy, Debug)]
@@ -75,16 +75,16 @@ pub(super) trait Wide: Simd {
         }))
     }
 
-    /// From four numbers each one after the other to lanes (see [`super::lanes::quad_of`]).
+    /// From four numbers each one after the other to lanes (see [`super::memory::quad_of`]).
     #[inline(always)]
     fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
-        std::array::from_fn(|c| Lanes(std::array::from_fn(|lane| quads.0[super::lanes::quad_of(lane)][c])))
+        std::array::from_fn(|c| Lanes(std::array::from_fn(|lane| quads.0[quad_of(lane)][c])))
     }
 
     /// From lanes to four numbers each one after the other.
     #[inline(always)]
     fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
-        Quads(std::array::from_fn(|place| std::array::from_fn(|c| lanes[c].0[super::lanes::quad_of(place)])))
+        Quads(std::array::from_fn(|place| std::array::from_fn(|c| lanes[c].0[quad_of(place)])))
     }
 }
 

@@ -4,7 +4,8 @@
 
 use pulp::Simd;
 
-use super::lanes::{F, F3, Lanes, Lanes3, Mask, WIDTH};
+use super::lanes::{F, F3, Mask};
+use super::memory::{Lanes, Lanes3, WIDTH};
 use crate::physics::bond::{BondLaw, Form, STRETCH_CLAMP};
 use crate::physics::contact::ContactLaw;
 use crate::physics::jkr::{D_SNAP, JkrScale, X_SNAP};

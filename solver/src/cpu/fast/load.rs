@@ -2,7 +2,7 @@
 
 use super::instructions::Wide;
 use super::kernel::{Contacts, Felt, Seen};
-use super::lanes::{Lanes, Lanes3, Quads, WIDTH};
+use super::memory::{Lanes, Lanes3, Quads, WIDTH};
 use super::points::Points;
 use crate::cpu::forces::Load;
 use crate::engine::frame::Frame;
@@ -108,27 +108,15 @@ impl Sums {
         self.blocks.resize(blocks, LoadBlock { force: [Lanes::ZERO; 3], torque: [Lanes::ZERO; 3] });
     }
 
-    /// Adds what acts on the first of each pair.
+    /// Adds what pairs do to their firsts, side 0, or to their seconds, side 1: the opposite force, the same torque.
     #[inline(always)]
-    pub(super) fn add_firsts(&mut self, pairs: &[[u32; 2]], loads: &PairLoads) {
-        for (k, &[i, _]) in pairs.iter().enumerate().take(WIDTH) {
-            let (sum, at) = (&mut self.single[i as usize / WIDTH], i as usize % WIDTH);
+    pub(super) fn add_side(&mut self, side: usize, pairs: &[[u32; 2]], loads: &PairLoads) {
+        let sign = if side == 0 { 1.0 } else { -1.0 };
+        for (k, pair) in pairs.iter().enumerate() {
+            let place = pair[side] as usize;
+            let (sum, at) = (&mut self.single[place / WIDTH], place % WIDTH);
             for c in 0..4 {
-                sum.force.0[at][c] += loads.force.0[k][c];
-            }
-            for c in 0..4 {
-                sum.torque.0[at][c] += loads.torque.0[k][c];
-            }
-        }
-    }
-
-    /// Adds what then acts on the second: the opposite force, the same torque.
-    #[inline(always)]
-    pub(super) fn add_seconds(&mut self, pairs: &[[u32; 2]], loads: &PairLoads) {
-        for (k, &[_, j]) in pairs.iter().enumerate().take(WIDTH) {
-            let (sum, at) = (&mut self.single[j as usize / WIDTH], j as usize % WIDTH);
-            for c in 0..4 {
-                sum.force.0[at][c] -= loads.force.0[k][c];
+                sum.force.0[at][c] += sign * loads.force.0[k][c];
             }
             for c in 0..4 {
                 sum.torque.0[at][c] += loads.torque.0[k][c];

@@ -20,7 +20,9 @@ mod kernel;
 mod lanes;
 mod load;
 mod meeting;
+mod memory;
 mod points;
+mod search;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -38,8 +40,9 @@ pub use instructions::Instructions;
 use instructions::{Job, Wide};
 use kernel::{LaneContact, PairLaws};
 use load::Sums;
-use meeting::{Meeting, SAFE, Scratch, Search};
+use meeting::{Meeting, Room, SAFE};
 use points::Points;
+use search::Search;
 
 /// Distance beyond reach that meetings cover, as a share of R: between two bodies, and between a body and itself, where it
 /// must stay short of the lattice's face diagonal, 2√2 R.
@@ -237,12 +240,12 @@ impl FastRun {
     fn meet(&mut self) -> f32 {
         let search = self.search();
         let Self { laws, state, bodies, instructions, .. } = self;
-        let work = self.meetings.par_iter_mut().map_init(Scratch::default, |scratch, meeting| {
+        let work = self.meetings.par_iter_mut().map_init(Room::default, |room, meeting| {
             if !meeting.due && meeting.chunks.is_empty() {
                 return 0.0;
             }
             let sides = meeting.bodies.map(|body| &bodies[body as usize]);
-            instructions.run(Meet { meeting, search: &search, laws, frame: &state.frame, sides, scratch })
+            instructions.run(Meet { meeting, search: &search, laws, frame: &state.frame, sides, room })
         });
         work.reduce(|| 0.0, f32::max)
     }
@@ -330,7 +333,7 @@ struct Meet<'a> {
     laws: &'a PairLaws,
     frame: &'a Frame,
     sides: [&'a Body; 2],
-    scratch: &'a mut Scratch,
+    room: &'a mut Room,
 }
 
 impl Job for Meet<'_> {
@@ -338,10 +341,10 @@ impl Job for Meet<'_> {
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> f32 {
-        if self.meeting.due && !self.meeting.holds(self.sides) {
-            self.meeting.search(simd, self.search, self.frame, self.sides, self.scratch);
+        if self.meeting.due {
+            self.meeting.search(simd, self.search, self.frame, self.sides, self.room);
         }
-        self.meeting.forces(simd, self.laws, self.frame, self.sides, &mut self.scratch.batch)
+        self.meeting.forces(simd, self.laws, self.frame, self.sides, self.room)
     }
 }
 

@@ -6,8 +6,8 @@ use std::ops::Range;
 use glam::{DVec3, IVec3, Vec3};
 
 use super::instructions::Wide;
-use super::lanes::{Ints, Lanes, Lanes3, Quads, WIDTH, quad_of};
 use super::load::{LoadBlock, Sums};
+use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, quad_of};
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -41,8 +41,6 @@ pub(super) struct Points {
     pub(super) count: usize,
     pub(super) blocks: Vec<Block>,
     pub(super) looks: Vec<Looks>,
-    /// How each block has moved.
-    pub(super) motions: Vec<BlockMotion>,
     /// 1 where a lane of the last block is a sub-particle, 0 where it only fills up.
     real_in_last: Lanes,
 }
@@ -59,21 +57,6 @@ pub(super) struct Motion {
     pub(super) path: f64,
 }
 
-/// How a block has moved: a closer bound, since what swings to and fro does not add up. Since an earlier moment each sub-particle
-/// has moved by as much as `shift`, to within `to` now less `from` then.
-#[derive(Clone, Debug)]
-pub(super) struct BlockMotion {
-    velocity: Vec3,
-    pub(super) shift: DVec3,
-    /// Positions, and the shift, at some time before.
-    reference: [Ints; 3],
-    shift_then: DVec3,
-    /// What deviations from earlier references came to in the end, in metres.
-    before: f64,
-    /// Greatest distance from where the reference and the shift would have a sub-particle, in metres.
-    deviation: f64,
-}
-
 impl Motion {
     /// After a step of `dt` seconds in which none was faster against the mean than √`apart2` m/s; `mean` is the new one.
     #[inline(always)]
@@ -81,55 +64,6 @@ impl Motion {
         self.shift += self.velocity.as_dvec3() * dt;
         self.path += f64::from(apart2.sqrt()) * dt;
         self.velocity = mean;
-    }
-}
-
-impl BlockMotion {
-    fn new(position: [Ints; 3]) -> Self {
-        Self {
-            velocity: Vec3::ZERO,
-            shift: DVec3::ZERO,
-            reference: position,
-            shift_then: DVec3::ZERO,
-            before: 0.0,
-            deviation: 0.0,
-        }
-    }
-
-    /// What counts now, in metres.
-    #[inline(always)]
-    pub(super) fn to(&self) -> f64 {
-        self.before + self.deviation
-    }
-
-    /// What counts of the moment from which one looks, in metres.
-    #[inline(always)]
-    pub(super) fn from(&self) -> f64 {
-        self.before - self.deviation
-    }
-
-    /// After a step of `dt` seconds; `mean` is the new mean velocity.
-    #[inline(always)]
-    fn go_on(&mut self, position: &[Ints; 3], mean: Vec3, mover: &Mover, frame: &Frame) {
-        self.shift += self.velocity.as_dvec3() * f64::from(mover.dt);
-        self.velocity = mean;
-        let shift = (self.shift - self.shift_then).as_vec3();
-        let mut distance2 = Lanes::ZERO;
-        for axis in 0..3 {
-            let (x, then, shift) = (&position[axis].0, &self.reference[axis].0, shift[axis]);
-            for k in 0..WIDTH {
-                let d = x[k].wrapping_sub(then[k]) as f32 * frame.unit_m - shift;
-                distance2.0[k] += d * d;
-            }
-        }
-        self.deviation = f64::from(folded(distance2.0, greater).sqrt());
-        // What keeps moving away would count twice where one looks from in the midst of it.
-        if self.deviation > mover.new_reference {
-            self.before += self.deviation;
-            self.deviation = 0.0;
-            self.reference = *position;
-            self.shift_then = self.shift;
-        }
     }
 }
 
@@ -144,12 +78,6 @@ pub(super) struct Moved {
 
 /// 1 in every lane.
 const ALL: Lanes = Lanes([1.0; WIDTH]);
-
-/// The greater; the first where either is not a number.
-#[inline(always)]
-fn greater(a: f32, b: f32) -> f32 {
-    if b > a { b } else { a }
-}
 
 /// Where a sub-particle stands among looks and sums, and which stands at a place.
 pub(super) fn place_of(k: u32) -> u32 {
@@ -181,8 +109,7 @@ impl Points {
         let in_last = count - WIDTH * (blocks.len() - 1);
         let real_in_last = Lanes(std::array::from_fn(|lane| if lane < in_last { 1.0 } else { 0.0 }));
         let looks = vec![nothing; blocks.len()];
-        let motions = blocks.iter().map(|block| BlockMotion::new(block.position)).collect();
-        let mut points = Self { count, looks, motions, blocks, real_in_last };
+        let mut points = Self { count, looks, blocks, real_in_last };
         for b in 0..points.blocks.len() {
             points.show(pulp::Scalar::new(), b);
         }
@@ -249,8 +176,7 @@ impl Points {
                 let first = lost.iter().position(|&lost| lost != 0).expect("one is lost");
                 moved.runaway = Some((b * WIDTH + first) as u32);
             }
-            let (real, count) =
-                if b + 1 < blocks { (&ALL, WIDTH) } else { (&self.real_in_last, self.count - b * WIDTH) };
+            let real = if b + 1 < blocks { &ALL } else { &self.real_in_last };
             let (mut square, mut against) = (Lanes::ZERO, Lanes::ZERO);
             let mut sum = Vec3::ZERO;
             for axis in 0..3 {
@@ -269,7 +195,6 @@ impl Points {
                 fastest2.0[k] = greater(fastest2.0[k], square.0[k]);
                 most_apart2.0[k] = greater(most_apart2.0[k], against.0[k] * real.0[k]);
             }
-            self.motions[b].go_on(&block.position, sum / count as f32, mover, frame);
             total += sum;
             self.show(simd, b);
         }
@@ -277,19 +202,6 @@ impl Points {
         moved.fastest = folded(fastest2.0, greater).sqrt();
         moved
     }
-}
-
-/// All lanes put together, in halves, as registers do it.
-#[inline(always)]
-pub(super) fn folded<T: Copy>(mut of: [T; WIDTH], put: impl Fn(T, T) -> T) -> T {
-    let mut half = WIDTH / 2;
-    while half > 0 {
-        for k in 0..half {
-            of[k] = put(of[k], of[k + half]);
-        }
-        half /= 2;
-    }
-    of[0]
 }
 
 impl Block {

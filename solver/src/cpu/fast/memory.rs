@@ -1,0 +1,91 @@
+//! Numbers side by side in memory: 16 to a row, in lanes or in quads.
+
+/// Pairs that are worked on together: a multiple of the lanes of every instruction set.
+pub(super) const WIDTH: usize = 16;
+
+/// One number of each of [`WIDTH`] pairs, in memory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub(super) struct Lanes(pub(super) [f32; WIDTH]);
+
+impl Lanes {
+    /// All zero.
+    pub(super) const ZERO: Self = Self([0.0; WIDTH]);
+
+    /// The place of each lane in the order of quads (see [`quad_of`]).
+    pub(super) const PLACE: Self = {
+        let mut place = [0.0; WIDTH];
+        let mut k = 0;
+        while k < WIDTH {
+            place[k] = quad_of(k) as f32;
+            k += 1;
+        }
+        Self(place)
+    };
+}
+
+/// A vector of each of [`WIDTH`] pairs, in memory.
+pub(super) type Lanes3 = [Lanes; 3];
+
+/// One whole number of each of [`WIDTH`] sub-particles, in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(align(64))]
+pub(super) struct Ints(pub(super) [i32; WIDTH]);
+
+/// Four numbers of each of [`WIDTH`] things, one thing after the other.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(super) struct Quads(pub(super) [[f32; 4]; WIDTH]);
+
+/// Where a lane's numbers stand among [`Quads`], and the lane whose numbers stand there: 4 × 4 places are transposed,
+/// since that is what registers of every width can do without crossing quarters.
+#[inline(always)]
+pub(super) const fn quad_of(lane: usize) -> usize {
+    lane % 4 * 4 + lane / 4
+}
+
+/// The bits of lanes, at the places of [`quad_of`].
+#[inline(always)]
+pub(super) const fn places_of(lanes: u16) -> u16 {
+    let swap = (lanes ^ lanes >> 3) & 0x0a0a;
+    let half = lanes ^ swap ^ swap << 3;
+    let swap = (half ^ half >> 6) & 0x00cc;
+    half ^ swap ^ swap << 6
+}
+
+impl Quads {
+    /// All zero.
+    pub(super) const ZERO: Self = Self([[0.0; 4]; WIDTH]);
+}
+
+/// All of a row put together, in halves, as registers do it.
+#[inline(always)]
+pub(super) fn folded<T: Copy>(mut of: [T; WIDTH], put: impl Fn(T, T) -> T) -> T {
+    let mut half = WIDTH / 2;
+    while half > 0 {
+        for k in 0..half {
+            of[k] = put(of[k], of[k + half]);
+        }
+        half /= 2;
+    }
+    of[0]
+}
+
+/// The greater; the first where either is not a number.
+#[inline(always)]
+pub(super) fn greater(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_of_lanes_go_to_their_places() {
+        for lane in 0..WIDTH {
+            assert_eq!(places_of(1 << lane), 1 << quad_of(lane), "{lane}");
+            assert_eq!(quad_of(quad_of(lane)), lane);
+        }
+    }
+}
