@@ -7,7 +7,7 @@ use crate::scenario::Scenario;
 
 /// Changes whenever the bits of a result change: results of different revisions are never mixed
 /// silently, and the result cache is keyed by it.
-pub const PHYSICS_REVISION: u32 = 4;
+pub const PHYSICS_REVISION: u32 = 5;
 
 /// Changes whenever a response, series or curve is defined anew while the simulation beneath keeps its bits: what was observed
 /// under another revision is not comparable. 2: how a fillet hangs is averaged over a second, with its swing.

@@ -108,7 +108,8 @@ fn an_adhesive_contact_forms_at_touch_and_lets_go_at_the_snap() {
     let snap = law.jkr.expect("adhesive").snap_overlap;
     let mut memory = ContactMemory::default();
     let mut feel = |delta: f32| {
-        contact::force(&law, &mut memory, Vec3::X, delta, Vec3::ZERO, 2.3e-4, 1e-5).map(|f| -f.normal.x)
+        contact::force(&law, &mut memory, Vec3::X, delta, Vec3::ZERO, Vec3::ZERO, 2.3e-4, 1e-5)
+            .map(|f| -f.normal.x)
     };
     assert_eq!(feel(snap * 0.5), None, "apart, and never touched");
     assert_close(f64::from(feel(0.0).expect("touches")), -8.0 / 3.0 * PI * 0.055 * 0.002, 1e-4);
@@ -201,7 +202,7 @@ fn hertz_is_the_limit_of_jkr_without_adhesion() {
     let force_at = |gamma: f64| {
         let law = law(false, 1.0, 0.0, gamma);
         let mut memory = ContactMemory::default();
-        let force = contact::force(&law, &mut memory, Vec3::X, 2e-4, Vec3::ZERO, 2.3e-4, 1e-5);
+        let force = contact::force(&law, &mut memory, Vec3::X, 2e-4, Vec3::ZERO, Vec3::ZERO, 2.3e-4, 1e-5);
         f64::from(-force.expect("touches").normal.x)
     };
     assert!(law(false, 1.0, 0.0, 0.9e-7).jkr.is_none() && law(false, 1.0, 0.0, 1.1e-7).jkr.is_some());
@@ -212,7 +213,8 @@ fn hertz_is_the_limit_of_jkr_without_adhesion() {
 fn friction_lies_in_the_plane_and_is_capped_by_the_whole_normal_force() {
     let law = law(true, 0.3, 0.5, 0.0);
     let feel = |v: Vec3| {
-        contact::force(&law, &mut ContactMemory::default(), Vec3::X, 1e-4, v, 4.6e-4, 1e-3).expect("touches")
+        let mut fresh = ContactMemory::default();
+        contact::force(&law, &mut fresh, Vec3::X, 1e-4, v, Vec3::ZERO, 4.6e-4, 1e-3).expect("touches")
     };
     let still = feel(Vec3::ZERO).normal.x;
     // The dashpot counts: coming closer presses harder, and holds more.

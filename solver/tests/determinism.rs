@@ -115,11 +115,11 @@ fn the_bits_are_those_of_this_physics_revision() {
         let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
         blake3::hash(&bytes).to_hex()
     };
-    assert_eq!(roost_solver::PHYSICS_REVISION, 4);
+    assert_eq!(roost_solver::PHYSICS_REVISION, 5);
     let plain = digest_on(Cpu::plain(1));
-    assert_eq!(plain.as_str(), "d54ac1add4c298e02f31059302948f0d88ed7cfab9dc6cde881ad63dd8bdfc4d", "plain");
+    assert_eq!(plain.as_str(), "b0fa5c44ec599772e40296134363fe65b0ba49516e65773c836deeabbf271eee", "plain");
     let fast = digest_on(Cpu::new(1));
-    assert_eq!(fast.as_str(), "86e4142dd05f3518af32a34c1d626069fc7939d6bda3ee7c36451bb6ae3bf8b8", "fast");
+    assert_eq!(fast.as_str(), "0f86633a31c2b9ef48bd2b1525a1a51647ec1d77b4a15177d784137e53e84c92", "fast");
 }
 
 #[test]

@@ -11,6 +11,7 @@ use glam::{DVec3, Vec3};
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Kind, Scene};
 use roost_solver::equipment::{Motion, SurfaceKind};
+use roost_solver::physics::contact::{self, ContactMemory};
 use roost_solver::physics::friction;
 use roost_solver::shape::lattice::LatticeBond;
 
@@ -70,11 +71,32 @@ fn a_stored_displacement_turns_with_the_contact_plane() {
     for k in 1..=1000 {
         let angle = std::f32::consts::FRAC_PI_2 * k as f32 / 1000.0;
         let n = Vec3::new(angle.cos(), angle.sin(), 0.0);
-        let force = friction::force(&mut slide, n, Vec3::ZERO, 20.0, 0.0, 1.0, 1e-5);
+        slide = friction::turned(slide, n, 0.0);
+        let force = friction::force(&mut slide, Vec3::ZERO, 20.0, 0.0, 1.0);
         assert!(force.dot(n).abs() < 1e-6 * force.length() && (force + slide * 20.0).length() < 1e-9);
     }
     assert!((slide.length() - 5e-5).abs() < 1e-8, "{slide}");
     assert!(slide.x < -2.9e-5 && slide.y.abs() < 1e-9, "{slide}");
+}
+
+#[test]
+fn a_stored_displacement_turns_with_spins_about_the_normal() {
+    // Both turn about the normal z as one body, by a quarter in 1000 steps: what held along x then holds along y. Where one turns
+    // and the other stands, the contact goes half the way.
+    let law = law(false, 0.3, 0.5, 0.0);
+    let quarter = std::f32::consts::FRAC_PI_2 / (1000.0 * 1e-5);
+    for (share, expected) in [(1.0, Vec3::Y), (0.5, (Vec3::X + Vec3::Y).normalize())] {
+        let mut memory = ContactMemory { touching: true, slide: Vec3::X * 1e-6 };
+        let spin = Vec3::Z * quarter * share;
+        let held = (0..1000)
+            .filter_map(|_| contact::force(&law, &mut memory, Vec3::Z, 1e-4, Vec3::ZERO, spin, 2.3e-4, 1e-5))
+            .last()
+            .expect("touches")
+            .tangential;
+        let k_t = 8.0 * f64::from(law.g_star) * (RADIUS / 2.0 * 1e-4).sqrt();
+        let expected = expected * (-1e-6 * k_t) as f32;
+        assert!((held - expected).length() < 1e-4 * expected.length(), "{held} is not {expected}");
+    }
 }
 
 #[test]

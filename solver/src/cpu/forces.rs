@@ -105,9 +105,9 @@ fn from_pairs(
         let arm = n * (length / 2.0);
         // Velocity of j against i where they meet.
         let v = other.velocity - me.velocity - (me.spin + other.spin).cross(arm);
+        let spin = (me.spin + other.spin) * 0.5;
         if bonded {
             let rest = touch * (pair.bond_class as f32).sqrt();
-            let spin = (me.spin + other.spin) * 0.5;
             match bond::force(&laws.bond, &mut pair.bond, n, rest, length, v, spin, *dt) {
                 Some(force) => load.add(force.total, arm, force.shear),
                 None => {
@@ -121,7 +121,9 @@ fn from_pairs(
         if !bonded || laws.contact_between_bonded {
             let m_star = mass * state.masses[j] / (mass + state.masses[j]);
             let delta = touch - length;
-            if let Some(force) = contact::force(&laws.tissue, &mut pair.contact, n, delta, -v, m_star, *dt) {
+            if let Some(force) =
+                contact::force(&laws.tissue, &mut pair.contact, n, delta, -v, spin, m_star, *dt)
+            {
                 load.add(force.normal + force.tangential, arm, force.tangential);
                 if !bonded {
                     felt.max_overlap = felt.max_overlap.max(delta);
@@ -164,7 +166,8 @@ pub(super) fn from_walls(
         let n = touch.to_wall / touch.distance;
         let v = me.velocity + me.spin.cross(touch.to_wall) - touch.velocity;
         wall.force = Vec3::ZERO;
-        if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, mass, dt) {
+        // What is rigid stores nothing: ξ is the tissue's, and turns with it.
+        if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, me.spin, mass, dt) {
             wall.force = force.normal + force.tangential;
             load.add(wall.force, touch.to_wall, force.tangential);
         }

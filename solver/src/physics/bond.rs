@@ -18,7 +18,7 @@
 
 use glam::Vec3;
 
-use super::friction::turn_into_plane;
+use super::friction::turned;
 
 /// How the bond force is formed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,11 +95,7 @@ pub fn force(
         let pull = stored.dot(n);
         (pull, *stored - n * pull, *stored)
     } else {
-        let twisted = *stored + n.cross(*stored) * (spin.dot(n) * dt);
-        let keep = stored.dot(*stored);
-        let twisted2 = twisted.dot(twisted);
-        let twisted = if twisted2 > 1e-30 { twisted * (keep / twisted2).sqrt() } else { twisted };
-        *stored = turn_into_plane(twisted, n) + v_t * (law.k_t * dt);
+        *stored = turned(*stored, n, spin.dot(n) * dt) + v_t * (law.k_t * dt);
         let pull = normal(law, rest_length, length);
         (pull, *stored, n * pull + *stored)
     };

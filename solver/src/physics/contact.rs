@@ -64,13 +64,15 @@ pub struct ContactForce {
 }
 
 /// The force on i, or `None` when the surfaces do not touch. `v` is the velocity of i relative to j at the
-/// contact point in m/s, `m_star` the equivalent mass in kg.
+/// contact point in m/s, `spin` what ξ turns with in rad/s, `m_star` the equivalent mass in kg.
+#[expect(clippy::too_many_arguments, reason = "the quantities of the equations, in their order")]
 pub fn force(
     law: &ContactLaw,
     memory: &mut ContactMemory,
     n: Vec3,
     delta: f32,
     v: Vec3,
+    spin: Vec3,
     m_star: f32,
     dt: f32,
 ) -> Option<ContactForce> {
@@ -95,7 +97,8 @@ pub fn force(
     // At δ = 0 without adhesion the contact has no area and nothing to hold on to.
     let tangential = if a > 0.0 {
         let eta_t = damping::constant(law.damping, k_t, m_star);
-        friction::force(&mut memory.slide, n, v_t, k_t, eta_t, law.mu * total.max(0.0), dt)
+        memory.slide = friction::turned(memory.slide, n, spin.dot(n) * dt) + v_t * dt;
+        friction::force(&mut memory.slide, v_t, k_t, eta_t, law.mu * total.max(0.0))
     } else {
         Vec3::ZERO
     };

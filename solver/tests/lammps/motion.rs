@@ -162,7 +162,8 @@ pub fn rub_pair(law: ContactLaw, overlap: f64, way: f64) -> Rub {
         let to_other = -DVec3::new(2.0 * RADIUS - overlap, y, 0.0);
         let delta = 2.0 * RADIUS - to_other.length();
         let (n, v) = (to_other.normalize().as_vec3(), Vec3::Y * (moved / dt) as f32);
-        let force = contact::force(&law, &mut memory, n, delta as f32, v, MASS as f32 / 2.0, dt as f32);
+        let force =
+            contact::force(&law, &mut memory, n, delta as f32, v, Vec3::ZERO, MASS as f32 / 2.0, dt as f32);
         let force = force.expect("touches");
         rub.push(f64::from(k) * step, (force.normal + force.tangential).as_dvec3());
     }

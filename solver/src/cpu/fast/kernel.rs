@@ -14,7 +14,7 @@ use crate::physics::jkr::{D_SNAP, JkrScale, X_SNAP};
 const GUESS_SHIFT: f32 = 1.2;
 const GUESS: [f32; 4] = [-0.595_899_9, 0.212_397_02, -0.163_381_2, 0.037_134_24];
 
-/// Squared lengths below this have no direction, as in [`crate::physics::friction::turn_into_plane`].
+/// Squared lengths below this have no direction, as in [`crate::physics::friction::turned`].
 const NO_LENGTH2: f32 = 1e-30;
 
 /// A law of contact, with what can be worked out beforehand.
@@ -221,11 +221,7 @@ fn bond<S: Simd>(
         let pull = stored.dot(n);
         (pull, n.mul_from(pull, stored), stored, stored)
     } else {
-        // Twisting restores the length it had, and so does turning: once, at the end, will do.
-        let twist = pairs.spin.dot(n) * splat(0.5 * laws.dt);
-        let twisted = n.cross(stored).mul_add(twist, stored);
-        let turned = in_plane(simd, twisted, n, stored.dot(stored));
-        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned);
+        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, laws, pairs, stored));
         let e = length - F::splat_each(simd, [one.rest, two.rest]);
         let pull = splat(law.k_n) * e;
         let pull = if law.form == Form::FiniteExtension {
@@ -286,7 +282,7 @@ fn contact<S: Simd>(
     let k_t = splat(8.0 * law.g_star) * a;
     let dashpot = v_t * (splat(*damping_t) * damp);
     let old = F3::load(simd, [&one.slide, &two.slide], part);
-    let slide = v_t.mul_add(splat(laws.dt), in_plane(simd, old, n, old.dot(old)));
+    let slide = v_t.mul_add(splat(laws.dt), turned(simd, laws, pairs, old));
     let trial = -slide.mul_add(k_t, dashpot);
     let cap = splat(law.mu) * total.max(zero);
     let size2 = trial.dot(trial);
@@ -299,14 +295,16 @@ fn contact<S: Simd>(
     (holds.select3(-(n * total), none), holds_on.select3(tangential, none), holds.select(delta, zero))
 }
 
-/// Takes the part along `n` out of `v` and makes its squared length `length2`.
+/// [`crate::physics::friction::turned`], by the pairs' spin in this step.
 #[inline(always)]
-fn in_plane<S: Simd>(simd: S, v: F3<S>, n: F3<S>, length2: F<S>) -> F3<S> {
-    let floor = F::splat(simd, NO_LENGTH2);
-    let flat = n.mul_from(v.dot(n), v);
-    let after = flat.dot(flat);
-    let scale = length2.sqrt().0 * after.sqrt().1;
-    flat * after.le(floor).select(F::splat(simd, 1.0), scale)
+fn turned<S: Simd>(simd: S, laws: &PairLaws, pairs: &Pairs<S>, v: F3<S>) -> F3<S> {
+    let n = pairs.n;
+    let twist = pairs.spin.dot(n) * F::splat(simd, 0.5 * laws.dt);
+    let twisted = n.cross(v).mul_add(twist, v);
+    let flat = n.mul_from(twisted.dot(n), twisted);
+    let (before, after) = (v.dot(v), flat.dot(flat));
+    let scale = before.sqrt().0 * after.sqrt().1;
+    flat * after.le(F::splat(simd, NO_LENGTH2)).select(F::splat(simd, 1.0), scale)
 }
 
 /// [`crate::physics::jkr::force`]: force, a and √a. Below the snap it gives what it gives there.
