@@ -2,6 +2,8 @@
 //! scenes and drops cost.
 
 mod common;
+#[path = "common/stl.rs"]
+mod stl;
 
 use std::time::{Duration, Instant};
 
@@ -129,6 +131,36 @@ fn a_body_is_in_a_surface_when_a_sub_particle_or_a_bond_is() {
         inside > 50 && apart > 50 && between > 3,
         "{inside} inside, {apart} apart, {between} between layers"
     );
+}
+
+#[test]
+fn a_body_wholly_within_a_solid_is_inside_it_and_in_a_container_it_is_not() {
+    let half = |size: f64, n: usize| stl::cuboid(DVec3::splat(-size), DVec3::splat(size), n);
+    let (solid, hollow) = (half(0.4, 3), stl::turned(&half(0.4, 3)));
+    let drum = [half(0.5, 3), hollow.clone()].concat();
+    let open = solid[1..].to_vec();
+    for (name, triangles, refused) in [
+        ("solid", solid, true),
+        ("container", hollow, false),
+        ("drum", drum, false),
+        ("open box", open, false),
+    ] {
+        let mut meshes = Meshes::default();
+        let digest = meshes.insert(&stl::binary(&triangles)).expect("a sound file");
+        // Surfaces turned and moved, so that nothing lies along the axes; the second body is outside of all.
+        let surface = json!({"name": name, "mesh": {"digest": digest, "units": "m"}, "position_m": [5, 0, 0],
+            "orientation_deg": [20, 30, 40]});
+        let scenario = scene(&[
+            ("/scene/bodies", json!([{"position_m": [5.05, 0.1, -0.1]}, {"position_m": [3, 0, 0]}])),
+            ("/scene/surfaces", json!([surface])),
+        ]);
+        let found = check(&scenario, &meshes, &Limits::default()).err().unwrap_or_default();
+        assert_eq!(found.len(), usize::from(refused), "{name}: {found:?}");
+        if let [fault] = &found[..] {
+            assert_eq!(fault.pointer, "/scene/bodies/0/position_m");
+            assert!(fault.detail.contains("\"solid\" at /scene/surfaces/0"), "{}", fault.detail);
+        }
+    }
 }
 
 #[test]

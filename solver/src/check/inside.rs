@@ -1,7 +1,7 @@
 //! What would start inside something: bodies in each other, bodies in or through a surface.
 //!
 //! Such a start is no scenario but a mistake: it would blow up, or a fillet would hang through a plate. Sub-particles may overlap by a
-//! tenth of R, since places are written with few digits.
+//! tenth of R, since places are written with few digits. What is closed and faces outwards is solid; a closed container faces inwards.
 
 use std::cell::OnceCell;
 use std::collections::HashSet;
@@ -12,9 +12,13 @@ use crate::engine::scene::{Kind, Placement, Scene};
 use crate::equipment::Surface;
 use crate::mesh::nearest::nearest_on_triangle;
 use crate::mesh::tree::{Span, Tree};
+use crate::mesh::winding::winding;
 
 /// Overlap that a start may have, as a share of R.
 pub(super) const OVERLAP_RATIO: f64 = 0.1;
+
+/// Seen from within, solid angles of a closed surface add up to the whole sphere to this share of it.
+const CLOSED: f64 = 1e-6;
 
 /// What a body starts inside of, by its number in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +42,10 @@ pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Other)> {
             near && lattice(other.kind).holds_any(&points, other, reach(other))
         };
         let earlier = scene.bodies[..number].iter().position(inside);
-        let crossed = sheets.iter().position(|sheet| sheet.cuts(&points, body, scene));
+        let within = |sheet: &Sheet<'_>| {
+            sheet.cuts(&points, body, scene) || points.first().is_some_and(|&p| sheet.encloses(p))
+        };
+        let crossed = sheets.iter().position(within);
         found.extend(earlier.map(|other| (number, Other::Body(other))));
         found.extend(crossed.map(|other| (number, Other::Surface(other))));
     }
@@ -92,6 +99,9 @@ struct Sheet<'a> {
     /// What the tree's boxes are relative to, in metres.
     anchor: DVec3,
     tree: Tree,
+    /// Corners of its box, in metres.
+    low: DVec3,
+    high: DVec3,
 }
 
 impl<'a> Sheet<'a> {
@@ -99,7 +109,18 @@ impl<'a> Sheet<'a> {
         let anchor = surface.triangles.first().map_or(DVec3::ZERO, |triangle| triangle[0]);
         let span = |triangle: &[DVec3; 3]| Span::around(triangle.map(|corner| (corner - anchor).as_vec3()));
         let spans: Vec<Span> = surface.triangles.iter().map(span).collect();
-        Self { surface, anchor, tree: Tree::new(&spans) }
+        let corners = || surface.triangles.iter().flatten().copied();
+        let low = corners().fold(DVec3::INFINITY, DVec3::min);
+        let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+        Self { surface, anchor, tree: Tree::new(&spans), low, high }
+    }
+
+    /// Whether a point is inside what is closed and faces outwards.
+    fn encloses(&self, point: DVec3) -> bool {
+        let boxed = self.low.cmple(point).all() && point.cmple(self.high).all();
+        // An open surface, however small its hole, does not wind round a whole number of times.
+        let times = || winding(&self.surface.triangles, point);
+        boxed && (times() - 1.0).abs() < CLOSED
     }
 
     /// Whether a body starts in it or through it.

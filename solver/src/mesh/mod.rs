@@ -1,7 +1,7 @@
 //! Triangles from CAD files, and the geometry that triangles need.
 //!
 //! [`stl`] reads a file, [`Meshes`] keeps what was read by digest, [`Mesh`] is a file in metres with what there is to
-//! know about it. [`weld`], [`tree`] and [`nearest`] serve all triangles, those of the experiments' own surfaces too.
+//! know about it. [`weld`], [`tree`], [`nearest`] and [`winding`] serve all triangles, those of the experiments' own surfaces too.
 
 mod collection;
 mod error;
@@ -9,6 +9,7 @@ pub mod nearest;
 pub mod stl;
 pub mod tree;
 pub mod weld;
+pub mod winding;
 
 use std::sync::Arc;
 

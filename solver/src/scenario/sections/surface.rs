@@ -86,7 +86,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/scene/surfaces/*/name", Kind::Text, "", Preset::Required, "assumed",
         "Name of the surface, in messages and series; each surface has its own."),
     field("/scene/surfaces/*/mesh", Kind::Mesh, "", Preset::Null, "assumed",
-        "Its triangles, from CAD; of `mesh` and `plate_m` exactly one is given."),
+        "Its triangles, from CAD; of `mesh` and `plate_m` exactly one is given. What is closed and faces outwards is solid; a closed container faces inwards."),
     field("/scene/surfaces/*/plate_m", Kind::Plate(PLACE), "m", Preset::Null, "assumed",
         "A flat parallelogram: a corner and its two edges."),
     choice("/scene/surfaces/*/kind", &["equipment", "belt", "frictionless"], "Table 2",
