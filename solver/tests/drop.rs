@@ -321,3 +321,39 @@ fn far_too_much_shear_stiffness_breaks_bonds() {
     assert!(response(&sheared, "bonds_intact_fraction") < 0.99);
     assert_eq!(sheared.end_reason, EndReason::Duration);
 }
+
+/// Six fillets as in the paper, one of each shape, dropped at a pitch in degrees and a speed in m/s.
+fn six(pitch: f64, speed: f64, formulation: &str) -> RunResult {
+    run_on(
+        2,
+        &drop(&[
+            ("/product/count", json!(6)),
+            ("/product/subparticle_radius_m", json!(0.004)),
+            ("/bonds/formulation", json!(formulation)),
+            ("/drop/pitch_deg", json!(pitch)),
+            ("/drop/speed_m_s", json!(speed)),
+            ("/numerics/duration_s", json!(0.4)),
+        ]),
+    )
+}
+
+#[test]
+fn fillets_that_fall_flat_stay_whole_and_settle_at_once() {
+    for speed in [1.0, 4.0] {
+        let result = six(0.0, speed, "corotated");
+        let intact = response(&result, "bonds_intact_fraction");
+        assert!(intact >= 0.99, "{intact} at {speed} m/s");
+        let settled = response(&result, "settle_time_s");
+        assert!((0.1..0.35).contains(&settled), "after {settled} s at {speed} m/s");
+    }
+}
+
+#[test]
+fn fillets_that_fall_on_their_ends_lose_few_bonds_and_none_that_stiffen() {
+    for pitch in [90.0, -90.0] {
+        for (formulation, least) in [("corotated", 0.85), ("finite_extension", 0.99)] {
+            let intact = response(&six(pitch, 4.0, formulation), "bonds_intact_fraction");
+            assert!(intact >= least, "{intact} at {pitch}°, {formulation}");
+        }
+    }
+}
