@@ -3,7 +3,7 @@
 CREATE TABLE workers (
     id               TEXT    NOT NULL PRIMARY KEY,
     name             TEXT    NOT NULL,
-    physics_revision INTEGER NOT NULL,
+    solver_revision INTEGER NOT NULL,
     backend          TEXT    NOT NULL,
     device           TEXT    NOT NULL,
     threads          INTEGER NOT NULL,
@@ -121,14 +121,14 @@ CREATE TABLE results (
     job_id           TEXT    NOT NULL PRIMARY KEY REFERENCES jobs (id),
     attempt          INTEGER NOT NULL,                         -- 0 when taken from the store
     digest           TEXT    NOT NULL,                         -- of the scenario
-    physics_revision INTEGER NOT NULL,
+    solver_revision INTEGER NOT NULL,
     backend          TEXT    NOT NULL,
     responses        TEXT    NOT NULL CHECK (json_valid(responses)),
     document         TEXT    NOT NULL REFERENCES documents (digest),
     recorded_at      INTEGER NOT NULL
 ) STRICT;
 
-CREATE INDEX results_by_digest ON results (digest, physics_revision);
+CREATE INDEX results_by_digest ON results (digest, solver_revision);
 
 CREATE TRIGGER results_are_immutable BEFORE UPDATE ON results
 BEGIN

@@ -147,8 +147,8 @@ pub struct TrialRow {
     pub failure_class: Option<FailureClass>,
     /// Backend that made the result.
     pub backend: Option<String>,
-    /// Physics revision that made the result.
-    pub physics_revision: Option<u32>,
+    /// Solver revision that made the result.
+    pub solver_revision: Option<u32>,
     /// Scalar results.
     #[schema(value_type = Object)]
     pub responses: Map<String, Value>,

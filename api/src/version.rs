@@ -10,8 +10,8 @@ pub struct VersionView {
     pub server: String,
     /// [`crate::API_VERSION`] it speaks.
     pub api_version: String,
-    /// `PHYSICS_REVISION` of its solver: results of another revision are never taken from its store.
-    pub physics_revision: u32,
+    /// `SOLVER_REVISION` of its solver: results of another revision are never taken from its store.
+    pub solver_revision: u32,
     /// Version of the SQLite library.
     pub sqlite: String,
 }

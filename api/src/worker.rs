@@ -16,8 +16,8 @@ pub struct WorkerRegistration {
     pub name: String,
     /// [`crate::API_VERSION`] it speaks.
     pub api_version: String,
-    /// `PHYSICS_REVISION` of its solver.
-    pub physics_revision: u32,
+    /// `SOLVER_REVISION` of its solver.
+    pub solver_revision: u32,
     /// Backend it runs, such as `cpu`.
     pub backend: String,
     /// Device in words.
@@ -48,8 +48,8 @@ pub struct WorkerView {
     pub device: String,
     /// Threads it uses.
     pub threads: u32,
-    /// `PHYSICS_REVISION` of its solver.
-    pub physics_revision: u32,
+    /// `SOLVER_REVISION` of its solver.
+    pub solver_revision: u32,
     /// Jobs it holds leases for.
     pub running: Vec<JobId>,
     /// Attempts it has brought to a result.

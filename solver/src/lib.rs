@@ -21,7 +21,7 @@ pub use check::{Limits, check};
 pub use engine::run::Observer;
 use mesh::Meshes;
 use result::RunResult;
-pub use result::{Flow, PHYSICS_REVISION, Progress, RESPONSES_REVISION, VERSION};
+pub use result::{Flow, Progress, SOLVER_REVISION, VERSION};
 use scenario::Scenario;
 
 /// Where a run is computed.

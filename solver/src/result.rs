@@ -5,13 +5,9 @@ use serde_json::{Map, Value};
 
 use crate::scenario::Scenario;
 
-/// Changes whenever the bits of a result change: results of different revisions are never mixed
-/// silently, and the result cache is keyed by it.
-pub const PHYSICS_REVISION: u32 = 5;
-
-/// Changes whenever a response, series or curve is defined anew while the simulation beneath keeps its bits: what was observed
-/// under another revision is not comparable. 2: how a fillet hangs is averaged over a second, with its swing.
-pub const RESPONSES_REVISION: u32 = 2;
+/// Changes whenever a result changes, be it a bit of the simulation or what a response, series or curve means: results of different
+/// revisions are never mixed silently, and what is kept of them is keyed by it.
+pub const SOLVER_REVISION: u32 = 5;
 
 /// The version of the solver crate.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -123,8 +119,8 @@ pub struct Curve {
 pub struct SolverInfo {
     /// Version of the solver crate.
     pub version: String,
-    /// [`PHYSICS_REVISION`] of the solver.
-    pub physics_revision: u32,
+    /// Its [`SOLVER_REVISION`].
+    pub revision: u32,
     /// Name of the backend, such as `cpu`.
     pub backend: String,
     /// The device, in words: processor and instruction set, or graphics adapter.

@@ -102,9 +102,9 @@ fn pieces_and_batches_change_no_bit() {
 }
 
 #[test]
-fn the_bits_are_those_of_this_physics_revision() {
+fn the_bits_are_those_of_this_solver_revision() {
     // Every bit of every sub-particle after 2000 steps. If this changes, results have changed: raise
-    // PHYSICS_REVISION, write down why in the changelog, and only then renew the digest.
+    // SOLVER_REVISION, write down why in the changelog, and only then renew the digest.
     let digest_on = |cpu: Cpu| {
         let mut bench = Bench::with(cpu, &blocks());
         bench.steps(2000);
@@ -115,7 +115,7 @@ fn the_bits_are_those_of_this_physics_revision() {
         let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
         blake3::hash(&bytes).to_hex()
     };
-    assert_eq!(roost_solver::PHYSICS_REVISION, 5);
+    assert_eq!(roost_solver::SOLVER_REVISION, 5);
     let plain = digest_on(Cpu::plain(1));
     assert_eq!(plain.as_str(), "b0fa5c44ec599772e40296134363fe65b0ba49516e65773c836deeabbf271eee", "plain");
     let fast = digest_on(Cpu::new(1));

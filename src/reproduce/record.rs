@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use roost_solver::SOLVER_REVISION;
 use roost_solver::result::{EndReason, RunResult};
-use roost_solver::{PHYSICS_REVISION, RESPONSES_REVISION};
 use serde::{Deserialize, Serialize};
 
 use super::picture::{Picture, Shot, View, When};
@@ -55,7 +55,7 @@ pub(super) fn this_machine() -> String {
     format!("{processor}, {count} processor(s)")
 }
 
-/// A folder of records, by the digest of the scenario and the revisions of physics and responses.
+/// A folder of records, by the digest of the scenario and the revision of the solver.
 #[derive(Clone, Debug)]
 pub(super) struct Store(PathBuf);
 
@@ -71,7 +71,7 @@ impl Store {
     }
 
     fn path(&self, digest: &str) -> PathBuf {
-        self.0.join(format!("{digest}-{PHYSICS_REVISION}.{RESPONSES_REVISION}.json"))
+        self.0.join(format!("{digest}-{SOLVER_REVISION}.json"))
     }
 
     /// The record of a scenario, if it is there. What cannot be read, or was made for other pictures, is not.

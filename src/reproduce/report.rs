@@ -3,7 +3,7 @@
 //! Both are a function of the records alone: the same runs give the same bytes.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use roost_solver::{PHYSICS_REVISION, RESPONSES_REVISION, VERSION};
+use roost_solver::{SOLVER_REVISION, VERSION};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -53,8 +53,7 @@ struct Document<'a> {
     profile: &'static str,
     machine: &'a str,
     version: &'static str,
-    physics_revision: u32,
-    responses_revision: u32,
+    solver_revision: u32,
     /// Whether every figure has all of its runs.
     complete: bool,
     rows: Vec<&'a Row>,
@@ -81,8 +80,7 @@ impl Report<'_> {
             profile: self.profile.name,
             machine: &self.machine,
             version: VERSION,
-            physics_revision: PHYSICS_REVISION,
-            responses_revision: RESPONSES_REVISION,
+            solver_revision: SOLVER_REVISION,
             complete: self.sections.iter().all(|section| section.told.is_some()),
             rows: self.rows().collect(),
         };
@@ -118,7 +116,7 @@ impl Report<'_> {
         html! {
             p {
                 "Every figure and table of the paper, simulated anew: profile " strong { (self.profile.name) } ", Roost "
-                (VERSION) ", revision " (PHYSICS_REVISION) " of the physics and " (RESPONSES_REVISION) " of the responses. Computed on "
+                (VERSION) ", revision " (SOLVER_REVISION) " of the solver. Computed on "
                 (self.machine) "."
             }
             p {

@@ -1,7 +1,7 @@
 //! The header: what stays the same in all frames.
 
 use glam::DVec3;
-use roost_solver::PHYSICS_REVISION;
+use roost_solver::SOLVER_REVISION;
 use roost_solver::engine::scene::Scene;
 use roost_solver::equipment::{self, Presence, SurfaceKind};
 use roost_solver::scenario::Scenario;
@@ -19,7 +19,7 @@ pub struct Header {
     /// The experiment's name, such as `hopper`.
     pub experiment: String,
     /// Revision of the physics that made the frames.
-    pub physics_revision: u32,
+    pub solver_revision: u32,
     /// Time between frames, in seconds: whole samples, to the nearest time step.
     pub frame_interval_s: f64,
     /// Radius of every sub-particle, in metres.
@@ -96,7 +96,7 @@ impl Header {
             schema: SCHEMA.to_owned(),
             scenario_digest: scenario.digest(),
             experiment: experiment(scenario),
-            physics_revision: PHYSICS_REVISION,
+            solver_revision: SOLVER_REVISION,
             frame_interval_s,
             radius_m: scene.radius_m,
             low_m: scene.low.to_array(),

@@ -7,7 +7,7 @@ use axum::{Extension, Json};
 use roost_api::API_VERSION;
 use roost_api::problem::Problem;
 use roost_api::version::VersionView;
-use roost_solver::PHYSICS_REVISION;
+use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::json_schema;
 use serde::Serialize;
 use serde_json::Value;
@@ -61,7 +61,7 @@ pub(crate) async fn version(State(app): State<App>) -> Json<VersionView> {
     Json(VersionView {
         server: env!("CARGO_PKG_VERSION").to_owned(),
         api_version: API_VERSION.to_owned(),
-        physics_revision: PHYSICS_REVISION,
+        solver_revision: SOLVER_REVISION,
         sqlite: app.store.sqlite_version().to_owned(),
     })
 }

@@ -7,7 +7,7 @@ use roost_api::ids::WorkerId;
 use roost_api::page::Page;
 use roost_api::problem::Problem;
 use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
-use roost_solver::PHYSICS_REVISION;
+use roost_solver::SOLVER_REVISION;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
@@ -20,7 +20,7 @@ use crate::app::App;
 #[utoipa::path(post, path = "/v1/workers", tag = "workers", operation_id = "register_worker",
     request_body = WorkerRegistration,
     responses((status = 200, description = "Welcome", body = WorkerWelcome),
-              (status = 409, description = "Another API version or physics revision", body = Problem,
+              (status = 409, description = "Another API version or solver revision", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn register(
     State(app): State<App>,
@@ -33,11 +33,11 @@ pub(crate) async fn register(
         );
         return Err(ApiError::new(Kind::WorkerRefused, detail));
     }
-    if worker.physics_revision != PHYSICS_REVISION {
+    if worker.solver_revision != SOLVER_REVISION {
         let detail = format!(
-            "the worker computes physics revision {}, this server {PHYSICS_REVISION}; their results must not \
+            "the worker has solver revision {}, this server {SOLVER_REVISION}; their results must not \
              be mixed: install the same release on both",
-            worker.physics_revision
+            worker.solver_revision
         );
         return Err(ApiError::new(Kind::WorkerRefused, detail));
     }

@@ -14,7 +14,7 @@ use crate::queue::{AttemptLimits, Refusal, Verdict, on_failure, on_result};
 /// A result written out and hashed, which for a long one takes a while: done before any transaction.
 pub(crate) struct StoredResult {
     scenario_digest: String,
-    physics_revision: u32,
+    solver_revision: u32,
     backend: String,
     responses: String,
     digest: String,
@@ -27,7 +27,7 @@ impl StoredResult {
         let body = to_json("result", result)?;
         Ok(Self {
             scenario_digest: result.scenario_digest.clone(),
-            physics_revision: result.solver.physics_revision,
+            solver_revision: result.solver.revision,
             backend: result.solver.backend.clone(),
             responses: to_json("responses", &result.responses)?,
             digest: blake3::hash(body.as_bytes()).to_hex().to_string(),
@@ -84,14 +84,14 @@ impl Store {
                     }
                     insert_document(tx, &result.digest, result.body).await?;
                     sqlx::query(
-                        "INSERT INTO results (job_id, attempt, digest, physics_revision, backend, responses,
+                        "INSERT INTO results (job_id, attempt, digest, solver_revision, backend, responses,
                                               document, recorded_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
                     )
                     .bind(job_id.to_string())
                     .bind(attempt)
                     .bind(&fenced.digest)
-                    .bind(result.physics_revision)
+                    .bind(result.solver_revision)
                     .bind(&result.backend)
                     .bind(&result.responses)
                     .bind(&result.digest)

@@ -6,7 +6,7 @@ use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{Cache, Needs};
 use roost_api::sweep::SweepSpec;
 use roost_api::time::Timestamp;
-use roost_solver::PHYSICS_REVISION;
+use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::Scenario;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
@@ -187,17 +187,17 @@ async fn insert(
     if shared.cache == Cache::Use { answer_from_cache(tx, newest, now).await } else { Ok(()) }
 }
 
-/// Settles the queued jobs after `newest` whose scenario this physics revision has run before.
+/// Settles the queued jobs after `newest` whose scenario this solver revision has run before.
 async fn answer_from_cache(tx: &mut SqliteConnection, newest: i64, now: Timestamp) -> Result<(), StoreError> {
     let answered = sqlx::query(
         "INSERT INTO results
-         SELECT jobs.id, 0, old.digest, old.physics_revision, old.backend, old.responses, old.document, ?
+         SELECT jobs.id, 0, old.digest, old.solver_revision, old.backend, old.responses, old.document, ?
          FROM jobs JOIN results AS old ON old.job_id =
-             (SELECT job_id FROM results WHERE digest = jobs.digest AND physics_revision = ? LIMIT 1)
+             (SELECT job_id FROM results WHERE digest = jobs.digest AND solver_revision = ? LIMIT 1)
          WHERE jobs.seq > ?",
     )
     .bind(now.0)
-    .bind(PHYSICS_REVISION)
+    .bind(SOLVER_REVISION)
     .bind(newest)
     .execute(&mut *tx)
     .await?

@@ -53,7 +53,7 @@ async fn what_runs_often_is_indexed() {
             "SELECT * FROM jobs WHERE state = ? AND ended_at IS NOT NULL AND seq < 9 ORDER BY seq DESC",
             "jobs_ended",
         ),
-        ("SELECT 1 FROM results WHERE digest = 'a' AND physics_revision = 1", "results_by_digest"),
+        ("SELECT 1 FROM results WHERE digest = 'a' AND solver_revision = 1", "results_by_digest"),
         ("SELECT 1 FROM attempts WHERE request_id = 'a' AND worker_id = 'b'", "attempts_by_request"),
     ] {
         let told = plan(&store, sql).await;

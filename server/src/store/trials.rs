@@ -11,7 +11,7 @@ impl Store {
     pub(crate) async fn trials(&self, id: SweepId) -> Result<Vec<TrialRow>, StoreError> {
         let rows = sqlx::query(
             "SELECT j.id, j.point, j.replicate, j.seed, j.state, j.failure_class, p.levels,
-                    r.backend, r.physics_revision, r.responses
+                    r.backend, r.solver_revision, r.responses
              FROM jobs j
              JOIN points p ON p.sweep_id = j.sweep_id AND p.idx = j.point
              LEFT JOIN results r ON r.job_id = j.id
@@ -31,7 +31,7 @@ impl Store {
                     state: row.parsed("state")?,
                     failure_class: row.parsed_opt("failure_class")?,
                     backend: row.column("backend")?,
-                    physics_revision: row.number_opt("physics_revision")?,
+                    solver_revision: row.number_opt("solver_revision")?,
                     responses: row.json("responses")?,
                 })
             })

@@ -20,16 +20,16 @@ impl Store {
             .write(move |tx| {
                 Box::pin(async move {
                     sqlx::query(
-                        "INSERT INTO workers (id, name, physics_revision, backend, device, threads,
+                        "INSERT INTO workers (id, name, solver_revision, backend, device, threads,
                                               registered_at, last_seen_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?, ?)
                          ON CONFLICT (id) DO UPDATE SET name = excluded.name, backend = excluded.backend,
-                             physics_revision = excluded.physics_revision, device = excluded.device,
+                             solver_revision = excluded.solver_revision, device = excluded.device,
                              threads = excluded.threads, last_seen_at = excluded.last_seen_at",
                     )
                     .bind(worker.worker_id.to_string())
                     .bind(worker.name)
-                    .bind(worker.physics_revision)
+                    .bind(worker.solver_revision)
                     .bind(worker.backend)
                     .bind(worker.device)
                     .bind(worker.threads)
@@ -76,7 +76,7 @@ impl Store {
                 backend: row.column("backend")?,
                 device: row.column("device")?,
                 threads: row.number("threads")?,
-                physics_revision: row.number("physics_revision")?,
+                solver_revision: row.number("solver_revision")?,
                 running: running.remove(&id).unwrap_or_default(),
                 succeeded: row.number("succeeded")?,
                 last_seen_at: row.moment("last_seen_at")?,

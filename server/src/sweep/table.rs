@@ -13,7 +13,7 @@ pub(crate) fn csv(results: &SweepResults) -> Result<String, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
 
     let head = ["job_id", "point", "replicate", "seed"].into_iter();
-    let outcome = ["state", "failure_class", "backend", "physics_revision"];
+    let outcome = ["state", "failure_class", "backend", "solver_revision"];
     writer.write_record(
         head.chain(factors.iter().map(String::as_str)).chain(outcome).chain(names.iter().copied()),
     )?;
@@ -28,7 +28,7 @@ pub(crate) fn csv(results: &SweepResults) -> Result<String, csv::Error> {
         row.push(trial.state.to_string());
         row.push(trial.failure_class.map(|class| class.to_string()).unwrap_or_default());
         row.push(trial.backend.clone().unwrap_or_default());
-        row.push(trial.physics_revision.map(|revision| revision.to_string()).unwrap_or_default());
+        row.push(trial.solver_revision.map(|revision| revision.to_string()).unwrap_or_default());
         row.extend(names.iter().map(|name| cell(trial.responses.get(*name))));
         writer.write_record(row)?;
     }

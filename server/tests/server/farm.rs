@@ -8,7 +8,7 @@ use reqwest::{Method, StatusCode};
 use roost_api::ids::WorkerId;
 use roost_api::{API_VERSION, RunResult};
 use roost_server::{Server, ServerConfig, ServerError};
-use roost_solver::PHYSICS_REVISION;
+use roost_solver::SOLVER_REVISION;
 use roost_solver::result::{EndReason, Performance, SCHEMA, Series, SolverInfo};
 use roost_solver::scenario::Scenario;
 use serde_json::{Value, json};
@@ -158,7 +158,7 @@ impl Answer {
 
 pub(crate) fn registration(id: &str, backend: &str) -> Value {
     json!({"worker_id": id, "name": "bench", "api_version": API_VERSION, "backend": backend,
-           "physics_revision": PHYSICS_REVISION, "device": "a test", "threads": 1})
+           "solver_revision": SOLVER_REVISION, "device": "a test", "threads": 1})
 }
 
 /// A registered worker.
@@ -248,7 +248,7 @@ pub(crate) fn result_of(scenario: &Value) -> RunResult {
         }],
         solver: SolverInfo {
             version: "0.1.0".to_owned(),
-            physics_revision: PHYSICS_REVISION,
+            revision: SOLVER_REVISION,
             backend: "cpu".to_owned(),
             device: "a test".to_owned(),
             threads: 1,

@@ -147,10 +147,10 @@ async fn a_worker_of_another_release_is_refused_with_a_sentence() {
     old_api["api_version"] = json!("v0");
     let refused = farm.post("/v1/workers", &old_api).await.problem(409, "worker-refused");
     assert!(text(&refused["detail"]).contains("API v0"));
-    let mut old_physics = registration(&id, "cpu");
-    old_physics["physics_revision"] = json!(0);
-    let refused = farm.post("/v1/workers", &old_physics).await.problem(409, "worker-refused");
-    assert!(text(&refused["detail"]).contains("physics revision 0"));
+    let mut old_solver = registration(&id, "cpu");
+    old_solver["solver_revision"] = json!(0);
+    let refused = farm.post("/v1/workers", &old_solver).await.problem(409, "worker-refused");
+    assert!(text(&refused["detail"]).contains("solver revision 0"));
     assert_eq!(farm.get("/v1/workers").await.expect(StatusCode::OK)["items"], json!([]));
     farm.stop().await;
 }

@@ -96,7 +96,7 @@ async fn a_server_says_how_it_is_and_what_it_is() {
         assert_eq!(farm.get(path).await.expect(StatusCode::OK), json!({"status": "ok"}));
     }
     let version = farm.get("/v1/version").await.expect(StatusCode::OK);
-    assert_eq!(version["physics_revision"], roost_solver::PHYSICS_REVISION);
+    assert_eq!(version["solver_revision"], roost_solver::SOLVER_REVISION);
     assert_eq!(version["sqlite"], "3.51.3");
     let schema = farm.get("/v1/schema/scenario").await.expect(StatusCode::OK);
     assert!(schema["properties"]["equipment"].is_object(), "{schema}");

@@ -77,10 +77,10 @@ async fn a_sweep_is_expanded_run_and_tabled() {
     assert_eq!(
         lines[0],
         "job_id,point,replicate,seed,/equipment/gate_opening_m,/contact/condition,state,failure_class,\
-         backend,physics_revision,discharged_kg,regime,time_to_99_percent_s"
+         backend,solver_revision,discharged_kg,regime,time_to_99_percent_s"
     );
     assert_eq!(lines.len(), 9);
-    let revision = roost_solver::PHYSICS_REVISION;
+    let revision = roost_solver::SOLVER_REVISION;
     assert!(lines[1].ends_with(&format!(",0,0,10,0.045,dry,succeeded,,cpu,{revision},40.0,constant,")));
     assert!(lines[7].ends_with(",3,0,10,0.06,wet,failed,unstable,,,,,"), "{}", lines[7]);
     farm.stop().await;

@@ -25,7 +25,7 @@ use crate::engine::scene::{Kind, Scene};
 use crate::engine::state::State;
 use crate::mesh::Meshes;
 use crate::physics::timestep::{Stability, stability};
-use crate::result::{self, Curve, EndReason, PHYSICS_REVISION, RunResult, Series, SolverInfo, VERSION};
+use crate::result::{self, Curve, EndReason, RunResult, SOLVER_REVISION, Series, SolverInfo, VERSION};
 use crate::scenario::{Auto, Experiment, Scenario, Timestep};
 use crate::shape::lattice::{MetaParticle, bond_reach};
 use crate::shape::{ShapeError, from_block, meta_particles, subparticle_mass_kg};
@@ -172,7 +172,7 @@ pub fn simulate<B: Backend>(
         instability: ended.instability,
         solver: SolverInfo {
             version: VERSION.to_owned(),
-            physics_revision: PHYSICS_REVISION,
+            revision: SOLVER_REVISION,
             backend: info.name,
             device: info.device,
             threads: info.threads,

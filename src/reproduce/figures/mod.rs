@@ -103,7 +103,7 @@ mod made_up {
             curves: Vec::new(),
             solver: SolverInfo {
                 version: String::new(),
-                physics_revision: 0,
+                revision: 0,
                 backend: "none".to_owned(),
                 device: "nowhere".to_owned(),
                 threads: 1,

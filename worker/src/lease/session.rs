@@ -6,7 +6,7 @@ use std::time::Duration;
 use roost_api::API_VERSION;
 use roost_api::ids::WorkerId;
 use roost_api::worker::{WorkerRegistration, WorkerWelcome};
-use roost_solver::PHYSICS_REVISION;
+use roost_solver::SOLVER_REVISION;
 use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 
@@ -101,7 +101,7 @@ impl Session {
             worker_id: self.worker_id,
             name: self.config.name.clone(),
             api_version: API_VERSION.to_owned(),
-            physics_revision: PHYSICS_REVISION,
+            solver_revision: SOLVER_REVISION,
             backend: "cpu".to_owned(),
             device: roost_solver::cpu::device_name(),
             threads: u32::try_from(self.config.resolved_threads()).unwrap_or(u32::MAX),

@@ -56,7 +56,7 @@ fn the_digest_knows_neither_order_nor_defaults() {
 }
 
 /// Guards every default and the canonical form: a change here makes earlier results unlike later ones, and
-/// must come with a new [`crate::PHYSICS_REVISION`] or schema.
+/// must come with a new [`crate::SOLVER_REVISION`] or schema.
 #[test]
 fn the_digest_of_the_minimal_scenario_is_pinned() {
     assert_eq!(minimal().digest(), "0223029f3d6608ce17bbb1208518d149b1417f1fa4983d656036147e9dbd04e4");
