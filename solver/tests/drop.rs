@@ -273,8 +273,11 @@ fn what_leaves_its_plate_is_escaped_and_not_broken() {
 fn ending_early_changes_no_settle_time() {
     for pitch in [0.0, -90.0] {
         let of = |done: bool| {
-            let fields = [("/numerics/stop/when_done", json!(done)), ("/drop/pitch_deg", json!(pitch))];
-            run(&drop(&fields))
+            run(&drop(&[
+                ("/numerics/stop/when_done", json!(done)),
+                ("/numerics/duration_s", json!(4.0)),
+                ("/drop/pitch_deg", json!(pitch)),
+            ]))
         };
         let (early, late) = (of(true), of(false));
         assert_eq!((early.end_reason, late.end_reason), (EndReason::Done, EndReason::Duration));

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, G, RADIUS, assert_close, block, law, plate, sphere, weighing};
+use common::{Bench, E, G, NU, RADIUS, assert_close, block, law, plate, sphere, weighing};
 use glam::{DMat3, DVec3};
 use roost_solver::engine::Backend;
 use roost_solver::equipment::{Motion, SurfaceKind};
@@ -91,6 +91,37 @@ fn the_material_of_a_turntable_drags_across_its_radius() {
     // The plate runs along +x at 1 m/s under it: it slides, and gathers speed at μ g.
     assert_close(bench.velocity(0).x, 0.1 * G * 0.05, 1e-2);
     assert!(bench.velocity(0).y.abs() < 0.02 * bench.velocity(0).x);
+}
+
+#[test]
+fn what_is_held_on_a_turntable_is_pulled_towards_where_it_stuck() {
+    // 5 µm from the axis, and so little that it never slips: the point of the table that it stuck to goes round, and pulls by its
+    // distance, straight at it.
+    let (pivot, aside) = (DVec3::new(0.1, -0.2, 0.0), DVec3::X * 5e-6);
+    let table = Motion::Moving { velocity: DVec3::ZERO, pivot, spin: DVec3::Z * 5.0 };
+    let plates = vec![plate(SurfaceKind::Equipment).moving(table)];
+    let mut scene = weighing(plates, pivot + aside, DVec3::ZERO, 100.0, 1e-5);
+    scene.held = vec![0];
+    scene.laws.equipment = law(true, 1.0, 100.0, 0.0);
+    let mut bench = Bench::new(&scene);
+    bench.steps(1);
+    let pressed = -bench.cpu.surface_forces(&mut bench.run)[0].z;
+    // Hertz: k_t / k_n = 4 G*/E*, and k_n = 3/2 F_n/δ.
+    let (e_star, g_star) = (E / (1.0 - NU * NU), E / (2.0 * (1.0 + NU) * (2.0 - NU)));
+    let k_t = 4.0 * g_star / e_star * 1.5 * pressed / (RADIUS - bench.position(0).z);
+    bench.cpu.start(&mut bench.run);
+    for eighth in 1..=6 {
+        // An eighth of a turn at 5 rad/s in steps of 1e-5 s.
+        bench.steps(15_708);
+        let angle = f64::from(eighth * 15_708) * 5e-5;
+        let along = DMat3::from_rotation_z(angle) * aside - aside;
+        let pull = -bench.cpu.surface_forces(&mut bench.run)[0].with_z(0.0);
+        assert!(
+            (pull - along * k_t).length() < 5e-3 * k_t * 5e-6,
+            "{pull} is not {} at {angle}",
+            along * k_t
+        );
+    }
 }
 
 #[test]

@@ -26,8 +26,11 @@ pub(super) struct Row {
     pub(super) n: usize,
     /// What an honest test demands; null where it is reported as it comes out.
     pub(super) demand: Option<String>,
-    /// Whether the demand is met; null without one. What could not be measured meets none.
+    /// Whether the demand is met; null without one. What could not be measured, or not under every seed, meets none.
     pub(super) holds: Option<bool>,
+    /// Whether some of the seeds have no value.
+    #[serde(skip)]
+    is_partial: bool,
     pub(super) note: String,
 }
 
@@ -87,6 +90,7 @@ impl Row {
             n: 0,
             demand: None,
             holds: None,
+            is_partial: false,
             note: String::new(),
         }
     }
@@ -118,8 +122,8 @@ impl Row {
     /// Values of the seeds that were planned; says so where some of them have none.
     pub(super) fn seeds(self, seeds: &Seeds) -> Self {
         let (reached, planned) = (seeds.values.len(), seeds.planned);
-        let row = self.many(&seeds.values);
-        if reached < planned { row.note(format!("{reached} of {planned} runs reached it")) } else { row }
+        let row = Self { is_partial: reached < planned, ..self.many(&seeds.values) };
+        if row.is_partial { row.note(format!("{reached} of {planned} runs reached it")) } else { row }
     }
 
     /// A difference or a ratio of the means of so many simulations.
@@ -141,7 +145,7 @@ impl Row {
     /// Demands something of the number measured, a mean where there are several; says so where the interval leaves it open.
     pub(super) fn demand(self, demand: Demand) -> Self {
         let measured = self.measured.as_f64();
-        let met = measured.is_some_and(|value| demand.is_met_by(value));
+        let met = measured.is_some_and(|value| demand.is_met_by(value)) && !self.is_partial;
         let ends = measured.zip(self.half_width_95).map(|(mean, half)| [mean - half, mean + half]);
         let is_open = ends.is_some_and(|ends| ends.into_iter().any(|end| demand.is_met_by(end) != met));
         let row = self.demand_in_words(demand.to_string(), met);
@@ -201,6 +205,7 @@ mod tests {
         assert_eq!(row().seeds(&seeds(2)).note, "");
         let row = row().seeds(&seeds(3)).note("and more");
         assert_eq!((row.n, &*row.note), (2, "2 of 3 runs reached it; and more"));
+        assert_eq!(row.demand(Demand::AtMost(9.0)).holds, Some(false), "those that reached it are not all");
     }
 
     #[test]

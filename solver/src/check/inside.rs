@@ -118,9 +118,10 @@ impl<'a> Sheet<'a> {
     /// Whether a point is inside what is closed and faces outwards.
     fn encloses(&self, point: DVec3) -> bool {
         let boxed = self.low.cmple(point).all() && point.cmple(self.high).all();
-        // An open surface, however small its hole, does not wind round a whole number of times.
-        let times = || winding(&self.surface.triangles, point);
-        boxed && (times() - 1.0).abs() < CLOSED
+        // An open surface, however small its hole, does not wind round a whole number of times; solids that overlap do so more
+        // than once.
+        let is_inside = |times: f64| times > 0.5 && (times - times.round()).abs() < CLOSED;
+        boxed && is_inside(winding(&self.surface.triangles, point))
     }
 
     /// Whether a body starts in it or through it.

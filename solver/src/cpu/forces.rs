@@ -166,8 +166,7 @@ pub(super) fn from_walls(
         let n = touch.to_wall / touch.distance;
         let v = me.velocity + me.spin.cross(touch.to_wall) - touch.velocity;
         wall.force = Vec3::ZERO;
-        // What is rigid stores nothing: ξ is the tissue's, and turns with it.
-        if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, me.spin, mass, dt) {
+        if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, touch.spin, mass, dt) {
             wall.force = force.normal + force.tangential;
             load.add(wall.force, touch.to_wall, force.tangential);
         }

@@ -64,6 +64,8 @@ pub struct Touch {
     pub distance: f32,
     /// Velocity of the wall's material there, in m/s.
     pub velocity: Vec3,
+    /// Spin of the wall, in rad/s.
+    pub spin: Vec3,
     /// The nearest point relative to the anchor, in the surface's own axes.
     local: Vec3,
     /// Whether the point lies on the rim of the facet and not under the sphere.
@@ -202,8 +204,8 @@ impl Walls {
         let pose = &self.surfaces[*surface].pose;
         let p = pose.local(x, frame);
         let Some(local) = facet.nearest(p) else {
-            let distance = f32::INFINITY;
-            return Touch { to_wall: Vec3::ZERO, distance, velocity: Vec3::ZERO, local: p, on_rim: false };
+            let (zero, distance) = (Vec3::ZERO, f32::INFINITY);
+            return Touch { to_wall: zero, distance, velocity: zero, spin: zero, local: p, on_rim: false };
         };
         let d = local - p;
         let n = facet.normal;
@@ -213,6 +215,7 @@ impl Walls {
             to_wall: pose.turn * d,
             distance: distance2.sqrt(),
             velocity: pose.velocity + pose.spin.cross(pose.turn * local),
+            spin: pose.spin,
             local,
             on_rim: across.dot(across) > 1e-6 * distance2,
         }

@@ -159,9 +159,10 @@ impl Discharge<'_> {
         curve.time_of(share * self.filled_kg).filter(|_| self.filled_kg > 0.0)
     }
 
-    /// Whether the mass out at a time is known: sampled, or the hopper was empty before.
+    /// Whether the mass out at a time is known: sampled, or the hopper was empty or had jammed before.
     fn known_at(&self, curve: &Curve<'_>, t: f64) -> bool {
-        reached(curve, t) || self.end_reason == EndReason::Empty && !self.t_s.is_empty()
+        let is_over = matches!(self.end_reason, EndReason::Empty | EndReason::Jammed);
+        reached(curve, t) || is_over && !self.t_s.is_empty()
     }
 
     fn peak_rate(&self, curve: &Curve<'_>) -> Option<f64> {
@@ -176,7 +177,10 @@ impl Discharge<'_> {
     }
 }
 
-/// Whether the curve goes on to `t`, within the rounding of its last sample's time.
+/// Samples are taken at the step nearest to their time: they are early by less than this, in seconds.
+const EARLY_S: f64 = 1e-3;
+
+/// Whether the curve goes on to `t`.
 fn reached(curve: &Curve<'_>, t: f64) -> bool {
-    curve.end() >= t - 1e-6
+    curve.end() >= t - EARLY_S
 }

@@ -64,7 +64,7 @@ pub struct ContactForce {
 }
 
 /// The force on i, or `None` when the surfaces do not touch. `v` is the velocity of i relative to j at the
-/// contact point in m/s, `spin` what ξ turns with in rad/s, `m_star` the equivalent mass in kg.
+/// contact point in m/s, `spin` that of the patch where they touch in rad/s, `m_star` the equivalent mass in kg.
 #[expect(clippy::too_many_arguments, reason = "the quantities of the equations, in their order")]
 pub fn force(
     law: &ContactLaw,

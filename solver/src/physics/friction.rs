@@ -11,8 +11,8 @@
 //! | μ | – | coefficient of friction |
 //!
 //! Capping on the *total* normal force is what leaves the slide angle independent of γ (paper Fig. 8).
-//! ξ turns with the contact: with its plane, and about n with the mean spin of the two, or, on what is rigid, with the
-//! spin of the sub-particle.
+//! ξ turns with the contact: with its plane, and about n with the patch where the two touch,
+//! whose spin is the mean of two alike, and that of what is rigid.
 //! No rolling friction: the shape of a fillet resists rolling (paper section 2.1).
 
 use glam::Vec3;

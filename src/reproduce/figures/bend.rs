@@ -122,7 +122,9 @@ fn told(profile: &Profile, results: &Results<'_>) -> Told {
     let of_shear: Vec<Vec<_>> = grid.iter().map(|n| grid.iter().map(|s| angle(*n, *s)).collect()).collect();
     let falls = |quantity: &str, lines: &[Vec<Option<Hangs>>]| {
         let steps = steps(lines);
-        let row = Row::new(NAME, quantity, "").paper("none").overall(Some(steps.rises as f64), steps.all);
+        let row = Row::new(NAME, quantity, "")
+            .paper("none")
+            .overall((steps.all > 0).then_some(steps.rises as f64), steps.all);
         row.demand(Demand::AtMost(0.0)).note(format!(
             "of {} steps between next neighbours of the grid where all bonds hold, beyond what both still swing by; the largest \
              rise of a mean angle, swings apart, is {}°",

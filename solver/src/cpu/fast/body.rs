@@ -9,7 +9,7 @@ use super::instructions::{Job, Wide};
 use super::kernel::PairLaws;
 use super::load::Sums;
 use super::meeting::{Meeting, SAFE};
-use super::memory::{Ints, folded};
+use super::memory::{Ints, WIDTH, folded};
 use super::points::{Block, Motion, Points, place_of};
 use crate::cpu::forces::{Load, from_walls};
 use crate::cpu::integrate::Mover;
@@ -118,9 +118,17 @@ impl Extent {
     /// Around nothing.
     const EMPTY: Self = Self { low: IVec3::MAX, high: IVec3::MIN };
 
+    /// Around the first sub-particles of a block.
     #[inline(always)]
-    fn of(block: &Block) -> Self {
-        let ends = |x: &Ints| (folded(x.0, i32::min), folded(x.0, i32::max));
+    fn of(block: &Block, count: usize) -> Self {
+        // Lanes that hold none stay where the body started: here they count as the first.
+        let ends = |x: &Ints| {
+            let mut x = x.0;
+            for k in 1..WIDTH {
+                x[k] = if k < count { x[k] } else { x[0] };
+            }
+            (folded(x, i32::min), folded(x, i32::max))
+        };
         let [x, y, z] = block.position.each_ref().map(ends);
         Self { low: IVec3::new(x.0, y.0, z.0), high: IVec3::new(x.1, y.1, z.1) }
     }
@@ -194,7 +202,8 @@ impl Body {
     #[inline(always)]
     fn locate(&mut self) {
         self.boxes.clear();
-        self.boxes.extend(self.points.blocks.iter().map(Extent::of));
+        let blocks = self.points.blocks.iter().enumerate();
+        self.boxes.extend(blocks.map(|(b, block)| Extent::of(block, self.points.count - b * WIDTH)));
         self.extent = self.boxes.iter().fold(Extent::EMPTY, Extent::and);
     }
 

@@ -89,7 +89,8 @@ fn told_speeds(profile: &Profile, results: &Results<'_>) -> Told {
         );
         findings.extend(rises.into_iter().map(|((from, before), (to, after))| {
             format!(
-                "“Slower impacts consistently leave more intact” does not hold for {multiple}, {}: {} % at {} m/s, {} % at {} m/s.",
+                "“Slower impacts consistently leave more intact” seems not to hold for {multiple}, {}: {} % at {} m/s, {} % at {} m/s \
+                 (of such comparisons one in forty errs).",
                 orientation.0,
                 rounded(100.0 * before, 1),
                 significant(from),

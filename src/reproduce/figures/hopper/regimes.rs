@@ -144,7 +144,10 @@ fn told(profile: &Profile, results: &Results<'_>) -> Told {
     rows.push(
         Row::new(NAME, "mean rate at 4.5 cm over that at 6 cm, dry", "")
             .difference_of(over, narrow.values.len() + wide.values.len())
-            .demand_in_words("0.75 within its 95 % interval", over.is_some_and(|over| over.holds(0.75)))
+            .demand_in_words(
+                "0.75 within its 95 % interval, which is no wider than ± 0.1",
+                over.is_some_and(|over| over.holds(0.75) && over.half_width <= 0.1),
+            )
             .note("0.75 is 4.5 over 6: a full opening on the same belt"),
     );
     let tractions = TRACTIONS.map(|friction| (friction, rates(&traction_name(friction))));
