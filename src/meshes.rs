@@ -188,6 +188,11 @@ impl Resolved {
         if self.faults.is_empty() { Ok(self) } else { Err(input::faults(path, &self.faults).into()) }
     }
 
+    /// Whether it brings files along, and needs no other mesh.
+    pub(crate) fn is_self_contained(&self) -> bool {
+        !self.files.is_empty() && self.bare.is_empty()
+    }
+
     /// Brings to the server what it does not have yet.
     pub(crate) async fn upload(&self, client: &Client) -> Result<()> {
         for MeshFile { name, digest, bytes } in &self.files {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::sweep::SweepView;
+use roost_solver::Limits;
 use roost_worker::client::ClientError;
 use serde_json::{Value, json};
 
@@ -39,6 +40,9 @@ pub(crate) struct Args {
     json: bool,
 }
 
+/// How much is too much is the server's to say.
+const NO_LIMITS: Limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
+
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let named = meshes::resolve(&args.file, input::read(&args.file)?).checked(&args.file)?;
     let mut document = named.document.clone();
@@ -48,6 +52,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     }
     add_options(&mut document, &args);
     let client = args.server.client()?;
+    // Meshes stay on a server for good: those of a document that it would refuse anyway do not get there.
+    if named.is_self_contained() {
+        let report = roost_server::validate(named.document.clone(), &named.meshes, &NO_LIMITS, u64::MAX);
+        report.map_err(|faults| input::faults(&args.file, &faults))?;
+    }
     named.upload(&client).await?;
     let refused = |error| refusal(&args.file, kind, error);
     if kind == Kind::Sweep {

@@ -88,6 +88,12 @@ fn the_scenario_and_the_sweep_of_the_readme_are_sound() {
 }
 
 #[test]
+fn the_worker_of_the_api_has_the_revision_of_the_solver() {
+    let revision = format!("\"solver_revision\": {},", roost_solver::SOLVER_REVISION);
+    assert!(read("api.md").contains(&revision), "api.md shall hold {revision}");
+}
+
+#[test]
 fn ci_calls_the_test_command_of_the_readme() {
     assert!(read(".ci/run").contains("make test"));
 }
@@ -96,6 +102,17 @@ fn ci_calls_the_test_command_of_the_readme() {
 fn the_table_of_fields_is_that_of_the_scenario() {
     let table = roost_solver::scenario::field_table_markdown();
     assert!(read("docs/scenario.md").contains(table.trim_end()), "docs/scenario.md shall hold:\n{table}");
+}
+
+#[test]
+fn the_scene_of_the_table_of_fields_can_run() {
+    let text = read("docs/scenario.md");
+    let document =
+        text.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a scene");
+    let scenario = roost_solver::scenario::from_value(&serde_json::from_str(document).expect("JSON"))
+        .expect("a sound scenario");
+    let (meshes, limits) = (roost_solver::mesh::Meshes::default(), roost_solver::Limits::default());
+    roost_solver::check(&scenario, &meshes, &limits).expect("a scenario that can run");
 }
 
 /// The rows of a document's tables: the heading that each stands below (none in the beginning), and the name it explains.

@@ -290,6 +290,30 @@ fn a_hopper_of_ones_own_surfaces_is_checked() {
 }
 
 #[test]
+fn a_surface_at_the_seam_of_a_periodic_hopper_goes_past_it() {
+    // 0.4 m wide: bars under the fillets' way out, from one y to another.
+    let refused = |sides: &str, from: f64, to: f64| {
+        let bar = json!({"name": "bar", "plate_m": [[0.3, from, -0.05], [0.1, 0, 0], [0, to - from, 0]]});
+        let fields = [
+            ("/product/count", json!(4)),
+            ("/product/subparticle_radius_m", json!(0.009)),
+            ("/equipment/hopper_width_m", json!(0.4)),
+            ("/equipment/side_walls", json!(sides)),
+            ("/equipment/surfaces", json!([bar])),
+        ];
+        let found = faults(&scenario::from_value(&document(&fields)).expect("a sound scenario"));
+        assert!(found.iter().all(|fault| fault.pointer == "/equipment/surfaces/0"), "{found:?}");
+        !found.is_empty()
+    };
+    for (from, to, seam) in
+        [(-0.1, 0.1, false), (-0.1, 0.195, true), (-0.1, 0.3, true), (-0.2, 0.2, true), (-0.22, 0.22, false)]
+    {
+        assert_eq!(refused("periodic", from, to), seam, "from {from} to {to}");
+        assert!(!refused("frictionless", from, to), "from {from} to {to} without a seam");
+    }
+}
+
+#[test]
 fn only_the_shapes_that_are_there_must_fit() {
     let of = |shape: Value| {
         scenario::from_value(&document(&[

@@ -133,6 +133,10 @@ impl Report<'_> {
         let (holds, fails) = counts(self.rows());
         html! {
             h3 { (holds) " of " (holds + fails) " demands on simulations hold" }
+            p {
+                "A demand is what an honest test asks of the model. What differs from the paper and carries none is in the sections: "
+                "look there before trusting a number to design with."
+            }
             div.wide { table {
                 thead { tr { th { "figure" } th { "demands that hold" } th { "those that do not" } } }
                 tbody {
@@ -336,7 +340,9 @@ mod tests {
         );
         let html = report.html();
         assert!(
-            html.contains("1 of 2 demands hold") && html.contains("✗ no") && html.contains("−50 %"),
+            html.contains("1 of 2 demands on simulations hold")
+                && html.contains("✗ no")
+                && html.contains("−50 %"),
             "{html}"
         );
         assert!(html.contains("33.2 kg &lt;in&gt; 4 s"), "text is escaped");

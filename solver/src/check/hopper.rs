@@ -4,8 +4,10 @@ use serde_json::json;
 
 use super::fault;
 use super::inside::{OVERLAP_RATIO, Other, clashes};
-use crate::engine::scene::Kind;
+use crate::engine::scene::{Kind, Scene};
+use crate::equipment::Surface;
 use crate::experiments::hopper::scene;
+use crate::experiments::surfaces::extent;
 use crate::mesh::{Mesh, Meshes};
 use crate::scenario::{Equipment, Fault, Product, Scenario, SideWalls};
 
@@ -66,6 +68,31 @@ pub(super) fn fit_faults(
     faults
 }
 
+/// A surface that a fillet would feel on one side of the seam of a periodic hopper only.
+fn seam_fault(scene: &Scene, index: usize, surface: &Surface) -> Option<Fault> {
+    let (low, high) = extent(std::slice::from_ref(surface))?;
+    let reach = scene.radius_m + f64::from(scene.laws.reach());
+    let ends = [low.y - scene.low.y, scene.high.y - high.y];
+    let is_near = ends.iter().any(|beyond| *beyond < reach);
+    let goes_past = ends.iter().all(|beyond| *beyond <= -reach);
+    (is_near && !goes_past).then(|| {
+        fault(
+            &format!("/equipment/surfaces/{index}"),
+            json!(surface.name),
+            format!(
+                "\"{}\" ends near the seam of the periodic hopper, and would be felt on one side of it only",
+                surface.name
+            ),
+            format!(
+                "y from {:.4} to {:.4} m, or past both seams, at ± {:.4} m, by {reach:.2e} m",
+                scene.low.y + reach,
+                scene.high.y - reach,
+                scene.high.y
+            ),
+        )
+    })
+}
+
 /// A hopper of no surfaces, or with one in the way of the fill.
 pub(super) fn surface_faults(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Vec<Fault> {
     let pointer = "/equipment/surfaces";
@@ -79,6 +106,10 @@ pub(super) fn surface_faults(scenario: &Scenario, equipment: &Equipment, meshes:
     let scene = scene(scenario, equipment, meshes);
     let built_in = scene.surfaces.len() - equipment.surfaces.len();
     let mut faults: Vec<Fault> = Vec::new();
+    if scene.periodic_y {
+        let own = scene.surfaces[built_in..].iter().enumerate();
+        faults.extend(own.filter_map(|(index, surface)| seam_fault(&scene, index, surface)));
+    }
     for (fillet, other) in clashes(&scene) {
         let Other::Surface(surface) = other else { continue };
         let Some(index) = surface.checked_sub(built_in) else { continue };

@@ -171,6 +171,26 @@ fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     }
 }
 
+/// What stands still has no velocity, and what does not turn no spin: most likely `motion` was forgotten.
+fn check_motion(surface: &Value, at: &dyn Fn(&str) -> String, faults: &mut Vec<Fault>) {
+    let motion = surface.get("motion").and_then(Value::as_str).unwrap_or_default();
+    let idle: &[_] = match motion {
+        "fixed" => &["velocity_m_s", "spin_deg_s"],
+        "belt" => &["spin_deg_s"],
+        _ => &[],
+    };
+    for name in idle {
+        let Some(value) = surface.get(*name) else { continue };
+        let is_zero = |number: &Value| number.as_f64() == Some(0.0);
+        if value.as_array().is_some_and(|axes| !axes.iter().all(is_zero)) {
+            let detail = format!("does nothing while motion is \"{motion}\"");
+            let allowed =
+                if *name == "spin_deg_s" { "motion \"moving\"" } else { "motion \"belt\" or \"moving\"" };
+            faults.push(Fault::new(&at(name), value, detail, Some(format!("0, or {allowed}"))));
+        }
+    }
+}
+
 /// A surface is a mesh or a plate with an area, and its name is its own.
 fn check_surfaces(list: &str, document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     let surfaces = completed.pointer(list).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
@@ -201,6 +221,7 @@ fn check_surfaces(list: &str, document: &Value, completed: &Value, faults: &mut 
                 faults.push(Fault::new(&at("plate_m"), value, "has no area".to_owned(), allowed));
             }
         }
+        check_motion(surface, &at, faults);
         let Some(name) = surface.get("name") else { continue };
         if surfaces[..index].iter().any(|other| other.get("name") == Some(name)) {
             let allowed = Some("a name of its own".to_owned());

@@ -263,6 +263,22 @@ fn faults_in_lists_are_told_by_index() {
 }
 
 #[test]
+fn a_velocity_needs_a_motion() {
+    let found = |motion: &str| {
+        let surface = json!({"name": "a", "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "motion": motion,
+            "velocity_m_s": [1, 0, 0], "spin_deg_s": [0, 5, 0]});
+        let bodies = json!([{"position_m": [0, 0, 1]}]);
+        from_value(&json!({"experiment": "scene", "scene": {"bodies": bodies, "surfaces": [surface]}}))
+            .err()
+            .unwrap_or_default()
+    };
+    let [velocity, spin] = ["/scene/surfaces/0/velocity_m_s", "/scene/surfaces/0/spin_deg_s"];
+    assert_eq!(pointers(&found("fixed")), [velocity, spin]);
+    assert_eq!(pointers(&found("belt")), [spin]);
+    assert_eq!(pointers(&found("moving")), [""; 0]);
+}
+
+#[test]
 fn a_scene_needs_a_body_and_a_shape_must_exist() {
     assert_eq!(pointers(&faults(&json!({"experiment": "scene"}))), ["/scene/bodies"]);
     let found = faults(&json!({"experiment": "bend", "product": {"sizes_m": [[0.1, 0.1, 0.1]]}}));

@@ -48,7 +48,15 @@ fn documents_with(pointer: &str, unused_in: &[&str]) -> Vec<(Value, String)> {
     let used = |document: &&Value| !unused_in.iter().any(|name| document["experiment"] == *name);
     let found = documents.iter().filter(used).flat_map(|document| {
         let there = places.iter().filter(|place| document.pointer(place).is_some());
-        there.map(|place| (document.clone(), place.clone()))
+        there.map(|place| {
+            let mut document = document.clone();
+            let of_motion = place.strip_suffix("/velocity_m_s").or(place.strip_suffix("/spin_deg_s"));
+            if let Some(surface) = of_motion.filter(|item| item.contains("surfaces")) {
+                // What stands still has neither.
+                document.pointer_mut(surface).unwrap()["motion"] = json!("moving");
+            }
+            (document, place.clone())
+        })
     });
     found.collect()
 }
