@@ -5,6 +5,8 @@ mod hopper;
 mod inside;
 mod scene;
 
+use serde_json::{Value, json};
+
 use crate::engine::scene::Kind;
 use crate::experiments::bend::clamp_fault;
 use crate::experiments::compress::lattice_fault;
@@ -115,14 +117,20 @@ fn timestep_fault(scenario: &Scenario, bounds: &Stability, dt: f64) -> Option<Fa
 /// Meshes that are not at hand, or cannot be meant in their units.
 fn mesh_faults(scenario: &Scenario, meshes: &Meshes) -> Vec<Fault> {
     let faulty = |(pointer, named): (String, &MeshRef)| {
-        let (name, detail, allowed) = match meshes.get(&named.digest).map(|stl| stl.in_units(named.units)) {
-            None => {
-                ("digest", "is not the digest of a mesh at hand".to_owned(), "that of a mesh given along")
-            }
-            Some(Err(error)) => ("units", error.to_string(), "\"mm\" or \"m\", as the file means it"),
-            Some(Ok(_)) => return None,
+        let told = |name: &str, value: Value, detail: String, allowed: &str| {
+            Some(fault(&format!("{pointer}/{name}"), value, detail, allowed.to_owned()))
         };
-        Some(fault(&format!("{pointer}/{name}"), named.digest.clone(), detail, allowed.to_owned()))
+        match meshes.get(&named.digest).map(|stl| stl.in_units(named.units)) {
+            None => {
+                let detail = "is not the digest of a mesh at hand".to_owned();
+                told("digest", json!(named.digest), detail, "that of a mesh given along")
+            }
+            Some(Err(error)) => {
+                let allowed = "\"mm\" or \"m\", as the file means it";
+                told("units", json!(named.units), error.to_string(), allowed)
+            }
+            Some(Ok(_)) => None,
+        }
     };
     scenario.named_meshes().into_iter().filter_map(faulty).collect()
 }

@@ -134,7 +134,9 @@ impl<'a> Words<'a> {
             let start: String = String::from_utf8_lossy(word).chars().take(MOST_SHOWN).collect();
             format!("`{start}`")
         };
-        let found = found.map_or_else(|| "the end of the file".to_owned(), shown);
+        // A word with nothing behind it, not even the end of its line, was cut off.
+        let cut = if self.rest.is_empty() { ", where the file ends" } else { "" };
+        let found = found.map_or_else(|| "the end of the file".to_owned(), |word| shown(word) + cut);
         MeshError::Syntax { line: self.line, expected, found }
     }
 

@@ -312,7 +312,11 @@ fn accept_mesh(
     let before = faults.len();
     let mut refuse = |name: &str, value: &Value, detail: &str| {
         let at = format!("{pointer}/{}", escape(name));
-        faults.push(Fault::new(&at, value, detail.to_owned(), Some(field.allowed())));
+        let allowed = match name {
+            "units" => "\"mm\" or \"m\"".to_owned(),
+            _ => field.allowed(),
+        };
+        faults.push(Fault::new(&at, value, detail.to_owned(), Some(allowed)));
     };
     let hex = |text: &str| {
         text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
