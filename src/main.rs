@@ -1,5 +1,6 @@
 //! The `roost` command: one file a subcommand, each thin; what people see is in `ui`.
 
+mod bench;
 mod cancel;
 mod demo;
 mod exit;
@@ -58,6 +59,7 @@ enum Command {
     Cancel(cancel::Args),
     Retry(retry::Args),
     Reproduce(reproduce::Args),
+    Bench(bench::Args),
 }
 
 impl Command {
@@ -84,6 +86,7 @@ impl Command {
             Self::Validate(args) => validate::execute(&args),
             Self::Cancel(args) => cancel::execute(args).await,
             Self::Retry(args) => retry::execute(args).await,
+            Self::Bench(args) => bench::execute(args).await,
             Self::Reproduce(args) => reproduce::execute(args).await,
         }
     }

@@ -11,6 +11,7 @@ pub mod forces;
 pub mod grid;
 pub mod integrate;
 pub mod lists;
+pub mod stages;
 pub mod walls;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -23,6 +24,7 @@ use fast::{FastRun, Instructions};
 use forces::Load;
 use glam::{DVec3, Vec3};
 use lists::Lists;
+use stages::{Stage, Stages};
 use walls::Walls;
 
 /// Sub-particles that one task works on.
@@ -37,6 +39,7 @@ const SKIN_RATIO: f32 = 0.35;
 pub struct Cpu {
     pool: ThreadPool,
     fast: Option<Instructions>,
+    is_timed: bool,
 }
 
 /// A run in main memory.
@@ -60,6 +63,7 @@ pub struct PlainRun {
     step: u64,
     start_step: Option<u64>,
     fault: Option<String>,
+    stages: Stages,
 }
 
 /// What stays the same for a whole run.
@@ -82,12 +86,17 @@ impl Cpu {
 
     /// A backend that takes the fast path with these instructions.
     pub fn fast(threads: usize, instructions: Instructions) -> Self {
-        Self { pool: pool(threads), fast: Some(instructions) }
+        Self { pool: pool(threads), fast: Some(instructions), is_timed: false }
     }
 
     /// A backend that takes the plain path.
     pub fn plain(threads: usize) -> Self {
-        Self { pool: pool(threads), fast: None }
+        Self { pool: pool(threads), fast: None, is_timed: false }
+    }
+
+    /// The same, and its runs tell where their time goes ([`CpuRun::stages`]).
+    pub fn timed(self) -> Self {
+        Self { is_timed: true, ..self }
     }
 
     fn device(&self) -> String {
@@ -124,8 +133,10 @@ impl Backend for Cpu {
             skin: SKIN_RATIO * scene.radius_m as f32,
         };
         match self.fast {
-            Some(instructions) => CpuRun::Fast(Box::new(FastRun::new(scene, params, instructions))),
-            None => CpuRun::Plain(Box::new(PlainRun::new(scene, params))),
+            Some(instructions) => {
+                CpuRun::Fast(Box::new(FastRun::new(scene, params, instructions, Stages::new(self.is_timed))))
+            }
+            None => CpuRun::Plain(Box::new(PlainRun::new(scene, params, Stages::new(self.is_timed)))),
         }
     }
 
@@ -173,8 +184,18 @@ impl Backend for Cpu {
     }
 }
 
+impl CpuRun {
+    /// Where its time has gone so far; nowhere unless the backend is [`Cpu::timed`].
+    pub fn stages(&self) -> &Stages {
+        match self {
+            Self::Plain(run) => &run.stages,
+            Self::Fast(run) => run.stages(),
+        }
+    }
+}
+
 impl PlainRun {
-    fn new(scene: &Scene, params: Params) -> Self {
+    fn new(scene: &Scene, params: Params, stages: Stages) -> Self {
         let state = State::new(scene);
         Self {
             walls: Walls::new(scene, &state.frame),
@@ -184,6 +205,7 @@ impl PlainRun {
             step: 0,
             start_step: None,
             fault: None,
+            stages,
             params,
             state,
         }
@@ -233,11 +255,13 @@ impl PlainRun {
     /// One time step: the stages of [`Backend`].
     fn one_step(&mut self, done: &mut Advance) {
         let belt_time = self.start_step.map(|start| (self.step - start) as f64 * self.params.dt_exact);
+        let mut watch = self.stages.watch();
         self.walls.pose(belt_time, &self.state.frame);
         if self.drift.exceeds(self.params.skin, &self.walls) {
             self.lists.rebuild(&self.params, &self.state, &self.walls);
             self.drift.restart(&self.state, &mut self.walls);
         }
+        watch.lap(Stage::Neighbours);
         let mut broken = std::mem::take(&mut self.state.broken);
         let felt = forces::gather(
             &self.params,
@@ -248,7 +272,9 @@ impl PlainRun {
             &mut broken,
         );
         self.state.broken = broken;
+        watch.lap(Stage::Contacts);
         let moved = integrate::advance(&self.params, &mut self.state, &self.loads, &mut self.drift);
+        watch.lap(Stage::Motion);
         self.state.bonds_broken += u64::from(felt.bonds_broken);
         self.step += 1;
         done.steps += 1;

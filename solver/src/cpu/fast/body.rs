@@ -14,6 +14,7 @@ use super::points::{Block, Motion, Points, place_of};
 use crate::cpu::forces::{Load, from_walls};
 use crate::cpu::integrate::Mover;
 use crate::cpu::lists::WallPair;
+use crate::cpu::stages::{Stage, Stages};
 use crate::cpu::walls::Walls;
 use crate::engine::frame::Frame;
 
@@ -82,6 +83,7 @@ pub(super) struct Surroundings<'a> {
     pub(super) frame: &'a Frame,
     pub(super) walls: &'a Walls,
     pub(super) meetings: &'a [Meeting],
+    pub(super) stages: &'a Stages,
     pub(super) radius: f32,
     /// Distance of a centre from a facet within which a contact can hold, in metres.
     pub(super) wall_reach: f32,
@@ -216,6 +218,7 @@ impl Body {
         around: &Surroundings<'_>,
         sums: &mut Sums,
     ) -> Noticed {
+        let mut watch = around.stages.watch();
         sums.clear(self.points.blocks.len());
         for &m in &self.meets {
             let Meeting { bodies, chunks, .. } = &around.meetings[m as usize];
@@ -225,6 +228,7 @@ impl Body {
                 }
             }
         }
+        watch.lap(Stage::Sums);
         let mut noticed = Noticed::default();
         let Self { points, bonds: sets, broken, .. } = self;
         let root_mass = root_of_equivalent(self.mass, self.mass);
@@ -236,11 +240,14 @@ impl Body {
             let deepest = bonds::forces(pair, simd, laws, root_mass, frame, &points.blocks, sums, broken);
             noticed.max_overlap = noticed.max_overlap.max(deepest);
         }
+        watch.lap(Stage::Bonds);
         self.add_walls(around, sums);
+        watch.lap(Stage::Walls);
         let Self { points, motion, .. } = self;
         let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, sums);
         self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);
         noticed.runaway = moved.runaway.map(|k| self.range.start as u32 + k);
+        watch.lap(Stage::Motion);
         noticed
     }
 

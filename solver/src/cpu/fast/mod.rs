@@ -24,15 +24,19 @@ mod memory;
 mod points;
 mod search;
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Params;
 use super::integrate::{Moved, Mover};
+use super::stages::{Stage, Stages};
 use super::walls::Walls;
 use crate::engine::Advance;
 use crate::engine::frame::Frame;
-use crate::engine::scene::Scene;
+use crate::engine::scene::{Kind, Scene};
 use crate::engine::state::State;
 use body::{Body, Extent, Locate, Noticed, Surroundings};
 use bonds::BondSet;
@@ -54,6 +58,41 @@ const WALL_SKIN_RATIO: f32 = 0.7;
 /// Distance of bodies that makes them meet, beyond reach, as a share of R.
 const MARGIN_RATIO: f32 = 6.0;
 
+/// The most single spheres that go as one body.
+const CLUMP: usize = 256;
+
+/// Sub-particles that go as one body, by their numbers in the run, and the kind that has their bonds and their mass.
+struct Clump<'a> {
+    range: Range<usize>,
+    kind: &'a Kind,
+}
+
+/// The bodies of a scene. Single spheres that follow each other go together, as if they were a body without bonds: each by itself would
+/// have a block of its own.
+fn clumps(scene: &Scene) -> Vec<Clump<'_>> {
+    let mut clumps: Vec<Clump<'_>> = Vec::new();
+    let mut from = 0;
+    for placement in &scene.bodies {
+        let kind = &scene.kinds[placement.kind];
+        let range = from..from + kind.meta.points.len();
+        from = range.end;
+        let is_single = |kind: &Kind| kind.meta.points.len() == 1;
+        match clumps.last_mut() {
+            Some(last)
+                if is_single(kind)
+                    && is_single(last.kind)
+                    && last.kind.subparticle_mass_kg == kind.subparticle_mass_kg
+                    && last.range.len() < CLUMP =>
+            {
+                last.range.end = range.end;
+            }
+            _ if range.is_empty() => {}
+            _ => clumps.push(Clump { range, kind }),
+        }
+    }
+    clumps
+}
+
 /// A run on the fast path.
 #[derive(Debug)]
 pub struct FastRun {
@@ -73,10 +112,11 @@ pub struct FastRun {
     step: u64,
     start_step: Option<u64>,
     pub(super) fault: Option<String>,
+    stages: Arc<Stages>,
 }
 
 impl FastRun {
-    pub(super) fn new(scene: &Scene, params: Params, instructions: Instructions) -> Self {
+    pub(super) fn new(scene: &Scene, params: Params, instructions: Instructions, stages: Stages) -> Self {
         let state = State::new(scene);
         let laws = PairLaws {
             contact: LaneContact::new(params.laws.tissue),
@@ -86,18 +126,11 @@ impl FastRun {
             dt: params.dt,
         };
         let mut bodies = Vec::new();
-        let mut from = 0;
-        for placement in &scene.bodies {
-            let kind = &scene.kinds[placement.kind];
-            let range = from..from + kind.meta.points.len();
-            from = range.end;
+        for Clump { range, kind } in clumps(scene) {
             let bonds = BondSet::all(&kind.meta.bonds, &laws);
-            let mass = kind.subparticle_mass_kg as f32;
-            if !range.is_empty() {
-                let points = Points::of(&state, range.clone());
-                let joined = kind.meta.bonds.iter().map(|bond| [bond.i, bond.j]);
-                bodies.push(Body::new(range, points, mass, bonds, joined));
-            }
+            let joined = kind.meta.bonds.iter().map(|bond| [bond.i, bond.j]);
+            let points = Points::of(&state, range.clone());
+            bodies.push(Body::new(range, points, kind.subparticle_mass_kg as f32, bonds, joined));
         }
         Self {
             walls: Walls::new(scene, &state.frame),
@@ -110,10 +143,15 @@ impl FastRun {
             step: 0,
             start_step: None,
             fault: None,
+            stages: Arc::new(stages),
             params,
             told: true,
             state,
         }
+    }
+
+    pub(super) fn stages(&self) -> &Stages {
+        &self.stages
     }
 
     /// The state, brought up to date.
@@ -153,7 +191,10 @@ impl FastRun {
     fn one_step(&mut self, done: &mut Advance) {
         let belt_time = self.start_step.map(|start| (self.step - start) as f64 * self.params.dt_exact);
         self.walls.pose(belt_time, &self.state.frame);
+        let stages = Arc::clone(&self.stages);
+        let mut watch = stages.watch();
         self.neighbours();
+        watch.lap(Stage::Neighbours);
         let max_overlap = self.meet();
         let noticed = self.move_bodies();
         self.told = false;
@@ -239,26 +280,35 @@ impl FastRun {
     /// The first phase.
     fn meet(&mut self) -> f32 {
         let search = self.search();
-        let Self { laws, state, bodies, instructions, .. } = self;
+        let Self { laws, state, bodies, instructions, stages, .. } = self;
         let work = self.meetings.par_iter_mut().map_init(Room::default, |room, meeting| {
             if !meeting.due && meeting.chunks.is_empty() {
                 return 0.0;
             }
             let sides = meeting.bodies.map(|body| &bodies[body as usize]);
-            instructions.run(Meet { meeting, search: &search, laws, frame: &state.frame, sides, room })
+            instructions.run(Meet {
+                meeting,
+                search: &search,
+                laws,
+                frame: &state.frame,
+                sides,
+                room,
+                stages,
+            })
         });
         work.reduce(|| 0.0, f32::max)
     }
 
     /// The second phase.
     fn move_bodies(&mut self) -> Noticed {
-        let Self { laws, mover, state, bodies, meetings, walls, params, instructions, .. } = self;
+        let Self { laws, mover, state, bodies, meetings, walls, params, instructions, stages, .. } = self;
         let around = Surroundings {
             laws,
             mover,
             frame: &state.frame,
             walls,
             meetings,
+            stages,
             radius: params.radius,
             wall_reach: params.radius + params.laws.reach(),
             wall_skin: WALL_SKIN_RATIO * params.radius,
@@ -334,6 +384,7 @@ struct Meet<'a> {
     frame: &'a Frame,
     sides: [&'a Body; 2],
     room: &'a mut Room,
+    stages: &'a Stages,
 }
 
 impl Job for Meet<'_> {
@@ -341,10 +392,14 @@ impl Job for Meet<'_> {
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> f32 {
+        let mut watch = self.stages.watch();
         if self.meeting.due {
             self.meeting.search(simd, self.search, self.frame, self.sides, self.room);
+            watch.lap(Stage::Search);
         }
-        self.meeting.forces(simd, self.laws, self.frame, self.sides, self.room)
+        let deepest = self.meeting.forces(simd, self.laws, self.frame, self.sides, self.room);
+        watch.lap(Stage::Contacts);
+        deepest
     }
 }
 

@@ -1,0 +1,293 @@
+//! Beds: sub-particles at rest, as a scene to start from.
+
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use glam::{DQuat, DVec3};
+use roost_solver::cpu::{Cpu, CpuRun};
+use roost_solver::engine::Backend;
+use roost_solver::engine::scene::{Kind, Placement, Scene};
+use roost_solver::engine::state::State;
+use roost_solver::equipment::{Surface, SurfaceKind};
+use roost_solver::experiments::prepare;
+use roost_solver::mesh::Meshes;
+use roost_solver::scenario::{self, Scenario};
+use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
+use serde_json::json;
+
+use crate::exit::BadInput;
+
+/// A bed that is made here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Named {
+    /// Single spheres, fallen into a box
+    Loose,
+    /// Fillets at rest in the hopper
+    Bonded,
+    /// The same while they pour out
+    Hopper,
+}
+
+impl Named {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Loose => "loose",
+            Self::Bonded => "bonded",
+            Self::Hopper => "hopper",
+        }
+    }
+}
+
+/// Something to simulate, as it lies.
+pub(super) struct Bed {
+    pub(super) name: String,
+    pub(super) scene: Scene,
+    /// Whether the belt runs.
+    pub(super) flows: bool,
+    /// Simulated time before anything is measured, in seconds.
+    pub(super) warm_up_s: f64,
+}
+
+/// Simulated time that a bed has to settle, in seconds.
+const SETTLE_S: f64 = 1.2;
+/// Inner width of the box that spheres fall into, and their spacing before, in radii.
+const BOX_R: f64 = 120.0;
+const SPACING_R: f64 = 2.25;
+/// Density of spheres, in kg/m³, where the scenario gives none for sub-particles.
+const TISSUE_KG_M3: f64 = 940.0;
+
+impl Bed {
+    /// Makes a bed and lets it come to rest.
+    pub(super) fn settled(named: Named, laws: &Scenario, subparticles: u64, threads: usize) -> Self {
+        let start = match named {
+            Named::Loose => loose(laws, subparticles),
+            Named::Bonded | Named::Hopper => fillets(laws, subparticles),
+        };
+        let cpu = Cpu::new(threads);
+        let mut run = cpu.prepare(&start);
+        cpu.advance(&mut [(&mut run, (SETTLE_S / start.timestep_s) as u64)]);
+        let scene = as_it_lies(&start, cpu.state(&mut run));
+        let flows = named == Named::Hopper;
+        Self { name: named.name().to_owned(), scene, flows, warm_up_s: if flows { 0.5 } else { 0.02 } }
+    }
+
+    /// Reads a bed, in an open box that just holds it.
+    pub(super) fn read(file: &Path, bonds: Option<&Path>, laws: &Scenario) -> Result<Self> {
+        let rows = numbers::<4>(file)?;
+        let points: Vec<DVec3> = rows.iter().map(|[_, x, y, z]| DVec3::new(*x, *y, *z)).collect();
+        if points.is_empty() {
+            return Err(BadInput(format!("{}: holds no sub-particle", file.display())).into());
+        }
+        let mut pairs = Vec::new();
+        for row in bonds.map_or_else(|| Ok(Vec::new()), numbers::<2>)? {
+            let [i, j] = row.map(|number| number as usize);
+            if i == 0 || j == 0 || i == j || i.max(j) > points.len() {
+                let text = format!("bond {i} {j}: must join two of the sub-particles 1 to {}", points.len());
+                return Err(BadInput(text).into());
+            }
+            pairs.push([i.min(j) - 1, i.max(j) - 1]);
+        }
+        let base = prepare(laws, &Meshes::default()).scene;
+        let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min) - base.radius_m;
+        let high = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) + base.radius_m;
+        let mass = sphere_kg(laws);
+        let mut kinds = Vec::new();
+        for (members, bonds) in bodies(&points, &pairs) {
+            kinds.push((members, Kind { meta: meta(&[], bonds), subparticle_mass_kg: mass }));
+        }
+        let name =
+            file.file_stem().map_or_else(|| "bed".to_owned(), |stem| stem.to_string_lossy().into_owned());
+        let scene = assembled(boxed(base, low, high), kinds);
+        Ok(Self { name, scene, flows: false, warm_up_s: 0.0 })
+    }
+
+    /// Writes the positions and the bonds.
+    pub(super) fn write(&self, folder: &Path) -> Result<()> {
+        let state = State::new(&self.scene);
+        let (mut positions, mut bonds) = (String::new(), String::new());
+        for i in 0..state.particles.len() {
+            let DVec3 { x, y, z } = state.position(i);
+            writeln!(positions, "{} {x:.9} {y:.9} {z:.9}", i + 1)?;
+        }
+        let mut first = 1;
+        for body in &self.scene.bodies {
+            let meta = &self.scene.kinds[body.kind].meta;
+            for bond in &meta.bonds {
+                writeln!(bonds, "{} {}", first + bond.i, first + bond.j)?;
+            }
+            first += meta.points.len() as u32;
+        }
+        std::fs::create_dir_all(folder)?;
+        for (name, text) in
+            [(format!("{}.csv", self.name), positions), (format!("{}_bonds.csv", self.name), bonds)]
+        {
+            let path = folder.join(name);
+            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn subparticles(&self) -> usize {
+        self.scene.bodies.iter().map(|body| self.scene.kinds[body.kind].meta.points.len()).sum()
+    }
+
+    /// A run that has warmed up.
+    pub(super) fn begun(&self, cpu: &Cpu) -> CpuRun {
+        let mut run = cpu.prepare(&self.scene);
+        if self.flows {
+            cpu.start(&mut run);
+        }
+        cpu.advance(&mut [(&mut run, (self.warm_up_s / self.scene.timestep_s) as u64)]);
+        run
+    }
+}
+
+/// Mass of a single sphere of a scenario, in kilograms.
+fn sphere_kg(laws: &Scenario) -> f64 {
+    let density = laws.product.subparticle_density_kg_m3.unwrap_or(TISSUE_KG_M3);
+    density * 4.0 / 3.0 * std::f64::consts::PI * laws.product.radius_m().powi(3)
+}
+
+/// Spheres on a grid, a little off it, over the floor of a box.
+fn loose(laws: &Scenario, count: u64) -> Scene {
+    let base = prepare(laws, &Meshes::default()).scene;
+    let radius = base.radius_m;
+    // As deep as wide at 41,000, whatever their number.
+    let side = BOX_R * radius * (count as f64 / 41_000.0).cbrt();
+    let spacing = SPACING_R * radius;
+    let columns = (side / spacing).floor() as u64;
+    let mut random = fastrand::Rng::with_seed(1);
+    let mut draw = || (random.f64() - 0.5) * 0.2 * radius;
+    let place = |k: u64| {
+        let [i, j, l] = [k % columns, k / columns % columns, k / (columns * columns)];
+        DVec3::new(i as f64 + 0.5, j as f64 + 0.5, l as f64 + 0.5) * spacing
+    };
+    let points: Vec<DVec3> = (0..count).map(|k| place(k) + DVec3::new(draw(), draw(), draw())).collect();
+    let high = points.iter().copied().fold(DVec3::splat(side), DVec3::max);
+    let one = Kind { meta: meta(&[DVec3::ZERO], Vec::new()), subparticle_mass_kg: sphere_kg(laws) };
+    let at = |position| Placement { kind: 0, position, orientation: DQuat::IDENTITY, velocity: DVec3::ZERO };
+    let bodies = near_each_other(points).into_iter().map(at).collect();
+    Scene { kinds: vec![one], bodies, ..boxed(base, DVec3::ZERO, high) }
+}
+
+/// Spheres in the order of cells of six by six by six, so that those that follow each other are near each other.
+fn near_each_other(mut points: Vec<DVec3>) -> Vec<DVec3> {
+    let spacing = points.get(1).map_or(1.0, |second| second.distance(points[0]));
+    let cell = |point: &DVec3| (*point / (6.0 * spacing)).floor().as_ivec3().to_array();
+    points.sort_by_key(cell);
+    points
+}
+
+/// As many fillets as make so many sub-particles, in a hopper as wide as they need.
+fn fillets(laws: &Scenario, subparticles: u64) -> Scene {
+    let whole = prepare(laws, &Meshes::default()).scene;
+    let of_whole: usize = whole.bodies.iter().map(|body| whole.kinds[body.kind].meta.points.len()).sum();
+    let count = f64::from(laws.product.count) * subparticles as f64 / of_whole as f64;
+    let width = laws.equipment().map_or(0.59, |equipment| equipment.hopper_width_m) * count
+        / f64::from(laws.product.count);
+    let mut document = json!(laws);
+    document["product"]["count"] = json!((count.round() as u64).max(1));
+    document["equipment"]["hopper_width_m"] = json!(width.clamp(0.1, 10.0));
+    let scenario = scenario::from_value(&document).expect("a scenario with other numbers");
+    prepare(&scenario, &Meshes::default()).scene
+}
+
+/// A scene's laws, around a box that is open above.
+fn boxed(base: Scene, low: DVec3, high: DVec3) -> Scene {
+    let size = high - low;
+    let (x, y, z) = (DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z);
+    let plate = |name: &str, corner, u, v| Surface::parallelogram(name, SurfaceKind::Equipment, corner, u, v);
+    let surfaces = vec![
+        plate("floor", low, x, y),
+        plate("left", low, x, z),
+        plate("right", low + y, x, z),
+        plate("back", low, y, z),
+        plate("front", low + x, y, z),
+    ];
+    let margin = DVec3::splat(0.05);
+    Scene { surfaces, low: low - margin, high: high + margin, periodic_y: false, held: Vec::new(), ..base }
+}
+
+fn meta(points: &[DVec3], bonds: Vec<LatticeBond>) -> Arc<MetaParticle> {
+    let reach_m = points.iter().map(|point| point.length()).fold(0.0, f64::max);
+    Arc::new(MetaParticle { points: points.to_vec(), bonds, volume_m3: 0.0, reach_m })
+}
+
+/// The bodies that bonds join, each with its sub-particles and their bonds by number in it; in the order of their first.
+fn bodies(points: &[DVec3], pairs: &[[usize; 2]]) -> Vec<(Vec<DVec3>, Vec<LatticeBond>)> {
+    let mut first: Vec<usize> = (0..points.len()).collect();
+    fn root(first: &mut [usize], mut at: usize) -> usize {
+        while first[at] != at {
+            first[at] = first[first[at]];
+            at = first[at];
+        }
+        at
+    }
+    for &[i, j] in pairs {
+        let (a, b) = (root(&mut first, i), root(&mut first, j));
+        first[a.max(b)] = a.min(b);
+    }
+    let mut found: Vec<(Vec<DVec3>, Vec<LatticeBond>)> = Vec::new();
+    let mut number_of: HashMap<usize, usize> = HashMap::new();
+    let mut local = vec![(0, 0); points.len()];
+    for (k, point) in points.iter().enumerate() {
+        let body = *number_of.entry(root(&mut first, k)).or_insert_with(|| {
+            found.push(Default::default());
+            found.len() - 1
+        });
+        local[k] = (body, found[body].0.len() as u32);
+        found[body].0.push(*point);
+    }
+    for &[i, j] in pairs {
+        let ((body, i), (_, j)) = (local[i], local[j]);
+        found[body].1.push(LatticeBond { i: i.min(j), j: i.max(j), class: 1 });
+    }
+    found.iter_mut().for_each(|(_, bonds)| bonds.sort_unstable());
+    found
+}
+
+/// Bodies that lie just so, each a kind of its own.
+fn assembled(scene: Scene, bodies: Vec<(Vec<DVec3>, Kind)>) -> Scene {
+    let (mut kinds, mut placements) = (Vec::new(), Vec::new());
+    for (points, kind) in bodies {
+        let centre = points.iter().sum::<DVec3>() / points.len() as f64;
+        let points: Vec<DVec3> = points.iter().map(|point| point - centre).collect();
+        placements.push(Placement {
+            kind: kinds.len(),
+            position: centre,
+            orientation: DQuat::IDENTITY,
+            velocity: DVec3::ZERO,
+        });
+        kinds.push(Kind { meta: meta(&points, kind.meta.bonds.clone()), ..kind });
+    }
+    Scene { kinds, bodies: placements, ..scene }
+}
+
+/// The scene of a state, at rest: what contacts and bonds remember is forgotten.
+fn as_it_lies(scene: &Scene, state: &State) -> Scene {
+    let bodies = state.body_ranges().map(|(number, range)| {
+        let kind = scene.kinds[scene.bodies[number as usize].kind].clone();
+        (range.map(|i| state.position(i)).collect(), kind)
+    });
+    assembled(scene.clone(), bodies.collect())
+}
+
+/// Lines of so many numbers.
+fn numbers<const N: usize>(file: &Path) -> Result<Vec<[f64; N]>> {
+    let text = std::fs::read_to_string(file)
+        .map_err(|error| BadInput(format!("cannot read {}: {error}", file.display())))?;
+    let mut rows = Vec::new();
+    for (line, text) in text.lines().enumerate().filter(|(_, text)| !text.trim().is_empty()) {
+        let words = text.split([' ', ',', '\t']).filter(|word| !word.is_empty());
+        let row: Vec<f64> =
+            words.map_while(|word| word.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+        let row = row.try_into().map_err(|_| {
+            BadInput(format!("{}, line {}: must be {N} numbers, found \"{text}\"", file.display(), line + 1))
+        })?;
+        rows.push(row);
+    }
+    Ok(rows)
+}
