@@ -16,7 +16,7 @@ use roost_solver::experiments::prepare;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::exit::BadInput;
 
@@ -62,14 +62,17 @@ const TISSUE_KG_M3: f64 = 940.0;
 impl Bed {
     /// Makes a bed and lets it come to rest.
     pub(super) fn settled(named: Named, laws: &Scenario, subparticles: u64, threads: usize) -> Self {
+        // Settling may take larger steps than what is timed.
+        let quick = with(laws, "numerics", "timestep_s", json!("auto"));
         let start = match named {
-            Named::Loose => loose(laws, subparticles),
-            Named::Bonded | Named::Hopper => fillets(laws, subparticles),
+            Named::Loose => loose(&quick, subparticles),
+            Named::Bonded | Named::Hopper => fillets(&quick, subparticles),
         };
         let cpu = Cpu::new(threads);
         let mut run = cpu.prepare(&start);
         cpu.advance(&mut [(&mut run, (SETTLE_S / start.timestep_s) as u64)]);
-        let scene = as_it_lies(&start, cpu.state(&mut run));
+        let timestep_s = prepare(laws, &Meshes::default()).scene.timestep_s;
+        let scene = Scene { timestep_s, ..as_it_lies(&start, cpu.state(&mut run)) };
         let flows = named == Named::Hopper;
         Self { name: named.name().to_owned(), scene, flows, warm_up_s: if flows { 0.5 } else { 0.02 } }
     }
@@ -188,11 +191,16 @@ fn fillets(laws: &Scenario, subparticles: u64) -> Scene {
     let count = f64::from(laws.product.count) * subparticles as f64 / of_whole as f64;
     let width = laws.equipment().map_or(0.59, |equipment| equipment.hopper_width_m) * count
         / f64::from(laws.product.count);
-    let mut document = json!(laws);
-    document["product"]["count"] = json!((count.round() as u64).max(1));
-    document["equipment"]["hopper_width_m"] = json!(width.clamp(0.1, 10.0));
-    let scenario = scenario::from_value(&document).expect("a scenario with other numbers");
-    prepare(&scenario, &Meshes::default()).scene
+    let narrow = with(laws, "equipment", "hopper_width_m", json!(width.clamp(0.1, 10.0)));
+    let few = with(&narrow, "product", "count", json!((count.round() as u64).max(1)));
+    prepare(&few, &Meshes::default()).scene
+}
+
+/// A scenario with another value in a field.
+fn with(scenario: &Scenario, section: &str, field: &str, value: Value) -> Scenario {
+    let mut document = json!(scenario);
+    document[section][field] = value;
+    scenario::from_value(&document).expect("a scenario with another value")
 }
 
 /// A scene's laws, around a box that is open above.

@@ -17,6 +17,7 @@ use crate::exit::{BadInput, Exit};
 use crate::ui;
 use crate::ui::format::significant;
 use crate::ui::table::Table;
+use crate::work::threads;
 use crate::{input, signals};
 use beds::{Bed, Named};
 use race::{Racer, Row};
@@ -46,8 +47,8 @@ struct SolverArgs {
     #[arg(long, default_value_t = 41_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1000..=2_000_000))]
     subparticles: u64,
     /// Numbers of threads; 0 means one per processor [default: 1,0]
-    #[arg(long, value_delimiter = ',', default_values = ["1", "0"], hide_default_value = true, value_name = "N")]
-    threads: Vec<usize>,
+    #[arg(long, value_delimiter = ',', default_values = ["1", "0"], hide_default_value = true, value_name = "N", value_parser = threads())]
+    threads: Vec<u16>,
     /// Ways to compute: `plain`, `fast` (the widest instructions of this machine), or names of instruction sets
     #[arg(long, value_delimiter = ',', default_values = ["fast"], value_name = "PATH")]
     paths: Vec<String>,
@@ -87,7 +88,8 @@ fn solver(args: &SolverArgs, stop: &dyn Fn() -> bool) -> Result<Exit> {
     let scenario = laws(args)?;
     let paths: Vec<Way> = args.paths.iter().map(|name| Way::named(name)).collect::<Result<_>>()?;
     let most = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut threads: Vec<usize> = args.threads.iter().map(|&n| if n == 0 { most } else { n }).collect();
+    let mut threads: Vec<usize> =
+        args.threads.iter().map(|&n| if n == 0 { most } else { n.into() }).collect();
     threads.dedup();
     let mut rows: Vec<Row> = Vec::new();
     let names = if args.bed.is_some() { &[][..] } else { &args.beds[..] };

@@ -1,0 +1,106 @@
+//! `roost bench`: every way of computing on every bed, beds written and read again, and what is wrong with one.
+
+mod support;
+
+use serde_json::{Value, json};
+use support::{Home, run, said, stdout};
+
+/// A scenario of coarse sub-particles in large steps.
+fn coarse(home: &Home) -> String {
+    home.file(
+        "coarse.json",
+        &json!({"experiment": "hopper", "product": {"subparticle_radius_m": 0.009}, "numerics": {"timestep_s": "auto"}}),
+    )
+}
+
+fn bench(arguments: &[&str]) -> Vec<String> {
+    [&["bench", "solver", "--threads", "1", "--repeats", "2", "--steps", "10"], arguments]
+        .concat()
+        .iter()
+        .map(|text| (*text).to_owned())
+        .collect()
+}
+
+fn rows(arguments: &[&str]) -> Vec<Value> {
+    let all = bench(arguments);
+    let all: Vec<&str> = all.iter().map(String::as_str).chain(["--json"]).collect();
+    serde_json::from_str(&stdout(&run(&all))).expect("rows")
+}
+
+#[test]
+fn every_way_takes_its_turns_on_every_bed() {
+    let home = Home::new();
+    let scenario = coarse(&home);
+    let rows = rows(&["--subparticles", "1000", "--paths", "plain,fast", "--scenario", &scenario]);
+    let beds: Vec<&str> = rows.iter().filter_map(|row| row["bed"].as_str()).collect();
+    assert_eq!(beds, ["loose", "loose", "bonded", "bonded", "hopper", "hopper"]);
+    for row in &rows {
+        assert_eq!((&row["backend"], &row["threads"]), (&json!("cpu"), &json!(1)));
+        let ns = row["ns_per_particle_step"].as_f64().expect("a number");
+        assert!(
+            (1.0..1e6).contains(&ns) && row["spread"].as_f64().is_some_and(|spread| spread >= 0.0),
+            "{row}"
+        );
+        let shares: f64 =
+            row["stages"].as_object().expect("an object").values().filter_map(Value::as_f64).sum();
+        assert!((shares - 1.0).abs() < 1e-9, "{row}");
+        let subparticles = row["subparticles"].as_f64().expect("a number");
+        assert!((subparticles / 1000.0 - 1.0).abs() < 0.2, "{row}");
+    }
+    // Single spheres have no bonds to spend time on, fillets do, and only what moves past a gate has no rest.
+    let share = |row: usize, stage: &str| rows[row]["stages"][stage].as_f64().expect("a share");
+    assert!(share(1, "bonds") < 0.02 && share(3, "bonds") > 0.05, "{rows:?}");
+    assert_eq!((&rows[0]["path"], rows[1]["path"] == rows[0]["path"]), (&json!("plain"), false));
+}
+
+#[test]
+fn a_bed_that_was_written_is_timed_as_it_lies() {
+    let home = Home::new();
+    let (scenario, folder) = (coarse(&home), home.path("beds").display().to_string());
+    let write = ["--beds", "bonded", "--subparticles", "1000", "--scenario", &scenario, "--write", &folder];
+    let written = bench(&write);
+    stdout(&run(&written.iter().map(String::as_str).collect::<Vec<_>>()));
+    let (bed, bonds) = (format!("{folder}/bonded.csv"), format!("{folder}/bonded_bonds.csv"));
+    let count = std::fs::read_to_string(&bed).unwrap().lines().count();
+    let own = rows(&["--bed", &bed, "--bonds", &bonds, "--scenario", &scenario]);
+    assert_eq!((own.len(), &own[0]["bed"], &own[0]["subparticles"]), (1, &json!("bonded"), &json!(count)));
+    assert_eq!(own[0]["contact_between_bonded"], true);
+    let off = rows(&[
+        "--bed",
+        &bed,
+        "--bonds",
+        &bonds,
+        "--scenario",
+        &scenario,
+        "--without-contact-between-bonded",
+    ]);
+    assert_eq!(off[0]["contact_between_bonded"], false);
+}
+
+#[test]
+fn what_is_wrong_with_a_bed_is_said() {
+    let home = Home::new();
+    let bed = home.path("bed.csv");
+    std::fs::write(&bed, "1 0 0 0.1\n2 0.008 0 0.1\n").unwrap();
+    let bed = bed.display().to_string();
+    let bonds = home.path("bonds.csv");
+    for (text, complaint) in [
+        ("1 3\n", "bond 1 3: must join two of the sub-particles 1 to 2"),
+        ("1 1\n", "bond 1 1: must join two"),
+        ("1 2\n1 x\n", "line 2: must be 2 numbers, found \"1 x\""),
+    ] {
+        std::fs::write(&bonds, text).unwrap();
+        let output = run(&bench(&["--bed", &bed, "--bonds", &bonds.display().to_string()])
+            .iter()
+            .map(String::as_str)
+            .collect::<Vec<_>>());
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(said(&output).contains(complaint), "{}", said(&output));
+    }
+    let output = run(&["bench", "solver", "--paths", "mmx"]);
+    assert!(
+        output.status.code() == Some(2) && said(&output).contains("must be among plain, fast"),
+        "{}",
+        said(&output)
+    );
+}
