@@ -11,7 +11,7 @@ use crate::scenario::{Experiment, Fault, MAX_SAMPLES, Scenario};
 /// Memory that the CPU backend takes for each sub-particle, in bytes: state, lists and their rebuilding.
 const BYTES_PER_SUBPARTICLE: u64 = 1000;
 /// Time of the CPU backend for each particle-step on one thread, in nanoseconds: measured, for estimates only.
-const NS_PER_PARTICLE_STEP: f64 = 200.0;
+const NS_PER_PARTICLE_STEP: f64 = 120.0;
 /// Simulated time that a fill usually takes to come to rest, in seconds.
 const USUAL_FILL_S: f64 = 2.0;
 /// Share of the sub-particles that are on average still there while the hopper empties.

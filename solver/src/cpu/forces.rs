@@ -2,7 +2,7 @@
 
 use std::iter::successors;
 
-use glam::Vec3;
+use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::lists::{ChunkLists, Lists, WallPair};
@@ -134,9 +134,9 @@ fn from_pairs(
     felt
 }
 
-/// Adds what the facets near a sub-particle do to it. Returns the distance of the nearest, in metres.
-#[expect(clippy::too_many_arguments, reason = "what both paths have at hand")]
-pub(super) fn from_walls(
+/// Adds what the facets near a sub-particle do to it.
+#[expect(clippy::too_many_arguments, reason = "what the path has at hand")]
+fn from_walls(
     radius: f32,
     dt: f32,
     frame: &Frame,
@@ -145,33 +145,47 @@ pub(super) fn from_walls(
     mass: f32,
     near: &mut [WallPair],
     load: &mut Load,
-) -> f32 {
-    if near.is_empty() {
-        return f32::INFINITY;
-    }
-    let touches: Vec<_> =
-        near.iter().map(|wall| (wall.facet, walls.touch(wall.facet, me.position, frame))).collect();
-    if touches.len() > 1 {
-        hand_over(radius, walls, &touches, near);
-    }
-    for (k, (wall, (facet, touch))) in near.iter_mut().zip(&touches).enumerate() {
-        let law = walls.law(*facet);
-        let delta = radius - touch.distance;
-        // A centre right on the plate has no side; it gets one in the next step.
-        if delta < -law.reach() || touch.distance <= 0.0 || gives_way(walls, &touches, k).is_some() {
-            wall.contact = ContactMemory::default();
-            wall.force = Vec3::ZERO;
-            continue;
-        }
+) {
+    feel_walls(radius, frame, walls, me.position, near, &mut Vec::new(), |_, wall, touch| {
         let n = touch.to_wall / touch.distance;
         let v = me.velocity + me.spin.cross(touch.to_wall) - touch.velocity;
-        wall.force = Vec3::ZERO;
+        let (law, delta) = (walls.law(wall.facet), radius - touch.distance);
         if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, touch.spin, mass, dt) {
             wall.force = force.normal + force.tangential;
             load.add(wall.force, touch.to_wall, force.tangential);
         }
+    });
+}
+
+/// Shows the facets near a sub-particle that it may feel, by their numbers among those near, with how it touches each; what the others
+/// remember is forgotten. Returns the distance of the nearest, in metres.
+pub(super) fn feel_walls(
+    radius: f32,
+    frame: &Frame,
+    walls: &Walls,
+    position: IVec3,
+    near: &mut [WallPair],
+    touches: &mut Vec<(u32, Touch)>,
+    mut felt: impl FnMut(usize, &mut WallPair, &Touch),
+) -> f32 {
+    touches.clear();
+    touches.extend(near.iter().map(|wall| (wall.facet, walls.touch(wall.facet, position, frame))));
+    if touches.len() > 1 {
+        hand_over(radius, walls, touches, near);
     }
-    touches.iter().map(|(_, touch)| touch.distance).fold(f32::INFINITY, f32::min)
+    let mut nearest = f32::INFINITY;
+    for (k, (wall, (facet, touch))) in near.iter_mut().zip(&*touches).enumerate() {
+        nearest = nearest.min(touch.distance);
+        wall.force = Vec3::ZERO;
+        let is_far = radius - touch.distance < -walls.law(*facet).reach();
+        // A centre right on the plate has no side; it gets one in the next step.
+        if is_far || touch.distance <= 0.0 || gives_way(walls, touches, k).is_some() {
+            wall.contact = ContactMemory::default();
+        } else {
+            felt(k, wall, touch);
+        }
+    }
+    nearest
 }
 
 /// Where a facet that the sphere held on to now gives way to another, hands what their contact remembers on to the one

@@ -267,6 +267,11 @@ impl Walls {
         self.facets[facet as usize].surface
     }
 
+    /// The law of the contacts of a surface.
+    pub fn law_of_surface(&self, surface: usize) -> &ContactLaw {
+        &self.surfaces[surface].law
+    }
+
     /// The law of a facet's contacts.
     pub fn law(&self, facet: u32) -> &ContactLaw {
         &self.surfaces[self.facets[facet as usize].surface].law

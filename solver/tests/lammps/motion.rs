@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3};
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::Scene;
-use roost_solver::equipment::{Motion, Surface, SurfaceKind};
+use roost_solver::equipment::{Surface, SurfaceKind};
 use roost_solver::physics::contact::{self, ContactLaw, ContactMemory};
 
 use crate::common::{Bench, MASS, RADIUS, at, block, law, scene};

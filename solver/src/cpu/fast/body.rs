@@ -2,18 +2,17 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, IVec3};
+use glam::IVec3;
 
 use super::bonds::{self, BondSet};
 use super::instructions::{Job, Wide};
-use super::kernel::PairLaws;
+use super::kernel::{LaneContact, PairLaws};
 use super::load::Sums;
-use super::meeting::{Meeting, SAFE};
+use super::meeting::Meeting;
 use super::memory::{Ints, WIDTH, folded};
 use super::points::{Block, Motion, Points, place_of};
-use crate::cpu::forces::{Load, from_walls};
+use super::walls::{Met, NearWalls};
 use crate::cpu::integrate::Mover;
-use crate::cpu::lists::WallPair;
 use crate::cpu::stages::{Stage, Stages};
 use crate::cpu::walls::Walls;
 use crate::engine::frame::Frame;
@@ -28,28 +27,6 @@ pub(super) fn root_of_equivalent(mass: f32, other: f32) -> f32 {
 pub(super) struct Extent {
     pub(super) low: IVec3,
     pub(super) high: IVec3,
-}
-
-/// Facets near the sub-particles of a body.
-#[derive(Debug, Default)]
-pub(super) struct NearWalls {
-    rows: Vec<WallRow>,
-    pub(super) pairs: Vec<WallPair>,
-    seen_shift: DVec3,
-    seen_path: f64,
-    seen_moved: f64,
-    known: bool,
-}
-
-/// A sub-particle that has facets near it.
-#[derive(Clone, Copy, Debug)]
-struct WallRow {
-    /// Its number in the body.
-    of: u32,
-    /// Where its facets end among all.
-    end: u32,
-    /// What body and surfaces must have travelled before it can touch any, in metres.
-    wakes: f64,
 }
 
 #[derive(Debug)]
@@ -84,11 +61,20 @@ pub(super) struct Surroundings<'a> {
     pub(super) walls: &'a Walls,
     pub(super) meetings: &'a [Meeting],
     pub(super) stages: &'a Stages,
+    /// Laws of surfaces, by their numbers.
+    pub(super) wall_laws: &'a [LaneContact],
     pub(super) radius: f32,
     /// Distance of a centre from a facet within which a contact can hold, in metres.
     pub(super) wall_reach: f32,
     /// What wall lists cover beyond, in metres.
     pub(super) wall_skin: f32,
+}
+
+/// Room to work in.
+#[derive(Debug, Default)]
+pub(super) struct Desk {
+    pub(super) sums: Sums,
+    pub(super) met: Met,
 }
 
 /// What a body has noticed in a step.
@@ -216,8 +202,9 @@ impl Body {
         simd: S,
         me: u32,
         around: &Surroundings<'_>,
-        sums: &mut Sums,
+        desk: &mut Desk,
     ) -> Noticed {
+        let Desk { sums, .. } = desk;
         let mut watch = around.stages.watch();
         sums.clear(self.points.blocks.len());
         for &m in &self.meets {
@@ -241,9 +228,10 @@ impl Body {
             noticed.max_overlap = noticed.max_overlap.max(deepest);
         }
         watch.lap(Stage::Bonds);
-        self.add_walls(around, sums);
+        self.add_walls(simd, around, desk);
         watch.lap(Stage::Walls);
         let Self { points, motion, .. } = self;
+        let sums = &desk.sums;
         let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, sums);
         self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);
         noticed.runaway = moved.runaway.map(|k| self.range.start as u32 + k);
@@ -252,26 +240,13 @@ impl Body {
     }
 
     #[inline(always)]
-    fn add_walls(&mut self, around: &Surroundings<'_>, sums: &mut Sums) {
+    fn add_walls<S: Wide>(&mut self, simd: S, around: &Surroundings<'_>, desk: &mut Desk) {
         if self.walls.is_due(&self.motion, around) {
             self.locate();
             self.walls.search(&self.motion, around, &self.points, &self.extent);
         }
-        let Surroundings { laws, radius, frame, walls, .. } = around;
-        let travelled = self.travelled + walls.moved_in_all_m();
-        let mut from = 0;
-        for row in &mut self.walls.rows {
-            let near = &mut self.walls.pairs[from as usize..row.end as usize];
-            from = row.end;
-            if travelled < row.wakes {
-                continue;
-            }
-            let mut load = Load::default();
-            let particle = self.points.particle(row.of as usize);
-            let nearest = from_walls(*radius, laws.dt, frame, walls, &particle, self.mass, near, &mut load);
-            row.wakes = travelled + SAFE * f64::from((nearest - around.wall_reach).max(0.0));
-            sums.add(place_of(row.of), &load);
-        }
+        let travelled = self.travelled + around.walls.moved_in_all_m();
+        self.walls.forces(simd, travelled, around, &self.points, self.mass, desk);
     }
 
     /// Renumbers after sub-particles were taken out.
@@ -288,67 +263,6 @@ impl Body {
     /// Moves on in the state, as it is.
     pub(super) fn place(&mut self, range: Range<usize>) {
         self.range = range;
-    }
-}
-
-impl NearWalls {
-    fn is_due(&self, motion: &Motion, around: &Surroundings<'_>) -> bool {
-        let moved = motion.shift.distance(self.seen_shift)
-            + (motion.path - self.seen_path)
-            + (around.walls.moved_in_all_m() - self.seen_moved);
-        !(self.known && moved <= SAFE * f64::from(around.wall_skin))
-    }
-
-    /// Looks up the facets near each sub-particle. What touching pairs remember stays.
-    fn search(&mut self, motion: &Motion, around: &Surroundings<'_>, points: &Points, extent: &Extent) {
-        let Surroundings { walls, frame, .. } = around;
-        let reach = around.wall_reach + around.wall_skin;
-        let centre = (extent.low >> 1) + (extent.high >> 1);
-        let half = extent.high.wrapping_sub(extent.low).as_vec3().length() * frame.unit_m * 0.5 + 1e-6;
-        let near: Vec<u32> = walls.within(centre, reach + half, frame).collect();
-        let old = std::mem::take(self);
-        self.known = true;
-        self.seen_shift = motion.shift;
-        self.seen_path = motion.path;
-        self.seen_moved = walls.moved_in_all_m();
-        let mut old_rows = old.rows.iter().scan(0, |from, row| {
-            let pairs = (row.of, *from as usize..row.end as usize);
-            *from = row.end;
-            Some(pairs)
-        });
-        let mut known = old_rows.next();
-        for k in 0..points.count as u32 {
-            let position = points.particle(k as usize).position;
-            while known.as_ref().is_some_and(|(row, _)| *row < k) {
-                known = old_rows.next();
-            }
-            let remembered =
-                known.as_ref().filter(|(row, _)| *row == k).map_or(&[][..], |(_, r)| &old.pairs[r.clone()]);
-            for &facet in &near {
-                if walls.touch(facet, position, frame).distance <= reach {
-                    let before = remembered.iter().find(|pair| pair.facet == facet);
-                    self.pairs.push(before.copied().unwrap_or(WallPair { facet, ..WallPair::default() }));
-                }
-            }
-            let end = self.pairs.len() as u32;
-            if end > self.rows.last().map_or(0, |row| row.end) {
-                self.rows.push(WallRow { of: k, end, wakes: f64::NEG_INFINITY });
-            }
-        }
-    }
-
-    /// Renumbers sub-particles; those that map to `u32::MAX` are gone.
-    pub(super) fn renumber(&mut self, locals: &[u32]) {
-        let old = std::mem::take(self);
-        let mut from = 0;
-        for row in old.rows {
-            let of = locals[row.of as usize];
-            if of != u32::MAX {
-                self.pairs.extend_from_slice(&old.pairs[from as usize..row.end as usize]);
-                self.rows.push(WallRow { of, end: self.pairs.len() as u32, ..row });
-            }
-            from = row.end;
-        }
     }
 }
 

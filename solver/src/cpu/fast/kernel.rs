@@ -40,12 +40,18 @@ pub(super) struct PairLaws {
 }
 
 impl LaneContact {
+    /// The overlap from which a contact that has formed acts, in metres.
+    pub(super) fn snap(&self) -> f32 {
+        self.snap
+    }
+
     pub(super) fn new(law: ContactLaw) -> Self {
         Self {
             law,
             damping_n: law.damping * (2.0 * law.e_star).sqrt(),
             damping_t: law.damping * (8.0 * law.g_star).sqrt(),
-            snap: law.jkr.map_or(0.0, |scale| scale.snap_overlap),
+            // Without adhesion as good as 0, and yet it tells that the contact has formed.
+            snap: law.jkr.map_or(-f32::MIN_POSITIVE, |scale| scale.snap_overlap),
         }
     }
 }
@@ -71,7 +77,7 @@ pub(super) struct Felt {
 /// What [`WIDTH`] contacts remember.
 #[derive(Clone, Debug)]
 pub(super) struct Contacts {
-    /// Overlap from which the contact acts: 0, or where it snaps if it has formed; in metres.
+    /// Overlap from which the contact acts: 0, or where it snaps if it has formed, which is below; in metres.
     pub(super) limit: Lanes,
     /// ξ, in metres.
     pub(super) slide: Lanes3,
@@ -131,6 +137,18 @@ impl<S: Simd> Pairs<S> {
         let v = F3::load(simd, [&a.velocity, &b.velocity], part) - spin.cross(arm);
         Self { n, length, arm, v, spin }
     }
+
+    /// Sub-particles at surfaces: `apart` leads to the nearest point, `velocity` is that of the surface there against the
+    /// sub-particle's, and `spin` twice the surface's.
+    #[inline(always)]
+    fn at_surfaces(simd: S, [a, b]: &[Seen; 2], part: usize) -> Self {
+        let arm = F3::load(simd, [&a.apart, &b.apart], part);
+        let (length, inverse) = arm.length2_unfused().sqrt();
+        let n = arm * inverse;
+        let spin = F3::load(simd, [&a.spin, &b.spin], part);
+        let v = F3::load(simd, [&a.velocity, &b.velocity], part);
+        Self { n, length, arm, v, spin }
+    }
 }
 
 /// Contacts of pairs that no bond joins, in two chunks that have `counts` of them, all of √m* = `root_mass` in kg^½. Returns their
@@ -151,12 +169,37 @@ pub(super) fn contacts<S: Simd>(
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
         let pairs = Pairs::new(simd, seen, part);
         let memory = memory.each_mut().map(|memory| &mut **memory);
-        let (normal, across, delta) = contact(simd, laws, root_mass, &pairs, exists, memory, part);
+        let meets = Meets { law: &laws.contact, touch: laws.touch, dt: laws.dt, root_mass };
+        let (normal, across, delta) = contact(simd, &meets, &pairs, exists, memory, part);
         deepest = deepest.max(delta);
         (normal + across).store([&mut a.force, &mut b.force], part);
         pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
     }
     deepest.greatest()
+}
+
+/// Contacts of sub-particles of mass `root_mass`², in kilograms, with surfaces of one law, as [`Pairs::at_surfaces`] sees them.
+#[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
+pub(super) fn surfaces<S: Simd>(
+    simd: S,
+    law: &LaneContact,
+    laws: &PairLaws,
+    root_mass: f32,
+    counts: [usize; 2],
+    seen: &[Seen; 2],
+    [one, two]: &mut [Contacts; 2],
+    [a, b]: &mut [Felt; 2],
+) {
+    let meets = Meets { law, touch: 0.5 * laws.touch, dt: laws.dt, root_mass };
+    let counts = F::splat_each(simd, counts.map(|count| count as f32));
+    for part in 0..WIDTH / S::F32_LANES {
+        let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
+        let pairs = Pairs::at_surfaces(simd, seen, part);
+        let (normal, across, _) = contact(simd, &meets, &pairs, exists, [one, two], part);
+        (normal + across).store([&mut a.force, &mut b.force], part);
+        pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
+    }
 }
 
 /// Bonds of two chunks, and the contacts of the same pairs. Returns the greatest overlap of those whose bond has broken, in
@@ -187,7 +230,8 @@ pub(super) fn bonds<S: Simd>(
         let touches = if laws.contact_between_bonded { exists } else { free };
         if laws.contact_between_bonded || free.any() {
             let contacts = memory.each_mut().map(|memory| &mut memory.contacts);
-            let (normal, tangential, delta) = contact(simd, laws, root_mass, &pairs, touches, contacts, part);
+            let meets = Meets { law: &laws.contact, touch: laws.touch, dt: laws.dt, root_mass };
+            let (normal, tangential, delta) = contact(simd, &meets, &pairs, touches, contacts, part);
             force += normal + tangential;
             across += tangential;
             deepest = deepest.max(free.select(delta, zero));
@@ -221,7 +265,7 @@ fn bond<S: Simd>(
         let pull = stored.dot(n);
         (pull, n.mul_from(pull, stored), stored, stored)
     } else {
-        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, laws, pairs, stored));
+        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, laws.dt, pairs, stored));
         let e = length - F::splat_each(simd, [one.rest, two.rest]);
         let pull = splat(law.k_n) * e;
         let pull = if law.form == Form::FiniteExtension {
@@ -243,22 +287,31 @@ fn bond<S: Simd>(
     (acts.select3(total, none), acts.select3(shear, none), breaks)
 }
 
+/// What contacts of one kind have in common.
+struct Meets<'a> {
+    law: &'a LaneContact,
+    /// Length at which they touch, in metres.
+    touch: f32,
+    dt: f32,
+    /// √m*, in kg^½.
+    root_mass: f32,
+}
+
 /// [`crate::physics::contact::force`] on i: along n, across it, and the overlap where there is contact (else 0).
 #[inline(always)]
 fn contact<S: Simd>(
     simd: S,
-    laws: &PairLaws,
-    root_mass: f32,
+    meets: &Meets<'_>,
     pairs: &Pairs<S>,
     touches: Mask<S>,
     [one, two]: [&mut Contacts; 2],
     part: usize,
 ) -> (F3<S>, F3<S>, F<S>) {
-    let LaneContact { law, damping_n, damping_t, snap } = &laws.contact;
+    let LaneContact { law, damping_n, damping_t, snap } = meets.law;
     let splat = |value| F::splat(simd, value);
     let (zero, none) = (splat(0.0), F3::zero(simd));
     let n = pairs.n;
-    let delta = splat(laws.touch) - pairs.length;
+    let delta = splat(meets.touch) - pairs.length;
     let holds = touches & F::load(simd, [&one.limit, &two.limit], part).le(delta);
     holds.select(splat(*snap), zero).store([&mut one.limit, &mut two.limit], part);
     if !holds.any() {
@@ -272,7 +325,7 @@ fn contact<S: Simd>(
             (splat(4.0 / 3.0 * law.e_star) * a * delta, a, a.sqrt().0)
         }
     };
-    let damp = splat(root_mass) * root_a;
+    let damp = splat(meets.root_mass) * root_a;
     let v = -pairs.v;
     let v_n = v.dot(n);
     let v_t = n.mul_from(v_n, v);
@@ -282,7 +335,7 @@ fn contact<S: Simd>(
     let k_t = splat(8.0 * law.g_star) * a;
     let dashpot = v_t * (splat(*damping_t) * damp);
     let old = F3::load(simd, [&one.slide, &two.slide], part);
-    let slide = v_t.mul_add(splat(laws.dt), turned(simd, laws, pairs, old));
+    let slide = v_t.mul_add(splat(meets.dt), turned(simd, meets.dt, pairs, old));
     let trial = -slide.mul_add(k_t, dashpot);
     let cap = splat(law.mu) * total.max(zero);
     let size2 = trial.dot(trial);
@@ -297,9 +350,9 @@ fn contact<S: Simd>(
 
 /// [`crate::physics::friction::turned`], by the pairs' spin in this step.
 #[inline(always)]
-fn turned<S: Simd>(simd: S, laws: &PairLaws, pairs: &Pairs<S>, v: F3<S>) -> F3<S> {
+fn turned<S: Simd>(simd: S, dt: f32, pairs: &Pairs<S>, v: F3<S>) -> F3<S> {
     let n = pairs.n;
-    let twist = pairs.spin.dot(n) * F::splat(simd, 0.5 * laws.dt);
+    let twist = pairs.spin.dot(n) * F::splat(simd, 0.5 * dt);
     let twisted = n.cross(v).mul_add(twist, v);
     let flat = n.mul_from(twisted.dot(n), twisted);
     let (before, after) = (v.dot(v), flat.dot(flat));

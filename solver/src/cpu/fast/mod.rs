@@ -23,6 +23,7 @@ mod meeting;
 mod memory;
 mod points;
 mod search;
+mod walls;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -38,12 +39,11 @@ use crate::engine::Advance;
 use crate::engine::frame::Frame;
 use crate::engine::scene::{Kind, Scene};
 use crate::engine::state::State;
-use body::{Body, Extent, Locate, Noticed, Surroundings};
+use body::{Body, Desk, Extent, Locate, Noticed, Surroundings};
 use bonds::BondSet;
 pub use instructions::Instructions;
 use instructions::{Job, Wide};
 use kernel::{LaneContact, PairLaws};
-use load::Sums;
 use meeting::{Meeting, Room, SAFE};
 use points::Points;
 use search::Search;
@@ -112,6 +112,8 @@ pub struct FastRun {
     step: u64,
     start_step: Option<u64>,
     pub(super) fault: Option<String>,
+    /// Laws of surfaces, by their numbers.
+    wall_laws: Vec<LaneContact>,
     stages: Arc<Stages>,
 }
 
@@ -132,8 +134,12 @@ impl FastRun {
             let points = Points::of(&state, range.clone());
             bodies.push(Body::new(range, points, kind.subparticle_mass_kg as f32, bonds, joined));
         }
+        let walls = Walls::new(scene, &state.frame);
         Self {
-            walls: Walls::new(scene, &state.frame),
+            wall_laws: (0..walls.surface_count())
+                .map(|k| LaneContact::new(*walls.law_of_surface(k)))
+                .collect(),
+            walls,
             mover: Mover::new(&params, &state.frame),
             laws,
             instructions,
@@ -301,7 +307,8 @@ impl FastRun {
 
     /// The second phase.
     fn move_bodies(&mut self) -> Noticed {
-        let Self { laws, mover, state, bodies, meetings, walls, params, instructions, stages, .. } = self;
+        let Self { laws, mover, state, bodies, meetings, walls, params, instructions, .. } = self;
+        let (stages, wall_laws) = (&*self.stages, &self.wall_laws[..]);
         let around = Surroundings {
             laws,
             mover,
@@ -309,12 +316,13 @@ impl FastRun {
             walls,
             meetings,
             stages,
+            wall_laws,
             radius: params.radius,
             wall_reach: params.radius + params.laws.reach(),
             wall_skin: WALL_SKIN_RATIO * params.radius,
         };
-        let work = bodies.par_iter_mut().enumerate().map_init(Sums::default, |sums, (me, body)| {
-            instructions.run(Move { body, me: me as u32, around: &around, sums })
+        let work = bodies.par_iter_mut().enumerate().map_init(Desk::default, |desk, (me, body)| {
+            instructions.run(Move { body, me: me as u32, around: &around, desk })
         });
         work.reduce(Noticed::default, Noticed::and)
     }
@@ -408,7 +416,7 @@ struct Move<'a> {
     body: &'a mut Body,
     me: u32,
     around: &'a Surroundings<'a>,
-    sums: &'a mut Sums,
+    desk: &'a mut Desk,
 }
 
 impl Job for Move<'_> {
@@ -416,6 +424,6 @@ impl Job for Move<'_> {
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> Noticed {
-        self.body.step(simd, self.me, self.around, self.sums)
+        self.body.step(simd, self.me, self.around, self.desk)
     }
 }

@@ -1,0 +1,226 @@
+//! The facets near the sub-particles of a body, and contacts with them: where each touches one after the other, the law many at a time.
+
+use glam::{DVec3, Vec3};
+
+use super::body::{Desk, Extent, Surroundings};
+use super::instructions::Wide;
+use super::kernel::{self, Contacts, Felt, Seen};
+use super::meeting::SAFE;
+use super::memory::{Lanes3, WIDTH, quad_of};
+use super::points::{Motion, Points, place_of};
+use crate::cpu::forces::{Load, feel_walls};
+use crate::cpu::lists::WallPair;
+use crate::cpu::walls::Touch;
+use crate::physics::contact::ContactMemory;
+
+/// Facets near the sub-particles of a body.
+#[derive(Debug, Default)]
+pub(super) struct NearWalls {
+    rows: Vec<WallRow>,
+    pub(super) pairs: Vec<WallPair>,
+    seen_shift: DVec3,
+    seen_path: f64,
+    seen_moved: f64,
+    known: bool,
+}
+
+/// A sub-particle that has facets near it.
+#[derive(Clone, Copy, Debug)]
+struct WallRow {
+    /// Its number in the body.
+    of: u32,
+    /// Where its facets end among all.
+    end: u32,
+    /// What body and surfaces must have travelled before it can touch any, in metres.
+    wakes: f64,
+}
+
+/// What a body's sub-particles feel of facets in a step.
+#[derive(Debug, Default)]
+pub(super) struct Met {
+    touches: Vec<(u32, Touch)>,
+    felt: Vec<FeltWall>,
+    /// Surfaces and numbers of those felt, surface by surface.
+    order: Vec<(u32, u32)>,
+}
+
+/// A facet that a sub-particle feels, and what comes of it.
+#[derive(Clone, Copy, Debug)]
+struct FeltWall {
+    /// Its place among the pairs.
+    pair: usize,
+    /// The sub-particle's number in the body.
+    of: u32,
+    surface: u32,
+    /// From the centre to the nearest point, in metres.
+    to_wall: Vec3,
+    /// Of the surface there against the sub-particle, in m/s.
+    velocity: Vec3,
+    /// Twice the surface's, in rad/s.
+    spin: Vec3,
+    load: Load,
+}
+
+impl Met {
+    /// Works out the loads, as many at a time as lanes have room, of one surface at a time.
+    #[inline(always)]
+    fn work_out<S: Wide>(&mut self, simd: S, around: &Surroundings<'_>, mass: f32, pairs: &mut [WallPair]) {
+        let Self { felt, order, .. } = self;
+        order.clear();
+        order.extend((0u32..).zip(&*felt).map(|(number, felt)| (felt.surface, number)));
+        order.sort_unstable();
+        let root_mass = mass.sqrt();
+        for of_surface in order.chunk_by(|a, b| a.0 == b.0) {
+            let law = &around.wall_laws[of_surface[0].0 as usize];
+            for some in of_surface.chunks(2 * WIDTH) {
+                let mut seen = [Seen::NOTHING; 2];
+                let mut memory = [Contacts::new(), Contacts::new()];
+                let mut loads = [Felt::NOTHING; 2];
+                for (k, &(_, number)) in some.iter().enumerate() {
+                    let (half, lane) = (k / WIDTH, quad_of(k % WIDTH));
+                    let FeltWall { pair, to_wall, velocity, spin, .. } = &felt[number as usize];
+                    let ContactMemory { touching, slide } = pairs[*pair].contact;
+                    memory[half].limit.0[lane] = if touching { law.snap() } else { 0.0 };
+                    set(&mut memory[half].slide, lane, slide);
+                    set(&mut seen[half].apart, lane, *to_wall);
+                    set(&mut seen[half].velocity, lane, *velocity);
+                    set(&mut seen[half].spin, lane, *spin);
+                }
+                let counts = [some.len().min(WIDTH), some.len().saturating_sub(WIDTH)];
+                kernel::surfaces(simd, law, around.laws, root_mass, counts, &seen, &mut memory, &mut loads);
+                for (k, &(_, number)) in some.iter().enumerate() {
+                    let (half, lane) = (k / WIDTH, quad_of(k % WIDTH));
+                    let felt = &mut felt[number as usize];
+                    felt.load =
+                        Load { force: get(&loads[half].force, lane), torque: get(&loads[half].torque, lane) };
+                    let touching = memory[half].limit.0[lane] != 0.0;
+                    pairs[felt.pair].contact =
+                        ContactMemory { touching, slide: get(&memory[half].slide, lane) };
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn set(lanes: &mut Lanes3, lane: usize, value: Vec3) {
+    for axis in 0..3 {
+        lanes[axis].0[lane] = value[axis];
+    }
+}
+
+#[inline(always)]
+fn get(lanes: &Lanes3, lane: usize) -> Vec3 {
+    Vec3::new(lanes[0].0[lane], lanes[1].0[lane], lanes[2].0[lane])
+}
+
+impl NearWalls {
+    pub(super) fn is_due(&self, motion: &Motion, around: &Surroundings<'_>) -> bool {
+        let moved = motion.shift.distance(self.seen_shift)
+            + (motion.path - self.seen_path)
+            + (around.walls.moved_in_all_m() - self.seen_moved);
+        !(self.known && moved <= SAFE * f64::from(around.wall_skin))
+    }
+
+    /// Looks up the facets near each sub-particle. What touching pairs remember stays.
+    pub(super) fn search(
+        &mut self,
+        motion: &Motion,
+        around: &Surroundings<'_>,
+        points: &Points,
+        extent: &Extent,
+    ) {
+        let Surroundings { walls, frame, .. } = around;
+        let reach = around.wall_reach + around.wall_skin;
+        let centre = (extent.low >> 1) + (extent.high >> 1);
+        let half = extent.high.wrapping_sub(extent.low).as_vec3().length() * frame.unit_m * 0.5 + 1e-6;
+        let near: Vec<u32> = walls.within(centre, reach + half, frame).collect();
+        let old = std::mem::take(self);
+        self.known = true;
+        self.seen_shift = motion.shift;
+        self.seen_path = motion.path;
+        self.seen_moved = walls.moved_in_all_m();
+        let mut old_rows = old.rows.iter().scan(0, |from, row| {
+            let pairs = (row.of, *from as usize..row.end as usize);
+            *from = row.end;
+            Some(pairs)
+        });
+        let mut known = old_rows.next();
+        for k in 0..points.count as u32 {
+            let position = points.particle(k as usize).position;
+            while known.as_ref().is_some_and(|(row, _)| *row < k) {
+                known = old_rows.next();
+            }
+            let remembered =
+                known.as_ref().filter(|(row, _)| *row == k).map_or(&[][..], |(_, r)| &old.pairs[r.clone()]);
+            for &facet in &near {
+                if walls.touch(facet, position, frame).distance <= reach {
+                    let before = remembered.iter().find(|pair| pair.facet == facet);
+                    self.pairs.push(before.copied().unwrap_or(WallPair { facet, ..WallPair::default() }));
+                }
+            }
+            let end = self.pairs.len() as u32;
+            if end > self.rows.last().map_or(0, |row| row.end) {
+                self.rows.push(WallRow { of: k, end, wakes: f64::NEG_INFINITY });
+            }
+        }
+    }
+
+    /// Adds what facets do to a body's sub-particles; `travelled` is what these and the surfaces have moved at most, in metres.
+    #[inline(always)]
+    pub(super) fn forces<S: Wide>(
+        &mut self,
+        simd: S,
+        travelled: f64,
+        around: &Surroundings<'_>,
+        points: &Points,
+        mass: f32,
+        Desk { sums, met }: &mut Desk,
+    ) {
+        let Surroundings { walls, frame, radius, .. } = around;
+        met.felt.clear();
+        let mut from = 0;
+        for row in &mut self.rows {
+            let first = std::mem::replace(&mut from, row.end as usize);
+            if travelled < row.wakes {
+                continue;
+            }
+            let me = points.particle(row.of as usize);
+            let near = &mut self.pairs[first..from];
+            let felt = &mut met.felt;
+            let nearest =
+                feel_walls(*radius, frame, walls, me.position, near, &mut met.touches, |k, wall, touch| {
+                    felt.push(FeltWall {
+                        pair: first + k,
+                        of: row.of,
+                        surface: walls.surface_of(wall.facet) as u32,
+                        to_wall: touch.to_wall,
+                        velocity: touch.velocity - me.velocity - me.spin.cross(touch.to_wall),
+                        spin: touch.spin * 2.0,
+                        load: Load::default(),
+                    });
+                });
+            row.wakes = travelled + SAFE * f64::from((nearest - around.wall_reach).max(0.0));
+        }
+        met.work_out(simd, around, mass, &mut self.pairs);
+        // In the order of rows, whatever was worked out together.
+        for FeltWall { pair, of, load, .. } in &met.felt {
+            self.pairs[*pair].force = load.force;
+            sums.add(place_of(*of), load);
+        }
+    }
+
+    /// Renumbers sub-particles; those that map to `u32::MAX` are gone.
+    pub(super) fn renumber(&mut self, locals: &[u32]) {
+        let old = std::mem::take(self);
+        let mut from = 0;
+        for row in old.rows {
+            let of = locals[row.of as usize];
+            if of != u32::MAX {
+                self.pairs.extend_from_slice(&old.pairs[from as usize..row.end as usize]);
+                self.rows.push(WallRow { of, end: self.pairs.len() as u32, ..row });
+            }
+            from = row.end;
+        }
+    }
+}
