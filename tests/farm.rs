@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use support::{Home, fraction, long, outbox, scenario, stdout};
 
 /// Long enough to be caught in the middle, short enough to be waited for.
-const A_WHILE_S: f64 = 5.0;
+const A_WHILE_S: f64 = 10.0;
 
 /// What SIGTERM promises: an exit in good order within this time.
 const PROMISE: Duration = Duration::from_secs(5);

@@ -57,11 +57,11 @@ pub(crate) fn scenario(duration_s: f64) -> Value {
     })
 }
 
-/// The same on a belt so slow that the fillets stay, in small steps: about as many seconds of wall time as simulated.
+/// The same on a belt so slow that the fillets stay, in small steps: some seconds of wall time for ten that are simulated.
 pub(crate) fn long(duration_s: f64) -> Value {
     let mut long = scenario(duration_s);
     long["equipment"]["belt_speed_m_s"] = json!(0.005);
-    long["numerics"]["timestep_s"] = json!(1e-4);
+    long["numerics"]["timestep_s"] = json!(2e-5);
     long
 }
 
