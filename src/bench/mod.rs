@@ -115,7 +115,7 @@ fn solver(args: &SolverArgs, stop: &dyn Fn() -> bool) -> Result<Exit> {
                 racer.turn(args.steps)?;
             }
         }
-        rows.extend(racers.into_iter().map(|racer| racer.row(&bed)));
+        rows.extend(racers.into_iter().map(|racer| racer.row(&bed, args.steps)));
     }
     if args.json {
         ui::println(format_args!("{:#}", json!(rows)))?;
@@ -168,8 +168,8 @@ impl Way {
 
     fn cpu(self, threads: usize) -> (&'static str, Cpu) {
         match self {
-            Self::Plain => ("plain", Cpu::plain(threads).timed()),
-            Self::Fast(set) => (set.name(), Cpu::fast(threads, set).timed()),
+            Self::Plain => ("plain", Cpu::plain(threads)),
+            Self::Fast(set) => (set.name(), Cpu::fast(threads, set)),
         }
     }
 }

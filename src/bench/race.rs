@@ -45,8 +45,6 @@ pub(super) struct Racer {
     cpu: Cpu,
     run: CpuRun,
     bytes: Option<u64>,
-    /// Seconds in each stage when it began.
-    before: Vec<f64>,
     /// Nanoseconds a particle-step, of each turn.
     turns: Vec<f64>,
 }
@@ -57,8 +55,7 @@ impl Racer {
         let before = resident_bytes();
         let run = bed.begun(&cpu);
         let bytes = resident_bytes().zip(before).map(|(after, before)| after.saturating_sub(before));
-        let before = seconds(&run);
-        Self { path, cpu, run, bytes, before, turns: Vec::new() }
+        Self { path, cpu, run, bytes, turns: Vec::new() }
     }
 
     /// Takes some steps.
@@ -71,12 +68,14 @@ impl Racer {
         Ok(())
     }
 
-    pub(super) fn row(mut self, bed: &Bed) -> Row {
+    /// What came out, after one more turn of `steps` that shows where the time goes: to measure that takes some.
+    pub(super) fn row(mut self, bed: &Bed, steps: u64) -> Row {
+        self.run.stages().measure(true);
+        self.cpu.advance(&mut [(&mut self.run, steps)]);
         self.turns.sort_by(f64::total_cmp);
         let (first, last) = (self.turns[0], self.turns[self.turns.len() - 1]);
         let median = self.turns[self.turns.len() / 2];
-        let spent: Vec<f64> =
-            seconds(&self.run).iter().zip(&self.before).map(|(after, before)| after - before).collect();
+        let spent = Stage::ALL.map(|stage| self.run.stages().seconds(stage));
         let all = spent.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         Row {
             backend: "cpu",
@@ -91,10 +90,6 @@ impl Racer {
             bytes_per_subparticle: self.bytes.map(|bytes| bytes as f64 / bed.subparticles() as f64),
         }
     }
-}
-
-fn seconds(run: &CpuRun) -> Vec<f64> {
-    Stage::ALL.iter().map(|&stage| run.stages().seconds(stage)).collect()
 }
 
 /// Memory of this process that is in use, in bytes.

@@ -39,7 +39,6 @@ const SKIN_RATIO: f32 = 0.35;
 pub struct Cpu {
     pool: ThreadPool,
     fast: Option<Instructions>,
-    is_timed: bool,
 }
 
 /// A run in main memory.
@@ -86,17 +85,12 @@ impl Cpu {
 
     /// A backend that takes the fast path with these instructions.
     pub fn fast(threads: usize, instructions: Instructions) -> Self {
-        Self { pool: pool(threads), fast: Some(instructions), is_timed: false }
+        Self { pool: pool(threads), fast: Some(instructions) }
     }
 
     /// A backend that takes the plain path.
     pub fn plain(threads: usize) -> Self {
-        Self { pool: pool(threads), fast: None, is_timed: false }
-    }
-
-    /// The same, and its runs tell where their time goes ([`CpuRun::stages`]).
-    pub fn timed(self) -> Self {
-        Self { is_timed: true, ..self }
+        Self { pool: pool(threads), fast: None }
     }
 
     fn device(&self) -> String {
@@ -133,10 +127,8 @@ impl Backend for Cpu {
             skin: SKIN_RATIO * scene.radius_m as f32,
         };
         match self.fast {
-            Some(instructions) => {
-                CpuRun::Fast(Box::new(FastRun::new(scene, params, instructions, Stages::new(self.is_timed))))
-            }
-            None => CpuRun::Plain(Box::new(PlainRun::new(scene, params, Stages::new(self.is_timed)))),
+            Some(instructions) => CpuRun::Fast(Box::new(FastRun::new(scene, params, instructions))),
+            None => CpuRun::Plain(Box::new(PlainRun::new(scene, params))),
         }
     }
 
@@ -185,7 +177,7 @@ impl Backend for Cpu {
 }
 
 impl CpuRun {
-    /// Where its time has gone so far; nowhere unless the backend is [`Cpu::timed`].
+    /// Where its time goes, while that is measured.
     pub fn stages(&self) -> &Stages {
         match self {
             Self::Plain(run) => &run.stages,
@@ -195,7 +187,7 @@ impl CpuRun {
 }
 
 impl PlainRun {
-    fn new(scene: &Scene, params: Params, stages: Stages) -> Self {
+    fn new(scene: &Scene, params: Params) -> Self {
         let state = State::new(scene);
         Self {
             walls: Walls::new(scene, &state.frame),
@@ -205,7 +197,7 @@ impl PlainRun {
             step: 0,
             start_step: None,
             fault: None,
-            stages,
+            stages: Stages::default(),
             params,
             state,
         }

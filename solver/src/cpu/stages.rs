@@ -1,6 +1,6 @@
 //! Where the time of steps goes.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
 /// A part of a step.
@@ -44,13 +44,14 @@ impl Stage {
 /// Time that threads have spent in each stage, added up. Nothing is measured unless asked for.
 #[derive(Debug, Default)]
 pub struct Stages {
-    is_on: bool,
+    is_on: AtomicBool,
     nanoseconds: [AtomicU64; Stage::ALL.len()],
 }
 
 impl Stages {
-    pub(super) fn new(is_on: bool) -> Self {
-        Self { is_on, ..Self::default() }
+    /// Measures from now on, or no more. Measuring takes some time itself.
+    pub fn measure(&self, is_on: bool) {
+        self.is_on.store(is_on, Ordering::Relaxed);
     }
 
     /// Time in a stage so far, in seconds.
@@ -60,7 +61,7 @@ impl Stages {
 
     /// Begins to watch.
     pub(super) fn watch(&self) -> Watch<'_> {
-        Watch { stages: self, since: self.is_on.then(Instant::now) }
+        Watch { stages: self, since: self.is_on.load(Ordering::Relaxed).then(Instant::now) }
     }
 }
 

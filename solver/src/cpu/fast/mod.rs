@@ -15,7 +15,9 @@
 
 mod body;
 mod bonds;
+mod clumps;
 mod instructions;
+mod jkr;
 mod kernel;
 mod lanes;
 mod load;
@@ -25,7 +27,6 @@ mod points;
 mod search;
 mod walls;
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -37,10 +38,11 @@ use super::stages::{Stage, Stages};
 use super::walls::Walls;
 use crate::engine::Advance;
 use crate::engine::frame::Frame;
-use crate::engine::scene::{Kind, Scene};
+use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use body::{Body, Desk, Extent, Locate, Noticed, Surroundings};
 use bonds::BondSet;
+use clumps::{Clump, clumps};
 pub use instructions::Instructions;
 use instructions::{Job, Wide};
 use kernel::{LaneContact, PairLaws};
@@ -57,41 +59,6 @@ const WALL_SKIN_RATIO: f32 = 0.7;
 
 /// Distance of bodies that makes them meet, beyond reach, as a share of R.
 const MARGIN_RATIO: f32 = 6.0;
-
-/// The most single spheres that go as one body.
-const CLUMP: usize = 256;
-
-/// Sub-particles that go as one body, by their numbers in the run, and the kind that has their bonds and their mass.
-struct Clump<'a> {
-    range: Range<usize>,
-    kind: &'a Kind,
-}
-
-/// The bodies of a scene. Single spheres that follow each other go together, as if they were a body without bonds: each by itself would
-/// have a block of its own.
-fn clumps(scene: &Scene) -> Vec<Clump<'_>> {
-    let mut clumps: Vec<Clump<'_>> = Vec::new();
-    let mut from = 0;
-    for placement in &scene.bodies {
-        let kind = &scene.kinds[placement.kind];
-        let range = from..from + kind.meta.points.len();
-        from = range.end;
-        let is_single = |kind: &Kind| kind.meta.points.len() == 1;
-        match clumps.last_mut() {
-            Some(last)
-                if is_single(kind)
-                    && is_single(last.kind)
-                    && last.kind.subparticle_mass_kg == kind.subparticle_mass_kg
-                    && last.range.len() < CLUMP =>
-            {
-                last.range.end = range.end;
-            }
-            _ if range.is_empty() => {}
-            _ => clumps.push(Clump { range, kind }),
-        }
-    }
-    clumps
-}
 
 /// A run on the fast path.
 #[derive(Debug)]
@@ -118,7 +85,7 @@ pub struct FastRun {
 }
 
 impl FastRun {
-    pub(super) fn new(scene: &Scene, params: Params, instructions: Instructions, stages: Stages) -> Self {
+    pub(super) fn new(scene: &Scene, params: Params, instructions: Instructions) -> Self {
         let state = State::new(scene);
         let laws = PairLaws {
             contact: LaneContact::new(params.laws.tissue),
@@ -149,7 +116,7 @@ impl FastRun {
             step: 0,
             start_step: None,
             fault: None,
-            stages: Arc::new(stages),
+            stages: Arc::default(),
             params,
             told: true,
             state,
