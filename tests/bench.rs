@@ -87,6 +87,8 @@ fn what_is_wrong_with_a_bed_is_said() {
     for (text, complaint) in [
         ("1 3\n", "bond 1 3: must join two of the sub-particles 1 to 2"),
         ("1 1\n", "bond 1 1: must join two"),
+        ("1 1.5\n", "bond 1 1.5: must join two"),
+        ("1 2 x\n", "line 1: must be 2 numbers, found \"1 2 x\""),
         ("1 2\n1 x\n", "line 2: must be 2 numbers, found \"1 x\""),
     ] {
         std::fs::write(&bonds, text).unwrap();

@@ -87,8 +87,14 @@ impl Bed {
         let mut pairs = Vec::new();
         for row in bonds.map_or_else(|| Ok(Vec::new()), numbers::<2>)? {
             let [i, j] = row.map(|number| number as usize);
-            if i == 0 || j == 0 || i == j || i.max(j) > points.len() {
-                let text = format!("bond {i} {j}: must join two of the sub-particles 1 to {}", points.len());
+            let is_whole = row.iter().all(|number| number.fract() == 0.0);
+            if !is_whole || i == 0 || j == 0 || i == j || i.max(j) > points.len() {
+                let text = format!(
+                    "bond {} {}: must join two of the sub-particles 1 to {}",
+                    row[0],
+                    row[1],
+                    points.len()
+                );
                 return Err(BadInput(text).into());
             }
             pairs.push([i.min(j) - 1, i.max(j) - 1]);
@@ -290,9 +296,9 @@ fn numbers<const N: usize>(file: &Path) -> Result<Vec<[f64; N]>> {
     let mut rows = Vec::new();
     for (line, text) in text.lines().enumerate().filter(|(_, text)| !text.trim().is_empty()) {
         let words = text.split([' ', ',', '\t']).filter(|word| !word.is_empty());
-        let row: Vec<f64> =
-            words.map_while(|word| word.parse().ok().filter(|x: &f64| x.is_finite())).collect();
-        let row = row.try_into().map_err(|_| {
+        let row: Option<Vec<f64>> =
+            words.map(|word| word.parse().ok().filter(|number: &f64| number.is_finite())).collect();
+        let row = row.and_then(|row| row.try_into().ok()).ok_or_else(|| {
             BadInput(format!("{}, line {}: must be {N} numbers, found \"{text}\"", file.display(), line + 1))
         })?;
         rows.push(row);
