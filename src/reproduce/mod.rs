@@ -29,7 +29,7 @@ use plan::{Figure, Part, Plan, Results};
 use profile::Profile;
 use progress::Progress;
 use record::{Record, Store};
-use report::{Report, Section, counts};
+use report::{Report, Section};
 
 /// Simulate the paper's experiments anew and write a report beside its numbers
 ///
@@ -168,13 +168,7 @@ fn machines<'a>(records: impl Iterator<Item = &'a Record>) -> String {
 fn summary(report: &Report<'_>) -> String {
     let mut table = Table::new(["figure", "demands that hold"]);
     for section in &report.sections {
-        let (holds, fails) = counts(section.rows().iter());
-        let held = if section.told.is_some() {
-            format!("{holds} of {}", holds + fails)
-        } else {
-            "not run yet".to_owned()
-        };
-        table.row([section.figure.name.to_owned(), held]);
+        table.row([section.figure.name.to_owned(), section.held()]);
     }
     let failed = report.rows().filter(|row| row.holds == Some(false));
     let failed = failed.map(|row| format!("does not hold: {}: {}\n", row.figure, row.quantity));

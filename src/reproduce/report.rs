@@ -32,6 +32,15 @@ impl Section<'_> {
         self.told.as_ref().map_or(&[], |told| &told.rows)
     }
 
+    /// How many of its demands hold, in words.
+    pub(super) fn held(&self) -> String {
+        match (self.told.is_some(), counts(self.rows().iter())) {
+            (false, _) => "not run yet".to_owned(),
+            (true, (0, 0)) => "–".to_owned(),
+            (true, (holds, fails)) => format!("{holds} of {}", holds + fails),
+        }
+    }
+
     fn anchor(&self) -> String {
         self.figure.name.to_lowercase().replace([' ', '.', ','], "")
     }
@@ -60,7 +69,7 @@ struct Document<'a> {
 }
 
 /// How many demands on simulations hold, and how many do not. What is given, such as shapes and parameters, does not count.
-pub(super) fn counts<'a>(rows: impl Iterator<Item = &'a Row>) -> (usize, usize) {
+fn counts<'a>(rows: impl Iterator<Item = &'a Row>) -> (usize, usize) {
     let rows = rows.filter(|row| row.n > 0 || row.holds == Some(false));
     rows.fold((0, 0), |(holds, fails), row| match row.holds {
         Some(true) => (holds + 1, fails),
@@ -141,12 +150,9 @@ impl Report<'_> {
                 thead { tr { th { "figure" } th { "demands that hold" } th { "those that do not" } } }
                 tbody {
                     @for section in &self.sections {
-                        @let (holds, fails) = counts(section.rows().iter());
                         tr {
                             td { a href={ "#" (section.anchor()) } { (section.figure.title) } }
-                            td.number {
-                                @if section.told.is_none() { "not run yet" } @else { (holds) " of " (holds + fails) }
-                            }
+                            td.number { (section.held()) }
                             td {
                                 @for row in section.rows().iter().filter(|row| row.holds == Some(false)) {
                                     div.no { (row.quantity) }

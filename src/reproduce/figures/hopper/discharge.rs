@@ -1,8 +1,8 @@
 //! Fig. 14: the mass discharged at 6 cm.
 
 use super::super::rounded;
-use super::{WIDE, cells, curves, of_what, out_kg, to_whole};
-use crate::reproduce::plan::{Figure, Illustration, Part, Results, Told};
+use super::{WIDE, cells, curves, of_what, out_kg, to_whole, under_curves};
+use crate::reproduce::plan::{Figure, Part, Results, Told};
 use crate::reproduce::profile::Profile;
 use crate::reproduce::record::Record;
 use crate::reproduce::row::{Demand, Row};
@@ -138,11 +138,7 @@ fn told(profile: &Profile, results: &Results<'_>) -> Told {
     let svg = curves(results, factor, &[WIDE], vec![papers]);
     let caption =
         format!("Mass out over belt time, a curve for each seed: {what}. The paper's point with its 7 %.");
-    Told {
-        rows,
-        findings,
-        illustrations: svg.map(|svg| Illustration::new(svg, caption)).into_iter().collect(),
-    }
+    under_curves(rows, findings, svg, caption)
 }
 
 #[cfg(test)]

@@ -7,9 +7,10 @@ mod regimes;
 use roost_solver::result::EndReason;
 use serde_json::{Value, json};
 
-use crate::reproduce::plan::{Figure, Results, Run};
+use crate::reproduce::plan::{Figure, Illustration, Results, Run, Told};
 use crate::reproduce::profile::{Bed, Profile, WHOLE_WIDTH_M};
 use crate::reproduce::record::Record;
+use crate::reproduce::row::Row;
 use crate::ui::format::significant;
 use crate::ui::plot::{self, Curve, Look, Panel};
 
@@ -86,6 +87,15 @@ pub(super) fn out_kg(record: &Record, t_s: f64) -> Option<f64> {
             let (t, m) = (&series.t_s[after - 1..=after], &series.values[after - 1..=after]);
             Some(m[0] + (m[1] - m[0]) * (t_s - t[0]) / (t[1] - t[0]))
         }
+    }
+}
+
+/// What is told below discharge curves, if there are any.
+fn under_curves(rows: Vec<Row>, findings: Vec<String>, svg: Option<String>, caption: String) -> Told {
+    Told {
+        rows,
+        findings,
+        illustrations: svg.map(|svg| Illustration::new(svg, caption)).into_iter().collect(),
     }
 }
 

@@ -4,8 +4,8 @@ use roost_solver::scenario;
 use serde_json::json;
 
 use super::super::rounded;
-use super::{CELLS, NARROW, WIDE, cells, curves, of_what, to_whole};
-use crate::reproduce::plan::{Figure, Illustration, Part, Results, Run, Told, with};
+use super::{CELLS, NARROW, WIDE, cells, curves, of_what, to_whole, under_curves};
+use crate::reproduce::plan::{Figure, Part, Results, Run, Told, with};
 use crate::reproduce::profile::Profile;
 use crate::reproduce::row::Row;
 use crate::reproduce::stats::{Seeds, ratio, welch};
@@ -165,11 +165,7 @@ fn told(profile: &Profile, results: &Results<'_>) -> Told {
     findings.extend(cause(&wide, &tractions, &sticky));
     let svg = curves(results, factor, &CELLS.map(|cell| cell.0), Vec::new());
     let caption = format!("Mass out over belt time, a curve for each seed: {}.", of_what(&profile.bed));
-    Told {
-        rows,
-        findings,
-        illustrations: svg.map(|svg| Illustration::new(svg, caption)).into_iter().collect(),
-    }
+    under_curves(rows, findings, svg, caption)
 }
 
 #[cfg(test)]
