@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use clap::ValueEnum;
-use roost_api::sweep::SweepResults;
+use roost_api::table::SweepResults;
 use roost_worker::client::ClientError;
 use serde_json::{Value, json};
 use uuid::Uuid;

@@ -3,6 +3,7 @@
 //! One file a resource. Every type serialises to the JSON that `api.md` and `/openapi.json` describe.
 //! Clients ignore response fields that they do not know; requests refuse them.
 
+pub mod design;
 pub mod ids;
 pub mod job;
 pub mod lease;
@@ -10,6 +11,7 @@ pub mod mesh;
 pub mod page;
 pub mod problem;
 pub mod sweep;
+pub mod table;
 pub mod time;
 pub mod validate;
 pub mod version;

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::ids::{JobId, SweepId};
-use crate::job::{Cache, FailureClass, JobState, Needs};
+use crate::design::{Design, DesignKind, Factor};
+use crate::ids::SweepId;
+use crate::job::{Cache, JobState, Needs};
 use crate::time::Timestamp;
 
 /// The schema name that every sweep carries once it has been read.
@@ -25,9 +26,10 @@ pub struct SweepSpec {
     /// The scenario that every point starts from.
     #[schema(value_type = Object)]
     pub base: Value,
-    /// How levels are combined.
+    /// How values are combined to points.
     pub design: Design,
-    /// What is varied.
+    /// What is varied. May be left out with `csv`: each column is then a factor.
+    #[serde(default)]
     pub factors: Vec<Factor>,
     /// Runs per design point, with seeds of their own.
     #[serde(default = "one")]
@@ -53,26 +55,6 @@ fn one() -> u32 {
     1
 }
 
-/// How levels are combined to design points.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Design {
-    // With braces: serde lets unknown fields of a variant without fields pass.
-    /// Every combination of all levels, the last factor varying fastest.
-    Grid {},
-}
-
-/// A varied input.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Factor {
-    /// JSON pointer of the scenario field.
-    pub pointer: String,
-    /// Its values.
-    #[schema(value_type = Vec<Object>)]
-    pub levels: Vec<Value>,
-}
-
 /// How many jobs are in each state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct StateCounts {
@@ -89,6 +71,17 @@ pub struct StateCounts {
 }
 
 impl StateCounts {
+    /// The number of those in a state.
+    pub fn of(&mut self, state: JobState) -> &mut u64 {
+        match state {
+            JobState::Queued => &mut self.queued,
+            JobState::Running => &mut self.running,
+            JobState::Succeeded => &mut self.succeeded,
+            JobState::Failed => &mut self.failed,
+            JobState::Cancelled => &mut self.cancelled,
+        }
+    }
+
     /// All jobs.
     pub fn total(&self) -> u64 {
         self.queued + self.running + self.ended()
@@ -112,11 +105,13 @@ pub struct SweepView {
     pub id: SweepId,
     /// Its name.
     pub name: String,
+    /// How its points were made.
+    pub design: DesignKind,
     /// Design points.
     pub points: u32,
     /// Replicates of each point.
     pub replicates: u32,
-    /// JSON pointers of its factors.
+    /// Names of its factors: the pointer of each one's first field.
     pub factors: Vec<String>,
     /// Its jobs by state.
     pub counts: StateCounts,
@@ -127,38 +122,19 @@ pub struct SweepView {
     pub submitted_at: Timestamp,
 }
 
-/// One trial of a sweep's result table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct TrialRow {
-    /// The job.
-    pub job_id: JobId,
-    /// Design point.
-    pub point: u32,
-    /// Replicate.
-    pub replicate: u32,
-    /// Seed.
-    pub seed: u64,
-    /// Levels by JSON pointer.
-    #[schema(value_type = Object)]
-    pub factors: Map<String, Value>,
-    /// State of the job.
-    pub state: JobState,
-    /// Why it failed.
-    pub failure_class: Option<FailureClass>,
-    /// Backend that made the result.
-    pub backend: Option<String>,
-    /// Solver revision that made the result.
-    pub solver_revision: Option<u32>,
-    /// Scalar results.
-    #[schema(value_type = Object)]
-    pub responses: Map<String, Value>,
-}
-
-/// The result table of a sweep.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct SweepResults {
-    /// The sweep.
-    pub sweep: SweepView,
-    /// One row a trial, by point and replicate.
-    pub trials: Vec<TrialRow>,
+/// What a deletion takes away, or would take away.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Deletion {
+    /// Whether nothing has been deleted yet.
+    pub dry_run: bool,
+    /// Design points.
+    pub points: u64,
+    /// Jobs.
+    pub jobs: u64,
+    /// Those of them that have not ended: while there are any, nothing is deleted.
+    pub unended: u64,
+    /// Attempts of those jobs.
+    pub attempts: u64,
+    /// Their results, which can then answer no other submission.
+    pub results: u64,
 }

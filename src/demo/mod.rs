@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use roost_api::RunResult;
-use roost_api::sweep::{SweepResults, SweepView};
+use roost_api::sweep::SweepView;
+use roost_api::table::SweepResults;
 use roost_server::ServerConfig;
 use roost_worker::WorkerConfig;
 use roost_worker::client::Client;

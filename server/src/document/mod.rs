@@ -97,7 +97,8 @@ fn lists_for_objects(at: &str, submitted: &Value, complete: &Value, faults: &mut
 /// Puts something acceptable at a pointer, if there is such a thing.
 fn stand_in<T: DeserializeOwned>(value: &mut Value, pointer: &str) -> bool {
     let id = "00000000-0000-0000-0000-000000000000";
-    let mut candidates = vec![json!({}), json!(id), json!([]), json!(0), json!(""), json!(null)];
+    // From the last to the first: an object before a list, which would pass for one.
+    let mut candidates = vec![json!(id), json!([]), json!({}), json!(0), json!(""), json!(null)];
     while let Some(candidate) = candidates.pop() {
         if !put(value, pointer, candidate) {
             return false;

@@ -15,6 +15,7 @@ use utoipa::ToSchema;
 
 use super::problem::{ApiError, Kind};
 use crate::app::App;
+use crate::sweep;
 
 /// The OpenAPI document, written once.
 #[derive(Clone)]
@@ -71,6 +72,13 @@ pub(crate) async fn version(State(app): State<App>) -> Json<VersionView> {
     responses((status = 200, description = "JSON Schema", body = Object)))]
 pub(crate) async fn scenario_schema() -> Json<Value> {
     Json(json_schema())
+}
+
+/// The JSON Schema of a sweep, that of its base within.
+#[utoipa::path(get, path = "/v1/schema/sweep", tag = "documents", operation_id = "sweep_schema",
+    responses((status = 200, description = "JSON Schema", body = Object)))]
+pub(crate) async fn sweep_schema() -> Json<Value> {
+    Json(sweep::json_schema())
 }
 
 /// This API, as OpenAPI 3.1.

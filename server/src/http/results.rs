@@ -7,11 +7,13 @@ use axum::response::{IntoResponse, Response};
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::problem::Problem;
-use roost_api::sweep::SweepResults;
+use roost_api::sweep::SweepView;
+use roost_api::table::{SweepEffects, SweepPoints, SweepResults, TrialRow};
 use roost_api::{RunResult, Series};
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
+use super::aside::aside;
 use super::extract::{Params, Segments};
 use super::problem::{ApiError, Kind};
 use super::sweeps::view;
@@ -108,25 +110,103 @@ fn series_csv(series: &Series) -> Result<String, ApiError> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// The result table of a sweep: one row a trial.
+/// How the result table of a sweep is written.
+#[derive(Clone, Copy, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum TableFormat {
+    /// JSON.
+    #[default]
+    Json,
+    /// Comma-separated values with a header line.
+    Csv,
+    /// Apache Parquet.
+    Parquet,
+}
+
+/// What a row of the result table is.
+#[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum By {
+    /// A trial.
+    #[default]
+    Trial,
+    /// A design point, its replicates summed up.
+    Point,
+}
+
+/// How to write the result table of a sweep.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct TableQuery {
+    /// `json` unless given.
+    #[serde(default)]
+    #[param(inline)]
+    format: TableFormat,
+    /// What a row is: `trial` unless given.
+    #[serde(default)]
+    #[param(inline)]
+    by: By,
+}
+
+/// The result table of a sweep: one row a trial, or one a design point with mean, deviation and 95 % interval.
 #[utoipa::path(get, path = "/v1/sweeps/{id}/results", tag = "results", operation_id = "sweep_results",
-    params(("id" = uuid::Uuid, Path, description = "The sweep"), FormatQuery),
-    responses((status = 200, description = "The table", content((SweepResults = "application/json"),
-                                                                (String = "text/csv"))),
+    params(("id" = uuid::Uuid, Path, description = "The sweep"), TableQuery),
+    responses((status = 200, description = "The table: `SweepResults`, or `SweepPoints` by point",
+               content((Object = "application/json"), (String = "text/csv"),
+                       (String = "application/vnd.apache.parquet"))),
               (status = 404, description = "No such sweep", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn table(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
-    Params(query): Params<FormatQuery>,
+    Params(query): Params<TableQuery>,
 ) -> Result<Response, ApiError> {
-    let results = SweepResults { sweep: view(&app, id).await?, trials: app.store.trials(id).await? };
+    let sweep = view(&app, id).await?;
+    let trials = app.store.trials(id).await?;
+    aside(move || written(sweep, trials, &query)).await?
+}
+
+fn written(sweep: SweepView, trials: Vec<TrialRow>, query: &TableQuery) -> Result<Response, ApiError> {
+    let unwritten = |error: &dyn std::fmt::Display| {
+        ApiError::new(Kind::Internal, format!("the table cannot be written: {error}"))
+    };
+    let points = (query.by == By::Point).then(|| sweep::by_point(&trials));
+    let columns = || match &points {
+        Some(points) => sweep::of_points(&sweep.factors, points),
+        None => sweep::of_trials(&sweep.factors, &trials),
+    };
     Ok(match query.format {
-        Format::Json => Json(results).into_response(),
-        Format::Csv => csv(sweep::csv(&results).map_err(|error| {
-            ApiError::new(Kind::Internal, format!("the table cannot be written: {error}"))
-        })?),
+        TableFormat::Csv => {
+            let text = sweep::csv(&columns()).map_err(|error| unwritten(&error))?;
+            csv(String::from_utf8_lossy(&text).into_owned())
+        }
+        TableFormat::Parquet => {
+            let bytes = sweep::to_parquet(&columns()).map_err(|error| unwritten(&error))?;
+            ([(header::CONTENT_TYPE, "application/vnd.apache.parquet")], bytes).into_response()
+        }
+        TableFormat::Json => match points {
+            Some(points) => Json(SweepPoints { sweep, points }).into_response(),
+            None => Json(SweepResults { sweep, trials }).into_response(),
+        },
     })
+}
+
+/// How each factor of a sweep acts on each response: main effects and rank correlations.
+#[utoipa::path(get, path = "/v1/sweeps/{id}/effects", tag = "results", operation_id = "sweep_effects",
+    params(("id" = uuid::Uuid, Path, description = "The sweep")),
+    responses((status = 200, description = "Effects by response and factor", body = SweepEffects),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn effects(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<SweepEffects>, ApiError> {
+    let sweep = view(&app, id).await?;
+    let factors = app.store.factors(id).await?.ok_or(Refusal::NoSweep)?;
+    let trials = app.store.trials(id).await?;
+    let responses = aside(move || sweep::effects(&factors, &sweep::by_point(&trials))).await?;
+    Ok(Json(SweepEffects { sweep, responses }))
 }
 
 fn csv(text: String) -> Response {

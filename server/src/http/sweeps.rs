@@ -1,14 +1,16 @@
-//! Sweeps: submit, look, cancel, retry.
+//! Sweeps: submit, look, cancel, retry, extend, delete.
 
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, header};
+use roost_api::design::Extension;
 use roost_api::ids::SweepId;
 use roost_api::job::JobView;
 use roost_api::page::Page;
 use roost_api::problem::Problem;
-use roost_api::sweep::{SweepSpec, SweepView};
+use roost_api::sweep::{Deletion, SweepSpec, SweepView};
 use serde::Deserialize;
+use serde_json::json;
 use utoipa::IntoParams;
 
 use super::aside::aside;
@@ -16,7 +18,7 @@ use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
 use super::page::{cursor, label, limit, page};
-use super::problem::ApiError;
+use super::problem::{ApiError, Kind};
 use crate::app::App;
 use crate::queue::Refusal;
 use crate::store::{JobFilter, NewSweep};
@@ -34,7 +36,7 @@ pub(crate) async fn submit(
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<SweepView>), ApiError> {
     let id = SweepId::new();
     // Many points take a while.
-    let limits = SweepLimits { max_jobs: app.config.max_jobs_per_sweep, scenario: app.config.limits };
+    let limits = limits(&app);
     let meshes = at_hand(&app, &document).await?;
     let (spec, expansion) =
         aside(move || sweep::read(document, &meshes, limits)).await?.map_err(ApiError::faults)?;
@@ -42,6 +44,10 @@ pub(crate) async fn submit(
     app.work.notify_waiters();
     let location = [(header::LOCATION, format!("/v1/sweeps/{id}"))];
     Ok((StatusCode::CREATED, location, Json(view(&app, id).await?)))
+}
+
+fn limits(app: &App) -> SweepLimits {
+    SweepLimits { max_jobs: app.config.max_jobs_per_sweep, scenario: app.config.limits }
 }
 
 /// Which sweeps to list.
@@ -149,4 +155,73 @@ pub(crate) async fn retry(
         app.work.notify_waiters();
     }
     view(&app, id).await.map(Json)
+}
+
+/// Extensions of one sweep that are asked for at once take turns so many times.
+const EXTEND_TRIES: u32 = 8;
+
+/// Adds points of the same design, or replicates of every point, to a sweep; what is there stays as it is.
+#[utoipa::path(post, path = "/v1/sweeps/{id}/extend", tag = "sweeps", operation_id = "extend_sweep",
+    params(("id" = uuid::Uuid, Path, description = "The sweep")),
+    request_body = Extension,
+    responses((status = 200, description = "The sweep as it is now", body = SweepView),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 422, description = "Every fault, or why such a design cannot grow", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn extend(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+    Document(document): Document,
+) -> Result<Json<SweepView>, ApiError> {
+    for _ in 0..EXTEND_TRIES {
+        let stored = app.store.stored_sweep(id).await?.ok_or(Refusal::NoSweep)?;
+        let meshes = at_hand(&app, &json!([stored.spec.base, document])).await?;
+        let (limits, extension) = (limits(&app), document.clone());
+        let (stored, growth) = aside(move || {
+            let growth = sweep::extend(&stored, extension, &meshes, limits);
+            growth.map(|growth| (stored, growth))
+        })
+        .await?
+        .map_err(ApiError::faults)?;
+        if app.store.extend_sweep(id, &stored, &growth, app.clock.now()).await? {
+            app.work.notify_waiters();
+            return view(&app, id).await.map(Json);
+        }
+    }
+    Err(ApiError::new(Kind::Unavailable, "the sweep is being extended by others; try again"))
+}
+
+/// Whether to delete.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct DeleteQuery {
+    /// Only say what would go.
+    #[serde(default)]
+    dry_run: bool,
+}
+
+/// Deletes a sweep with its points, jobs and results, or says what that would take away.
+#[utoipa::path(delete, path = "/v1/sweeps/{id}", tag = "sweeps", operation_id = "delete_sweep",
+    params(("id" = uuid::Uuid, Path, description = "The sweep"), DeleteQuery),
+    responses((status = 200, description = "What is gone, or would be", body = Deletion),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 409, description = "Some of its jobs have not ended", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn delete(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+    Params(query): Params<DeleteQuery>,
+) -> Result<Json<Deletion>, ApiError> {
+    let deletion = app.store.deletion(id).await?.ok_or(Refusal::NoSweep)?;
+    if !query.dry_run && !app.store.delete_sweep(id).await? {
+        let unended = deletion.unended;
+        let detail = format!(
+            "{unended} of its jobs have not ended: cancel the sweep first, and wait for those that run"
+        );
+        return Err(ApiError::new(Kind::WrongState, detail));
+    }
+    Ok(Json(Deletion { dry_run: query.dry_run, ..deletion }))
 }

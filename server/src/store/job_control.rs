@@ -37,8 +37,12 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if !exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string())
-                        .await?
+                    if !exists(
+                        tx,
+                        "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ? AND deleting = 0)",
+                        id.to_string(),
+                    )
+                    .await?
                     {
                         return Ok(Err(Refusal::NoSweep));
                     }
@@ -82,8 +86,12 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if !exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string())
-                        .await?
+                    if !exists(
+                        tx,
+                        "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ? AND deleting = 0)",
+                        id.to_string(),
+                    )
+                    .await?
                     {
                         return Ok(Err(Refusal::NoSweep));
                     }

@@ -5,7 +5,9 @@
 
 mod attempts;
 mod claims;
+mod deletion;
 mod deliveries;
+mod extension;
 mod facts;
 mod heartbeats;
 mod job_control;
@@ -120,6 +122,7 @@ impl Store {
         let sqlite_version = check_sqlite(&mut connection).await?;
         sqlx::migrate!("../migrations").run(&mut connection).await?;
         meshes::sweep(&mut connection).await?;
+        deletion::finish(&mut connection).await?;
         let readers = SqlitePoolOptions::new()
             .max_connections(4)
             .connect_with(options.create_if_missing(false).read_only(true))

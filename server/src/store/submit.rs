@@ -12,7 +12,7 @@ use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::rows::to_json;
 use super::{Store, StoreError};
-use crate::sweep::Expansion;
+use crate::sweep::{Expansion, Point};
 
 /// A job about to be stored.
 pub(crate) struct NewJob {
@@ -43,7 +43,7 @@ pub(crate) struct NewSweep {
 }
 
 /// A row of `jobs` before it has a state.
-struct Draft {
+pub(super) struct Draft {
     id: JobId,
     digest: String,
     body: String,
@@ -52,7 +52,7 @@ struct Draft {
 }
 
 /// What the jobs of one submission share.
-struct Shared {
+pub(super) struct Shared {
     priority: i32,
     labels: String,
     needs_backend: Option<String>,
@@ -63,8 +63,25 @@ struct Shared {
 /// Rows of one `INSERT`: SQLite takes 32,766 parameters.
 const ROWS: usize = 500;
 
+impl Shared {
+    /// What the jobs of a sweep share.
+    pub(super) fn of(spec: &SweepSpec) -> Result<Self, StoreError> {
+        Ok(Self {
+            priority: spec.priority,
+            labels: to_json("labels", &spec.labels)?,
+            needs_backend: spec.needs.backend.clone(),
+            max_wall_s: spec.max_wall_s,
+            cache: spec.cache,
+        })
+    }
+}
+
 impl Draft {
-    fn new(scenario: &Scenario, place: Option<(SweepId, u32, u32)>, id: JobId) -> Result<Self, StoreError> {
+    pub(super) fn new(
+        scenario: &Scenario,
+        place: Option<(SweepId, u32, u32)>,
+        id: JobId,
+    ) -> Result<Self, StoreError> {
         let seed = scenario.seed as i64; // at most 2^53 - 1
         Ok(Self { id, digest: scenario.digest(), body: to_json("scenario", scenario)?, seed, place })
     }
@@ -87,13 +104,7 @@ impl Store {
     /// Stores a sweep, its design points and its jobs, all or nothing.
     pub(crate) async fn insert_sweep(&self, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
         let NewSweep { id, spec, expansion } = sweep;
-        let shared = Shared {
-            priority: spec.priority,
-            labels: to_json("labels", &spec.labels)?,
-            needs_backend: spec.needs.backend.clone(),
-            max_wall_s: spec.max_wall_s,
-            cache: spec.cache,
-        };
+        let shared = Shared::of(&spec)?;
         let spec_text = to_json("sweep", &spec)?;
         let factors = to_json("factors", &expansion.factors)?;
         let drafts = expansion
@@ -102,21 +113,18 @@ impl Store {
                 Draft::new(&scenario, Some((id, point, replicate)), JobId::new())
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let levels = expansion
-            .points
-            .iter()
-            .map(|point| to_json("levels", &point.levels))
-            .collect::<Result<Vec<_>, _>>()?;
+        let levels = levels(&expansion.points)?;
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
                     sqlx::query(
-                        "INSERT INTO sweeps (id, name, spec, factors, labels, points, replicates, submitted_at)
-                         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                        "INSERT INTO sweeps (id, name, spec, design, factors, labels, points, replicates, submitted_at)
+                         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                     )
                     .bind(id.to_string())
                     .bind(spec.name)
                     .bind(spec_text)
+                    .bind(spec.design.kind.as_str())
                     .bind(factors)
                     .bind(&shared.labels)
                     .bind(levels.len() as i64)
@@ -124,7 +132,7 @@ impl Store {
                     .bind(now.0)
                     .execute(&mut *tx)
                     .await?;
-                    insert_points(tx, id, &levels).await?;
+                    insert_points(tx, id, 0, &levels).await?;
                     insert(tx, &drafts, &shared, now).await
                 })
             })
@@ -132,18 +140,30 @@ impl Store {
     }
 }
 
-async fn insert_points(tx: &mut SqliteConnection, id: SweepId, levels: &[String]) -> Result<(), StoreError> {
+/// The levels of each point, as they are kept.
+pub(super) fn levels(points: &[Point]) -> Result<Vec<String>, StoreError> {
+    points.iter().map(|point| to_json("levels", &point.levels)).collect()
+}
+
+/// Adds design points, the first with the index `first`.
+pub(super) async fn insert_points(
+    tx: &mut SqliteConnection,
+    id: SweepId,
+    first: usize,
+    levels: &[String],
+) -> Result<(), StoreError> {
     for (chunk, rows) in levels.chunks(ROWS).enumerate() {
         let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO points (sweep_id, idx, levels) ");
         query.push_values(rows.iter().enumerate(), |mut row, (index, levels)| {
-            row.push_bind(id.to_string()).push_bind((chunk * ROWS + index) as i64).push_bind(levels);
+            row.push_bind(id.to_string()).push_bind((first + chunk * ROWS + index) as i64).push_bind(levels);
         });
         query.build().execute(&mut *tx).await?;
     }
     Ok(())
 }
 
-async fn insert(
+/// Queues jobs, answered from the store where that is allowed.
+pub(super) async fn insert(
     tx: &mut SqliteConnection,
     drafts: &[Draft],
     shared: &Shared,

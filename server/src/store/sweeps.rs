@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 
 use roost_api::ids::SweepId;
-use roost_api::job::JobState;
 use roost_api::sweep::{StateCounts, SweepView};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Sqlite};
@@ -12,13 +11,15 @@ use super::jobs::push_label;
 use super::rows::Columns;
 use super::{Store, StoreError};
 
+/// Without the specification, which may be long, and without those that are being deleted.
+const VIEW: &str = "SELECT seq, id, name, design, points, replicates, factors, labels, submitted_at FROM sweeps WHERE deleting = 0";
+
 impl Store {
     /// One sweep.
     pub(crate) async fn sweep(&self, id: SweepId) -> Result<Option<SweepView>, StoreError> {
-        let row = sqlx::query("SELECT * FROM sweeps WHERE id = ?")
-            .bind(id.to_string())
-            .fetch_optional(&self.readers)
-            .await?;
+        let mut query = QueryBuilder::<Sqlite>::new(VIEW);
+        let row =
+            query.push(" AND id = ").push_bind(id.to_string()).build().fetch_optional(&self.readers).await?;
         let Some(row) = row else { return Ok(None) };
         Ok(self.with_counts(vec![sweep_view(&row)?]).await?.pop())
     }
@@ -30,8 +31,8 @@ impl Store {
         before: Option<i64>,
         limit: u32,
     ) -> Result<(Vec<SweepView>, Option<i64>), StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM sweeps WHERE seq < ");
-        query.push_bind(before.unwrap_or(i64::MAX));
+        let mut query = QueryBuilder::<Sqlite>::new(VIEW);
+        query.push(" AND seq < ").push_bind(before.unwrap_or(i64::MAX));
         if let Some((key, value)) = label {
             push_label(&mut query, "labels", key, value);
         }
@@ -63,7 +64,7 @@ impl Store {
         let mut counts: HashMap<SweepId, StateCounts> = HashMap::new();
         for row in query.build().fetch_all(&self.readers).await? {
             let counts = counts.entry(row.parsed("sweep_id")?).or_default();
-            *count_of(counts, row.parsed("state")?) = row.number("jobs")?;
+            *counts.of(row.parsed("state")?) = row.number("jobs")?;
         }
         for view in &mut views {
             view.counts = counts.get(&view.id).copied().unwrap_or_default();
@@ -73,20 +74,11 @@ impl Store {
     }
 }
 
-fn count_of(counts: &mut StateCounts, state: JobState) -> &mut u64 {
-    match state {
-        JobState::Queued => &mut counts.queued,
-        JobState::Running => &mut counts.running,
-        JobState::Succeeded => &mut counts.succeeded,
-        JobState::Failed => &mut counts.failed,
-        JobState::Cancelled => &mut counts.cancelled,
-    }
-}
-
 fn sweep_view(row: &SqliteRow) -> Result<SweepView, StoreError> {
     Ok(SweepView {
         id: row.parsed("id")?,
         name: row.column("name")?,
+        design: row.parsed("design")?,
         points: row.number("points")?,
         replicates: row.number("replicates")?,
         factors: row.json("factors")?,

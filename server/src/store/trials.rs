@@ -1,7 +1,7 @@
 //! The trials of a sweep: its jobs by point and replicate, with what they came to.
 
 use roost_api::ids::{JobId, SweepId};
-use roost_api::sweep::TrialRow;
+use roost_api::table::TrialRow;
 
 use super::rows::Columns;
 use super::{Store, StoreError};

@@ -3,7 +3,7 @@
 //! A sweep whose points cannot be made, because something else is wrong with it, still hears of its levels.
 
 use roost_api::Fault;
-use roost_api::sweep::SweepSpec;
+use roost_api::design::Factor;
 use roost_solver::scenario::field::{Field, Kind};
 use roost_solver::scenario::fields;
 use serde_json::Value;
@@ -40,12 +40,14 @@ pub(super) fn fits(field: &Field, value: &Value) -> bool {
 }
 
 /// Finds levels that no scenario could take.
-pub(super) fn check(spec: &SweepSpec, faults: &mut Vec<Fault>) {
-    for (index, factor) in spec.factors.iter().enumerate() {
-        let Some(field) = fields::find(&factor.pointer) else { continue };
-        for (level, value) in factor.levels.iter().enumerate().filter(|(_, value)| !fits(field, value)) {
-            let at = format!("/factors/{index}/levels/{level}");
-            faults.push(fault(&at, value.clone(), "not a value of this field", &field.allowed()));
+pub(super) fn check(factors: &[Factor], faults: &mut Vec<Fault>) {
+    for (index, factor) in factors.iter().enumerate() {
+        for field in factor.fields().into_iter().filter_map(fields::find) {
+            let levels = factor.levels.iter().flatten().enumerate();
+            for (level, value) in levels.filter(|(_, value)| !fits(field, value)) {
+                let at = format!("/factors/{index}/levels/{level}");
+                faults.push(fault(&at, value.clone(), "not a value of this field", &field.allowed()));
+            }
         }
     }
 }

@@ -1,15 +1,26 @@
-//! Sweeps, without IO: from the specification to design points and trials, and from trials to a table.
+//! Sweeps, without IO: from the specification to design points and trials, and from trials to tables and effects.
 //!
-//! `design` combines levels to points, `factor` puts a level into a scenario, `levels` judges one by itself,
-//! `expand` validates every point and lists every fault, `table` writes the results as CSV.
+//! `plan` reads factors and design, `names` what factors point at, `rows` lists of points; `matrix` combines values to points, with
+//! the numbers of `draw` and `values`; `factor` puts a level into a scenario, `levels` judges one by itself; `expand` validates
+//! every point and lists every fault, `extend` does so for what is added. `summary` and `effects` say what came out.
 
-mod design;
+mod draw;
+mod effects;
 mod expand;
+mod extend;
 mod factor;
 mod levels;
+mod matrix;
+mod names;
+mod plan;
+mod rows;
+mod schema;
+mod summary;
 mod table;
 #[cfg(test)]
 mod tests;
+mod to_parquet;
+mod values;
 
 use roost_api::sweep::SweepSpec;
 use roost_api::{Estimate, Fault};
@@ -19,8 +30,14 @@ use roost_solver::scenario::Scenario;
 use serde_json::{Map, Value};
 
 use crate::document::read_leniently;
+pub(crate) use effects::effects;
 use expand::expand;
-pub(crate) use table::csv;
+pub(crate) use extend::{Growth, Stored, extend, replicate};
+pub(crate) use plan::factors;
+pub(crate) use schema::json_schema;
+pub(crate) use summary::by_point;
+pub(crate) use table::{csv, of_points, of_trials};
+pub(crate) use to_parquet::to_parquet;
 
 /// Reads a sweep and expands it: the faults of its shape and those of its content, at once.
 pub(crate) fn read(
@@ -86,9 +103,7 @@ impl Expansion {
     pub(crate) fn trials(&self) -> impl Iterator<Item = (u32, u32, Scenario)> {
         self.points.iter().enumerate().flat_map(move |(index, point)| {
             (0..self.replicates).map(move |replicate| {
-                let mut scenario = point.scenario.clone();
-                scenario.seed += u64::from(replicate);
-                (index as u32, replicate, scenario)
+                (index as u32, replicate, extend::replicate(&point.scenario, replicate))
             })
         })
     }

@@ -1,46 +1,134 @@
-//! The result table of a sweep as CSV: one row a trial, factors and responses as columns.
+//! Result tables as columns, for CSV and Parquet: a row a trial, or a row a design point.
 
 use std::collections::BTreeSet;
 
-use roost_api::sweep::SweepResults;
-use serde_json::Value;
+use roost_api::table::{PointRow, Summary, TrialRow};
+use serde_json::{Value, json};
 
-/// Writes the table. Columns: trial, factors in the order of the sweep, outcome, responses by name.
-pub(crate) fn csv(results: &SweepResults) -> Result<String, csv::Error> {
-    let names: BTreeSet<&str> =
-        results.trials.iter().flat_map(|trial| trial.responses.keys()).map(String::as_str).collect();
-    let factors = &results.sweep.factors;
-    let mut writer = csv::Writer::from_writer(Vec::new());
-
-    let head = ["job_id", "point", "replicate", "seed"].into_iter();
-    let outcome = ["state", "failure_class", "backend", "solver_revision"];
-    writer.write_record(
-        head.chain(factors.iter().map(String::as_str)).chain(outcome).chain(names.iter().copied()),
-    )?;
-    for trial in &results.trials {
-        let mut row = vec![
-            trial.job_id.to_string(),
-            trial.point.to_string(),
-            trial.replicate.to_string(),
-            trial.seed.to_string(),
-        ];
-        row.extend(factors.iter().map(|factor| cell(trial.factors.get(factor))));
-        row.push(trial.state.to_string());
-        row.push(trial.failure_class.map(|class| class.to_string()).unwrap_or_default());
-        row.push(trial.backend.clone().unwrap_or_default());
-        row.push(trial.solver_revision.map(|revision| revision.to_string()).unwrap_or_default());
-        row.extend(names.iter().map(|name| cell(trial.responses.get(*name))));
-        writer.write_record(row)?;
-    }
-    let bytes = writer.into_inner().map_err(|error| csv::Error::from(error.into_error()))?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+/// A column: its name, and a value a row, null where there is none.
+pub(crate) struct Column {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+    pub(super) values: Vec<Value>,
 }
 
-/// Text as it is, null and absence as nothing, the rest as JSON.
-fn cell(value: Option<&Value>) -> String {
+/// What a column holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Integer,
+    Number,
+    Flag,
+    /// Words, and as JSON whatever else there is.
+    Text,
+}
+
+impl Column {
+    fn new(name: &str, kind: Kind, values: impl Iterator<Item = Value>) -> Self {
+        Self { name: name.to_owned(), kind, values: values.collect() }
+    }
+
+    /// A column of whatever the values are; nothing at all counts as numbers.
+    fn of(name: &str, values: impl Iterator<Item = Value>) -> Self {
+        let values: Vec<Value> = values.collect();
+        let all = |is: &dyn Fn(&Value) -> bool| values.iter().all(|value| value.is_null() || is(value));
+        let kind = if values.iter().all(Value::is_null) {
+            Kind::Number
+        } else if all(&Value::is_i64) {
+            Kind::Integer
+        } else if all(&Value::is_number) {
+            Kind::Number
+        } else if all(&Value::is_boolean) {
+            Kind::Flag
+        } else {
+            Kind::Text
+        };
+        Self { name: name.to_owned(), kind, values }
+    }
+}
+
+/// One row a trial: trial, factors in the order of the sweep, outcome, responses by name.
+pub(crate) fn of_trials(factors: &[String], trials: &[TrialRow]) -> Vec<Column> {
+    let each = |of: fn(&TrialRow) -> Value| trials.iter().map(of);
+    let mut columns = vec![
+        Column::new("job_id", Kind::Text, each(|trial| json!(trial.job_id))),
+        Column::new("point", Kind::Integer, each(|trial| json!(trial.point))),
+        Column::new("replicate", Kind::Integer, each(|trial| json!(trial.replicate))),
+        Column::new("seed", Kind::Integer, each(|trial| json!(trial.seed))),
+    ];
+    columns.extend(factors.iter().map(|name| {
+        Column::of(name, trials.iter().map(|trial| trial.factors.get(name).cloned().unwrap_or_default()))
+    }));
+    columns.extend([
+        Column::new("state", Kind::Text, each(|trial| json!(trial.state))),
+        Column::new("failure_class", Kind::Text, each(|trial| json!(trial.failure_class))),
+        Column::new("backend", Kind::Text, each(|trial| json!(trial.backend))),
+        Column::new("solver_revision", Kind::Integer, each(|trial| json!(trial.solver_revision))),
+    ]);
+    let names: BTreeSet<&String> = trials.iter().flat_map(|trial| trial.responses.keys()).collect();
+    columns.extend(names.into_iter().map(|name| {
+        Column::of(name, trials.iter().map(|trial| trial.responses.get(name).cloned().unwrap_or_default()))
+    }));
+    columns
+}
+
+/// What a summary has of each response: the end of the column's name, and the value.
+const SUMMARY: [(&str, fn(&Summary) -> Value); 5] = [
+    ("n", |summary| json!(summary.n)),
+    ("mean", |summary| json!(summary.mean)),
+    ("standard_deviation", |summary| json!(summary.standard_deviation)),
+    ("low_95", |summary| json!(summary.low_95)),
+    ("high_95", |summary| json!(summary.high_95)),
+];
+
+/// One row a design point: point, factors, its trials, and of each response `name.n`, `name.mean` and so on; of words
+/// `name.words`, as JSON.
+pub(crate) fn of_points(factors: &[String], points: &[PointRow]) -> Vec<Column> {
+    let each = |of: fn(&PointRow) -> Value| points.iter().map(of);
+    let mut columns = vec![Column::new("point", Kind::Integer, each(|row| json!(row.point)))];
+    columns.extend(factors.iter().map(|name| {
+        Column::of(name, points.iter().map(|row| row.factors.get(name).cloned().unwrap_or_default()))
+    }));
+    columns.extend([
+        Column::new("trials", Kind::Integer, each(|row| json!(row.counts.total()))),
+        Column::new("succeeded", Kind::Integer, each(|row| json!(row.counts.succeeded))),
+        Column::new("failed", Kind::Integer, each(|row| json!(row.counts.failed))),
+        Column::new("unstable", Kind::Integer, each(|row| json!(row.unstable))),
+    ]);
+    let names: BTreeSet<&String> = points.iter().flat_map(|row| row.responses.keys()).collect();
+    for name in names {
+        let summaries = || points.iter().map(|row| row.responses.get(name));
+        let has_words = summaries().flatten().any(|summary| summary.words.is_some());
+        let has_numbers = summaries().flatten().any(|summary| summary.mean.is_some());
+        for (end, value) in SUMMARY.into_iter().take(if has_numbers || !has_words { 5 } else { 1 }) {
+            let kind = if end == "n" { Kind::Integer } else { Kind::Number };
+            let values = summaries().map(|summary| summary.map(value).unwrap_or_default());
+            columns.push(Column::new(&format!("{name}.{end}"), kind, values));
+        }
+        if has_words {
+            let words =
+                |summary: &Summary| summary.words.as_ref().map(|words| json!(words)).unwrap_or_default();
+            let values = summaries().map(|summary| summary.map(words).unwrap_or_default());
+            columns.push(Column::new(&format!("{name}.words"), Kind::Text, values));
+        }
+    }
+    columns
+}
+
+/// Writes columns as CSV with a header line; null is nothing.
+pub(crate) fn csv(columns: &[Column]) -> Result<Vec<u8>, csv::Error> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(columns.iter().map(|column| &column.name))?;
+    for row in 0..columns.first().map_or(0, |column| column.values.len()) {
+        writer.write_record(columns.iter().map(|column| text(&column.values[row]).unwrap_or_default()))?;
+    }
+    writer.into_inner().map_err(|error| csv::Error::from(error.into_error()))
+}
+
+/// Text as it is, the rest as JSON; nothing for null.
+pub(super) fn text(value: &Value) -> Option<String> {
     match value {
-        None | Some(Value::Null) => String::new(),
-        Some(Value::String(text)) => text.clone(),
-        Some(value) => value.to_string(),
+        Value::Null => None,
+        Value::String(text) => Some(text.clone()),
+        value => Some(value.to_string()),
     }
 }

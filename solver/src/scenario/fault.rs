@@ -18,7 +18,11 @@ pub struct Fault {
 
 impl std::fmt::Display for Fault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}: {} (found {})", self.pointer, self.detail, self.value)?;
+        write!(f, "{}: {}", self.pointer, self.detail)?;
+        // Nothing is found where a field is missing, and of a null the detail speaks.
+        if !self.value.is_null() {
+            write!(f, " (found {})", self.value)?;
+        }
         match &self.allowed {
             Some(allowed) => write!(f, "; allowed: {allowed}"),
             None => Ok(()),

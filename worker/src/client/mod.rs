@@ -18,7 +18,8 @@ use roost_api::lease::{
 };
 use roost_api::mesh::{self, MeshView};
 use roost_api::page::Page;
-use roost_api::sweep::{SweepResults, SweepView};
+use roost_api::sweep::SweepView;
+use roost_api::table::SweepResults;
 use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
 use roost_api::{API_VERSION, RunResult};
 use serde::Serialize;

@@ -1,6 +1,10 @@
-//! Expansion without a server.
+//! Sweeps without a server: here expansion, the designs, what adds to them and what comes out of them in files of their own.
 
-use roost_api::sweep::{Design, SweepSpec};
+mod designs;
+mod extensions;
+mod outcomes;
+
+use roost_api::sweep::SweepSpec;
 use roost_solver::Limits;
 use serde_json::{Value, json};
 
@@ -10,20 +14,34 @@ const LIMITS: SweepLimits =
     SweepLimits { max_jobs: 1000, scenario: Limits { max_subparticles: 1_000_000, max_steps: 100_000_000 } };
 
 fn spec(factors: Value) -> SweepSpec {
-    let base = json!({"experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.008}});
-    let spec = json!({"name": "s", "base": base, "design": {"kind": "grid"}, "factors": factors});
-    serde_json::from_value(spec).unwrap()
+    of_design(json!({"kind": "grid"}), factors)
 }
 
-#[test]
-fn a_grid_counts_with_the_last_factor_fastest() {
-    let digits: Vec<_> =
-        (0..6).map(|index| design::level_indices(&Design::Grid {}, &[2, 3], index)).collect();
-    assert_eq!(digits, [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]);
-    assert_eq!(design::size(&Design::Grid {}, &[2, 3]), Some(6));
-    assert_eq!(design::size(&Design::Grid {}, &[]), Some(1), "replicates alone are one point");
-    assert_eq!(design::size(&Design::Grid {}, &[usize::MAX, 3]), None);
+fn of_design(design: Value, factors: Value) -> SweepSpec {
+    let base = json!({"experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.008}});
+    serde_json::from_value(json!({"name": "s", "base": base, "design": design, "factors": factors})).unwrap()
 }
+
+/// The levels of each point, a row a point.
+fn matrix(spec: &SweepSpec) -> Vec<Vec<Value>> {
+    let expansion = expand(spec, &Meshes::default(), LIMITS).unwrap_or_else(|faults| panic!("{faults:#?}"));
+    let row = |point: &Point| expansion.factors.iter().map(|name| point.levels[name].clone()).collect();
+    expansion.points.iter().map(row).collect()
+}
+
+/// The faults of a sweep that has some: pointer and detail.
+fn faults(spec: &SweepSpec) -> Vec<Fault> {
+    expand(spec, &Meshes::default(), LIMITS).map(drop).expect_err("a sweep at fault")
+}
+
+/// The numbers that SciPy made; `server/testdata/make.py` says how.
+fn scipy() -> Value {
+    serde_json::from_str(include_str!("../../../testdata/scipy.json")).unwrap()
+}
+
+const GATE: &str = "/equipment/gate_opening_m";
+const BELT: &str = "/equipment/belt_speed_m_s";
+const COUNT: &str = "/product/count";
 
 #[test]
 fn a_level_goes_into_the_document_as_submitted() {

@@ -1,0 +1,122 @@
+//! Deleting sweeps: first the sweep is gone for everybody, in one transaction, then its rows go in pieces, so that a large one
+//! keeps no heartbeat waiting. What a server did not come to is done when the next one starts.
+
+use roost_api::ids::SweepId;
+use roost_api::sweep::Deletion;
+use sqlx::SqliteConnection;
+
+use super::rows::Columns;
+use super::{Store, StoreError};
+
+/// Jobs of one piece.
+const PIECE: i64 = 500;
+
+impl Store {
+    /// What deleting a sweep would take away.
+    pub(crate) async fn deletion(&self, id: SweepId) -> Result<Option<Deletion>, StoreError> {
+        let row = sqlx::query(
+            "SELECT points,
+                    (SELECT count(*) FROM jobs WHERE sweep_id = s.id) AS jobs,
+                    (SELECT count(*) FROM jobs WHERE sweep_id = s.id AND ended_at IS NULL) AS unended,
+                    (SELECT count(*) FROM jobs j JOIN attempts a ON a.job_id = j.id WHERE j.sweep_id = s.id) AS attempts,
+                    (SELECT count(*) FROM jobs j JOIN results r ON r.job_id = j.id WHERE j.sweep_id = s.id) AS results
+             FROM sweeps s WHERE id = ? AND deleting = 0",
+        )
+        .bind(id.to_string())
+        .fetch_optional(&self.readers)
+        .await?;
+        let Some(row) = row else { return Ok(None) };
+        Ok(Some(Deletion {
+            dry_run: true,
+            points: row.number("points")?,
+            jobs: row.number("jobs")?,
+            unended: row.number("unended")?,
+            attempts: row.number("attempts")?,
+            results: row.number("results")?,
+        }))
+    }
+
+    /// Deletes a sweep; false when some of its jobs have not ended, and then nothing is changed.
+    pub(crate) async fn delete_sweep(&self, id: SweepId) -> Result<bool, StoreError> {
+        let marked = self
+            .writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let marked = sqlx::query(
+                        "UPDATE sweeps SET deleting = 1 WHERE id = ? AND deleting = 0
+                         AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id AND ended_at IS NULL)",
+                    )
+                    .bind(id.to_string())
+                    .execute(&mut *tx)
+                    .await?;
+                    Ok(marked.rows_affected() > 0)
+                })
+            })
+            .await?;
+        while marked
+            && self.writer.write(move |tx| Box::pin(async move { piece(tx, &id.to_string()).await })).await?
+        {
+        }
+        Ok(marked)
+    }
+}
+
+/// Goes on with deletions that a server did not finish.
+pub(super) async fn finish(connection: &mut SqliteConnection) -> Result<(), StoreError> {
+    let left: Vec<String> =
+        sqlx::query_scalar("SELECT id FROM sweeps WHERE deleting = 1").fetch_all(&mut *connection).await?;
+    for id in left {
+        while piece(connection, &id).await? {}
+    }
+    Ok(())
+}
+
+/// Deletes some jobs with all that hangs on them, and the sweep after the last. Returns whether there is more to do.
+async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<bool, StoreError> {
+    let jobs: Vec<(String, String)> =
+        sqlx::query_as("SELECT id, digest FROM jobs WHERE sweep_id = ? LIMIT ?")
+            .bind(id)
+            .bind(PIECE)
+            .fetch_all(&mut *tx)
+            .await?;
+    for (job, digest) in &jobs {
+        let documents: Vec<String> = sqlx::query_scalar(
+            "SELECT document FROM results WHERE job_id = ?
+             UNION SELECT partial FROM attempts WHERE job_id = ? AND partial IS NOT NULL",
+        )
+        .bind(job)
+        .bind(job)
+        .fetch_all(&mut *tx)
+        .await?;
+        for sql in [
+            "DELETE FROM results WHERE job_id = ?",
+            "DELETE FROM attempts WHERE job_id = ?",
+            "DELETE FROM jobs WHERE id = ?",
+        ] {
+            sqlx::query(sql).bind(job).execute(&mut *tx).await?;
+        }
+        for document in documents {
+            sqlx::query(
+                "DELETE FROM documents WHERE digest = ?
+                 AND NOT EXISTS (SELECT 1 FROM results WHERE document = documents.digest)
+                 AND NOT EXISTS (SELECT 1 FROM attempts WHERE partial = documents.digest)",
+            )
+            .bind(document)
+            .execute(&mut *tx)
+            .await?;
+        }
+        sqlx::query(
+            "DELETE FROM scenarios WHERE digest = ? AND NOT EXISTS (SELECT 1 FROM jobs WHERE digest = scenarios.digest)",
+        )
+        .bind(digest)
+        .execute(&mut *tx)
+        .await?;
+    }
+    if jobs.len() as i64 == PIECE {
+        return Ok(true);
+    }
+    for sql in ["DELETE FROM points WHERE sweep_id = ?", "DELETE FROM sweeps WHERE id = ?"] {
+        sqlx::query(sql).bind(id).execute(&mut *tx).await?;
+    }
+    Ok(false)
+}

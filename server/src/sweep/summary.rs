@@ -1,0 +1,63 @@
+//! Trials by design point: the replicates of each, kept apart in the table, summed up here.
+
+use std::collections::BTreeMap;
+
+use roost_api::job::{FailureClass, JobState};
+use roost_api::table::{PointRow, Summary, TrialRow};
+use serde_json::Value;
+
+use crate::stats::Sample;
+
+/// Sums the trials up by design point; they come sorted by it.
+pub(crate) fn by_point(trials: &[TrialRow]) -> Vec<PointRow> {
+    trials.chunk_by(|one, other| one.point == other.point).map(point).collect()
+}
+
+fn point(trials: &[TrialRow]) -> PointRow {
+    let mut row = PointRow {
+        point: trials[0].point,
+        factors: trials[0].factors.clone(),
+        counts: Default::default(),
+        unstable: 0,
+        responses: BTreeMap::new(),
+    };
+    let mut values: BTreeMap<&str, Vec<&Value>> = BTreeMap::new();
+    for trial in trials {
+        *row.counts.of(trial.state) += 1;
+        row.unstable += u64::from(trial.failure_class == Some(FailureClass::Unstable));
+        for (name, value) in trial.responses.iter().filter(|_| trial.state == JobState::Succeeded) {
+            values.entry(name).or_default().push(value);
+        }
+    }
+    row.responses = values.into_iter().map(|(name, values)| (name.to_owned(), summary(&values))).collect();
+    row
+}
+
+/// Numbers have a mean, words are counted; null is no value.
+fn summary(values: &[&Value]) -> Summary {
+    let numbers: Vec<f64> = values.iter().filter_map(|value| value.as_f64()).collect();
+    let mut words: BTreeMap<String, u64> = BTreeMap::new();
+    for word in values.iter().filter_map(|value| word(value)) {
+        *words.entry(word).or_default() += 1;
+    }
+    let sample = Sample::of(&numbers);
+    let mean = sample.map(|sample| sample.mean);
+    let half_width = sample.and_then(|sample| sample.half_width());
+    Summary {
+        n: numbers.len() as u64 + words.values().sum::<u64>(),
+        mean,
+        standard_deviation: sample.and_then(|sample| sample.deviation),
+        low_95: mean.zip(half_width).map(|(mean, half)| mean - half),
+        high_95: mean.zip(half_width).map(|(mean, half)| mean + half),
+        words: (!words.is_empty()).then_some(words),
+    }
+}
+
+/// A value that is counted rather than averaged.
+pub(super) fn word(value: &Value) -> Option<String> {
+    match value {
+        Value::String(word) => Some(word.clone()),
+        Value::Bool(flag) => Some(flag.to_string()),
+        _ => None,
+    }
+}

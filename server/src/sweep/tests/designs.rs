@@ -1,0 +1,358 @@
+//! Designs against published tables and SciPy's numbers.
+
+use std::collections::BTreeSet;
+
+use super::*;
+use crate::sweep::{draw, matrix as matrices};
+
+fn numbers(values: &Value) -> Vec<f64> {
+    values.as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
+}
+
+/// Centred L2 discrepancy (Hickernell 1998): how far points are from even.
+fn discrepancy(points: &[Vec<f64>]) -> f64 {
+    let (n, d) = (points.len() as f64, points[0].len() as i32);
+    let from = |x: &f64| (x - 0.5).abs();
+    let one: f64 = points
+        .iter()
+        .map(|point| point.iter().map(|x| 1.0 + 0.5 * from(x) - 0.5 * from(x).powi(2)).product::<f64>())
+        .sum();
+    let two: f64 = points
+        .iter()
+        .flat_map(|a| points.iter().map(move |b| (a, b)))
+        .map(|(a, b)| {
+            let of = |(x, y): (&f64, &f64)| 1.0 + 0.5 * from(x) + 0.5 * from(y) - 0.5 * (x - y).abs();
+            a.iter().zip(b).map(of).product::<f64>()
+        })
+        .sum();
+    (13.0 / 12.0_f64).powi(d) - 2.0 / n * one + two / (n * n)
+}
+
+fn drawn(kind: &str, seed: u64) -> Vec<Vec<f64>> {
+    let columns: Vec<_> = (0..3).map(|factor| draw::latin_hypercube(64, factor, seed)).collect();
+    (0..64)
+        .map(|point| match kind {
+            "sobol" => (0..3).map(|factor| draw::sobol(point, factor, seed)).collect(),
+            "random" => draw::random(point, seed).take(3).collect(),
+            _ => columns.iter().map(|column| column[point as usize]).collect(),
+        })
+        .collect()
+}
+
+#[test]
+fn drawn_designs_are_as_even_as_those_of_scipy() {
+    let expected = &scipy()["discrepancy"];
+    let points: Vec<Vec<f64>> = expected["points"].as_array().unwrap().iter().map(numbers).collect();
+    let value = expected["value"].as_f64().unwrap();
+    assert!((discrepancy(&points) - value).abs() < 1e-12, "what measures here is what measured there");
+    for kind in ["sobol", "latin_hypercube", "random"] {
+        let [low, middle, high] = numbers(&expected["quantiles"][kind])[..] else {
+            panic!("three quantiles")
+        };
+        let mut found: Vec<f64> = (0..40).map(|seed| discrepancy(&drawn(kind, seed))).collect();
+        found.sort_by(f64::total_cmp);
+        assert!(low * 0.95 < found[0] && found[39] < high * 1.05, "{kind}: {found:?} in {low} to {high}");
+        assert!((found[20] / middle - 1.0).abs() < 0.15, "{kind}: {} near {middle}", found[20]);
+    }
+}
+
+#[test]
+fn the_directions_of_the_sobol_sequence_are_those_of_scipy() {
+    for (index, point) in scipy()["sobol"].as_array().unwrap().iter().enumerate() {
+        for (factor, expected) in numbers(point).into_iter().enumerate() {
+            // SciPy goes through the points in the order of a Gray code.
+            let index = (index ^ (index >> 1)) as u32;
+            let bits = sobol_burley::parts::sobol_rev(index.reverse_bits(), factor as u32).reverse_bits();
+            assert_eq!(f64::from(bits) / 2_f64.powi(32), expected, "point {index}, factor {factor}");
+        }
+    }
+}
+
+#[test]
+fn every_power_of_two_of_sobol_points_fills_equal_boxes_equally() {
+    for seed in [0, 1, 1 << 40] {
+        for power in 1..=8 {
+            let n = 1_u32 << power;
+            // In one factor every n-th part, in the first two every box of area 1/n, whatever its shape.
+            for shape in 0..=power {
+                let boxes: BTreeSet<(u32, u32)> = (0..n)
+                    .map(|point| {
+                        let cell = |factor, bits: u32| {
+                            (draw::sobol(point, factor, seed) * f64::from(1 << bits)) as u32
+                        };
+                        (cell(0, shape), cell(1, power - shape))
+                    })
+                    .collect();
+                assert_eq!(boxes.len(), n as usize, "seed {seed}, {n} points, shape {shape}");
+            }
+        }
+    }
+    assert_ne!(draw::sobol(3, 0, 1), draw::sobol(3, 0, 2), "seeds scramble");
+    assert_ne!(draw::sobol(3, 0, 1), draw::sobol(3, 0, 1 | 1 << 40), "all bits of them");
+}
+
+#[test]
+fn each_part_of_a_latin_hypercube_holds_one_point() {
+    for factor in 0..5 {
+        let column = draw::latin_hypercube(100, factor, 7);
+        let parts: BTreeSet<u32> = column.iter().map(|x| (x * 100.0) as u32).collect();
+        assert_eq!(parts.len(), 100);
+        assert_eq!(column, draw::latin_hypercube(100, factor, 7), "reproducible");
+        assert_ne!(column, draw::latin_hypercube(100, factor, 8));
+        assert_ne!(column, draw::latin_hypercube(100, factor + 1, 7), "each factor in an order of its own");
+    }
+}
+
+/// A published table: a row for each block, ± for every combination of low and high.
+fn published(table: &str) -> Vec<Vec<i8>> {
+    let mut points = Vec::new();
+    for line in table.lines().map(str::trim).filter(|line| !line.is_empty()) {
+        let cells: Vec<&str> = line.split_whitespace().collect();
+        let places: Vec<usize> = (0..cells.len()).filter(|place| cells[*place] == "±").collect();
+        for signs in 0..1_u32 << places.len() {
+            let mut point = vec![0; cells.len()];
+            for (bit, place) in places.iter().rev().enumerate() {
+                point[*place] = if signs & (1 << bit) == 0 { -1 } else { 1 };
+            }
+            points.push(point);
+        }
+    }
+    points
+}
+
+#[test]
+fn box_behnken_designs_are_those_of_the_tables() {
+    // Three factors as the NIST handbook prints them (5.3.3.6.2), in the order of ours.
+    let three = [
+        [-1, -1, 0],
+        [-1, 1, 0],
+        [1, -1, 0],
+        [1, 1, 0],
+        [-1, 0, -1],
+        [-1, 0, 1],
+        [1, 0, -1],
+        [1, 0, 1],
+        [0, -1, -1],
+        [0, -1, 1],
+        [0, 1, -1],
+        [0, 1, 1],
+    ];
+    assert_eq!(matrices::edges(3), three.map(Vec::from));
+    // Box and Behnken 1960, tables for four to seven factors.
+    let tables = [
+        "± ± 0 0 \n 0 0 ± ± \n ± 0 0 ± \n 0 ± ± 0 \n ± 0 ± 0 \n 0 ± 0 ±",
+        "± ± 0 0 0 \n 0 0 ± ± 0 \n 0 ± 0 0 ± \n ± 0 ± 0 0 \n 0 0 0 ± ±
+         0 ± ± 0 0 \n ± 0 0 ± 0 \n 0 0 ± 0 ± \n ± 0 0 0 ± \n 0 ± 0 ± 0",
+        "± ± 0 ± 0 0 \n 0 ± ± 0 ± 0 \n 0 0 ± ± 0 ± \n ± 0 0 ± ± 0 \n 0 ± 0 0 ± ± \n ± 0 ± 0 0 ±",
+        "0 0 0 ± ± ± 0 \n ± 0 0 0 0 ± ± \n 0 ± 0 0 ± 0 ± \n ± ± 0 ± 0 0 0 \n 0 0 ± ± 0 0 ± \n ± 0 ± 0 ± 0 0
+         0 ± ± 0 0 ± 0",
+    ];
+    for (factors, (table, size)) in (4..).zip(tables.into_iter().zip([24, 40, 48, 56])) {
+        let points = matrices::edges(factors);
+        assert_eq!(points, published(table), "{factors} factors");
+        assert_eq!(points.len(), size);
+        // What makes them good for quadratic models: no factor leans to a side, no two go together.
+        for a in 0..factors {
+            assert_eq!(points.iter().map(|point| i32::from(point[a])).sum::<i32>(), 0);
+            for b in 0..a {
+                assert_eq!(points.iter().map(|point| i32::from(point[a] * point[b])).sum::<i32>(), 0);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_box_behnken_sweep_takes_low_middle_and_high() {
+    let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}, {"pointer": BELT, "low": 0.1, "high": 0.4, "scale": "log"},
+                         {"pointer": COUNT, "levels": [4, 6, 7]}]);
+    let points = matrix(&of_design(json!({"kind": "box_behnken"}), factors.clone()));
+    assert_eq!(points.len(), 13);
+    assert_eq!(points[0], [json!(0.05), json!(0.1), json!(6)]);
+    assert_eq!(points[11], [json!(0.06), json!(0.4), json!(7)]);
+    assert_eq!(points[12], [json!(0.06), json!(0.2), json!(6)], "the centre comes last, once");
+    let two = of_design(json!({"kind": "box_behnken"}), json!([factors[0], factors[1]]));
+    assert_eq!(faults(&two)[0].pointer, "/factors");
+}
+
+#[test]
+fn a_grid_counts_with_the_last_factor_fastest() {
+    let digits: Vec<_> = (0..6).map(|index| matrices::digits(&[2, 3], index)).collect();
+    assert_eq!(digits, [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]);
+    let alone = matrix(&spec(json!([])));
+    assert_eq!(alone, [[json!(0); 0]], "replicates alone are one point");
+    let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.06}, {"pointer": COUNT, "low": 3, "high": 9, "count": 3},
+                         {"pointer": BELT, "low": 0.1, "high": 0.4, "scale": "log", "count": 3}]);
+    let points = matrix(&spec(factors));
+    assert_eq!(points.len(), 2 * 3 * 3);
+    assert_eq!(points[1], [json!(0.05), json!(3), json!(0.2)], "ranges in equal steps of their scale");
+    assert_eq!(points[17], [json!(0.06), json!(9), json!(0.4)]);
+    let uncountable = json!([{"pointer": GATE, "low": 0.05, "high": 0.06, "count": 1000},
+                             {"pointer": BELT, "low": 0.1, "high": 0.4, "count": 1000}]);
+    assert!(faults(&spec(uncountable))[0].detail.contains("1000000 jobs"));
+}
+
+#[test]
+fn one_at_a_time_starts_from_the_base_and_never_repeats_it() {
+    let factors = json!([{"pointer": "/contact/condition", "levels": ["dry", "wet"]},
+                         {"pointer": COUNT, "levels": [4, 6, 8]},
+                         {"pointer": "/contact/fillet_belt/static_friction", "levels": [0.1]}]);
+    let points = matrix(&of_design(json!({"kind": "one_at_a_time"}), factors));
+    let friction = points[0][2].clone();
+    assert_eq!(points.len(), 5);
+    assert_eq!(points[0], [json!("dry"), json!(6), friction.clone()]);
+    assert_eq!(points[1][..2], [json!("wet"), json!(6)]);
+    assert_ne!(points[1][2], friction, "what wet chooses is told as it is");
+    assert_eq!(points[2], [json!("dry"), json!(4), friction.clone()]);
+    assert_eq!(points[3], [json!("dry"), json!(8), friction]);
+    assert_eq!(points[4], [json!("dry"), json!(6), json!(0.1)]);
+}
+
+#[test]
+fn drawn_values_keep_to_range_scale_and_kind() {
+    let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}, {"pointer": COUNT, "low": 3, "high": 6},
+                         {"pointer": BELT, "low": 0.01, "high": 1.0, "scale": "log"},
+                         {"pointer": "/contact/condition", "levels": ["dry", "wet"]}]);
+    for kind in ["random", "latin_hypercube", "sobol"] {
+        let design = json!({"kind": kind, "points": 64, "seed": 3});
+        let points = matrix(&of_design(design.clone(), factors.clone()));
+        assert_eq!(points.len(), 64);
+        assert_eq!(points, matrix(&of_design(design, factors.clone())), "reproducible");
+        assert_ne!(
+            points,
+            matrix(&of_design(json!({"kind": kind, "points": 64, "seed": 4}), factors.clone()))
+        );
+        let column = |factor: usize| points.iter().map(move |point| point[factor].clone());
+        assert!(column(0).all(|gate| (0.05..=0.07).contains(&gate.as_f64().unwrap())));
+        for count in 3..=6 {
+            let share = column(1).filter(|value| value == &json!(count)).count();
+            let expected = if kind == "random" { 6..=26 } else { 16..=16 };
+            assert!(expected.contains(&share), "{kind}: {share} of {count}");
+        }
+        let slow = column(2).filter(|belt| belt.as_f64().unwrap() < 0.1).count();
+        assert!((22..=42).contains(&slow), "{kind}: half of the logarithms, not a tenth: {slow}");
+        let wet = column(3).filter(|condition| condition == "wet").count();
+        assert!((20..=44).contains(&wet), "{kind}: {wet}");
+    }
+}
+
+#[test]
+fn a_longer_sequence_begins_with_the_shorter_one() {
+    let factors =
+        json!([{"pointer": GATE, "low": 0.05, "high": 0.07}, {"pointer": BELT, "low": 0.1, "high": 0.4}]);
+    for kind in ["random", "sobol"] {
+        let of = |points: u32| matrix(&of_design(json!({"kind": kind, "points": points}), factors.clone()));
+        assert_eq!(of(20)[..7], of(7));
+    }
+}
+
+#[test]
+fn linked_fields_take_the_same_value() {
+    let linked = ["/bonds/normal_stiffness_n_m3", "/bonds/shear_stiffness_n_m3"];
+    let sweep = spec(json!([{"pointers": linked, "levels": [5e5, 7e5]}]));
+    let expansion = expand(&sweep, &Meshes::default(), LIMITS).unwrap();
+    assert_eq!(expansion.factors, [linked[0]]);
+    for (point, expected) in expansion.points.iter().zip([5e5, 7e5]) {
+        let complete = json!(point.scenario);
+        assert!(linked.iter().all(|field| complete.pointer(field) == Some(&json!(expected))), "{complete:#}");
+        assert_eq!(point.levels[linked[0]], json!(expected));
+    }
+}
+
+#[test]
+fn lists_and_tables_give_the_points_themselves() {
+    let factors = json!([{"pointer": GATE}, {"pointer": "/contact/condition"}]);
+    let rows = json!([[0.05, "dry"], [0.06, "wet"]]);
+    let listed = matrix(&of_design(json!({"kind": "list", "rows": rows}), factors.clone()));
+    assert_eq!(json!(listed), rows);
+    let table = format!("/contact/condition,{GATE}\ndry, 5e-2\nwet,.06\n");
+    let read = matrix(&of_design(json!({"kind": "csv", "table": table}), factors));
+    assert_eq!(json!(read), rows, "columns in any order");
+    let headed = matrix(&of_design(json!({"kind": "csv", "table": table}), json!([])));
+    assert_eq!(headed[1], [json!("wet"), json!(0.06)], "without factors every column is one");
+}
+
+/// Pointer and detail of each fault.
+fn told(design: Value, factors: Value) -> Vec<(String, String)> {
+    faults(&of_design(design, factors)).into_iter().map(|fault| (fault.pointer, fault.detail)).collect()
+}
+
+#[track_caller]
+fn holds(told: &[(String, String)], pointer: &str, word: &str) {
+    assert!(
+        told.iter().any(|(at, detail)| at == pointer && detail.contains(word)),
+        "{pointer}: {word}\n{told:#?}"
+    );
+}
+
+#[test]
+fn what_is_wrong_with_a_design_is_told() {
+    let gate = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}]);
+    holds(
+        &told(json!({"kind": "grid", "seed": 3}), gate.clone()),
+        "/design/seed",
+        "grid takes no such field",
+    );
+    holds(&told(json!({"kind": "random", "points": 3}), json!([])), "/factors", "nothing is varied");
+    holds(&told(json!({"kind": "sobol"}), gate.clone()), "/design/points", "needs this field");
+    holds(&told(json!({"kind": "random", "points": 0}), gate.clone()), "/design/points", "at least one");
+    holds(&told(json!({"kind": "sobol", "points": 70000}), gate.clone()), "/design/points", "70000");
+    holds(
+        &told(json!({"kind": "random", "points": 2, "seed": 1_u64 << 53}), gate.clone()),
+        "/design/seed",
+        "range",
+    );
+    holds(&told(json!({"kind": "list", "rows": []}), json!([{"pointer": GATE}])), "/design/rows", "no row");
+    let list = told(json!({"kind": "list", "rows": [[0.05, 1], [0.05], [0.05]]}), json!([{"pointer": GATE}]));
+    holds(&list, "/design/rows/0", "2 values for 1 factors");
+    holds(&list, "/design/rows", "row 2 is the same as row 1");
+    holds(&told(json!({"kind": "list", "rows": [[0.05]]}), gate.clone()), "/factors/0/low", "the rows say");
+    holds(
+        &told(json!({"kind": "list", "rows": [[0.05], ["x"]]}), json!([{"pointer": GATE}])),
+        "/design/rows/1/0",
+        "",
+    );
+    let csv = |table: &str| told(json!({"kind": "csv", "table": table}), json!([{"pointer": GATE}]));
+    holds(&csv("gate\n0.05\n"), "/design/table", "column 1 is no factor");
+    holds(&csv("gate\n0.05\n"), "/design/table", &format!("no column `{GATE}`"));
+    holds(&csv(&format!("{GATE}\n0.05,1\n")), "/design/table", "fields");
+    let wrong = csv(&format!("{GATE}\n-1\nx\n0.05\n"));
+    holds(&wrong, "/design/table", "design point 0");
+    holds(&wrong, "/design/table", "design point 1");
+}
+
+#[test]
+fn what_is_wrong_with_a_factor_is_told() {
+    let random = || json!({"kind": "random", "points": 4});
+    let of = |factor: Value| told(random(), json!([factor]));
+    holds(&of(json!({"pointer": GATE})), "/factors/0/levels", "needs values");
+    holds(&of(json!({"levels": [1]})), "/factors/0/pointer", "needs a field");
+    holds(&of(json!({"pointer": GATE, "pointers": [BELT], "levels": [1]})), "/factors/0/pointers", "already");
+    holds(&of(json!({"pointer": GATE, "low": 0.05})), "/factors/0/high", "`low` stands without");
+    holds(&of(json!({"pointer": GATE, "low": 0.07, "high": 0.05})), "/factors/0/high", "not above");
+    holds(&of(json!({"pointer": GATE, "low": 0.05, "high": 1e9})), "/factors/0/high", "not a value of");
+    holds(&of(json!({"pointer": COUNT, "low": 1.5, "high": 4})), "/factors/0/low", "not a value of");
+    holds(
+        &of(json!({"pointer": "/contact/condition", "low": 0, "high": 1})),
+        "/factors/0/low",
+        "not a value of",
+    );
+    let log = json!({"pointer": "/scene/gravity", "low": -1.0, "high": 1.0, "scale": "log"});
+    holds(&of(log), "/factors/0/low", "logarithmic");
+    holds(&of(json!({"pointer": GATE, "low": 0.05, "high": 0.07, "count": 3})), "/factors/0/count", "no use");
+    holds(&of(json!({"pointer": GATE, "levels": [0.05], "low": 0.05})), "/factors/0/low", "`levels` already");
+    let linked = json!({"pointers": [BELT, BELT], "levels": [0.1]});
+    holds(&of(linked), "/factors/0/pointers/1", "factor 0 varies the same field");
+    let few = told(json!({"kind": "grid"}), json!([{"pointer": COUNT, "low": 3, "high": 5, "count": 9}]));
+    holds(&few, "/factors/0", "no 9 different whole numbers");
+}
+
+#[test]
+fn a_misspelled_field_in_a_list_is_told_with_its_place() {
+    let base = json!({"experiment": "scene", "scene": {
+        "bodies": [{"position_m": [0, 0, 0.5]}, {"position_m": [0, 0, 1]}],
+        "surfaces": [{"name": "floor", "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}]}});
+    let sweep = json!({"name": "s", "base": base, "design": {"kind": "grid"},
+                       "factors": [{"pointer": "/scene/bodies/1/positon_m", "levels": [[0, 0, 1]]}]});
+    let found = faults(&serde_json::from_value(sweep).unwrap());
+    assert_eq!(found[0].allowed.as_deref(), Some("did you mean /scene/bodies/1/position_m?"), "{found:?}");
+}

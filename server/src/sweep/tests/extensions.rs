@@ -1,0 +1,112 @@
+//! What is added to a sweep, and that what is there stays.
+
+use super::*;
+
+/// A sweep as the store would have it.
+fn stored(spec: SweepSpec) -> Stored {
+    let expansion = expand(&spec, &Meshes::default(), LIMITS).unwrap();
+    let matrix = expansion.points.into_iter().map(|point| point.levels).collect();
+    Stored { replicates: spec.replicates, spec, matrix }
+}
+
+/// The levels of what an extension adds, a row a point; the sweep grows by them.
+fn grow(stored: &mut Stored, extension: Value) -> Vec<Vec<Value>> {
+    let growth =
+        extend(stored, extension, &Meshes::default(), LIMITS).unwrap_or_else(|faults| panic!("{faults:#?}"));
+    stored.replicates = growth.replicates;
+    stored.matrix.extend(growth.points.iter().map(|point| point.levels.clone()));
+    let names: Vec<String> = factors(&stored.spec).iter().map(|factor| factor.name().to_owned()).collect();
+    let row = |point: Point| names.iter().map(|name| point.levels[name].clone()).collect();
+    growth.points.into_iter().map(row).collect()
+}
+
+#[track_caller]
+fn refused(stored: &Stored, extension: Value, pointer: &str, word: &str) {
+    let found = extend(stored, extension, &Meshes::default(), LIMITS).expect_err("an extension at fault");
+    let holds = found.iter().any(|fault| fault.pointer == pointer && fault.to_string().contains(word));
+    assert!(holds, "{pointer}: {word}\n{found:#?}");
+}
+
+fn range() -> Value {
+    json!([{"pointer": GATE, "low": 0.05, "high": 0.07}, {"pointer": BELT, "low": 0.1, "high": 0.4}])
+}
+
+#[test]
+fn sequences_go_on_where_they_stopped() {
+    for kind in ["random", "sobol"] {
+        let of = |points: u32| of_design(json!({"kind": kind, "points": points, "seed": 5}), range());
+        let mut sweep = stored(of(8));
+        let first = grow(&mut sweep, json!({"points": 4}));
+        let second = grow(&mut sweep, json!({"points": 20}));
+        let all = matrix(&of(32));
+        assert_eq!([first, second].concat(), all[8..], "as if all had been asked for at once");
+    }
+    let sweep = stored(of_design(json!({"kind": "sobol", "points": 8}), range()));
+    refused(&sweep, json!({"points": 65_530}), "", "at most 1000 jobs");
+    let limits = SweepLimits { max_jobs: 1_000_000, ..LIMITS };
+    let far = extend(&sweep, json!({"points": 65_530}), &Meshes::default(), limits).unwrap_err();
+    assert_eq!(far[0].pointer, "/points");
+}
+
+#[test]
+fn a_grid_grows_by_the_combinations_with_a_new_level() {
+    let factors = json!([{"pointer": GATE, "levels": [0.05, 0.06]}, {"pointer": BELT, "levels": [0.1, 0.2]}]);
+    let mut sweep = stored(spec(factors));
+    let added = grow(&mut sweep, json!({"levels": {GATE: [0.07]}}));
+    assert_eq!(json!(added), json!([[0.07, 0.1], [0.07, 0.2]]));
+    let added = grow(&mut sweep, json!({"levels": {BELT: [0.3], GATE: [0.08]}}));
+    let expected = json!([[0.05, 0.3], [0.06, 0.3], [0.07, 0.3], [0.08, 0.1], [0.08, 0.2], [0.08, 0.3]]);
+    assert_eq!(json!(added), expected, "levels of earlier extensions count");
+    assert_eq!(sweep.matrix.len(), 12);
+    refused(&sweep, json!({"levels": {GATE: [0.08]}}), "/levels/~1equipment~1gate_opening_m/0", "already");
+    refused(&sweep, json!({"levels": {"/x": [1]}}), "/levels/~1x", "no such factor");
+    refused(
+        &sweep,
+        json!({"levels": {GATE: [-1.0]}}),
+        "/levels/~1equipment~1gate_opening_m/0",
+        "design point 12",
+    );
+    refused(&sweep, json!({"points": 3}), "/points", "allowed: levels, replicates");
+}
+
+#[test]
+fn one_at_a_time_grows_by_levels() {
+    let factors = json!([{"pointer": GATE, "levels": [0.05]}, {"pointer": COUNT, "levels": [4]}]);
+    let mut sweep = stored(of_design(json!({"kind": "one_at_a_time"}), factors));
+    let added = grow(&mut sweep, json!({"levels": {COUNT: [5, 7]}}));
+    assert_eq!(json!(added), json!([[0.06, 5], [0.06, 7]]));
+    for there in [4, 5, 6] {
+        refused(&sweep, json!({"levels": {COUNT: [there]}}), "/levels/~1product~1count/0", "already");
+    }
+}
+
+#[test]
+fn a_list_grows_by_rows() {
+    let mut sweep = stored(of_design(
+        json!({"kind": "list", "rows": [[0.05, 0.1]]}),
+        json!([{"pointer": GATE}, {"pointer": BELT}]),
+    ));
+    assert_eq!(
+        json!(grow(&mut sweep, json!({"rows": [[0.06, 0.1], [0.07, 0.1]]}))),
+        json!([[0.06, 0.1], [0.07, 0.1]])
+    );
+    let table = format!("{BELT},{GATE}\n0.2,0.05\n");
+    assert_eq!(json!(grow(&mut sweep, json!({"table": table}))), json!([[0.05, 0.2]]));
+    refused(&sweep, json!({"rows": [[0.05, 0.2]]}), "/rows", "a point of the sweep already");
+    refused(&sweep, json!({"rows": [[0.05, -1]]}), "/rows/0/1", "design point 4");
+}
+
+#[test]
+fn some_designs_take_replicates_alone_and_say_why() {
+    let mut hypercube = stored(of_design(json!({"kind": "latin_hypercube", "points": 8}), range()));
+    refused(&hypercube, json!({"points": 8}), "/points", "each point of a Latin hypercube has its own part");
+    assert_eq!(grow(&mut hypercube, json!({"replicates": 2})), [[json!(0); 0]; 0]);
+    assert_eq!(hypercube.replicates, 3);
+    let factors = json!([range()[0], range()[1], {"pointer": COUNT, "levels": [4, 6, 7]}]);
+    let cube = stored(of_design(json!({"kind": "box_behnken"}), factors));
+    refused(&cube, json!({"points": 1}), "/points", "a Box-Behnken design is complete");
+    refused(&cube, json!({}), "", "nothing to add");
+    refused(&cube, json!({"replicates": 0}), "/replicates", "nothing to add");
+    refused(&cube, json!({"replicates": 500}), "", "at most 1000 jobs");
+    refused(&cube, json!({"replicats": 1}), "/replicats", "did you mean `replicates`");
+}

@@ -1,0 +1,177 @@
+//! Summaries, effects and tables of made-up trials, against SciPy and a reader of Parquet.
+
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::RowAccessor;
+use roost_api::design::Factor;
+use roost_api::ids::JobId;
+use roost_api::job::{FailureClass, JobState};
+use roost_api::table::TrialRow;
+
+use super::*;
+
+fn trial(point: u32, replicate: u32, factors: Value, responses: Value) -> TrialRow {
+    TrialRow {
+        job_id: JobId::new(),
+        point,
+        replicate,
+        seed: u64::from(replicate) + 1,
+        factors: factors.as_object().unwrap().clone(),
+        state: JobState::Succeeded,
+        failure_class: None,
+        backend: Some("cpu".to_owned()),
+        solver_revision: Some(7),
+        responses: responses.as_object().unwrap().clone(),
+    }
+}
+
+fn near(value: Option<f64>, expected: &Value) {
+    let (value, expected) = (value.unwrap(), expected.as_f64().unwrap());
+    assert!((value - expected).abs() <= 1e-9 * expected.abs().max(1e-3), "{value}, not {expected}");
+}
+
+#[test]
+fn means_and_intervals_are_those_of_scipy() {
+    for expected in scipy()["intervals"].as_array().unwrap() {
+        let values = expected["values"].as_array().unwrap().iter();
+        let trials: Vec<_> =
+            (0..).zip(values).map(|(r, y)| trial(0, r, json!({}), json!({"y": y}))).collect();
+        let row = &by_point(&trials)[0];
+        let summary = &row.responses["y"];
+        assert_eq!(summary.n, trials.len() as u64);
+        near(summary.mean, &expected["mean"]);
+        near(summary.standard_deviation, &expected["standard_deviation"]);
+        near(summary.low_95, &expected["low_95"]);
+        near(summary.high_95, &expected["high_95"]);
+    }
+}
+
+#[test]
+fn points_count_what_failed_and_average_what_succeeded() {
+    let mut trials = vec![
+        trial(0, 0, json!({"/a": 1}), json!({"y": 2.0, "t": null, "regime": "constant"})),
+        trial(0, 1, json!({"/a": 1}), json!({"y": 4.0, "t": 1.0, "regime": "no_flow"})),
+        trial(0, 2, json!({"/a": 1}), json!({"y": 100.0})),
+        trial(1, 0, json!({"/a": 2}), json!({"y": 5, "regime": "no_flow"})),
+    ];
+    (trials[2].state, trials[2].failure_class) = (JobState::Failed, Some(FailureClass::Unstable));
+    let rows = by_point(&trials);
+    assert_eq!((rows[0].counts.succeeded, rows[0].counts.failed, rows[0].unstable), (2, 1, 1));
+    assert_eq!((rows[0].responses["y"].n, rows[0].responses["y"].mean), (2, Some(3.0)), "100 is in no mean");
+    assert_eq!((rows[0].responses["t"].n, rows[0].responses["t"].standard_deviation), (1, None));
+    assert_eq!(json!(rows[0].responses["regime"]), json!({"n": 2, "words": {"constant": 1, "no_flow": 1}}));
+    let factors = [Factor { pointer: Some("/a".to_owned()), ..Factor::default() }];
+    let effects = effects(&factors, &rows);
+    let names: Vec<_> = effects.iter().map(|of| of.response.as_str()).collect();
+    assert_eq!(names, ["regime=constant", "regime=no_flow", "t", "y"]);
+    assert_eq!((effects[1].mean, effects[1].factors[0].effect), (0.75, Some(0.5)), "shares of trials");
+    assert_eq!(
+        json!(effects[3].factors[0].levels[1]),
+        json!({"level": 2, "points": 1, "mean": 5.0, "effect": 1.0})
+    );
+    assert_eq!(effects[2].factors[0].effect, None, "one point shows no effect");
+}
+
+#[test]
+fn effects_and_rank_correlations_are_those_of_scipy() {
+    let data = &scipy()["effects"];
+    let at = |name: &str, index: usize| data[name][index].clone();
+    // Two replicates about each value: a point counts once, with their mean.
+    let trials: Vec<_> = (0..20)
+        .flat_map(|point| {
+            let factors =
+                json!({"/a": at("a", point), "/b": at("b", point), "/c": at("c", point), "/word": "same"});
+            let response = |name, shift: f64| at(name, point).as_f64().unwrap() + shift;
+            [0.25, -0.25].map(|shift| {
+                let responses = json!({"y": response("y", shift), "z": response("z", 0.0)});
+                trial(point as u32, u32::from(shift < 0.0), factors.clone(), responses)
+            })
+        })
+        .collect();
+    let factor = |name: &str, scale: Option<&str>| {
+        serde_json::from_value::<Factor>(json!({"pointer": name, "scale": scale})).unwrap()
+    };
+    let factors = [factor("/a", None), factor("/b", Some("log")), factor("/c", None), factor("/word", None)];
+    let found = effects(&factors, &by_point(&trials));
+    for (response, expected) in found.iter().zip([&data["of_y"], &data["of_z"]]) {
+        assert_eq!(response.points, 20);
+        for (effect, name) in response.factors.iter().zip(["a", "b", "c"]) {
+            near(effect.effect, &expected[name]["effect"]);
+            near(effect.rank_correlation, &expected[name]["rank_correlation"]);
+            near(effect.p_value, &expected[name]["p_value"]);
+        }
+        assert_eq!(response.factors[0].levels.len(), 4);
+        assert!(response.factors[2].levels.is_empty(), "twenty values are no levels");
+        let words = &response.factors[3];
+        assert_eq!((words.effect, words.rank_correlation, words.levels.len()), (None, None, 1));
+    }
+}
+
+#[test]
+fn a_parquet_file_holds_what_the_table_holds() {
+    let mut trials = vec![
+        trial(0, 0, json!({"/a": 1, "/w": "dry"}), json!({"y": 2.5, "ok": true, "n": 3, "t": null})),
+        trial(1, 0, json!({"/a": 2, "/w": "wet"}), json!({"y": 4, "ok": false, "n": 4, "t": null})),
+        trial(2, 0, json!({"/a": 3, "/w": "wet"}), json!({})),
+    ];
+    (trials[2].state, trials[2].failure_class) = (JobState::Failed, Some(FailureClass::Lost));
+    let names = ["/a".to_owned(), "/w".to_owned()];
+    let columns = of_trials(&names, &trials);
+    let mut file = tempfile::tempfile().unwrap();
+    std::io::Write::write_all(&mut file, &to_parquet(&columns).unwrap()).unwrap();
+    let reader = SerializedFileReader::new(file).unwrap();
+    let rows: Vec<_> = reader.get_row_iter(None).unwrap().map(Result::unwrap).collect();
+    let heads: Vec<&String> = rows[0].get_column_iter().map(|(name, _)| name).collect();
+    let expected = [
+        "job_id",
+        "point",
+        "replicate",
+        "seed",
+        "/a",
+        "/w",
+        "state",
+        "failure_class",
+        "backend",
+        "solver_revision",
+        "n",
+        "ok",
+        "t",
+        "y",
+    ];
+    assert_eq!(heads, expected);
+    assert_eq!(rows[1].get_string(0).unwrap(), &trials[1].job_id.to_string());
+    assert_eq!((rows[1].get_long(1).unwrap(), rows[1].get_long(4).unwrap()), (1, 2));
+    assert_eq!(rows[1].get_string(5).unwrap(), "wet");
+    assert_eq!((rows[0].get_long(10).unwrap(), rows[1].get_bool(11).unwrap()), (3, false));
+    assert_eq!(
+        (rows[0].get_double(13).unwrap(), rows[1].get_double(13).unwrap()),
+        (2.5, 4.0),
+        "mixed numbers"
+    );
+    assert!(rows[2].get_double(13).is_err() && rows[0].get_double(12).is_err(), "null is null");
+    assert_eq!(rows[2].get_string(7).unwrap(), "lost");
+
+    let csv = String::from_utf8(csv(&of_points(&names, &by_point(&trials))).unwrap()).unwrap();
+    let head = csv.lines().next().unwrap();
+    assert!(head.starts_with("point,/a,/w,trials,succeeded,failed,unstable,n.n,n.mean,"), "{head}");
+    assert!(head.contains(",ok.n,ok.words,") && head.ends_with(",y.low_95,y.high_95"), "{head}");
+    assert!(csv.lines().nth(1).unwrap().contains("\"{\"\"true\"\":1}\""), "{csv}");
+}
+
+#[test]
+fn the_schema_of_a_sweep_names_every_field_and_resolves() {
+    let schema = json_schema();
+    let full = of_design(json!({"kind": "grid"}), json!([]));
+    for name in json!(full).as_object().unwrap().keys() {
+        assert!(schema["properties"].get(name).is_some(), "{name}");
+    }
+    assert_eq!(schema["required"], json!(["name", "base", "design"]));
+    let text = schema.to_string();
+    let references: Vec<&str> =
+        text.split("\"$ref\":\"#").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert!(references.len() >= 5, "{references:?}");
+    for reference in references {
+        assert!(schema.pointer(reference).is_some(), "{reference}");
+    }
+    assert!(schema.pointer("/$defs/Scenario/properties/equipment/properties/gate_opening_m").is_some());
+    assert_eq!(schema.pointer("/$defs/DesignKind/enum/1"), Some(&json!("one_at_a_time")));
+}

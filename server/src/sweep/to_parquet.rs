@@ -1,0 +1,66 @@
+//! Columns as a Parquet file: one row group, every column optional, uncompressed, so that every reader takes it.
+
+use std::sync::Arc;
+
+use parquet::basic::{LogicalType, Repetition, Type as Physical};
+use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::errors::{ParquetError, Result};
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::schema::types::Type;
+use serde_json::Value;
+
+use super::table::{Column, Kind, text};
+
+/// Writes columns as a Parquet file.
+pub(crate) fn to_parquet(columns: &[Column]) -> Result<Vec<u8>> {
+    let fields = columns.iter().map(|column| field(column).map(Arc::new)).collect::<Result<_>>()?;
+    let schema = Arc::new(Type::group_type_builder("results").with_fields(fields).build()?);
+    let properties = WriterProperties::builder()
+        .set_created_by(concat!("roost ", env!("CARGO_PKG_VERSION")).to_owned())
+        .build();
+    let mut writer = SerializedFileWriter::new(Vec::new(), schema, Arc::new(properties))?;
+    let mut group = writer.next_row_group()?;
+    for column in columns {
+        match column.kind {
+            Kind::Integer => write::<Int64Type>(&mut group, column, Value::as_i64)?,
+            Kind::Number => write::<DoubleType>(&mut group, column, Value::as_f64)?,
+            Kind::Flag => write::<BoolType>(&mut group, column, Value::as_bool)?,
+            Kind::Text => {
+                let bytes = |value: &Value| text(value).map(|text| ByteArray::from(text.into_bytes()));
+                write::<ByteArrayType>(&mut group, column, bytes)?;
+            }
+        }
+    }
+    group.close()?;
+    writer.into_inner()
+}
+
+fn field(column: &Column) -> Result<Type> {
+    let (physical, logical) = match column.kind {
+        Kind::Integer => (Physical::INT64, None),
+        Kind::Number => (Physical::DOUBLE, None),
+        Kind::Flag => (Physical::BOOLEAN, None),
+        Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+    };
+    Type::primitive_type_builder(&column.name, physical)
+        .with_repetition(Repetition::OPTIONAL)
+        .with_logical_type(logical)
+        .build()
+}
+
+/// Writes the values that there are, and for every row whether it has one.
+fn write<T: DataType>(
+    group: &mut SerializedRowGroupWriter<'_, Vec<u8>>,
+    column: &Column,
+    value: impl Fn(&Value) -> Option<T::T>,
+) -> Result<()> {
+    let rows: Vec<Option<T::T>> = column.values.iter().map(value).collect();
+    let levels: Vec<i16> = rows.iter().map(|row| i16::from(row.is_some())).collect();
+    let values: Vec<T::T> = rows.into_iter().flatten().collect();
+    let Some(mut writer) = group.next_column()? else {
+        return Err(ParquetError::General("there are more columns than fields".to_owned()));
+    };
+    writer.typed::<T>().write_batch(&values, Some(&levels), None)?;
+    writer.close()
+}
