@@ -71,8 +71,10 @@ pub(crate) fn of_trials(factors: &[String], trials: &[TrialRow]) -> Vec<Column> 
     columns
 }
 
-/// What a summary has of each response: the end of the column's name, and the value.
-const SUMMARY: [(&str, fn(&Summary) -> Value); 5] = [
+/// The end of a column's name, and what it holds of a summary.
+type Part = (&'static str, fn(&Summary) -> Value);
+
+const SUMMARY: [Part; 5] = [
     ("n", |summary| json!(summary.n)),
     ("mean", |summary| json!(summary.mean)),
     ("standard_deviation", |summary| json!(summary.standard_deviation)),

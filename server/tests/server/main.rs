@@ -3,6 +3,7 @@
 mod bad_input;
 mod cancel;
 mod claims;
+mod designs;
 mod docs;
 mod farm;
 mod fences;

@@ -100,7 +100,7 @@ fn a_list_grows_by_rows() {
 fn some_designs_take_replicates_alone_and_say_why() {
     let mut hypercube = stored(of_design(json!({"kind": "latin_hypercube", "points": 8}), range()));
     refused(&hypercube, json!({"points": 8}), "/points", "each point of a Latin hypercube has its own part");
-    assert_eq!(grow(&mut hypercube, json!({"replicates": 2})), [[json!(0); 0]; 0]);
+    assert!(grow(&mut hypercube, json!({"replicates": 2})).is_empty());
     assert_eq!(hypercube.replicates, 3);
     let factors = json!([range()[0], range()[1], {"pointer": COUNT, "levels": [4, 6, 7]}]);
     let cube = stored(of_design(json!({"kind": "box_behnken"}), factors));
