@@ -6,7 +6,6 @@ use uuid::Uuid;
 use crate::exit::Exit;
 use crate::list;
 use crate::target::{self, Target};
-use crate::ui;
 
 /// Cancel a sweep or a job; what runs is stopped within seconds
 #[derive(Debug, clap::Args)]
@@ -15,15 +14,18 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     match target::find(&client, args.id).await? {
         Target::Sweep(sweep) => {
-            ui::print(format_args!("{}", list::sweeps(&[client.cancel_sweep(sweep.id).await?])))?
+            list::show_sweep(client.cancel_sweep(sweep.id).await?, args.json)?;
         }
-        Target::Job(job) => ui::print(format_args!("{}", list::jobs(&[client.cancel_job(job.id).await?])))?,
+        Target::Job(job) => list::show_job(client.cancel_job(job.id).await?, args.json)?,
     }
     Ok(Exit::Done)
 }

@@ -34,8 +34,24 @@ impl Kind {
     }
 }
 
-/// Reads a JSON document; `-` is stdin.
+/// Reads a JSON document; `-` is stdin. The CSV file that the design of a sweep names is read as well.
 pub(crate) fn read(path: &Path) -> Result<Value> {
+    let mut document = parsed(path)?;
+    let design = document.get_mut("design").and_then(Value::as_object_mut);
+    let named = design.and_then(|design| {
+        let name = design.get("file")?.as_str()?.to_owned();
+        (design.get("kind")? == "csv").then_some((design, name))
+    });
+    if let Some((design, name)) = named {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let table = text(&folder.join(name)).map_err(|error| error.context("/design/file"))?;
+        design.remove("file");
+        design.insert("table".to_owned(), Value::from(table));
+    }
+    Ok(document)
+}
+
+fn parsed(path: &Path) -> Result<Value> {
     let text = text(path)?;
     scenario::read_json(&text).map_err(|error| {
         let place = match &error {
@@ -64,7 +80,8 @@ pub(crate) fn faults(path: &Path, faults: &[Fault]) -> BadInput {
     BadInput(text)
 }
 
-fn text(path: &Path) -> Result<String> {
+/// The text of a file; `-` is stdin.
+pub(crate) fn text(path: &Path) -> Result<String> {
     let read = if path == Path::new("-") {
         let mut text = String::new();
         std::io::stdin().read_to_string(&mut text).map(|_| text)

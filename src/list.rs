@@ -3,7 +3,7 @@
 use anyhow::Result;
 use roost_api::job::{JobState, JobView};
 use roost_api::sweep::SweepView;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::exit::Exit;
 use crate::target;
@@ -66,10 +66,30 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
+/// Shows one sweep as it is now.
+pub(crate) fn show_sweep(sweep: SweepView, as_json: bool) -> Result<()> {
+    show(as_json, &json!(sweep), || sweeps(&[sweep]))
+}
+
+/// Shows one job as it is now.
+pub(crate) fn show_job(job: JobView, as_json: bool) -> Result<()> {
+    show(as_json, &json!(job), || jobs(&[job]))
+}
+
+fn show(as_json: bool, document: &Value, table: impl FnOnce() -> Table) -> Result<()> {
+    if as_json {
+        ui::println(format_args!("{document:#}"))?;
+    } else {
+        ui::print(format_args!("{}", table()))?;
+    }
+    Ok(())
+}
+
 pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
     let mut table = Table::new([
         "id",
         "name",
+        "design",
         "jobs",
         "queued",
         "running",
@@ -83,6 +103,7 @@ pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
         table.row([
             sweep.id.to_string(),
             sweep.name.clone(),
+            format!("{} × {}", sweep.design, sweep.points),
             sweep.counts.total().to_string(),
             sweep.counts.queued.to_string(),
             sweep.counts.running.to_string(),

@@ -2,8 +2,11 @@
 
 mod bench;
 mod cancel;
+mod delete;
 mod demo;
+mod effects;
 mod exit;
+mod extend;
 mod farm;
 mod frames;
 mod input;
@@ -55,9 +58,12 @@ enum Command {
     List(list::Args),
     Status(status::Args),
     Results(results::Args),
+    Effects(effects::Args),
     Validate(validate::Args),
     Cancel(cancel::Args),
     Retry(retry::Args),
+    Extend(extend::Args),
+    Delete(delete::Args),
     Reproduce(reproduce::Args),
     Bench(bench::Args),
 }
@@ -83,9 +89,12 @@ impl Command {
             Self::List(args) => list::execute(args).await,
             Self::Status(args) => status::execute(args).await,
             Self::Results(args) => results::execute(args).await,
+            Self::Effects(args) => effects::execute(args).await,
             Self::Validate(args) => validate::execute(&args),
             Self::Cancel(args) => cancel::execute(args).await,
             Self::Retry(args) => retry::execute(args).await,
+            Self::Extend(args) => extend::execute(args).await,
+            Self::Delete(args) => delete::execute(args).await,
             Self::Bench(args) => bench::execute(args).await,
             Self::Reproduce(args) => reproduce::execute(args).await,
         }

@@ -76,10 +76,20 @@ impl Reader {
         match value {
             Value::Object(fields) if is_mesh => self.mesh(fields, &pointer),
             Value::Object(fields) => {
-                let levels = fields.get("pointer").and_then(Value::as_str).is_some_and(ends_in_mesh);
+                let linked = fields.get("pointers").and_then(Value::as_array).into_iter().flatten();
+                let mut pointers = fields.get("pointer").into_iter().chain(linked).filter_map(Value::as_str);
+                let levels = pointers.any(ends_in_mesh);
                 for (name, inner) in fields {
                     let at = format!("{pointer}/{}", escape(name));
                     match inner {
+                        // An object in a row of points can only be a mesh.
+                        Value::Array(rows) if pointer == "/design" && name == "rows" => {
+                            for (index, row) in rows.iter_mut().enumerate() {
+                                for (factor, cell) in row.as_array_mut().into_iter().flatten().enumerate() {
+                                    self.walk(cell, format!("{at}/{index}/{factor}"), true);
+                                }
+                            }
+                        }
                         Value::Array(items) if levels && name == "levels" => {
                             for (index, level) in items.iter_mut().enumerate() {
                                 self.walk(level, format!("{at}/{index}"), true);

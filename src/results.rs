@@ -1,19 +1,24 @@
 //! `roost results`: the table of a sweep, or the result of a job.
 
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+
 use anyhow::Result;
 use clap::ValueEnum;
-use roost_api::table::SweepResults;
-use roost_worker::client::ClientError;
+use roost_api::RunResult;
+use roost_api::ids::SweepId;
+use roost_api::table::{SweepPoints, SweepResults};
+use roost_worker::client::{Client, ClientError};
 use serde_json::{Value, json};
 use uuid::Uuid;
 
-use crate::exit::Exit;
+use crate::exit::{BadInput, Exit};
 use crate::target::{self, Target};
 use crate::ui;
 use crate::ui::{format, table::Table};
 use crate::{output, run};
 
-/// Responses shown in a terminal, those that the experiment has; JSON and CSV have all.
+/// Responses shown in a terminal, those that the experiment has; JSON, CSV and Parquet have all.
 const SHOWN: [&str; 14] = [
     "regime",
     "discharged_kg",
@@ -38,9 +43,15 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// A short table for people; JSON or CSV with everything
+    /// A short table for people; JSON, CSV or Parquet with everything
     #[arg(long, value_enum, default_value_t = Format::Table)]
     format: Format,
+    /// A row a trial; or a design point, with means and 95 % intervals over its replicates
+    #[arg(long, value_enum, default_value_t = By::Trial)]
+    by: By,
+    /// Write to this file instead of stdout
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -48,21 +59,23 @@ enum Format {
     Table,
     Json,
     Csv,
+    Parquet,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum By {
+    Trial,
+    Point,
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    if args.format == Format::Parquet && args.output.is_none() && std::io::stdout().is_terminal() {
+        return Err(BadInput("Parquet is not for terminals: add -o FILE".to_owned()).into());
+    }
     let client = args.server.client()?;
-    match (target::find(&client, args.id).await?, args.format) {
-        (Target::Sweep(sweep), Format::Csv) => {
-            ui::print(format_args!("{}", client.sweep_results_csv(sweep.id).await?))?
-        }
-        (Target::Sweep(sweep), Format::Json) => {
-            ui::println(format_args!("{:#}", json!(client.sweep_results(sweep.id).await?)))?
-        }
-        (Target::Sweep(sweep), Format::Table) => {
-            ui::print(format_args!("{}", trials(&client.sweep_results(sweep.id).await?)))?
-        }
-        (Target::Job(job), format) => {
+    let content = match target::find(&client, args.id).await? {
+        Target::Sweep(sweep) => of_sweep(&client, sweep.id, args.format, args.by).await?,
+        Target::Job(job) => {
             let result = match client.job_result(job.id).await {
                 Ok(result) => result,
                 // The job is there, its result is not (yet): the id was no wrong input.
@@ -72,29 +85,70 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                 }
                 Err(error) => return Err(error.into()),
             };
-            match format {
-                Format::Json => ui::println(format_args!("{:#}", json!(result)))?,
-                Format::Csv => output::series_csv(std::io::stdout().lock(), &result.series)?,
-                Format::Table => ui::print(format_args!("{}", run::responses(&result)))?,
-            }
+            of_job(&result, args.format)?
         }
-    }
+    };
+    write(args.output.as_deref(), &content)?;
     Ok(Exit::Done)
 }
 
-/// One row a trial: levels, seed, state and the chief responses.
-pub(crate) fn trials(results: &SweepResults) -> Table {
-    let levels =
-        results.sweep.factors.iter().map(|pointer| pointer.trim_start_matches('/').replace('/', "."));
-    let has = |name: &str| results.trials.iter().any(|trial| trial.responses.contains_key(name));
-    let mut shown: Vec<&str> = SHOWN.into_iter().filter(|name| has(name)).collect();
-    if shown.is_empty() {
-        shown = SHOWN[..5].to_vec();
+async fn of_sweep(client: &Client, id: SweepId, format: Format, by: By) -> Result<Vec<u8>> {
+    let name = |value: &dyn Fn() -> Option<clap::builder::PossibleValue>| {
+        value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+    };
+    Ok(match (format, by) {
+        (Format::Csv | Format::Parquet, by) => {
+            let (format, by) = (name(&|| format.to_possible_value()), name(&|| by.to_possible_value()));
+            client.sweep_table(id, &format, &by).await?
+        }
+        (Format::Json, By::Trial) => format!("{:#}\n", json!(client.sweep_results(id).await?)).into(),
+        (Format::Json, By::Point) => format!("{:#}\n", json!(client.sweep_points(id).await?)).into(),
+        (Format::Table, By::Trial) => trials(&client.sweep_results(id).await?).to_string().into(),
+        (Format::Table, By::Point) => points(&client.sweep_points(id).await?).to_string().into(),
+    })
+}
+
+fn of_job(result: &RunResult, format: Format) -> Result<Vec<u8>> {
+    let mut content = Vec::new();
+    match format {
+        Format::Json => content = format!("{:#}\n", json!(result)).into(),
+        Format::Csv => output::series_csv(&mut content, &result.series)?,
+        Format::Table => content = run::responses(result).to_string().into(),
+        Format::Parquet => {
+            return Err(BadInput(
+                "the result of a job comes as JSON or CSV; Parquet is for sweeps".to_owned(),
+            )
+            .into());
+        }
     }
+    Ok(content)
+}
+
+/// To the file that was asked for, or to stdout.
+fn write(file: Option<&Path>, content: &[u8]) -> Result<()> {
+    match file {
+        None => ui::write(content)?,
+        Some(path) => std::fs::write(path, content)
+            .map_err(|error| BadInput(format!("cannot write {}: {error}", path.display())))?,
+    }
+    Ok(())
+}
+
+/// The chief ones of some responses; of none, those of a hopper.
+pub(crate) fn shown(has: impl Fn(&str) -> bool) -> Vec<&'static str> {
+    let shown: Vec<&str> = SHOWN.into_iter().filter(|name| has(name)).collect();
+    if shown.is_empty() { SHOWN[..5].to_vec() } else { shown }
+}
+
+/// One row a trial: levels, seed, state and the chief responses.
+fn trials(results: &SweepResults) -> Table {
+    let factors = &results.sweep.factors;
+    let shown = shown(|name| results.trials.iter().any(|trial| trial.responses.contains_key(name)));
     let names = shown.iter().map(|name| (*name).to_owned());
-    let mut table = Table::new(levels.chain(["seed".to_owned(), "state".to_owned()]).chain(names));
+    let head = format::factors(factors).into_iter();
+    let mut table = Table::new(head.chain(["seed".to_owned(), "state".to_owned()]).chain(names));
     for trial in &results.trials {
-        let levels = results.sweep.factors.iter().map(|pointer| format::cell(&trial.factors[pointer]));
+        let levels = factors.iter().map(|name| format::cell(&trial.factors[name]));
         let state = match trial.failure_class {
             Some(class) => format!("{}: {class}", trial.state),
             None => trial.state.to_string(),
@@ -102,6 +156,27 @@ pub(crate) fn trials(results: &SweepResults) -> Table {
         let responses =
             shown.iter().map(|name| format::cell(trial.responses.get(*name).unwrap_or(&Value::Null)));
         table.row(levels.chain([trial.seed.to_string(), state]).chain(responses).collect::<Vec<_>>());
+    }
+    table
+}
+
+/// One row a design point: levels, how many trials succeeded, and the chief responses with their intervals.
+fn points(results: &SweepPoints) -> Table {
+    let factors = &results.sweep.factors;
+    let shown = shown(|name| results.points.iter().any(|point| point.responses.contains_key(name)));
+    let names = shown.iter().map(|name| (*name).to_owned());
+    let head = ["point".to_owned()].into_iter().chain(format::factors(factors));
+    let counts = ["done", "unstable"].map(str::to_owned);
+    let mut table = Table::new(head.chain(counts).chain(names));
+    for point in &results.points {
+        let levels = factors.iter().map(|name| format::cell(&point.factors[name]));
+        let done = format!("{} of {}", point.counts.succeeded, point.counts.total());
+        let responses = shown.iter().map(|name| match point.responses.get(*name) {
+            Some(summary) => format::summary(summary),
+            None => "–".to_owned(),
+        });
+        let cells = [point.point.to_string()].into_iter().chain(levels);
+        table.row(cells.chain([done, point.unstable.to_string()]).chain(responses).collect::<Vec<_>>());
     }
     table
 }

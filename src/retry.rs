@@ -7,7 +7,6 @@ use uuid::Uuid;
 use crate::exit::Exit;
 use crate::list;
 use crate::target::{self, Target};
-use crate::ui;
 
 /// Queue the failed and cancelled jobs of a sweep, or one job, again
 #[derive(Debug, clap::Args)]
@@ -19,16 +18,19 @@ pub(crate) struct Args {
     /// Only what failed so: invalid, unstable, worker, lost or timeout
     #[arg(long, value_name = "CLASS")]
     class: Option<FailureClass>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     match target::find(&client, args.id).await? {
         Target::Sweep(sweep) => {
-            ui::print(format_args!("{}", list::sweeps(&[client.retry_sweep(sweep.id, args.class).await?])))?;
+            list::show_sweep(client.retry_sweep(sweep.id, args.class).await?, args.json)?;
         }
         Target::Job(job) => {
-            ui::print(format_args!("{}", list::jobs(&[client.retry_job(job.id, args.class).await?])))?
+            list::show_job(client.retry_job(job.id, args.class).await?, args.json)?;
         }
     }
     Ok(Exit::Done)

@@ -42,7 +42,7 @@ fn a_sweep_goes_in_and_its_table_comes_out() {
     assert_eq!(seeds, [1, 2, 1, 2]);
     assert!(json["trials"][0]["responses"]["discharged_kg"].is_number());
     let table = stdout(&home.roost(&["results", &id]));
-    assert!(table.contains("equipment.gate_opening_m") && table.contains("succeeded"), "{table}");
+    assert!(table.contains("gate_opening_m") && table.contains("succeeded"), "{table}");
 
     assert!(stdout(&home.roost(&["list"])).contains(&id));
     assert!(stdout(&home.roost(&["list", "--workers"])).contains("worker"));

@@ -82,7 +82,7 @@ async fn show(client: &Client, folder: &Path, shutdown: &CancellationToken) -> R
     let sweep = watch::sweep(client, sweep.id, shutdown).await?;
     let results = client.sweep_results(sweep.id).await?;
     let csv = folder.join("results.csv");
-    std::fs::write(&csv, client.sweep_results_csv(sweep.id).await?)?;
+    std::fs::write(&csv, client.sweep_table(sweep.id, "csv", "trial").await?)?;
     let picture = folder.join("discharge.svg");
     let runs = runs(client, &results).await?;
     let panel = Panel {
@@ -188,7 +188,10 @@ mod tests {
     fn the_demo_sweep_is_valid() {
         let sweep: SweepSpec = serde_json::from_str(SWEEP).unwrap();
         scenario::from_value(&sweep.base).unwrap();
-        assert_eq!(sweep.factors.iter().map(|factor| factor.levels.len()).product::<usize>(), 4);
+        assert_eq!(
+            sweep.factors.iter().map(|factor| factor.levels.as_ref().map_or(0, Vec::len)).product::<usize>(),
+            4
+        );
     }
 
     #[test]

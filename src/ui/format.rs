@@ -1,5 +1,6 @@
 //! Numbers as people read them.
 
+use roost_api::table::Summary;
 use serde_json::Value;
 
 /// `42 s`, `3:07`, `1:02:09`: a stretch of wall time.
@@ -56,6 +57,44 @@ pub(crate) fn cell(value: &Value) -> String {
     }
 }
 
+/// Names of factors as heads of columns: the last part of the pointer, with what stands before it where that is not enough.
+pub(crate) fn factors(pointers: &[String]) -> Vec<String> {
+    let tail = |pointer: &str, parts: usize| {
+        let segments: Vec<&str> = pointer.trim_start_matches('/').split('/').collect();
+        segments[segments.len().saturating_sub(parts)..].join(".")
+    };
+    let name = |pointer: &String| {
+        let is_taken = |name: &String, parts| {
+            pointers.iter().any(|other| other != pointer && tail(other, parts) == *name)
+        };
+        let lengths = 1..=pointer.split('/').count();
+        let mut names = lengths.map(|parts| (parts, tail(pointer, parts)));
+        let unique =
+            names.find(|(parts, name)| name.starts_with(char::is_alphabetic) && !is_taken(name, *parts));
+        unique.map_or_else(|| pointer.clone(), |(_, name)| name)
+    };
+    pointers.iter().map(name).collect()
+}
+
+/// A response over the replicates of a point: `4.21 ± 0.2` (the 95 % interval), or words with how often they came.
+pub(crate) fn summary(summary: &Summary) -> String {
+    if let Some(words) = &summary.words {
+        let counted =
+            words.iter().map(|(word, n)| if *n == summary.n { word.clone() } else { format!("{word} ×{n}") });
+        return counted.collect::<Vec<_>>().join(", ");
+    }
+    match (summary.mean, summary.high_95) {
+        (Some(mean), Some(high)) => format!("{} ± {}", significant(mean), short(high - mean)),
+        (Some(mean), None) => significant(mean),
+        (None, _) => "–".to_owned(),
+    }
+}
+
+/// Two significant digits: enough for an error.
+fn short(value: f64) -> String {
+    if value == 0.0 { "0".to_owned() } else { significant(format!("{value:.1e}").parse().unwrap_or(value)) }
+}
+
 /// Four significant digits, without trailing zeros, in exponent form where it is far from 1.
 pub(crate) fn significant(value: f64) -> String {
     if value == 0.0 {
@@ -90,6 +129,26 @@ mod tests {
         assert_eq!(shown, ["0 s", "59 s", "1:00", "3:07", "1:02:09"]);
         assert_eq!(time_left(0.25, 10.0).unwrap(), "30 s left");
         assert_eq!(time_left(0.0, 10.0), None);
+    }
+
+    #[test]
+    fn names_of_factors_are_as_short_as_they_may_be() {
+        let names =
+            |pointers: &[&str]| factors(&pointers.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>());
+        assert_eq!(names(&["/equipment/gate_opening_m", "/seed"]), ["gate_opening_m", "seed"]);
+        let twins = ["/contact/fillet_belt/friction", "/contact/fillet_wall/friction"];
+        assert_eq!(names(&twins), ["fillet_belt.friction", "fillet_wall.friction"]);
+        assert_eq!(names(&["/product/sizes_m/0/1"]), ["sizes_m.0.1"], "an index alone is no name");
+    }
+
+    #[test]
+    fn summaries_are_short() {
+        let of = |value| summary(&serde_json::from_value(value).unwrap());
+        assert_eq!(of(json!({"n": 3, "mean": 4.2131, "low_95": 4.0, "high_95": 4.4262})), "4.213 ± 0.21");
+        assert_eq!(of(json!({"n": 1, "mean": 40.0})), "40");
+        assert_eq!(of(json!({"n": 0})), "–");
+        assert_eq!(of(json!({"n": 2, "words": {"constant": 2}})), "constant");
+        assert_eq!(of(json!({"n": 3, "words": {"constant": 2, "no_flow": 1}})), "constant ×2, no_flow ×1");
     }
 
     #[test]

@@ -10,8 +10,13 @@ use std::io::{self, Write};
 
 /// Prints to stdout. A reader that has seen enough (`| head`) is an error to pass up, not a panic.
 pub(crate) fn print(text: impl Display) -> io::Result<()> {
+    write(text.to_string().as_bytes())
+}
+
+/// Writes bytes to stdout, likewise.
+pub(crate) fn write(bytes: &[u8]) -> io::Result<()> {
     let mut stdout = io::stdout().lock();
-    write!(stdout, "{text}")?;
+    stdout.write_all(bytes)?;
     stdout.flush()
 }
 

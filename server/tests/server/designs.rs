@@ -195,3 +195,47 @@ async fn a_deleted_sweep_is_gone_and_nothing_else_is() {
     assert_eq!(trials(&again, &other_path).await, kept);
     again.stop().await;
 }
+
+/// Rows that nothing names any more, and all rows of the tables that a sweep fills.
+async fn count(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
+    let unnamed = "SELECT (SELECT count(*) FROM scenarios WHERE digest NOT IN (SELECT digest FROM jobs))
+        + (SELECT count(*) FROM documents WHERE digest NOT IN (SELECT document FROM results)
+           AND digest NOT IN (SELECT partial FROM attempts WHERE partial IS NOT NULL))";
+    let all =
+        "SELECT (SELECT count(*) FROM sweeps) + (SELECT count(*) FROM points) + (SELECT count(*) FROM jobs)
+        + (SELECT count(*) FROM attempts) + (SELECT count(*) FROM results)
+        + (SELECT count(*) FROM scenarios) + (SELECT count(*) FROM documents)";
+    let unnamed: i64 = sqlx::query_scalar(unnamed).fetch_one(&mut *database).await.unwrap();
+    (unnamed, sqlx::query_scalar(all).fetch_one(database).await.unwrap())
+}
+
+#[tokio::test]
+async fn a_deletion_leaves_nothing_behind_even_when_it_is_interrupted() {
+    let (farm, dir) = Farm::start().await;
+    let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}]);
+    // More jobs than are deleted in one piece.
+    let (_, path) = submit(&farm, json!({"kind": "random", "points": 400}), factors.clone()).await;
+    let worker = farm.worker("cpu").await;
+    for attempt in &worker.claim(5).await {
+        worker.deliver(attempt).await.expect(StatusCode::OK);
+    }
+    farm.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    let (_, other) = submit(&farm, json!({"kind": "random", "points": 3}), factors).await;
+    finish(&worker).await;
+    farm.send(Method::DELETE, &path, None).await.expect(StatusCode::OK);
+    farm.stop().await;
+
+    let file = dir.path().join("roost.db");
+    let open = async || {
+        use sqlx::Connection;
+        sqlx::SqliteConnection::connect(file.to_str().unwrap()).await.unwrap()
+    };
+    let mut database = open().await;
+    assert_eq!(count(&mut database).await.0, 0, "what only the first sweep named is gone");
+    sqlx::query("UPDATE sweeps SET deleting = 1").execute(&mut database).await.unwrap();
+    drop(database);
+    let again = Farm::on(dir.path(), |_| {}).await;
+    again.get(&other).await.problem(404, "not-found");
+    again.stop().await;
+    assert_eq!(count(&mut open().await).await, (0, 0), "the server goes on where the last one stopped");
+}

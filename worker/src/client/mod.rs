@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use reqwest::header::CONTENT_TYPE;
 use reqwest::{Method, RequestBuilder, Url};
+use roost_api::design::Extension;
 use roost_api::ids::{JobId, SweepId, WorkerId};
 use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::lease::{
@@ -18,8 +19,8 @@ use roost_api::lease::{
 };
 use roost_api::mesh::{self, MeshView};
 use roost_api::page::Page;
-use roost_api::sweep::SweepView;
-use roost_api::table::SweepResults;
+use roost_api::sweep::{Deletion, SweepView};
+use roost_api::table::{SweepEffects, SweepPoints, SweepResults};
 use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
 use roost_api::{API_VERSION, RunResult};
 use serde::Serialize;
@@ -137,11 +138,34 @@ impl Client {
         self.get(&format!("sweeps/{id}/results?format=json")).await
     }
 
-    /// The result table of a sweep as CSV.
-    pub async fn sweep_results_csv(&self, id: SweepId) -> ClientResult<String> {
-        let request = self.request(Method::GET, &format!("sweeps/{id}/results?format=csv"));
+    /// The results of a sweep by design point.
+    pub async fn sweep_points(&self, id: SweepId) -> ClientResult<SweepPoints> {
+        self.get(&format!("sweeps/{id}/results?by=point")).await
+    }
+
+    /// The result table of a sweep as a file in a `format` such as `csv` or `parquet`, a row `by` `trial` or `point`.
+    pub async fn sweep_table(&self, id: SweepId, format: &str, by: &str) -> ClientResult<Vec<u8>> {
+        let request = self.request(Method::GET, &format!("sweeps/{id}/results"));
+        let request = request.query(&[("format", format), ("by", by)]).timeout(FILE_TIMEOUT);
         let response = self.send(request).await?;
-        response.text().await.map_err(|error| ClientError::transport(&self.server, &error))
+        let file = response.bytes().await.map_err(|error| ClientError::transport(&self.server, &error))?;
+        Ok(file.into())
+    }
+
+    /// How the factors of a sweep act on each response.
+    pub async fn sweep_effects(&self, id: SweepId) -> ClientResult<SweepEffects> {
+        self.get(&format!("sweeps/{id}/effects")).await
+    }
+
+    /// Adds points or replicates to a sweep.
+    pub async fn extend_sweep(&self, id: SweepId, more: &Extension) -> ClientResult<SweepView> {
+        self.post(&format!("sweeps/{id}/extend"), more).await
+    }
+
+    /// Deletes a sweep, or says what that would take away.
+    pub async fn delete_sweep(&self, id: SweepId, dry_run: bool) -> ClientResult<Deletion> {
+        let request = self.request(Method::DELETE, &format!("sweeps/{id}"));
+        self.fetch(request.query(&[("dry_run", dry_run)])).await
     }
 
     /// Cancels what is left of a sweep.

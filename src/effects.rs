@@ -1,0 +1,71 @@
+//! `roost effects`: what each factor of a sweep does to each response.
+
+use anyhow::Result;
+use roost_api::ids::SweepId;
+use roost_api::table::{ResponseEffects, SweepEffects};
+use serde_json::json;
+use uuid::Uuid;
+
+use crate::exit::Exit;
+use crate::results;
+use crate::target;
+use crate::ui;
+use crate::ui::{format, table::Table};
+
+/// Show which factors of a sweep matter to its responses
+///
+/// The effect is the change of the response from the lowest to the highest value of the factor, along a straight line; ρ is
+/// Spearman's rank correlation, and p how likely one as far from zero is by chance.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Id of a sweep
+    id: Uuid,
+    #[command(flatten)]
+    server: target::Server,
+    /// Every response, not only the chief ones
+    #[arg(long)]
+    all: bool,
+    /// Print JSON, with the mean at every level
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    let effects = args.server.client()?.sweep_effects(SweepId(args.id)).await?;
+    if args.json {
+        ui::println(format_args!("{:#}", json!(effects)))?;
+    } else if effects.responses.is_empty() {
+        eprintln!("nothing has succeeded yet; `roost status {}` says how far it is", args.id);
+    } else {
+        ui::print(format_args!("{}", table(&effects, args.all)))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// One row a factor and response, the factor that matters most first.
+fn table(effects: &SweepEffects, all: bool) -> Table {
+    let stem = |of: &ResponseEffects| of.response.split('=').next().unwrap_or_default().to_owned();
+    let shown = results::shown(|name| effects.responses.iter().any(|of| stem(of) == name));
+    let names = format::factors(&effects.sweep.factors);
+    let mut table = Table::new(["response", "mean", "factor", "effect", "ρ", "p", "points"]);
+    for of in effects.responses.iter().filter(|of| all || shown.contains(&stem(of).as_str())) {
+        let mut factors: Vec<_> = of.factors.iter().zip(&names).collect();
+        let strength = |rank: Option<f64>| rank.map_or(-1.0, f64::abs);
+        factors.sort_by(|(one, _), (other, _)| {
+            strength(other.rank_correlation).total_cmp(&strength(one.rank_correlation))
+        });
+        for (factor, name) in factors {
+            let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), format::significant);
+            table.row([
+                of.response.clone(),
+                format::significant(of.mean),
+                name.clone(),
+                number(factor.effect),
+                factor.rank_correlation.map_or_else(|| "–".to_owned(), |rank| format!("{rank:.2}")),
+                factor.p_value.map_or_else(|| "–".to_owned(), |p| format!("{p:.3}")),
+                of.points.to_string(),
+            ]);
+        }
+    }
+    table
+}
