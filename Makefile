@@ -1,7 +1,7 @@
 # The commands that README and CI name.
 
 # Debian packages beside the Rust toolchain, as `command:package`: what is missing is installed.
-NEEDS := cc:gcc
+NEEDS := cc:gcc curl:curl
 
 .PHONY: demo test check needs
 

@@ -1,0 +1,118 @@
+//! The examples of `api.md`, run as they stand: every block of shell under a route, in the order of the page, against a real
+//! server. A curl that is answered with an error ends it.
+
+mod support;
+
+use std::fmt::Write;
+use std::process::Command;
+
+use roost_api::job::JobState;
+use serde_json::{Value, json};
+use support::{Home, scenario, stl};
+
+/// A route as `METHOD /path`, and the shell below its heading.
+fn examples(page: &str) -> Vec<(&str, Vec<&str>)> {
+    let mut sections = page.split("\n### ").skip(1);
+    let mut found = Vec::new();
+    for section in &mut sections {
+        // A chapter's end closes its last route.
+        let section = section.split("\n## ").next().unwrap_or_default();
+        let (route, text) = section.split_once('\n').unwrap_or((section, ""));
+        let blocks = text.split("```sh\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+        found.push((route, blocks));
+    }
+    found
+}
+
+/// Shell to run before the example of a route: what the reader of the page is supposed to have at hand.
+fn before(route: &str) -> &'static str {
+    match route {
+        "GET /v1/jobs/{id}/result" => "JOB=$DONE",
+        "POST /v1/jobs/{id}/cancel" => "JOB=$QUEUED",
+        "POST /v1/workers" => "WORKER=$(cat /proc/sys/kernel/random/uuid)",
+        // One job for the claim of the example and its result, one for the failure.
+        "POST /v1/claims" => "JOB=$(submit)",
+        "POST /v1/jobs/{id}/attempts/{n}/result" => {
+            r#"printf '{"worker_id": "%s", "result": %s}' $WORKER "$(curl -s $R/v1/jobs/$DONE/result)" > delivery.json"#
+        }
+        "POST /v1/jobs/{id}/attempts/{n}/failure" => {
+            r#"JOB=$(submit)
+curl -s $R/v1/claims --json '{"request_id": "'$(cat /proc/sys/kernel/random/uuid)'", "worker_id": "'$WORKER'", "max_jobs": 1, "wait_s": 5}'"#
+        }
+        _ => "",
+    }
+}
+
+/// Shell to run after it: the variables that later examples use.
+fn after(route: &str) -> &'static str {
+    match route {
+        "POST /v1/jobs" => "QUEUED=$(id) JOB=$(id)",
+        "POST /v1/sweeps" => "SWEEP=$(id)",
+        "POST /v1/meshes" => r#"MESH=$(sed -n 's/^{"digest":"\([0-9a-f]*\)".*/\1/p' out)"#,
+        _ => "",
+    }
+}
+
+#[test]
+fn every_example_of_the_api_is_answered() {
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/api.md")).unwrap();
+    let home = Home::new();
+    let _server = home.serve();
+    let worker = home.work("worker");
+    let done = home.submit(&scenario(0.2));
+    home.job_when(&done, "the job has ended", |job| job.state == JobState::Succeeded);
+    // From here on the examples do what workers do.
+    worker.terminate();
+    assert!(worker.wait().0.success());
+
+    std::fs::write(home.path("hopper.stl"), stl::binary(&stl::block([120.0, 60.0, 30.0], 1))).unwrap();
+    let again = json!({"scenario": scenario(0.2), "cache": "bypass", "priority": 100});
+    std::fs::write(home.path("again.json"), again.to_string()).unwrap();
+    let mut script = format!(
+        "set -euo pipefail\ntrap 'cat out >&2' EXIT\ncd '{}'\nR={}\nDONE={}\nSLICE= JOB= SWEEP= WORKER= MESH=\n{}",
+        home.folder.path().display(),
+        home.address,
+        done.id,
+        r#"curl() { command curl --fail-with-body "$@"; }
+b3sum() { echo $MESH; }
+id() { sed -n 's/^{"id":"\([^"]*\)".*/\1/p' out | head -n 1; }
+submit() { curl -s $R/v1/jobs --json @again.json | sed -n 's/^{"id":"\([^"]*\)".*/\1/p'; }
+"#
+    );
+    let examples = examples(&page);
+    for (route, blocks) in &examples {
+        assert!(!blocks.is_empty(), "{route} has no example");
+        writeln!(script, "echo '=== {route}' >&2\n{}\n: > out", before(route)).unwrap();
+        for block in blocks {
+            // Answers one a line, whether or not they end in one.
+            writeln!(script, "{{\n{}\necho; }} >> out", block.replace("\ncurl ", "\necho\ncurl ")).unwrap();
+        }
+        writeln!(script, "cat out >&2\n{}", after(route)).unwrap();
+    }
+    assert!(examples.len() > 30, "{} routes", examples.len());
+    let output = Command::new("bash").args(["-c", &script]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        output.status.success(),
+        "{}",
+        said.chars().rev().take(3000).collect::<Vec<_>>().iter().rev().collect::<String>()
+    );
+
+    // What the examples are about has happened.
+    let answer = |route: &str| -> Value {
+        let told = said.split(&format!("=== {route}\n")).nth(1).unwrap_or_default();
+        let lines = told.lines().take_while(|line| !line.starts_with("=== "));
+        lines.filter_map(|line| serde_json::from_str(line).ok()).last().unwrap_or_default()
+    };
+    assert_eq!(answer("POST /v1/sweeps/{id}/extend")["points"], 9, "a grid of 2 × 3 with one more gate");
+    assert_eq!(answer("DELETE /v1/sweeps/{id}")["dry_run"], true);
+    assert_eq!(answer("POST /v1/jobs/{id}/attempts/{n}/result")["recorded"], true);
+    assert_eq!(&std::fs::read(home.path("results.parquet")).unwrap()[..4], b"PAR1");
+    assert!(std::fs::read_to_string(home.path("results.csv")).unwrap().starts_with("job_id,point,"));
+}
+
+#[test]
+fn an_example_that_is_wrong_is_noticed() {
+    let page = "## Things\n\n### GET /x\n\nText.\n\n```sh\ncurl a\n```\n\n```json\n{}\n```\n\n### GET /y\n\nNone.\n\n## Next\n\n```sh\nno\n```\n";
+    assert_eq!(examples(page), [("GET /x", vec!["curl a\n"]), ("GET /y", vec![])]);
+}
