@@ -88,6 +88,22 @@ fn the_scenario_and_the_sweep_of_the_readme_are_sound() {
 }
 
 #[test]
+fn the_sweep_of_the_documentation_is_sound_and_its_designs_are_those_there_are() {
+    let text = read("docs/sweeps.md");
+    let document = text.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a sweep");
+    let document = serde_json::from_str(document).expect("JSON");
+    let (meshes, limits) = (roost_solver::mesh::Meshes::default(), roost_solver::Limits::default());
+    let report = roost_server::validate(document, &meshes, &limits, 1000).expect("a sound sweep");
+    assert_eq!((report.document.as_str(), report.jobs), ("sweep", 128));
+
+    let designs = text.split("## Designs").nth(1).and_then(|rest| rest.split("## ").next()).expect("designs");
+    let rows: Vec<&str> =
+        designs.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next()).skip(1).collect();
+    let kinds: Vec<&str> = roost_api::design::DesignKind::ALL.iter().map(|kind| kind.as_str()).collect();
+    assert_eq!(rows, kinds);
+}
+
+#[test]
 fn the_worker_of_the_api_has_the_revision_of_the_solver() {
     let revision = format!("\"solver_revision\": {},", roost_solver::SOLVER_REVISION);
     assert!(read("api.md").contains(&revision), "api.md shall hold {revision}");

@@ -21,7 +21,7 @@ use super::page::{cursor, label, limit, page};
 use super::problem::{ApiError, Kind};
 use crate::app::App;
 use crate::queue::Refusal;
-use crate::store::{JobFilter, NewSweep};
+use crate::store::{JobFilter, MoreOfSweep, NewSweep};
 use crate::sweep::{self, SweepLimits};
 
 /// Submits a sweep: base × design × replicates, all or nothing.
@@ -38,9 +38,11 @@ pub(crate) async fn submit(
     // Many points take a while.
     let limits = limits(&app);
     let meshes = at_hand(&app, &document).await?;
-    let (spec, expansion) =
-        aside(move || sweep::read(document, &meshes, limits)).await?.map_err(ApiError::faults)?;
-    app.store.insert_sweep(NewSweep { id, spec, expansion }, app.clock.now()).await?;
+    let sweep = aside(move || {
+        let (spec, expansion) = sweep::read(document, &meshes, limits).map_err(ApiError::faults)?;
+        NewSweep::new(id, spec, &expansion).map_err(ApiError::from)
+    });
+    app.store.insert_sweep(sweep.await??, app.clock.now()).await?;
     app.work.notify_waiters();
     let location = [(header::LOCATION, format!("/v1/sweeps/{id}"))];
     Ok((StatusCode::CREATED, location, Json(view(&app, id).await?)))
@@ -178,13 +180,13 @@ pub(crate) async fn extend(
         let stored = app.store.stored_sweep(id).await?.ok_or(Refusal::NoSweep)?;
         let meshes = at_hand(&app, &json!([stored.spec.base, document])).await?;
         let (limits, extension) = (limits(&app), document.clone());
-        let (stored, growth) = aside(move || {
-            let growth = sweep::extend(&stored, extension, &meshes, limits);
-            growth.map(|growth| (stored, growth))
-        })
-        .await?
-        .map_err(ApiError::faults)?;
-        if app.store.extend_sweep(id, &stored, &growth, app.clock.now()).await? {
+        let grown =
+            aside(move || sweep::extend(&stored, extension, &meshes, limits).map(|growth| (stored, growth)));
+        let (stored, growth) = grown.await?.map_err(ApiError::faults)?;
+        let has_more_replicates = growth.replicates > stored.replicates;
+        let firsts = if has_more_replicates { app.store.first_scenarios(id).await? } else { Vec::new() };
+        let more = aside(move || MoreOfSweep::new(id, &stored, &growth, &firsts)).await??;
+        if app.store.extend_sweep(more, app.clock.now()).await? {
             app.work.notify_waiters();
             return view(&app, id).await.map(Json);
         }

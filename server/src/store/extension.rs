@@ -1,14 +1,52 @@
 //! Extending a sweep: what is there of it, and what is added.
 
 use roost_api::design::Factor;
-use roost_api::ids::{JobId, SweepId};
+use roost_api::ids::SweepId;
 use roost_api::time::Timestamp;
 use roost_solver::scenario::Scenario;
 
 use super::rows::{Columns, from_json};
-use super::submit::{Draft, Shared, insert, insert_points, levels};
+use super::submit::{Draft, Shared, drafts, insert, insert_points, levels};
 use super::{Store, StoreError};
 use crate::sweep::{Growth, Stored, factors, replicate};
+
+/// What is about to be added to a sweep.
+pub(crate) struct MoreOfSweep {
+    id: SweepId,
+    /// Points and replicates that it is added to.
+    before: (u32, u32),
+    /// The same afterwards.
+    after: (u32, u32),
+    levels: Vec<String>,
+    drafts: Vec<Draft>,
+    shared: Shared,
+}
+
+impl MoreOfSweep {
+    /// Writes the growth of a sweep out; `firsts` are the scenarios of its points, where they get more replicates.
+    pub(crate) fn new(
+        id: SweepId,
+        stored: &Stored,
+        growth: &Growth,
+        firsts: &[(u32, Scenario)],
+    ) -> Result<Self, StoreError> {
+        let there = stored.matrix.len() as u32;
+        let repeated = firsts.iter().flat_map(|(point, first)| {
+            (stored.replicates..growth.replicates).map(|number| (*point, number, replicate(first, number)))
+        });
+        let added = (there..).zip(&growth.points).flat_map(|(point, added)| {
+            (0..growth.replicates).map(move |number| (point, number, replicate(&added.scenario, number)))
+        });
+        Ok(Self {
+            id,
+            before: (there, stored.replicates),
+            after: (there + growth.points.len() as u32, growth.replicates),
+            levels: levels(&growth.points)?,
+            drafts: drafts(id, repeated.chain(added).collect())?,
+            shared: Shared::of(&stored.spec)?,
+        })
+    }
+}
 
 impl Store {
     /// What an extension of a sweep goes on from.
@@ -41,36 +79,8 @@ impl Store {
     }
 
     /// Adds points and replicates to a sweep. False when it has grown meanwhile: then nothing is changed.
-    pub(crate) async fn extend_sweep(
-        &self,
-        id: SweepId,
-        stored: &Stored,
-        growth: &Growth,
-        now: Timestamp,
-    ) -> Result<bool, StoreError> {
-        let there = stored.matrix.len();
-        let mut drafts = Vec::new();
-        if growth.replicates > stored.replicates {
-            for (point, first) in self.first_scenarios(id).await? {
-                for number in stored.replicates..growth.replicates {
-                    drafts.push(Draft::new(
-                        &replicate(&first, number),
-                        Some((id, point, number)),
-                        JobId::new(),
-                    )?);
-                }
-            }
-        }
-        for (index, point) in growth.points.iter().enumerate() {
-            for number in 0..growth.replicates {
-                let place = Some((id, (there + index) as u32, number));
-                drafts.push(Draft::new(&replicate(&point.scenario, number), place, JobId::new())?);
-            }
-        }
-        let shared = Shared::of(&stored.spec)?;
-        let levels = levels(&growth.points)?;
-        let (points, replicates) = ((there + levels.len()) as i64, growth.replicates);
-        let (points_before, replicates_before) = (there as i64, stored.replicates);
+    pub(crate) async fn extend_sweep(&self, more: MoreOfSweep, now: Timestamp) -> Result<bool, StoreError> {
+        let MoreOfSweep { id, before, after, levels, drafts, shared } = more;
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
@@ -78,18 +88,18 @@ impl Store {
                         "UPDATE sweeps SET points = ?, replicates = ?
                          WHERE id = ? AND points = ? AND replicates = ? AND deleting = 0",
                     )
-                    .bind(points)
-                    .bind(replicates)
+                    .bind(after.0)
+                    .bind(after.1)
                     .bind(id.to_string())
-                    .bind(points_before)
-                    .bind(replicates_before)
+                    .bind(before.0)
+                    .bind(before.1)
                     .execute(&mut *tx)
                     .await?
                     .rows_affected();
                     if grown == 0 {
                         return Ok(false);
                     }
-                    insert_points(tx, id, there, &levels).await?;
+                    insert_points(tx, id, before.0 as usize, &levels).await?;
                     insert(tx, &drafts, &shared, now).await?;
                     Ok(true)
                 })
@@ -98,7 +108,7 @@ impl Store {
     }
 
     /// The scenario of each point's first replicate, as it was queued.
-    async fn first_scenarios(&self, id: SweepId) -> Result<Vec<(u32, Scenario)>, StoreError> {
+    pub(crate) async fn first_scenarios(&self, id: SweepId) -> Result<Vec<(u32, Scenario)>, StoreError> {
         let rows = sqlx::query(
             "SELECT j.point, s.body FROM jobs j JOIN scenarios s ON s.digest = j.digest
              WHERE j.sweep_id = ? AND j.replicate = 0 ORDER BY j.point",

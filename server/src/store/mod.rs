@@ -34,6 +34,7 @@ use sqlx::sqlite::{
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
 pub(crate) use deliveries::StoredResult;
+pub(crate) use extension::MoreOfSweep;
 pub(crate) use heartbeats::Beat;
 pub(crate) use jobs::JobFilter;
 pub(crate) use submit::{NewJob, NewSweep};

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use rayon::prelude::*;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{Cache, Needs};
 use roost_api::sweep::SweepSpec;
@@ -32,14 +33,40 @@ pub(crate) struct NewJob {
     pub cache: Cache,
 }
 
-/// A sweep about to be stored.
+/// A sweep about to be stored: everything is written out, which of a large one takes a while.
 pub(crate) struct NewSweep {
-    /// Its identifier.
-    pub id: SweepId,
-    /// As submitted.
-    pub spec: SweepSpec,
-    /// Written out.
-    pub expansion: Expansion,
+    id: SweepId,
+    spec: SweepSpec,
+    text: String,
+    factors: String,
+    replicates: u32,
+    levels: Vec<String>,
+    drafts: Vec<Draft>,
+    shared: Shared,
+}
+
+impl NewSweep {
+    /// Writes a sweep out.
+    pub(crate) fn new(id: SweepId, spec: SweepSpec, expansion: &Expansion) -> Result<Self, StoreError> {
+        Ok(Self {
+            id,
+            text: to_json("sweep", &spec)?,
+            factors: to_json("factors", &expansion.factors)?,
+            replicates: expansion.replicates,
+            levels: levels(&expansion.points)?,
+            drafts: drafts(id, expansion.trials().collect())?,
+            shared: Shared::of(&spec)?,
+            spec,
+        })
+    }
+}
+
+/// The jobs of trials: point, replicate and scenario.
+pub(super) fn drafts(id: SweepId, trials: Vec<(u32, u32, Scenario)>) -> Result<Vec<Draft>, StoreError> {
+    let draft = |(point, replicate, scenario): (u32, u32, Scenario)| {
+        Draft::new(&scenario, Some((id, point, replicate)), JobId::new())
+    };
+    trials.into_par_iter().map(draft).collect()
 }
 
 /// A row of `jobs` before it has a state.
@@ -103,17 +130,7 @@ impl Store {
 
     /// Stores a sweep, its design points and its jobs, all or nothing.
     pub(crate) async fn insert_sweep(&self, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
-        let NewSweep { id, spec, expansion } = sweep;
-        let shared = Shared::of(&spec)?;
-        let spec_text = to_json("sweep", &spec)?;
-        let factors = to_json("factors", &expansion.factors)?;
-        let drafts = expansion
-            .trials()
-            .map(|(point, replicate, scenario)| {
-                Draft::new(&scenario, Some((id, point, replicate)), JobId::new())
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let levels = levels(&expansion.points)?;
+        let NewSweep { id, spec, text, factors, replicates, levels, drafts, shared } = sweep;
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
@@ -123,12 +140,12 @@ impl Store {
                     )
                     .bind(id.to_string())
                     .bind(spec.name)
-                    .bind(spec_text)
+                    .bind(text)
                     .bind(spec.design.kind.as_str())
                     .bind(factors)
                     .bind(&shared.labels)
                     .bind(levels.len() as i64)
-                    .bind(expansion.replicates)
+                    .bind(replicates)
                     .bind(now.0)
                     .execute(&mut *tx)
                     .await?;

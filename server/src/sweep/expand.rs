@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use rayon::prelude::*;
 use roost_api::Fault;
 use roost_api::sweep::{SCHEMA, SweepSpec};
 use roost_solver::mesh::Meshes;
@@ -126,11 +127,12 @@ impl Bench<'_> {
         placed: &dyn Fn(usize, usize, &Value) -> String,
     ) -> Result<Vec<Point>, Vec<Fault>> {
         let complete = json!(self.scenario);
-        let mut points = Vec::new();
+        let mut points = Vec::with_capacity(matrix.len());
         let mut faults = Vec::new();
         let mut seen = BTreeSet::new();
-        for (index, row) in matrix.iter().enumerate() {
-            match self.point(&complete, row) {
+        let read: Vec<_> = matrix.par_iter().map(|row| self.point(&complete, row)).collect();
+        for (index, (row, read)) in matrix.iter().zip(read).enumerate() {
+            match read {
                 Ok(point) => points.push(point),
                 Err((levels, found)) => {
                     for found in found {

@@ -1,6 +1,8 @@
 //! From what an author wrote to the complete document: the walk over the field table that lists every fault
 //! and fills the defaults in.
 
+use std::sync::LazyLock;
+
 use serde_json::{Map, Value};
 
 use super::Fault;
@@ -32,6 +34,27 @@ pub(super) fn complete(document: &Value) -> Result<Value, Vec<Fault>> {
 /// Whether a section, or a field in it, is there in this experiment. Where no experiment is named, everything is.
 fn belongs(section: &Section, experiment: Option<&str>) -> bool {
     section.only_in.is_none_or(|only| experiment.is_none_or(|experiment| experiment == only))
+}
+
+/// The fields that are there in an experiment, those in lists apart.
+fn fields_of(experiment: Option<&str>) -> &'static [&'static Field] {
+    static ALL: LazyLock<Vec<(Option<&str>, Vec<&Field>)>> = LazyLock::new(|| {
+        let of = |experiment| {
+            let own = |field: &&Field| !field.pointer.contains('*') && field_belongs(field, experiment);
+            (experiment, FIELDS.iter().filter(own).collect())
+        };
+        EXPERIMENTS.iter().copied().map(Some).chain([None]).map(of).collect()
+    });
+    ALL.iter().find(|(known, _)| *known == experiment).map_or(&[], |(_, fields)| fields.as_slice())
+}
+
+/// What stands at a pointer whose names need no unescaping, as those of the table.
+fn look<'a>(document: &'a Value, pointer: &str) -> Option<&'a Value> {
+    pointer.split('/').skip(1).try_fold(document, |value, name| match value {
+        Value::Object(fields) => fields.get(name),
+        Value::Array(items) => items.get(name.parse::<usize>().ok()?),
+        _ => None,
+    })
 }
 
 /// Whether the section of a field is there in this experiment.
@@ -97,8 +120,7 @@ fn check_names(section: &str, object: &Map<String, Value>, faults: &mut Vec<Faul
 /// Every field that is sound: as written, or by its default. What is at fault stays out.
 fn fill(document: &Value, experiment: Option<&str>, faults: &mut Vec<Fault>) -> Value {
     let mut completed = Value::Object(Map::new());
-    let own = |field: &&Field| field_belongs(field, experiment);
-    for field in FIELDS.iter().filter(own).filter(|field| !field.pointer.contains('*')) {
+    for field in fields_of(experiment) {
         if let Some(value) = settle(field, field.pointer, document, experiment, &completed, faults) {
             put(&mut completed, field.pointer, value);
         }
@@ -137,7 +159,7 @@ fn settle(
     completed: &Value,
     faults: &mut Vec<Fault>,
 ) -> Option<Value> {
-    match document.pointer(pointer) {
+    match look(document, pointer) {
         Some(written) => {
             let value = accept(field, pointer, written, faults)?;
             let idle = experiment.filter(|experiment| field.unused_in.contains(experiment));
@@ -164,15 +186,15 @@ fn settle(
 
 /// What a silent author gets; none when the field it follows is at fault.
 fn default(field: &Field, experiment: Option<&str>, completed: &Value) -> Option<Value> {
-    let given = |pointer: &str| completed.pointer(pointer).is_some_and(|value| !value.is_null());
-    let wet = completed.pointer("/contact/condition").is_some_and(|condition| condition == "wet");
+    let given = |pointer: &str| look(completed, pointer).is_some_and(|value| !value.is_null());
+    let wet = || look(completed, "/contact/condition").is_some_and(|condition| condition == "wet");
     if field.yields_to.is_some_and(given) {
         return Some(Value::Null);
     }
     let elsewhere =
         field.elsewhere.iter().find(|(name, _)| Some(*name) == experiment).map(|(_, preset)| *preset);
-    match field.wet.filter(|_| wet).or(elsewhere).unwrap_or(field.default) {
-        Preset::SameAs(other) => completed.pointer(other).cloned(),
+    match field.wet.filter(|_| wet()).or(elsewhere).unwrap_or(field.default) {
+        Preset::SameAs(other) => look(completed, other).cloned(),
         preset => preset.value(),
     }
 }

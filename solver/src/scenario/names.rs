@@ -1,5 +1,8 @@
 //! Names and pointers: which field an unknown name was meant to be, and how a name stands in a JSON pointer.
 
+use std::collections::HashMap;
+use std::sync::LazyLock;
+
 use super::fields::{FIELDS, SECTIONS, in_table};
 
 /// A name longer than this resembles none, and comparing would take long.
@@ -21,9 +24,16 @@ fn split(pointer: &str) -> (&str, &str) {
 }
 
 /// The names that may stand in a section.
-pub(super) fn names_in(section: &str) -> Vec<&'static str> {
-    let section = in_table(section);
-    pointers().map(split).filter(|(parent, _)| *parent == section).map(|(_, name)| name).collect()
+pub(super) fn names_in(section: &str) -> &'static [&'static str] {
+    // Asked for every section of every point of a sweep.
+    static NAMES: LazyLock<HashMap<&str, Vec<&str>>> = LazyLock::new(|| {
+        let mut names: HashMap<&str, Vec<&str>> = HashMap::new();
+        for (section, name) in pointers().map(split) {
+            names.entry(section).or_default().push(name);
+        }
+        names
+    });
+    NAMES.get(in_table(section).as_str()).map_or(&[], Vec::as_slice)
 }
 
 /// The pointer of the field or section that `pointer` most likely means: its own neighbours first, then the
