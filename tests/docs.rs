@@ -90,7 +90,8 @@ fn the_scenario_and_the_sweep_of_the_readme_are_sound() {
 #[test]
 fn the_sweep_of_the_documentation_is_sound_and_its_designs_are_those_there_are() {
     let text = read("docs/sweeps.md");
-    let document = text.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a sweep");
+    let document =
+        text.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a sweep");
     let document = serde_json::from_str(document).expect("JSON");
     let (meshes, limits) = (roost_solver::mesh::Meshes::default(), roost_solver::Limits::default());
     let report = roost_server::validate(document, &meshes, &limits, 1000).expect("a sound sweep");

@@ -12,6 +12,7 @@ use roost_api::sweep::{Deletion, SweepSpec, SweepView};
 use serde::Deserialize;
 use serde_json::json;
 use utoipa::IntoParams;
+use uuid::Uuid;
 
 use super::aside::aside;
 use super::at_hand::at_hand;
@@ -176,16 +177,21 @@ pub(crate) async fn extend(
     Segments(id): Segments<SweepId>,
     Document(document): Document,
 ) -> Result<Json<SweepView>, ApiError> {
+    let extension = Uuid::now_v7();
     for _ in 0..EXTEND_TRIES {
+        if app.store.is_extended(extension).await? {
+            return view(&app, id).await.map(Json);
+        }
         let stored = app.store.stored_sweep(id).await?.ok_or(Refusal::NoSweep)?;
         let meshes = at_hand(&app, &json!([stored.spec.base, document])).await?;
-        let (limits, extension) = (limits(&app), document.clone());
+        let (limits, asked, body) = (limits(&app), document.clone(), document.clone());
         let grown =
-            aside(move || sweep::extend(&stored, extension, &meshes, limits).map(|growth| (stored, growth)));
+            aside(move || sweep::extend(&stored, asked, &meshes, limits).map(|growth| (stored, growth)));
         let (stored, growth) = grown.await?.map_err(ApiError::faults)?;
         let has_more_replicates = growth.replicates > stored.replicates;
         let firsts = if has_more_replicates { app.store.first_scenarios(id).await? } else { Vec::new() };
-        let more = aside(move || MoreOfSweep::new(id, &stored, &growth, &firsts)).await??;
+        let more =
+            aside(move || MoreOfSweep::new(id, (extension, &body), &stored, &growth, &firsts)).await??;
         if app.store.extend_sweep(more, app.clock.now()).await? {
             app.work.notify_waiters();
             return view(&app, id).await.map(Json);
@@ -218,7 +224,7 @@ pub(crate) async fn delete(
     Params(query): Params<DeleteQuery>,
 ) -> Result<Json<Deletion>, ApiError> {
     let deletion = app.store.deletion(id).await?.ok_or(Refusal::NoSweep)?;
-    if !query.dry_run && !app.store.delete_sweep(id).await? {
+    if !query.dry_run && !app.store.delete_sweep(id, app.clock.now()).await? {
         let unended = deletion.unended;
         let detail = format!(
             "{unended} of its jobs have not ended: cancel the sweep first, and wait for those that run"

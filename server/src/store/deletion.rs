@@ -3,6 +3,7 @@
 
 use roost_api::ids::SweepId;
 use roost_api::sweep::Deletion;
+use roost_api::time::Timestamp;
 use sqlx::SqliteConnection;
 
 use super::rows::Columns;
@@ -37,7 +38,7 @@ impl Store {
     }
 
     /// Deletes a sweep; false when some of its jobs have not ended, and then nothing is changed.
-    pub(crate) async fn delete_sweep(&self, id: SweepId) -> Result<bool, StoreError> {
+    pub(crate) async fn delete_sweep(&self, id: SweepId, now: Timestamp) -> Result<bool, StoreError> {
         let marked = self
             .writer
             .write(move |tx| {
@@ -49,7 +50,17 @@ impl Store {
                     .bind(id.to_string())
                     .execute(&mut *tx)
                     .await?;
-                    Ok(marked.rows_affected() > 0)
+                    if marked.rows_affected() == 0 {
+                        return Ok(false);
+                    }
+                    sqlx::query(
+                        "INSERT INTO deletions (sweep_id, name, deleted_at) SELECT id, name, ? FROM sweeps WHERE id = ?",
+                    )
+                    .bind(now.0)
+                    .bind(id.to_string())
+                    .execute(&mut *tx)
+                    .await?;
+                    Ok(true)
                 })
             })
             .await?;
@@ -115,7 +126,11 @@ async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<bool, StoreError> 
     if jobs.len() as i64 == PIECE {
         return Ok(true);
     }
-    for sql in ["DELETE FROM points WHERE sweep_id = ?", "DELETE FROM sweeps WHERE id = ?"] {
+    for sql in [
+        "DELETE FROM points WHERE sweep_id = ?",
+        "DELETE FROM extensions WHERE sweep_id = ?",
+        "DELETE FROM sweeps WHERE id = ?",
+    ] {
         sqlx::query(sql).bind(id).execute(&mut *tx).await?;
     }
     Ok(false)

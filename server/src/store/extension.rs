@@ -4,6 +4,8 @@ use roost_api::design::Factor;
 use roost_api::ids::SweepId;
 use roost_api::time::Timestamp;
 use roost_solver::scenario::Scenario;
+use serde_json::Value;
+use uuid::Uuid;
 
 use super::rows::{Columns, from_json};
 use super::submit::{Draft, Shared, drafts, insert, insert_points, levels};
@@ -13,6 +15,9 @@ use crate::sweep::{Growth, Stored, factors, replicate};
 /// What is about to be added to a sweep.
 pub(crate) struct MoreOfSweep {
     id: SweepId,
+    /// Of the extension: it is made once.
+    extension: Uuid,
+    body: String,
     /// Points and replicates that it is added to.
     before: (u32, u32),
     /// The same afterwards.
@@ -23,9 +28,10 @@ pub(crate) struct MoreOfSweep {
 }
 
 impl MoreOfSweep {
-    /// Writes the growth of a sweep out; `firsts` are the scenarios of its points, where they get more replicates.
+    /// Writes the growth of a sweep out, which `body` asked for; `firsts` are the scenarios of its points, where they get more replicates.
     pub(crate) fn new(
         id: SweepId,
+        (extension, body): (Uuid, &Value),
         stored: &Stored,
         growth: &Growth,
         firsts: &[(u32, Scenario)],
@@ -39,6 +45,8 @@ impl MoreOfSweep {
         });
         Ok(Self {
             id,
+            extension,
+            body: body.to_string(),
             before: (there, stored.replicates),
             after: (there + growth.points.len() as u32, growth.replicates),
             levels: levels(&growth.points)?,
@@ -68,6 +76,12 @@ impl Store {
         }))
     }
 
+    /// Whether an extension has been made.
+    pub(crate) async fn is_extended(&self, extension: Uuid) -> Result<bool, StoreError> {
+        let sql = "SELECT EXISTS (SELECT 1 FROM extensions WHERE id = ?)";
+        Ok(sqlx::query_scalar(sql).bind(extension.to_string()).fetch_one(&self.readers).await?)
+    }
+
     /// The factors of a sweep, as submitted.
     pub(crate) async fn factors(&self, id: SweepId) -> Result<Option<Vec<Factor>>, StoreError> {
         let spec: Option<String> =
@@ -80,7 +94,7 @@ impl Store {
 
     /// Adds points and replicates to a sweep. False when it has grown meanwhile: then nothing is changed.
     pub(crate) async fn extend_sweep(&self, more: MoreOfSweep, now: Timestamp) -> Result<bool, StoreError> {
-        let MoreOfSweep { id, before, after, levels, drafts, shared } = more;
+        let MoreOfSweep { id, extension, body, before, after, levels, drafts, shared } = more;
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
@@ -99,6 +113,18 @@ impl Store {
                     if grown == 0 {
                         return Ok(false);
                     }
+                    sqlx::query(
+                        "INSERT INTO extensions (id, sweep_id, body, points, replicates, extended_at)
+                         VALUES (?, ?, ?, ?, ?, ?)",
+                    )
+                    .bind(extension.to_string())
+                    .bind(id.to_string())
+                    .bind(body)
+                    .bind(before.0)
+                    .bind(before.1)
+                    .bind(now.0)
+                    .execute(&mut *tx)
+                    .await?;
                     insert_points(tx, id, before.0 as usize, &levels).await?;
                     insert(tx, &drafts, &shared, now).await?;
                     Ok(true)

@@ -1,5 +1,6 @@
 //! The store from inside: plans, constraints, the group commit.
 
+use roost_api::design::DesignKind;
 use roost_api::job::{AttemptOutcome, Cache, FailureClass, JobState};
 use roost_api::mesh::{MeshFormat, MeshView};
 use roost_api::time::Timestamp;
@@ -53,6 +54,10 @@ async fn what_runs_often_is_indexed() {
             "SELECT * FROM jobs WHERE state = ? AND ended_at IS NOT NULL AND seq < 9 ORDER BY seq DESC",
             "jobs_ended",
         ),
+        ("SELECT 1 FROM jobs WHERE digest = 'a'", "jobs_by_digest"),
+        ("SELECT 1 FROM results WHERE document = 'a'", "results_by_document"),
+        ("SELECT 1 FROM attempts WHERE partial = 'a'", "attempts_by_partial"),
+        ("SELECT id, digest FROM jobs WHERE sweep_id = 'a' LIMIT 500", "jobs_"),
         ("SELECT 1 FROM results WHERE digest = 'a' AND solver_revision = 1", "results_by_digest"),
         ("SELECT 1 FROM attempts WHERE request_id = 'a' AND worker_id = 'b'", "attempts_by_request"),
     ] {
@@ -78,6 +83,7 @@ async fn the_enums_are_pinned_by_the_schema() {
         ("failure_class", words(FailureClass::ALL.iter().map(|word| word.as_str()))),
         ("outcome", words(AttemptOutcome::ALL.iter().map(|word| word.as_str()))),
         ("cache", words(Cache::ALL.iter().map(|word| word.as_str()))),
+        ("design", words(DesignKind::ALL.iter().map(|word| word.as_str()))),
         ("format", words(MeshFormat::ALL.iter().map(|word| word.as_str()))),
     ] {
         let check = format!("CHECK ({column} IN ({words}))").replace("( ", "(");

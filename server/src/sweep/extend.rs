@@ -11,8 +11,9 @@ use serde_json::{Map, Value, json};
 
 use super::expand::{self, Bench};
 use super::matrix::{self, Row};
-use super::plan::{self, Plan, Points, Values};
-use super::{Point, SweepLimits, rows};
+use super::plan::{self, Plan, Points};
+use super::values::Values;
+use super::{Point, SweepLimits, inputs, rows};
 use crate::document::{fault, read_leniently};
 
 /// A sweep as it is kept.
@@ -194,7 +195,7 @@ fn add_levels(
         if !names.contains(name) {
             faults.push(fault(&at, json!(name), "the sweep has no such factor", &names.join(", ")));
         }
-        plan::check_levels(&at, levels, faults);
+        inputs::check_levels(&at, levels, faults);
     }
     let is_grid = matches!(plan.points, Points::Grid);
     let mut old = Vec::new();

@@ -5,7 +5,8 @@
 use serde_json::Value;
 
 use super::draw;
-use super::plan::{Input, Plan, Points, Values};
+use super::plan::{Input, Plan, Points};
+use super::values::Values;
 
 /// A design point: a value a factor, none where it stays as in the base.
 pub(super) type Row = Vec<Option<Value>>;

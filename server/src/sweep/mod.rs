@@ -1,6 +1,6 @@
 //! Sweeps, without IO: from the specification to design points and trials, and from trials to tables and effects.
 //!
-//! `plan` reads factors and design, `names` what factors point at, `rows` lists of points; `matrix` combines values to points, with
+//! `plan` reads factors and design, `names` what factors point at, `inputs` what values they take, `rows` lists of points; `matrix` combines values to points, with
 //! the numbers of `draw` and `values`; `factor` puts a level into a scenario, `levels` judges one by itself; `expand` validates
 //! every point and lists every fault, `extend` does so for what is added. `summary` and `effects` say what came out.
 
@@ -9,6 +9,7 @@ mod effects;
 mod expand;
 mod extend;
 mod factor;
+mod inputs;
 mod levels;
 mod matrix;
 mod names;

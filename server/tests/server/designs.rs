@@ -223,6 +223,7 @@ async fn a_deletion_leaves_nothing_behind_even_when_it_is_interrupted() {
     let (_, other) = submit(&farm, json!({"kind": "random", "points": 3}), factors).await;
     finish(&worker).await;
     farm.send(Method::DELETE, &path, None).await.expect(StatusCode::OK);
+    farm.post(&format!("{other}/extend"), &json!({"points": 1})).await.expect(StatusCode::OK);
     farm.stop().await;
 
     let file = dir.path().join("roost.db");

@@ -1,7 +1,8 @@
-//! Sweeps without a server: here expansion, the designs, what adds to them and what comes out of them in files of their own.
+//! Sweeps without a server: here expansion, the designs, their faults, what adds to them and what comes out of them in files of their own.
 
 mod designs;
 mod extensions;
+mod faults;
 mod outcomes;
 
 use roost_api::sweep::SweepSpec;

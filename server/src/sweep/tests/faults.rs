@@ -1,0 +1,89 @@
+//! What is wrong with designs and factors, and that it is told where it stands.
+
+use super::*;
+
+/// Pointer and detail of each fault.
+fn told(design: Value, factors: Value) -> Vec<(String, String)> {
+    faults(&of_design(design, factors)).into_iter().map(|fault| (fault.pointer, fault.detail)).collect()
+}
+
+#[track_caller]
+fn holds(told: &[(String, String)], pointer: &str, word: &str) {
+    assert!(
+        told.iter().any(|(at, detail)| at == pointer && detail.contains(word)),
+        "{pointer}: {word}\n{told:#?}"
+    );
+}
+
+#[test]
+fn what_is_wrong_with_a_design_is_told() {
+    let gate = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}]);
+    holds(
+        &told(json!({"kind": "grid", "seed": 3}), gate.clone()),
+        "/design/seed",
+        "grid takes no such field",
+    );
+    holds(&told(json!({"kind": "random", "points": 3}), json!([])), "/factors", "nothing is varied");
+    holds(&told(json!({"kind": "sobol"}), gate.clone()), "/design/points", "needs this field");
+    holds(&told(json!({"kind": "random", "points": 0}), gate.clone()), "/design/points", "at least one");
+    holds(&told(json!({"kind": "sobol", "points": 70000}), gate.clone()), "/design/points", "70000");
+    holds(
+        &told(json!({"kind": "random", "points": 2, "seed": 1_u64 << 53}), gate.clone()),
+        "/design/seed",
+        "range",
+    );
+    holds(&told(json!({"kind": "list", "rows": []}), json!([{"pointer": GATE}])), "/design/rows", "no row");
+    let list = told(json!({"kind": "list", "rows": [[0.05, 1], [0.05], [0.05]]}), json!([{"pointer": GATE}]));
+    holds(&list, "/design/rows/0", "2 values for 1 factors");
+    holds(&list, "/design/rows", "row 2 is the same as row 1");
+    holds(&told(json!({"kind": "list", "rows": [[0.05]]}), gate.clone()), "/factors/0/low", "the rows say");
+    holds(
+        &told(json!({"kind": "list", "rows": [[0.05], ["x"]]}), json!([{"pointer": GATE}])),
+        "/design/rows/1/0",
+        "",
+    );
+    let csv = |table: &str| told(json!({"kind": "csv", "table": table}), json!([{"pointer": GATE}]));
+    holds(&csv("gate\n0.05\n"), "/design/table", "column 1 is no factor");
+    holds(&csv("gate\n0.05\n"), "/design/table", &format!("no column `{GATE}`"));
+    holds(&csv(&format!("{GATE}\n0.05,1\n")), "/design/table", "fields");
+    let wrong = csv(&format!("{GATE}\n-1\nx\n0.05\n"));
+    holds(&wrong, "/design/table", "design point 0");
+    holds(&wrong, "/design/table", "design point 1");
+}
+
+#[test]
+fn what_is_wrong_with_a_factor_is_told() {
+    let random = || json!({"kind": "random", "points": 4});
+    let of = |factor: Value| told(random(), json!([factor]));
+    holds(&of(json!({"pointer": GATE})), "/factors/0/levels", "needs values");
+    holds(&of(json!({"levels": [1]})), "/factors/0/pointer", "needs a field");
+    holds(&of(json!({"pointer": GATE, "pointers": [BELT], "levels": [1]})), "/factors/0/pointers", "already");
+    holds(&of(json!({"pointer": GATE, "low": 0.05})), "/factors/0/high", "`low` stands without");
+    holds(&of(json!({"pointer": GATE, "low": 0.07, "high": 0.05})), "/factors/0/high", "not above");
+    holds(&of(json!({"pointer": GATE, "low": 0.05, "high": 1e9})), "/factors/0/high", "not a value of");
+    holds(&of(json!({"pointer": COUNT, "low": 1.5, "high": 4})), "/factors/0/low", "not a value of");
+    holds(
+        &of(json!({"pointer": "/contact/condition", "low": 0, "high": 1})),
+        "/factors/0/low",
+        "not a value of",
+    );
+    let log = json!({"pointer": "/scene/gravity", "low": -1.0, "high": 1.0, "scale": "log"});
+    holds(&of(log), "/factors/0/low", "logarithmic");
+    holds(&of(json!({"pointer": GATE, "low": 0.05, "high": 0.07, "count": 3})), "/factors/0/count", "no use");
+    holds(&of(json!({"pointer": GATE, "levels": [0.05], "low": 0.05})), "/factors/0/low", "`levels` already");
+    let linked = json!({"pointers": [BELT, BELT], "levels": [0.1]});
+    holds(&of(linked), "/factors/0/pointers/1", "factor 0 varies the same field");
+    let few = told(json!({"kind": "grid"}), json!([{"pointer": COUNT, "low": 3, "high": 5, "count": 9}]));
+    holds(&few, "/factors/0", "no 9 different whole numbers");
+}
+
+#[test]
+fn a_misspelled_field_in_a_list_is_told_with_its_place() {
+    let base = json!({"experiment": "scene", "scene": {
+        "bodies": [{"position_m": [0, 0, 0.5]}, {"position_m": [0, 0, 1]}],
+        "surfaces": [{"name": "floor", "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}]}});
+    let sweep = json!({"name": "s", "base": base, "design": {"kind": "grid"},
+                       "factors": [{"pointer": "/scene/bodies/1/positon_m", "levels": [[0, 0, 1]]}]});
+    let found = faults(&serde_json::from_value(sweep).unwrap());
+    assert_eq!(found[0].allowed.as_deref(), Some("did you mean /scene/bodies/1/position_m?"), "{found:?}");
+}
