@@ -44,7 +44,6 @@ pub struct Design {
     pub seed: Option<u64>,
     /// `list`: a row a point, a value a factor in their order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Vec<Vec<Object>>>)]
     pub rows: Option<Vec<Vec<Value>>>,
     /// `csv`: the text of a CSV file, a column a factor with its pointer as heading, a line a point.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -73,7 +72,6 @@ pub struct Factor {
     pub pointers: Option<Vec<String>>,
     /// Its values: numbers, words or whatever the field takes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Vec<Object>>)]
     pub levels: Option<Vec<Value>>,
     /// In place of levels: the lowest value of a number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -111,11 +109,9 @@ pub struct Extension {
     pub points: Option<u32>,
     /// `grid` and `one_at_a_time`: more levels, by the name of their factor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
     pub levels: Option<BTreeMap<String, Vec<Value>>>,
     /// `list` and `csv`: more rows, as in the design.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Vec<Vec<Object>>>)]
     pub rows: Option<Vec<Vec<Value>>>,
     /// `list` and `csv`: more rows as the text of a CSV file.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -136,7 +136,6 @@ pub struct FactorEffect {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct LevelEffect {
     /// The value.
-    #[schema(value_type = Object)]
     pub level: Value,
     /// Design points that have it.
     pub points: u64,

@@ -173,5 +173,7 @@ fn the_schema_of_a_sweep_names_every_field_and_resolves() {
         assert!(schema.pointer(reference).is_some(), "{reference}");
     }
     assert!(schema.pointer("/$defs/Scenario/properties/equipment/properties/gate_opening_m").is_some());
+    let levels = schema.pointer("/$defs/Factor/properties/levels/items").unwrap();
+    assert_eq!(levels.get("type"), None, "a level is whatever its field takes");
     assert_eq!(schema.pointer("/$defs/DesignKind/enum/1"), Some(&json!("one_at_a_time")));
 }
