@@ -4,6 +4,7 @@ mod bench;
 mod cancel;
 mod delete;
 mod demo;
+mod drain;
 mod effects;
 mod exit;
 mod extend;
@@ -64,6 +65,7 @@ enum Command {
     Retry(retry::Args),
     Extend(extend::Args),
     Delete(delete::Args),
+    Drain(drain::Args),
     Reproduce(reproduce::Args),
     Bench(bench::Args),
 }
@@ -92,6 +94,7 @@ impl Command {
             Self::Effects(args) => effects::execute(args).await,
             Self::Validate(args) => validate::execute(&args),
             Self::Cancel(args) => cancel::execute(args).await,
+            Self::Drain(args) => drain::execute(args).await,
             Self::Retry(args) => retry::execute(args).await,
             Self::Extend(args) => extend::execute(args).await,
             Self::Delete(args) => delete::execute(args).await,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use roost_server::{Limits, Server, ServerConfig};
+use roost_server::{Limits, RetryPolicy, Server, ServerConfig, Tries};
 
 use crate::exit::Exit;
 use crate::signals;
@@ -45,10 +45,23 @@ pub(crate) struct ServerArgs {
     /// Largest sweep accepted, in jobs
     #[arg(long, default_value_t = ServerConfig::default().max_jobs_per_sweep, value_name = "N")]
     max_jobs: u64,
+    /// Attempts of a job that may fail because of their worker; 0 is no limit
+    #[arg(long, default_value_t = RetryPolicy::default().worker.attempts, value_name = "N")]
+    worker_attempts: u32,
+    /// Attempts of a job that may be lost with their worker; 0 is no limit
+    #[arg(long, default_value_t = RetryPolicy::default().lost.attempts, value_name = "N")]
+    lost_attempts: u32,
+    /// Pause before another attempt, which doubles each time up to a minute, less a random half
+    #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = pause)]
+    retry_pause_s: f64,
 }
 
 impl ServerArgs {
     pub(crate) fn config(self) -> ServerConfig {
+        let mut retry = RetryPolicy::default();
+        let first_pause = Duration::from_secs_f64(self.retry_pause_s);
+        retry.worker = Tries { attempts: self.worker_attempts, first_pause, ..retry.worker };
+        retry.lost = Tries { attempts: self.lost_attempts, first_pause: first_pause / 2, ..retry.lost };
         ServerConfig {
             listen: self.listen,
             data: self.data,
@@ -56,6 +69,7 @@ impl ServerArgs {
             lease: Duration::from_secs_f64(self.lease_s),
             limits: Limits { max_subparticles: self.max_subparticles, max_steps: self.max_steps },
             max_jobs_per_sweep: self.max_jobs,
+            retry,
             ..ServerConfig::default()
         }
     }
@@ -67,6 +81,13 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     ui::println(format_args!("listening on http://{}", server.local_addr()))?;
     server.run(shutdown).await?;
     Ok(Exit::Done)
+}
+
+fn pause(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("give a number of seconds from 0 to 3600".to_owned()),
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {

@@ -152,6 +152,8 @@ words!(
 pub struct Needs {
     /// Name of the backend, such as `cpu`; any when null.
     pub backend: Option<String>,
+    /// Memory of its device, in MiB; any when null.
+    pub memory_mib: Option<u32>,
 }
 
 /// A job as submitted: an envelope, so that the digest covers the physics alone.
@@ -216,6 +218,11 @@ pub struct JobView {
     /// How far the running attempt has come.
     #[schema(value_type = Option<Object>)]
     pub progress: Option<Progress>,
+    /// A queued job that has failed before: not to be claimed before then.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub retry_at: Option<Timestamp>,
+    /// Whether it runs alone, since it was lost together with others.
+    pub alone: bool,
     /// Why it failed.
     pub failure_class: Option<FailureClass>,
     /// Why it failed, in words.

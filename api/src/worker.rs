@@ -24,6 +24,9 @@ pub struct WorkerRegistration {
     pub device: String,
     /// Threads it uses.
     pub threads: u32,
+    /// Memory of its device, in MiB; without it, jobs that need memory go elsewhere.
+    #[serde(default)]
+    pub memory_mib: Option<u32>,
 }
 
 /// What a registered worker needs to know.
@@ -48,12 +51,21 @@ pub struct WorkerView {
     pub device: String,
     /// Threads it uses.
     pub threads: u32,
+    /// Memory of its device, in MiB.
+    pub memory_mib: Option<u32>,
     /// `SOLVER_REVISION` of its solver.
     pub solver_revision: u32,
+    /// Whether it was asked to claim nothing more.
+    pub draining: bool,
     /// Jobs it holds leases for.
     pub running: Vec<JobId>,
     /// Attempts it has brought to a result.
     pub succeeded: u64,
+    /// Attempts of its that failed as `worker`.
+    pub failed: u64,
+    /// When it registered.
+    #[schema(value_type = String, format = DateTime)]
+    pub registered_at: Timestamp,
     /// When it was last heard of.
     #[schema(value_type = String, format = DateTime)]
     pub last_seen_at: Timestamp,

@@ -4,6 +4,15 @@ use std::time::Instant;
 
 use roost_api::time::Timestamp;
 
+/// One moment by both clocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Now {
+    /// As people read it, for fields that end in `_at`.
+    pub(crate) wall: Timestamp,
+    /// As leases, deadlines and pauses count it.
+    pub(crate) lease: Timestamp,
+}
+
 /// Within one run of the server leases count monotonic time, so that a clock set back or forth neither ends
 /// them all nor makes them last.
 pub(crate) struct Clock {
@@ -20,6 +29,11 @@ impl Clock {
     /// Now as people read it, for fields that end in `_at`.
     pub(crate) fn now(&self) -> Timestamp {
         Timestamp::now()
+    }
+
+    /// Now by both.
+    pub(crate) fn both(&self) -> Now {
+        Now { wall: self.now(), lease: self.lease_now() }
     }
 
     /// Now as leases count it: the start of the server plus the time that has really passed.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use roost_solver::Limits;
 
-use crate::queue::AttemptLimits;
+use crate::queue::RetryPolicy;
 
 /// The settings of a server.
 #[derive(Clone, Debug)]
@@ -23,8 +23,8 @@ pub struct ServerConfig {
     pub max_claim_wait: Duration,
     /// What a scenario may cost.
     pub limits: Limits,
-    /// Attempts that a job gets.
-    pub attempts: AttemptLimits,
+    /// When a job is tried again by itself.
+    pub retry: RetryPolicy,
     /// Jobs that a sweep may make.
     pub max_jobs_per_sweep: u64,
     /// Size of a request body.
@@ -46,7 +46,7 @@ impl Default for ServerConfig {
             heartbeat: Duration::from_secs(2),
             max_claim_wait: Duration::from_secs(30),
             limits: Limits::default(),
-            attempts: AttemptLimits::default(),
+            retry: RetryPolicy::default(),
             max_jobs_per_sweep: 100_000,
             max_body_bytes: 4 * 1024 * 1024,
             max_result_bytes: 32 * 1024 * 1024,

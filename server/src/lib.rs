@@ -19,7 +19,7 @@ mod sweep;
 mod validation;
 
 pub use config::ServerConfig;
-pub use queue::AttemptLimits;
+pub use queue::{RetryPolicy, Tries};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
 pub use store::StoreError;

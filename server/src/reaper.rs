@@ -1,5 +1,5 @@
-//! The reaper: ends leases that ran out, so that what a dead worker held is run by another, and clears the
-//! progress of jobs that run no longer.
+//! The reaper: ends leases that ran out, so that what a dead worker held is run by another, runs that are long past their
+//! `max_wall_s`, and pauses before another attempt; clears the progress of jobs that run no longer.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use crate::app::App;
 use crate::queue::JobChange;
 use crate::store::StoreError;
 
-/// Looks for expired leases until the server shuts down.
+/// Looks for what has run out until the server shuts down.
 pub(crate) async fn run(app: App) {
     let interval = (app.config.lease / 4).clamp(Duration::from_millis(20), Duration::from_secs(1));
     while app.shutdown.run_until_cancelled(tokio::time::sleep(interval)).await.is_some() {
@@ -18,13 +18,13 @@ pub(crate) async fn run(app: App) {
 }
 
 async fn tick(app: &App) -> Result<(), StoreError> {
-    let changes =
-        app.store.expire_leases(app.config.attempts, app.clock.lease_now(), app.clock.now()).await?;
-    for (job, change) in &changes {
-        tracing::warn!(%job, ?change, "lease expired");
+    let passed = app.store.pass_time(app.config.retry, app.clock.both()).await?;
+    for (job, change) in &passed.changes {
+        tracing::warn!(%job, ?change, "an attempt ran out of time");
         app.progress.forget(*job);
     }
-    if changes.iter().any(|(_, change)| *change == JobChange::Requeue) {
+    let requeued = |change: &JobChange| matches!(change, JobChange::Requeue { not_before: None, .. });
+    if passed.rested > 0 || passed.changes.iter().any(|(_, change)| requeued(change)) {
         app.work.notify_waiters();
     }
     // A beat that was answered before the job ended may note its progress after.

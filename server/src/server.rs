@@ -87,7 +87,7 @@ impl Server {
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
         let store = Store::open(&config.data.join("roost.db")).await?;
         let clock = Clock::start();
-        let running = store.extend_leases(lease_end(clock.lease_now(), config.lease)).await?;
+        let running = store.start_afresh(lease_end(clock.lease_now(), config.lease)).await?;
         tracing::info!(%address, data = %config.data.display(), running, "listening; everybody on this machine may use it");
         let app = Arc::new(AppState {
             config,

@@ -184,7 +184,18 @@ impl Home {
     pub(crate) fn serve(&self) -> Process {
         let listen = self.address.trim_start_matches("http://");
         let mut command = roost();
-        command.args(["serve", "--listen", listen, "--heartbeat-s", "0.2", "--lease-s", "2", "--data"]);
+        command.args([
+            "serve",
+            "--listen",
+            listen,
+            "--heartbeat-s",
+            "0.2",
+            "--lease-s",
+            "2",
+            "--retry-pause-s",
+            "0.1",
+            "--data",
+        ]);
         let server = self.start("serve", command.arg(self.path("data")));
         until("the server answers", || self.ask(|client| async move { client.sweeps(None, 1).await.ok() }));
         server

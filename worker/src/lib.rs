@@ -8,6 +8,7 @@
 pub mod backoff;
 pub mod client;
 mod config;
+mod device;
 mod lease;
 pub mod meshes;
 pub mod outbox;

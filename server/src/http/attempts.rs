@@ -76,8 +76,8 @@ pub(crate) async fn failure(
 ) -> Result<Json<Receipt>, ApiError> {
     let FailureReport { worker_id, outcome, message, result } = body;
     let partial = aside(move || result.map(|result| prepared_partial(outcome, result)).transpose()).await??;
-    let (limits, now) = (app.config.attempts, app.clock.now());
-    let recorded = app.store.record_failure(id, attempt, worker_id, outcome, message, partial, limits, now);
+    let (policy, now) = (app.config.retry, app.clock.both());
+    let recorded = app.store.record_failure(id, attempt, worker_id, outcome, message, partial, policy, now);
     let verdict = recorded.await??;
     Ok(Json(settle(&app, id, &verdict)))
 }
@@ -98,7 +98,7 @@ fn prepared_partial(outcome: AttemptOutcome, mut result: RunResult) -> Result<St
 fn settle(app: &App, job: JobId, verdict: &Verdict) -> Receipt {
     if let Verdict::Record(change) = verdict {
         app.progress.forget(job);
-        if *change == JobChange::Requeue {
+        if matches!(change, JobChange::Requeue { not_before: None, .. }) {
             app.work.notify_waiters();
         }
     }

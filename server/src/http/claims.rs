@@ -7,16 +7,19 @@ use axum::extract::State;
 use roost_api::lease::{ClaimReply, ClaimRequest};
 use roost_api::problem::Problem;
 use serde_json::json;
-use tokio::time::{Instant, sleep_until};
+use tokio::time::{Instant, sleep, sleep_until};
 
 use super::extract::Body;
 use super::problem::ApiError;
 use crate::app::App;
 use crate::document::fault;
-use crate::queue::lease_end;
+use crate::store::Claim;
 
 /// Jobs of one claim: a batch of a device, not the whole queue.
 const MAX_JOBS: u32 = 64;
+
+/// Work that a worker may have once it holds nothing else is looked for so often: nothing rings when it is delivered.
+const LOOK_AGAIN: Duration = Duration::from_millis(200);
 
 /// Claims up to `max_jobs` jobs, waiting up to `wait_s` for the first.
 #[utoipa::path(post, path = "/v1/claims", tag = "workers", operation_id = "claim",
@@ -31,19 +34,30 @@ pub(crate) async fn claim(
     check(&request)?;
     let wait = Duration::from_secs_f64(request.wait_s.min(app.config.max_claim_wait.as_secs_f64()));
     let deadline = Instant::now() + wait;
+    let claim = Claim {
+        request_id: request.request_id,
+        worker: request.worker_id,
+        max_jobs: request.max_jobs,
+        lease: app.config.lease,
+    };
+    let mut is_first = true;
     loop {
         // Listen before looking: work that comes in between must wake this claim too.
         let work = app.work.notified();
         tokio::pin!(work);
         work.as_mut().enable();
-        let until = lease_end(app.clock.lease_now(), app.config.lease);
-        let (id, worker) = (request.request_id, request.worker_id);
-        let attempts = app.store.claim(id, worker, request.max_jobs, app.clock.now(), until).await??;
-        if !attempts.is_empty() {
-            return Ok(Json(ClaimReply { attempts }));
+        // Of many that are woken, one will find the work: the others need not trouble the writer.
+        let mut held_back = false;
+        if std::mem::take(&mut is_first) || app.store.has_work(claim, app.clock.both()).await? {
+            let claimed = app.store.claim(claim, app.clock.both()).await??;
+            if !claimed.attempts.is_empty() {
+                return Ok(Json(ClaimReply { attempts: claimed.attempts }));
+            }
+            held_back = claimed.held_back;
         }
         tokio::select! {
             () = work => {}
+            () = sleep(LOOK_AGAIN), if held_back => {}
             () = sleep_until(deadline) => break,
             () = app.shutdown.cancelled() => break,
         }

@@ -27,11 +27,11 @@ pub(crate) async fn heartbeat(
 ) -> Result<Json<HeartbeatReply>, ApiError> {
     let until = lease_end(app.clock.lease_now(), app.config.lease);
     let beats = request.attempts.iter().map(|beat| Beat { job_id: beat.job_id, attempt: beat.attempt });
-    let attempts = app.store.heartbeat(worker, beats.collect(), app.clock.now(), until).await??;
-    for (beat, answer) in request.attempts.into_iter().zip(&attempts) {
+    let reply = app.store.heartbeat(worker, beats.collect(), app.clock.now(), until).await??;
+    for (beat, answer) in request.attempts.into_iter().zip(&reply.attempts) {
         if let (Some(progress), Directive::Continue | Directive::Cancel) = (beat.progress, answer.directive) {
             app.progress.set(beat.job_id, progress);
         }
     }
-    Ok(Json(HeartbeatReply { attempts, drain: false }))
+    Ok(Json(reply))
 }

@@ -83,6 +83,7 @@ fn routes(app: &App) -> OpenApiRouter<App> {
         .routes(routes!(meta::sweep_schema))
         .routes(routes!(meta::version))
         .routes(routes!(workers::register, workers::list))
+        .routes(routes!(workers::drain))
         .routes(routes!(claims::claim))
         .routes(routes!(heartbeats::heartbeat))
         .routes(routes!(meta::healthz))

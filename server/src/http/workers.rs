@@ -2,6 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
+use axum::http::StatusCode;
 use roost_api::API_VERSION;
 use roost_api::ids::WorkerId;
 use roost_api::page::Page;
@@ -11,7 +12,7 @@ use roost_solver::SOLVER_REVISION;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::extract::{Body, Params};
+use super::extract::{Body, Params, Segments};
 use super::page::{limit, page};
 use super::problem::{ApiError, Kind};
 use crate::app::App;
@@ -47,6 +48,20 @@ pub(crate) async fn register(
         heartbeat_s: app.config.heartbeat.as_secs_f64(),
         lease_s: app.config.lease.as_secs_f64(),
     }))
+}
+
+/// Asks a worker to claim nothing more, finish what it runs, and end.
+#[utoipa::path(post, path = "/v1/workers/{id}/drain", tag = "workers", operation_id = "drain_worker",
+    params(("id" = uuid::Uuid, Path, description = "The worker")),
+    responses((status = 202, description = "It will hear of it with its next heartbeat"),
+              (status = 404, description = "No such worker", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn drain(
+    State(app): State<App>,
+    Segments(id): Segments<WorkerId>,
+) -> Result<StatusCode, ApiError> {
+    app.store.drain_worker(id).await??;
+    Ok(StatusCode::ACCEPTED)
 }
 
 /// Which workers to list.

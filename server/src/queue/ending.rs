@@ -1,8 +1,9 @@
 //! How an attempt ends by its worker's report, and what that does to the job.
 
 use roost_api::job::{AttemptOutcome, FailureClass};
+use roost_api::time::Timestamp;
 
-use super::{AttemptLimits, JobChange, JobFacts, Refusal, Standing};
+use super::{JobChange, JobFacts, Refusal, RetryPolicy, Standing};
 
 /// The answer to a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,31 +24,38 @@ pub(crate) fn on_result(standing: Standing) -> Result<Verdict, Refusal> {
     }
 }
 
-/// Decides on a reported failure.
+/// Decides on a failure reported at `now` on the clock of leases.
 pub(crate) fn on_failure(
     job: &JobFacts,
     standing: Standing,
     outcome: AttemptOutcome,
-    limits: AttemptLimits,
+    policy: RetryPolicy,
+    now: Timestamp,
 ) -> Result<Verdict, Refusal> {
     match standing {
-        Standing::Holds => change_on(job, outcome, limits).map(Verdict::Record),
+        Standing::Holds => change_on(job, outcome, policy, now).map(Verdict::Record),
         Standing::Ended(before) if before == outcome => Ok(Verdict::Repeat),
         Standing::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
         Standing::Stale(refusal) => Err(refusal),
     }
 }
 
-fn change_on(job: &JobFacts, outcome: AttemptOutcome, limits: AttemptLimits) -> Result<JobChange, Refusal> {
+fn change_on(
+    job: &JobFacts,
+    outcome: AttemptOutcome,
+    policy: RetryPolicy,
+    now: Timestamp,
+) -> Result<JobChange, Refusal> {
     Ok(match outcome {
         AttemptOutcome::Invalid => JobChange::Fail(FailureClass::Invalid),
         AttemptOutcome::Unstable => JobChange::Fail(FailureClass::Unstable),
         AttemptOutcome::Timeout => JobChange::Fail(FailureClass::Timeout),
         AttemptOutcome::Worker | AttemptOutcome::Released if job.cancelling => JobChange::Cancel,
-        AttemptOutcome::Worker if job.worker_failures + 1 >= limits.worker => {
-            JobChange::Fail(FailureClass::Worker)
-        }
-        AttemptOutcome::Worker | AttemptOutcome::Released => JobChange::Requeue,
+        AttemptOutcome::Worker => policy
+            .worker
+            .again(job, job.worker_failures + 1, false, now)
+            .unwrap_or(JobChange::Fail(FailureClass::Worker)),
+        AttemptOutcome::Released => JobChange::Requeue { not_before: None, alone: false },
         AttemptOutcome::Cancelled if job.cancelling => JobChange::Cancel,
         // Nobody asked for it, and success and loss are not a worker's to report here.
         AttemptOutcome::Cancelled | AttemptOutcome::Succeeded | AttemptOutcome::Lost => {

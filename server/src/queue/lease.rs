@@ -1,9 +1,9 @@
-//! Leases: what a beat renews, and what becomes of a job whose lease ran out.
+//! Leases: what a beat renews, and what becomes of a job whose lease or time ran out.
 
 use roost_api::job::{FailureClass, JobState};
 use roost_api::time::Timestamp;
 
-use super::{AttemptLimits, JobChange, JobFacts, Standing};
+use super::{JobChange, JobFacts, RetryPolicy, Standing};
 
 /// What a beat of one attempt does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,11 +27,12 @@ pub(crate) fn on_beat(job: &JobFacts, standing: Standing, until: Timestamp) -> B
     }
 }
 
-/// Decides on a running job at `now`: nothing while its lease lasts.
+/// Decides on a running job at `now`: nothing while its lease lasts. One whose worker held others as well runs alone next time.
 pub(crate) fn on_lease_expired(
     job: &JobFacts,
     lease_expires_at: Timestamp,
-    limits: AttemptLimits,
+    had_company: bool,
+    policy: RetryPolicy,
     now: Timestamp,
 ) -> Option<JobChange> {
     if job.state != JobState::Running || lease_expires_at > now {
@@ -39,9 +40,16 @@ pub(crate) fn on_lease_expired(
     }
     Some(if job.cancelling {
         JobChange::Cancel
-    } else if job.lost + 1 >= limits.lost {
-        JobChange::Fail(FailureClass::Lost)
     } else {
-        JobChange::Requeue
+        let again = policy.lost.again(job, job.lost + 1, had_company, now);
+        again.unwrap_or(JobChange::Fail(FailureClass::Lost))
     })
+}
+
+/// Decides on a running job at `now` whose worker should have stopped it at the deadline, and has not said so.
+pub(crate) fn on_deadline(job: &JobFacts, deadline: Timestamp, now: Timestamp) -> Option<JobChange> {
+    if job.state != JobState::Running || deadline > now {
+        return None;
+    }
+    Some(if job.cancelling { JobChange::Cancel } else { JobChange::Fail(FailureClass::Timeout) })
 }

@@ -2,29 +2,36 @@
 //!
 //! The store reads the facts, asks here, and carries the answer out in the same transaction. `fence` says
 //! whether a write of an attempt may count, `lease` what a beat and an expired lease mean, `ending` what
-//! a delivery or a failure does to the job, `control` what its owner may do to it.
+//! a delivery or a failure does to the job, `retry` when it is tried again, `batch` what a claim gets, `control` what its
+//! owner may do to it.
 
+mod batch;
 mod control;
 mod ending;
 mod fence;
 mod lease;
+mod retry;
 #[cfg(test)]
 mod tests;
 
 use std::time::Duration;
 
-use roost_api::ids::WorkerId;
+use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::time::Timestamp;
 
+pub(crate) use batch::{Holding, batch};
 pub(crate) use control::{CancelEffect, on_cancel, on_retry};
 pub(crate) use ending::{Verdict, on_failure, on_result};
 pub(crate) use fence::{Standing, standing};
-pub(crate) use lease::{BeatEffect, on_beat, on_lease_expired};
+pub(crate) use lease::{BeatEffect, on_beat, on_deadline, on_lease_expired};
+pub use retry::{RetryPolicy, Tries};
 
 /// What the queue knows of a job when it decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct JobFacts {
+    /// Which it is.
+    pub id: JobId,
     /// Its state.
     pub state: JobState,
     /// Whether a cancel is on its way.
@@ -50,26 +57,16 @@ pub(crate) struct AttemptFacts {
     pub outcome: Option<AttemptOutcome>,
 }
 
-/// How many attempts of a kind a job gets before it fails.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AttemptLimits {
-    /// Attempts that end as [`FailureClass::Worker`].
-    pub worker: u32,
-    /// Attempts that end as [`FailureClass::Lost`].
-    pub lost: u32,
-}
-
-impl Default for AttemptLimits {
-    fn default() -> Self {
-        Self { worker: 3, lost: 5 }
-    }
-}
-
 /// What happens to a job.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum JobChange {
     /// Back to the queue.
-    Requeue,
+    Requeue {
+        /// Not to be claimed before then, on the clock of leases.
+        not_before: Option<Timestamp>,
+        /// From now on it runs alone.
+        alone: bool,
+    },
     /// Its result is recorded.
     Succeed,
     /// It fails for good.

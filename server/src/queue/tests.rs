@@ -2,16 +2,23 @@
 
 use std::time::Duration;
 
-use roost_api::ids::WorkerId;
+use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::time::Timestamp;
 
 use super::*;
 
-const LIMITS: AttemptLimits = AttemptLimits { worker: 3, lost: 5 };
+/// The usual number of attempts, without pauses.
+const POLICY: RetryPolicy = RetryPolicy {
+    worker: Tries { attempts: 3, first_pause: Duration::ZERO, longest_pause: Duration::ZERO },
+    lost: Tries { attempts: 5, first_pause: Duration::ZERO, longest_pause: Duration::ZERO },
+};
+const NOW: Timestamp = Timestamp(0);
+const AT_ONCE: JobChange = JobChange::Requeue { not_before: None, alone: false };
 
 fn job(state: JobState) -> JobFacts {
-    JobFacts { state, cancelling: false, attempt: 2, worker_failures: 0, lost: 0, failure_class: None }
+    let id = JobId::new();
+    JobFacts { id, state, cancelling: false, attempt: 2, worker_failures: 0, lost: 0, failure_class: None }
 }
 
 fn attempt(worker_id: WorkerId, number: u32, outcome: Option<AttemptOutcome>) -> AttemptFacts {
@@ -49,19 +56,19 @@ fn an_attempt_that_reported_answers_only_the_same_report() {
     let done = standing(&job(JobState::Succeeded), &attempt(me, 2, Some(AttemptOutcome::Succeeded)), me);
     assert_eq!(on_result(done), Ok(Verdict::Repeat));
     let outcome = AttemptOutcome::Succeeded;
-    let late = on_failure(&job(JobState::Succeeded), done, AttemptOutcome::Worker, LIMITS);
+    let late = on_failure(&job(JobState::Succeeded), done, AttemptOutcome::Worker, POLICY, NOW);
     assert_eq!(late, Err(Refusal::AttemptEnded { outcome }));
 
     let released = standing(&job(JobState::Queued), &attempt(me, 2, Some(AttemptOutcome::Released)), me);
     assert_eq!(on_result(released), Err(Refusal::AttemptEnded { outcome: AttemptOutcome::Released }));
-    let again = on_failure(&job(JobState::Queued), released, AttemptOutcome::Released, LIMITS);
+    let again = on_failure(&job(JobState::Queued), released, AttemptOutcome::Released, POLICY, NOW);
     assert_eq!(again, Ok(Verdict::Repeat));
 }
 
 #[test]
 fn a_failure_ends_or_requeues_by_class() {
     let running = job(JobState::Running);
-    let fail = |outcome| on_failure(&running, Standing::Holds, outcome, LIMITS);
+    let fail = |outcome| on_failure(&running, Standing::Holds, outcome, POLICY, NOW);
     for (outcome, class) in [
         (AttemptOutcome::Invalid, FailureClass::Invalid),
         (AttemptOutcome::Unstable, FailureClass::Unstable),
@@ -69,8 +76,8 @@ fn a_failure_ends_or_requeues_by_class() {
     ] {
         assert_eq!(fail(outcome), Ok(Verdict::Record(JobChange::Fail(class))));
     }
-    assert_eq!(fail(AttemptOutcome::Worker), Ok(Verdict::Record(JobChange::Requeue)));
-    assert_eq!(fail(AttemptOutcome::Released), Ok(Verdict::Record(JobChange::Requeue)));
+    assert_eq!(fail(AttemptOutcome::Worker), Ok(Verdict::Record(AT_ONCE)));
+    assert_eq!(fail(AttemptOutcome::Released), Ok(Verdict::Record(AT_ONCE)));
     for outcome in [AttemptOutcome::Succeeded, AttemptOutcome::Lost, AttemptOutcome::Cancelled] {
         assert_eq!(fail(outcome), Err(Refusal::NotReportable { outcome }));
     }
@@ -79,21 +86,21 @@ fn a_failure_ends_or_requeues_by_class() {
 #[test]
 fn the_third_worker_failure_is_the_last_and_a_release_never_is() {
     let tried = JobFacts { worker_failures: 2, ..job(JobState::Running) };
-    let third = on_failure(&tried, Standing::Holds, AttemptOutcome::Worker, LIMITS);
+    let third = on_failure(&tried, Standing::Holds, AttemptOutcome::Worker, POLICY, NOW);
     assert_eq!(third, Ok(Verdict::Record(JobChange::Fail(FailureClass::Worker))));
-    let released = on_failure(&tried, Standing::Holds, AttemptOutcome::Released, LIMITS);
-    assert_eq!(released, Ok(Verdict::Record(JobChange::Requeue)));
+    let released = on_failure(&tried, Standing::Holds, AttemptOutcome::Released, POLICY, NOW);
+    assert_eq!(released, Ok(Verdict::Record(AT_ONCE)));
 }
 
 #[test]
 fn a_cancelling_job_ends_cancelled_unless_it_had_an_end_of_its_own() {
     let cancelling = JobFacts { cancelling: true, worker_failures: 2, ..job(JobState::Running) };
     for outcome in [AttemptOutcome::Cancelled, AttemptOutcome::Released, AttemptOutcome::Worker] {
-        let verdict = on_failure(&cancelling, Standing::Holds, outcome, LIMITS);
+        let verdict = on_failure(&cancelling, Standing::Holds, outcome, POLICY, NOW);
         assert_eq!(verdict, Ok(Verdict::Record(JobChange::Cancel)), "{outcome}");
     }
     assert_eq!(on_result(Standing::Holds), Ok(Verdict::Record(JobChange::Succeed)));
-    let expired = on_lease_expired(&cancelling, Timestamp(10), LIMITS, Timestamp(10));
+    let expired = on_lease_expired(&cancelling, Timestamp(10), false, POLICY, Timestamp(10));
     assert_eq!(expired, Some(JobChange::Cancel));
 }
 
@@ -102,12 +109,44 @@ fn a_lease_lasts_until_its_moment_and_the_fifth_loss_is_the_last() {
     let running = job(JobState::Running);
     let end = lease_end(Timestamp(1_000), Duration::from_secs(15));
     assert_eq!(end, Timestamp(16_000));
-    assert_eq!(on_lease_expired(&running, end, LIMITS, Timestamp(15_999)), None);
-    assert_eq!(on_lease_expired(&running, end, LIMITS, end), Some(JobChange::Requeue));
+    assert_eq!(on_lease_expired(&running, end, false, POLICY, Timestamp(15_999)), None);
+    assert_eq!(on_lease_expired(&running, end, false, POLICY, end), Some(AT_ONCE));
     let unlucky = JobFacts { lost: 4, ..running };
-    let fifth = on_lease_expired(&unlucky, end, LIMITS, end);
+    let fifth = on_lease_expired(&unlucky, end, false, POLICY, end);
     assert_eq!(fifth, Some(JobChange::Fail(FailureClass::Lost)));
-    assert_eq!(on_lease_expired(&job(JobState::Queued), end, LIMITS, end), None);
+    assert_eq!(on_lease_expired(&job(JobState::Queued), end, false, POLICY, end), None);
+}
+
+#[test]
+fn what_was_lost_in_company_runs_alone_and_what_fails_waits() {
+    let second = Duration::from_secs(1);
+    let tries = Tries { first_pause: second, longest_pause: second, ..POLICY.lost };
+    let policy = RetryPolicy { worker: tries, lost: tries };
+    let (running, now) = (job(JobState::Running), Timestamp(10_000));
+    let pause = |change: JobChange| match change {
+        JobChange::Requeue { not_before: Some(then), alone } => (then.0 - now.0, alone),
+        other => panic!("{other:?}"),
+    };
+    let (waits, alone) = pause(on_lease_expired(&running, now, true, policy, now).unwrap());
+    assert!((500..=1000).contains(&waits) && alone, "{waits}");
+    let (_, alone) = pause(on_lease_expired(&running, now, false, policy, now).unwrap());
+    assert!(!alone, "lost by itself");
+    let failed = on_failure(&running, Standing::Holds, AttemptOutcome::Worker, policy, now);
+    let Ok(Verdict::Record(change)) = failed else { panic!("{failed:?}") };
+    let (waits, alone) = pause(change);
+    assert!((500..=1000).contains(&waits) && !alone, "{waits}");
+    let released = on_failure(&running, Standing::Holds, AttemptOutcome::Released, policy, now);
+    assert_eq!(released, Ok(Verdict::Record(AT_ONCE)), "handed back unharmed");
+}
+
+#[test]
+fn what_its_worker_does_not_stop_in_time_has_timed_out() {
+    let (running, deadline) = (job(JobState::Running), Timestamp(100));
+    assert_eq!(on_deadline(&running, deadline, Timestamp(99)), None);
+    assert_eq!(on_deadline(&running, deadline, deadline), Some(JobChange::Fail(FailureClass::Timeout)));
+    let cancelling = JobFacts { cancelling: true, ..running };
+    assert_eq!(on_deadline(&cancelling, deadline, deadline), Some(JobChange::Cancel));
+    assert_eq!(on_deadline(&job(JobState::Queued), deadline, deadline), None);
 }
 
 #[test]

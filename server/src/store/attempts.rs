@@ -1,57 +1,53 @@
-//! Leases from the server's side: expiry, and the extension after a restart.
+//! Time passes: leases, deadlines and pauses that end, and the fresh start after a restart.
 
 use std::collections::HashSet;
 
 use roost_api::ids::JobId;
 use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
-use sqlx::AssertSqlSafe;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::facts::{JOB_FACTS, change_job, end_attempt, job_facts};
 use super::rows::{Columns, to_json};
 use super::{Store, StoreError};
-use crate::queue::{AttemptLimits, JobChange, on_lease_expired};
+use crate::clock::Now;
+use crate::queue::{JobChange, RetryPolicy, on_deadline, on_lease_expired};
+
+/// What the passing of time has done.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Passed {
+    /// Attempts that were ended, with what became of their jobs.
+    pub changes: Vec<(JobId, JobChange)>,
+    /// Jobs whose pause is over.
+    pub rested: u64,
+}
 
 impl Store {
-    /// Ends every lease that has run out at `lease_now`; `now` is what people read. Returns the jobs, with what became of each.
-    pub(crate) async fn expire_leases(
-        &self,
-        limits: AttemptLimits,
-        lease_now: Timestamp,
-        now: Timestamp,
-    ) -> Result<Vec<(JobId, JobChange)>, StoreError> {
-        // Most of the time there is none, and the writer need not hear of it.
+    /// Ends every lease and every pause that has run out, and every attempt past its deadline.
+    pub(crate) async fn pass_time(&self, policy: RetryPolicy, now: Now) -> Result<Passed, StoreError> {
+        // Most of the time there is nothing, and the writer need not hear of it.
         let any: bool = sqlx::query_scalar(
-            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= ?)",
+            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= ?1)
+                 OR EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= ?1)
+                 OR EXISTS (SELECT 1 FROM jobs WHERE not_before <= ?1)",
         )
-        .bind(lease_now.0)
+        .bind(now.lease.0)
         .fetch_one(&self.readers)
         .await?;
         if !any {
-            return Ok(Vec::new());
+            return Ok(Passed::default());
         }
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let sql = format!(
-                        "SELECT j.id, j.lease_expires_at, {JOB_FACTS} FROM jobs j
-                         WHERE j.state = 'running' AND j.lease_expires_at <= ?"
-                    );
-                    let rows = sqlx::query(AssertSqlSafe(sql)).bind(lease_now.0).fetch_all(&mut *tx).await?;
-                    let mut changes = Vec::new();
-                    for row in rows {
-                        let (id, job) = (row.parsed("id")?, job_facts(&row)?);
-                        let expiry = row.moment("lease_expires_at")?;
-                        let Some(change) = on_lease_expired(&job, expiry, limits, lease_now) else {
-                            continue;
-                        };
-                        let message = "the lease expired: nothing was heard of the worker";
-                        let lost = AttemptOutcome::Lost;
-                        end_attempt(tx, id, job.attempt, lost, Some(message), None, now).await?;
-                        change_job(tx, id, &change, Some(message), now).await?;
-                        changes.push((id, change));
-                    }
-                    Ok(changes)
+                    let mut changes = expire_leases(tx, policy, now).await?;
+                    changes.extend(end_overdue(tx, now).await?);
+                    let rested = sqlx::query("UPDATE jobs SET not_before = NULL WHERE not_before <= ?")
+                        .bind(now.lease.0)
+                        .execute(&mut *tx)
+                        .await?;
+                    Ok(Passed { changes, rested: rested.rows_affected() })
                 })
             })
             .await
@@ -69,12 +65,15 @@ impl Store {
         rows.iter().map(|row| row.parsed("id")).collect()
     }
 
-    /// Gives every running attempt a fresh lease, so that a restart of the server costs no run. Returns how
-    /// many there are.
-    pub(crate) async fn extend_leases(&self, until: Timestamp) -> Result<u64, StoreError> {
+    /// Gives every running attempt a fresh lease, so that a restart of the server costs no run, and lets no pause outlive the
+    /// clock it was counted by. Returns how many attempts run.
+    pub(crate) async fn start_afresh(&self, until: Timestamp) -> Result<u64, StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
+                    sqlx::query("UPDATE jobs SET not_before = NULL WHERE not_before IS NOT NULL")
+                        .execute(&mut *tx)
+                        .await?;
                     let extended =
                         sqlx::query("UPDATE jobs SET lease_expires_at = ? WHERE state = 'running'")
                             .bind(until.0)
@@ -85,4 +84,56 @@ impl Store {
             })
             .await
     }
+}
+
+/// Ends leases. Whoever lost another job as well, or has another that is to be lost in a moment, had company.
+async fn expire_leases(
+    tx: &mut SqliteConnection,
+    policy: RetryPolicy,
+    now: Now,
+) -> Result<Vec<(JobId, JobChange)>, StoreError> {
+    let sql = format!(
+        "SELECT j.lease_expires_at, {JOB_FACTS},
+                EXISTS (SELECT 1 FROM attempts c WHERE c.worker_id = j.worker_id AND c.job_id <> j.id
+                        AND c.outcome IS NULL)
+             OR EXISTS (SELECT 1 FROM attempts c WHERE c.worker_id = j.worker_id AND c.job_id <> j.id
+                        AND c.outcome = 'lost') AS company
+         FROM jobs j WHERE j.state = 'running' AND j.lease_expires_at <= ?"
+    );
+    let rows = sqlx::query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
+    let message = "the lease expired: nothing was heard of the worker";
+    let decide = |row: &SqliteRow| {
+        let (job, expiry) = (job_facts(row)?, row.moment("lease_expires_at")?);
+        Ok(on_lease_expired(&job, expiry, row.column("company")?, policy, now.lease))
+    };
+    end_all(tx, &rows, decide, AttemptOutcome::Lost, message, now).await
+}
+
+/// Ends attempts whose worker should have stopped them long ago.
+async fn end_overdue(tx: &mut SqliteConnection, now: Now) -> Result<Vec<(JobId, JobChange)>, StoreError> {
+    let sql =
+        format!("SELECT j.deadline, {JOB_FACTS} FROM jobs j WHERE j.state = 'running' AND j.deadline <= ?");
+    let rows = sqlx::query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
+    let message = "past max_wall_s, and its worker has not stopped it";
+    let decide = |row: &SqliteRow| Ok(on_deadline(&job_facts(row)?, row.moment("deadline")?, now.lease));
+    end_all(tx, &rows, decide, AttemptOutcome::Timeout, message, now).await
+}
+
+async fn end_all(
+    tx: &mut SqliteConnection,
+    rows: &[SqliteRow],
+    decide: impl Fn(&SqliteRow) -> Result<Option<JobChange>, StoreError>,
+    outcome: AttemptOutcome,
+    message: &str,
+    now: Now,
+) -> Result<Vec<(JobId, JobChange)>, StoreError> {
+    let mut changes = Vec::new();
+    for row in rows {
+        let Some(change) = decide(row)? else { continue };
+        let job = job_facts(row)?;
+        end_attempt(tx, job.id, job.attempt, outcome, Some(message), None, now.wall).await?;
+        change_job(tx, job.id, &change, Some(message), now.wall).await?;
+        changes.push((job.id, change));
+    }
+    Ok(changes)
 }

@@ -2,67 +2,109 @@
 
 use roost_api::ids::WorkerId;
 use roost_api::lease::ClaimedAttempt;
-use roost_api::time::Timestamp;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use sqlx::{AssertSqlSafe, QueryBuilder, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
-use super::rows::Columns;
+use super::rows::{Columns, to_json};
 use super::{Store, StoreError};
-use crate::queue::Refusal;
+use crate::clock::Now;
+use crate::queue::{Holding, Refusal, batch, lease_end};
 
-/// Takes the next jobs that suit the worker. The inner select walks `jobs_to_claim` in its order and stops
-/// at the limit, whatever the length of the queue; a test looks at the plan.
-pub(super) const CLAIM: &str = "UPDATE jobs
-    SET state = 'running', attempt = attempt + 1, worker_id = ?1, lease_expires_at = ?2, started_at = ?3
-    WHERE seq IN (
-        SELECT seq FROM jobs
-        WHERE state = 'queued' AND (needs_backend IS NULL OR needs_backend = ?4)
-        ORDER BY priority DESC, turn, seq LIMIT ?5)
+/// Jobs that suit worker ?1, in the order of the queue. The select walks `jobs_to_claim` and stops at its limit, whatever the
+/// length of the queue; a test looks at the plan. A job that the worker has failed before goes to another one that has what it
+/// needs and was heard of since ?2, if there is one.
+pub(super) const CANDIDATES: &str = "SELECT j.seq, j.alone FROM workers me CROSS JOIN jobs j
+    WHERE me.id = ?1 AND me.draining = 0 AND j.state = 'queued' AND j.not_before IS NULL
+      AND (j.needs_backend IS NULL OR j.needs_backend = me.backend)
+      AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= me.memory_mib)
+      AND (j.attempt = j.forgiven
+           OR NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id AND f.worker_id = ?1
+                          AND f.outcome = 'worker' AND f.number > j.forgiven)
+           OR NOT EXISTS (SELECT 1 FROM workers other WHERE other.last_seen_at >= ?2 AND other.draining = 0
+                          AND (j.needs_backend IS NULL OR j.needs_backend = other.backend)
+                          AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= other.memory_mib)
+                          AND NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id
+                                          AND f.worker_id = other.id AND f.outcome = 'worker'
+                                          AND f.number > j.forgiven)))
+    ORDER BY j.priority DESC, j.turn, j.seq LIMIT ?3";
+
+/// Takes the jobs of a JSON list; no attempt outlives its `max_wall_s` by more than a lease.
+const TAKE: &str = "UPDATE jobs
+    SET state = 'running', attempt = attempt + 1, worker_id = ?1, lease_expires_at = ?2, started_at = ?3,
+        deadline = ?2 + CAST(max_wall_s * 1000 AS INTEGER)
+    WHERE seq IN (SELECT value FROM json_each(?4))
     RETURNING id, attempt, digest, max_wall_s, lease_expires_at, priority, turn, seq";
+
+/// A worker asks for work.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Claim {
+    pub(crate) request_id: Uuid,
+    pub(crate) worker: WorkerId,
+    pub(crate) max_jobs: u32,
+    pub(crate) lease: std::time::Duration,
+}
+
+/// What it got.
+#[derive(Debug, Default)]
+pub(crate) struct Claimed {
+    pub(crate) attempts: Vec<ClaimedAttempt>,
+    /// There is work for it, which it may have once it holds nothing else.
+    pub(crate) held_back: bool,
+}
+
+impl Claim {
+    /// Workers that were heard of since then are there.
+    fn alive_since(&self, now: Now) -> i64 {
+        now.wall.0 - lease_end(roost_api::time::Timestamp(0), self.lease).0
+    }
+}
 
 impl Store {
     /// Claims up to `max_jobs` jobs for the worker, or repeats what the same request claimed before.
-    pub(crate) async fn claim(
-        &self,
-        request_id: Uuid,
-        worker: WorkerId,
-        max_jobs: u32,
-        now: Timestamp,
-        until: Timestamp,
-    ) -> Result<Result<Vec<ClaimedAttempt>, Refusal>, StoreError> {
+    pub(crate) async fn claim(&self, claim: Claim, now: Now) -> Result<Result<Claimed, Refusal>, StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let backend: Option<String> = sqlx::query_scalar(
-                        "UPDATE workers SET last_seen_at = ? WHERE id = ? RETURNING backend",
-                    )
-                    .bind(now.0)
-                    .bind(worker.to_string())
-                    .fetch_optional(&mut *tx)
-                    .await?;
-                    let Some(backend) = backend else { return Ok(Err(Refusal::NoWorker)) };
-                    if let Some(before) = repeat(tx, request_id, worker, until).await? {
-                        return Ok(Ok(before));
+                    let known = sqlx::query("UPDATE workers SET last_seen_at = ? WHERE id = ?")
+                        .bind(now.wall.0)
+                        .bind(claim.worker.to_string())
+                        .execute(&mut *tx)
+                        .await?;
+                    if known.rows_affected() == 0 {
+                        return Ok(Err(Refusal::NoWorker));
                     }
-                    claim(tx, request_id, worker, &backend, max_jobs, now, until).await.map(Ok)
+                    if let Some(attempts) = repeat(tx, claim, now).await? {
+                        return Ok(Ok(Claimed { attempts, held_back: false }));
+                    }
+                    take(tx, claim, now).await.map(Ok)
                 })
             })
             .await
+    }
+
+    /// Whether a claim would find a job, without troubling the writer.
+    pub(crate) async fn has_work(&self, claim: Claim, now: Now) -> Result<bool, StoreError> {
+        let found = sqlx::query(CANDIDATES)
+            .bind(claim.worker.to_string())
+            .bind(claim.alive_since(now))
+            .bind(1)
+            .fetch_optional(&self.readers)
+            .await?;
+        Ok(found.is_some())
     }
 }
 
 /// What the same request claimed before and still holds; `None` when it claimed nothing.
 async fn repeat(
     tx: &mut SqliteConnection,
-    request_id: Uuid,
-    worker: WorkerId,
-    until: Timestamp,
+    claim: Claim,
+    now: Now,
 ) -> Result<Option<Vec<ClaimedAttempt>>, StoreError> {
     let known: i64 =
         sqlx::query_scalar("SELECT count(*) FROM attempts WHERE request_id = ? AND worker_id = ?")
-            .bind(request_id.to_string())
-            .bind(worker.to_string())
+            .bind(claim.request_id.to_string())
+            .bind(claim.worker.to_string())
             .fetch_one(&mut *tx)
             .await?;
     if known == 0 {
@@ -75,37 +117,60 @@ async fn repeat(
            AND jobs.id = a.job_id AND jobs.attempt = a.number AND jobs.state = 'running'
          RETURNING id, attempt, digest, max_wall_s, lease_expires_at, priority, turn, seq",
     )
-    .bind(until.0)
-    .bind(request_id.to_string())
-    .bind(worker.to_string())
+    .bind(lease_end(now.lease, claim.lease).0)
+    .bind(claim.request_id.to_string())
+    .bind(claim.worker.to_string())
     .fetch_all(&mut *tx)
     .await?;
     with_scenarios(tx, rows).await.map(Some)
 }
 
-async fn claim(
-    tx: &mut SqliteConnection,
-    request_id: Uuid,
-    worker: WorkerId,
-    backend: &str,
-    max_jobs: u32,
-    now: Timestamp,
-    until: Timestamp,
-) -> Result<Vec<ClaimedAttempt>, StoreError> {
-    let rows = sqlx::query(CLAIM)
-        .bind(worker.to_string())
-        .bind(until.0)
-        .bind(now.0)
-        .bind(backend)
-        .bind(max_jobs)
+async fn take(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Claimed, StoreError> {
+    let worker = claim.worker.to_string();
+    let rows = sqlx::query(CANDIDATES)
+        .bind(&worker)
+        .bind(claim.alive_since(now))
+        .bind(claim.max_jobs)
         .fetch_all(&mut *tx)
         .await?;
     if rows.is_empty() {
-        return Ok(Vec::new());
+        return Ok(Claimed::default());
     }
+    let candidates = rows.iter().map(|row| row.column("alone")).collect::<Result<Vec<bool>, _>>()?;
+    let count = batch(holding(tx, &worker).await?, &candidates);
+    if count == 0 {
+        return Ok(Claimed { attempts: Vec::new(), held_back: true });
+    }
+    let seqs = rows[..count].iter().map(|row| row.column("seq")).collect::<Result<Vec<i64>, _>>()?;
+    let rows = sqlx::query(TAKE)
+        .bind(&worker)
+        .bind(lease_end(now.lease, claim.lease).0)
+        .bind(now.wall.0)
+        .bind(to_json("jobs", &seqs)?)
+        .fetch_all(&mut *tx)
+        .await?;
+    note_attempts(tx, &rows, &worker, claim.request_id, now).await?;
+    Ok(Claimed { attempts: with_scenarios(tx, rows).await?, held_back: false })
+}
+
+async fn holding(tx: &mut SqliteConnection, worker: &str) -> Result<Holding, StoreError> {
+    let sql = "SELECT count(*) AS jobs, coalesce(max(alone), 0) AS alone FROM jobs
+               WHERE worker_id = ? AND state = 'running'";
+    let row = sqlx::query(AssertSqlSafe(sql)).bind(worker).fetch_one(&mut *tx).await?;
+    Ok(Holding { jobs: row.number("jobs")?, alone: row.column("alone")? })
+}
+
+/// Writes down who runs what from now on, and how far the queue has come.
+async fn note_attempts(
+    tx: &mut SqliteConnection,
+    rows: &[SqliteRow],
+    worker: &str,
+    request_id: Uuid,
+    now: Now,
+) -> Result<(), StoreError> {
     let mut turns: Vec<(i64, i64)> = Vec::new();
     let mut attempts: Vec<(String, i64)> = Vec::new();
-    for row in &rows {
+    for row in rows {
         turns.push((row.column("priority")?, row.column("turn")?));
         attempts.push((row.column("id")?, row.column("attempt")?));
     }
@@ -115,9 +180,9 @@ async fn claim(
     query.push_values(&attempts, |mut row, (job, number)| {
         row.push_bind(job)
             .push_bind(number)
-            .push_bind(worker.to_string())
+            .push_bind(worker)
             .push_bind(request_id.to_string())
-            .push_bind(now.0);
+            .push_bind(now.wall.0);
     });
     query.build().execute(&mut *tx).await?;
 
@@ -127,7 +192,7 @@ async fn claim(
     });
     query.push(" ON CONFLICT (priority) DO UPDATE SET turn = max(turn, excluded.turn)");
     query.build().execute(&mut *tx).await?;
-    with_scenarios(tx, rows).await
+    Ok(())
 }
 
 /// Claimed rows as the worker gets them, in the order of the queue (`RETURNING` has none).

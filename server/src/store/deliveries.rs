@@ -9,7 +9,8 @@ use sqlx::SqliteConnection;
 use super::facts::{change_job, end_attempt, fenced};
 use super::rows::to_json;
 use super::{Store, StoreError};
-use crate::queue::{AttemptLimits, Refusal, Verdict, on_failure, on_result};
+use crate::clock::Now;
+use crate::queue::{Refusal, RetryPolicy, Verdict, on_failure, on_result};
 
 /// A result written out and hashed, which for a long one takes a while: done before any transaction.
 pub(crate) struct StoredResult {
@@ -116,8 +117,8 @@ impl Store {
         outcome: AttemptOutcome,
         message: String,
         partial: Option<StoredResult>,
-        limits: AttemptLimits,
-        now: Timestamp,
+        policy: RetryPolicy,
+        now: Now,
     ) -> Result<Result<Verdict, Refusal>, StoreError> {
         self.writer
             .write(move |tx| {
@@ -126,7 +127,7 @@ impl Store {
                         Ok(fenced) => fenced,
                         Err(refusal) => return Ok(Err(refusal)),
                     };
-                    let verdict = match on_failure(&fenced.job, fenced.standing, outcome, limits) {
+                    let verdict = match on_failure(&fenced.job, fenced.standing, outcome, policy, now.lease) {
                         Ok(verdict) => verdict,
                         Err(refusal) => return Ok(Err(refusal)),
                     };
@@ -142,8 +143,8 @@ impl Store {
                         None => None,
                     };
                     let partial = document.as_deref();
-                    end_attempt(tx, job_id, attempt, outcome, Some(&message), partial, now).await?;
-                    change_job(tx, job_id, change, Some(&message), now).await?;
+                    end_attempt(tx, job_id, attempt, outcome, Some(&message), partial, now.wall).await?;
+                    change_job(tx, job_id, change, Some(&message), now.wall).await?;
                     Ok(Ok(verdict))
                 })
             })

@@ -11,7 +11,7 @@ use super::rows::Columns;
 use crate::queue::{AttemptFacts, JobChange, JobFacts, Refusal, Standing, standing};
 
 /// The columns of [`JobFacts`]; the counts look at the few attempts of one job.
-pub(super) const JOB_FACTS: &str = "j.state, j.cancelling, j.attempt, j.failure_class,
+pub(super) const JOB_FACTS: &str = "j.id, j.state, j.cancelling, j.attempt, j.failure_class,
     (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.forgiven AND f.outcome = 'worker')
         AS worker_failures,
     (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.forgiven AND f.outcome = 'lost')
@@ -19,6 +19,7 @@ pub(super) const JOB_FACTS: &str = "j.state, j.cancelling, j.attempt, j.failure_
 
 pub(super) fn job_facts(row: &SqliteRow) -> Result<JobFacts, StoreError> {
     Ok(JobFacts {
+        id: row.parsed("id")?,
         state: row.parsed("state")?,
         cancelling: row.column("cancelling")?,
         attempt: row.number("attempt")?,
@@ -67,17 +68,23 @@ pub(super) async fn change_job(
     now: Timestamp,
 ) -> Result<(), StoreError> {
     let (state, class) = match change {
-        JobChange::Requeue => (JobState::Queued, None),
+        JobChange::Requeue { .. } => (JobState::Queued, None),
         JobChange::Succeed => (JobState::Succeeded, None),
         JobChange::Fail(class) => (JobState::Failed, Some(*class)),
         JobChange::Cancel => (JobState::Cancelled, None),
     };
+    let (not_before, alone) = match change {
+        JobChange::Requeue { not_before, alone } => (not_before.map(|then| then.0), *alone),
+        _ => (None, false),
+    };
     sqlx::query(
-        "UPDATE jobs SET state = ?, cancelling = 0, lease_expires_at = NULL, failure_class = ?,
-                         failure_message = ?, ended_at = ?
+        "UPDATE jobs SET state = ?, not_before = ?, alone = max(alone, ?), cancelling = 0, lease_expires_at = NULL,
+                         failure_class = ?, failure_message = ?, ended_at = ?
          WHERE id = ?",
     )
     .bind(state.as_str())
+    .bind(not_before)
+    .bind(alone)
     .bind(class.map(|class| class.as_str()))
     .bind(class.and(message))
     .bind(state.is_ended().then_some(now.0))

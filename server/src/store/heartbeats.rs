@@ -1,7 +1,7 @@
 //! Heartbeats: one a worker, a row an attempt.
 
 use roost_api::ids::{JobId, WorkerId};
-use roost_api::lease::{AttemptDirective, Directive};
+use roost_api::lease::{AttemptDirective, Directive, HeartbeatReply};
 use roost_api::time::Timestamp;
 use sqlx::SqliteConnection;
 
@@ -19,30 +19,30 @@ pub(crate) struct Beat {
 }
 
 impl Store {
-    /// Renews the leases of a worker's attempts until `until`; the directives are in the order of the beats.
+    /// Renews the leases of a worker's attempts until `until`; the rows of the reply are in the order of the beats.
     pub(crate) async fn heartbeat(
         &self,
         worker: WorkerId,
         beats: Vec<Beat>,
         now: Timestamp,
         until: Timestamp,
-    ) -> Result<Result<Vec<AttemptDirective>, Refusal>, StoreError> {
+    ) -> Result<Result<HeartbeatReply, Refusal>, StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let known = sqlx::query("UPDATE workers SET last_seen_at = ? WHERE id = ?")
-                        .bind(now.0)
-                        .bind(worker.to_string())
-                        .execute(&mut *tx)
-                        .await?;
-                    if known.rows_affected() == 0 {
-                        return Ok(Err(Refusal::NoWorker));
-                    }
-                    let mut directives = Vec::with_capacity(beats.len());
+                    let drain: Option<bool> = sqlx::query_scalar(
+                        "UPDATE workers SET last_seen_at = ? WHERE id = ? RETURNING draining",
+                    )
+                    .bind(now.0)
+                    .bind(worker.to_string())
+                    .fetch_optional(&mut *tx)
+                    .await?;
+                    let Some(drain) = drain else { return Ok(Err(Refusal::NoWorker)) };
+                    let mut attempts = Vec::with_capacity(beats.len());
                     for beat in beats {
-                        directives.push(renew(tx, worker, beat, until).await?);
+                        attempts.push(renew(tx, worker, beat, until).await?);
                     }
-                    Ok(Ok(directives))
+                    Ok(Ok(HeartbeatReply { attempts, drain }))
                 })
             })
             .await
@@ -66,8 +66,10 @@ async fn renew(
         BeatEffect::Abandon => (Directive::Abandon, None),
     };
     if let BeatEffect::Renew { until, .. } = effect {
+        // What was back in the queue, with a pause or to run alone, was never lost.
         sqlx::query(
-            "UPDATE jobs SET state = 'running', worker_id = ?, lease_expires_at = ?
+            "UPDATE jobs SET alone = CASE state WHEN 'queued' THEN 0 ELSE alone END,
+                             state = 'running', not_before = NULL, worker_id = ?, lease_expires_at = ?
              WHERE id = ?",
         )
         .bind(worker.to_string())

@@ -124,7 +124,8 @@ async fn cancel(
     for state in JobState::ALL {
         let query = match on_cancel(*state) {
             CancelEffect::Cancel => sqlx::query(
-                "UPDATE jobs SET state = 'cancelled', ended_at = ? WHERE state = ? AND (id = ? OR sweep_id = ?)",
+                "UPDATE jobs SET state = 'cancelled', not_before = NULL, ended_at = ?
+                 WHERE state = ? AND (id = ? OR sweep_id = ?)",
             )
             .bind(now.0),
             CancelEffect::Ask => {

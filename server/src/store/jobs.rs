@@ -98,6 +98,8 @@ fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
         attempt: row.number("attempt")?,
         worker_id: row.parsed_opt("worker_id")?,
         progress: None, // known to the server's memory only
+        retry_at: row.moment_opt("not_before")?,
+        alone: row.column("alone")?,
         failure_class: row.parsed_opt("failure_class")?,
         failure_message: row.column("failure_message")?,
         from_cache: row.column("from_cache")?,

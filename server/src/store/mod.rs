@@ -33,6 +33,7 @@ use sqlx::sqlite::{
 };
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
+pub(crate) use claims::Claim;
 pub(crate) use deliveries::StoredResult;
 pub(crate) use extension::MoreOfSweep;
 pub(crate) use heartbeats::Beat;

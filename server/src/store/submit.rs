@@ -82,7 +82,7 @@ pub(super) struct Draft {
 pub(super) struct Shared {
     priority: i32,
     labels: String,
-    needs_backend: Option<String>,
+    needs: Needs,
     max_wall_s: Option<f64>,
     cache: Cache,
 }
@@ -96,7 +96,7 @@ impl Shared {
         Ok(Self {
             priority: spec.priority,
             labels: to_json("labels", &spec.labels)?,
-            needs_backend: spec.needs.backend.clone(),
+            needs: spec.needs.clone(),
             max_wall_s: spec.max_wall_s,
             cache: spec.cache,
         })
@@ -121,7 +121,7 @@ impl Store {
         let shared = Shared {
             priority: job.priority,
             labels: to_json("labels", &job.labels)?,
-            needs_backend: job.needs.backend,
+            needs: job.needs,
             max_wall_s: job.max_wall_s,
             cache: job.cache,
         };
@@ -202,7 +202,7 @@ pub(super) async fn insert(
 
         let mut query = QueryBuilder::<Sqlite>::new(
             "INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, turn, labels,
-             needs_backend, max_wall_s, cache, submitted_at) ",
+             needs_backend, needs_memory_mib, max_wall_s, cache, submitted_at) ",
         );
         query.push_values(rows.iter().enumerate(), |mut row, (index, draft)| {
             row.push_bind(draft.id.to_string())
@@ -214,7 +214,8 @@ pub(super) async fn insert(
                 .push_bind(shared.priority)
                 .push_bind(first_turn + (chunk * ROWS + index) as i64)
                 .push_bind(&shared.labels)
-                .push_bind(&shared.needs_backend)
+                .push_bind(&shared.needs.backend)
+                .push_bind(shared.needs.memory_mib)
                 .push_bind(shared.max_wall_s)
                 .push_bind(shared.cache.as_str())
                 .push_bind(now.0);

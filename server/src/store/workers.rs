@@ -8,6 +8,7 @@ use roost_api::worker::{WorkerRegistration, WorkerView};
 
 use super::rows::Columns;
 use super::{Store, StoreError};
+use crate::queue::Refusal;
 
 impl Store {
     /// Notes a worker; a repeat is the same worker.
@@ -20,12 +21,13 @@ impl Store {
             .write(move |tx| {
                 Box::pin(async move {
                     sqlx::query(
-                        "INSERT INTO workers (id, name, solver_revision, backend, device, threads,
+                        "INSERT INTO workers (id, name, solver_revision, backend, device, threads, memory_mib,
                                               registered_at, last_seen_at)
-                         VALUES (?, ?, ?, ?, ?, ?, ?, ?)
+                         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
                          ON CONFLICT (id) DO UPDATE SET name = excluded.name, backend = excluded.backend,
                              solver_revision = excluded.solver_revision, device = excluded.device,
-                             threads = excluded.threads, last_seen_at = excluded.last_seen_at",
+                             threads = excluded.threads, memory_mib = excluded.memory_mib,
+                             last_seen_at = excluded.last_seen_at",
                     )
                     .bind(worker.worker_id.to_string())
                     .bind(worker.name)
@@ -33,11 +35,27 @@ impl Store {
                     .bind(worker.backend)
                     .bind(worker.device)
                     .bind(worker.threads)
+                    .bind(worker.memory_mib)
                     .bind(now.0)
                     .bind(now.0)
                     .execute(&mut *tx)
                     .await?;
                     Ok(())
+                })
+            })
+            .await
+    }
+
+    /// Asks a worker to claim nothing more; its next heartbeat carries it.
+    pub(crate) async fn drain_worker(&self, id: WorkerId) -> Result<Result<(), Refusal>, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let known = sqlx::query("UPDATE workers SET draining = 1 WHERE id = ?")
+                        .bind(id.to_string())
+                        .execute(&mut *tx)
+                        .await?;
+                    Ok(if known.rows_affected() == 0 { Err(Refusal::NoWorker) } else { Ok(()) })
                 })
             })
             .await
@@ -59,7 +77,8 @@ impl Store {
         // Identifiers are UUIDv7: their order is that of the processes' starts.
         let rows = sqlx::query(
             "SELECT w.*, (SELECT count(*) FROM attempts WHERE worker_id = w.id AND outcome = 'succeeded')
-                AS succeeded
+                AS succeeded,
+                (SELECT count(*) FROM attempts WHERE worker_id = w.id AND outcome = 'worker') AS failed
              FROM workers w WHERE ?1 IS NULL OR w.id < ?1 ORDER BY w.id DESC LIMIT ?2",
         )
         .bind(before.map(|id| id.to_string()))
@@ -76,9 +95,13 @@ impl Store {
                 backend: row.column("backend")?,
                 device: row.column("device")?,
                 threads: row.number("threads")?,
+                memory_mib: row.number_opt("memory_mib")?,
                 solver_revision: row.number("solver_revision")?,
+                draining: row.column("draining")?,
                 running: running.remove(&id).unwrap_or_default(),
                 succeeded: row.number("succeeded")?,
+                failed: row.number("failed")?,
+                registered_at: row.moment("registered_at")?,
                 last_seen_at: row.moment("last_seen_at")?,
             });
         }

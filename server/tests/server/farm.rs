@@ -52,6 +52,9 @@ impl Farm {
     pub(crate) async fn on(data: &Path, change: impl FnOnce(&mut ServerConfig)) -> Self {
         let mut config = ServerConfig { listen: ([127, 0, 0, 1], 0).into(), ..ServerConfig::default() };
         config.data = data.to_owned();
+        // Tests of pauses set their own.
+        config.retry.worker.first_pause = Duration::ZERO;
+        config.retry.lost.first_pause = Duration::ZERO;
         change(&mut config);
         let server = Server::bind(config).await.unwrap();
         let address = server.local_addr();
@@ -122,8 +125,12 @@ impl Farm {
     /// Registers a worker of that backend.
     pub(crate) async fn worker(&self, backend: &str) -> Worker<'_> {
         let id = WorkerId::new().to_string();
-        self.post("/v1/workers", &registration(&id, backend)).await.expect(StatusCode::OK);
-        Worker { farm: self, id }
+        self.register(&registration(&id, backend)).await
+    }
+
+    pub(crate) async fn register(&self, registration: &Value) -> Worker<'_> {
+        self.post("/v1/workers", registration).await.expect(StatusCode::OK);
+        Worker { farm: self, id: text(&registration["worker_id"]).to_owned() }
     }
 }
 

@@ -50,7 +50,7 @@ async fn an_expired_but_unclaimed_attempt_may_still_beat_and_deliver() {
 async fn the_last_of_the_losses_fails_the_job() {
     let (farm, _dir) = Farm::with(|config| {
         config.lease = Duration::from_millis(80);
-        config.attempts.lost = 2;
+        config.retry.lost.attempts = 2;
     })
     .await;
     let worker = farm.worker("cpu").await;
@@ -68,7 +68,7 @@ async fn the_last_of_the_losses_fails_the_job() {
 async fn an_attempt_found_again_was_never_lost() {
     let (farm, _dir) = Farm::with(|config| {
         config.lease = Duration::from_millis(150);
-        config.attempts.lost = 2;
+        config.retry.lost.attempts = 2;
     })
     .await;
     let worker = farm.worker("cpu").await;

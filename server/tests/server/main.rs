@@ -11,6 +11,7 @@ mod layout;
 mod leases;
 mod lifecycle;
 mod meshes;
+mod retries;
 mod start_stop;
 #[path = "../../../tests/support/stl.rs"]
 mod stl;

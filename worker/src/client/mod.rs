@@ -211,6 +211,11 @@ impl Client {
         self.get("workers").await
     }
 
+    /// Asks a worker to claim nothing more, finish what it runs, and end.
+    pub async fn drain(&self, worker: WorkerId) -> ClientResult<()> {
+        self.send(self.request(Method::POST, &format!("workers/{worker}/drain"))).await.map(drop)
+    }
+
     /// Asks for work, waiting at the server for as long as the request says.
     pub async fn claim(&self, claim: &ClaimRequest) -> ClientResult<ClaimReply> {
         let wait = Duration::try_from_secs_f64(claim.wait_s).unwrap_or_default();

@@ -104,6 +104,7 @@ impl Session {
             solver_revision: SOLVER_REVISION,
             backend: "cpu".to_owned(),
             device: roost_solver::cpu::device_name(),
+            memory_mib: crate::device::memory_mib(),
             threads: u32::try_from(self.config.resolved_threads()).unwrap_or(u32::MAX),
         }
     }
