@@ -37,6 +37,21 @@ impl StoredResult {
     }
 }
 
+#[cfg(test)]
+impl StoredResult {
+    /// Something that stands for a result of that scenario.
+    pub(super) fn stand_in(scenario_digest: &str, mark: &str) -> Self {
+        Self {
+            scenario_digest: scenario_digest.to_owned(),
+            solver_revision: roost_solver::SOLVER_REVISION,
+            backend: "cpu".to_owned(),
+            responses: "{}".to_owned(),
+            digest: mark.to_owned(),
+            body: "{}".to_owned(),
+        }
+    }
+}
+
 impl Store {
     /// Whether there is such an attempt.
     pub(crate) async fn find_attempt(

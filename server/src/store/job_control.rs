@@ -143,7 +143,8 @@ async fn cancel(
     Ok(())
 }
 
-/// Queues one job or those of a sweep again that are in that state and of that class.
+/// Queues one job or those of a sweep again that are in that state and of that class. They take turns from where the queue has
+/// come to, as if they had just been submitted: else a large sweep would push all others aside.
 async fn requeue(
     tx: &mut SqliteConnection,
     job: Option<JobId>,
@@ -153,8 +154,11 @@ async fn requeue(
 ) -> Result<u64, StoreError> {
     let done = sqlx::query(
         "UPDATE jobs SET state = 'queued', forgiven = attempt, failure_class = NULL, failure_message = NULL,
-                         ended_at = NULL
-         WHERE state = ? AND failure_class IS ? AND (id = ? OR sweep_id = ?)",
+                         ended_at = NULL,
+                         turn = coalesce((SELECT turn FROM turns WHERE turns.priority = jobs.priority), 0) + again.place
+         FROM (SELECT seq, row_number() OVER (ORDER BY turn, seq) - 1 AS place FROM jobs
+               WHERE state = ? AND failure_class IS ? AND (id = ? OR sweep_id = ?)) AS again
+         WHERE jobs.seq = again.seq",
     )
     .bind(state.as_str())
     .bind(class.map(|class| class.as_str()))

@@ -15,6 +15,8 @@ mod jobs;
 mod meshes;
 mod results;
 mod rows;
+#[cfg(test)]
+mod simulation;
 mod submit;
 mod sweeps;
 #[cfg(test)]
@@ -127,6 +129,7 @@ impl Store {
         deletion::finish(&mut connection).await?;
         let readers = SqlitePoolOptions::new()
             .max_connections(4)
+            .test_before_acquire(false) // a file does not go away
             .connect_with(options.create_if_missing(false).read_only(true))
             .await?;
         Ok(Self { writer: Writer::start(connection), readers, sqlite_version })

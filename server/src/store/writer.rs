@@ -121,7 +121,8 @@ async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Messa
     let mut open = true;
     while open {
         let Some(Message::Work(first)) = waiting.recv().await else { break };
-        if let Err(error) = sqlx::query("BEGIN IMMEDIATE").execute(&mut connection).await {
+        // Several statements in one go: each way to SQLite's thread and back costs as much as a small statement.
+        if let Err(error) = sqlx::raw_sql("BEGIN IMMEDIATE; SAVEPOINT piece").execute(&mut connection).await {
             let error = StoreError::Commit(Arc::new(error));
             tracing::error!(error = error.as_dyn(), "a write was not begun");
             first.refuse(error);
@@ -152,31 +153,40 @@ async fn group(
     finished: &mut Vec<Finished>,
     open: &mut bool,
 ) -> Result<(), Arc<sqlx::Error>> {
-    let mut next = Some(first);
-    while let Some(piece) = next.take() {
-        if let Err(error) = sqlx::query("SAVEPOINT piece").execute(&mut *connection).await {
-            let error = Arc::new(error);
-            piece.refuse(StoreError::Commit(error.clone()));
-            return Err(error);
-        }
+    let mut piece = first;
+    loop {
         let done = piece.run(&mut *connection).await;
         let keep = done.keep;
         // Noted before anything else can fail: it is to be answered either way.
         finished.push(done);
-        if !keep {
-            sqlx::query("ROLLBACK TO piece").execute(&mut *connection).await?;
-        }
-        sqlx::query("RELEASE piece").execute(&mut *connection).await?;
-        if finished.len() < GROUP {
-            match waiting.try_recv() {
-                Ok(Message::Work(piece)) => next = Some(piece),
-                Ok(Message::Close) => *open = false,
-                Err(_) => {}
+        let message = if finished.len() < GROUP { waiting.try_recv().ok() } else { None };
+        let next = match message {
+            Some(Message::Work(piece)) => Some(piece),
+            Some(Message::Close) => {
+                *open = false;
+                None
+            }
+            None => None,
+        };
+        let sql = match (keep, &next) {
+            (true, Some(_)) => "RELEASE piece; SAVEPOINT piece",
+            (false, Some(_)) => "ROLLBACK TO piece",
+            (true, None) => "RELEASE piece; COMMIT",
+            (false, None) => "ROLLBACK TO piece; RELEASE piece; COMMIT",
+        };
+        let outcome = sqlx::raw_sql(sql).execute(&mut *connection).await;
+        match (outcome, next) {
+            (Ok(_), Some(next)) => piece = next,
+            (Ok(_), None) => return Ok(()),
+            (Err(error), next) => {
+                let error = Arc::new(error);
+                if let Some(next) = next {
+                    next.refuse(StoreError::Commit(error.clone()));
+                }
+                return Err(error);
             }
         }
     }
-    sqlx::query("COMMIT").execute(&mut *connection).await?;
-    Ok(())
 }
 
 #[cfg(test)]

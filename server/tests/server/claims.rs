@@ -37,6 +37,22 @@ async fn priority_comes_first_then_sweeps_take_turns_then_the_design_index() {
 }
 
 #[tokio::test]
+async fn a_retried_sweep_takes_turns_like_a_new_one() {
+    let (farm, _dir) = Farm::start().await;
+    let worker = farm.worker("cpu").await;
+    let first = farm.post("/v1/sweeps", &replicates("a", 100, 3)).await.expect(StatusCode::CREATED);
+    for attempt in worker.claim(64).await {
+        worker.fail(&attempt, "unstable", None).await.expect(StatusCode::OK);
+    }
+    farm.post("/v1/sweeps", &replicates("b", 200, 4)).await.expect(StatusCode::CREATED);
+    assert_eq!(seeds(&worker.claim(1).await), [200]);
+    let path = format!("/v1/sweeps/{}/retry", text(&first["id"]));
+    farm.post(&path, &json!({})).await.expect(StatusCode::OK);
+    assert_eq!(seeds(&worker.claim(64).await), [100, 101, 201, 102, 202, 203]);
+    farm.stop().await;
+}
+
+#[tokio::test]
 async fn a_job_goes_to_a_worker_that_has_what_it_needs() {
     let (farm, _dir) = Farm::start().await;
     let (cpu, gpu) = (farm.worker("cpu").await, farm.worker("gpu").await);

@@ -1,0 +1,243 @@
+//! What must come of every step, by the promises of `api.md` alone.
+
+use std::collections::BTreeMap;
+
+use roost_api::ids::{JobId, WorkerId};
+use roost_api::job::{AttemptOutcome, FailureClass, JobState};
+use roost_api::lease::Directive;
+
+/// Leases, in milliseconds.
+pub(super) const LEASE_MS: i64 = 10_000;
+/// Attempts that may end as `worker`, and as `lost`.
+pub(super) const WORKER_ATTEMPTS: u32 = 3;
+pub(super) const LOST_ATTEMPTS: u32 = 4;
+
+/// What becomes of a write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Answer {
+    Recorded,
+    Repeat,
+    Refused,
+}
+
+#[derive(Clone, Debug)]
+struct Attempt {
+    worker: WorkerId,
+    outcome: Option<AttemptOutcome>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Job {
+    pub(super) backend: Option<&'static str>,
+    pub(super) memory_mib: Option<u32>,
+    pub(super) max_wall_ms: Option<i64>,
+    pub(super) state: JobState,
+    pub(super) cancelling: bool,
+    pub(super) alone: bool,
+    pub(super) class: Option<FailureClass>,
+    /// The attempt whose result is recorded; 0 when it came from the store.
+    pub(super) result: Option<u32>,
+    attempts: Vec<Attempt>,
+    forgiven: usize,
+    lease_ends: i64,
+    deadline: Option<i64>,
+}
+
+impl Job {
+    pub(super) fn new(
+        backend: Option<&'static str>,
+        memory_mib: Option<u32>,
+        max_wall_ms: Option<i64>,
+        from_store: bool,
+    ) -> Self {
+        Self {
+            backend,
+            memory_mib,
+            max_wall_ms,
+            state: if from_store { JobState::Succeeded } else { JobState::Queued },
+            cancelling: false,
+            alone: false,
+            class: None,
+            result: from_store.then_some(0),
+            attempts: Vec::new(),
+            forgiven: 0,
+            lease_ends: 0,
+            deadline: None,
+        }
+    }
+
+    pub(super) fn newest(&self) -> u32 {
+        self.attempts.len() as u32
+    }
+
+    fn count(&self, outcome: AttemptOutcome) -> u32 {
+        self.attempts[self.forgiven..].iter().filter(|attempt| attempt.outcome == Some(outcome)).count()
+            as u32
+    }
+
+    /// Whether this worker has failed it since it was last retried.
+    pub(super) fn failed_by(&self, worker: WorkerId) -> bool {
+        let failed =
+            |attempt: &Attempt| attempt.worker == worker && attempt.outcome == Some(AttemptOutcome::Worker);
+        self.attempts[self.forgiven..].iter().any(failed)
+    }
+
+    fn holds(&self, worker: WorkerId) -> bool {
+        self.state == JobState::Running
+            && self.attempts.last().is_some_and(|attempt| attempt.worker == worker)
+    }
+
+    /// Whether a write of this attempt counts, was counted before, or may not change anything.
+    fn standing(&self, number: u32, worker: WorkerId, outcome: AttemptOutcome) -> Answer {
+        let attempt = &self.attempts[number as usize - 1];
+        if attempt.worker != worker {
+            return Answer::Refused;
+        }
+        match attempt.outcome {
+            Some(AttemptOutcome::Lost) | None => {
+                let current = number == self.newest() && !self.state.is_ended();
+                if current { Answer::Recorded } else { Answer::Refused }
+            }
+            Some(before) if before == outcome => Answer::Repeat,
+            Some(_) => Answer::Refused,
+        }
+    }
+
+    fn end(&mut self, state: JobState, class: Option<FailureClass>) {
+        (self.state, self.class, self.cancelling) = (state, class, false);
+    }
+
+    /// A worker's report of how its attempt ended.
+    pub(super) fn report(&mut self, number: u32, worker: WorkerId, outcome: AttemptOutcome) -> Answer {
+        let answer = self.standing(number, worker, outcome);
+        if answer != Answer::Recorded {
+            return answer;
+        }
+        let failed = |class| (JobState::Failed, Some(class));
+        let (state, class) = match outcome {
+            AttemptOutcome::Succeeded => {
+                assert_eq!(self.result, None, "a second result");
+                self.result = Some(number);
+                (JobState::Succeeded, None)
+            }
+            AttemptOutcome::Invalid => failed(FailureClass::Invalid),
+            AttemptOutcome::Unstable => failed(FailureClass::Unstable),
+            AttemptOutcome::Timeout => failed(FailureClass::Timeout),
+            AttemptOutcome::Cancelled | AttemptOutcome::Lost if !self.cancelling => return Answer::Refused,
+            _ if self.cancelling => (JobState::Cancelled, None),
+            AttemptOutcome::Worker if self.count(outcome) + 1 >= WORKER_ATTEMPTS => {
+                failed(FailureClass::Worker)
+            }
+            _ => (JobState::Queued, None),
+        };
+        self.attempts[number as usize - 1].outcome = Some(outcome);
+        self.end(state, class);
+        Answer::Recorded
+    }
+
+    /// A sign of life.
+    pub(super) fn beat(&mut self, number: u32, worker: WorkerId, now: i64) -> Directive {
+        // No outcome is like `lost` here: nothing has been reported.
+        if self.standing(number, worker, AttemptOutcome::Lost) != Answer::Recorded {
+            return Directive::Abandon;
+        }
+        if self.state == JobState::Queued {
+            (self.state, self.alone) = (JobState::Running, false);
+        }
+        self.attempts[number as usize - 1].outcome = None;
+        self.lease_ends = now + LEASE_MS;
+        if self.cancelling { Directive::Cancel } else { Directive::Continue }
+    }
+
+    pub(super) fn claim(&mut self, worker: WorkerId, now: i64) {
+        assert_eq!(self.state, JobState::Queued, "claimed what is not in the queue");
+        self.state = JobState::Running;
+        self.attempts.push(Attempt { worker, outcome: None });
+        self.lease_ends = now + LEASE_MS;
+        self.deadline = self.max_wall_ms.map(|longest| self.lease_ends + longest);
+    }
+
+    pub(super) fn cancel(&mut self) {
+        match self.state {
+            JobState::Queued => self.end(JobState::Cancelled, None),
+            JobState::Running => self.cancelling = true,
+            _ => {}
+        }
+    }
+
+    /// Says whether it could be.
+    pub(super) fn retry(&mut self) -> bool {
+        let may = matches!(self.state, JobState::Failed | JobState::Cancelled);
+        if may {
+            self.forgiven = self.attempts.len();
+            self.end(JobState::Queued, None);
+        }
+        may
+    }
+}
+
+/// All jobs.
+#[derive(Debug, Default)]
+pub(super) struct Model {
+    pub(super) jobs: BTreeMap<JobId, Job>,
+}
+
+impl Model {
+    /// What a worker holds: how many, and whether one of them is to run alone.
+    pub(super) fn holding(&self, worker: WorkerId) -> (usize, bool) {
+        let held: Vec<_> = self.jobs.values().filter(|job| job.holds(worker)).collect();
+        (held.len(), held.iter().any(|job| job.alone))
+    }
+
+    /// Ends leases and deadlines; returns the jobs that were touched.
+    pub(super) fn pass_time(&mut self, now: i64) -> Vec<JobId> {
+        let mut touched = Vec::new();
+        let expired: Vec<JobId> = self.running(|job| job.lease_ends <= now);
+        // Who had company is known before any of them ends.
+        let company: Vec<bool> = expired.iter().map(|id| self.had_company(*id)).collect();
+        for (id, company) in expired.iter().zip(company) {
+            let job = self.jobs.get_mut(id).expect("known");
+            let lost = job.count(AttemptOutcome::Lost) + 1;
+            job.attempts.last_mut().expect("running").outcome = Some(AttemptOutcome::Lost);
+            match (job.cancelling, lost >= LOST_ATTEMPTS) {
+                (true, _) => job.end(JobState::Cancelled, None),
+                (false, true) => job.end(JobState::Failed, Some(FailureClass::Lost)),
+                (false, false) => {
+                    job.alone |= company;
+                    job.end(JobState::Queued, None);
+                }
+            }
+            touched.push(*id);
+        }
+        for id in self.running(|job| job.deadline.is_some_and(|deadline| deadline <= now)) {
+            let job = self.jobs.get_mut(&id).expect("known");
+            job.attempts.last_mut().expect("running").outcome = Some(AttemptOutcome::Timeout);
+            match job.cancelling {
+                true => job.end(JobState::Cancelled, None),
+                false => job.end(JobState::Failed, Some(FailureClass::Timeout)),
+            }
+            touched.push(id);
+        }
+        touched
+    }
+
+    /// A restart gives every running attempt a fresh lease.
+    pub(super) fn restart(&mut self, now: i64) {
+        let running = self.jobs.values_mut().filter(|job| job.state == JobState::Running);
+        running.for_each(|job| job.lease_ends = now + LEASE_MS);
+    }
+
+    fn running(&self, is_so: impl Fn(&Job) -> bool) -> Vec<JobId> {
+        let running = self.jobs.iter().filter(|(_, job)| job.state == JobState::Running && is_so(job));
+        running.map(|(id, _)| *id).collect()
+    }
+
+    /// Whether the worker of a running job has, or has lost, another one.
+    fn had_company(&self, id: JobId) -> bool {
+        let worker = self.jobs[&id].attempts.last().expect("running").worker;
+        let others = self.jobs.iter().filter(|(other, _)| **other != id);
+        others.flat_map(|(_, job)| &job.attempts).any(|attempt| {
+            attempt.worker == worker && matches!(attempt.outcome, None | Some(AttemptOutcome::Lost))
+        })
+    }
+}
