@@ -8,9 +8,9 @@ use roost_api::lease::Directive;
 
 /// Leases, in milliseconds.
 pub(super) const LEASE_MS: i64 = 10_000;
-/// Attempts that may end as `worker`, and as `lost`.
-pub(super) const WORKER_ATTEMPTS: u32 = 3;
-pub(super) const LOST_ATTEMPTS: u32 = 4;
+/// Attempts that may end as `worker`, and as `lost`: few, so that stories get there.
+pub(super) const WORKER_ATTEMPTS: u32 = 2;
+pub(super) const LOST_ATTEMPTS: u32 = 2;
 
 /// What becomes of a write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -106,8 +106,9 @@ impl<'s> World<'s> {
 
     async fn step(&mut self) {
         match self.random.u32(0..100) {
-            0..14 => self.submit().await,
-            14..38 => self.claim_somehow().await,
+            // Few jobs, so that much happens to each.
+            0..14 if self.model.jobs.len() < 5 => self.submit().await,
+            0..38 => self.claim_somehow().await,
             38..50 => self.beat().await,
             50..68 => self.end_a_run().await,
             68..76 => self.deliver_again().await,
