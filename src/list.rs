@@ -35,7 +35,7 @@ pub(crate) struct Args {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     let (document, table) = if args.workers {
-        let page = client.workers().await?;
+        let page = client.workers(None, args.limit).await?;
         let mut table = Table::new(["id", "name", "device", "threads", "running", "succeeded", "last seen"]);
         for worker in &page.items {
             table.row([

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub(crate) mod flaky;
 pub(crate) mod proxy;
 pub(crate) mod stl;
 
@@ -87,6 +88,11 @@ impl Process {
     /// SIGSTOP: it is there, its connections are open, and it answers nothing.
     pub(crate) fn freeze(&self) {
         signal(self.child.id(), "STOP");
+    }
+
+    /// SIGCONT: it goes on as if nothing had been.
+    pub(crate) fn thaw(&self) {
+        signal(self.child.id(), "CONT");
     }
 
     /// SIGTERM.
@@ -182,6 +188,11 @@ impl Home {
 
     /// Starts a server with short leases and waits until it answers.
     pub(crate) fn serve(&self) -> Process {
+        self.serve_with(&["--lease-s", "2"])
+    }
+
+    /// The same, with arguments of its own.
+    pub(crate) fn serve_with(&self, arguments: &[&str]) -> Process {
         let listen = self.address.trim_start_matches("http://");
         let mut command = roost();
         command.args([
@@ -190,13 +201,11 @@ impl Home {
             listen,
             "--heartbeat-s",
             "0.2",
-            "--lease-s",
-            "2",
             "--retry-pause-s",
             "0.1",
             "--data",
         ]);
-        let server = self.start("serve", command.arg(self.path("data")));
+        let server = self.start("serve", command.arg(self.path("data")).args(arguments));
         until("the server answers", || self.ask(|client| async move { client.sweeps(None, 1).await.ok() }));
         server
     }
@@ -251,8 +260,16 @@ impl Home {
 
     /// How many attempts all workers together have brought to a result.
     pub(crate) fn results_recorded(&self) -> u64 {
-        let workers = self.ask(|client| async move { client.workers().await }).unwrap();
-        workers.items.iter().map(|worker| worker.succeeded).sum()
+        let (mut sum, mut cursor) = (0, None::<String>);
+        loop {
+            let at = cursor.clone();
+            let page = self.ask(|client| async move { client.workers(at.as_deref(), 500).await }).unwrap();
+            sum += page.items.iter().map(|worker| worker.succeeded).sum::<u64>();
+            cursor = page.next_cursor;
+            if cursor.is_none() {
+                return sum;
+            }
+        }
     }
 
     fn start(&self, name: &str, command: &mut Command) -> Process {

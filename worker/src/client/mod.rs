@@ -206,9 +206,9 @@ impl Client {
         self.post("workers", worker).await
     }
 
-    /// All workers.
-    pub async fn workers(&self) -> ClientResult<Page<WorkerView>> {
-        self.get("workers").await
+    /// A page of workers, newest first.
+    pub async fn workers(&self, cursor: Option<&str>, limit: u32) -> ClientResult<Page<WorkerView>> {
+        self.page("workers", None, cursor, limit).await
     }
 
     /// Asks a worker to claim nothing more, finish what it runs, and end.

@@ -1,0 +1,199 @@
+//! Everything goes wrong at once: server and workers are killed, stopped and started again at random, over a network that
+//! drops, delays and repeats what it carries. No job may be lost, no result recorded twice, no stale write accepted.
+//!
+//! `ROOST_KILLS=1000 cargo test --test faults -- --nocapture` goes on for longer; `ROOST_SEED` chooses another course of events.
+
+mod support;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
+
+use roost_api::job::JobState;
+use serde_json::{Value, json};
+
+use support::flaky::{Flaky, Passed};
+use support::{Home, Process, scenario};
+
+/// Kills in the usual test.
+const KILLS: u64 = 20;
+const WORKERS: usize = 3;
+/// Jobs that wait or run at any moment, so that every kill hits somebody at work.
+const OPEN: usize = 8;
+
+fn from_environment(name: &str, usual: u64) -> u64 {
+    std::env::var(name).map_or(usual, |text| text.parse().expect("a number"))
+}
+
+/// What is to be broken.
+struct Farm<'h> {
+    home: &'h Home,
+    network: Flaky,
+    random: fastrand::Rng,
+    /// The server, then the workers; none while it is down.
+    processes: Vec<Option<Process>>,
+    /// Stopped processes, and when they go on.
+    frozen: Vec<(usize, Instant)>,
+    submitted: BTreeSet<String>,
+}
+
+impl Farm<'_> {
+    fn start(&mut self, index: usize) {
+        let process = match index {
+            // Attempts have no limit here: what is to be shown is that nothing but a result ends a job.
+            0 => self.home.serve_with(&["--worker-attempts", "0", "--lost-attempts", "0", "--lease-s", "1"]),
+            worker => self.home.work_by(&self.network.address, &format!("worker-{worker}"), "1"),
+        };
+        self.processes[index] = Some(process);
+    }
+
+    fn kill(&mut self) {
+        let index = self.random.usize(0..self.processes.len());
+        self.frozen.retain(|(frozen, _)| *frozen != index);
+        if let Some(process) = self.processes[index].take() {
+            process.kill();
+        }
+        self.start(index);
+    }
+
+    /// Longer than a lease, or not.
+    fn freeze(&mut self) {
+        let index = self.random.usize(0..self.processes.len());
+        if self.frozen.iter().all(|(frozen, _)| *frozen != index) {
+            self.processes[index].as_ref().unwrap().freeze();
+            self.frozen.push((index, Instant::now() + Duration::from_millis(self.random.u64(100..2500))));
+        }
+    }
+
+    fn thaw(&mut self, all: bool) {
+        let due: Vec<_> = self.frozen.extract_if(.., |(_, until)| all || *until <= Instant::now()).collect();
+        due.iter().for_each(|(index, _)| self.processes[*index].as_ref().unwrap().thaw());
+    }
+
+    /// Keeps the queue filled; what nobody confirmed may be there or not.
+    fn submit(&mut self, jobs: &[Value]) {
+        let open = jobs.iter().filter(|job| job["state"] == "queued" || job["state"] == "running").count();
+        for _ in open..OPEN {
+            let mut scenario = scenario(0.2);
+            scenario["seed"] = json!(self.random.u32(..));
+            let envelope = json!({"scenario": scenario, "cache": "bypass"});
+            let sent = self
+                .home
+                .ask(|client| async move { client.submit_document::<Value>("jobs", &envelope).await });
+            let Ok(job) = sent else { return };
+            self.submitted.insert(job["id"].as_str().unwrap().to_owned());
+        }
+    }
+
+    /// All jobs, if the server answers.
+    fn jobs(&self, state: Option<JobState>) -> Option<Vec<Value>> {
+        let (mut all, mut cursor) = (Vec::new(), None::<String>);
+        loop {
+            let at = cursor.clone();
+            let page = self.home.ask(|client| async move { client.jobs(state, at.as_deref(), 500).await });
+            let page = page.ok()?;
+            all.extend(page.items.iter().map(|job| json!(job)));
+            cursor = page.next_cursor;
+            if cursor.is_none() {
+                return Some(all);
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_is_lost_and_nothing_recorded_twice_whatever_is_killed() {
+    let (kills, seed) = (from_environment("ROOST_KILLS", KILLS), from_environment("ROOST_SEED", 1));
+    let home = Home::new();
+    let network = Flaky::to(&home.address, seed);
+    let mut farm = Farm {
+        home: &home,
+        network: network.clone(),
+        random: fastrand::Rng::with_seed(seed),
+        processes: (0..=WORKERS).map(|_| None).collect(),
+        frozen: Vec::new(),
+        submitted: BTreeSet::new(),
+    };
+    (0..=WORKERS).for_each(|index| farm.start(index));
+    let started = Instant::now();
+    let (mut done, mut stops) = (0, 0);
+    while done < kills {
+        std::thread::sleep(Duration::from_millis(farm.random.u64(20..300)));
+        farm.thaw(false);
+        if farm.random.u32(0..4) == 0 {
+            farm.freeze();
+            stops += 1;
+        } else {
+            farm.kill();
+            done += 1;
+        }
+        // Not while the server is stopped: it would not answer.
+        if farm.frozen.iter().all(|(index, _)| *index != 0) {
+            let open: Vec<_> = [JobState::Queued, JobState::Running]
+                .into_iter()
+                .filter_map(|s| farm.jobs(Some(s)))
+                .flatten()
+                .collect();
+            farm.submit(&open);
+        }
+    }
+
+    network.calm();
+    farm.thaw(true);
+    for index in 0..=WORKERS {
+        if farm.processes[index].is_none() {
+            farm.start(index);
+        }
+    }
+    let jobs = support::until("every job has ended", || {
+        let jobs = farm.jobs(None)?;
+        jobs.iter().all(|job| job["state"] != "queued" && job["state"] != "running").then_some(jobs)
+    });
+    judge(&farm, &jobs);
+    let refused = network.journal().iter().filter(|passed| **passed == Passed::Refused).count();
+    let claimed = network.journal().iter().filter(|passed| matches!(passed, Passed::Claimed { .. })).count();
+    eprintln!(
+        "{done} kills and {stops} stops in {:.0} s: {} jobs in {claimed} claims, {refused} stale writes refused",
+        started.elapsed().as_secs_f64(),
+        jobs.len()
+    );
+}
+
+fn judge(farm: &Farm, jobs: &[Value]) {
+    let ids: BTreeSet<String> = jobs.iter().map(|job| job["id"].as_str().unwrap().to_owned()).collect();
+    let lost: Vec<_> = farm.submitted.difference(&ids).collect();
+    assert!(lost.is_empty(), "confirmed and gone: {lost:?}");
+    let failed: Vec<_> = jobs.iter().filter(|job| job["state"] != "succeeded").collect();
+    assert!(failed.is_empty(), "not succeeded: {failed:?}");
+
+    let (mut newest, mut recorded) = (BTreeMap::<String, u64>::new(), BTreeMap::<String, Vec<u64>>::new());
+    for passed in farm.network.journal().iter().cloned() {
+        match passed {
+            Passed::Claimed { job, attempt } => {
+                let newest = newest.entry(job).or_default();
+                *newest = attempt.max(*newest);
+            }
+            Passed::Recorded { job, attempt } => recorded.entry(job).or_default().push(attempt),
+            Passed::Refused => {}
+        }
+    }
+    let twice: Vec<_> = recorded.iter().filter(|(_, attempts)| attempts.len() > 1).collect();
+    assert!(twice.is_empty(), "recorded twice: {twice:?}");
+    let stale: Vec<_> = recorded
+        .iter()
+        .filter(|(job, attempts)| newest.get(*job).is_some_and(|n| attempts[0] < *n))
+        .collect();
+    assert!(stale.is_empty(), "stale and accepted: {stale:?}");
+    for job in jobs {
+        let (id, attempt) = (job["id"].as_str().unwrap(), job["attempt"].as_u64().unwrap());
+        // The answer to the one that counted may have been lost on its way to the network.
+        assert!(recorded.get(id).is_none_or(|attempts| attempts[0] == attempt), "{job}: {:?}", recorded[id]);
+        assert!(job["responses"]["discharged_kg"].is_number(), "{job}");
+    }
+    assert!(
+        recorded.len() * 10 > jobs.len() * 5,
+        "the journal has most of them: {} of {}",
+        recorded.len(),
+        jobs.len()
+    );
+    assert_eq!(farm.home.results_recorded(), jobs.len() as u64, "attempts that brought a result");
+}
