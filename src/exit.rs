@@ -16,6 +16,7 @@ Exit codes:
 
 Environment:
   ROOST_SERVER  address of the server, in place of --server
+  ROOST_TOKEN   access token, where the server wants one and --token-file is not given
   ROOST_LOG     what is logged to stderr, such as `info` or `roost_worker=debug`";
 
 /// How the command ended.

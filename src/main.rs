@@ -23,6 +23,7 @@ mod signals;
 mod status;
 mod submit;
 mod target;
+mod token;
 mod ui;
 mod up;
 mod validate;
@@ -68,6 +69,7 @@ enum Command {
     Drain(drain::Args),
     Reproduce(reproduce::Args),
     Bench(bench::Args),
+    Token(token::Args),
 }
 
 impl Command {
@@ -98,6 +100,7 @@ impl Command {
             Self::Retry(args) => retry::execute(args).await,
             Self::Extend(args) => extend::execute(args).await,
             Self::Delete(args) => delete::execute(args).await,
+            Self::Token(args) => token::execute(args).await,
             Self::Bench(args) => bench::execute(args).await,
             Self::Reproduce(args) => reproduce::execute(args).await,
         }

@@ -45,6 +45,12 @@ pub(crate) struct ServerArgs {
     /// Largest sweep accepted, in jobs
     #[arg(long, default_value_t = ServerConfig::default().max_jobs_per_sweep, value_name = "N")]
     max_jobs: u64,
+    /// Largest request body accepted, in bytes
+    #[arg(long, default_value_t = ServerConfig::default().max_body_bytes, value_name = "BYTES")]
+    max_body_bytes: usize,
+    /// Requests a second with one token, or of all without tokens; 0 is no limit
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    max_requests_per_s: u32,
     /// Attempts of a job that may fail because of their worker; 0 is no limit
     #[arg(long, default_value_t = RetryPolicy::default().worker.attempts, value_name = "N")]
     worker_attempts: u32,
@@ -69,6 +75,8 @@ impl ServerArgs {
             lease: Duration::from_secs_f64(self.lease_s),
             limits: Limits { max_subparticles: self.max_subparticles, max_steps: self.max_steps },
             max_jobs_per_sweep: self.max_jobs,
+            max_body_bytes: self.max_body_bytes,
+            max_requests_per_s: self.max_requests_per_s,
             retry,
             ..ServerConfig::default()
         }

@@ -9,6 +9,7 @@ use roost_worker::WorkerConfig;
 
 use crate::exit::Exit;
 use crate::signals;
+use crate::target;
 
 /// Run a worker: claim jobs from a server, simulate, deliver
 ///
@@ -19,6 +20,8 @@ pub(crate) struct Args {
     /// Address of the server
     #[arg(long, env = "ROOST_SERVER", default_value = "http://127.0.0.1:7373", value_name = "URL")]
     server: String,
+    #[command(flatten)]
+    token: target::Token,
     #[command(flatten)]
     worker: WorkerArgs,
     /// Folder for finished results that the server does not have yet
@@ -62,7 +65,8 @@ impl WorkerArgs {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown()?;
     let state = args.state.unwrap_or_else(default_state);
-    roost_worker::work(args.worker.config(args.server, state), shutdown).await?;
+    let config = WorkerConfig { token: args.token.read()?, ..args.worker.config(args.server, state) };
+    roost_worker::work(config, shutdown).await?;
     Ok(Exit::Done)
 }
 

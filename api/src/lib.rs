@@ -4,6 +4,7 @@
 //! Clients ignore response fields that they do not know; requests refuse them.
 
 pub mod design;
+pub mod event;
 pub mod ids;
 pub mod job;
 pub mod lease;
@@ -13,6 +14,7 @@ pub mod problem;
 pub mod sweep;
 pub mod table;
 pub mod time;
+pub mod token;
 pub mod validate;
 pub mod version;
 pub mod worker;

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use roost_api::Progress;
-use roost_api::ids::JobId;
+use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{JobState, JobView};
 use roost_solver::mesh::Meshes;
 use tokio::sync::{Notify, Semaphore};
@@ -12,7 +12,8 @@ use tokio_util::sync::CancellationToken;
 
 use crate::clock::Clock;
 use crate::config::ServerConfig;
-use crate::store::Store;
+use crate::http::{Access, Metrics};
+use crate::store::{Store, Subject};
 
 /// A handle to the running server's parts.
 pub(crate) type App = Arc<AppState>;
@@ -30,6 +31,10 @@ pub(crate) struct AppState {
     pub(crate) uploads: Arc<Semaphore>,
     /// Meshes for the checks of submissions.
     pub(crate) shelf: tokio::sync::Mutex<Shelf>,
+    /// What is measured.
+    pub(crate) metrics: Metrics,
+    /// Who may ask for what.
+    pub(crate) access: Access,
     /// Ends everything that waits.
     pub(crate) shutdown: CancellationToken,
     /// How far running jobs have come: worth showing, not worth a write.
@@ -45,40 +50,88 @@ pub(crate) struct Shelf {
     pub(crate) triangles: u64,
 }
 
-/// The latest progress of each running job.
+/// The latest progress of each running job, and how often that has changed: for one job, for a sweep, in all.
 #[derive(Default)]
-pub(crate) struct ProgressBoard(Mutex<HashMap<JobId, Progress>>);
+pub(crate) struct ProgressBoard(Mutex<Board>);
+
+#[derive(Default)]
+struct Board {
+    jobs: HashMap<JobId, Shown>,
+    sweeps: HashMap<SweepId, u64>,
+    changes: u64,
+}
+
+struct Shown {
+    progress: Progress,
+    sweep: Option<SweepId>,
+    changes: u64,
+}
+
+impl Board {
+    fn count(&mut self, sweep: Option<SweepId>) -> u64 {
+        self.changes += 1;
+        if let Some(sweep) = sweep {
+            self.sweeps.insert(sweep, self.changes);
+        }
+        self.changes
+    }
+}
 
 impl ProgressBoard {
-    fn lock(&self) -> MutexGuard<'_, HashMap<JobId, Progress>> {
+    fn lock(&self) -> MutexGuard<'_, Board> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Notes a job's progress.
-    pub(crate) fn set(&self, job: JobId, progress: Progress) {
-        self.lock().insert(job, progress);
+    pub(crate) fn set(&self, job: JobId, sweep: Option<SweepId>, progress: Progress) {
+        let mut board = self.lock();
+        if board.jobs.get(&job).is_some_and(|shown| shown.progress == progress) {
+            return;
+        }
+        let changes = board.count(sweep);
+        board.jobs.insert(job, Shown { progress, sweep, changes });
     }
 
     /// Forgets a job that runs no longer.
     pub(crate) fn forget(&self, job: JobId) {
-        self.lock().remove(&job);
+        let mut board = self.lock();
+        if let Some(shown) = board.jobs.remove(&job) {
+            board.count(shown.sweep);
+        }
     }
 
     /// The jobs on the board.
     pub(crate) fn jobs(&self) -> Vec<JobId> {
-        self.lock().keys().copied().collect()
+        self.lock().jobs.keys().copied().collect()
+    }
+
+    /// The sweep of a job on the board, if it has one; none when it is not on the board.
+    pub(crate) fn sweep_of(&self, job: JobId) -> Option<Option<SweepId>> {
+        self.lock().jobs.get(&job).map(|shown| shown.sweep)
+    }
+
+    /// Another number whenever what it shows of the subject has changed, within one run of the server.
+    pub(crate) fn version(&self, subject: Subject) -> u64 {
+        let board = self.lock();
+        match subject {
+            Subject::Everything => board.changes,
+            Subject::Job(job) => board.jobs.get(&job).map_or(0, |shown| shown.changes),
+            Subject::Sweep(sweep) => board.sweeps.get(&sweep).copied().unwrap_or(0),
+            Subject::Workers | Subject::Meshes => 0,
+        }
     }
 
     /// Shows the progress of a job that runs.
     pub(crate) fn show(&self, job: &mut JobView) {
         if job.state == JobState::Running {
-            job.progress = self.lock().get(&job.id).cloned();
+            job.progress = self.lock().jobs.get(&job.id).map(|shown| shown.progress.clone());
         }
     }
 
     /// How much of these jobs is done, in jobs.
     pub(crate) fn done(&self, jobs: &[JobId]) -> f64 {
         let board = self.lock();
-        jobs.iter().filter_map(|job| board.get(job)).map(|progress| progress.fraction.clamp(0.0, 1.0)).sum()
+        let shown = jobs.iter().filter_map(|job| board.jobs.get(job));
+        shown.map(|shown| shown.progress.fraction.clamp(0.0, 1.0)).sum()
     }
 }

@@ -31,6 +31,11 @@ impl Clock {
         Timestamp::now()
     }
 
+    /// When it started.
+    pub(crate) fn started(&self) -> Timestamp {
+        self.started_at
+    }
+
     /// Now by both.
     pub(crate) fn both(&self) -> Now {
         Now { wall: self.now(), lease: self.lease_now() }

@@ -11,7 +11,7 @@ use crate::queue::RetryPolicy;
 /// The settings of a server.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
-    /// Where to listen; port 0 lets the system choose. A loopback address: there are no tokens yet.
+    /// Where to listen; port 0 lets the system choose. Without tokens, a loopback address.
     pub listen: SocketAddr,
     /// Everything the server keeps is in this directory.
     pub data: PathBuf,
@@ -35,6 +35,10 @@ pub struct ServerConfig {
     pub max_mesh_bytes: usize,
     /// Triangles of all meshes that one document names.
     pub max_mesh_triangles: u64,
+    /// Requests a second with one token, or of all without tokens; 0 is no limit.
+    pub max_requests_per_s: u32,
+    /// How long events and answers to submissions are remembered.
+    pub memory: Duration,
 }
 
 impl Default for ServerConfig {
@@ -52,6 +56,8 @@ impl Default for ServerConfig {
             max_result_bytes: 32 * 1024 * 1024,
             max_mesh_bytes: roost_api::mesh::MAX_BYTES,
             max_mesh_triangles: 1_000_000,
+            max_requests_per_s: 0,
+            memory: Duration::from_secs(24 * 3600),
         }
     }
 }

@@ -21,6 +21,6 @@ mod validation;
 pub use config::ServerConfig;
 pub use queue::{RetryPolicy, Tries};
 pub use roost_solver::Limits;
-pub use server::{Server, ServerError};
-pub use store::StoreError;
+pub use server::{Server, ServerError, tokens_in};
+pub use store::{StoreError, TokenFile};
 pub use validation::{is_sweep, validate};

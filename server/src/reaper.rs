@@ -7,12 +7,23 @@ use crate::app::App;
 use crate::queue::JobChange;
 use crate::store::StoreError;
 
+/// Old events and answers are cleared away so often.
+const CLEAR_EVERY: Duration = Duration::from_secs(600);
+
 /// Looks for what has run out until the server shuts down.
 pub(crate) async fn run(app: App) {
+    let mut cleared = None::<std::time::Instant>;
     let interval = (app.config.lease / 4).clamp(Duration::from_millis(20), Duration::from_secs(1));
     while app.shutdown.run_until_cancelled(tokio::time::sleep(interval)).await.is_some() {
         if let Err(error) = tick(&app).await {
             tracing::error!(error = error.as_dyn(), "leases could not be looked through");
+        }
+        if cleared.is_none_or(|then| then.elapsed() > CLEAR_EVERY) {
+            cleared = Some(std::time::Instant::now());
+            let memory = i64::try_from(app.config.memory.as_millis()).unwrap_or(i64::MAX);
+            if let Err(error) = app.store.forget_before(app.clock.now().plus_ms(-memory)).await {
+                tracing::error!(error = error.as_dyn(), "old events could not be cleared away");
+            }
         }
     }
 }
@@ -27,6 +38,8 @@ async fn tick(app: &App) -> Result<(), StoreError> {
     if passed.rested > 0 || passed.changes.iter().any(|(_, change)| requeued(change)) {
         app.work.notify_waiters();
     }
+    // What `roost token` does shall be felt at once, or nearly.
+    app.access.update(app.store.tokens().await?);
     // A beat that was answered before the job ended may note its progress after.
     let shown = app.progress.jobs();
     if !shown.is_empty() {
@@ -53,7 +66,7 @@ mod tests {
         let server = Server::bind(config).await.unwrap();
         let progress = json!({"phase": "process", "time_s": 1.0, "simulated_s": 2.0, "fraction": 0.5,
             "subparticles": 9, "particle_steps": 10, "wall_s": 0.1, "discharged_kg": 3.0});
-        server.app.progress.set(JobId::new(), serde_json::from_value(progress).unwrap());
+        server.app.progress.set(JobId::new(), None, serde_json::from_value(progress).unwrap());
         tick(&server.app).await.unwrap();
         assert_eq!(server.app.progress.jobs(), []);
         server.app.store.close().await;

@@ -15,7 +15,7 @@ use crate::app::{App, AppState, ProgressBoard};
 use crate::clock::Clock;
 use crate::config::ServerConfig;
 use crate::queue::lease_end;
-use crate::store::{Store, StoreError};
+use crate::store::{Store, StoreError, TokenFile};
 use crate::{http, reaper};
 
 /// Why a server did not start, or stopped.
@@ -23,8 +23,8 @@ use crate::{http, reaper};
 pub enum ServerError {
     /// An address that others can reach.
     #[error(
-        "refusing to listen on {0}: there are no access tokens yet, so only a loopback address such as \
-         127.0.0.1 is safe; put an authenticating reverse proxy in front to reach it from elsewhere"
+        "refusing to listen on {0} without access tokens, which others could reach: make one with `roost token create \
+         --scope admin`, or listen on a loopback address such as 127.0.0.1"
     )]
     NotLoopback(SocketAddr),
     /// The address is taken or not ours.
@@ -60,6 +60,20 @@ pub enum ServerError {
 /// Requests under way at shutdown get this long.
 const GRACE: Duration = Duration::from_secs(3);
 
+/// The database in a data directory.
+const DATABASE: &str = "roost.db";
+
+/// Opens the access tokens of a data directory, whether a server runs on it or not.
+pub async fn tokens_in(data: &std::path::Path) -> Result<TokenFile, ServerError> {
+    let config = ServerConfig { data: data.to_owned(), ..ServerConfig::default() };
+    match lock_data(&config) {
+        // Held until it is open: no server migrates the database meanwhile.
+        Ok(_lock) => Ok(TokenFile::open(data, true).await?),
+        Err(ServerError::DataInUse(_)) => Ok(TokenFile::open(data, false).await?),
+        Err(error) => Err(error),
+    }
+}
+
 /// Tries, 50 ms apart, for what a server before this one may not have let go of.
 const PATIENCE: u32 = 20;
 
@@ -76,7 +90,8 @@ impl Server {
     /// Opens the data directory and the address. Attempts that ran when the server last stopped get a fresh lease.
     pub async fn bind(config: ServerConfig) -> Result<Self, ServerError> {
         let address = config.listen;
-        if !address.ip().is_loopback() {
+        // Nothing is made where there cannot be tokens.
+        if !address.ip().is_loopback() && !config.data.join(DATABASE).exists() {
             return Err(ServerError::NotLoopback(address));
         }
         // The address first: what cannot be listened on leaves no directory behind.
@@ -85,10 +100,20 @@ impl Server {
         let listener = patiently(bind).await?;
         let lock = patiently(async || lock_data(&config)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
-        let store = Store::open(&config.data.join("roost.db")).await?;
+        let store = Store::open(&config.data.join(DATABASE)).await?;
+        let tokens = store.tokens().await?;
+        if tokens.is_empty() && !address.ip().is_loopback() {
+            store.close().await;
+            return Err(ServerError::NotLoopback(address));
+        }
+        let is_open = tokens.is_empty();
         let clock = Clock::start();
         let running = store.start_afresh(lease_end(clock.lease_now(), config.lease)).await?;
-        tracing::info!(%address, data = %config.data.display(), running, "listening; everybody on this machine may use it");
+        tracing::info!(%address, data = %config.data.display(), running, "listening");
+        if is_open {
+            tracing::warn!("there are no access tokens: everybody on this machine may do everything");
+        }
+        let max_requests_per_s = config.max_requests_per_s;
         let app = Arc::new(AppState {
             config,
             store,
@@ -97,6 +122,8 @@ impl Server {
             deliveries: Arc::new(Semaphore::new(http::DELIVERIES_AT_ONCE)),
             uploads: Arc::new(Semaphore::new(http::UPLOADS_AT_ONCE)),
             shelf: Default::default(),
+            metrics: http::Metrics::default(),
+            access: http::Access::new(max_requests_per_s, tokens),
             shutdown: CancellationToken::new(),
             progress: ProgressBoard::default(),
         });

@@ -11,6 +11,8 @@ pub const MAX_THREADS: usize = 1024;
 pub struct WorkerConfig {
     /// Address of the server, such as `http://127.0.0.1:7373`.
     pub server: String,
+    /// Access token for the server.
+    pub token: Option<String>,
     /// A name for people, such as the host name.
     pub name: String,
     /// Threads to use in all; 0 means one per processor.
@@ -33,6 +35,7 @@ impl WorkerConfig {
     pub fn new(server: impl Into<String>, name: impl Into<String>, state_dir: impl Into<PathBuf>) -> Self {
         Self {
             server: server.into(),
+            token: None,
             name: name.into(),
             threads: 0,
             state_dir: state_dir.into(),

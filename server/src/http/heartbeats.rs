@@ -30,7 +30,11 @@ pub(crate) async fn heartbeat(
     let reply = app.store.heartbeat(worker, beats.collect(), app.clock.now(), until).await??;
     for (beat, answer) in request.attempts.into_iter().zip(&reply.attempts) {
         if let (Some(progress), Directive::Continue | Directive::Cancel) = (beat.progress, answer.directive) {
-            app.progress.set(beat.job_id, progress);
+            let sweep = match app.progress.sweep_of(beat.job_id) {
+                Some(sweep) => sweep,
+                None => app.store.sweep_of(beat.job_id).await?,
+            };
+            app.progress.set(beat.job_id, sweep, progress);
         }
     }
     Ok(Json(reply))

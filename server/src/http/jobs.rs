@@ -15,6 +15,7 @@ use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
 use super::page::{cursor, label, limit, page};
 use super::problem::ApiError;
+use super::submissions::Reserved;
 use crate::app::App;
 use crate::document::read_envelope;
 use crate::queue::Refusal;
@@ -28,13 +29,14 @@ use crate::store::{JobFilter, NewJob};
                content_type = "application/problem+json")))]
 pub(crate) async fn submit(
     State(app): State<App>,
+    reserved: Reserved,
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<JobView>), ApiError> {
     let limits = app.config.limits;
     let meshes = at_hand(&app, &document).await?;
     let (envelope, scenario) =
         aside(move || read_envelope(&meshes, &limits, document)).await?.map_err(ApiError::faults)?;
-    let id = JobId::new();
+    let id = JobId(reserved.id());
     let job = NewJob {
         id,
         scenario,
@@ -111,7 +113,8 @@ pub(crate) async fn show(
     view(&app, id).await.map(Json)
 }
 
-async fn view(app: &App, id: JobId) -> Result<JobView, ApiError> {
+/// The job as it is now.
+pub(super) async fn view(app: &App, id: JobId) -> Result<JobView, ApiError> {
     let mut job = app.store.job(id).await?.ok_or(Refusal::NoJob)?;
     app.progress.show(&mut job);
     Ok(job)

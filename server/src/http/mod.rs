@@ -1,19 +1,24 @@
 //! The HTTP API: a file per resource, and here the whole route list.
 
+mod access;
 mod aside;
 mod at_hand;
 mod attempts;
 mod claims;
 mod delivery;
+mod events;
 mod extract;
 mod heartbeats;
 mod jobs;
 mod meshes;
 mod meta;
+mod metrics;
 mod page;
 mod problem;
 mod results;
+mod submissions;
 mod sweeps;
+mod tags;
 #[cfg(test)]
 mod tests;
 mod upload;
@@ -25,6 +30,7 @@ use std::io;
 
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, Uri};
+use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Router};
 use tokio::net::TcpListener;
@@ -33,10 +39,13 @@ use tower_http::trace::TraceLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::app::App;
+pub(crate) use access::Access;
 pub(crate) use delivery::AT_ONCE as DELIVERIES_AT_ONCE;
 use extract::BodyLimit;
+pub(crate) use metrics::Metrics;
 use problem::{ApiError, Kind};
 pub(crate) use upload::AT_ONCE as UPLOADS_AT_ONCE;
 
@@ -63,20 +72,28 @@ fn routes(app: &App) -> OpenApiRouter<App> {
     let small = limited(app.config.max_body_bytes);
     let large = limited(app.config.max_result_bytes);
     let files = limited(app.config.max_mesh_bytes);
+    let once = from_fn_with_state(app.clone(), submissions::once);
+    let made_once = OpenApiRouter::new()
+        .routes(routes!(jobs::submit))
+        .routes(routes!(sweeps::submit))
+        .routes(routes!(sweeps::extend))
+        .layer(once)
+        .layer(small);
     let users = OpenApiRouter::new()
-        .routes(routes!(jobs::submit, jobs::list))
+        .routes(routes!(jobs::list))
+        .routes(routes!(events::of_job))
+        .routes(routes!(events::of_sweep))
         .routes(routes!(jobs::show))
         .routes(routes!(results::result))
         .routes(routes!(results::series))
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::retry))
-        .routes(routes!(sweeps::submit, sweeps::list))
+        .routes(routes!(sweeps::list))
         .routes(routes!(sweeps::show, sweeps::delete))
         .routes(routes!(sweeps::jobs))
         .routes(routes!(results::table))
         .routes(routes!(sweeps::cancel))
         .routes(routes!(sweeps::retry))
-        .routes(routes!(sweeps::extend))
         .routes(routes!(results::effects))
         .routes(routes!(validate::validate))
         .routes(routes!(meta::scenario_schema))
@@ -89,6 +106,7 @@ fn routes(app: &App) -> OpenApiRouter<App> {
         .routes(routes!(meta::healthz))
         .routes(routes!(meta::readyz))
         .routes(routes!(meta::openapi))
+        .routes(routes!(metrics::metrics))
         .layer(small);
     let deliveries = OpenApiRouter::new()
         .routes(routes!(attempts::result))
@@ -99,7 +117,7 @@ fn routes(app: &App) -> OpenApiRouter<App> {
         .routes(routes!(meshes::show))
         .routes(routes!(meshes::file))
         .layer(files);
-    OpenApiRouter::with_openapi(Api::openapi()).merge(users).merge(deliveries).merge(meshes)
+    OpenApiRouter::with_openapi(Api::openapi()).merge(made_once).merge(users).merge(deliveries).merge(meshes)
 }
 
 /// The limit of request bodies, enforced and named.
@@ -109,9 +127,15 @@ fn limited(bytes: usize) -> (DefaultBodyLimit, Extension<BodyLimit>) {
 
 fn router(app: App) -> Router {
     let (router, spec) = routes(&app).split_for_parts();
+    // A reader of the specification, from within the binary: a page of it asks nobody else for anything.
+    let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
     router
+        .merge(docs)
         .fallback(unknown_path)
         .method_not_allowed_fallback(wrong_method)
+        .layer(from_fn_with_state(app.clone(), tags::tagged))
+        .layer(from_fn_with_state(app.clone(), access::guard))
+        .layer(from_fn_with_state(app.clone(), metrics::measured))
         .layer(Extension(meta::Spec::new(&spec)))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(TraceLayer::new_for_http())

@@ -45,11 +45,16 @@ kinds! {
     InvalidQuery = "invalid-query", BAD_REQUEST, "The query string is wrong";
     Syntax = "syntax", BAD_REQUEST, "The body is not JSON";
     UnreadableBody = "unreadable-body", BAD_REQUEST, "The body did not arrive whole";
+    InvalidKey = "invalid-idempotency-key", BAD_REQUEST, "The Idempotency-Key is unreadable";
+    Unauthorized = "unauthorized", UNAUTHORIZED, "A token is needed";
+    Forbidden = "forbidden", FORBIDDEN, "The token does not allow this";
     NotJson = "not-json", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as JSON";
     NotStl = "not-stl", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as STL";
     TooLarge = "too-large", PAYLOAD_TOO_LARGE, "The body is over the size limit";
     InvalidDocument = "invalid-document", UNPROCESSABLE_ENTITY, "The document has faults";
     InvalidMesh = "invalid-mesh", UNPROCESSABLE_ENTITY, "The file is no sound mesh";
+    KeyReused = "idempotency-key-reused", UNPROCESSABLE_ENTITY, "The Idempotency-Key stands for another request";
+    TooManyRequests = "too-many-requests", TOO_MANY_REQUESTS, "Asked too often";
     WrongResult = "wrong-result", UNPROCESSABLE_ENTITY, "The delivery does not fit the job";
     StaleAttempt = "stale-attempt", CONFLICT, "The attempt may not write any more";
     WrongState = "wrong-state", CONFLICT, "The job is in another state";

@@ -20,6 +20,7 @@ use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
 use super::page::{cursor, label, limit, page};
 use super::problem::{ApiError, Kind};
+use super::submissions::Reserved;
 use crate::app::App;
 use crate::queue::Refusal;
 use crate::store::{JobFilter, MoreOfSweep, NewSweep};
@@ -33,9 +34,10 @@ use crate::sweep::{self, SweepLimits};
                content_type = "application/problem+json")))]
 pub(crate) async fn submit(
     State(app): State<App>,
+    reserved: Reserved,
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<SweepView>), ApiError> {
-    let id = SweepId::new();
+    let id = SweepId(reserved.id());
     // Many points take a while.
     let limits = limits(&app);
     let meshes = at_hand(&app, &document).await?;
@@ -175,9 +177,11 @@ const EXTEND_TRIES: u32 = 8;
 pub(crate) async fn extend(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
+    reserved: Reserved,
     Document(document): Document,
 ) -> Result<Json<SweepView>, ApiError> {
-    let extension = Uuid::now_v7();
+    // A repeat under the same key goes on with the same one.
+    let extension = reserved.id();
     for _ in 0..EXTEND_TRIES {
         if app.store.is_extended(extension).await? {
             return view(&app, id).await.map(Json);

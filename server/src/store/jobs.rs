@@ -40,6 +40,15 @@ impl Store {
         row.as_ref().map(job_view).transpose()
     }
 
+    /// The sweep of a job, if it has one.
+    pub(crate) async fn sweep_of(&self, id: JobId) -> Result<Option<SweepId>, StoreError> {
+        let row = sqlx::query("SELECT sweep_id FROM jobs WHERE id = ?")
+            .bind(id.to_string())
+            .fetch_optional(&self.readers)
+            .await?;
+        row.map_or(Ok(None), |row| row.parsed_opt("sweep_id"))
+    }
+
     /// Jobs, newest first, and the row that the next page starts before.
     pub(crate) async fn jobs(&self, filter: JobFilter) -> Result<(Vec<JobView>, Option<i64>), StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new(VIEW);

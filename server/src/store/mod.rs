@@ -7,6 +7,7 @@ mod attempts;
 mod claims;
 mod deletion;
 mod deliveries;
+mod events;
 mod extension;
 mod facts;
 mod heartbeats;
@@ -17,11 +18,14 @@ mod results;
 mod rows;
 #[cfg(test)]
 mod simulation;
+mod submissions;
 mod submit;
 mod sweeps;
 #[cfg(test)]
 mod tests;
+mod tokens;
 mod trials;
+mod versions;
 mod workers;
 mod writer;
 
@@ -40,7 +44,11 @@ pub(crate) use deliveries::StoredResult;
 pub(crate) use extension::MoreOfSweep;
 pub(crate) use heartbeats::Beat;
 pub(crate) use jobs::JobFilter;
+pub(crate) use submissions::{Answered, Known, Submission};
 pub(crate) use submit::{NewJob, NewSweep};
+pub(crate) use tokens::Token;
+pub use tokens::TokenFile;
+pub(crate) use versions::Subject;
 use writer::Writer;
 
 /// The first SQLite without the WAL-reset corruption (3.7.0 to 3.51.2).
@@ -115,16 +123,9 @@ pub(crate) struct Store {
 impl Store {
     /// Opens the database at `path`, made and migrated as needed.
     pub(crate) async fn open(path: &Path) -> Result<Self, StoreError> {
-        let options = SqliteConnectOptions::new()
-            .filename(path)
-            .create_if_missing(true)
-            .journal_mode(SqliteJournalMode::Wal)
-            .synchronous(SqliteSynchronous::Full)
-            .foreign_keys(true)
-            .busy_timeout(Duration::from_secs(5));
-        let mut connection = options.connect().await?;
-        let sqlite_version = check_sqlite(&mut connection).await?;
-        sqlx::migrate!("../migrations").run(&mut connection).await?;
+        let options = options(path);
+        let (mut connection, sqlite_version) = connect(options.clone()).await?;
+        migrate(&mut connection).await?;
         meshes::sweep(&mut connection).await?;
         deletion::finish(&mut connection).await?;
         let readers = SqlitePoolOptions::new()
@@ -156,6 +157,27 @@ impl Store {
     pub(crate) fn sqlite_version(&self) -> &str {
         &self.sqlite_version
     }
+}
+
+fn options(path: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new()
+        .filename(path)
+        .create_if_missing(true)
+        .journal_mode(SqliteJournalMode::Wal)
+        .synchronous(SqliteSynchronous::Full)
+        .foreign_keys(true)
+        .busy_timeout(Duration::from_secs(5))
+}
+
+/// A connection, and the version of SQLite.
+async fn connect(options: SqliteConnectOptions) -> Result<(SqliteConnection, String), StoreError> {
+    let mut connection = options.connect().await?;
+    let version = check_sqlite(&mut connection).await?;
+    Ok((connection, version))
+}
+
+async fn migrate(connection: &mut SqliteConnection) -> Result<(), StoreError> {
+    Ok(sqlx::migrate!("../migrations").run(connection).await?)
 }
 
 async fn check_sqlite(connection: &mut SqliteConnection) -> Result<String, StoreError> {

@@ -115,7 +115,7 @@ impl Draft {
 }
 
 impl Store {
-    /// Stores a job, answered from the store where that is allowed.
+    /// Stores a job that is not there yet, answered from the store where that is allowed.
     pub(crate) async fn insert_job(&self, job: NewJob, now: Timestamp) -> Result<(), StoreError> {
         let draft = Draft::new(&job.scenario, None, job.id)?;
         let shared = Shared {
@@ -125,15 +125,29 @@ impl Store {
             max_wall_s: job.max_wall_s,
             cache: job.cache,
         };
-        self.writer.write(move |tx| Box::pin(async move { insert(tx, &[draft], &shared, now).await })).await
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    if is_there(tx, "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?)", job.id.to_string())
+                        .await?
+                    {
+                        return Ok(());
+                    }
+                    insert(tx, &[draft], &shared, now).await
+                })
+            })
+            .await
     }
 
-    /// Stores a sweep, its design points and its jobs, all or nothing.
+    /// Stores a sweep that is not there yet, its design points and its jobs, all or nothing.
     pub(crate) async fn insert_sweep(&self, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
         let NewSweep { id, spec, text, factors, replicates, levels, drafts, shared } = sweep;
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
+                    if is_there(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
+                        return Ok(());
+                    }
                     sqlx::query(
                         "INSERT INTO sweeps (id, name, spec, design, factors, labels, points, replicates, submitted_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -160,6 +174,11 @@ impl Store {
 /// The levels of each point, as they are kept.
 pub(super) fn levels(points: &[Point]) -> Result<Vec<String>, StoreError> {
     points.iter().map(|point| to_json("levels", &point.levels)).collect()
+}
+
+/// Whether a repeat of the same submission has made it.
+async fn is_there(tx: &mut SqliteConnection, sql: &'static str, id: String) -> Result<bool, StoreError> {
+    Ok(sqlx::query_scalar(sql).bind(id).fetch_one(&mut *tx).await?)
 }
 
 /// Adds design points, the first with the index `first`.

@@ -1,10 +1,12 @@
 //! The server from outside: real HTTP on loopback, a real SQLite file in a directory of its own.
 
+mod access;
 mod bad_input;
 mod cancel;
 mod claims;
 mod designs;
 mod docs;
+mod events;
 mod farm;
 mod fences;
 mod layout;
@@ -15,4 +17,6 @@ mod retries;
 mod start_stop;
 #[path = "../../../tests/support/stl.rs"]
 mod stl;
+mod submissions;
 mod sweeps;
+mod tags;

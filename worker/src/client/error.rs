@@ -9,6 +9,9 @@ pub enum ClientError {
     /// The address is none.
     #[error("`{0}` is no server address: write it like http://127.0.0.1:7373")]
     Address(String),
+    /// The token cannot be sent.
+    #[error("the access token has characters that no token has")]
+    Token,
     /// Nothing answered, or not in time. Trying again may help.
     #[error("cannot reach {server}: {reason}")]
     Unreachable {
@@ -44,7 +47,7 @@ impl ClientError {
     /// Whether the same call may well succeed later: the server is away, overloaded or restarting.
     pub fn is_transient(&self) -> bool {
         match self {
-            Self::Address(_) => false,
+            Self::Address(_) | Self::Token => false,
             Self::Unreachable { .. } | Self::Body { .. } => true,
             Self::Foreign { status, .. } => is_transient_status(*status) || *status == 404,
             Self::Problem(problem) => is_transient_status(problem.status),

@@ -9,7 +9,7 @@ pub(crate) mod tests;
 use std::net::IpAddr;
 use std::time::Duration;
 
-use reqwest::header::CONTENT_TYPE;
+use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue};
 use reqwest::{Method, RequestBuilder, Url};
 use roost_api::design::Extension;
 use roost_api::ids::{JobId, SweepId, WorkerId};
@@ -45,8 +45,13 @@ pub struct Client {
 }
 
 impl Client {
-    /// A client of the server at an address such as `http://127.0.0.1:7373`.
+    /// A client of the server at an address such as `http://127.0.0.1:7373`, without a token.
     pub fn new(server: &str) -> ClientResult<Self> {
+        Self::with_token(server, None)
+    }
+
+    /// A client that shows an access token with every call.
+    pub fn with_token(server: &str, token: Option<&str>) -> ClientResult<Self> {
         let server = server.trim_end_matches('/').to_owned();
         let refused = || ClientError::Address(server.clone());
         let url = Url::parse(&server).map_err(|_| refused())?;
@@ -59,6 +64,12 @@ impl Client {
         let ip = host.trim_matches(['[', ']']).parse::<IpAddr>();
         if host == "localhost" || ip.is_ok_and(|ip| ip.is_loopback()) {
             builder = builder.no_proxy();
+        }
+        if let Some(token) = token {
+            let mut value =
+                HeaderValue::try_from(format!("Bearer {}", token.trim())).map_err(|_| ClientError::Token)?;
+            value.set_sensitive(true);
+            builder = builder.default_headers(HeaderMap::from_iter([(AUTHORIZATION, value)]));
         }
         let http = builder.build().map_err(|_| refused())?;
         Ok(Self { http, server })

@@ -1,0 +1,60 @@
+//! Access tokens: who may do what.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::job::words;
+use crate::time::Timestamp;
+
+words!(
+    /// What a token allows.
+    Scope {
+        /// Everything.
+        Admin = "admin",
+        /// Submit, cancel, retry and read.
+        Submit = "submit",
+        /// Read.
+        Read = "read",
+        /// What a worker does: register, claim, beat, deliver, fetch meshes.
+        Worker = "worker",
+    }
+);
+
+impl Scope {
+    /// Whether who has this may do what takes `needed`.
+    pub fn covers(self, needed: Self) -> bool {
+        self == needed || self == Self::Admin || (self == Self::Submit && needed == Self::Read)
+    }
+}
+
+/// A token as its list shows it; the secret is shown once, when it is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct TokenView {
+    /// Its identifier, for revoking.
+    pub id: String,
+    /// A name for people.
+    pub name: String,
+    /// What it allows.
+    pub scopes: Vec<Scope>,
+    /// When it was made.
+    #[schema(value_type = String, format = DateTime)]
+    pub created_at: Timestamp,
+    /// When it was revoked.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub revoked_at: Option<Timestamp>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Scope::{Admin, Read, Submit, Worker};
+
+    #[test]
+    fn scopes_cover_what_they_say() {
+        let all = [Admin, Submit, Read, Worker];
+        let covered = |scope: super::Scope| all.map(|needed| scope.covers(needed));
+        assert_eq!(covered(Admin), [true; 4]);
+        assert_eq!(covered(Submit), [false, true, true, false]);
+        assert_eq!(covered(Read), [false, false, true, false]);
+        assert_eq!(covered(Worker), [false, false, false, true]);
+    }
+}

@@ -1,0 +1,154 @@
+//! Event streams: what happens to a sweep's jobs or to one job, as it happens.
+//!
+//! A stream begins with what there is now (`sweep` or `job`), then has an event `change` for everything that happens, whose id
+//! `Last-Event-ID` resumes after. Between them come `progress` events, without an id: the next one says it all again. A stream ends
+//! with the server, at once.
+
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::http::HeaderMap;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use futures_util::{Stream, stream};
+use roost_api::ids::{JobId, SweepId};
+use roost_api::job::JobView;
+use roost_api::problem::Problem;
+use roost_api::sweep::SweepView;
+use serde::Serialize;
+
+use super::extract::Segments;
+use super::problem::{ApiError, Kind};
+use super::{jobs, sweeps};
+use crate::app::App;
+use crate::store::Subject;
+
+/// Looks no more often than this, however much happens.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+
+/// What happens to the jobs of a sweep, from now on or from after `Last-Event-ID`.
+#[utoipa::path(get, path = "/v1/sweeps/{id}/events", tag = "sweeps", operation_id = "sweep_events",
+    params(("id" = uuid::Uuid, Path, description = "The sweep"),
+           ("Last-Event-ID" = Option<i64>, Header, description = "Go on after this event")),
+    responses((status = 200, description = "Server-sent events", body = String, content_type = "text/event-stream"),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn of_sweep(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+    headers: HeaderMap,
+) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, ApiError> {
+    sweeps::view(&app, id).await?;
+    streamed(app, Subject::Sweep(id), &headers).await
+}
+
+/// What happens to a job, from now on or from after `Last-Event-ID`.
+#[utoipa::path(get, path = "/v1/jobs/{id}/events", tag = "jobs", operation_id = "job_events",
+    params(("id" = uuid::Uuid, Path, description = "The job"),
+           ("Last-Event-ID" = Option<i64>, Header, description = "Go on after this event")),
+    responses((status = 200, description = "Server-sent events", body = String, content_type = "text/event-stream"),
+              (status = 404, description = "No such job", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn of_job(
+    State(app): State<App>,
+    Segments(id): Segments<JobId>,
+    headers: HeaderMap,
+) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, ApiError> {
+    jobs::view(&app, id).await?;
+    streamed(app, Subject::Job(id), &headers).await
+}
+
+struct Following {
+    app: App,
+    subject: Subject,
+    /// The newest event that was sent.
+    last: i64,
+    /// Whether what there is now is still to be sent.
+    fresh: bool,
+    progress: u64,
+    ready: VecDeque<Event>,
+}
+
+async fn streamed(
+    app: App,
+    subject: Subject,
+    headers: &HeaderMap,
+) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>> + use<>>, ApiError> {
+    let (oldest, newest) = app.store.event_range().await?;
+    let asked = match headers.get("last-event-id").map(|value| value.to_str().ok()?.parse::<i64>().ok()) {
+        Some(None) => {
+            return Err(ApiError::new(Kind::InvalidQuery, "Last-Event-ID is no id of an event of ours"));
+        }
+        Some(Some(id)) => Some(id).filter(|id| (oldest - 1..=newest).contains(id)),
+        None => None,
+    };
+    let progress = app.progress.version(subject);
+    let following = Following {
+        app,
+        subject,
+        last: asked.unwrap_or(newest),
+        fresh: asked.is_none(),
+        progress,
+        ready: VecDeque::new(),
+    };
+    let events = stream::unfold(following, |mut following| async move {
+        let event = following.next().await?;
+        Some((Ok(event), following))
+    });
+    Ok(Sse::new(events).keep_alive(KeepAlive::new().interval(Duration::from_secs(15))))
+}
+
+impl Following {
+    /// The next event; none when the server stops.
+    async fn next(&mut self) -> Option<Event> {
+        loop {
+            if let Some(event) = self.ready.pop_front() {
+                return Some(event);
+            }
+            if self.app.shutdown.is_cancelled() {
+                return None;
+            }
+            if let Err(error) = self.look().await {
+                tracing::warn!(?error, "an event stream ends");
+                return None;
+            }
+            if self.ready.is_empty() {
+                self.app.shutdown.clone().run_until_cancelled(tokio::time::sleep(LOOK_EVERY)).await?;
+            }
+        }
+    }
+
+    async fn look(&mut self) -> Result<(), ApiError> {
+        if std::mem::take(&mut self.fresh) {
+            let now = self.now(if matches!(self.subject, Subject::Job(_)) { "job" } else { "sweep" }).await?;
+            self.ready.push_back(now.id(self.last.to_string()));
+            return Ok(());
+        }
+        let happened = self.app.store.events(self.subject, self.last).await?;
+        for (id, event) in happened {
+            self.last = id;
+            self.ready.push_back(data("change", &event)?.id(id.to_string()));
+        }
+        let progress = self.app.progress.version(self.subject);
+        if progress != self.progress || !self.ready.is_empty() {
+            self.progress = progress;
+            let now = self.now("progress").await?;
+            self.ready.push_back(now);
+        }
+        Ok(())
+    }
+
+    async fn now(&self, name: &str) -> Result<Event, ApiError> {
+        match self.subject {
+            Subject::Job(id) => data::<JobView>(name, &jobs::view(&self.app, id).await?),
+            Subject::Sweep(id) => data::<SweepView>(name, &sweeps::view(&self.app, id).await?),
+            _ => Err(ApiError::new(Kind::Internal, "nothing to follow")),
+        }
+    }
+}
+
+fn data<T: Serialize>(name: &str, value: &T) -> Result<Event, ApiError> {
+    let event = Event::default().event(name).json_data(value);
+    event.map_err(|error| ApiError::new(Kind::Internal, error.to_string()))
+}

@@ -1,0 +1,117 @@
+//! `Idempotency-Key`: a submission that is sent again is made once, and answered as the first time.
+//!
+//! What a submission makes has its identifier reserved before it is made, in a transaction of its own: after a crash in between, or
+//! while the first is still being worked, a repeat goes on with the same identifier, and the store makes nothing twice.
+
+use axum::body::{Body, Bytes};
+use axum::extract::{FromRequestParts, Request, State};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use std::convert::Infallible;
+use uuid::Uuid;
+
+use super::access::Caller;
+use super::extract::whole_body;
+use super::problem::{ApiError, Kind};
+use crate::app::App;
+use crate::store::{Answered, Known, Submission};
+
+const KEY: HeaderName = HeaderName::from_static("idempotency-key");
+const REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
+/// Answers that are longer are not kept: none of ours is.
+const LONGEST_ANSWER: usize = 1024 * 1024;
+
+/// The identifier of what this request makes, if one was reserved.
+#[derive(Clone, Copy)]
+pub(crate) struct Reserved(Option<Uuid>);
+
+impl Reserved {
+    /// That identifier, or a new one.
+    pub(crate) fn id(self) -> Uuid {
+        self.0.unwrap_or_else(Uuid::now_v7)
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for Reserved {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        Ok(parts.extensions.get::<Self>().copied().unwrap_or(Self(None)))
+    }
+}
+
+/// Looks a submission with a key up before it is made, and keeps its answer.
+pub(crate) async fn once(State(app): State<App>, request: Request, next: Next) -> Response {
+    match worked(&app, request, next).await {
+        Ok(response) => response,
+        Err(error) => error.into_response(),
+    }
+}
+
+async fn worked(app: &App, request: Request, next: Next) -> Result<Response, ApiError> {
+    let Some(key) = key(request.headers())? else { return Ok(next.run(request).await) };
+    let owner = request.extensions().get::<Caller>().map_or("", |caller| &caller.0).to_owned();
+    let (parts, body) = request.into_parts();
+    let bytes = whole_body(Request::from_parts(parts.clone(), body), app).await?;
+    let submission = Submission { owner, key, fingerprint: fingerprint(&parts, &bytes) };
+    let reserved = match app.store.submission(submission.clone(), app.clock.now()).await? {
+        Known::Reserved(id) => id,
+        Known::Answered(answered) => return Ok(replayed(answered)),
+        Known::Other => {
+            let detail = "this Idempotency-Key was used for another request: take a new one";
+            return Err(ApiError::new(Kind::KeyReused, detail));
+        }
+    };
+    let mut request = Request::from_parts(parts, Body::from(bytes));
+    request.extensions_mut().insert(Reserved(Some(reserved)));
+    let response = next.run(request).await;
+    if !response.status().is_success() {
+        // Nothing was made: what was wrong may be put right under the same key.
+        if response.status().is_client_error() {
+            app.store.drop_submission(submission).await?;
+        }
+        return Ok(response);
+    }
+    let (parts, body) = response.into_parts();
+    let text = axum::body::to_bytes(body, LONGEST_ANSWER).await;
+    let text = text.map_err(|error| ApiError::new(Kind::Internal, error.to_string()))?;
+    let location = parts.headers.get(header::LOCATION).and_then(|value| value.to_str().ok());
+    let answered = Answered {
+        status: parts.status.as_u16(),
+        location: location.map(str::to_owned),
+        body: String::from_utf8_lossy(&text).into_owned(),
+    };
+    app.store.answer_submission(submission, answered).await?;
+    Ok(Response::from_parts(parts, Body::from(text)))
+}
+
+fn key(headers: &HeaderMap) -> Result<Option<String>, ApiError> {
+    let Some(value) = headers.get(KEY) else { return Ok(None) };
+    match value.to_str() {
+        Ok(key) if (1..=255).contains(&key.len()) => Ok(Some(key.to_owned())),
+        _ => {
+            let detail = "an Idempotency-Key is 1 to 255 visible ASCII characters, such as a UUID";
+            Err(ApiError::new(Kind::InvalidKey, detail))
+        }
+    }
+}
+
+fn fingerprint(parts: &Parts, body: &Bytes) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(parts.method.as_str().as_bytes()).update(b" ");
+    hasher.update(parts.uri.path_and_query().map_or("", |path| path.as_str()).as_bytes()).update(b"\n");
+    hasher.update(body).finalize().to_hex().to_string()
+}
+
+fn replayed(answered: Answered) -> Response {
+    let status = StatusCode::from_u16(answered.status).unwrap_or(StatusCode::OK);
+    let mut response = (status, [(header::CONTENT_TYPE, "application/json")], answered.body).into_response();
+    let headers = response.headers_mut();
+    headers.insert(REPLAYED, HeaderValue::from_static("true"));
+    if let Some(location) = answered.location.and_then(|location| HeaderValue::try_from(location).ok()) {
+        headers.insert(header::LOCATION, location);
+    }
+    response
+}

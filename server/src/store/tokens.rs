@@ -1,0 +1,103 @@
+//! Access tokens, hashed. The server reads them; `roost token` writes them, beside a server that runs or without one.
+
+use std::path::Path;
+
+use roost_api::time::Timestamp;
+use roost_api::token::{Scope, TokenView};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Connection, SqliteConnection};
+use uuid::Uuid;
+
+use super::rows::{Columns, corrupt, to_json};
+use super::{Store, StoreError, connect, options};
+
+/// A token that is valid.
+#[derive(Clone, Debug)]
+pub(crate) struct Token {
+    pub(crate) id: String,
+    pub(crate) hash: blake3::Hash,
+    pub(crate) scopes: Vec<Scope>,
+}
+
+impl Store {
+    /// All valid tokens.
+    pub(crate) async fn tokens(&self) -> Result<Vec<Token>, StoreError> {
+        let rows = sqlx::query("SELECT id, hash, scopes FROM tokens WHERE revoked_at IS NULL")
+            .fetch_all(&self.readers)
+            .await?;
+        let token = |row: &SqliteRow| {
+            let hash: String = row.column("hash")?;
+            let hash = blake3::Hash::from_hex(hash).map_err(|error| corrupt("hash of a token", error))?;
+            Ok(Token { id: row.column("id")?, hash, scopes: row.json("scopes")? })
+        };
+        rows.iter().map(token).collect()
+    }
+}
+
+/// The tokens of a data directory. Opening it migrates no database that a server uses.
+pub struct TokenFile(SqliteConnection);
+
+impl TokenFile {
+    /// Opens the database of a data directory; `alone` says that no server runs on it, and then it is made as needed.
+    pub(crate) async fn open(data: &Path, alone: bool) -> Result<Self, StoreError> {
+        let path = data.join("roost.db");
+        if alone {
+            let (mut connection, _) = connect(options(&path)).await?;
+            super::migrate(&mut connection).await?;
+            return Ok(Self(connection));
+        }
+        Ok(Self(connect(options(&path).create_if_missing(false)).await?.0))
+    }
+
+    /// Makes a token and returns it with its secret, which is kept nowhere.
+    pub async fn create(
+        &mut self,
+        name: &str,
+        scopes: &[Scope],
+        now: Timestamp,
+    ) -> Result<(TokenView, String), StoreError> {
+        // 244 bits of the system's random numbers.
+        let secret = format!("roost_{}{}", Uuid::new_v4().simple(), Uuid::new_v4().simple());
+        let id = Uuid::now_v7().to_string();
+        sqlx::query("INSERT INTO tokens (id, name, hash, scopes, created_at) VALUES (?, ?, ?, ?, ?)")
+            .bind(&id)
+            .bind(name)
+            .bind(blake3::hash(secret.as_bytes()).to_hex().to_string())
+            .bind(to_json("scopes", &scopes)?)
+            .bind(now.0)
+            .execute(&mut self.0)
+            .await?;
+        let scopes = scopes.to_vec();
+        Ok((TokenView { id, name: name.to_owned(), scopes, created_at: now, revoked_at: None }, secret))
+    }
+
+    /// All tokens, newest first.
+    pub async fn list(&mut self) -> Result<Vec<TokenView>, StoreError> {
+        let rows = sqlx::query("SELECT * FROM tokens ORDER BY id DESC").fetch_all(&mut self.0).await?;
+        let view = |row: &SqliteRow| {
+            Ok(TokenView {
+                id: row.column("id")?,
+                name: row.column("name")?,
+                scopes: row.json("scopes")?,
+                created_at: row.moment("created_at")?,
+                revoked_at: row.moment_opt("revoked_at")?,
+            })
+        };
+        rows.iter().map(view).collect()
+    }
+
+    /// Revokes a token; says whether there was such a one that was valid.
+    pub async fn revoke(&mut self, id: &str, now: Timestamp) -> Result<bool, StoreError> {
+        let done = sqlx::query("UPDATE tokens SET revoked_at = ? WHERE id = ? AND revoked_at IS NULL")
+            .bind(now.0)
+            .bind(id)
+            .execute(&mut self.0)
+            .await?;
+        Ok(done.rows_affected() > 0)
+    }
+
+    /// Closes the file.
+    pub async fn close(self) -> Result<(), StoreError> {
+        Ok(self.0.close().await?)
+    }
+}

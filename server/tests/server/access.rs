@@ -1,0 +1,141 @@
+//! Tokens, scopes and rates.
+
+use std::time::{Duration, Instant};
+
+use reqwest::Method;
+use roost_api::time::Timestamp;
+use roost_api::token::Scope;
+use roost_server::{Server, ServerConfig, ServerError, tokens_in};
+use serde_json::{Value, json};
+
+use super::farm::*;
+
+/// Status and body of a request with a token.
+async fn ask(
+    farm: &Farm,
+    method: Method,
+    path: &str,
+    token: Option<&str>,
+    body: Option<&Value>,
+) -> (u16, String) {
+    let mut request = farm.http.request(method, format!("http://{}{path}", farm.address));
+    if let Some(token) = token {
+        request = request.bearer_auth(token);
+    }
+    if let Some(body) = body {
+        request = request.json(body);
+    }
+    let response = request.send().await.unwrap();
+    (response.status().as_u16(), response.text().await.unwrap())
+}
+
+async fn get(farm: &Farm, path: &str, token: Option<&str>) -> (u16, String) {
+    ask(farm, Method::GET, path, token, None).await
+}
+
+#[tokio::test]
+async fn with_a_token_every_request_needs_one_and_each_scope_allows_its_own() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let mut secrets = Vec::new();
+    for scope in [Scope::Admin, Scope::Submit, Scope::Read, Scope::Worker] {
+        secrets.push(tokens.create(scope.as_str(), &[scope], Timestamp::now()).await.unwrap().1);
+    }
+    tokens.close().await.unwrap();
+    let farm = Farm::on(dir.path(), |_| {}).await;
+    for open in ["/healthz", "/readyz", "/openapi.json"] {
+        assert_eq!(get(&farm, open, None).await.0, 200, "{open}");
+    }
+    let job = envelope(1);
+    let worker = registration(&roost_api::ids::WorkerId::new().to_string(), "cpu");
+    let nobody = roost_api::ids::WorkerId::new();
+    let drain = format!("/v1/workers/{nobody}/drain");
+    for (method, path, body, expected) in [
+        // The answer to nobody, and to each of the four.
+        (Method::GET, "/v1/jobs", None, [401, 200, 200, 200, 403]),
+        (Method::GET, "/v1/version", None, [401, 200, 200, 200, 200]),
+        (Method::POST, "/v1/jobs", Some(&job), [401, 202, 202, 403, 403]),
+        (Method::POST, "/v1/workers", Some(&worker), [401, 200, 403, 403, 200]),
+        (Method::POST, drain.as_str(), None, [401, 404, 403, 403, 403]),
+        (Method::POST, "/v1/validate", Some(&job), [401, 200, 200, 200, 403]),
+    ] {
+        let mut answers = vec![ask(&farm, method.clone(), path, None, body).await.0];
+        for secret in &secrets {
+            answers.push(ask(&farm, method.clone(), path, Some(secret), body).await.0);
+        }
+        assert_eq!(answers, expected, "{method} {path}");
+    }
+    let (status, text) = get(&farm, "/v1/jobs", Some("roost_guessed")).await;
+    assert!(status == 401 && text.contains("/problems/unauthorized"), "{text}");
+    let (_, text) = get(&farm, "/v1/jobs", Some(&secrets[3])).await;
+    assert!(text.contains("/problems/forbidden") && text.contains("scope read"), "{text}");
+    assert_eq!(get(&farm, "/v1/nothing", None).await.0, 404);
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn a_running_server_follows_what_is_made_and_revoked() {
+    let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(1)).await;
+    assert_eq!(get(&farm, "/v1/jobs", None).await.0, 200, "open without tokens");
+    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let (view, secret) = tokens.create("", &[Scope::Read], Timestamp::now()).await.unwrap();
+    let until = async |token: Option<&str>, status: u16| {
+        let deadline = Instant::now() + Duration::from_secs(20);
+        while get(&farm, "/v1/jobs", token).await.0 != status {
+            assert!(Instant::now() < deadline, "still not {status}");
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    until(None, 401).await;
+    assert_eq!(get(&farm, "/v1/jobs", Some(&secret)).await.0, 200);
+    let (_, other) = tokens.create("", &[Scope::Read], Timestamp::now()).await.unwrap();
+    assert!(tokens.revoke(&view.id, Timestamp::now()).await.unwrap());
+    assert!(!tokens.revoke(&view.id, Timestamp::now()).await.unwrap(), "once");
+    until(Some(&secret), 401).await;
+    until(Some(&other), 200).await;
+    let listed = tokens.list().await.unwrap();
+    assert!(listed[1].revoked_at.is_some() && listed[0].revoked_at.is_none());
+    assert!(!format!("{listed:?}").contains(&secret[6..]), "no secret is kept");
+    tokens.close().await.unwrap();
+    farm.stop().await;
+    let database = std::fs::read(dir.path().join("roost.db")).unwrap();
+    assert!(!database.windows(secret.len()).any(|bytes| bytes == secret.as_bytes()), "no secret is kept");
+}
+
+#[tokio::test]
+async fn other_addresses_take_a_token() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = ServerConfig {
+        listen: "0.0.0.0:0".parse().unwrap(),
+        data: dir.path().to_owned(),
+        ..ServerConfig::default()
+    };
+    let tokens = tokens_in(dir.path()).await.unwrap();
+    tokens.close().await.unwrap();
+    let error = Server::bind(config.clone()).await.err().unwrap();
+    assert!(matches!(error, ServerError::NotLoopback(_)), "none was made: {error}");
+    assert!(error.to_string().contains("roost token create"), "{error}");
+    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
+    tokens.close().await.unwrap();
+    assert!(Server::bind(config).await.is_ok());
+}
+
+#[tokio::test]
+async fn who_asks_too_often_is_told_the_limit_and_when_to_come_back() {
+    let (farm, _dir) = Farm::with(|config| config.max_requests_per_s = 5).await;
+    let mut answers = Vec::new();
+    for _ in 0..40 {
+        let response = farm.http.get(format!("http://{}/v1/version", farm.address)).send().await.unwrap();
+        let wait = response.headers().get("retry-after").map(|value| value.to_str().unwrap().to_owned());
+        answers.push((response.status().as_u16(), wait, response.text().await.unwrap()));
+    }
+    assert_eq!(answers[0].0, 200);
+    let (_, wait, text) =
+        answers.iter().find(|(status, ..)| *status == 429).expect("40 at once are too many");
+    assert_eq!(wait.as_deref(), Some("1"));
+    let problem: Value = serde_json::from_str(text).unwrap();
+    assert_eq!(problem["type"], json!("/problems/too-many-requests"));
+    assert!(text.contains("max_requests_per_s") && text.contains("more than 5"), "{text}");
+    farm.stop().await;
+}

@@ -1,0 +1,132 @@
+//! Event streams: what happens comes, resumes where it broke off, and keeps no server from stopping.
+
+use std::time::Duration;
+
+use reqwest::{Response, StatusCode};
+use serde_json::{Value, json};
+
+use super::farm::*;
+
+struct Event {
+    name: String,
+    id: Option<i64>,
+    data: Value,
+}
+
+/// A stream as a client reads it.
+struct Events {
+    response: Response,
+    text: String,
+}
+
+impl Events {
+    async fn open(farm: &Farm, path: &str, last: Option<i64>) -> Self {
+        let mut request = farm.http.get(format!("http://{}{path}/events", farm.address));
+        if let Some(last) = last {
+            request = request.header("last-event-id", last);
+        }
+        let response = request.send().await.unwrap();
+        assert_eq!(response.status(), StatusCode::OK);
+        assert_eq!(response.headers()["content-type"], "text/event-stream");
+        Self { response, text: String::new() }
+    }
+
+    /// The next event; none when the stream has ended.
+    async fn next(&mut self) -> Option<Event> {
+        loop {
+            if let Some((event, rest)) = self.text.split_once("\n\n") {
+                let field = |name: &str| {
+                    event
+                        .lines()
+                        .find_map(|line| line.strip_prefix(name))
+                        .map(|value| value.trim().to_owned())
+                };
+                let found = field("data:").map(|data| Event {
+                    name: field("event:").unwrap(),
+                    id: field("id:").map(|id| id.parse().unwrap()),
+                    data: serde_json::from_str(&data).unwrap(),
+                });
+                self.text = rest.to_owned();
+                if found.is_some() {
+                    return found;
+                }
+                continue;
+            }
+            let chunk =
+                tokio::time::timeout(Duration::from_secs(20), self.response.chunk()).await.expect("in time");
+            self.text += str::from_utf8(&chunk.ok()??).unwrap();
+        }
+    }
+
+    /// The next change, without what is said of progress.
+    async fn change(&mut self) -> Event {
+        loop {
+            let event = self.next().await.expect("a change");
+            if event.name == "change" {
+                return event;
+            }
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_stream_begins_with_now_and_resumes_after_any_event() {
+    let (farm, _dir) = Farm::start().await;
+    let spec =
+        json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": [], "replicates": 2});
+    let sweep = farm.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
+    let path = format!("/v1/sweeps/{}", text(&sweep["id"]));
+    let mut events = Events::open(&farm, &path, None).await;
+    let now = events.next().await.unwrap();
+    assert_eq!((now.name.as_str(), &now.data["counts"]["queued"]), ("sweep", &json!(2)));
+
+    let worker = farm.worker("cpu").await;
+    let attempt = worker.claim_one().await;
+    let claimed = events.change().await;
+    assert_eq!((&claimed.data["job_id"], &claimed.data["state"]), (&attempt["job_id"], &json!("running")));
+    worker.beat(&attempt, progress(0.5)).await;
+    let shown = events.next().await.unwrap();
+    assert_eq!((shown.name.as_str(), shown.id), ("progress", None));
+    drop(events);
+
+    // Nobody listens while this happens; another sweep's news is not this one's.
+    worker.deliver(&attempt).await.expect(StatusCode::OK);
+    let elsewhere = farm.submit(&envelope(77)).await;
+    let other = worker.claim(2).await;
+    let mut events = Events::open(&farm, &path, claimed.id).await;
+    let (first, second) = (events.change().await, events.change().await);
+    assert_eq!((&first.data["state"], &second.data["state"]), (&json!("succeeded"), &json!("running")));
+    assert!(other.len() == 2 && second.data["job_id"] != elsewhere["id"], "{}", second.data);
+    let mut again = Events::open(&farm, &path, first.id).await;
+    let repeated = again.change().await;
+    assert_eq!((repeated.id, repeated.data), (second.id, second.data));
+
+    // What cannot be resumed begins anew.
+    let mut unknown = Events::open(&farm, &path, Some(1_000_000)).await;
+    assert_eq!(unknown.next().await.unwrap().name, "sweep");
+    let job = format!("/v1/jobs/{}", text(&attempt["job_id"]));
+    let mut of_job = Events::open(&farm, &job, None).await;
+    let now = of_job.next().await.unwrap();
+    assert_eq!((now.name.as_str(), &now.data["state"]), ("job", &json!("succeeded")));
+    drop((events, again, unknown, of_job));
+    farm.get("/v1/jobs/01890000-0000-7000-8000-000000000000/events").await.problem(404, "not-found");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn open_streams_end_with_the_server() {
+    let (farm, _dir) = Farm::start().await;
+    let job = farm.submit(&envelope(1)).await;
+    let path = format!("/v1/jobs/{}", text(&job["id"]));
+    let mut streams = Vec::new();
+    for _ in 0..20 {
+        let mut events = Events::open(&farm, &path, None).await;
+        events.next().await.expect("the job as it is");
+        streams.push(events);
+    }
+    let took = farm.stop().await;
+    assert!(took < Duration::from_secs(2), "{took:?}");
+    for mut events in streams {
+        assert!(events.next().await.is_none(), "the end");
+    }
+}

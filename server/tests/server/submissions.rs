@@ -1,0 +1,102 @@
+//! Idempotency keys: sent again, made once, answered as before.
+
+use std::collections::HashSet;
+
+use reqwest::StatusCode;
+use serde_json::{Value, json};
+
+use super::farm::*;
+
+struct Sent {
+    status: u16,
+    replayed: bool,
+    location: Option<String>,
+    body: Value,
+}
+
+async fn send(farm: &Farm, path: &str, key: &str, body: &Value) -> Sent {
+    let request = farm.http.post(format!("http://{}{path}", farm.address));
+    let response = request.header("Idempotency-Key", key).json(body).send().await.unwrap();
+    let header = |name: &str| response.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
+    Sent {
+        status: response.status().as_u16(),
+        replayed: header("idempotency-replayed").is_some(),
+        location: header("location"),
+        body: response.json().await.unwrap(),
+    }
+}
+
+async fn count(farm: &Farm, listing: &str) -> usize {
+    farm.get(listing).await.expect(StatusCode::OK)["items"].as_array().unwrap().len()
+}
+
+#[tokio::test]
+async fn a_repeat_is_answered_as_the_first_time_and_makes_nothing() {
+    let (farm, dir) = Farm::start().await;
+    let sweep = json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": []});
+    for (path, body, status) in [("/v1/jobs", envelope(1), 202), ("/v1/sweeps", sweep, 201)] {
+        let first = send(&farm, path, "one", &body).await;
+        assert_eq!((first.status, first.replayed), (if path == "/v1/jobs" { status } else { 422 }, false));
+        let key = format!("key of {path}");
+        let first = send(&farm, path, &key, &body).await;
+        assert_eq!((first.status, first.replayed), (status, false), "{}", first.body);
+        let before = count(&farm, path).await;
+        // Whatever has become of it since.
+        farm.worker("cpu").await.claim(64).await;
+        let again = send(&farm, path, &key, &body).await;
+        assert_eq!((again.status, again.replayed), (status, true));
+        assert_eq!((&again.body, &again.location), (&first.body, &first.location));
+        assert_eq!(count(&farm, path).await, before);
+    }
+    farm.stop().await;
+
+    let farm = Farm::on(dir.path(), |_| {}).await;
+    let again = send(&farm, "/v1/jobs", "one", &envelope(1)).await;
+    assert_eq!((again.status, again.replayed), (202, true), "a restart forgets nothing");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn another_request_under_the_same_key_is_refused() {
+    let (farm, _dir) = Farm::start().await;
+    assert_eq!(send(&farm, "/v1/jobs", "one", &envelope(1)).await.status, 202);
+    let other = send(&farm, "/v1/jobs", "one", &envelope(2)).await;
+    assert_eq!((other.status, &other.body["type"]), (422, &json!("/problems/idempotency-key-reused")));
+    assert_eq!(count(&farm, "/v1/jobs").await, 1);
+    for key in ["", &"x".repeat(256)] {
+        let refused = send(&farm, "/v1/jobs", key, &envelope(3)).await;
+        assert_eq!(
+            (refused.status, &refused.body["type"]),
+            (400, &json!("/problems/invalid-idempotency-key"))
+        );
+    }
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn what_was_refused_may_be_put_right_under_its_key() {
+    let (farm, _dir) = Farm::start().await;
+    let mut wrong = envelope(1);
+    wrong["priority"] = json!("high");
+    assert_eq!(send(&farm, "/v1/jobs", "one", &wrong).await.status, 422);
+    assert_eq!(send(&farm, "/v1/jobs", "one", &envelope(1)).await.status, 202);
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn many_at_once_make_one() {
+    let (farm, _dir) = Farm::start().await;
+    let sent = futures(&farm).await;
+    assert_eq!(sent.iter().map(|sent| sent.status).collect::<HashSet<_>>(), HashSet::from([202]));
+    let made: HashSet<_> = sent.iter().map(|sent| sent.body["id"].to_string()).collect();
+    assert_eq!((made.len(), count(&farm, "/v1/jobs").await), (1, 1));
+    farm.stop().await;
+}
+
+/// Eight of the same, side by side.
+async fn futures(farm: &Farm) -> Vec<Sent> {
+    let body = envelope(1);
+    let one = || send(farm, "/v1/jobs", "one", &body);
+    let (a, b, c, d, e, f, g, h) = tokio::join!(one(), one(), one(), one(), one(), one(), one(), one());
+    vec![a, b, c, d, e, f, g, h]
+}

@@ -1,0 +1,89 @@
+//! Polling: what has not changed is not sent again, what has is.
+
+use std::time::Duration;
+
+use reqwest::StatusCode;
+use serde_json::json;
+
+use super::farm::*;
+
+/// Status, tag and body of a poll.
+async fn poll(farm: &Farm, path: &str, seen: Option<&str>) -> (u16, String, String) {
+    let mut request = farm.http.get(format!("http://{}{path}", farm.address));
+    if let Some(tag) = seen {
+        request = request.header("if-none-match", tag);
+    }
+    let response = request.send().await.unwrap();
+    let tag = response.headers().get("etag").map_or("", |tag| tag.to_str().unwrap()).to_owned();
+    (response.status().as_u16(), tag, response.text().await.unwrap())
+}
+
+#[tokio::test]
+async fn what_is_polled_is_sent_when_it_has_changed_and_only_then() {
+    let (farm, dir) = Farm::start().await;
+    let spec =
+        json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": [], "replicates": 3});
+    let sweep = farm.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
+    let other = farm.submit(&envelope(50)).await;
+    let worker = farm.worker("cpu").await;
+    let sweep = format!("/v1/sweeps/{}", text(&sweep["id"]));
+    let mut attempts = worker.claim(3).await;
+    let job = format!("/v1/jobs/{}", text(&attempts[0]["job_id"]));
+    let paths = [
+        "/v1/jobs",
+        "/v1/sweeps",
+        "/v1/workers",
+        "/v1/meshes",
+        &job,
+        &sweep,
+        &format!("{sweep}/jobs"),
+        &format!("{sweep}/results"),
+    ]
+    .map(str::to_owned);
+    let mut tags = Vec::new();
+    for path in &paths {
+        let (status, tag, _) = poll(&farm, path, None).await;
+        assert!(status == 200 && tag.len() > 4, "{path}: {status} {tag}");
+        assert_eq!(poll(&farm, path, Some(&tag)).await, (304, tag.clone(), String::new()), "{path}");
+        assert_eq!(poll(&farm, path, Some(&format!("\"x\", W/{tag}"))).await.0, 304, "{path}: among others");
+        tags.push(tag);
+    }
+    let changed = async |tags: &mut Vec<String>, what: &str, expected: &[&str]| {
+        for (path, tag) in paths.iter().zip(tags) {
+            let (status, newest, _) = poll(&farm, path, Some(tag)).await;
+            let is_expected = expected.iter().any(|part| path == part);
+            assert_eq!(status, if is_expected { 200 } else { 304 }, "{path} after {what}");
+            *tag = newest;
+        }
+    };
+    let of_sweep: Vec<&str> =
+        paths.iter().filter(|path| path.starts_with(&sweep)).map(String::as_str).collect();
+    let with = |more: &[&'static str], job: Option<&'static str>| -> Vec<&str> {
+        let mut all = of_sweep.clone();
+        all.extend(more);
+        all.extend(job);
+        all
+    };
+    let job: &'static str = job.clone().leak();
+    changed(&mut tags, "nothing", &[]).await;
+    worker.beat(&attempts[0], progress(0.3)).await;
+    changed(&mut tags, "progress", &with(&["/v1/jobs", "/v1/sweeps", "/v1/workers"], Some(job))).await;
+    tokio::time::sleep(Duration::from_millis(5)).await;
+    worker.beat(&attempts[0], progress(0.3)).await;
+    changed(&mut tags, "a beat without progress", &["/v1/workers"]).await;
+    worker.deliver(&attempts.remove(0)).await.expect(StatusCode::OK);
+    changed(&mut tags, "a result", &with(&["/v1/jobs", "/v1/sweeps", "/v1/workers"], Some(job))).await;
+    let cancel = format!("/v1/jobs/{}/cancel", text(&other["id"]));
+    farm.post(&cancel, &json!({})).await.expect(StatusCode::OK);
+    changed(&mut tags, "what happened elsewhere", &["/v1/jobs", "/v1/sweeps", "/v1/workers"]).await;
+    farm.submit(&envelope(60)).await;
+    changed(&mut tags, "a submission", &["/v1/jobs", "/v1/sweeps"]).await;
+    assert_eq!(poll(&farm, "/v1/jobs/01890000-0000-7000-8000-000000000000", Some("*")).await.0, 304);
+    assert_eq!(poll(&farm, "/v1/jobs/01890000-0000-7000-8000-000000000000", None).await.0, 404);
+    let tag = poll(&farm, &sweep, None).await.1;
+    farm.stop().await;
+
+    let farm = Farm::on(dir.path(), |_| {}).await;
+    assert_eq!(poll(&farm, &sweep, Some(&tag)).await.0, 200, "progress is counted anew after a restart");
+    farm.stop().await;
+}
