@@ -12,7 +12,6 @@ use roost_api::sweep::{Deletion, SweepSpec, SweepView};
 use serde::Deserialize;
 use serde_json::json;
 use utoipa::IntoParams;
-use uuid::Uuid;
 
 use super::aside::aside;
 use super::at_hand::at_hand;
