@@ -46,8 +46,8 @@ impl Exit {
 
 /// An address or a folder that a server was told to use and cannot.
 fn cannot_start(error: &ServerError) -> bool {
-    use ServerError::{Bind, Data, DataInUse, NotLoopback};
-    matches!(error, NotLoopback(_) | Bind { .. } | Data { .. } | DataInUse(_))
+    use ServerError::{Bind, Data, NotLoopback};
+    matches!(error, NotLoopback(_) | Bind { .. } | Data(_))
 }
 
 impl From<Exit> for ExitCode {

@@ -2,6 +2,8 @@
 
 mod bench;
 mod cancel;
+mod completions;
+mod copies;
 mod delete;
 mod demo;
 mod drain;
@@ -33,7 +35,7 @@ mod work;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use tracing_subscriber::EnvFilter;
 
 use exit::Exit;
@@ -70,6 +72,9 @@ enum Command {
     Reproduce(reproduce::Args),
     Bench(bench::Args),
     Token(token::Args),
+    Backup(copies::Backup),
+    Restore(copies::Restore),
+    Completions(completions::Args),
 }
 
 impl Command {
@@ -100,6 +105,9 @@ impl Command {
             Self::Retry(args) => retry::execute(args).await,
             Self::Extend(args) => extend::execute(args).await,
             Self::Delete(args) => delete::execute(args).await,
+            Self::Backup(args) => copies::backup(args).await,
+            Self::Restore(args) => copies::restore(args).await,
+            Self::Completions(args) => completions::execute(&args, Cli::command()),
             Self::Token(args) => token::execute(args).await,
             Self::Bench(args) => bench::execute(args).await,
             Self::Reproduce(args) => reproduce::execute(args).await,
@@ -131,6 +139,16 @@ async fn main() -> ExitCode {
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory;
+
+    #[test]
+    fn every_shell_has_completions() {
+        for shell in crate::completions::shells() {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut super::Cli::command(), "roost", &mut script);
+            let script = String::from_utf8(script).unwrap();
+            assert!(script.contains("reproduce") && script.contains("backup"), "{shell}");
+        }
+    }
 
     #[test]
     fn the_command_line_is_well_formed() {

@@ -7,6 +7,7 @@
 mod app;
 mod clock;
 mod config;
+mod data;
 mod document;
 mod http;
 mod mesh;
@@ -19,8 +20,9 @@ mod sweep;
 mod validation;
 
 pub use config::ServerConfig;
+pub use data::{DataError, backup, restore, tokens_in};
 pub use queue::{RetryPolicy, Tries};
 pub use roost_solver::Limits;
-pub use server::{Server, ServerError, tokens_in};
-pub use store::{StoreError, TokenFile};
+pub use server::{Server, ServerError};
+pub use store::{Copied, StoreError, TokenFile};
 pub use validation::{is_sweep, validate};

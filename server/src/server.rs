@@ -1,9 +1,8 @@
 //! A server from start to end: bind, run, stop.
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,8 +13,9 @@ use tokio_util::sync::CancellationToken;
 use crate::app::{App, AppState, ProgressBoard};
 use crate::clock::Clock;
 use crate::config::ServerConfig;
+use crate::data::{self, DATABASE, DataError};
 use crate::queue::lease_end;
-use crate::store::{Store, StoreError, TokenFile};
+use crate::store::{Store, StoreError};
 use crate::{http, reaper};
 
 /// Why a server did not start, or stopped.
@@ -36,16 +36,8 @@ pub enum ServerError {
         source: io::Error,
     },
     /// The data directory cannot be used.
-    #[error("cannot use the data directory {}", path.display())]
-    Data {
-        /// The directory.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// Somebody else uses the data directory.
-    #[error("the data directory {} is in use by another server", .0.display())]
-    DataInUse(PathBuf),
+    #[error(transparent)]
+    Data(#[from] DataError),
     /// The database cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -59,20 +51,6 @@ pub enum ServerError {
 
 /// Requests under way at shutdown get this long.
 const GRACE: Duration = Duration::from_secs(3);
-
-/// The database in a data directory.
-const DATABASE: &str = "roost.db";
-
-/// Opens the access tokens of a data directory, whether a server runs on it or not.
-pub async fn tokens_in(data: &std::path::Path) -> Result<TokenFile, ServerError> {
-    let config = ServerConfig { data: data.to_owned(), ..ServerConfig::default() };
-    match lock_data(&config) {
-        // Held until it is open: no server migrates the database meanwhile.
-        Ok(_lock) => Ok(TokenFile::open(data, true).await?),
-        Err(ServerError::DataInUse(_)) => Ok(TokenFile::open(data, false).await?),
-        Err(error) => Err(error),
-    }
-}
 
 /// Tries, 50 ms apart, for what a server before this one may not have let go of.
 const PATIENCE: u32 = 20;
@@ -98,7 +76,7 @@ impl Server {
         let bind =
             async || TcpListener::bind(address).await.map_err(|source| ServerError::Bind { address, source });
         let listener = patiently(bind).await?;
-        let lock = patiently(async || lock_data(&config)).await?;
+        let lock = patiently(async || Ok(data::lock(&config.data)?)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
         let store = Store::open(&config.data.join(DATABASE)).await?;
         let tokens = store.tokens().await?;
@@ -167,25 +145,13 @@ impl Server {
 async fn patiently<T>(attempt: impl AsyncFn() -> Result<T, ServerError>) -> Result<T, ServerError> {
     for _ in 0..PATIENCE {
         match attempt().await {
-            Err(ServerError::DataInUse(_)) => {}
+            Err(ServerError::Data(DataError::InUse(_))) => {}
             Err(ServerError::Bind { source, .. }) if source.kind() == io::ErrorKind::AddrInUse => {}
             done => return done,
         }
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     attempt().await
-}
-
-fn lock_data(config: &ServerConfig) -> Result<File, ServerError> {
-    let fail = |source| ServerError::Data { path: config.data.clone(), source };
-    std::fs::create_dir_all(&config.data).map_err(fail)?;
-    let path = config.data.join("roost.lock");
-    let lock = OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(fail)?;
-    match lock.try_lock() {
-        Ok(()) => Ok(lock),
-        Err(std::fs::TryLockError::WouldBlock) => Err(ServerError::DataInUse(config.data.clone())),
-        Err(std::fs::TryLockError::Error(source)) => Err(fail(source)),
-    }
 }
 
 #[cfg(test)]

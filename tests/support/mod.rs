@@ -27,7 +27,7 @@ const PORTS: std::ops::Range<u16> = 20_000..32_000;
 /// The binary under test.
 pub(crate) fn roost() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_roost"));
-    command.env_remove("ROOST_SERVER").env_remove("ROOST_LOG").stdin(Stdio::null());
+    command.env_remove("ROOST_SERVER").env_remove("ROOST_TOKEN").env_remove("ROOST_LOG").stdin(Stdio::null());
     command
 }
 
@@ -193,6 +193,13 @@ impl Home {
 
     /// The same, with arguments of its own.
     pub(crate) fn serve_with(&self, arguments: &[&str]) -> Process {
+        let server = self.start_server(arguments);
+        until("the server answers", || self.ask(|client| async move { client.sweeps(None, 1).await.ok() }));
+        server
+    }
+
+    /// Starts a server and waits for nothing.
+    pub(crate) fn start_server(&self, arguments: &[&str]) -> Process {
         let listen = self.address.trim_start_matches("http://");
         let mut command = roost();
         command.args([
@@ -205,14 +212,19 @@ impl Home {
             "0.1",
             "--data",
         ]);
-        let server = self.start("serve", command.arg(self.path("data")).args(arguments));
-        until("the server answers", || self.ask(|client| async move { client.sweeps(None, 1).await.ok() }));
-        server
+        self.start("serve", command.arg(self.path("data")).args(arguments))
     }
 
     /// Starts a worker of its own state directory.
     pub(crate) fn work(&self, name: &str) -> Process {
         self.work_in(name, &self.path(name))
+    }
+
+    /// The same, with arguments of its own.
+    pub(crate) fn work_with(&self, name: &str, arguments: &[&str]) -> Process {
+        let mut command = roost();
+        command.args(["work", "--server", &self.address, "--threads", "1", "--name", name]).args(arguments);
+        self.start(name, command.arg("--state").arg(self.path(name)))
     }
 
     /// Starts a worker in a state directory that another may have used.

@@ -115,7 +115,7 @@ impl From<StoreError> for ApiError {
                 Kind::StorageFull,
                 "the disk of the server's data directory is full: nothing changed",
             ),
-            (None, StoreError::WriterGone) => {
+            (None, error) if error.is_stopping() => {
                 Self::new(Kind::Unavailable, "the server is stopping; try again later")
             }
             _ => Self::new(

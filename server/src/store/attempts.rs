@@ -8,7 +8,7 @@ use roost_api::time::Timestamp;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
-use super::facts::{JOB_FACTS, change_job, end_attempt, job_facts};
+use super::facts::{Ending, JOB_FACTS, end, job_facts};
 use super::rows::{Columns, to_json};
 use super::{Store, StoreError};
 use crate::clock::Now;
@@ -131,8 +131,9 @@ async fn end_all(
     for row in rows {
         let Some(change) = decide(row)? else { continue };
         let job = job_facts(row)?;
-        end_attempt(tx, job.id, job.attempt, outcome, Some(message), None, now.wall).await?;
-        change_job(tx, job.id, &change, Some(message), now.wall).await?;
+        let (attempt, message) = (job.attempt, Some(message));
+        let ending = Ending { job: job.id, attempt, outcome, change: &change, message, partial: None };
+        end(tx, ending, now.wall).await?;
         changes.push((job.id, change));
     }
     Ok(changes)

@@ -2,8 +2,8 @@
 
 use roost_api::ids::WorkerId;
 use roost_api::lease::ClaimedAttempt;
+use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{AssertSqlSafe, QueryBuilder, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
 use super::rows::{Columns, to_json};
@@ -29,12 +29,24 @@ pub(super) const CANDIDATES: &str = "SELECT j.seq, j.alone FROM workers me CROSS
                                           AND f.number > j.forgiven)))
     ORDER BY j.priority DESC, j.turn, j.seq LIMIT ?3";
 
-/// Takes the jobs of a JSON list; no attempt outlives its `max_wall_s` by more than a lease.
+/// Takes the jobs of a JSON list, writes down who runs them from now on, and how far the queue has come; no attempt outlives its `max_wall_s` by more than a lease.
 const TAKE: &str = "UPDATE jobs
-    SET state = 'running', attempt = attempt + 1, worker_id = ?1, lease_expires_at = ?2, started_at = ?3,
-        deadline = ?2 + CAST(max_wall_s * 1000 AS INTEGER)
-    WHERE seq IN (SELECT value FROM json_each(?4))
-    RETURNING id, attempt, digest, max_wall_s, lease_expires_at, priority, turn, seq";
+    SET state = 'running', attempt = attempt + 1, worker_id = ?, lease_expires_at = ?, started_at = ?,
+        deadline = ? + CAST(max_wall_s * 1000 AS INTEGER)
+    WHERE seq IN (SELECT value FROM json_each(?))
+    RETURNING id, attempt, max_wall_s, lease_expires_at, priority, turn, seq,
+              (SELECT body FROM scenarios WHERE scenarios.digest = jobs.digest) AS scenario;
+    INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at)
+    SELECT id, attempt, worker_id, ?, ? FROM jobs WHERE seq IN (SELECT value FROM json_each(?));
+    INSERT INTO turns (priority, turn)
+    SELECT priority, max(turn) FROM jobs WHERE seq IN (SELECT value FROM json_each(?)) GROUP BY priority
+    ON CONFLICT (priority) DO UPDATE SET turn = max(turn, excluded.turn)";
+
+/// Notes that a worker was heard of, and asks what it holds and whether the request is a repeat.
+const ARRIVE: &str = "UPDATE workers SET last_seen_at = ?1 WHERE id = ?2
+    RETURNING EXISTS (SELECT 1 FROM attempts WHERE request_id = ?3 AND worker_id = ?2) AS repeated,
+        (SELECT count(*) FROM jobs WHERE worker_id = ?2 AND state = 'running') AS jobs,
+        (SELECT coalesce(max(alone), 0) FROM jobs WHERE worker_id = ?2 AND state = 'running') AS alone";
 
 /// A worker asks for work.
 #[derive(Clone, Copy, Debug)]
@@ -66,18 +78,19 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let known = sqlx::query("UPDATE workers SET last_seen_at = ? WHERE id = ?")
+                    let row = sqlx::query(ARRIVE)
                         .bind(now.wall.0)
                         .bind(claim.worker.to_string())
-                        .execute(&mut *tx)
+                        .bind(claim.request_id.to_string())
+                        .fetch_optional(&mut *tx)
                         .await?;
-                    if known.rows_affected() == 0 {
-                        return Ok(Err(Refusal::NoWorker));
-                    }
-                    if let Some(attempts) = repeat(tx, claim, now).await? {
+                    let Some(row) = row else { return Ok(Err(Refusal::NoWorker)) };
+                    if row.column("repeated")? {
+                        let attempts = repeat(tx, claim, now).await?;
                         return Ok(Ok(Claimed { attempts, held_back: false }));
                     }
-                    take(tx, claim, now).await.map(Ok)
+                    let holding = Holding { jobs: row.number("jobs")?, alone: row.column("alone")? };
+                    take(tx, claim, holding, now).await.map(Ok)
                 })
             })
             .await
@@ -95,37 +108,34 @@ impl Store {
     }
 }
 
-/// What the same request claimed before and still holds; `None` when it claimed nothing.
+/// What the same request claimed before and still holds.
 async fn repeat(
     tx: &mut SqliteConnection,
     claim: Claim,
     now: Now,
-) -> Result<Option<Vec<ClaimedAttempt>>, StoreError> {
-    let known: i64 =
-        sqlx::query_scalar("SELECT count(*) FROM attempts WHERE request_id = ? AND worker_id = ?")
-            .bind(claim.request_id.to_string())
-            .bind(claim.worker.to_string())
-            .fetch_one(&mut *tx)
-            .await?;
-    if known == 0 {
-        return Ok(None);
-    }
+) -> Result<Vec<ClaimedAttempt>, StoreError> {
     let rows = sqlx::query(
         "UPDATE jobs SET lease_expires_at = ?
          FROM attempts a
          WHERE a.request_id = ? AND a.worker_id = ? AND a.outcome IS NULL
            AND jobs.id = a.job_id AND jobs.attempt = a.number AND jobs.state = 'running'
-         RETURNING id, attempt, digest, max_wall_s, lease_expires_at, priority, turn, seq",
+         RETURNING id, attempt, max_wall_s, lease_expires_at, priority, turn, seq,
+                   (SELECT body FROM scenarios WHERE scenarios.digest = jobs.digest) AS scenario",
     )
     .bind(lease_end(now.lease, claim.lease).0)
     .bind(claim.request_id.to_string())
     .bind(claim.worker.to_string())
     .fetch_all(&mut *tx)
     .await?;
-    with_scenarios(tx, rows).await.map(Some)
+    in_order(rows)
 }
 
-async fn take(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Claimed, StoreError> {
+async fn take(
+    tx: &mut SqliteConnection,
+    claim: Claim,
+    holding: Holding,
+    now: Now,
+) -> Result<Claimed, StoreError> {
     let worker = claim.worker.to_string();
     let rows = sqlx::query(CANDIDATES)
         .bind(&worker)
@@ -137,88 +147,43 @@ async fn take(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Claim
         return Ok(Claimed::default());
     }
     let candidates = rows.iter().map(|row| row.column("alone")).collect::<Result<Vec<bool>, _>>()?;
-    let count = batch(holding(tx, &worker).await?, &candidates);
+    let count = batch(holding, &candidates);
     if count == 0 {
         return Ok(Claimed { attempts: Vec::new(), held_back: true });
     }
     let seqs = rows[..count].iter().map(|row| row.column("seq")).collect::<Result<Vec<i64>, _>>()?;
+    let (seqs, until) = (to_json("jobs", &seqs)?, lease_end(now.lease, claim.lease).0);
     let rows = sqlx::query(TAKE)
         .bind(&worker)
-        .bind(lease_end(now.lease, claim.lease).0)
+        .bind(until)
         .bind(now.wall.0)
-        .bind(to_json("jobs", &seqs)?)
+        .bind(until)
+        .bind(&seqs)
+        .bind(claim.request_id.to_string())
+        .bind(now.wall.0)
+        .bind(&seqs)
+        .bind(&seqs)
         .fetch_all(&mut *tx)
         .await?;
-    note_attempts(tx, &rows, &worker, claim.request_id, now).await?;
-    Ok(Claimed { attempts: with_scenarios(tx, rows).await?, held_back: false })
-}
-
-async fn holding(tx: &mut SqliteConnection, worker: &str) -> Result<Holding, StoreError> {
-    let sql = "SELECT count(*) AS jobs, coalesce(max(alone), 0) AS alone FROM jobs
-               WHERE worker_id = ? AND state = 'running'";
-    let row = sqlx::query(AssertSqlSafe(sql)).bind(worker).fetch_one(&mut *tx).await?;
-    Ok(Holding { jobs: row.number("jobs")?, alone: row.column("alone")? })
-}
-
-/// Writes down who runs what from now on, and how far the queue has come.
-async fn note_attempts(
-    tx: &mut SqliteConnection,
-    rows: &[SqliteRow],
-    worker: &str,
-    request_id: Uuid,
-    now: Now,
-) -> Result<(), StoreError> {
-    let mut turns: Vec<(i64, i64)> = Vec::new();
-    let mut attempts: Vec<(String, i64)> = Vec::new();
-    for row in rows {
-        turns.push((row.column("priority")?, row.column("turn")?));
-        attempts.push((row.column("id")?, row.column("attempt")?));
-    }
-    let mut query = QueryBuilder::<Sqlite>::new(
-        "INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at) ",
-    );
-    query.push_values(&attempts, |mut row, (job, number)| {
-        row.push_bind(job)
-            .push_bind(number)
-            .push_bind(worker)
-            .push_bind(request_id.to_string())
-            .push_bind(now.wall.0);
-    });
-    query.build().execute(&mut *tx).await?;
-
-    let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO turns (priority, turn) ");
-    query.push_values(&turns, |mut row, (priority, turn)| {
-        row.push_bind(priority).push_bind(turn);
-    });
-    query.push(" ON CONFLICT (priority) DO UPDATE SET turn = max(turn, excluded.turn)");
-    query.build().execute(&mut *tx).await?;
-    Ok(())
+    Ok(Claimed { attempts: in_order(rows)?, held_back: false })
 }
 
 /// Claimed rows as the worker gets them, in the order of the queue (`RETURNING` has none).
-async fn with_scenarios(
-    tx: &mut SqliteConnection,
-    rows: Vec<SqliteRow>,
-) -> Result<Vec<ClaimedAttempt>, StoreError> {
+fn in_order(rows: Vec<SqliteRow>) -> Result<Vec<ClaimedAttempt>, StoreError> {
     let mut ordered = Vec::with_capacity(rows.len());
     for row in rows {
         let priority: i64 = row.column("priority")?;
         ordered.push(((-priority, row.column::<i64>("turn")?, row.column::<i64>("seq")?), row));
     }
     ordered.sort_by_key(|(key, _)| *key);
-    let mut attempts = Vec::with_capacity(ordered.len());
-    for (_, row) in ordered {
-        let body: String = sqlx::query_scalar("SELECT body FROM scenarios WHERE digest = ?")
-            .bind(row.column::<String>("digest")?)
-            .fetch_one(&mut *tx)
-            .await?;
-        attempts.push(ClaimedAttempt {
+    let attempt = |(_, row): ((i64, i64, i64), SqliteRow)| {
+        Ok(ClaimedAttempt {
             job_id: row.parsed("id")?,
             attempt: row.number("attempt")?,
-            scenario: super::rows::from_json("scenario", &body)?,
+            scenario: row.json("scenario")?,
             max_wall_s: row.column("max_wall_s")?,
             lease_expires_at: row.moment("lease_expires_at")?,
-        });
-    }
-    Ok(attempts)
+        })
+    };
+    ordered.into_iter().map(attempt).collect()
 }

@@ -6,7 +6,7 @@ use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
 use sqlx::SqliteConnection;
 
-use super::facts::{change_job, end_attempt, fenced};
+use super::facts::{Ending, end, fenced};
 use super::rows::to_json;
 use super::{Store, StoreError};
 use crate::clock::Now;
@@ -98,12 +98,14 @@ impl Store {
                     if result.scenario_digest != fenced.digest {
                         return Ok(Err(Refusal::OtherScenario));
                     }
-                    insert_document(tx, &result.digest, result.body).await?;
                     sqlx::query(
-                        "INSERT INTO results (job_id, attempt, digest, solver_revision, backend, responses,
+                        "INSERT INTO documents (digest, body) VALUES (?, ?) ON CONFLICT (digest) DO NOTHING;
+                         INSERT INTO results (job_id, attempt, digest, solver_revision, backend, responses,
                                               document, recorded_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
                     )
+                    .bind(&result.digest)
+                    .bind(result.body)
                     .bind(job_id.to_string())
                     .bind(attempt)
                     .bind(&fenced.digest)
@@ -114,8 +116,10 @@ impl Store {
                     .bind(now.0)
                     .execute(&mut *tx)
                     .await?;
-                    end_attempt(tx, job_id, attempt, AttemptOutcome::Succeeded, None, None, now).await?;
-                    change_job(tx, job_id, change, None, now).await?;
+                    let outcome = AttemptOutcome::Succeeded;
+                    let ending =
+                        Ending { job: job_id, attempt, outcome, change, message: None, partial: None };
+                    end(tx, ending, now).await?;
                     Ok(Ok(verdict))
                 })
             })
@@ -157,9 +161,9 @@ impl Store {
                         }
                         None => None,
                     };
-                    let partial = document.as_deref();
-                    end_attempt(tx, job_id, attempt, outcome, Some(&message), partial, now.wall).await?;
-                    change_job(tx, job_id, change, Some(&message), now.wall).await?;
+                    let (message, partial) = (Some(message.as_str()), document.as_deref());
+                    end(tx, Ending { job: job_id, attempt, outcome, change, message, partial }, now.wall)
+                        .await?;
                     Ok(Ok(verdict))
                 })
             })

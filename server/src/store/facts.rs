@@ -59,61 +59,52 @@ pub(super) async fn fenced(
     Ok(Ok(Fenced { digest: row.column("digest")?, standing: standing(&job, &attempt, worker), job }))
 }
 
-/// Carries a change of the job out.
-pub(super) async fn change_job(
+/// How an attempt ended, and what that does to its job.
+pub(super) struct Ending<'a> {
+    pub(super) job: JobId,
+    pub(super) attempt: u32,
+    pub(super) outcome: AttemptOutcome,
+    pub(super) change: &'a JobChange,
+    pub(super) message: Option<&'a str>,
+    /// Digest of what it came to.
+    pub(super) partial: Option<&'a str>,
+}
+
+/// Carries an ending out.
+pub(super) async fn end(
     tx: &mut SqliteConnection,
-    job_id: JobId,
-    change: &JobChange,
-    message: Option<&str>,
+    ending: Ending<'_>,
     now: Timestamp,
 ) -> Result<(), StoreError> {
-    let (state, class) = match change {
+    let (state, class) = match ending.change {
         JobChange::Requeue { .. } => (JobState::Queued, None),
         JobChange::Succeed => (JobState::Succeeded, None),
         JobChange::Fail(class) => (JobState::Failed, Some(*class)),
         JobChange::Cancel => (JobState::Cancelled, None),
     };
-    let (not_before, alone) = match change {
+    let (not_before, alone) = match ending.change {
         JobChange::Requeue { not_before, alone } => (not_before.map(|then| then.0), *alone),
         _ => (None, false),
     };
     sqlx::query(
-        "UPDATE jobs SET state = ?, not_before = ?, alone = max(alone, ?), cancelling = 0, lease_expires_at = NULL,
+        "UPDATE attempts SET outcome = ?, message = ?, partial = ?, ended_at = ? WHERE job_id = ? AND number = ?;
+         UPDATE jobs SET state = ?, not_before = ?, alone = max(alone, ?), cancelling = 0, lease_expires_at = NULL,
                          failure_class = ?, failure_message = ?, ended_at = ?
          WHERE id = ?",
     )
+    .bind(ending.outcome.as_str())
+    .bind(ending.message)
+    .bind(ending.partial)
+    .bind(now.0)
+    .bind(ending.job.to_string())
+    .bind(ending.attempt)
     .bind(state.as_str())
     .bind(not_before)
     .bind(alone)
     .bind(class.map(|class| class.as_str()))
-    .bind(class.and(message))
+    .bind(class.and(ending.message))
     .bind(state.is_ended().then_some(now.0))
-    .bind(job_id.to_string())
-    .execute(&mut *tx)
-    .await?;
-    Ok(())
-}
-
-/// Notes how an attempt ended.
-pub(super) async fn end_attempt(
-    tx: &mut SqliteConnection,
-    job_id: JobId,
-    number: u32,
-    outcome: AttemptOutcome,
-    message: Option<&str>,
-    partial: Option<&str>,
-    now: Timestamp,
-) -> Result<(), StoreError> {
-    sqlx::query(
-        "UPDATE attempts SET outcome = ?, message = ?, partial = ?, ended_at = ?
-         WHERE job_id = ? AND number = ?",
-    )
-    .bind(outcome.as_str())
-    .bind(message)
-    .bind(partial)
-    .bind(now.0)
-    .bind(job_id.to_string())
-    .bind(number)
+    .bind(ending.job.to_string())
     .execute(&mut *tx)
     .await?;
     Ok(())

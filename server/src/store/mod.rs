@@ -4,6 +4,7 @@
 //! decision out; they take `now` as an argument. sqlx is used nowhere else.
 
 mod attempts;
+mod backup;
 mod claims;
 mod deletion;
 mod deliveries;
@@ -39,6 +40,8 @@ use sqlx::sqlite::{
 };
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
+pub use backup::Copied;
+pub(crate) use backup::copy;
 pub(crate) use claims::Claim;
 pub(crate) use deliveries::StoredResult;
 pub(crate) use extension::MoreOfSweep;
@@ -66,6 +69,9 @@ pub enum StoreError {
     /// A group of writes could not be committed.
     #[error("a group of writes was not committed")]
     Commit(#[source] Arc<sqlx::Error>),
+    /// One failure of many pieces.
+    #[error(transparent)]
+    Shared(Arc<StoreError>),
     /// The writer has stopped.
     #[error("the database writer has stopped")]
     WriterGone,
@@ -97,6 +103,7 @@ impl StoreError {
         let error = match self {
             Self::Sql(error) => error,
             Self::Commit(error) => error.as_ref(),
+            Self::Shared(error) => return error.hindrance(),
             _ => return None,
         };
         let code: i32 = error.as_database_error()?.code()?.parse().ok()?;
@@ -104,6 +111,15 @@ impl StoreError {
             SQLITE_BUSY => Some(Hindrance::Busy),
             SQLITE_FULL => Some(Hindrance::Full),
             _ => None,
+        }
+    }
+
+    /// Whether the store has been closed.
+    pub(crate) fn is_stopping(&self) -> bool {
+        match self {
+            Self::WriterGone => true,
+            Self::Shared(error) => error.is_stopping(),
+            _ => false,
         }
     }
 
@@ -115,7 +131,9 @@ impl StoreError {
 
 /// The database.
 pub(crate) struct Store {
-    writer: Writer,
+    writer: Arc<Writer>,
+    beats: heartbeats::Collector,
+    versions: versions::Cache,
     readers: SqlitePool,
     sqlite_version: String,
 }
@@ -133,7 +151,9 @@ impl Store {
             .test_before_acquire(false) // a file does not go away
             .connect_with(options.create_if_missing(false).read_only(true))
             .await?;
-        Ok(Self { writer: Writer::start(connection), readers, sqlite_version })
+        let writer = Arc::new(Writer::start(connection));
+        let beats = heartbeats::Collector::start(writer.clone());
+        Ok(Self { writer, beats, versions: Default::default(), readers, sqlite_version })
     }
 
     /// Writes out what is under way and closes the file.

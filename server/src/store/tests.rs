@@ -45,6 +45,12 @@ async fn a_claim_walks_its_index_and_sorts_nothing() {
 async fn what_runs_often_is_indexed() {
     let (store, _dir) = store().await;
     for (sql, index) in [
+        (
+            super::heartbeats::RENEW.split(';').next().unwrap(),
+            "SEARCH jobs USING INDEX sqlite_autoindex_jobs_1 (id=?)",
+        ),
+        (super::versions::JOB, "events_of_job"),
+        (super::versions::SWEEP, "events_of_sweep"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= 5", "jobs_by_lease"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= 5", "jobs_by_deadline"),
         ("SELECT 1 FROM jobs WHERE not_before <= 5", "jobs_paused"),

@@ -38,15 +38,14 @@ impl Store {
 pub struct TokenFile(SqliteConnection);
 
 impl TokenFile {
-    /// Opens the database of a data directory; `alone` says that no server runs on it, and then it is made as needed.
-    pub(crate) async fn open(data: &Path, alone: bool) -> Result<Self, StoreError> {
-        let path = data.join("roost.db");
+    /// Opens a database; `alone` says that no server runs on it, and then it is made as needed.
+    pub(crate) async fn open(path: &Path, alone: bool) -> Result<Self, StoreError> {
         if alone {
-            let (mut connection, _) = connect(options(&path)).await?;
+            let (mut connection, _) = connect(options(path)).await?;
             super::migrate(&mut connection).await?;
             return Ok(Self(connection));
         }
-        Ok(Self(connect(options(&path).create_if_missing(false)).await?.0))
+        Ok(Self(connect(options(path).create_if_missing(false)).await?.0))
     }
 
     /// Makes a token and returns it with its secret, which is kept nowhere.

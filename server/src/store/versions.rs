@@ -1,5 +1,8 @@
 //! Versions of what is shown: they change when it may have changed, and are read without reading it.
 
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::time::Timestamp;
@@ -7,8 +10,30 @@ use roost_api::time::Timestamp;
 use super::rows::Columns;
 use super::{Store, StoreError};
 
+/// Versions that were read, each with the number of commits before it: while there is no other, it holds.
+#[derive(Default)]
+pub(super) struct Cache(Mutex<HashMap<Subject, (u64, String)>>);
+
+/// So many are remembered; then all are forgotten.
+const CACHED: usize = 1000;
+
+impl Cache {
+    fn get(&self, subject: Subject, commits: u64) -> Option<String> {
+        let known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        known.get(&subject).filter(|(at, _)| *at == commits).map(|(_, version)| version.clone())
+    }
+
+    fn put(&self, subject: Subject, commits: u64, version: String) {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.len() >= CACHED {
+            known.clear();
+        }
+        known.insert(subject, (commits, version));
+    }
+}
+
 /// What is looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Subject {
     /// Listings of all jobs or sweeps.
     Everything,
@@ -25,6 +50,10 @@ pub(crate) enum Subject {
 impl Store {
     /// The version of a subject: what happened to it last, and what was added to it last. Each is one step down an index.
     pub(crate) async fn version(&self, subject: Subject) -> Result<String, StoreError> {
+        let commits = self.writer.commits();
+        if let Some(version) = self.versions.get(subject, commits) {
+            return Ok(version);
+        }
         let (sql, id) = match subject {
             Subject::Everything => (EVERYTHING, None),
             Subject::Job(id) => (JOB, Some(id.to_string())),
@@ -37,7 +66,9 @@ impl Store {
             query = query.bind(id);
         }
         let (changed, added) = query.fetch_one(&self.readers).await?;
-        Ok(format!("{changed}.{added}"))
+        let version = format!("{changed}.{added}");
+        self.versions.put(subject, commits, version.clone());
+        Ok(version)
     }
 }
 

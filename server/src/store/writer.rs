@@ -8,6 +8,7 @@
 use std::future::Future;
 use std::pin::Pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use sqlx::{Connection, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
@@ -71,6 +72,7 @@ pub(super) struct Writer {
     queue: mpsc::Sender<Message>,
     task: tokio::sync::Mutex<Option<JoinHandle<()>>>,
     ended: CancellationToken,
+    commits: Arc<AtomicU64>,
 }
 
 enum Message {
@@ -84,11 +86,18 @@ impl Writer {
         let ended = CancellationToken::new();
         // Cancelled however the task ends, a panic included.
         let guard = ended.clone().drop_guard();
+        let commits = Arc::new(AtomicU64::new(0));
+        let counted = commits.clone();
         let task = tokio::spawn(async move {
             let _guard = guard;
-            run(connection, waiting).await;
+            run(connection, waiting, &counted).await;
         });
-        Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended }
+        Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits }
+    }
+
+    /// How often it has committed, which the connections that read see from then on.
+    pub(super) fn commits(&self) -> u64 {
+        self.commits.load(Ordering::Acquire)
     }
 
     /// Returns when the writer has ended.
@@ -117,7 +126,7 @@ impl Writer {
     }
 }
 
-async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Message>) {
+async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Message>, commits: &AtomicU64) {
     let mut open = true;
     while open {
         let Some(Message::Work(first)) = waiting.recv().await else { break };
@@ -130,6 +139,8 @@ async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Messa
         }
         let mut finished = Vec::new();
         let committed = group(&mut connection, first, &mut waiting, &mut finished, &mut open).await;
+        // Before anybody is answered: who asks after that must not be told the versions of before.
+        commits.fetch_add(1, Ordering::Release);
         let failure = committed.err();
         if let Some(error) = &failure {
             tracing::error!(%error, pieces = finished.len(), "a group of writes was not committed");

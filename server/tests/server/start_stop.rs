@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use reqwest::StatusCode;
-use roost_server::{Server, ServerConfig, ServerError};
+use roost_server::{DataError, Server, ServerConfig, ServerError};
 use serde_json::json;
 
 use super::farm::*;
@@ -33,7 +33,7 @@ async fn one_data_directory_has_one_server() {
         ..ServerConfig::default()
     };
     let error = Server::bind(config.clone()).await.err().unwrap();
-    assert!(matches!(error, ServerError::DataInUse(_)), "{error}");
+    assert!(matches!(error, ServerError::Data(DataError::InUse(_))), "{error}");
     // The next server may come while the one before it is going.
     let (next, _) = tokio::join!(Server::bind(config), farm.stop());
     next.expect("free again");

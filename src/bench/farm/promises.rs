@@ -223,10 +223,7 @@ async fn kills(rows: &mut Rows, results: &Arc<Results>) -> Result<()> {
                 left -= 1;
                 continue;
             };
-            let most = |known: &mut u32| *known = attempt.attempt.max(*known);
-            let mut known = newest.lock().unwrap_or_else(PoisonError::into_inner);
-            known.entry(attempt.job_id).and_modify(most).or_insert(attempt.attempt);
-            drop(known);
+            note_newest(&newest, attempt.job_id, attempt.attempt);
             // Some hold on to it for a moment, so that a kill finds them in the middle.
             sleep(Duration::from_millis(number as u64 % 4)).await;
             let receipt = loop {
@@ -266,6 +263,12 @@ async fn kills(rows: &mut Rows, results: &Arc<Results>) -> Result<()> {
     rows.add(STALE, stale as f64, "writes", Target::AtMost(0.0));
     drop(server);
     Ok(())
+}
+
+fn note_newest(newest: &Mutex<HashMap<Uuid, u32>>, job: Uuid, attempt: u32) {
+    let mut newest = newest.lock().unwrap_or_else(PoisonError::into_inner);
+    let known = newest.entry(job).or_default();
+    *known = attempt.max(*known);
 }
 
 async fn many(rows: &mut Rows, jobs: u64) -> Result<()> {

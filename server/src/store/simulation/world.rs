@@ -74,7 +74,7 @@ impl<'s> World<'s> {
         let mut random = fastrand::Rng::with_seed(seed);
         let tries = |attempts| Tries {
             attempts,
-            first_pause: Duration::from_millis(if seed % 2 == 0 { 0 } else { 3000 }),
+            first_pause: Duration::from_millis(if seed.is_multiple_of(2) { 0 } else { 3000 }),
             longest_pause: LEASE,
         };
         let start = Timestamp(random.i64(1_000_000..2_000_000));

@@ -1,0 +1,60 @@
+//! `roost backup` and `roost restore`: everything a server keeps, copied and put back.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use serde_json::json;
+
+use crate::exit::Exit;
+use crate::ui;
+
+/// Copy everything a server keeps into a folder, while it runs or not
+///
+/// The copy is of one moment and has been checked. Jobs that run at that moment run again after a restore.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Backup {
+    /// Folder for the copy, which must have none yet
+    folder: PathBuf,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Put a backup into a data folder that has no database yet
+#[derive(Debug, clap::Args)]
+pub(crate) struct Restore {
+    /// Folder of the backup
+    folder: PathBuf,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Debug, clap::Args)]
+struct Common {
+    /// Folder of everything the server keeps
+    #[arg(long, default_value = "roost-data", value_name = "DIR")]
+    data: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn backup(args: Backup) -> Result<Exit> {
+    report(&roost_server::backup(&args.common.data, &args.folder).await?, args.common.json)
+}
+
+pub(crate) async fn restore(args: Restore) -> Result<Exit> {
+    report(&roost_server::restore(&args.folder, &args.common.data).await?, args.common.json)
+}
+
+fn report(copied: &roost_server::Copied, as_json: bool) -> Result<Exit> {
+    let roost_server::Copied { bytes, jobs, results } = *copied;
+    if as_json {
+        ui::println(format_args!("{:#}", json!({"bytes": bytes, "jobs": jobs, "results": results})))?;
+    } else {
+        ui::println(format_args!(
+            "{jobs} jobs and {results} results in {:.1} MiB",
+            bytes as f64 / 1_048_576.0
+        ))?;
+    }
+    Ok(Exit::Done)
+}
