@@ -93,10 +93,12 @@ pub(super) const CENSUS: &str = "
     UNION ALL SELECT 'running', count(*) FROM jobs WHERE state = 'running' AND lease_expires_at > 0
     UNION ALL SELECT state, count(*) FROM jobs WHERE ended_at IS NOT NULL GROUP BY state";
 
+/// The numbers that were given last never go down, not even when sweeps are deleted.
 const EVERYTHING: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM events),
-    (SELECT coalesce(max(seq), 0) FROM jobs) + (SELECT coalesce(max(seq), 0) FROM sweeps)";
+    (SELECT coalesce(sum(seq), 0) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))";
 pub(super) const JOB: &str = "SELECT coalesce(max(seq), 0), 0 FROM events WHERE job_id = ?";
 pub(super) const SWEEP: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM events WHERE sweep_id = ?1),
-    (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1)";
+    (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1
+     AND EXISTS (SELECT 1 FROM sweeps WHERE id = ?1 AND deleting = 0))";
 const WORKERS: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM events),
     (SELECT coalesce(max(last_seen_at), 0) + count(*) + coalesce(sum(draining), 0) FROM workers)";

@@ -57,6 +57,39 @@ async fn a_repeat_is_answered_as_the_first_time_and_makes_nothing() {
 }
 
 #[tokio::test]
+async fn a_sweep_is_extended_once_under_one_key() {
+    let (farm, dir) = Farm::start().await;
+    let factors = json!([{"pointer": "/equipment/gate_opening_m", "levels": [0.05]}]);
+    let sweep = json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": factors});
+    let sweep = farm.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
+    let path = format!("/v1/sweeps/{}", text(&sweep["id"]));
+    let route = format!("{path}/extend");
+    // A second time this level would be at fault: it is there already.
+    let body = json!({"levels": {"/equipment/gate_opening_m": [0.06]}});
+    let first = send(&farm, &route, "more", &body).await;
+    assert_eq!((first.status, &first.body["points"]), (200, &json!(2)), "{}", first.body);
+    let again = send(&farm, &route, "more", &body).await;
+    assert_eq!((again.status, again.replayed, &again.body), (200, true, &first.body));
+    farm.stop().await;
+
+    // The server died after it had extended the sweep and before it had noted its answer.
+    use sqlx::Connection;
+    let file = dir.path().join("roost.db");
+    let mut database = sqlx::SqliteConnection::connect(file.to_str().unwrap()).await.unwrap();
+    sqlx::query("UPDATE submissions SET status = NULL, body = NULL").execute(&mut database).await.unwrap();
+    database.close().await.unwrap();
+    let farm = Farm::on(dir.path(), |_| {}).await;
+    let again = send(&farm, &route, "more", &body).await;
+    assert_eq!(
+        (again.status, again.replayed, &again.body["points"]),
+        (200, false, &json!(2)),
+        "{}",
+        again.body
+    );
+    farm.stop().await;
+}
+
+#[tokio::test]
 async fn another_request_under_the_same_key_is_refused() {
     let (farm, _dir) = Farm::start().await;
     assert_eq!(send(&farm, "/v1/jobs", "one", &envelope(1)).await.status, 202);

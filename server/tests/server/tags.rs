@@ -87,3 +87,27 @@ async fn what_is_polled_is_sent_when_it_has_changed_and_only_then() {
     assert_eq!(poll(&farm, &sweep, Some(&tag)).await.0, 200, "progress is counted anew after a restart");
     farm.stop().await;
 }
+
+#[tokio::test]
+async fn what_has_grown_or_gone_is_sent_again() {
+    let (farm, _dir) = Farm::start().await;
+    let sweep =
+        |seed| json!({"name": "a", "base": scenario(seed), "design": {"kind": "grid"}, "factors": []});
+    let first = farm.post("/v1/sweeps", &sweep(1)).await.expect(StatusCode::CREATED);
+    let second = farm.post("/v1/sweeps", &sweep(2)).await.expect(StatusCode::CREATED);
+    let path = |sweep: &serde_json::Value| format!("/v1/sweeps/{}", text(&sweep["id"]));
+    let (first, second) = (path(&first), path(&second));
+    let (_, tag, _) = poll(&farm, &first, None).await;
+    farm.post(&format!("{first}/extend"), &json!({"replicates": 1})).await.expect(StatusCode::OK);
+    assert_eq!(poll(&farm, &first, Some(&tag)).await.0, 200, "it has grown");
+    // Not the newest alone: the one before it goes as well.
+    for gone in [&first, &second] {
+        farm.post(&format!("{gone}/cancel"), &json!({})).await.expect(StatusCode::OK);
+        let (_, all, _) = poll(&farm, "/v1/sweeps", None).await;
+        let (_, tag, _) = poll(&farm, gone, None).await;
+        farm.send(reqwest::Method::DELETE, gone, None).await.expect(StatusCode::OK);
+        assert_eq!(poll(&farm, "/v1/sweeps", Some(&all)).await.0, 200, "one is gone");
+        assert_eq!(poll(&farm, gone, Some(&tag)).await.0, 404);
+    }
+    farm.stop().await;
+}
