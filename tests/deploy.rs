@@ -104,8 +104,7 @@ fn every_file_is_explained_and_runs_what_there_is() {
                 "--scope",
                 "--name",
                 "--data",
-                "--older-than-days",
-                "--dry-run",
+                "--yes",
             ];
             let known = help.iter().any(|help| help.contains(option));
             assert!(known || foreign.contains(&option), "{name}: {option}");

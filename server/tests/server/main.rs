@@ -13,6 +13,7 @@ mod layout;
 mod leases;
 mod lifecycle;
 mod meshes;
+mod readers;
 mod retries;
 mod start_stop;
 #[path = "../../../tests/support/stl.rs"]

@@ -1,0 +1,189 @@
+//! What workers do: claim, beat, report, die and drain; each time the model says what must come of it.
+
+use roost_api::ids::{JobId, WorkerId};
+use roost_api::job::{AttemptOutcome, JobState};
+use roost_api::time::Timestamp;
+use uuid::Uuid;
+
+use super::super::model::{Answer, Job, LEASE_MS};
+use super::{LEASE, Report, SCENARIOS, Worker, World};
+use crate::queue::{Refusal, Verdict};
+use crate::store::claims::Claim;
+use crate::store::{Beat, StoredResult};
+
+impl World<'_> {
+    /// A claim, the repeat of one, or one whose reply is lost.
+    pub(super) async fn claim_somehow(&mut self) {
+        let (index, max_jobs) = (self.any_worker(), self.random.u32(1..4));
+        let request = match self.workers[index].request.filter(|_| self.random.u32(0..4) == 0) {
+            Some(request) => request,
+            None => self.uuid(),
+        };
+        let lost = self.random.u32(0..5) == 0;
+        self.claim(index, request, max_jobs, lost).await;
+    }
+
+    pub(super) async fn claim(&mut self, index: usize, request: Uuid, max_jobs: u32, lost: bool) -> usize {
+        let worker = self.workers[index].id;
+        let repeated = self.workers[index].request == Some(request) && self.claimed_by(worker, request).await;
+        let before = self.candidates(index).await;
+        self.workers[index].last_seen = self.now.wall.0;
+        let claim = Claim { request_id: request, worker, max_jobs, lease: LEASE };
+        let got = self.store.claim(claim, self.now).await.unwrap().unwrap();
+        let got: Vec<_> = got.attempts.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect();
+        self.story
+            .push(format!("worker {index} claims {max_jobs}, repeated {repeated}, lost {lost}: {got:?}"));
+        if repeated {
+            for (job, attempt) in &got {
+                let model = self.model.jobs.get_mut(job).unwrap();
+                assert_eq!(
+                    (*attempt, model.state),
+                    (model.newest(), JobState::Running),
+                    "handed out what has ended"
+                );
+                model.beat(*attempt, worker, self.now.lease.0);
+            }
+        } else {
+            let (held, beside) = self.model.holding(worker);
+            let alone = before.first().is_some_and(|(_, alone)| *alone);
+            let expected: Vec<JobId> = match (beside, alone, held) {
+                (true, ..) | (false, true, 1..) => Vec::new(),
+                (false, true, 0) => before[..1].iter().map(|(id, _)| *id).collect(),
+                _ => before.iter().take(max_jobs as usize).take_while(|it| !it.1).map(|it| it.0).collect(),
+            };
+            assert_eq!(got.iter().map(|(job, _)| *job).collect::<Vec<_>>(), expected, "of {before:?}");
+            for (job, attempt) in &got {
+                let model = self.model.jobs.get_mut(job).unwrap();
+                model.claim(worker, self.now.lease.0);
+                assert_eq!(*attempt, model.newest());
+            }
+        }
+        let worker = &mut self.workers[index];
+        worker.request = Some(request);
+        if !lost {
+            worker.held.extend(&got);
+        }
+        got.len()
+    }
+
+    async fn claimed_by(&self, worker: WorkerId, request: Uuid) -> bool {
+        sqlx::query_scalar("SELECT EXISTS (SELECT 1 FROM attempts WHERE request_id = ? AND worker_id = ?)")
+            .bind(request.to_string())
+            .bind(worker.to_string())
+            .fetch_one(&self.store.readers)
+            .await
+            .unwrap()
+    }
+
+    /// What the worker may have, in the order of the queue, and whether it is to run alone.
+    async fn candidates(&self, index: usize) -> Vec<(JobId, bool)> {
+        let me = &self.workers[index];
+        if me.draining {
+            return Vec::new();
+        }
+        let fits = |job: &Job, worker: &Worker| {
+            job.backend.is_none_or(|backend| backend == worker.backend)
+                && job.memory_mib.is_none_or(|needed| worker.memory_mib.is_some_and(|has| has >= needed))
+        };
+        let spared = |job: &Job| {
+            job.failed_by(me.id)
+                && self.workers.iter().any(|other| {
+                    let there = other.last_seen >= self.now.wall.0 - LEASE_MS && !other.draining;
+                    there && fits(job, other) && !job.failed_by(other.id)
+                })
+        };
+        let sql = "SELECT id FROM jobs WHERE state = 'queued' AND not_before IS NULL ORDER BY priority DESC, turn, seq";
+        let ids: Vec<String> = sqlx::query_scalar(sql).fetch_all(&self.store.readers).await.unwrap();
+        let jobs = ids.iter().map(|id| id.parse().unwrap()).map(|id: JobId| (id, &self.model.jobs[&id]));
+        jobs.filter(|(_, job)| fits(job, me) && !spared(job)).map(|(id, job)| (id, job.alone)).collect()
+    }
+
+    pub(super) async fn beat(&mut self) {
+        let index = self.any_worker();
+        let (now, worker) = (self.now, &mut self.workers[index]);
+        worker.last_seen = now.wall.0;
+        let beats: Vec<_> = worker.held.iter().map(|&(job_id, attempt)| Beat { job_id, attempt }).collect();
+        let until = Timestamp(now.lease.0 + LEASE_MS);
+        let reply = self.store.heartbeat(worker.id, beats, now.wall, until).await.unwrap().unwrap();
+        assert_eq!(reply.drain, worker.draining);
+        for row in &reply.attempts {
+            let expected =
+                self.model.jobs.get_mut(&row.job_id).unwrap().beat(row.attempt, worker.id, now.lease.0);
+            assert_eq!(row.directive, expected, "{row:?}");
+        }
+        self.story.push(format!("worker {index} beats for {} jobs", reply.attempts.len()));
+    }
+
+    /// A worker has something to say of an attempt, true or not, and the network carries it, loses it or loses the answer.
+    pub(super) async fn end_a_run(&mut self) {
+        let index = self.any_worker();
+        let Some((job, attempt)) = self.random.choice(self.workers[index].held.clone()) else { return };
+        use AttemptOutcome::{Cancelled, Invalid, Released, Succeeded, Timeout, Unstable, Worker};
+        let outcomes = [
+            Succeeded, Succeeded, Succeeded, Worker, Worker, Worker, Released, Unstable, Invalid, Timeout,
+            Cancelled,
+        ];
+        let outcome = self.random.choice(outcomes).unwrap();
+        let report = Report { job, attempt, worker: self.workers[index].id, outcome };
+        match self.random.u32(0..10) {
+            0 => self.story.push(format!("lost on its way: {report:?}")),
+            1..4 => self.deliver(report).await,
+            _ => {
+                self.deliver(report).await;
+                self.workers[index].held.retain(|held| *held != (job, attempt));
+            }
+        }
+        self.reports.push(report);
+    }
+
+    pub(super) async fn deliver_again(&mut self) {
+        let Some(mut report) = self.random.choice(self.reports.clone()) else { return };
+        if self.random.u32(0..8) == 0 {
+            report.worker = self.workers[self.random.usize(0..self.workers.len())].id;
+        }
+        self.deliver(report).await;
+    }
+
+    pub(super) async fn deliver(&mut self, report: Report) {
+        let Report { job, attempt, worker, outcome } = report;
+        let which = self.digests.iter().find(|(id, _)| *id == job).unwrap().1;
+        let result = || StoredResult::stand_in(&SCENARIOS[which].1, &format!("{job}-{attempt}"));
+        let answer = match outcome {
+            AttemptOutcome::Succeeded => {
+                self.store.record_result(job, attempt, worker, result(), self.now.wall).await
+            }
+            _ => {
+                let (policy, now) = (self.policy, self.now);
+                self.store
+                    .record_failure(job, attempt, worker, outcome, String::new(), None, policy, now)
+                    .await
+            }
+        };
+        let answer = match answer.unwrap() {
+            Ok(Verdict::Record(_)) => Answer::Recorded,
+            Ok(Verdict::Repeat) => Answer::Repeat,
+            Err(Refusal::NoJob | Refusal::NoAttempt | Refusal::OtherScenario) => panic!("{report:?}"),
+            Err(_) => Answer::Refused,
+        };
+        self.story.push(format!("{report:?}: {answer:?}"));
+        assert_eq!(
+            answer,
+            self.model.jobs.get_mut(&job).unwrap().report(attempt, worker, outcome),
+            "{report:?}"
+        );
+    }
+
+    /// It dies: nobody hears of what it held until the leases end.
+    pub(super) fn forget_a_worker(&mut self) {
+        let index = self.any_worker();
+        self.story.push(format!("worker {index} dies"));
+        self.workers[index].held.clear();
+    }
+
+    pub(super) async fn drain(&mut self) {
+        let index = self.any_worker();
+        self.story.push(format!("worker {index} drains"));
+        self.store.drain_worker(self.workers[index].id).await.unwrap().unwrap();
+        self.workers[index].draining = true;
+    }
+}
