@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use std::time::Duration;
 
 use roost_api::ids::{JobId, WorkerId};
-use roost_api::job::{AttemptOutcome, Cache, FailureClass, JobState, Needs};
+use roost_api::job::{AttemptOutcome, Cache, FailureClass, Needs};
 use roost_api::time::Timestamp;
 use roost_api::worker::WorkerRegistration;
 use roost_solver::SOLVER_REVISION;
