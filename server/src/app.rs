@@ -25,7 +25,7 @@ pub(crate) struct AppState {
     pub(crate) clock: Clock,
     /// Wakes the claims that wait for work.
     pub(crate) work: Notify,
-    /// Long documents that are read at once.
+    /// What results may take in memory while they are recorded, in KiB of their bodies.
     pub(crate) deliveries: Arc<Semaphore>,
     /// STL files that are taken in at once.
     pub(crate) uploads: Arc<Semaphore>,

@@ -91,13 +91,13 @@ impl Server {
         if is_open {
             tracing::warn!("there are no access tokens: everybody on this machine may do everything");
         }
-        let max_requests_per_s = config.max_requests_per_s;
+        let (max_requests_per_s, max_result_bytes) = (config.max_requests_per_s, config.max_result_bytes);
         let app = Arc::new(AppState {
             config,
             store,
             clock,
             work: Notify::new(),
-            deliveries: Arc::new(Semaphore::new(http::DELIVERIES_AT_ONCE)),
+            deliveries: Arc::new(Semaphore::new(http::places_for_deliveries(max_result_bytes))),
             uploads: Arc::new(Semaphore::new(http::UPLOADS_AT_ONCE)),
             shelf: Default::default(),
             metrics: http::Metrics::default(),

@@ -1,4 +1,4 @@
-//! Reading what attempts deliver: long documents, of attempts that exist, few at a time.
+//! Reading what attempts deliver: documents of attempts that exist, few long ones at a time or many short ones.
 
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use roost_api::ids::JobId;
@@ -12,15 +12,24 @@ use super::problem::ApiError;
 use crate::app::App;
 use crate::document::read_document;
 
-/// Deliveries that are parsed and recorded at once: in memory each is several times its body.
-pub(crate) const AT_ONCE: usize = 2;
+/// Deliveries of the greatest length that are parsed and recorded at once: in memory each is several times its body.
+const AT_ONCE: usize = 2;
+
+/// Places for deliveries, one a KiB: many short ones share a commit, a few long ones fill the memory that they may have.
+pub(crate) fn places(max_result_bytes: usize) -> usize {
+    AT_ONCE * kib(max_result_bytes) as usize
+}
+
+fn kib(bytes: usize) -> u32 {
+    u32::try_from(bytes.div_ceil(1024).max(1)).unwrap_or(u32::MAX)
+}
 
 /// A delivery to an attempt that exists.
 pub(crate) struct Delivery<T> {
     pub(crate) job: JobId,
     pub(crate) attempt: u32,
     pub(crate) body: T,
-    /// Held until it is recorded; the server never takes the places away.
+    /// Its places, held until it is recorded; the server never takes them away.
     pub(crate) turn: Option<OwnedSemaphorePermit>,
 }
 
@@ -34,7 +43,7 @@ impl<T: DeserializeOwned + Serialize + Send + 'static> FromRequest<App> for Deli
         app.store.find_attempt(job, attempt).await??;
         let bytes = json_bytes(Request::from_parts(parts, body), app).await?;
         // Only now, so that a slow sender keeps nobody else waiting.
-        let turn = app.deliveries.clone().acquire_owned().await.ok();
+        let turn = app.deliveries.clone().acquire_many_owned(kib(bytes.len())).await.ok();
         let body = aside(move || {
             // Without a detour where there is nothing to complain of.
             let sound =

@@ -43,7 +43,7 @@ use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::app::App;
 pub(crate) use access::Access;
-pub(crate) use delivery::AT_ONCE as DELIVERIES_AT_ONCE;
+pub(crate) use delivery::places as places_for_deliveries;
 use extract::BodyLimit;
 pub(crate) use metrics::Metrics;
 use problem::{ApiError, Kind};

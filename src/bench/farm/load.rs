@@ -130,6 +130,13 @@ impl Worker {
         Ok(receipt["recorded"].as_bool())
     }
 
+    /// Ends an attempt without a result, and its job for good.
+    pub(super) async fn fail(&self, attempt: &Attempt) -> Result<()> {
+        let path = format!("/v1/jobs/{}/attempts/{}/failure", attempt.job_id, attempt.attempt);
+        let body = json!({"worker_id": self.id, "outcome": "unstable", "message": "a bench"});
+        self.load.post(&path, &body).await.map(drop)
+    }
+
     pub(super) async fn beat(&self, attempt: Option<&Attempt>) -> Result<()> {
         let held =
             attempt.map(|held| json!({"job_id": held.job_id, "attempt": held.attempt, "progress": null}));
