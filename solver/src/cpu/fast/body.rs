@@ -10,6 +10,7 @@ use super::kernel::{LaneContact, PairLaws};
 use super::load::Sums;
 use super::meeting::Meeting;
 use super::memory::{Ints, WIDTH, folded};
+use super::pairs::BodyPairs;
 use super::points::{Block, Motion, Points, place_of};
 use super::walls::{Met, NearWalls};
 use crate::cpu::integrate::Mover;
@@ -48,7 +49,7 @@ pub(super) struct Body {
     pub(super) boxes: Vec<Extent>,
     /// Lower sub-particles of bonds that broke in the last step.
     pub(super) broken: Vec<u32>,
-    /// Its meetings, in the order of the other body.
+    /// The meetings of which it is the second body, in the order of the first.
     pub(super) meets: Vec<u32>,
 }
 
@@ -60,6 +61,8 @@ pub(super) struct Surroundings<'a> {
     pub(super) frame: &'a Frame,
     pub(super) walls: &'a Walls,
     pub(super) meetings: &'a [Meeting],
+    /// What their pairs do, by the number of the first body.
+    pub(super) pairs: &'a [BodyPairs],
     pub(super) stages: &'a Stages,
     /// Laws of surfaces, by their numbers.
     pub(super) wall_laws: &'a [LaneContact],
@@ -195,25 +198,21 @@ impl Body {
         self.extent = self.boxes.iter().fold(Extent::EMPTY, Extent::and);
     }
 
-    /// One step of this body, once its meetings have worked out their loads.
+    /// One step of this body, number `me`, once all meetings have worked out their loads.
     #[inline(always)]
     pub(super) fn step<S: Wide>(
         &mut self,
         simd: S,
-        me: u32,
+        me: usize,
         around: &Surroundings<'_>,
         desk: &mut Desk,
     ) -> Noticed {
         let Desk { sums, .. } = desk;
         let mut watch = around.stages.watch();
-        sums.clear(self.points.blocks.len());
+        sums.begin(&around.pairs[me].firsts);
         for &m in &self.meets {
-            let Meeting { bodies, chunks, .. } = &around.meetings[m as usize];
-            for side in [0, 1] {
-                if bodies[side] == me {
-                    chunks.iter().for_each(|chunk| sums.add_side(side, chunk.pairs(), &chunk.loads));
-                }
-            }
+            let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
+            sums.add_to_seconds(&around.pairs[bodies[0] as usize].seconds, loads.clone());
         }
         watch.lap(Stage::Sums);
         let mut noticed = Noticed::default();

@@ -95,7 +95,7 @@ impl Wide for pulp::aarch64::Neon {}
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use std::arch::x86_64::{__m256, __m256d, __m512, __m512d};
+    use std::arch::x86_64::{__m256, __m256d, __m256i, __m512, __m512d};
 
     use pulp::x86::{V3, V4};
     use pulp::{Simd, cast};
@@ -109,8 +109,13 @@ mod x86 {
             let simd = $simd;
             let (ab, cd): ($half, $half) = (cast(simd.$lo(a, b)), cast(simd.$lo(c, d)));
             let (ab2, cd2): ($half, $half) = (cast(simd.$hi(a, b)), cast(simd.$hi(c, d)));
-            let columns = [simd.$lo2(ab, cd), simd.$hi2(ab, cd), simd.$lo2(ab2, cd2), simd.$hi2(ab2, cd2)];
-            columns.map(|column| -> $type { cast(column) })
+            let columns: [$type; 4] = [
+                cast(simd.$lo2(ab, cd)),
+                cast(simd.$hi2(ab, cd)),
+                cast(simd.$lo2(ab2, cd2)),
+                cast(simd.$hi2(ab2, cd2)),
+            ];
+            columns
         }};
     }
 
@@ -170,55 +175,98 @@ mod x86 {
         }
     }
 
+    /// The numbers of four registers, one after the other, at these places.
+    #[inline(always)]
+    fn picked(simd: V3, window: [[f32; 8]; 4], at: [u32; 8]) -> [f32; 8] {
+        let at: __m256i = cast(at);
+        // Of a place the three lowest bits say where in a register, the next two in which: as signs they choose.
+        let upper = simd.avx._mm256_castsi256_ps(simd.avx2._mm256_slli_epi32::<28>(at));
+        let high = simd.avx._mm256_castsi256_ps(simd.avx2._mm256_slli_epi32::<27>(at));
+        let [a, b, c, d] = [
+            simd.avx2._mm256_permutevar8x32_ps(cast(window[0]), at),
+            simd.avx2._mm256_permutevar8x32_ps(cast(window[1]), at),
+            simd.avx2._mm256_permutevar8x32_ps(cast(window[2]), at),
+            simd.avx2._mm256_permutevar8x32_ps(cast(window[3]), at),
+        ];
+        let (low, other) = (simd.avx._mm256_blendv_ps(a, b, upper), simd.avx._mm256_blendv_ps(c, d, upper));
+        cast(simd.avx._mm256_blendv_ps(low, other, high))
+    }
+
     impl Wide for V3 {
         #[inline(always)]
+        fn pick(self, [low, high]: [&Lanes; 2], at: &Places) -> Lanes {
+            let ([a, b], [c, d]): ([[f32; 8]; 2], [[f32; 8]; 2]) = (cast(low.0), cast(high.0));
+            let [one, two]: [[u32; 8]; 2] = cast(at.0);
+            Lanes(cast([picked(self, [a, b, c, d], one), picked(self, [a, b, c, d], two)]))
+        }
+
+        #[inline(always)]
+        fn pick_ints(self, [low, high]: [&Ints; 2], at: &Places) -> Ints {
+            Ints(cast(self.pick([&Lanes(cast(low.0)), &Lanes(cast(high.0))], at).0))
+        }
+
+        #[inline(always)]
         fn at_most(self, values: &Lanes, limit: f32) -> u16 {
-            let halves: [[f32; 8]; 2] = cast(values.0);
-            let bits = |half: [f32; 8]| {
-                let at_most = self.less_than_or_equal_f32s(cast(half), self.splat_f32s(limit));
-                self.avx._mm256_movemask_ps(cast(at_most)) as u16
-            };
-            bits(halves[0]) | bits(halves[1]) << 8
+            let [low, high]: [[f32; 8]; 2] = cast(values.0);
+            let limit = self.splat_f32s(limit);
+            let low = self.less_than_or_equal_f32s(cast(low), limit);
+            let high = self.less_than_or_equal_f32s(cast(high), limit);
+            let low = self.avx._mm256_movemask_ps(cast(low)) as u16;
+            low | (self.avx._mm256_movemask_ps(cast(high)) as u16) << 8
         }
 
         #[inline(always)]
         fn whole(self, numbers: &Lanes) -> Ints {
-            let halves: [[f32; 8]; 2] = cast(numbers.0);
-            let whole = |half: [f32; 8]| -> [i32; 8] { cast(self.avx._mm256_cvtps_epi32(cast(half))) };
-            Ints(cast(halves.map(whole)))
+            let [low, high]: [[f32; 8]; 2] = cast(numbers.0);
+            let low: [i32; 8] = cast(self.avx._mm256_cvtps_epi32(cast(low)));
+            let high: [i32; 8] = cast(self.avx._mm256_cvtps_epi32(cast(high)));
+            Ints(cast([low, high]))
+        }
+
+        #[inline(always)]
+        fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
+            let spread = self.pick([values, values], from);
+            let takes: Lanes =
+                Lanes(std::array::from_fn(|k| f32::from_bits(0u32.wrapping_sub(u32::from(takes >> k & 1)))));
+            Lanes(std::array::from_fn(|k| f32::from_bits(spread.0[k].to_bits() & takes.0[k].to_bits())))
         }
 
         #[inline(always)]
         fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
             let rows: [[f32; WIDTH]; 4] = cast(quads.0);
-            transposed(self, rows).map(Lanes)
+            transposed_in_256(self, rows).map(Lanes)
         }
 
         #[inline(always)]
         fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
-            Quads(cast(transposed(self, lanes.map(|lanes| lanes.0))))
+            let [a, b, c, d] = lanes;
+            Quads(cast(transposed_in_256(self, [a.0, b.0, c.0, d.0])))
         }
     }
 
+    /// Not with closures: what is in them is not built for the instruction set.
     #[inline(always)]
-    fn transposed(simd: V3, rows: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
-        let halves: [[[f32; 8]; 2]; 4] = rows.map(cast);
-        let of = |half: usize| -> [[f32; 8]; 4] {
-            let rows = halves.map(|row| -> __m256 { cast(row[half]) });
-            transpose!(
-                simd.avx,
-                rows,
-                __m256,
-                __m256d,
-                _mm256_unpacklo_ps,
-                _mm256_unpackhi_ps,
-                _mm256_unpacklo_pd,
-                _mm256_unpackhi_pd
-            )
-            .map(cast)
-        };
-        let (low, high) = (of(0), of(1));
-        std::array::from_fn(|k| cast([low[k], high[k]]))
+    fn transposed_in_256(simd: V3, [a, b, c, d]: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
+        let [[a, e], [b, f], [c, g], [d, h]]: [[[f32; 8]; 2]; 4] = [cast(a), cast(b), cast(c), cast(d)];
+        let [a, b, c, d] = half_transposed(simd, [a, b, c, d]);
+        let [e, f, g, h] = half_transposed(simd, [e, f, g, h]);
+        [cast([a, e]), cast([b, f]), cast([c, g]), cast([d, h])]
+    }
+
+    #[inline(always)]
+    fn half_transposed(simd: V3, [a, b, c, d]: [[f32; 8]; 4]) -> [[f32; 8]; 4] {
+        let rows = [cast(a), cast(b), cast(c), cast(d)];
+        let [a, b, c, d] = transpose!(
+            simd.avx,
+            rows,
+            __m256,
+            __m256d,
+            _mm256_unpacklo_ps,
+            _mm256_unpackhi_ps,
+            _mm256_unpacklo_pd,
+            _mm256_unpackhi_pd
+        );
+        [cast(a), cast(b), cast(c), cast(d)]
     }
 }
 
@@ -261,6 +309,12 @@ impl Instructions {
             Set::Scalar => job.run(Scalar),
         }
     }
+}
+
+/// Does a job in a function of its own, within another: so it has all registers to itself.
+#[inline(always)]
+pub(super) fn by_itself<S: Wide, J: Job>(simd: S, job: J) -> J::Output {
+    simd.vectorize(Inlined { simd, job })
 }
 
 /// A job on its way into a function that may use an instruction set: closures would not be inlined for sure.

@@ -21,18 +21,20 @@ pub(super) fn jkr<S: Simd>(simd: S, scale: &JkrScale, delta: F<S>) -> (F<S>, F<S
 }
 
 /// [`crate::physics::jkr::root`]: with u² = D − D_c and w² = u + 1.2, x = w + a/w + b/w² + c/w³ + d/w⁴ is within 2e-5
-/// of it for every overlap; one step of Newton's, whose slope need not be exact, does the rest.
+/// of it for every overlap, within 2e-4 where these roots are taken roughly; one step of Newton's does the rest.
 #[inline(always)]
 fn root<S: Simd>(simd: S, d: F<S>) -> F<S> {
     let splat = |value| F::splat(simd, value);
-    let (u, _) = (d - splat(D_SNAP)).max(splat(0.0)).sqrt();
-    let (w, r) = (u + splat(GUESS_SHIFT)).sqrt();
+    let u2 = (d - splat(D_SNAP)).max(splat(1e-30));
+    let w2 = u2.mul_add(u2.roughly_inverse_sqrt(), splat(GUESS_SHIFT));
+    let r = w2.roughly_inverse_sqrt();
+    let w = w2 * r;
     let [a, b, c, e] = GUESS.map(splat);
     let x = r.mul_add(r.mul_add(r.mul_add(r.mul_add(e, c), b), a), w);
     let x3 = x * x * x;
     // Where the neck snaps the slope vanishes: there the guess must do.
     let slope = (splat(4.0) * x3 - splat(1.0)).max(splat(0.05));
-    (x.mul_add(x3, -(x + d))).mul_from(slope.roughly_inverse(), x).max(splat(X_SNAP))
+    (x.mul_add(x3, -(x + d))).mul_from(slope.inverse(), x).max(splat(X_SNAP))
 }
 
 #[cfg(test)]

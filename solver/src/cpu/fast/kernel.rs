@@ -6,12 +6,17 @@ use pulp::Simd;
 
 use super::jkr::jkr;
 use super::lanes::{F, F3, Mask};
+use super::load::BatchLanes;
 use super::memory::{Lanes, Lanes3, WIDTH};
 use crate::physics::bond::{BondLaw, Form, STRETCH_CLAMP};
 use crate::physics::contact::ContactLaw;
 
-/// Squared lengths below this have no direction, as in [`crate::physics::friction::turned`].
-const NO_LENGTH2: f32 = 1e-30;
+/// Squares of what is turned, in usual sizes, below which it has no direction.
+const NO_LENGTH2: f32 = 1e-15;
+
+/// One over a usual size of what is turned: of a bond's force, in newton, and of ξ, in metres.
+const USUAL_FORCE: f32 = 1e2;
+const USUAL_SLIDE: f32 = 1e8;
 
 /// A law of contact, with what can be worked out beforehand.
 #[derive(Clone, Copy, Debug)]
@@ -147,16 +152,13 @@ impl<S: Simd> Pairs<S> {
     }
 }
 
-/// Contacts of pairs that no bond joins, in two chunks that have `counts` of them, all of √m* = `root_mass` in kg^½. Returns their
+/// Contacts of pairs that no bond joins, in two chunks that have `counts` of them, with their √m* in kg^½. Returns their
 /// greatest overlap, in metres.
 #[inline(always)]
 pub(super) fn contacts<S: Simd>(
     simd: S,
     laws: &PairLaws,
-    root_mass: f32,
-    counts: [usize; 2],
-    seen: &[Seen; 2],
-    mut memory: [&mut Contacts; 2],
+    BatchLanes { counts, seen, root_mass: [mass_a, mass_b], memory: [one, two] }: &mut BatchLanes,
     [a, b]: &mut [Felt; 2],
 ) -> f32 {
     let mut deepest = F::splat(simd, 0.0);
@@ -164,9 +166,9 @@ pub(super) fn contacts<S: Simd>(
     for part in 0..WIDTH / S::F32_LANES {
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
         let pairs = Pairs::new(simd, seen, part);
-        let memory = memory.each_mut().map(|memory| &mut **memory);
+        let root_mass = F::load(simd, [mass_a, mass_b], part);
         let meets = Meets { law: &laws.contact, touch: laws.touch, dt: laws.dt, root_mass };
-        let (normal, across, delta) = contact(simd, &meets, &pairs, exists, memory, part);
+        let (normal, across, delta) = contact(simd, &meets, &pairs, exists, [one, two], part);
         deepest = deepest.max(delta);
         (normal + across).store([&mut a.force, &mut b.force], part);
         pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
@@ -187,6 +189,7 @@ pub(super) fn surfaces<S: Simd>(
     [one, two]: &mut [Contacts; 2],
     [a, b]: &mut [Felt; 2],
 ) {
+    let root_mass = F::splat(simd, root_mass);
     let meets = Meets { law, touch: 0.5 * laws.touch, dt: laws.dt, root_mass };
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     for part in 0..WIDTH / S::F32_LANES {
@@ -209,7 +212,7 @@ pub(super) fn bonds<S: Simd>(
     mut memory: [&mut Bonds; 2],
     [a, b]: &mut [Felt; 2],
 ) -> (f32, bool) {
-    let zero = F::splat(simd, 0.0);
+    let (zero, root_mass) = (F::splat(simd, 0.0), F::splat(simd, root_mass));
     let (mut deepest, mut broke) = (zero, false);
     for part in 0..WIDTH / S::F32_LANES {
         let pairs = Pairs::new(simd, seen, part);
@@ -261,7 +264,7 @@ fn bond<S: Simd>(
         let pull = stored.dot(n);
         (pull, n.mul_from(pull, stored), stored, stored)
     } else {
-        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, laws.dt, pairs, stored));
+        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, laws.dt, pairs, stored, USUAL_FORCE));
         let e = length - F::splat_each(simd, [one.rest, two.rest]);
         let pull = splat(law.k_n) * e;
         let pull = if law.form == Form::FiniteExtension {
@@ -284,20 +287,20 @@ fn bond<S: Simd>(
 }
 
 /// What contacts of one kind have in common.
-struct Meets<'a> {
+struct Meets<'a, S: Simd> {
     law: &'a LaneContact,
     /// Length at which they touch, in metres.
     touch: f32,
     dt: f32,
     /// √m*, in kg^½.
-    root_mass: f32,
+    root_mass: F<S>,
 }
 
 /// [`crate::physics::contact::force`] on i: along n, across it, and the overlap where there is contact (else 0).
 #[inline(always)]
 fn contact<S: Simd>(
     simd: S,
-    meets: &Meets<'_>,
+    meets: &Meets<'_, S>,
     pairs: &Pairs<S>,
     touches: Mask<S>,
     [one, two]: [&mut Contacts; 2],
@@ -321,7 +324,7 @@ fn contact<S: Simd>(
             (splat(4.0 / 3.0 * law.e_star) * a * delta, a, a.sqrt().0)
         }
     };
-    let damp = splat(meets.root_mass) * root_a;
+    let damp = meets.root_mass * root_a;
     let v = -pairs.v;
     let v_n = v.dot(n);
     let v_t = n.mul_from(v_n, v);
@@ -331,7 +334,7 @@ fn contact<S: Simd>(
     let k_t = splat(8.0 * law.g_star) * a;
     let dashpot = v_t * (splat(*damping_t) * damp);
     let old = F3::load(simd, [&one.slide, &two.slide], part);
-    let slide = v_t.mul_add(splat(meets.dt), turned(simd, meets.dt, pairs, old));
+    let slide = v_t.mul_add(splat(meets.dt), turned(simd, meets.dt, pairs, old, USUAL_SLIDE));
     let trial = -slide.mul_add(k_t, dashpot);
     let cap = splat(law.mu) * total.max(zero);
     let size2 = trial.dot(trial);
@@ -344,14 +347,17 @@ fn contact<S: Simd>(
     (holds.select3(-(n * total), none), holds_on.select3(tangential, none), holds.select(delta, zero))
 }
 
-/// [`crate::physics::friction::turned`], by the pairs' spin in this step.
+/// [`crate::physics::friction::turned`], by the pairs' spin in this step. `inverse_usual` is one over a usual length of v: fourth
+/// powers of v in such lengths must stay numbers.
 #[inline(always)]
-fn turned<S: Simd>(simd: S, dt: f32, pairs: &Pairs<S>, v: F3<S>) -> F3<S> {
+fn turned<S: Simd>(simd: S, dt: f32, pairs: &Pairs<S>, v: F3<S>, inverse_usual: f32) -> F3<S> {
     let n = pairs.n;
     let twist = pairs.spin.dot(n) * F::splat(simd, 0.5 * dt);
     let twisted = n.cross(v).mul_add(twist, v);
     let flat = n.mul_from(twisted.dot(n), twisted);
-    let (before, after) = (v.dot(v), flat.dot(flat));
-    let scale = before.sqrt().0 * after.sqrt().1;
+    let unit = F::splat(simd, inverse_usual * inverse_usual);
+    let (before, after) = (v.dot(v) * unit, flat.dot(flat) * unit);
+    // √(before / after), with one root in place of two.
+    let scale = before * (before * after).max(F::splat(simd, 1e-30)).inverse_sqrt();
     flat * after.le(F::splat(simd, NO_LENGTH2)).select(F::splat(simd, 1.0), scale)
 }

@@ -1,42 +1,48 @@
 //! Loads on their way from pairs to sub-particles, and what pairs look like before.
 
+use std::ops::Range;
+
 use super::instructions::Wide;
 use super::kernel::{Contacts, Felt, Seen};
-use super::memory::{Lanes, Lanes3, Quads, WIDTH};
+use super::memory::{Lanes, Lanes3, Quads, WIDTH, quad_of};
+use super::pairs::{PairList, Seconds};
 use super::points::Points;
 use crate::cpu::forces::Load;
 use crate::engine::frame::Frame;
 
-/// Chunks of pairs that go through the kernels together: each is one long chain of dependent operations, and the
-/// processor works on the next while it waits for the one before.
-pub(super) const BATCH: usize = 8;
+/// Pairs that go through the kernel together: two chunks, of whatever meetings, in order.
+pub(super) const BATCH: usize = 2 * WIDTH;
 
-/// Pairs on their way into the kernels, and loads on their way out.
+/// Those pairs, one after the other.
 #[derive(Debug)]
 pub(super) struct Batch {
-    pub(super) looks: [Look; BATCH],
-    pub(super) felt: [Felt; 2],
+    /// Their numbers in the list.
+    pub(super) pairs: Vec<u32>,
+    /// x_j − x_i, in units of length, as bits.
+    apart: [[f32; 4]; BATCH],
+    /// v_j − v_i.
+    velocity: [[f32; 4]; BATCH],
+    /// ω_i + ω_j.
+    spin: [[f32; 4]; BATCH],
+    memory: [[f32; 4]; BATCH],
+    /// √m* in kg^½.
+    root_mass: [f32; BATCH],
 }
 
-impl Default for Batch {
-    fn default() -> Self {
-        Self { looks: [Look::NOTHING; BATCH], felt: [Felt::NOTHING; 2] }
-    }
+/// The same in lanes.
+#[derive(Debug)]
+pub(super) struct BatchLanes {
+    pub(super) counts: [usize; 2],
+    pub(super) seen: [Seen; 2],
+    pub(super) root_mass: [Lanes; 2],
+    pub(super) memory: [Contacts; 2],
 }
 
-/// [`WIDTH`] pairs, one after the other: x_j − x_i in metres, v_j − v_i, ω_i + ω_j.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Look {
-    apart: Quads,
-    velocity: Quads,
-    spin: Quads,
-}
-
-/// What acts on the firsts of [`WIDTH`] pairs: force and torque, one after the other.
-#[derive(Clone, Debug)]
-pub(super) struct PairLoads {
-    force: Quads,
-    torque: Quads,
+/// What acts on many sub-particles: force and torque, one after the other, with a 0 at the end of each.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Loads {
+    force: Vec<[f32; 4]>,
+    torque: Vec<[f32; 4]>,
 }
 
 /// Loads of a block of sub-particles.
@@ -49,97 +55,209 @@ pub(super) struct LoadBlock {
 /// Sums of the loads of a body's sub-particles.
 #[derive(Debug, Default)]
 pub(super) struct Sums {
-    /// What comes one at a time, in quads; at the places of [`super::points::place_of`].
-    single: Vec<PairLoads>,
+    /// What comes one at a time, by [`super::points::place_of`].
+    single: Loads,
     /// What comes in blocks.
     pub(super) blocks: Vec<LoadBlock>,
 }
 
-impl Look {
-    pub(super) const NOTHING: Self = Self { apart: Quads::ZERO, velocity: Quads::ZERO, spin: Quads::ZERO };
+impl Default for Batch {
+    fn default() -> Self {
+        let quads = [[0.0; 4]; BATCH];
+        Self {
+            pairs: Vec::with_capacity(BATCH),
+            apart: quads,
+            velocity: quads,
+            spin: quads,
+            memory: quads,
+            root_mass: [0.0; BATCH],
+        }
+    }
+}
 
-    /// Looks at pairs, from the first towards the second. Places without a pair keep what they had.
+impl Batch {
+    /// Takes in as many of `close`, which are pairs of these two, as there is room for; returns how many.
+    // By itself the compiler would make one function of this and the kernels, which have no register to spare.
+    #[inline(never)]
+    pub(super) fn take(
+        &mut self,
+        close: &[u32],
+        list: &PairList,
+        apart: &[[i32; 4]],
+        [first, second]: [&Points; 2],
+        root_mass: f32,
+    ) -> usize {
+        let from = self.pairs.len();
+        let close = &close[..close.len().min(BATCH - from)];
+        self.pairs.extend_from_slice(close);
+        self.root_mass[from..from + close.len()].fill(root_mass);
+        let looks = self.apart[from..].iter_mut();
+        let looks = looks.zip(&mut self.memory[from..]);
+        let looks = looks.zip(&mut self.velocity[from..]);
+        let looks = looks.zip(&mut self.spin[from..]);
+        let (places, memories) = (&list.places[..apart.len()], &list.memory[..apart.len()]);
+        for (&pair, (((between, memory), velocity), spin)) in close.iter().zip(looks) {
+            let pair = pair as usize;
+            *between = apart[pair].map(|d| f32::from_bits(d as u32));
+            *memory = memories[pair];
+            let [i, j] = places[pair];
+            let ([v, w], [v_j, w_j]) = (&first.motions[i as usize], &second.motions[j as usize]);
+            *velocity = std::array::from_fn(|c| v_j[c] - v[c]);
+            *spin = std::array::from_fn(|c| w[c] + w_j[c]);
+        }
+        close.len()
+    }
+
+    /// All of them in lanes. Where there is no pair stands what was there before.
     #[inline(always)]
-    pub(super) fn at(&mut self, [first, second]: [&Points; 2], pairs: &[[u32; 2]], frame: &Frame) {
-        for (k, &[i, j]) in pairs.iter().enumerate().take(WIDTH) {
-            let (a, p) = (&first.looks[i as usize / WIDTH], i as usize % WIDTH);
-            let (b, q) = (&second.looks[j as usize / WIDTH], j as usize % WIDTH);
-            let (x, y) = (&a.position[p], &b.position[q]);
-            let mut apart: [i32; 4] = std::array::from_fn(|c| y[c].wrapping_sub(x[c]));
-            if frame.period_y != 0 {
-                apart[1] = frame.nearest_image(apart[1]);
-            }
-            self.apart.0[k] = apart.map(|d| d as f32 * frame.unit_m);
-            self.velocity.0[k] = std::array::from_fn(|c| b.velocity.0[q][c] - a.velocity.0[p][c]);
-            self.spin.0[k] = std::array::from_fn(|c| a.spin.0[p][c] + b.spin.0[q][c]);
+    pub(super) fn lanes<S: Wide>(&self, simd: S, frame: &Frame, step: u32, snap: f32) -> BatchLanes {
+        let count = self.pairs.len();
+        BatchLanes {
+            counts: [count.min(WIDTH), count.saturating_sub(WIDTH)],
+            seen: [self.seen(simd, 0, frame), self.seen(simd, 1, frame)],
+            root_mass: [self.root_mass(0), self.root_mass(1)],
+            memory: [self.contacts(simd, 0, step, snap), self.contacts(simd, 1, step, snap)],
         }
     }
 
-    /// The same in lanes.
     #[inline(always)]
-    pub(super) fn seen<S: Wide>(&self, simd: S) -> Seen {
-        let three = |quads: &Quads| {
-            let [x, y, z, _] = simd.to_lanes(quads);
-            [x, y, z]
-        };
-        Seen { apart: three(&self.apart), velocity: three(&self.velocity), spin: three(&self.spin) }
+    fn seen<S: Wide>(&self, simd: S, half: usize, frame: &Frame) -> Seen {
+        let mut apart = three(simd, &quads(&self.apart, half));
+        for axis in &mut apart {
+            for k in 0..WIDTH {
+                axis.0[k] = axis.0[k].to_bits() as i32 as f32 * frame.unit_m;
+            }
+        }
+        let (velocity, spin) =
+            (three(simd, &quads(&self.velocity, half)), three(simd, &quads(&self.spin, half)));
+        Seen { apart, velocity, spin }
+    }
+
+    #[inline(always)]
+    fn root_mass(&self, half: usize) -> Lanes {
+        Lanes(std::array::from_fn(|lane| self.root_mass[half * WIDTH + quad_of(lane)]))
+    }
+
+    #[inline(always)]
+    fn contacts<S: Wide>(&self, simd: S, half: usize, step: u32, snap: f32) -> Contacts {
+        let [mut slide @ .., mut limit] = simd.to_lanes(&quads(&self.memory, half));
+        for k in 0..WIDTH {
+            let held = limit.0[k].to_bits() == step.wrapping_sub(1);
+            limit.0[k] = if held { snap } else { 0.0 };
+            // What has let go has forgotten, also where nobody has looked since.
+            slide.iter_mut().for_each(|axis| axis.0[k] = if held { axis.0[k] } else { 0.0 });
+        }
+        Contacts { limit, slide }
     }
 }
 
-impl PairLoads {
-    pub(super) const ZERO: Self = Self { force: Quads::ZERO, torque: Quads::ZERO };
-
-    /// From lanes.
+impl Contacts {
+    /// What to remember of them: ξ, and the step where the contact holds.
     #[inline(always)]
-    pub(super) fn set<S: Wide>(&mut self, simd: S, felt: &Felt) {
-        let [x, y, z] = &felt.force;
-        self.force = simd.to_quads([x, y, z, &Lanes::ZERO]);
-        let [x, y, z] = &felt.torque;
-        self.torque = simd.to_quads([x, y, z, &Lanes::ZERO]);
+    pub(super) fn memory<S: Wide>(&self, simd: S, step: u32) -> Quads {
+        let [x, y, z] = &self.slide;
+        let held = Lanes(self.limit.0.map(|limit| if limit == 0.0 { 0.0 } else { f32::from_bits(step) }));
+        simd.to_quads([x, y, z, &held])
     }
+}
+
+/// The `b`th [`WIDTH`] of many.
+#[inline(always)]
+fn quads(of: &[[f32; 4]], b: usize) -> Quads {
+    Quads(of[b * WIDTH..][..WIDTH].try_into().expect("as many as asked for"))
+}
+
+/// The first three numbers, in lanes.
+#[inline(always)]
+fn three<S: Wide>(simd: S, quads: &Quads) -> Lanes3 {
+    let [x, y, z, _] = simd.to_lanes(quads);
+    [x, y, z]
+}
+
+impl Loads {
+    pub(super) fn clear(&mut self) {
+        self.force.clear();
+        self.torque.clear();
+    }
+
+    /// Nothing yet, for so many.
+    pub(super) fn clear_for(&mut self, count: usize) {
+        self.clear();
+        self.force.resize(count, [0.0; 4]);
+        self.torque.resize(count, [0.0; 4]);
+    }
+
+    /// Takes in [`WIDTH`] more, from lanes.
+    #[inline(always)]
+    pub(super) fn push<S: Wide>(&mut self, simd: S, felt: &Felt) {
+        let ([x, y, z], [p, q, r]) = (&felt.force, &felt.torque);
+        self.force.extend_from_slice(&simd.to_quads([x, y, z, &Lanes::ZERO]).0);
+        self.torque.extend_from_slice(&simd.to_quads([p, q, r, &Lanes::ZERO]).0);
+    }
+
+    /// Adds what pairs do to their firsts, at these places; `loads` are of the pairs in `range`.
+    #[inline(never)]
+    pub(super) fn add_to_firsts(&mut self, places: &[u32], loads: &Self, range: Range<usize>) {
+        let Self { force, torque } = self;
+        let torque = &mut torque[..force.len()];
+        let loads = loads.force[range.clone()].iter().zip(&loads.torque[range]);
+        for (&place, (f, t)) in places.iter().zip(loads) {
+            let place = place as usize;
+            force[place] = sum(force[place], *f);
+            torque[place] = sum(torque[place], *t);
+        }
+    }
+
+    /// The same of their seconds: the opposite force, the same torque.
+    #[inline(never)]
+    pub(super) fn add_to_seconds(&mut self, places: &[u32], loads: &Self, range: Range<usize>) {
+        let Self { force, torque } = self;
+        let torque = &mut torque[..force.len()];
+        let loads = loads.force[range.clone()].iter().zip(&loads.torque[range]);
+        for (&place, (f, t)) in places.iter().zip(loads) {
+            let place = place as usize;
+            force[place] = sum(force[place], f.map(|x| -x));
+            torque[place] = sum(torque[place], *t);
+        }
+    }
+}
+
+#[inline(always)]
+fn sum(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+    std::array::from_fn(|c| a[c] + b[c])
 }
 
 impl Sums {
-    /// Nothing yet, for so many blocks.
-    pub(super) fn clear(&mut self, blocks: usize) {
-        self.single.clear();
-        self.single.resize(blocks, PairLoads::ZERO);
+    /// Begins with what came one at a time before.
+    pub(super) fn begin(&mut self, single: &Loads) {
+        self.single.force.clone_from(&single.force);
+        self.single.torque.clone_from(&single.torque);
+        let blocks = single.force.len() / WIDTH;
         self.blocks.clear();
         self.blocks.resize(blocks, LoadBlock { force: [Lanes::ZERO; 3], torque: [Lanes::ZERO; 3] });
     }
 
-    /// Adds what pairs do to their firsts, side 0, or to their seconds, side 1: the opposite force, the same torque.
-    #[inline(always)]
-    pub(super) fn add_side(&mut self, side: usize, pairs: &[[u32; 2]], loads: &PairLoads) {
-        let sign = if side == 0 { 1.0 } else { -1.0 };
-        for (k, pair) in pairs.iter().enumerate() {
-            let place = pair[side] as usize;
-            let (sum, at) = (&mut self.single[place / WIDTH], place % WIDTH);
-            for c in 0..4 {
-                sum.force.0[at][c] += sign * loads.force.0[k][c];
-            }
-            for c in 0..4 {
-                sum.torque.0[at][c] += loads.torque.0[k][c];
-            }
-        }
+    /// Adds what acts on the seconds of some pairs.
+    pub(super) fn add_to_seconds(&mut self, seconds: &Seconds, pairs: Range<usize>) {
+        self.single.add_to_seconds(&seconds.places[pairs.clone()], &seconds.loads, pairs);
     }
 
     /// Adds what acts on the sub-particle at a place.
     #[inline(always)]
     pub(super) fn add(&mut self, place: u32, load: &Load) {
-        let (sum, at) = (&mut self.single[place as usize / WIDTH], place as usize % WIDTH);
-        for (c, (force, torque)) in load.force.to_array().into_iter().zip(load.torque.to_array()).enumerate()
-        {
-            sum.force.0[at][c] += force;
-            sum.torque.0[at][c] += torque;
-        }
+        let [x, y, z] = load.force.to_array();
+        let [p, q, r] = load.torque.to_array();
+        let (force, torque) = (&mut self.single.force, &mut self.single.torque);
+        force[place as usize] = sum(force[place as usize], [x, y, z, 0.0]);
+        torque[place as usize] = sum(torque[place as usize], [p, q, r, 0.0]);
     }
 
     /// All that acts on a block.
     #[inline(always)]
     pub(super) fn of_block<S: Wide>(&self, simd: S, b: usize) -> LoadBlock {
-        let (single, mut all) = (&self.single[b], self.blocks[b]);
-        let (force, torque) = (simd.to_lanes(&single.force), simd.to_lanes(&single.torque));
+        let (single, mut all) = (&self.single, self.blocks[b]);
+        let force = simd.to_lanes(&quads(&single.force, b));
+        let torque = simd.to_lanes(&quads(&single.torque, b));
         for axis in 0..3 {
             for k in 0..WIDTH {
                 all.force[axis].0[k] += force[axis].0[k];

@@ -1,16 +1,16 @@
 //! The CPU backend, fast path: what the plain path does, many pairs at a time.
 //!
-//! A step has two phases. In the first every [`meeting`] of two bodies works out the contacts between them, each pair
-//! once. In the second every [`body`] adds up the loads of its meetings, its bonds and its walls, and moves. Within
-//! a phase nothing depends on the order in which meetings or bodies are worked on: each writes only what is its own,
+//! A step has two phases. In the first every body works out its contacts with itself and with those after it ([`meeting`]), each pair
+//! once. In the second every [`body`] adds what its meetings with those before it have left for it, its bonds and its walls, and moves. Within
+//! a phase nothing depends on the order in which bodies are worked on: each writes only what is its own,
 //! and sums go by the order of ids. So the bits are the same whatever the number of threads, the batch, the chunks of
 //! steps, or the moment when pairs were looked up; and since [`lanes`] fuses multiplications with additions on every
 //! instruction set, whatever that costs there, on all of them. They differ from the plain path's, which the tests hold
 //! them to within a tolerance.
 //!
 //! Sub-particles stand in blocks of 16 ([`points`]). Bonds join a block with at most two others, so that neighbours are moved into
-//! their lanes within registers ([`bonds`]); pairs of different bodies are looked at one after the other and then
-//! transposed ([`load`]). Loads of such pairs come out the same way, and are added to sums that stand as sub-particles
+//! their lanes within registers ([`bonds`]); pairs of different bodies are looked at one after the other, those that touch are
+//! put together and transposed ([`load`]). Loads of such pairs come out the same way, and are added to sums that stand as sub-particles
 //! are looked at; blocks transpose them back when they move.
 
 mod body;
@@ -23,6 +23,7 @@ mod lanes;
 mod load;
 mod meeting;
 mod memory;
+mod pairs;
 mod points;
 mod search;
 mod walls;
@@ -37,7 +38,6 @@ use super::integrate::{Moved, Mover};
 use super::stages::{Stage, Stages};
 use super::walls::Walls;
 use crate::engine::Advance;
-use crate::engine::frame::Frame;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use body::{Body, Desk, Extent, Locate, Noticed, Surroundings};
@@ -46,13 +46,14 @@ use clumps::{Clump, clumps};
 pub use instructions::Instructions;
 use instructions::{Job, Wide};
 use kernel::{LaneContact, PairLaws};
-use meeting::{Meeting, Room, SAFE};
+use meeting::{Contacts, Meeting, Room, SAFE};
+use pairs::BodyPairs;
 use points::Points;
 use search::Search;
 
 /// Distance beyond reach that meetings cover, as a share of R: between two bodies, and between a body and itself, where it
 /// must stay short of the lattice's face diagonal, 2√2 R.
-const SKIN_RATIOS: [f32; 2] = [0.35, 0.35];
+const SKIN_RATIOS: [f32; 2] = [0.7, 0.35];
 
 /// The same for facets.
 const WALL_SKIN_RATIO: f32 = 0.7;
@@ -74,6 +75,8 @@ pub struct FastRun {
     bodies: Vec<Body>,
     /// Sorted by their bodies.
     meetings: Vec<Meeting>,
+    /// Those of each body with itself and those after it.
+    pairs: Vec<BodyPairs>,
     /// Motion of each body when the meetings were drawn up; empty forces it.
     drawn_up: Vec<(DVec3, f64)>,
     step: u64,
@@ -112,6 +115,7 @@ impl FastRun {
             instructions,
             bodies,
             meetings: Vec::new(),
+            pairs: Vec::new(),
             drawn_up: Vec::new(),
             step: 0,
             start_step: None,
@@ -239,42 +243,31 @@ impl FastRun {
             let known = old.next_if(|meeting| meeting.bodies == pair);
             self.meetings.push(known.unwrap_or_else(|| Meeting::new(pair)));
         }
+        self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
+        self.pairs.iter_mut().for_each(|pairs| pairs.is_stale = true);
         self.bodies.iter_mut().for_each(|body| body.meets.clear());
-        // Sorted by the lower body and then the higher, each body finds its meetings in the order of the other.
         for (m, meeting) in (0u32..).zip(&self.meetings) {
-            let [a, b] = meeting.bodies;
-            self.bodies[b as usize].meets.push(m);
-            if a != b {
-                self.bodies[a as usize].meets.push(m);
-            }
+            self.bodies[meeting.bodies[1] as usize].meets.push(m);
         }
     }
 
-    /// The first phase.
+    /// The first phase. Every body meets itself at least, so meetings come in as many groups as there are bodies.
     fn meet(&mut self) -> f32 {
         let search = self.search();
-        let Self { laws, state, bodies, instructions, stages, .. } = self;
-        let work = self.meetings.par_iter_mut().map_init(Room::default, |room, meeting| {
-            if !meeting.due && meeting.chunks.is_empty() {
-                return 0.0;
-            }
-            let sides = meeting.bodies.map(|body| &bodies[body as usize]);
-            instructions.run(Meet {
-                meeting,
-                search: &search,
-                laws,
-                frame: &state.frame,
-                sides,
-                room,
-                stages,
-            })
+        let step = (self.step + 2) as u32;
+        let Self { laws, state, bodies, meetings, pairs, instructions, stages, .. } = self;
+        let groups = meetings.chunk_by_mut(|a, b| a.bodies[0] == b.bodies[0]);
+        let work: Vec<_> = groups.zip(pairs).collect();
+        let work = work.into_par_iter().map_init(Room::default, |room, (meetings, pairs)| {
+            let contacts = Contacts { meetings, bodies, pairs, laws, frame: &state.frame, step };
+            instructions.run(Meet { contacts, search: &search, room, stages })
         });
         work.reduce(|| 0.0, f32::max)
     }
 
     /// The second phase.
     fn move_bodies(&mut self) -> Noticed {
-        let Self { laws, mover, state, bodies, meetings, walls, params, instructions, .. } = self;
+        let Self { laws, mover, state, bodies, meetings, pairs, walls, params, instructions, .. } = self;
         let (stages, wall_laws) = (&*self.stages, &self.wall_laws[..]);
         let around = Surroundings {
             laws,
@@ -282,6 +275,7 @@ impl FastRun {
             frame: &state.frame,
             walls,
             meetings,
+            pairs,
             stages,
             wall_laws,
             radius: params.radius,
@@ -289,7 +283,7 @@ impl FastRun {
             wall_skin: WALL_SKIN_RATIO * params.radius,
         };
         let work = bodies.par_iter_mut().enumerate().map_init(Desk::default, |desk, (me, body)| {
-            instructions.run(Move { body, me: me as u32, around: &around, desk })
+            instructions.run(Move { body, me, around: &around, desk })
         });
         work.reduce(Noticed::default, Noticed::and)
     }
@@ -324,9 +318,14 @@ impl FastRun {
             locals.push(local);
         }
         self.bodies = kept;
+        let old = std::mem::take(&mut self.pairs);
+        self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
         self.meetings.retain_mut(|meeting| {
             let [a, b] = meeting.bodies.map(|body| body as usize);
-            meeting.renumber([numbers[a], numbers[b]], [&locals[a], &locals[b]])
+            let [Some(first), Some(second)] = [numbers[a], numbers[b]] else { return false };
+            let to = &mut self.pairs[first as usize].list;
+            meeting.renumber([first, second], [&locals[a], &locals[b]], &old[a].list, to);
+            true
         });
         self.drawn_up.clear();
     }
@@ -351,13 +350,10 @@ impl FastRun {
     }
 }
 
-/// A meeting's part of the first phase.
+/// A body's part of the first phase.
 struct Meet<'a> {
-    meeting: &'a mut Meeting,
+    contacts: Contacts<'a>,
     search: &'a Search,
-    laws: &'a PairLaws,
-    frame: &'a Frame,
-    sides: [&'a Body; 2],
     room: &'a mut Room,
     stages: &'a Stages,
 }
@@ -366,13 +362,11 @@ impl Job for Meet<'_> {
     type Output = f32;
 
     #[inline(always)]
-    fn run<S: Wide>(self, simd: S) -> f32 {
+    fn run<S: Wide>(mut self, simd: S) -> f32 {
         let mut watch = self.stages.watch();
-        if self.meeting.due {
-            self.meeting.search(simd, self.search, self.frame, self.sides, self.room);
-            watch.lap(Stage::Search);
-        }
-        let deepest = self.meeting.forces(simd, self.laws, self.frame, self.sides, self.room);
+        self.contacts.search(simd, self.search, self.room);
+        watch.lap(Stage::Search);
+        let deepest = self.contacts.forces(simd, self.room);
         watch.lap(Stage::Contacts);
         deepest
     }
@@ -381,7 +375,7 @@ impl Job for Meet<'_> {
 /// A body's part of the second phase.
 struct Move<'a> {
     body: &'a mut Body,
-    me: u32,
+    me: usize,
     around: &'a Surroundings<'a>,
     desk: &'a mut Desk,
 }

@@ -7,7 +7,7 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::instructions::Wide;
 use super::load::{LoadBlock, Sums};
-use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, quad_of};
+use super::memory::{Ints, Lanes, Lanes3, WIDTH, folded, greater, quad_of};
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -27,20 +27,15 @@ pub(super) struct Block {
     free: Lanes,
 }
 
-/// What others look at, in quads: position (as bits), velocity, spin.
-#[derive(Clone, Debug)]
-pub(super) struct Looks {
-    pub(super) position: [[i32; 4]; WIDTH],
-    pub(super) velocity: Quads,
-    pub(super) spin: Quads,
-}
-
 /// The sub-particles of a body.
 #[derive(Clone, Debug)]
 pub(super) struct Points {
     pub(super) count: usize,
     pub(super) blocks: Vec<Block>,
-    pub(super) looks: Vec<Looks>,
+    /// Once more as others look at them, by [`place_of`]: positions, with a 0 at the end.
+    pub(super) positions: Vec<[i32; 4]>,
+    /// The same of velocities and spins.
+    pub(super) motions: Vec<[[f32; 4]; 2]>,
     /// 1 where a lane of the last block is a sub-particle, 0 where it only fills up.
     real_in_last: Lanes,
 }
@@ -105,11 +100,11 @@ impl Points {
             }
         };
         let blocks: Vec<Block> = (0..count.div_ceil(WIDTH)).map(block).collect();
-        let nothing = Looks { position: [[0; 4]; WIDTH], velocity: Quads::ZERO, spin: Quads::ZERO };
         let in_last = count - WIDTH * (blocks.len() - 1);
         let real_in_last = Lanes(std::array::from_fn(|lane| if lane < in_last { 1.0 } else { 0.0 }));
-        let looks = vec![nothing; blocks.len()];
-        let mut points = Self { count, looks, blocks, real_in_last };
+        let (positions, motions) =
+            (vec![[0; 4]; blocks.len() * WIDTH], vec![[[0.0; 4]; 2]; blocks.len() * WIDTH]);
+        let mut points = Self { count, blocks, positions, motions, real_in_last };
         for b in 0..points.blocks.len() {
             points.show(pulp::Scalar::new(), b);
         }
@@ -141,15 +136,20 @@ impl Points {
     /// Writes down a block as others look at it.
     #[inline(always)]
     fn show<S: Wide>(&mut self, simd: S, b: usize) {
-        let (block, looks) = (&self.blocks[b], &mut self.looks[b]);
+        let block = &self.blocks[b];
         let bits = |ints: &Ints| Lanes(ints.0.map(|x| f32::from_bits(x as u32)));
-        let position = [bits(&block.position[0]), bits(&block.position[1]), bits(&block.position[2])];
-        let quads = simd.to_quads([&position[0], &position[1], &position[2], &Lanes::ZERO]);
-        looks.position = quads.0.map(|quad| quad.map(|x| x.to_bits() as i32));
-        let [x, y, z] = &block.velocity;
-        looks.velocity = simd.to_quads([x, y, z, &Lanes::ZERO]);
-        let [x, y, z] = &block.spin;
-        looks.spin = simd.to_quads([x, y, z, &Lanes::ZERO]);
+        let [x, y, z] = [bits(&block.position[0]), bits(&block.position[1]), bits(&block.position[2])];
+        let quads = simd.to_quads([&x, &y, &z, &Lanes::ZERO]);
+        for (position, quad) in self.positions[b * WIDTH..].iter_mut().zip(&quads.0) {
+            *position = quad.map(|x| x.to_bits() as i32);
+        }
+        let ([x, y, z], [p, q, r]) = (&block.velocity, &block.spin);
+        let velocities = simd.to_quads([x, y, z, &Lanes::ZERO]);
+        let spins = simd.to_quads([p, q, r, &Lanes::ZERO]);
+        let motions = self.motions[b * WIDTH..].iter_mut();
+        for (motion, (velocity, spin)) in motions.zip(velocities.0.iter().zip(&spins.0)) {
+            *motion = [*velocity, *spin];
+        }
     }
 
     /// One step of all, of `mass` in kg each, by the loads that have been summed up; `motion` is that of them all.

@@ -23,22 +23,29 @@ pub(super) struct Search {
 #[derive(Debug, Default)]
 struct Cloud {
     index: Vec<u32>,
-    boxes: Vec<Extent>,
-    /// Lowest and highest corners of the boxes, in metres.
-    spans: Vec<[[f32; 3]; 2]>,
+    /// Lowest and highest corners of the blocks' boxes, in metres.
+    spans: Vec<Span>,
+    /// The same, [`WIDTH`] by [`WIDTH`].
+    lows: Vec<Lanes3>,
+    highs: Vec<Lanes3>,
     x: Vec<Lanes3>,
 }
+
+type Span = [[f32; 3]; 2];
 
 /// Finds pairs that may touch.
 #[derive(Debug, Default)]
 pub(super) struct Finder {
     first: Cloud,
     second: Cloud,
-    /// Blocks of the second cloud to be searched, and the lanes of the first's block that are near each.
+    /// Blocks of the second cloud to be searched, and which of the first's block are near each.
     beside: Vec<(usize, u16)>,
     /// What the last search has found: pairs of places, sorted.
     pub(super) found: Vec<[u32; 2]>,
 }
+
+/// Blocks beside another that are kept as bits.
+const FIRST: usize = u64::BITS as usize;
 
 /// Where there is no sub-particle, in metres.
 const NOWHERE: f32 = 1e9;
@@ -48,8 +55,9 @@ impl Cloud {
     #[inline(always)]
     fn fill(&mut self, body: &Body, near: &Extent, reach: f32, origin: IVec3, frame: &Frame) -> f32 {
         self.index.clear();
-        self.boxes.clear();
         self.spans.clear();
+        self.lows.clear();
+        self.highs.clear();
         self.x.clear();
         let mut left_out = f32::INFINITY;
         for (b, (block, extent)) in body.points.blocks.iter().zip(&body.boxes).enumerate() {
@@ -67,10 +75,18 @@ impl Cloud {
                 }
             }
             self.index.push(b as u32);
-            self.boxes.push(*extent);
             let corner = |x: IVec3| (x.wrapping_sub(origin).as_vec3() * frame.unit_m).to_array();
             self.spans.push([corner(extent.low), corner(extent.high)]);
             self.x.push(x);
+        }
+        for some in self.spans.chunks(WIDTH) {
+            let lanes = |corner: usize| -> Lanes3 {
+                std::array::from_fn(|axis| {
+                    Lanes(std::array::from_fn(|k| some.get(k).map_or(NOWHERE, |span| span[corner][axis])))
+                })
+            };
+            self.lows.push(lanes(0));
+            self.highs.push(lanes(1));
         }
         left_out
     }
@@ -111,55 +127,103 @@ impl Finder {
         let Self { first, second, beside, found } = self;
         let reach2 = reach * reach;
         let period = frame.period_y as f32 * frame.unit_m;
+        let is_periodic = period != 0.0;
         // Without a period nothing is ever half of it away.
-        let half = if period == 0.0 { f32::INFINITY } else { 0.5 * period };
-        let mut apart = f32::INFINITY;
-        for ((&a, around_a), xa) in first.index.iter().zip(&first.boxes).zip(&first.x) {
+        let half = if is_periodic { 0.5 * period } else { f32::INFINITY };
+        let mut apart2 = Lanes([f32::INFINITY; WIDTH]);
+        for ((&a, span), xa) in first.index.iter().zip(&first.spans).zip(&first.x) {
             beside.clear();
-            for (b, around_b) in second.boxes.iter().enumerate() {
-                // Of a body and itself only pairs with i < j count, once.
-                if alone && second.index[b] < a {
-                    continue;
+            for (g, (lows, highs)) in second.lows.iter().zip(&second.highs).enumerate() {
+                let gaps2 = gaps2(span, lows, highs, is_periodic);
+                let mut boxes = simd.at_most(&gaps2, reach2);
+                for k in 0..WIDTH {
+                    let beyond = if gaps2.0[k] > reach2 { gaps2.0[k] } else { f32::INFINITY };
+                    apart2.0[k] = if beyond < apart2.0[k] { beyond } else { apart2.0[k] };
                 }
-                let gap = around_a.gap(around_b, frame);
-                if gap > reach {
-                    apart = apart.min(gap);
-                    continue;
-                }
-                let from_box = distances2_from_box(xa, &second.spans[b], period != 0.0);
-                apart = apart.min(folded(from_box.0, |a, b| if b < a { b } else { a }).sqrt());
-                let near_box = simd.at_most(&from_box, reach2);
-                if near_box != 0 {
-                    beside.push((b, near_box));
+                while boxes != 0 {
+                    let b = g * WIDTH + boxes.trailing_zeros() as usize;
+                    boxes &= boxes - 1;
+                    // Of a body and itself only pairs with i < j count, once.
+                    if alone && second.index[b] < a {
+                        continue;
+                    }
+                    let from_box = distances2_from_box(xa, &second.spans[b], is_periodic);
+                    for k in 0..WIDTH {
+                        let d = from_box.0[k];
+                        apart2.0[k] = if d < apart2.0[k] { d } else { apart2.0[k] };
+                    }
+                    let near_box = places_of(simd.at_most(&from_box, reach2));
+                    if near_box != 0 {
+                        beside.push((b, near_box));
+                    }
                 }
             }
-            for place in 0..WIDTH {
-                let lane = quad_of(place);
+            // For each of the block's sub-particles, which of the first of those blocks it is near.
+            let mut near = [0u64; WIDTH];
+            for (n, &(_, near_box)) in beside.iter().enumerate().take(FIRST) {
+                for place in bits(near_box) {
+                    near[place] |= 1 << n;
+                }
+            }
+            for (place, &near) in near.iter().enumerate() {
                 let i = a * WIDTH as u32 + place as u32;
-                let [x, y, z] = [0, 1, 2].map(|axis| xa[axis].0[lane]);
-                for (b, _) in beside.iter().filter(|(_, near_box)| near_box >> lane & 1 == 1) {
-                    let at = &second.x[*b];
-                    let mut distance2 = Lanes::ZERO;
-                    for k in 0..WIDTH {
-                        let (dx, mut dy, dz) = (at[0].0[k] - x, at[1].0[k] - y, at[2].0[k] - z);
-                        dy = if dy > half { dy - period } else { dy };
-                        dy = if dy < -half { dy + period } else { dy };
-                        distance2.0[k] = dx * dx + dy * dy + dz * dz;
-                    }
-                    let mut hits = places_of(simd.at_most(&distance2, reach2));
-                    let first = second.index[*b] * WIDTH as u32;
-                    while hits != 0 {
-                        let j = first + hits.trailing_zeros();
-                        hits &= hits - 1;
-                        if !alone || i < j {
-                            found.push([i, j]);
-                        }
-                    }
+                let x = [0, 1, 2].map(|axis| xa[axis].0[quad_of(place)]);
+                let more = beside.iter().skip(FIRST).filter(|(_, near_box)| near_box >> place & 1 == 1);
+                for &(b, _) in bits(near).map(|n| &beside[n]).chain(more) {
+                    let hits = near_point(simd, &second.x[b], x, reach2, [half, period]);
+                    let first = second.index[b] * WIDTH as u32;
+                    let hits = bits(hits).map(|hit| first + hit as u32).filter(|&j| !alone || i < j);
+                    found.extend(hits.map(|j| [i, j]));
                 }
             }
         }
-        apart
+        folded(apart2.0, |a, b| if b < a { b } else { a }).sqrt()
     }
+}
+
+/// The numbers of bits that are set, ascending.
+#[inline(always)]
+fn bits(of: impl Into<u64>) -> impl Iterator<Item = usize> {
+    let mut left = of.into();
+    std::iter::from_fn(move || {
+        let bit = (left != 0).then(|| left.trailing_zeros() as usize);
+        left &= left.wrapping_sub(1);
+        bit
+    })
+}
+
+/// The places of a block's sub-particles that are no further from a point than √`reach2` metres.
+#[inline(always)]
+fn near_point<S: Wide>(
+    simd: S,
+    block: &Lanes3,
+    [x, y, z]: [f32; 3],
+    reach2: f32,
+    [half, period]: [f32; 2],
+) -> u16 {
+    let mut distance2 = Lanes::ZERO;
+    for k in 0..WIDTH {
+        let (dx, mut dy, dz) = (block[0].0[k] - x, block[1].0[k] - y, block[2].0[k] - z);
+        dy = if dy > half { dy - period } else { dy };
+        dy = if dy < -half { dy + period } else { dy };
+        distance2.0[k] = dx * dx + dy * dy + dz * dz;
+    }
+    places_of(simd.at_most(&distance2, reach2))
+}
+
+/// Squares of the gaps between a box and others, in m²; a periodic y counts nothing.
+#[inline(always)]
+fn gaps2([low, high]: &Span, lows: &Lanes3, highs: &Lanes3, periodic_y: bool) -> Lanes {
+    let mut gap2 = Lanes::ZERO;
+    for axis in (0..3).filter(|&axis| axis != 1 || !periodic_y) {
+        for k in 0..WIDTH {
+            let (below, above) = (lows[axis].0[k] - high[axis], low[axis] - highs[axis].0[k]);
+            let d = if above > below { above } else { below };
+            let d = if d > 0.0 { d } else { 0.0 };
+            gap2.0[k] += d * d;
+        }
+    }
+    gap2
 }
 
 /// Squares of the distances of a block's sub-particles from a box, in m²; along a periodic y they count nothing.

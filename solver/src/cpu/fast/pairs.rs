@@ -1,0 +1,118 @@
+//! The pairs of a body's sub-particles that may touch: with each other, and with those of the bodies after it; and what they do.
+
+use std::ops::Range;
+
+use super::instructions::Wide;
+use super::load::Loads;
+use super::memory::{Lanes, Quads, WIDTH, places_of};
+use super::points::Points;
+
+/// Pairs, meeting by meeting, and what they remember.
+#[derive(Debug, Default)]
+pub(super) struct PairList {
+    /// Places of sub-particles in their bodies (see [`super::points::place_of`]).
+    pub(super) places: Vec<[u32; 2]>,
+    /// ξ in metres, and the bits of the step in which the contact last held: if it was another than the last, it has let go.
+    pub(super) memory: Vec<[f32; 4]>,
+}
+
+/// The pairs of a body with itself and those after it.
+#[derive(Debug, Default)]
+pub(super) struct BodyPairs {
+    pub(super) list: PairList,
+    /// Whether meetings have come or gone since the list was written.
+    pub(super) is_stale: bool,
+    /// What they do to its own sub-particles, by [`super::points::place_of`].
+    pub(super) firsts: Loads,
+    /// What they do to the others, pair by pair of those that are close: the opposite force, the same torque.
+    pub(super) seconds: Seconds,
+}
+
+/// What acts on the firsts of pairs, and the places of their seconds.
+#[derive(Debug, Default)]
+pub(super) struct Seconds {
+    pub(super) loads: Loads,
+    pub(super) places: Vec<u32>,
+}
+
+/// Distances of pairs of two bodies, from the first to the second, in units of length.
+#[inline(never)]
+pub(super) fn look(places: &[[u32; 2]], [first, second]: [&Points; 2], apart: &mut [[i32; 4]]) {
+    let (first, second) = (&first.positions[..], &second.positions[..]);
+    for (apart, &[i, j]) in apart.iter_mut().zip(places) {
+        let (x, y) = (&first[i as usize], &second[j as usize]);
+        *apart = std::array::from_fn(|axis| y[axis].wrapping_sub(x[axis]));
+    }
+}
+
+impl PairList {
+    pub(super) fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.places.clear();
+        self.memory.clear();
+    }
+
+    pub(super) fn push(&mut self, places: [u32; 2], memory: [f32; 4]) {
+        self.places.push(places);
+        self.memory.push(memory);
+    }
+
+    /// Takes over some of another list.
+    pub(super) fn extend(&mut self, other: &Self, range: Range<usize>) {
+        self.places.extend_from_slice(&other.places[range.clone()]);
+        self.memory.extend_from_slice(&other.memory[range]);
+    }
+
+    /// Some pairs, with what they remember.
+    pub(super) fn all(&self, range: Range<usize>) -> impl Iterator<Item = ([u32; 2], [f32; 4])> {
+        self.places[range.clone()].iter().copied().zip(self.memory[range].iter().copied())
+    }
+
+    /// Takes back what pairs remember; tells the places of their firsts and adds those of their seconds.
+    #[inline(never)]
+    pub(super) fn hand_back(
+        &mut self,
+        pairs: &[u32],
+        memory: &[[f32; 4]],
+        firsts: &mut [u32],
+        seconds: &mut Vec<u32>,
+    ) {
+        let from = seconds.len();
+        seconds.resize(from + pairs.len(), 0);
+        let (places, memories) = (&self.places[..], &mut self.memory[..self.places.len()]);
+        let out = firsts.iter_mut().zip(&mut seconds[from..]);
+        for ((&pair, memory), (first, second)) in pairs.iter().zip(memory).zip(out) {
+            memories[pair as usize] = *memory;
+            [*first, *second] = places[pair as usize];
+        }
+    }
+
+    /// Finds those that are no further apart than `near` units of length. `apart` are their distances.
+    #[inline(always)]
+    pub(super) fn close<S: Wide>(simd: S, apart: &[[i32; 4]], near: f32, close: &mut Vec<u32>) {
+        close.clear();
+        let mut quads = Quads::ZERO;
+        for (first, apart) in (0u32..).step_by(WIDTH).zip(apart.chunks(WIDTH)) {
+            for (quad, apart) in quads.0.iter_mut().zip(apart) {
+                *quad = apart.map(|d| f32::from_bits(d as u32));
+            }
+            let [x, y, z, _] = simd.to_lanes(&quads);
+            let mut distance2 = Lanes::ZERO;
+            for axis in [x, y, z] {
+                for k in 0..WIDTH {
+                    let d = axis.0[k].to_bits() as i32 as f32;
+                    distance2.0[k] += d * d;
+                }
+            }
+            let there = (1u32 << apart.len()) - 1;
+            let mut bits = places_of(simd.at_most(&distance2, near * near)) & there as u16;
+            while bits != 0 {
+                close.push(first + bits.trailing_zeros());
+                bits &= bits - 1;
+            }
+        }
+    }
+}
