@@ -10,6 +10,8 @@ pub mod cpu;
 pub mod engine;
 pub mod equipment;
 pub mod experiments;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod mesh;
 pub mod observe;
 pub mod physics;

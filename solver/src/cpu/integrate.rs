@@ -38,17 +38,21 @@ impl Moved {
 
     /// What is wrong, in words, if something is.
     pub(crate) fn fault(&self, params: &Params, state: &State) -> Option<String> {
-        let i = self.runaway? as usize;
-        let speed = state.particles[i].velocity.length();
-        let what = if !(speed.is_finite() && state.particles[i].spin.is_finite()) {
-            "has no finite velocity or spin".to_owned()
-        } else if speed <= params.speed_limit {
-            "has left the domain".to_owned()
-        } else {
-            format!("moves at {speed:.3} m/s, past the speed limit of {} m/s", params.speed_limit)
-        };
-        Some(format!("sub-particle {} of fillet {} {what}", state.serials[i], state.bodies[i]))
+        self.runaway.map(|i| fault(i as usize, params.speed_limit, state))
     }
+}
+
+/// What is wrong with a sub-particle that is too fast (`speed_limit` in m/s), not a number any more, or lost; in words.
+pub(crate) fn fault(i: usize, speed_limit: f32, state: &State) -> String {
+    let speed = state.particles[i].velocity.length();
+    let what = if !(speed.is_finite() && state.particles[i].spin.is_finite()) {
+        "has no finite velocity or spin".to_owned()
+    } else if speed <= speed_limit {
+        "has left the domain".to_owned()
+    } else {
+        format!("moves at {speed:.3} m/s, past the speed limit of {speed_limit} m/s")
+    };
+    format!("sub-particle {} of fillet {} {what}", state.serials[i], state.bodies[i])
 }
 
 /// What the motion of every sub-particle has in common.

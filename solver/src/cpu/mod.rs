@@ -32,7 +32,7 @@ pub const CHUNK: usize = 256;
 
 /// Distance beyond reach that neighbour lists cover, as a share of R. Lists must stay short of the lattice's face
 /// diagonal, 2√2 R, or they triple.
-const SKIN_RATIO: f32 = 0.35;
+pub(crate) const SKIN_RATIO: f32 = 0.35;
 
 /// The CPU: a pool of threads, and which way it computes.
 #[derive(Debug)]

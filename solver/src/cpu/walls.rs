@@ -23,36 +23,36 @@ pub struct Walls {
 }
 
 #[derive(Debug)]
-struct WallSurface {
+pub(crate) struct WallSurface {
     motion: Motion,
-    law: ContactLaw,
+    pub(crate) law: ContactLaw,
     presence: Presence,
     /// Point that its facets are relative to, in metres, at t = 0.
     anchor: DVec3,
     /// Farthest corner from the anchor, in metres.
     reach: f64,
-    pose: Pose,
+    pub(crate) pose: Pose,
     /// Its first facet; the tree numbers them from there.
-    first: u32,
+    pub(crate) first: u32,
     /// Finds its facets near a point relative to the anchor.
-    tree: Tree,
+    pub(crate) tree: Tree,
 }
 
 /// Where a surface is in this step, in the numbers of the run.
 #[derive(Clone, Copy, Debug)]
-struct Pose {
-    anchor: IVec3,
-    turn: Mat3,
-    velocity: Vec3,
-    spin: Vec3,
+pub(crate) struct Pose {
+    pub(crate) anchor: IVec3,
+    pub(crate) turn: Mat3,
+    pub(crate) velocity: Vec3,
+    pub(crate) spin: Vec3,
 }
 
 #[derive(Debug)]
-struct WallFacet {
-    surface: usize,
-    facet: Facet,
+pub(crate) struct WallFacet {
+    pub(crate) surface: usize,
+    pub(crate) facet: Facet,
     /// Its box relative to the anchor, in metres: far sub-particles are passed over by it.
-    span: Span,
+    pub(crate) span: Span,
 }
 
 /// The nearest point of a facet, seen from a sub-particle.
@@ -73,15 +73,15 @@ pub struct Touch {
 }
 
 /// Points nearer than this are one, in metres: some roundings of `f32`, a metre from the anchor.
-const SAME: f32 = 1e-6;
+pub(crate) const SAME: f32 = 1e-6;
 
 /// A point lies on a facet when it is nearer than this share of its distance from the sphere's centre: in `f32` the
 /// nearest point of a triangle can be off by more than [`SAME`] (see [`crate::mesh::nearest`]).
-const AT_THE_EDGE: f32 = 0.01;
+pub(crate) const AT_THE_EDGE: f32 = 0.01;
 
 /// Cosine of the angle, some 26°, within which two facets push the same way: more than neighbours turn on curves that
 /// CAD programs cut into facets, less than at creases that are meant.
-const SAME_WAY: f32 = 0.9;
+pub(crate) const SAME_WAY: f32 = 0.9;
 
 impl Touch {
     /// Whether two touches of one sub-particle are on the same side of it.
@@ -255,6 +255,24 @@ impl Walls {
         let alike = before().find(|(_, theirs)| theirs.pushes_like(touch));
         let at_the_edge = || before().find(|&(other, _)| touch.on_rim && has_the_point(other));
         alike.or_else(at_the_edge).map(|(other, _)| other)
+    }
+
+    /// The surfaces, for a backend that keeps them elsewhere.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn surfaces(&self) -> &[WallSurface] {
+        &self.surfaces
+    }
+
+    /// Greatest speed of any point of a surface from the start on, in m/s.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn fastest(&self) -> f64 {
+        self.surfaces.iter().map(|surface| surface.motion.top_speed(surface.reach)).fold(0.0, f64::max)
+    }
+
+    /// The facets of all surfaces, in their order.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn facets(&self) -> &[WallFacet] {
+        &self.facets
     }
 
     /// Number of surfaces.

@@ -101,6 +101,12 @@ impl Facet {
         Self { long: triangles.iter().any(is_long), triangles, normal, tree }
     }
 
+    /// Whether one of its triangles is long for its width.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn is_long(&self) -> bool {
+        self.long
+    }
+
     /// The smallest box around it.
     pub fn span(&self) -> Span {
         Span::around(self.triangles.iter().flatten().copied())

@@ -43,14 +43,14 @@ pub struct Tree {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct Node {
+pub(crate) struct Node {
     /// The box around all below.
-    span: Span,
+    pub(crate) span: Span,
     /// The node to go on at when all below this one is passed over.
-    next: u32,
+    pub(crate) next: u32,
     /// Where its boxes begin in the order, and how many they are; none in a node that is halved.
-    first: u32,
-    count: u32,
+    pub(crate) first: u32,
+    pub(crate) count: u32,
 }
 
 impl Tree {
@@ -84,6 +84,12 @@ impl Tree {
             self.grow(spans, from + middle, to);
         }
         self.nodes[at].next = self.nodes.len() as u32;
+    }
+
+    /// Its nodes, and the numbers of the boxes in the order of its leaves: for a walk elsewhere.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn parts(&self) -> (&[Node], &[u32]) {
+        (&self.nodes, &self.order)
     }
 
     /// Calls `visit` with the number of every box in leaves that `enters` lets in, whose parents it let in too. It may

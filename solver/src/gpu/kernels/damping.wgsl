@@ -1,0 +1,5 @@
+// Damping: twin of physics/damping.rs.
+
+fn damping_constant(factor: f32, stiffness: f32, m_star: f32) -> f32 {
+    return factor * sqrt(stiffness * m_star);
+}

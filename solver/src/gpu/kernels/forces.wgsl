@@ -1,0 +1,110 @@
+// The forces stage: twin of cpu/forces.rs. Every sub-particle gathers what its bonds, contacts and walls do to it.
+
+struct Load {
+    force: vec3<f32>,
+    torque: vec3<f32>,
+}
+
+// What the stage has noticed.
+struct Felt {
+    max_overlap: f32,
+    bonds_broken: u32,
+}
+
+// Adds a force at the end of `arm`, of which only `across` has a moment.
+fn add(load: ptr<function, Load>, force: vec3<f32>, arm: vec3<f32>, across: vec3<f32>) {
+    (*load).force += force;
+    (*load).torque += cross3(arm, across);
+}
+
+fn from_pairs(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> Felt {
+    let touch = 2.0 * scene.radius;
+    let hold = 2.0 * scene.radius + scene.tissue_reach;
+    var felt = Felt(0.0, 0u);
+    let base = i * now.pair_slots;
+    let end = base + counts[i].pairs;
+    for (var at = base; at < end; at++) {
+        let state = pairs[at].state;
+        let j = scene.first + pairs[at].other;
+        let other = particles[j];
+        let d = between(scene.unit_m, scene.period_y, me.position, other.position);
+        let length2 = dot3(d, d);
+        var class_ = state & ~TOUCHING;
+        let bonded = class_ != 0u;
+        if !bonded && length2 > hold * hold {
+            if state != 0u {
+                pairs[at].state = 0u;
+                pairs[at].slide = vec3(0.0);
+            }
+            continue;
+        }
+        let length = sqrt(length2);
+        var n = vec3(0.0);
+        if length > 0.0 {
+            n = d / length;
+        }
+        let arm = n * (length / 2.0);
+        let v = other.velocity - me.velocity - cross3(me.spin + other.spin, arm);
+        let spin = (me.spin + other.spin) * 0.5;
+        if bonded {
+            let rest = touch * sqrt(f32(class_));
+            var stored = pairs[at].bond;
+            let force = bond_force(scene.bond, &stored, n, rest, length, v, spin, scene.dt);
+            if force.holds {
+                add(load, force.total, arm, force.shear);
+            } else {
+                class_ = 0u;
+                stored = vec3(0.0);
+                felt.bonds_broken += select(0u, 1u, i < j);
+            }
+            pairs[at].bond = stored;
+        }
+        var memory = ContactMemory(pairs[at].slide, (state & TOUCHING) != 0u);
+        if !bonded || scene.contact_between_bonded != 0u {
+            let m_star = me.mass * other.mass / (me.mass + other.mass);
+            let delta = touch - length;
+            let force = contact_force(scene.tissue, &memory, n, delta, -v, spin, m_star, scene.dt);
+            if force.acts {
+                add(load, force.normal + force.tangential, arm, force.tangential);
+                if !bonded {
+                    felt.max_overlap = max(felt.max_overlap, delta);
+                }
+            }
+            pairs[at].slide = memory.slide;
+        }
+        pairs[at].state = class_ | select(0u, TOUCHING, memory.touching);
+    }
+    return felt;
+}
+
+fn from_walls(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) {
+    let begin = i * now.wall_slots;
+    let end = begin + counts[i].walls;
+    for (var k = begin; k < end; k++) {
+        touches[k] = wall_touch(scene, walls[k].facet, me.position);
+    }
+    if end - begin > 1u {
+        hand_over(scene, begin, end);
+    }
+    for (var k = begin; k < end; k++) {
+        let touch = touches[k];
+        let law = law_of(scene, touch.facet);
+        var force = vec3(0.0);
+        var memory = ContactMemory(walls[k].slide, walls[k].state != 0u);
+        let is_far = scene.radius - touch.distance < -reach_of(law);
+        if is_far || touch.distance <= 0.0 || gives_way(scene, begin, end, k) != NONE {
+            memory = ContactMemory(vec3(0.0), false);
+        } else {
+            let n = touch.to_wall / touch.distance;
+            let v = me.velocity + cross3(me.spin, touch.to_wall) - touch.velocity;
+            let delta = scene.radius - touch.distance;
+            let spin = pose_of(scene, surface_of(scene, touch.facet)).spin;
+            let contact = contact_force(law, &memory, n, delta, v, spin, me.mass, scene.dt);
+            if contact.acts {
+                force = contact.normal + contact.tangential;
+                add(load, force, touch.to_wall, contact.tangential);
+            }
+        }
+        walls[k] = WallPair(memory.slide, touch.facet, force, select(0u, TOUCHING, memory.touching));
+    }
+}

@@ -1,0 +1,67 @@
+// A time step of one sub-particle: forces from the sub-particles as they are, motion into where they will be. Twin of
+// cpu/integrate.rs in what it does with the forces.
+
+const EDGE: i32 = 1 << 30;
+
+// Moves it by one step. Whether all is well with it.
+fn integrate(scene: Scene, i: u32, load: Load, me: ptr<function, Particle>) -> bool {
+    let inverse_mass = 1.0 / (*me).mass;
+    let v = new_velocity((*me).velocity, load.force, inverse_mass, scene.gravity, scene.dt);
+    let spin = new_spin((*me).spin, load.torque, inverse_mass * scene.spin_factor, scene.dt);
+    var remainder = own[i].remainder;
+    let x = wrap(scene.period_y, new_position((*me).position, &remainder, v, scene.dt, scene.inverse_unit));
+    own[i].remainder = remainder;
+    (*me).position = x;
+    (*me).velocity = v;
+    (*me).spin = spin;
+    let speed2 = dot3(v, v);
+    let inside = all(x >= vec3(-EDGE)) && all(x <= vec3(EDGE));
+    let spins = is_finite(spin.x) && is_finite(spin.y) && is_finite(spin.z);
+    return is_finite(speed2) && speed2 <= scene.limit2 && spins && inside;
+}
+
+@compute @workgroup_size(GROUP)
+fn step(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let i = number(group, groups, local);
+    if i >= now.count {
+        return;
+    }
+    let run = scene_of[i];
+    let scene = scenes[run];
+    var me = particles[i];
+    // A run that has ended, or diverged in a step before this one, stands still.
+    if now.step >= scene.steps || atomicLoad(&reports[run].fault_step) < now.step {
+        moved[i] = me;
+        return;
+    }
+    let since = reference[i].xyz;
+    if length3(between(scene.unit_m, scene.period_y, since, me.position)) > scene.half_skin {
+        atomicOr(&reports[run].stale, 1u);
+    }
+    var load = Load(vec3(0.0), vec3(0.0));
+    let felt = from_pairs(scene, i, me, &load);
+    from_walls(scene, i, me, &load);
+    // Numbers above zero are in the order of their bits. Most are no greater than what stands there: looking is cheaper.
+    if felt.max_overlap > 0.0 && bitcast<u32>(felt.max_overlap) > atomicLoad(&reports[run].overlap) {
+        atomicMax(&reports[run].overlap, bitcast<u32>(felt.max_overlap));
+    }
+    if felt.bonds_broken > 0u {
+        own[i].broken += felt.bonds_broken;
+        atomicAdd(&reports[run].broken, felt.bonds_broken);
+    }
+    if me.held == 0u {
+        if !integrate(scene, i, load, &me) {
+            atomicMin(&reports[run].fault_step, now.step);
+            atomicMin(&reports[run].runaway, i - scene.first);
+        }
+        let drift = bitcast<u32>(length3(between(scene.unit_m, scene.period_y, since, me.position)));
+        if drift > atomicLoad(&reports[run].drift) {
+            atomicMax(&reports[run].drift, drift);
+        }
+    }
+    moved[i] = me;
+}

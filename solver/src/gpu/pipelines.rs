@@ -1,0 +1,109 @@
+//! The kernels, compiled, and the buffers that they bind.
+
+use wgpu::{
+    BindGroup, BindGroupLayout, BindGroupLayoutEntry, BindingType, Buffer, BufferBindingType, ComputePass,
+    ComputePipeline, ShaderStages,
+};
+
+use super::device::{Device, IMMEDIATE_BYTES};
+use super::layout::Now;
+use super::source::Source;
+
+/// Invocations of a group.
+pub(super) const GROUP: u32 = 64;
+
+/// Groups that a device allows in a row.
+const ROW: u32 = 65_535;
+
+/// Which buffers of each group are written by kernels; see `kernels/bindings.wgsl`.
+const WRITTEN: [&[bool]; 3] = [
+    &[false, false, false, false, false, false, false, true],
+    &[false, true, true, false, true, true, true],
+    &[true, true, true, true, true, true, true],
+];
+
+/// The kernels of a step, in the order in which they run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kernel {
+    /// Sub-particles into the cells of the grid.
+    Grid,
+    /// Neighbour lists anew.
+    Lists,
+    /// Forces and motion.
+    Step,
+}
+
+/// The kernels on a device.
+#[derive(Debug)]
+pub(super) struct Pipelines {
+    layouts: Vec<BindGroupLayout>,
+    kernels: [ComputePipeline; 3],
+}
+
+impl Pipelines {
+    pub(super) fn new(device: &Device, source: &Source) -> Self {
+        let device = &device.device;
+        let layouts: Vec<BindGroupLayout> = WRITTEN
+            .iter()
+            .map(|written| {
+                let entry = |(binding, &written): (usize, &bool)| BindGroupLayoutEntry {
+                    binding: binding as u32,
+                    visibility: ShaderStages::COMPUTE,
+                    ty: BindingType::Buffer {
+                        ty: BufferBindingType::Storage { read_only: !written },
+                        has_dynamic_offset: false,
+                        min_binding_size: None,
+                    },
+                    count: None,
+                };
+                let entries: Vec<_> = written.iter().enumerate().map(entry).collect();
+                device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+            })
+            .collect();
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &layouts.iter().map(Some).collect::<Vec<_>>(),
+            immediate_size: IMMEDIATE_BYTES,
+        });
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("roost"),
+            source: wgpu::ShaderSource::Wgsl(source.text("").into()),
+        });
+        let kernels = ["grid", "lists", "step"].map(|name| {
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(name),
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some(name),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    zero_initialize_workgroup_memory: false,
+                    ..wgpu::PipelineCompilationOptions::default()
+                },
+                cache: None,
+            })
+        });
+        Self { layouts, kernels }
+    }
+
+    /// Binds buffers as one of the groups.
+    pub(super) fn bind(&self, device: &Device, group: usize, buffers: &[&Buffer]) -> BindGroup {
+        let entries = buffers.iter().enumerate().map(|(binding, buffer)| wgpu::BindGroupEntry {
+            binding: binding as u32,
+            resource: buffer.as_entire_binding(),
+        });
+        device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &self.layouts[group],
+            entries: &entries.collect::<Vec<_>>(),
+        })
+    }
+
+    /// Runs a kernel once for every sub-particle, on groups of buffers that are bound.
+    pub(super) fn run(&self, pass: &mut ComputePass<'_>, kernel: Kernel, now: &Now) {
+        let groups = now.count.div_ceil(GROUP).max(1);
+        let (x, y) = (groups.min(ROW), groups.div_ceil(ROW));
+        pass.set_pipeline(&self.kernels[kernel as usize]);
+        pass.set_immediates(0, bytemuck::bytes_of(now));
+        pass.dispatch_workgroups(x, y, 1);
+    }
+}

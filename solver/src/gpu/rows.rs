@@ -1,0 +1,117 @@
+//! Neighbour lists in main memory, where rows are renumbered, lengthened and looked at: the host's side of
+//! `kernels/lists.wgsl`.
+
+use super::layout::{Count, Pair, TOUCHING, WallPair};
+use crate::engine::scene::Scene;
+
+/// Slots of a row of neighbours at first.
+const PAIR_SLOTS: u32 = 12;
+/// Slots of a row of facets at first.
+const WALL_SLOTS: u32 = 4;
+
+/// How long rows may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Slots {
+    pub(super) pairs: u32,
+    pub(super) walls: u32,
+}
+
+impl Slots {
+    /// As long as either asks for.
+    pub(super) fn max(self, other: Self) -> Self {
+        Self { pairs: self.pairs.max(other.pairs), walls: self.walls.max(other.walls) }
+    }
+
+    /// Room for rows of that many, with some to spare.
+    pub(super) fn holding(pairs: u32, walls: u32) -> Self {
+        Self { pairs: (pairs + 2).next_multiple_of(4), walls: (walls + 1).next_multiple_of(4) }
+    }
+}
+
+impl Default for Slots {
+    fn default() -> Self {
+        Self { pairs: PAIR_SLOTS, walls: WALL_SLOTS }
+    }
+}
+
+/// The rows of all sub-particles of a run, each with the same number of slots.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Rows {
+    pub(super) slots: Slots,
+    pub(super) counts: Vec<Count>,
+    pub(super) pairs: Vec<Pair>,
+    pub(super) walls: Vec<WallPair>,
+}
+
+impl Rows {
+    /// Rows that hold the bonds of a scene and nothing else yet.
+    pub(super) fn new(scene: &Scene, count: usize) -> Self {
+        let mut rows: Vec<Vec<Pair>> = vec![Vec::new(); count];
+        let mut base = 0;
+        for body in &scene.bodies {
+            let meta = &scene.kinds[body.kind].meta;
+            for bond in &meta.bonds {
+                let (i, j) = (base + bond.i, base + bond.j);
+                let pair = |other| Pair { other, state: bond.class, ..Pair::default() };
+                rows[i as usize].push(pair(j));
+                rows[j as usize].push(pair(i));
+            }
+            base += meta.points.len() as u32;
+        }
+        rows.iter_mut().for_each(|row| row.sort_unstable_by_key(|pair| pair.other));
+        let longest = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
+        let slots = Slots::default().max(Slots::holding(longest, 0));
+        Self::of(slots, rows.iter().map(|row| (row.as_slice(), [].as_slice())))
+    }
+
+    fn of<'a>(slots: Slots, rows: impl Iterator<Item = (&'a [Pair], &'a [WallPair])>) -> Self {
+        let mut new = Self { slots, counts: Vec::new(), pairs: Vec::new(), walls: Vec::new() };
+        for (pairs, walls) in rows {
+            new.counts.push(Count { pairs: pairs.len() as u32, walls: walls.len() as u32 });
+            let at = new.counts.len();
+            new.pairs.extend_from_slice(pairs);
+            new.pairs.resize(at * slots.pairs as usize, Pair::default());
+            new.walls.extend_from_slice(walls);
+            new.walls.resize(at * slots.walls as usize, WallPair::default());
+        }
+        new
+    }
+
+    /// The neighbours of a sub-particle.
+    pub(super) fn pairs(&self, i: usize) -> &[Pair] {
+        let from = i * self.slots.pairs as usize;
+        &self.pairs[from..from + self.counts[i].pairs as usize]
+    }
+
+    /// The facets near a sub-particle.
+    pub(super) fn walls(&self, i: usize) -> &[WallPair] {
+        let from = i * self.slots.walls as usize;
+        &self.walls[from..from + self.counts[i].walls as usize]
+    }
+
+    /// The same rows with other numbers of slots, which must hold them.
+    pub(super) fn with(&self, slots: Slots) -> Self {
+        Self::of(slots, (0..self.counts.len()).map(|i| (self.pairs(i), self.walls(i))))
+    }
+
+    /// Renumbers after bodies were taken out: `map` holds the new index of each sub-particle, or `u32::MAX`.
+    pub(super) fn remove(&self, map: &[u32]) -> Self {
+        let renumber = |pair: &Pair| {
+            let other = map[pair.other as usize];
+            (other != u32::MAX).then_some(Pair { other, ..*pair })
+        };
+        let kept = (0..map.len()).filter(|&i| map[i] != u32::MAX);
+        let rows: Vec<(Vec<Pair>, &[WallPair])> =
+            kept.map(|i| (self.pairs(i).iter().filter_map(renumber).collect(), self.walls(i))).collect();
+        Self::of(self.slots, rows.iter().map(|(pairs, walls)| (pairs.as_slice(), *walls)))
+    }
+
+    /// The bonds that hold, as pairs of indices, the lower one first, ascending.
+    pub(super) fn bonds(&self) -> impl Iterator<Item = [usize; 2]> {
+        let row = |i: usize| self.pairs(i).iter().map(move |pair| (i, pair));
+        (0..self.counts.len())
+            .flat_map(row)
+            .filter(|(i, pair)| pair.state & !TOUCHING != 0 && *i < pair.other as usize)
+            .map(|(i, pair)| [i, pair.other as usize])
+    }
+}

@@ -1,0 +1,218 @@
+//! One run: its buffers on the device, what of it is kept in main memory, and how observers look at it.
+
+use glam::{DVec3, IVec3, UVec3, Vec3};
+
+use super::device::Device;
+use super::layout::{Own, Particle, Pose, Scene};
+use super::rows::Rows;
+use super::store::{Extent, Part, Store};
+use super::surfaces::{Geometry, poses};
+use crate::cpu::SKIN_RATIO;
+use crate::cpu::walls::Walls;
+use crate::engine::scene;
+use crate::engine::state::State;
+
+/// Steps between two rebuilds of the lists at first.
+const FIRST_INTERVAL: u32 = 8;
+
+/// A run on the device.
+#[derive(Debug)]
+pub struct GpuRun {
+    pub(super) store: Store,
+    /// Its parameters; where it begins in the buffers of a batch is written in there.
+    pub(super) scene: Scene,
+    /// Steps between two rebuilds of its lists that seem right.
+    pub(super) interval: u32,
+    pub(super) fault: Option<String>,
+    pub(super) step: u64,
+    pub(super) start_step: Option<u64>,
+    pub(super) speed_limit: f32,
+    pub(super) bonds_broken: u64,
+    walls: Walls,
+    dt: f64,
+    state: State,
+    /// Whether `state` is that of the device.
+    is_read: bool,
+}
+
+impl GpuRun {
+    pub(super) fn new(device: &Device, scene: &scene::Scene) -> Self {
+        let state = State::new(scene);
+        let walls = Walls::new(scene, &state.frame);
+        let (geometry, rows) = (Geometry::new(&walls), Rows::new(scene, state.particles.len()));
+        let own = shared_scene(scene, &state);
+        let extent = Extent {
+            scenes: 1,
+            particles: state.particles.len() as u32,
+            surfaces: geometry.surfaces.len() as u32,
+            facets: geometry.facets.len() as u32,
+            corners: geometry.corners.len() as u32,
+            nodes: geometry.nodes.len() as u32,
+            leaves: geometry.leaves.len() as u32,
+            cells: (UVec3::from(own.mask) + 1).element_product(),
+            poses: 0,
+        };
+        let run = Self {
+            store: Store::new(device, extent, &geometry, &rows),
+            scene: own,
+            interval: FIRST_INTERVAL,
+            fault: None,
+            step: 0,
+            start_step: None,
+            speed_limit: scene.speed_limit_m_s as f32,
+            bonds_broken: 0,
+            walls,
+            dt: scene.timestep_s,
+            state,
+            is_read: true,
+        };
+        run.write_state(device);
+        run
+    }
+
+    fn write_state(&self, device: &Device) {
+        let state = &self.state;
+        let particles = state.particles.iter().zip(&state.masses).zip(&state.held);
+        let particles: Vec<Particle> = particles
+            .map(|((particle, &mass), &held)| Particle {
+                position: particle.position.to_array(),
+                held: u32::from(held),
+                velocity: particle.velocity.to_array(),
+                mass,
+                spin: particle.spin.to_array(),
+                room: 0,
+            })
+            .collect();
+        let own = state.remainders.iter().zip(&state.broken);
+        let own: Vec<Own> =
+            own.map(|(remainder, &broken)| Own { remainder: remainder.to_array(), broken }).collect();
+        self.store.write(device, Part::Particles, &particles);
+        self.store.write(device, Part::Own, &own);
+    }
+
+    /// The state, read back if it is not known yet.
+    pub(super) fn state(&mut self, device: &Device) -> &State {
+        if !self.is_read {
+            let particles: Vec<Particle> = self.store.read(device, Part::Particles);
+            let own: Vec<Own> = self.store.read(device, Part::Own);
+            for (to, from) in self.state.particles.iter_mut().zip(&particles) {
+                to.position = IVec3::from(from.position);
+                to.velocity = Vec3::from(from.velocity);
+                to.spin = Vec3::from(from.spin);
+            }
+            for (k, own) in own.iter().enumerate() {
+                self.state.remainders[k] = Vec3::from(own.remainder);
+                self.state.broken[k] = own.broken;
+            }
+            self.state.bonds_broken = self.bonds_broken;
+            self.is_read = true;
+        }
+        &self.state
+    }
+
+    /// The device has moved on.
+    pub(super) fn moved_on(&mut self, steps: u64) {
+        self.is_read = false;
+        self.step += steps;
+    }
+
+    /// Force on each surface in the last step, added up as the plain path does.
+    pub(super) fn surface_forces(&self, device: &Device) -> Vec<DVec3> {
+        let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
+        if self.step > 0 && !forces.is_empty() {
+            let rows = self.store.read_rows(device);
+            for wall in (0..rows.counts.len()).flat_map(|i| rows.walls(i)) {
+                forces[self.walls.surface_of(wall.facet)] -= Vec3::from(wall.force).as_dvec3();
+            }
+        }
+        forces
+    }
+
+    pub(super) fn bonds(&self, device: &Device) -> Vec<[u32; 2]> {
+        let rows = self.store.read_rows(device);
+        rows.bonds().map(|[i, j]| [self.state.serials[i], self.state.serials[j]]).collect()
+    }
+
+    pub(super) fn start(&mut self, device: &Device) {
+        self.start_step = Some(self.step);
+        self.walls.drop_what_goes_at_start();
+        self.store.write_geometry(device, &Geometry::new(&self.walls));
+    }
+
+    pub(super) fn remove(&mut self, device: &Device, serials: &[u32]) {
+        self.state(device);
+        let rows = self.store.read_rows(device);
+        let map = self.state.remove(serials);
+        self.store.write_rows(device, &rows.remove(&map));
+        self.write_state(device);
+    }
+
+    /// Where its surfaces are in each of the next steps; once for all while nothing moves.
+    pub(super) fn poses(&mut self, steps: u64) -> Vec<Pose> {
+        let count = if self.moves() { steps } else { 1 };
+        let mut all = Vec::new();
+        for step in self.step..self.step + count {
+            let belt_time = self.start_step.map(|start| (step - start) as f64 * self.dt);
+            self.walls.pose(belt_time, &self.state.frame);
+            all.extend(poses(&self.walls));
+        }
+        all
+    }
+
+    /// Whether any of its surfaces moves.
+    pub(super) fn moves(&self) -> bool {
+        self.start_step.is_some() && self.walls.fastest() > 0.0
+    }
+
+    /// Steps after which a surface may have moved half the skin.
+    pub(super) fn longest_interval(&self) -> u32 {
+        if !self.moves() {
+            return u32::MAX;
+        }
+        // One more, since lists are built for where surfaces are in the first step; and one less for rounding.
+        (f64::from(self.scene.half_skin) / (self.walls.fastest() * self.dt)) as u32
+    }
+}
+
+/// What the kernels need to know of a scene.
+fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
+    let (radius, laws, frame) = (scene.radius_m as f32, &scene.laws, &state.frame);
+    let (skin, limit) = (SKIN_RATIO * radius, scene.speed_limit_m_s as f32);
+    let reach = 2.0 * radius + laws.reach() + skin;
+    let cell = (reach / frame.unit_m).ceil() as u32 + 1;
+    Scene {
+        gravity: scene.gravity.as_vec3().to_array(),
+        dt: scene.timestep_s as f32,
+        mask: mask(scene, state, cell).to_array(),
+        radius,
+        unit_m: frame.unit_m,
+        inverse_unit: 1.0 / frame.unit_m,
+        spin_factor: 2.5 / (radius * radius),
+        limit2: limit * limit,
+        tissue_reach: laws.tissue.reach(),
+        reach,
+        wall_reach: radius + laws.reach() + skin,
+        half_skin: skin / 2.0,
+        period_y: frame.period_y,
+        cell,
+        contact_between_bonded: u32::from(laws.contact_between_bonded),
+        bond: (&laws.bond).into(),
+        tissue: (&laws.tissue).into(),
+        ..Scene::default()
+    }
+}
+
+/// Cells of the grid in each direction, less one: as many as the domain takes, unless they would be many more than the
+/// sub-particles.
+fn mask(scene: &scene::Scene, state: &State, cell: u32) -> UVec3 {
+    let edge = f64::from(cell) * f64::from(state.frame.unit_m);
+    let most = 4 * state.particles.len().next_power_of_two().max(1024) as u32;
+    let wanted = ((scene.high - scene.low) / edge).as_uvec3().clamp(UVec3::splat(3), UVec3::splat(1 << 20));
+    let mut cells = UVec3::from(wanted.to_array().map(|count| (count + 1).next_power_of_two()));
+    let product = |cells: UVec3| cells.to_array().map(u64::from).iter().product::<u64>();
+    while product(cells) > u64::from(most) {
+        let axis = cells.max_position();
+        cells[axis] /= 2;
+    }
+    cells - 1
+}

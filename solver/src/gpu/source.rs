@@ -1,0 +1,79 @@
+//! The WGSL of the kernels, put together from its files: types and constants from Rust, physics, stages.
+
+use crate::cpu::walls::{AT_THE_EDGE, SAME, SAME_WAY};
+use crate::gpu::layout;
+use crate::physics::bond::{Form, STRETCH_CLAMP};
+use crate::physics::jkr::{CURVATURE, D_SNAP, X_SNAP};
+
+/// A file of functions without state.
+macro_rules! files {
+    ($($name:literal),* $(,)?) => { [$(($name, include_str!(concat!("kernels/", $name, ".wgsl")))),*] };
+}
+
+/// The terms: functions of numbers, each the twin of a file of Rust.
+const TERMS: [(&str, &str); 9] =
+    files!["vector", "frame", "damping", "hertz", "jkr", "friction", "contact", "bond", "integrate"];
+
+/// The stages, which bind buffers.
+const STAGES: [(&str, &str); 6] = files!["bindings", "grid", "lists", "walls", "forces", "step"];
+
+/// The source of the kernels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    files: Vec<(&'static str, String)>,
+}
+
+impl Source {
+    /// All of it.
+    pub fn kernels() -> Self {
+        let mut source = Self::terms();
+        source.files.extend(STAGES.map(|(name, text)| (name, text.to_owned())));
+        source
+    }
+
+    /// The terms alone, with the types that they know.
+    pub fn terms() -> Self {
+        let nearest = include_str!("kernels/nearest.wgsl");
+        let mut files = vec![("layout", layout::declarations()), ("constants", constants())];
+        files.extend(TERMS.map(|(name, text)| (name, text.to_owned())));
+        files.push(("nearest", ["f32", "f64"].map(|real| nearest.replace("REAL", real)).concat()));
+        Self { files }
+    }
+
+    /// The same with another text in one of its files: for tests that must fail. `from` must stand there.
+    pub fn with(mut self, name: &str, from: &str, to: &str) -> Self {
+        let (_, text) = self.files.iter_mut().find(|file| file.0 == name).expect("a file of that name");
+        assert!(text.contains(from), "{name} does not say {from}");
+        *text = text.replacen(from, to, 1);
+        self
+    }
+
+    /// The whole text, and more behind it.
+    pub fn text(&self, more: &str) -> String {
+        self.files.iter().map(|(_, text)| text.as_str()).chain([more]).collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// Constants that Rust has.
+fn constants() -> String {
+    let floats = [
+        ("D_SNAP", D_SNAP),
+        ("X_SNAP", X_SNAP),
+        ("CURVATURE", CURVATURE),
+        ("STRETCH_CLAMP", STRETCH_CLAMP),
+        ("SAME", SAME),
+        ("AT_THE_EDGE", AT_THE_EDGE),
+        ("SAME_WAY", SAME_WAY),
+    ];
+    let numbers = [
+        ("COROTATED", layout::form(Form::Corotated)),
+        ("AS_PUBLISHED", layout::form(Form::AsPublished)),
+        ("FINITE_EXTENSION", layout::form(Form::FiniteExtension)),
+        ("TOUCHING", layout::TOUCHING),
+        ("NONE", layout::NONE),
+        ("GROUP", super::pipelines::GROUP),
+    ];
+    let floats = floats.map(|(name, value)| format!("const {name}: f32 = {value:?}f;\n"));
+    let numbers = numbers.map(|(name, value)| format!("const {name}: u32 = {value}u;\n"));
+    floats.concat() + &numbers.concat()
+}
