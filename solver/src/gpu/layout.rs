@@ -166,8 +166,8 @@ shared! {
         first_node: u32,
         /// Its first place in the order of trees' leaves.
         first_leaf: u32,
-        /// Room.
-        room: u32,
+        /// 0: see `kernels/vector.wgsl`.
+        nothing: u32,
         /// Law of bonds.
         bond: Bonds,
         /// Law of contacts between sub-particles.

@@ -33,6 +33,7 @@ fn step(
     let run = scene_of[i];
     let scene = scenes[run];
     var me = particles[i];
+    nothing = scene.nothing;
     // A run that has ended, or diverged in a step before this one, stands still.
     if now.step >= scene.steps || atomicLoad(&reports[run].fault_step) < now.step {
         moved[i] = me;
