@@ -3,6 +3,11 @@
 # Debian packages beside the Rust toolchain, as `command:package`: what is missing is installed.
 NEEDS := cc:gcc curl:curl
 
+# Lavapipe, a Vulkan driver that computes on the CPU, for the tests of the GPU backend: it is no command but a file.
+ifeq ($(wildcard /usr/share/vulkan/icd.d/lvp_icd*),)
+NEEDS += lavapipe:mesa-vulkan-drivers
+endif
+
 .PHONY: demo test check needs
 
 # Server, worker and a real sweep on this machine; ends with a table and a plot.

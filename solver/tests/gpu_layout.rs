@@ -13,8 +13,10 @@ fn types_lie_alike_in_rust_and_in_wgsl() {
         let (_, ty) = module.types.iter().find(of_name).unwrap_or_else(|| panic!("{name} in the kernels"));
         let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is a struct") };
         assert_eq!(*span as usize, size, "size of {name}");
-        let found: Vec<(&str, usize)> =
-            members.iter().map(|member| (member.name.as_deref().unwrap_or(""), member.offset as usize)).collect();
+        let found: Vec<(&str, usize)> = members
+            .iter()
+            .map(|member| (member.name.as_deref().unwrap_or(""), member.offset as usize))
+            .collect();
         assert_eq!(found, fields, "fields of {name}");
     }
 }

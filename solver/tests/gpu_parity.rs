@@ -1,20 +1,31 @@
 //! Whole scenes on the GPU are bit-equal to the plain path.
 
 mod common;
+#[path = "common/cut.rs"]
+mod cut;
 #[path = "common/parity.rs"]
 mod parity;
+#[path = "common/stl.rs"]
+mod stl;
 
-use common::{at, bonds, block, law, plate, prepare, scene};
+use std::f64::consts::TAU;
+
+use common::{at, block, bonds, law, plate, prepare, scene};
+use cut::{cap, cut_plate, pipe, surface, tilt, tilted_plate};
 use glam::{DQuat, DVec3};
 use parity::{Both, difference};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
-use roost_solver::engine::scene::Scene;
-use roost_solver::equipment::{Motion, SurfaceKind};
+use roost_solver::engine::scene::{Placement, Scene};
+use roost_solver::equipment::{Motion, Surface, SurfaceKind};
+use roost_solver::experiments::simulate;
 use roost_solver::gpu::Gpu;
 use roost_solver::gpu::source::Source;
+use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::{BondLaw, Form};
+use roost_solver::result::RunResult;
 use roost_solver::scenario::{self, Scenario};
+use roost_solver::{Flow, Progress};
 use serde_json::json;
 
 fn gpu() -> Option<Gpu> {
@@ -33,6 +44,7 @@ fn blocks() -> Scene {
     scene.gravity = DVec3::NEG_Z * common::G;
     scene.laws.tissue = law(false, 0.1, 0.3, 0.055);
     scene.laws.equipment = law(true, 0.1, 0.5, 0.055);
+    scene.laws.belt = law(true, 0.1, 0.3, 0.0);
     scene.laws.contact_between_bonded = true;
     scene
 }
@@ -91,7 +103,8 @@ fn what_is_held_and_what_moves_is_alike() {
     scene.held = (0..8).collect();
     scene.bodies[1].orientation = DQuat::from_rotation_x(0.4) * DQuat::from_rotation_y(0.7);
     let pivot = DVec3::new(0.0, 0.0, -0.002);
-    let lifts = Motion::Moving { velocity: DVec3::new(0.05, 0.0, 0.1), pivot, spin: DVec3::new(0.3, 1.5, -0.2) };
+    let lifts =
+        Motion::Moving { velocity: DVec3::new(0.05, 0.0, 0.1), pivot, spin: DVec3::new(0.3, 1.5, -0.2) };
     scene.surfaces = vec![
         plate(SurfaceKind::Equipment).moving(lifts),
         plate(SurfaceKind::Belt).moving(Motion::Belt { velocity: DVec3::X * 0.25 }),
@@ -146,7 +159,7 @@ fn what_diverges_stops_at_the_same_step_for_the_same_reason() {
     let mut fast = blocks();
     fast.speed_limit_m_s = 2.01;
     let mut stiff = blocks();
-    stiff.laws.bond = BondLaw { form: Form::AsPublished, k_n: 5e4, k_t: 5e2, ..bonds() };
+    stiff.timestep_s = 3e-3;
     for scene in [fast, stiff] {
         let mut both = Both::new(&gpu, &scene);
         let [plain, other] = both.advance(3000);
@@ -154,5 +167,174 @@ fn what_diverges_stops_at_the_same_step_for_the_same_reason() {
         assert!(plain.fault.is_some() && plain.steps < 3000, "{plain:?}");
         both.assert_same();
         assert_eq!(both.advance(10)[1].steps, 0);
+    }
+}
+
+/// Blocks and single spheres that fall onto a surface, turning it after a while.
+fn onto(surface: Surface, place: impl Fn(DVec3) -> DVec3) -> Scene {
+    let mut scene = blocks();
+    scene.kinds.push(block([1, 1, 1]));
+    for (k, body) in scene.bodies.iter_mut().enumerate() {
+        body.position = place(DVec3::new(0.04 * k as f64 - 0.04, 0.01, 0.022));
+        body.orientation = DQuat::from_rotation_y(0.3 * k as f64);
+    }
+    for k in 0..20 {
+        let x = DVec3::new(0.009 * f64::from(k % 5) - 0.017, 0.009 * f64::from(k / 5) - 0.03, 0.05);
+        scene.bodies.push(Placement { kind: 1, ..at(place(x), DVec3::NEG_Z) });
+    }
+    scene.laws.equipment = law(true, 0.3, 0.5, 0.055);
+    scene.surfaces = vec![surface];
+    scene
+}
+
+#[test]
+fn surfaces_of_many_facets_are_felt_alike() {
+    let Some(gpu) = gpu() else { return };
+    let (turn, away) = tilt();
+    let turning =
+        |pivot| Motion::Moving { velocity: DVec3::Z * 0.02, pivot, spin: DVec3::new(0.4, 2.0, 0.1) };
+    let flat = |x: DVec3| x;
+    let scenes = [
+        // One facet of a thousand triangles, slivers among them; facets that are nearly one.
+        onto(surface(cut_plate()), flat),
+        onto(surface(tilted_plate()), |x| turn * x + away),
+        // Above a dome, and within a pipe of facets narrower than a sub-particle, which turn.
+        onto(surface(cap(0.1, 16)).moving(turning(DVec3::ZERO)), |x| x + DVec3::Z * 0.1),
+        onto(surface(pipe(0.09, 120, 0.0, TAU / 120.0)).moving(turning(DVec3::X * 0.01)), |x| {
+            x * 0.5 - DVec3::Z * 0.07
+        }),
+    ];
+    for scene in scenes {
+        let mut both = Both::new(&gpu, &scene);
+        both.stay_the_same(200, 50);
+        both.plain.start(&mut both.plain_run);
+        both.gpu.start(&mut both.gpu_run);
+        both.stay_the_same(400, 50);
+        let felt = both.gpu.surface_forces(&mut both.gpu_run)[0].length();
+        let wall_slots = both.gpu_run.wall_slots();
+        println!("{felt:.3} N, {wall_slots} facets");
+        assert!(felt > 0.1, "nothing lies on it: {felt} N");
+    }
+}
+
+#[test]
+fn a_periodic_domain_is_alike() {
+    let Some(gpu) = gpu() else { return };
+    // The blocks touch their own images across the seam; the second period is two cells of the grid wide.
+    for period in [0.034, 0.0311] {
+        let mut scene = blocks();
+        scene.bodies.iter_mut().for_each(|body| body.position.y += 0.014);
+        (scene.low.y, scene.high.y, scene.periodic_y) = (-period / 2.0, period / 2.0, true);
+        Both::new(&gpu, &scene).stay_the_same(1000, 100);
+    }
+}
+
+#[test]
+fn lists_that_no_longer_hold_are_built_anew_in_time() {
+    let Some(gpu) = gpu() else { return };
+    // At 8 m/s half the skin is crossed in two steps, and what falls is slow at first and fast in the end.
+    let mut scene = blocks();
+    scene.bodies.push(at(DVec3::new(-0.05, 0.0, 0.3), DVec3::new(1.0, 0.0, -8.0)));
+    Both::new(&gpu, &scene).stay_the_same(1500, 500);
+}
+
+/// Small runs of every experiment.
+fn experiments() -> Vec<Scenario> {
+    let numerics = json!({"timestep_s": "auto", "duration_s": 0.1});
+    let documents = [
+        json!({"experiment": "drop", "product": {"count": 2, "subparticle_radius_m": 0.009}, "numerics": numerics}),
+        json!({
+            "experiment": "scene", "product": {"subparticle_radius_m": 0.009}, "numerics": numerics,
+            "scene": {
+                "bodies": [{"position_m": [0, 0, 0.03]}, {"shape": 3, "position_m": [0.05, 0.02, 0.09]}],
+                "surfaces": [{"name": "plate", "plate_m": [[-0.5, -0.5, 0], [1, 0, 0], [0, 1, 0]]}],
+            },
+        }),
+        json!({
+            "experiment": "compress", "compress": {"lattice": [4, 4, 3], "strain_rate_1_s": 0.5},
+            "numerics": {"timestep_s": "auto", "output_interval_s": 0.005},
+        }),
+        json!({
+            "experiment": "slide", "product": {"subparticle_radius_m": 0.01}, "numerics": {"timestep_s": "auto"},
+            "slide": {"tilt_rate_deg_s": 30.0, "max_tilt_deg": 15.0},
+        }),
+        json!({
+            "experiment": "bend", "product": {"subparticle_radius_m": 0.01}, "bend": {"support": "clamped"},
+            "numerics": numerics,
+        }),
+        json!({
+            "experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.01},
+            "equipment": {"hopper_width_m": 0.12, "hopper_length_m": 0.2, "side_walls": "periodic"},
+            "numerics": {"timestep_s": "auto", "duration_s": 0.3, "rest_speed_m_s": 0.1},
+        }),
+    ];
+    documents.iter().map(|document| scenario::from_value(document).expect("a sound scenario")).collect()
+}
+
+#[test]
+fn every_experiment_has_the_result_of_the_plain_path() {
+    let Some(gpu) = gpu() else { return };
+    for scenario in experiments() {
+        let mut keep_on = |_: &Progress| Flow::Continue;
+        let plain = simulate(&scenario, &Meshes::default(), &Cpu::plain(1), &mut keep_on);
+        let other = simulate(&scenario, &Meshes::default(), &gpu, &mut keep_on);
+        let name = json!(scenario)["experiment"].to_string();
+        // `==` on floats would take -0 for 0; the text has every digit and the sign.
+        let text = |result: &RunResult| json!([result.responses, result.series, result.curves]).to_string();
+        assert_eq!(text(&plain), text(&other), "{name}");
+        assert_eq!((plain.end_reason, plain.instability), (other.end_reason, other.instability), "{name}");
+        assert_eq!(plain.performance.steps, other.performance.steps);
+        assert_eq!(other.solver.backend, "gpu");
+        assert!(plain.performance.steps > 100, "{name}: {} steps", plain.performance.steps);
+        println!("{name}: {} steps, {:?}", plain.performance.steps, plain.end_reason);
+    }
+}
+
+#[test]
+fn an_error_in_any_stage_is_found_in_a_whole_scene() {
+    let Some(device) = parity::device() else { return };
+    // File, what stands there, what is planted.
+    let planted = [
+        ("grid", "vec3(0x80000000u)) / scene.cell", "vec3(0x80000000u)) / (scene.cell / 2u)"),
+        ("lists", "<= scene.reach * scene.reach", "<= 0.7 * scene.reach * scene.reach"),
+        ("lists", "new_pairs[base + k] = pairs[at];", "new_pairs[base + k].state = pairs[at].state;"),
+        ("lists", "atomicMax(&reports[run].walls, wall_count);", ""),
+        ("forces", "me.mass * other.mass / (me.mass + other.mass)", "me.mass * 0.500001"),
+        ("forces", "select(0u, 1u, i < j)", "1u"),
+        ("walls", "return k;", "return NONE;"),
+        ("walls", "pose.velocity + cross3", "cross3"),
+        ("step", "if me.held == 0u {", "if true {"),
+        ("step", "atomicOr(&reports[run].stale, 1u);", ""),
+        ("step", "own[i].remainder = remainder;", ""),
+    ];
+    let mut scene = onto(surface(pipe(0.05, 300, 0.0, TAU / 300.0)), |x| x * 0.5 - DVec3::Z * 0.03);
+    scene.surfaces.push(
+        Surface::parallelogram(
+            "belt",
+            SurfaceKind::Belt,
+            DVec3::new(-0.1, -0.1, -0.03),
+            DVec3::X * 0.2,
+            DVec3::Y * 0.2,
+        )
+        .moving(Motion::Belt { velocity: DVec3::X }),
+    );
+    scene.bodies.push(at(DVec3::new(0.0, 0.01, 0.02), DVec3::NEG_Z * 8.0));
+    scene.held = (0..8).collect();
+    scene.laws.belt = law(true, 0.3, 0.5, 0.0);
+    scene.laws.bond = BondLaw { normal_strength: 0.05, ..bonds() };
+    let stays = |source: &Source| {
+        let gpu = Gpu::with(device.clone(), source);
+        let mut both = Both::new(&gpu, &scene);
+        both.plain.start(&mut both.plain_run);
+        both.gpu.start(&mut both.gpu_run);
+        (0..8).all(|_| {
+            let [plain, other] = both.advance(100);
+            plain == other
+                && difference(both.plain.state(&mut both.plain_run), gpu.state(&mut both.gpu_run)).is_none()
+        })
+    };
+    assert!(stays(&Source::kernels()), "without an error");
+    for (file, text, error) in planted {
+        assert!(!stays(&Source::kernels().with(file, text, error)), "{file}: `{error}` was not found");
     }
 }

@@ -50,7 +50,8 @@ impl Arena {
     pub(super) fn new(device: &Device, pipelines: &Pipelines, room: Extent, slots: Slots) -> Self {
         let make = |label: &str, count: u64, each: usize| buffer(device, label, count * each as u64);
         let particles = u64::from(room.particles);
-        let parts = Part::ALL.map(|part| buffer(device, &format!("{part:?} of all"), room.bytes(part, slots)));
+        let parts =
+            Part::ALL.map(|part| buffer(device, &format!("{part:?} of all"), room.bytes(part, slots)));
         let moved = make("moved", particles, size_of::<Particle>());
         let new_counts = make("new counts", particles, size_of::<Count>());
         let new_pairs = make("new pairs", particles * u64::from(slots.pairs), size_of::<Pair>());

@@ -57,7 +57,10 @@ impl Pipelines {
                     count: None,
                 };
                 let entries: Vec<_> = written.iter().enumerate().map(entry).collect();
-                device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+                device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                    label: None,
+                    entries: &entries,
+                })
             })
             .collect();
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {

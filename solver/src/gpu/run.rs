@@ -3,7 +3,7 @@
 use glam::{DVec3, IVec3, UVec3, Vec3};
 
 use super::device::Device;
-use super::layout::{Own, Particle, Pose, Scene};
+use super::layout::{Count, Own, Particle, Pose, Scene, WallPair};
 use super::rows::Rows;
 use super::store::{Extent, Part, Store};
 use super::surfaces::{Geometry, poses};
@@ -110,6 +110,11 @@ impl GpuRun {
         &self.state
     }
 
+    /// Facets that a row of its lists has room for: rows become longer when a sub-particle meets more.
+    pub fn wall_slots(&self) -> u32 {
+        self.store.slots.walls
+    }
+
     /// The device has moved on.
     pub(super) fn moved_on(&mut self, steps: u64) {
         self.is_read = false;
@@ -120,9 +125,12 @@ impl GpuRun {
     pub(super) fn surface_forces(&self, device: &Device) -> Vec<DVec3> {
         let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
         if self.step > 0 && !forces.is_empty() {
-            let rows = self.store.read_rows(device);
-            for wall in (0..rows.counts.len()).flat_map(|i| rows.walls(i)) {
-                forces[self.walls.surface_of(wall.facet)] -= Vec3::from(wall.force).as_dvec3();
+            let counts: Vec<Count> = self.store.read(device, Part::Counts);
+            let walls: Vec<WallPair> = self.store.read(device, Part::Walls);
+            for (row, count) in walls.chunks(self.store.slots.walls as usize).zip(&counts) {
+                for wall in &row[..count.walls as usize] {
+                    forces[self.walls.surface_of(wall.facet)] -= Vec3::from(wall.force).as_dvec3();
+                }
             }
         }
         forces

@@ -39,7 +39,8 @@ impl Part {
     ];
 
     /// Those that steps change.
-    pub(super) const CHANGING: [Self; 5] = [Self::Particles, Self::Own, Self::Counts, Self::Pairs, Self::Walls];
+    pub(super) const CHANGING: [Self; 5] =
+        [Self::Particles, Self::Own, Self::Counts, Self::Pairs, Self::Walls];
 }
 
 /// How much there is of everything: in a run, or in all of a batch.

@@ -8,14 +8,17 @@ use roost_solver::engine::state::State;
 use roost_solver::engine::{Advance, Backend};
 use roost_solver::gpu::{Device, Gpu, GpuOptions, GpuRun};
 
-/// Opens an adapter, software or not. Tests without one fail, unless ROOST_SKIP_GPU says that they may be left out.
+/// Opens Mesa's software adapter, which rounds every operation by itself, or the one that ROOST_GPU names. Tests without
+/// one fail, unless ROOST_SKIP_GPU says that they may be left out.
 pub fn device() -> Option<Device> {
     if std::env::var_os("ROOST_SKIP_GPU").is_some() {
         eprintln!("left out: ROOST_SKIP_GPU is set");
         return None;
     }
-    let options = GpuOptions { device: std::env::var("ROOST_GPU").ok(), allow_software: true };
-    let fix = "`make needs` installs a software one; ROOST_SKIP_GPU=1 leaves these tests out";
+    let name = std::env::var("ROOST_GPU").unwrap_or_else(|_| "llvmpipe".to_owned());
+    let options = GpuOptions { device: Some(name), allow_software: true };
+    let fix =
+        "`make needs` installs Mesa's; ROOST_GPU names another; ROOST_SKIP_GPU=1 leaves these tests out";
     Some(Device::open(&options).unwrap_or_else(|error| panic!("{error}: {fix}")))
 }
 
@@ -51,15 +54,17 @@ pub fn difference(plain: &State, other: &State) -> Option<Difference> {
         format!("{:?} {:?}", p[i].velocity, q[i].velocity)
     })
     .or_else(|| {
-        differ("spin", &|i| bits(p[i].spin) != bits(q[i].spin), &|i| format!("{:?} {:?}", p[i].spin, q[i].spin))
+        differ("spin", &|i| bits(p[i].spin) != bits(q[i].spin), &|i| {
+            format!("{:?} {:?}", p[i].spin, q[i].spin)
+        })
     })
     .or_else(|| {
         let places: [&dyn Fn(usize) -> IVec3; 2] = [&|i| p[i].position, &|i| q[i].position];
-        differ("position", &|i| places[0](i) != places[1](i), &|i| format!("{} {}", places[0](i), places[1](i)))
+        differ("position", &|i| places[0](i) != places[1](i), &|i| {
+            format!("{} {}", places[0](i), places[1](i))
+        })
     })
-    .or_else(|| {
-        differ("remainder", &|i| bits(r[i]) != bits(s[i]), &|i| format!("{:?} {:?}", r[i], s[i]))
-    })
+    .or_else(|| differ("remainder", &|i| bits(r[i]) != bits(s[i]), &|i| format!("{:?} {:?}", r[i], s[i])))
     .or_else(|| {
         let (b, c) = (&plain.broken, &other.broken);
         differ("broken bonds", &|i| b[i] != c[i], &|i| format!("{} {}", b[i], c[i]))
