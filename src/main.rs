@@ -6,6 +6,7 @@ mod completions;
 mod copies;
 mod delete;
 mod demo;
+mod device;
 mod drain;
 mod effects;
 mod exit;

@@ -7,10 +7,11 @@ use roost_api::job::AttemptOutcome;
 use roost_api::{Phase, Progress, RunResult};
 use roost_solver::{Limits, scenario};
 use roost_worker::meshes::MeshSource;
-use roost_worker::runner::{Run, RunEnd, Stop};
+use roost_worker::runner::{Place, Run, RunEnd, Stop};
 use serde_json::json;
 use tokio_util::sync::CancellationToken;
 
+use crate::device::DeviceArgs;
 use crate::exit::{BadInput, Exit};
 use crate::frames::{FrameArgs, Frames};
 use crate::ui;
@@ -32,6 +33,8 @@ pub(crate) struct Args {
     /// Threads to use; 0 means one per processor
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads())]
     threads: u16,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// Use this seed instead of the scenario's
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -62,6 +65,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         eprintln!("warning: {warning}");
     }
     // Now, not after an hour of simulation.
+    let place = Place::new(args.device.choose()?, args.threads.into());
     output::prepare(&args.output)?;
     eprintln!(
         "{} fillets, {} sub-particles, {} steps of {} s at most",
@@ -73,7 +77,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let mut frames = args.frames.prepare(&scenario, &estimate)?;
     let pictures = frames.as_ref().map(Frames::pictures);
     let meshes = MeshSource::Given(named.meshes);
-    let run = Run::start_pictured(json!(scenario), meshes, args.threads.into(), None, pictures);
+    let run = Run::start_pictured(json!(scenario), meshes, place, None, pictures);
     let end = watch(run, &shutdown, || frames.as_mut()?.warning()).await;
     let recorded = frames.as_mut().map(Frames::finish);
     let (result, exit) = match end {

@@ -21,7 +21,9 @@ pub(crate) struct Args {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown()?;
     let state = args.server.data.join("worker");
-    let mut farm = Farm::start(args.server.config(), |address| args.worker.config(address, state)).await?;
+    let device = args.worker.device()?;
+    let worker = |address| args.worker.config(address, state, device);
+    let mut farm = Farm::start(args.server.config(), worker).await?;
     ui::println(format_args!("listening on {}", farm.address))?;
     tokio::select! {
         () = shutdown.cancelled() => farm.stop().await.map(|()| Exit::Done),

@@ -6,7 +6,9 @@ use std::time::Duration;
 use anyhow::Result;
 use clap::builder::RangedI64ValueParser;
 use roost_worker::WorkerConfig;
+use roost_worker::device::Device;
 
+use crate::device::DeviceArgs;
 use crate::exit::Exit;
 use crate::signals;
 use crate::target;
@@ -35,7 +37,9 @@ pub(crate) struct WorkerArgs {
     /// Threads to use in all; 0 means one per processor
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads())]
     threads: u16,
-    /// Jobs at once; they share the threads
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// Jobs at once; they share the threads, or make one batch on a GPU
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     slots: u16,
     /// Seconds that running jobs get to finish after a signal, before they are handed back
@@ -52,9 +56,15 @@ pub(crate) fn threads() -> RangedI64ValueParser<u16> {
 }
 
 impl WorkerArgs {
-    pub(crate) fn config(self, server: String, state: PathBuf) -> WorkerConfig {
+    /// What is to compute; it is opened.
+    pub(crate) fn device(&self) -> Result<Device> {
+        self.device.choose()
+    }
+
+    pub(crate) fn config(self, server: String, state: PathBuf, device: Device) -> WorkerConfig {
         WorkerConfig {
             threads: self.threads.into(),
+            device,
             slots: self.slots.into(),
             drain_grace: Duration::from_secs(self.grace),
             ..WorkerConfig::new(server, self.name.unwrap_or_else(host_name), state)
@@ -65,7 +75,9 @@ impl WorkerArgs {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown()?;
     let state = args.state.unwrap_or_else(default_state);
-    let config = WorkerConfig { token: args.token.read()?, ..args.worker.config(args.server, state) };
+    let device = args.worker.device()?;
+    let config = args.worker.config(args.server, state, device);
+    let config = WorkerConfig { token: args.token.read()?, ..config };
     roost_worker::work(config, shutdown).await?;
     Ok(Exit::Done)
 }

@@ -2,8 +2,8 @@
 //!
 //! The library knows no HTTP, no database and no wall clock beyond timing itself. The layers, from the
 //! top: [`scenario`] is what a user may ask for, [`experiments`] turns it into a scene of bodies and
-//! surfaces, [`engine`] owns the state and the order of the stages of a step, [`cpu`] carries the stages
-//! out, [`observe`] reads the state into samples, and [`result`] is what comes back.
+//! surfaces, [`engine`] owns the state and the order of the stages of a step, [`cpu`] and, with the feature of that name,
+//! `gpu` carry the stages out, [`observe`] reads the state into samples, and [`result`] is what comes back.
 
 mod check;
 pub mod cpu;
@@ -31,6 +31,36 @@ use scenario::Scenario;
 pub struct CpuOptions {
     /// Threads; 0 means one per processor.
     pub threads: usize,
+}
+
+/// What computes runs. Clones share it.
+#[derive(Clone, Debug)]
+pub enum Computer {
+    /// The CPU.
+    Cpu(CpuOptions),
+    /// A graphics adapter; what threads simulate on it at a time is advanced together.
+    #[cfg(feature = "gpu")]
+    Gpu(std::sync::Arc<gpu::Gpu>),
+}
+
+impl Computer {
+    /// As [`simulate`], on this.
+    pub fn simulate(&self, scenario: &Scenario, meshes: &Meshes, observer: &mut dyn Observer) -> RunResult {
+        match self {
+            Self::Cpu(options) => simulate(scenario, meshes, *options, observer),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(gpu) => experiments::simulate(scenario, meshes, &**gpu, observer),
+        }
+    }
+
+    /// Its name: processor and instruction set, or graphics adapter.
+    pub fn device(&self) -> String {
+        match self {
+            Self::Cpu(_) => cpu::device_name(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(gpu) => engine::Backend::info(&**gpu).device,
+        }
+    }
 }
 
 /// Runs one scenario, whose meshes must be among `meshes`, on the CPU to its end. The observer is told the progress about ten times a second of wall time and

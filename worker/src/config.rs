@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::device::Device;
+
 /// The most threads that a worker starts, whatever it is told: more is a slip of the finger.
 pub const MAX_THREADS: usize = 1024;
 
@@ -17,6 +19,8 @@ pub struct WorkerConfig {
     pub name: String,
     /// Threads to use in all; 0 means one per processor.
     pub threads: usize,
+    /// What runs are computed on.
+    pub device: Device,
     /// Where finished results wait for the server; several workers may share it.
     pub state_dir: PathBuf,
     /// What names the server in the state directory; none means its address. For a server whose address changes
@@ -38,6 +42,7 @@ impl WorkerConfig {
             token: None,
             name: name.into(),
             threads: 0,
+            device: Device::cpu(),
             state_dir: state_dir.into(),
             outbox_key: None,
             slots: 1,

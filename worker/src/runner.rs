@@ -13,11 +13,12 @@ use roost_api::{Progress, RunResult};
 use roost_solver::engine::run::Snapshot;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Fault};
-use roost_solver::{CpuOptions, Flow, Limits, Observer};
+use roost_solver::{Flow, Limits, Observer};
 use serde_json::Value;
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
 
+use crate::device::Device;
 use crate::meshes::MeshSource;
 
 /// How often a run that has not begun looks whether it is to stop.
@@ -98,6 +99,22 @@ impl StopFlag {
 /// Who takes pictures of a run; shared, so that whoever hands it in can ask it what became of them.
 pub type Pictures = Arc<Mutex<dyn Observer + Send>>;
 
+/// Where a run is computed.
+#[derive(Clone, Debug, Default)]
+pub struct Place {
+    /// On what.
+    pub device: Device,
+    /// On how many threads where that is the CPU; 0 means one per processor.
+    pub threads: usize,
+}
+
+impl Place {
+    /// On a device, with threads.
+    pub fn new(device: Device, threads: usize) -> Self {
+        Self { device, threads }
+    }
+}
+
 /// A run under way.
 #[derive(Debug)]
 pub struct Run {
@@ -110,8 +127,8 @@ pub struct Run {
 
 impl Run {
     /// Starts a scenario document, once its meshes are there. Must be called within a tokio runtime.
-    pub fn start(document: Value, meshes: MeshSource, threads: usize, max_wall_s: Option<f64>) -> Self {
-        Self::start_pictured(document, meshes, threads, max_wall_s, None)
+    pub fn start(document: Value, meshes: MeshSource, place: Place, max_wall_s: Option<f64>) -> Self {
+        Self::start_pictured(document, meshes, place, max_wall_s, None)
     }
 
     /// Starts a scenario document, once its meshes are there, of which somebody takes pictures, on the run's thread. Must be
@@ -119,7 +136,7 @@ impl Run {
     pub fn start_pictured(
         document: Value,
         meshes: MeshSource,
-        threads: usize,
+        place: Place,
         max_wall_s: Option<f64>,
         pictures: Option<Pictures>,
     ) -> Self {
@@ -129,10 +146,14 @@ impl Run {
             let meshes = meshes.load(digests).await;
             let meshes =
                 meshes.map_err(|failure| RunEnd::failed(AttemptOutcome::Worker, failure.to_string()))?;
+            // Opening an adapter takes a while.
+            let ready = tokio::task::spawn_blocking(move || place.device.ready(place.threads));
+            let ready = ready.await.unwrap_or_else(|error| Err(error.to_string()));
+            let ready = ready.map_err(|reason| RunEnd::failed(AttemptOutcome::Worker, reason))?;
             Ok(move |observer: &mut dyn Observer| {
                 let limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
                 roost_solver::check(&scenario, &meshes, &limits)?;
-                Ok(roost_solver::simulate(&scenario, &meshes, CpuOptions { threads }, observer))
+                Ok(ready.simulate(&scenario, &meshes, observer))
             })
         })
     }

@@ -39,6 +39,10 @@ pub(super) struct Arena {
     list_groups: [BindGroup; 2],
 }
 
+/// The device has no room for a batch; in the driver's words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct OutOfMemory(pub(super) String);
+
 /// The largest buffer that a batch of this extent needs, in bytes.
 pub(super) fn largest_buffer(extent: &Extent, slots: Slots) -> u64 {
     let touches = u64::from(extent.particles) * u64::from(slots.walls) * size_of::<Touch>() as u64;
@@ -47,7 +51,22 @@ pub(super) fn largest_buffer(extent: &Extent, slots: Slots) -> u64 {
 }
 
 impl Arena {
-    pub(super) fn new(device: &Device, pipelines: &Pipelines, room: Extent, slots: Slots) -> Self {
+    /// Makes the buffers, or says why the device will not.
+    pub(super) fn new(
+        device: &Device,
+        pipelines: &Pipelines,
+        room: Extent,
+        slots: Slots,
+    ) -> Result<Self, OutOfMemory> {
+        let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let arena = Self::make(device, pipelines, room, slots);
+        match pollster::block_on(memory.pop()) {
+            Some(error) => Err(OutOfMemory(error.to_string())),
+            None => Ok(arena),
+        }
+    }
+
+    fn make(device: &Device, pipelines: &Pipelines, room: Extent, slots: Slots) -> Self {
         let make = |label: &str, count: u64, each: usize| buffer(device, label, count * each as u64);
         let particles = u64::from(room.particles);
         let parts =

@@ -14,10 +14,12 @@
 //! | `rows`, `surfaces` | lists and surfaces in main memory |
 //! | `store`, `run` | one run on the device |
 //! | `arena`, `advance` | a batch of them, advanced |
+//! | `driver` | the thread that does so, for all who ask at a time |
 
 mod advance;
 mod arena;
 pub mod device;
+mod driver;
 pub mod layout;
 mod pipelines;
 mod rows;
@@ -26,26 +28,25 @@ pub mod source;
 mod store;
 mod surfaces;
 
-use std::sync::Mutex;
-
 use glam::DVec3;
 
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::engine::{Advance, Backend, BackendInfo};
-use arena::Arena;
 pub use device::{AdapterName, Device, GpuError, GpuOptions, adapters};
+use driver::Driver;
 use pipelines::Pipelines;
 pub use run::GpuRun;
+use run::Run;
 use source::Source;
 
-/// A graphics adapter that computes.
+/// A graphics adapter that computes. Threads may share one: what they advance at a time becomes one batch.
+///
+/// Its methods panic when the device is lost or out of memory: it is of no use from then on, nor are its runs.
 #[derive(Debug)]
 pub struct Gpu {
     device: Device,
-    pipelines: Pipelines,
-    /// The buffers of the last batch, for the next.
-    arena: Mutex<Option<Arena>>,
+    driver: Driver,
 }
 
 impl Gpu {
@@ -57,7 +58,7 @@ impl Gpu {
     /// The same with other kernels, for tests of what finds faults.
     pub fn with(device: Device, source: &Source) -> Self {
         let pipelines = Pipelines::new(&device, source);
-        Self { device, pipelines, arena: Mutex::default() }
+        Self { driver: Driver::start(device.clone(), pipelines), device }
     }
 
     /// Its adapter.
@@ -74,31 +75,30 @@ impl Backend for Gpu {
     }
 
     fn prepare(&self, scene: &Scene) -> GpuRun {
-        GpuRun::new(&self.device, scene)
+        GpuRun::new(Run::new(&self.device, scene))
     }
 
     fn advance(&self, runs: &mut [(&mut GpuRun, u64)]) -> Vec<Advance> {
-        let mut arena = self.arena.lock().expect("nobody has panicked with it");
-        advance::advance(&self.device, &self.pipelines, &mut arena, runs)
+        self.driver.advance(runs)
     }
 
     fn state<'a>(&self, run: &'a mut GpuRun) -> &'a State {
-        run.state(&self.device)
+        run.get().state(&self.device)
     }
 
     fn surface_forces(&self, run: &mut GpuRun) -> Vec<DVec3> {
-        run.surface_forces(&self.device)
+        run.get().surface_forces(&self.device)
     }
 
     fn bonds(&self, run: &mut GpuRun) -> Vec<[u32; 2]> {
-        run.bonds(&self.device)
+        run.get().bonds(&self.device)
     }
 
     fn start(&self, run: &mut GpuRun) {
-        run.start(&self.device);
+        run.get().start(&self.device);
     }
 
     fn remove(&self, run: &mut GpuRun, serials: &[u32]) {
-        run.remove(&self.device, serials);
+        run.get().remove(&self.device, serials);
     }
 }

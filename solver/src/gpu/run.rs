@@ -15,9 +15,32 @@ use crate::engine::state::State;
 /// Steps between two rebuilds of the lists at first.
 const FIRST_INTERVAL: u32 = 8;
 
-/// A run on the device.
+/// A run on the device. While it is being advanced it is with the driver.
 #[derive(Debug)]
-pub struct GpuRun {
+pub struct GpuRun(pub(super) Option<Box<Run>>);
+
+impl GpuRun {
+    pub(super) fn new(run: Run) -> Self {
+        Self(Some(Box::new(run)))
+    }
+
+    /// The run.
+    ///
+    /// # Panics
+    /// If it was lost when the device failed.
+    pub(super) fn get(&mut self) -> &mut Run {
+        self.0.as_mut().expect("it was not lost with the device")
+    }
+
+    /// Facets that a row of its lists has room for: rows become longer when a sub-particle meets more.
+    pub fn wall_slots(&mut self) -> u32 {
+        self.get().store.slots.walls
+    }
+}
+
+/// What there is of a run.
+#[derive(Debug)]
+pub(super) struct Run {
     pub(super) store: Store,
     /// Its parameters; where it begins in the buffers of a batch is written in there.
     pub(super) scene: Scene,
@@ -35,7 +58,7 @@ pub struct GpuRun {
     is_read: bool,
 }
 
-impl GpuRun {
+impl Run {
     pub(super) fn new(device: &Device, scene: &scene::Scene) -> Self {
         let state = State::new(scene);
         let walls = Walls::new(scene, &state.frame);
@@ -108,11 +131,6 @@ impl GpuRun {
             self.is_read = true;
         }
         &self.state
-    }
-
-    /// Facets that a row of its lists has room for: rows become longer when a sub-particle meets more.
-    pub fn wall_slots(&self) -> u32 {
-        self.store.slots.walls
     }
 
     /// The device has moved on.

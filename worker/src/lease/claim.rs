@@ -16,7 +16,7 @@ use crate::backoff::Backoff;
 use crate::client::ClientError;
 use crate::meshes::MeshSource;
 use crate::outbox::{Content, Delivery};
-use crate::runner::{Run, RunEnd};
+use crate::runner::{Place, Run, RunEnd};
 
 /// How long a stopping worker waits to hear whether its last claim had got something.
 const LAST_WORD: Duration = Duration::from_secs(1);
@@ -111,7 +111,8 @@ fn begin(
     let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, .. } = claimed;
     tracing::info!(job = %job_id, attempt, "running");
     let meshes = MeshSource::Server(session.meshes.clone());
-    let run = Run::start(scenario, meshes, session.config.threads_per_slot(), max_wall_s);
+    let place = Place::new(session.config.device.clone(), session.config.threads_per_slot());
+    let run = Run::start(scenario, meshes, place, max_wall_s);
     session.held.insert((job_id, attempt), run.progress.clone(), run.stop.clone());
     runs.spawn(see_through(session.clone(), (job_id, attempt), run, permit));
 }

@@ -102,9 +102,9 @@ impl Session {
             name: self.config.name.clone(),
             api_version: API_VERSION.to_owned(),
             solver_revision: SOLVER_REVISION,
-            backend: "cpu".to_owned(),
-            device: roost_solver::cpu::device_name(),
-            memory_mib: crate::device::memory_mib(),
+            backend: self.config.device.backend().to_owned(),
+            device: self.config.device.name(),
+            memory_mib: crate::memory::memory_mib(),
             threads: u32::try_from(self.config.resolved_threads()).unwrap_or(u32::MAX),
         }
     }

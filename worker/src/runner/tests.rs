@@ -27,7 +27,7 @@ fn long() -> Value {
 }
 
 fn start(document: Value, max_wall_s: Option<f64>) -> Run {
-    Run::start(document, MeshSource::Given(Meshes::default()), 1, max_wall_s)
+    Run::start(document, MeshSource::Given(Meshes::default()), Place::new(Device::cpu(), 1), max_wall_s)
 }
 
 async fn end_of(document: Value, max_wall_s: Option<f64>) -> RunEnd {
@@ -68,10 +68,15 @@ impl Observer for Camera {
 #[tokio::test]
 async fn pictures_are_taken_where_they_are_wanted() {
     let camera = Arc::new(Mutex::new(Camera::default()));
-    let end =
-        Run::start_pictured(small(), MeshSource::Given(Meshes::default()), 1, None, Some(camera.clone()))
-            .end()
-            .await;
+    let end = Run::start_pictured(
+        small(),
+        MeshSource::Given(Meshes::default()),
+        Place::new(Device::cpu(), 1),
+        None,
+        Some(camera.clone()),
+    )
+    .end()
+    .await;
     let RunEnd::Finished(_) = end else { panic!("no result") };
     let camera = camera.lock().unwrap();
     assert_eq!(camera.taken.len() as u32, camera.asked.load(Ordering::Relaxed).div_ceil(2));
