@@ -1,6 +1,7 @@
 //! Holds the documents to the tree: what they name must be there, and what is there must be on the map.
 
 use std::path::Path;
+use std::process::Command;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -113,6 +114,20 @@ fn the_worker_of_the_api_has_the_revision_of_the_solver() {
 #[test]
 fn ci_calls_the_test_command_of_the_readme() {
     assert!(read(".ci/run").contains("make test"));
+}
+
+#[test]
+fn the_server_needs_no_graphics() {
+    let tree = |package: &str| {
+        let cargo = Command::new(env!("CARGO"))
+            .args(["tree", "--offline", "--prefix", "none", "--edges", "normal", "--package", package])
+            .current_dir(root())
+            .output();
+        String::from_utf8(cargo.expect("cargo runs").stdout).expect("text")
+    };
+    assert!(tree("roost").contains("wgpu v"), "the command has the GPU backend");
+    let server = tree("roost-server");
+    assert!(server.contains("roost-solver v") && !server.contains("wgpu"), "{server}");
 }
 
 #[test]

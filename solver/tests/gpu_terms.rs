@@ -14,7 +14,7 @@ use roost_solver::physics::contact::{self, ContactLaw, ContactMemory};
 use roost_solver::physics::hertz::Moduli;
 use roost_solver::physics::jkr::{self, JkrScale};
 use roost_solver::physics::{damping, friction, hertz, integrate};
-use terms::Term;
+use terms::{Numbers, Term};
 
 fn v(x: &[f32], k: usize) -> Vec3 {
     Vec3::from_slice(&x[k..])
@@ -271,7 +271,7 @@ fn terms() -> Vec<Term> {
             rust: if adheres { |x| contact_of(x, true) } else { |x| contact_of(x, false) },
         });
     }
-    let forms: [(&str, &str, fn(&[f32]) -> Vec<f32>); 3] = [
+    let forms: [(&str, &str, Numbers); 3] = [
         ("corotated bond", "COROTATED", |x| bond_of(x, Form::Corotated)),
         ("bond as published", "AS_PUBLISHED", |x| bond_of(x, Form::AsPublished)),
         ("bond of finite extension", "FINITE_EXTENSION", |x| bond_of(x, Form::FiniteExtension)),

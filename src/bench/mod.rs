@@ -17,12 +17,16 @@ pub(crate) struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum What {
     Solver(solver::Args),
+    #[cfg(feature = "gpu")]
+    Parity(solver::gpu::ParityArgs),
     Farm(farm::Args),
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     match args.what {
         What::Solver(args) => solver::execute(args).await,
+        #[cfg(feature = "gpu")]
+        What::Parity(args) => tokio::task::spawn_blocking(move || solver::gpu::parity(&args)).await?,
         What::Farm(args) => farm::execute(args).await,
     }
 }

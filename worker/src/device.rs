@@ -138,3 +138,73 @@ fn open(options: &DeviceOptions) -> Result<Computer, String> {
 fn open(_options: &DeviceOptions) -> Result<Computer, String> {
     Err("this program was built without the GPU backend".to_owned())
 }
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use roost_solver::{Flow, Limits, Progress, check, scenario};
+
+    use super::*;
+
+    /// Mesa's software adapter; none where these tests may be left out.
+    fn software() -> Option<Device> {
+        if std::env::var_os("ROOST_SKIP_GPU").is_some() {
+            return None;
+        }
+        let options =
+            DeviceOptions { adapter: Some("llvmpipe".to_owned()), allow_software: true, backend: None };
+        Some(Device::choose(&options).expect("`make needs` installs it"))
+    }
+
+    fn small() -> Scenario {
+        let text = r#"{"experiment": "hopper", "product": {"count": 1, "subparticle_radius_m": 0.009},
+            "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless"},
+            "numerics": {"timestep_s": "auto", "duration_s": 0.05}}"#;
+        let scenario = scenario::parse(text).expect("a sound scenario");
+        check(&scenario, &Meshes::default(), &Limits::default()).expect("one that can run");
+        scenario
+    }
+
+    fn result(device: &Device) -> RunResult {
+        let ready = device.ready(1).expect("an adapter");
+        ready.simulate(&small(), &Meshes::default(), &mut |_: &Progress| Flow::Continue)
+    }
+
+    #[test]
+    fn runs_at_a_time_share_an_adapter_and_give_what_each_gives_alone() {
+        let Some(device) = software() else { return };
+        let alone = result(&device);
+        assert_eq!((device.backend(), &alone.solver.device), ("gpu", &device.name()));
+        let together: Vec<RunResult> = std::thread::scope(|scope| {
+            let runs: Vec<_> = (0..3).map(|_| scope.spawn(|| result(&device))).collect();
+            runs.into_iter().map(|run| run.join().expect("a result")).collect()
+        });
+        for result in together {
+            assert_eq!((&result.responses, &result.series), (&alone.responses, &alone.series));
+        }
+    }
+
+    #[test]
+    fn an_adapter_that_fails_is_opened_anew() {
+        let Some(device) = software() else { return };
+        let adapter = device.0.clone().expect("an adapter");
+        let is_open = || adapter.open.lock().unwrap_or_else(PoisonError::into_inner).is_some();
+        let ready = device.ready(1).expect("an adapter");
+        let broken = std::thread::spawn(move || {
+            let mut lost = |_: &Progress| panic!("the device was lost");
+            ready.simulate(&small(), &Meshes::default(), &mut lost)
+        });
+        assert!(broken.join().is_err() && !is_open());
+        assert!(result(&device).response("discharged_kg").is_some() && is_open());
+    }
+
+    #[test]
+    fn what_was_not_asked_for_is_not_taken() {
+        assert!(software().is_none_or(|device| device.backend() == "gpu"));
+        let refused = |options| Device::choose(&options).expect_err("nothing of that kind");
+        let options =
+            DeviceOptions { adapter: Some("no such adapter".to_owned()), ..DeviceOptions::default() };
+        assert!(refused(options.clone()).starts_with("no GPU: "));
+        let options = DeviceOptions { backend: Some(BackendKind::Cpu), ..options };
+        assert_eq!(refused(options), "an adapter is for the GPU backend");
+    }
+}

@@ -3,8 +3,8 @@
 use super::arena::{Arena, Cargo, OutOfMemory, largest_buffer};
 use super::device::Device;
 use super::layout::{NONE, Report, Scene};
+use super::lists::Slots;
 use super::pipelines::Pipelines;
-use super::rows::Slots;
 use super::run::Run;
 use super::store::{Extent, Store};
 use crate::cpu::integrate::fault;

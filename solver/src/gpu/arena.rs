@@ -5,8 +5,8 @@ use wgpu::{BindGroup, Buffer, CommandEncoder};
 
 use super::device::Device;
 use super::layout::{Count, Now, Own, Pair, Particle, Pose, Report, Scene, Touch, WallPair};
+use super::lists::Slots;
 use super::pipelines::{Kernel, Pipelines};
-use super::rows::Slots;
 use super::store::{Extent, Part, Store, buffer};
 
 /// What a batch brings along for one chunk.

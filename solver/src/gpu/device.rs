@@ -1,11 +1,14 @@
 //! The graphics adapter: which one, what it must be able to do, and what goes wrong.
 
 use std::fmt;
+use std::time::Instant;
 
 use thiserror::Error;
 use wgpu::{
     Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags, Limits, MemoryHints,
 };
+
+use super::store::buffer;
 
 /// Why there is no GPU to compute on.
 #[derive(Debug, Error)]
@@ -74,6 +77,9 @@ pub(super) const STORAGE_BUFFERS: u32 = 21;
 
 /// Bytes of the constants that go with each dispatch.
 pub(super) const IMMEDIATE_BYTES: u32 = 16;
+
+/// Bytes that are copied to see how fast that goes: more than caches hold.
+const COPIED_BYTES: u64 = 256 << 20;
 
 /// The adapters of this machine.
 pub fn adapters() -> Vec<AdapterName> {
@@ -178,5 +184,22 @@ impl Device {
         staging.map_async(wgpu::MapMode::Read, .., |_| {});
         self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
         staging.get_mapped_range(..).expect("mapped").to_vec()
+    }
+
+    /// How many bytes it reads and writes in a second when it copies within its memory.
+    pub(super) fn copied_bytes_per_s(&self) -> f64 {
+        let bytes = COPIED_BYTES.min(self.device.limits().max_buffer_size);
+        let [from, to] = ["from", "to"].map(|label| buffer(self, label, bytes));
+        let copy = |times: u32| {
+            let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            (0..times).for_each(|_| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes));
+            let clock = Instant::now();
+            self.queue.submit([encoder.finish()]);
+            self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
+            clock.elapsed().as_secs_f64()
+        };
+        // The first touches the memory; the difference of the others is free of what a submission takes.
+        let [_, few, many] = [1, 4, 20].map(copy);
+        2.0 * 16.0 * bytes as f64 / (many - few).max(1e-9)
     }
 }

@@ -4,70 +4,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::shared::shared;
+pub use super::shared::{Atomic, Shared};
 use crate::physics::bond::{BondLaw, Form};
 use crate::physics::contact::ContactLaw;
-
-/// A type that kernels know too.
-pub trait Shared: Pod {
-    /// Its name in WGSL.
-    const NAME: &'static str;
-    /// Its declaration in WGSL; nothing for what WGSL knows itself.
-    fn declaration() -> String {
-        String::new()
-    }
-    /// Its fields by name, with their places in bytes; none for what WGSL knows itself.
-    fn fields() -> Vec<(&'static str, usize)> {
-        Vec::new()
-    }
-}
-
-macro_rules! known {
-    ($($Type:ty => $name:literal),* $(,)?) => { $(impl Shared for $Type { const NAME: &'static str = $name; })* };
-}
-
-known! { f32 => "f32", u32 => "u32", i32 => "i32", [f32; 3] => "vec3<f32>", [i32; 3] => "vec3<i32>", [u32; 3] => "vec3<u32>" }
-
-/// A number that many invocations of a kernel raise, lower or add to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-#[repr(transparent)]
-pub struct Atomic(pub u32);
-
-impl Shared for Atomic {
-    const NAME: &'static str = "atomic<u32>";
-}
-
-macro_rules! shared {
-    ($($(#[$doc:meta])* $Name:ident { $($(#[$field_doc:meta])* $field:ident: $Type:ty),* $(,)? })*) => {
-        $(
-            $(#[$doc])*
-            #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-            #[repr(C)]
-            pub struct $Name { $($(#[$field_doc])* pub $field: $Type),* }
-
-            impl Shared for $Name {
-                const NAME: &'static str = stringify!($Name);
-                fn declaration() -> String {
-                    let fields = [$((stringify!($field), <$Type as Shared>::NAME)),*];
-                    let fields: String = fields.iter().map(|(field, name)| format!("    {field}: {name},\n")).collect();
-                    format!("struct {} {{\n{fields}}}\n\n", Self::NAME)
-                }
-                fn fields() -> Vec<(&'static str, usize)> {
-                    vec![$((stringify!($field), std::mem::offset_of!($Name, $field))),*]
-                }
-            }
-        )*
-
-        /// The WGSL of all shared types.
-        pub fn declarations() -> String {
-            [$($Name::declaration()),*].concat()
-        }
-
-        /// All shared types: name, size in bytes, fields with their places in bytes.
-        pub fn all() -> Vec<(&'static str, usize, Vec<(&'static str, usize)>)> {
-            vec![$(($Name::NAME, size_of::<$Name>(), $Name::fields())),*]
-        }
-    };
-}
 
 shared! {
     /// As [`ContactLaw`].

@@ -9,9 +9,9 @@
 //! | file | does |
 //! |---|---|
 //! | `device` | chooses and opens the adapter |
-//! | `layout` | what host and kernels share, declared once |
+//! | `shared`, `layout` | what host and kernels share, declared once |
 //! | `source`, `pipelines` | WGSL from its files, compiled |
-//! | `rows`, `surfaces` | lists and surfaces in main memory |
+//! | `lists`, `walls` | neighbour lists and surfaces in main memory |
 //! | `store`, `run` | one run on the device |
 //! | `arena`, `advance` | a batch of them, advanced |
 //! | `driver` | the thread that does so, for all who ask at a time |
@@ -21,12 +21,13 @@ mod arena;
 pub mod device;
 mod driver;
 pub mod layout;
+mod lists;
 mod pipelines;
-mod rows;
 mod run;
+mod shared;
 pub mod source;
 mod store;
-mod surfaces;
+mod walls;
 
 use glam::DVec3;
 
@@ -59,6 +60,11 @@ impl Gpu {
     pub fn with(device: Device, source: &Source) -> Self {
         let pipelines = Pipelines::new(&device, source);
         Self { driver: Driver::start(device.clone(), pipelines), device }
+    }
+
+    /// How many bytes the device reads and writes in a second when it copies within its memory.
+    pub fn copied_bytes_per_s(&self) -> f64 {
+        self.device.copied_bytes_per_s()
     }
 
     /// Its adapter.

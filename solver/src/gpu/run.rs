@@ -4,9 +4,9 @@ use glam::{DVec3, IVec3, UVec3, Vec3};
 
 use super::device::Device;
 use super::layout::{Count, Own, Particle, Pose, Scene, WallPair};
-use super::rows::Rows;
+use super::lists::Rows;
 use super::store::{Extent, Part, Store};
-use super::surfaces::{Geometry, poses};
+use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
 use crate::cpu::walls::Walls;
 use crate::engine::scene;

@@ -6,8 +6,8 @@ use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use super::layout::{Corner, Count, Facet, Node, Own, Pair, Particle, Surface, WallPair};
-use super::rows::{Rows, Slots};
-use super::surfaces::Geometry;
+use super::lists::{Rows, Slots};
+use super::walls::Geometry;
 
 /// A buffer of a run; batches have the same, with those of all runs one behind the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

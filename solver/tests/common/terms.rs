@@ -12,6 +12,9 @@ use wgpu::util::{BufferInitDescriptor, DeviceExt};
 /// Inputs that a term is tried on.
 const CASES: u32 = 20_000;
 
+/// A function from some numbers to others.
+pub type Numbers = fn(&[f32]) -> Vec<f32>;
+
 /// A term: the same function in both languages, on rows of numbers.
 pub struct Term {
     pub name: &'static str,
@@ -20,7 +23,7 @@ pub struct Term {
     pub outputs: usize,
     /// Statements that read `x(k)` and call `put(k, value)`.
     pub wgsl: &'static str,
-    pub rust: fn(&[f32]) -> Vec<f32>,
+    pub rust: Numbers,
 }
 
 /// A number of a range; every sixteenth is a bound of it.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use glam::{DQuat, DVec3};
-use roost_solver::cpu::{Cpu, CpuRun};
+use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Kind, Placement, Scene};
 use roost_solver::engine::state::State;
@@ -144,12 +144,12 @@ impl Bed {
     }
 
     /// A run that has warmed up.
-    pub(super) fn begun(&self, cpu: &Cpu) -> CpuRun {
-        let mut run = cpu.prepare(&self.scene);
+    pub(super) fn begun<B: Backend>(&self, backend: &B) -> B::Run {
+        let mut run = backend.prepare(&self.scene);
         if self.flows {
-            cpu.start(&mut run);
+            backend.start(&mut run);
         }
-        cpu.advance(&mut [(&mut run, (self.warm_up_s / self.scene.timestep_s) as u64)]);
+        backend.advance(&mut [(&mut run, (self.warm_up_s / self.scene.timestep_s) as u64)]);
         run
     }
 }

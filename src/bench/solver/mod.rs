@@ -1,8 +1,10 @@
 //! `roost bench solver`: how fast the solver is here, on beds that others can be timed on too.
 //!
-//! [`beds`] makes what is simulated, [`race`] times it.
+//! [`beds`] makes what is simulated, [`race`] times it, `gpu` does so on graphics adapters and compares what they compute.
 
 mod beds;
+#[cfg(feature = "gpu")]
+pub(super) mod gpu;
 mod race;
 
 use std::path::{Path, PathBuf};
@@ -37,9 +39,12 @@ pub(super) struct Args {
     /// Numbers of threads; 0 means one per processor [default: 1,0]
     #[arg(long, value_delimiter = ',', default_values = ["1", "0"], hide_default_value = true, value_name = "N", value_parser = threads())]
     threads: Vec<u16>,
-    /// Ways to compute: `plain`, `fast` (the widest instructions of this machine), or names of instruction sets
+    /// Ways to compute: `plain`, `fast` (the widest instructions of this machine), names of instruction sets, or `gpu`
     #[arg(long, value_delimiter = ',', default_values = ["fast"], value_name = "PATH")]
     paths: Vec<String>,
+    #[cfg(feature = "gpu")]
+    #[command(flatten)]
+    gpu: gpu::GpuArgs,
     /// Without contact between bonded neighbours, as other codes have it
     #[arg(long)]
     without_contact_between_bonded: bool,
@@ -74,6 +79,9 @@ pub(super) async fn execute(args: Args) -> Result<Exit> {
 fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
     let scenario = laws(args)?;
     let paths: Vec<Way> = args.paths.iter().map(|name| Way::named(name)).collect::<Result<_>>()?;
+    // Before beds settle, which takes a while.
+    #[cfg(feature = "gpu")]
+    let gpu = paths.iter().any(|path| matches!(path, Way::Gpu)).then(|| args.gpu.open()).transpose()?;
     let most = std::thread::available_parallelism().map_or(1, usize::from);
     let mut threads: Vec<usize> =
         args.threads.iter().map(|&n| if n == 0 { most } else { n.into() }).collect();
@@ -91,7 +99,8 @@ fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
             bed.write(folder)?;
             continue;
         }
-        let racers = threads.iter().flat_map(|&threads| paths.iter().map(move |path| path.cpu(threads)));
+        let racers =
+            threads.iter().flat_map(|&threads| paths.iter().filter_map(move |path| path.cpu(threads)));
         let mut racers: Vec<Racer> = racers.map(|(name, cpu)| Racer::new(&bed, name, cpu)).collect();
         for turn in 0..args.repeats {
             eprintln!("{}: turn {} of {}", bed.name, turn + 1, args.repeats);
@@ -103,6 +112,10 @@ fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
             }
         }
         rows.extend(racers.into_iter().map(|racer| racer.row(&bed, args.steps)));
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = &gpu {
+            rows.extend(gpu.race(&bed, &args.gpu.batches, args.repeats, args.steps, stop)?);
+        }
     }
     if args.json {
         ui::println(format_args!("{:#}", json!(rows)))?;
@@ -137,6 +150,8 @@ fn laws(args: &Args) -> Result<Scenario> {
 enum Way {
     Plain,
     Fast(Instructions),
+    #[cfg(feature = "gpu")]
+    Gpu,
 }
 
 impl Way {
@@ -144,19 +159,24 @@ impl Way {
         let sets = Instructions::available();
         let found = match name {
             "plain" => Some(Self::Plain),
+            #[cfg(feature = "gpu")]
+            "gpu" => Some(Self::Gpu),
             "fast" => Some(Self::Fast(Instructions::widest())),
             _ => sets.iter().find(|set| set.name() == name).map(|set| Self::Fast(*set)),
         };
         let names: Vec<_> = sets.iter().map(|set| set.name()).collect();
         found.ok_or_else(|| {
-            BadInput(format!("--paths {name}: must be among plain, fast, {}", names.join(", "))).into()
+            BadInput(format!("--paths {name}: must be among plain, fast, {}, gpu", names.join(", "))).into()
         })
     }
 
-    fn cpu(self, threads: usize) -> (&'static str, Cpu) {
+    /// Its name and what computes, where that is the CPU.
+    fn cpu(self, threads: usize) -> Option<(&'static str, Cpu)> {
         match self {
-            Self::Plain => ("plain", Cpu::plain(threads)),
-            Self::Fast(set) => (set.name(), Cpu::fast(threads, set)),
+            Self::Plain => Some(("plain", Cpu::plain(threads))),
+            Self::Fast(set) => Some((set.name(), Cpu::fast(threads, set))),
+            #[cfg(feature = "gpu")]
+            Self::Gpu => None,
         }
     }
 }
@@ -168,6 +188,8 @@ fn table(rows: &[Row]) -> Table {
         "bonded contact",
         "path",
         "threads",
+        "batch",
+        "µs per step",
         "ns per particle-step",
         "± %",
         "bytes each",
@@ -182,6 +204,8 @@ fn table(rows: &[Row]) -> Table {
             if row.contact_between_bonded { "on" } else { "off" }.to_owned(),
             row.path.to_owned(),
             row.threads.to_string(),
+            row.batch.to_string(),
+            significant(row.us_per_step),
             significant(row.ns_per_particle_step),
             format!("{:.0}", 50.0 * row.spread),
             row.bytes_per_subparticle.map_or_else(|| "–".to_owned(), |bytes| format!("{bytes:.0}")),

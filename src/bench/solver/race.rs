@@ -17,13 +17,22 @@ pub(super) struct Row {
     pub(super) backend: &'static str,
     /// `plain`, or the instruction set of the fast path.
     pub(super) path: &'static str,
+    /// Processor architecture and instructions, or graphics adapter.
+    pub(super) device: String,
     pub(super) bed: String,
     pub(super) threads: usize,
+    /// Runs at once.
+    pub(super) batch: usize,
     /// At the start.
     pub(super) subparticles: usize,
     pub(super) contact_between_bonded: bool,
     /// Wall time, the median over turns.
     pub(super) ns_per_particle_step: f64,
+    /// Of all the batch.
+    pub(super) us_per_step: f64,
+    pub(super) particle_steps_per_s: f64,
+    /// What copying within the device's memory reads and writes in that time, in bytes.
+    pub(super) bytes_copied_meanwhile: Option<f64>,
     /// From the fastest to the slowest turn, as a share of the median.
     pub(super) spread: f64,
     /// Share of the time of all threads that each stage took.
@@ -72,24 +81,34 @@ impl Racer {
     pub(super) fn row(mut self, bed: &Bed, steps: u64) -> Row {
         self.run.stages().measure(true);
         self.cpu.advance(&mut [(&mut self.run, steps)]);
-        self.turns.sort_by(f64::total_cmp);
-        let (first, last) = (self.turns[0], self.turns[self.turns.len() - 1]);
-        let median = self.turns[self.turns.len() / 2];
+        let (median, spread) = median(self.turns);
         let spent = Stage::ALL.map(|stage| self.run.stages().seconds(stage));
         let all = spent.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         Row {
             backend: "cpu",
             path: self.path,
+            device: self.cpu.info().device,
             bed: bed.name.clone(),
             threads: self.cpu.info().threads,
+            batch: 1,
             subparticles: bed.subparticles(),
             contact_between_bonded: bed.scene.laws.contact_between_bonded,
             ns_per_particle_step: median,
-            spread: (last - first) / median,
+            us_per_step: median * bed.subparticles() as f64 / 1e3,
+            particle_steps_per_s: 1e9 / median,
+            bytes_copied_meanwhile: None,
+            spread,
             stages: Stage::ALL.iter().map(|stage| stage.name()).zip(spent.iter().map(|s| s / all)).collect(),
             bytes_per_subparticle: self.bytes.map(|bytes| bytes as f64 / bed.subparticles() as f64),
         }
     }
+}
+
+/// The median of some turns, and the way from the least to the greatest as a share of it.
+pub(super) fn median(mut turns: Vec<f64>) -> (f64, f64) {
+    turns.sort_by(f64::total_cmp);
+    let median = turns[turns.len() / 2];
+    (median, (turns[turns.len() - 1] - turns[0]) / median)
 }
 
 /// Memory of this process that is in use, in bytes.

@@ -1,0 +1,92 @@
+//! The GPU backend in the command, on Mesa's software adapter: it is used when it is asked for and never taken for a GPU.
+#![cfg(feature = "gpu")]
+
+mod support;
+
+use serde_json::{Value, json};
+use support::{Home, run, said, stdout};
+
+/// The software adapter, by name: machines with a GPU have it too.
+const SOFTWARE: [&str; 3] = ["--device", "llvmpipe", "--allow-software"];
+
+fn is_left_out() -> bool {
+    std::env::var_os("ROOST_SKIP_GPU").is_some()
+}
+
+fn small(home: &Home) -> String {
+    home.file(
+        "small.json",
+        &json!({
+            "experiment": "hopper",
+            "product": {"count": 2, "subparticle_radius_m": 0.009},
+            "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless"},
+            "numerics": {"timestep_s": "auto", "duration_s": 0.1},
+        }),
+    )
+}
+
+#[test]
+fn a_run_takes_the_adapter_that_is_asked_for_and_no_software_unasked() {
+    if is_left_out() {
+        return;
+    }
+    let home = Home::new();
+    let (scenario, folder) = (small(&home), home.path("out").display().to_string());
+    let with = |more: &[&str]| {
+        let arguments = [&["run", &scenario, "--output", &folder, "--json"], more].concat();
+        run(&arguments)
+    };
+    let summary: Value =
+        serde_json::from_str(&stdout(&with(&[&["--backend", "gpu"][..], &SOFTWARE].concat())))
+            .expect("a summary");
+    assert_eq!(summary["solver"]["backend"], "gpu");
+    assert!(summary["solver"]["device"].as_str().expect("a name").contains("llvmpipe"), "{summary}");
+    assert_eq!(summary["end_reason"], "duration");
+
+    let refused = with(&["--backend", "gpu", "--device", "llvmpipe"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(said(&refused).contains("none of the adapters will do: llvmpipe"), "{}", said(&refused));
+    let refused = with(&["--backend", "cpu", "--allow-software"]);
+    assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+    let summary: Value = serde_json::from_str(&stdout(&with(&["--backend", "cpu"]))).expect("a summary");
+    assert_eq!(summary["solver"]["backend"], "cpu");
+}
+
+#[test]
+fn the_bench_times_batches_and_calls_software_by_its_name() {
+    if is_left_out() {
+        return;
+    }
+    let home = Home::new();
+    let scenario = small(&home);
+    let bench = |more: &[&str]| {
+        let own =
+            ["bench", "solver", "--paths", "gpu", "--beds", "bonded", "--subparticles", "1000", "--json"];
+        let few = ["--scenario", &scenario, "--steps", "20", "--repeats", "1", "--batches", "1,3"];
+        run(&[&own[..], &few, more].concat())
+    };
+    let rows: Vec<Value> = serde_json::from_str(&stdout(&bench(&SOFTWARE))).expect("rows");
+    assert_eq!(rows.len(), 2);
+    for (row, batch) in rows.iter().zip([1.0, 3.0]) {
+        assert_eq!((&row["backend"], &row["path"]), (&json!("software"), &json!("software")), "{row}");
+        let number = |name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name} in {row}"));
+        assert_eq!(number("batch"), batch);
+        let ns = number("us_per_step") * 1e3 / batch / number("subparticles");
+        assert!((ns / number("ns_per_particle_step") - 1.0).abs() < 1e-9, "{row}");
+        assert!(number("bytes_copied_meanwhile") > 1.0, "{row}");
+    }
+    let refused = bench(&["--device", "llvmpipe"]);
+    assert_eq!(refused.status.code(), Some(2));
+}
+
+#[test]
+fn an_adapter_is_held_against_the_plain_path() {
+    if is_left_out() {
+        return;
+    }
+    let own = ["bench", "parity", "--subparticles", "1000", "--steps", "100"];
+    let parity: Value =
+        serde_json::from_str(&stdout(&run(&[&own[..], &SOFTWARE].concat()))).expect("a verdict");
+    assert_eq!((&parity["same_bits_until_step"], &parity["farthest_apart_m"]), (&json!(100), &json!(0.0)));
+    assert_eq!((&parity["is_software"], &parity["is_within_tolerance"]), (&json!(true), &json!(true)));
+}
