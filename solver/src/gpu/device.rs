@@ -8,6 +8,7 @@ use wgpu::{
     Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags, Limits, MemoryHints,
 };
 
+use super::pipelines::STORAGE_BUFFERS;
 use super::store::buffer;
 
 /// Why there is no GPU to compute on.
@@ -71,12 +72,6 @@ pub struct Device {
 
 /// What the kernels use beyond WebGPU: constants with each dispatch, and, for triangles that are long for their width, `f64`.
 const NEEDED: Features = Features::IMMEDIATES.union(Features::SHADER_F64);
-
-/// Storage buffers that one kernel sees.
-pub(super) const STORAGE_BUFFERS: u32 = 21;
-
-/// Bytes of the constants that go with each dispatch.
-pub(super) const IMMEDIATE_BYTES: u32 = 16;
 
 /// Bytes that are copied to see how fast that goes: more than caches hold.
 const COPIED_BYTES: u64 = 256 << 20;

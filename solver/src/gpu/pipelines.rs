@@ -5,7 +5,7 @@ use wgpu::{
     ComputePipeline, ShaderStages,
 };
 
-use super::device::{Device, IMMEDIATE_BYTES};
+use super::device::Device;
 use super::layout::Now;
 use super::source::Source;
 
@@ -21,6 +21,12 @@ const WRITTEN: [&[bool]; 3] = [
     &[false, true, true, false, true, true, true],
     &[true, true, true, true, true, true, true],
 ];
+
+/// Storage buffers that one kernel sees.
+pub(super) const STORAGE_BUFFERS: u32 = (WRITTEN[0].len() + WRITTEN[1].len() + WRITTEN[2].len()) as u32;
+
+/// Bytes of the constants that go with each dispatch.
+const IMMEDIATE_BYTES: u32 = size_of::<Now>() as u32;
 
 /// The kernels of a step, in the order in which they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
