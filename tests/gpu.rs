@@ -4,7 +4,7 @@
 mod support;
 
 use serde_json::{Value, json};
-use support::{Home, run, said, stdout};
+use support::{Home, run, said, scenario, stdout};
 
 /// The software adapter, by name: machines with a GPU have it too.
 const SOFTWARE: [&str; 3] = ["--device", "llvmpipe", "--allow-software"];
@@ -50,6 +50,39 @@ fn a_run_takes_the_adapter_that_is_asked_for_and_no_software_unasked() {
     assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
     let summary: Value = serde_json::from_str(&stdout(&with(&["--backend", "cpu"]))).expect("a summary");
     assert_eq!(summary["solver"]["backend"], "cpu");
+}
+
+#[test]
+fn a_worker_makes_a_batch_of_its_slots_and_each_result_is_as_alone() {
+    if is_left_out() {
+        return;
+    }
+    let home = Home::new();
+    let _server = home.serve();
+    let _worker = home.work_told("worker", &[&["--backend", "gpu", "--slots", "4"][..], &SOFTWARE].concat());
+    let openings = [0.03, 0.04, 0.05, 0.06];
+    let sweep = json!({
+        "name": "small", "base": scenario(0.1), "design": {"kind": "grid"},
+        "factors": [{"pointer": "/equipment/gate_opening_m", "levels": openings}],
+    });
+    let view = stdout(&home.roost(&["submit", "--wait", "--json", &home.file("sweep.json", &sweep)]));
+    let view: Value = serde_json::from_str(&view).expect("a sweep");
+    assert_eq!(view["counts"]["succeeded"], 4, "{view}");
+    let workers = home.ask(|client| async move { client.workers().await }).expect("workers");
+    assert_eq!(workers.items[0].backend, "gpu");
+    let id = view["id"].as_str().expect("an id");
+    let table = stdout(&home.roost(&["results", id, "--format", "json"]));
+    let table: Value = serde_json::from_str(&table).expect("a table");
+    for (trial, opening) in table["trials"].as_array().expect("trials").iter().zip(openings) {
+        let mut alone = scenario(0.1);
+        alone["equipment"]["gate_opening_m"] = json!(opening);
+        let (file, folder) = (home.file("alone.json", &alone), home.path("alone").display().to_string());
+        let seed = trial["seed"].to_string();
+        let run = ["run", &file, "--seed", &seed, "-o", &folder, "--json", "--backend", "gpu"];
+        let summary: Value =
+            serde_json::from_str(&stdout(&home.roost(&[&run[..], &SOFTWARE].concat()))).expect("a summary");
+        assert_eq!(trial["responses"], summary["responses"], "{opening}");
+    }
 }
 
 #[test]

@@ -234,6 +234,13 @@ impl Home {
         self.start(name, command.arg(state))
     }
 
+    /// Starts a worker that is told more.
+    pub(crate) fn work_told(&self, name: &str, more: &[&str]) -> Process {
+        let mut command = roost();
+        command.args(["work", "--server", &self.address, "--threads", "1", "--name", name]).args(more);
+        self.start(name, command.arg("--state").arg(self.path(name)))
+    }
+
     /// Starts a worker of so many slots that reaches the server by another address.
     pub(crate) fn work_by(&self, address: &str, name: &str, slots: &str) -> Process {
         let mut command = roost();

@@ -4,7 +4,7 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread;
+use std::thread::{self, JoinHandle};
 
 use super::advance::{Task, chunk, fitting};
 use super::arena::Arena;
@@ -26,7 +26,19 @@ struct Request {
 /// The other end of the thread, which ends with it.
 #[derive(Debug)]
 pub(super) struct Driver {
-    requests: Sender<Vec<Request>>,
+    /// Both are there until it is dropped.
+    requests: Option<Sender<Vec<Request>>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for Driver {
+    /// Waits for the thread: a process that exits while the device is being closed crashes in some drivers.
+    fn drop(&mut self) {
+        self.requests = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
 }
 
 impl Driver {
@@ -36,8 +48,8 @@ impl Driver {
             Batch { device, pipelines, arena: None, waiting: Vec::new(), most: usize::MAX }.drive(&incoming)
         };
         let started = thread::Builder::new().name("gpu".to_owned()).spawn(drive);
-        started.expect("the operating system gives a thread");
-        Self { requests }
+        let thread = started.expect("the operating system gives a thread");
+        Self { requests: Some(requests), thread: Some(thread) }
     }
 
     /// Advances each run by its number of steps.
@@ -52,7 +64,7 @@ impl Driver {
         };
         let (requests, answers): (Vec<_>, Vec<_>) = runs.iter_mut().map(hand_over).unzip();
         let gone = "the GPU has failed before";
-        self.requests.send(requests).expect(gone);
+        self.requests.as_ref().and_then(|driver| driver.send(requests).ok()).expect(gone);
         let take_back = |((run, _), answer): (&mut (&mut GpuRun, u64), Receiver<Reply>)| {
             let (back, done) =
                 answer.recv().expect(gone).unwrap_or_else(|reason| panic!("the GPU failed: {reason}"));
