@@ -33,7 +33,7 @@ pub(super) struct Meeting {
     pub(super) due: bool,
     /// Where its pairs stand in the list of the first body, sorted.
     pub(super) pairs: Range<usize>,
-    /// Where the loads of those that touch stand among [`BodyPairs::seconds`] of the first body.
+    /// Where the loads of those that are close stand among [`BodyPairs::seconds`] of the first body.
     pub(super) loads: Range<usize>,
     /// Where the bodies were against each other when the pairs were looked up, in metres.
     seen_apart: DVec3,
@@ -167,7 +167,7 @@ impl Contacts<'_> {
         std::mem::swap(list, spare);
     }
 
-    /// Works out the load of every pair that touches. Returns their greatest overlap, in metres.
+    /// Works out the load of every pair that is close. Returns their greatest overlap, in metres.
     #[inline(always)]
     pub(super) fn forces<S: Wide>(&mut self, simd: S, Room { batches, apart, close, .. }: &mut Room) -> f32 {
         let [mut batch, mut full] = batches.each_mut();
