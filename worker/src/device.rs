@@ -34,7 +34,6 @@ pub struct Device(Option<Arc<Adapter>>);
 
 #[derive(Debug)]
 struct Adapter {
-    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "nothing to open"))]
     options: DeviceOptions,
     name: String,
     /// None when it has failed, until it is needed again.
