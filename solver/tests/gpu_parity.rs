@@ -180,6 +180,38 @@ fn what_does_not_fit_in_one_batch_is_advanced_in_several() {
 }
 
 #[test]
+fn a_run_that_ends_within_a_chunk_keeps_what_touches_its_moving_surfaces() {
+    let Some(gpu) = gpu() else { return };
+    let moving = |bodies: Option<Placement>, velocity| {
+        let lifts = Motion::Moving { velocity, pivot: DVec3::ZERO, spin: DVec3::X * 0.3 };
+        let mut scene = blocks();
+        scene.surfaces = vec![plate(SurfaceKind::Equipment).moving(lifts)];
+        scene.bodies = bodies.map_or(scene.bodies, |body| vec![body]);
+        scene
+    };
+    // The plate of the second is soon far from where that of the first, which ends before it, is.
+    let scenes = [
+        moving(None, DVec3::new(0.05, 0.0, 0.1)),
+        moving(Some(at(DVec3::Z * 0.5, DVec3::ZERO)), DVec3::NEG_Z * 5.0),
+    ];
+    let mut both: Vec<Both<'_>> = scenes.iter().map(|scene| Both::new(&gpu, scene)).collect();
+    for both in &mut both {
+        both.plain.start(&mut both.plain_run);
+        both.gpu.start(&mut both.gpu_run);
+    }
+    for lengths in [[700, 1100], [20, 300], [300, 20]] {
+        let mut batch: Vec<_> = both.iter_mut().map(|both| &mut both.gpu_run).zip(lengths).collect();
+        gpu.advance(&mut batch);
+        for (both, steps) in both.iter_mut().zip(lengths) {
+            both.plain.advance(&mut [(&mut both.plain_run, steps)]);
+            both.assert_same();
+        }
+        let felt = gpu.surface_forces(&mut both[0].gpu_run)[0].length();
+        assert!(felt > 0.0, "nothing touches it");
+    }
+}
+
+#[test]
 fn what_diverges_stops_at_the_same_step_for_the_same_reason() {
     let Some(gpu) = gpu() else { return };
     let mut fast = blocks();

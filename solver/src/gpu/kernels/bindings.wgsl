@@ -39,3 +39,8 @@ var<immediate> now: Now;
 fn number(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
     return (group.y * groups.x + group.x) * GROUP + local;
 }
+
+// Whether a run has ended, or diverged in a step before this one: it stands still.
+fn is_over(scene: Scene, run: u32) -> bool {
+    return now.step >= scene.steps || atomicLoad(&reports[run].fault_step) < now.step;
+}

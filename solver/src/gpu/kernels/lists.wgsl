@@ -124,6 +124,18 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
     return count;
 }
 
+// Takes the rows over as they are.
+fn keep_rows(i: u32) {
+    let count = counts[i];
+    new_counts[i] = count;
+    for (var at = i * now.pair_slots; at < i * now.pair_slots + count.pairs; at++) {
+        new_pairs[at] = pairs[at];
+    }
+    for (var at = i * now.wall_slots; at < i * now.wall_slots + count.walls; at++) {
+        new_walls[at] = walls[at];
+    }
+}
+
 @compute @workgroup_size(GROUP)
 fn lists(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -136,6 +148,11 @@ fn lists(
     }
     let run = scene_of[i];
     let scene = scenes[run];
+    // There are no poses for what comes after its last step: those are another run's.
+    if is_over(scene, run) {
+        keep_rows(i);
+        return;
+    }
     let pair_count = build_pairs(scene, i);
     let wall_count = build_walls(scene, i);
     new_counts[i] = Count(min(pair_count, now.pair_slots), min(wall_count, now.wall_slots));

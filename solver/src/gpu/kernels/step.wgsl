@@ -34,8 +34,7 @@ fn step(
     let scene = scenes[run];
     var me = particles[i];
     nothing = scene.nothing;
-    // A run that has ended, or diverged in a step before this one, stands still.
-    if now.step >= scene.steps || atomicLoad(&reports[run].fault_step) < now.step {
+    if is_over(scene, run) {
         moved[i] = me;
         return;
     }
