@@ -68,7 +68,7 @@ fn a_worker_makes_a_batch_of_its_slots_and_each_result_is_as_alone() {
     let view = stdout(&home.roost(&["submit", "--wait", "--json", &home.file("sweep.json", &sweep)]));
     let view: Value = serde_json::from_str(&view).expect("a sweep");
     assert_eq!(view["counts"]["succeeded"], 4, "{view}");
-    let workers = home.ask(|client| async move { client.workers().await }).expect("workers");
+    let workers = home.ask(|client| async move { client.workers(None, 100).await }).expect("workers");
     assert_eq!(workers.items[0].backend, "gpu");
     let id = view["id"].as_str().expect("an id");
     let table = stdout(&home.roost(&["results", id, "--format", "json"]));
