@@ -156,6 +156,8 @@ pub fn run<B: Backend>(
         if let Some(reason) = course.out_of_time() {
             break (reason, None);
         }
+        // Known here without asking the device, as the sample's: only what is taken out changes it.
+        let left = backend.state(&mut run).particles.len() as u64;
         let next = course.next_sample_step();
         let mut cancelled = false;
         while course.step < next && course.fault.is_none() && !cancelled {
@@ -163,7 +165,6 @@ pub fn run<B: Backend>(
             let before = Instant::now();
             let advance = backend.advance(&mut [(&mut run, steps)]).swap_remove(0);
             course.account(advance, before.elapsed().as_secs_f64());
-            let left = backend.state(&mut run).particles.len() as u64;
             let progress = course.progress(left, clock.elapsed().as_secs_f64(), director.discharged_kg());
             cancelled = observer.progress(&progress) == Flow::Cancel;
         }
