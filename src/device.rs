@@ -8,7 +8,7 @@ use crate::exit::BadInput;
 /// What simulations are computed on.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct DeviceArgs {
-    /// What to compute on [default: a GPU if there is one, else the CPU]
+    /// What to compute on [default: a discrete GPU if there is one, else the CPU]
     #[arg(long, value_enum)]
     backend: Option<Backend>,
     /// Part of the name of the graphics adapter to take, where there are several

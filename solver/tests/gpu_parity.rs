@@ -20,6 +20,7 @@ use roost_solver::engine::scene::{Placement, Scene};
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
 use roost_solver::experiments::simulate;
 use roost_solver::gpu::Gpu;
+use roost_solver::gpu::layout::Touch;
 use roost_solver::gpu::source::Source;
 use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::{BondLaw, Form};
@@ -29,7 +30,7 @@ use roost_solver::{Flow, Progress};
 use serde_json::json;
 
 fn gpu() -> Option<Gpu> {
-    parity::device().map(|device| Gpu::with(device, &Source::kernels()))
+    parity::device().map(|device| Gpu::with(device, &Source::kernels()).expect("kernels that compile"))
 }
 
 /// Three blocks: two fall onto each other and a plate.
@@ -212,6 +213,56 @@ fn a_run_that_ends_within_a_chunk_keeps_what_touches_its_moving_surfaces() {
 }
 
 #[test]
+fn a_run_too_large_for_the_device_fails_alone_and_in_words() {
+    let Some(device) = parity::device() else { return };
+    // Two runs of three blocks are one too many; five blocks are too many for one.
+    let gpu = Gpu::with(device.limited(60_000), &Source::kernels()).expect("kernels that compile");
+    let mut large = blocks();
+    large.bodies.extend([0.5, 0.6].map(|z| at(DVec3::Z * z, DVec3::ZERO)));
+    let mut large = gpu.prepare(&large);
+    let fails = std::panic::AssertUnwindSafe(|| gpu.advance(&mut [(&mut large, 10)]));
+    let words =
+        *std::panic::catch_unwind(fails).expect_err("it does not fit").downcast::<String>().expect("words");
+    assert!(words.contains("the device allows 60000"), "{words}");
+    let mut both: Vec<Both<'_>> = (0..2).map(|_| Both::new(&gpu, &blocks())).collect();
+    let mut batch: Vec<_> = both.iter_mut().map(|both| (&mut both.gpu_run, 300)).collect();
+    gpu.advance(&mut batch);
+    for both in &mut both {
+        both.plain.advance(&mut [(&mut both.plain_run, 300)]);
+        both.assert_same();
+    }
+}
+
+#[test]
+fn a_batch_whose_rows_outgrow_the_device_is_cut() {
+    let Some(device) = parity::device() else { return };
+    let scene = onto(surface(pipe(0.05, 300, 0.0, TAU / 300.0)), |x| x * 0.5 - DVec3::Z * 0.03);
+    let first = Gpu::with(device.clone(), &Source::kernels()).expect("kernels that compile");
+    let mut alone = first.prepare(&scene);
+    first.advance(&mut [(&mut alone, 300)]);
+    let slots = u64::from(alone.wall_slots());
+    let particles = first.state(&mut alone).particles.len() as u64;
+    assert!(slots > 12, "{slots} facets are no more than rows have room for at first");
+    // Rows of touches are the largest; at first those of both runs fit.
+    let limit = particles * slots * size_of::<Touch>() as u64 * 3 / 2;
+    let gpu = Gpu::with(device.limited(limit), &Source::kernels()).expect("kernels that compile");
+    let mut runs: Vec<_> = (0..2).map(|_| gpu.prepare(&scene)).collect();
+    let mut batch: Vec<_> = runs.iter_mut().map(|run| (run, 300)).collect();
+    gpu.advance(&mut batch);
+    for run in &mut runs {
+        assert_eq!(difference(first.state(&mut alone), gpu.state(run)), None);
+    }
+}
+
+#[test]
+fn kernels_that_the_driver_refuses_are_an_error_in_words() {
+    let Some(device) = parity::device() else { return };
+    let source = Source::kernels().with("step", "moved[i] = me;", "moved[i] = nobody;");
+    let error = Gpu::with(device, &source).expect_err("there is no such name").to_string();
+    assert!(error.contains("refuses") && error.contains("nobody"), "{error}");
+}
+
+#[test]
 fn what_diverges_stops_at_the_same_step_for_the_same_reason() {
     let Some(gpu) = gpu() else { return };
     let mut fast = blocks();
@@ -381,7 +432,7 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
     scene.laws.belt = law(true, 0.3, 0.5, 0.0);
     scene.laws.bond = BondLaw { normal_strength: 0.05, ..bonds() };
     let stays = |source: &Source| {
-        let gpu = Gpu::with(device.clone(), source);
+        let gpu = Gpu::with(device.clone(), source).expect("kernels that compile");
         let mut both = Both::new(&gpu, &scene);
         both.plain.start(&mut both.plain_run);
         both.gpu.start(&mut both.gpu_run);

@@ -11,12 +11,19 @@ use roost_solver::{Computer, CpuOptions, Observer};
 /// What somebody wants runs to be computed on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DeviceOptions {
-    /// None takes a GPU if there is one, else the CPU.
+    /// None takes a discrete GPU if there is one, else the CPU: how fast integrated ones are was not measured.
     pub backend: Option<BackendKind>,
     /// Part of the adapter's name; none takes the first.
     pub adapter: Option<String>,
     /// Whether an adapter that is software counts as a GPU.
     pub allow_software: bool,
+}
+
+impl DeviceOptions {
+    /// Whether somebody asks for a GPU.
+    fn is_asked_for(&self) -> bool {
+        self.backend == Some(BackendKind::Gpu) || self.adapter.is_some() || self.allow_software
+    }
 }
 
 /// A way to compute.
@@ -37,7 +44,7 @@ struct Adapter {
     options: DeviceOptions,
     name: String,
     /// None when it has failed, until it is needed again.
-    open: Mutex<Option<Computer>>,
+    open: Mutex<Option<Arc<Computer>>>,
 }
 
 impl Device {
@@ -51,8 +58,7 @@ impl Device {
     /// # Errors
     /// In words, when that is a GPU and none will do.
     pub fn choose(options: &DeviceOptions) -> Result<Self, String> {
-        let is_asked_for =
-            options.backend == Some(BackendKind::Gpu) || options.adapter.is_some() || options.allow_software;
+        let is_asked_for = options.is_asked_for();
         match options.backend {
             Some(BackendKind::Cpu) if is_asked_for => Err("an adapter is for the GPU backend".to_owned()),
             Some(BackendKind::Cpu) => Ok(Self::cpu()),
@@ -60,7 +66,7 @@ impl Device {
                 Ok(computer) => Ok(Self(Some(Arc::new(Adapter {
                     options: options.clone(),
                     name: computer.device(),
-                    open: Mutex::new(Some(computer)),
+                    open: Mutex::new(Some(Arc::new(computer))),
                 })))),
                 Err(reason) if is_asked_for => Err(reason),
                 Err(reason) => {
@@ -87,11 +93,11 @@ impl Device {
     /// In words, when an adapter that had failed cannot be opened again.
     pub(crate) fn ready(&self, threads: usize) -> Result<Ready, String> {
         let Some(adapter) = &self.0 else {
-            return Ok(Ready { computer: Computer::Cpu(CpuOptions { threads }), adapter: None });
+            return Ok(Ready { computer: Arc::new(Computer::Cpu(CpuOptions { threads })), adapter: None });
         };
         let mut current = adapter.open.lock().unwrap_or_else(PoisonError::into_inner);
         if current.is_none() {
-            *current = Some(open(&adapter.options)?);
+            *current = Some(Arc::new(open(&adapter.options)?));
         }
         let computer = current.clone().expect("it was just opened");
         Ok(Ready { computer, adapter: Some(adapter.clone()) })
@@ -101,7 +107,7 @@ impl Device {
 /// Ready to compute.
 #[derive(Debug)]
 pub(crate) struct Ready {
-    computer: Computer,
+    computer: Arc<Computer>,
     adapter: Option<Arc<Adapter>>,
 }
 
@@ -120,7 +126,11 @@ impl Ready {
 impl Drop for Ready {
     fn drop(&mut self) {
         if let (true, Some(adapter)) = (std::thread::panicking(), &self.adapter) {
-            *adapter.open.lock().unwrap_or_else(PoisonError::into_inner) = None;
+            let mut current = adapter.open.lock().unwrap_or_else(PoisonError::into_inner);
+            // Another run may have opened it anew meanwhile.
+            if current.as_ref().is_some_and(|current| Arc::ptr_eq(current, &self.computer)) {
+                *current = None;
+            }
         }
     }
 }
@@ -128,7 +138,11 @@ impl Drop for Ready {
 #[cfg(feature = "gpu")]
 fn open(options: &DeviceOptions) -> Result<Computer, String> {
     use roost_solver::gpu::{Gpu, GpuOptions};
-    let options = GpuOptions { device: options.adapter.clone(), allow_software: options.allow_software };
+    let options = GpuOptions {
+        device: options.adapter.clone(),
+        allow_software: options.allow_software,
+        only_discrete: !options.is_asked_for(),
+    };
     let gpu = Gpu::new(&options).map_err(|error| error.to_string())?;
     Ok(Computer::Gpu(Arc::new(gpu)))
 }
@@ -147,6 +161,7 @@ mod tests {
     /// Mesa's software adapter; none where these tests may be left out.
     fn software() -> Option<Device> {
         if std::env::var_os("ROOST_SKIP_GPU").is_some() {
+            eprintln!("left out: ROOST_SKIP_GPU is set");
             return None;
         }
         let options =
@@ -194,6 +209,22 @@ mod tests {
         });
         assert!(broken.join().is_err() && !is_open());
         assert!(result(&device).response("discharged_kg").is_some() && is_open());
+    }
+
+    #[test]
+    fn a_run_that_fails_late_leaves_an_adapter_alone_that_was_opened_since() {
+        let Some(device) = software() else { return };
+        let adapter = device.0.clone().expect("an adapter");
+        let set = |computer| *adapter.open.lock().unwrap_or_else(PoisonError::into_inner) = computer;
+        let late = device.ready(1).expect("an adapter");
+        set(None);
+        drop(device.ready(1).expect("opened anew"));
+        let failed = std::thread::spawn(move || {
+            let _late = late;
+            panic!("the first adapter was lost")
+        });
+        assert!(failed.join().is_err());
+        assert!(adapter.open.lock().unwrap_or_else(PoisonError::into_inner).is_some());
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Advances a batch by a chunk of steps: as often as it takes until lists were long enough and held.
 
-use super::arena::{Arena, Cargo, OutOfMemory, largest_buffer};
+use std::time::{Duration, Instant};
+
+use super::arena::{Arena, Cargo, NoRoom, largest_buffer};
 use super::device::Device;
 use super::layout::{NONE, Report, Scene};
 use super::lists::Slots;
@@ -10,8 +12,8 @@ use super::store::{Extent, Store};
 use crate::cpu::integrate::fault;
 use crate::engine::Advance;
 
-/// Most steps of a chunk: so that none takes long, and little is done twice.
-const CHUNK: u64 = 256;
+/// Most steps of a chunk: so that little is done twice.
+pub(super) const CHUNK: u64 = 256;
 
 /// Most steps between two rebuilds of lists.
 const LONGEST_INTERVAL: u32 = 64;
@@ -25,6 +27,8 @@ pub(super) struct Task {
     pub(super) run: Box<Run>,
     /// Steps wanted.
     pub(super) steps: u64,
+    /// Most steps of its next chunk.
+    pub(super) most: u64,
     pub(super) done: Advance,
 }
 
@@ -34,8 +38,12 @@ impl Task {
     }
 
     /// Steps of the next chunk.
-    fn next(&self) -> u64 {
-        (self.steps - self.done.steps).min(CHUNK)
+    pub(super) fn next(&self) -> u64 {
+        (self.steps - self.done.steps).min(self.most)
+    }
+
+    pub(super) fn particles(&self) -> u64 {
+        u64::from(self.run.store.extent.particles)
     }
 
     /// What it needs for a chunk.
@@ -62,68 +70,66 @@ impl Task {
 
 /// How many of these tasks, from the first on, the device allows in one set of buffers; one at least.
 pub(super) fn fitting<'a>(device: &Device, tasks: impl Iterator<Item = &'a Task>) -> usize {
-    let limits = device.device.limits();
-    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
     let (mut sum, mut slots) = (Extent::default(), Slots::default());
     let fits = |task: &Task| {
         sum = sum.each(task.extent(), u32::saturating_add);
         slots = slots.max(task.run.store.slots);
-        largest_buffer(&sum, slots) <= most
+        largest_buffer(&sum, slots) <= device.largest_buffer
     };
     tasks.map(fits).take_while(|fits| *fits).count().max(1)
 }
 
-/// Advances each task by a chunk, or as far as it wants.
+/// Advances each task by a chunk, or as far as it wants. How long the device took, the last time if it took several.
 pub(super) fn chunk(
     device: &Device,
     pipelines: &Pipelines,
     arena: &mut Option<Arena>,
     tasks: &mut [&mut Task],
-) -> Result<(), OutOfMemory> {
+) -> Result<Duration, NoRoom> {
     let longest = tasks.iter().map(|task| task.next()).max().unwrap_or(0) as u32;
     let sum = tasks
         .iter()
         .map(|task| task.extent())
         .fold(Extent::default(), |sum, extent| sum.each(extent, |a, b| a + b));
     let cargo = cargo(tasks);
+    let mut slots = tasks.iter().map(|task| task.run.store.slots).fold(Slots::default(), Slots::max);
     loop {
-        let slots = lengthened(device, tasks);
+        let (needed, limit) = (largest_buffer(&sum, slots), device.largest_buffer);
+        if needed > limit {
+            return Err(NoRoom(format!("a buffer of {needed} bytes is needed; the device allows {limit}")));
+        }
+        tasks.iter_mut().for_each(|task| task.run.store.lengthen(device, slots));
         let interval = tasks.iter().map(|task| task.run.interval.min(task.run.longest_interval())).min();
         let interval = interval.unwrap_or(1).clamp(1, longest);
         let arena = room(device, pipelines, arena, sum, slots)?;
         let stores: Vec<&Store> = tasks.iter().map(|task| &task.run.store).collect();
+        let clock = Instant::now();
         let reports = arena.advance(device, pipelines, &stores, &cargo, longest, interval);
+        let took = clock.elapsed();
         let wanted = |of: fn(&Report) -> u32| reports.iter().map(of).max().unwrap_or(0);
         let (pairs, walls) = (wanted(|report| report.pairs.0), wanted(|report| report.walls.0));
         if pairs > 0 || walls > 0 {
-            let longer = slots.max(Slots::holding(pairs, walls));
-            tasks.iter_mut().for_each(|task| task.run.store.lengthen(device, longer));
+            slots = slots.max(Slots::holding(pairs, walls));
         } else if reports.iter().any(|report| report.stale.0 != 0) {
             tasks.iter_mut().for_each(|task| task.run.interval = (interval / 2).max(1));
         } else {
             arena.unload(device, &stores, longest, interval);
             for (task, report) in tasks.iter_mut().zip(&reports) {
                 let drift = f32::from_bits(report.drift.0);
-                task.run.interval = next_interval(interval, drift, task.run.scene.half_skin);
+                task.run.interval =
+                    next_interval(interval, task.run.interval, drift, task.run.scene.half_skin);
                 task.account(device, report);
             }
-            return Ok(());
+            return Ok(took);
         }
     }
 }
 
-/// The slots of the longest rows, to which all are lengthened.
-fn lengthened(device: &Device, tasks: &mut [&mut Task]) -> Slots {
-    let slots = tasks.iter().map(|task| task.run.store.slots).fold(Slots::default(), Slots::max);
-    tasks.iter_mut().for_each(|task| task.run.store.lengthen(device, slots));
-    slots
-}
-
 /// The interval at which what moved by `drift` in `interval` steps would move most of half the skin; no more than twice as
-/// long.
-fn next_interval(interval: u32, drift: f32, half_skin: f32) -> u32 {
+/// long, or than `known`, which held before a short chunk or another run made it shorter.
+fn next_interval(interval: u32, known: u32, drift: f32, half_skin: f32) -> u32 {
     let aim = AIM * half_skin / drift.max(1e-12) * interval as f32;
-    (aim as u32).clamp(1, (2 * interval).min(LONGEST_INTERVAL))
+    (aim as u32).clamp(1, (2 * interval).max(known).min(LONGEST_INTERVAL))
 }
 
 /// Puts together what tasks bring along.
@@ -161,13 +167,29 @@ fn room<'a>(
     arena: &'a mut Option<Arena>,
     extent: Extent,
     slots: Slots,
-) -> Result<&'a Arena, OutOfMemory> {
+) -> Result<&'a Arena, NoRoom> {
     let known = arena.take();
     let room = known.as_ref().map_or(extent, |arena| arena.room().each(extent, u32::max));
+    let room = if largest_buffer(&room, slots) > device.largest_buffer { extent } else { room };
     // What is too small goes before the other is made: both would not fit on a full device.
     let fits = known.filter(|arena| arena.holds(extent, slots));
     Ok(arena.insert(match fits {
         Some(arena) => arena,
         None => Arena::new(device, pipelines, room, slots)?,
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::next_interval;
+
+    #[test]
+    fn a_short_chunk_does_not_shorten_the_interval_for_long() {
+        // One step of a run that crosses half the skin in 100.
+        assert_eq!(next_interval(1, 40, 1e-5, 1e-3), 40);
+        assert_eq!(next_interval(1, 100, 1e-9, 1e-3), 64);
+        assert_eq!(next_interval(8, 8, 1e-5, 1e-3), 16);
+        assert_eq!(next_interval(8, 40, 8e-4, 1e-3), 8);
+        assert_eq!(next_interval(8, 8, 1.0, 1e-3), 1);
+    }
 }

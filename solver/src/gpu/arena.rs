@@ -39,9 +39,9 @@ pub(super) struct Arena {
     list_groups: [BindGroup; 2],
 }
 
-/// The device has no room for a batch; in the driver's words.
+/// The device has no room for a batch; in words.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct OutOfMemory(pub(super) String);
+pub(super) struct NoRoom(pub(super) String);
 
 /// The largest buffer that a batch of this extent needs, in bytes.
 pub(super) fn largest_buffer(extent: &Extent, slots: Slots) -> u64 {
@@ -57,16 +57,8 @@ impl Arena {
         pipelines: &Pipelines,
         room: Extent,
         slots: Slots,
-    ) -> Result<Self, OutOfMemory> {
+    ) -> Result<Self, NoRoom> {
         let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let arena = Self::make(device, pipelines, room, slots);
-        match pollster::block_on(memory.pop()) {
-            Some(error) => Err(OutOfMemory(error.to_string())),
-            None => Ok(arena),
-        }
-    }
-
-    fn make(device: &Device, pipelines: &Pipelines, room: Extent, slots: Slots) -> Self {
         let make = |label: &str, count: u64, each: usize| buffer(device, label, count * each as u64);
         let particles = u64::from(room.particles);
         let parts =
@@ -83,6 +75,10 @@ impl Arena {
         let scenes = make("scenes", u64::from(room.scenes), size_of::<Scene>());
         let poses = make("poses", u64::from(room.poses), size_of::<Pose>());
         let reports = make("reports", u64::from(room.scenes), size_of::<Report>());
+        // Buffers that could not be made must not be bound.
+        if let Some(error) = pollster::block_on(memory.pop()) {
+            return Err(NoRoom(error.to_string()));
+        }
         let [particles, own, counts, pairs, walls, surfaces, facets, corners, nodes, leaves] = &parts;
         let scene_group = [&scenes, surfaces, &poses, facets, corners, nodes, leaves, &reports];
         let particle_group = |a, b| [a, b, own, &scene_of, &reference, &heads, &chain];
@@ -90,7 +86,7 @@ impl Arena {
         let new = [&new_counts, &new_pairs, &new_walls];
         let list_group = |[a, b, c]: [_; 3], [d, e, f]: [_; 3]| [a, b, c, d, e, f, &touches];
         let bind = |group, buffers: &[&Buffer]| pipelines.bind(device, group, buffers);
-        Self {
+        Ok(Self {
             scene_group: bind(0, &scene_group),
             particle_groups: [
                 bind(1, &particle_group(particles, &moved)),
@@ -109,7 +105,7 @@ impl Arena {
             scenes,
             poses,
             reports,
-        }
+        })
     }
 
     /// Whether it has room for that much, in rows of just these slots.

@@ -38,8 +38,10 @@ pub enum GpuError {
 /// Which adapter to take.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Part of the name of the adapter, in any case; none takes the first, discrete ones before integrated ones.
+    /// Part of the name of the adapter, in any case; none takes the first that can, discrete ones before integrated ones.
     pub device: Option<String>,
+    /// Whether none but a discrete adapter will do.
+    pub only_discrete: bool,
     /// Whether a software adapter will do, as for tests. It computes on the CPU, slower than the CPU backend.
     pub allow_software: bool,
 }
@@ -68,6 +70,8 @@ pub struct Device {
     pub(super) name: AdapterName,
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
+    /// Bytes of the largest buffer that kernels can bind.
+    pub(super) largest_buffer: u64,
 }
 
 /// What the kernels use beyond WebGPU: constants with each dispatch, and, for triangles that are long for their width, `f64`.
@@ -77,10 +81,6 @@ const NEEDED: Features = Features::IMMEDIATES.union(Features::SHADER_F64);
 const COPIED_BYTES: u64 = 256 << 20;
 
 /// The adapters of this machine.
-pub fn adapters() -> Vec<AdapterName> {
-    found().iter().map(name).collect()
-}
-
 fn found() -> Vec<Adapter> {
     let instance = Instance::new(InstanceDescriptor {
         backends: Backends::PRIMARY,
@@ -115,19 +115,29 @@ impl Device {
         let adapters = found();
         let names: Vec<AdapterName> = adapters.iter().map(name).collect();
         let wanted = options.device.as_deref().unwrap_or_default().to_lowercase();
-        let may = |name: &AdapterName| {
-            (options.allow_software || !name.is_software) && name.name.to_lowercase().contains(&wanted)
+        let may = |(adapter, name): &(&Adapter, &AdapterName)| {
+            let is_discrete = adapter.get_info().device_type == DeviceType::DiscreteGpu;
+            (options.allow_software || !name.is_software)
+                && (is_discrete || !options.only_discrete)
+                && name.name.to_lowercase().contains(&wanted)
         };
-        let Some(at) = names.iter().position(may) else {
-            return Err(GpuError::NoAdapter(match names.as_slice() {
+        // The first that opens; if none does, what was wrong with the first.
+        let mut refused = None;
+        for (adapter, name) in adapters.iter().zip(&names).filter(may) {
+            match Self::of(adapter, name.clone()) {
+                Ok(device) => return Ok(device),
+                Err(error) => refused = refused.or(Some(error)),
+            }
+        }
+        Err(refused.unwrap_or_else(|| {
+            GpuError::NoAdapter(match names.as_slice() {
                 [] => "there is no graphics driver".to_owned(),
                 names => {
                     let names: Vec<String> = names.iter().map(AdapterName::to_string).collect();
                     format!("none of the adapters will do: {}", names.join(", "))
                 }
-            }));
-        };
-        Self::of(&adapters[at], names[at].clone())
+            })
+        }))
     }
 
     fn of(adapter: &Adapter, name: AdapterName) -> Result<Self, GpuError> {
@@ -140,6 +150,7 @@ impl Device {
         if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
             return Err(unable(format!("{STORAGE_BUFFERS} storage buffers for one kernel")));
         }
+        let largest_buffer = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("roost"),
             required_features: NEEDED,
@@ -149,7 +160,12 @@ impl Device {
         });
         let (device, queue) = pollster::block_on(request)
             .map_err(|error| GpuError::Refused { adapter: name.to_string(), reason: error.to_string() })?;
-        Ok(Self { name, device, queue })
+        Ok(Self { name, device, queue, largest_buffer })
+    }
+
+    /// The same with smaller buffers, for tests of what does not fit.
+    pub fn limited(self, largest_buffer: u64) -> Self {
+        Self { largest_buffer, ..self }
     }
 
     /// Its adapter.

@@ -34,7 +34,7 @@ use glam::DVec3;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::engine::{Advance, Backend, BackendInfo};
-pub use device::{AdapterName, Device, GpuError, GpuOptions, adapters};
+pub use device::{AdapterName, Device, GpuError, GpuOptions};
 use driver::Driver;
 use pipelines::Pipelines;
 pub use run::GpuRun;
@@ -53,13 +53,13 @@ pub struct Gpu {
 impl Gpu {
     /// Opens an adapter and compiles the kernels for it.
     pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
-        Device::open(options).map(|device| Self::with(device, &Source::kernels()))
+        Self::with(Device::open(options)?, &Source::kernels())
     }
 
     /// The same with other kernels, for tests of what finds faults.
-    pub fn with(device: Device, source: &Source) -> Self {
-        let pipelines = Pipelines::new(&device, source);
-        Self { driver: Driver::start(device.clone(), pipelines), device }
+    pub fn with(device: Device, source: &Source) -> Result<Self, GpuError> {
+        let pipelines = Pipelines::new(&device, source)?;
+        Ok(Self { driver: Driver::start(device.clone(), pipelines), device })
     }
 
     /// How many bytes the device reads and writes in a second when it copies within its memory.

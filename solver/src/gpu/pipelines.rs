@@ -2,10 +2,10 @@
 
 use wgpu::{
     BindGroup, BindGroupLayout, BindGroupLayoutEntry, BindingType, Buffer, BufferBindingType, ComputePass,
-    ComputePipeline, ShaderStages,
+    ComputePipeline, ErrorFilter, ShaderStages,
 };
 
-use super::device::Device;
+use super::device::{Device, GpuError};
 use super::layout::Now;
 use super::source::Source;
 
@@ -47,8 +47,11 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    pub(super) fn new(device: &Device, source: &Source) -> Self {
-        let device = &device.device;
+    /// Compiles them, or says why the driver will not.
+    pub(super) fn new(opened: &Device, source: &Source) -> Result<Self, GpuError> {
+        let device = &opened.device;
+        let scopes = [ErrorFilter::Validation, ErrorFilter::Internal, ErrorFilter::OutOfMemory]
+            .map(|filter| device.push_error_scope(filter));
         let layouts: Vec<BindGroupLayout> = WRITTEN
             .iter()
             .map(|written| {
@@ -91,7 +94,16 @@ impl Pipelines {
                 cache: None,
             })
         });
-        Self { layouts, kernels }
+        // From the innermost out.
+        let errors: Vec<_> =
+            scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).collect();
+        match errors.first() {
+            Some(error) => {
+                let (adapter, reason) = (opened.name.to_string(), error.to_string());
+                Err(GpuError::Refused { adapter, reason })
+            }
+            None => Ok(Self { layouts, kernels }),
+        }
     }
 
     /// Binds buffers as one of the groups.

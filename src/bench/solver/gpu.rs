@@ -38,7 +38,8 @@ struct AdapterArgs {
 
 impl AdapterArgs {
     fn open(&self) -> Result<Gpu> {
-        let options = GpuOptions { device: self.device.clone(), allow_software: self.allow_software };
+        let (device, allow_software) = (self.device.clone(), self.allow_software);
+        let options = GpuOptions { device, allow_software, only_discrete: false };
         let gpu = Gpu::new(&options).map_err(|error| BadInput(error.to_string()))?;
         eprintln!("on {}", gpu.name());
         Ok(gpu)
