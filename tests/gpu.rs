@@ -10,7 +10,11 @@ use support::{Home, run, said, scenario, stdout};
 const SOFTWARE: [&str; 3] = ["--device", "llvmpipe", "--allow-software"];
 
 fn is_left_out() -> bool {
-    std::env::var_os("ROOST_SKIP_GPU").is_some()
+    let is_left_out = std::env::var_os("ROOST_SKIP_GPU").is_some();
+    if is_left_out {
+        eprintln!("left out: ROOST_SKIP_GPU is set");
+    }
+    is_left_out
 }
 
 fn small(home: &Home) -> String {

@@ -318,6 +318,12 @@ fn an_error_in_any_term_is_found_and_named() {
         ("integrate", "*remainder = moved - whole;", "", "position"),
         ("integrate", "abs(x - whole) >= vec3(0.5)", "abs(x - whole) > vec3(0.5)", "position"),
         ("nearest", "a + ac * (d2 / (d2 - d6))", "a + ac * (d2 / (d2 + d6))", "nearest point of a triangle"),
+        (
+            "nearest",
+            "let d1 = dot_f64(ab, ap);",
+            "let d1 = dot_f64(ab, p);",
+            "nearest point of a long triangle",
+        ),
     ];
     for (file, text, error, term) in planted {
         let source = Source::terms().with(file, text, error);
