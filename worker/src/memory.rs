@@ -19,7 +19,7 @@ mod tests {
 
     #[test]
     fn the_memory_of_the_machine_is_read() {
-        assert_eq!(in_meminfo("MemTotal:       24607752 kB\nMemFree: 1 kB\n"), Some(24_030));
+        assert_eq!(in_meminfo("MemTotal:       24607752 kB\nMemFree: 1 kB\n"), Some(24_031));
         for text in ["", "MemTotal: many kB", "MemFree: 5 kB"] {
             assert_eq!(in_meminfo(text), None, "{text}");
         }
