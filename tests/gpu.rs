@@ -57,7 +57,7 @@ fn a_run_takes_the_adapter_that_is_asked_for_and_no_software_unasked() {
 }
 
 #[test]
-fn a_worker_makes_a_batch_of_its_slots_and_each_result_is_as_alone() {
+fn each_result_of_a_worker_of_four_slots_is_as_alone() {
     if is_left_out() {
         return;
     }

@@ -3,23 +3,17 @@
 
 mod common;
 
-use common::{Bench, at, block, law, plate, scene};
+use common::{Bench, at, blocks, small_hopper};
 use glam::DVec3;
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
-use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
-use roost_solver::equipment::SurfaceKind;
 use roost_solver::mesh::Meshes;
-use roost_solver::scenario::{self, Scenario};
+use roost_solver::scenario::Scenario;
 use roost_solver::{CpuOptions, Flow, Progress, simulate};
 
-/// A small hopper with everything in it: 12 fillets, all contacts, belt, shutter.
 fn hopper() -> Scenario {
-    let text = r#"{"experiment": "hopper", "product": {"count": 12, "subparticle_radius_m": 0.009},
-        "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2, "side_walls": "frictionless"},
-        "numerics": {"timestep_s": "auto", "duration_s": 0.6}}"#;
-    scenario::parse(text).expect("a sound scenario")
+    small_hopper(0.06)
 }
 
 #[test]
@@ -50,22 +44,6 @@ fn another_seed_gives_another_run() {
         )
     };
     assert_ne!(run(1).series, run(2).series);
-}
-
-/// Two blocks that fall onto each other and a plate; a third one far away.
-fn blocks() -> Scene {
-    let bodies = vec![
-        at(DVec3::new(0.0, 0.0, 0.03), DVec3::NEG_Z),
-        at(DVec3::new(0.01, 0.005, 0.07), DVec3::NEG_Z * 2.0),
-        at(DVec3::new(0.3, 0.0, 0.02), DVec3::NEG_Z),
-    ];
-    let mut scene = scene(block([4, 4, 3]), bodies, 5e-5);
-    scene.surfaces = vec![plate(SurfaceKind::Equipment)];
-    scene.gravity = DVec3::NEG_Z * common::G;
-    scene.laws.tissue = law(false, 0.1, 0.3, 0.055);
-    scene.laws.equipment = law(true, 0.1, 0.5, 0.055);
-    scene.laws.contact_between_bonded = true;
-    scene
 }
 
 /// The serials of the sub-particles of one of the blocks.

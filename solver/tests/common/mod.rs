@@ -105,6 +105,53 @@ pub fn plate(kind: SurfaceKind) -> Surface {
     Surface::parallelogram("plate", kind, DVec3::new(-0.4, -0.4, 0.0), DVec3::X * 0.8, DVec3::Y * 0.8)
 }
 
+/// A small hopper with everything in it: 12 fillets, all contacts, belt, gate, shutter.
+pub fn small_hopper(opening_m: f64) -> Scenario {
+    let document = json!({
+        "experiment": "hopper",
+        "product": {"count": 12, "subparticle_radius_m": 0.009},
+        "equipment": {
+            "hopper_width_m": 0.15, "hopper_length_m": 0.2, "side_walls": "frictionless", "gate_opening_m": opening_m,
+        },
+        "numerics": {"timestep_s": "auto", "duration_s": 0.6},
+    });
+    scenario::from_value(&document).expect("a sound scenario")
+}
+
+/// Three blocks: two that fall onto each other and a plate, and one far away.
+pub fn blocks() -> Scene {
+    let bodies = vec![
+        at(DVec3::new(0.0, 0.0, 0.03), DVec3::NEG_Z),
+        at(DVec3::new(0.01, 0.005, 0.07), DVec3::NEG_Z * 2.0),
+        at(DVec3::new(0.3, 0.0, 0.02), DVec3::NEG_Z),
+    ];
+    let mut scene = scene(block([4, 4, 3]), bodies, 5e-5);
+    scene.surfaces = vec![plate(SurfaceKind::Equipment)];
+    scene.gravity = DVec3::NEG_Z * G;
+    scene.laws.tissue = law(false, 0.1, 0.3, 0.055);
+    scene.laws.equipment = law(true, 0.1, 0.5, 0.055);
+    scene.laws.belt = law(true, 0.1, 0.3, 0.0);
+    scene.laws.contact_between_bonded = true;
+    scene
+}
+
+/// Blocks and single spheres that fall onto a surface, turning it after a while.
+pub fn onto(surface: Surface, place: impl Fn(DVec3) -> DVec3) -> Scene {
+    let mut scene = blocks();
+    scene.kinds.push(block([1, 1, 1]));
+    for (k, body) in scene.bodies.iter_mut().enumerate() {
+        body.position = place(DVec3::new(0.04 * k as f64 - 0.04, 0.01, 0.022));
+        body.orientation = DQuat::from_rotation_y(0.3 * k as f64);
+    }
+    for k in 0..20 {
+        let x = DVec3::new(0.009 * f64::from(k % 5) - 0.017, 0.009 * f64::from(k / 5) - 0.03, 0.05);
+        scene.bodies.push(Placement { kind: 1, ..at(place(x), DVec3::NEG_Z) });
+    }
+    scene.laws.equipment = law(true, 0.3, 0.5, 0.055);
+    scene.surfaces = vec![surface];
+    scene
+}
+
 /// The path that this test binary is about.
 pub fn backend(threads: usize) -> Cpu {
     if env!("CARGO_CRATE_NAME") == "on_fast" { Cpu::new(threads) } else { Cpu::plain(threads) }

@@ -6,6 +6,7 @@ use roost_solver::cpu::{Cpu, CpuRun};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::engine::{Advance, Backend};
+use roost_solver::gpu::source::Source;
 use roost_solver::gpu::{Device, Gpu, GpuOptions, GpuRun};
 
 /// Opens Mesa's software adapter, which rounds every operation by itself, or the one that ROOST_GPU names. Tests without
@@ -20,6 +21,11 @@ pub fn device() -> Option<Device> {
     let fix =
         "`make needs` installs Mesa's; ROOST_GPU names another; ROOST_SKIP_GPU=1 leaves these tests out";
     Some(Device::open(&options).unwrap_or_else(|error| panic!("{error}: {fix}")))
+}
+
+/// The backend on that adapter.
+pub fn gpu() -> Option<Gpu> {
+    device().map(|device| Gpu::with(device, &Source::kernels()).expect("kernels that compile"))
 }
 
 /// The first bits in which two states differ.

@@ -1,0 +1,140 @@
+//! Batches on the GPU: each run has the bits that it has alone, whatever else is in the batch and wherever it is cut.
+
+mod common;
+#[path = "common/cut.rs"]
+mod cut;
+#[path = "common/parity.rs"]
+mod parity;
+#[path = "common/stl.rs"]
+mod stl;
+
+use std::f64::consts::TAU;
+
+use common::{at, block, blocks, onto, plate, prepare, scene, small_hopper};
+use cut::{pipe, surface};
+use glam::DVec3;
+use parity::{Both, difference, gpu};
+use roost_solver::cpu::Cpu;
+use roost_solver::engine::Backend;
+use roost_solver::engine::scene::{Placement, Scene};
+use roost_solver::equipment::{Motion, SurfaceKind};
+use roost_solver::gpu::Gpu;
+use roost_solver::gpu::layout::Touch;
+use roost_solver::gpu::source::Source;
+
+#[test]
+fn a_batch_gives_the_bits_of_each_alone() {
+    let Some(gpu) = gpu() else { return };
+    // Eight hoppers with gates from 3 to 6.5 cm, each for another number of steps, half of them on the move.
+    let scenes: Vec<Scene> =
+        (0..8).map(|k| prepare(&small_hopper(0.03 + 0.005 * f64::from(k))).scene).collect();
+    let lengths: [u64; 8] = [700, 350, 520, 90, 256, 257, 1, 600];
+    let mut runs: Vec<_> = scenes.iter().map(|scene| gpu.prepare(scene)).collect();
+    runs.iter_mut().step_by(2).for_each(|run| gpu.start(run));
+    let mut batch: Vec<_> = runs.iter_mut().zip(lengths).collect();
+    let together = gpu.advance(&mut batch);
+    for (k, (scene, run)) in scenes.iter().zip(&mut runs).enumerate() {
+        let cpu = Cpu::plain(1);
+        let mut alone = cpu.prepare(scene);
+        if k % 2 == 0 {
+            cpu.start(&mut alone);
+        }
+        assert_eq!(together[k], cpu.advance(&mut [(&mut alone, lengths[k])])[0], "run {k}");
+        assert_eq!(difference(cpu.state(&mut alone), gpu.state(run)), None, "run {k}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_in_one_batch_is_advanced_in_several() {
+    let Some(gpu) = gpu() else { return };
+    // Single spheres in flight: three times 150,000 are more than lavapipe takes in one buffer.
+    let place = |k: u32| DVec3::new(f64::from(k % 60), f64::from(k / 60 % 60), f64::from(k / 3600)) * 0.012;
+    let speed = |k: u32| DVec3::new(f64::from(k % 7), f64::from(k % 5), f64::from(k % 3)) * 0.1;
+    let bodies = (0..150_000).map(|k| at(place(k), speed(k))).collect();
+    let mut scene = scene(block([1, 1, 1]), bodies, 1e-4);
+    (scene.low, scene.high) = (DVec3::splat(-0.1), DVec3::splat(1.0));
+    let mut runs: Vec<_> = (0..3).map(|_| gpu.prepare(&scene)).collect();
+    let mut batch: Vec<_> = runs.iter_mut().zip([3, 2, 4]).collect();
+    let steps: Vec<u64> = gpu.advance(&mut batch).iter().map(|done| done.steps).collect();
+    assert_eq!(steps, [3, 2, 4]);
+    let cpu = Cpu::plain(1);
+    for (run, steps) in runs.iter_mut().zip(steps) {
+        let mut alone = cpu.prepare(&scene);
+        cpu.advance(&mut [(&mut alone, steps)]);
+        assert_eq!(difference(cpu.state(&mut alone), gpu.state(run)), None);
+    }
+}
+
+#[test]
+fn a_run_that_ends_within_a_chunk_keeps_what_touches_its_moving_surfaces() {
+    let Some(gpu) = gpu() else { return };
+    let moving = |bodies: Option<Placement>, velocity| {
+        let lifts = Motion::Moving { velocity, pivot: DVec3::ZERO, spin: DVec3::X * 0.3 };
+        let mut scene = blocks();
+        scene.surfaces = vec![plate(SurfaceKind::Equipment).moving(lifts)];
+        scene.bodies = bodies.map_or(scene.bodies, |body| vec![body]);
+        scene
+    };
+    // The plate of the second is soon far from where that of the first, which ends before it, is.
+    let scenes = [
+        moving(None, DVec3::new(0.05, 0.0, 0.1)),
+        moving(Some(at(DVec3::Z * 0.5, DVec3::ZERO)), DVec3::NEG_Z * 5.0),
+    ];
+    let mut both: Vec<Both<'_>> = scenes.iter().map(|scene| Both::new(&gpu, scene)).collect();
+    for both in &mut both {
+        both.plain.start(&mut both.plain_run);
+        both.gpu.start(&mut both.gpu_run);
+    }
+    for lengths in [[700, 1100], [20, 300], [300, 20]] {
+        let mut batch: Vec<_> = both.iter_mut().map(|both| &mut both.gpu_run).zip(lengths).collect();
+        gpu.advance(&mut batch);
+        for (both, steps) in both.iter_mut().zip(lengths) {
+            both.plain.advance(&mut [(&mut both.plain_run, steps)]);
+            both.assert_same();
+        }
+        let felt = gpu.surface_forces(&mut both[0].gpu_run)[0].length();
+        assert!(felt > 0.0, "nothing touches it");
+    }
+}
+
+#[test]
+fn a_run_too_large_for_the_device_fails_alone_and_in_words() {
+    let Some(device) = parity::device() else { return };
+    // Two runs of three blocks are one too many; five blocks are too many for one.
+    let gpu = Gpu::with(device.limited(60_000), &Source::kernels()).expect("kernels that compile");
+    let mut large = blocks();
+    large.bodies.extend([0.5, 0.6].map(|z| at(DVec3::Z * z, DVec3::ZERO)));
+    let mut large = gpu.prepare(&large);
+    let fails = std::panic::AssertUnwindSafe(|| gpu.advance(&mut [(&mut large, 10)]));
+    let words =
+        *std::panic::catch_unwind(fails).expect_err("it does not fit").downcast::<String>().expect("words");
+    assert!(words.contains("the device allows 60000"), "{words}");
+    let mut both: Vec<Both<'_>> = (0..2).map(|_| Both::new(&gpu, &blocks())).collect();
+    let mut batch: Vec<_> = both.iter_mut().map(|both| (&mut both.gpu_run, 300)).collect();
+    gpu.advance(&mut batch);
+    for both in &mut both {
+        both.plain.advance(&mut [(&mut both.plain_run, 300)]);
+        both.assert_same();
+    }
+}
+
+#[test]
+fn a_batch_whose_rows_outgrow_the_device_is_cut() {
+    let Some(device) = parity::device() else { return };
+    let scene = onto(surface(pipe(0.05, 300, 0.0, TAU / 300.0)), |x| x * 0.5 - DVec3::Z * 0.03);
+    let first = Gpu::with(device.clone(), &Source::kernels()).expect("kernels that compile");
+    let mut alone = first.prepare(&scene);
+    first.advance(&mut [(&mut alone, 300)]);
+    let slots = u64::from(alone.wall_slots());
+    let particles = first.state(&mut alone).particles.len() as u64;
+    assert!(slots > 12, "{slots} facets are no more than rows have room for at first");
+    // Rows of touches are the largest; at first those of both runs fit.
+    let limit = particles * slots * size_of::<Touch>() as u64 * 3 / 2;
+    let gpu = Gpu::with(device.limited(limit), &Source::kernels()).expect("kernels that compile");
+    let mut runs: Vec<_> = (0..2).map(|_| gpu.prepare(&scene)).collect();
+    let mut batch: Vec<_> = runs.iter_mut().map(|run| (run, 300)).collect();
+    gpu.advance(&mut batch);
+    for run in &mut runs {
+        assert_eq!(difference(first.state(&mut alone), gpu.state(run)), None);
+    }
+}
