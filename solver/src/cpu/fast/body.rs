@@ -7,7 +7,7 @@ use glam::IVec3;
 use super::bonds::{self, BondSet};
 use super::instructions::{Job, Wide};
 use super::kernel::{LaneContact, PairLaws};
-use super::load::Sums;
+use super::load::{Loads, Sums};
 use super::meeting::Meeting;
 use super::memory::{Ints, WIDTH, folded};
 use super::pairs::BodyPairs;
@@ -198,18 +198,18 @@ impl Body {
         self.extent = self.boxes.iter().fold(Extent::EMPTY, Extent::and);
     }
 
-    /// One step of this body, number `me`, once all meetings have worked out their loads.
+    /// One step of this body, once all meetings have worked out their loads: `firsts` are those that it has worked out itself.
     #[inline(always)]
     pub(super) fn step<S: Wide>(
         &mut self,
         simd: S,
-        me: usize,
         around: &Surroundings<'_>,
+        firsts: &mut Loads,
         desk: &mut Desk,
     ) -> Noticed {
         let Desk { sums, .. } = desk;
         let mut watch = around.stages.watch();
-        sums.begin(&around.pairs[me].firsts);
+        sums.begin(firsts);
         for &m in &self.meets {
             let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
             sums.add_to_seconds(&around.pairs[bodies[0] as usize].seconds, loads.clone());
@@ -230,8 +230,9 @@ impl Body {
         self.add_walls(simd, around, desk);
         watch.lap(Stage::Walls);
         let Self { points, motion, .. } = self;
-        let sums = &desk.sums;
+        let sums = &mut desk.sums;
         let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, sums);
+        sums.end(firsts);
         self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);
         noticed.runaway = moved.runaway.map(|k| self.range.start as u32 + k);
         watch.lap(Stage::Motion);

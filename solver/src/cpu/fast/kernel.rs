@@ -119,14 +119,16 @@ struct Pairs<S: Simd> {
     n: F3<S>,
     length: F<S>,
     arm: F3<S>,
-    /// Of j against i where they meet.
-    v: F3<S>,
-    spin: F3<S>,
+    /// Velocity of j against i where they meet: along n, and across it.
+    v_n: F<S>,
+    v_t: F3<S>,
+    /// Angle that the pair turns by about n in this step.
+    twist: F<S>,
 }
 
 impl<S: Simd> Pairs<S> {
     #[inline(always)]
-    fn new(simd: S, [a, b]: &[Seen; 2], part: usize) -> Self {
+    fn new(simd: S, dt: f32, [a, b]: &[Seen; 2], part: usize) -> Self {
         let d = F3::load(simd, [&a.apart, &b.apart], part);
         // Neighbours on the lattice begin at a distance of 2R: whether they touch is decided by the last digit, which should be
         // that of the plain path. So the square is rounded as there, and so is its root.
@@ -136,19 +138,26 @@ impl<S: Simd> Pairs<S> {
         let arm = d * F::splat(simd, 0.5);
         let spin = F3::load(simd, [&a.spin, &b.spin], part);
         let v = F3::load(simd, [&a.velocity, &b.velocity], part) - spin.cross(arm);
-        Self { n, length, arm, v, spin }
+        Self::meeting(n, length, arm, v, spin, F::splat(simd, 0.5 * dt))
     }
 
     /// Sub-particles at surfaces: `apart` leads to the nearest point, `velocity` is that of the surface there against the
     /// sub-particle's, and `spin` twice the surface's.
     #[inline(always)]
-    fn at_surfaces(simd: S, [a, b]: &[Seen; 2], part: usize) -> Self {
+    fn at_surfaces(simd: S, dt: f32, [a, b]: &[Seen; 2], part: usize) -> Self {
         let arm = F3::load(simd, [&a.apart, &b.apart], part);
         let (length, inverse) = arm.length2_unfused().sqrt();
         let n = arm * inverse;
         let spin = F3::load(simd, [&a.spin, &b.spin], part);
         let v = F3::load(simd, [&a.velocity, &b.velocity], part);
-        Self { n, length, arm, v, spin }
+        Self::meeting(n, length, arm, v, spin, F::splat(simd, 0.5 * dt))
+    }
+
+    #[inline(always)]
+    fn meeting(n: F3<S>, length: F<S>, arm: F3<S>, v: F3<S>, spin: F3<S>, half_dt: F<S>) -> Self {
+        let v_n = v.dot(n);
+        let twist = spin.dot(n) * half_dt;
+        Self { n, length, arm, v_n, v_t: n.mul_from(v_n, v), twist }
     }
 }
 
@@ -165,7 +174,7 @@ pub(super) fn contacts<S: Simd>(
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     for part in 0..WIDTH / S::F32_LANES {
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
-        let pairs = Pairs::new(simd, seen, part);
+        let pairs = Pairs::new(simd, laws.dt, seen, part);
         let root_mass = F::load(simd, [mass_a, mass_b], part);
         let meets = Meets { law: &laws.contact, touch: laws.touch, dt: laws.dt, root_mass };
         let (normal, across, delta) = contact(simd, &meets, &pairs, exists, [one, two], part);
@@ -194,7 +203,7 @@ pub(super) fn surfaces<S: Simd>(
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     for part in 0..WIDTH / S::F32_LANES {
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
-        let pairs = Pairs::at_surfaces(simd, seen, part);
+        let pairs = Pairs::at_surfaces(simd, laws.dt, seen, part);
         let (normal, across, _) = contact(simd, &meets, &pairs, exists, [one, two], part);
         (normal + across).store([&mut a.force, &mut b.force], part);
         pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
@@ -215,7 +224,7 @@ pub(super) fn bonds<S: Simd>(
     let (zero, root_mass) = (F::splat(simd, 0.0), F::splat(simd, root_mass));
     let (mut deepest, mut broke) = (zero, false);
     for part in 0..WIDTH / S::F32_LANES {
-        let pairs = Pairs::new(simd, seen, part);
+        let pairs = Pairs::new(simd, laws.dt, seen, part);
         let limit = F::load(simd, memory.each_ref().map(|memory| &memory.break_length), part);
         let (exists, bonded) = (zero.le(limit), zero.lt(limit));
         let of_bonds = memory.each_mut().map(|memory| &mut **memory);
@@ -254,17 +263,15 @@ fn bond<S: Simd>(
 ) -> (F3<S>, F3<S>, Mask<S>) {
     let law = &laws.bond;
     let splat = |value| F::splat(simd, value);
-    let Pairs { n, length, v, .. } = *pairs;
+    let Pairs { n, length, v_n, v_t, .. } = *pairs;
     let stored = F3::load(simd, [&one.stored, &two.stored], part);
-    let v_n = v.dot(n);
-    let v_t = n.mul_from(v_n, v);
     let (pull, shear, total, stored) = if law.form == Form::AsPublished {
         let rate = n.mul_add(splat(law.k_n) * v_n, v_t * splat(law.k_t));
         let stored = rate.mul_add(splat(laws.dt), stored);
         let pull = stored.dot(n);
         (pull, n.mul_from(pull, stored), stored, stored)
     } else {
-        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, laws.dt, pairs, stored, USUAL_FORCE));
+        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, pairs, stored, USUAL_FORCE));
         let e = length - F::splat_each(simd, [one.rest, two.rest]);
         let pull = splat(law.k_n) * e;
         let pull = if law.form == Form::FiniteExtension {
@@ -309,7 +316,8 @@ fn contact<S: Simd>(
     let LaneContact { law, damping_n, damping_t, snap } = meets.law;
     let splat = |value| F::splat(simd, value);
     let (zero, none) = (splat(0.0), F3::zero(simd));
-    let n = pairs.n;
+    // Velocities here are those of j against i: what is felt on i has the opposite sign.
+    let Pairs { n, v_n, v_t, .. } = *pairs;
     let delta = splat(meets.touch) - pairs.length;
     let holds = touches & F::load(simd, [&one.limit, &two.limit], part).le(delta);
     holds.select(splat(*snap), zero).store([&mut one.limit, &mut two.limit], part);
@@ -325,22 +333,19 @@ fn contact<S: Simd>(
         }
     };
     let damp = meets.root_mass * root_a;
-    let v = -pairs.v;
-    let v_n = v.dot(n);
-    let v_t = n.mul_from(v_n, v);
-    let total = (splat(*damping_n) * damp).mul_add(v_n, elastic);
+    let total = (splat(*damping_n) * damp).mul_from(v_n, elastic);
     // Friction, as in `physics::friction`; without area there is nothing to hold on to.
     let holds_on = holds & zero.lt(a);
     let k_t = splat(8.0 * law.g_star) * a;
     let dashpot = v_t * (splat(*damping_t) * damp);
     let old = F3::load(simd, [&one.slide, &two.slide], part);
-    let slide = v_t.mul_add(splat(meets.dt), turned(simd, meets.dt, pairs, old, USUAL_SLIDE));
-    let trial = -slide.mul_add(k_t, dashpot);
+    let slide = v_t.mul_from(splat(meets.dt), turned(simd, pairs, old, USUAL_SLIDE));
+    let trial = slide.mul_from(k_t, dashpot);
     let cap = splat(law.mu) * total.max(zero);
     let size2 = trial.dot(trial);
     let sticks = size2.le(cap * cap);
     let capped = trial * (cap * size2.sqrt().1);
-    let slipped = -(capped + dashpot) * k_t.max(splat(1e-30)).inverse();
+    let slipped = (dashpot - capped) * k_t.max(splat(1e-30)).inverse();
     let slide = sticks.select3(slide, slipped);
     let tangential = sticks.select3(trial, capped);
     holds_on.select3(slide, none).store([&mut one.slide, &mut two.slide], part);
@@ -350,10 +355,9 @@ fn contact<S: Simd>(
 /// [`crate::physics::friction::turned`], by the pairs' spin in this step. `inverse_usual` is one over a usual length of v: fourth
 /// powers of v in such lengths must stay numbers.
 #[inline(always)]
-fn turned<S: Simd>(simd: S, dt: f32, pairs: &Pairs<S>, v: F3<S>, inverse_usual: f32) -> F3<S> {
+fn turned<S: Simd>(simd: S, pairs: &Pairs<S>, v: F3<S>, inverse_usual: f32) -> F3<S> {
     let n = pairs.n;
-    let twist = pairs.spin.dot(n) * F::splat(simd, 0.5 * dt);
-    let twisted = n.cross(v).mul_add(twist, v);
+    let twisted = n.cross(v).mul_add(pairs.twist, v);
     let flat = n.mul_from(twisted.dot(n), twisted);
     let unit = F::splat(simd, inverse_usual * inverse_usual);
     let (before, after) = (v.dot(v) * unit, flat.dot(flat) * unit);

@@ -167,6 +167,13 @@ fn quads(of: &[[f32; 4]], b: usize) -> Quads {
     Quads(of[b * WIDTH..][..WIDTH].try_into().expect("as many as asked for"))
 }
 
+/// The same; none is left.
+#[inline(always)]
+fn taken(of: &mut [[f32; 4]], b: usize) -> Quads {
+    let of: &mut [[f32; 4]; WIDTH] = (&mut of[b * WIDTH..][..WIDTH]).try_into().expect("as many as asked for");
+    Quads(std::mem::replace(of, [[0.0; 4]; WIDTH]))
+}
+
 /// The first three numbers, in lanes.
 #[inline(always)]
 fn three<S: Wide>(simd: S, quads: &Quads) -> Lanes3 {
@@ -181,10 +188,8 @@ impl Loads {
     }
 
     /// Nothing yet, for so many.
-    pub(super) fn clear_for(&mut self, count: usize) {
-        self.clear();
-        self.force.resize(count, [0.0; 4]);
-        self.torque.resize(count, [0.0; 4]);
+    pub(super) fn none(count: usize) -> Self {
+        Self { force: vec![[0.0; 4]; count], torque: vec![[0.0; 4]; count] }
     }
 
     /// Takes in [`WIDTH`] more, from lanes.
@@ -228,13 +233,17 @@ fn sum(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
 }
 
 impl Sums {
-    /// Begins with what came one at a time before.
-    pub(super) fn begin(&mut self, single: &Loads) {
-        self.single.force.clone_from(&single.force);
-        self.single.torque.clone_from(&single.torque);
-        let blocks = single.force.len() / WIDTH;
+    /// Begins with what came one at a time before, and takes its place until [`Self::end`].
+    pub(super) fn begin(&mut self, single: &mut Loads) {
+        std::mem::swap(&mut self.single, single);
+        let blocks = self.single.force.len() / WIDTH;
         self.blocks.clear();
         self.blocks.resize(blocks, LoadBlock { force: [Lanes::ZERO; 3], torque: [Lanes::ZERO; 3] });
+    }
+
+    /// Gives back the room for what comes one at a time, once all blocks were taken.
+    pub(super) fn end(&mut self, single: &mut Loads) {
+        std::mem::swap(&mut self.single, single);
     }
 
     /// Adds what acts on the seconds of some pairs.
@@ -252,12 +261,12 @@ impl Sums {
         torque[place as usize] = sum(torque[place as usize], [p, q, r, 0.0]);
     }
 
-    /// All that acts on a block.
+    /// Takes all that acts on a block.
     #[inline(always)]
-    pub(super) fn of_block<S: Wide>(&self, simd: S, b: usize) -> LoadBlock {
-        let (single, mut all) = (&self.single, self.blocks[b]);
-        let force = simd.to_lanes(&quads(&single.force, b));
-        let torque = simd.to_lanes(&quads(&single.torque, b));
+    pub(super) fn take_block<S: Wide>(&mut self, simd: S, b: usize) -> LoadBlock {
+        let (single, mut all) = (&mut self.single, self.blocks[b]);
+        let force = simd.to_lanes(&taken(&mut single.force, b));
+        let torque = simd.to_lanes(&taken(&mut single.torque, b));
         for axis in 0..3 {
             for k in 0..WIDTH {
                 all.force[axis].0[k] += force[axis].0[k];

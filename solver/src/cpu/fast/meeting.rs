@@ -12,7 +12,7 @@ use glam::DVec3;
 use super::body::{Body, root_of_equivalent};
 use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{self, Felt, PairLaws};
-use super::load::{BATCH, Batch};
+use super::load::{BATCH, Batch, Loads};
 use super::pairs::{self, BodyPairs, PairList};
 use super::points::place_of;
 use super::search::{Finder, Search};
@@ -128,6 +128,8 @@ pub(super) struct Contacts<'a> {
     pub(super) meetings: &'a mut [Meeting],
     pub(super) bodies: &'a [Body],
     pub(super) pairs: &'a mut BodyPairs,
+    /// What the pairs do to the body's own sub-particles, by [`super::points::place_of`]: nothing yet.
+    pub(super) firsts: &'a mut Loads,
     pub(super) laws: &'a PairLaws,
     pub(super) frame: &'a Frame,
     /// Number of the step, from 2: so that what remembers nothing held in none.
@@ -171,9 +173,8 @@ impl Contacts<'_> {
     #[inline(always)]
     pub(super) fn forces<S: Wide>(&mut self, simd: S, Room { batches, apart, close, .. }: &mut Room) -> f32 {
         let [mut batch, mut full] = batches.each_mut();
-        let BodyPairs { list, firsts, seconds, .. } = &mut *self.pairs;
+        let BodyPairs { list, seconds, .. } = &mut *self.pairs;
         let mine = &self.bodies[self.meetings[0].bodies[0] as usize];
-        firsts.clear_for(mine.points.positions.len());
         seconds.loads.clear();
         seconds.places.clear();
         apart.resize(list.len(), [0; 4]);
@@ -226,8 +227,8 @@ impl Job for WorkOut<'_, '_> {
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> f32 {
-        let Self { contacts: Contacts { pairs, laws, frame, step, .. }, batch } = self;
-        let BodyPairs { list, firsts, seconds, .. } = &mut **pairs;
+        let Self { contacts: Contacts { pairs, firsts, laws, frame, step, .. }, batch } = self;
+        let BodyPairs { list, seconds, .. } = &mut **pairs;
         if batch.pairs.is_empty() {
             return 0.0;
         }

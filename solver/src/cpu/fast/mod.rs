@@ -46,6 +46,7 @@ use clumps::{Clump, clumps};
 pub use instructions::Instructions;
 use instructions::{Job, Wide};
 use kernel::{LaneContact, PairLaws};
+use load::Loads;
 use meeting::{Contacts, Meeting, Room, SAFE};
 use pairs::BodyPairs;
 use points::Points;
@@ -77,6 +78,8 @@ pub struct FastRun {
     meetings: Vec<Meeting>,
     /// Those of each body with itself and those after it.
     pairs: Vec<BodyPairs>,
+    /// What pairs do to the first body's own sub-particles, body by body, while a step goes on; else nothing.
+    firsts: Vec<Loads>,
     /// Motion of each body when the meetings were drawn up; empty forces it.
     drawn_up: Vec<(DVec3, f64)>,
     step: u64,
@@ -116,6 +119,7 @@ impl FastRun {
             bodies,
             meetings: Vec::new(),
             pairs: Vec::new(),
+            firsts: Vec::new(),
             drawn_up: Vec::new(),
             step: 0,
             start_step: None,
@@ -244,6 +248,7 @@ impl FastRun {
             self.meetings.push(known.unwrap_or_else(|| Meeting::new(pair)));
         }
         self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
+        self.firsts = self.bodies.iter().map(|body| Loads::none(body.points.positions.len())).collect();
         self.pairs.iter_mut().for_each(|pairs| pairs.is_stale = true);
         self.bodies.iter_mut().for_each(|body| body.meets.clear());
         for (m, meeting) in (0u32..).zip(&self.meetings) {
@@ -255,11 +260,11 @@ impl FastRun {
     fn meet(&mut self) -> f32 {
         let search = self.search();
         let step = (self.step + 2) as u32;
-        let Self { laws, state, bodies, meetings, pairs, instructions, stages, .. } = self;
+        let Self { laws, state, bodies, meetings, pairs, firsts, instructions, stages, .. } = self;
         let groups = meetings.chunk_by_mut(|a, b| a.bodies[0] == b.bodies[0]);
-        let work: Vec<_> = groups.zip(pairs).collect();
-        let work = work.into_par_iter().map_init(Room::default, |room, (meetings, pairs)| {
-            let contacts = Contacts { meetings, bodies, pairs, laws, frame: &state.frame, step };
+        let work: Vec<_> = groups.zip(pairs).zip(firsts).collect();
+        let work = work.into_par_iter().map_init(Room::default, |room, ((meetings, pairs), firsts)| {
+            let contacts = Contacts { meetings, bodies, pairs, firsts, laws, frame: &state.frame, step };
             instructions.run(Meet { contacts, search: &search, room, stages })
         });
         work.reduce(|| 0.0, f32::max)
@@ -267,7 +272,8 @@ impl FastRun {
 
     /// The second phase.
     fn move_bodies(&mut self) -> Noticed {
-        let Self { laws, mover, state, bodies, meetings, pairs, walls, params, instructions, .. } = self;
+        let Self { laws, mover, state, bodies, meetings, pairs, firsts, walls, params, instructions, .. } =
+            self;
         let (stages, wall_laws) = (&*self.stages, &self.wall_laws[..]);
         let around = Surroundings {
             laws,
@@ -282,8 +288,8 @@ impl FastRun {
             wall_reach: params.radius + params.laws.reach(),
             wall_skin: WALL_SKIN_RATIO * params.radius,
         };
-        let work = bodies.par_iter_mut().enumerate().map_init(Desk::default, |desk, (me, body)| {
-            instructions.run(Move { body, me, around: &around, desk })
+        let work = bodies.par_iter_mut().zip(firsts).map_init(Desk::default, |desk, (body, firsts)| {
+            instructions.run(Move { body, firsts, around: &around, desk })
         });
         work.reduce(Noticed::default, Noticed::and)
     }
@@ -375,7 +381,7 @@ impl Job for Meet<'_> {
 /// A body's part of the second phase.
 struct Move<'a> {
     body: &'a mut Body,
-    me: usize,
+    firsts: &'a mut Loads,
     around: &'a Surroundings<'a>,
     desk: &'a mut Desk,
 }
@@ -385,6 +391,6 @@ impl Job for Move<'_> {
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> Noticed {
-        self.body.step(simd, self.me, self.around, self.desk)
+        self.body.step(simd, self.around, self.firsts, self.desk)
     }
 }

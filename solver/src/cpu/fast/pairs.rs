@@ -22,8 +22,6 @@ pub(super) struct BodyPairs {
     pub(super) list: PairList,
     /// Whether meetings have come or gone since the list was written.
     pub(super) is_stale: bool,
-    /// What they do to its own sub-particles, by [`super::points::place_of`].
-    pub(super) firsts: Loads,
     /// What they do to the others, pair by pair of those that are close: the opposite force, the same torque.
     pub(super) seconds: Seconds,
 }

@@ -161,7 +161,7 @@ impl Points {
         frame: &Frame,
         mass: f32,
         motion: &mut Motion,
-        sums: &Sums,
+        sums: &mut Sums,
     ) -> Moved {
         let inverse_mass = 1.0 / mass;
         let dt = f64::from(mover.dt);
@@ -169,7 +169,7 @@ impl Points {
         let (mut total, mut most_apart2, mut fastest2) = (Vec3::ZERO, Lanes::ZERO, Lanes::ZERO);
         let blocks = self.blocks.len();
         for b in 0..blocks {
-            let LoadBlock { force, torque } = sums.of_block(simd, b);
+            let LoadBlock { force, torque } = sums.take_block(simd, b);
             let block = &mut self.blocks[b];
             let lost = block.advance(simd, mover, frame, inverse_mass, &force, &torque);
             if lost != [0; WIDTH] && moved.runaway.is_none() {
