@@ -257,8 +257,7 @@ impl Walls {
         alike.or_else(at_the_edge).map(|(other, _)| other)
     }
 
-    /// The surfaces, for a backend that keeps them elsewhere.
-    #[cfg(feature = "gpu")]
+    /// The surfaces.
     pub(crate) fn surfaces(&self) -> &[WallSurface] {
         &self.surfaces
     }
@@ -270,7 +269,6 @@ impl Walls {
     }
 
     /// The facets of all surfaces, in their order.
-    #[cfg(feature = "gpu")]
     pub(crate) fn facets(&self) -> &[WallFacet] {
         &self.facets
     }

@@ -107,6 +107,11 @@ impl Facet {
         self.long
     }
 
+    /// Its triangles, if they are few and none is long for its width: then the nearest point is the nearest of theirs.
+    pub(crate) fn few_triangles(&self) -> Option<&[[Vec3; 3]]> {
+        (!self.long && (1..=FEW).contains(&self.triangles.len())).then_some(&self.triangles)
+    }
+
     /// The smallest box around it.
     pub fn span(&self) -> Span {
         Span::around(self.triangles.iter().flatten().copied())

@@ -177,19 +177,21 @@ mod x86 {
 
     /// The numbers of four registers, one after the other, at these places.
     #[inline(always)]
-    fn picked(simd: V3, window: [[f32; 8]; 4], at: [u32; 8]) -> [f32; 8] {
+    fn picked(simd: V3, [a, b, c, d]: [[f32; 8]; 4], at: [u32; 8]) -> [f32; 8] {
+        let high = simd.avx._mm256_castsi256_ps(simd.avx2._mm256_slli_epi32::<27>(cast(at)));
+        let (low, other) = (picked_from_two(simd, [a, b], at), picked_from_two(simd, [c, d], at));
+        cast(simd.avx._mm256_blendv_ps(cast(low), cast(other), high))
+    }
+
+    /// The same of two registers.
+    #[inline(always)]
+    fn picked_from_two(simd: V3, [low, high]: [[f32; 8]; 2], at: [u32; 8]) -> [f32; 8] {
         let at: __m256i = cast(at);
-        // Of a place the three lowest bits say where in a register, the next two in which: as signs they choose.
+        // Of a place the three lowest bits say where in a register, the next in which: as signs they choose.
         let upper = simd.avx._mm256_castsi256_ps(simd.avx2._mm256_slli_epi32::<28>(at));
-        let high = simd.avx._mm256_castsi256_ps(simd.avx2._mm256_slli_epi32::<27>(at));
-        let [a, b, c, d] = [
-            simd.avx2._mm256_permutevar8x32_ps(cast(window[0]), at),
-            simd.avx2._mm256_permutevar8x32_ps(cast(window[1]), at),
-            simd.avx2._mm256_permutevar8x32_ps(cast(window[2]), at),
-            simd.avx2._mm256_permutevar8x32_ps(cast(window[3]), at),
-        ];
-        let (low, other) = (simd.avx._mm256_blendv_ps(a, b, upper), simd.avx._mm256_blendv_ps(c, d, upper));
-        cast(simd.avx._mm256_blendv_ps(low, other, high))
+        let low = simd.avx2._mm256_permutevar8x32_ps(cast(low), at);
+        let high = simd.avx2._mm256_permutevar8x32_ps(cast(high), at);
+        cast(simd.avx._mm256_blendv_ps(low, high, upper))
     }
 
     impl Wide for V3 {
@@ -225,10 +227,13 @@ mod x86 {
 
         #[inline(always)]
         fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
-            let spread = self.pick([values, values], from);
+            let halves: [[f32; 8]; 2] = cast(values.0);
+            let [one, two]: [[u32; 8]; 2] = cast(from.0);
+            let spread: [f32; WIDTH] =
+                cast([picked_from_two(self, halves, one), picked_from_two(self, halves, two)]);
             let takes: Lanes =
                 Lanes(std::array::from_fn(|k| f32::from_bits(0u32.wrapping_sub(u32::from(takes >> k & 1)))));
-            Lanes(std::array::from_fn(|k| f32::from_bits(spread.0[k].to_bits() & takes.0[k].to_bits())))
+            Lanes(std::array::from_fn(|k| f32::from_bits(spread[k].to_bits() & takes.0[k].to_bits())))
         }
 
         #[inline(always)]

@@ -349,7 +349,7 @@ fn contact<S: Simd>(
     let slide = sticks.select3(slide, slipped);
     let tangential = sticks.select3(trial, capped);
     holds_on.select3(slide, none).store([&mut one.slide, &mut two.slide], part);
-    (holds.select3(-(n * total), none), holds_on.select3(tangential, none), holds.select(delta, zero))
+    (holds.select3(n * -total, none), holds_on.select3(tangential, none), holds.select(delta, zero))
 }
 
 /// [`crate::physics::friction::turned`], by the pairs' spin in this step. `inverse_usual` is one over a usual length of v: fourth

@@ -4,8 +4,9 @@
 //! if slowly where it has no fused multiply-add of its own.
 //! `pulp` picks the instructions; a kernel is written once, over [`Simd`].
 
-use std::ops::{Add, AddAssign, BitAnd, BitOr, Mul, Neg, Sub};
+use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Sub};
 
+use glam::Vec3;
 use pulp::Simd;
 
 use super::memory::{Lanes, Lanes3};
@@ -139,6 +140,12 @@ impl<S: Simd> F<S> {
         (root.mul_from(root, self).mul_add(inverse * Self::splat(self.0, 0.5), root), inverse)
     }
 
+    /// √x, rounded as every processor rounds it.
+    #[inline(always)]
+    pub(super) fn exact_sqrt(self) -> Self {
+        self.map(|x| self.0.sqrt_f32s(x))
+    }
+
     #[inline(always)]
     pub(super) fn max(self, other: Self) -> Self {
         self.with(other, |a, b| self.0.max_f32s(a, b))
@@ -198,6 +205,17 @@ impl<S: Simd> F3<S> {
         Self { x: zero, y: zero, z: zero }
     }
 
+    /// One vector in all lanes.
+    #[inline(always)]
+    pub(super) fn splat(simd: S, v: Vec3) -> Self {
+        Self { x: F::splat(simd, v.x), y: F::splat(simd, v.y), z: F::splat(simd, v.z) }
+    }
+
+    #[inline(always)]
+    pub(super) fn parts(self) -> [F<S>; 3] {
+        [self.x, self.y, self.z]
+    }
+
     #[inline(always)]
     pub(super) fn load(simd: S, [a, b]: [&Lanes3; 2], part: usize) -> Self {
         let axis = |k: usize| F::load(simd, [&a[k], &b[k]], part);
@@ -230,7 +248,23 @@ impl<S: Simd> F3<S> {
     /// The square of the length, every product and sum rounded.
     #[inline(always)]
     pub(super) fn length2_unfused(self) -> F<S> {
-        self.x * self.x + self.y * self.y + self.z * self.z
+        self.dot_unfused(self)
+    }
+
+    /// As one by one, every product and sum rounded.
+    #[inline(always)]
+    pub(super) fn dot_unfused(self, other: Self) -> F<S> {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
+    /// As one by one, every product and difference rounded.
+    #[inline(always)]
+    pub(super) fn cross_unfused(self, other: Self) -> Self {
+        Self {
+            x: self.y * other.z - other.y * self.z,
+            y: self.z * other.x - other.z * self.x,
+            z: self.x * other.y - other.x * self.y,
+        }
     }
 
     #[inline(always)]
@@ -262,6 +296,7 @@ macro_rules! operator {
 operator!(Add add add_f32s);
 operator!(Sub sub sub_f32s);
 operator!(Mul mul mul_f32s);
+operator!(Div div div_f32s);
 
 impl<S: Simd> Neg for F<S> {
     type Output = Self;

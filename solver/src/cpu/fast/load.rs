@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::instructions::Wide;
 use super::kernel::{Contacts, Felt, Seen};
-use super::memory::{Lanes, Lanes3, Quads, WIDTH, quad_of};
+use super::memory::{Lanes, Lanes3, Quads, Two, WIDTH, quad_of};
 use super::pairs::{PairList, Seconds};
 use super::points::Points;
 use crate::cpu::forces::Load;
@@ -101,7 +101,7 @@ impl Batch {
             *between = apart[pair].map(|d| f32::from_bits(d as u32));
             *memory = memories[pair];
             let [i, j] = places[pair];
-            let ([v, w], [v_j, w_j]) = (&first.motions[i as usize], &second.motions[j as usize]);
+            let (Two([v, w]), Two([v_j, w_j])) = (&first.motions[i as usize], &second.motions[j as usize]);
             *velocity = std::array::from_fn(|c| v_j[c] - v[c]);
             *spin = std::array::from_fn(|c| w[c] + w_j[c]);
         }
@@ -170,13 +170,14 @@ fn quads(of: &[[f32; 4]], b: usize) -> Quads {
 /// The same; none is left.
 #[inline(always)]
 fn taken(of: &mut [[f32; 4]], b: usize) -> Quads {
-    let of: &mut [[f32; 4]; WIDTH] = (&mut of[b * WIDTH..][..WIDTH]).try_into().expect("as many as asked for");
+    let of: &mut [[f32; 4]; WIDTH] =
+        (&mut of[b * WIDTH..][..WIDTH]).try_into().expect("as many as asked for");
     Quads(std::mem::replace(of, [[0.0; 4]; WIDTH]))
 }
 
 /// The first three numbers, in lanes.
 #[inline(always)]
-fn three<S: Wide>(simd: S, quads: &Quads) -> Lanes3 {
+pub(super) fn three<S: Wide>(simd: S, quads: &Quads) -> Lanes3 {
     let [x, y, z, _] = simd.to_lanes(quads);
     [x, y, z]
 }

@@ -13,9 +13,11 @@
 //! put together and transposed ([`load`]). Loads of such pairs come out the same way, and are added to sums that stand as sub-particles
 //! are looked at; blocks transpose them back when they move.
 
+mod alone;
 mod body;
 mod bonds;
 mod clumps;
+mod facets;
 mod instructions;
 mod jkr;
 mod kernel;

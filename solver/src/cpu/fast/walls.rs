@@ -2,8 +2,10 @@
 
 use glam::{DVec3, Vec3};
 
+use super::alone::{Alone, Touching};
 use super::body::{Desk, Extent, Surroundings};
-use super::instructions::Wide;
+use super::facets::FewTriangles;
+use super::instructions::{Wide, by_itself};
 use super::kernel::{self, Contacts, Felt, Seen};
 use super::meeting::SAFE;
 use super::memory::{Lanes3, WIDTH, quad_of};
@@ -26,9 +28,9 @@ pub(super) struct NearWalls {
 
 /// A sub-particle that has facets near it.
 #[derive(Clone, Copy, Debug)]
-struct WallRow {
+pub(super) struct WallRow {
     /// Its number in the body.
-    of: u32,
+    pub(super) of: u32,
     /// Where its facets end among all.
     end: u32,
     /// What body and surfaces must have travelled before it can touch any, in metres.
@@ -38,6 +40,7 @@ struct WallRow {
 /// What a body's sub-particles feel of facets in a step.
 #[derive(Debug, Default)]
 pub(super) struct Met {
+    alone: Vec<Alone>,
     touches: Vec<(u32, Touch)>,
     felt: Vec<FeltWall>,
     /// Surfaces and numbers of those felt, surface by surface.
@@ -99,6 +102,14 @@ impl Met {
                 }
             }
         }
+    }
+}
+
+impl WallRow {
+    /// Looks again once the gap to the nearest facet may have closed.
+    #[inline(always)]
+    pub(super) fn put_off(&mut self, travelled: f64, nearest: f32, around: &Surroundings<'_>) {
+        self.wakes = travelled + SAFE * f64::from((nearest - around.wall_reach).max(0.0));
     }
 }
 
@@ -179,10 +190,16 @@ impl NearWalls {
     ) {
         let Surroundings { walls, frame, radius, .. } = around;
         met.felt.clear();
+        met.alone.clear();
         let mut from = 0;
-        for row in &mut self.rows {
+        for (number, row) in (0u32..).zip(&mut self.rows) {
             let first = std::mem::replace(&mut from, row.end as usize);
             if travelled < row.wakes {
+                continue;
+            }
+            let facet = self.pairs[first].facet;
+            if from == first + 1 && FewTriangles::of(walls, facet).is_some() {
+                met.alone.push(Alone { facet, row: number, pair: first as u32 });
                 continue;
             }
             let me = points.particle(row.of as usize);
@@ -200,13 +217,24 @@ impl NearWalls {
                         load: Load::default(),
                     });
                 });
-            row.wakes = travelled + SAFE * f64::from((nearest - around.wall_reach).max(0.0));
+            row.put_off(travelled, nearest, around);
         }
         met.work_out(simd, around, mass, &mut self.pairs);
         // In the order of rows, whatever was worked out together.
         for FeltWall { pair, of, load, .. } in &met.felt {
             self.pairs[*pair].force = load.force;
             sums.add(place_of(*of), load);
+        }
+        met.alone.sort_unstable_by_key(|alone| (alone.facet, alone.row));
+        for alone in met.alone.chunk_by(|a, b| a.facet == b.facet) {
+            let facet = FewTriangles::of(walls, alone[0].facet).expect("as before");
+            for alone in alone.chunks(2 * WIDTH) {
+                let (rows, pairs) = (&mut self.rows[..], &mut self.pairs[..]);
+                by_itself(
+                    simd,
+                    Touching { rows, pairs, alone, facet, travelled, around, points, mass, sums },
+                );
+            }
         }
     }
 
