@@ -16,6 +16,7 @@ export XDG_RUNTIME_DIR ?= /tmp
 demo: needs
 	cargo run -- demo --exit
 
+test: NEEDS += faketime:faketime
 test: needs
 	cargo test --workspace --no-fail-fast
 

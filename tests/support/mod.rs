@@ -4,7 +4,9 @@
 
 pub(crate) mod flaky;
 pub(crate) mod proxy;
+pub(crate) mod small_disk;
 pub(crate) mod stl;
+pub(crate) mod wall_clock;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -17,6 +19,7 @@ use roost_api::job::JobView;
 use roost_worker::client::Client;
 use serde_json::{Value, json};
 use tempfile::TempDir;
+use wall_clock::WallClock;
 
 /// Nothing here takes longer, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -116,6 +119,7 @@ impl Drop for Process {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
+        WallClock::tidy_after(self.child.id());
         if std::thread::panicking() {
             eprintln!("--- {}\n{}", self.log.display(), self.log());
         }
@@ -162,6 +166,8 @@ pub(crate) struct Home {
     pub(crate) folder: TempDir,
     pub(crate) address: String,
     starts: std::cell::Cell<u32>,
+    /// Whether every process has a wall clock of its own, which can be set.
+    has_clocks: bool,
     runtime: tokio::runtime::Runtime,
 }
 
@@ -171,8 +177,24 @@ impl Home {
             folder: tempfile::tempdir().unwrap(),
             address: format!("http://127.0.0.1:{}", free_port()),
             starts: std::cell::Cell::new(0),
+            has_clocks: false,
             runtime: tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap(),
         }
+    }
+
+    /// A home whose processes have wall clocks that can be set; none where they cannot.
+    pub(crate) fn with_clocks() -> Option<Self> {
+        let home = Self { has_clocks: true, ..Self::new() };
+        home.clock("any").is_some().then_some(home)
+    }
+
+    /// Sets the wall clock of the server (`serve`) or of a worker, so many seconds from the true time.
+    pub(crate) fn set_clock(&self, name: &str, offset_s: i64) {
+        self.clock(name).expect("a clock").set(offset_s);
+    }
+
+    fn clock(&self, name: &str) -> Option<WallClock> {
+        WallClock::new(self.path(&format!("{name}.clock"))).filter(|_| self.has_clocks)
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {
@@ -277,6 +299,14 @@ impl Home {
         until(what, || self.job(job).filter(|job| is_so(job)))
     }
 
+    /// The status of a GET, whatever it is; `None` while the server is away.
+    pub(crate) fn status(&self, path: &str) -> Option<u16> {
+        let url = format!("{}{path}", self.address);
+        let output =
+            Command::new("curl").args(["-s", "-o", "/dev/null", "-w", "%{http_code}", &url]).output();
+        String::from_utf8(output.ok()?.stdout).ok()?.parse().ok().filter(|status| *status > 0)
+    }
+
     /// How many attempts all workers together have brought to a result.
     pub(crate) fn results_recorded(&self) -> u64 {
         let (mut sum, mut cursor) = (0, None::<String>);
@@ -293,6 +323,9 @@ impl Home {
 
     fn start(&self, name: &str, command: &mut Command) -> Process {
         self.starts.set(self.starts.get() + 1);
+        if let Some(clock) = self.clock(name) {
+            clock.give_to(command);
+        }
         Process::start(command, self.path(&format!("{}-{name}.log", self.starts.get())))
     }
 }

@@ -198,7 +198,7 @@ async fn beats(rows: &mut Rows, length: Duration) -> Result<()> {
     Ok(())
 }
 
-/// The server is killed again and again while workers claim and deliver. The harness in `tests/faults.rs` does more, with real workers.
+/// The server is killed again and again while workers claim and deliver. The harness in `tests/faults/` does more, with real workers.
 async fn kills(rows: &mut Rows, results: &Arc<Results>) -> Result<()> {
     let data = tempfile::tempdir()?;
     let (mut server, load) = start(data.path()).await?;

@@ -1,9 +1,7 @@
-//! Everything goes wrong at once: server and workers are killed, stopped and started again at random, over a network that
-//! drops, delays and repeats what it carries. No job may be lost, no result recorded twice, no stale write accepted.
+//! Everything goes wrong at once: server and workers are killed, stopped and started again at random, their clocks are set, over a
+//! network that drops, delays and repeats what it carries. No job may be lost, no result recorded twice, no stale write accepted.
 //!
 //! `ROOST_KILLS=1000 cargo test --test faults -- --nocapture` goes on for longer; `ROOST_SEED` chooses another course of events.
-
-mod support;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
@@ -11,8 +9,8 @@ use std::time::{Duration, Instant};
 use roost_api::job::JobState;
 use serde_json::{Value, json};
 
-use support::flaky::{Flaky, Passed};
-use support::{Home, Process, scenario};
+use crate::support::flaky::{Flaky, Passed};
+use crate::support::{self, Home, Process, scenario};
 
 /// Kills in the usual test.
 const KILLS: u64 = 20;
@@ -36,12 +34,17 @@ struct Farm<'h> {
     submitted: BTreeSet<String>,
 }
 
+/// What a process is called.
+fn name(index: usize) -> String {
+    if index == 0 { "serve".to_owned() } else { format!("worker-{index}") }
+}
+
 impl Farm<'_> {
     fn start(&mut self, index: usize) {
         let process = match index {
             // Attempts have no limit here: what is to be shown is that nothing but a result ends a job.
             0 => self.home.serve_with(&["--worker-attempts", "0", "--lost-attempts", "0", "--lease-s", "1"]),
-            worker => self.home.work_by(&self.network.address, &format!("worker-{worker}"), "1"),
+            worker => self.home.work_by(&self.network.address, &name(worker), "1"),
         };
         self.processes[index] = Some(process);
     }
@@ -75,6 +78,12 @@ impl Farm<'_> {
     fn thaw(&mut self, all: bool) {
         let due: Vec<_> = self.frozen.extract_if(.., |(_, until)| all || *until <= Instant::now()).collect();
         due.iter().for_each(|(index, _)| self.processes[*index].as_ref().unwrap().thaw());
+    }
+
+    /// Sets somebody's clock, by up to an hour.
+    fn set_a_clock(&mut self) {
+        let index = self.random.usize(0..self.processes.len());
+        self.home.set_clock(&name(index), self.random.i64(-3600..=3600));
     }
 
     /// Keeps the queue filled; what nobody confirmed may be there or not.
@@ -111,7 +120,10 @@ impl Farm<'_> {
 #[test]
 fn nothing_is_lost_and_nothing_recorded_twice_whatever_is_killed() {
     let (kills, seed) = (from_environment("ROOST_KILLS", KILLS), from_environment("ROOST_SEED", 1));
-    let home = Home::new();
+    let (home, has_clocks) = Home::with_clocks().map_or_else(|| (Home::new(), false), |home| (home, true));
+    if !has_clocks {
+        eprintln!("no clock will be set: libfaketime is not installed (Debian package faketime)");
+    }
     let network = Flaky::to(&home.address, seed);
     let mut farm = Farm {
         home: &home,
@@ -123,10 +135,14 @@ fn nothing_is_lost_and_nothing_recorded_twice_whatever_is_killed() {
     };
     (0..=WORKERS).for_each(|index| farm.start(index));
     let started = Instant::now();
-    let (mut done, mut stops) = (0, 0);
+    let (mut done, mut stops, mut set) = (0, 0, 0);
     while done < kills {
         std::thread::sleep(Duration::from_millis(farm.random.u64(20..300)));
         farm.thaw(false);
+        if has_clocks && farm.random.u32(0..4) == 0 {
+            farm.set_a_clock();
+            set += 1;
+        }
         if farm.random.u32(0..4) == 0 {
             farm.freeze();
             stops += 1;
@@ -160,7 +176,7 @@ fn nothing_is_lost_and_nothing_recorded_twice_whatever_is_killed() {
     let refused = network.journal().iter().filter(|passed| **passed == Passed::Refused).count();
     let claimed = network.journal().iter().filter(|passed| matches!(passed, Passed::Claimed { .. })).count();
     eprintln!(
-        "{done} kills and {stops} stops in {:.0} s: {} jobs in {claimed} claims, {refused} stale writes refused",
+        "{done} kills, {stops} stops and {set} clocks set in {:.0} s: {} jobs in {claimed} claims, {refused} stale writes refused",
         started.elapsed().as_secs_f64(),
         jobs.len()
     );

@@ -1,0 +1,43 @@
+//! A disk of a few MiB, in memory, that a test can fill. Only root may mount one.
+
+use std::fs::{File, remove_file};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Gone with the test.
+pub(crate) struct SmallDisk(PathBuf);
+
+impl SmallDisk {
+    /// Mounts one at a path; none where that is not allowed.
+    pub(crate) fn mount(at: &Path, mib: u32) -> Option<Self> {
+        std::fs::create_dir_all(at).unwrap();
+        let size = format!("size={mib}m");
+        let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(at).output();
+        mounted.ok()?.status.success().then(|| Self(at.to_owned()))
+    }
+
+    /// Leaves no byte free.
+    pub(crate) fn fill(&self) {
+        let mut file = File::create(self.ballast()).unwrap();
+        for bytes in [1 << 16, 1 << 12, 1] {
+            while file.write_all(&vec![0; bytes]).is_ok() {}
+        }
+    }
+
+    /// Makes room again.
+    pub(crate) fn clear(&self) {
+        remove_file(self.ballast()).unwrap();
+    }
+
+    fn ballast(&self) -> PathBuf {
+        self.0.join("ballast")
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        // Whoever still has files there keeps them; the name is free at once.
+        let _ = Command::new("umount").arg("--lazy").arg(&self.0).status();
+    }
+}
