@@ -74,11 +74,13 @@ impl Store {
                     sqlx::query("UPDATE jobs SET not_before = NULL WHERE not_before IS NOT NULL")
                         .execute(&mut *tx)
                         .await?;
-                    let extended =
-                        sqlx::query("UPDATE jobs SET lease_expires_at = ? WHERE state = 'running'")
-                            .bind(until.0)
-                            .execute(&mut *tx)
-                            .await?;
+                    let extended = sqlx::query(
+                        "UPDATE jobs SET lease_expires_at = ?1,
+                                         deadline = ?1 + CAST(max_wall_s * 1000 AS INTEGER) WHERE state = 'running'",
+                    )
+                    .bind(until.0)
+                    .execute(&mut *tx)
+                    .await?;
                     Ok(extended.rows_affected())
                 })
             })

@@ -221,10 +221,12 @@ impl Model {
         touched
     }
 
-    /// A restart gives every running attempt a fresh lease.
+    /// A restart gives every running attempt a fresh lease, and the time that it may take.
     pub(super) fn restart(&mut self, now: i64) {
-        let running = self.jobs.values_mut().filter(|job| job.state == JobState::Running);
-        running.for_each(|job| job.lease_ends = now + LEASE_MS);
+        for job in self.jobs.values_mut().filter(|job| job.state == JobState::Running) {
+            job.lease_ends = now + LEASE_MS;
+            job.deadline = job.max_wall_ms.map(|longest| job.lease_ends + longest);
+        }
     }
 
     fn running(&self, is_so: impl Fn(&Job) -> bool) -> Vec<JobId> {

@@ -78,7 +78,7 @@ impl<'s> World<'s> {
             first_pause: Duration::from_millis(if seed.is_multiple_of(2) { 0 } else { 3000 }),
             longest_pause: LEASE,
         };
-        let start = Timestamp(random.i64(1_000_000..2_000_000));
+        let start = Timestamp(random.i64(1_000_000_000..2_000_000_000));
         let mut world = Self {
             store,
             random,
@@ -120,7 +120,7 @@ impl<'s> World<'s> {
             95 => self.restart().await,
             96 => self.forget_a_worker(),
             97 => self.drain().await,
-            98 => self.now.wall = Timestamp(self.now.wall.0 + self.random.i64(-1000..1000)),
+            98 => self.set_the_clock(),
             _ => {
                 let (backend, memory) = (self.random.choice(BACKENDS).unwrap(), self.random.choice(MEMORY));
                 self.arrive(backend, memory).await;
@@ -217,7 +217,16 @@ impl<'s> World<'s> {
         assert_eq!(done, self.model.jobs.get_mut(&job).unwrap().retry());
     }
 
+    /// By a second, or by an hour.
+    fn set_the_clock(&mut self) {
+        let farthest = if self.random.bool() { 1000 } else { 3_600_000 };
+        self.now.wall = Timestamp(self.now.wall.0 + self.random.i64(-farthest..farthest));
+        self.story.push(format!("the clock is set to {}", self.now.wall.0));
+    }
+
+    /// Leases count from what the clock shows then.
     async fn restart(&mut self) {
+        self.now.lease = self.now.wall;
         self.story.push("the server starts anew".to_owned());
         self.store.start_afresh(Timestamp(self.now.lease.0 + LEASE_MS)).await.unwrap();
         self.model.restart(self.now.lease.0);

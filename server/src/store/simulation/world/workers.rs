@@ -101,7 +101,7 @@ impl World<'_> {
     pub(super) async fn beat(&mut self) {
         let index = self.any_worker();
         let (now, worker) = (self.now, &mut self.workers[index]);
-        worker.last_seen = now.wall.0;
+        worker.last_seen = worker.last_seen.max(now.wall.0);
         let beats: Vec<_> = worker.held.iter().map(|&(job_id, attempt)| Beat { job_id, attempt }).collect();
         let until = Timestamp(now.lease.0 + LEASE_MS);
         let reply = self.store.heartbeat(worker.id, beats, now.wall, until).await.unwrap().unwrap();
