@@ -85,7 +85,7 @@ impl Access {
 }
 
 /// The scopes of which one is needed; none where everybody may ask.
-fn needed(method: &Method, path: &str) -> &'static [Scope] {
+pub(super) fn needed(method: &Method, path: &str) -> &'static [Scope] {
     let reads = matches!(*method, Method::GET | Method::HEAD);
     match path {
         "/" | "/healthz" | "/readyz" | "/openapi.json" => &[],

@@ -23,6 +23,8 @@ use crate::store::{JobFilter, NewJob};
 
 /// Submits one scenario.
 #[utoipa::path(post, path = "/v1/jobs", tag = "jobs", operation_id = "submit_job",
+    params(("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
+            description = "Sent again with the same key, it is made once")),
     request_body = JobEnvelope,
     responses((status = 202, description = "Queued, or answered from the store", body = JobView),
               (status = 422, description = "Every fault", body = Problem,

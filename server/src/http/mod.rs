@@ -16,6 +16,7 @@ mod metrics;
 mod page;
 mod problem;
 mod results;
+mod spec;
 mod submissions;
 mod sweeps;
 mod tags;
@@ -126,7 +127,8 @@ fn limited(bytes: usize) -> (DefaultBodyLimit, Extension<BodyLimit>) {
 }
 
 fn router(app: App) -> Router {
-    let (router, spec) = routes(&app).split_for_parts();
+    let (router, mut spec) = routes(&app).split_for_parts();
+    spec::complete(&mut spec);
     // A reader of the specification, from within the binary: a page of it asks nobody else for anything.
     let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
     router

@@ -27,6 +27,8 @@ use crate::sweep::{self, SweepLimits};
 
 /// Submits a sweep: base × design × replicates, all or nothing.
 #[utoipa::path(post, path = "/v1/sweeps", tag = "sweeps", operation_id = "submit_sweep",
+    params(("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
+            description = "Sent again with the same key, it is made once")),
     request_body = SweepSpec,
     responses((status = 201, description = "Expanded and queued", body = SweepView),
               (status = 422, description = "Every fault", body = Problem,
@@ -166,7 +168,9 @@ const EXTEND_TRIES: u32 = 8;
 
 /// Adds points of the same design, or replicates of every point, to a sweep; what is there stays as it is.
 #[utoipa::path(post, path = "/v1/sweeps/{id}/extend", tag = "sweeps", operation_id = "extend_sweep",
-    params(("id" = uuid::Uuid, Path, description = "The sweep")),
+    params(("id" = uuid::Uuid, Path, description = "The sweep"),
+           ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
+            description = "Sent again with the same key, it is made once")),
     request_body = Extension,
     responses((status = 200, description = "The sweep as it is now", body = SweepView),
               (status = 404, description = "No such sweep", body = Problem,

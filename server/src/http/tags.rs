@@ -28,6 +28,12 @@ fn subject(path: &str, segments: &HashMap<String, String>) -> Option<Subject> {
     }
 }
 
+/// Whether what this route answers has a tag.
+pub(super) fn is_tagged(path: &str) -> bool {
+    let some = HashMap::from([("id".to_owned(), uuid::Uuid::nil().to_string())]);
+    subject(path, &some).is_some()
+}
+
 /// Answers 304 to who has seen the newest, and tags what is answered otherwise.
 pub(crate) async fn tagged(State(app): State<App>, mut request: Request, next: Next) -> Response {
     if request.method() != Method::GET {

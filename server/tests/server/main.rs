@@ -4,6 +4,7 @@ mod access;
 mod bad_input;
 mod cancel;
 mod claims;
+mod contract;
 mod designs;
 mod docs;
 mod events;

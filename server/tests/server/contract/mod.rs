@@ -1,0 +1,249 @@
+//! The server keeps to its own specification: whatever is sent to whatever operation, the status, the media type and the body of
+//! the answer are those that `/openapi.json` has for it, and none is the server's fault.
+//!
+//! Requests are made from the specification, sound ones and spoilt ones. `ROOST_SEED` chooses others, `ROOST_ROUNDS` more of them.
+
+mod judging;
+mod making;
+
+use std::collections::{BTreeMap, HashMap};
+use std::time::Duration;
+
+use reqwest::{Method, Url};
+use serde_json::{Value, json};
+
+use super::farm::*;
+use super::stl;
+use judging::{Answered, Judge};
+use making::Maker;
+
+/// How often each operation is asked in the usual test.
+const ROUNDS: u64 = 40;
+
+/// One operation of the specification.
+struct Operation {
+    method: Method,
+    path: String,
+    about: Value,
+}
+
+fn operations(spec: &Value) -> Vec<Operation> {
+    let paths = spec["paths"].as_object().unwrap();
+    let each = |(path, item): (&String, &Value)| {
+        let methods = item.as_object().unwrap().iter();
+        let operation = |(method, about): (&String, &Value)| Operation {
+            method: method.to_uppercase().parse().unwrap(),
+            path: path.clone(),
+            about: about.clone(),
+        };
+        methods.map(operation).collect::<Vec<_>>()
+    };
+    paths.iter().flat_map(each).collect()
+}
+
+/// Sends requests that are made from the specification.
+struct Asker<'f> {
+    farm: &'f Farm,
+    maker: Maker,
+    tags: HashMap<Url, String>,
+}
+
+impl Asker<'_> {
+    async fn ask(&mut self, operation: &Operation) -> (String, Answered) {
+        let spoilt = self.maker.one_in(3);
+        let mut url = Url::parse(&format!("http://{}", self.farm.address)).unwrap();
+        let parameters = operation.about["parameters"].as_array().cloned().unwrap_or_default();
+        let path = operation
+            .path
+            .trim_start_matches('/')
+            .split('/')
+            .map(|segment| self.segment(operation, segment, &parameters));
+        let path: Vec<String> = path.collect();
+        url.path_segments_mut().unwrap().extend(path);
+        for parameter in parameters.iter().filter(|parameter| parameter["in"] == "query") {
+            if self.maker.one_in(2) {
+                let value = self.maker.named(parameter["name"].as_str().unwrap(), &parameter["schema"]);
+                let value = if spoilt && self.maker.one_in(3) { self.maker.odd() } else { value };
+                url.query_pairs_mut().append_pair(parameter["name"].as_str().unwrap(), &plain(&value));
+            }
+        }
+        let mut request = self.farm.http.request(operation.method.clone(), url.clone());
+        for parameter in parameters.iter().filter(|parameter| parameter["in"] == "header") {
+            if self.maker.one_in(6) {
+                let value = plain(&self.maker.value(&parameter["schema"], 0));
+                if let Ok(value) = reqwest::header::HeaderValue::from_bytes(value.as_bytes()) {
+                    request = request.header(parameter["name"].as_str().unwrap(), value);
+                }
+            }
+        }
+        // Drawn whether or not it matters: what is asked depends on the seed alone.
+        let asks_for_news = self.maker.random.bool();
+        if let Some(tag) = self.tags.get(&url).filter(|_| asks_for_news) {
+            request = request.header("if-none-match", tag);
+        }
+        let (media_type, body) = self.body(&operation.about["requestBody"]["content"], spoilt);
+        if !media_type.is_empty() {
+            request = request.header("content-type", media_type).body(body.clone());
+        }
+        let said = format!("{} {url}\n{}", operation.method, String::from_utf8_lossy(&body));
+        let response = request.send().await.unwrap();
+        let header =
+            |name: &str| response.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
+        let (status, media_type) = (response.status().as_u16(), header("content-type").unwrap_or_default());
+        if let Some(tag) = header("etag") {
+            self.tags.insert(url, tag);
+        }
+        // A stream of events has no end.
+        let is_stream = media_type == "text/event-stream";
+        let body = if is_stream { Vec::new() } else { response.bytes().await.unwrap().to_vec() };
+        (said, Answered { status, media_type, body })
+    }
+
+    fn segment(&mut self, operation: &Operation, segment: &str, parameters: &[Value]) -> String {
+        let Some(name) = segment.strip_prefix('{').and_then(|rest| rest.strip_suffix('}')) else {
+            return segment.to_owned();
+        };
+        let parameter =
+            parameters.iter().find(|parameter| parameter["name"] == name).expect("a documented segment");
+        // Identifiers are of what the path begins with.
+        let pool = if name == "id" { operation.path.split('/').nth(2).unwrap() } else { name };
+        let value = if self.maker.one_in(12) {
+            self.maker.odd()
+        } else {
+            self.maker.named(pool, &parameter["schema"])
+        };
+        plain(&value)
+    }
+
+    fn body(&mut self, content: &Value, spoilt: bool) -> (String, Vec<u8>) {
+        let Some(content) = content.as_object() else { return Default::default() };
+        let (media_type, about) = self.maker.random.choice(content).unwrap();
+        let media_type = match spoilt && self.maker.one_in(8) {
+            true => "text/plain".to_owned(),
+            false => media_type.clone(),
+        };
+        if !media_type.ends_with("json") {
+            let mut file = stl::binary(&stl::block([120.0, 60.0, 30.0], self.maker.random.usize(1..3)));
+            if spoilt {
+                file.truncate(self.maker.random.usize(0..file.len()));
+            }
+            return (media_type, file);
+        }
+        // Any object, says the schema: whatever can be submitted is meant.
+        let is_open = about["schema"].get("$ref").is_none();
+        let mut value = match is_open {
+            true => self.maker.named("scenario", &about["schema"]),
+            false => self.maker.value(&about["schema"], 0),
+        };
+        if spoilt {
+            self.maker.spoil(&mut value);
+        }
+        let mut text = value.to_string();
+        if spoilt && self.maker.one_in(10) {
+            text.truncate((0..text.len() / 2).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0));
+        }
+        (media_type, text.into_bytes())
+    }
+}
+
+/// A value in a path, a query or a header.
+fn plain(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+/// Jobs in every state, a worker, a sweep and a mesh, and words that mean something.
+async fn inhabit(farm: &Farm, seed: u64) -> HashMap<&'static str, Vec<Value>> {
+    let mesh = farm.send_text("/v1/meshes", "model/stl", stl::binary(&stl::block([12.0, 6.0, 3.0], 1))).await;
+    let worker = farm.worker("cpu").await;
+    let mut jobs = Vec::new();
+    for next in 0..6 {
+        let job = json!({"scenario": scenario(10 * seed + next), "priority": seed + 10, "cache": "bypass"});
+        jobs.push(farm.submit(&job).await["id"].clone());
+    }
+    let attempts = worker.claim(4).await;
+    worker.deliver(&attempts[0]).await.expect(200.try_into().unwrap());
+    let partial = result_of(&attempts[1]["scenario"]);
+    worker.fail(&attempts[1], "unstable", Some(&partial)).await.expect(200.try_into().unwrap());
+    let result = result_of(&attempts[2]["scenario"]);
+    let sweep = json!({"name": "a sweep", "base": scenario(7), "design": {"kind": "grid"},
+                       "factors": [{"pointer": "/equipment/belt_speed_m_s", "levels": [0.2, 0.3]}]});
+    let mut sweeps = Vec::new();
+    for _ in 0..3 {
+        sweeps.push(farm.post("/v1/sweeps", &sweep).await.expect(201.try_into().unwrap())["id"].clone());
+    }
+    // The one that runs most often, so that there is something to beat for and to deliver.
+    jobs.extend([&attempts[2]["job_id"], &attempts[2]["job_id"], &attempts[3]["job_id"]].map(Value::clone));
+    HashMap::from([
+        ("job_id", jobs.clone()),
+        ("jobs", jobs),
+        ("sweeps", sweeps),
+        ("workers", vec![json!(worker.id)]),
+        ("worker_id", vec![json!(worker.id)]),
+        ("digest", vec![mesh.body["digest"].clone()]),
+        ("name", vec![json!("discharged_mass")]),
+        ("n", vec![json!(1)]),
+        ("attempt", vec![json!(1)]),
+        ("result", vec![json!(result)]),
+        ("outcome", vec![json!("released"), json!("worker")]),
+        ("scenario", vec![scenario(1), scenario(20), scenario(21), json!({"experiment": "bend"})]),
+        ("base", vec![scenario(7)]),
+        ("design", vec![json!({"kind": "grid"}), json!({"kind": "sobol", "points": 2})]),
+        (
+            "factors",
+            vec![sweep["factors"].clone(), json!([{"pointer": "/product/count", "low": 2, "high": 4}])],
+        ),
+        ("needs", vec![json!({})]),
+        ("levels", vec![json!({"/equipment/belt_speed_m_s": [0.35]})]),
+        ("rows", vec![Value::Null]),
+        ("table", vec![Value::Null]),
+        ("points", vec![Value::Null]),
+        ("progress", vec![Value::Null, progress(0.5)]),
+        ("api_version", vec![json!(roost_api::API_VERSION)]),
+        ("solver_revision", vec![json!(roost_solver::SOLVER_REVISION)]),
+        ("max_jobs", vec![json!(1)]),
+        ("wait_s", vec![json!(0)]),
+        ("cursor", vec![json!("1")]),
+        ("class", vec![json!("lost")]),
+    ])
+}
+
+fn from_environment(name: &str, usual: u64) -> u64 {
+    std::env::var(name).map_or(usual, |text| text.parse().expect("a number"))
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn whatever_is_asked_the_answer_is_in_the_specification() {
+    let (farm, _dir) = Farm::with(|config| config.max_claim_wait = Duration::from_millis(5)).await;
+    let spec = farm.get("/openapi.json").await.expect(200.try_into().unwrap());
+    let maker = Maker::new(&spec, from_environment("ROOST_SEED", 1));
+    let (mut judge, mut asker) = (Judge::new(&spec), Asker { farm: &farm, maker, tags: HashMap::new() });
+    let mut operations = operations(&spec);
+    let mut seen = BTreeMap::<String, Vec<u16>>::new();
+    for round in 0..from_environment("ROOST_ROUNDS", ROUNDS) {
+        // What there was is cancelled, delivered and deleted by and by.
+        if round % 5 == 0 {
+            asker.maker.known = inhabit(&farm, round).await;
+        }
+        asker.maker.random.shuffle(&mut operations);
+        for operation in &operations {
+            let (asked, answered) = asker.ask(operation).await;
+            if let Some(fault) = judge.fault(&operation.about, &answered) {
+                let body = String::from_utf8_lossy(&answered.body);
+                panic!("{asked}\n{} {}: {fault}\n{body}", answered.status, answered.media_type);
+            }
+            seen.entry(format!("{} {}", operation.method, operation.path)).or_default().push(answered.status);
+        }
+    }
+    // Not all that is made is nonsense, and not all is sound.
+    for operation in &operations {
+        let (name, needs) = (format!("{} {}", operation.method, operation.path), &operation.about);
+        let statuses = &seen[&name];
+        assert!(statuses.iter().any(|status| *status < 300), "{name} never succeeded: {statuses:?}");
+        let may_fail = needs["parameters"].is_array() || needs["requestBody"].is_object();
+        assert!(
+            !may_fail || statuses.iter().any(|status| *status >= 400),
+            "{name} took everything: {statuses:?}"
+        );
+    }
+    farm.stop().await;
+}
