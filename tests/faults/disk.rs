@@ -39,7 +39,7 @@ fn a_full_disk_loses_nothing_and_is_told() {
     assert_eq!(refusal.problem_status(), Some(507), "{refusal}");
     assert!(refusal.to_string().contains("disk"), "{refusal}");
     assert!(home.job(&running).is_some());
-    assert_eq!(home.status("/readyz"), Some(503));
+    until("it says that it is not ready", || (home.status("/readyz") == Some(503)).then_some(()));
     until("the result waits in the outbox", || (outbox(&home.path("worker")) > 0).then_some(()));
 
     // Killed in that state, and started again.

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# schemathesis against a server of its own: tests/schemathesis/run.sh [EXAMPLES], so many for each operation, 100 unless said otherwise.
+# schemathesis against a server of its own: tests/schemathesis/run.sh [EXAMPLES], so many for each operation, 100 unless said otherwise;
+# ROOST is the binary, if one is built.
 #
 # Wants Python 3 with venv, and the network once: schemathesis comes from PyPI into target/schemathesis. Ends with its report; what it
 # said of every failure is above, with a line of curl that repeats it. What it cannot know stands in
@@ -12,11 +13,12 @@ out=$PWD/target/schemathesis
 [ -x "$out/venv/bin/schemathesis" ] || python3 -m venv "$out/venv"
 "$out/venv/bin/pip" install --quiet --disable-pip-version-check "schemathesis==$version"
 
-cargo build
+[ -n "${ROOST:-}" ] || cargo build
+roost=${ROOST:-target/debug/roost}
 data=$(mktemp -d)
 address=127.0.0.1:${PORT:-7393}
-token=$(target/debug/roost token create --data "$data" --scope admin --name schemathesis)
-target/debug/roost serve --listen "$address" --data "$data" --max-subparticles 20000 > "$out/server.log" 2>&1 &
+token=$("$roost" token create --data "$data" --scope admin --name schemathesis)
+"$roost" serve --listen "$address" --data "$data" --max-subparticles 20000 > "$out/server.log" 2>&1 &
 server=$!
 trap 'kill $server; rm -rf "$data"' EXIT
 
