@@ -8,7 +8,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 version=4.32.5
-here=tests/schemathesis
+here=$PWD/tests/schemathesis
 out=$PWD/target/schemathesis
 [ -x "$out/venv/bin/schemathesis" ] || python3 -m venv "$out/venv"
 "$out/venv/bin/pip" install --quiet --disable-pip-version-check "schemathesis==$version"
@@ -22,6 +22,8 @@ token=$("$roost" token create --data "$data" --scope admin --name schemathesis)
 server=$!
 trap 'kill $server; rm -rf "$data"' EXIT
 
+# It keeps notes where it is called.
+cd "$out"
 SCHEMATHESIS_HOOKS=$here/hooks.py "$out/venv/bin/schemathesis" --config-file "$here/schemathesis.toml" run "http://$address/openapi.json" \
     --wait-for-schema 20 --request-timeout 40 --header "Authorization: Bearer $token" --checks all \
     --exclude-checks positive_data_acceptance --max-examples "${1:-100}" --seed "${SEED:-1}" --continue-on-failure --generation-database none
