@@ -10,3 +10,19 @@ pub(crate) async fn aside<T: Send + 'static>(
         .await
         .map_err(|error| ApiError::new(Kind::Internal, format!("the document could not be checked: {error}")))
 }
+
+/// A document up to this length is worked where it is: the way to another thread takes longer.
+const SHORT: usize = 64 * 1024;
+
+/// Runs `work` on a document of so many bytes beside the threads that answer requests, unless it is short.
+pub(crate) async fn unless_short<T: Send + 'static>(
+    bytes: usize,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, ApiError> {
+    if is_short(bytes) { Ok(work()) } else { aside(work).await }
+}
+
+/// Whether a document of so many bytes is short.
+pub(crate) fn is_short(bytes: usize) -> bool {
+    bytes <= SHORT
+}

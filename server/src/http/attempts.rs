@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::json;
 use utoipa::ToSchema;
 
-use super::aside::aside;
+use super::aside::unless_short;
 use super::delivery::Delivery;
 use super::problem::ApiError;
 use crate::app::App;
@@ -41,10 +41,10 @@ pub(crate) struct Receipt {
                content_type = "application/problem+json")))]
 pub(crate) async fn result(
     State(app): State<App>,
-    Delivery { job: id, attempt, body, turn: _turn }: Delivery<ResultDelivery>,
+    Delivery { job: id, attempt, body, bytes, turn: _turn }: Delivery<ResultDelivery>,
 ) -> Result<Json<Receipt>, ApiError> {
     let ResultDelivery { worker_id, result } = body;
-    let stored = aside(move || prepared_result(result)).await??;
+    let stored = unless_short(bytes, move || prepared_result(result)).await??;
     let verdict = app.store.record_result(id, attempt, worker_id, stored, app.clock.now()).await??;
     Ok(Json(settle(&app, id, &verdict)))
 }
@@ -76,10 +76,11 @@ fn prepared_result(result: RunResult) -> Result<StoredResult, ApiError> {
                content_type = "application/problem+json")))]
 pub(crate) async fn failure(
     State(app): State<App>,
-    Delivery { job: id, attempt, body, turn: _turn }: Delivery<FailureReport>,
+    Delivery { job: id, attempt, body, bytes, turn: _turn }: Delivery<FailureReport>,
 ) -> Result<Json<Receipt>, ApiError> {
     let FailureReport { worker_id, outcome, message, result } = body;
-    let partial = aside(move || result.map(|result| prepared_partial(outcome, result)).transpose()).await??;
+    let prepare = move || result.map(|result| prepared_partial(outcome, result)).transpose();
+    let partial = unless_short(bytes, prepare).await??;
     let (policy, now) = (app.config.retry, app.clock.both());
     let recorded = app.store.record_failure(id, attempt, worker_id, outcome, message, partial, policy, now);
     let verdict = recorded.await??;

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use super::aside::aside;
+use super::aside::unless_short;
 use super::problem::{ApiError, Kind};
 use crate::document::read_document;
 
@@ -30,16 +30,12 @@ pub(crate) struct Params<T>(pub(crate) T);
 #[derive(Clone, Copy)]
 pub(crate) struct BodyLimit(pub(crate) usize);
 
-/// A body larger than this is parsed aside.
-const LARGE: usize = 64 * 1024;
-
 impl<S: Send + Sync> FromRequest<S> for Document {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
         let bytes = json_bytes(request, state).await?;
-        let value = if bytes.len() > LARGE { aside(move || parsed(&bytes)).await? } else { parsed(&bytes) };
-        value.map(Self)
+        unless_short(bytes.len(), move || parsed(&bytes)).await?.map(Self)
     }
 }
 

@@ -20,7 +20,7 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::time::Timestamp;
 
-pub(crate) use batch::{Holding, batch};
+pub(crate) use batch::{Candidate, Holding, Share, Wanted, share};
 pub(crate) use control::{CancelEffect, on_cancel, on_retry};
 pub(crate) use ending::{Verdict, on_failure, on_result};
 pub(crate) use fence::{Standing, standing};

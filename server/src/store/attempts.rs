@@ -129,14 +129,17 @@ async fn end_all(
     message: &str,
     now: Now,
 ) -> Result<Vec<(JobId, JobChange)>, StoreError> {
-    let mut changes = Vec::new();
+    let mut decided = Vec::new();
     for row in rows {
-        let Some(change) = decide(row)? else { continue };
-        let job = job_facts(row)?;
-        let (attempt, message) = (job.attempt, Some(message));
-        let ending = Ending { job: job.id, attempt, outcome, change: &change, message, partial: None };
-        end(tx, ending, now.wall).await?;
-        changes.push((job.id, change));
+        if let Some(change) = decide(row)? {
+            decided.push((job_facts(row)?, change));
+        }
     }
-    Ok(changes)
+    let mut endings = Vec::new();
+    for (job, change) in &decided {
+        let (job, attempt, message, at) = (job.id, job.attempt, Some(message), now.wall);
+        endings.push(Ending { job, attempt, outcome, change, message, partial: None, at });
+    }
+    end(tx, &endings).await?;
+    Ok(decided.into_iter().map(|(job, change)| (job.id, change)).collect())
 }

@@ -1,15 +1,22 @@
-//! Claims: jobs become attempts.
+//! Claims: jobs become attempts, those of many workers in one go.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
 
 use roost_api::ids::WorkerId;
 use roost_api::lease::ClaimedAttempt;
+use serde_json::json;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use uuid::Uuid;
 
 use super::rows::{Columns, to_json};
+use super::together::{Collector, rounds};
+use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
-use crate::queue::{Holding, Refusal, batch, lease_end};
+use crate::queue::{Candidate, Holding, Refusal, Share, Wanted, lease_end, share};
 
 /// Jobs that suit worker ?1, in the order of the queue. The select walks `jobs_to_claim` and stops at its limit, whatever the
 /// length of the queue; a test looks at the plan. A job that the worker has failed before goes to another one that has what it
@@ -29,24 +36,43 @@ pub(super) const CANDIDATES: &str = "SELECT j.seq, j.alone FROM workers me CROSS
                                           AND f.number > j.forgiven)))
     ORDER BY j.priority DESC, j.turn, j.seq LIMIT ?3";
 
-/// Takes the jobs of a JSON list, writes down who runs them from now on, and how far the queue has come; no attempt outlives its `max_wall_s` by more than a lease.
-const TAKE: &str = "UPDATE jobs
-    SET state = 'running', attempt = attempt + 1, worker_id = ?, lease_expires_at = ?, started_at = ?,
-        deadline = ? + CAST(max_wall_s * 1000 AS INTEGER)
-    WHERE seq IN (SELECT value FROM json_each(?))
+/// Takes jobs for workers, writes down who runs them from now on, and how far the queue has come; no attempt outlives its
+/// `max_wall_s` by more than a lease.
+pub(super) const TAKE: &str = "
+    UPDATE jobs
+    SET state = 'running', attempt = attempt + 1, worker_id = took.value ->> 'worker',
+        lease_expires_at = took.value ->> 'until', started_at = took.value ->> 'at',
+        deadline = took.value ->> 'until' + CAST(max_wall_s * 1000 AS INTEGER)
+    FROM json_each(?) AS took WHERE jobs.seq = took.value ->> 'seq'
     RETURNING id, attempt, max_wall_s, lease_expires_at, priority, turn, seq,
               (SELECT body FROM scenarios WHERE scenarios.digest = jobs.digest) AS scenario;
     INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at)
-    SELECT id, attempt, worker_id, ?, ? FROM jobs WHERE seq IN (SELECT value FROM json_each(?));
+    SELECT j.id, j.attempt, j.worker_id, took.value ->> 'request', took.value ->> 'at'
+    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq';
     INSERT INTO turns (priority, turn)
-    SELECT priority, max(turn) FROM jobs WHERE seq IN (SELECT value FROM json_each(?)) GROUP BY priority
+    SELECT j.priority, max(j.turn) FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq'
+    GROUP BY j.priority
     ON CONFLICT (priority) DO UPDATE SET turn = max(turn, excluded.turn)";
 
-/// Notes that a worker was heard of, and asks what it holds and whether the request is a repeat.
-const ARRIVE: &str = "UPDATE workers SET last_seen_at = ?1 WHERE id = ?2
-    RETURNING EXISTS (SELECT 1 FROM attempts WHERE request_id = ?3 AND worker_id = ?2) AS repeated,
-        (SELECT count(*) FROM jobs WHERE worker_id = ?2 AND state = 'running') AS jobs,
-        (SELECT coalesce(max(alone), 0) FROM jobs WHERE worker_id = ?2 AND state = 'running') AS alone";
+/// Renews what a request has claimed and still holds.
+pub(super) const REPEAT: &str = "
+    UPDATE jobs SET lease_expires_at = ?
+    FROM attempts a
+    WHERE a.request_id = ? AND a.worker_id = ? AND a.outcome IS NULL
+      AND jobs.id = a.job_id AND jobs.attempt = a.number AND jobs.state = 'running'
+    RETURNING id, attempt, max_wall_s, lease_expires_at, priority, turn, seq,
+              (SELECT body FROM scenarios WHERE scenarios.digest = jobs.digest) AS scenario";
+
+/// Notes that workers were heard of; asks what each is and holds, whether it has failed, and whether its request is a repeat.
+pub(super) const ARRIVE: &str = "
+    UPDATE workers SET last_seen_at = asked.value ->> 'at'
+    FROM json_each(?) AS asked WHERE workers.id = asked.value ->> 'worker';
+    SELECT asked.key AS place, me.backend, me.memory_mib, me.draining,
+        EXISTS (SELECT 1 FROM attempts WHERE request_id = asked.value ->> 'request' AND worker_id = me.id) AS repeated,
+        EXISTS (SELECT 1 FROM attempts WHERE worker_id = me.id AND outcome = 'worker') AS has_failed,
+        (SELECT count(*) FROM jobs WHERE worker_id = me.id AND state = 'running') AS jobs,
+        (SELECT coalesce(max(alone), 0) FROM jobs WHERE worker_id = me.id AND state = 'running') AS alone
+    FROM json_each(?) AS asked CROSS JOIN workers me ON me.id = asked.value ->> 'worker'";
 
 /// A worker asks for work.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +80,7 @@ pub(crate) struct Claim {
     pub(crate) request_id: Uuid,
     pub(crate) worker: WorkerId,
     pub(crate) max_jobs: u32,
-    pub(crate) lease: std::time::Duration,
+    pub(crate) lease: Duration,
 }
 
 /// What it got.
@@ -63,6 +89,26 @@ pub(crate) struct Claimed {
     pub(crate) attempts: Vec<ClaimedAttempt>,
     /// There is work for it, which it may have once it holds nothing else.
     pub(crate) held_back: bool,
+}
+
+/// A claim at its time.
+pub(super) type Asked = (Claim, Now);
+
+/// What a claim got, as it is stored.
+#[derive(Default)]
+pub(super) struct Got {
+    rows: Vec<SqliteRow>,
+    held_back: bool,
+}
+
+/// Claims that are worked together.
+const GROUP: usize = 64;
+
+/// Where claims wait for each other.
+pub(super) type Collected = Collector<Asked, Result<Got, Refusal>>;
+
+pub(super) fn collect(writer: Arc<Writer>) -> Collected {
+    Collector::start(writer, GROUP, Duration::ZERO, |tx, group| Box::pin(claim_all(tx, group)))
 }
 
 impl Claim {
@@ -75,25 +121,13 @@ impl Claim {
 impl Store {
     /// Claims up to `max_jobs` jobs for the worker, or repeats what the same request claimed before.
     pub(crate) async fn claim(&self, claim: Claim, now: Now) -> Result<Result<Claimed, Refusal>, StoreError> {
-        self.writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    let row = sqlx::query(ARRIVE)
-                        .bind(now.wall.0)
-                        .bind(claim.worker.to_string())
-                        .bind(claim.request_id.to_string())
-                        .fetch_optional(&mut *tx)
-                        .await?;
-                    let Some(row) = row else { return Ok(Err(Refusal::NoWorker)) };
-                    if row.column("repeated")? {
-                        let attempts = repeat(tx, claim, now).await?;
-                        return Ok(Ok(Claimed { attempts, held_back: false }));
-                    }
-                    let holding = Holding { jobs: row.number("jobs")?, alone: row.column("alone")? };
-                    take(tx, claim, holding, now).await.map(Ok)
-                })
-            })
-            .await
+        // Documents are read once others need not wait for it.
+        let got = match self.claims.ask((claim, now)).await? {
+            Ok(got) => got,
+            Err(refusal) => return Ok(Err(refusal)),
+        };
+        let attempts = got.rows.iter().map(attempt).collect::<Result<_, _>>()?;
+        Ok(Ok(Claimed { attempts, held_back: got.held_back }))
     }
 
     /// Whether a claim would find a job, without troubling the writer.
@@ -108,82 +142,139 @@ impl Store {
     }
 }
 
-/// What the same request claimed before and still holds.
-async fn repeat(
+/// Works claims as if one after the other; those of one worker are.
+async fn claim_all(
     tx: &mut SqliteConnection,
-    claim: Claim,
-    now: Now,
-) -> Result<Vec<ClaimedAttempt>, StoreError> {
-    let rows = sqlx::query(
-        "UPDATE jobs SET lease_expires_at = ?
-         FROM attempts a
-         WHERE a.request_id = ? AND a.worker_id = ? AND a.outcome IS NULL
-           AND jobs.id = a.job_id AND jobs.attempt = a.number AND jobs.state = 'running'
-         RETURNING id, attempt, max_wall_s, lease_expires_at, priority, turn, seq,
-                   (SELECT body FROM scenarios WHERE scenarios.digest = jobs.digest) AS scenario",
-    )
-    .bind(lease_end(now.lease, claim.lease).0)
-    .bind(claim.request_id.to_string())
-    .bind(claim.worker.to_string())
-    .fetch_all(&mut *tx)
-    .await?;
-    in_order(rows)
+    group: &[Arc<Asked>],
+) -> Result<Vec<Result<Got, Refusal>>, StoreError> {
+    let mut answers: Vec<_> = group.iter().map(|_| Err(Refusal::NoWorker)).collect();
+    for places in rounds(group.iter().map(|asked| asked.0.worker)) {
+        let round: Vec<Asked> = places.iter().map(|place| *group[*place]).collect();
+        for (place, answer) in places.into_iter().zip(claim_round(tx, &round).await?) {
+            answers[place] = answer;
+        }
+    }
+    Ok(answers)
 }
 
-async fn take(
+/// What decides which jobs suit a worker: who has failed some is of a kind of its own.
+#[derive(PartialEq)]
+struct Kind {
+    backend: String,
+    memory_mib: Option<i64>,
+    failed: Option<WorkerId>,
+}
+
+/// Works claims of as many workers.
+async fn claim_round(
     tx: &mut SqliteConnection,
-    claim: Claim,
-    holding: Holding,
-    now: Now,
-) -> Result<Claimed, StoreError> {
-    let worker = claim.worker.to_string();
-    let rows = sqlx::query(CANDIDATES)
-        .bind(&worker)
-        .bind(claim.alive_since(now))
-        .bind(claim.max_jobs)
-        .fetch_all(&mut *tx)
-        .await?;
-    if rows.is_empty() {
-        return Ok(Claimed::default());
+    round: &[Asked],
+) -> Result<Vec<Result<Got, Refusal>>, StoreError> {
+    let arriving =
+        |(claim, now): &Asked| json!({"worker": claim.worker, "request": claim.request_id, "at": now.wall.0});
+    let arriving = to_json("claims", &round.iter().map(arriving).collect::<Vec<_>>())?;
+    let rows = sqlx::query(ARRIVE).bind(&arriving).bind(&arriving).fetch_all(&mut *tx).await?;
+    let mut answers: Vec<_> = round.iter().map(|_| Err(Refusal::NoWorker)).collect();
+    let (mut kinds, mut wanting) = (Vec::<(Kind, Asked)>::new(), Vec::new());
+    for row in &rows {
+        let place = row.number::<u32>("place")? as usize;
+        let Some(asked @ (claim, now)) = round.get(place).copied() else { continue };
+        answers[place] = Ok(Got::default());
+        if row.column("repeated")? {
+            answers[place] = Ok(Got { rows: repeat(tx, claim, now).await?, held_back: false });
+        } else if !row.column("draining")? {
+            let failed = row.column::<bool>("has_failed")?.then_some(claim.worker);
+            let kind =
+                Kind { backend: row.column("backend")?, memory_mib: row.column("memory_mib")?, failed };
+            let known = kinds.iter().position(|(other, _)| *other == kind);
+            let list = known.unwrap_or(kinds.len());
+            if known.is_none() {
+                kinds.push((kind, asked));
+            }
+            let holding = Holding { jobs: row.number("jobs")?, alone: row.column("alone")? };
+            wanting.push((place, Wanted { list, holding, most: claim.max_jobs as usize }));
+        }
     }
-    let candidates = rows.iter().map(|row| row.column("alone")).collect::<Result<Vec<bool>, _>>()?;
-    let count = batch(holding, &candidates);
-    if count == 0 {
-        return Ok(Claimed { attempts: Vec::new(), held_back: true });
+    // In the order in which they asked, which is not always that of the rows.
+    wanting.sort_by_key(|(place, _)| *place);
+    let total: usize = wanting.iter().map(|(_, wanted)| wanted.most).sum();
+    let mut lists = Vec::new();
+    for (_, (claim, now)) in &kinds {
+        lists.push(candidates(tx, *claim, *now, total).await?);
     }
-    let seqs = rows[..count].iter().map(|row| row.column("seq")).collect::<Result<Vec<i64>, _>>()?;
-    let (seqs, until) = (to_json("jobs", &seqs)?, lease_end(now.lease, claim.lease).0);
-    let rows = sqlx::query(TAKE)
-        .bind(&worker)
-        .bind(until)
-        .bind(now.wall.0)
-        .bind(until)
-        .bind(&seqs)
+    let wanted: Vec<_> = wanting.iter().map(|(_, wanted)| *wanted).collect();
+    let shares: Vec<_> = wanting.iter().map(|(place, _)| *place).zip(share(&wanted, &lists)).collect();
+    let mut taken = take(tx, round, &shares).await?;
+    for (place, share) in shares {
+        let rows = share.jobs.iter().filter_map(|seq| taken.remove(seq)).collect();
+        answers[place] = Ok(Got { rows, held_back: share.held_back });
+    }
+    Ok(answers)
+}
+
+/// What the same request claimed before and still holds, in the order of the queue.
+async fn repeat(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Vec<SqliteRow>, StoreError> {
+    let rows = sqlx::query(REPEAT)
+        .bind(lease_end(now.lease, claim.lease).0)
         .bind(claim.request_id.to_string())
-        .bind(now.wall.0)
-        .bind(&seqs)
-        .bind(&seqs)
+        .bind(claim.worker.to_string())
         .fetch_all(&mut *tx)
         .await?;
-    Ok(Claimed { attempts: in_order(rows)?, held_back: false })
-}
-
-/// Claimed rows as the worker gets them, in the order of the queue (`RETURNING` has none).
-fn in_order(rows: Vec<SqliteRow>) -> Result<Vec<ClaimedAttempt>, StoreError> {
     let mut ordered = Vec::with_capacity(rows.len());
     for row in rows {
         let priority: i64 = row.column("priority")?;
         ordered.push(((-priority, row.column::<i64>("turn")?, row.column::<i64>("seq")?), row));
     }
+    // `RETURNING` has no order.
     ordered.sort_by_key(|(key, _)| *key);
-    let attempt = |(_, row): ((i64, i64, i64), SqliteRow)| {
-        Ok(ClaimedAttempt {
-            job_id: row.parsed("id")?,
-            attempt: row.number("attempt")?,
-            scenario: row.json("scenario")?,
-            max_wall_s: row.column("max_wall_s")?,
-            lease_expires_at: row.moment("lease_expires_at")?,
-        })
-    };
-    ordered.into_iter().map(attempt).collect()
+    Ok(ordered.into_iter().map(|(_, row)| row).collect())
+}
+
+/// The first jobs that suit a worker.
+async fn candidates(
+    tx: &mut SqliteConnection,
+    claim: Claim,
+    now: Now,
+    most: usize,
+) -> Result<Vec<Candidate>, StoreError> {
+    let rows = sqlx::query(CANDIDATES)
+        .bind(claim.worker.to_string())
+        .bind(claim.alive_since(now))
+        .bind(i64::try_from(most).unwrap_or(i64::MAX))
+        .fetch_all(&mut *tx)
+        .await?;
+    rows.iter().map(|row| Ok(Candidate { seq: row.column("seq")?, alone: row.column("alone")? })).collect()
+}
+
+/// Makes attempts of what each place of the round gets; the rows by number of the job.
+async fn take(
+    tx: &mut SqliteConnection,
+    round: &[Asked],
+    shares: &[(usize, Share)],
+) -> Result<HashMap<i64, SqliteRow>, StoreError> {
+    let mut taken = Vec::new();
+    for (place, share) in shares {
+        let (claim, now) = &round[*place];
+        let until = lease_end(now.lease, claim.lease).0;
+        taken.extend(share.jobs.iter().map(|seq| {
+            json!({"seq": seq, "worker": claim.worker, "request": claim.request_id, "at": now.wall.0, "until": until})
+        }));
+    }
+    if taken.is_empty() {
+        return Ok(HashMap::new());
+    }
+    let taken = to_json("jobs", &taken)?;
+    let rows = sqlx::query(TAKE).bind(&taken).bind(&taken).bind(&taken).fetch_all(&mut *tx).await?;
+    rows.into_iter().map(|row| Ok((row.column("seq")?, row))).collect()
+}
+
+/// A claimed row as the worker gets it.
+fn attempt(row: &SqliteRow) -> Result<ClaimedAttempt, StoreError> {
+    Ok(ClaimedAttempt {
+        job_id: row.parsed("id")?,
+        attempt: row.number("attempt")?,
+        scenario: row.json("scenario")?,
+        max_wall_s: row.column("max_wall_s")?,
+        lease_expires_at: row.moment("lease_expires_at")?,
+    })
 }

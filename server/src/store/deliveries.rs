@@ -1,16 +1,22 @@
 //! Deliveries of attempts: the result, or why there is none. Both are fenced, and safe to repeat.
 
+use std::sync::Arc;
+use std::time::Duration;
+
 use roost_api::RunResult;
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
+use serde_json::json;
 use sqlx::SqliteConnection;
 
-use super::facts::{Ending, end, fenced};
+use super::facts::{Ending, Written, end, fenced};
 use super::rows::to_json;
+use super::together::{Collector, rounds};
+use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
-use crate::queue::{Refusal, RetryPolicy, Verdict, on_failure, on_result};
+use crate::queue::{JobChange, Refusal, RetryPolicy, Verdict, on_failure, on_result};
 
 /// A result written out and hashed, which for a long one takes a while: done before any transaction.
 pub(crate) struct StoredResult {
@@ -52,6 +58,25 @@ impl StoredResult {
     }
 }
 
+/// Results that are written together: a bound on how long others wait for the writer.
+const GROUP: usize = 64;
+
+/// The result of an attempt.
+pub(super) struct Delivered {
+    written: Written,
+    result: StoredResult,
+    now: Timestamp,
+}
+
+type Answer = Result<Verdict, Refusal>;
+
+/// Where results wait for each other.
+pub(super) type Collected = Collector<Delivered, Answer>;
+
+pub(super) fn collect(writer: Arc<Writer>) -> Collected {
+    Collector::start(writer, GROUP, Duration::ZERO, |tx, group| Box::pin(record_all(tx, group)))
+}
+
 impl Store {
     /// Whether there is such an attempt.
     pub(crate) async fn find_attempt(
@@ -77,60 +102,20 @@ impl Store {
     /// Records a result, exactly once per job.
     pub(crate) async fn record_result(
         &self,
-        job_id: JobId,
+        job: JobId,
         attempt: u32,
         worker: WorkerId,
         result: StoredResult,
         now: Timestamp,
     ) -> Result<Result<Verdict, Refusal>, StoreError> {
-        self.writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    let fenced = match fenced(tx, job_id, attempt, worker).await? {
-                        Ok(fenced) => fenced,
-                        Err(refusal) => return Ok(Err(refusal)),
-                    };
-                    let verdict = match on_result(fenced.standing) {
-                        Ok(verdict) => verdict,
-                        Err(refusal) => return Ok(Err(refusal)),
-                    };
-                    let Verdict::Record(change) = &verdict else { return Ok(Ok(verdict)) };
-                    if result.scenario_digest != fenced.digest {
-                        return Ok(Err(Refusal::OtherScenario));
-                    }
-                    sqlx::query(
-                        "INSERT INTO documents (digest, body) VALUES (?, ?) ON CONFLICT (digest) DO NOTHING;
-                         INSERT INTO results (job_id, attempt, digest, solver_revision, backend, responses,
-                                              document, recorded_at)
-                         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                    )
-                    .bind(&result.digest)
-                    .bind(result.body)
-                    .bind(job_id.to_string())
-                    .bind(attempt)
-                    .bind(&fenced.digest)
-                    .bind(result.solver_revision)
-                    .bind(&result.backend)
-                    .bind(&result.responses)
-                    .bind(&result.digest)
-                    .bind(now.0)
-                    .execute(&mut *tx)
-                    .await?;
-                    let outcome = AttemptOutcome::Succeeded;
-                    let ending =
-                        Ending { job: job_id, attempt, outcome, change, message: None, partial: None };
-                    end(tx, ending, now).await?;
-                    Ok(Ok(verdict))
-                })
-            })
-            .await
+        self.results.ask(Delivered { written: Written { job, attempt, worker }, result, now }).await
     }
 
     /// Records why an attempt has no result, with what it came to.
     #[expect(clippy::too_many_arguments, reason = "a report as it arrives, and the clock")]
     pub(crate) async fn record_failure(
         &self,
-        job_id: JobId,
+        job: JobId,
         attempt: u32,
         worker: WorkerId,
         outcome: AttemptOutcome,
@@ -142,9 +127,11 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let fenced = match fenced(tx, job_id, attempt, worker).await? {
-                        Ok(fenced) => fenced,
-                        Err(refusal) => return Ok(Err(refusal)),
+                    let written = Written { job, attempt, worker };
+                    let fenced = match fenced(tx, &[written]).await?.pop() {
+                        Some(Ok(fenced)) => fenced,
+                        Some(Err(refusal)) => return Ok(Err(refusal)),
+                        None => return Ok(Err(Refusal::NoJob)),
                     };
                     let verdict = match on_failure(&fenced.job, fenced.standing, outcome, policy, now.lease) {
                         Ok(verdict) => verdict,
@@ -161,15 +148,74 @@ impl Store {
                         }
                         None => None,
                     };
-                    let (message, partial) = (Some(message.as_str()), document.as_deref());
-                    end(tx, Ending { job: job_id, attempt, outcome, change, message, partial }, now.wall)
-                        .await?;
+                    let (message, partial, at) = (Some(message.as_str()), document.as_deref(), now.wall);
+                    end(tx, &[Ending { job, attempt, outcome, change, message, partial, at }]).await?;
                     Ok(Ok(verdict))
                 })
             })
             .await
     }
 }
+
+/// Records results: those of one job one after the other, all others together.
+async fn record_all(tx: &mut SqliteConnection, group: &[Arc<Delivered>]) -> Result<Vec<Answer>, StoreError> {
+    let mut answers: Vec<Answer> = group.iter().map(|_| Err(Refusal::NoJob)).collect();
+    for places in rounds(group.iter().map(|delivered| delivered.written.job)) {
+        let written: Vec<_> = places.iter().map(|place| group[*place].written).collect();
+        let mut accepted = Vec::new();
+        for (place, fenced) in places.into_iter().zip(fenced(tx, &written).await?) {
+            let delivered = group[place].as_ref();
+            answers[place] = fenced.and_then(|fenced| {
+                let verdict = on_result(fenced.standing)?;
+                let records = matches!(verdict, Verdict::Record(_));
+                if records && delivered.result.scenario_digest != fenced.digest {
+                    return Err(Refusal::OtherScenario);
+                }
+                Ok(verdict)
+            });
+            if let Ok(Verdict::Record(change)) = &answers[place] {
+                accepted.push((delivered, change.clone()));
+            }
+        }
+        record(tx, &accepted).await?;
+    }
+    Ok(answers)
+}
+
+/// Writes results down that were accepted, each of another job.
+async fn record(tx: &mut SqliteConnection, accepted: &[(&Delivered, JobChange)]) -> Result<(), StoreError> {
+    if accepted.is_empty() {
+        return Ok(());
+    }
+    // All texts in one: as strings in JSON they would be written out with every quote escaped, and read back again.
+    let mut bodies =
+        Vec::with_capacity(accepted.iter().map(|(delivered, _)| delivered.result.body.len()).sum());
+    let (mut rows, mut endings) = (Vec::new(), Vec::new());
+    for (Delivered { written: Written { job, attempt, .. }, result, now }, change) in accepted {
+        let (job, attempt, at) = (*job, *attempt, *now);
+        rows.push(json!({
+            "job": job, "attempt": attempt, "digest": result.scenario_digest, "revision": result.solver_revision,
+            "backend": result.backend, "responses": result.responses, "document": result.digest, "at": at.0,
+            "from": bodies.len() + 1, "bytes": result.body.len(),
+        }));
+        bodies.extend_from_slice(result.body.as_bytes());
+        let outcome = AttemptOutcome::Succeeded;
+        endings.push(Ending { job, attempt, outcome, change, message: None, partial: None, at });
+    }
+    let rows = to_json("results", &rows)?;
+    sqlx::query(RECORD).bind(bodies).bind(&rows).bind(&rows).execute(&mut *tx).await?;
+    end(tx, &endings).await
+}
+
+/// Of bytes, `substr` finds a part without counting letters.
+pub(super) const RECORD: &str = "
+    INSERT INTO documents (digest, body)
+    SELECT r.value ->> 'document', CAST(substr(?, r.value ->> 'from', r.value ->> 'bytes') AS TEXT)
+    FROM json_each(?) AS r WHERE true ON CONFLICT (digest) DO NOTHING;
+    INSERT INTO results (job_id, attempt, digest, solver_revision, backend, responses, document, recorded_at)
+    SELECT r.value ->> 'job', r.value ->> 'attempt', r.value ->> 'digest', r.value ->> 'revision',
+           r.value ->> 'backend', r.value ->> 'responses', r.value ->> 'document', r.value ->> 'at'
+    FROM json_each(?) AS r";
 
 /// Stores a document under its digest.
 async fn insert_document(tx: &mut SqliteConnection, digest: &str, body: String) -> Result<(), StoreError> {

@@ -3,11 +3,12 @@
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, JobState};
 use roost_api::time::Timestamp;
+use serde_json::{Value, json};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::StoreError;
-use super::rows::Columns;
+use super::rows::{Columns, to_json};
 use crate::queue::{AttemptFacts, JobChange, JobFacts, Refusal, Standing, standing};
 
 /// The columns of [`JobFacts`]; the counts look at the few attempts of one job.
@@ -29,34 +30,50 @@ pub(super) fn job_facts(row: &SqliteRow) -> Result<JobFacts, StoreError> {
     })
 }
 
-/// A job with one of its attempts, and where that attempt stands when `worker` writes to it.
+/// An attempt that a worker writes to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Written {
+    pub(super) job: JobId,
+    pub(super) attempt: u32,
+    pub(super) worker: WorkerId,
+}
+
+/// A job with one of its attempts, and where that attempt stands when its worker writes to it.
 pub(super) struct Fenced {
     pub(super) job: JobFacts,
     pub(super) digest: String,
     pub(super) standing: Standing,
 }
 
-/// Looks up an attempt that `worker` writes to.
+/// Looks up attempts that are written to; the answers are in their order.
 pub(super) async fn fenced(
     tx: &mut SqliteConnection,
-    job_id: JobId,
-    number: u32,
-    worker: WorkerId,
-) -> Result<Result<Fenced, Refusal>, StoreError> {
+    written: &[Written],
+) -> Result<Vec<Result<Fenced, Refusal>>, StoreError> {
+    let mut found: Vec<_> = written.iter().map(|_| Err(Refusal::NoJob)).collect();
+    if written.is_empty() {
+        return Ok(found);
+    }
+    let asked: Vec<_> = written.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
     let sql = format!(
-        "SELECT {JOB_FACTS}, j.digest, a.worker_id AS claimed_by, a.outcome
-         FROM jobs j LEFT JOIN attempts a ON a.job_id = j.id AND a.number = ? WHERE j.id = ?"
+        "SELECT asked.key AS place, {JOB_FACTS}, j.digest, a.worker_id AS claimed_by, a.outcome
+         FROM json_each(?) AS asked CROSS JOIN jobs j ON j.id = asked.value ->> 'job'
+         LEFT JOIN attempts a ON a.job_id = j.id AND a.number = asked.value ->> 'attempt'"
     );
-    let row = sqlx::query(AssertSqlSafe(sql))
-        .bind(number)
-        .bind(job_id.to_string())
-        .fetch_optional(&mut *tx)
-        .await?;
-    let Some(row) = row else { return Ok(Err(Refusal::NoJob)) };
-    let Some(worker_id) = row.parsed_opt("claimed_by")? else { return Ok(Err(Refusal::NoAttempt)) };
-    let job = job_facts(&row)?;
-    let attempt = AttemptFacts { number, worker_id, outcome: row.parsed_opt("outcome")? };
-    Ok(Ok(Fenced { digest: row.column("digest")?, standing: standing(&job, &attempt, worker), job }))
+    let rows = sqlx::query(AssertSqlSafe(sql)).bind(to_json("attempts", &asked)?).fetch_all(&mut *tx).await?;
+    for row in &rows {
+        let place = row.number::<u32>("place")? as usize;
+        let Some(Written { attempt: number, worker, .. }) = written.get(place).copied() else { continue };
+        found[place] = match row.parsed_opt("claimed_by")? {
+            None => Err(Refusal::NoAttempt),
+            Some(worker_id) => {
+                let job = job_facts(row)?;
+                let attempt = AttemptFacts { number, worker_id, outcome: row.parsed_opt("outcome")? };
+                Ok(Fenced { digest: row.column("digest")?, standing: standing(&job, &attempt, worker), job })
+            }
+        };
+    }
+    Ok(found)
 }
 
 /// How an attempt ended, and what that does to its job.
@@ -68,44 +85,48 @@ pub(super) struct Ending<'a> {
     pub(super) message: Option<&'a str>,
     /// Digest of what it came to.
     pub(super) partial: Option<&'a str>,
+    pub(super) at: Timestamp,
 }
 
-/// Carries an ending out.
-pub(super) async fn end(
-    tx: &mut SqliteConnection,
-    ending: Ending<'_>,
-    now: Timestamp,
-) -> Result<(), StoreError> {
-    let (state, class) = match ending.change {
-        JobChange::Requeue { .. } => (JobState::Queued, None),
-        JobChange::Succeed => (JobState::Succeeded, None),
-        JobChange::Fail(class) => (JobState::Failed, Some(*class)),
-        JobChange::Cancel => (JobState::Cancelled, None),
-    };
-    let (not_before, alone) = match ending.change {
-        JobChange::Requeue { not_before, alone } => (not_before.map(|then| then.0), *alone),
-        _ => (None, false),
-    };
-    sqlx::query(
-        "UPDATE attempts SET outcome = ?, message = ?, partial = ?, ended_at = ? WHERE job_id = ? AND number = ?;
-         UPDATE jobs SET state = ?, not_before = ?, alone = max(alone, ?), cancelling = 0, lease_expires_at = NULL,
-                         failure_class = ?, failure_message = ?, ended_at = ?
-         WHERE id = ?",
-    )
-    .bind(ending.outcome.as_str())
-    .bind(ending.message)
-    .bind(ending.partial)
-    .bind(now.0)
-    .bind(ending.job.to_string())
-    .bind(ending.attempt)
-    .bind(state.as_str())
-    .bind(not_before)
-    .bind(alone)
-    .bind(class.map(|class| class.as_str()))
-    .bind(class.and(ending.message))
-    .bind(state.is_ended().then_some(now.0))
-    .bind(ending.job.to_string())
-    .execute(&mut *tx)
-    .await?;
+impl Ending<'_> {
+    fn to_value(&self) -> Value {
+        let (state, class) = match self.change {
+            JobChange::Requeue { .. } => (JobState::Queued, None),
+            JobChange::Succeed => (JobState::Succeeded, None),
+            JobChange::Fail(class) => (JobState::Failed, Some(*class)),
+            JobChange::Cancel => (JobState::Cancelled, None),
+        };
+        let (not_before, alone) = match self.change {
+            JobChange::Requeue { not_before, alone } => (not_before.map(|then| then.0), *alone),
+            _ => (None, false),
+        };
+        json!({
+            "job": self.job, "attempt": self.attempt, "outcome": self.outcome.as_str(), "message": self.message,
+            "partial": self.partial, "at": self.at.0, "state": state.as_str(), "not_before": not_before,
+            "alone": u8::from(alone), "class": class.map(|class| class.as_str()),
+            "why": class.and(self.message), "ended_at": state.is_ended().then_some(self.at.0),
+        })
+    }
+}
+
+/// Carries endings out, each of another job.
+pub(super) async fn end(tx: &mut SqliteConnection, endings: &[Ending<'_>]) -> Result<(), StoreError> {
+    if endings.is_empty() {
+        return Ok(());
+    }
+    let endings: Vec<_> = endings.iter().map(Ending::to_value).collect();
+    let endings = to_json("endings", &endings)?;
+    sqlx::query(END).bind(&endings).bind(&endings).execute(&mut *tx).await?;
     Ok(())
 }
+
+pub(super) const END: &str = "
+    UPDATE attempts SET outcome = e.value ->> 'outcome', message = e.value ->> 'message',
+                        partial = e.value ->> 'partial', ended_at = e.value ->> 'at'
+    FROM json_each(?) AS e
+    WHERE attempts.job_id = e.value ->> 'job' AND attempts.number = e.value ->> 'attempt';
+    UPDATE jobs SET state = e.value ->> 'state', not_before = e.value ->> 'not_before',
+                    alone = max(alone, e.value ->> 'alone'), cancelling = 0, lease_expires_at = NULL,
+                    failure_class = e.value ->> 'class', failure_message = e.value ->> 'why',
+                    ended_at = e.value ->> 'ended_at'
+    FROM json_each(?) AS e WHERE jobs.id = e.value ->> 'job'";

@@ -11,15 +11,14 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::lease::{AttemptDirective, Directive, HeartbeatReply};
 use roost_api::time::Timestamp;
 use serde_json::{Value, json};
-use sqlx::{AssertSqlSafe, SqliteConnection};
-use tokio::sync::{mpsc, oneshot};
-use tokio::time::Instant;
+use sqlx::SqliteConnection;
 
-use super::facts::{JOB_FACTS, job_facts};
+use super::facts::{Fenced, Written, fenced};
 use super::rows::{Columns, to_json};
+use super::together::Collector;
 use super::writer::Writer;
 use super::{Store, StoreError};
-use crate::queue::{AttemptFacts, BeatEffect, Refusal, on_beat, standing};
+use crate::queue::{BeatEffect, Refusal, on_beat};
 
 /// One group is worked in this time, and what arrives meanwhile makes the next.
 ///
@@ -38,56 +37,21 @@ pub(crate) struct Beat {
 }
 
 /// The beats of one worker.
-#[derive(Clone, Debug)]
-struct Beats {
+#[derive(Debug)]
+pub(super) struct Beats {
     worker: WorkerId,
     beats: Vec<Beat>,
     now: Timestamp,
     until: Timestamp,
 }
 
-type Answer = Result<Result<HeartbeatReply, Refusal>, StoreError>;
+type Answer = Result<HeartbeatReply, Refusal>;
 
-/// Where beats wait for each other. Its task ends with it.
-pub(super) struct Collector(mpsc::Sender<(Beats, oneshot::Sender<Answer>)>);
+/// Where beats wait for each other.
+pub(super) type Collected = Collector<Beats, Answer>;
 
-impl Collector {
-    pub(super) fn start(writer: Arc<Writer>) -> Self {
-        let (sender, mut waiting) = mpsc::channel(4096);
-        tokio::spawn(async move {
-            let mut group = Vec::new();
-            let mut earliest = Instant::now();
-            while waiting.recv_many(&mut group, GROUP).await > 0 {
-                if group.len() < GROUP {
-                    tokio::time::sleep_until(earliest).await;
-                    while group.len() < GROUP
-                        && let Ok(next) = waiting.try_recv()
-                    {
-                        group.push(next);
-                    }
-                }
-                earliest = Instant::now() + WINDOW;
-                work(&writer, std::mem::take(&mut group)).await;
-            }
-        });
-        Self(sender)
-    }
-}
-
-/// Works a group, and answers everybody.
-async fn work(writer: &Writer, group: Vec<(Beats, oneshot::Sender<Answer>)>) {
-    let (beats, senders): (Vec<_>, Vec<_>) = group.into_iter().unzip();
-    let worked = writer.write(move |tx| Box::pin(async move { renew_all(tx, &beats).await })).await;
-    match worked {
-        // Nobody may be listening any more.
-        Ok(answers) => {
-            senders.into_iter().zip(answers).for_each(|(sender, answer)| drop(sender.send(Ok(answer))))
-        }
-        Err(error) => {
-            let error = Arc::new(error);
-            senders.into_iter().for_each(|sender| drop(sender.send(Err(StoreError::Shared(error.clone())))));
-        }
-    }
+pub(super) fn collect(writer: Arc<Writer>) -> Collected {
+    Collector::start(writer, GROUP, WINDOW, |tx, group| Box::pin(renew_all(tx, group)))
 }
 
 impl Store {
@@ -98,19 +62,13 @@ impl Store {
         beats: Vec<Beat>,
         now: Timestamp,
         until: Timestamp,
-    ) -> Answer {
-        let (sender, receiver) = oneshot::channel();
-        let asked = self.beats.0.send((Beats { worker, beats, now, until }, sender)).await;
-        asked.map_err(|_| StoreError::WriterGone)?;
-        receiver.await.map_err(|_| StoreError::WriterGone)?
+    ) -> Result<Answer, StoreError> {
+        self.beats.ask(Beats { worker, beats, now, until }).await
     }
 }
 
 /// Renews what the workers hold; the answers are in their order.
-async fn renew_all(
-    tx: &mut SqliteConnection,
-    group: &[Beats],
-) -> Result<Vec<Result<HeartbeatReply, Refusal>>, StoreError> {
+async fn renew_all(tx: &mut SqliteConnection, group: &[Arc<Beats>]) -> Result<Vec<Answer>, StoreError> {
     let draining = seen(tx, group).await?;
     let effects = effects(tx, group).await?;
     let mut renewed: Vec<Value> = Vec::new();
@@ -151,7 +109,10 @@ pub(super) const RENEW: &str = "
       AND attempts.outcome IS NOT NULL";
 
 /// Notes that the workers were heard of; says of each that is known whether it drains.
-async fn seen(tx: &mut SqliteConnection, group: &[Beats]) -> Result<HashMap<WorkerId, bool>, StoreError> {
+async fn seen(
+    tx: &mut SqliteConnection,
+    group: &[Arc<Beats>],
+) -> Result<HashMap<WorkerId, bool>, StoreError> {
     let workers: Vec<_> = group.iter().map(|beats| json!({"id": beats.worker, "at": beats.now.0})).collect();
     let sql =
         "UPDATE workers SET last_seen_at = max(last_seen_at, seen.value ->> 'at') FROM json_each(?) AS seen
@@ -161,33 +122,19 @@ async fn seen(tx: &mut SqliteConnection, group: &[Beats]) -> Result<HashMap<Work
 }
 
 /// What every beat of the group does, one after the other.
-async fn effects(tx: &mut SqliteConnection, group: &[Beats]) -> Result<Vec<BeatEffect>, StoreError> {
-    let all: Vec<_> =
-        group.iter().flat_map(|beats| beats.beats.iter().map(move |beat| (beats, beat))).collect();
-    let mut effects = vec![BeatEffect::Abandon; all.len()];
-    if all.is_empty() {
-        return Ok(effects);
-    }
-    let asked: Vec<_> =
-        all.iter().map(|(_, beat)| json!({"job": beat.job_id, "attempt": beat.attempt})).collect();
-    let sql = format!(
-        "SELECT beat.key AS place, {JOB_FACTS}, a.worker_id AS claimed_by, a.outcome
-         FROM json_each(?) AS beat CROSS JOIN jobs j ON j.id = beat.value ->> 'job'
-         CROSS JOIN attempts a ON a.job_id = j.id AND a.number = beat.value ->> 'attempt'"
-    );
-    let rows = sqlx::query(AssertSqlSafe(sql)).bind(to_json("beats", &asked)?).fetch_all(&mut *tx).await?;
-    for row in &rows {
-        let place: usize = row.number::<u32>("place")? as usize;
-        let Some((beats, beat)) = all.get(place) else { continue };
-        let attempt = AttemptFacts {
-            number: beat.attempt,
-            worker_id: row.parsed("claimed_by")?,
-            outcome: row.parsed_opt("outcome")?,
-        };
-        let job = job_facts(row)?;
-        effects[place] = on_beat(&job, standing(&job, &attempt, beats.worker), beats.until);
-    }
-    Ok(effects)
+async fn effects(tx: &mut SqliteConnection, group: &[Arc<Beats>]) -> Result<Vec<BeatEffect>, StoreError> {
+    let all = group.iter().flat_map(|beats| beats.beats.iter().map(move |beat| (beats, beat)));
+    let (written, until): (Vec<_>, Vec<_>) = all
+        .map(|(beats, beat)| {
+            (Written { job: beat.job_id, attempt: beat.attempt, worker: beats.worker }, beats.until)
+        })
+        .unzip();
+    let fenced = fenced(tx, &written).await?;
+    let effect = |(fenced, until): (Result<Fenced, Refusal>, Timestamp)| match fenced {
+        Ok(fenced) => on_beat(&fenced.job, fenced.standing, until),
+        Err(_) => BeatEffect::Abandon,
+    };
+    Ok(fenced.into_iter().zip(until).map(effect).collect())
 }
 
 fn directive(beat: Beat, effect: BeatEffect) -> AttemptDirective {

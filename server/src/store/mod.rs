@@ -24,6 +24,7 @@ mod submit;
 mod sweeps;
 #[cfg(test)]
 mod tests;
+mod together;
 mod tokens;
 mod trials;
 mod versions;
@@ -56,6 +57,12 @@ use writer::Writer;
 
 /// The first SQLite without the WAL-reset corruption (3.7.0 to 3.51.2).
 const OLDEST_SQLITE: (u32, u32, u32) = (3, 51, 3);
+
+/// The log is brought over to the database once it has so many pages of 4 KiB, which takes a flush of its own.
+const CHECKPOINT_PAGES: &str = "4000";
+
+/// What the writer keeps at hand of the database, in KiB, which the minus says.
+const WRITER_CACHE_KIB: &str = "-16000";
 
 /// Why the store could not do it. Never the fault of a request.
 #[derive(Debug, thiserror::Error)]
@@ -132,7 +139,9 @@ impl StoreError {
 /// The database.
 pub(crate) struct Store {
     writer: Arc<Writer>,
-    beats: heartbeats::Collector,
+    beats: heartbeats::Collected,
+    claims: claims::Collected,
+    results: deliveries::Collected,
     versions: versions::Cache,
     readers: SqlitePool,
     sqlite_version: String,
@@ -142,7 +151,8 @@ impl Store {
     /// Opens the database at `path`, made and migrated as needed.
     pub(crate) async fn open(path: &Path) -> Result<Self, StoreError> {
         let options = options(path);
-        let (mut connection, sqlite_version) = connect(options.clone()).await?;
+        let (mut connection, sqlite_version) =
+            connect(options.clone().pragma("cache_size", WRITER_CACHE_KIB)).await?;
         migrate(&mut connection).await?;
         meshes::sweep(&mut connection).await?;
         deletion::finish(&mut connection).await?;
@@ -152,8 +162,10 @@ impl Store {
             .connect_with(options.create_if_missing(false).read_only(true))
             .await?;
         let writer = Arc::new(Writer::start(connection));
-        let beats = heartbeats::Collector::start(writer.clone());
-        Ok(Self { writer, beats, versions: Default::default(), readers, sqlite_version })
+        let beats = heartbeats::collect(writer.clone());
+        let claims = claims::collect(writer.clone());
+        let results = deliveries::collect(writer.clone());
+        Ok(Self { writer, beats, claims, results, versions: Default::default(), readers, sqlite_version })
     }
 
     /// Writes out what is under way and closes the file.
@@ -190,6 +202,9 @@ fn options(path: &Path) -> SqliteConnectOptions {
         .journal_mode(SqliteJournalMode::Wal)
         .synchronous(SqliteSynchronous::Full)
         .foreign_keys(true)
+        // What savepoints would take back is copied: to memory, not to a file.
+        .pragma("temp_store", "memory")
+        .pragma("wal_autocheckpoint", CHECKPOINT_PAGES)
         .busy_timeout(Duration::from_secs(5))
 }
 

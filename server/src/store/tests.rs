@@ -83,6 +83,24 @@ async fn what_runs_often_is_indexed() {
 }
 
 #[tokio::test]
+async fn what_is_asked_together_reads_nothing_but_what_is_asked() {
+    let (store, _dir) = store().await;
+    let json = |line: &&str| line.contains("VIRTUAL TABLE");
+    for sql in
+        [claims::ARRIVE, claims::TAKE, claims::REPEAT, facts::END, deliveries::RECORD, heartbeats::RENEW]
+    {
+        for statement in sql.split(';') {
+            let told = plan(&store, statement).await;
+            let scans = told.lines().filter(|line| line.contains("SCAN") && !json(line));
+            assert_eq!(scans.count(), 0, "{statement}\n{told}");
+        }
+    }
+    let scan = plan(&store, "UPDATE jobs SET alone = 1 WHERE labels = '{}' RETURNING id").await;
+    assert!(scan.contains("SCAN jobs"), "what the check above looks for: {scan}");
+    store.close().await;
+}
+
+#[tokio::test]
 async fn the_enums_are_pinned_by_the_schema() {
     let (store, _dir) = store().await;
     let schema: Vec<String> = sqlx::query_scalar("SELECT sql FROM sqlite_master WHERE type = 'table'")

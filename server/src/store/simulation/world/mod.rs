@@ -14,6 +14,7 @@ use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::{self, Scenario};
 use sqlx::Row;
 use uuid::{Builder, Uuid};
+use workers::Asking;
 
 use super::model::{Job, LEASE_MS, LOST_ATTEMPTS, Model, WORKER_ATTEMPTS};
 use crate::clock::Now;
@@ -112,7 +113,8 @@ impl<'s> World<'s> {
             0..38 => self.claim_somehow().await,
             38..50 => self.beat().await,
             50..68 => self.end_a_run().await,
-            68..76 => self.deliver_again().await,
+            68..73 => self.deliver_again().await,
+            73..76 => self.deliver_together().await,
             76..86 => self.wait(LEASE_MS / 3).await,
             86..89 => self.wait(2 * LEASE_MS).await,
             89..92 => self.cancel().await,
@@ -263,7 +265,7 @@ impl<'s> World<'s> {
             }
             for index in helpers.clone() {
                 let request = self.uuid();
-                self.claim(index, request, 1, false).await;
+                self.claim(&[Asking { index, request, max_jobs: 1, lost: false }]).await;
                 for (job, attempt) in std::mem::take(&mut self.workers[index].held) {
                     let (worker, outcome) = (self.workers[index].id, AttemptOutcome::Succeeded);
                     self.deliver(Report { job, attempt, worker, outcome }).await;

@@ -1,5 +1,6 @@
 //! What workers do: claim, beat, report, die and drain; each time the model says what must come of it.
 
+use futures_util::future::join_all;
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, JobState};
 use roost_api::time::Timestamp;
@@ -11,30 +12,66 @@ use crate::queue::{Refusal, Verdict};
 use crate::store::claims::Claim;
 use crate::store::{Beat, StoredResult};
 
+/// A claim on its way.
+pub(super) struct Asking {
+    pub(super) index: usize,
+    pub(super) request: Uuid,
+    pub(super) max_jobs: u32,
+    pub(super) lost: bool,
+}
+
 impl World<'_> {
-    /// A claim, the repeat of one, or one whose reply is lost.
+    /// Claims of one or several workers at once: new ones, repeats, and some whose reply is lost.
     pub(super) async fn claim_somehow(&mut self) {
-        let (index, max_jobs) = (self.any_worker(), self.random.u32(1..4));
-        let request = match self.workers[index].request.filter(|_| self.random.u32(0..4) == 0) {
-            Some(request) => request,
-            None => self.uuid(),
-        };
-        let lost = self.random.u32(0..5) == 0;
-        self.claim(index, request, max_jobs, lost).await;
+        let mut asking = vec![self.any_worker()];
+        while self.random.bool() {
+            asking.push(self.any_worker());
+        }
+        asking.sort_unstable();
+        asking.dedup();
+        self.random.shuffle(&mut asking);
+        let mut claims = Vec::new();
+        for index in asking {
+            let max_jobs = self.random.u32(1..4);
+            let request = match self.workers[index].request.filter(|_| self.random.u32(0..4) == 0) {
+                Some(request) => request,
+                None => self.uuid(),
+            };
+            claims.push(Asking { index, request, max_jobs, lost: self.random.u32(0..5) == 0 });
+        }
+        self.claim(&claims).await;
     }
 
-    pub(super) async fn claim(&mut self, index: usize, request: Uuid, max_jobs: u32, lost: bool) -> usize {
+    /// Claims that come in at once get what they would have got one after the other.
+    pub(super) async fn claim(&mut self, claims: &[Asking]) {
+        let mut repeated = Vec::new();
+        for Asking { index, request, .. } in claims {
+            let worker = &mut self.workers[*index];
+            worker.last_seen = self.now.wall.0;
+            let (id, is_known) = (worker.id, worker.request == Some(*request));
+            repeated.push(is_known && self.claimed_by(id, *request).await);
+        }
+        let queue = self.queue().await;
+        let ask = |it: &Asking| {
+            let (request_id, worker) = (it.request, self.workers[it.index].id);
+            self.store.claim(Claim { request_id, worker, max_jobs: it.max_jobs, lease: LEASE }, self.now)
+        };
+        let got = join_all(claims.iter().map(ask)).await;
+        for ((asking, repeated), got) in claims.iter().zip(repeated).zip(got) {
+            let got = got.unwrap().unwrap().attempts;
+            let got: Vec<_> = got.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect();
+            self.judge(asking, repeated, &queue, &got);
+        }
+    }
+
+    /// Whether a claim got what it should, as things are after the claims before it.
+    fn judge(&mut self, asking: &Asking, repeated: bool, queue: &[JobId], got: &[(JobId, u32)]) {
+        let Asking { index, request, max_jobs, lost } = *asking;
         let worker = self.workers[index].id;
-        let repeated = self.workers[index].request == Some(request) && self.claimed_by(worker, request).await;
-        let before = self.candidates(index).await;
-        self.workers[index].last_seen = self.now.wall.0;
-        let claim = Claim { request_id: request, worker, max_jobs, lease: LEASE };
-        let got = self.store.claim(claim, self.now).await.unwrap().unwrap();
-        let got: Vec<_> = got.attempts.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect();
         self.story
             .push(format!("worker {index} claims {max_jobs}, repeated {repeated}, lost {lost}: {got:?}"));
         if repeated {
-            for (job, attempt) in &got {
+            for (job, attempt) in got {
                 let model = self.model.jobs.get_mut(job).unwrap();
                 assert_eq!(
                     (*attempt, model.state),
@@ -44,6 +81,7 @@ impl World<'_> {
                 model.beat(*attempt, worker, self.now.lease.0);
             }
         } else {
+            let before = self.candidates(index, queue);
             let (held, beside) = self.model.holding(worker);
             let alone = before.first().is_some_and(|(_, alone)| *alone);
             let expected: Vec<JobId> = match (beside, alone, held) {
@@ -52,7 +90,7 @@ impl World<'_> {
                 _ => before.iter().take(max_jobs as usize).take_while(|it| !it.1).map(|it| it.0).collect(),
             };
             assert_eq!(got.iter().map(|(job, _)| *job).collect::<Vec<_>>(), expected, "of {before:?}");
-            for (job, attempt) in &got {
+            for (job, attempt) in got {
                 let model = self.model.jobs.get_mut(job).unwrap();
                 model.claim(worker, self.now.lease.0);
                 assert_eq!(*attempt, model.newest());
@@ -61,9 +99,8 @@ impl World<'_> {
         let worker = &mut self.workers[index];
         worker.request = Some(request);
         if !lost {
-            worker.held.extend(&got);
+            worker.held.extend(got);
         }
-        got.len()
     }
 
     async fn claimed_by(&self, worker: WorkerId, request: Uuid) -> bool {
@@ -75,8 +112,15 @@ impl World<'_> {
             .unwrap()
     }
 
-    /// What the worker may have, in the order of the queue, and whether it is to run alone.
-    async fn candidates(&self, index: usize) -> Vec<(JobId, bool)> {
+    /// What may be claimed, in its order.
+    async fn queue(&self) -> Vec<JobId> {
+        let sql = "SELECT id FROM jobs WHERE state = 'queued' AND not_before IS NULL ORDER BY priority DESC, turn, seq";
+        let ids: Vec<String> = sqlx::query_scalar(sql).fetch_all(&self.store.readers).await.unwrap();
+        ids.iter().map(|id| id.parse().unwrap()).collect()
+    }
+
+    /// What of the queue the worker may have now, and whether it is to run alone.
+    fn candidates(&self, index: usize, queue: &[JobId]) -> Vec<(JobId, bool)> {
         let me = &self.workers[index];
         if me.draining {
             return Vec::new();
@@ -92,9 +136,8 @@ impl World<'_> {
                     there && fits(job, other) && !job.failed_by(other.id)
                 })
         };
-        let sql = "SELECT id FROM jobs WHERE state = 'queued' AND not_before IS NULL ORDER BY priority DESC, turn, seq";
-        let ids: Vec<String> = sqlx::query_scalar(sql).fetch_all(&self.store.readers).await.unwrap();
-        let jobs = ids.iter().map(|id| id.parse().unwrap()).map(|id: JobId| (id, &self.model.jobs[&id]));
+        let jobs = queue.iter().map(|id| (*id, &self.model.jobs[id]));
+        let jobs = jobs.filter(|(_, job)| job.state == JobState::Queued);
         jobs.filter(|(_, job)| fits(job, me) && !spared(job)).map(|(id, job)| (id, job.alone)).collect()
     }
 
@@ -145,32 +188,54 @@ impl World<'_> {
     }
 
     pub(super) async fn deliver(&mut self, report: Report) {
-        let Report { job, attempt, worker, outcome } = report;
-        let which = self.digests.iter().find(|(id, _)| *id == job).unwrap().1;
-        let result = || StoredResult::stand_in(&SCENARIOS[which].1, &format!("{job}-{attempt}"));
-        let answer = match outcome {
-            AttemptOutcome::Succeeded => {
-                self.store.record_result(job, attempt, worker, result(), self.now.wall).await
-            }
-            _ => {
-                let (policy, now) = (self.policy, self.now);
-                self.store
-                    .record_failure(job, attempt, worker, outcome, String::new(), None, policy, now)
-                    .await
-            }
+        self.deliver_all(&[report]).await;
+    }
+
+    /// Several results come in at once, some of them twice.
+    pub(super) async fn deliver_together(&mut self) {
+        let succeeded = |report: &Report| report.outcome == AttemptOutcome::Succeeded;
+        let mut reports: Vec<_> = self.reports.iter().copied().filter(succeeded).collect();
+        for worker in &self.workers {
+            let (id, outcome) = (worker.id, AttemptOutcome::Succeeded);
+            reports.extend(worker.held.iter().map(|&(job, attempt)| Report {
+                job,
+                attempt,
+                worker: id,
+                outcome,
+            }));
+        }
+        self.random.shuffle(&mut reports);
+        reports.truncate(self.random.usize(1..5));
+        self.deliver_all(&reports).await;
+        self.reports.extend(reports);
+    }
+
+    /// Reports that come in at once, of which more than one are all results.
+    async fn deliver_all(&mut self, reports: &[Report]) {
+        let result = |report: &Report| {
+            let which = self.digests.iter().find(|(id, _)| *id == report.job).unwrap().1;
+            StoredResult::stand_in(&SCENARIOS[which].1, &format!("{}-{}", report.job, report.attempt))
         };
-        let answer = match answer.unwrap() {
-            Ok(Verdict::Record(_)) => Answer::Recorded,
-            Ok(Verdict::Repeat) => Answer::Repeat,
-            Err(Refusal::NoJob | Refusal::NoAttempt | Refusal::OtherScenario) => panic!("{report:?}"),
-            Err(_) => Answer::Refused,
-        };
-        self.story.push(format!("{report:?}: {answer:?}"));
-        assert_eq!(
-            answer,
-            self.model.jobs.get_mut(&job).unwrap().report(attempt, worker, outcome),
-            "{report:?}"
-        );
+        let answers = join_all(reports.iter().map(async |report| {
+            let Report { job, attempt, worker, outcome } = *report;
+            if outcome == AttemptOutcome::Succeeded {
+                return self.store.record_result(job, attempt, worker, result(report), self.now.wall).await;
+            }
+            let (policy, now) = (self.policy, self.now);
+            self.store.record_failure(job, attempt, worker, outcome, String::new(), None, policy, now).await
+        }));
+        for (report, answer) in reports.iter().zip(answers.await) {
+            let Report { job, attempt, worker, outcome } = *report;
+            let answer = match answer.unwrap() {
+                Ok(Verdict::Record(_)) => Answer::Recorded,
+                Ok(Verdict::Repeat) => Answer::Repeat,
+                Err(Refusal::NoJob | Refusal::NoAttempt | Refusal::OtherScenario) => panic!("{report:?}"),
+                Err(_) => Answer::Refused,
+            };
+            self.story.push(format!("{report:?}: {answer:?}"));
+            let expected = self.model.jobs.get_mut(&job).unwrap().report(attempt, worker, outcome);
+            assert_eq!(answer, expected, "{report:?}");
+        }
     }
 
     /// It dies: nobody hears of what it held until the leases end.
