@@ -56,7 +56,7 @@ pub(crate) fn extend(
     };
     let base = scenario::from_value(&stored.spec.base).map_err(unreadable)?;
     let complete = json!(base);
-    let plan = plan::plan(&stored.spec, Some(&complete), &mut Vec::new()).ok_or_else(|| {
+    let mut plan = plan::plan(&stored.spec, Some(&complete), &mut Vec::new()).ok_or_else(|| {
         vec![fault("", Value::Null, "this server can no longer read the sweep's design", "")]
     })?;
 
@@ -64,13 +64,20 @@ pub(crate) fn extend(
     let replicates = stored.replicates.saturating_add(extension.replicates.unwrap_or(0));
     let at = if extension.replicates.is_some() { "/replicates" } else { "" };
     expand::check_seeds(at, extension.replicates.unwrap_or(0), base.seed, replicates, &mut faults);
-    let asked = u64::from(extension.points.unwrap_or(0));
-    check_jobs(stored, asked, replicates, limits, &mut faults);
+    // Before anything is made of them: every value is a point at least.
+    let levels = extension.levels.iter().flat_map(BTreeMap::values).map(Vec::len).sum::<usize>() as u64;
+    let asked = u64::from(extension.points.unwrap_or(0)) + levels;
+    check_jobs(stored, Some(asked), replicates, limits, &mut faults);
     if !faults.is_empty() {
         return Err(faults);
     }
-    let (plan, matrix) = new_rows(stored, plan, &extension, &complete, &mut faults);
-    check_jobs(stored, matrix.len() as u64, replicates, limits, &mut faults);
+    let old = add_levels(stored, &mut plan, extension.levels.as_ref(), &complete, &mut faults);
+    check_jobs(stored, matrix::added(&plan, &old), replicates, limits, &mut faults);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let matrix = new_rows(stored, &plan, &extension, &old, &mut faults);
+    check_jobs(stored, Some(matrix.len() as u64), replicates, limits, &mut faults);
     if !faults.is_empty() {
         return Err(faults);
     }
@@ -84,10 +91,18 @@ pub(crate) fn extend(
     Ok(Growth { points, replicates })
 }
 
-fn check_jobs(stored: &Stored, points: u64, replicates: u32, limits: SweepLimits, faults: &mut Vec<Fault>) {
-    let points = stored.matrix.len() as u64 + points;
+/// Looks whether so many more points are allowed; none is more than can be counted.
+fn check_jobs(
+    stored: &Stored,
+    points: Option<u64>,
+    replicates: u32,
+    limits: SweepLimits,
+    faults: &mut Vec<Fault>,
+) {
+    let points = points.and_then(|points| points.checked_add(stored.matrix.len() as u64));
     if faults.is_empty() {
-        expand::check_jobs("", points.checked_mul(replicates.into()), limits, faults);
+        let jobs = points.and_then(|points| points.checked_mul(replicates.into()));
+        expand::check_jobs("", jobs, limits, faults);
     }
 }
 
@@ -138,50 +153,36 @@ fn check_fields(extension: &Extension, kind: DesignKind, faults: &mut Vec<Fault>
     }
 }
 
-/// The rows to add, and the plan that they belong to.
+/// The rows to add; of each factor of a design by levels, so many levels are old.
 fn new_rows(
     stored: &Stored,
-    mut plan: Plan,
+    plan: &Plan,
     extension: &Extension,
-    complete: &Value,
+    old: &[usize],
     faults: &mut Vec<Fault>,
-) -> (Plan, Vec<Row>) {
+) -> Vec<Row> {
     let there = stored.matrix.len() as u64;
     let more = extension.points.unwrap_or(0);
     let end = there + u64::from(more);
     let range = there as u32..u32::try_from(end).unwrap_or(u32::MAX);
-    let matrix = match plan.points {
+    match plan.points {
         Points::Random { seed, .. } => matrix::random(&plan.factors, range, seed),
         Points::Sobol { seed, .. } => {
             plan::check_sobol("/points", more, end, faults);
             if faults.is_empty() { matrix::sobol(&plan.factors, range, seed) } else { Vec::new() }
         }
-        Points::Grid | Points::OneAtATime => {
-            let old = add_levels(stored, &mut plan, extension.levels.as_ref(), complete, faults);
-            match plan.points {
-                Points::Grid
-                    if old.iter().zip(&plan.factors).any(|(old, input)| *old < count(&input.values)) =>
-                {
-                    matrix::grid(&plan.factors, &old)
-                }
-                Points::Grid => Vec::new(),
-                _ => matrix::one_at_a_time(&plan.factors, &old),
-            }
-        }
-        Points::Rows(_) => added_rows(stored, &plan, extension, faults)
+        Points::Grid if matrix::added(plan, old) == Some(0) => Vec::new(),
+        Points::Grid => matrix::grid(&plan.factors, old),
+        Points::OneAtATime => matrix::one_at_a_time(&plan.factors, old),
+        Points::Rows(_) => added_rows(stored, plan, extension, faults)
             .into_iter()
             .map(|row| row.into_iter().map(Some).collect())
             .collect(),
         Points::LatinHypercube { .. } | Points::BoxBehnken => Vec::new(),
-    };
-    (plan, matrix)
+    }
 }
 
-fn count(values: &Values) -> usize {
-    if let Values::Levels(levels) = values { levels.len() } else { 0 }
-}
-
-/// Adds levels to the factors of a plan, after those of earlier extensions; returns how many each had.
+/// Adds levels to the factors of a plan by levels, after those of earlier extensions; returns how many each had.
 fn add_levels(
     stored: &Stored,
     plan: &mut Plan,
@@ -197,7 +198,11 @@ fn add_levels(
         }
         inputs::check_levels(&at, levels, faults);
     }
-    let is_grid = matches!(plan.points, Points::Grid);
+    let is_grid = match plan.points {
+        Points::Grid => true,
+        Points::OneAtATime => false,
+        _ => return Vec::new(),
+    };
     let mut old = Vec::new();
     for (input, name) in plan.factors.iter_mut().zip(&names) {
         let Values::Levels(levels) = &mut input.values else { continue };

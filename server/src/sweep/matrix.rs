@@ -24,6 +24,15 @@ pub(super) fn size(plan: &Plan) -> Option<u64> {
     }
 }
 
+/// How many points of a plan by levels hold a new one, of each factor so many levels being old; `None` past 2⁶⁴.
+pub(super) fn added(plan: &Plan, old: &[usize]) -> Option<u64> {
+    match &plan.points {
+        Points::Grid => grid_size(&counts(&plan.factors))?.checked_sub(grid_size(old)?),
+        Points::OneAtATime => Some(size(plan)? - 1 - old.iter().map(|count| *count as u64).sum::<u64>()),
+        _ => Some(0),
+    }
+}
+
 /// All points of a plan, of a size that was looked at before.
 pub(super) fn rows(plan: &Plan) -> Vec<Row> {
     match &plan.points {

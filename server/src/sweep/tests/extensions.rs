@@ -81,6 +81,21 @@ fn one_at_a_time_grows_by_levels() {
 }
 
 #[test]
+fn points_are_counted_before_they_are_made() {
+    // A thousand million of them would fill the memory.
+    let pointers = [GATE, BELT, "/contact/fillet_belt/static_friction"];
+    let factors: Vec<_> = pointers.iter().map(|at| json!({"pointer": at, "levels": [0.05]})).collect();
+    let grid = stored(spec(json!(factors)));
+    let levels: Vec<f64> = (0..330).map(|level| 0.1 + f64::from(level) * 1e-4).collect();
+    let added: serde_json::Map<_, _> = pointers.iter().map(|at| ((*at).to_owned(), json!(levels))).collect();
+    refused(&grid, json!({"levels": added}), "", "36264691 jobs");
+    // So many would be compared with one another.
+    let one = stored(of_design(json!({"kind": "one_at_a_time"}), json!(factors)));
+    let many: Vec<u32> = (0..1_000_000).collect();
+    refused(&one, json!({"levels": {COUNT: many}}), "", "1000004 jobs");
+}
+
+#[test]
 fn a_list_grows_by_rows() {
     let mut sweep = stored(of_design(
         json!({"kind": "list", "rows": [[0.05, 0.1]]}),
