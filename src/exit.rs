@@ -17,6 +17,7 @@ Exit codes:
 Environment:
   ROOST_SERVER  address of the server, in place of --server
   ROOST_TOKEN   access token, where the server wants one and --token-file is not given
+  ROOST_CA      file of certificates to trust over https, in place of --ca
   ROOST_LOG     what is logged to stderr, such as `info` or `roost_worker=debug`";
 
 /// How the command ended.
@@ -36,7 +37,7 @@ impl Exit {
             cause.is::<BadInput>()
                 || cause.downcast_ref::<ServerError>().is_some_and(cannot_start)
                 || refused.is_some_and(|refused| {
-                    matches!(refused, ClientError::Address(_))
+                    matches!(refused, ClientError::Address(_) | ClientError::Authorities)
                         || matches!(refused.problem_status(), Some(400 | 404 | 413 | 415 | 422))
                 })
         });

@@ -7,7 +7,7 @@ use clap::Args;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobView;
 use roost_api::sweep::SweepView;
-use roost_worker::client::{Client, ClientError};
+use roost_worker::client::{Client, ClientError, Credentials};
 use uuid::Uuid;
 
 /// The server to talk to.
@@ -17,25 +17,35 @@ pub(crate) struct Server {
     #[arg(long, env = "ROOST_SERVER", default_value = "http://127.0.0.1:7373", value_name = "URL")]
     server: String,
     #[command(flatten)]
-    token: Token,
+    access: Access,
 }
 
 impl Server {
     pub(crate) fn client(&self) -> Result<Client> {
-        Ok(Client::with_token(&self.server, self.token.read()?.as_deref())?)
+        Ok(Client::with(&self.server, &self.access.read()?)?)
     }
 }
 
-/// The access token, where the server wants one. Never an argument: others see those.
+/// What the server wants to see, and how it is known to be the server. A token is never an argument: others see those.
 #[derive(Clone, Debug, Args)]
-pub(crate) struct Token {
+pub(crate) struct Access {
     /// File with the access token; without it, ROOST_TOKEN from the environment
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
+    /// File with the certificates (PEM) of the authorities to trust over https, in place of the system's
+    #[arg(long, env = "ROOST_CA", value_name = "FILE")]
+    ca: Option<PathBuf>,
 }
 
-impl Token {
-    pub(crate) fn read(&self) -> Result<Option<String>> {
+impl Access {
+    pub(crate) fn read(&self) -> Result<Credentials> {
+        let read = |path: &PathBuf| {
+            std::fs::read(path).with_context(|| format!("cannot read the certificates in {}", path.display()))
+        };
+        Ok(Credentials { token: self.token()?, ca: self.ca.as_ref().map(read).transpose()? })
+    }
+
+    fn token(&self) -> Result<Option<String>> {
         let Some(path) = &self.token_file else {
             return Ok(std::env::var("ROOST_TOKEN").ok().filter(|token| !token.trim().is_empty()));
         };

@@ -23,7 +23,7 @@ pub(crate) struct Args {
     #[arg(long, env = "ROOST_SERVER", default_value = "http://127.0.0.1:7373", value_name = "URL")]
     server: String,
     #[command(flatten)]
-    token: target::Token,
+    access: target::Access,
     #[command(flatten)]
     worker: WorkerArgs,
     /// Folder for finished results that the server does not have yet
@@ -77,7 +77,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let state = args.state.unwrap_or_else(default_state);
     let device = args.worker.device()?;
     let config = args.worker.config(args.server, state, device);
-    let config = WorkerConfig { token: args.token.read()?, ..config };
+    let config = WorkerConfig { credentials: args.access.read()?, ..config };
     roost_worker::work(config, shutdown).await?;
     Ok(Exit::Done)
 }

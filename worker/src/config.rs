@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::client::Credentials;
 use crate::device::Device;
 
 /// The most threads that a worker starts, whatever it is told: more is a slip of the finger.
@@ -13,8 +14,8 @@ pub const MAX_THREADS: usize = 1024;
 pub struct WorkerConfig {
     /// Address of the server, such as `http://127.0.0.1:7373`.
     pub server: String,
-    /// Access token for the server.
-    pub token: Option<String>,
+    /// What it shows to the server, and whom it trusts.
+    pub credentials: Credentials,
     /// A name for people, such as the host name.
     pub name: String,
     /// Threads to use in all; 0 means one per processor.
@@ -39,7 +40,7 @@ impl WorkerConfig {
     pub fn new(server: impl Into<String>, name: impl Into<String>, state_dir: impl Into<PathBuf>) -> Self {
         Self {
             server: server.into(),
-            token: None,
+            credentials: Credentials::default(),
             name: name.into(),
             threads: 0,
             device: Device::cpu(),

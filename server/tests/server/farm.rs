@@ -60,6 +60,8 @@ impl Farm {
         let address = server.local_addr();
         let stop = CancellationToken::new();
         let running = tokio::spawn(server.run(stop.clone()));
+        // Clients of other tests speak https, and are built together with this one.
+        let _ = rustls::crypto::ring::default_provider().install_default();
         let http = reqwest::Client::builder().no_proxy().build().unwrap();
         Self { address, http, stop, running }
     }

@@ -12,6 +12,9 @@ pub enum ClientError {
     /// The token cannot be sent.
     #[error("the access token has characters that no token has")]
     Token,
+    /// The file of authorities has none.
+    #[error("the file of certificates to trust has none: it must hold `-----BEGIN CERTIFICATE-----` (PEM)")]
+    Authorities,
     /// Nothing answered, or not in time. Trying again may help.
     #[error("cannot reach {server}: {reason}")]
     Unreachable {
@@ -47,7 +50,7 @@ impl ClientError {
     /// Whether the same call may well succeed later: the server is away, overloaded or restarting.
     pub fn is_transient(&self) -> bool {
         match self {
-            Self::Address(_) | Self::Token => false,
+            Self::Address(_) | Self::Token | Self::Authorities => false,
             Self::Unreachable { .. } | Self::Body { .. } => true,
             Self::Foreign { status, .. } => is_transient_status(*status) || *status == 404,
             Self::Problem(problem) => is_transient_status(problem.status),

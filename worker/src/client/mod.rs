@@ -2,6 +2,7 @@
 //!
 //! Nothing is retried in here: who may wait, and for how long, is the caller's business.
 
+mod credentials;
 mod error;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -9,7 +10,7 @@ pub(crate) mod tests;
 use std::net::IpAddr;
 use std::time::Duration;
 
-use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue};
+use reqwest::header::CONTENT_TYPE;
 use reqwest::{Method, RequestBuilder, Url};
 use roost_api::design::Extension;
 use roost_api::ids::{JobId, SweepId, WorkerId};
@@ -27,6 +28,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+pub use credentials::{Credentials, prepare_tls};
 pub use error::{ClientError, fault_line};
 
 /// What every call gives.
@@ -47,15 +49,16 @@ pub struct Client {
 impl Client {
     /// A client of the server at an address such as `http://127.0.0.1:7373`, without a token.
     pub fn new(server: &str) -> ClientResult<Self> {
-        Self::with_token(server, None)
+        Self::with(server, &Credentials::default())
     }
 
-    /// A client that shows an access token with every call.
-    pub fn with_token(server: &str, token: Option<&str>) -> ClientResult<Self> {
+    /// A client with credentials, of a server that may speak https.
+    pub fn with(server: &str, credentials: &Credentials) -> ClientResult<Self> {
         let server = server.trim_end_matches('/').to_owned();
         let refused = || ClientError::Address(server.clone());
         let url = Url::parse(&server).map_err(|_| refused())?;
-        let host = url.host_str().filter(|_| url.scheme() == "http").ok_or_else(refused)?;
+        let is_encrypted = url.scheme() == "https";
+        let host = url.host_str().filter(|_| is_encrypted || url.scheme() == "http").ok_or_else(refused)?;
         let mut builder = reqwest::Client::builder()
             .connect_timeout(CONNECT_TIMEOUT)
             .timeout(ANSWER_TIMEOUT)
@@ -65,13 +68,7 @@ impl Client {
         if host == "localhost" || ip.is_ok_and(|ip| ip.is_loopback()) {
             builder = builder.no_proxy();
         }
-        if let Some(token) = token {
-            let mut value =
-                HeaderValue::try_from(format!("Bearer {}", token.trim())).map_err(|_| ClientError::Token)?;
-            value.set_sensitive(true);
-            builder = builder.default_headers(HeaderMap::from_iter([(AUTHORIZATION, value)]));
-        }
-        let http = builder.build().map_err(|_| refused())?;
+        let http = credentials.apply(builder, is_encrypted)?.build().map_err(|_| refused())?;
         Ok(Self { http, server })
     }
 

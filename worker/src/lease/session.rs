@@ -39,7 +39,7 @@ impl Session {
         let key = config.outbox_key.as_ref().unwrap_or(&config.server);
         let unusable = |source| WorkerError::StateDir { path: config.state_dir.clone(), source };
         let outbox = Outbox::open(&config.state_dir, key).map_err(unusable)?;
-        let client = Client::with_token(&config.server, config.token.as_deref())?;
+        let client = Client::with(&config.server, &config.credentials)?;
         let meshes = MeshCache::open(&config.state_dir, client.clone()).map_err(unusable)?;
         Ok(Self {
             client,

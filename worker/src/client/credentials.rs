@@ -1,0 +1,59 @@
+//! What a client shows to a server, and whom it believes to be that server.
+
+use std::sync::Once;
+
+use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue};
+use reqwest::{Certificate, ClientBuilder};
+
+use super::{ClientError, ClientResult};
+
+/// Access to a server.
+#[derive(Clone, Default)]
+pub struct Credentials {
+    /// Access token, shown with every call.
+    pub token: Option<String>,
+    /// Certificates (PEM) of the authorities to trust in place of the system's.
+    pub ca: Option<Vec<u8>>,
+}
+
+/// Without the secret.
+impl std::fmt::Debug for Credentials {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let ca = self.ca.as_ref().map(Vec::len);
+        f.debug_struct("Credentials")
+            .field("has_token", &self.token.is_some())
+            .field("ca_bytes", &ca)
+            .finish()
+    }
+}
+
+impl Credentials {
+    pub(super) fn apply(&self, builder: ClientBuilder, is_encrypted: bool) -> ClientResult<ClientBuilder> {
+        prepare_tls();
+        let mut builder = builder;
+        if let Some(token) = &self.token {
+            let mut value =
+                HeaderValue::try_from(format!("Bearer {}", token.trim())).map_err(|_| ClientError::Token)?;
+            value.set_sensitive(true);
+            builder = builder.default_headers(HeaderMap::from_iter([(AUTHORIZATION, value)]));
+        }
+        Ok(match &self.ca {
+            Some(pem) => builder.tls_certs_only(authorities(pem)?),
+            None if is_encrypted => builder,
+            // The system's take a while to read, and a container may have none.
+            None => builder.tls_certs_only([]),
+        })
+    }
+}
+
+fn authorities(pem: &[u8]) -> ClientResult<Vec<Certificate>> {
+    let authorities = Certificate::from_pem_bundle(pem).map_err(|_| ClientError::Authorities)?;
+    if authorities.is_empty() { Err(ClientError::Authorities) } else { Ok(authorities) }
+}
+
+/// Chooses the cryptography of every TLS connection of this process; must come before any client is made.
+pub fn prepare_tls() {
+    static ONCE: Once = Once::new();
+    // Fails where it has been chosen before, which is as good.
+    ONCE.call_once(|| drop(rustls::crypto::ring::default_provider().install_default()));
+}
