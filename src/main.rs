@@ -17,6 +17,7 @@ mod input;
 mod list;
 mod meshes;
 mod output;
+mod prune;
 mod reproduce;
 mod results;
 mod retry;
@@ -69,6 +70,7 @@ enum Command {
     Retry(retry::Args),
     Extend(extend::Args),
     Delete(delete::Args),
+    Prune(prune::Args),
     Drain(drain::Args),
     Reproduce(reproduce::Args),
     Bench(bench::Args),
@@ -106,6 +108,7 @@ impl Command {
             Self::Retry(args) => retry::execute(args).await,
             Self::Extend(args) => extend::execute(args).await,
             Self::Delete(args) => delete::execute(args).await,
+            Self::Prune(args) => prune::execute(args).await,
             Self::Backup(args) => copies::backup(args).await,
             Self::Restore(args) => copies::restore(args).await,
             Self::Completions(args) => completions::execute(&args, Cli::command()),

@@ -51,6 +51,9 @@ pub(crate) struct ServerArgs {
     /// Requests a second with one token, or of all without tokens; 0 is no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
+    /// Delete sweeps and single jobs this long after their end, such as 30d; without it they stay for ever
+    #[arg(long, value_name = "AGE", value_parser = crate::prune::age)]
+    prune_after: Option<Duration>,
     /// Attempts of a job that may fail because of their worker; 0 is no limit
     #[arg(long, default_value_t = RetryPolicy::default().worker.attempts, value_name = "N")]
     worker_attempts: u32,
@@ -77,6 +80,7 @@ impl ServerArgs {
             max_jobs_per_sweep: self.max_jobs,
             max_body_bytes: self.max_body_bytes,
             max_requests_per_s: self.max_requests_per_s,
+            prune_after: self.prune_after,
             retry,
             ..ServerConfig::default()
         }

@@ -2,10 +2,13 @@
 
 mod support;
 
+use std::io::{Read, Write};
+
 use roost_api::job::JobState;
 use serde_json::{Value, json};
 
-use support::{Home, roost, run, said, scenario, stdout};
+use support::stl::{binary, block};
+use support::{Home, roost, run, said, scenario, stdout, until};
 
 #[test]
 fn a_backup_of_a_server_at_work_is_one_moment_and_comes_back_whole() {
@@ -75,4 +78,76 @@ fn a_token_opens_the_server_to_its_bearer_alone() {
     let listed = stdout(&run(&["token", "list", "--data", &data]));
     assert!(listed.contains("admin") && !listed.contains(&admin), "{listed}");
     drop((server, worker));
+}
+
+#[test]
+fn what_ended_long_ago_goes_and_nothing_else() {
+    let home = Home::new();
+    let server = home.serve();
+    let with_mesh = |length_mm: f32| {
+        std::fs::write(home.path("block.stl"), binary(&block([length_mm, 60.0, 30.0], 2))).unwrap();
+        let mut scenario = scenario(0.02);
+        scenario["product"]["mesh"] = json!({"file": "block.stl", "units": "mm"});
+        scenario
+    };
+    let answer = |arguments: &[&str]| -> Value {
+        serde_json::from_str(&stdout(&home.roost(&[arguments, &["--json"]].concat()))).unwrap()
+    };
+    let meshes = || -> usize {
+        let mut url = std::net::TcpStream::connect(home.address.trim_start_matches("http://")).unwrap();
+        write!(url, "GET /v1/meshes HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n").unwrap();
+        let mut page = String::new();
+        url.read_to_string(&mut page).unwrap();
+        page.matches("\"triangles\"").count()
+    };
+    // What is cancelled has ended; no worker is there.
+    let job = home.submit(&with_mesh(120.0));
+    home.roost(&["cancel", &job.id.to_string()]);
+    let waiting = home.submit(&with_mesh(110.0));
+    let sweep = |name: &str| {
+        let file = home.file(
+            "sweep.json",
+            &json!({"name": name, "base": scenario(0.02), "design": {"kind": "grid"},
+            "factors": [{"pointer": "/equipment/belt_speed_m_s", "levels": [0.1, 0.2]}]}),
+        );
+        answer(&["submit", &file])["id"].as_str().unwrap().to_owned()
+    };
+    let (old, new) = (sweep("old"), sweep("new"));
+    home.roost(&["cancel", &old]);
+    assert_eq!(meshes(), 2);
+
+    let none = answer(&["prune", "--older-than", "1h"]);
+    assert_eq!((&none["sweeps"], &none["jobs"], &none["meshes"]), (&json!([]), &json!(0), &json!([])));
+    let told = home.roost(&["prune", "--older-than", "0h"]);
+    assert!(stdout(&told).contains("would delete 1 sweeps, 1 single jobs, 1 meshes"), "{}", said(&told));
+    assert!(
+        said(&told).contains(&format!("{old}  old: 2 jobs")) && said(&told).contains("--yes"),
+        "{}",
+        said(&told)
+    );
+    assert_eq!(answer(&["list"])["items"].as_array().unwrap().len(), 2, "nothing is gone yet");
+
+    let gone = answer(&["prune", "--older-than", "0h", "--yes"]);
+    assert_eq!((gone["dry_run"].as_bool(), gone["jobs"].as_u64()), (Some(false), Some(1)), "{gone}");
+    assert_eq!(home.roost(&["status", &old]).status.code(), Some(2));
+    assert_eq!(home.roost(&["status", &job.id.to_string()]).status.code(), Some(2));
+    assert_eq!(answer(&["status", &new])["counts"]["queued"], 2, "what has not ended stays");
+    assert_eq!(
+        (meshes(), answer(&["status", &waiting.id.to_string()])["state"].as_str()),
+        (1, Some("queued"))
+    );
+
+    // By itself, from the next start on.
+    home.roost(&["cancel", &new]);
+    server.terminate();
+    server.wait();
+    let _server = home.serve_with(&["--prune-after", "0h"]);
+    until("the sweep is gone", || (home.roost(&["status", &new]).status.code() == Some(2)).then_some(()));
+    assert_eq!(answer(&["status", &waiting.id.to_string()])["state"].as_str(), Some("queued"));
+    let wrong = home.roost(&["prune", "--older-than", "30"]);
+    assert!(
+        wrong.status.code() == Some(2) && said(&wrong).contains("such as 12h, 30d or 8w"),
+        "{}",
+        said(&wrong)
+    );
 }

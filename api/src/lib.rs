@@ -11,6 +11,7 @@ pub mod lease;
 pub mod mesh;
 pub mod page;
 pub mod problem;
+pub mod prune;
 pub mod sweep;
 pub mod table;
 pub mod time;

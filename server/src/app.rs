@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use roost_api::Progress;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{JobState, JobView};
+use roost_api::prune::Pruning;
+use roost_api::time::Timestamp;
 use roost_solver::mesh::Meshes;
 use tokio::sync::{Notify, Semaphore};
 use tokio_util::sync::CancellationToken;
@@ -13,7 +15,7 @@ use tokio_util::sync::CancellationToken;
 use crate::clock::Clock;
 use crate::config::ServerConfig;
 use crate::http::{Access, Metrics};
-use crate::store::{Store, Subject};
+use crate::store::{Store, StoreError, Subject};
 
 /// A handle to the running server's parts.
 pub(crate) type App = Arc<AppState>;
@@ -31,6 +33,8 @@ pub(crate) struct AppState {
     pub(crate) uploads: Arc<Semaphore>,
     /// Meshes for the checks of submissions.
     pub(crate) shelf: tokio::sync::Mutex<Shelf>,
+    /// Open to whoever is about to name a mesh, shut while meshes go that nothing names.
+    pub(crate) mesh_gate: tokio::sync::RwLock<()>,
     /// What is measured.
     pub(crate) metrics: Metrics,
     /// Who may ask for what.
@@ -39,6 +43,13 @@ pub(crate) struct AppState {
     pub(crate) shutdown: CancellationToken,
     /// How far running jobs have come: worth showing, not worth a write.
     pub(crate) progress: ProgressBoard,
+}
+
+impl AppState {
+    /// Deletes what ended before then, and says what went.
+    pub(crate) async fn prune(&self, then: Timestamp) -> Result<Pruning, StoreError> {
+        self.store.prune(then, self.clock.now(), &self.mesh_gate).await
+    }
 }
 
 /// Meshes that were read before, so that the submissions of one design read each file once. When it is full, all are

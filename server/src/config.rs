@@ -37,6 +37,8 @@ pub struct ServerConfig {
     pub max_mesh_triangles: u64,
     /// Requests a second with one token, or of all without tokens; 0 is no limit.
     pub max_requests_per_s: u32,
+    /// Sweeps and single jobs that ended longer ago than this are deleted; none keeps them for ever.
+    pub prune_after: Option<Duration>,
     /// How long events and answers to submissions are remembered.
     pub memory: Duration,
 }
@@ -57,6 +59,7 @@ impl Default for ServerConfig {
             max_mesh_bytes: roost_api::mesh::MAX_BYTES,
             max_mesh_triangles: 1_000_000,
             max_requests_per_s: 0,
+            prune_after: None,
             memory: Duration::from_secs(24 * 3600),
         }
     }

@@ -3,6 +3,8 @@
 
 use std::time::Duration;
 
+use roost_api::time::Timestamp;
+
 use crate::app::App;
 use crate::queue::JobChange;
 use crate::store::StoreError;
@@ -20,11 +22,29 @@ pub(crate) async fn run(app: App) {
         }
         if cleared.is_none_or(|then| then.elapsed() > CLEAR_EVERY) {
             cleared = Some(std::time::Instant::now());
-            let memory = i64::try_from(app.config.memory.as_millis()).unwrap_or(i64::MAX);
-            if let Err(error) = app.store.forget_before(app.clock.now().plus_ms(-memory)).await {
+            if let Err(error) = app.store.forget_before(ago(&app, app.config.memory)).await {
                 tracing::error!(error = error.as_dyn(), "old events could not be cleared away");
             }
+            if let Some(age) = app.config.prune_after {
+                prune(&app, age).await;
+            }
         }
+    }
+}
+
+fn ago(app: &App, time: Duration) -> Timestamp {
+    app.clock.now().plus_ms(-i64::try_from(time.as_millis()).unwrap_or(i64::MAX))
+}
+
+/// Deletes what ended longer ago than `age`.
+async fn prune(app: &App, age: Duration) {
+    match app.prune(ago(app, age)).await {
+        Ok(gone) if !gone.is_empty() => {
+            let (sweeps, jobs, meshes) = (gone.sweeps.len(), gone.jobs, gone.meshes.len());
+            tracing::info!(sweeps, jobs, meshes, "deleted what ended long ago");
+        }
+        Ok(_) => {}
+        Err(error) => tracing::error!(error = error.as_dyn(), "what ended long ago could not be deleted"),
     }
 }
 

@@ -100,6 +100,7 @@ impl Server {
             deliveries: Arc::new(Semaphore::new(http::places_for_deliveries(max_result_bytes))),
             uploads: Arc::new(Semaphore::new(http::UPLOADS_AT_ONCE)),
             shelf: Default::default(),
+            mesh_gate: Default::default(),
             metrics: http::Metrics::default(),
             access: http::Access::new(max_requests_per_s, tokens),
             shutdown: CancellationToken::new(),

@@ -92,7 +92,7 @@ pub(super) fn needed(method: &Method, path: &str) -> &'static [Scope] {
         _ if path.starts_with("/docs") || path.starts_with("/dashboard") => &[],
         "/v1/version" => &[Scope::Read, Scope::Worker],
         "/v1/meshes/{digest}" | "/v1/meshes/{digest}/file" => &[Scope::Read, Scope::Worker],
-        "/v1/workers/{id}/drain" => &[Scope::Admin],
+        "/v1/workers/{id}/drain" | "/v1/prune" => &[Scope::Admin],
         "/v1/workers" | "/v1/claims" | "/v1/workers/{id}/heartbeat" if !reads => &[Scope::Worker],
         _ if path.contains("/attempts/") => &[Scope::Worker],
         "/v1/validate" => &[Scope::Read],

@@ -35,6 +35,7 @@ pub(crate) async fn submit(
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<JobView>), ApiError> {
     let limits = app.config.limits;
+    let _open = app.mesh_gate.read().await;
     let meshes = at_hand(&app, &document).await?;
     let (envelope, scenario) =
         aside(move || read_envelope(&meshes, &limits, document)).await?.map_err(ApiError::faults)?;

@@ -15,6 +15,7 @@ mod meta;
 mod metrics;
 mod page;
 mod problem;
+mod prune;
 mod results;
 mod spec;
 mod submissions;
@@ -100,6 +101,7 @@ fn routes(app: &App) -> OpenApiRouter<App> {
         .routes(routes!(meta::scenario_schema))
         .routes(routes!(meta::sweep_schema))
         .routes(routes!(meta::version))
+        .routes(routes!(prune::prune))
         .routes(routes!(workers::register, workers::list))
         .routes(routes!(workers::drain))
         .routes(routes!(claims::claim))

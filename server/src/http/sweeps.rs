@@ -41,6 +41,7 @@ pub(crate) async fn submit(
     let id = SweepId(reserved.id());
     // Many points take a while.
     let limits = limits(&app);
+    let _open = app.mesh_gate.read().await;
     let meshes = at_hand(&app, &document).await?;
     let sweep = aside(move || {
         let (spec, expansion) = sweep::read(document, &meshes, limits).map_err(ApiError::faults)?;
@@ -185,6 +186,7 @@ pub(crate) async fn extend(
 ) -> Result<Json<SweepView>, ApiError> {
     // A repeat under the same key goes on with the same one.
     let extension = reserved.id();
+    let _open = app.mesh_gate.read().await;
     for _ in 0..EXTEND_TRIES {
         if app.store.is_extended(extension).await? {
             return view(&app, id).await.map(Json);

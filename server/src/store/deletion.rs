@@ -39,15 +39,27 @@ impl Store {
 
     /// Deletes a sweep; false when some of its jobs have not ended, and then nothing is changed.
     pub(crate) async fn delete_sweep(&self, id: SweepId, now: Timestamp) -> Result<bool, StoreError> {
+        self.delete_sweep_ended_before(id, Timestamp(i64::MAX), now).await
+    }
+
+    /// Deletes a sweep all of whose jobs ended before then; false when they have not, and then nothing is changed.
+    pub(super) async fn delete_sweep_ended_before(
+        &self,
+        id: SweepId,
+        then: Timestamp,
+        now: Timestamp,
+    ) -> Result<bool, StoreError> {
         let marked = self
             .writer
             .write(move |tx| {
                 Box::pin(async move {
                     let marked = sqlx::query(
                         "UPDATE sweeps SET deleting = 1 WHERE id = ? AND deleting = 0
-                         AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id AND ended_at IS NULL)",
+                         AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id
+                                         AND (ended_at IS NULL OR ended_at >= ?))",
                     )
                     .bind(id.to_string())
+                    .bind(then.0)
                     .execute(&mut *tx)
                     .await?;
                     if marked.rows_affected() == 0 {
@@ -72,6 +84,27 @@ impl Store {
     }
 }
 
+impl Store {
+    /// Deletes some jobs of no sweep that ended before then; returns how many.
+    pub(super) async fn delete_single_jobs(&self, then: Timestamp) -> Result<u64, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let jobs: Vec<(String, String)> = sqlx::query_as(
+                        "SELECT id, digest FROM jobs WHERE sweep_id IS NULL AND ended_at < ? LIMIT ?",
+                    )
+                    .bind(then.0)
+                    .bind(PIECE)
+                    .fetch_all(&mut *tx)
+                    .await?;
+                    delete_jobs(tx, &jobs).await?;
+                    Ok(jobs.len() as u64)
+                })
+            })
+            .await
+    }
+}
+
 /// Goes on with deletions that a server did not finish.
 pub(super) async fn finish(connection: &mut SqliteConnection) -> Result<(), StoreError> {
     let left: Vec<String> =
@@ -90,7 +123,23 @@ async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<bool, StoreError> 
             .bind(PIECE)
             .fetch_all(&mut *tx)
             .await?;
-    for (job, digest) in &jobs {
+    delete_jobs(tx, &jobs).await?;
+    if jobs.len() as i64 == PIECE {
+        return Ok(true);
+    }
+    for sql in [
+        "DELETE FROM points WHERE sweep_id = ?",
+        "DELETE FROM extensions WHERE sweep_id = ?",
+        "DELETE FROM sweeps WHERE id = ?",
+    ] {
+        sqlx::query(sql).bind(id).execute(&mut *tx).await?;
+    }
+    Ok(false)
+}
+
+/// Deletes jobs, each with the digest of its scenario, and all that hangs on them.
+async fn delete_jobs(tx: &mut SqliteConnection, jobs: &[(String, String)]) -> Result<(), StoreError> {
+    for (job, digest) in jobs {
         let documents: Vec<String> = sqlx::query_scalar(
             "SELECT document FROM results WHERE job_id = ?
              UNION SELECT partial FROM attempts WHERE job_id = ? AND partial IS NOT NULL",
@@ -123,15 +172,5 @@ async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<bool, StoreError> 
         .execute(&mut *tx)
         .await?;
     }
-    if jobs.len() as i64 == PIECE {
-        return Ok(true);
-    }
-    for sql in [
-        "DELETE FROM points WHERE sweep_id = ?",
-        "DELETE FROM extensions WHERE sweep_id = ?",
-        "DELETE FROM sweeps WHERE id = ?",
-    ] {
-        sqlx::query(sql).bind(id).execute(&mut *tx).await?;
-    }
-    Ok(false)
+    Ok(())
 }

@@ -15,6 +15,7 @@ mod heartbeats;
 mod job_control;
 mod jobs;
 mod meshes;
+mod prune;
 mod results;
 mod rows;
 #[cfg(test)]

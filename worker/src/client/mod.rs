@@ -20,6 +20,7 @@ use roost_api::lease::{
 };
 use roost_api::mesh::{self, MeshView};
 use roost_api::page::Page;
+use roost_api::prune::Pruning;
 use roost_api::sweep::{Deletion, SweepView};
 use roost_api::table::{SweepEffects, SweepPoints, SweepResults};
 use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
@@ -174,6 +175,12 @@ impl Client {
     pub async fn delete_sweep(&self, id: SweepId, dry_run: bool) -> ClientResult<Deletion> {
         let request = self.request(Method::DELETE, &format!("sweeps/{id}"));
         self.fetch(request.query(&[("dry_run", dry_run)])).await
+    }
+
+    /// Deletes what ended longer ago than `age`, or says what that would be.
+    pub async fn prune(&self, age: Duration, dry_run: bool) -> ClientResult<Pruning> {
+        let request = self.request(Method::POST, "prune").query(&[("dry_run", dry_run)]);
+        self.fetch(request.query(&[("older_than_s", age.as_secs_f64())]).timeout(FILE_TIMEOUT)).await
     }
 
     /// Cancels what is left of a sweep.

@@ -1,0 +1,44 @@
+//! Retention by hand: what ended long ago goes.
+
+use axum::Json;
+use axum::extract::State;
+use roost_api::problem::Problem;
+use roost_api::prune::Pruning;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::extract::Params;
+use super::problem::{ApiError, Kind};
+use crate::app::App;
+
+/// What to delete.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct PruneQuery {
+    /// What ended longer ago than so many seconds.
+    older_than_s: f64,
+    /// Only say what would go.
+    #[serde(default)]
+    dry_run: bool,
+}
+
+/// The longest age, a thousand years: what is past it is a slip of the finger.
+const MAX_AGE_S: f64 = 1000.0 * 365.0 * 86_400.0;
+
+/// Deletes sweeps and single jobs that ended long ago, and meshes that nothing names any more; or says what would go.
+#[utoipa::path(post, path = "/v1/prune", tag = "server", operation_id = "prune", params(PruneQuery),
+    responses((status = 200, description = "What is gone, or would be", body = Pruning),
+              (status = 400, description = "No age, or none that can be", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn prune(
+    State(app): State<App>,
+    Params(query): Params<PruneQuery>,
+) -> Result<Json<Pruning>, ApiError> {
+    if !(0.0..=MAX_AGE_S).contains(&query.older_than_s) {
+        let detail = format!("older_than_s: {} is no age; allowed: 0 to {MAX_AGE_S}", query.older_than_s);
+        return Err(ApiError::new(Kind::InvalidQuery, detail));
+    }
+    let then = app.clock.now().plus_ms(-(query.older_than_s * 1000.0) as i64);
+    Ok(Json(if query.dry_run { app.store.prunable(then).await? } else { app.prune(then).await? }))
+}
