@@ -21,7 +21,7 @@ pub(super) type Together<A, B> = for<'t> fn(&'t mut SqliteConnection, &'t [Arc<A
 
 type Waiting<A, B> = (Arc<A>, oneshot::Sender<Result<B, StoreError>>);
 
-/// A group waits no longer for being as large as the one before. One that asks alone never waits: the group before it was no larger.
+/// A group waits no longer than this to become as large as the one before. Who asks alone again and again never waits.
 const PATIENCE: Duration = Duration::from_millis(if cfg!(test) { 0 } else { 2 });
 
 /// Where requests wait for each other. Its task ends with it.
