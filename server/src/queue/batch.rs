@@ -106,7 +106,7 @@ mod tests {
         let lists = [vec![job(1), job(2), job(3)], vec![job(1), job(3), job(4)]];
         let claims = [wanted(1, 2), wanted(0, 1), wanted(1, 1), wanted(0, 1)];
         assert_eq!(gets(&claims, &lists), [vec![1, 3], vec![2], vec![4], vec![]]);
-        assert_eq!(gets(&[], &[]), [vec![0; 0]; 0]);
+        assert!(gets(&[], &[]).is_empty());
     }
 
     #[test]

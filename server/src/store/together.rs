@@ -131,6 +131,6 @@ mod tests {
     #[test]
     fn what_asks_twice_waits_for_its_next_round() {
         assert_eq!(rounds(["a", "b", "a", "c", "a", "b"]), [vec![0, 1, 3], vec![2, 5], vec![4]]);
-        assert_eq!(rounds([0; 0]), [vec![0; 0]; 0]);
+        assert!(rounds([0; 0]).is_empty());
     }
 }
