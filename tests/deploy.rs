@@ -76,7 +76,8 @@ fn every_file_is_explained_and_runs_what_there_is() {
         assert!(name == "README.md" || readme.contains(&format!("`{name}`")), "{name}");
         let text = std::fs::read_to_string(deploy(&name)).unwrap();
         // Options that the files pass must be options.
-        let help = ["serve", "work", "list", "prune"].map(|role| support::stdout(&support::run(&[role, "--help"])));
+        let help =
+            ["serve", "work", "list", "prune"].map(|role| support::stdout(&support::run(&[role, "--help"])));
         let words = text.split(|c: char| c.is_whitespace() || "\"',[]()`;=".contains(c));
         let words = words.map(|word| word.trim_end_matches('.'));
         for option in words.filter(|word| word.starts_with("--") && word.len() > 4) {

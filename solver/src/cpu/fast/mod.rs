@@ -11,7 +11,8 @@
 //! Sub-particles stand in blocks of 16 ([`points`]). Bonds join a block with at most two others, so that neighbours are moved into
 //! their lanes within registers ([`bonds`]); pairs of different bodies are looked at one after the other, those that touch are
 //! put together and transposed ([`load`]). Loads of such pairs come out the same way, and are added to sums that stand as sub-particles
-//! are looked at; blocks transpose them back when they move.
+//! are looked at; blocks transpose them back when they move. What touches one flat facet and nothing else is put together likewise
+//! ([`alone`]); where facets meet, each is looked at by itself ([`walls`]).
 
 mod alone;
 mod body;

@@ -1,4 +1,5 @@
-//! The facets near the sub-particles of a body, and contacts with them: where each touches one after the other, the law many at a time.
+//! The facets near the sub-particles of a body, and contacts with them. Where several facets are near, which are felt is decided one sub-particle
+//! after the other, and the law worked out many at a time; the others are for [`super::alone`].
 
 use glam::{DVec3, Vec3};
 
