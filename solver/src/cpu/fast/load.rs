@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::instructions::Wide;
 use super::kernel::{Contacts, Felt, Seen};
-use super::memory::{Lanes, Lanes3, Quads, Two, WIDTH, quad_of};
+use super::memory::{Lanes, Lanes3, Quads, WIDTH, quad_of};
 use super::pairs::{PairList, Seconds};
 use super::points::Points;
 use crate::cpu::forces::Load;
@@ -101,7 +101,7 @@ impl Batch {
             *between = apart[pair].map(|d| f32::from_bits(d as u32));
             *memory = memories[pair];
             let [i, j] = places[pair];
-            let (Two([v, w]), Two([v_j, w_j])) = (&first.motions[i as usize], &second.motions[j as usize]);
+            let ([v, w], [v_j, w_j]) = (&first.motions[i as usize], &second.motions[j as usize]);
             *velocity = std::array::from_fn(|c| v_j[c] - v[c]);
             *spin = std::array::from_fn(|c| w[c] + w_j[c]);
         }

@@ -37,16 +37,6 @@ pub(super) struct Ints(pub(super) [i32; WIDTH]);
 #[repr(align(64))]
 pub(super) struct Quads(pub(super) [[f32; 4]; WIDTH]);
 
-/// Two vectors of one thing, each with a 0 at the end, in one line of the cache: what is looked up out of order is fetched once.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
-pub(super) struct Two(pub(super) [[f32; 4]; 2]);
-
-impl Two {
-    /// Both zero.
-    pub(super) const ZERO: Self = Self([[0.0; 4]; 2]);
-}
-
 /// Where a lane's numbers stand among [`Quads`], and the lane whose numbers stand there: 4 × 4 places are transposed,
 /// since that is what registers of every width can do without crossing quarters.
 #[inline(always)]

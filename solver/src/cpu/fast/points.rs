@@ -7,7 +7,7 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::instructions::Wide;
 use super::load::{LoadBlock, Sums};
-use super::memory::{Ints, Lanes, Lanes3, Two, WIDTH, folded, greater, quad_of};
+use super::memory::{Ints, Lanes, Lanes3, WIDTH, folded, greater, quad_of};
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -35,7 +35,7 @@ pub(super) struct Points {
     /// Once more as others look at them, by [`place_of`]: positions, with a 0 at the end.
     pub(super) positions: Vec<[i32; 4]>,
     /// The same of velocities and spins.
-    pub(super) motions: Vec<Two>,
+    pub(super) motions: Vec<[[f32; 4]; 2]>,
     /// 1 where a lane of the last block is a sub-particle, 0 where it only fills up.
     real_in_last: Lanes,
 }
@@ -103,7 +103,7 @@ impl Points {
         let in_last = count - WIDTH * (blocks.len() - 1);
         let real_in_last = Lanes(std::array::from_fn(|lane| if lane < in_last { 1.0 } else { 0.0 }));
         let (positions, motions) =
-            (vec![[0; 4]; blocks.len() * WIDTH], vec![Two::ZERO; blocks.len() * WIDTH]);
+            (vec![[0; 4]; blocks.len() * WIDTH], vec![[[0.0; 4]; 2]; blocks.len() * WIDTH]);
         let mut points = Self { count, blocks, positions, motions, real_in_last };
         for b in 0..points.blocks.len() {
             points.show(pulp::Scalar::new(), b);
@@ -148,7 +148,7 @@ impl Points {
         let spins = simd.to_quads([p, q, r, &Lanes::ZERO]);
         let motions = self.motions[b * WIDTH..].iter_mut();
         for (motion, (velocity, spin)) in motions.zip(velocities.0.iter().zip(&spins.0)) {
-            *motion = Two([*velocity, *spin]);
+            *motion = [*velocity, *spin];
         }
     }
 
