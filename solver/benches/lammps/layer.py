@@ -4,7 +4,7 @@
     solver/benches/lammps/layer.py folder     # layer.csv (id x y z), layer_bonds.csv (i j)
 
 Bodies are lattices of 4 mm spheres within a flat ellipsoid of exponent 1.6, 0.15 by 0.072 by 0.038 m. LAMMPS lets them settle, with a drag and with bonds
-of tissue (0.5 MPa), so that they keep their form: 11,000 steps, some minutes on two cores.
+of tissue (0.5 MPa), so that they keep their form: 9,000 steps, some minutes on two cores.
 """
 
 import itertools
@@ -21,7 +21,7 @@ BOX_M = (0.64, 0.64, 0.5)
 SEMI_AXES_M = (0.071, 0.032, 0.015)  # of the centres
 CELL_M = (0.159, 0.0795, 0.042)
 COLUMNS, ROWS = 4, 8
-STEPS = 11_000
+STEPS = 9_000
 
 
 def lattice():
