@@ -15,30 +15,48 @@ pub(crate) struct Args {
     /// Id of a sweep
     id: Uuid,
     #[command(flatten)]
-    server: target::Server,
+    deleting: Deleting,
+}
+
+/// What commands that delete have in common: they only do it when told so.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Deleting {
+    #[command(flatten)]
+    pub(crate) server: target::Server,
     /// Do it: there is no way back
     #[arg(long)]
-    yes: bool,
+    pub(crate) yes: bool,
     /// Print JSON
     #[arg(long)]
-    json: bool,
+    pub(crate) json: bool,
+}
+
+impl Deleting {
+    /// How to say what goes.
+    pub(crate) fn verb(&self) -> &'static str {
+        if self.yes { "deleted" } else { "would delete" }
+    }
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let deletion = args.server.client()?.delete_sweep(SweepId(args.id), !args.yes).await?;
-    if args.json {
+    let Args { id, deleting } = args;
+    let deletion = deleting.server.client()?.delete_sweep(SweepId(id), !deleting.yes).await?;
+    if deleting.json {
         ui::println(format_args!("{:#}", json!(deletion)))?;
         return Ok(Exit::Done);
     }
-    let verb = if args.yes { "deleted" } else { "would delete" };
     ui::println(format_args!(
-        "{verb} {} points, {} jobs, {} attempts, {} results",
-        deletion.points, deletion.jobs, deletion.attempts, deletion.results
+        "{} {} points, {} jobs, {} attempts, {} results",
+        deleting.verb(),
+        deletion.points,
+        deletion.jobs,
+        deletion.attempts,
+        deletion.results
     ))?;
     if deletion.unended > 0 {
-        eprintln!("{} jobs have not ended: `roost cancel {}` first", deletion.unended, args.id);
-    } else if !args.yes {
-        eprintln!("nothing is deleted yet; `roost delete {} --yes` does it", args.id);
+        eprintln!("{} jobs have not ended: `roost cancel {}` first", deletion.unended, id);
+    } else if !deleting.yes {
+        eprintln!("nothing is deleted yet; `roost delete {} --yes` does it", id);
     }
     Ok(Exit::Done)
 }

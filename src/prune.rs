@@ -5,8 +5,8 @@ use std::time::Duration;
 use anyhow::Result;
 use serde_json::json;
 
+use crate::delete::Deleting;
 use crate::exit::Exit;
-use crate::target;
 use crate::ui;
 
 /// Delete sweeps and single jobs that ended long ago; without --yes only say what would go
@@ -19,18 +19,13 @@ pub(crate) struct Args {
     #[arg(long, value_name = "AGE", value_parser = age)]
     older_than: Duration,
     #[command(flatten)]
-    server: target::Server,
-    /// Do it: there is no way back
-    #[arg(long)]
-    yes: bool,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    deleting: Deleting,
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let pruned = args.server.client()?.prune(args.older_than, !args.yes).await?;
-    if args.json {
+    let Args { older_than, deleting } = args;
+    let pruned = deleting.server.client()?.prune(older_than, !deleting.yes).await?;
+    if deleting.json {
         ui::println(format_args!("{:#}", json!(pruned)))?;
         return Ok(Exit::Done);
     }
@@ -40,10 +35,10 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
             sweep.id, sweep.name, sweep.jobs, sweep.ended_at
         ))?;
     }
-    let verb = if args.yes { "deleted" } else { "would delete" };
+    let verb = deleting.verb();
     let (sweeps, jobs, meshes) = (pruned.sweeps.len(), pruned.jobs, pruned.meshes.len());
     ui::println(format_args!("{verb} {sweeps} sweeps, {jobs} single jobs, {meshes} meshes"))?;
-    if !args.yes && !pruned.is_empty() {
+    if !deleting.yes && !pruned.is_empty() {
         eprintln!("nothing is deleted yet; --yes does it");
     }
     Ok(Exit::Done)
