@@ -52,6 +52,9 @@ pub(crate) struct Args {
     /// Write to this file instead of stdout
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Fetch the frames of a job into this file instead, if it recorded some
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["format", "by", "output"])]
+    frames: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -73,7 +76,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         return Err(BadInput("Parquet is not for terminals: add -o FILE".to_owned()).into());
     }
     let client = args.server.client()?;
-    let content = match target::find(&client, args.id).await? {
+    let found = target::find(&client, args.id).await?;
+    if let Some(file) = &args.frames {
+        return frames(&client, &found, file).await;
+    }
+    let content = match found {
         Target::Sweep(sweep) => of_sweep(&client, sweep.id, args.format, args.by).await?,
         Target::Job(job) => {
             let result = match client.job_result(job.id).await {
@@ -89,6 +96,27 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         }
     };
     write(args.output.as_deref(), &content)?;
+    Ok(Exit::Done)
+}
+
+/// Fetches the frames of a job into a file.
+async fn frames(client: &Client, found: &Target, file: &Path) -> Result<Exit> {
+    let Target::Job(job) = found else {
+        return Err(BadInput(
+            "frames are those of a job, and this is a sweep; `roost list --jobs` has its jobs".to_owned(),
+        )
+        .into());
+    };
+    let Some(frames) = &job.frames else {
+        eprintln!(
+            "error: the job is {} and has no frames; `roost submit --frame-interval` asks for some",
+            job.state
+        );
+        return Ok(Exit::Failed);
+    };
+    client.download_frames(job.id, file).await?;
+    let stopped = frames.stopped.as_ref().map(|why| format!("; {why}")).unwrap_or_default();
+    eprintln!("{} frames, {:.1} MB, in {}{stopped}", frames.count, frames.bytes as f64 / 1e6, file.display());
     Ok(Exit::Done)
 }
 

@@ -48,6 +48,9 @@ pub(crate) struct ServerArgs {
     /// Largest request body accepted, in bytes
     #[arg(long, default_value_t = ServerConfig::default().max_body_bytes, value_name = "BYTES")]
     max_body_bytes: usize,
+    /// What the frames of one job may weigh, in millions of bytes; a run that would pass it goes on without more of them
+    #[arg(long, default_value_t = ServerConfig::default().max_frames_bytes / 1_000_000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    max_frames_mb: u64,
     /// Requests a second with one token, or of all without tokens; 0 is no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
@@ -79,6 +82,7 @@ impl ServerArgs {
             limits: Limits { max_subparticles: self.max_subparticles, max_steps: self.max_steps },
             max_jobs_per_sweep: self.max_jobs,
             max_body_bytes: self.max_body_bytes,
+            max_frames_bytes: self.max_frames_mb * 1_000_000,
             max_requests_per_s: self.max_requests_per_s,
             prune_after: self.prune_after,
             retry,

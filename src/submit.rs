@@ -32,6 +32,9 @@ pub(crate) struct Args {
     /// Longest wall time of each run
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     max_wall_s: Option<f64>,
+    /// Record frames so far apart in simulated time; `roost results --frames` fetches those of a job
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
+    frame_interval: Option<f64>,
     /// Run it even if the result of the same scenario is there already
     #[arg(long)]
     no_cache: bool,
@@ -130,6 +133,9 @@ fn add_options(document: &mut Value, args: &Args) {
     }
     if let Some(seconds) = args.max_wall_s {
         set("max_wall_s", json!(seconds));
+    }
+    if let Some(seconds) = args.frame_interval {
+        set("frame_interval_s", json!(seconds));
     }
     if args.no_cache {
         set("cache", json!("bypass"));

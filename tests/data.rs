@@ -4,7 +4,7 @@ mod support;
 
 use std::io::{Read, Write};
 
-use roost_api::job::JobState;
+use roost_api::job::{JobState, JobView};
 use serde_json::{Value, json};
 
 use support::stl::{binary, block};
@@ -15,8 +15,16 @@ fn a_backup_of_a_server_at_work_is_one_moment_and_comes_back_whole() {
     let home = Home::new();
     let server = home.serve();
     let worker = home.work("worker");
-    let done = home.submit(&scenario(0.2));
+    let file = home.file("framed.json", &scenario(0.2));
+    let done = stdout(&home.roost(&["submit", "--json", "--frame-interval", "0.05", &file]));
+    let done: JobView = serde_json::from_str(&done).unwrap();
     home.job_when(&done, "the job has ended", |job| job.state == JobState::Succeeded);
+    let frames = || {
+        let file = home.path("frames").display().to_string();
+        stdout(&home.roost(&["results", &done.id.to_string(), "--frames", &file]));
+        std::fs::read(file).unwrap()
+    };
+    let pictures = frames();
     let running = home.submit(&support::long(600.0));
     home.job_when(&running, "the job is under way", |job| job.state == JobState::Running);
 
@@ -24,8 +32,9 @@ fn a_backup_of_a_server_at_work_is_one_moment_and_comes_back_whole() {
     let told: Value =
         serde_json::from_str(&stdout(&run(&["backup", &copy, "--data", &data, "--json"]))).unwrap();
     assert_eq!((&told["jobs"], &told["results"]), (&json!(2), &json!(1)));
-    let files: Vec<_> = std::fs::read_dir(&copy).unwrap().map(|file| file.unwrap().file_name()).collect();
-    assert_eq!(files, ["roost.db"], "one file and no log");
+    let files = std::fs::read_dir(&copy).unwrap().map(|file| file.unwrap().file_name());
+    let files: std::collections::BTreeSet<_> = files.collect();
+    assert_eq!(files, ["objects".into(), "roost.db".into()].into(), "one file with its frames, and no log");
     let again = run(&["backup", &copy, "--data", &data]);
     assert!(!again.status.success() && said(&again).contains("already"), "{}", said(&again));
     let later = home.submit(&scenario(0.1));
@@ -39,6 +48,7 @@ fn a_backup_of_a_server_at_work_is_one_moment_and_comes_back_whole() {
     let _server = home.serve();
     assert_eq!(home.job(&done).unwrap().responses, home.job_when(&done, "the job", |_| true).responses);
     assert_eq!(home.job(&done).unwrap().state, JobState::Succeeded);
+    assert!(frames() == pictures, "{} bytes of frames", pictures.len());
     assert!(home.job(&later).is_none(), "it came after that moment");
     let back = home.job_when(&running, "its lease has ended", |job| job.state == JobState::Queued);
     assert_eq!(back.attempt, 1);

@@ -28,6 +28,8 @@ fn examples(page: &str) -> Vec<(&str, Vec<&str>)> {
 fn before(route: &str) -> &'static str {
     match route {
         "GET /v1/jobs/{id}/result" => "JOB=$DONE",
+        // The job before it recorded none.
+        "GET /v1/jobs/{id}/frames" => "JOB=$FRAMED",
         "POST /v1/jobs/{id}/cancel" => "JOB=$QUEUED",
         "POST /v1/workers" => "WORKER=$(cat /proc/sys/kernel/random/uuid)",
         // The one before it has been told to drain.
@@ -66,6 +68,9 @@ fn every_example_of_the_api_is_answered() {
     let worker = home.work("worker");
     let done = home.submit(&scenario(0.2));
     home.job_when(&done, "the job has ended", |job| job.state == JobState::Succeeded);
+    let file = home.file("framed.json", &scenario(0.1));
+    let framed = home.roost(&["submit", "--wait", "--json", "--frame-interval", "0.05", &file]);
+    let framed: Value = serde_json::from_str(&support::stdout(&framed)).unwrap();
     // From here on the examples do what workers do.
     worker.terminate();
     assert!(worker.wait().0.success());
@@ -74,10 +79,11 @@ fn every_example_of_the_api_is_answered() {
     let again = json!({"scenario": scenario(0.2), "cache": "bypass", "priority": 100});
     std::fs::write(home.path("again.json"), again.to_string()).unwrap();
     let mut script = format!(
-        "set -euo pipefail\ntrap 'cat out >&2' EXIT\ncd '{}'\nR={}\nDONE={}\nREVISION={}\nSLICE= JOB= SWEEP= WORKER= MESH=\n{}",
+        "set -euo pipefail\ntrap 'cat out >&2' EXIT\ncd '{}'\nR={}\nDONE={}\nFRAMED={}\nREVISION={}\nSLICE= JOB= SWEEP= WORKER= MESH=\n{}",
         home.folder.path().display(),
         home.address,
         done.id,
+        framed["id"].as_str().unwrap(),
         roost_solver::SOLVER_REVISION,
         // A stream of events has no end but the time it is given (28).
         r#"curl() { command curl --fail-with-body "$@" || [ $? = 28 ]; }

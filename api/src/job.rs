@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
 
+use crate::frames::FramesView;
 use crate::ids::{JobId, SweepId, WorkerId};
 use crate::time::Timestamp;
 
@@ -175,6 +176,9 @@ pub struct JobEnvelope {
     /// Longest wall time of an attempt, in seconds.
     #[serde(default)]
     pub max_wall_s: Option<f64>,
+    /// Simulated time from frame to frame that are recorded, in seconds; without it none are.
+    #[serde(default)]
+    pub frame_interval_s: Option<f64>,
     /// Whether the result may come from the store.
     #[serde(default = "default_cache")]
     pub cache: Cache,
@@ -229,6 +233,8 @@ pub struct JobView {
     pub failure_message: Option<String>,
     /// Whether the result came from the store without an attempt.
     pub from_cache: bool,
+    /// Frames of its newest attempt, if it recorded some.
+    pub frames: Option<FramesView>,
     /// Scalar results, once succeeded.
     #[schema(value_type = Object)]
     pub responses: Map<String, Value>,

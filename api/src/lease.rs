@@ -6,6 +6,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::frames::FramesOrder;
 use crate::ids::{JobId, WorkerId};
 use crate::job::AttemptOutcome;
 use crate::time::Timestamp;
@@ -43,6 +44,9 @@ pub struct ClaimedAttempt {
     pub scenario: Value,
     /// Longest wall time, in seconds.
     pub max_wall_s: Option<f64>,
+    /// The frames that it is to record, if any.
+    #[serde(default)]
+    pub frames: Option<FramesOrder>,
     /// When the lease ends unless renewed.
     #[schema(value_type = String, format = DateTime)]
     pub lease_expires_at: Timestamp,
@@ -67,6 +71,25 @@ pub struct AttemptBeat {
     /// How far it has come.
     #[schema(value_type = Option<Object>)]
     pub progress: Option<Progress>,
+    /// What it has sampled since, or some of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub samples: Vec<SeriesPart>,
+}
+
+/// Samples of one series, one after the other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SeriesPart {
+    /// Name of the series.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// Samples before these; what was there from here on is replaced.
+    pub from: u64,
+    /// Belt times, in seconds.
+    pub t_s: Vec<f64>,
+    /// The samples, as many.
+    pub values: Vec<f64>,
 }
 
 /// The answer to a heartbeat.
@@ -90,6 +113,9 @@ pub struct AttemptDirective {
     /// When the lease now ends; null unless `continue`.
     #[schema(value_type = Option<String>, format = DateTime)]
     pub lease_expires_at: Option<Timestamp>,
+    /// The samples that came before these are not there: send all of them again.
+    #[serde(default)]
+    pub resend_samples: bool,
 }
 
 /// What the worker shall do with one attempt.

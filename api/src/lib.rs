@@ -5,6 +5,7 @@
 
 pub mod design;
 pub mod event;
+pub mod frames;
 pub mod ids;
 pub mod job;
 pub mod lease;

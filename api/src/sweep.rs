@@ -8,7 +8,7 @@ use utoipa::ToSchema;
 
 use crate::design::{Design, DesignKind, Factor};
 use crate::ids::SweepId;
-use crate::job::{Cache, JobState, Needs};
+use crate::job::{Cache, FailureClass, JobState, Needs};
 use crate::time::Timestamp;
 
 /// The schema name that every sweep carries once it has been read.
@@ -46,6 +46,9 @@ pub struct SweepSpec {
     /// Longest wall time of an attempt, in seconds.
     #[serde(default)]
     pub max_wall_s: Option<f64>,
+    /// Simulated time from frame to frame that its jobs record, in seconds; without it none are.
+    #[serde(default)]
+    pub frame_interval_s: Option<f64>,
     /// Whether results may come from the store.
     #[serde(default = "crate::job::default_cache")]
     pub cache: Cache,
@@ -98,6 +101,34 @@ impl StateCounts {
     }
 }
 
+/// How many jobs have failed in each way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct FailureCounts {
+    /// Refused by the solver.
+    pub invalid: u64,
+    /// Diverged.
+    pub unstable: u64,
+    /// Not run by any worker.
+    pub worker: u64,
+    /// Lost with their workers.
+    pub lost: u64,
+    /// Stopped after `max_wall_s`.
+    pub timeout: u64,
+}
+
+impl FailureCounts {
+    /// The number of those of a class.
+    pub fn of(&mut self, class: FailureClass) -> &mut u64 {
+        match class {
+            FailureClass::Invalid => &mut self.invalid,
+            FailureClass::Unstable => &mut self.unstable,
+            FailureClass::Worker => &mut self.worker,
+            FailureClass::Lost => &mut self.lost,
+            FailureClass::Timeout => &mut self.timeout,
+        }
+    }
+}
+
 /// A sweep as the API shows it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SweepView {
@@ -115,6 +146,9 @@ pub struct SweepView {
     pub factors: Vec<String>,
     /// Its jobs by state.
     pub counts: StateCounts,
+    /// Those that failed, by class.
+    #[serde(default)]
+    pub failures: FailureCounts,
     /// Estimated share that is done, running jobs included, 0 to 1.
     pub fraction: f64,
     /// When it was submitted.
@@ -137,4 +171,6 @@ pub struct Deletion {
     pub attempts: u64,
     /// Their results, which can then answer no other submission.
     pub results: u64,
+    /// Bytes of their frames.
+    pub frames_bytes: u64,
 }

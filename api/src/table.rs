@@ -44,6 +44,9 @@ pub struct SweepResults {
     pub sweep: SweepView,
     /// One row a trial, by point and replicate.
     pub trials: Vec<TrialRow>,
+    /// Pass as `cursor` to get the rows after these; null when these are the last.
+    #[serde(default)]
+    pub next_cursor: Option<String>,
 }
 
 /// The results of a sweep by design point.
@@ -53,6 +56,9 @@ pub struct SweepPoints {
     pub sweep: SweepView,
     /// One row a design point, by index.
     pub points: Vec<PointRow>,
+    /// Pass as `cursor` to get the rows after these; null when these are the last.
+    #[serde(default)]
+    pub next_cursor: Option<String>,
 }
 
 /// What the replicates of one design point came to.
@@ -91,6 +97,38 @@ pub struct Summary {
     /// How often each word was the answer, of words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub words: Option<BTreeMap<String, u64>>,
+}
+
+/// One series of many jobs of a sweep.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SweepSeries {
+    /// Name of the series.
+    pub name: String,
+    /// Its unit; null while no job has it.
+    pub unit: Option<String>,
+    /// One entry a job that has it, by point and replicate.
+    pub items: Vec<JobSeries>,
+    /// Pass as `cursor` to get the jobs after these; null when these are the last.
+    pub next_cursor: Option<String>,
+}
+
+/// The series of one job, thinned.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct JobSeries {
+    /// The job.
+    pub job_id: JobId,
+    /// Design point.
+    pub point: u32,
+    /// Replicate.
+    pub replicate: u32,
+    /// State of the job.
+    pub state: JobState,
+    /// Whether the job runs, and more is to come.
+    pub partial: bool,
+    /// Belt times, in seconds.
+    pub t_s: Vec<f64>,
+    /// The samples, as many.
+    pub values: Vec<f64>,
 }
 
 /// How the factors of a sweep act on each response.

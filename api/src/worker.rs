@@ -1,5 +1,6 @@
 //! Workers: who is there, on what device, doing what.
 
+use roost_solver::result::Progress;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -59,6 +60,13 @@ pub struct WorkerView {
     pub draining: bool,
     /// Jobs it holds leases for.
     pub running: Vec<JobId>,
+    /// How far each has come, in the same order; null where it has not said yet.
+    #[serde(default)]
+    #[schema(value_type = Vec<Object>)]
+    pub progress: Vec<Option<Progress>>,
+    /// Sub-particle updates a second of wall time, all of them together, each averaged since it began; null while none has said.
+    #[serde(default)]
+    pub particle_steps_per_s: Option<f64>,
     /// Attempts it has brought to a result.
     pub succeeded: u64,
     /// Attempts of its that failed as `worker`.

@@ -13,4 +13,4 @@ pub mod vtk;
 pub mod web;
 
 pub use forecast::{Forecast, forecast};
-pub use recorder::{Options, Recorder, Report};
+pub use recorder::{Options, Recorder, Report, STREAM};

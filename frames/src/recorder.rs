@@ -19,7 +19,8 @@ use roost_solver::{Flow, Observer, Progress};
 use crate::schedule::Schedule;
 use crate::web::first_shape;
 use paraview::{COLLECTION, FOLDER, Files, LEGEND};
-use stream::{STREAM, Stream};
+pub use stream::STREAM;
+use stream::Stream;
 
 /// What to record.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,11 +3,13 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use roost_api::Progress;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{JobState, JobView};
+use roost_api::lease::SeriesPart;
 use roost_api::prune::Pruning;
 use roost_api::time::Timestamp;
+use roost_api::worker::WorkerView;
+use roost_api::{Progress, Series};
 use roost_solver::mesh::Meshes;
 use tokio::sync::{Notify, Semaphore};
 use tokio_util::sync::CancellationToken;
@@ -15,6 +17,7 @@ use tokio_util::sync::CancellationToken;
 use crate::clock::Clock;
 use crate::config::ServerConfig;
 use crate::http::{Access, Metrics};
+use crate::samples::{Followed, MAX_OF_ALL, Samples};
 use crate::store::{Store, StoreError, Subject};
 
 /// A handle to the running server's parts.
@@ -61,7 +64,7 @@ pub(crate) struct Shelf {
     pub(crate) triangles: u64,
 }
 
-/// The latest progress of each running job, and how often that has changed: for one job, for a sweep, in all.
+/// The latest progress of each running job with what it has sampled, and how often that has changed: for one job, for a sweep, in all.
 #[derive(Default)]
 pub(crate) struct ProgressBoard(Mutex<Board>);
 
@@ -69,6 +72,7 @@ pub(crate) struct ProgressBoard(Mutex<Board>);
 struct Board {
     jobs: HashMap<JobId, Shown>,
     sweeps: HashMap<SweepId, u64>,
+    samples: HashMap<JobId, Samples>,
     changes: u64,
 }
 
@@ -106,14 +110,55 @@ impl ProgressBoard {
     /// Forgets a job that runs no longer.
     pub(crate) fn forget(&self, job: JobId) {
         let mut board = self.lock();
+        board.samples.remove(&job);
         if let Some(shown) = board.jobs.remove(&job) {
             board.count(shown.sweep);
         }
     }
 
+    /// Notes what an attempt has sampled since; false when what came before it is missing here.
+    pub(crate) fn sample(
+        &self,
+        (job, attempt): (JobId, u32),
+        sweep: Option<SweepId>,
+        parts: Vec<SeriesPart>,
+    ) -> bool {
+        let mut board = self.lock();
+        let now = board.count(sweep);
+        let mut room = MAX_OF_ALL.saturating_sub(board.samples.values().map(Samples::count).sum());
+        let samples = board.samples.entry(job).or_default();
+        if samples.attempt() != attempt {
+            *samples = Samples::new(attempt);
+        }
+        let mut take = |part: SeriesPart| {
+            let before = samples.count();
+            let whole = samples.take(part, room, now);
+            room = room.saturating_sub(samples.count().saturating_sub(before));
+            whole
+        };
+        // All of them, whichever is missing something.
+        parts.into_iter().fold(true, |whole, part| take(part) && whole)
+    }
+
+    /// What a running job has sampled so far.
+    pub(crate) fn series(&self, job: JobId) -> Vec<Series> {
+        self.lock().samples.get(&job).map(Samples::series).unwrap_or_default()
+    }
+
+    /// What of that is new to somebody.
+    pub(crate) fn news(&self, job: JobId, followed: &mut Vec<Followed>) -> Vec<SeriesPart> {
+        self.lock().samples.get(&job).map(|samples| samples.news(followed)).unwrap_or_default()
+    }
+
     /// The jobs on the board.
     pub(crate) fn jobs(&self) -> Vec<JobId> {
-        self.lock().jobs.keys().copied().collect()
+        let board = self.lock();
+        board
+            .jobs
+            .keys()
+            .chain(board.samples.keys().filter(|job| !board.jobs.contains_key(*job)))
+            .copied()
+            .collect()
     }
 
     /// The sweep of a job on the board, if it has one; none when it is not on the board.
@@ -125,10 +170,13 @@ impl ProgressBoard {
     pub(crate) fn version(&self, subject: Subject) -> u64 {
         let board = self.lock();
         match subject {
-            Subject::Everything => board.changes,
-            Subject::Job(job) => board.jobs.get(&job).map_or(0, |shown| shown.changes),
+            Subject::Everything | Subject::Workers => board.changes,
+            Subject::Job(job) => {
+                let sampled = board.samples.get(&job).map_or(0, |samples| samples.changes);
+                board.jobs.get(&job).map_or(0, |shown| shown.changes).max(sampled)
+            }
             Subject::Sweep(sweep) => board.sweeps.get(&sweep).copied().unwrap_or(0),
-            Subject::Workers | Subject::Meshes => 0,
+            Subject::Meshes => 0,
         }
     }
 
@@ -137,6 +185,17 @@ impl ProgressBoard {
         if job.state == JobState::Running {
             job.progress = self.lock().jobs.get(&job.id).map(|shown| shown.progress.clone());
         }
+    }
+
+    /// Shows how far the jobs of a worker have come, and how fast that goes.
+    pub(crate) fn show_runs(&self, worker: &mut WorkerView) {
+        let board = self.lock();
+        let shown = worker.running.iter().map(|job| board.jobs.get(job).map(|shown| shown.progress.clone()));
+        worker.progress = shown.collect();
+        let moving = worker.progress.iter().flatten().filter(|progress| progress.wall_s > 0.0);
+        let speeds: Vec<f64> =
+            moving.map(|progress| progress.particle_steps as f64 / progress.wall_s).collect();
+        worker.particle_steps_per_s = (!speeds.is_empty()).then(|| speeds.iter().sum());
     }
 
     /// How much of these jobs is done, in jobs.

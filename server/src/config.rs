@@ -35,6 +35,8 @@ pub struct ServerConfig {
     pub max_mesh_bytes: usize,
     /// Triangles of all meshes that one document names.
     pub max_mesh_triangles: u64,
+    /// Bytes of the frames of one job.
+    pub max_frames_bytes: u64,
     /// Requests a second with one token, or of all without tokens; 0 is no limit.
     pub max_requests_per_s: u32,
     /// Sweeps and single jobs that ended longer ago than this are deleted; none keeps them for ever.
@@ -58,6 +60,7 @@ impl Default for ServerConfig {
             max_result_bytes: 32 * 1024 * 1024,
             max_mesh_bytes: roost_api::mesh::MAX_BYTES,
             max_mesh_triangles: 1_000_000,
+            max_frames_bytes: 200_000_000,
             max_requests_per_s: 0,
             prune_after: None,
             memory: Duration::from_secs(24 * 3600),

@@ -13,6 +13,7 @@ mod http;
 mod mesh;
 mod queue;
 mod reaper;
+mod samples;
 mod server;
 pub mod stats;
 mod store;

@@ -1,5 +1,5 @@
 //! The reaper: ends leases that ran out, so that what a dead worker held is run by another, runs that are long past their
-//! `max_wall_s`, and pauses before another attempt; clears the progress of jobs that run no longer.
+//! `max_wall_s`, and pauses before another attempt; clears the progress of jobs that run no longer, and objects that nothing names.
 
 use std::time::Duration;
 
@@ -11,6 +11,9 @@ use crate::store::StoreError;
 
 /// Old events and answers are cleared away so often.
 const CLEAR_EVERY: Duration = Duration::from_secs(600);
+
+/// An object that no row has named for so long goes: a day.
+const UNNAMED_MS: i64 = 24 * 3600 * 1000;
 
 /// Looks for what has run out until the server shuts down.
 pub(crate) async fn run(app: App) {
@@ -27,6 +30,11 @@ pub(crate) async fn run(app: App) {
             }
             if let Some(age) = app.config.prune_after {
                 prune(&app, age).await;
+            }
+            match app.store.sweep_objects(app.clock.now().plus_ms(-UNNAMED_MS)).await {
+                Ok(0) => {}
+                Ok(objects) => tracing::info!(objects, "removed objects that nothing names"),
+                Err(error) => tracing::error!(error = error.as_dyn(), "objects could not be looked through"),
             }
         }
     }

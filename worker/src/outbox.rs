@@ -2,7 +2,7 @@
 //!
 //! One folder a server: what one server knows nothing of must wait for the other. In it, one file a delivery, named
 //! by job and attempt, written beside and renamed into place after an fsync, so that
-//! a file is whole or not there. Only the server's word removes one: 2xx (it has it), or 409 (another attempt
+//! a file is whole or not there; beside it, a folder with its frames. Only the server's word removes one: 2xx (it has it), or 409 (another attempt
 //! counts). What the server refuses for another reason is set aside in `refused/`, where a person can look at it,
 //! and the attempt reported as failed: a job whose result nobody takes is not run over and over. Workers may share a directory: deliveries are safe to repeat.
 
@@ -11,7 +11,7 @@ use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use roost_api::ids::JobId;
+use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::AttemptOutcome;
 use roost_api::lease::{FailureReport, ResultDelivery};
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,22 @@ pub struct Delivery {
     pub attempt: u32,
     /// What to deliver.
     pub content: Content,
+    /// The frames that lie beside it, which go ahead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<Recorded>,
 }
+
+/// What a stream of frames beside a delivery holds.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Recorded {
+    /// Frames.
+    pub count: u64,
+    /// Why they end before the run did.
+    pub stopped: Option<String>,
+}
+
+/// Extension of the folder beside a delivery that its frames lie in.
+pub(crate) const FRAMES: &str = "frames";
 
 /// A result, or why there is none.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -41,6 +56,16 @@ pub enum Content {
     Result(ResultDelivery),
     /// The attempt ended without it.
     Failure(FailureReport),
+}
+
+impl Content {
+    /// Whose it is.
+    pub fn worker_id(&self) -> WorkerId {
+        match self {
+            Self::Result(body) => body.worker_id,
+            Self::Failure(body) => body.worker_id,
+        }
+    }
 }
 
 /// What became of a delivery.
@@ -92,7 +117,7 @@ impl Delivery {
             },
             Content::Failure(_) => return None,
         };
-        Some(Self { content: Content::Failure(report), ..self })
+        Some(Self { content: Content::Failure(report), frames: None, ..self })
     }
 }
 
@@ -109,6 +134,7 @@ impl Outbox {
         let folder = state_dir.join("outbox").join(folder_name(key));
         fs::create_dir_all(folder.join("refused"))?;
         remove_abandoned(&folder)?;
+        remove_abandoned_frames(&folder)?;
         Ok(Self { folder })
     }
 
@@ -122,6 +148,11 @@ impl Outbox {
         fs::rename(&beside, &path)?;
         self.sync_folder()?;
         Ok(path)
+    }
+
+    /// Where the frames of an attempt lie: beside its delivery, before there is one.
+    pub fn frames_folder(&self, job_id: JobId, attempt: u32) -> PathBuf {
+        self.folder.join(format!("{job_id}-{attempt}.{FRAMES}"))
     }
 
     /// Where the deliveries that wait are, oldest job first. Only paths: results are large, and there may be many.
@@ -154,6 +185,7 @@ impl Outbox {
     /// Forgets a delivery that the server has, or will never take.
     pub fn remove(&self, path: &Path) -> io::Result<()> {
         missing_is_fine(fs::remove_file(path))?;
+        missing_is_fine(fs::remove_dir_all(path.with_extension(FRAMES)))?;
         self.sync_folder()
     }
 
@@ -161,6 +193,7 @@ impl Outbox {
     pub fn set_aside(&self, path: &Path) -> io::Result<()> {
         let name = path.file_name().unwrap_or_default();
         missing_is_fine(fs::rename(path, self.folder.join("refused").join(name)))?;
+        missing_is_fine(fs::remove_dir_all(path.with_extension(FRAMES)))?;
         self.sync_folder()
     }
 
@@ -190,6 +223,24 @@ fn missing_is_fine(outcome: io::Result<()>) -> io::Result<()> {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         outcome => outcome,
     }
+}
+
+/// Removes frames that no delivery waits with and that nobody is adding to any more.
+fn remove_abandoned_frames(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let is_frames = path.extension().is_some_and(|extension| extension == FRAMES);
+        if !is_frames || path.with_extension("json").exists() {
+            continue;
+        }
+        let changed = |path: &Path| fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
+        let newest = changed(&path.join(roost_frames::STREAM)).or_else(|| changed(&path));
+        let age = newest.map(|then| SystemTime::now().duration_since(then).unwrap_or_default());
+        if age.is_some_and(|age| age > ABANDONED_AFTER) {
+            missing_is_fine(fs::remove_dir_all(path))?;
+        }
+    }
+    Ok(())
 }
 
 /// Removes what nobody is writing any more.

@@ -5,11 +5,11 @@
 
 use std::any::Any;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use roost_api::job::AttemptOutcome;
-use roost_api::{Progress, RunResult};
+use roost_api::{Progress, RunResult, Series};
 use roost_solver::engine::run::Snapshot;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Fault};
@@ -120,6 +120,8 @@ impl Place {
 pub struct Run {
     /// The newest progress; none before the first report.
     pub progress: watch::Receiver<Option<Progress>>,
+    /// What it has sampled so far, about a second old.
+    pub samples: Sampled,
     /// Asks it to stop.
     pub stop: StopFlag,
     run: JoinHandle<RunEnd>,
@@ -167,6 +169,8 @@ impl Run {
         let (sender, progress) = watch::channel(None);
         let stop = StopFlag::default();
         let flag = stop.clone();
+        let samples = Sampled::default();
+        let sampled = samples.clone();
         let run = tokio::spawn(async move {
             let solve = tokio::select! {
                 biased;
@@ -185,12 +189,19 @@ impl Run {
                     }
                     if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
                 };
-                let outcome = solve(&mut Watched { report, pictures });
+                let outcome = solve(&mut Watched { report, pictures, sampled, sampled_at: started });
                 judge(outcome, flag.get(), max_wall_s)
             });
             solving.await.unwrap_or_else(broken)
         });
-        Self { progress, stop, run }
+        Self { progress, samples, stop, run }
+    }
+
+    /// A run that never begins.
+    #[cfg(test)]
+    pub(crate) fn of_nothing() -> Self {
+        type Solve = fn(&mut dyn Observer) -> Result<RunResult, Vec<Fault>>;
+        Self::start_with(None, None, std::future::pending::<Result<Solve, RunEnd>>())
     }
 
     /// Waits for the end.
@@ -225,10 +236,26 @@ fn refused(faults: &[Fault]) -> RunEnd {
     RunEnd::failed(AttemptOutcome::Invalid, faults.join("; "))
 }
 
-/// Reports progress here, has pictures taken there.
+/// What a run has sampled so far.
+#[derive(Clone, Debug, Default)]
+pub struct Sampled(Arc<Mutex<Vec<Series>>>);
+
+impl Sampled {
+    /// All of it.
+    pub fn series(&self) -> MutexGuard<'_, Vec<Series>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Samples are looked at this often.
+const SAMPLED_EVERY: Duration = Duration::from_secs(1);
+
+/// Reports progress here, has pictures taken there, and keeps what was sampled for those who ask.
 struct Watched<F> {
     report: F,
     pictures: Option<Pictures>,
+    sampled: Sampled,
+    sampled_at: Instant,
 }
 
 impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
@@ -245,6 +272,15 @@ impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
         if let Some(pictures) = &self.pictures {
             pictures.lock().unwrap_or_else(PoisonError::into_inner).snapshot(snapshot);
         }
+    }
+
+    fn wants_series(&self) -> bool {
+        self.sampled_at.elapsed() >= SAMPLED_EVERY
+    }
+
+    fn series(&mut self, series: Vec<Series>) {
+        self.sampled_at = Instant::now();
+        *self.sampled.series() = series;
     }
 }
 

@@ -9,8 +9,8 @@ use roost_solver::scenario::Scenario;
 
 use crate::web::{Error, Header, Packed, Writer};
 
-/// Name of the file.
-pub(super) const STREAM: &str = "run.roostframes";
+/// Name of the file of the stream for the web.
+pub const STREAM: &str = "run.roostframes";
 
 /// A stream in a file; its header waits for a first picture, which brings the scene.
 #[derive(Debug)]

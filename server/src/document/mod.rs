@@ -172,7 +172,9 @@ pub(crate) fn read_envelope(
             .map_err(|faults| prefixed("/scenario", faults))
     });
     let (envelope, mut faults) = read_leniently::<JobEnvelope>(document);
-    faults.extend(envelope.as_ref().and_then(|envelope| wall_time_fault(envelope.max_wall_s)));
+    if let Some(envelope) = &envelope {
+        faults.extend(running_faults(envelope.max_wall_s, envelope.frame_interval_s));
+    }
     match (envelope, scenario) {
         (Some(envelope), Some(Ok(scenario))) if faults.is_empty() => Ok((envelope, scenario)),
         (_, scenario) => {
@@ -195,7 +197,14 @@ pub(crate) fn fault(pointer: &str, value: Value, detail: &str, allowed: &str) ->
 }
 
 /// Faults of what jobs and sweeps share.
-pub(crate) fn wall_time_fault(max_wall_s: Option<f64>) -> Option<Fault> {
-    let seconds = max_wall_s.filter(|seconds| *seconds <= 0.0)?;
-    Some(fault("/max_wall_s", json!(seconds), "not a time to run for", "more than 0 s, or null"))
+pub(crate) fn running_faults(max_wall_s: Option<f64>, frame_interval_s: Option<f64>) -> Vec<Fault> {
+    let times = [
+        ("/max_wall_s", max_wall_s, "not a time to run for"),
+        ("/frame_interval_s", frame_interval_s, "not a time from frame to frame"),
+    ];
+    let wrong = |(at, seconds, detail): (&str, Option<f64>, &str)| {
+        let seconds = seconds.filter(|seconds| *seconds <= 0.0)?;
+        Some(fault(at, json!(seconds), detail, "more than 0 s, or null"))
+    };
+    times.into_iter().filter_map(wrong).collect()
 }

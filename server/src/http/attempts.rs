@@ -24,7 +24,7 @@ use crate::store::StoredResult;
 #[derive(Serialize, ToSchema)]
 pub(crate) struct Receipt {
     /// Whether this delivery changed something; false when it repeats one that counted already.
-    recorded: bool,
+    pub(super) recorded: bool,
 }
 
 /// Delivers the result of an attempt. It is recorded exactly once; repeating it is safe.

@@ -39,6 +39,7 @@ pub(crate) async fn claim(
         worker: request.worker_id,
         max_jobs: request.max_jobs,
         lease: app.config.lease,
+        max_frames_bytes: app.config.max_frames_bytes,
     };
     let mut is_first = true;
     loop {

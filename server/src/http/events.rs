@@ -1,7 +1,8 @@
 //! Event streams: what happens to a sweep's jobs or to one job, as it happens.
 //!
 //! A stream begins with what there is now (`sweep` or `job`), then has an event `change` for everything that happens, whose id
-//! `Last-Event-ID` resumes after. Between them come `progress` events, without an id: the next one says it all again. A stream ends
+//! `Last-Event-ID` resumes after, and of a sweep `extended` when it has grown and `deleted`, which is the last. Between them come `progress` events, without an id: the next one says it all again; and of a
+//! job `samples`, what it has sampled since. A stream ends
 //! with the server, at once.
 
 use std::collections::VecDeque;
@@ -17,11 +18,13 @@ use roost_api::job::JobView;
 use roost_api::problem::Problem;
 use roost_api::sweep::SweepView;
 use serde::Serialize;
+use serde_json::json;
 
 use super::extract::Segments;
 use super::problem::{ApiError, Kind};
 use super::{jobs, sweeps};
 use crate::app::App;
+use crate::samples::Followed;
 use crate::store::Subject;
 
 /// Looks no more often than this, however much happens.
@@ -67,6 +70,12 @@ struct Following {
     /// Whether what there is now is still to be sent.
     fresh: bool,
     progress: u64,
+    /// Version of the subject when its size was looked at last, and that size: points and replicates of a sweep.
+    seen: Option<(String, Option<(u32, u32)>)>,
+    /// What of a running job's samples was sent.
+    followed: Vec<Followed>,
+    /// Whether there is nothing more to follow.
+    over: bool,
     ready: VecDeque<Event>,
 }
 
@@ -90,6 +99,9 @@ async fn streamed(
         last: asked.unwrap_or(newest),
         fresh: asked.is_none(),
         progress,
+        seen: None,
+        followed: Vec::new(),
+        over: false,
         ready: VecDeque::new(),
     };
     let events = stream::unfold(following, |mut following| async move {
@@ -106,7 +118,7 @@ impl Following {
             if let Some(event) = self.ready.pop_front() {
                 return Some(event);
             }
-            if self.app.shutdown.is_cancelled() {
+            if self.over || self.app.shutdown.is_cancelled() {
                 return None;
             }
             if let Err(error) = self.look().await {
@@ -120,6 +132,10 @@ impl Following {
     }
 
     async fn look(&mut self) -> Result<(), ApiError> {
+        self.look_at_size().await?;
+        if self.over {
+            return Ok(());
+        }
         if std::mem::take(&mut self.fresh) {
             let now = self.now(if matches!(self.subject, Subject::Job(_)) { "job" } else { "sweep" }).await?;
             self.ready.push_back(now.id(self.last.to_string()));
@@ -135,6 +151,37 @@ impl Following {
             self.progress = progress;
             let now = self.now("progress").await?;
             self.ready.push_back(now);
+        }
+        if let Subject::Job(id) = self.subject {
+            let series = self.app.progress.news(id, &mut self.followed);
+            if !series.is_empty() {
+                self.ready.push_back(data("samples", &json!({"job_id": id, "series": series}))?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells when a sweep has grown or has been deleted, which is no change of a job.
+    async fn look_at_size(&mut self) -> Result<(), ApiError> {
+        let Subject::Sweep(id) = self.subject else { return Ok(()) };
+        let version = self.app.store.version(self.subject).await?;
+        let before = match &self.seen {
+            Some((seen, _)) if *seen == version => return Ok(()),
+            Some((_, size)) => *size,
+            None => None,
+        };
+        let size = self.app.store.sweep_size(id).await?;
+        self.seen = Some((version, size));
+        match (before, size) {
+            (_, None) => {
+                self.ready.push_back(data("deleted", &json!({"id": id}))?);
+                self.over = true;
+            }
+            (Some(before), Some(size)) if before != size => {
+                let now = self.now("extended").await?;
+                self.ready.push_back(now);
+            }
+            _ => {}
         }
         Ok(())
     }

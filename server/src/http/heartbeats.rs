@@ -3,16 +3,18 @@
 use axum::Json;
 use axum::extract::State;
 use roost_api::ids::WorkerId;
-use roost_api::lease::{Directive, HeartbeatReply, HeartbeatRequest};
+use roost_api::lease::{AttemptBeat, Directive, HeartbeatReply, HeartbeatRequest};
 use roost_api::problem::Problem;
+use serde_json::json;
 
 use super::extract::{Body, Segments};
 use super::problem::ApiError;
 use crate::app::App;
+use crate::document::fault;
 use crate::queue::lease_end;
 use crate::store::Beat;
 
-/// Renews leases, notes progress, and says for each attempt what to do.
+/// Renews leases, notes progress and fresh samples, and says for each attempt what to do.
 #[utoipa::path(post, path = "/v1/workers/{id}/heartbeat", tag = "workers", operation_id = "heartbeat",
     params(("id" = uuid::Uuid, Path, description = "The worker")),
     request_body = HeartbeatRequest,
@@ -25,16 +27,36 @@ pub(crate) async fn heartbeat(
     Segments(worker): Segments<WorkerId>,
     Body(request): Body<HeartbeatRequest>,
 ) -> Result<Json<HeartbeatReply>, ApiError> {
+    let uneven = |(index, beat): (usize, &AttemptBeat)| {
+        let part = beat.samples.iter().position(|part| part.t_s.len() != part.values.len())?;
+        let at = format!("/attempts/{index}/samples/{part}/values");
+        Some(fault(
+            &at,
+            json!(beat.samples[part].values.len()),
+            "another number of samples than of times",
+            "",
+        ))
+    };
+    let faults: Vec<_> = request.attempts.iter().enumerate().filter_map(uneven).collect();
+    if !faults.is_empty() {
+        return Err(ApiError::faults(faults));
+    }
     let until = lease_end(app.clock.lease_now(), app.config.lease);
     let beats = request.attempts.iter().map(|beat| Beat { job_id: beat.job_id, attempt: beat.attempt });
-    let reply = app.store.heartbeat(worker, beats.collect(), app.clock.now(), until).await??;
-    for (beat, answer) in request.attempts.into_iter().zip(&reply.attempts) {
-        if let (Some(progress), Directive::Continue | Directive::Cancel) = (beat.progress, answer.directive) {
-            let sweep = match app.progress.sweep_of(beat.job_id) {
-                Some(sweep) => sweep,
-                None => app.store.sweep_of(beat.job_id).await?,
-            };
+    let mut reply = app.store.heartbeat(worker, beats.collect(), app.clock.now(), until).await??;
+    for (beat, answer) in request.attempts.into_iter().zip(&mut reply.attempts) {
+        if answer.directive == Directive::Abandon || (beat.progress.is_none() && beat.samples.is_empty()) {
+            continue;
+        }
+        let sweep = match app.progress.sweep_of(beat.job_id) {
+            Some(sweep) => sweep,
+            None => app.store.sweep_of(beat.job_id).await?,
+        };
+        if let Some(progress) = beat.progress {
             app.progress.set(beat.job_id, sweep, progress);
+        }
+        if !beat.samples.is_empty() {
+            answer.resend_samples = !app.progress.sample((beat.job_id, beat.attempt), sweep, beat.samples);
         }
     }
     Ok(Json(reply))

@@ -14,7 +14,7 @@ use super::aside::aside;
 use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
 use super::page::{cursor, label, limit, page};
-use super::problem::ApiError;
+use super::problem::{ApiError, Kind};
 use super::submissions::Reserved;
 use crate::app::App;
 use crate::document::read_envelope;
@@ -47,6 +47,7 @@ pub(crate) async fn submit(
         labels: envelope.labels,
         needs: envelope.needs,
         max_wall_s: envelope.max_wall_s,
+        frame_interval_s: envelope.frame_interval_s,
         cache: envelope.cache,
     };
     app.store.insert_job(job, app.clock.now()).await?;
@@ -61,6 +62,10 @@ pub(crate) async fn submit(
 pub(crate) struct JobQuery {
     /// Only jobs in this state.
     state: Option<JobState>,
+    /// Only jobs that failed so.
+    failure: Option<FailureClass>,
+    /// Only jobs of this design point; of one sweep alone.
+    pub(super) point: Option<u32>,
     /// Only jobs with this label: `key` or `key=value`.
     #[serde(default, deserialize_with = "label")]
     #[param(value_type = Option<String>)]
@@ -79,6 +84,8 @@ impl JobQuery {
         Ok(JobFilter {
             sweep: None,
             state: self.state,
+            failure: self.failure,
+            point: self.point,
             label: self.label,
             before: cursor(self.cursor)?,
             limit,
@@ -93,6 +100,10 @@ pub(crate) async fn list(
     State(app): State<App>,
     Params(query): Params<JobQuery>,
 ) -> Result<Json<Page<JobView>>, ApiError> {
+    if query.point.is_some() {
+        let detail = "point is the index of a design point of one sweep: ask /v1/sweeps/{id}/jobs";
+        return Err(ApiError::new(Kind::InvalidQuery, detail));
+    }
     list_filtered(&app, query.filter()?).await
 }
 

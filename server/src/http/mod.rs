@@ -8,6 +8,7 @@ mod claims;
 mod delivery;
 mod events;
 mod extract;
+mod frames;
 mod heartbeats;
 mod jobs;
 mod meshes;
@@ -17,9 +18,11 @@ mod page;
 mod problem;
 mod prune;
 mod results;
+mod series;
 mod spec;
 mod submissions;
 mod sweeps;
+mod tables;
 mod tags;
 #[cfg(test)]
 mod tests;
@@ -88,15 +91,18 @@ fn routes(app: &App) -> OpenApiRouter<App> {
         .routes(routes!(jobs::show))
         .routes(routes!(results::result))
         .routes(routes!(results::series))
+        .routes(routes!(frames::frames))
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::retry))
         .routes(routes!(sweeps::list))
         .routes(routes!(sweeps::show, sweeps::delete))
         .routes(routes!(sweeps::jobs))
-        .routes(routes!(results::table))
+        .routes(routes!(sweeps::spec))
+        .routes(routes!(tables::table))
         .routes(routes!(sweeps::cancel))
         .routes(routes!(sweeps::retry))
         .routes(routes!(results::effects))
+        .routes(routes!(series::of_sweep))
         .routes(routes!(validate::validate))
         .routes(routes!(meta::scenario_schema))
         .routes(routes!(meta::sweep_schema))
@@ -114,6 +120,8 @@ fn routes(app: &App) -> OpenApiRouter<App> {
     let deliveries = OpenApiRouter::new()
         .routes(routes!(attempts::result))
         .routes(routes!(attempts::failure))
+        // Has a limit of its own, since it is not read into memory.
+        .routes(routes!(frames::upload))
         .layer(large);
     let meshes = OpenApiRouter::new()
         .routes(routes!(meshes::upload, meshes::list))

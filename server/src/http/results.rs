@@ -1,4 +1,4 @@
-//! Results: the document and the series of a job, the table of a sweep.
+//! Results: the document and the series of a job, the effects of a sweep.
 
 use axum::Json;
 use axum::extract::State;
@@ -7,10 +7,9 @@ use axum::response::{IntoResponse, Response};
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::problem::Problem;
-use roost_api::sweep::SweepView;
-use roost_api::table::{SweepEffects, SweepPoints, SweepResults, TrialRow};
+use roost_api::table::SweepEffects;
 use roost_api::{RunResult, Series};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
 use super::aside::aside;
@@ -59,16 +58,26 @@ pub(crate) async fn result(
 
 async fn document(app: &App, id: JobId) -> Result<String, ApiError> {
     let stored = app.store.result(id).await?.ok_or(Refusal::NoJob)?;
-    stored.document.ok_or_else(|| {
-        let detail = match stored.state {
-            JobState::Queued | JobState::Running => "its result comes when it has run",
-            JobState::Succeeded | JobState::Failed | JobState::Cancelled => "it left no result",
-        };
-        ApiError::new(Kind::NotFound, format!("the job is {}: {detail}", stored.state))
-    })
+    stored.document.ok_or_else(|| no_result(stored.state))
 }
 
-/// One series of a job's result.
+fn no_result(state: JobState) -> ApiError {
+    let detail = match state {
+        JobState::Queued | JobState::Running => "its result comes when it has run",
+        JobState::Succeeded | JobState::Failed | JobState::Cancelled => "it left no result",
+    };
+    ApiError::new(Kind::NotFound, format!("the job is {state}: {detail}"))
+}
+
+/// A series, and whether more of it is to come.
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    series: &'a Series,
+    partial: bool,
+}
+
+/// One series of a job's result; of a running job what there is so far.
 #[utoipa::path(get, path = "/v1/jobs/{id}/series/{name}", tag = "results", operation_id = "job_series",
     params(("id" = uuid::Uuid, Path, description = "The job"),
            ("name" = String, Path, description = "Name of the series, such as `discharged_mass`"), FormatQuery),
@@ -81,17 +90,28 @@ pub(crate) async fn series(
     Segments((id, name)): Segments<(JobId, String)>,
     Params(query): Params<FormatQuery>,
 ) -> Result<Response, ApiError> {
-    let text = document(&app, id).await?;
-    let result: RunResult = serde_json::from_str(&text).map_err(|error| {
-        ApiError::new(Kind::Internal, format!("the stored result cannot be read: {error}"))
-    })?;
-    let Some(series) = result.series(&name) else {
-        let names: Vec<_> = result.series.iter().map(|series| series.name.as_str()).collect();
+    let stored = app.store.result(id).await?.ok_or(Refusal::NoJob)?;
+    let partial = stored.document.is_none();
+    let all = match stored.document {
+        Some(text) => {
+            let result: RunResult = serde_json::from_str(&text).map_err(|error| {
+                ApiError::new(Kind::Internal, format!("the stored result cannot be read: {error}"))
+            })?;
+            result.series
+        }
+        None if stored.state == JobState::Running => app.progress.series(id),
+        None => Vec::new(),
+    };
+    if all.is_empty() && partial {
+        return Err(no_result(stored.state));
+    }
+    let Some(series) = all.iter().find(|series| series.name == name) else {
+        let names: Vec<_> = all.iter().map(|series| series.name.as_str()).collect();
         let detail = format!("the result has no series `{name}`; it has {}", names.join(", "));
         return Err(ApiError::new(Kind::NotFound, detail));
     };
     Ok(match query.format {
-        Format::Json => Json(series).into_response(),
+        Format::Json => Json(Told { series, partial }).into_response(),
         Format::Csv => csv(series_csv(series)?),
     })
 }
@@ -108,88 +128,6 @@ fn series_csv(series: &Series) -> Result<String, ApiError> {
     };
     let bytes = write().map_err(|error| ApiError::new(Kind::Internal, error.to_string()))?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
-}
-
-/// How the result table of a sweep is written.
-#[derive(Clone, Copy, Default, Deserialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum TableFormat {
-    /// JSON.
-    #[default]
-    Json,
-    /// Comma-separated values with a header line.
-    Csv,
-    /// Apache Parquet.
-    Parquet,
-}
-
-/// What a row of the result table is.
-#[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum By {
-    /// A trial.
-    #[default]
-    Trial,
-    /// A design point, its replicates summed up.
-    Point,
-}
-
-/// How to write the result table of a sweep.
-#[derive(Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub(crate) struct TableQuery {
-    /// `json` unless given.
-    #[serde(default)]
-    #[param(inline)]
-    format: TableFormat,
-    /// What a row is: `trial` unless given.
-    #[serde(default)]
-    #[param(inline)]
-    by: By,
-}
-
-/// The result table of a sweep: one row a trial, or one a design point with mean, deviation and 95 % interval.
-#[utoipa::path(get, path = "/v1/sweeps/{id}/results", tag = "results", operation_id = "sweep_results",
-    params(("id" = uuid::Uuid, Path, description = "The sweep"), TableQuery),
-    responses((status = 200, description = "The table: `SweepResults`, or `SweepPoints` by point",
-               content((Object = "application/json"), (String = "text/csv"),
-                       (String = "application/vnd.apache.parquet"))),
-              (status = 404, description = "No such sweep", body = Problem,
-               content_type = "application/problem+json")))]
-pub(crate) async fn table(
-    State(app): State<App>,
-    Segments(id): Segments<SweepId>,
-    Params(query): Params<TableQuery>,
-) -> Result<Response, ApiError> {
-    let sweep = view(&app, id).await?;
-    let trials = app.store.trials(id).await?;
-    aside(move || written(sweep, trials, &query)).await?
-}
-
-fn written(sweep: SweepView, trials: Vec<TrialRow>, query: &TableQuery) -> Result<Response, ApiError> {
-    let unwritten = |error: &dyn std::fmt::Display| {
-        ApiError::new(Kind::Internal, format!("the table cannot be written: {error}"))
-    };
-    let points = (query.by == By::Point).then(|| sweep::by_point(&trials));
-    let columns = || match &points {
-        Some(points) => sweep::of_points(&sweep.factors, points),
-        None => sweep::of_trials(&sweep.factors, &trials),
-    };
-    Ok(match query.format {
-        TableFormat::Csv => {
-            let text = sweep::csv(&columns()).map_err(|error| unwritten(&error))?;
-            csv(String::from_utf8_lossy(&text).into_owned())
-        }
-        TableFormat::Parquet => {
-            let bytes = sweep::to_parquet(&columns()).map_err(|error| unwritten(&error))?;
-            ([(header::CONTENT_TYPE, "application/vnd.apache.parquet")], bytes).into_response()
-        }
-        TableFormat::Json => match points {
-            Some(points) => Json(SweepPoints { sweep, points }).into_response(),
-            None => Json(SweepResults { sweep, trials }).into_response(),
-        },
-    })
 }
 
 /// How each factor of a sweep acts on each response: main effects and rank correlations.
@@ -209,6 +147,6 @@ pub(crate) async fn effects(
     Ok(Json(SweepEffects { sweep, responses }))
 }
 
-fn csv(text: String) -> Response {
+pub(super) fn csv(text: String) -> Response {
     ([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], text).into_response()
 }

@@ -3,12 +3,13 @@
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, header};
+use axum::response::{IntoResponse, Response};
 use roost_api::design::Extension;
 use roost_api::ids::SweepId;
 use roost_api::job::JobView;
 use roost_api::page::Page;
 use roost_api::problem::Problem;
-use roost_api::sweep::{Deletion, SweepSpec, SweepView};
+use roost_api::sweep::{Deletion, SCHEMA, SweepSpec, SweepView};
 use serde::Deserialize;
 use serde_json::json;
 use utoipa::IntoParams;
@@ -44,8 +45,10 @@ pub(crate) async fn submit(
     let _open = app.mesh_gate.read().await;
     let meshes = at_hand(&app, &document).await?;
     let sweep = aside(move || {
+        let mut submitted = document.clone();
         let (spec, expansion) = sweep::read(document, &meshes, limits).map_err(ApiError::faults)?;
-        NewSweep::new(id, spec, &expansion).map_err(ApiError::from)
+        submitted["schema"] = json!(SCHEMA);
+        NewSweep::new(id, &submitted, spec, &expansion).map_err(ApiError::from)
     });
     app.store.insert_sweep(sweep.await??, app.clock.now()).await?;
     app.work.notify_waiters();
@@ -99,6 +102,20 @@ pub(crate) async fn show(
     Segments(id): Segments<SweepId>,
 ) -> Result<Json<SweepView>, ApiError> {
     view(&app, id).await.map(Json)
+}
+
+/// The sweep as it was submitted: to be changed and submitted anew.
+#[utoipa::path(get, path = "/v1/sweeps/{id}/spec", tag = "sweeps", operation_id = "sweep_spec",
+    params(("id" = uuid::Uuid, Path, description = "The sweep")),
+    responses((status = 200, description = "The document `roost.sweep/1`", body = SweepSpec),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn spec(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Response, ApiError> {
+    let text = app.store.sweep_spec(id).await?.ok_or(Refusal::NoSweep)?;
+    Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response())
 }
 
 /// The sweep as it is now.

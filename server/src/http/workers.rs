@@ -83,6 +83,7 @@ pub(crate) async fn list(
     State(app): State<App>,
     Params(query): Params<WorkerQuery>,
 ) -> Result<Json<Page<WorkerView>>, ApiError> {
-    let (workers, next) = app.store.workers(query.cursor, limit(query.limit)?).await?;
+    let (mut workers, next) = app.store.workers(query.cursor, limit(query.limit)?).await?;
+    workers.iter_mut().for_each(|worker| app.progress.show_runs(worker));
     Ok(Json(page(workers, next)))
 }

@@ -5,12 +5,12 @@ use std::path::Path;
 
 use sqlx::{Connection, SqliteConnection};
 
-use super::{StoreError, connect, options};
+use super::{OBJECTS, StoreError, connect, objects, options};
 
 /// What a copy holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Copied {
-    /// Bytes of the file.
+    /// Bytes of the file, and of the objects beside it.
     pub bytes: u64,
     /// Jobs in it.
     pub jobs: u64,
@@ -19,24 +19,28 @@ pub struct Copied {
 }
 
 /// Copies a database, as it is at one moment, to a file that is not there yet. Whoever writes to it goes on meanwhile.
+/// The objects that it names come first to stand beside it, those that are there.
 pub(crate) async fn copy(from: &Path, to: &Path) -> Result<Copied, StoreError> {
     let beside = to.with_extension("part");
     let _ = fs::remove_file(&beside); // what a copy that broke off has left
     let (mut source, _) = connect(options(from).create_if_missing(false)).await?;
     sqlx::query("VACUUM INTO ?").bind(beside.display().to_string()).execute(&mut source).await?;
     source.close().await?;
-    let copied = inspect(&beside).await?;
+    let (copied, objects) = inspect(&beside).await?;
+    let (there, here) = (from.with_file_name(OBJECTS), to.with_file_name(OBJECTS));
+    let copying = tokio::task::spawn_blocking(move || objects::copy(&there, &here, &objects));
+    let beside_it = copying.await.map_err(std::io::Error::other)??;
     // SQLite does not flush what it vacuums into.
     let sync = |path: &Path| File::open(path).and_then(|file| file.sync_all());
     sync(&beside).and_then(|()| fs::rename(&beside, to)).map_err(sqlx::Error::Io)?;
     if let Some(folder) = to.parent() {
         sync(folder).map_err(sqlx::Error::Io)?;
     }
-    Ok(copied)
+    Ok(Copied { bytes: copied.bytes + beside_it, ..copied })
 }
 
-/// Whether a file is a sound database of ours, and what it holds.
-async fn inspect(path: &Path) -> Result<Copied, StoreError> {
+/// Whether a file is a sound database of ours, what it holds and which objects it names.
+async fn inspect(path: &Path) -> Result<(Copied, Vec<String>), StoreError> {
     let (mut copy, _) = connect(options(path).create_if_missing(false)).await?;
     let verdict: String = sqlx::query_scalar("PRAGMA quick_check").fetch_one(&mut copy).await?;
     if verdict != "ok" {
@@ -47,8 +51,19 @@ async fn inspect(path: &Path) -> Result<Copied, StoreError> {
     };
     let jobs = count(&mut copy, "SELECT count(*) FROM jobs").await?;
     let results = count(&mut copy, "SELECT count(*) FROM results").await?;
+    let objects = named(&mut copy).await?;
     // Leaves one file: no log beside it.
     copy.close().await?;
     let bytes = fs::metadata(path).map_err(sqlx::Error::Io)?.len();
-    Ok(Copied { bytes, jobs, results })
+    Ok((Copied { bytes, jobs, results }, objects))
+}
+
+/// The objects that a database names; one that has not been brought to this version may know none.
+async fn named(copy: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
+    let sql = "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = 'frames')";
+    let knows: bool = sqlx::query_scalar(sql).fetch_one(&mut *copy).await?;
+    if !knows {
+        return Ok(Vec::new());
+    }
+    Ok(sqlx::query_scalar("SELECT DISTINCT object FROM frames").fetch_all(copy).await?)
 }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use roost_api::frames::FramesOrder;
 use roost_api::ids::WorkerId;
 use roost_api::lease::ClaimedAttempt;
 use serde_json::json;
@@ -44,7 +45,7 @@ pub(super) const TAKE: &str = "
         lease_expires_at = took.value ->> 'until', started_at = took.value ->> 'at',
         deadline = took.value ->> 'until' + CAST(max_wall_s * 1000 AS INTEGER)
     FROM json_each(?) AS took WHERE jobs.seq = took.value ->> 'seq'
-    RETURNING id, attempt, max_wall_s, lease_expires_at, priority, turn, seq,
+    RETURNING id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, turn, seq,
               (SELECT body FROM scenarios WHERE scenarios.digest = jobs.digest) AS scenario;
     INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at)
     SELECT j.id, j.attempt, j.worker_id, took.value ->> 'request', took.value ->> 'at'
@@ -60,7 +61,7 @@ pub(super) const REPEAT: &str = "
     FROM attempts a
     WHERE a.request_id = ? AND a.worker_id = ? AND a.outcome IS NULL
       AND jobs.id = a.job_id AND jobs.attempt = a.number AND jobs.state = 'running'
-    RETURNING id, attempt, max_wall_s, lease_expires_at, priority, turn, seq,
+    RETURNING id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, turn, seq,
               (SELECT body FROM scenarios WHERE scenarios.digest = jobs.digest) AS scenario";
 
 /// Notes that workers were heard of; asks what each is and holds, whether it has failed, and whether its request is a repeat.
@@ -81,6 +82,8 @@ pub(crate) struct Claim {
     pub(crate) worker: WorkerId,
     pub(crate) max_jobs: u32,
     pub(crate) lease: Duration,
+    /// Bytes that the frames of an attempt may have.
+    pub(crate) max_frames_bytes: u64,
 }
 
 /// What it got.
@@ -126,7 +129,7 @@ impl Store {
             Ok(got) => got,
             Err(refusal) => return Ok(Err(refusal)),
         };
-        let attempts = got.rows.iter().map(attempt).collect::<Result<_, _>>()?;
+        let attempts = got.rows.iter().map(|row| attempt(row, claim)).collect::<Result<_, _>>()?;
         Ok(Ok(Claimed { attempts, held_back: got.held_back }))
     }
 
@@ -269,12 +272,15 @@ async fn take(
 }
 
 /// A claimed row as the worker gets it.
-fn attempt(row: &SqliteRow) -> Result<ClaimedAttempt, StoreError> {
+fn attempt(row: &SqliteRow, claim: Claim) -> Result<ClaimedAttempt, StoreError> {
+    let interval_s: Option<f64> = row.column("frame_interval_s")?;
+    let limit_bytes = claim.max_frames_bytes;
     Ok(ClaimedAttempt {
         job_id: row.parsed("id")?,
         attempt: row.number("attempt")?,
         scenario: row.json("scenario")?,
         max_wall_s: row.column("max_wall_s")?,
+        frames: interval_s.map(|interval_s| FramesOrder { interval_s, limit_bytes }),
         lease_expires_at: row.moment("lease_expires_at")?,
     })
 }

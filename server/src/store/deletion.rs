@@ -1,5 +1,5 @@
 //! Deleting sweeps: first the sweep is gone for everybody, in one transaction, then its rows go in pieces, so that a large one
-//! keeps no heartbeat waiting. What a server did not come to is done when the next one starts.
+//! keeps no heartbeat waiting; objects that no row names any more follow. What a server did not come to is done when the next one starts.
 
 use roost_api::ids::SweepId;
 use roost_api::sweep::Deletion;
@@ -20,7 +20,9 @@ impl Store {
                     (SELECT count(*) FROM jobs WHERE sweep_id = s.id) AS jobs,
                     (SELECT count(*) FROM jobs WHERE sweep_id = s.id AND ended_at IS NULL) AS unended,
                     (SELECT count(*) FROM jobs j JOIN attempts a ON a.job_id = j.id WHERE j.sweep_id = s.id) AS attempts,
-                    (SELECT count(*) FROM jobs j JOIN results r ON r.job_id = j.id WHERE j.sweep_id = s.id) AS results
+                    (SELECT count(*) FROM jobs j JOIN results r ON r.job_id = j.id WHERE j.sweep_id = s.id) AS results,
+                    (SELECT coalesce(sum(f.bytes), 0) FROM jobs j JOIN frames f ON f.job_id = j.id WHERE j.sweep_id = s.id)
+                        AS frames_bytes
              FROM sweeps s WHERE id = ? AND deleting = 0",
         )
         .bind(id.to_string())
@@ -34,6 +36,7 @@ impl Store {
             unended: row.number("unended")?,
             attempts: row.number("attempts")?,
             results: row.number("results")?,
+            frames_bytes: row.number("frames_bytes")?,
         }))
     }
 
@@ -76,9 +79,14 @@ impl Store {
                 })
             })
             .await?;
-        while marked
-            && self.writer.write(move |tx| Box::pin(async move { piece(tx, &id.to_string()).await })).await?
-        {
+        let mut more = marked;
+        while more {
+            let objects;
+            (more, objects) = self
+                .writer
+                .write(move |tx| Box::pin(async move { piece(tx, &id.to_string()).await }))
+                .await?;
+            self.remove_unnamed(&objects).await?;
         }
         Ok(marked)
     }
@@ -87,7 +95,8 @@ impl Store {
 impl Store {
     /// Deletes some jobs of no sweep that ended before then; returns how many.
     pub(super) async fn delete_single_jobs(&self, then: Timestamp) -> Result<u64, StoreError> {
-        self.writer
+        let (gone, objects) = self
+            .writer
             .write(move |tx| {
                 Box::pin(async move {
                     let jobs: Vec<(String, String)> = sqlx::query_as(
@@ -97,11 +106,13 @@ impl Store {
                     .bind(PIECE)
                     .fetch_all(&mut *tx)
                     .await?;
-                    delete_jobs(tx, &jobs).await?;
-                    Ok(jobs.len() as u64)
+                    let objects = delete_jobs(tx, &jobs).await?;
+                    Ok((jobs.len() as u64, objects))
                 })
             })
-            .await
+            .await?;
+        self.remove_unnamed(&objects).await?;
+        Ok(gone)
     }
 }
 
@@ -110,22 +121,24 @@ pub(super) async fn finish(connection: &mut SqliteConnection) -> Result<(), Stor
     let left: Vec<String> =
         sqlx::query_scalar("SELECT id FROM sweeps WHERE deleting = 1").fetch_all(&mut *connection).await?;
     for id in left {
-        while piece(connection, &id).await? {}
+        // Objects that no row names any more are found later.
+        while piece(connection, &id).await?.0 {}
     }
     Ok(())
 }
 
-/// Deletes some jobs with all that hangs on them, and the sweep after the last. Returns whether there is more to do.
-async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<bool, StoreError> {
+/// Deletes some jobs with all that hangs on them, and the sweep after the last. Returns whether there is more to do, and the
+/// objects that these jobs named.
+async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<(bool, Vec<String>), StoreError> {
     let jobs: Vec<(String, String)> =
         sqlx::query_as("SELECT id, digest FROM jobs WHERE sweep_id = ? LIMIT ?")
             .bind(id)
             .bind(PIECE)
             .fetch_all(&mut *tx)
             .await?;
-    delete_jobs(tx, &jobs).await?;
+    let objects = delete_jobs(tx, &jobs).await?;
     if jobs.len() as i64 == PIECE {
-        return Ok(true);
+        return Ok((true, objects));
     }
     for sql in [
         "DELETE FROM points WHERE sweep_id = ?",
@@ -134,11 +147,15 @@ async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<bool, StoreError> 
     ] {
         sqlx::query(sql).bind(id).execute(&mut *tx).await?;
     }
-    Ok(false)
+    Ok((false, objects))
 }
 
-/// Deletes jobs, each with the digest of its scenario, and all that hangs on them.
-async fn delete_jobs(tx: &mut SqliteConnection, jobs: &[(String, String)]) -> Result<(), StoreError> {
+/// Deletes jobs, each with the digest of its scenario, and all that hangs on them. Returns the objects that they named.
+async fn delete_jobs(
+    tx: &mut SqliteConnection,
+    jobs: &[(String, String)],
+) -> Result<Vec<String>, StoreError> {
+    let mut objects = Vec::new();
     for (job, digest) in jobs {
         let documents: Vec<String> = sqlx::query_scalar(
             "SELECT document FROM results WHERE job_id = ?
@@ -148,6 +165,12 @@ async fn delete_jobs(tx: &mut SqliteConnection, jobs: &[(String, String)]) -> Re
         .bind(job)
         .fetch_all(&mut *tx)
         .await?;
+        let object: Option<String> =
+            sqlx::query_scalar("DELETE FROM frames WHERE job_id = ? RETURNING object")
+                .bind(job)
+                .fetch_optional(&mut *tx)
+                .await?;
+        objects.extend(object);
         for sql in [
             "DELETE FROM results WHERE job_id = ?",
             "DELETE FROM attempts WHERE job_id = ?",
@@ -172,5 +195,5 @@ async fn delete_jobs(tx: &mut SqliteConnection, jobs: &[(String, String)]) -> Re
         .execute(&mut *tx)
         .await?;
     }
-    Ok(())
+    Ok(objects)
 }

@@ -143,5 +143,11 @@ fn directive(beat: Beat, effect: BeatEffect) -> AttemptDirective {
         BeatEffect::Renew { cancel: true, .. } => (Directive::Cancel, None),
         BeatEffect::Abandon => (Directive::Abandon, None),
     };
-    AttemptDirective { job_id: beat.job_id, attempt: beat.attempt, directive, lease_expires_at }
+    AttemptDirective {
+        job_id: beat.job_id,
+        attempt: beat.attempt,
+        directive,
+        lease_expires_at,
+        resend_samples: false,
+    }
 }

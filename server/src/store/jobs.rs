@@ -1,10 +1,11 @@
 //! Jobs as the API shows them.
 
 use roost_api::ids::{JobId, SweepId};
-use roost_api::job::{JobState, JobView};
+use roost_api::job::{FailureClass, JobState, JobView};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Sqlite};
 
+use super::frames::frames_view;
 use super::rows::Columns;
 use super::{Store, StoreError};
 
@@ -15,6 +16,10 @@ pub(crate) struct JobFilter {
     pub sweep: Option<SweepId>,
     /// Only in this state.
     pub state: Option<JobState>,
+    /// Only what failed so.
+    pub failure: Option<FailureClass>,
+    /// Only of this design point.
+    pub point: Option<u32>,
     /// Only with this label, and this value of it if given.
     pub label: Option<(String, Option<String>)>,
     /// Only older than this row.
@@ -23,10 +28,11 @@ pub(crate) struct JobFilter {
     pub limit: u32,
 }
 
-const VIEW: &str = "SELECT j.*, p.levels, r.responses
+const VIEW: &str = "SELECT j.*, p.levels, r.responses, f.bytes AS frames_bytes, f.count AS frames_count, f.stopped AS frames_stopped
     FROM jobs j
     LEFT JOIN points p ON p.sweep_id = j.sweep_id AND p.idx = j.point
-    LEFT JOIN results r ON r.job_id = j.id ";
+    LEFT JOIN results r ON r.job_id = j.id
+    LEFT JOIN frames f ON f.job_id = j.id AND f.attempt = j.attempt ";
 
 impl Store {
     /// One job.
@@ -52,7 +58,9 @@ impl Store {
     /// Jobs, newest first, and the row that the next page starts before.
     pub(crate) async fn jobs(&self, filter: JobFilter) -> Result<(Vec<JobView>, Option<i64>), StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new(VIEW);
-        query.push("WHERE j.seq < ").push_bind(filter.before.unwrap_or(i64::MAX));
+        // A point has few jobs: they are found by it and then sorted. The sign keeps SQLite from going by the order instead.
+        let order = if filter.point.is_some() { "+j.seq" } else { "j.seq" };
+        query.push(format!("WHERE {order} < ")).push_bind(filter.before.unwrap_or(i64::MAX));
         if let Some(sweep) = filter.sweep {
             query.push(" AND j.sweep_id = ").push_bind(sweep.to_string());
         }
@@ -62,10 +70,16 @@ impl Store {
                 query.push(" AND j.ended_at IS NOT NULL"); // says nothing new, but lets `jobs_ended` serve
             }
         }
+        if let Some(class) = filter.failure {
+            query.push(" AND j.failure_class = ").push_bind(class.as_str());
+        }
+        if let Some(point) = filter.point {
+            query.push(" AND j.point = ").push_bind(point);
+        }
         if let Some((key, value)) = filter.label {
             push_label(&mut query, "j.labels", key, value);
         }
-        query.push(" ORDER BY j.seq DESC LIMIT ").push_bind(i64::from(filter.limit) + 1);
+        query.push(format!(" ORDER BY {order} DESC LIMIT ")).push_bind(i64::from(filter.limit) + 1);
         let mut rows = query.build().fetch_all(&self.readers).await?;
         let more = rows.len() > filter.limit as usize;
         rows.truncate(filter.limit as usize);
@@ -112,6 +126,7 @@ fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
         failure_class: row.parsed_opt("failure_class")?,
         failure_message: row.column("failure_message")?,
         from_cache: row.column("from_cache")?,
+        frames: frames_view(row)?,
         responses: row.json("responses")?,
         submitted_at: row.moment("submitted_at")?,
         started_at: row.moment_opt("started_at")?,

@@ -1,4 +1,4 @@
-//! Everything that is kept, and all SQL: one SQLite file, one writer, readers beside it.
+//! Everything that is kept, and all SQL: one SQLite file, one writer, readers beside it, and a folder of large objects.
 //!
 //! A method is one question or one transaction. Transactions read the facts, let `queue` decide, and carry the
 //! decision out; they take `now` as an argument. sqlx is used nowhere else.
@@ -11,10 +11,12 @@ mod deliveries;
 mod events;
 mod extension;
 mod facts;
+mod frames;
 mod heartbeats;
 mod job_control;
 mod jobs;
 mod meshes;
+mod objects;
 mod prune;
 mod results;
 mod rows;
@@ -47,12 +49,15 @@ pub(crate) use backup::copy;
 pub(crate) use claims::Claim;
 pub(crate) use deliveries::StoredResult;
 pub(crate) use extension::MoreOfSweep;
+pub(crate) use frames::StoredFrames;
 pub(crate) use heartbeats::Beat;
 pub(crate) use jobs::JobFilter;
+pub(crate) use objects::Unstaged;
 pub(crate) use submissions::{Answered, Known, Submission};
 pub(crate) use submit::{NewJob, NewSweep};
 pub(crate) use tokens::Token;
 pub use tokens::TokenFile;
+pub(crate) use trials::{DOCUMENTS, Documented};
 pub(crate) use versions::Subject;
 use writer::Writer;
 
@@ -80,6 +85,12 @@ pub enum StoreError {
     /// One failure of many pieces.
     #[error(transparent)]
     Shared(Arc<StoreError>),
+    /// An object could not be read or written.
+    #[error("an object could not be read or written")]
+    Object(#[from] object_store::Error),
+    /// A folder could not be used.
+    #[error("a folder of the data directory could not be used")]
+    Folder(#[from] std::io::Error),
     /// The writer has stopped.
     #[error("the database writer has stopped")]
     WriterGone,
@@ -112,6 +123,8 @@ impl StoreError {
             Self::Sql(error) => error,
             Self::Commit(error) => error.as_ref(),
             Self::Shared(error) => return error.hindrance(),
+            Self::Object(error) => return is_full(error).then_some(Hindrance::Full),
+            Self::Folder(error) => return is_full(error).then_some(Hindrance::Full),
             _ => return None,
         };
         let code: i32 = error.as_database_error()?.code()?.parse().ok()?;
@@ -137,7 +150,20 @@ impl StoreError {
     }
 }
 
-/// The database.
+/// Whether a full disk is at the bottom of it.
+fn is_full(error: &(dyn std::error::Error + 'static)) -> bool {
+    let mut causes = std::iter::successors(Some(error), |error| error.source());
+    causes.any(|cause| {
+        cause
+            .downcast_ref::<std::io::Error>()
+            .is_some_and(|error| error.kind() == std::io::ErrorKind::StorageFull)
+    })
+}
+
+/// The folder of objects, beside the database.
+const OBJECTS: &str = "objects";
+
+/// The database, and what lies beside it.
 pub(crate) struct Store {
     writer: Arc<Writer>,
     beats: heartbeats::Collected,
@@ -145,12 +171,14 @@ pub(crate) struct Store {
     results: deliveries::Collected,
     versions: versions::Cache,
     readers: SqlitePool,
+    objects: objects::Objects,
     sqlite_version: String,
 }
 
 impl Store {
     /// Opens the database at `path`, made and migrated as needed.
     pub(crate) async fn open(path: &Path) -> Result<Self, StoreError> {
+        let objects = objects::Objects::open(&path.with_file_name(OBJECTS))?;
         let options = options(path);
         let (mut connection, sqlite_version) =
             connect(options.clone().pragma("cache_size", WRITER_CACHE_KIB)).await?;
@@ -166,7 +194,8 @@ impl Store {
         let beats = heartbeats::collect(writer.clone());
         let claims = claims::collect(writer.clone());
         let results = deliveries::collect(writer.clone());
-        Ok(Self { writer, beats, claims, results, versions: Default::default(), readers, sqlite_version })
+        let versions = versions::Cache::default();
+        Ok(Self { writer, beats, claims, results, versions, readers, objects, sqlite_version })
     }
 
     /// Writes out what is under way and closes the file.

@@ -9,6 +9,7 @@ use roost_api::sweep::SweepSpec;
 use roost_api::time::Timestamp;
 use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::Scenario;
+use serde_json::Value;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::rows::to_json;
@@ -29,6 +30,8 @@ pub(crate) struct NewJob {
     pub needs: Needs,
     /// Longest wall time, in seconds.
     pub max_wall_s: Option<f64>,
+    /// Simulated time from frame to frame, in seconds; none without it.
+    pub frame_interval_s: Option<f64>,
     /// Whether the result may come from the store.
     pub cache: Cache,
 }
@@ -46,11 +49,16 @@ pub(crate) struct NewSweep {
 }
 
 impl NewSweep {
-    /// Writes a sweep out.
-    pub(crate) fn new(id: SweepId, spec: SweepSpec, expansion: &Expansion) -> Result<Self, StoreError> {
+    /// Writes a sweep out, and it itself as it was submitted.
+    pub(crate) fn new(
+        id: SweepId,
+        submitted: &Value,
+        spec: SweepSpec,
+        expansion: &Expansion,
+    ) -> Result<Self, StoreError> {
         Ok(Self {
             id,
-            text: to_json("sweep", &spec)?,
+            text: to_json("sweep", submitted)?,
             factors: to_json("factors", &expansion.factors)?,
             replicates: expansion.replicates,
             levels: levels(&expansion.points)?,
@@ -84,6 +92,7 @@ pub(super) struct Shared {
     labels: String,
     needs: Needs,
     max_wall_s: Option<f64>,
+    frame_interval_s: Option<f64>,
     cache: Cache,
 }
 
@@ -98,6 +107,7 @@ impl Shared {
             labels: to_json("labels", &spec.labels)?,
             needs: spec.needs.clone(),
             max_wall_s: spec.max_wall_s,
+            frame_interval_s: spec.frame_interval_s,
             cache: spec.cache,
         })
     }
@@ -123,6 +133,7 @@ impl Store {
             labels: to_json("labels", &job.labels)?,
             needs: job.needs,
             max_wall_s: job.max_wall_s,
+            frame_interval_s: job.frame_interval_s,
             cache: job.cache,
         };
         self.writer
@@ -221,7 +232,7 @@ pub(super) async fn insert(
 
         let mut query = QueryBuilder::<Sqlite>::new(
             "INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, turn, labels,
-             needs_backend, needs_memory_mib, max_wall_s, cache, submitted_at) ",
+             needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, submitted_at) ",
         );
         query.push_values(rows.iter().enumerate(), |mut row, (index, draft)| {
             row.push_bind(draft.id.to_string())
@@ -236,6 +247,7 @@ pub(super) async fn insert(
                 .push_bind(&shared.needs.backend)
                 .push_bind(shared.needs.memory_mib)
                 .push_bind(shared.max_wall_s)
+                .push_bind(shared.frame_interval_s)
                 .push_bind(shared.cache.as_str())
                 .push_bind(now.0);
         });
@@ -244,13 +256,16 @@ pub(super) async fn insert(
     if shared.cache == Cache::Use { answer_from_cache(tx, newest, now).await } else { Ok(()) }
 }
 
-/// Settles the queued jobs after `newest` whose scenario this solver revision has run before.
+/// Settles the queued jobs after `newest` whose scenario this solver revision has run before; where frames are asked for, that run
+/// must have recorded some, and these are theirs.
 async fn answer_from_cache(tx: &mut SqliteConnection, newest: i64, now: Timestamp) -> Result<(), StoreError> {
     let answered = sqlx::query(
         "INSERT INTO results
          SELECT jobs.id, 0, old.digest, old.solver_revision, old.backend, old.responses, old.document, ?
          FROM jobs JOIN results AS old ON old.job_id =
-             (SELECT job_id FROM results WHERE digest = jobs.digest AND solver_revision = ? LIMIT 1)
+             (SELECT job_id FROM results WHERE digest = jobs.digest AND solver_revision = ?
+              AND (jobs.frame_interval_s IS NULL OR EXISTS (SELECT 1 FROM frames WHERE job_id = results.job_id))
+              LIMIT 1)
          WHERE jobs.seq > ?",
     )
     .bind(now.0)
@@ -265,6 +280,19 @@ async fn answer_from_cache(tx: &mut SqliteConnection, newest: i64, now: Timestam
              WHERE seq > ? AND EXISTS (SELECT 1 FROM results WHERE job_id = jobs.id)",
         )
         .bind(now.0)
+        .bind(newest)
+        .execute(&mut *tx)
+        .await?;
+        sqlx::query(
+            "INSERT INTO frames
+             SELECT jobs.id, 0, old.object, old.bytes, old.count, old.stopped, ?
+             FROM jobs JOIN frames AS old ON old.job_id =
+                 (SELECT results.job_id FROM results JOIN frames USING (job_id)
+                  WHERE results.digest = jobs.digest AND solver_revision = ? LIMIT 1)
+             WHERE jobs.seq > ? AND jobs.from_cache = 1",
+        )
+        .bind(now.0)
+        .bind(SOLVER_REVISION)
         .bind(newest)
         .execute(&mut *tx)
         .await?;

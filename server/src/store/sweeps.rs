@@ -3,16 +3,23 @@
 use std::collections::HashMap;
 
 use roost_api::ids::SweepId;
-use roost_api::sweep::{StateCounts, SweepView};
+use roost_api::sweep::{FailureCounts, StateCounts, SweepView};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Sqlite};
 
 use super::jobs::push_label;
-use super::rows::Columns;
+use super::rows::{Columns, to_json};
 use super::{Store, StoreError};
 
 /// Without the specification, which may be long, and without those that are being deleted.
 const VIEW: &str = "SELECT seq, id, name, design, points, replicates, factors, labels, submitted_at FROM sweeps WHERE deleting = 0";
+
+/// Jobs of each sweep by state, from the index alone.
+pub(super) const COUNTS: &str = "SELECT sweep_id, state, count(*) AS jobs FROM jobs
+    WHERE sweep_id IN (SELECT value FROM json_each(?)) GROUP BY sweep_id, state";
+/// Those that failed by class, from an index that has no others.
+pub(super) const FAILURES: &str = "SELECT sweep_id, failure_class, count(*) AS jobs FROM jobs
+    WHERE sweep_id IN (SELECT value FROM json_each(?)) AND failure_class IS NOT NULL GROUP BY sweep_id, failure_class";
 
 impl Store {
     /// One sweep.
@@ -22,6 +29,18 @@ impl Store {
             query.push(" AND id = ").push_bind(id.to_string()).build().fetch_optional(&self.readers).await?;
         let Some(row) = row else { return Ok(None) };
         Ok(self.with_counts(vec![sweep_view(&row)?]).await?.pop())
+    }
+
+    /// A sweep as it was submitted, as JSON text.
+    pub(crate) async fn sweep_spec(&self, id: SweepId) -> Result<Option<String>, StoreError> {
+        let sql = "SELECT spec FROM sweeps WHERE id = ? AND deleting = 0";
+        Ok(sqlx::query_scalar(sql).bind(id.to_string()).fetch_optional(&self.readers).await?)
+    }
+
+    /// Points and replicates of a sweep; none once it is deleted.
+    pub(crate) async fn sweep_size(&self, id: SweepId) -> Result<Option<(u32, u32)>, StoreError> {
+        let sql = "SELECT points, replicates FROM sweeps WHERE id = ? AND deleting = 0";
+        Ok(sqlx::query_as(sql).bind(id.to_string()).fetch_optional(&self.readers).await?)
     }
 
     /// Sweeps, newest first, and the row that the next page starts before.
@@ -53,21 +72,21 @@ impl Store {
         if views.is_empty() {
             return Ok(views);
         }
-        let mut query = QueryBuilder::<Sqlite>::new(
-            "SELECT sweep_id, state, count(*) AS jobs FROM jobs WHERE sweep_id IN (",
-        );
-        let mut ids = query.separated(", ");
-        for view in &views {
-            ids.push_bind(view.id.to_string());
-        }
-        query.push(") GROUP BY sweep_id, state");
+        let ids: Vec<_> = views.iter().map(|view| view.id).collect();
+        let ids = to_json("ids", &ids)?;
         let mut counts: HashMap<SweepId, StateCounts> = HashMap::new();
-        for row in query.build().fetch_all(&self.readers).await? {
+        for row in sqlx::query(COUNTS).bind(&ids).fetch_all(&self.readers).await? {
             let counts = counts.entry(row.parsed("sweep_id")?).or_default();
             *counts.of(row.parsed("state")?) = row.number("jobs")?;
         }
+        let mut failures: HashMap<SweepId, FailureCounts> = HashMap::new();
+        for row in sqlx::query(FAILURES).bind(&ids).fetch_all(&self.readers).await? {
+            let failures = failures.entry(row.parsed("sweep_id")?).or_default();
+            *failures.of(row.parsed("failure_class")?) = row.number("jobs")?;
+        }
         for view in &mut views {
             view.counts = counts.get(&view.id).copied().unwrap_or_default();
+            view.failures = failures.get(&view.id).copied().unwrap_or_default();
             view.fraction = view.counts.ended() as f64 / view.counts.total().max(1) as f64;
         }
         Ok(views)
@@ -83,6 +102,7 @@ fn sweep_view(row: &SqliteRow) -> Result<SweepView, StoreError> {
         replicates: row.number("replicates")?,
         factors: row.json("factors")?,
         counts: StateCounts::default(),
+        failures: FailureCounts::default(),
         fraction: 0.0,
         submitted_at: row.moment("submitted_at")?,
     })

@@ -64,6 +64,16 @@ async fn what_runs_often_is_indexed() {
             "SELECT state, count(*) FROM jobs WHERE sweep_id IN ('a') GROUP BY sweep_id, state",
             "jobs_by_sweep",
         ),
+        (super::sweeps::COUNTS, "COVERING INDEX jobs_by_sweep"),
+        (super::sweeps::FAILURES, "COVERING INDEX jobs_failed_of_sweep"),
+        (
+            "SELECT * FROM jobs j WHERE j.seq < 9 AND j.sweep_id = 'a' AND j.failure_class = ? ORDER BY j.seq DESC",
+            "jobs_failed_of_sweep",
+        ),
+        ("SELECT * FROM jobs j WHERE j.seq < 9 AND j.failure_class = ? ORDER BY j.seq DESC", "jobs_failed"),
+        (format!("SELECT j.id FROM jobs j {}", super::trials::FROM).as_str(), "jobs_by_point"),
+        ("SELECT * FROM jobs j WHERE +j.seq < 9 AND j.sweep_id = 'a' AND j.point = 3", "jobs_by_point"),
+        ("SELECT 1 FROM frames WHERE object = 'a'", "frames_by_object"),
         ("SELECT * FROM jobs WHERE sweep_id = 'a' AND seq < 9 ORDER BY seq DESC", "jobs_of_sweep"),
         (
             "SELECT * FROM jobs WHERE state = ? AND ended_at IS NOT NULL AND seq < 9 ORDER BY seq DESC",

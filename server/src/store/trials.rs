@@ -1,38 +1,131 @@
-//! The trials of a sweep: its jobs by point and replicate, with what they came to.
+//! The trials of a sweep: its jobs by point and replicate, with what they came to. Those of a large one are read piece by piece.
 
 use roost_api::ids::{JobId, SweepId};
+use roost_api::job::JobState;
 use roost_api::table::TrialRow;
+use sqlx::AssertSqlSafe;
+use sqlx::sqlite::SqliteRow;
 
 use super::rows::Columns;
 use super::{Store, StoreError};
+use crate::sweep::Response;
+
+/// A trial's place in the table: design point and replicate.
+pub(crate) type Place = (u32, u32);
+
+/// Result documents that are in memory at a time.
+pub(crate) const DOCUMENTS: u32 = 16;
+
+/// A trial with its result document.
+pub(crate) struct Documented {
+    pub(crate) job_id: JobId,
+    pub(crate) place: Place,
+    pub(crate) state: JobState,
+    /// Its result, or what its newest attempt left of one, as JSON text.
+    pub(crate) document: Option<String>,
+}
+
+const COLUMNS: &str = "SELECT j.id, j.point, j.replicate, j.seed, j.state, j.failure_class, p.levels,
+        r.backend, r.solver_revision, r.responses
+    FROM jobs j
+    JOIN points p ON p.sweep_id = j.sweep_id AND p.idx = j.point
+    LEFT JOIN results r ON r.job_id = j.id";
+
+/// Where trials are, one after the other: down an index, and nothing is sorted.
+pub(super) const FROM: &str = "WHERE j.sweep_id = ? AND (j.point, j.replicate) >= (?, ?)
+    ORDER BY j.point, j.replicate LIMIT ?";
 
 impl Store {
     /// Every trial, by point and replicate.
     pub(crate) async fn trials(&self, id: SweepId) -> Result<Vec<TrialRow>, StoreError> {
-        let rows = sqlx::query(
-            "SELECT j.id, j.point, j.replicate, j.seed, j.state, j.failure_class, p.levels,
-                    r.backend, r.solver_revision, r.responses
-             FROM jobs j
-             JOIN points p ON p.sweep_id = j.sweep_id AND p.idx = j.point
+        self.trials_from(id, (0, 0), u32::MAX).await
+    }
+
+    /// So many trials at most, from a place on.
+    pub(crate) async fn trials_from(
+        &self,
+        id: SweepId,
+        (point, replicate): Place,
+        limit: u32,
+    ) -> Result<Vec<TrialRow>, StoreError> {
+        let rows = sqlx::query(AssertSqlSafe(format!("{COLUMNS} {FROM}")))
+            .bind(id.to_string())
+            .bind(point)
+            .bind(replicate)
+            .bind(limit)
+            .fetch_all(&self.readers)
+            .await?;
+        rows.iter().map(trial).collect()
+    }
+
+    /// Every trial of the points from one on and before another.
+    pub(crate) async fn trials_of(
+        &self,
+        id: SweepId,
+        points: std::ops::Range<u32>,
+    ) -> Result<Vec<TrialRow>, StoreError> {
+        let sql = format!(
+            "{COLUMNS} WHERE j.sweep_id = ? AND j.point >= ? AND j.point < ? ORDER BY j.point, j.replicate"
+        );
+        let rows = sqlx::query(AssertSqlSafe(sql))
+            .bind(id.to_string())
+            .bind(points.start)
+            .bind(points.end)
+            .fetch_all(&self.readers)
+            .await?;
+        rows.iter().map(trial).collect()
+    }
+
+    /// A few trials with their result documents, from a place on.
+    pub(crate) async fn documents_from(
+        &self,
+        id: SweepId,
+        (point, replicate): Place,
+        limit: u32,
+    ) -> Result<Vec<Documented>, StoreError> {
+        let sql = format!(
+            "SELECT j.id, j.point, j.replicate, j.state, d.body FROM jobs j
              LEFT JOIN results r ON r.job_id = j.id
-             WHERE j.sweep_id = ? ORDER BY j.point, j.replicate",
+             LEFT JOIN attempts a ON a.job_id = j.id AND a.number = j.attempt
+                                  AND j.state IN ('failed', 'cancelled')
+             LEFT JOIN documents d ON d.digest = coalesce(r.document, a.partial) {FROM}"
+        );
+        let rows = sqlx::query(AssertSqlSafe(sql))
+            .bind(id.to_string())
+            .bind(point)
+            .bind(replicate)
+            .bind(limit.min(DOCUMENTS))
+            .fetch_all(&self.readers)
+            .await?;
+        rows.iter()
+            .map(|row| {
+                Ok(Documented {
+                    job_id: row.parsed("id")?,
+                    place: (row.number("point")?, row.number("replicate")?),
+                    state: row.parsed("state")?,
+                    document: row.column("body")?,
+                })
+            })
+            .collect()
+    }
+
+    /// The responses that results of a sweep have, by name.
+    pub(crate) async fn responses(&self, id: SweepId) -> Result<Vec<Response>, StoreError> {
+        let rows = sqlx::query(
+            "SELECT e.key, max(e.type IN ('integer', 'real')) AS numbers,
+                    max(e.type IN ('text', 'true', 'false')) AS words
+             FROM jobs j JOIN results r ON r.job_id = j.id, json_each(r.responses) e
+             WHERE j.sweep_id = ? GROUP BY e.key ORDER BY e.key",
         )
         .bind(id.to_string())
         .fetch_all(&self.readers)
         .await?;
         rows.iter()
             .map(|row| {
-                Ok(TrialRow {
-                    job_id: row.parsed("id")?,
-                    point: row.number("point")?,
-                    replicate: row.number("replicate")?,
-                    seed: row.number("seed")?,
-                    factors: row.json("levels")?,
-                    state: row.parsed("state")?,
-                    failure_class: row.parsed_opt("failure_class")?,
-                    backend: row.column("backend")?,
-                    solver_revision: row.number_opt("solver_revision")?,
-                    responses: row.json("responses")?,
+                Ok(Response {
+                    name: row.column("key")?,
+                    has_numbers: row.column("numbers")?,
+                    has_words: row.column("words")?,
                 })
             })
             .collect()
@@ -46,4 +139,19 @@ impl Store {
             .await?;
         rows.iter().map(|row| row.parsed("id")).collect()
     }
+}
+
+fn trial(row: &SqliteRow) -> Result<TrialRow, StoreError> {
+    Ok(TrialRow {
+        job_id: row.parsed("id")?,
+        point: row.number("point")?,
+        replicate: row.number("replicate")?,
+        seed: row.number("seed")?,
+        factors: row.json("levels")?,
+        state: row.parsed("state")?,
+        failure_class: row.parsed_opt("failure_class")?,
+        backend: row.column("backend")?,
+        solver_revision: row.number_opt("solver_revision")?,
+        responses: row.json("responses")?,
+    })
 }

@@ -99,6 +99,8 @@ impl Store {
                 solver_revision: row.number("solver_revision")?,
                 draining: row.column("draining")?,
                 running: running.remove(&id).unwrap_or_default(),
+                progress: Vec::new(), // known to the server's memory only
+                particle_steps_per_s: None,
                 succeeded: row.number("succeeded")?,
                 failed: row.number("failed")?,
                 registered_at: row.moment("registered_at")?,

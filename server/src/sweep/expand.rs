@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 use super::matrix::{self, Row};
 use super::plan::{self, Plan};
 use super::{Expansion, Point, SweepLimits, factor, levels, rows};
-use crate::document::{fault, prefixed, wall_time_fault};
+use crate::document::{fault, prefixed, running_faults};
 use crate::mesh;
 
 /// Past so many faults the rest says nothing new.
@@ -58,7 +58,7 @@ fn check_words(spec: &SweepSpec, faults: &mut Vec<Fault>) {
     if spec.name.trim().is_empty() {
         faults.push(fault("/name", json!(spec.name), "a sweep needs a name", "some text"));
     }
-    faults.extend(wall_time_fault(spec.max_wall_s));
+    faults.extend(running_faults(spec.max_wall_s, spec.frame_interval_s));
 }
 
 fn check_replicates(replicates: u32, faults: &mut Vec<Fault>) {

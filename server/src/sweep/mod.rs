@@ -37,7 +37,7 @@ pub(crate) use extend::{Growth, Stored, extend, replicate};
 pub(crate) use plan::factors;
 pub(crate) use schema::json_schema;
 pub(crate) use summary::by_point;
-pub(crate) use table::{csv, of_points, of_trials};
+pub(crate) use table::{Column, Response, csv, of_points, of_trials};
 pub(crate) use to_parquet::to_parquet;
 
 /// Reads a sweep and expands it: the faults of its shape and those of its content, at once.

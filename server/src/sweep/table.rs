@@ -1,7 +1,5 @@
 //! Result tables as columns, for CSV and Parquet: a row a trial, or a row a design point.
 
-use std::collections::BTreeSet;
-
 use roost_api::table::{PointRow, Summary, TrialRow};
 use serde_json::{Value, json};
 
@@ -46,8 +44,19 @@ impl Column {
     }
 }
 
-/// One row a trial: trial, factors in the order of the sweep, outcome, responses by name.
-pub(crate) fn of_trials(factors: &[String], trials: &[TrialRow]) -> Vec<Column> {
+/// What there is of a response in a sweep.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Response {
+    /// Its name.
+    pub(crate) name: String,
+    /// Whether it has been a number.
+    pub(crate) has_numbers: bool,
+    /// Whether it has been a word.
+    pub(crate) has_words: bool,
+}
+
+/// One row a trial: trial, factors in the order of the sweep, outcome, responses.
+pub(crate) fn of_trials(factors: &[String], responses: &[Response], trials: &[TrialRow]) -> Vec<Column> {
     let each = |of: fn(&TrialRow) -> Value| trials.iter().map(of);
     let mut columns = vec![
         Column::new("job_id", Kind::Text, each(|trial| json!(trial.job_id))),
@@ -64,8 +73,7 @@ pub(crate) fn of_trials(factors: &[String], trials: &[TrialRow]) -> Vec<Column> 
         Column::new("backend", Kind::Text, each(|trial| json!(trial.backend))),
         Column::new("solver_revision", Kind::Integer, each(|trial| json!(trial.solver_revision))),
     ]);
-    let names: BTreeSet<&String> = trials.iter().flat_map(|trial| trial.responses.keys()).collect();
-    columns.extend(names.into_iter().map(|name| {
+    columns.extend(responses.iter().map(|Response { name, .. }| {
         Column::of(name, trials.iter().map(|trial| trial.responses.get(name).cloned().unwrap_or_default()))
     }));
     columns
@@ -84,7 +92,7 @@ const SUMMARY: [Part; 5] = [
 
 /// One row a design point: point, factors, its trials, and of each response `name.n`, `name.mean` and so on; of words
 /// `name.words`, as JSON.
-pub(crate) fn of_points(factors: &[String], points: &[PointRow]) -> Vec<Column> {
+pub(crate) fn of_points(factors: &[String], responses: &[Response], points: &[PointRow]) -> Vec<Column> {
     let each = |of: fn(&PointRow) -> Value| points.iter().map(of);
     let mut columns = vec![Column::new("point", Kind::Integer, each(|row| json!(row.point)))];
     columns.extend(factors.iter().map(|name| {
@@ -96,11 +104,9 @@ pub(crate) fn of_points(factors: &[String], points: &[PointRow]) -> Vec<Column> 
         Column::new("failed", Kind::Integer, each(|row| json!(row.counts.failed))),
         Column::new("unstable", Kind::Integer, each(|row| json!(row.unstable))),
     ]);
-    let names: BTreeSet<&String> = points.iter().flat_map(|row| row.responses.keys()).collect();
-    for name in names {
+    for Response { name, has_numbers, has_words } in responses {
+        let (has_numbers, has_words) = (*has_numbers, *has_words);
         let summaries = || points.iter().map(|row| row.responses.get(name));
-        let has_words = summaries().flatten().any(|summary| summary.words.is_some());
-        let has_numbers = summaries().flatten().any(|summary| summary.mean.is_some());
         for (end, value) in SUMMARY.into_iter().take(if has_numbers || !has_words { 5 } else { 1 }) {
             let kind = if end == "n" { Kind::Integer } else { Kind::Number };
             let values = summaries().map(|summary| summary.map(value).unwrap_or_default());
@@ -116,10 +122,12 @@ pub(crate) fn of_points(factors: &[String], points: &[PointRow]) -> Vec<Column> 
     columns
 }
 
-/// Writes columns as CSV with a header line; null is nothing.
-pub(crate) fn csv(columns: &[Column]) -> Result<Vec<u8>, csv::Error> {
+/// Writes columns as CSV, with a header line before the first; null is nothing.
+pub(crate) fn csv(columns: &[Column], with_header: bool) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(columns.iter().map(|column| &column.name))?;
+    if with_header {
+        writer.write_record(columns.iter().map(|column| &column.name))?;
+    }
     for row in 0..columns.first().map_or(0, |column| column.values.len()) {
         writer.write_record(columns.iter().map(|column| text(&column.values[row]).unwrap_or_default()))?;
     }

@@ -152,7 +152,7 @@ async fn a_deleted_sweep_is_gone_and_nothing_else_is() {
     let dry = farm.send(Method::DELETE, &format!("{path}?dry_run=true"), None).await.expect(StatusCode::OK);
     assert_eq!(
         dry,
-        json!({"dry_run": true, "points": 2, "jobs": 4, "unended": 4, "attempts": 0, "results": 0})
+        json!({"dry_run": true, "points": 2, "jobs": 4, "unended": 4, "attempts": 0, "results": 0, "frames_bytes": 0})
     );
     let early = farm.send(Method::DELETE, &path, None).await.problem(409, "wrong-state");
     assert!(text(&early["detail"]).contains("4 of its jobs have not ended"), "{early}");
@@ -172,7 +172,7 @@ async fn a_deleted_sweep_is_gone_and_nothing_else_is() {
     let gone = farm.send(Method::DELETE, &path, None).await.expect(StatusCode::OK);
     assert_eq!(
         gone,
-        json!({"dry_run": false, "points": 2, "jobs": 4, "unended": 0, "attempts": 3, "results": 2})
+        json!({"dry_run": false, "points": 2, "jobs": 4, "unended": 0, "attempts": 3, "results": 2, "frames_bytes": 0})
     );
     for answer in [
         farm.get(&path).await,

@@ -7,20 +7,20 @@ use serde_json::{Value, json};
 
 use super::farm::*;
 
-struct Event {
-    name: String,
+pub(crate) struct Event {
+    pub name: String,
     id: Option<i64>,
-    data: Value,
+    pub data: Value,
 }
 
 /// A stream as a client reads it.
-struct Events {
+pub(crate) struct Events {
     response: Response,
     text: String,
 }
 
 impl Events {
-    async fn open(farm: &Farm, path: &str, last: Option<i64>) -> Self {
+    pub(crate) async fn open(farm: &Farm, path: &str, last: Option<i64>) -> Self {
         let mut request = farm.http.get(format!("http://{}{path}/events", farm.address));
         if let Some(last) = last {
             request = request.header("last-event-id", last);
@@ -32,7 +32,7 @@ impl Events {
     }
 
     /// The next event; none when the stream has ended.
-    async fn next(&mut self) -> Option<Event> {
+    pub(crate) async fn next(&mut self) -> Option<Event> {
         loop {
             if let Some((event, rest)) = self.text.split_once("\n\n") {
                 let field = |name: &str| {
@@ -129,4 +129,32 @@ async fn open_streams_end_with_the_server() {
     for mut events in streams {
         assert!(events.next().await.is_none(), "the end");
     }
+}
+
+#[tokio::test]
+async fn a_sweeps_stream_tells_that_it_has_grown_and_ends_when_it_is_deleted() {
+    let (farm, _dir) = Farm::start().await;
+    let sweep = json!({"name": "one", "base": scenario(1), "design": {"kind": "grid"},
+                       "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045]}]});
+    let view = farm.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
+    let path = format!("/v1/sweeps/{}", text(&view["id"]));
+    let mut events = Events::open(&farm, &path, None).await;
+    assert_eq!(events.next().await.unwrap().name, "sweep");
+    farm.post(&format!("{path}/extend"), &json!({"replicates": 2})).await.expect(StatusCode::OK);
+    let grown = loop {
+        let event = events.next().await.expect("the stream goes on");
+        if event.name == "extended" {
+            break event;
+        }
+    };
+    assert_eq!((&grown.data["replicates"], &grown.data["counts"]["queued"]), (&json!(3), &json!(3)));
+    farm.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    farm.send(reqwest::Method::DELETE, &path, None).await.expect(StatusCode::OK);
+    let mut last = None;
+    while let Some(event) = events.next().await {
+        last = Some(event);
+    }
+    let last = last.expect("something was told");
+    assert_eq!((last.name.as_str(), &last.data["id"]), ("deleted", &view["id"]));
+    farm.stop().await;
 }

@@ -10,15 +10,18 @@ mod docs;
 mod events;
 mod farm;
 mod fences;
+mod frames;
 mod layout;
 mod leases;
 mod lifecycle;
 mod meshes;
 mod readers;
 mod retries;
+mod series;
 mod start_stop;
 #[path = "../../../tests/support/stl.rs"]
 mod stl;
 mod submissions;
 mod sweeps;
+mod tables;
 mod tags;

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::scene::Scene;
 use super::state::State;
 use super::{Advance, Backend};
-use crate::result::{EndReason, Flow, Instability, Performance, Phase, Progress};
+use crate::result::{EndReason, Flow, Instability, Performance, Phase, Progress, Series};
 
 /// Wall time between two looks at the progress callback, in seconds.
 const LOOK_EVERY_S: f64 = 0.1;
@@ -65,6 +65,14 @@ pub trait Observer {
 
     /// Takes a picture.
     fn snapshot(&mut self, _snapshot: &Snapshot<'_>) {}
+
+    /// Whether it wants to know now what was sampled so far.
+    fn wants_series(&self) -> bool {
+        false
+    }
+
+    /// Is told what was sampled so far.
+    fn series(&mut self, _series: Vec<Series>) {}
 }
 
 impl<F: FnMut(&Progress) -> Flow> Observer for F {
@@ -95,6 +103,11 @@ pub trait Director {
     fn look(&mut self, sample: &Sample<'_>) -> Decision;
     /// Mass discharged so far, in kilograms, for progress reports.
     fn discharged_kg(&self) -> f64;
+
+    /// What it has sampled so far, for those who watch.
+    fn so_far(&self) -> Vec<Series> {
+        Vec::new()
+    }
 }
 
 /// How a run ended.
@@ -152,6 +165,9 @@ pub fn run<B: Backend>(
             }
             Decision::Continue { remove } if remove.is_empty() => {}
             Decision::Continue { remove } => backend.remove(&mut run, &remove),
+        }
+        if observer.wants_series() {
+            observer.series(director.so_far());
         }
         if let Some(reason) = course.out_of_time() {
             break (reason, None);

@@ -20,7 +20,7 @@ use glam::{DQuat, DVec3, EulerRot};
 use serde_json::{Map, Value};
 
 use crate::engine::Backend;
-use crate::engine::run::{Director, Observer, Plan, run};
+use crate::engine::run::{Decision, Director, Observer, Plan, Sample, run};
 use crate::engine::scene::{Kind, Scene};
 use crate::engine::state::State;
 use crate::mesh::Meshes;
@@ -150,6 +150,23 @@ fn strayed(state: &State, low: DVec3, high: DVec3) -> Vec<u32> {
     outside.map(|i| state.serials[i]).collect()
 }
 
+/// A watch as the director of a run.
+struct Directing<'a>(&'a mut dyn Watch);
+
+impl Director for Directing<'_> {
+    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+        self.0.look(sample)
+    }
+
+    fn discharged_kg(&self) -> f64 {
+        self.0.discharged_kg()
+    }
+
+    fn so_far(&self) -> Vec<Series> {
+        self.0.series()
+    }
+}
+
 /// Runs one scenario on a backend to its end; see [`crate::simulate`].
 pub fn simulate<B: Backend>(
     scenario: &Scenario,
@@ -158,7 +175,7 @@ pub fn simulate<B: Backend>(
     observer: &mut dyn Observer,
 ) -> RunResult {
     let Prepared { scene, plan, mut watch } = prepare(scenario, meshes);
-    let ended = run(backend, &scene, plan, &mut *watch, observer);
+    let ended = run(backend, &scene, plan, &mut Directing(&mut *watch), observer);
     let info = backend.info();
     RunResult {
         schema: result::SCHEMA.to_owned(),

@@ -15,6 +15,14 @@ pub enum ClientError {
     /// The file of authorities has none.
     #[error("the file of certificates to trust has none: it must hold `-----BEGIN CERTIFICATE-----` (PEM)")]
     Authorities,
+    /// A file that was to be sent cannot be read, or one that came cannot be written.
+    #[error("cannot use {}: {reason}", path.display())]
+    File {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// Nothing answered, or not in time. Trying again may help.
     #[error("cannot reach {server}: {reason}")]
     Unreachable {
@@ -50,7 +58,7 @@ impl ClientError {
     /// Whether the same call may well succeed later: the server is away, overloaded or restarting.
     pub fn is_transient(&self) -> bool {
         match self {
-            Self::Address(_) | Self::Token | Self::Authorities => false,
+            Self::Address(_) | Self::Token | Self::Authorities | Self::File { .. } => false,
             Self::Unreachable { .. } | Self::Body { .. } => true,
             Self::Foreign { status, .. } => is_transient_status(*status) || *status == 404,
             Self::Problem(problem) => is_transient_status(problem.status),

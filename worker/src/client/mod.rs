@@ -8,11 +8,13 @@ mod error;
 pub(crate) mod tests;
 
 use std::net::IpAddr;
+use std::path::Path;
 use std::time::Duration;
 
-use reqwest::header::CONTENT_TYPE;
+use reqwest::header::{CONTENT_LENGTH, CONTENT_TYPE};
 use reqwest::{Method, RequestBuilder, Url};
 use roost_api::design::Extension;
+use roost_api::frames;
 use roost_api::ids::{JobId, SweepId, WorkerId};
 use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::lease::{
@@ -28,7 +30,9 @@ use roost_api::{API_VERSION, RunResult};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
+use tokio::io::AsyncWriteExt;
 
+use crate::outbox::Recorded;
 pub use credentials::{Credentials, prepare_tls};
 pub use error::{ClientError, fault_line};
 
@@ -98,6 +102,21 @@ impl Client {
     /// The result of a job that has one.
     pub async fn job_result(&self, id: JobId) -> ClientResult<RunResult> {
         self.get(&format!("jobs/{id}/result")).await
+    }
+
+    /// Writes the frames of a job that has some into a file.
+    pub async fn download_frames(&self, id: JobId, into: &Path) -> ClientResult<()> {
+        let unwritten =
+            |error: std::io::Error| ClientError::File { path: into.to_owned(), reason: error.to_string() };
+        let request = self.request(Method::GET, &format!("jobs/{id}/frames"));
+        let mut response = self.send(request.timeout(FILE_TIMEOUT)).await?;
+        let mut file = tokio::fs::File::create(into).await.map_err(unwritten)?;
+        while let Some(chunk) =
+            response.chunk().await.map_err(|error| ClientError::transport(&self.server, &error))?
+        {
+            file.write_all(&chunk).await.map_err(unwritten)?;
+        }
+        file.flush().await.map_err(unwritten)
     }
 
     /// Cancels a job.
@@ -253,6 +272,34 @@ impl Client {
     pub async fn deliver_result(&self, job: JobId, attempt: u32, body: &ResultDelivery) -> ClientResult<()> {
         let request = self.request(Method::POST, &format!("jobs/{job}/attempts/{attempt}/result"));
         self.send(request.json(body)).await.map(drop)
+    }
+
+    /// Uploads the frames of an attempt, from a file; repeating it is safe.
+    pub async fn upload_frames(
+        &self,
+        job: JobId,
+        attempt: u32,
+        worker: WorkerId,
+        recorded: &Recorded,
+        stream: &Path,
+    ) -> ClientResult<()> {
+        let unread =
+            |error: std::io::Error| ClientError::File { path: stream.to_owned(), reason: error.to_string() };
+        let file = tokio::fs::File::open(stream).await.map_err(unread)?;
+        let bytes = file.metadata().await.map_err(unread)?.len();
+        let request = self.request(Method::PUT, &format!("jobs/{job}/attempts/{attempt}/frames"));
+        let request = request
+            .query(&[("worker_id", worker.to_string()), ("count", recorded.count.to_string())])
+            .query(&recorded.stopped.as_ref().map(|why| [("stopped", why)]))
+            .header(CONTENT_TYPE, frames::MEDIA_TYPE)
+            .header(CONTENT_LENGTH, bytes);
+        self.send(request.body(file).timeout(FILE_TIMEOUT)).await.map(drop)
+    }
+
+    /// Whether something answers at the server's address.
+    pub async fn is_there(&self) -> bool {
+        let answer = self.http.get(format!("{}/healthz", self.server)).timeout(CONNECT_TIMEOUT).send().await;
+        answer.is_ok_and(|response| response.status().is_success())
     }
 
     /// Reports an attempt that ended without the job's result; repeating it is safe.

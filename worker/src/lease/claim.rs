@@ -10,6 +10,7 @@ use tokio_util::task::TaskTracker;
 use uuid::Uuid;
 
 use super::deliver;
+use super::frames::Recording;
 use super::held::Key;
 use super::session::Session;
 use crate::backoff::Backoff;
@@ -97,7 +98,8 @@ async fn hand_back(session: &Session, reply: ClaimReply) {
             message: "claimed by a worker that is stopping".to_owned(),
             result: None,
         };
-        deliver::post(session, Delivery { job_id, attempt, content: Content::Failure(report) }).await;
+        let delivery = Delivery { job_id, attempt, content: Content::Failure(report), frames: None };
+        deliver::post(session, delivery).await;
     }
 }
 
@@ -108,13 +110,16 @@ fn begin(
     claimed: ClaimedAttempt,
     permit: Option<OwnedSemaphorePermit>,
 ) {
-    let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, .. } = claimed;
+    let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, frames, .. } = claimed;
     tracing::info!(job = %job_id, attempt, "running");
     let meshes = MeshSource::Server(session.meshes.clone());
     let place = Place::new(session.config.device.clone(), session.config.threads_per_slot());
-    let run = Run::start(scenario, meshes, place, max_wall_s);
-    session.held.insert((job_id, attempt), run.progress.clone(), run.stop.clone());
-    runs.spawn(see_through(session.clone(), (job_id, attempt), run, permit));
+    let folder = session.outbox.frames_folder(job_id, attempt);
+    let recording = frames.and_then(|order| Recording::start(folder, &scenario, order));
+    let pictures = recording.as_ref().map(Recording::pictures);
+    let run = Run::start_pictured(scenario, meshes, place, max_wall_s, pictures);
+    session.held.insert((job_id, attempt), &run);
+    runs.spawn(see_through(session.clone(), (job_id, attempt), run, recording, permit));
 }
 
 /// Puts what comes of a run in the outbox. A free slot is given back as soon as the run ends.
@@ -122,10 +127,23 @@ async fn see_through(
     session: Arc<Session>,
     (job_id, attempt): Key,
     run: Run,
+    recording: Option<Recording>,
     permit: Option<OwnedSemaphorePermit>,
 ) {
     let end = run.end().await;
     drop(permit);
+    // What is run again, or belongs to nobody, needs no pictures.
+    let is_over =
+        !matches!(end, RunEnd::Abandoned | RunEnd::Failed { outcome: AttemptOutcome::Released, .. });
+    let frames = tokio::task::spawn_blocking(move || match recording {
+        Some(recording) if is_over => recording.finish(),
+        Some(recording) => {
+            recording.discard();
+            None
+        }
+        None => None,
+    });
+    let frames = frames.await.unwrap_or_default();
     let worker_id = session.worker_id;
     let content = match end {
         RunEnd::Finished(result) => {
@@ -141,7 +159,7 @@ async fn see_through(
             return session.held.remove((job_id, attempt));
         }
     };
-    deliver::post(&session, Delivery { job_id, attempt, content }).await;
+    deliver::post(&session, Delivery { job_id, attempt, content, frames }).await;
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::io;
 
+use super::frames;
 use super::session::Session;
 use crate::backoff::Backoff;
 use crate::outbox::Delivery;
@@ -59,6 +60,11 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
     while let Some(path) = paths.pop_front() {
         let (outbox, from) = (session.outbox.clone(), path.clone());
         let Some(delivery) = on_disk(move || outbox.read(&from)).await? else { continue };
+        let key = (delivery.job_id, delivery.attempt);
+        if !frames::send_ahead(session, &delivery, &path).await {
+            is_empty = false;
+            continue;
+        }
         match delivery.send(&session.client).await {
             Ok(_) => {
                 let outbox = session.outbox.clone();
@@ -80,7 +86,8 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
                 }
             }
         }
-        session.held.remove((delivery.job_id, delivery.attempt));
+        session.uploads.forget(key);
+        session.held.remove(key);
     }
     Ok(is_empty)
 }
@@ -140,7 +147,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let config = WorkerConfig::new(server, "worker", folder.path());
         let session = Session::open(config, &CancellationToken::new()).unwrap();
-        let delivery = Delivery { job_id: roost_api::ids::JobId::new(), attempt: 2, content };
+        let delivery = Delivery { job_id: roost_api::ids::JobId::new(), attempt: 2, content, frames: None };
         post(&session, delivery).await;
         assert!(deliver_waiting(&session).await.unwrap(), "the outbox is empty");
         assert!(session.outbox.waiting().unwrap().is_empty());

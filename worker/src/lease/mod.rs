@@ -3,8 +3,10 @@
 
 mod claim;
 mod deliver;
+mod frames;
 mod heartbeat;
 mod held;
+mod news;
 mod session;
 
 use std::io;

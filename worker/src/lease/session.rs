@@ -11,6 +11,7 @@ use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 
 use super::WorkerError;
+use super::frames::Uploads;
 use super::held::Held;
 use crate::WorkerConfig;
 use crate::backoff::Backoff;
@@ -26,6 +27,7 @@ pub(super) struct Session {
     pub(super) worker_id: WorkerId,
     pub(super) held: Held,
     pub(super) outbox: Outbox,
+    pub(super) uploads: Uploads,
     pub(super) meshes: Arc<MeshCache>,
     /// Rung when the outbox has something new.
     pub(super) mail: Notify,
@@ -46,6 +48,7 @@ impl Session {
             worker_id: WorkerId::new(),
             held: Held::default(),
             outbox,
+            uploads: Uploads::default(),
             meshes: Arc::new(meshes),
             mail: Notify::new(),
             stop_claiming: shutdown.child_token(),

@@ -14,7 +14,7 @@ fn delivery(attempt: u32) -> Delivery {
         message: "tried".to_owned(),
         result: None,
     };
-    Delivery { job_id: JobId::new(), attempt, content: Content::Failure(report) }
+    Delivery { job_id: JobId::new(), attempt, content: Content::Failure(report), frames: None }
 }
 
 fn outbox() -> (tempfile::TempDir, Outbox) {

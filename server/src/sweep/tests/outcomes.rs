@@ -115,7 +115,14 @@ fn a_parquet_file_holds_what_the_table_holds() {
     ];
     (trials[2].state, trials[2].failure_class) = (JobState::Failed, Some(FailureClass::Lost));
     let names = ["/a".to_owned(), "/w".to_owned()];
-    let columns = of_trials(&names, &trials);
+    let response = |(name, has_numbers, has_words): (&str, bool, bool)| Response {
+        name: name.to_owned(),
+        has_numbers,
+        has_words,
+    };
+    let responses =
+        [("n", true, false), ("ok", false, true), ("t", false, false), ("y", true, false)].map(response);
+    let columns = of_trials(&names, &responses, &trials);
     let mut file = tempfile::tempfile().unwrap();
     std::io::Write::write_all(&mut file, &to_parquet(&columns).unwrap()).unwrap();
     let reader = SerializedFileReader::new(file).unwrap();
@@ -150,7 +157,8 @@ fn a_parquet_file_holds_what_the_table_holds() {
     assert!(rows[2].get_double(13).is_err() && rows[0].get_double(12).is_err(), "null is null");
     assert_eq!(rows[2].get_string(7).unwrap(), "lost");
 
-    let csv = String::from_utf8(csv(&of_points(&names, &by_point(&trials))).unwrap()).unwrap();
+    let csv =
+        String::from_utf8(csv(&of_points(&names, &responses, &by_point(&trials)), true).unwrap()).unwrap();
     let head = csv.lines().next().unwrap();
     assert!(head.starts_with("point,/a,/w,trials,succeeded,failed,unstable,n.n,n.mean,"), "{head}");
     assert!(head.contains(",ok.n,ok.words,") && head.ends_with(",y.low_95,y.high_95"), "{head}");

@@ -184,6 +184,7 @@ impl<'s> World<'s> {
             labels: Default::default(),
             needs: Needs { backend: backend.map(str::to_owned), memory_mib },
             max_wall_s: max_wall_ms.map(|ms| ms as f64 / 1000.0),
+            frame_interval_s: None,
             cache,
         };
         let known = self.digests.iter().filter(|(_, other)| *other == which);

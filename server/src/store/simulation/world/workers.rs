@@ -54,7 +54,9 @@ impl World<'_> {
         let queue = self.queue().await;
         let ask = |it: &Asking| {
             let (request_id, worker) = (it.request, self.workers[it.index].id);
-            self.store.claim(Claim { request_id, worker, max_jobs: it.max_jobs, lease: LEASE }, self.now)
+            let claim =
+                Claim { request_id, worker, max_jobs: it.max_jobs, lease: LEASE, max_frames_bytes: 1 };
+            self.store.claim(claim, self.now)
         };
         let got = join_all(claims.iter().map(ask)).await;
         for ((asking, repeated), got) in claims.iter().zip(repeated).zip(got) {

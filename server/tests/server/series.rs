@@ -1,0 +1,132 @@
+//! Series of running jobs, while they run, and of many jobs at once; how fast workers are.
+
+use reqwest::StatusCode;
+use serde_json::{Value, json};
+
+use super::events::Events;
+use super::farm::*;
+
+fn part(from: usize, values: &[f64]) -> Value {
+    let t_s: Vec<f64> = (0..values.len()).map(|k| 0.02 * (from + k) as f64).collect();
+    json!({"name": "discharged_mass", "unit": "kg", "from": from, "t_s": t_s, "values": values})
+}
+
+/// Beats with samples, and returns the row of the reply.
+async fn beat(worker: &Worker<'_>, attempt: &Value, samples: Value) -> Value {
+    let beat = json!({"job_id": attempt["job_id"], "attempt": attempt["attempt"], "progress": progress(0.5),
+                      "samples": samples});
+    let path = format!("/v1/workers/{}/heartbeat", worker.id);
+    worker.farm.post(&path, &json!({"attempts": [beat]})).await.expect(StatusCode::OK)["attempts"][0].clone()
+}
+
+#[tokio::test]
+async fn a_running_job_has_the_series_so_far_until_its_result_takes_their_place() {
+    let (farm, _dir) = Farm::start().await;
+    let worker = farm.worker("cpu").await;
+    let job = farm.submit(&envelope(1)).await;
+    let attempt = worker.claim_one().await;
+    let path = format!("/v1/jobs/{}/series/discharged_mass", text(&job["id"]));
+    farm.get(&path).await.problem(404, "not-found");
+    let mut events = Events::open(&farm, &format!("/v1/jobs/{}", text(&job["id"])), None).await;
+    assert_eq!(events.next().await.unwrap().name, "job");
+
+    let row = beat(&worker, &attempt, json!([part(0, &[0.0, 1.0])])).await;
+    assert_eq!(row["resend_samples"], false);
+    assert_eq!(beat(&worker, &attempt, json!([part(2, &[2.0])])).await["resend_samples"], false);
+    let so_far = farm.get(&path).await.expect(StatusCode::OK);
+    assert_eq!((&so_far["values"], &so_far["partial"]), (&json!([0.0, 1.0, 2.0]), &json!(true)));
+    assert_eq!(so_far["unit"], "kg");
+    let mut heard: Vec<Value> = Vec::new();
+    while heard.len() < 3 {
+        let event = events.next().await.unwrap();
+        if event.name == "samples" {
+            let part = &event.data["series"][0];
+            assert_eq!(part["from"], heard.len(), "only what is new");
+            heard.extend(part["values"].as_array().unwrap().clone());
+        }
+    }
+    assert_eq!(json!(heard), so_far["values"]);
+    let problem = farm.get(&format!("{}x", path)).await.problem(404, "not-found");
+    assert!(text(&problem["detail"]).contains("discharged_mass"), "{problem}");
+
+    assert_eq!(beat(&worker, &attempt, json!([part(9, &[9.0])])).await["resend_samples"], true, "a gap");
+    let mut uneven = part(3, &[1.0]);
+    uneven["t_s"] = json!([]);
+    let bad = json!({"attempts": [{"job_id": attempt["job_id"], "attempt": 1, "progress": null, "samples": [uneven]}]});
+    let problem = farm.post(&format!("/v1/workers/{}/heartbeat", worker.id), &bad).await;
+    let problem = problem.problem(422, "invalid-document");
+    assert_eq!(problem["errors"][0]["pointer"], "/attempts/0/samples/0/values");
+
+    worker.deliver(&attempt).await.expect(StatusCode::OK);
+    let whole = farm.get(&path).await.expect(StatusCode::OK);
+    assert_eq!((&whole["values"], &whole["partial"]), (&json!([0.0, 0.1, 1.0 / 3.0]), &json!(false)));
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn samples_that_a_restart_has_lost_are_sent_again() {
+    let (farm, dir) = Farm::start().await;
+    let worker = farm.worker("cpu").await;
+    let job = farm.submit(&envelope(1)).await;
+    let attempt = worker.claim_one().await;
+    beat(&worker, &attempt, json!([part(0, &[0.0, 1.0])])).await;
+    let id = worker.id.clone();
+    farm.stop().await;
+    let farm = Farm::on(dir.path(), |_| {}).await;
+    let worker = Worker { farm: &farm, id };
+    assert_eq!(beat(&worker, &attempt, json!([part(2, &[2.0])])).await["resend_samples"], true);
+    assert_eq!(beat(&worker, &attempt, json!([part(0, &[0.0, 1.0, 2.0])])).await["resend_samples"], false);
+    let path = format!("/v1/jobs/{}/series/discharged_mass", text(&job["id"]));
+    assert_eq!(farm.get(&path).await.expect(StatusCode::OK)["values"], json!([0.0, 1.0, 2.0]));
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn the_series_of_a_sweep_come_in_pages_and_thinned() {
+    let (farm, _dir) = Farm::start().await;
+    let document = json!({"name": "gates", "base": scenario(10), "design": {"kind": "grid"}, "replicates": 2,
+        "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045, 0.05]}]});
+    let view = farm.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
+    let path = format!("/v1/sweeps/{}/series/discharged_mass", text(&view["id"]));
+    let empty = farm.get(&path).await.expect(StatusCode::OK);
+    assert_eq!((&empty["items"], &empty["unit"]), (&json!([]), &Value::Null));
+    let worker = farm.worker("cpu").await;
+    let attempts = worker.claim(4).await;
+    for attempt in &attempts[..2] {
+        worker.deliver(attempt).await.expect(StatusCode::OK);
+    }
+    beat(&worker, &attempts[2], json!([part(0, &[5.0])])).await;
+    let page = farm.get(&format!("{path}?limit=3&samples=2")).await.expect(StatusCode::OK);
+    let told = |item: &Value| json!([item["point"], item["replicate"], item["partial"], item["values"]]);
+    let items: Vec<_> = page["items"].as_array().unwrap().iter().map(told).collect();
+    let ends = json!([0.0, 1.0 / 3.0]);
+    let expected = [json!([0, 0, false, ends]), json!([0, 1, false, ends]), json!([1, 0, true, [5.0]])];
+    assert_eq!((&items[..], &page["unit"]), (&expected[..], &json!("kg")));
+    let rest = farm.get(&format!("{path}?limit=3&cursor={}", text(&page["next_cursor"]))).await;
+    let rest = rest.expect(StatusCode::OK);
+    assert_eq!((&rest["items"], &rest["next_cursor"]), (&json!([]), &Value::Null));
+    farm.get(&format!("{path}?samples=1")).await.problem(400, "invalid-query");
+    farm.get(&format!("{path}?limit=201")).await.problem(400, "invalid-query");
+    let problem = farm.get(&path.replace("discharged_mass", "mass")).await.problem(404, "not-found");
+    assert!(text(&problem["detail"]).contains("discharged_mass"), "{problem}");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn workers_say_how_fast_they_are_and_how_far() {
+    let (farm, _dir) = Farm::start().await;
+    let worker = farm.worker("cpu").await;
+    farm.submit(&envelope(1)).await;
+    farm.submit(&envelope(2)).await;
+    let attempts = worker.claim(2).await;
+    let shown = async || farm.get("/v1/workers").await.expect(StatusCode::OK)["items"][0].clone();
+    assert_eq!(shown().await["particle_steps_per_s"], Value::Null);
+    worker.beat(&attempts[1], progress(0.5)).await;
+    let view = shown().await;
+    assert_eq!(view["running"], json!([attempts[0]["job_id"], attempts[1]["job_id"]]));
+    assert_eq!((&view["progress"][0], &view["progress"][1]["fraction"]), (&Value::Null, &json!(0.5)));
+    assert_eq!(view["particle_steps_per_s"], 100.0, "10 in 0.1 s");
+    worker.beat(&attempts[0], progress(0.1)).await;
+    assert_eq!(shown().await["particle_steps_per_s"], 200.0);
+    farm.stop().await;
+}
