@@ -12,6 +12,7 @@ use axum::response::{IntoResponse, Response};
 use governor::clock::Clock as _;
 use roost_api::token::Scope;
 
+use super::dashboard;
 use super::problem::{ApiError, Kind};
 use crate::app::App;
 use crate::store::Token;
@@ -88,7 +89,8 @@ impl Access {
 pub(super) fn needed(method: &Method, path: &str) -> &'static [Scope] {
     let reads = matches!(*method, Method::GET | Method::HEAD);
     match path {
-        "/" | "/healthz" | "/readyz" | "/openapi.json" => &[],
+        "/healthz" | "/readyz" | "/openapi.json" => &[],
+        _ if dashboard::PAGES.contains(&path) => &[],
         _ if path.starts_with("/docs") || path.starts_with("/dashboard") => &[],
         "/v1/version" => &[Scope::Read, Scope::Worker],
         "/v1/meshes/{digest}" | "/v1/meshes/{digest}/file" => &[Scope::Read, Scope::Worker],

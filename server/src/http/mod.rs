@@ -5,6 +5,7 @@ mod aside;
 mod at_hand;
 mod attempts;
 mod claims;
+mod dashboard;
 mod delivery;
 mod events;
 mod extract;
@@ -143,6 +144,7 @@ fn router(app: App) -> Router {
     let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
     router
         .merge(docs)
+        .merge(dashboard::router())
         .fallback(unknown_path)
         .method_not_allowed_fallback(wrong_method)
         .layer(from_fn_with_state(app.clone(), tags::tagged))

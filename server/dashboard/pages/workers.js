@@ -1,0 +1,61 @@
+// Workers and their devices: what each does, and when it was last heard of.
+
+import { poll, post } from "../api.js";
+import { fill, h } from "../dom.js";
+import { ago, short } from "../format.js";
+import { action, fault, table } from "../parts.js";
+
+/** Beats come every two seconds; who is silent this long is gone, or its lease soon is. */
+const SILENT_S = 15;
+
+const isHere = (worker) => (Date.now() - Date.parse(worker.last_seen_at)) / 1000 < SILENT_S;
+
+function status(worker) {
+  if (!isHere(worker)) return h("span", { class: "state cancelled" }, "gone");
+  if (worker.draining) return h("span", { class: "state cancelled" }, "draining");
+  return worker.running.length > 0 ? h("span", { class: "state running" }, "running") : h("span", { class: "state queued" }, "idle");
+}
+
+const jobs = (worker) => {
+  const links = worker.running.slice(0, 4).map((id) => h("a", { href: `/jobs/${id}`, class: "mono" }, short(id), " "));
+  return [links, worker.running.length > 4 && `and ${worker.running.length - 4} more`];
+};
+
+const COLUMNS = [
+  { title: "Worker", cell: (worker) => h("strong", {}, worker.name) },
+  { title: "State", cell: status },
+  { title: "Device", is_text: true, cell: (worker) => worker.device },
+  { title: "Backend", cell: (worker) => worker.backend },
+  { title: "Threads", is_number: true, cell: (worker) => worker.threads },
+  { title: "Memory", is_number: true, cell: (worker) => (worker.memory_mib ? `${(worker.memory_mib / 1024).toFixed(1)} GiB` : "–") },
+  { title: "Runs", is_text: true, cell: jobs },
+  { title: "Results", is_number: true, cell: (worker) => worker.succeeded.toLocaleString("en") },
+  { title: "Failures", is_number: true, cell: (worker) => worker.failed.toLocaleString("en") },
+  { title: "Revision", is_number: true, cell: (worker) => worker.solver_revision },
+  { title: "Registered", cell: (worker) => ago(worker.registered_at) },
+  { title: "Last heard", cell: (worker) => ago(worker.last_seen_at) },
+  { title: "", cell: (worker) => isHere(worker) && !worker.draining
+      ? action("Drain", () => post(`/v1/workers/${worker.id}/drain`).then(() => `${worker.name} claims nothing more`), { ask: `${worker.name} is to finish what it runs and end?` })
+      : "" },
+];
+
+export function show(main) {
+  document.title = "Workers · Roost";
+  const [here, gone, trouble] = [h("section", { class: "card wide" }), h("section"), h("div")];
+  main.append(h("h1", {}, "Workers"), trouble, here, gone);
+  let page = { items: [] };
+  const draw = () => {
+    const there = page.items.filter(isHere);
+    const rest = page.items.filter((worker) => !isHere(worker));
+    const running = there.reduce((sum, worker) => sum + worker.running.length, 0);
+    fill(here, there.length === 0
+      ? h("p", {}, "No worker is there. ", h("code", {}, `roost work --server ${location.origin}`), " starts one.")
+      : table(`${there.length} there, ${running} jobs running`, COLUMNS, there));
+    if (rest.length > 0 && !gone.querySelector("details[open]")) {
+      fill(gone, h("details", { class: "card wide" }, h("summary", {}, `${rest.length} gone`), table("Not heard of lately", COLUMNS, rest)));
+    }
+  };
+  poll("/v1/workers?limit=500", 2, (value) => ((page = value), draw()), (error) => fill(trouble, error ? fault(error) : []));
+  // Times pass also while nothing changes.
+  setInterval(() => document.hidden || draw(), 5000);
+}

@@ -1,0 +1,70 @@
+// plotly.js as pages use it: loaded when first needed, in the colours of the theme, with a table beneath for who cannot see or point.
+// Only traces that are drawn as SVG: those of WebGL need code from text, which the policy refuses.
+
+import { h } from "../dom.js";
+
+let loading = null;
+
+function plotly() {
+  loading ??= new Promise((loaded, failed) => {
+    const script = h("script", { src: "/dashboard/plotly.min.js", onload: () => loaded(window.Plotly) });
+    script.addEventListener("error", () => failed(new Error("plotly.js did not load")));
+    document.head.append(script);
+  });
+  return loading;
+}
+
+/** A colour of the theme. */
+export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+/** Colours of lines, one after the other. */
+export const series = (i) => colour(`c${i % 8}`);
+
+/** A colour with opacity, 0 to 1. */
+export const sheer = (hex, opacity) => `${hex}${Math.round(255 * opacity).toString(16).padStart(2, "0")}`;
+
+function themed(layout) {
+  const axis = { gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("dim"), automargin: true, title: { standoff: 8 } };
+  const axes = Object.fromEntries(Object.entries({ xaxis: {}, yaxis: {}, ...layout }).filter(([key]) => /^[xy]axis/.test(key))
+    .map(([key, own]) => [key, { ...axis, ...own, title: { ...axis.title, ...own.title } }]));
+  return {
+    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "closest", showlegend: true,
+    font: { color: colour("text"), family: "system-ui, sans-serif", size: 12 }, margin: { l: 56, r: 12, t: 8, b: 44 },
+    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+    hoverlabel: { bgcolor: colour("raised"), bordercolor: colour("line"), font: { color: colour("text") }, align: "left" },
+    ...layout, ...axes,
+  };
+}
+
+/**
+ * A card with a plot. `draw(make)` shows what `make()` returns, and makes it anew when the theme changes: `traces`, `layout`, `table`
+ * (makes the table beneath). A click opens the `customdata` of a point, a path.
+ */
+export function panel(title, { controls = [], size = "" } = {}) {
+  const plot = h("div", { class: `plot ${size}`, role: "img", "aria-label": title });
+  const empty = h("p", { class: "dim" }, "Nothing to draw yet.");
+  const beneath = h("div", { class: "tall" });
+  const details = h("details", { class: "under" }, h("summary", {}, "As a table"), beneath);
+  const card = h("section", { class: "card" }, h("h2", {}, title), h("div", { class: "row" }, controls), empty, plot, details);
+  let make = null, listens = false;
+  const render = async () => {
+    const Plotly = await plotly();
+    const what = make?.();
+    const is_there = Boolean(what) && what.traces.length > 0;
+    empty.hidden = is_there;
+    plot.hidden = details.hidden = !is_there;
+    if (!is_there) return;
+    const config = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"], toImageButtonOptions: { format: "svg", filename: title } };
+    await Plotly.react(plot, what.traces, themed(what.layout), config);
+    if (!listens) {
+      listens = true;
+      plot.on("plotly_click", ({ points }) => points[0]?.customdata?.startsWith?.("/") && (location.href = points[0].customdata));
+    }
+    const table = () => details.open && beneath.replaceChildren(what.table());
+    details.ontoggle = table;
+    table();
+  };
+  addEventListener("theme", () => make && render());
+  plot.hidden = details.hidden = true;
+  return { card, draw: (how) => ((make = how), render()) };
+}

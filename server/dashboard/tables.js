@@ -1,0 +1,80 @@
+// The two tables of a sweep: design points with what came out, and jobs page by page.
+
+import { poll } from "./api.js";
+import { fill, h } from "./dom.js";
+import { ago, factor, number, short } from "./format.js";
+import { level } from "./measures.js";
+import { STATES, asked, choice, inOrder, remember, state, table } from "./parts.js";
+
+/** Rows that are drawn at once. */
+const ROWS = 200;
+/** Responses that stand in the table until others are asked for. */
+const FIRST = ["regime=no_flow", "effective_throughput_kg_s", "mean_rate_kg_s", "discharged_kg", "lowest_rate_ratio", "bend_angle_deg", "critical_angle_deg", "modulus_pa", "settle_time_s", "bonds_intact_fraction"];
+
+/** Design points, sorted by any column. */
+export function pointsTable() {
+  const place = h("div", { class: "wide tall" }), more = h("label", { class: "field" });
+  const card = h("section", { class: "card" }, h("div", { class: "row spread" }, h("h2", {}, "Design points"), more), place);
+  let sort = asked("sort") ? { by: Number(asked("sort").replace("-", "")), down: asked("sort").startsWith("-") } : null, is_all = false, given = null;
+  const every = h("input", { type: "checkbox", onchange: () => ((is_all = every.checked), render()) });
+  more.append(every, "every response");
+  function render() {
+    const { points, factors, all } = given;
+    const shown = is_all ? all : all.filter((one) => FIRST.includes(one.name));
+    const mean = (measure) => ({
+      title: measure.label, is_number: true, value: (row) => measure.of(row)?.mean,
+      cell: (row) => {
+        const value = measure.of(row);
+        if (!value) return "–";
+        return measure.is_share ? `${value.count} of ${value.n}` : h("span", { title: `95 %: ${number(value.low)} to ${number(value.high)}` }, number(value.mean));
+      },
+    });
+    const columns = [
+      { title: "Point", is_number: true, value: (row) => row.point, cell: (row) => row.point },
+      ...factors.map((pointer) => ({ title: factor(pointer, factors), is_number: true, value: (row) => level(row.factors[pointer]), cell: (row) => number(level(row.factors[pointer])) })),
+      { title: "Trials", is_number: true, value: (row) => row.counts.succeeded, cell: (row) => `${row.counts.succeeded}/${STATES.reduce((n, state) => n + row.counts[state], 0)}` },
+      { title: "Unstable", is_number: true, value: (row) => row.unstable, cell: (row) => row.unstable || "" },
+      ...shown.map(mean),
+    ];
+    const sorted = (to) => ((sort = to), remember({ sort: `${to.down ? "-" : ""}${to.by}` }), render());
+    const rows = inOrder(points, columns, sort);
+    const scroll = [place.scrollLeft, place.scrollTop];
+    fill(place, table(`${points.length.toLocaleString("en")} points${rows.length > ROWS ? `, the first ${ROWS} in this order` : ""}; means over trials`, columns, rows.slice(0, ROWS), { sort, sorted }));
+    [place.scrollLeft, place.scrollTop] = scroll;
+  }
+  return { card, draw: (what) => ((given = what), render()) };
+}
+
+/** Jobs of a listing, page by page, by state. */
+export function jobsTable(path) {
+  const place = h("div", { class: "wide tall" }), turns = h("div", { class: "row" });
+  let cursors = [null], end = () => {};
+  const filter = choice("State", [["", "all"], ...STATES], asked("state") ?? "", (value) => (remember({ state: value }), (cursors = [null]), look()));
+  const card = h("section", { class: "card" }, h("div", { class: "row spread" }, h("h2", {}, "Jobs"), filter), place, turns);
+  const columns = [
+    { title: "Job", cell: (job) => h("a", { href: `/jobs/${job.id}`, class: "mono" }, short(job.id)) },
+    { title: "State", cell: (job) => state(job.state, job.cancelling ? "cancelling" : (job.failure_class ?? (job.from_cache ? "from the store" : undefined))) },
+    { title: "Point", is_number: true, cell: (job) => job.point ?? "–" },
+    { title: "Seed", is_number: true, cell: (job) => job.seed },
+    { title: "Levels", is_text: true, cell: (job) => Object.entries(job.factors).map(([pointer, value]) => `${factor(pointer)} ${number(level(value))}`).join(", ") },
+    { title: "Progress", is_number: true, cell: (job) => (job.progress ? `${Math.floor(100 * job.progress.fraction)} %` : "") },
+    { title: "Attempt", is_number: true, cell: (job) => job.attempt || "" },
+    { title: "Ended", cell: (job) => (job.ended_at ? ago(job.ended_at) : "") },
+    { title: "What failed", is_text: true, cell: (job) => job.failure_message ?? "" },
+  ];
+  const turn = (to) => ((cursors = to), look());
+  function look() {
+    end();
+    const query = new URLSearchParams({ limit: 100 });
+    if (asked("state")) query.set("state", asked("state"));
+    if (cursors.at(-1)) query.set("cursor", cursors.at(-1));
+    end = poll(`${path}?${query}`, 5, draw);
+  }
+  function draw(page) {
+    fill(place, table(`${page.items.length} jobs, newest first, from number ${1 + 100 * (cursors.length - 1)}`, columns, page.items));
+    fill(turns, h("button", { id: "jobs-newer", disabled: cursors.length === 1, onclick: () => turn(cursors.slice(0, -1)) }, "Newer"),
+      h("button", { id: "jobs-older", disabled: !page.next_cursor, onclick: () => turn([...cursors, page.next_cursor]) }, "Older"));
+  }
+  look();
+  return { card, look };
+}
