@@ -1,1 +1,98 @@
-export function show(){}
+// One job: where it stands, its curves, its responses, how it looked.
+
+import { follow, post, read } from "../api.js";
+import { fill, h } from "../dom.js";
+import { duration, factor, moment, number, short, titled } from "../format.js";
+import { level } from "../measures.js";
+import { action, facts, fault, state, table } from "../parts.js";
+import { player } from "../playback/player.js";
+import { linePlot } from "../plots/curves.js";
+import { panel } from "../plots/plot.js";
+
+const ENDED = ["succeeded", "failed", "cancelled"];
+
+export async function show(main, id) {
+  const at = `/v1/jobs/${id}`;
+  let job = await read(at);
+  const [head, trouble, plots, rest] = [h("div"), h("div"), h("div", { class: "grid" }), h("div")];
+  const watch = h("div");
+  main.append(head, trouble, watch, plots, rest);
+
+  function drawHead() {
+    const name = job.sweep_id ? `Point ${job.point}, seed ${job.seed}` : `Job ${short(job.id)}`;
+    document.title = `${name} · Roost`;
+    const levels = Object.entries(job.factors).map(([pointer, value]) => [factor(pointer, Object.keys(job.factors)), number(level(value))]);
+    const took = job.started_at && (Date.parse(job.ended_at ?? new Date().toISOString()) - Date.parse(job.started_at)) / 1000;
+    fill(head,
+      h("div", { class: "row spread" }, h("h1", {}, name), h("div", { class: "row" }, actions(job, at))),
+      h("div", { class: "row" }, state(job.state, job.cancelling ? "cancelling" : undefined),
+        job.sweep_id && h("a", { href: `/sweeps/${job.sweep_id}` }, "its sweep"), job.from_cache && h("span", {}, "from the store: the same physics had been run"),
+        h("a", { href: `/compare?jobs=${job.id}` }, "compare")),
+      job.failure_class && h("p", { class: "fault" }, `${job.failure_class}: ${job.failure_message ?? ""}`),
+      job.progress && h("div", { class: "bar large", role: "progressbar", "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": Math.floor(100 * job.progress.fraction), "aria-label": "progress of the attempt" },
+        h("span", { class: "running", style: { "--part": `${100 * job.progress.fraction}%` } })),
+      job.progress && facts([["Phase", job.progress.phase], ["Belt time", `${number(job.progress.time_s, 3)} s`], ["Sub-particles", number(job.progress.subparticles)],
+        ["Out so far", `${number(job.progress.discharged_kg)} kg`],
+        ["Speed", job.progress.wall_s > 0 ? `${number(job.progress.particle_steps / job.progress.wall_s / 1e6, 3)} million particle-steps/s` : null],
+        ["Left", job.progress.fraction > 0 ? duration((job.progress.wall_s * (1 - job.progress.fraction)) / job.progress.fraction) : null]]),
+      facts([...levels, ["Attempt", job.attempt], ["Submitted", moment(job.submitted_at)], ["Started", job.started_at && moment(job.started_at)],
+        ["Ended", job.ended_at && moment(job.ended_at)], ["Took", took ? duration(took) : null]]));
+  }
+
+  let shown = null;
+  async function drawResult() {
+    // A retried job may come to another result.
+    const key = `${job.state} ${job.attempt}`;
+    if (!ENDED.includes(job.state) || shown === key) return;
+    shown = key;
+    const result = await read(`${at}/result`).catch((error) => (error.status === 404 ? null : Promise.reject(error)));
+    if (!result) return;
+    const cards = [...result.series, ...(result.curves ?? [])].map((data) => {
+      const one = panel(titled(data.name, data.unit));
+      one.draw(() => linePlot([{ name: data.name, data }]));
+      return one.card;
+    });
+    plots.replaceChildren(...cards);
+    fill(rest, responses(result), machine(result), document_(result, job));
+  }
+
+  const update = (now) => {
+    job = now;
+    drawHead();
+    drawResult().catch((error) => fill(trouble, fault(error)));
+  };
+  update(job);
+  player(`${at}/frames`).then((element) => element && watch.append(element)).catch((error) => fill(watch, fault(error)));
+  follow(at, update, null, (error) => fill(trouble, error ? fault(error) : []));
+}
+
+function actions(job, at) {
+  return [
+    !ENDED.includes(job.state) && action("Cancel", () => post(`${at}/cancel`), { ask: "Cancel this job?" }),
+    ["failed", "cancelled"].includes(job.state) && action("Retry", () => post(`${at}/retry`)),
+    ENDED.includes(job.state) && h("a", { href: `${at}/result`, download: `${job.id}.json` }, "Result document"),
+  ];
+}
+
+function responses(result) {
+  const rows = Object.entries(result.responses);
+  if (rows.length === 0) return h("p", { class: "dim" }, "No responses: the run did not end by itself.");
+  return h("section", { class: "card wide" }, h("h2", {}, "Responses"), table(`The run ended: ${result.end_reason.replaceAll("_", " ")}`, [
+    { title: "Response", cell: ([name]) => titled(name) },
+    { title: "Value", is_number: true, cell: ([, value]) => (typeof value === "string" ? value.replaceAll("_", " ") : number(value, 5)) },
+    { title: "Name", cell: ([name]) => h("code", {}, name) },
+  ], rows));
+}
+
+function machine({ solver, performance, instability }) {
+  return h("section", { class: "card" }, h("h2", {}, "What computed it"),
+    instability && h("p", { class: "fault" }, `Unstable at ${number(instability.time_s)} s, step ${number(instability.step)}: ${instability.reason}`),
+    facts([["Backend", solver.backend], ["Device", solver.device], ["Threads", solver.threads], ["Revision", solver.revision], ["Time step", `${number(1e6 * solver.timestep_s)} µs`],
+      ["Steps", number(performance.steps)], ["Sub-particles", number(performance.subparticles)], ["Wall time", duration(performance.wall_s)],
+      ["A particle-step", `${number(performance.ns_per_particle_step, 3)} ns`]]));
+}
+
+function document_(result, job) {
+  return h("details", { class: "card" }, h("summary", {}, "Scenario as run"), h("p", { class: "mono dim" }, `digest ${job.scenario_digest}`),
+    h("pre", { class: "mono" }, JSON.stringify(result.scenario, null, 2)));
+}

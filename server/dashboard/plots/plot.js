@@ -54,7 +54,7 @@ export function panel(title, { controls = [], size = "" } = {}) {
     empty.hidden = is_there;
     plot.hidden = details.hidden = !is_there;
     if (!is_there) return;
-    const config = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"], toImageButtonOptions: { format: "svg", filename: title } };
+    const config = { displaylogo: false, displayModeBar: "hover", responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"], toImageButtonOptions: { format: "svg", filename: title } };
     await Plotly.react(plot, what.traces, themed(what.layout), config);
     if (!listens) {
       listens = true;

@@ -1,0 +1,164 @@
+// What playback draws: spheres, one instance each, and equipment to look through. WebGL2; every sphere is a square that faces the eye, on
+// which the fragment shader draws a ball with its true depth.
+
+const SPHERES = {
+  vertex: `#version 300 es
+    uniform mat4 view, projection; uniform float radius; uniform int colouring;
+    in vec2 corner; in vec3 centre; in float value;
+    out vec2 disc; out vec3 seen; out vec3 ink;
+    vec3 ofBody(float body) { // hues a golden angle apart
+      float hue = fract(body * 0.61803399), light = 0.72 + 0.16 * fract(body * 0.381966);
+      return light * (0.55 + 0.45 * cos(6.2831853 * (hue + vec3(0.0, 0.33, 0.67))));
+    }
+    vec3 ofShare(float x) { // Turbo, as a polynomial (A. Mikhailov, 2019)
+      x = clamp(x, 0.0, 1.0);
+      vec4 v = vec4(1.0, x, x * x, x * x * x); vec2 w = v.zw * v.z;
+      return clamp(vec3(dot(v, vec4(0.13572138, 4.61539260, -42.66032258, 132.13108234)) + dot(w, vec2(-152.94239396, 59.28637943)),
+        dot(v, vec4(0.09140261, 2.19418839, 4.84296658, -14.18503333)) + dot(w, vec2(4.27729857, 2.82956604)),
+        dot(v, vec4(0.10667330, 12.64194608, -60.58204836, 110.36276771)) + dot(w, vec2(-89.90310912, 27.34824973))), 0.0, 1.0);
+    }
+    void main() {
+      vec4 eye = view * vec4(centre, 1.0);
+      seen = eye.xyz; disc = corner;
+      ink = colouring == 0 ? ofBody(value) : ofShare(value);
+      gl_Position = projection * (eye + vec4(radius * corner, 0.0, 0.0));
+    }`,
+  fragment: `#version 300 es
+    precision highp float;
+    uniform mat4 projection; uniform float radius;
+    in vec2 disc; in vec3 seen; in vec3 ink;
+    out vec4 colour;
+    void main() {
+      float out2 = dot(disc, disc);
+      if (out2 > 1.0) discard;
+      vec3 normal = vec3(disc, sqrt(1.0 - out2));
+      vec4 clip = projection * vec4(seen + radius * normal, 1.0);
+      gl_FragDepth = 0.5 * clip.z / clip.w + 0.5;
+      float light = 0.35 + 0.65 * max(0.0, dot(normal, normalize(vec3(0.4, 0.7, 0.6))));
+      colour = vec4(ink * light, 1.0);
+    }`,
+};
+
+const SURFACES = {
+  vertex: `#version 300 es
+    uniform mat4 view, projection;
+    in vec3 corner; in vec3 normal; out vec3 facing;
+    void main() { facing = mat3(view) * normal; gl_Position = projection * view * vec4(corner, 1.0); }`,
+  fragment: `#version 300 es
+    precision highp float;
+    uniform vec4 ink; in vec3 facing; out vec4 colour;
+    void main() { colour = vec4(ink.rgb * (0.55 + 0.45 * abs(normalize(facing).z)), ink.a); }`,
+};
+
+function program(gl, { vertex, fragment }) {
+  const made = gl.createProgram();
+  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    gl.attachShader(made, shader);
+  }
+  gl.linkProgram(made);
+  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
+  return { made, uniform: (name) => gl.getUniformLocation(made, name), attribute: (name) => gl.getAttribLocation(made, name) };
+}
+
+/** Points of a surface at belt time t: those that move do so from t = 0 on (docs/frames.md). */
+function placed(surface, t_s) {
+  const corners = surface.triangles_m.flat();
+  const motion = surface.motion;
+  if (motion.kind !== "moving" || !(t_s > 0)) return corners;
+  const spin = motion.spin_rad_s ?? [0, 0, 0], rate = Math.hypot(...spin), angle = rate * t_s;
+  const k = rate > 0 ? spin.map((x) => x / rate) : [0, 0, 1], pivot = motion.pivot_m ?? [0, 0, 0], velocity = motion.velocity_m_s ?? [0, 0, 0];
+  const [c, s] = [Math.cos(angle), Math.sin(angle)];
+  return corners.map((corner) => {
+    const r = corner.map((x, i) => x - pivot[i]), along = (1 - c) * (k[0] * r[0] + k[1] * r[1] + k[2] * r[2]);
+    const across = [k[1] * r[2] - k[2] * r[1], k[2] * r[0] - k[0] * r[2], k[0] * r[1] - k[1] * r[0]];
+    return r.map((x, i) => pivot[i] + velocity[i] * t_s + c * x + s * across[i] + along * k[i]);
+  });
+}
+
+const INKS = { belt: [0.35, 0.55, 0.75, 0.55], equipment: [0.75, 0.8, 0.85, 0.2], frictionless: [0.75, 0.8, 0.85, 0.07] };
+
+/** Draws frames of a stream with this head onto a canvas. */
+export function scene(canvas, head) {
+  const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+  if (!gl) throw new Error("this browser has no WebGL2: playback needs it");
+  const balls = program(gl, SPHERES), walls = program(gl, SURFACES);
+  const buffer = (data) => {
+    const made = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, made);
+    if (data) gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+    return made;
+  };
+  const attribute = (place, buffer, size, stride, offset, divisor) => {
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.enableVertexAttribArray(place);
+    gl.vertexAttribPointer(place, size, gl.FLOAT, false, stride, offset);
+    gl.vertexAttribDivisor(place, divisor);
+  };
+  const many = gl.createVertexArray(), [centres, values] = [buffer(), buffer()];
+  gl.bindVertexArray(many);
+  attribute(balls.attribute("corner"), buffer(new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1])), 2, 0, 0, 0);
+  attribute(balls.attribute("centre"), centres, 3, 0, 0, 1);
+  attribute(balls.attribute("value"), values, 1, 0, 0, 1);
+  const around = gl.createVertexArray(), corners = buffer();
+  gl.bindVertexArray(around);
+  attribute(walls.attribute("corner"), corners, 3, 24, 0, 0);
+  attribute(walls.attribute("normal"), corners, 3, 24, 12, 0);
+  let count = 0, groups = [];
+
+  /** Takes a frame in; `value` is what its sub-particles are coloured by. */
+  function load(frame, value, surfaces) {
+    count = frame.count;
+    for (const [target, data] of [[centres, frame.positions], [values, value]]) {
+      gl.bindBuffer(gl.ARRAY_BUFFER, target);
+      gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
+    }
+    const data = [];
+    // What is most opaque first, so that the rest is seen before it.
+    const shown = surfaces.filter((one) => one.presence === "always" || !(frame.t_s >= 0)).sort((a, b) => INKS[b.kind][3] - INKS[a.kind][3]);
+    groups = shown.map((surface) => {
+      const points = placed(surface, frame.t_s), from = data.length / 6;
+      for (let i = 0; i < points.length; i += 3) {
+        const [a, b, c] = [points[i], points[i + 1], points[i + 2]];
+        const [u, v] = [b.map((x, k) => x - a[k]), c.map((x, k) => x - a[k])];
+        const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        for (const point of [a, b, c]) data.push(...point, ...normal);
+      }
+      return { ink: INKS[surface.kind] ?? INKS.equipment, from, count: data.length / 6 - from };
+    });
+    gl.bindBuffer(gl.ARRAY_BUFFER, corners);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(data), gl.DYNAMIC_DRAW);
+  }
+
+  function draw({ view, projection }, colouring) {
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clearColor(0.063, 0.082, 0.102, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.DEPTH_TEST);
+    const use = ({ made, uniform }) => {
+      gl.useProgram(made);
+      gl.uniformMatrix4fv(uniform("view"), false, view);
+      gl.uniformMatrix4fv(uniform("projection"), false, projection);
+    };
+    use(balls);
+    gl.uniform1f(balls.uniform("radius"), head.radius_m);
+    gl.uniform1i(balls.uniform("colouring"), colouring);
+    gl.bindVertexArray(many);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
+    use(walls);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    gl.depthMask(false);
+    gl.bindVertexArray(around);
+    for (const group of groups) {
+      gl.uniform4fv(walls.uniform("ink"), group.ink);
+      gl.drawArrays(gl.TRIANGLES, group.from, group.count);
+    }
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
+  }
+  return { load, draw };
+}
