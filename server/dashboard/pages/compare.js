@@ -1,1 +1,73 @@
-export function show(){}
+// Jobs side by side: their curves in one plot each, their responses in one table.
+
+import { each, read } from "../api.js";
+import { fill, h } from "../dom.js";
+import { factor, number, short, titled } from "../format.js";
+import { level } from "../measures.js";
+import { asked, fault, state, table } from "../parts.js";
+import { linePlot } from "../plots/curves.js";
+import { panel } from "../plots/plot.js";
+
+/** More than this cannot be told apart. */
+const MOST_JOBS = 8;
+const ID = /[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}/g;
+
+export async function show(main) {
+  document.title = "Compare · Roost";
+  const ids = [...new Set((asked("jobs") ?? "").match(ID) ?? [])].slice(0, MOST_JOBS);
+  const input = h("input", { id: "jobs", name: "jobs", size: 60, value: ids.join(","), placeholder: "identifiers or links of jobs" });
+  const form = h("form", { class: "row", onsubmit: (event) => {
+    event.preventDefault();
+    location.search = new URLSearchParams({ jobs: (input.value.match(ID) ?? []).join(",") });
+  } }, h("label", { class: "field" }, "Jobs", input), h("button", { class: "main" }, "Compare"));
+  const place = h("div");
+  main.append(h("h1", {}, "Compare jobs"), form, place);
+  if (ids.length === 0) {
+    fill(place, h("p", { class: "dim" }, `Up to ${MOST_JOBS} jobs: every job's page has a link to here.`));
+    return;
+  }
+  try {
+    await draw(place, await each(ids, load));
+  } catch (error) {
+    fill(place, fault(error));
+  }
+}
+
+async function load(id) {
+  const job = await read(`/v1/jobs/${id}`);
+  const result = await read(`/v1/jobs/${id}/result`).catch((error) => (error.status === 404 ? null : Promise.reject(error)));
+  const pointers = Object.keys(job.factors);
+  const levels = pointers.map((pointer) => `${factor(pointer, pointers)} ${number(level(job.factors[pointer]))}`).join(", ");
+  return { job, result, name: levels ? `${levels}, seed ${job.seed}` : short(id) };
+}
+
+/** Fields of two scenarios by pointer. */
+function leaves(value, at = "", found = {}) {
+  if (value !== null && typeof value === "object" && !Array.isArray(value)) for (const [key, inner] of Object.entries(value)) leaves(inner, `${at}/${key}`, found);
+  else found[at] = JSON.stringify(value);
+  return found;
+}
+
+async function draw(place, all) {
+  const columns = (first, cell) => [first, ...all.map((one, i) => ({ title: one.name, is_number: true, cell: (name) => cell(one, name, i) }))];
+  const done = all.filter((one) => one.result);
+  const responses = [...new Set(done.flatMap((one) => Object.keys(one.result.responses)))].sort();
+  const scenarios = all.map((one) => (one.result ? leaves(one.result.scenario) : {}));
+  const fields = [...new Set(scenarios.flatMap(Object.keys))].filter((pointer) => new Set(scenarios.map((one) => one[pointer])).size > 1);
+  const told = (value) => (value === undefined ? "–" : typeof value === "string" ? value.replaceAll("_", " ") : number(value, 5));
+  const kinds = [...new Set(done.flatMap((one) => [...one.result.series, ...(one.result.curves ?? [])].map((data) => data.name)))];
+  const cards = kinds.map((name) => {
+    const lines = done.map((one) => ({ name: one.name, path: `/jobs/${one.job.id}`, data: [...one.result.series, ...(one.result.curves ?? [])].find((data) => data.name === name) })).filter((line) => line.data);
+    const one = panel(titled(name, lines[0].data.unit));
+    one.draw(() => linePlot(lines));
+    return one.card;
+  });
+  fill(place,
+    h("section", { class: "card wide" }, table("Jobs", [
+      { title: "Job", cell: (one) => h("a", { href: `/jobs/${one.job.id}` }, one.name) }, { title: "State", cell: (one) => state(one.job.state) },
+      { title: "Ended", cell: (one) => one.result?.end_reason.replaceAll("_", " ") ?? "–" }, { title: "Backend", cell: (one) => one.result?.solver.backend ?? "–" },
+    ], all)),
+    fields.length > 0 && h("section", { class: "card wide" }, table("Where the scenarios differ", columns({ title: "Field", cell: (pointer) => h("code", {}, pointer) }, (_, pointer, i) => scenarios[i][pointer] ?? "–"), fields)),
+    h("div", { class: "grid" }, cards),
+    responses.length > 0 && h("section", { class: "card wide" }, table("Responses", columns({ title: "Response", cell: (name) => titled(name) }, (one, name) => told(one.result?.responses[name])), responses)));
+}

@@ -29,7 +29,8 @@ function themed(layout) {
     .map(([key, own]) => [key, { ...axis, ...own, title: { ...axis.title, ...own.title } }]));
   return {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "closest", showlegend: true,
-    font: { color: colour("text"), family: "system-ui, sans-serif", size: 12 }, margin: { l: 56, r: 12, t: 8, b: 44 },
+    font: { color: colour("text"), family: "system-ui, sans-serif", size: 12 }, margin: { l: 56, r: 12, t: 30, b: 44 },
+    modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("dim"), activecolor: colour("text") },
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
     hoverlabel: { bgcolor: colour("raised"), bordercolor: colour("line"), font: { color: colour("text") }, align: "left" },
     ...layout, ...axes,
@@ -54,7 +55,7 @@ export function panel(title, { controls = [], size = "" } = {}) {
     empty.hidden = is_there;
     plot.hidden = details.hidden = !is_there;
     if (!is_there) return;
-    const config = { displaylogo: false, displayModeBar: "hover", responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"], toImageButtonOptions: { format: "svg", filename: title } };
+    const config = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"], toImageButtonOptions: { format: "svg", filename: title } };
     await Plotly.react(plot, what.traces, themed(what.layout), config);
     if (!listens) {
       listens = true;

@@ -50,6 +50,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
         "plotly.css",
         "mark.svg",
         "main.js",
+        "document.js",
         "dom.js",
         "api.js",
         "format.js",
