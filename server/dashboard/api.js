@@ -1,5 +1,10 @@
 // The API as pages use it: reads with tags, writes, and what is followed as it happens.
 
+import { signIn } from "./session.js";
+
+/** What changes something counts, with a session, only beside this header: pages of others cannot send it. */
+const OURS = { "x-roost-page": "dashboard" };
+
 /** A problem document (RFC 9457) that the server answered. */
 export class Problem extends Error {
   constructor(problem) {
@@ -10,6 +15,7 @@ export class Problem extends Error {
 
 async function answered(response) {
   if (response.ok) return response;
+  if (response.status === 401) signIn();
   const problem = await response.json().catch(() => ({ title: `The server answers ${response.status}`, status: response.status }));
   throw new Problem(problem);
 }
@@ -21,7 +27,7 @@ export async function read(path, options) {
 
 /** Posts JSON, or nothing. What makes something carries a key, so that a repeat makes nothing again. */
 export async function post(path, body, key) {
-  const headers = body === undefined ? {} : { "content-type": "application/json" };
+  const headers = body === undefined ? { ...OURS } : { ...OURS, "content-type": "application/json" };
   if (key) headers["idempotency-key"] = key;
   const response = await fetch(path, { method: "POST", headers, body: body === undefined ? undefined : JSON.stringify(body) });
   return (await answered(response)).json();

@@ -22,10 +22,15 @@ function field(pointer, property, { section, section_doc, only }) {
   const range = low !== undefined && high !== undefined ? `${property.exclusiveMinimum === undefined ? "" : "over "}${low} to ${property.exclusiveMaximum === undefined ? "" : "under "}${high}` : words.join(", ");
   return {
     pointer, section, section_doc, only, doc, words, range, types, not_in: [.../Not in ((?:`\w+`(?:, | and )?)+)/.exec(doc)?.[1].matchAll(/`(\w+)`/g) ?? []].map(([, name]) => name),
-    title: property.title ?? pointer.split("/").at(-1), unit: /Unit: ([^\s]+)\. /.exec(`${doc} `)?.[1] ?? "",
+    title: property.title ?? titleOf(pointer), unit: /Unit: ([^\s]+)\. /.exec(`${doc} `)?.[1] ?? "",
     preset: property.default === undefined ? "" : typeof property.default === "object" && property.default !== null ? JSON.stringify(property.default) : String(property.default ?? "none"),
   };
 }
+
+const titleOf = (pointer) => {
+  const words = pointer.split("/").at(-1).replaceAll("_", " ");
+  return words[0].toUpperCase() + words.slice(1);
+};
 
 export const isFor = (field, experiment) => (!field.only || field.only === experiment) && !field.not_in.includes(experiment);
 

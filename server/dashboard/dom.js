@@ -22,6 +22,9 @@ export function svg(name, attributes, ...children) {
   return build((tag) => document.createElementNS("http://www.w3.org/2000/svg", tag), name, attributes, children);
 }
 
+/** Text of the schema, where `names` stand in backquotes. */
+export const prose = (text) => text.split("`").map((part, i) => (i % 2 ? h("code", {}, part) : part));
+
 /** Puts new content into an element, and leaves it alone where nothing would change, so that focus and selection stay. */
 export function fill(element, ...children) {
   const next = h("div", {}, ...children);

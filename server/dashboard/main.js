@@ -1,6 +1,7 @@
 // Where every page begins: the theme, the mark in the navigation, and the page that belongs to the path.
 
 import { h } from "./dom.js";
+import { signOut } from "./session.js";
 
 const PAGES = [
   [/^\/$/, "sweeps"],
@@ -27,6 +28,7 @@ function theme() {
 
 async function start() {
   theme();
+  signOut(document.querySelector("header"));
   for (const link of document.querySelectorAll("nav a")) {
     const path = new URL(link.href).pathname;
     const is_here = path === location.pathname || (path === "/" && location.pathname.startsWith("/sweeps/"));

@@ -27,7 +27,7 @@ export async function show(main) {
     return;
   }
   try {
-    await draw(place, await each(ids, load));
+    draw(place, named(await each(ids, load)));
   } catch (error) {
     fill(place, fault(error));
   }
@@ -36,9 +36,15 @@ export async function show(main) {
 async function load(id) {
   const job = await read(`/v1/jobs/${id}`);
   const result = await read(`/v1/jobs/${id}/result`).catch((error) => (error.status === 404 ? null : Promise.reject(error)));
-  const pointers = Object.keys(job.factors);
-  const levels = pointers.map((pointer) => `${factor(pointer, pointers)} ${number(level(job.factors[pointer]))}`).join(", ");
-  return { job, result, name: levels ? `${levels}, seed ${job.seed}` : short(id) };
+  return { job, result };
+}
+
+/** Jobs with names: by the levels in which they differ, or by their identifiers. */
+function named(all) {
+  const pointers = [...new Set(all.flatMap(({ job }) => Object.keys(job.factors)))];
+  const parts = [...pointers.map((pointer) => [factor(pointer, pointers), ({ job }) => level(job.factors[pointer])]), ["seed", ({ job }) => job.seed]];
+  const differing = parts.filter(([, of]) => new Set(all.map(of)).size > 1);
+  return all.map((one) => ({ ...one, name: differing.map(([title, of]) => `${title} ${number(of(one))}`).join(", ") || short(one.job.id) }));
 }
 
 /** Fields of two scenarios by pointer. */
@@ -48,7 +54,7 @@ function leaves(value, at = "", found = {}) {
   return found;
 }
 
-async function draw(place, all) {
+function draw(place, all) {
   const columns = (first, cell) => [first, ...all.map((one, i) => ({ title: one.name, is_number: true, cell: (name) => cell(one, name, i) }))];
   const done = all.filter((one) => one.result);
   const responses = [...new Set(done.flatMap((one) => Object.keys(one.result.responses)))].sort();

@@ -2,7 +2,7 @@
 // validated by the server, which also says what it will cost.
 
 import { post, read } from "../api.js";
-import { fill, h } from "../dom.js";
+import { fill, h, prose } from "../dom.js";
 import { duration, number } from "../format.js";
 import { action, choice, facts, fault } from "../parts.js";
 import { fields, sections, isFor, readField, writeField } from "../document.js";
@@ -86,7 +86,7 @@ export async function show(main) {
     const { experiment } = sweep.base;
     const shown = all.filter((field) => isFor(field, experiment) && field.pointer !== "/experiment" && field.pointer !== "/schema");
     fill(form, sections(shown).map(([title, doc, inside], i) => h("details", { class: "card", open: i < 2 || inside.some((field) => readField(sweep, field) !== "") },
-      h("summary", {}, title), doc && h("p", { class: "dim" }, doc), h("div", { class: "form" }, inside.map(input)))));
+      h("summary", {}, title), doc && h("p", { class: "dim" }, prose(doc)), h("div", { class: "form" }, inside.map(input)))));
   }
 
   let timer = null, asked = 0;

@@ -3,7 +3,7 @@
 import { each, follow, post, read } from "../api.js";
 import { fill, h } from "../dom.js";
 import { duration, factor, moment } from "../format.js";
-import { measures, preferred } from "../measures.js";
+import { level, measures, preferred } from "../measures.js";
 import { action, asked, choice, counts, facts, fault, progress, remember, state, stateOfSweep, total } from "../parts.js";
 import { bandPlot } from "../plots/curves.js";
 import { effectsPlot } from "../plots/effects.js";
@@ -17,6 +17,8 @@ import { jobsTable, pointsTable } from "../tables.js";
 const MOST_DOTS = 3000;
 /** Curves are fetched job by job. */
 const MOST_CURVES = 160;
+/** More groups of curves than this cannot be told apart. */
+const MOST_GROUPS = 12;
 /** Results are read again this long after something has changed. */
 const REST_MS = 3000;
 
@@ -31,7 +33,11 @@ export async function show(main, id) {
   const head = h("div"), trouble = h("div"), controls = h("div", { class: "row card" });
   const [response, map, effect] = [panel("Response against factor"), panel("Map over two factors"), panel("Main effects")];
   const coordinates = parallel();
-  const curves = panel("Curves by design point", { size: "tall-plot", controls: [choice("Series", SERIES, asked("series") ?? SERIES[0], (name) => (remember({ series: name }), drawCurves()))] });
+  const grouping = sweep.points > MOST_GROUPS ? sweep.factors[0] : "point";
+  const curves = panel("Curves", { size: "tall-plot", controls: [
+    choice("Series", SERIES, asked("series") ?? SERIES[0], (series) => (remember({ series }), drawCurves())),
+    choice("Grouped by", [["point", "design point"], ...sweep.factors.map((pointer) => [pointer, factor(pointer, sweep.factors)])], asked("group") ?? grouping,
+      (group) => (remember({ group }), drawCurves()))] });
   const points = pointsTable(), jobs = jobsTable(`${at}/jobs`);
   main.append(head, trouble, controls, h("div", { class: "grid" }, response.card, map.card, curves.card, effect.card), coordinates.card, points.card, jobs.card);
 
@@ -85,15 +91,17 @@ export async function show(main, id) {
       const key = `${trial.job_id} ${name}`;
       if (!fetched.has(key)) fetched.set(key, await read(`/v1/jobs/${trial.job_id}/series/${name}`).catch(() => null));
     });
-    const groups = new Map();
+    const by = asked("group") ?? grouping, groups = new Map();
+    const told = (value) => (typeof value === "number" ? Number(value.toPrecision(3)) : String(level(value)));
     for (const trial of done) {
       const data = fetched.get(`${trial.job_id} ${name}`);
       if (!data) continue;
-      const title = sweep.factors.map((pointer) => trial.factors[pointer]).map((value) => (typeof value === "number" ? Number(value.toPrecision(3)) : value)).join(", ");
-      if (!groups.has(trial.point)) groups.set(trial.point, { name: title, replicates: [], unit: data.unit });
-      groups.get(trial.point).replicates.push(data);
+      const is_point = by === "point", key = is_point ? trial.point : level(trial.factors[by]);
+      const title = is_point ? sweep.factors.map((pointer) => told(trial.factors[pointer])).join(", ") : `${factor(by, sweep.factors)} ${told(trial.factors[by])}`;
+      if (!groups.has(key)) groups.set(key, { key, name: title, replicates: [], unit: data.unit });
+      groups.get(key).replicates.push(data);
     }
-    const all = [...groups.values()];
+    const all = [...groups.values()].sort((a, b) => (typeof a.key === "number" ? a.key - b.key : String(a.key).localeCompare(String(b.key))));
     curves.draw(() => (all.length ? bandPlot(all, name, all[0].unit) : null));
   }
 

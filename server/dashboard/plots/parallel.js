@@ -6,7 +6,7 @@ import { factor, number } from "../format.js";
 import { level, levels } from "../measures.js";
 import { colour } from "./plot.js";
 
-const [WIDTH, HEIGHT, TOP, BOTTOM, SIDE] = [1000, 340, 44, 24, 70];
+const [HEIGHT, TOP, BOTTOM, SIDE] = [340, 44, 24, 90];
 /** More lines than this are a smear, and slow. */
 const MOST_LINES = 3000;
 
@@ -24,7 +24,7 @@ function axis(key, title, values, of) {
 }
 
 export function parallel() {
-  const figure = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "coordinates", role: "img", "aria-label": "Parallel coordinates of the design points" });
+  const figure = svg("svg", { class: "coordinates", role: "img", "aria-label": "Parallel coordinates of the design points" });
   const kept = h("p", { class: "dim", role: "status" });
   const limits = h("div", { class: "form" });
   const card = h("section", { class: "card" }, h("h2", {}, "Parallel coordinates"), kept, figure,
@@ -37,7 +37,7 @@ export function parallel() {
     return !brush || (places[i] >= brush[0] - 1e-9 && places[i] <= brush[1] + 1e-9);
   });
   const y = (share) => HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM);
-  const x = (i) => SIDE + (i * (WIDTH - 2 * SIDE)) / Math.max(1, shown.axes.length - 1);
+  const x = (i) => SIDE + (i * (figure.clientWidth - 2 * SIDE)) / Math.max(1, shown.axes.length - 1);
 
   function paint() {
     let count = 0;
@@ -46,7 +46,7 @@ export function parallel() {
       count += is_in;
       element.classList.toggle("out", !is_in);
     }
-    kept.textContent = `${count} of ${shown.lines.length} design points${brushes.size ? " pass" : ""}${shown.left_out ? `; ${shown.left_out} more are not drawn` : ""}`;
+    kept.textContent = `${count} of ${shown.lines.length} design points${brushes.size ? " pass" : ""}${shown.left_out ? `; ${shown.left_out} more are not drawn` : ""}${shown.without ? `; ${shown.without} have no value` : ""}`;
     for (const [i, axis] of shown.axes.entries()) {
       const brush = brushes.get(axis.key), mark = shown.marks[i];
       mark.setAttribute("visibility", brush ? "visible" : "hidden");
@@ -59,8 +59,7 @@ export function parallel() {
 
   function drag(axis, event) {
     const share = (event) => {
-      const box = figure.getBoundingClientRect(), scale = Math.min(box.width / WIDTH, box.height / HEIGHT);
-      const inside = (event.clientY - box.top - (box.height - HEIGHT * scale) / 2) / scale;
+      const inside = event.clientY - figure.getBoundingClientRect().top;
       return Math.min(1, Math.max(0, (HEIGHT - BOTTOM - inside) / (HEIGHT - TOP - BOTTOM)));
     };
     const from = share(event), target = event.currentTarget;
@@ -88,14 +87,14 @@ export function parallel() {
   }
 
   function draw({ points, factors, measure }) {
-    const rows = points.filter((row) => measure.of(row)).slice(0, MOST_LINES);
+    const measured = points.filter((row) => measure.of(row)), rows = measured.slice(0, MOST_LINES);
     card.hidden = rows.length === 0;
     if (card.hidden) return;
     const value = (row) => measure.of(row)?.mean ?? null;
     const axes = [...factors.map((pointer) => axis(pointer, factor(pointer, factors), levels(rows, pointer), (row) => level(row.factors[pointer]))),
       axis("measure", measure.label, rows.map(value), value)];
     if (brushes.has("measure") && shown?.measure !== measure.name) brushes.delete("measure");
-    shown = { axes, measure: measure.name, left_out: points.length - rows.length, marks: [], lines: [] };
+    shown = { axes, measure: measure.name, left_out: measured.length - rows.length, without: points.length - measured.length, marks: [], lines: [] };
     const inks = [colour("c0"), colour("c4"), colour("c1")];
     shown.lines = rows.map((row) => {
       const places = axes.map((axis) => axis.at(row)), last = places.at(-1);
@@ -117,6 +116,6 @@ export function parallel() {
     paint();
   }
   let newest = null;
-  addEventListener("theme", () => newest && draw(newest));
+  for (const name of ["theme", "resize"]) addEventListener(name, () => newest && draw(newest));
   return { card, draw: (what) => draw((newest = what)) };
 }

@@ -1,7 +1,7 @@
 //! Who may do what: tokens, their scopes and their rate.
 //!
 //! Without any token in the data directory everything is open, and the server listens on loopback addresses only. With one,
-//! every request but those for health, documentation and metrics' own scope needs `authorization: Bearer …`.
+//! every request but those for health, documentation and the files of the dashboard needs `authorization: Bearer …`, or the session of a page.
 
 use std::sync::Arc;
 
@@ -12,8 +12,8 @@ use axum::response::{IntoResponse, Response};
 use governor::clock::Clock as _;
 use roost_api::token::Scope;
 
-use super::dashboard;
 use super::problem::{ApiError, Kind};
+use super::{dashboard, session};
 use crate::app::App;
 use crate::store::Token;
 
@@ -49,7 +49,7 @@ impl Access {
     }
 
     /// Who may ask for what takes this scope, or why not.
-    fn admit(&self, secret: Option<&str>, needed: &[Scope]) -> Result<Caller, ApiError> {
+    pub(super) fn admit(&self, secret: Option<&str>, needed: &[Scope]) -> Result<Caller, ApiError> {
         let tokens = self.tokens();
         if tokens.is_empty() {
             return Ok(Caller::default());
@@ -111,8 +111,7 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
     if scopes.is_empty() {
         return next.run(request).await;
     }
-    let secret = request.headers().get(header::AUTHORIZATION).and_then(|value| value.to_str().ok());
-    let secret = secret.and_then(|value| value.strip_prefix("Bearer ")).map(str::trim);
+    let secret = session::secret(request.headers(), request.method());
     let caller = match app.access.admit(secret, scopes) {
         Ok(caller) => caller,
         Err(error) => {

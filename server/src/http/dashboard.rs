@@ -9,9 +9,10 @@ use axum::Router;
 use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 
 use super::problem::{ApiError, Kind};
+use super::session;
 use super::tags::has_seen;
 use crate::app::App;
 
@@ -55,6 +56,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
         "api.js",
         "format.js",
         "parts.js",
+        "session.js",
         "tables.js",
         "measures.js",
         "pages/sweeps.js",
@@ -121,7 +123,9 @@ const fn fixed(value: &'static str) -> HeaderValue {
 pub(super) fn router() -> Router<App> {
     let shell = async |headers: HeaderMap| SHELL.answer(&headers);
     let pages = PAGES.iter().fold(Router::new(), |router, path| router.route(path, get(shell)));
-    pages.route("/dashboard/{*file}", get(file))
+    pages
+        .route("/dashboard/session", post(session::begin).delete(session::end))
+        .route("/dashboard/{*file}", get(file))
 }
 
 async fn file(Path(file): Path<String>, headers: HeaderMap) -> Result<Response, ApiError> {

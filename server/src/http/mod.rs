@@ -20,6 +20,7 @@ mod problem;
 mod prune;
 mod results;
 mod series;
+mod session;
 mod spec;
 mod submissions;
 mod sweeps;

@@ -139,3 +139,35 @@ async fn who_asks_too_often_is_told_the_limit_and_when_to_come_back() {
     assert!(text.contains("max_requests_per_s") && text.contains("more than 5"), "{text}");
     farm.stop().await;
 }
+
+#[tokio::test]
+async fn a_session_reads_with_its_cookie_and_changes_things_only_from_our_pages() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let secret = tokens.create("page", &[Scope::Submit], Timestamp::now()).await.unwrap().1;
+    let worker = tokens.create("worker", &[Scope::Worker], Timestamp::now()).await.unwrap().1;
+    tokens.close().await.unwrap();
+    let farm = Farm::on(dir.path(), |_| {}).await;
+    let at = |path: &str| format!("http://{}{path}", farm.address);
+    let begin = async |token: &str| {
+        farm.http.post(at("/dashboard/session")).bearer_auth(token).send().await.unwrap()
+    };
+    assert_eq!(begin("wrong").await.status(), 401);
+    assert_eq!(begin(&worker).await.status(), 403, "it may not read");
+    let begun = begin(&secret).await;
+    assert_eq!(begun.status(), 204);
+    let set = begun.headers()["set-cookie"].to_str().unwrap().to_owned();
+    assert!(set.contains("; HttpOnly") && set.contains("; SameSite=Strict") && !set.contains("Secure"), "{set}");
+    let cookie = format!("other=1; {}", set.split(';').next().unwrap());
+    let read = farm.http.get(at("/v1/jobs")).header("cookie", &cookie).send().await.unwrap();
+    assert_eq!(read.status(), 200);
+    let post = || farm.http.post(at("/v1/jobs")).header("cookie", &cookie).json(&envelope(1));
+    assert_eq!(post().send().await.unwrap().status(), 401, "a page of somebody else");
+    assert_eq!(post().header("x-roost-page", "dashboard").send().await.unwrap().status(), 202);
+    let ended = farm.http.delete(at("/dashboard/session")).send().await.unwrap();
+    assert!(ended.headers()["set-cookie"].to_str().unwrap().starts_with("roost_session=; "));
+    let begun = farm.http.post(at("/dashboard/session")).bearer_auth(&secret);
+    let begun = begun.header("x-forwarded-proto", "https").send().await.unwrap();
+    assert!(begun.headers()["set-cookie"].to_str().unwrap().ends_with("; Secure"));
+    farm.stop().await;
+}

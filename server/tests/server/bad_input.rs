@@ -25,7 +25,7 @@ async fn assert_nothing_stored(farm: &Farm) {
 async fn unknown_paths_methods_and_identifiers() {
     let (farm, _dir) = Farm::start().await;
     farm.get("/v1/chickens").await.problem(404, "not-found");
-    farm.get("/").await.problem(404, "not-found");
+    farm.get("/nothing").await.problem(404, "not-found");
     let wrong = farm.send(Method::DELETE, "/v1/jobs", None).await;
     let allow = wrong.allow.clone().unwrap();
     assert!(allow.contains("GET") && allow.contains("POST"), "{allow}");

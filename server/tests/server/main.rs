@@ -5,6 +5,7 @@ mod bad_input;
 mod cancel;
 mod claims;
 mod contract;
+mod dashboard;
 mod designs;
 mod docs;
 mod events;
