@@ -25,15 +25,25 @@ export function svg(name, attributes, ...children) {
 /** Text of the schema, where `names` stand in backquotes. */
 export const prose = (text) => text.split("`").map((part, i) => (i % 2 ? h("code", {}, part) : part));
 
-/** Puts new content into an element, and leaves it alone where nothing would change, so that focus and selection stay. */
+/** What an element is known by from one drawing to the next. */
+const known = (element) => element?.id || element?.getAttribute("href") || (element?.tagName === "BUTTON" && element.textContent);
+
+/** Puts new content into an element. What had the focus has it again, where it is there again. */
 export function fill(element, ...children) {
+  const focused = element.contains(document.activeElement) ? known(document.activeElement) : null;
   const next = h("div", {}, ...children);
-  if (element.innerHTML !== next.innerHTML || next.querySelector("button, select, input, a")) {
-    const focused = element.contains(document.activeElement) && document.activeElement.id;
-    element.replaceChildren(...next.childNodes);
-    if (focused) document.getElementById(focused)?.focus();
-  }
+  // Nothing to draw: nothing is lost either.
+  if (element.innerHTML === next.innerHTML && !next.querySelector("button, input, select")) return element;
+  element.replaceChildren(...next.childNodes);
+  if (focused) [...element.querySelectorAll("a, button, input, select, summary")].find((one) => known(one) === focused)?.focus({ preventScroll: true });
   return element;
+}
+
+/** Makes new content only when `key` is another than the last time: menus stay open, and inputs as they are. */
+export function fillOnce(element, key, make) {
+  if (element.dataset.key === key) return;
+  element.dataset.key = key;
+  fill(element, make());
 }
 
 /** Tells a screen reader what happened, and shows it for a moment. */

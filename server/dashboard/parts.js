@@ -92,7 +92,8 @@ export function action(title, work, { is_main = false, ask } = {}) {
     if (ask && !confirm(ask)) return;
     button.disabled = true;
     try {
-      say((await work()) ?? `${title}: done`);
+      const told = await work();
+      say(typeof told === "string" ? told : `${title}: done`);
     } catch (error) {
       say(`${title}: ${error.message}`);
     }

@@ -1,7 +1,7 @@
 // One job: where it stands, its curves, its responses, how it looked.
 
 import { follow, post, read } from "../api.js";
-import { fill, h } from "../dom.js";
+import { fill, fillOnce, h } from "../dom.js";
 import { duration, factor, moment, number, short, titled } from "../format.js";
 import { level } from "../measures.js";
 import { action, facts, fault, state, table } from "../parts.js";
@@ -15,16 +15,17 @@ export async function show(main, id) {
   const at = `/v1/jobs/${id}`;
   let job = await read(at);
   const [head, trouble, plots, rest] = [h("div"), h("div"), h("div", { class: "grid" }), h("div")];
-  const watch = h("div");
-  main.append(head, trouble, watch, plots, rest);
+  const watch = h("div"), title = h("h1"), bar = h("div", { class: "row" });
+  main.append(h("div", { class: "row spread" }, title, bar), head, trouble, watch, plots, rest);
 
   function drawHead() {
     const name = job.sweep_id ? `Point ${job.point}, seed ${job.seed}` : `Job ${short(job.id)}`;
     document.title = `${name} · Roost`;
     const levels = Object.entries(job.factors).map(([pointer, value]) => [factor(pointer, Object.keys(job.factors)), number(level(value))]);
     const took = job.started_at && (Date.parse(job.ended_at ?? new Date().toISOString()) - Date.parse(job.started_at)) / 1000;
+    title.textContent = name;
+    fillOnce(bar, job.state, () => actions(job, at));
     fill(head,
-      h("div", { class: "row spread" }, h("h1", {}, name), h("div", { class: "row" }, actions(job, at))),
       h("div", { class: "row" }, state(job.state, job.cancelling ? "cancelling" : undefined),
         job.sweep_id && h("a", { href: `/sweeps/${job.sweep_id}` }, "its sweep"), job.from_cache && h("span", {}, "from the store: the same physics had been run"),
         h("a", { href: `/compare?jobs=${job.id}` }, "compare")),

@@ -1,10 +1,11 @@
 // One sweep: how far it is, what came out, which design is best, and where it jams.
 
 import { each, follow, post, read } from "../api.js";
-import { fill, h } from "../dom.js";
+import { fill, fillOnce, h } from "../dom.js";
 import { duration, factor, moment } from "../format.js";
 import { level, measures, preferred } from "../measures.js";
 import { action, asked, choice, counts, facts, fault, progress, remember, state, stateOfSweep, total } from "../parts.js";
+import { extend, retry } from "../extend.js";
 import { bandPlot } from "../plots/curves.js";
 import { effectsPlot } from "../plots/effects.js";
 import { mapPlot } from "../plots/map.js";
@@ -30,7 +31,7 @@ export async function show(main, id) {
   const at = `/v1/sweeps/${id}`;
   let sweep = await read(at);
   const results = { points: [], trials: [], effects: [] };
-  const head = h("div"), trouble = h("div"), controls = h("div", { class: "row card" });
+  const head = h("div"), bar = h("div", { class: "row" }), trouble = h("div"), controls = h("div", { class: "row card" });
   const [response, map, effect] = [panel("Response against factor"), panel("Map over two factors"), panel("Main effects")];
   const coordinates = parallel();
   const grouping = sweep.points > MOST_GROUPS ? sweep.factors[0] : "point";
@@ -39,7 +40,7 @@ export async function show(main, id) {
     choice("Grouped by", [["point", "design point"], ...sweep.factors.map((pointer) => [pointer, factor(pointer, sweep.factors)])], asked("group") ?? grouping,
       (group) => (remember({ group }), drawCurves()))] });
   const points = pointsTable(), jobs = jobsTable(`${at}/jobs`);
-  main.append(head, trouble, controls, h("div", { class: "grid" }, response.card, map.card, curves.card, effect.card), coordinates.card, points.card, jobs.card);
+  main.append(h("div", { class: "row spread" }, h("h1", {}, sweep.name), bar), head, trouble, controls, h("div", { class: "grid" }, response.card, map.card, curves.card, effect.card), coordinates.card, points.card, jobs.card);
 
   const chosen = { response: asked("response"), word: asked("map"), x: asked("x"), y: asked("y") };
   const choose = (key) => (value) => {
@@ -50,8 +51,9 @@ export async function show(main, id) {
 
   function drawHead() {
     document.title = `${Math.floor(100 * sweep.fraction)} % ${sweep.name} · Roost`;
-    fill(head, h("div", { class: "row spread" }, h("h1", {}, sweep.name), h("div", { class: "row" }, actions(sweep, at, () => again()))),
-      progress(sweep, true),
+    const { queued, running, failed, cancelled } = sweep.counts;
+    fillOnce(bar, `${queued + running > 0} ${failed + cancelled}`, () => actions(sweep, at, (now) => ((sweep = now), drawHead(), again(0))));
+    fill(head, progress(sweep, true),
       h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${total(sweep.counts).toLocaleString("en")} jobs`),
         h("span", { class: "row counts" }, counts(sweep.counts)), pace.told(sweep)),
       facts([["Design", `${sweep.design.replaceAll("_", " ")}: ${sweep.points} points × ${sweep.replicates}`],
@@ -148,15 +150,15 @@ function paced() {
   };
 }
 
-function actions(sweep, at, again) {
+/** What can be done to a sweep; `changed` gets it as it then is. */
+function actions(sweep, at, changed) {
   const { queued, running, failed, cancelled } = sweep.counts;
-  const ask = `Cancel ${queued + running} jobs?`;
   const download = h("details", { class: "menu" }, h("summary", {}, "Download"), ["csv", "json", "parquet"].map((format) =>
     h("a", { href: `${at}/results?format=${format}`, download: `${sweep.name}.${format}`, class: "row" }, format)));
   return [
-    queued + running > 0 && action("Cancel", () => post(`${at}/cancel`).then(again), { ask }),
-    failed + cancelled > 0 && action(`Retry ${failed + cancelled}`, () => post(`${at}/retry`).then(again)),
-    action("Another replicate", () => post(`${at}/extend`, { replicates: 1 }, crypto.randomUUID()).then(again), { ask: `Run all ${sweep.points} points once more, under the seed that follows?` }),
+    queued + running > 0 && action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: `Cancel ${queued + running} jobs?` }),
+    failed + cancelled > 0 && retry(failed + cancelled, (wanted) => post(`${at}/retry${wanted}`).then(changed)),
+    extend(sweep, (more) => post(`${at}/extend`, more, crypto.randomUUID()).then(changed)),
     download,
   ];
 }

@@ -54,6 +54,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
         "document.js",
         "dom.js",
         "api.js",
+        "extend.js",
         "format.js",
         "parts.js",
         "session.js",
