@@ -62,3 +62,16 @@ export function levels(points, pointer) {
   const found = [...new Set(points.map((row) => level(row.factors[pointer])))];
   return found.sort((a, b) => (typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b))));
 }
+
+/** Sorts values into groups by their level, or, where those are many numbers, into `count` ranges of equal length: each a key to sort by and a title. */
+export function grouped(values, most, count) {
+  const found = [...new Set(values.map(level))];
+  if (found.length <= most || found.some((value) => typeof value !== "number")) return (value) => ({ key: level(value), title: told(level(value)) });
+  const low = Math.min(...found), length = (Math.max(...found) - low) / count;
+  return (value) => {
+    const i = Math.min(count - 1, Math.floor((value - low) / length));
+    return { key: i, title: `${told(low + i * length)} to ${told(low + (i + 1) * length)}` };
+  };
+}
+
+const told = (value) => (typeof value === "number" ? Number(value.toPrecision(3)) : String(value));

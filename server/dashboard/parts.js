@@ -83,7 +83,8 @@ export function facts(pairs) {
 /** A problem with all its faults. */
 export function fault(error) {
   const rows = (error.errors ?? []).map((one) => h("li", {}, h("code", {}, one.pointer), ` ${one.detail}`, one.allowed && ` (allowed: ${one.allowed})`));
-  return h("div", { class: "fault", role: "alert" }, error.message, rows.length > 0 && h("ul", {}, rows));
+  // The message about a single fault names it already.
+  return h("div", { class: "fault", role: "alert" }, error.message, rows.length > 1 && h("ul", {}, rows));
 }
 
 /** A button that does something on the server, and says how it went. */

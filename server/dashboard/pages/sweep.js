@@ -3,7 +3,7 @@
 import { each, follow, post, read } from "../api.js";
 import { fill, fillOnce, h } from "../dom.js";
 import { duration, factor, moment } from "../format.js";
-import { level, measures, preferred } from "../measures.js";
+import { grouped, measures, preferred } from "../measures.js";
 import { action, asked, choice, counts, facts, fault, progress, remember, state, stateOfSweep, total } from "../parts.js";
 import { extend, retry } from "../extend.js";
 import { bandPlot } from "../plots/curves.js";
@@ -12,6 +12,7 @@ import { mapPlot } from "../plots/map.js";
 import { parallel } from "../plots/parallel.js";
 import { panel } from "../plots/plot.js";
 import { responsePlot } from "../plots/response.js";
+import { surfacePlot } from "../plots/surface.js";
 import { jobsTable, pointsTable } from "../tables.js";
 
 /** Trials of larger sweeps are not drawn one by one. */
@@ -20,6 +21,8 @@ const MOST_DOTS = 3000;
 const MOST_CURVES = 160;
 /** More groups of curves than this cannot be told apart. */
 const MOST_GROUPS = 12;
+/** A factor that takes more values than that is cut into so many ranges. */
+const RANGES = 6;
 /** Results are read again this long after something has changed. */
 const REST_MS = 3000;
 
@@ -32,7 +35,7 @@ export async function show(main, id) {
   let sweep = await read(at);
   const results = { points: [], trials: [], effects: [] };
   const head = h("div"), bar = h("div", { class: "row" }), trouble = h("div"), controls = h("div", { class: "row card" });
-  const [response, map, effect] = [panel("Response against factor"), panel("Map over two factors"), panel("Main effects")];
+  const [response, map, effect, surface] = ["Response against factor", "Map over two factors", "Main effects", "Response surface"].map((title) => panel(title));
   const coordinates = parallel();
   const grouping = sweep.points > MOST_GROUPS ? sweep.factors[0] : "point";
   const curves = panel("Curves", { size: "tall-plot", controls: [
@@ -40,7 +43,7 @@ export async function show(main, id) {
     choice("Grouped by", [["point", "design point"], ...sweep.factors.map((pointer) => [pointer, factor(pointer, sweep.factors)])], asked("group") ?? grouping,
       (group) => (remember({ group }), drawCurves()))] });
   const points = pointsTable(), jobs = jobsTable(`${at}/jobs`);
-  main.append(h("div", { class: "row spread" }, h("h1", {}, sweep.name), bar), head, trouble, controls, h("div", { class: "grid" }, response.card, map.card, curves.card, effect.card), coordinates.card, points.card, jobs.card);
+  main.append(h("div", { class: "row spread" }, h("h1", {}, sweep.name), bar), head, trouble, controls, h("div", { class: "grid" }, response.card, map.card, effect.card, surface.card, curves.card), coordinates.card, points.card, jobs.card);
 
   const chosen = { response: asked("response"), word: asked("map"), x: asked("x"), y: asked("y") };
   const choose = (key) => (value) => {
@@ -81,6 +84,7 @@ export async function show(main, id) {
     response.draw(() => responsePlot({ ...given, measure, by: y }));
     map.draw(() => (y ? mapPlot({ ...given, measure: mapped, y }) : null));
     effect.draw(() => effectsPlot({ effects: results.effects.find((one) => one.response === measure.name), factors, label: measure.label }));
+    surface.draw(() => (y ? surfacePlot({ ...given, measure, y }) : null));
     coordinates.draw({ points: results.points, factors, measure });
     points.draw({ points: results.points, factors, all });
   }
@@ -94,13 +98,13 @@ export async function show(main, id) {
       if (!fetched.has(key)) fetched.set(key, await read(`/v1/jobs/${trial.job_id}/series/${name}`).catch(() => null));
     });
     const by = asked("group") ?? grouping, groups = new Map();
-    const told = (value) => (typeof value === "number" ? Number(value.toPrecision(3)) : String(level(value)));
+    const group = grouped(by === "point" ? [] : done.map((trial) => trial.factors[by]), MOST_GROUPS, RANGES);
+    const ofPoint = (trial) => ({ key: trial.point, title: sweep.factors.map((pointer) => group(trial.factors[pointer]).title).join(", ") });
     for (const trial of done) {
       const data = fetched.get(`${trial.job_id} ${name}`);
       if (!data) continue;
-      const is_point = by === "point", key = is_point ? trial.point : level(trial.factors[by]);
-      const title = is_point ? sweep.factors.map((pointer) => told(trial.factors[pointer])).join(", ") : `${factor(by, sweep.factors)} ${told(trial.factors[by])}`;
-      if (!groups.has(key)) groups.set(key, { key, name: title, replicates: [], unit: data.unit });
+      const { key, title } = by === "point" ? ofPoint(trial) : group(trial.factors[by]);
+      if (!groups.has(key)) groups.set(key, { key, name: by === "point" ? title : `${factor(by, sweep.factors)} ${title}`, replicates: [], unit: data.unit });
       groups.get(key).replicates.push(data);
     }
     const all = [...groups.values()].sort((a, b) => (typeof a.key === "number" ? a.key - b.key : String(a.key).localeCompare(String(b.key))));

@@ -27,7 +27,7 @@ export function parallel() {
   const figure = svg("svg", { class: "coordinates", role: "img", "aria-label": "Parallel coordinates of the design points" });
   const kept = h("p", { class: "dim", role: "status" });
   const limits = h("div", { class: "form" });
-  const card = h("section", { class: "card" }, h("h2", {}, "Parallel coordinates"), kept, figure,
+  const card = h("section", { class: "card", hidden: true }, h("h2", {}, "Parallel coordinates"), kept, figure,
     h("details", { class: "under" }, h("summary", {}, "Limits in numbers"), limits));
   const brushes = new Map();
   let shown = null;

@@ -72,6 +72,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
         "plots/effects.js",
         "plots/curves.js",
         "plots/parallel.js",
+        "plots/surface.js",
         "playback/frames.js",
         "playback/unpack.js",
         "playback/scene.js",
