@@ -17,6 +17,8 @@ import { jobsTable, pointsTable } from "../tables.js";
 
 /** Trials of larger sweeps are not drawn one by one. */
 const MOST_DOTS = 3000;
+/** Design points of larger sweeps are neither fetched nor drawn: their table has hundreds of megabytes. */
+const MOST_POINTS = 4000;
 /** Curves are fetched job by job. */
 const MOST_CURVES = 160;
 /** More groups of curves than this cannot be told apart. */
@@ -116,6 +118,11 @@ export async function show(main, id) {
   async function load() {
     timer = null;
     if (document.hidden) return again();
+    if (sweep.points > MOST_POINTS) {
+      fill(controls, h("p", { class: "dim" }, `${sweep.points.toLocaleString("en")} design points are too many to draw here: download the table.`));
+      jobs.look();
+      return;
+    }
     try {
       const [byPoint, effects, byTrial] = await Promise.all([read(`${at}/results?by=point`), read(`${at}/effects`),
         total(sweep.counts) <= MOST_DOTS ? read(`${at}/results`) : { trials: [] }]);

@@ -32,11 +32,14 @@ export async function player(url) {
     is_due = true;
     requestAnimationFrame(() => {
       is_due = false;
-      const ratio = Math.min(2, devicePixelRatio);
-      const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((pixels) => Math.max(1, Math.round(ratio * pixels)));
-      if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-      drawing.draw(view.matrices(width / height), state.colour === "body" ? 0 : 1);
+      drawNow();
     });
+  }
+  function drawNow() {
+    const ratio = Math.min(2, devicePixelRatio);
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((pixels) => Math.max(1, Math.round(ratio * pixels)));
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    drawing.draw(view.matrices(width / height), state.colour === "body" ? 0 : 1);
   }
 
   /** What each sub-particle is coloured by. The scale of speeds is the whole run's so far, so that colours do not jump. */
@@ -99,11 +102,15 @@ export async function player(url) {
     button.textContent = "Play";
     remember({ frame: state.k, view: view.told() });
   }
-  const save = () => canvas.toBlob((blob) => {
-    const link = h("a", { href: URL.createObjectURL(blob), download: `frame-${state.k}.png` });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  });
+  function save() {
+    // A canvas keeps its picture only until the browser has shown it.
+    drawNow();
+    canvas.toBlob((blob) => {
+      const link = h("a", { href: URL.createObjectURL(blob), download: `frame-${state.k}.png` });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    });
+  }
   canvas.addEventListener("keydown", (event) => {
     if (event.key === " ") (event.preventDefault(), button.click());
     if (event.key === "," && state.k > 0) (pause(), show(state.k - 1));
@@ -136,5 +143,8 @@ function bounds(head) {
   const inside = points.filter((point) => point.every((x, i) => x >= head.low_m[i] - 1e-6 && x <= head.high_m[i] + 1e-6));
   if (inside.length < 3) return { low: head.low_m, high: head.high_m };
   const side = (pick) => [0, 1, 2].map((i) => inside.reduce((best, point) => pick(best, point[i]), inside[0][i]));
-  return { low: side(Math.min), high: side(Math.max) };
+  const [low, high] = [side(Math.min), side(Math.max)];
+  // A belt alone has no height.
+  const is_flat = low.map((x, i) => high[i] - x < 0.05 * (head.high_m[i] - head.low_m[i]));
+  return { low: low.map((x, i) => (is_flat[i] ? head.low_m[i] : x)), high: high.map((x, i) => (is_flat[i] ? head.high_m[i] : x)) };
 }

@@ -83,7 +83,7 @@ const INKS = { belt: [0.35, 0.55, 0.75, 0.55], equipment: [0.75, 0.8, 0.85, 0.2]
 
 /** Draws frames of a stream with this head onto a canvas. */
 export function scene(canvas, head) {
-  const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+  const gl = canvas.getContext("webgl2", { antialias: true });
   if (!gl) throw new Error("this browser has no WebGL2: playback needs it");
   const balls = program(gl, SPHERES), walls = program(gl, SURFACES);
   const buffer = (data) => {
