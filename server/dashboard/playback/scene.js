@@ -20,7 +20,7 @@ const SPHERES = {
     void main() {
       vec4 eye = view * vec4(centre, 1.0);
       seen = eye.xyz; disc = corner;
-      ink = colouring == 0 ? ofBody(value) : ofShare(value);
+      ink = colouring == 0 ? ofBody(value) : ofShare(mix(0.08, 0.95, value)); // Turbo's ends are nearly black
       gl_Position = projection * (eye + vec4(radius * corner, 0.0, 0.0));
     }`,
   fragment: `#version 300 es
