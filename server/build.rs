@@ -13,15 +13,18 @@ fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     let out = env::var("OUT_DIR").expect("cargo sets it");
     let mut packed = GzEncoder::new(Vec::new(), Compression::best());
-    packed.write_all(plotly(&plotly::Plot::offline_js_sources()).as_bytes()).expect("memory takes it");
+    packed.write_all(first_script(&plotly::Plot::offline_js_sources()).as_bytes()).expect("memory takes it");
     let packed = packed.finish().expect("memory takes it");
     fs::write(Path::new(&out).join("plotly.min.js.gz"), packed).expect("OUT_DIR can be written");
 }
 
 /// The first script among the crate's: plotly.js, before MathJax.
-fn plotly(scripts: &str) -> &str {
+fn first_script(scripts: &str) -> &str {
     let (_, script) = scripts.split_once('>').expect("a script begins with its tag");
     let (script, _) = script.split_once("</script>\n").expect("a script ends with its tag");
-    assert!(script.trim_start().starts_with("/**\n* plotly.js v"), "the crate plotly carries something else first");
+    assert!(
+        script.trim_start().starts_with("/**\n* plotly.js v"),
+        "the crate plotly carries something else first"
+    );
     script
 }

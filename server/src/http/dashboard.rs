@@ -123,11 +123,14 @@ const fn fixed(value: &'static str) -> HeaderValue {
 
 /// Routes of pages and files.
 pub(super) fn router() -> Router<App> {
-    let shell = async |headers: HeaderMap| SHELL.answer(&headers);
     let pages = PAGES.iter().fold(Router::new(), |router, path| router.route(path, get(shell)));
     pages
         .route("/dashboard/session", post(session::begin).delete(session::end))
         .route("/dashboard/{*file}", get(file))
+}
+
+async fn shell(headers: HeaderMap) -> Response {
+    SHELL.answer(&headers)
 }
 
 async fn file(Path(file): Path<String>, headers: HeaderMap) -> Result<Response, ApiError> {

@@ -149,15 +149,17 @@ async fn a_session_reads_with_its_cookie_and_changes_things_only_from_our_pages(
     tokens.close().await.unwrap();
     let farm = Farm::on(dir.path(), |_| {}).await;
     let at = |path: &str| format!("http://{}{path}", farm.address);
-    let begin = async |token: &str| {
-        farm.http.post(at("/dashboard/session")).bearer_auth(token).send().await.unwrap()
-    };
+    let begin =
+        async |token: &str| farm.http.post(at("/dashboard/session")).bearer_auth(token).send().await.unwrap();
     assert_eq!(begin("wrong").await.status(), 401);
     assert_eq!(begin(&worker).await.status(), 403, "it may not read");
     let begun = begin(&secret).await;
     assert_eq!(begun.status(), 204);
     let set = begun.headers()["set-cookie"].to_str().unwrap().to_owned();
-    assert!(set.contains("; HttpOnly") && set.contains("; SameSite=Strict") && !set.contains("Secure"), "{set}");
+    assert!(
+        set.contains("; HttpOnly") && set.contains("; SameSite=Strict") && !set.contains("Secure"),
+        "{set}"
+    );
     let cookie = format!("other=1; {}", set.split(';').next().unwrap());
     let read = farm.http.get(at("/v1/jobs")).header("cookie", &cookie).send().await.unwrap();
     assert_eq!(read.status(), 200);

@@ -41,20 +41,26 @@ async fn fetch(farm: &Farm, path: &str) -> reqwest::Response {
 async fn every_page_is_the_shell_under_a_policy_without_inline_or_evaluated_code() {
     let (farm, _dir) = Farm::start().await;
     let id = "01890000-0000-7000-8000-000000000000";
-    for path in ["/", &format!("/sweeps/{id}"), &format!("/jobs/{id}"), "/workers", "/compare?jobs=", "/submit"] {
+    for path in
+        ["/", &format!("/sweeps/{id}"), &format!("/jobs/{id}"), "/workers", "/compare?jobs=", "/submit"]
+    {
         let page = fetch(&farm, path).await;
         assert_eq!(page.status(), 200, "{path}");
         assert_eq!(page.headers()[CONTENT_TYPE], "text/html; charset=utf-8");
         let policy = page.headers()[CONTENT_SECURITY_POLICY].to_str().unwrap().to_owned();
         let rules: Vec<_> = policy.split("; ").collect();
-        for rule in ["default-src 'none'", "script-src 'self'", "style-src 'self'", "frame-ancestors 'none'"] {
+        for rule in ["default-src 'none'", "script-src 'self'", "style-src 'self'", "frame-ancestors 'none'"]
+        {
             assert!(rules.contains(&rule), "{rule}: {policy}");
         }
         assert!(!policy.contains("unsafe-inline") && !policy.contains("unsafe-eval"), "{policy}");
         let text = page.text().await.unwrap();
         assert!(text.starts_with("<!doctype html>") && text.contains(r#"lang="en""#));
         let scripts = between(&text, "<script", "</script>");
-        assert!(!scripts.is_empty() && scripts.iter().all(|script| script.ends_with('>')), "code in the page");
+        assert!(
+            !scripts.is_empty() && scripts.iter().all(|script| script.ends_with('>')),
+            "code in the page"
+        );
         assert!(!text.contains("<style") && !text.contains(" style="), "style in the page");
     }
     farm.stop().await;
@@ -77,7 +83,10 @@ async fn every_file_is_served_and_names_only_files_that_are() {
     for name in files() {
         let text = std::fs::read_to_string(folder().join(&name)).unwrap();
         let at = Path::new(&name).parent().unwrap();
-        let imports = text.lines().filter(|line| line.starts_with("import ")).flat_map(|line| between(line, "\"", "\""));
+        let imports = text
+            .lines()
+            .filter(|line| line.starts_with("import "))
+            .flat_map(|line| between(line, "\"", "\""));
         let imports = imports.filter(|path| path.starts_with('.')).map(|path| resolved(&at.join(path)));
         let links = between(&text, "\"/dashboard/", "\"").into_iter().map(str::to_owned);
         for target in imports.chain(links).collect::<Vec<_>>() {
@@ -109,10 +118,15 @@ async fn plotly_comes_packed_and_asks_nobody_else() {
     let answer = fetch(&farm, "/dashboard/plotly.min.js").await;
     assert_eq!(answer.headers()[CONTENT_ENCODING], "gzip");
     let packed = answer.bytes().await.unwrap();
-    assert!(packed.starts_with(&[0x1f, 0x8b]) && (1_000_000..2_000_000).contains(&packed.len()), "{}", packed.len());
+    assert!(
+        packed.starts_with(&[0x1f, 0x8b]) && (1_000_000..2_000_000).contains(&packed.len()),
+        "{}",
+        packed.len()
+    );
     for name in files() {
         let text = std::fs::read_to_string(folder().join(&name)).unwrap();
-        let outside: Vec<_> = text.match_indices("://").map(|(at, _)| &text[at.saturating_sub(6)..]).collect();
+        let outside: Vec<_> =
+            text.match_indices("://").map(|(at, _)| &text[at.saturating_sub(6)..]).collect();
         let is_allowed = |text: &&str| text.contains("http://www.w3.org/2000/svg");
         assert!(outside.iter().all(is_allowed), "{name} names an address outside");
     }
