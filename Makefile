@@ -7,6 +7,8 @@ NEEDS := cc:gcc curl:curl
 ifeq ($(wildcard /usr/share/vulkan/icd.d/lvp_icd*),)
 NEEDS += lavapipe:mesa-vulkan-drivers
 endif
+# The browser that tests of the dashboard look through.
+test: NEEDS += chromium:chromium
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 

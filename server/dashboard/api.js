@@ -77,22 +77,23 @@ export function poll(path, interval_s, changed, failed) {
 }
 
 /**
- * Follows `path`/events: `show` gets the subject whenever it is another, `change` every change of a job's state. Where a stream breaks off
- * for good, it is polled instead. Returns what ends it.
+ * Follows `path`/events: `show` gets the subject whenever it is another, `on` may have listeners of other events by their name: `change` of a job's
+ * state, `samples` of a running job. Where a stream breaks off for good, the subject is polled instead. Returns what ends it.
  */
-export function follow(path, show, change, failed) {
+export function follow(path, show, on, failed) {
   const events = new EventSource(`${path}/events`);
   let polling = null, heard = false;
-  const shown = (event) => ((heard = true), failed?.(null), show(JSON.parse(event.data)));
-  for (const name of ["sweep", "job", "progress"]) events.addEventListener(name, shown);
-  events.addEventListener("change", (event) => change?.(JSON.parse(event.data)));
+  const shown = (event) => ((heard = true), failed(null), show(JSON.parse(event.data)));
+  for (const name of ["sweep", "job", "progress", "extended"]) events.addEventListener(name, shown);
+  for (const [name, listener] of Object.entries(on)) events.addEventListener(name, (event) => listener(JSON.parse(event.data)));
+  const end = () => (events.close(), polling?.());
+  events.addEventListener("deleted", () => (end(), failed(new Error("this sweep has been deleted"))));
   events.addEventListener("error", () => {
     if (events.readyState === EventSource.CLOSED || !heard) {
       events.close();
       polling ??= poll(path, 3, show, failed);
-    } else failed?.(new Error("the server does not answer; trying again"));
+    } else failed(new Error("the server does not answer; trying again"));
   });
-  const end = () => (events.close(), polling?.());
   addEventListener("pagehide", end);
   return end;
 }

@@ -6,7 +6,7 @@ export function number(value, digits = 4) {
   if (typeof value !== "number") return String(value);
   if (Number.isInteger(value) && Math.abs(value) < 1e6) return value.toLocaleString("en");
   const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(digits - 2);
+  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return Number(value.toPrecision(digits)).toExponential().replace("e+", "e");
   return String(Number(value.toPrecision(digits)));
 }
 
@@ -34,7 +34,7 @@ export function moment(at) {
 }
 
 const UNITS = [
-  ["_n_m3", "N/m³"], ["_kg_m3", "kg/m³"], ["_j_m2", "J/m²"], ["_m_s2", "m/s²"], ["_m_s", "m/s"], ["_kg_s", "kg/s"], ["_deg", "°"],
+  ["_n_m3", "N/m³"], ["_kg_m3", "kg/m³"], ["_j_m2", "J/m²"], ["_m_s2", "m/s²"], ["_m_s", "m/s"], ["_kg_s", "kg/s"], ["_deg_s", "°/s"], ["_rad_s", "rad/s"], ["_1_s", "1/s"], ["_deg", "°"],
   ["_per_s", "1/s"], ["_pa", "Pa"], ["_kg", "kg"], ["_mib", "MiB"], ["_s", "s"], ["_m", "m"], ["_j", "J"], ["_n", "N"],
 ];
 

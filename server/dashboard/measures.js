@@ -1,6 +1,6 @@
 // What can be drawn of a design point: each response that is a number, and of each response in words the share of trials with each word.
 
-import { titled } from "./format.js";
+import { number, titled } from "./format.js";
 
 /** Wilson's interval of a share: also at 0 and 1 it says how little a few seeds tell. */
 function ofShare(count, n) {
@@ -46,9 +46,9 @@ export function measures(points) {
   return [...[...numbers].sort().map(ofNumber), ...shares];
 }
 
-/** The first of these names that there is, or what comes first. */
+/** The first of these names that there is. */
 export function preferred(all, names) {
-  return names.map((name) => all.find((one) => one.name === name)).find(Boolean) ?? all[0];
+  return names.map((name) => all.find((one) => one.name === name)).find(Boolean);
 }
 
 /** Values of a factor as they are shown and compared: numbers as numbers, anything else as a word. */
@@ -74,4 +74,4 @@ export function grouped(values, most, count) {
   };
 }
 
-const told = (value) => (typeof value === "number" ? Number(value.toPrecision(3)) : String(value));
+const told = (value) => number(value, 3);

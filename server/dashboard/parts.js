@@ -3,6 +3,8 @@
 import { h, say } from "./dom.js";
 
 export const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
+/** Why jobs fail. */
+export const CLASSES = ["invalid", "unstable", "worker", "lost", "timeout"];
 
 /** A state as a coloured dot and its word. */
 export function state(word, note) {
@@ -37,6 +39,13 @@ export function progress(sweep, is_large = false) {
 /** Counts in words, those that are not zero. */
 export function counts(of) {
   return STATES.filter((state) => of[state] > 0).map((word) => state(`${word}`, of[word].toLocaleString("en")));
+}
+
+/** How many failed of each class, as links to those jobs. */
+export function failures(sweep, path) {
+  const classes = Object.entries(sweep.failures ?? {}).filter(([, count]) => count > 0);
+  return classes.length > 0 && h("span", { class: "row counts" }, classes.map(([name, count]) =>
+    h("a", { href: `${path}?state=failed&failure=${name}#jobs`, class: "failure" }, `${count.toLocaleString("en")} ${name}`)));
 }
 
 /**

@@ -275,6 +275,26 @@ impl Home {
         roost().args(arguments).env("ROOST_SERVER", &self.address).output().unwrap()
     }
 
+    /// What a client command says with `--json`.
+    pub(crate) fn answered(&self, arguments: &[&str]) -> Value {
+        serde_json::from_str(&stdout(&self.roost(&[arguments, &["--json"]].concat()))).unwrap()
+    }
+
+    /// What the API answers to a GET.
+    pub(crate) fn get(&self, path: &str) -> Value {
+        let text = self.runtime.block_on(async {
+            let answer = reqwest::get(format!("{}{path}", self.address)).await.unwrap();
+            answer.error_for_status().unwrap().text().await.unwrap()
+        });
+        serde_json::from_str(&text).unwrap()
+    }
+
+    /// Whether a GET is answered with this status.
+    pub(crate) fn answers(&self, path: &str, status: u16) -> bool {
+        let url = format!("{}{path}", self.address);
+        self.runtime.block_on(async { reqwest::get(url).await.is_ok_and(|answer| answer.status() == status) })
+    }
+
     /// Submits a scenario; returns the job as the server shows it.
     pub(crate) fn submit(&self, scenario: &Value) -> JobView {
         let file = self.file("scenario.json", scenario);

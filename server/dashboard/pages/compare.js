@@ -5,7 +5,7 @@ import { fill, h } from "../dom.js";
 import { factor, number, short, titled } from "../format.js";
 import { level } from "../measures.js";
 import { asked, fault, state, table } from "../parts.js";
-import { linePlot } from "../plots/curves.js";
+import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
 
 /** More than this cannot be told apart. */
@@ -61,10 +61,10 @@ function draw(place, all) {
   const scenarios = all.map((one) => (one.result ? leaves(one.result.scenario) : {}));
   const fields = [...new Set(scenarios.flatMap(Object.keys))].filter((pointer) => new Set(scenarios.map((one) => one[pointer])).size > 1);
   const told = (value) => (value === undefined ? "–" : typeof value === "string" ? value.replaceAll("_", " ") : number(value, 5));
-  const kinds = [...new Set(done.flatMap((one) => [...one.result.series, ...(one.result.curves ?? [])].map((data) => data.name)))];
-  const cards = kinds.map((name) => {
-    const lines = done.map((one) => ({ name: one.name, path: `/jobs/${one.job.id}`, data: [...one.result.series, ...(one.result.curves ?? [])].find((data) => data.name === name) })).filter((line) => line.data);
-    const one = panel(titled(name, lines[0].data.unit));
+  const kinds = [...new Set(done.flatMap((one) => curvesOf(one.result).map(curveKey)))];
+  const cards = kinds.map((key) => {
+    const lines = done.map((one) => ({ name: one.name, path: `/jobs/${one.job.id}`, data: curvesOf(one.result).find((data) => curveKey(data) === key) })).filter((line) => line.data);
+    const one = panel(titled(lines[0].data.name, lines[0].data.unit));
     one.draw(() => linePlot(lines));
     return one.card;
   });

@@ -6,7 +6,7 @@ import { duration, factor, moment, number, short, titled } from "../format.js";
 import { level } from "../measures.js";
 import { action, facts, fault, state, table } from "../parts.js";
 import { player } from "../playback/player.js";
-import { linePlot } from "../plots/curves.js";
+import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
 
 const ENDED = ["succeeded", "failed", "cancelled"];
@@ -40,31 +40,56 @@ export async function show(main, id) {
         ["Ended", job.ended_at && moment(job.ended_at)], ["Took", took ? duration(took) : null]]));
   }
 
+  const panels = new Map();
+  function drawCurve(data) {
+    if (!panels.has(curveKey(data))) {
+      panels.set(curveKey(data), panel(titled(data.name, data.unit)));
+      plots.append(panels.get(curveKey(data)).card);
+    }
+    panels.get(curveKey(data)).draw(() => linePlot([{ name: data.name, data }]));
+  }
+
+  /** What a running job has sampled so far: each part replaces what there was from its place on. */
+  const sampled = new Map();
+  function drawSamples({ series }) {
+    if (ENDED.includes(job.state)) return;
+    for (const { name, unit, from, t_s, values } of series) {
+      const before = sampled.get(name) ?? { t_s: [], values: [] };
+      const data = { name, unit, t_s: [...before.t_s.slice(0, from), ...t_s], values: [...before.values.slice(0, from), ...values] };
+      sampled.set(name, data);
+      drawCurve(data);
+    }
+  }
+
   let shown = null;
   async function drawResult() {
     // A retried job may come to another result.
     const key = `${job.state} ${job.attempt}`;
-    if (!ENDED.includes(job.state) || shown === key) return;
+    if (!ENDED.includes(job.state) || (job.attempt === 0 && !job.from_cache) || shown === key) return;
     shown = key;
     const result = await read(`${at}/result`).catch((error) => (error.status === 404 ? null : Promise.reject(error)));
     if (!result) return;
-    const cards = [...result.series, ...(result.curves ?? [])].map((data) => {
-      const one = panel(titled(data.name, data.unit));
-      one.draw(() => linePlot([{ name: data.name, data }]));
-      return one.card;
-    });
-    plots.replaceChildren(...cards);
+    for (const data of curvesOf(result)) drawCurve(data);
     fill(rest, responses(result), machine(result), document_(result, job));
   }
 
+  let played = null;
+  async function drawFrames() {
+    if (!job.frames || played === job.attempt) return;
+    played = job.attempt;
+    const element = await player(`${at}/frames`);
+    watch.replaceChildren(...(element ? [element] : []));
+  }
+
+  const failed = (error) => fill(trouble, error ? fault(error) : []);
   const update = (now) => {
     job = now;
     drawHead();
-    drawResult().catch((error) => fill(trouble, fault(error)));
+    drawResult().catch(failed);
+    drawFrames().catch(failed);
   };
   update(job);
-  player(`${at}/frames`).then((element) => element && watch.append(element)).catch((error) => fill(watch, fault(error)));
-  follow(at, update, null, (error) => fill(trouble, error ? fault(error) : []));
+  follow(at, update, { samples: drawSamples }, failed);
 }
 
 function actions(job, at) {

@@ -4,7 +4,7 @@
 import { post, read } from "../api.js";
 import { fill, h, prose } from "../dom.js";
 import { duration, number } from "../format.js";
-import { action, choice, facts, fault } from "../parts.js";
+import { action, asked, choice, facts, fault, remember } from "../parts.js";
 import { fields, sections, isFor, readField, writeField } from "../document.js";
 
 const DRAFT = "draft of a sweep";
@@ -12,11 +12,20 @@ const DESIGNS = ["grid", "one_at_a_time", "random", "latin_hypercube", "sobol", 
 const DRAWN = ["random", "latin_hypercube", "sobol"];
 const EMPTY = { name: "new sweep", base: { experiment: "hopper", numerics: { timestep_s: "auto" } }, design: { kind: "grid" }, factors: [], replicates: 1 };
 
+/** The document of the sweep that is to be cloned, if one is; from then on it is the draft. */
+async function cloned() {
+  const id = asked("clone");
+  if (!id) return null;
+  const document = await read(`/v1/sweeps/${id}/spec`);
+  remember({ clone: null });
+  return document;
+}
+
 export async function show(main) {
   document.title = "Submit · Roost";
   const schema = await read("/v1/schema/scenario");
   const all = fields(schema);
-  let sweep = JSON.parse(sessionStorage.getItem(DRAFT) ?? "null") ?? EMPTY;
+  let sweep = (await cloned()) ?? JSON.parse(sessionStorage.getItem(DRAFT) ?? "null") ?? EMPTY;
   const top = h("div"), form = h("div"), verdict = h("section", { class: "card", "aria-live": "polite" });
   const text = h("textarea", { spellcheck: "false", "aria-label": "The sweep as JSON", onchange: () => written() });
   main.append(h("h1", {}, "Submit a sweep"),
@@ -45,6 +54,10 @@ export async function show(main) {
       return h("label", { class: "field" }, label, input);
     };
     const whole = { type: "number", min: 1, step: 1, style: { width: "90px" } };
+    const recorded = (every) => {
+      const { frame_interval_s, ...rest } = sweep;
+      changed(every === "" ? rest : { ...rest, frame_interval_s: Number(every) });
+    };
     const design = (more) => changed({ ...sweep, design: { ...sweep.design, ...more } });
     fill(top, h("div", { class: "row card" },
       field("Name", sweep.name, { size: 30 }, (name) => changed({ ...sweep, name })),
@@ -54,6 +67,7 @@ export async function show(main) {
       DRAWN.includes(kind) && field("Points", sweep.design.points, whole, (points) => design({ points: Number(points) })),
       DRAWN.includes(kind) && field("Seed of the design", sweep.design.seed ?? 1, whole, (seed) => design({ seed: Number(seed) })),
       field("Replicates", sweep.replicates, whole, (replicates) => changed({ ...sweep, replicates: Number(replicates) })),
+      field("Frames every (s)", sweep.frame_interval_s, { type: "number", min: 0, step: "any", placeholder: "none", style: { width: "90px" } }, recorded),
       h("button", { type: "button", onclick: () => changed(EMPTY, { is_redrawn: true }) }, "Start anew")));
   }
 
@@ -89,13 +103,13 @@ export async function show(main) {
       h("summary", {}, title), doc && h("p", { class: "dim" }, prose(doc)), h("div", { class: "form" }, inside.map(input)))));
   }
 
-  let timer = null, asked = 0;
+  let timer = null, sent = 0;
   function validate() {
     clearTimeout(timer);
     timer = setTimeout(async () => {
-      const number = ++asked;
+      const number = ++sent;
       const answer = await post("/v1/validate", sweep).catch((error) => error);
-      if (number !== asked) return;
+      if (number !== sent) return;
       for (const pointer of inputs.keys()) tell(pointer, null);
       if (answer instanceof Error) refused(answer);
       else accepted(answer);

@@ -1,8 +1,8 @@
-// Workers and their devices: what each does, and when it was last heard of.
+// Workers and their devices: what each does, how fast, and when it was last heard of.
 
 import { poll, post } from "../api.js";
 import { fill, h } from "../dom.js";
-import { ago, short } from "../format.js";
+import { ago, number, short } from "../format.js";
 import { action, fault, table } from "../parts.js";
 
 /** Beats come every two seconds; who is silent this long is gone, or its lease soon is. */
@@ -17,7 +17,8 @@ function status(worker) {
 }
 
 const jobs = (worker) => {
-  const links = worker.running.slice(0, 4).map((id) => h("a", { href: `/jobs/${id}`, class: "mono" }, short(id), " "));
+  const done = (i) => (worker.progress?.[i] ? ` ${Math.floor(100 * worker.progress[i].fraction)} % ` : " ");
+  const links = worker.running.slice(0, 4).map((id, i) => [h("a", { href: `/jobs/${id}`, class: "mono" }, short(id)), done(i)]);
   return [links, worker.running.length > 4 && `and ${worker.running.length - 4} more`];
 };
 
@@ -29,6 +30,7 @@ const COLUMNS = [
   { title: "Threads", is_number: true, cell: (worker) => worker.threads },
   { title: "Memory", is_number: true, cell: (worker) => (worker.memory_mib ? `${(worker.memory_mib / 1024).toFixed(1)} GiB` : "–") },
   { title: "Runs", is_text: true, cell: jobs },
+  { title: "Speed", is_number: true, cell: (worker) => (worker.particle_steps_per_s ? `${number(worker.particle_steps_per_s / 1e6, 3)} M/s` : "–") },
   { title: "Results", is_number: true, cell: (worker) => worker.succeeded.toLocaleString("en") },
   { title: "Failures", is_number: true, cell: (worker) => worker.failed.toLocaleString("en") },
   { title: "Revision", is_number: true, cell: (worker) => worker.solver_revision },
@@ -50,7 +52,7 @@ export function show(main) {
     const running = there.reduce((sum, worker) => sum + worker.running.length, 0);
     fill(here, there.length === 0
       ? h("p", {}, "No worker is there. ", h("code", {}, `roost work --server ${location.origin}`), " starts one.")
-      : table(`${there.length} there, ${running} jobs running`, COLUMNS, there));
+      : table(`${there.length} there, ${running} jobs running; speed in million particle-steps a second`, COLUMNS, there));
     if (rest.length > 0 && !gone.querySelector("details[open]")) {
       fill(gone, h("details", { class: "card wide" }, h("summary", {}, `${rest.length} gone`), table("Not heard of lately", COLUMNS, rest)));
     }

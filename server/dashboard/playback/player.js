@@ -10,6 +10,9 @@ import { scene } from "./scene.js";
 /** Colourings by the number that the shader knows them by: 0 by body, else by share of the scale. */
 const COLOURS = [["body", "body"], ["speed", "speed"], ["damage", "broken bonds"]];
 
+/** Nothing was to be drawn for longer than this: no time of a picture. */
+const REST_MS = 500;
+
 /** The player of the frames behind a path; null when there are none. */
 export async function player(url) {
   const stream = await frames(url);
@@ -18,7 +21,7 @@ export async function player(url) {
   const canvas = h("canvas", { tabindex: 0, role: "img", "aria-label": "Playback of the run. Arrow keys turn the view, plus and minus zoom, space plays." });
   const drawing = scene(canvas, head);
   const state = { k: 0, colour: asked("colour") ?? "body", speed: 1, is_playing: false, has_equipment: true, frame: null };
-  const top = h("output"), time = h("output", { class: "mono" });
+  const top = h("output"), time = h("output", { class: "mono" }), rate = h("output", { class: "dim" });
   const line = h("input", { type: "range", min: 0, max: index.length - 1, step: 1, value: 0, "aria-label": "Frame", oninput: () => (pause(), show(Number(line.value))) });
   const button = h("button", { type: "button", class: "main", onclick: () => (state.is_playing ? pause() : play()) }, "Play");
   const equipment = h("input", { type: "checkbox", checked: true, onchange: () => ((state.has_equipment = equipment.checked), load()) });
@@ -26,14 +29,23 @@ export async function player(url) {
 
   const { low, high } = bounds(head);
   const view = camera(canvas, low, high, () => redraw());
-  let is_due = false;
+  let is_due = false, drawn_at = 0, frame_ms = null;
   function redraw() {
     if (is_due) return;
     is_due = true;
-    requestAnimationFrame(() => {
+    requestAnimationFrame((now) => {
       is_due = false;
       drawNow();
+      pace(now - drawn_at);
+      drawn_at = now;
     });
+  }
+  /** Time from one picture to the next while there is something to draw, as a running mean: as short as screen and graphics allow while the view turns. */
+  function pace(ms) {
+    if (ms > REST_MS) return;
+    frame_ms = frame_ms === null ? ms : 0.9 * frame_ms + 0.1 * ms;
+    rate.textContent = `${frame_ms.toFixed(0)} ms a picture`;
+    canvas.dataset.frame_ms = frame_ms.toFixed(1);
   }
   function drawNow() {
     const ratio = Math.min(2, devicePixelRatio);
@@ -130,7 +142,7 @@ export async function player(url) {
       }),
       h("label", { class: "field" }, equipment, "equipment"),
       h("button", { type: "button", onclick: save }, "Save picture"),
-      h("span", { class: "dim" }, "drag turns, with Shift moves; wheel zooms; , and . step")));
+      h("span", { class: "dim" }, "drag turns, with Shift moves; wheel zooms; , and . step"), rate));
   if (asked("view")) view.set(asked("view"));
   const first = Math.min(index.length - 1, Number(asked("frame") ?? 0) || 0);
   queueMicrotask(() => show(first).catch((error) => say(error.message)));

@@ -4,6 +4,15 @@ import { number, titled } from "../format.js";
 import { table } from "../parts.js";
 import { series, sheer } from "./plot.js";
 
+/** Series and curves of a result. */
+export const curvesOf = (result) => [...result.series, ...(result.curves ?? [])];
+
+/** What a curve is known by: a name may stand over time and over something else. */
+export const curveKey = (data) => `${data.name} over ${data.over ?? "time"}`;
+
+/** What is counted is drawn as dots: nothing lies between two fillets. */
+const COUNTED = ["fillet", "body"];
+
 /** A series or curve of a result, as lines; `name` is for the legend. */
 export function linePlot(lines) {
   const first = lines[0]?.data;
@@ -11,7 +20,7 @@ export function linePlot(lines) {
   const across = first.t_s ? "belt time (s)" : titled(first.over, first.over_unit);
   return {
     traces: lines.map(({ name, data, path }, i) => ({
-      type: "scatter", mode: "lines", name, x: data.t_s ?? data.x, y: data.values, line: { color: series(i), width: 1.6 },
+      type: "scatter", mode: COUNTED.includes(data.over) ? "markers" : "lines", name, x: data.t_s ?? data.x, y: data.values, line: { color: series(i), width: 1.6 },
       customdata: path && data.values.map(() => path), hovertemplate: `%{x:.4g}, %{y:.4g}<extra>${name}</extra>`,
     })),
     layout: { showlegend: lines.length > 1, xaxis: { title: { text: across } }, yaxis: { title: { text: titled(first.name, first.unit) } } },

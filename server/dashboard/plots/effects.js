@@ -17,7 +17,7 @@ export function effectsPlot({ effects, factors, label }) {
     traces: rows.length === 0 ? [] : [{
       type: "bar", orientation: "h", y: rows.map((one) => one.title), x: rows.map((one) => one.size),
       marker: { color: rows.map((one) => (one.is_range ? colour("c7") : one.size < 0 ? colour("c1") : colour("c0"))) },
-      text: rows.map((one) => number(one.size, 3)), textposition: "auto", hoverinfo: "text",
+      text: rows.map((one) => number(one.size, 3)), textposition: "auto", insidetextfont: { color: colour("raised") }, hoverinfo: "text",
       hovertext: rows.map((one) => `${one.title}: ${one.is_range ? "largest less smallest mean" : "change over its range"} ${number(one.size)}${likely(one)}`),
     }],
     layout: { showlegend: false, xaxis: { title: { text: `change of ${label}` } }, yaxis: { automargin: true } },

@@ -86,7 +86,7 @@ export function parallel() {
     return [h("label", {}, `${title}: from`, from), h("label", {}, `${title}: to`, to)];
   }
 
-  function draw({ points, factors, measure }) {
+  function draw({ points, factors, measure, path: pathOf }) {
     const measured = points.filter((row) => measure.of(row)), rows = measured.slice(0, MOST_LINES);
     card.hidden = rows.length === 0;
     if (card.hidden) return;
@@ -100,7 +100,8 @@ export function parallel() {
       const places = axes.map((axis) => axis.at(row)), last = places.at(-1);
       const path = places.map((share, i) => `${i ? "L" : "M"}${x(i).toFixed(1)},${y(share).toFixed(1)}`).join("");
       const stroke = `color-mix(in oklab, ${last < 0.5 ? inks[0] : inks[2]} ${Math.round(200 * Math.abs(last - 0.5))}%, ${inks[1]})`;
-      const element = svg("path", { d: path, style: { stroke, "stroke-opacity": rows.length > 300 ? "0.35" : "0.7" } }, svg("title", {}, `point ${row.point}: ${measure.label} ${number(value(row))}`));
+      const element = svg("path", { d: path, style: { stroke, "stroke-width": rows.length > 300 ? "0.7" : "1.4" }, onclick: () => (location.href = pathOf(row)) },
+        svg("title", {}, `point ${row.point}: ${measure.label} ${number(value(row))}; click for its jobs`));
       return { element, places };
     });
     const parts = axes.map((axis, i) => {

@@ -31,7 +31,8 @@ function themed(layout) {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "closest", showlegend: true,
     font: { color: colour("text"), family: "system-ui, sans-serif", size: 12 }, margin: { l: 56, r: 12, t: 30, b: 44 },
     modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("dim"), activecolor: colour("text") },
-    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+    // Beneath, where it meets neither the axis nor the buttons.
+    legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", x: 0 },
     hoverlabel: { bgcolor: colour("raised"), bordercolor: colour("line"), font: { color: colour("text") }, align: "left" },
     ...layout, ...axes,
   };
@@ -39,26 +40,28 @@ function themed(layout) {
 
 /**
  * A card with a plot. `draw(make)` shows what `make()` returns, and makes it anew when the theme changes: `traces`, `layout`, `table`
- * (makes the table beneath). A click opens the `customdata` of a point, a path.
+ * (makes the table beneath). A click opens the `customdata` of a point, a path. With nothing to draw it says `empty`, or is not there.
  */
-export function panel(title, { controls = [], size = "" } = {}) {
+export function panel(title, { controls = [], size = "", whole = false, empty: told = "Nothing to draw yet." } = {}) {
   const plot = h("div", { class: `plot ${size}`, role: "img", "aria-label": title });
-  const empty = h("p", { class: "dim" }, "Nothing to draw yet.");
+  const empty = h("p", { class: "dim" }, told);
   const beneath = h("div", { class: "tall" });
   const details = h("details", { class: "under" }, h("summary", {}, "As a table"), beneath);
-  const card = h("section", { class: "card" }, h("h2", {}, title), h("div", { class: "row" }, controls), empty, plot, details);
+  const card = h("section", { class: whole ? "card whole" : "card" }, h("h2", {}, title), controls.length > 0 && h("div", { class: "row" }, controls), empty, plot, details);
   let make = null, listens = false;
   const render = async () => {
     const Plotly = await plotly();
     const what = make?.();
     const is_there = Boolean(what) && what.traces.length > 0;
     empty.hidden = is_there;
+    card.hidden = !is_there && told === null;
     plot.hidden = details.hidden = !is_there;
     if (!is_there) return;
-    const config = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"], toImageButtonOptions: { format: "svg", filename: title } };
+    const config = { displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"], toImageButtonOptions: { format: "svg", filename: title } };
     await Plotly.react(plot, what.traces, themed(what.layout), config);
     if (!listens) {
       listens = true;
+      new ResizeObserver(() => plot.clientWidth > 0 && Plotly.Plots.resize(plot)).observe(plot);
       plot.on("plotly_click", ({ points }) => points[0]?.customdata?.startsWith?.("/") && (location.href = points[0].customdata));
     }
     const table = () => details.open && beneath.replaceChildren(what.table());

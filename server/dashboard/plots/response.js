@@ -3,7 +3,7 @@
 import { factor, number } from "../format.js";
 import { level, levels } from "../measures.js";
 import { table } from "../parts.js";
-import { colour, series, sheer } from "./plot.js";
+import { colour, series } from "./plot.js";
 
 /** More colours than this cannot be told apart. */
 const MOST_COLOURS = 8;
@@ -11,7 +11,7 @@ const MOST_COLOURS = 8;
 /**
  * Points over the levels of `x`, in one colour for each level of `by` (a pointer, or nothing).
  */
-export function responsePlot({ points, trials, factors, measure, x, by }) {
+export function responsePlot({ points, trials, factors, measure, x, by, path }) {
   const all = by ? levels(points, by) : [];
   const groups = by && all.length <= MOST_COLOURS ? all : [null];
   const among = (rows, group) => (group === null ? rows : rows.filter((row) => level(row.factors[by]) === group));
@@ -22,13 +22,13 @@ export function responsePlot({ points, trials, factors, measure, x, by }) {
     const up = rows.map(({ value }) => (value.high === null ? 0 : value.high - value.mean));
     const down = rows.map(({ value }) => (value.low === null ? 0 : value.mean - value.low));
     return [
-      { type: "scatter", mode: "markers", name: "trials", legendgroup: name, showlegend: false, marker: { color: sheer(ink, 0.35), size: 5 },
+      { type: "scatter", mode: "markers", name: "trials", legendgroup: name, showlegend: false, marker: { color: ink, size: 5, symbol: "circle-open" },
         x: dots.map(({ trial }) => level(trial.factors[x])), y: dots.map(({ value }) => value), customdata: dots.map(({ trial }) => `/jobs/${trial.job_id}`),
         text: dots.map(({ trial, value }) => told(trial.factors, factors, `${number(value)}<br>point ${trial.point}, seed ${trial.seed}: click for the job`)), hoverinfo: "text" },
       { type: "scatter", mode: "markers", name, legendgroup: name, marker: { color: ink, size: 8 },
         error_y: { type: "data", array: up, arrayminus: down, color: ink, thickness: 1.2, width: 4 },
-        x: rows.map(({ row }) => level(row.factors[x])), y: rows.map(({ value }) => value.mean),
-        text: rows.map(({ row, value }) => told(row.factors, factors, `${number(value.mean)} of ${value.n} trials<br>point ${row.point}`)), hoverinfo: "text" },
+        x: rows.map(({ row }) => level(row.factors[x])), y: rows.map(({ value }) => value.mean), customdata: rows.map(({ row }) => path(row)),
+        text: rows.map(({ row, value }) => told(row.factors, factors, `${number(value.mean)} of ${value.n} trials<br>point ${row.point}: click for its jobs`)), hoverinfo: "text" },
     ];
   });
   return {

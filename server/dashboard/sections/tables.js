@@ -1,10 +1,10 @@
 // The two tables of a sweep: design points with what came out, and jobs page by page.
 
-import { poll } from "./api.js";
-import { fill, h } from "./dom.js";
-import { ago, factor, number, short } from "./format.js";
-import { level } from "./measures.js";
-import { STATES, asked, choice, inOrder, remember, state, table } from "./parts.js";
+import { poll } from "../api.js";
+import { fill, h } from "../dom.js";
+import { ago, factor, number, short } from "../format.js";
+import { level } from "../measures.js";
+import { CLASSES, STATES, asked, choice, inOrder, remember, state, table } from "../parts.js";
 
 /** Rows that are drawn at once. */
 const ROWS = 200;
@@ -19,7 +19,7 @@ export function pointsTable() {
   const every = h("input", { type: "checkbox", onchange: () => ((is_all = every.checked), render()) });
   more.append(every, "every response");
   function render() {
-    const { points, factors, all } = given;
+    const { points, factors, all, path } = given;
     const shown = is_all ? all : all.filter((one) => FIRST.includes(one.name));
     const mean = (measure) => ({
       title: measure.label, is_number: true, value: (row) => measure.of(row)?.mean,
@@ -30,7 +30,7 @@ export function pointsTable() {
       },
     });
     const columns = [
-      { title: "Point", is_number: true, value: (row) => row.point, cell: (row) => row.point },
+      { title: "Point", is_number: true, value: (row) => row.point, cell: (row) => h("a", { href: path(row), title: "its jobs" }, row.point) },
       ...factors.map((pointer) => ({ title: factor(pointer, factors), is_number: true, value: (row) => level(row.factors[pointer]), cell: (row) => number(level(row.factors[pointer])) })),
       { title: "Trials", is_number: true, value: (row) => row.counts.succeeded, cell: (row) => `${row.counts.succeeded}/${STATES.reduce((n, state) => n + row.counts[state], 0)}` },
       { title: "Unstable", is_number: true, value: (row) => row.unstable, cell: (row) => row.unstable || "" },
@@ -45,12 +45,18 @@ export function pointsTable() {
   return { card, draw: (what) => ((given = what), render()) };
 }
 
-/** Jobs of a listing, page by page, by state. */
+/** What a listing of jobs can be filtered by; they stand in the address under the same names. */
+const FILTERS = ["state", "failure", "point"];
+
+/** Jobs of a listing, page by page, by state, class of failure and design point. */
 export function jobsTable(path) {
   const place = h("div", { class: "wide tall" }), turns = h("div", { class: "row" });
   let cursors = [null], end = () => {};
-  const filter = choice("State", [["", "all"], ...STATES], asked("state") ?? "", (value) => (remember({ state: value }), (cursors = [null]), look()));
-  const card = h("section", { class: "card" }, h("div", { class: "row spread" }, h("h2", {}, "Jobs"), filter), place, turns);
+  const filter = (name) => (value) => (remember({ [name]: value }), (cursors = [null]), look());
+  const point = h("input", { type: "number", min: 0, size: 6, value: asked("point") ?? "", onchange: () => filter("point")(point.value) });
+  const card = h("section", { class: "card", id: "jobs" }, h("div", { class: "row spread" }, h("h2", {}, "Jobs"), h("div", { class: "row" },
+    choice("State", [["", "all"], ...STATES], asked("state") ?? "", filter("state")), choice("Failed as", [["", "any"], ...CLASSES], asked("failure") ?? "", filter("failure")),
+    h("label", { class: "field" }, "Point", point))), place, turns);
   const columns = [
     { title: "Job", cell: (job) => h("a", { href: `/jobs/${job.id}`, class: "mono" }, short(job.id)) },
     { title: "State", cell: (job) => state(job.state, job.cancelling ? "cancelling" : (job.failure_class ?? (job.from_cache ? "from the store" : undefined))) },
@@ -66,7 +72,7 @@ export function jobsTable(path) {
   function look() {
     end();
     const query = new URLSearchParams({ limit: 100 });
-    if (asked("state")) query.set("state", asked("state"));
+    for (const name of FILTERS) if (asked(name)) query.set(name, asked(name));
     if (cursors.at(-1)) query.set("cursor", cursors.at(-1));
     end = poll(`${path}?${query}`, 5, draw);
   }

@@ -1,10 +1,9 @@
 // More of a sweep: what failed runs again, by class if wanted; more points, levels or replicates.
 
-import { h, say } from "./dom.js";
-import { factor } from "./format.js";
-import { fault } from "./parts.js";
+import { h, say } from "../dom.js";
+import { factor } from "../format.js";
+import { CLASSES, fault } from "../parts.js";
 
-const CLASSES = ["invalid", "unstable", "worker", "lost", "timeout"];
 const BY_POINTS = ["random", "sobol"];
 const BY_LEVELS = ["grid", "one_at_a_time"];
 

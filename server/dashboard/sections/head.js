@@ -1,0 +1,58 @@
+// The head of a sweep's page: how far it is and how fast, what failed and of what class, and what can be done to it.
+
+import { post } from "../api.js";
+import { fill, fillOnce, h } from "../dom.js";
+import { duration, factor, moment } from "../format.js";
+import { action, counts, facts, failures, progress, state, stateOfSweep, total } from "../parts.js";
+import { extend, retry } from "./extend.js";
+
+/** Paces are told from what was seen in this time. */
+const SEEN_MS = 300e3;
+
+/** `element` and `bar` of a sweep at a path; `changed` gets the sweep after something was done to it. */
+export function head(at, changed) {
+  const element = h("div"), bar = h("div", { class: "row" }), pace = paced();
+  function draw(sweep) {
+    pace.seen(sweep);
+    document.title = `${Math.floor(100 * sweep.fraction)} % ${sweep.name} · Roost`;
+    const { queued, running, failed, cancelled } = sweep.counts;
+    fillOnce(bar, `${queued + running > 0} ${failed + cancelled}`, () => actions(sweep, at, changed));
+    fill(element, progress(sweep, true),
+      h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${total(sweep.counts).toLocaleString("en")} jobs`),
+        h("span", { class: "row counts" }, counts(sweep.counts)), failures(sweep, `/sweeps/${sweep.id}`), pace.told(sweep)),
+      facts([["Design", `${sweep.design.replaceAll("_", " ")}: ${sweep.points.toLocaleString("en")} points × ${sweep.replicates}`],
+        ["Factors", sweep.factors.map((pointer) => factor(pointer, sweep.factors)).join(", ")],
+        ["Submitted", moment(sweep.submitted_at)], ["Identifier", h("span", { class: "mono" }, sweep.id)]]));
+  }
+  return { element, bar, draw };
+}
+
+/** How fast a sweep gets on, from what was seen in the last minutes, and how long it will take at that. */
+function paced() {
+  const seen = [];
+  return {
+    seen(sweep) {
+      seen.push({ at: Date.now(), fraction: sweep.fraction });
+      while (seen.length > 2 && Date.now() - seen[0].at > SEEN_MS) seen.shift();
+    },
+    told(sweep) {
+      const first = seen[0], last = seen.at(-1), gained = last.fraction - first.fraction;
+      if (gained <= 0 || last.at - first.at < 2000 || sweep.fraction >= 1) return null;
+      const per_s = (1000 * gained) / (last.at - first.at);
+      return h("span", { class: "dim" }, `${(3600 * per_s * total(sweep.counts)).toPrecision(3)} jobs an hour, ${duration((1 - sweep.fraction) / per_s)} left`);
+    },
+  };
+}
+
+function actions(sweep, at, changed) {
+  const { queued, running, failed, cancelled } = sweep.counts;
+  const download = h("details", { class: "menu" }, h("summary", {}, "Download"), ["csv", "json", "parquet"].map((format) =>
+    h("a", { href: `${at}/results?format=${format}`, download: `${sweep.name}.${format}`, class: "row" }, format)));
+  return [
+    queued + running > 0 && action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: `Cancel ${queued + running} jobs?` }),
+    failed + cancelled > 0 && retry(failed + cancelled, (wanted) => post(`${at}/retry${wanted}`).then(changed)),
+    extend(sweep, (more) => post(`${at}/extend`, more, crypto.randomUUID()).then(changed)),
+    h("a", { href: `/submit?clone=${sweep.id}` }, "Clone"),
+    download,
+  ];
+}

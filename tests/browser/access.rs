@@ -1,0 +1,57 @@
+//! A server with tokens: the page asks for one, keeps it where no script sees it, and asks again when it is not valid any more.
+
+use super::page::Page;
+use super::support::{Home, stdout, until};
+
+#[test]
+fn a_token_is_asked_for_and_again_when_it_is_revoked() {
+    let home = Home::new();
+    let _server = home.serve();
+    let data = home.path("data").display().to_string();
+    let token = |name: &str| {
+        stdout(&home.roost(&["token", "create", "--data", &data, "--scope", "submit", "--name", name]))
+            .trim()
+            .to_owned()
+    };
+    let (first, second) = (token("first"), token("second"));
+    let mut page = Page::new(&home.address);
+    // The server looks for tokens once a second.
+    until("the server asks for tokens", || home.answers("/v1/sweeps", 401).then_some(()));
+    page.open("/");
+    page.until(
+        "the page asks",
+        "document.querySelector('dialog[open] h2')?.textContent === 'This server asks for a token'",
+    );
+    assert!(page.audit().is_empty(), "{:?}", page.audit());
+    page.write("Token", "nonsense");
+    page.press_named("Sign in");
+    page.until("it is refused", "document.querySelector('#sign-in-trouble').textContent");
+    page.write("Token", &first);
+    page.press_named("Sign in");
+    page.until(
+        "sweeps are listed",
+        "!document.querySelector('dialog') && document.body.innerText.includes('No sweeps yet')",
+    );
+    let seen: String =
+        page.value("document.cookie + JSON.stringify(localStorage) + JSON.stringify(sessionStorage)");
+    assert!(!seen.contains(&first), "scripts can read the token");
+
+    let id = stdout(&home.roost(&["token", "list", "--data", &data]));
+    let id = id.lines().find(|line| line.contains("first")).unwrap().split_whitespace().next().unwrap();
+    stdout(&home.roost(&["token", "revoke", "--data", &data, id]));
+    // The page polls; it need not be loaded anew.
+    page.until(
+        "it asks again",
+        "document.querySelector('dialog[open] h2')?.textContent === 'The token is not valid any more'",
+    );
+    page.write("Token", &second);
+    page.press_named("Sign in");
+    page.until(
+        "sweeps are listed again",
+        "!document.querySelector('dialog') && document.body.innerText.includes('No sweeps yet')",
+    );
+    let complaints = page.complaints();
+    assert!(complaints.iter().all(|line| line.contains("401")), "{complaints:?}");
+    page.press_named("Sign out");
+    page.until("nothing is shown without", "document.querySelector('dialog[open]')");
+}

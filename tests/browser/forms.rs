@@ -1,0 +1,109 @@
+//! Drops, bends, slides and compressions in their own plots, from results of a real worker.
+
+use serde_json::{Value, json};
+
+use super::page::Page;
+use super::support::Home;
+use super::text;
+
+const STRAIN_RATE: &str = "/compress/strain_rate_1_s";
+const SPEED: &str = "/drop/speed_m_s";
+const STIFFNESS: &str = "/bonds/normal_stiffness_n_m3";
+const FRICTION: &str = "/contact/fillet_equipment/static_friction";
+
+/// A small sweep of each; returns them when all have ended.
+pub(crate) fn run(home: &Home) -> Vec<String> {
+    let auto = json!({"timestep_s": "auto"});
+    let levels = |pointer: &str, levels: &[f64]| json!([{"pointer": pointer, "levels": levels}]);
+    let tests = [
+        (
+            json!({"experiment": "drop", "product": {"count": 1, "subparticle_radius_m": 0.009}, "drop": {"scatter_deg": 5}, "numerics": auto}),
+            levels(SPEED, &[2.0, 8.0]),
+        ),
+        (
+            json!({"experiment": "bend", "product": {"subparticle_radius_m": 0.009}, "bend": {"scatter_deg": 5}, "numerics": {"timestep_s": "auto", "duration_s": 2.0}}),
+            levels(STIFFNESS, &[1e6, 3e6]),
+        ),
+        (
+            json!({"experiment": "slide", "product": {"subparticle_radius_m": 0.009}, "slide": {"tilt_rate_deg_s": 30, "scatter_deg": 5}, "numerics": auto}),
+            levels(FRICTION, &[0.3, 0.6]),
+        ),
+        (
+            json!({"experiment": "compress", "compress": {"lattice": [2, 2, 2]}, "numerics": {"timestep_s": "auto", "output_interval_s": 0.0005}}),
+            levels(STRAIN_RATE, &[1.0, 2.0]),
+        ),
+    ];
+    tests
+        .iter()
+        .map(|(base, factors)| {
+            let file = home.file("sweep.json", &json!({"name": base["experiment"], "base": base, "design": {"kind": "grid"}, "factors": factors, "replicates": 2}));
+            text(&home.answered(&["submit", "--wait", &file])["id"]).to_owned()
+        })
+        .collect()
+}
+
+/// Each in its form.
+pub(crate) fn show_what_the_api_says(home: &Home, page: &mut Page, sweeps: &[String]) {
+    let mut see = |sweep: &str, title: &str| -> (Vec<Value>, Vec<Value>) {
+        page.open(&format!("/sweeps/{sweep}"));
+        page.until(&format!("{title} is drawn"), &format!("find.plot('{title}')"));
+        let traces = page.value(&format!("find.plot('{title}')"));
+        (
+            traces,
+            home.get(&format!("/v1/sweeps/{sweep}/results?by=point"))["points"].as_array().unwrap().clone(),
+        )
+    };
+    let (traces, points) = see(&sweeps[0], "Bonds intact over the speed of impact");
+    means(&traces[0], &points, SPEED, "bonds_intact_fraction");
+
+    let (traces, points) = see(&sweeps[1], "How far it bends");
+    means(&traces[0], &points, STIFFNESS, "bend_angle_deg");
+    // The drawn centre lines turn by the angle from end to end, within a step of them.
+    let hanging: Vec<&Value> =
+        traces.iter().filter(|trace| trace["x"].as_array().unwrap().len() > 20).collect();
+    assert_eq!(hanging.len(), 2);
+    for (line, row) in hanging.iter().zip(&points) {
+        let at = |i: usize| (line["x"][i].as_f64().unwrap(), line["y"][i].as_f64().unwrap());
+        let turn = |i: usize| (at(i + 1).1 - at(i).1).atan2(at(i + 1).0 - at(i).0).to_degrees();
+        let last = line["x"].as_array().unwrap().len() - 2;
+        let (turned, angle) = (turn(0) - turn(last), mean(row, "bend_angle_deg"));
+        assert!((turned / angle - 1.0).abs() < 0.06, "turns by {turned}°, not {angle}°");
+    }
+
+    let (traces, points) = see(&sweeps[2], "Angle of sliding over friction");
+    means(&traces[0], &points, FRICTION, "critical_angle_deg");
+    let ideal = traces.iter().find(|trace| trace["name"] == "atan μ").unwrap();
+    for (i, friction) in ideal["x"].as_array().unwrap().iter().enumerate() {
+        let angle = friction.as_f64().unwrap().atan().to_degrees();
+        assert!((ideal["y"][i].as_f64().unwrap() - angle).abs() < 1e-9);
+    }
+
+    let (traces, _) = see(&sweeps[3], "Stress over strain");
+    let mut curves = 0;
+    for trace in &traces {
+        let Some(path) = trace["customdata"][0].as_str() else { continue };
+        let result = home.get(&format!("/v1{path}/result"));
+        let curve =
+            result["curves"].as_array().unwrap().iter().find(|curve| curve["name"] == "stress").unwrap();
+        assert_eq!((&trace["x"], &trace["y"]), (&curve["x"], &curve["values"]));
+        curves += 1;
+    }
+    assert_eq!(curves, 4, "every trial has its curve");
+}
+
+fn mean(row: &Value, response: &str) -> f64 {
+    row["responses"][response]["mean"].as_f64().unwrap()
+}
+
+/// A line of means over a factor, with the intervals.
+fn means(trace: &Value, points: &[Value], factor: &str, response: &str) {
+    assert_eq!(trace["x"].as_array().unwrap().len(), points.len());
+    for (i, row) in points.iter().enumerate() {
+        assert_eq!(
+            (&trace["x"][i], trace["y"][i].as_f64()),
+            (&row["factors"][factor], Some(mean(row, response)))
+        );
+        let high = row["responses"][response]["high_95"].as_f64().unwrap();
+        assert!((trace["up"][i].as_f64().unwrap() - (high - mean(row, response))).abs() < 1e-9);
+    }
+}

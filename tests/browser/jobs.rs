@@ -1,0 +1,82 @@
+//! Jobs that run, fail, are cancelled and run again, as their pages show it and do it.
+
+use serde_json::json;
+
+use super::page::Page;
+use super::support::{Home, long, scenario};
+use super::text;
+
+const STATE: &str = "document.querySelector('main .state').textContent";
+
+#[test]
+fn jobs_are_cancelled_and_run_again_and_their_curves_grow() {
+    let home = Home::new();
+    let _server = home.serve();
+    let mut page = Page::new(&home.address);
+    let file = home.file(
+        "sweep.json",
+        &json!({"name": "long", "base": long(60.0), "design": {"kind": "grid"}, "replicates": 2}),
+    );
+    let sweep = home.answered(&["submit", &file]);
+    let id = text(&sweep["id"]);
+    let _worker = home.work("bench");
+    page.open(&format!("/sweeps/{id}"));
+    page.until("a job runs", &format!("{STATE} === 'running'"));
+
+    let running = home.get(&format!("/v1/sweeps/{id}/jobs?state=running"))["items"][0].clone();
+    page.open(&format!("/jobs/{}", text(&running["id"])));
+    let samples = "find.plot('discharged mass (kg)')?.[0].x.length";
+    let some = page.until("a curve of what has been sampled", samples).as_u64().unwrap();
+    page.until("the curve grows", &format!("{samples} > {some}"));
+    assert_eq!(home.get(&format!("/v1/jobs/{}", text(&running["id"])))["state"], "running");
+
+    page.open(&format!("/sweeps/{id}"));
+    page.until("what can be done", "find.control('Cancel')");
+    page.press_named("Cancel");
+    page.until("it is cancelled", &format!("{STATE} === 'cancelled'"));
+    assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["counts"]["cancelled"], 2);
+    page.until("it can run again", "find.control('Retry')");
+    page.press_named("Retry");
+    page.press_named("Retry");
+    page.until("it runs again", &format!("{STATE} === 'running'"));
+
+    let running = home.get(&format!("/v1/sweeps/{id}/jobs?state=running"))["items"][0].clone();
+    assert_eq!(running["attempt"].as_u64().unwrap() % 2, 0, "{running}");
+    page.open(&format!("/jobs/{}", text(&running["id"])));
+    page.until("what can be done", "find.control('Cancel')");
+    page.press_named("Cancel");
+    page.until("the job is cancelled", &format!("{STATE} === 'cancelled'"));
+    page.until("it can run again", "find.control('Retry')");
+    page.press_named("Retry");
+    page.until("the job waits or runs", &format!("['queued', 'running'].includes({STATE})"));
+    assert!(page.complaints().is_empty());
+}
+
+#[test]
+fn failures_are_told_by_class_and_lead_to_their_jobs() {
+    let home = Home::new();
+    let _server = home.serve();
+    let _worker = home.work("bench");
+    let mut page = Page::new(&home.address);
+    let mut base = scenario(0.2);
+    base["numerics"]["allow_unstable"] = json!(true);
+    base["numerics"]["timestep_s"] = json!(1e-4);
+    let factors = json!([{"pointer": "/numerics/timestep_s", "levels": [1e-4, 0.01]}]);
+    let file = home.file("sweep.json", &json!({"name": "too coarse", "base": base, "design": {"kind": "grid"}, "factors": factors, "replicates": 2}));
+    let sweep = home.answered(&["submit", &file]);
+    let id = text(&sweep["id"]);
+    for path in ["/", &format!("/sweeps/{id}")] {
+        page.open(path);
+        page.until("failures by class", "document.querySelector('a.failure')?.textContent === '2 unstable'");
+    }
+    assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["failures"]["unstable"], 2);
+    page.press("document.querySelector('a.failure')");
+    page.until("only what failed so", "find.rows('2 jobs')?.every((row) => row[1] === 'failed: unstable')");
+    page.choose("Failed as", "lost");
+    page.until("nothing failed otherwise", "find.rows('0 jobs')");
+    page.choose("Failed as", "");
+    page.choose("State", "");
+    page.write("Point", "0");
+    page.until("jobs of one point", "find.rows('2 jobs')?.every((row) => row[2] === '0')");
+    assert!(page.complaints().is_empty());
+}

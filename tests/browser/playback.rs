@@ -1,0 +1,70 @@
+//! Playback of a job: frames move, scrub and turn; what is drawn is what the run had.
+
+use serde_json::Value;
+
+use super::page::Page;
+use super::support::Home;
+use super::text;
+
+const SHOWN: &str = "Number(document.querySelector('canvas').dataset.frame)";
+
+/// Plays the first job of a sweep; returns that job.
+pub(crate) fn plays(home: &Home, page: &mut Page, sweep: &str) -> String {
+    let jobs = home.get(&format!("/v1/sweeps/{sweep}/jobs?point=0&limit=1"));
+    let id = text(&jobs["items"][0]["id"]).to_owned();
+    let result = home.get(&format!("/v1/jobs/{id}/result"));
+    let frames = home.get(&format!("/v1/jobs/{id}"))["frames"].clone();
+    let count = frames["count"].as_u64().unwrap();
+    assert!(count > 30, "{frames}");
+    page.open(&format!("/jobs/{id}"));
+    page.until("the first frame", "document.querySelector('canvas')?.dataset.frame === '0'");
+    let line = "find.field('Frame')";
+    assert_eq!(page.value::<u64>(&format!("Number({line}.max)")) + 1, count);
+    let subparticles: Value = page.value("Number(document.querySelector('canvas').dataset.subparticles)");
+    assert_eq!(subparticles.as_u64(), result["performance"]["subparticles"].as_u64());
+
+    page.press_named("Play");
+    let moved = page.until("it plays", &format!("{SHOWN} > 2 && {SHOWN}")).as_u64().unwrap();
+    page.until("it plays on", &format!("{SHOWN} > {moved}"));
+    page.press_named("Pause");
+    let simulated: f64 = page.value("Number(document.querySelector('canvas').dataset.simulated_s)");
+    assert!(simulated > 0.0);
+    assert!(
+        page.value::<bool>("Number(document.querySelector('canvas').dataset.frame_ms) > 0"),
+        "no frame time"
+    );
+
+    // Keys, the time line, and what the picture is made of.
+    let before: u64 = page.value(SHOWN);
+    page.value::<()>("(document.querySelector('canvas').focus(), null)");
+    page.key(".");
+    page.until("a step on", &format!("{SHOWN} === {}", before + 1));
+    page.value::<()>(&format!(
+        "(({line}.value = {line}.max), {line}.dispatchEvent(new Event('input')), null)"
+    ));
+    page.until("the last frame", &format!("{SHOWN} === {}", count - 1));
+    let seen = colours(page);
+    assert!(seen > 20, "{seen} colours: nothing is drawn");
+    page.choose("Colour by", "speed");
+    page.until("a scale of speeds", "document.querySelector('.legend').checkVisibility()");
+    let before: String = page.value("new URLSearchParams(location.search).get('colour')");
+    assert_eq!(before, "speed");
+    let (from, to) = ((0.5, 0.5), (0.7, 0.6));
+    page.drag("document.querySelector('canvas')", from, to);
+    page.press_named("Play");
+    page.press_named("Pause");
+    let view: String = page.value("new URLSearchParams(location.search).get('view')");
+    assert!(!view.starts_with("-1.10,0.35"), "the view has not turned: {view}");
+    id
+}
+
+/// How many different colours the canvas has: it is drawn into a picture of the page's own, within the frame that it is drawn in.
+fn colours(page: &mut Page) -> usize {
+    page.value(
+        "new Promise((told) => { const canvas = document.querySelector('canvas'); dispatchEvent(new Event('resize'));
+            requestAnimationFrame(() => { canvas.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowLeft' }));
+            requestAnimationFrame(() => { const small = new OffscreenCanvas(64, 48), paper = small.getContext('2d');
+            paper.drawImage(canvas, 0, 0, 64, 48); const bytes = new Uint32Array(paper.getImageData(0, 0, 64, 48).data.buffer);
+            told(new Set(bytes).size); }); }); })",
+    )
+}

@@ -1,0 +1,103 @@
+//! From the form to a sweep that grows: faults are told where they were made, progress shows without a reload.
+
+use serde_json::{Value, json};
+
+use super::page::Page;
+use super::support::Home;
+use super::text;
+
+pub(crate) const GATE: &str = "/equipment/gate_opening_m";
+pub(crate) const BELT: &str = "/equipment/belt_speed_m_s";
+pub(crate) const POINTS: u64 = 9;
+
+/// Fills the form in and submits; returns the sweep, whose page is then open.
+pub(crate) fn by_the_form(home: &Home, page: &mut Page) -> String {
+    page.open("/submit");
+    page.until("the form says what it would cost", "find.control('Submit 1 job')");
+    page.write("Gate opening", "0.05, 7");
+    let told = page.until("the fault stands at its field", "find.field('Gate opening').ariaInvalid && find.field('Gate opening').closest('label').querySelector('.wrong').textContent");
+    assert!(text(&told).contains('7'), "{told}");
+    assert!(
+        page.value::<bool>("find.control('Submit 1 job') === undefined"),
+        "a faulty sweep can be submitted"
+    );
+    page.press_named("numerics, stop");
+    page.write("Name", "gate by belt");
+    page.write("Replicates", "2");
+    for (label, value) in [
+        ("Gate opening", "0.045, 0.055, 0.065"),
+        ("Belt speed", "0.15, 0.25, 0.35"),
+        ("Hopper width", "0.15"),
+        ("Side walls", "frictionless"),
+        ("Count", "4"),
+        ("Subparticle radius", "0.009"),
+        ("Duration", "1.2"),
+        ("When empty", "false"),
+    ] {
+        page.write(label, value);
+    }
+    page.write("Frames every", "0.05");
+    page.until("the form says what it would cost", "find.control('Submit 18 jobs')");
+    assert!(page.complaints().iter().all(|line| line.contains("/v1/validate") && line.contains("422")));
+    page.press_named("Submit 18 jobs");
+    let path = page.until(
+        "the page of the sweep",
+        "/^.sweeps.[0-9a-f-]{36}$/.test(location.pathname) && location.pathname",
+    );
+    page.until("it has its heading", "document.querySelector('h1')?.textContent === 'gate by belt'");
+    let id = text(&path).trim_start_matches("/sweeps/").to_owned();
+    let view = home.get(&format!("/v1/sweeps/{id}"));
+    assert_eq!(view["factors"], json!([GATE, BELT]));
+    assert_eq!((&view["points"], &view["replicates"]), (&json!(POINTS), &json!(2)));
+    id
+}
+
+/// Watches the open page of a sweep until it is done: progress comes in steps, and by itself.
+pub(crate) fn gets_on_before_ones_eyes(page: &mut Page) {
+    page.value::<()>("(window.seen = true, null)");
+    let mut seen = vec![0];
+    while *seen.last().unwrap() < 100 {
+        let more = format!(
+            "Number(document.querySelector('.bar.large').ariaValueNow) > {} && Number(document.querySelector('.bar.large').ariaValueNow)",
+            seen.last().unwrap()
+        );
+        seen.push(page.until("progress", &more).as_i64().unwrap());
+    }
+    assert!(seen.len() > 4, "{seen:?}");
+    assert!(page.value::<bool>("window.seen"), "the page was loaded again");
+    page.until("the last state", "document.querySelector('main .state').textContent === 'succeeded'");
+    // Plots come by themselves too.
+    page.until(
+        "every design point is drawn",
+        &format!("find.rows('{POINTS} points')?.every((row) => row[3] === '2/2')"),
+    );
+}
+
+/// Adds a replicate: another page of the same sweep hears of it.
+pub(crate) fn grows(home: &Home, page: &mut Page, id: &str) {
+    page.open(&format!("/sweeps/{id}"));
+    page.until("what can be done to it", "find.control('Extend')");
+    page.press_named("Extend");
+    page.write("More replicates of every point", "1");
+    page.press_named("Extend");
+    page.until("there are more jobs", "document.querySelector('.facts').textContent.includes('× 3')");
+    page.until("they are done", "find.rows('9 points')?.every((row) => row[3] === '3/3')");
+    assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["counts"]["succeeded"], 27);
+    // Somebody else adds a level.
+    let more = home.file("more.json", &json!([0.4]));
+    let _ = more;
+    let grown = home.roost(&["extend", id, "--replicates", "1"]);
+    assert!(grown.status.success());
+    page.until("what others added shows", "document.querySelector('.facts').textContent.includes('× 4')");
+    page.until("all is done", "find.rows('9 points')?.every((row) => row[3] === '4/4')");
+}
+
+/// The form takes a sweep that is there as its draft.
+pub(crate) fn is_cloned(home: &Home, page: &mut Page, id: &str) {
+    page.press_named("Clone");
+    page.until("the form has the levels", "find.field('Gate opening')?.value === '0.045, 0.055, 0.065'");
+    let draft: Value = page.value("JSON.parse(document.querySelector('textarea').value)");
+    let spec = home.get(&format!("/v1/sweeps/{id}/spec"));
+    assert_eq!((&draft["base"], &draft["factors"]), (&spec["base"], &spec["factors"]));
+    page.until("it can be submitted", "find.control('Submit 18 jobs') ?? find.control('Submit 36 jobs')");
+}
