@@ -83,6 +83,15 @@ export function inOrder(rows, columns, sort) {
   });
 }
 
+/** More jobs than this cannot be told apart side by side. */
+export const MOST_COMPARED = 8;
+
+/** Where to see these jobs: one on its page, several side by side; nowhere if they are too many. */
+export function pathTo(ids) {
+  if (ids.length === 1) return `/jobs/${ids[0]}`;
+  return ids.length > 0 && ids.length <= MOST_COMPARED ? `/compare?jobs=${ids.join(",")}` : null;
+}
+
 /** A list of facts. */
 export function facts(pairs) {
   return h("dl", { class: "facts" }, pairs.filter(([, value]) => value !== null && value !== undefined)

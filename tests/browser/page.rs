@@ -10,6 +10,9 @@ use super::chromium::Browser;
 /// Nothing that a page is to show takes longer, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(90);
 
+/// How long the pointer rests before it presses.
+const HOVER: Duration = Duration::from_millis(80);
+
 /// Finds parts of a page (`find`), and looks at it as a whole (`audit`).
 const SCRIPT: &str = concat!(include_str!("find.js"), include_str!("audit.js"));
 
@@ -64,10 +67,12 @@ impl Page {
         self.press_at(x, y);
     }
 
-    /// Presses a place of the window.
+    /// Presses a place of the window, where the pointer rests a moment first: plots look what is under it.
     pub(crate) fn press_at(&mut self, x: f64, y: f64) {
+        self.pointer("mouseMoved", false, x, y);
+        std::thread::sleep(HOVER);
         for kind in ["mousePressed", "mouseReleased"] {
-            self.pointer(kind, x, y);
+            self.pointer(kind, kind == "mousePressed", x, y);
         }
     }
 
@@ -95,12 +100,12 @@ impl Page {
         let at = |(across, down): (f64, f64)| (x + across * width, y + down * height);
         for (kind, (x, y)) in [("mousePressed", at(from)), ("mouseMoved", at(to)), ("mouseReleased", at(to))]
         {
-            self.pointer(kind, x, y);
+            self.pointer(kind, kind != "mouseReleased", x, y);
         }
     }
 
-    fn pointer(&mut self, kind: &str, x: f64, y: f64) {
-        let held = i32::from(kind != "mouseReleased");
+    fn pointer(&mut self, kind: &str, is_held: bool, x: f64, y: f64) {
+        let held = i32::from(is_held);
         let event = json!({"type": kind, "x": x, "y": y, "button": "left", "buttons": held, "clickCount": 1});
         self.browser.call("Input.dispatchMouseEvent", event);
     }
@@ -134,7 +139,7 @@ impl Page {
         ));
     }
 
-    /// Runs `gpu`-free checks of labels, roles and contrast: a line for each fault.
+    /// Looks at labels, roles and contrast: a line for each fault.
     pub(crate) fn audit(&mut self) -> Vec<String> {
         self.value("audit()")
     }

@@ -83,9 +83,7 @@ pub(crate) fn grows(home: &Home, page: &mut Page, id: &str) {
     page.until("there are more jobs", "document.querySelector('.facts').textContent.includes('× 3')");
     page.until("they are done", "find.rows('9 points')?.every((row) => row[3] === '3/3')");
     assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["counts"]["succeeded"], 27);
-    // Somebody else adds a level.
-    let more = home.file("more.json", &json!([0.4]));
-    let _ = more;
+    // Somebody else adds one more.
     let grown = home.roost(&["extend", id, "--replicates", "1"]);
     assert!(grown.status.success());
     page.until("what others added shows", "document.querySelector('.facts').textContent.includes('× 4')");

@@ -4,17 +4,15 @@ import { each, read } from "../api.js";
 import { fill, h } from "../dom.js";
 import { factor, number, short, titled } from "../format.js";
 import { level } from "../measures.js";
-import { asked, fault, state, table } from "../parts.js";
+import { MOST_COMPARED, asked, fault, state, table } from "../parts.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
 
-/** More than this cannot be told apart. */
-const MOST_JOBS = 8;
 const ID = /[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}/g;
 
 export async function show(main) {
   document.title = "Compare · Roost";
-  const ids = [...new Set((asked("jobs") ?? "").match(ID) ?? [])].slice(0, MOST_JOBS);
+  const ids = [...new Set((asked("jobs") ?? "").match(ID) ?? [])].slice(0, MOST_COMPARED);
   const input = h("input", { id: "jobs", name: "jobs", size: 60, value: ids.join(","), placeholder: "identifiers or links of jobs" });
   const form = h("form", { class: "row", onsubmit: (event) => {
     event.preventDefault();
@@ -23,7 +21,7 @@ export async function show(main) {
   const place = h("div");
   main.append(h("h1", {}, "Compare jobs"), form, place);
   if (ids.length === 0) {
-    fill(place, h("p", { class: "dim" }, `Up to ${MOST_JOBS} jobs: every job's page has a link to here.`));
+    fill(place, h("p", { class: "dim" }, `Up to ${MOST_COMPARED} jobs: every job's page has a link to here.`));
     return;
   }
   try {

@@ -4,7 +4,7 @@ import { each, follow, read } from "../api.js";
 import { fill, h } from "../dom.js";
 import { factor } from "../format.js";
 import { measures, preferred } from "../measures.js";
-import { asked, choice, fault, remember, total } from "../parts.js";
+import { asked, choice, fault, pathTo, remember, total } from "../parts.js";
 import { effectsPlot } from "../plots/effects.js";
 import { formOf, responsesOf } from "../plots/forms/forms.js";
 import { mapPlot } from "../plots/map.js";
@@ -24,8 +24,6 @@ const MOST_POINTS = 4000;
 const FEW_POINTS = 500;
 /** Jobs whose curves the form of an experiment draws. */
 const MOST_CURVES = 40;
-/** More jobs than this cannot be compared. */
-const MOST_COMPARED = 8;
 /** Results are read again this long after something has changed, and not before so many times of what reading took. */
 const REST_MS = 3000, REST_TIMES = 8;
 
@@ -50,9 +48,7 @@ export async function show(main, id) {
 
   /** Where a click on a design point leads: to its job, or to its jobs side by side, or to their rows in the table. */
   function pathOf(row) {
-    const ids = results.trials.filter((trial) => trial.point === row.point).map((trial) => trial.job_id);
-    if (ids.length === 1) return `/jobs/${ids[0]}`;
-    return ids.length > 0 && ids.length <= MOST_COMPARED ? `/compare?jobs=${ids.join(",")}` : `/sweeps/${id}?point=${row.point}#jobs`;
+    return pathTo(results.trials.filter((trial) => trial.point === row.point).map((trial) => trial.job_id)) ?? `/sweeps/${id}?point=${row.point}#jobs`;
   }
 
   let own = null;

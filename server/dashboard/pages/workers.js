@@ -57,7 +57,7 @@ export function show(main) {
       fill(gone, h("details", { class: "card wide" }, h("summary", {}, `${rest.length} gone`), table("Not heard of lately", COLUMNS, rest)));
     }
   };
-  poll("/v1/workers?limit=500", 2, (value) => ((page = value), draw()), (error) => fill(trouble, error ? fault(error) : []));
+  poll("/v1/workers?limit=500", 5, (value) => ((page = value), draw()), (error) => fill(trouble, error ? fault(error) : []));
   // Times pass also while nothing changes.
   setInterval(() => document.hidden || draw(), 5000);
 }

@@ -54,7 +54,7 @@ function band(replicates) {
   };
 }
 
-/** Groups (`name`, `path`, `replicates`: series) as mean lines in bands. */
+/** Groups (`name`, `path` that a click leads to, `replicates`: series) as mean lines in bands. */
 export function bandPlot(groups, name, unit) {
   const traces = groups.flatMap((group, i) => {
     const { t_s, mean, low, high } = band(group.replicates), ink = series(i);
@@ -63,7 +63,7 @@ export function bandPlot(groups, name, unit) {
       { ...edge, y: low },
       { ...edge, y: high, fill: "tonexty", fillcolor: sheer(ink, 0.16) },
       { type: "scatter", mode: "lines", name: group.name, legendgroup: group.name, x: t_s, y: mean, line: { color: ink, width: 1.6, dash: ["solid", "dash", "dot"][Math.floor(i / 8) % 3] },
-        hovertemplate: `%{x:.3g} s: %{y:.4g}<extra>${group.name}, ${group.replicates.length} trials</extra>` },
+        customdata: group.path && t_s.map(() => group.path), hovertemplate: `%{x:.3g} s: %{y:.4g}<extra>${group.name}, ${group.replicates.length} trials</extra>` },
     ];
   });
   return {

@@ -13,13 +13,14 @@ const MOST_LEVELS = 30;
 /** Cells that average over all other factors, trial by trial. */
 function cells(points, measure, x, y) {
   const [across, up] = [levels(points, x), levels(points, y)];
-  const sums = up.map(() => across.map(() => ({ sum: 0, n: 0 })));
+  const sums = up.map(() => across.map(() => ({ sum: 0, n: 0, rows: [] })));
   for (const row of points) {
     const value = measure.of(row);
     if (!value) continue;
     const cell = sums[up.indexOf(level(row.factors[y]))][across.indexOf(level(row.factors[x]))];
     cell.sum += value.n * value.mean;
     cell.n += value.n;
+    cell.rows.push(row);
   }
   return { across, up, cells: sums };
 }
@@ -31,7 +32,7 @@ function title(measure) {
   return { text: measure.is_share ? "share" : measure.label, side: "right" };
 }
 
-export function mapPlot({ points, factors, measure, x, y }) {
+export function mapPlot({ points, factors, measure, x, y, path }) {
   const layout = { showlegend: false, xaxis: { title: { text: factor(x, factors) } }, yaxis: { title: { text: factor(y, factors) } } };
   const limits = measure.is_share ? { zmin: 0, zmax: 1 } : {};
   const grid = cells(points, measure, x, y);
@@ -41,6 +42,7 @@ export function mapPlot({ points, factors, measure, x, y }) {
     const each = (tell) => grid.cells.map((row) => row.map(tell));
     const trace = {
       type: "heatmap", x: grid.across.map(String), y: grid.up.map(String), z: each((cell) => (cell.n ? cell.sum / cell.n : null)), text: each(told), texttemplate: "%{text}",
+      customdata: each((cell) => (cell.rows.length === 1 ? path(cell.rows[0]) : null)),
       hovertemplate: `${factor(x, factors)} %{x}<br>${factor(y, factors)} %{y}<br>${measure.label} %{z:.4g} (%{text})<extra></extra>`,
       colorscale: scaleOf(measure), ...limits, xgap: 2, ygap: 2, colorbar: { title: title(measure), thickness: 12 },
     };
@@ -51,7 +53,7 @@ export function mapPlot({ points, factors, measure, x, y }) {
   if (measure.is_share) Object.assign(marker, { cmin: 0, cmax: 1 });
   const trace = {
     type: "scatter", mode: "markers", marker, x: rows.map(({ row }) => level(row.factors[x])), y: rows.map(({ row }) => level(row.factors[y])),
-    text: rows.map(({ row, value }) => told(row.factors, factors, `${measure.label} ${number(value.mean)} of ${value.n}<br>point ${row.point}`)), hoverinfo: "text",
+    text: rows.map(({ row, value }) => told(row.factors, factors, `${measure.label} ${number(value.mean)} of ${value.n}<br>point ${row.point}: click for its jobs`)), customdata: rows.map(({ row }) => path(row)), hoverinfo: "text",
   };
   return { traces: rows.length ? [trace] : [], layout, table };
 }

@@ -1,6 +1,6 @@
 // A response against a factor: every trial as a dot, every design point as its mean with the 95 % interval.
 
-import { factor, number } from "../format.js";
+import { factor, number, short } from "../format.js";
 import { level, levels } from "../measures.js";
 import { table } from "../parts.js";
 import { colour, series } from "./plot.js";
@@ -24,7 +24,7 @@ export function responsePlot({ points, trials, factors, measure, x, by, path }) 
     return [
       { type: "scatter", mode: "markers", name: "trials", legendgroup: name, showlegend: false, marker: { color: ink, size: 5, symbol: "circle-open" },
         x: dots.map(({ trial }) => level(trial.factors[x])), y: dots.map(({ value }) => value), customdata: dots.map(({ trial }) => `/jobs/${trial.job_id}`),
-        text: dots.map(({ trial, value }) => told(trial.factors, factors, `${number(value)}<br>point ${trial.point}, seed ${trial.seed}: click for the job`)), hoverinfo: "text" },
+        text: dots.map(({ trial, value }) => told(trial.factors, factors, `${number(value)}<br>job ${short(trial.job_id)}, point ${trial.point}, seed ${trial.seed}: click to open`)), hoverinfo: "text" },
       { type: "scatter", mode: "markers", name, legendgroup: name, marker: { color: ink, size: 8 },
         error_y: { type: "data", array: up, arrayminus: down, color: ink, thickness: 1.2, width: 4 },
         x: rows.map(({ row }) => level(row.factors[x])), y: rows.map(({ value }) => value.mean), customdata: rows.map(({ row }) => path(row)),

@@ -42,7 +42,7 @@ export function quadratic(points) {
   return { at, r2: spread > 0 ? 1 - sum((i) => (points[i][2] - at(points[i][0], points[i][1])) ** 2) / spread : 1 };
 }
 
-export function surfacePlot({ points, factors, measure, x, y }) {
+export function surfacePlot({ points, factors, measure, x, y, path }) {
   const rows = points.map((row) => ({ row, value: measure.of(row), x: level(row.factors[x]), y: level(row.factors[y]) }))
     .filter((one) => one.value && typeof one.x === "number" && typeof one.y === "number");
   const fit = quadratic(rows.map((one) => [one.x, one.y, one.value.mean]));
@@ -59,7 +59,7 @@ export function surfacePlot({ points, factors, measure, x, y }) {
       { type: "contour", x: across, y: up, z: up.map((b) => across.map((a) => fit.at(a, b))), zmin: low, zmax: high, colorscale: "Viridis", line: { width: 0.6 }, colorbar: { thickness: 12, title: { text: measure.label, side: "right" } },
         hovertemplate: `fitted %{z:.4g}<extra></extra>` },
       { type: "scatter", mode: "markers", x: rows.map((one) => one.x), y: rows.map((one) => one.y), marker: { size: 9, color: means, cmin: low, cmax: high, colorscale: "Viridis", line: { width: 1.5, color: colour("raised") } },
-        text: rows.map((one) => told(one.row.factors, factors, `measured ${number(one.value.mean)}, fitted ${number(fit.at(one.x, one.y))}`)), hoverinfo: "text" },
+        customdata: rows.map((one) => path(one.row)), text: rows.map((one) => told(one.row.factors, factors, `measured ${number(one.value.mean)}, fitted ${number(fit.at(one.x, one.y))}`)), hoverinfo: "text" },
     ],
     layout: { showlegend: false, xaxis: { title: { text: factor(x, factors) } }, yaxis: { title: { text: factor(y, factors) } },
       annotations: [{ text: `quadratic, R² ${number(fit.r2, 3)}, ${rows.length} points`, xref: "paper", yref: "paper", x: 0, y: 1.01, yanchor: "bottom", showarrow: false, font: { color: colour("dim") } }] },

@@ -3,7 +3,7 @@
 import { fill, h } from "../dom.js";
 import { factor } from "../format.js";
 import { grouped } from "../measures.js";
-import { asked, choice, remember } from "../parts.js";
+import { asked, choice, pathTo, remember } from "../parts.js";
 import { bandPlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
 import { seriesOfSweep } from "./series.js";
@@ -44,6 +44,7 @@ export function curves(at, sweep) {
       if (!groups.has(key)) groups.set(key, { key, name: by() === "point" ? title || "all" : `${factor(by(), sweep.factors)} ${title}`, replicates: [] });
       groups.get(key).replicates.push(trial);
     }
+    if (by() === "point") for (const group of groups.values()) group.path = pathTo(group.replicates.map((trial) => trial.job_id));
     return [...groups.values()].sort((a, b) => (typeof a.key === "number" ? a.key - b.key : String(a.key).localeCompare(String(b.key))));
   }
   return { card: one.card, draw };
