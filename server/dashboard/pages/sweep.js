@@ -34,10 +34,10 @@ export async function show(main, id) {
   const top = head(at, (now) => (followed(now), again(0)));
   const title = h("h1", {}, sweep.name), trouble = h("div"), controls = h("div", { class: "row card" });
   const form = h("div"), response = panel("Response against factor"), map = panel("Map over two factors", { empty: null }), effect = panel("Main effects");
-  const surface = panel("Response surface", { empty: null }), coordinates = parallel(), points = pointsTable(), jobs = jobsTable(`${at}/jobs`);
+  const surface = panel("Response surface", { empty: null }), coordinates = parallel(), points = pointsTable();
   const series = curves(at, sweep);
   main.append(h("div", { class: "row spread" }, title, top.bar), top.element, trouble, controls, form,
-    h("div", { class: "grid" }, response.card, map.card, effect.card, surface.card, series.card), coordinates.card, points.card, jobs.card);
+    h("div", { class: "grid" }, response.card, map.card, effect.card, surface.card, series.card), coordinates.card, points.card, jobsTable(`${at}/jobs`));
 
   const chosen = { response: asked("response"), map: asked("map"), x: asked("x"), y: asked("y") };
   const choose = (key) => (value) => {
@@ -100,7 +100,6 @@ export async function show(main, id) {
   async function load() {
     timer = null;
     if (document.hidden) return again();
-    jobs.look();
     const began = performance.now();
     const query = new URLSearchParams({ by: "point", limit: MOST_POINTS });
     if (sweep.points > FEW_POINTS) query.set("responses", responsesOf([chosen.response, chosen.map]));

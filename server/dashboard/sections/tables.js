@@ -82,5 +82,5 @@ export function jobsTable(path) {
       h("button", { id: "jobs-older", disabled: !page.next_cursor, onclick: () => turn([...cursors, page.next_cursor]) }, "Older"));
   }
   look();
-  return { card, look };
+  return card;
 }
