@@ -71,7 +71,10 @@ pub(crate) fn lead_to_jobs(home: &Home, page: &mut Page, id: &str) {
     let query = page.until("its jobs side by side", "location.pathname === '/compare' && location.search");
     let point = |id: &str| home.get(&format!("/v1/jobs/{id}"))["point"].clone();
     let ids: Vec<&str> = text(&query).trim_start_matches("?jobs=").split(&[',', '%'][..]).collect();
-    assert!(ids.len() > 1 && ids.iter().all(|id| point(id.trim_start_matches("2C")) == point(ids[0])), "{query}");
+    assert!(
+        ids.len() > 1 && ids.iter().all(|id| point(id.trim_start_matches("2C")) == point(ids[0])),
+        "{query}"
+    );
 }
 
 fn drawn(page: &mut Page, title: &str) -> Vec<Value> {
@@ -80,7 +83,8 @@ fn drawn(page: &mut Page, title: &str) -> Vec<Value> {
     page.value(&what)
 }
 
-fn numbers(values: &Value) -> Vec<f64> {
+/// Numbers of an array; NaN for what is none.
+pub(crate) fn numbers(values: &Value) -> Vec<f64> {
     values
         .as_array()
         .unwrap_or_else(|| panic!("{values}"))
