@@ -24,6 +24,7 @@ fn look_at(page: &mut Page, paths: &[&str]) {
         for theme in ["light", "dark"] {
             page.open(path);
             page.theme(theme);
+            page.until("something is shown", "document.querySelector('main table, main textarea')");
             // Plots draw themselves anew in the theme's colours.
             page.until(
                 "plots are drawn",

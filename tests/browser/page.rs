@@ -46,8 +46,10 @@ impl Page {
     /// Asks until an expression is true in JavaScript's sense, and returns its value. That it cannot be told yet is no failure.
     pub(crate) fn until(&mut self, what: &str, expression: &str) -> Value {
         let started = Instant::now();
+        // An element is there or not; it cannot be sent.
+        let asked = format!("(async (value) => ((value = await value) instanceof Node ? true : value))({expression})");
         loop {
-            let last = self.evaluate(expression);
+            let last = self.evaluate(&asked);
             if let Ok(value) = &last
                 && ![json!(null), json!(false), json!(0), json!("")].contains(value)
             {
