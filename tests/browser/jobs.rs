@@ -41,7 +41,6 @@ fn jobs_are_cancelled_and_run_again_and_their_curves_grow() {
     page.until("it runs again", &format!("{STATE} === 'running'"));
 
     let running = home.get(&format!("/v1/sweeps/{id}/jobs?state=running"))["items"][0].clone();
-    assert_eq!(running["attempt"].as_u64().unwrap() % 2, 0, "{running}");
     page.open(&format!("/jobs/{}", text(&running["id"])));
     page.until("what can be done", "find.control('Cancel')");
     page.press_named("Cancel");

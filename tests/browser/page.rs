@@ -47,7 +47,9 @@ impl Page {
     pub(crate) fn until(&mut self, what: &str, expression: &str) -> Value {
         let started = Instant::now();
         // An element is there or not; it cannot be sent.
-        let asked = format!("(async (value) => ((value = await value) instanceof Node ? true : value))({expression})");
+        let asked = format!(
+            "(async (value) => ((value = await value) instanceof Node ? true : value))({expression})"
+        );
         loop {
             let last = self.evaluate(&asked);
             if let Ok(value) = &last

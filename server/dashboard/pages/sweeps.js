@@ -3,14 +3,14 @@
 import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
 import { ago, factor } from "../format.js";
-import { asked, counts, fault, progress, remember, state, stateOfSweep, table, total } from "../parts.js";
+import { asked, counts, failures, fault, progress, remember, state, stateOfSweep, table, total } from "../parts.js";
 
 const COLUMNS = [
   { title: "Sweep", cell: (sweep) => h("a", { href: `/sweeps/${sweep.id}` }, sweep.name) },
   { title: "State", cell: (sweep) => state(stateOfSweep(sweep.counts)) },
   { title: "Progress", cell: (sweep) => progress(sweep) },
   { title: "Done", is_number: true, cell: (sweep) => `${Math.floor(100 * sweep.fraction)} %` },
-  { title: "Jobs", cell: (sweep) => h("span", { class: "row counts" }, counts(sweep.counts)) },
+  { title: "Jobs", cell: (sweep) => h("span", { class: "row counts" }, counts(sweep.counts), failures(sweep, `/sweeps/${sweep.id}`)) },
   { title: "All", is_number: true, cell: (sweep) => total(sweep.counts).toLocaleString("en") },
   { title: "Design", cell: (sweep) => `${sweep.design.replaceAll("_", " ")}, ${sweep.points.toLocaleString("en")} × ${sweep.replicates}` },
   { title: "Factors", is_text: true, cell: (sweep) => sweep.factors.map((pointer) => factor(pointer, sweep.factors)).join(", ") },
