@@ -105,8 +105,18 @@ fn says_json(headers: &HeaderMap) -> bool {
         || (media_type.starts_with("application/") && media_type.ends_with("+json"))
 }
 
+/// Refuses a body that is declared as neither the one nor the other. Like JSON, a page in a browser cannot send what is asked for
+/// elsewhere without asking first.
+pub(super) fn declared_as(headers: &HeaderMap, wanted: [&str; 2], refusal: Kind) -> Result<(), ApiError> {
+    if wanted.contains(&media_type(headers).as_str()) {
+        return Ok(());
+    }
+    let detail = format!("send the header `content-type: {}`, or `{}`", wanted[0], wanted[1]);
+    Err(ApiError::new(refusal, detail))
+}
+
 /// What the body is declared as, in small letters; empty when it is not.
-pub(super) fn media_type(headers: &HeaderMap) -> String {
+fn media_type(headers: &HeaderMap) -> String {
     let declared = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
     declared.unwrap_or_default().split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
 }

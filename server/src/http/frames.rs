@@ -14,11 +14,14 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::attempts::Receipt;
-use super::extract::{Params, Segments};
+use super::extract::{Params, Segments, declared_as};
 use super::problem::{ApiError, Kind};
 use super::tags::has_seen;
 use crate::app::App;
 use crate::store::{StoredFrames, Unstaged};
+
+/// What a stream may be declared as.
+const MEDIA_TYPES: [&str; 2] = [MEDIA_TYPE, "application/octet-stream"];
 
 /// What the reason for which frames end may be long.
 const MAX_REASON: usize = 500;
@@ -44,6 +47,8 @@ pub(crate) struct FramesQuery {
     request_body(description = "A stream `roost.frames/1`",
                  content(("application/vnd.roost.frames"), ("application/octet-stream"))),
     responses((status = 200, description = "Kept, now or before", body = Receipt),
+              (status = 404, description = "No such job or attempt", body = Problem,
+               content_type = "application/problem+json"),
               (status = 409, description = "The attempt is stale: nothing changed", body = Problem,
                content_type = "application/problem+json"),
               (status = 413, description = "Over the limit", body = Problem,
@@ -59,6 +64,7 @@ pub(crate) async fn upload(
     if query.count == 0 {
         return Err(ApiError::new(Kind::InvalidQuery, "count 0: without a frame there is nothing to upload"));
     }
+    declared_as(request.headers(), MEDIA_TYPES, Kind::NotFrames)?;
     // Nobody sends megabytes to learn that they are not wanted.
     app.store.may_write(job, attempt, query.worker_id).await??;
     let limit = app.config.max_frames_bytes;

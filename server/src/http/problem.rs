@@ -50,6 +50,7 @@ kinds! {
     Forbidden = "forbidden", FORBIDDEN, "The token does not allow this";
     NotJson = "not-json", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as JSON";
     NotStl = "not-stl", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as STL";
+    NotFrames = "not-frames", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as frames";
     NoSuchRange = "no-such-range", RANGE_NOT_SATISFIABLE, "There are no such bytes";
     TooLarge = "too-large", PAYLOAD_TOO_LARGE, "The body is over the size limit";
     InvalidDocument = "invalid-document", UNPROCESSABLE_ENTITY, "The document has faults";

@@ -4,6 +4,7 @@
 //! limits, tags, the store) answers in the same way everywhere, and follows from method, path and shape of an operation.
 
 use axum::http::{Method, StatusCode};
+use roost_api::frames;
 use utoipa::openapi::path::{Operation, ParameterIn};
 use utoipa::openapi::request_body::RequestBody;
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
@@ -77,6 +78,7 @@ fn kinds(method: &Method, path: &str, operation: &Operation) -> Vec<Kind> {
         kinds.extend([Kind::UnreadableBody, Kind::TooLarge]);
         match is_json(body) {
             true => kinds.extend([Kind::Syntax, Kind::NotJson, Kind::InvalidDocument]),
+            false if body.content.contains_key(frames::MEDIA_TYPE) => kinds.push(Kind::NotFrames),
             false => kinds.push(Kind::NotStl),
         }
     }

@@ -4,11 +4,11 @@ use axum::body::Bytes;
 use axum::extract::{FromRequest, Request};
 use tokio::sync::OwnedSemaphorePermit;
 
-use super::extract::{media_type, whole_body};
+use super::extract::{declared_as, whole_body};
 use super::problem::{ApiError, Kind};
 use crate::app::App;
 
-/// What a file may be declared as. Like JSON, a page in a browser cannot send it elsewhere without asking first.
+/// What a file may be declared as.
 const MEDIA_TYPES: [&str; 2] = [roost_api::mesh::MEDIA_TYPE, "application/octet-stream"];
 
 /// Files that are read and stored at once: in memory each is several times its length.
@@ -25,11 +25,7 @@ impl FromRequest<App> for Upload {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, ApiError> {
-        if !MEDIA_TYPES.contains(&media_type(request.headers()).as_str()) {
-            let detail =
-                format!("send the header `content-type: {}`, or `{}`", MEDIA_TYPES[0], MEDIA_TYPES[1]);
-            return Err(ApiError::new(Kind::NotStl, detail));
-        }
+        declared_as(request.headers(), MEDIA_TYPES, Kind::NotStl)?;
         let file = whole_body(request, app).await?;
         // Only now, so that a slow sender keeps nobody else waiting.
         let turn = app.uploads.clone().acquire_owned().await.ok();

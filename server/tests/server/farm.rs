@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use reqwest::{Method, StatusCode};
+use roost_api::frames;
 use roost_api::ids::WorkerId;
 use roost_api::{API_VERSION, RunResult};
 use roost_server::{Server, ServerConfig, ServerError};
@@ -91,6 +92,12 @@ impl Farm {
     ) -> Answer {
         let url = format!("http://{}{path}", self.address);
         let request = self.http.post(url).header("content-type", media_type).body(body);
+        read(request.send().await.unwrap()).await
+    }
+
+    pub(crate) async fn put(&self, path: &str, media_type: &str, body: impl Into<reqwest::Body>) -> Answer {
+        let url = format!("http://{}{path}", self.address);
+        let request = self.http.put(url).header("content-type", media_type).body(body);
         read(request.send().await.unwrap()).await
     }
 
@@ -193,6 +200,14 @@ impl Worker<'_> {
         let mut attempts = self.claim(1).await;
         assert_eq!(attempts.len(), 1, "nothing to claim");
         attempts.remove(0)
+    }
+
+    /// Uploads frames of an attempt; returns the status and what was answered.
+    pub(crate) async fn upload_frames(&self, attempt: &Value, query: &str, stream: Vec<u8>) -> (u16, Value) {
+        let (job, number, farm) = (text(&attempt["job_id"]), &attempt["attempt"], self.farm);
+        let path = format!("/v1/jobs/{job}/attempts/{number}/frames?worker_id={}{query}", self.id);
+        let answer = farm.put(&path, frames::MEDIA_TYPE, stream).await;
+        (answer.status, answer.body)
     }
 
     /// Beats for one attempt and returns its row of the reply.

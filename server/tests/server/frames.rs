@@ -1,10 +1,12 @@
 //! Frames: uploaded by the attempt that recorded them, fetched in parts, gone with their sweep.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use reqwest::header::HeaderMap;
 use reqwest::{Method, StatusCode};
+use roost_api::frames::MEDIA_TYPE;
 use serde_json::{Value, json};
 
 use super::farm::*;
@@ -20,17 +22,6 @@ fn asking(seed: u64) -> Value {
     let mut job = envelope(seed);
     job["frame_interval_s"] = json!(0.05);
     job
-}
-
-async fn upload(worker: &Worker<'_>, attempt: &Value, query: &str, body: Vec<u8>) -> (u16, Value) {
-    let (job, number, farm) = (text(&attempt["job_id"]), &attempt["attempt"], worker.farm);
-    let url = format!(
-        "http://{}/v1/jobs/{job}/attempts/{number}/frames?worker_id={}{query}",
-        farm.address, worker.id
-    );
-    let answer = farm.http.put(url).body(body).send().await.unwrap();
-    let status = answer.status().as_u16();
-    (status, answer.json().await.unwrap())
 }
 
 /// Status, headers and bytes of a job's frames.
@@ -64,9 +55,10 @@ async fn frames_come_back_whole_and_in_parts() {
 
     // More than one part is written at a time.
     let bytes = stream(3_000_000, 0);
-    let (status, receipt) = upload(&worker, &attempt, "&count=7&stopped=the%20disk", bytes.clone()).await;
+    let (status, receipt) =
+        worker.upload_frames(&attempt, "&count=7&stopped=the%20disk", bytes.clone()).await;
     assert_eq!((status, &receipt["recorded"]), (200, &json!(true)), "{receipt}");
-    let (_, receipt) = upload(&worker, &attempt, "&count=7", bytes.clone()).await;
+    let (_, receipt) = worker.upload_frames(&attempt, "&count=7", bytes.clone()).await;
     assert_eq!(receipt["recorded"], false, "a repeat changes nothing");
     let view = farm.job(&job["id"]).await;
     assert_eq!(view["frames"], json!({"bytes": 3_000_000, "count": 7, "stopped": "the disk"}));
@@ -137,21 +129,28 @@ async fn what_are_no_frames_of_a_living_attempt_is_refused_and_leaves_nothing() 
         ("&count=0", stream(10, 0), 400, "invalid-query"),
         ("", stream(10, 0), 400, "invalid-query"),
     ] {
-        let (seen, problem) = upload(&worker, &first, query, body).await;
+        let (seen, problem) = worker.upload_frames(&first, query, body).await;
         assert_eq!((seen, &problem["type"]), (status, &json!(format!("/problems/{kind}"))), "{problem}");
     }
-    let (_, problem) = upload(&worker, &first, "&count=1", stream(1001, 0)).await;
+    let (_, problem) = worker.upload_frames(&first, "&count=1", stream(1001, 0)).await;
     assert!(text(&problem["detail"]).contains("max_frames_bytes"), "{problem}");
+    let path = |attempt: u32| {
+        let (job, worker) = (text(&job["id"]), &worker.id);
+        format!("/v1/jobs/{job}/attempts/{attempt}/frames?worker_id={worker}&count=1")
+    };
+    let problem = farm.put(&path(1), "text/plain", stream(10, 0)).await.problem(415, "not-frames");
+    assert!(text(&problem["detail"]).contains(MEDIA_TYPE), "{problem}");
+    farm.put(&path(2), MEDIA_TYPE, stream(10, 0)).await.problem(404, "not-found");
     let stranger = farm.worker("cpu").await;
-    assert_eq!(upload(&stranger, &first, "&count=1", stream(10, 0)).await.0, 409);
+    assert_eq!(stranger.upload_frames(&first, "&count=1", stream(10, 0)).await.0, 409);
 
-    assert_eq!(upload(&worker, &first, "&count=1", stream(20, 1)).await.0, 200);
+    assert_eq!(worker.upload_frames(&first, "&count=1", stream(20, 1)).await.0, 200);
     farm.wait_for(&job["id"], "queued").await;
     let second = worker.claim_one().await;
-    assert_eq!(upload(&worker, &first, "&count=1", stream(30, 2)).await.0, 409, "superseded");
+    assert_eq!(worker.upload_frames(&first, "&count=1", stream(30, 2)).await.0, 409, "superseded");
     assert_eq!(farm.job(&job["id"]).await["frames"], Value::Null, "the first attempt's are not the second's");
     assert_eq!(fetch(&farm, &job["id"], &[]).await.0, 404);
-    assert_eq!(upload(&worker, &second, "&count=2", stream(40, 3)).await.0, 200);
+    assert_eq!(worker.upload_frames(&second, "&count=2", stream(40, 3)).await.0, 200);
     assert_eq!(fetch(&farm, &job["id"], &[]).await.2, stream(40, 3));
     let left = files(&dir.path().join("objects"));
     assert!(left.iter().all(|file| !file.to_str().unwrap().contains("uploads")), "{left:?}");
@@ -166,7 +165,7 @@ async fn a_deleted_sweep_takes_the_frames_along_that_nobody_else_names() {
                        "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045, 0.06]}]});
     let view = farm.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
     for (mark, attempt) in (0..).zip(worker.claim(2).await) {
-        assert_eq!(upload(&worker, &attempt, "&count=1", stream(100, mark)).await.0, 200);
+        assert_eq!(worker.upload_frames(&attempt, "&count=1", stream(100, mark)).await.0, 200);
         worker.deliver(&attempt).await.expect(StatusCode::OK);
     }
     // A job of its own, answered by the first of them.
@@ -181,5 +180,46 @@ async fn a_deleted_sweep_takes_the_frames_along_that_nobody_else_names() {
     assert_eq!(gone["frames_bytes"], 200);
     assert_eq!(objects(), 1, "the other job still names one");
     assert_eq!(fetch(&farm, &other["id"], &[]).await.2, stream(100, 0));
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn what_is_pruned_takes_its_frames_along() {
+    let (farm, dir) = Farm::start().await;
+    let worker = farm.worker("cpu").await;
+    farm.submit(&asking(1)).await;
+    let attempt = worker.claim_one().await;
+    assert_eq!(worker.upload_frames(&attempt, "&count=1", stream(100, 0)).await.0, 200);
+    worker.deliver(&attempt).await.expect(StatusCode::OK);
+    let objects = || files(&dir.path().join("objects")).len();
+    assert_eq!(objects(), 1);
+    // What ended in this very millisecond stays.
+    tokio::time::sleep(Duration::from_millis(5)).await;
+    let gone = farm.send(Method::POST, "/v1/prune?older_than_s=0", None).await.expect(StatusCode::OK);
+    assert_eq!((&gone["jobs"], objects()), (&json!(1), 0), "{gone}");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn claims_that_come_together_and_again_say_which_jobs_record_frames() {
+    let (farm, _dir) = Farm::with(|config| config.max_frames_bytes = 1000).await;
+    let workers = [farm.worker("cpu").await, farm.worker("cpu").await];
+    let mut wanted = HashMap::new();
+    for seed in 1..5 {
+        let (job, frames) = match seed % 2 {
+            0 => (envelope(seed), Value::Null),
+            _ => (asking(seed), json!({"interval_s": 0.05, "limit_bytes": 1000})),
+        };
+        wanted.insert(text(&farm.submit(&job).await["id"]).to_owned(), frames);
+    }
+    let requests = workers.each_ref().map(|worker| worker.claim_request(2, 0.0));
+    for time in ["first", "again"] {
+        let ask = |request| farm.post("/v1/claims", request);
+        let (one, other) = tokio::join!(ask(&requests[0]), ask(&requests[1]));
+        let replies = [one, other].map(|reply| reply.expect(StatusCode::OK));
+        let attempts = replies.iter().flat_map(|reply| reply["attempts"].as_array().unwrap());
+        let told = attempts.map(|attempt| (text(&attempt["job_id"]).to_owned(), attempt["frames"].clone()));
+        assert_eq!(told.collect::<HashMap<_, _>>(), wanted, "{time}");
+    }
     farm.stop().await;
 }

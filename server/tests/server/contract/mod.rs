@@ -10,6 +10,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
 
 use reqwest::{Method, Url};
+use roost_api::frames;
 use serde_json::{Value, json};
 
 use super::farm::*;
@@ -61,7 +62,8 @@ impl Asker<'_> {
         let path: Vec<String> = path.collect();
         url.path_segments_mut().unwrap().extend(path);
         for parameter in parameters.iter().filter(|parameter| parameter["in"] == "query") {
-            if self.maker.one_in(2) {
+            let is_needed = parameter["required"] == true && !spoilt;
+            if is_needed || self.maker.one_in(2) {
                 let value = self.maker.named(parameter["name"].as_str().unwrap(), &parameter["schema"]);
                 let value = if spoilt && self.maker.one_in(3) { self.maker.odd() } else { value };
                 url.query_pairs_mut().append_pair(parameter["name"].as_str().unwrap(), &plain(&value));
@@ -123,7 +125,10 @@ impl Asker<'_> {
             false => media_type.clone(),
         };
         if !media_type.ends_with("json") {
-            let mut file = stl::binary(&stl::block([120.0, 60.0, 30.0], self.maker.random.usize(1..3)));
+            let mut file = match content.contains_key(frames::MEDIA_TYPE) {
+                true => [&frames::MAGIC[..], &[self.maker.random.u8(..); 20]].concat(),
+                false => stl::binary(&stl::block([120.0, 60.0, 30.0], self.maker.random.usize(1..3))),
+            };
             if spoilt {
                 file.truncate(self.maker.random.usize(0..file.len()));
             }
@@ -161,6 +166,8 @@ async fn inhabit(farm: &Farm, seed: u64) -> HashMap<&'static str, Vec<Value>> {
         jobs.push(farm.submit(&job).await["id"].clone());
     }
     let attempts = worker.claim(4).await;
+    let stream = frames::MAGIC.to_vec();
+    assert_eq!(worker.upload_frames(&attempts[2], "&count=1", stream).await.0, 200);
     worker.deliver(&attempts[0]).await.expect(200.try_into().unwrap());
     let partial = result_of(&attempts[1]["scenario"]);
     worker.fail(&attempts[1], "unstable", Some(&partial)).await.expect(200.try_into().unwrap());
@@ -203,6 +210,7 @@ async fn inhabit(farm: &Farm, seed: u64) -> HashMap<&'static str, Vec<Value>> {
         ("max_jobs", vec![json!(1)]),
         ("wait_s", vec![json!(0)]),
         ("cursor", vec![json!("1")]),
+        ("count", vec![json!(1)]),
         ("class", vec![json!("lost")]),
     ])
 }
