@@ -62,7 +62,7 @@ pub struct WorkerView {
     pub running: Vec<JobId>,
     /// How far each has come, in the same order; null where it has not said yet.
     #[serde(default)]
-    #[schema(value_type = Vec<Object>)]
+    #[schema(value_type = Vec<Option<Object>>)]
     pub progress: Vec<Option<Progress>>,
     /// Sub-particle updates a second of wall time, all of them together, each averaged since it began; null while none has said.
     #[serde(default)]
