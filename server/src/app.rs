@@ -136,8 +136,12 @@ impl ProgressBoard {
             room = room.saturating_sub(samples.count().saturating_sub(before));
             whole
         };
-        // All of them, whichever is missing something.
-        parts.into_iter().fold(true, |whole, part| take(part) && whole)
+        let mut whole = true;
+        for part in parts {
+            // All of them, whichever is missing something.
+            whole &= take(part);
+        }
+        whole
     }
 
     /// What a running job has sampled so far.
