@@ -60,6 +60,12 @@ pub(crate) fn lead_to_jobs(home: &Home, page: &mut Page, id: &str) {
     assert_eq!(job["sweep_id"], id);
     page.open(&path);
     page.until("lines are drawn", "document.querySelector('.coordinates path')");
+    // Plots that are drawn later push down what is below them.
+    page.until(
+        "nothing moves any more",
+        "(() => { const top = document.querySelector('.coordinates').getBoundingClientRect().top + scrollY, stands = window.stood === top;
+            window.stood = top; return stands && document.querySelector('.surfacelayer, .contourlayer, .scatterlayer .point'); })()",
+    );
     // A place on a line that no other line crosses.
     let free = "(() => { const figure = document.querySelector('.coordinates'); figure.scrollIntoView({ block: 'center', behavior: 'instant' });
         for (const line of figure.querySelectorAll('path')) for (let share = 0.05; share < 1; share += 0.05) {
