@@ -4,7 +4,7 @@ import { fill, h } from "../dom.js";
 import { factor } from "../format.js";
 import { grouped } from "../measures.js";
 import { asked, choice, pathTo, remember } from "../parts.js";
-import { bandPlot } from "../plots/curves.js";
+import { bandPlot, endOf } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
 import { seriesOfSweep } from "./series.js";
 
@@ -28,7 +28,7 @@ export function curves(at, sweep) {
     if (!names.contains(document.activeElement)) fill(names, choice("Series", series, name, (series) => (remember({ series }), draw(...known))));
     const { trials, unit, more } = await seriesOfSweep(at, name);
     const running = trials.filter((trial) => trial.partial).length;
-    note.textContent = [more && `the first ${trials.length} jobs`, running > 0 && `${running} still running`].filter(Boolean).join(", ");
+    note.textContent = [more && `the first ${trials.length} jobs`, running > 0 && `${running} still running`, trials.length > 0 && endOf(name)].filter(Boolean).join(", ");
     const groups = groupsOf(trials, points);
     await one.draw(() => (groups.length ? bandPlot(groups, name, unit) : null));
   }
