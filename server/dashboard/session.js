@@ -7,7 +7,7 @@ const SIGNED_IN = "signed in";
 
 /** Asks for a token, once, and begins anew with it. */
 export function signIn() {
-  if (document.querySelector("dialog")) return;
+  if (document.querySelector("dialog[open] #sign-in")) return;
   const token = h("input", { type: "password", required: true, autocomplete: "current-password", size: 40, "aria-describedby": "sign-in-trouble" });
   const trouble = h("p", { id: "sign-in-trouble", role: "alert" });
   const submit = async (event) => {
@@ -21,7 +21,7 @@ export function signIn() {
     }
   };
   const was_in = localStorage.getItem(SIGNED_IN) !== null;
-  const dialog = h("dialog", { "aria-labelledby": "sign-in" },
+  const dialog = h("dialog", { "aria-labelledby": "sign-in", onclose: () => dialog.remove() },
     h("form", { onsubmit: submit }, h("h2", { id: "sign-in" }, was_in ? "The token is not valid any more" : "This server asks for a token"),
       h("p", {}, h("code", {}, "roost token create --scope submit"), " makes one on the server; scope ", h("code", {}, "read"), " is enough to look."),
       h("p", {}, h("label", { class: "field" }, "Token", token)), trouble, h("button", { class: "main" }, "Sign in")));
