@@ -46,12 +46,30 @@ export function sections(all) {
   return [...found.values()].sort((a, b) => rank(a) - rank(b));
 }
 
-const nameOf = (factor) => factor.pointer ?? factor.pointers?.[0];
+/** The fields that a factor varies: one, or several that take the same value. */
+export const pointersOf = (factor) => factor.pointers ?? [factor.pointer];
+const factorOf = (sweep, pointer) => sweep.factors?.find((one) => pointersOf(one).includes(pointer));
+
+/** The other fields that take the same value as this one. */
+export const linkedTo = (sweep, pointer) => pointersOf(factorOf(sweep, pointer) ?? { pointers: [] }).filter((other) => other !== pointer);
 const told = (value) => (typeof value === "string" ? value : JSON.stringify(value));
+
+const isObject = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
+
+/** Why a form cannot show a document, if it cannot. What else is wrong with it the server says. */
+export function unreadable(sweep) {
+  if (!isObject(sweep)) return "a sweep is an object";
+  const odd = ["base", "design"].find((name) => !isObject(sweep[name]));
+  if (odd) return `its ${odd} is to be an object`;
+  const isFactor = (one) => isObject(one) && Array.isArray(one.pointers ?? []) && pointersOf(one).every((pointer) => typeof pointer === "string") && Array.isArray(one.levels ?? []);
+  if (Array.isArray(sweep.factors ?? []) && (sweep.factors ?? []).every(isFactor)) return null;
+  return "its factors are to be a list of objects, each with a pointer or several pointers";
+}
 
 /** The text that stands for a field in a sweep: its value, its levels or its range; nothing for the default. */
 export function readField(sweep, { pointer }) {
-  const factor = sweep.factors?.find((one) => nameOf(one) === pointer);
+  const factor = factorOf(sweep, pointer);
+  if (factor && !factor.levels && factor.low === undefined) return "";
   if (factor) return factor.levels ? factor.levels.map(told).join(", ") : `${factor.low} .. ${factor.high}${factor.scale === "log" ? " log" : ""}${factor.count ? ` in ${factor.count}` : ""}`;
   const value = pointer.split("/").slice(1).reduce((inside, key) => inside?.[key], sweep.base);
   return value === undefined ? "" : told(value);
@@ -68,23 +86,30 @@ function value(text, { types, words }) {
   throw new Error(`“${text}” is no number`);
 }
 
-/** The sweep with that text in a field. Documents are never changed in place. */
+/** The sweep with that text in a field, and in those that are linked to it. Documents are never changed in place. */
 export function writeField(sweep, field, text) {
-  const factors = (sweep.factors ?? []).filter((one) => nameOf(one) !== field.pointer);
-  const trimmed = text.trim();
-  const range = /^(\S+)\s*(?:\.\.|…)\s*(\S+?)(\s+log)?(?:\s+in\s+(\d+))?$/.exec(trimmed);
-  if (range) {
-    const [low, high] = [Number(range[1]), Number(range[2])];
-    if (Number.isNaN(low) || Number.isNaN(high)) throw new Error("a range is two numbers, such as 0.1 .. 0.4");
-    const factor = { pointer: field.pointer, low, high, ...(range[3] && { scale: "log" }), ...(range[4] && { count: Number(range[4]) }) };
-    return { ...sweep, base: without(sweep.base, field.pointer), factors: [...factors, factor] };
+  const before = factorOf(sweep, field.pointer), pointers = before ? pointersOf(before) : [field.pointer];
+  const trimmed = text.trim(), varied = range(trimmed) ?? levels(trimmed, field);
+  const factors = sweep.factors ?? [], base = pointers.reduce(without, sweep.base);
+  if (varied) {
+    const factor = { ...(before?.pointers ? { pointers } : { pointer: field.pointer }), ...varied };
+    return { ...sweep, base, factors: before ? factors.map((one) => (one === before ? factor : one)) : [...factors, factor] };
   }
-  if (trimmed.includes(",") && !/^[[{]/.test(trimmed)) {
-    const levels = trimmed.split(",").map((part) => part.trim()).filter(Boolean).map((part) => value(part, field));
-    return { ...sweep, base: without(sweep.base, field.pointer), factors: [...factors, { pointer: field.pointer, levels }] };
-  }
-  const base = trimmed === "" ? without(sweep.base, field.pointer) : withValue(sweep.base, field.pointer.split("/").slice(1), value(trimmed, field));
-  return { ...sweep, base, factors };
+  const fixed = (base, pointer) => withValue(base, pointer.split("/").slice(1), value(trimmed, field));
+  return { ...sweep, base: trimmed === "" ? base : pointers.reduce(fixed, base), factors: factors.filter((one) => one !== before) };
+}
+
+function range(text) {
+  const found = /^(\S+)\s*(?:\.\.|…)\s*(\S+?)(\s+log)?(?:\s+in\s+(\d+))?$/.exec(text);
+  if (!found) return null;
+  const [low, high] = [Number(found[1]), Number(found[2])];
+  if (Number.isNaN(low) || Number.isNaN(high)) throw new Error("a range is two numbers, such as 0.1 .. 0.4");
+  return { low, high, ...(found[3] && { scale: "log" }), ...(found[4] && { count: Number(found[4]) }) };
+}
+
+function levels(text, field) {
+  if (!text.includes(",") || /^[[{]/.test(text)) return null;
+  return { levels: text.split(",").map((part) => part.trim()).filter(Boolean).map((part) => value(part, field)) };
 }
 
 function withValue(inside, [key, ...rest], value) {
