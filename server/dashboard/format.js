@@ -1,5 +1,7 @@
 // Numbers, times and names as people read them.
 
+import { now } from "./api.js";
+
 /** A number in four digits. */
 export function number(value, digits = 4) {
   if (value === null || value === undefined) return "–";
@@ -24,7 +26,7 @@ export function duration(seconds) {
 
 /** How long ago. */
 export function ago(at) {
-  const seconds = (Date.now() - Date.parse(at)) / 1000;
+  const seconds = (now() - Date.parse(at)) / 1000;
   return seconds < 2 ? "now" : `${duration(seconds)} ago`;
 }
 

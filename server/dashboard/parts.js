@@ -105,10 +105,10 @@ export function fault(error) {
   return h("div", { class: "fault", role: "alert" }, error.message, rows.length > 1 && h("ul", {}, rows));
 }
 
-/** A button that does something on the server, and says how it went. */
+/** A button that does something on the server, and says how it went; `ask()` is what is asked before. */
 export function action(title, work, { is_main = false, ask } = {}) {
   const button = h("button", { type: "button", class: is_main ? "main" : undefined, onclick: async () => {
-    if (ask && !confirm(ask)) return;
+    if (ask && !confirm(ask())) return;
     button.disabled = true;
     try {
       const told = await work();

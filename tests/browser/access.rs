@@ -1,13 +1,19 @@
 //! A server with tokens: the page asks for one, keeps it where no script sees it, and asks again when it is not valid any more.
 
+use serde_json::json;
+
 use super::page::Page;
-use super::support::{Home, stdout, until};
+use super::support::{Home, scenario, stdout, until};
+use super::text;
 
 #[test]
 fn a_token_is_asked_for_and_again_when_it_is_revoked() {
     let home = Home::new();
     let _server = home.serve();
     let data = home.path("data").display().to_string();
+    // It has a dialog of its own.
+    let sweep = json!({"name": "waits", "base": scenario(0.2), "design": {"kind": "grid"}});
+    let sweep = home.answered(&["submit", &home.file("sweep.json", &sweep)]);
     let token = |name: &str| {
         stdout(&home.roost(&["token", "create", "--data", &data, "--scope", "submit", "--name", name]))
             .trim()
@@ -28,13 +34,12 @@ fn a_token_is_asked_for_and_again_when_it_is_revoked() {
     page.until("it is refused", "document.querySelector('#sign-in-trouble').textContent");
     page.write("Token", &first);
     page.press_named("Sign in");
-    page.until(
-        "sweeps are listed",
-        "!document.querySelector('dialog') && document.body.innerText.includes('No sweeps yet')",
-    );
+    page.until("sweeps are listed", "!document.querySelector('dialog') && find.rows('1 sweeps')");
     let seen: String =
         page.value("document.cookie + JSON.stringify(localStorage) + JSON.stringify(sessionStorage)");
     assert!(!seen.contains(&first), "scripts can read the token");
+    page.open(&format!("/sweeps/{}", text(&sweep["id"])));
+    page.until("what can be done to the sweep", "find.control('Extend')");
 
     let id = stdout(&home.roost(&["token", "list", "--data", &data]));
     let id = id.lines().find(|line| line.contains("first")).unwrap().split_whitespace().next().unwrap();
@@ -47,8 +52,8 @@ fn a_token_is_asked_for_and_again_when_it_is_revoked() {
     page.write("Token", &second);
     page.press_named("Sign in");
     page.until(
-        "sweeps are listed again",
-        "!document.querySelector('dialog') && document.body.innerText.includes('No sweeps yet')",
+        "the sweep is there again",
+        "!document.querySelector('dialog[open]') && find.control('Extend')",
     );
     let complaints = page.complaints();
     assert!(complaints.iter().all(|line| line.contains("401")), "{complaints:?}");

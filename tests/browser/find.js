@@ -1,5 +1,8 @@
 // Parts of a page as a person finds them; every page of a test has this before its own scripts.
 
+// Pages that come over http from another machine do not have it.
+delete Crypto.prototype.randomUUID;
+
 window.find = {
   /** What a control is called, as a screen reader says it. */
   name(element) {

@@ -32,6 +32,16 @@ fn jobs_are_cancelled_and_run_again_and_their_curves_grow() {
 
     page.open(&format!("/sweeps/{id}"));
     page.until("what can be done", "find.control('Cancel')");
+    // Who writes into a dialog is not disturbed by what happens.
+    page.press_named("Extend");
+    page.write("More replicates of every point", "3");
+    home.answered(&["cancel", text(&running["id"])]);
+    page.until("one is cancelled", "document.querySelector('.counts').textContent.includes('cancelled: 1')");
+    let written: String = page.value(
+        "document.querySelector('dialog[open] input[name=replicates]')?.value ?? 'the dialog is gone'",
+    );
+    assert_eq!(written, "3");
+    page.press_named("Back");
     page.press_named("Cancel");
     page.until("it is cancelled", &format!("{STATE} === 'cancelled'"));
     assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["counts"]["cancelled"], 2);
@@ -55,7 +65,7 @@ fn jobs_are_cancelled_and_run_again_and_their_curves_grow() {
 fn failures_are_told_by_class_and_lead_to_their_jobs() {
     let home = Home::new();
     let _server = home.serve();
-    let _worker = home.work("bench");
+    let worker = home.work("bench");
     let mut page = Page::new(&home.address);
     let mut base = scenario(0.2);
     base["numerics"]["allow_unstable"] = json!(true);
@@ -77,5 +87,14 @@ fn failures_are_told_by_class_and_lead_to_their_jobs() {
     page.choose("State", "");
     page.write("Point", "0");
     page.until("jobs of one point", "find.rows('2 jobs')?.every((row) => row[2] === '0')");
+
+    // A job that is to run again has come to nothing yet.
+    worker.kill();
+    let failed = home.get(&format!("/v1/sweeps/{id}/jobs?state=failed"))["items"][0].clone();
+    page.open(&format!("/jobs/{}", text(&failed["id"])));
+    page.until("what it came to", "find.card('What computed it')");
+    page.press_named("Retry");
+    page.until("it waits", &format!("{STATE} === 'queued'"));
+    page.until("there is no result", "!find.card('What computed it')");
     assert!(page.complaints().is_empty());
 }

@@ -10,10 +10,12 @@ mod chromium;
 mod forms;
 mod jobs;
 mod many;
+mod modules;
 mod page;
 mod playback;
 mod plots;
 mod submit;
+mod visits;
 
 use page::Page;
 use support::Home;

@@ -154,6 +154,15 @@ impl Page {
         self.until("the theme is there", &format!("document.documentElement.dataset.theme === '{theme}'"));
     }
 
+    /// Leaves the page, as for another tab or another page, or comes back to it as it was.
+    pub(crate) fn look_away(&mut self, is_away: bool) {
+        let event = if is_away { "pagehide" } else { "pageshow" };
+        self.value::<()>(&format!(
+            "(Object.defineProperty(document, 'hidden', {{ value: {is_away}, configurable: true }}),
+              document.dispatchEvent(new Event('visibilitychange')), dispatchEvent(new Event('{event}')), null)"
+        ));
+    }
+
     /// What was logged as wrong since this was last asked, on any page: faults of scripts, what the policy refused, requests that failed.
     pub(crate) fn complaints(&mut self) -> Vec<String> {
         let mut all: Vec<String> = Vec::new();

@@ -10,6 +10,25 @@ pub(crate) const GATE: &str = "/equipment/gate_opening_m";
 pub(crate) const BELT: &str = "/equipment/belt_speed_m_s";
 pub(crate) const POINTS: u64 = 9;
 
+#[test]
+fn what_is_no_sweep_is_refused_and_not_kept() {
+    let home = Home::new();
+    let _server = home.serve();
+    let mut page = Page::new(&home.address);
+    page.open("/submit");
+    page.until("the form says what it would cost", "find.control('Submit 1 job')");
+    page.press_named("As JSON");
+    for (text, told) in
+        [("[1]", "no sweep"), ("{", "no JSON"), (r#"{"base": {}, "design": {}, "factors": [7]}"#, "factors")]
+    {
+        page.write("The sweep as JSON", text);
+        page.until("it is refused", &format!("find.control('Submit 1 job') === undefined && document.querySelector('.fault').textContent.includes('{told}')"));
+    }
+    page.open("/submit");
+    page.until("the draft from before", "find.control('Submit 1 job')");
+    assert!(page.complaints().is_empty());
+}
+
 /// Fills the form in and submits; returns the sweep, whose page is then open.
 pub(crate) fn by_the_form(home: &Home, page: &mut Page) -> String {
     page.open("/submit");

@@ -1,6 +1,6 @@
 // One job: where it stands, its curves, its responses, how it looked.
 
-import { follow, post, read } from "../api.js";
+import { follow, now, once, post, read } from "../api.js";
 import { fill, fillOnce, h } from "../dom.js";
 import { duration, factor, moment, number, short, titled } from "../format.js";
 import { level } from "../measures.js";
@@ -22,7 +22,7 @@ export async function show(main, id) {
     const name = job.sweep_id ? `Point ${job.point}, seed ${job.seed}` : `Job ${short(job.id)}`;
     document.title = `${name} · Roost`;
     const levels = Object.entries(job.factors).map(([pointer, value]) => [factor(pointer, Object.keys(job.factors)), number(level(value))]);
-    const took = job.started_at && (Date.parse(job.ended_at ?? new Date().toISOString()) - Date.parse(job.started_at)) / 1000;
+    const took = job.started_at && ((job.ended_at ? Date.parse(job.ended_at) : now()) - Date.parse(job.started_at)) / 1000;
     title.textContent = name;
     fillOnce(bar, job.state, () => actions(job, at));
     fill(head,
@@ -61,32 +61,40 @@ export async function show(main, id) {
     }
   }
 
-  let shown = null;
-  async function drawResult() {
-    // A retried job may come to another result.
-    const key = `${job.state} ${job.attempt}`;
-    if (!ENDED.includes(job.state) || (job.attempt === 0 && !job.from_cache) || shown === key) return;
-    shown = key;
+  const failed = (error) => fill(trouble, error ? fault(error) : []);
+
+  // A job that runs again has no result any more, and may come to another.
+  const keyOfResult = () => `${ENDED.includes(job.state) ? job.state : "under way"} ${job.attempt}`;
+  const drawResult = once(async (key) => {
+    if (!ENDED.includes(job.state)) {
+      panels.clear();
+      sampled.clear();
+      plots.replaceChildren();
+      rest.replaceChildren();
+      return;
+    }
+    if (job.attempt === 0 && !job.from_cache) return;
     const result = await read(`${at}/result`).catch((error) => (error.status === 404 ? null : Promise.reject(error)));
-    if (!result) return;
+    if (!result || key !== keyOfResult()) return;
     for (const data of curvesOf(result)) drawCurve(data);
     fill(rest, responses(result), machine(result), document_(result, job));
-  }
+  }, failed);
 
-  let played = null;
-  async function drawFrames() {
-    if (!job.frames || played === job.attempt) return;
-    played = job.attempt;
-    const element = await player(`${at}/frames`);
-    watch.replaceChildren(...(element ? [element] : []));
-  }
+  const keyOfFrames = () => (job.frames ? `frames ${job.attempt}` : "none");
+  let playing = null;
+  const drawFrames = once(async (key) => {
+    const next = job.frames ? await player(`${at}/frames`) : null;
+    if (key !== keyOfFrames()) return next?.end();
+    playing?.end();
+    playing = next;
+    watch.replaceChildren(...(playing ? [playing.element] : []));
+  }, failed);
 
-  const failed = (error) => fill(trouble, error ? fault(error) : []);
-  const update = (now) => {
-    job = now;
+  const update = (told) => {
+    job = told;
     drawHead();
-    drawResult().catch(failed);
-    drawFrames().catch(failed);
+    drawResult(keyOfResult());
+    drawFrames(keyOfFrames());
   };
   update(job);
   follow(at, update, { samples: drawSamples }, failed);
@@ -94,7 +102,7 @@ export async function show(main, id) {
 
 function actions(job, at) {
   return [
-    !ENDED.includes(job.state) && action("Cancel", () => post(`${at}/cancel`), { ask: "Cancel this job?" }),
+    !ENDED.includes(job.state) && action("Cancel", () => post(`${at}/cancel`), { ask: () => "Cancel this job?" }),
     ["failed", "cancelled"].includes(job.state) && action("Retry", () => post(`${at}/retry`)),
     ENDED.includes(job.state) && h("a", { href: `${at}/result`, download: `${job.id}.json` }, "Result document"),
   ];

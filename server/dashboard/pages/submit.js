@@ -1,11 +1,11 @@
 // Submit a sweep: a form made from the schema of the scenario, over a document that can be seen and written as JSON too. Every change is
 // validated by the server, which also says what it will cost.
 
-import { post, read } from "../api.js";
+import { maker, post, read } from "../api.js";
 import { fill, h, prose } from "../dom.js";
-import { duration, number } from "../format.js";
+import { duration, factor, number } from "../format.js";
 import { action, asked, choice, facts, fault, remember } from "../parts.js";
-import { fields, sections, isFor, readField, writeField } from "../document.js";
+import { fields, sections, isFor, linkedTo, pointersOf, readField, unreadable, writeField } from "../document.js";
 
 const DRAFT = "draft of a sweep";
 const DESIGNS = ["grid", "one_at_a_time", "random", "latin_hypercube", "sobol", "box_behnken"];
@@ -25,7 +25,9 @@ export async function show(main) {
   document.title = "Submit · Roost";
   const schema = await read("/v1/schema/scenario");
   const all = fields(schema);
-  let sweep = (await cloned()) ?? JSON.parse(sessionStorage.getItem(DRAFT) ?? "null") ?? EMPTY;
+  const draft = (await cloned()) ?? JSON.parse(sessionStorage.getItem(DRAFT) ?? "null");
+  let sweep = unreadable(draft) ? EMPTY : draft;
+  const made = maker("/v1/sweeps");
   const top = h("div"), form = h("div"), verdict = h("section", { class: "card", "aria-live": "polite" });
   const text = h("textarea", { spellcheck: "false", "aria-label": "The sweep as JSON", onchange: () => written() });
   main.append(h("h1", {}, "Submit a sweep"),
@@ -40,11 +42,16 @@ export async function show(main) {
     validate();
   }
   function written() {
+    let to = null, trouble = null;
     try {
-      changed(JSON.parse(text.value), { is_redrawn: true });
+      to = JSON.parse(text.value);
+      trouble = unreadable(to) && `This is no sweep: ${unreadable(to)}`;
     } catch (error) {
-      fill(verdict, h("p", { class: "fault", role: "alert" }, `This is no JSON: ${error.message}`));
+      trouble = `This is no JSON: ${error.message}`;
     }
+    if (!trouble) return changed(to, { is_redrawn: true });
+    unvalidated();
+    fill(verdict, h("p", { class: "fault", role: "alert" }, trouble));
   }
 
   function drawTop() {
@@ -62,7 +69,7 @@ export async function show(main) {
     fill(top, h("div", { class: "row card" },
       field("Name", sweep.name, { size: 30 }, (name) => changed({ ...sweep, name })),
       choice("Experiment", schema.properties.experiment.enum, sweep.base.experiment, (experiment) => changed({ ...sweep, base: { ...sweep.base, experiment } }, { is_redrawn: true })),
-      choice("Design", DESIGNS.map((kind) => [kind, kind.replaceAll("_", " ")]), kind, (kind) =>
+      choice("Design", [...new Set([...DESIGNS, kind])].map((kind) => [kind, kind.replaceAll("_", " ")]), kind, (kind) =>
         changed({ ...sweep, design: DRAWN.includes(kind) ? { kind, points: sweep.design.points ?? 16 } : { kind } }, { is_redrawn: true })),
       DRAWN.includes(kind) && field("Points", sweep.design.points, whole, (points) => design({ points: Number(points) })),
       DRAWN.includes(kind) && field("Seed of the design", sweep.design.seed ?? 1, whole, (seed) => design({ seed: Number(seed) })),
@@ -73,19 +80,21 @@ export async function show(main) {
 
   const inputs = new Map();
   function input(field) {
-    const note = h("span", { class: "wrong" });
+    const note = h("span", { class: "wrong" }), together = linkedTo(sweep, field.pointer);
     const list = field.words.length > 0 && h("datalist", { id: `words${field.pointer}` }, field.words.map((value) => h("option", { value })));
     const box = h("input", { value: readField(sweep, field), placeholder: field.preset, title: field.doc, autocomplete: "off", list: list ? `words${field.pointer}` : undefined,
       onchange: () => {
         try {
+          const linked = linkedTo(sweep, field.pointer);
           changed(writeField(sweep, field, box.value));
           tell(field.pointer, null);
+          for (const other of linked) if (inputs.has(other)) inputs.get(other).box.value = box.value;
         } catch (error) {
           tell(field.pointer, error.message);
         }
       } });
     inputs.set(field.pointer, { box, note });
-    return h("label", { title: field.doc }, h("span", {}, field.title, field.unit && ` (${field.unit})`), box, list, h("span", {}, field.range), note);
+    return h("label", { title: field.doc }, h("span", {}, field.title, field.unit && ` (${field.unit})`), box, list, h("span", {}, field.range), together.length > 0 && h("span", {}, `together with ${together.map((pointer) => factor(pointer)).join(", ")}`), note);
   }
   function tell(pointer, message) {
     const found = inputs.get(pointer);
@@ -104,10 +113,14 @@ export async function show(main) {
   }
 
   let timer = null, sent = 0;
-  function validate() {
+  /** What was said of an earlier document counts no more. */
+  function unvalidated() {
     clearTimeout(timer);
+    return ++sent;
+  }
+  function validate() {
+    const number = unvalidated();
     timer = setTimeout(async () => {
-      const number = ++sent;
       const answer = await post("/v1/validate", sweep).catch((error) => error);
       if (number !== sent) return;
       for (const pointer of inputs.keys()) tell(pointer, null);
@@ -119,15 +132,15 @@ export async function show(main) {
     fill(verdict, fault(error));
     for (const one of error.errors ?? []) {
       const [, i] = /^\/factors\/(\d+)/.exec(one.pointer) ?? [];
-      const pointer = i === undefined ? one.pointer.replace(/^\/base/, "") : (sweep.factors[i]?.pointer ?? sweep.factors[i]?.pointers?.[0]);
+      const pointer = i === undefined ? one.pointer.replace(/^\/base/, "") : pointersOf(sweep.factors?.[i] ?? {})[0];
       tell(pointer, one.detail);
     }
   }
   function accepted({ jobs, estimate }) {
     const submit = action(`Submit ${jobs.toLocaleString("en")} job${jobs === 1 ? "" : "s"}`, async () => {
-      const made = await post("/v1/sweeps", sweep, crypto.randomUUID());
+      const { id } = await made(sweep);
       sessionStorage.removeItem(DRAFT);
-      location.href = `/sweeps/${made.id}`;
+      location.href = `/sweeps/${id}`;
     }, { is_main: true });
     fill(verdict, h("div", { class: "row spread" }, facts([["Jobs", jobs.toLocaleString("en")], ["Sub-particles of the base", number(estimate.subparticles)], ["Steps", number(estimate.steps)],
       ["Memory", `${number(estimate.memory_bytes / 2 ** 20, 3)} MiB`], ["A job", duration(estimate.wall_s)], ["All, one after the other", duration(estimate.wall_s * jobs)]]), submit),

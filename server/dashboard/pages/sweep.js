@@ -1,6 +1,6 @@
 // One sweep: how far it is, what came out, which design is best, and where it jams.
 
-import { each, follow, read } from "../api.js";
+import { each, follow, passes, read } from "../api.js";
 import { fill, h } from "../dom.js";
 import { factor } from "../format.js";
 import { measures, preferred } from "../measures.js";
@@ -31,9 +31,11 @@ export async function show(main, id) {
   const at = `/v1/sweeps/${id}`;
   let sweep = await read(at);
   const results = { points: [], trials: [], effects: [], curves: [] };
-  const top = head(at, (now) => (followed(now), again(0)));
+  const top = head(at, sweep, (now) => (followed(now), again(0)));
   const title = h("h1", {}, sweep.name), trouble = h("div"), controls = h("div", { class: "row card" });
-  const form = h("div"), response = panel("Response against factor"), map = panel("Map over two factors", { empty: null }), effect = panel("Main effects");
+  // Without factors there is nothing to draw over, ever.
+  const over = sweep.factors.length > 0 ? {} : { empty: null };
+  const form = h("div"), response = panel("Response against factor", over), map = panel("Map over two factors", { empty: null }), effect = panel("Main effects", over);
   const surface = panel("Response surface", { empty: null }), coordinates = parallel(), points = pointsTable();
   const series = curves(at, sweep);
   main.append(h("div", { class: "row spread" }, title, top.bar), top.element, trouble, controls, form,
@@ -43,7 +45,7 @@ export async function show(main, id) {
   const choose = (key) => (value) => {
     chosen[key] = value;
     remember(chosen);
-    draw();
+    draw().catch(failed);
   };
 
   /** Where a click on a design point leads: to its job, or to its jobs side by side, or to their rows in the table. */
@@ -53,13 +55,14 @@ export async function show(main, id) {
 
   let own = null;
   function drawForm(told, given, all) {
-    if (!told.plot || !preferred(all, told.measures.slice(0, 1))) return;
+    if (!told.plot || !(given.x || told.curve) || !preferred(all, told.measures.slice(0, 1))) return;
     if (!own) fill(form, (own = panel(told.title, { size: "tall-plot" })).card);
     const over = sweep.factors.includes(told.over) && chosen.x === null ? told.over : given.x;
     own.draw(() => told.plot({ ...given, x: over, measure: preferred(all, told.measures.slice(0, 1)) }));
   }
 
-  function draw() {
+  /** Draws what there is; ends when the curves, which are read for it, are there. */
+  async function draw() {
     const all = measures(results.points), factors = sweep.factors, told = formOf(results.points);
     const named = (name) => all.find((one) => one.name === name);
     const measure = named(chosen.response) ?? preferred(all, told.measures) ?? all[0];
@@ -69,23 +72,22 @@ export async function show(main, id) {
     const options = all.map((one) => [one.name, one.label]), pointers = factors.map((pointer) => [pointer, factor(pointer, factors)]);
     if (!measure) {
       fill(controls, h("p", { class: "dim" }, "No results yet: plots come with the first job that succeeds."));
-      series.draw(told.series, results.points).catch(failed);
-      return;
+      return series.draw(told.series, results.points);
     }
     if (!controls.contains(document.activeElement)) {
-      fill(controls, choice("Response", options, measure.name, choose("response")), choice("Map of", options, mapped.name, choose("map")),
-        choice("Across", pointers, x, choose("x")), y && choice("By", pointers.filter(([pointer]) => pointer !== x), y, choose("y")),
+      fill(controls, choice("Response", options, measure.name, choose("response")), y && choice("Map of", options, mapped.name, choose("map")),
+        x && choice("Across", pointers, x, choose("x")), y && choice("By", pointers.filter(([pointer]) => pointer !== x), y, choose("y")),
         sweep.points > results.points.length && h("span", { class: "dim" }, `the first ${results.points.length.toLocaleString("en")} of ${sweep.points.toLocaleString("en")} design points`));
     }
     const given = { ...results, factors, x, path: pathOf };
-    response.draw(() => responsePlot({ ...given, measure, by: y }));
+    response.draw(() => (x ? responsePlot({ ...given, measure, by: y }) : null));
     map.draw(() => (y ? mapPlot({ ...given, measure: mapped, y }) : null));
-    effect.draw(() => effectsPlot({ effects: results.effects.find((one) => one.response === measure.name), factors, label: measure.label }));
+    effect.draw(() => x && effectsPlot({ effects: results.effects.find((one) => one.response === measure.name), factors, label: measure.label }));
     surface.draw(() => (y ? surfacePlot({ ...given, measure, y }) : null));
     coordinates.draw({ ...given, measure });
     points.draw({ ...given, all });
     drawForm(told, given, all);
-    series.draw(told.series, results.points).catch(failed);
+    return series.draw(told.series, results.points);
   }
 
   /** Curves over something else than time, which stand in result documents. */
@@ -108,16 +110,21 @@ export async function show(main, id) {
         total(sweep.counts) <= MOST_DOTS ? read(`${at}/results`) : { trials: [] }]);
       const { curve } = formOf(byPoint.points);
       Object.assign(results, { points: byPoint.points, effects: effects.responses, trials: byTrial.trials, curves: curve ? await curvesOf(byTrial.trials, curve) : [] });
-      draw();
+      await draw();
+      failed(null);
     } catch (error) {
       failed(error);
+      if (passes(error)) again();
     }
     took_ms = performance.now() - began;
   }
 
   function followed(now) {
+    // What happened while nobody looked, or while the stream was broken, is told by no event.
+    const is_other = JSON.stringify(now.counts) !== JSON.stringify(sweep.counts);
     sweep = now;
     top.draw(now);
+    if (is_other) again();
   }
   followed(sweep);
   load();

@@ -1,14 +1,16 @@
 // Workers and their devices: what each does, how fast, and when it was last heard of.
 
-import { poll, post } from "../api.js";
+import { now, poll, post } from "../api.js";
 import { fill, h } from "../dom.js";
 import { ago, number, short } from "../format.js";
 import { action, fault, table } from "../parts.js";
 
-/** Beats come every two seconds; who is silent this long is gone, or its lease soon is. */
+/** Beats come every two seconds, and leases end this long after one: who is silent that long holds nothing any more. */
 const SILENT_S = 15;
+/** Workers that are gone add up for ever: so many are drawn. */
+const MOST_GONE = 200;
 
-const isHere = (worker) => (Date.now() - Date.parse(worker.last_seen_at)) / 1000 < SILENT_S;
+const isHere = (worker) => (now() - Date.parse(worker.last_seen_at)) / 1000 < SILENT_S;
 
 function status(worker) {
   if (!isHere(worker)) return h("span", { class: "state cancelled" }, "gone");
@@ -37,7 +39,7 @@ const COLUMNS = [
   { title: "Registered", cell: (worker) => ago(worker.registered_at) },
   { title: "Last heard", cell: (worker) => ago(worker.last_seen_at) },
   { title: "", cell: (worker) => isHere(worker) && !worker.draining
-      ? action("Drain", () => post(`/v1/workers/${worker.id}/drain`).then(() => `${worker.name} claims nothing more`), { ask: `${worker.name} is to finish what it runs and end?` })
+      ? action("Drain", () => post(`/v1/workers/${worker.id}/drain`).then(() => `${worker.name} claims nothing more`), { ask: () => `${worker.name} is to finish what it runs and end?` })
       : "" },
 ];
 
@@ -54,10 +56,11 @@ export function show(main) {
       ? h("p", {}, "No worker is there. ", h("code", {}, `roost work --server ${location.origin}`), " starts one.")
       : table(`${there.length} there, ${running} jobs running; speed in million particle-steps a second`, COLUMNS, there));
     if (rest.length > 0 && !gone.querySelector("details[open]")) {
-      fill(gone, h("details", { class: "card wide" }, h("summary", {}, `${rest.length} gone`), table("Not heard of lately", COLUMNS, rest)));
+      fill(gone, h("details", { class: "card wide" }, h("summary", {}, `${rest.length.toLocaleString("en")} gone`),
+        table(rest.length > MOST_GONE ? `Not heard of lately: the newest ${MOST_GONE}` : "Not heard of lately", COLUMNS, rest.slice(0, MOST_GONE))));
     }
   };
-  poll("/v1/workers?limit=500", 5, (value) => ((page = value), draw()), (error) => fill(trouble, error ? fault(error) : []));
+  poll("/v1/workers?limit=500", 5, (value) => ((page = value), draw()), (error) => fill(trouble, error ? fault(error) : []), { is_whole: true });
   // Times pass also while nothing changes.
   setInterval(() => document.hidden || draw(), 5000);
 }

@@ -86,6 +86,8 @@ function reader(file, head, index) {
     kept.delete(k);
     kept.set(k, found);
     while (kept.size > most) kept.delete(kept.keys().next().value);
+    // What could not be read may be asked for again.
+    found.catch(() => kept.get(k) === found && kept.delete(k));
     return found;
   }
   async function load(k) {
@@ -97,7 +99,7 @@ function reader(file, head, index) {
   }
   /** Loads what comes next, so that it is there when it is time. */
   const ahead = (k, count = 6) => {
-    for (let next = k + 1; next <= Math.min(k + count, index.length - 1); next++) if (!kept.has(next)) frame(next).catch(() => kept.delete(next));
+    for (let next = k + 1; next <= Math.min(k + count, index.length - 1); next++) if (!kept.has(next)) frame(next).catch(() => {});
   };
-  return { head, index, total, frame, ahead };
+  return { head, index, total, frame, ahead, end: () => thread.terminate() };
 }

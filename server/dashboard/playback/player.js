@@ -13,7 +13,7 @@ const COLOURS = [["body", "body"], ["speed", "speed"], ["damage", "broken bonds"
 /** Nothing was to be drawn for longer than this: no time of a picture. */
 const REST_MS = 500;
 
-/** The player of the frames behind a path; null when there are none. */
+/** The player of the frames behind a path, its `element` and what `end`s it; null when there are none. */
 export async function player(url) {
   const stream = await frames(url);
   if (!stream || stream.index.length === 0) return null;
@@ -22,7 +22,7 @@ export async function player(url) {
   const drawing = scene(canvas, head);
   const state = { k: 0, colour: asked("colour") ?? "body", speed: 1, is_playing: false, has_equipment: true, frame: null };
   const top = h("output"), time = h("output", { class: "mono" }), rate = h("output", { class: "dim" });
-  const line = h("input", { type: "range", min: 0, max: index.length - 1, step: 1, value: 0, "aria-label": "Frame", oninput: () => (pause(), show(Number(line.value))) });
+  const line = h("input", { type: "range", min: 0, max: index.length - 1, step: 1, value: 0, "aria-label": "Frame", oninput: () => go(Number(line.value)) });
   const button = h("button", { type: "button", class: "main", onclick: () => (state.is_playing ? pause() : play()) }, "Play");
   const equipment = h("input", { type: "checkbox", checked: true, onchange: () => ((state.has_equipment = equipment.checked), load()) });
   const scale = h("span", { class: "row", hidden: true }, "0", h("span", { class: "legend" }), top);
@@ -88,18 +88,22 @@ export async function player(url) {
     load();
   }
 
+  /** Counts how often playing began: what an earlier beginning still has to do, it does not. */
+  let turn = 0;
   async function play() {
+    const mine = ++turn;
     state.is_playing = true;
     button.textContent = "Pause";
-    if (state.k === index.length - 1) await show(0);
+    if (state.k === index.length - 1) await show(0).catch(failed);
     let from = performance.now(), start = index[state.k].simulated_s;
     const step = async (now) => {
-      if (!state.is_playing) return;
+      if (!state.is_playing || mine !== turn) return;
       const due = start + (state.speed * (now - from)) / 1000;
       let k = state.k;
       while (k + 1 < index.length && index[k + 1].simulated_s <= due) k++;
       if (k !== state.k) {
-        await show(k).catch((error) => (pause(), say(error.message)));
+        await show(k).catch(failed);
+        if (mine !== turn) return;
         // What came late holds time back, rather than being skipped.
         const late_s = index[k].simulated_s + 0.25 < start + (state.speed * (performance.now() - from)) / 1000;
         if (late_s) [from, start] = [performance.now(), index[k].simulated_s];
@@ -109,11 +113,13 @@ export async function player(url) {
     };
     requestAnimationFrame(step);
   }
+  const failed = (error) => (pause(), say(error.message));
   function pause() {
     state.is_playing = false;
     button.textContent = "Play";
     remember({ frame: state.k, view: view.told() });
   }
+  const go = (k) => (pause(), show(k).catch(failed));
   function save() {
     // A canvas keeps its picture only until the browser has shown it.
     drawNow();
@@ -125,8 +131,8 @@ export async function player(url) {
   }
   canvas.addEventListener("keydown", (event) => {
     if (event.key === " ") (event.preventDefault(), button.click());
-    if (event.key === "," && state.k > 0) (pause(), show(state.k - 1));
-    if (event.key === "." && state.k + 1 < index.length) (pause(), show(state.k + 1));
+    if (event.key === "," && state.k > 0) go(state.k - 1);
+    if (event.key === "." && state.k + 1 < index.length) go(state.k + 1);
   });
   new ResizeObserver(redraw).observe(canvas);
 
@@ -145,8 +151,8 @@ export async function player(url) {
       h("span", { class: "dim" }, "drag turns, with Shift moves; wheel zooms; , and . step"), rate));
   if (asked("view")) view.set(asked("view"));
   const first = Math.min(index.length - 1, Number(asked("frame") ?? 0) || 0);
-  queueMicrotask(() => show(first).catch((error) => say(error.message)));
-  return element;
+  queueMicrotask(() => show(first).catch(failed));
+  return { element, end: () => (turn++, stream.end()) };
 }
 
 /** The box that surfaces fill, where there are any: domains are often much larger. */

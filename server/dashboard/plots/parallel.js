@@ -88,7 +88,7 @@ export function parallel() {
 
   function draw({ points, factors, measure, path: pathOf }) {
     const measured = points.filter((row) => measure.of(row)), rows = measured.slice(0, MOST_LINES);
-    card.hidden = rows.length === 0;
+    card.hidden = rows.length === 0 || factors.length === 0;
     if (card.hidden) return;
     const value = (row) => measure.of(row)?.mean ?? null;
     const axes = [...factors.map((pointer) => axis(pointer, factor(pointer, factors), levels(rows, pointer), (row) => level(row.factors[pointer]))),

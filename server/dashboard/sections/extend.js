@@ -7,9 +7,10 @@ import { CLASSES, fault } from "../parts.js";
 const BY_POINTS = ["random", "sobol"];
 const BY_LEVELS = ["grid", "one_at_a_time"];
 
-/** A button that opens a form; `submit` gets its data, and whoever refuses says why in it. */
-function dialog(title, inside, submit) {
+/** A button that opens a form. `opened()` gives what gets its data, and whoever refuses says why in it. */
+function dialog(title, inside, opened) {
   const trouble = h("div");
+  let submit = null;
   const send = async (event) => {
     event.preventDefault();
     try {
@@ -23,18 +24,22 @@ function dialog(title, inside, submit) {
   const form = h("form", { onsubmit: send }, h("h2", {}, title), inside, trouble,
     h("div", { class: "row" }, h("button", { class: "main" }, title), h("button", { type: "button", onclick: () => element.close() }, "Back")));
   const element = h("dialog", { "aria-label": title }, form);
-  return [h("button", { type: "button", onclick: () => (trouble.replaceChildren(), element.showModal()) }, title), element];
+  return [h("button", { type: "button", onclick: () => (trouble.replaceChildren(), (submit = opened()), element.showModal()) }, title), element];
 }
 
-/** Runs again what failed or was cancelled; `post` gets the query. */
+/** Runs again what failed or was cancelled, which `count()` counts; `post` gets the query. */
 export function retry(count, post) {
+  const all = h("option", { value: "" });
   const inside = h("label", { class: "field" }, "Which",
-    h("select", { name: "class" }, h("option", { value: "" }, `all ${count} that failed or were cancelled`), CLASSES.map((name) => h("option", { value: name }, `failed: ${name}`))));
-  return dialog("Retry", inside, (data) => post(data.get("class") ? `?class=${data.get("class")}` : ""));
+    h("select", { name: "class" }, all, CLASSES.map((name) => h("option", { value: name }, `failed: ${name}`))));
+  return dialog("Retry", inside, () => {
+    all.textContent = `all ${count().toLocaleString("en")} that failed or were cancelled`;
+    return (data) => post(data.get("class") ? `?class=${data.get("class")}` : "");
+  });
 }
 
-/** Adds to a sweep what its design can take; `post` gets the request. */
-export function extend(sweep, post) {
+/** Adds to a sweep what its design can take; `opened()` gives what gets the request. */
+export function extend(sweep, opened) {
   const field = (name, label, attributes) => h("p", {}, h("label", { class: "field" }, label, h("input", { name, ...attributes })));
   const whole = { type: "number", min: 1, step: 1 };
   const inside = [
@@ -42,7 +47,10 @@ export function extend(sweep, post) {
     BY_LEVELS.includes(sweep.design) && sweep.factors.map((pointer) => field(pointer, `More levels of ${factor(pointer, sweep.factors)}`, { placeholder: "0.07, 0.08" })),
     field("replicates", "More replicates of every point", whole),
   ];
-  return dialog("Extend", inside, (data) => post(request(sweep, data)));
+  return dialog("Extend", inside, () => {
+    const post = opened();
+    return (data) => post(request(sweep, data));
+  });
 }
 
 function request(sweep, data) {

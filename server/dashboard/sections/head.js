@@ -1,7 +1,7 @@
 // The head of a sweep's page: how far it is and how fast, what failed and of what class, and what can be done to it.
 
-import { post } from "../api.js";
-import { fill, fillOnce, h } from "../dom.js";
+import { maker, post } from "../api.js";
+import { fill, h } from "../dom.js";
 import { duration, factor, moment } from "../format.js";
 import { action, counts, facts, failures, progress, state, stateOfSweep, total } from "../parts.js";
 import { extend, retry } from "./extend.js";
@@ -10,13 +10,12 @@ import { extend, retry } from "./extend.js";
 const SEEN_MS = 300e3;
 
 /** `element` and `bar` of a sweep at a path; `changed` gets the sweep after something was done to it. */
-export function head(at, changed) {
-  const element = h("div"), bar = h("div", { class: "row" }), pace = paced();
+export function head(at, sweep, changed) {
+  const element = h("div"), pace = paced(), can = actions(at, sweep, changed), bar = h("div", { class: "row" }, can.elements);
   function draw(sweep) {
     pace.seen(sweep);
+    can.show(sweep);
     document.title = `${Math.floor(100 * sweep.fraction)} % ${sweep.name} · Roost`;
-    const { queued, running, failed, cancelled } = sweep.counts;
-    fillOnce(bar, `${queued + running > 0} ${failed + cancelled}`, () => actions(sweep, at, changed));
     fill(element, progress(sweep, true),
       h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${total(sweep.counts).toLocaleString("en")} jobs`),
         h("span", { class: "row counts" }, counts(sweep.counts)), failures(sweep, `/sweeps/${sweep.id}`), pace.told(sweep)),
@@ -44,15 +43,22 @@ function paced() {
   };
 }
 
-function actions(sweep, at, changed) {
-  const { queued, running, failed, cancelled } = sweep.counts;
+/** What can be done to a sweep, each shown while it makes sense. Their elements stay: somebody may be writing into a dialog. */
+function actions(at, first, changed) {
+  let counts = first.counts;
+  const under_way = () => counts.queued + counts.running, undone = () => counts.failed + counts.cancelled;
+  const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `Cancel ${under_way().toLocaleString("en")} jobs?` });
+  const [again, asks] = retry(undone, (wanted) => post(`${at}/retry${wanted}`).then(changed));
   const download = h("details", { class: "menu" }, h("summary", {}, "Download"), ["csv", "json", "parquet"].map((format) =>
-    h("a", { href: `${at}/results?format=${format}`, download: `${sweep.name}.${format}`, class: "row" }, format)));
-  return [
-    queued + running > 0 && action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: `Cancel ${queued + running} jobs?` }),
-    failed + cancelled > 0 && retry(failed + cancelled, (wanted) => post(`${at}/retry${wanted}`).then(changed)),
-    extend(sweep, (more) => post(`${at}/extend`, more, crypto.randomUUID()).then(changed)),
-    h("a", { href: `/submit?clone=${sweep.id}` }, "Clone"),
-    download,
-  ];
+    h("a", { href: `${at}/results?format=${format}`, download: `${first.name}.${format}`, class: "row" }, format)));
+  function show(sweep) {
+    counts = sweep.counts;
+    cancel.hidden = under_way() === 0;
+    again.hidden = undone() === 0;
+  }
+  const more = extend(first, () => {
+    const made = maker(`${at}/extend`);
+    return (wanted) => made(wanted).then(changed);
+  });
+  return { elements: [cancel, again, asks, more, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], show };
 }

@@ -4,7 +4,7 @@ import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
 import { ago, factor, number, short } from "../format.js";
 import { level } from "../measures.js";
-import { CLASSES, STATES, asked, choice, inOrder, remember, state, table } from "../parts.js";
+import { CLASSES, STATES, asked, choice, fault, inOrder, remember, state, table } from "../parts.js";
 
 /** Rows that are drawn at once. */
 const ROWS = 200;
@@ -50,13 +50,13 @@ const FILTERS = ["state", "failure", "point"];
 
 /** Jobs of a listing, page by page, by state, class of failure and design point. */
 export function jobsTable(path) {
-  const place = h("div", { class: "wide tall" }), turns = h("div", { class: "row" });
+  const place = h("div", { class: "wide tall" }), turns = h("div", { class: "row" }), trouble = h("div");
   let cursors = [null], end = () => {};
   const filter = (name) => (value) => (remember({ [name]: value }), (cursors = [null]), look());
   const point = h("input", { type: "number", min: 0, size: 6, value: asked("point") ?? "", onchange: () => filter("point")(point.value) });
   const card = h("section", { class: "card", id: "jobs" }, h("div", { class: "row spread" }, h("h2", {}, "Jobs"), h("div", { class: "row" },
     choice("State", [["", "all"], ...STATES], asked("state") ?? "", filter("state")), choice("Failed as", [["", "any"], ...CLASSES], asked("failure") ?? "", filter("failure")),
-    h("label", { class: "field" }, "Point", point))), place, turns);
+    h("label", { class: "field" }, "Point", point))), trouble, place, turns);
   const columns = [
     { title: "Job", cell: (job) => h("a", { href: `/jobs/${job.id}`, class: "mono" }, short(job.id)) },
     { title: "State", cell: (job) => state(job.state, job.cancelling ? "cancelling" : (job.failure_class ?? (job.from_cache ? "from the store" : undefined))) },
@@ -74,7 +74,7 @@ export function jobsTable(path) {
     const query = new URLSearchParams({ limit: 100 });
     for (const name of FILTERS) if (asked(name)) query.set(name, asked(name));
     if (cursors.at(-1)) query.set("cursor", cursors.at(-1));
-    end = poll(`${path}?${query}`, 5, draw);
+    end = poll(`${path}?${query}`, 5, draw, (error) => fill(trouble, error ? fault(error) : []));
   }
   function draw(page) {
     fill(place, table(`${page.items.length} jobs, newest first, from number ${1 + 100 * (cursors.length - 1)}`, columns, page.items));
