@@ -12,6 +12,9 @@ export function number(value, digits = 4) {
   return String(Number(value.toPrecision(digits)));
 }
 
+/** So many of something. */
+export const many = (count, word) => `${count.toLocaleString("en")} ${word}${count === 1 ? "" : "s"}`;
+
 /** Seconds in words: 42 s, 3 min 20 s, 2 h 10 min, 3 d 4 h. */
 export function duration(seconds) {
   if (!Number.isFinite(seconds)) return "–";

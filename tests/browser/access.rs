@@ -34,7 +34,7 @@ fn a_token_is_asked_for_and_again_when_it_is_revoked() {
     page.until("it is refused", "document.querySelector('#sign-in-trouble').textContent");
     page.write("Token", &first);
     page.press_named("Sign in");
-    page.until("sweeps are listed", "!document.querySelector('dialog') && find.rows('1 sweeps')");
+    page.until("sweeps are listed", "!document.querySelector('dialog') && find.rows('1 sweep,')");
     let seen: String =
         page.value("document.cookie + JSON.stringify(localStorage) + JSON.stringify(sessionStorage)");
     assert!(!seen.contains(&first), "scripts can read the token");

@@ -21,10 +21,10 @@ fn a_page_follows_while_it_is_seen() {
     let id = text(&sweep["id"]);
     page.open(&format!("/sweeps/{id}"));
     let shows = |replicates: u64| {
-        format!("document.querySelector('.facts').textContent.includes('points × {replicates}')")
+        format!("document.querySelector('.facts').textContent.includes('1 point × {replicates}')")
     };
     page.until("the page is there", &shows(2));
-    let mut grow = |page: &mut Page| {
+    let grow = |page: &mut Page| {
         assert!(home.roost(&["extend", id, "--replicates", "1"]).status.success());
         std::thread::sleep(Duration::from_secs(1));
         page.value::<bool>(&shows(3))

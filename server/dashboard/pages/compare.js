@@ -17,7 +17,7 @@ export async function show(main) {
   const form = h("form", { class: "row", onsubmit: (event) => {
     event.preventDefault();
     location.search = new URLSearchParams({ jobs: (input.value.match(ID) ?? []).join(",") });
-  } }, h("label", { class: "field" }, "Jobs", input), h("button", { class: "main" }, "Compare"));
+  } }, h("label", { class: "field grow" }, "Jobs", input), h("button", { class: "main" }, "Compare"));
   const place = h("div");
   main.append(h("h1", {}, "Compare jobs"), form, place);
   if (ids.length === 0) {

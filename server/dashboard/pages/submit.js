@@ -3,7 +3,7 @@
 
 import { maker, post, read } from "../api.js";
 import { fill, h, prose } from "../dom.js";
-import { duration, factor, number } from "../format.js";
+import { duration, factor, many, number } from "../format.js";
 import { action, asked, choice, facts, fault, remember } from "../parts.js";
 import { fields, sections, isFor, linkedTo, pointersOf, readField, unreadable, writeField } from "../document.js";
 
@@ -137,7 +137,7 @@ export async function show(main) {
     }
   }
   function accepted({ jobs, estimate }) {
-    const submit = action(`Submit ${jobs.toLocaleString("en")} job${jobs === 1 ? "" : "s"}`, async () => {
+    const submit = action(`Submit ${many(jobs, "job")}`, async () => {
       const { id } = await made(sweep);
       sessionStorage.removeItem(DRAFT);
       location.href = `/sweeps/${id}`;

@@ -2,7 +2,7 @@
 
 import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
-import { ago, factor } from "../format.js";
+import { ago, factor, many } from "../format.js";
 import { asked, counts, failures, fault, progress, remember, state, stateOfSweep, table, total } from "../parts.js";
 
 const COLUMNS = [
@@ -42,7 +42,7 @@ export function show(main) {
       fill(list, h("p", {}, "No sweeps yet. ", h("a", { href: "/submit" }, "Submit one"), ", or ", h("code", {}, "roost submit sweep.json"), "."));
       return;
     }
-    fill(list, table(`${page.items.length} sweeps, newest first`, COLUMNS, page.items),
+    fill(list, table(`${many(page.items.length, "sweep")}, newest first`, COLUMNS, page.items),
       h("div", { class: "row" },
         h("button", { id: "newer", disabled: cursors.length === 1, onclick: () => turn(cursors.slice(0, -1)) }, "Newer"),
         h("button", { id: "older", disabled: !page.next_cursor, onclick: () => turn([...cursors, page.next_cursor]) }, "Older")));

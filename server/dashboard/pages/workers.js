@@ -2,7 +2,7 @@
 
 import { now, poll, post } from "../api.js";
 import { fill, h } from "../dom.js";
-import { ago, number, short } from "../format.js";
+import { ago, many, number, short } from "../format.js";
 import { action, fault, table } from "../parts.js";
 
 /** Beats come every two seconds, and leases end this long after one: who is silent that long holds nothing any more. */
@@ -54,7 +54,7 @@ export function show(main) {
     const running = there.reduce((sum, worker) => sum + worker.running.length, 0);
     fill(here, there.length === 0
       ? h("p", {}, "No worker is there. ", h("code", {}, `roost work --server ${location.origin}`), " starts one.")
-      : table(`${there.length} there, ${running} jobs running; speed in million particle-steps a second`, COLUMNS, there));
+      : table(`${there.length} there, ${many(running, "job")} running; speed in million particle-steps a second`, COLUMNS, there));
     if (rest.length > 0 && !gone.querySelector("details[open]")) {
       fill(gone, h("details", { class: "card wide" }, h("summary", {}, `${rest.length.toLocaleString("en")} gone`),
         table(rest.length > MOST_GONE ? `Not heard of lately: the newest ${MOST_GONE}` : "Not heard of lately", COLUMNS, rest.slice(0, MOST_GONE))));

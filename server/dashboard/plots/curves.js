@@ -2,7 +2,7 @@
 
 import { number, titled } from "../format.js";
 import { table } from "../parts.js";
-import { series, sheer } from "./plot.js";
+import { ofShares, series, sheer } from "./plot.js";
 
 /** Series and curves of a result. */
 export const curvesOf = (result) => [...result.series, ...(result.curves ?? [])];
@@ -23,7 +23,7 @@ export function linePlot(lines) {
       type: "scatter", mode: COUNTED.includes(data.over) ? "markers" : "lines", name, x: data.t_s ?? data.x, y: data.values, line: { color: series(i), width: 1.6 },
       customdata: path && data.values.map(() => path), hovertemplate: `%{x:.4g}, %{y:.4g}<extra>${name}</extra>`,
     })),
-    layout: { showlegend: lines.length > 1, xaxis: { title: { text: across } }, yaxis: { title: { text: titled(first.name, first.unit) } } },
+    layout: { showlegend: lines.length > 1, xaxis: { title: { text: across } }, yaxis: { title: { text: titled(first.name, first.unit) }, ...ofShares(first.name, lines.flatMap(({ data }) => data.values)) } },
     table: () => table(titled(first.name, first.unit), [
       { title: across, is_number: true, cell: (i) => number((first.t_s ?? first.x)[i]) },
       ...lines.map(({ name, data }) => ({ title: name, is_number: true, cell: (i) => number(data.values[i]) })),
@@ -82,7 +82,7 @@ export function bandPlot(groups, name, unit) {
     ];
   });
   return {
-    traces, layout: { xaxis: { title: { text: "belt time (s)" } }, yaxis: { title: { text: titled(name, unit) } }, legend: { orientation: "v", x: 1.01, y: 1, font: { size: 10 } } },
+    traces, layout: { xaxis: { title: { text: "belt time (s)" } }, yaxis: { title: { text: titled(name, unit) }, ...ofShares(name, traces.flatMap(({ y }) => y)) }, legend: { orientation: "v", x: 1.01, y: 1, font: { size: 10 } } },
     table: () => table(`${titled(name, unit)}: the last value of each trial`, [
       { title: "Design point", cell: (group) => group.name },
       { title: "Trials", is_number: true, cell: (group) => counted(group.replicates).length },

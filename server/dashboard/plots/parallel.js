@@ -17,7 +17,8 @@ function axis(key, title, values, of) {
     const place = (value) => (values.length > 1 ? values.indexOf(value) / (values.length - 1) : 0.5);
     return { key, title, at: (row) => place(of(row)), ticks: values.map((value) => [place(value), String(value)]), limits: null };
   }
-  const low = Math.min(...values), high = Math.max(...values), span = high - low || 1;
+  const low = Math.min(...values), high = Math.max(...values), span = high - low;
+  if (span === 0) return { key, title, at: () => 0.5, ticks: [[0.5, number(low)]], limits: null };
   const place = (value) => (value === null ? null : (value - low) / span);
   const ticks = [0, 0.25, 0.5, 0.75, 1].map((share) => [share, number(low + share * span, 3)]);
   return { key, title, at: (row) => place(of(row)), ticks, limits: { low, span } };

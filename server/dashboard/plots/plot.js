@@ -23,6 +23,9 @@ export const series = (i) => colour(`c${i % 8}`);
 /** A colour with opacity, 0 to 1. */
 export const sheer = (hex, opacity) => `${hex}${Math.round(255 * opacity).toString(16).padStart(2, "0")}`;
 
+/** An axis of these values, unless they are shares that are all alike: plotly.js would give 1 an axis from 0 to 2. */
+export const ofShares = (name, values) => (name.endsWith("_fraction") && values.every((value) => value === values[0]) ? { range: [-0.03, 1.05] } : {});
+
 function themed(layout) {
   const axis = { gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("dim"), automargin: true, title: { standoff: 8 } };
   const axes = Object.fromEntries(Object.entries({ xaxis: {}, yaxis: {}, ...layout }).filter(([key]) => /^[xy]axis/.test(key))

@@ -3,7 +3,7 @@
 import { factor, number, short } from "../format.js";
 import { level, levels } from "../measures.js";
 import { table } from "../parts.js";
-import { colour, series } from "./plot.js";
+import { colour, ofShares, series } from "./plot.js";
 
 /** More colours than this cannot be told apart. */
 const MOST_COLOURS = 8;
@@ -33,7 +33,7 @@ export function responsePlot({ points, trials, factors, measure, x, by, path }) 
   });
   return {
     traces: traces.filter((trace) => trace.x.length > 0),
-    layout: { xaxis: { title: { text: factor(x, factors) } }, yaxis: { title: { text: measure.label }, ...(measure.is_share ? { range: [-0.03, 1.03] } : {}) }, colorway: [colour("c0")] },
+    layout: { xaxis: { title: { text: factor(x, factors) } }, yaxis: { title: { text: measure.label }, ...(measure.is_share ? { range: [-0.03, 1.03] } : ofShares(measure.name, traces.flatMap(({ y }) => y))) }, colorway: [colour("c0")] },
     table: () => responseTable({ points, factors, measure }),
   };
 }

@@ -2,7 +2,7 @@
 
 import { maker, post } from "../api.js";
 import { fill, h } from "../dom.js";
-import { duration, factor, moment } from "../format.js";
+import { duration, factor, many, moment } from "../format.js";
 import { action, counts, facts, failures, progress, state, stateOfSweep, total } from "../parts.js";
 import { extend, retry } from "./extend.js";
 
@@ -17,10 +17,10 @@ export function head(at, sweep, changed) {
     can.show(sweep);
     document.title = `${Math.floor(100 * sweep.fraction)} % ${sweep.name} · Roost`;
     fill(element, progress(sweep, true),
-      h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${total(sweep.counts).toLocaleString("en")} jobs`),
+      h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${many(total(sweep.counts), "job")}`),
         h("span", { class: "row counts" }, counts(sweep.counts)), failures(sweep, `/sweeps/${sweep.id}`), pace.told(sweep)),
-      facts([["Design", `${sweep.design.replaceAll("_", " ")}: ${sweep.points.toLocaleString("en")} points × ${sweep.replicates}`],
-        ["Factors", sweep.factors.map((pointer) => factor(pointer, sweep.factors)).join(", ")],
+      facts([["Design", `${sweep.design.replaceAll("_", " ")}: ${many(sweep.points, "point")} × ${sweep.replicates}`],
+        ["Factors", sweep.factors.map((pointer) => factor(pointer, sweep.factors)).join(", ") || null],
         ["Submitted", moment(sweep.submitted_at)], ["Identifier", h("span", { class: "mono" }, sweep.id)]]));
   }
   return { element, bar, draw };
@@ -47,7 +47,7 @@ function paced() {
 function actions(at, first, changed) {
   let counts = first.counts;
   const under_way = () => counts.queued + counts.running, undone = () => counts.failed + counts.cancelled;
-  const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `Cancel ${under_way().toLocaleString("en")} jobs?` });
+  const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `Cancel ${many(under_way(), "job")}?` });
   const [again, asks] = retry(undone, (wanted) => post(`${at}/retry${wanted}`).then(changed));
   const download = h("details", { class: "menu" }, h("summary", {}, "Download"), ["csv", "json", "parquet"].map((format) =>
     h("a", { href: `${at}/results?format=${format}`, download: `${first.name}.${format}`, class: "row" }, format)));

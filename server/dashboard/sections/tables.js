@@ -2,7 +2,7 @@
 
 import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
-import { ago, factor, number, short } from "../format.js";
+import { ago, factor, many, number, short } from "../format.js";
 import { level } from "../measures.js";
 import { CLASSES, STATES, asked, choice, fault, inOrder, remember, state, table } from "../parts.js";
 
@@ -39,7 +39,7 @@ export function pointsTable() {
     const sorted = (to) => ((sort = to), remember({ sort: `${to.down ? "-" : ""}${to.by}` }), render());
     const rows = inOrder(points, columns, sort);
     const scroll = [place.scrollLeft, place.scrollTop];
-    fill(place, table(`${points.length.toLocaleString("en")} points${rows.length > ROWS ? `, the first ${ROWS} in this order` : ""}; means over trials`, columns, rows.slice(0, ROWS), { sort, sorted }));
+    fill(place, table(`${many(points.length, "point")}${rows.length > ROWS ? `, the first ${ROWS} in this order` : ""}; means over trials`, columns, rows.slice(0, ROWS), { sort, sorted }));
     [place.scrollLeft, place.scrollTop] = scroll;
   }
   return { card, draw: (what) => ((given = what), render()) };
@@ -53,7 +53,7 @@ export function jobsTable(path) {
   const place = h("div", { class: "wide tall" }), turns = h("div", { class: "row" }), trouble = h("div");
   let cursors = [null], end = () => {};
   const filter = (name) => (value) => (remember({ [name]: value }), (cursors = [null]), look());
-  const point = h("input", { type: "number", min: 0, size: 6, value: asked("point") ?? "", onchange: () => filter("point")(point.value) });
+  const point = h("input", { type: "number", min: 0, style: { width: "90px" }, value: asked("point") ?? "", onchange: () => filter("point")(point.value) });
   const card = h("section", { class: "card", id: "jobs" }, h("div", { class: "row spread" }, h("h2", {}, "Jobs"), h("div", { class: "row" },
     choice("State", [["", "all"], ...STATES], asked("state") ?? "", filter("state")), choice("Failed as", [["", "any"], ...CLASSES], asked("failure") ?? "", filter("failure")),
     h("label", { class: "field" }, "Point", point))), trouble, place, turns);
@@ -77,7 +77,7 @@ export function jobsTable(path) {
     end = poll(`${path}?${query}`, 5, draw, (error) => fill(trouble, error ? fault(error) : []));
   }
   function draw(page) {
-    fill(place, table(`${page.items.length} jobs, newest first, from number ${1 + 100 * (cursors.length - 1)}`, columns, page.items));
+    fill(place, table(`${many(page.items.length, "job")}, newest first, from number ${1 + 100 * (cursors.length - 1)}`, columns, page.items));
     fill(turns, h("button", { id: "jobs-newer", disabled: cursors.length === 1, onclick: () => turn(cursors.slice(0, -1)) }, "Newer"),
       h("button", { id: "jobs-older", disabled: !page.next_cursor, onclick: () => turn([...cursors, page.next_cursor]) }, "Older"));
   }
