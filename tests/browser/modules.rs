@@ -63,3 +63,32 @@ fn linked_fields_stay_linked() {
         );
     }
 }
+
+#[test]
+fn what_fails_is_tried_again_and_made_once() {
+    let (_home, _server, mut page) = opened();
+    let tried = |error: &str, until: &str| {
+        format!(
+            "import('/dashboard/api.js').then(({{ once }}) => new Promise((done) => {{ let n = 0; const told = [];
+                once(async () => {{ if (++n < 3) throw {error}; }}, (error) => (told.push(error?.message ?? null), ({until}) && done(told)), 0.01)('key'); }}))"
+        )
+    };
+    let lost = "new Error('no answer')";
+    assert_eq!(page.value::<Value>(&tried(lost, "!error")), json!(["no answer", "no answer", null]));
+    let refused = "Object.assign(new Error('no such job'), { status: 404 })";
+    let waited = "setTimeout(() => done(told), 200) && false";
+    assert_eq!(page.value::<Value>(&tried(refused, waited)), json!(["no such job"]));
+
+    // An answer that was lost, the same again, one more of the same, and something else.
+    let keys: Vec<String> = page.value(
+        "import('/dashboard/api.js').then(async ({ maker }) => { const keys = [], make = maker('/'), asked = window.fetch;
+            window.fetch = async (path, { headers }) => { keys.push(headers['idempotency-key']);
+                if (keys.length === 1 || keys.length === 4) throw new TypeError('lost'); return new Response('{}'); };
+            for (const body of [1, 1, 1, 2, 3]) await make(body).catch(() => {});
+            window.fetch = asked; return keys; })",
+    );
+    assert_eq!(keys[0], keys[1]);
+    let different: std::collections::BTreeSet<&String> = keys.iter().collect();
+    assert_eq!(different.len(), 4, "{keys:?}");
+    assert!(keys.iter().all(|key| key.len() == 36 && key.as_bytes()[14] == b'4'), "{keys:?}");
+}

@@ -1,5 +1,7 @@
 //! Playback of a job: frames move, scrub and turn; what is drawn is what the run had.
 
+use std::time::Duration;
+
 use serde_json::Value;
 
 use super::page::Page;
@@ -22,6 +24,19 @@ pub(crate) fn plays(home: &Home, page: &mut Page, sweep: &str) -> String {
     assert_eq!(page.value::<u64>(&format!("Number({line}.max)")) + 1, count);
     let subparticles: Value = page.value("Number(document.querySelector('canvas').dataset.subparticles)");
     assert_eq!(subparticles.as_u64(), result["performance"]["subparticles"].as_u64());
+
+    // Who changes the speed goes on from where the picture is.
+    page.choose("Speed", "0.1");
+    page.press_named("Play");
+    std::thread::sleep(Duration::from_millis(1500));
+    let (before, after): (u64, u64) = page.value(&format!(
+        "new Promise((told) => {{ const before = {SHOWN}, speed = find.field('Speed'); speed.value = '1';
+            speed.dispatchEvent(new Event('change')); setTimeout(() => told([before, {SHOWN}]), 100); }})"
+    ));
+    assert!(after < before + 15, "from frame {before} to {after} at once");
+    page.press_named("Pause");
+    page.value::<()>(&format!("(({line}.value = 0), {line}.dispatchEvent(new Event('input')), null)"));
+    page.until("the first frame again", &format!("{SHOWN} === 0 || null"));
 
     page.press_named("Play");
     let moved = page.until("it plays", &format!("{SHOWN} > 2 && {SHOWN}")).as_u64().unwrap();
