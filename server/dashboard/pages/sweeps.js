@@ -6,7 +6,7 @@ import { ago, factor, many } from "../format.js";
 import { asked, counts, failures, fault, progress, remember, state, stateOfSweep, table, total } from "../parts.js";
 
 const COLUMNS = [
-  { title: "Sweep", cell: (sweep) => h("a", { href: `/sweeps/${sweep.id}` }, sweep.name) },
+  { title: "Sweep", is_text: true, cell: (sweep) => h("a", { href: `/sweeps/${sweep.id}` }, sweep.name) },
   { title: "State", cell: (sweep) => state(stateOfSweep(sweep.counts)) },
   { title: "Progress", cell: (sweep) => progress(sweep) },
   { title: "Done", is_number: true, cell: (sweep) => `${Math.floor(100 * sweep.fraction)} %` },

@@ -27,8 +27,7 @@ const jobs = (worker) => {
 const COLUMNS = [
   { title: "Worker", cell: (worker) => h("strong", {}, worker.name) },
   { title: "State", cell: status },
-  { title: "Device", is_text: true, cell: (worker) => worker.device },
-  { title: "Backend", cell: (worker) => worker.backend },
+  { title: "Device", is_text: true, cell: (worker) => `${worker.backend}: ${worker.device}` },
   { title: "Threads", is_number: true, cell: (worker) => worker.threads },
   { title: "Memory", is_number: true, cell: (worker) => (worker.memory_mib ? `${(worker.memory_mib / 1024).toFixed(1)} GiB` : "–") },
   { title: "Runs", is_text: true, cell: jobs },

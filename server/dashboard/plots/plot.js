@@ -73,5 +73,6 @@ export function panel(title, { controls = [], size = "", whole = false, empty: t
   };
   addEventListener("theme", () => make && render());
   plot.hidden = details.hidden = true;
+  card.hidden = told === null;
   return { card, draw: (how) => ((make = how), render()) };
 }

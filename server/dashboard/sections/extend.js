@@ -44,7 +44,7 @@ export function extend(sweep, opened) {
   const whole = { type: "number", min: 1, step: 1 };
   const inside = [
     BY_POINTS.includes(sweep.design) && field("points", "More points of the same sequence", whole),
-    BY_LEVELS.includes(sweep.design) && sweep.factors.map((pointer) => field(pointer, `More levels of ${factor(pointer, sweep.factors)}`, { placeholder: "0.07, 0.08" })),
+    BY_LEVELS.includes(sweep.design) && sweep.factors.map((pointer) => field(pointer, `More levels of ${factor(pointer, sweep.factors)}`, { placeholder: "with commas between" })),
     field("replicates", "More replicates of every point", whole),
   ];
   return dialog("Extend", inside, () => {

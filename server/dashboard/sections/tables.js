@@ -14,7 +14,7 @@ const FIRST = ["regime=no_flow", "effective_throughput_kg_s", "mean_rate_kg_s", 
 /** Design points, sorted by any column. */
 export function pointsTable() {
   const place = h("div", { class: "wide tall" }), more = h("label", { class: "field" });
-  const card = h("section", { class: "card" }, h("div", { class: "row spread" }, h("h2", {}, "Design points"), more), place);
+  const card = h("section", { class: "card", hidden: true }, h("div", { class: "row spread" }, h("h2", {}, "Design points"), more), place);
   let sort = asked("sort") ? { by: Number(asked("sort").replace("-", "")), down: asked("sort").startsWith("-") } : null, is_all = false, given = null;
   const every = h("input", { type: "checkbox", onchange: () => ((is_all = every.checked), render()) });
   more.append(every, "every response");
@@ -42,7 +42,7 @@ export function pointsTable() {
     fill(place, table(`${many(points.length, "point")}${rows.length > ROWS ? `, the first ${ROWS} in this order` : ""}; means over trials`, columns, rows.slice(0, ROWS), { sort, sorted }));
     [place.scrollLeft, place.scrollTop] = scroll;
   }
-  return { card, draw: (what) => ((given = what), render()) };
+  return { card, draw: (what) => ((given = what), (card.hidden = false), render()) };
 }
 
 /** What a listing of jobs can be filtered by; they stand in the address under the same names. */
@@ -62,7 +62,7 @@ export function jobsTable(path) {
     { title: "State", cell: (job) => state(job.state, job.cancelling ? "cancelling" : (job.failure_class ?? (job.from_cache ? "from the store" : undefined))) },
     { title: "Point", is_number: true, cell: (job) => job.point ?? "–" },
     { title: "Seed", is_number: true, cell: (job) => job.seed },
-    { title: "Levels", is_text: true, cell: (job) => Object.entries(job.factors).map(([pointer, value]) => `${factor(pointer)} ${number(level(value))}`).join(", ") },
+    { title: "Levels", is_text: true, cell: (job) => Object.entries(job.factors).map(([pointer, value]) => `${factor(pointer, Object.keys(job.factors))} ${number(level(value))}`).join(", ") },
     { title: "Progress", is_number: true, cell: (job) => (job.progress ? `${Math.floor(100 * job.progress.fraction)} %` : "") },
     { title: "Attempt", is_number: true, cell: (job) => job.attempt || "" },
     { title: "Ended", cell: (job) => (job.ended_at ? ago(job.ended_at) : "") },
