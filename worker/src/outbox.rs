@@ -3,7 +3,7 @@
 //! One folder a server: what one server knows nothing of must wait for the other. In it, one file a delivery, named
 //! by job and attempt, written beside and renamed into place after an fsync, so that
 //! a file is whole or not there; beside it, a folder with its frames. Only the server's word removes one: 2xx (it has it), or 409 (another attempt
-//! counts). What the server refuses for another reason is set aside in `refused/`, where a person can look at it,
+//! counts). What it refuses because of the token (401, 403) waits for another; what the server refuses for another reason is set aside in `refused/`, where a person can look at it,
 //! and the attempt reported as failed: a job whose result nobody takes is not run over and over. Workers may share a directory: deliveries are safe to repeat.
 
 use std::fs::{self, File};

@@ -65,6 +65,15 @@ impl ClientError {
         }
     }
 
+    /// Whether the server will not have who asks, whatever is asked: a token that has been revoked, or lacks a scope. What was
+    /// refused so may be taken from the next start, with another token.
+    pub fn is_about_access(&self) -> bool {
+        match self {
+            Self::Foreign { status, .. } => matches!(status, 401 | 403),
+            _ => matches!(self.problem_status(), Some(401 | 403)),
+        }
+    }
+
     /// The HTTP status of the server's problem, if there was one.
     pub fn problem_status(&self) -> Option<u16> {
         match self {

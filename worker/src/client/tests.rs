@@ -19,6 +19,14 @@ pub(crate) async fn answering_by(
     content_type: &str,
     answer: impl Fn(&str) -> (String, String) + Clone + Send + 'static,
 ) -> String {
+    answering_after(content_type, move |request| (Duration::ZERO, answer(request))).await
+}
+
+/// A server whose answer depends on the request, as does the time that it takes; returns its address.
+pub(crate) async fn answering_after(
+    content_type: &str,
+    answer: impl Fn(&str) -> (Duration, (String, String)) + Clone + Send + 'static,
+) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = format!("http://{}", listener.local_addr().unwrap());
     let content_type = content_type.to_owned();
@@ -27,7 +35,8 @@ pub(crate) async fn answering_by(
             let (answer, content_type) = (answer.clone(), content_type.clone());
             tokio::spawn(async move {
                 let request = read_request(&mut stream).await;
-                let (status, body) = answer(&request);
+                let (time, (status, body)) = answer(&request);
+                tokio::time::sleep(time).await;
                 let length = body.len();
                 let answer = format!(
                     "HTTP/1.1 {status}\r\ncontent-type: {content_type}\r\ncontent-length: {length}\r\nconnection: close\r\n\r\n{body}"

@@ -1,8 +1,9 @@
 //! Brings the outbox to the server, for as long as that takes.
 
 use std::collections::VecDeque;
-use std::convert::Infallible;
 use std::io;
+
+use tokio_util::sync::CancellationToken;
 
 use super::frames;
 use super::session::Session;
@@ -34,14 +35,20 @@ pub(super) async fn post(session: &Session, mut delivery: Delivery) {
     }
 }
 
-/// Delivers whatever comes, for as long as it is polled.
-pub(super) async fn run(session: &Session) -> Infallible {
+/// Delivers whatever comes; when the runs are over, until nothing waits.
+pub(super) async fn run(session: &Session, runs_over: &CancellationToken) {
     let mut backoff = Backoff::default();
     loop {
+        // Asked before the outbox is read: what the last run left is in it by then.
+        let is_last = runs_over.is_cancelled();
         match deliver_waiting(session).await {
+            Ok(true) if is_last => return,
             Ok(true) => {
                 backoff.reset();
-                session.mail.notified().await;
+                tokio::select! {
+                    () = session.mail.notified() => {}
+                    () = runs_over.cancelled() => {}
+                }
             }
             Ok(false) => backoff.pause().await,
             Err(error) => {
@@ -55,7 +62,7 @@ pub(super) async fn run(session: &Session) -> Infallible {
 /// Tries every waiting delivery once; says whether the outbox is empty now.
 pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
     let outbox = session.outbox.clone();
-    let mut is_empty = true;
+    let (mut is_empty, mut has_complained) = (true, false);
     let mut paths = VecDeque::from(on_disk(move || outbox.waiting()).await?);
     while let Some(path) = paths.pop_front() {
         let (outbox, from) = (session.outbox.clone(), path.clone());
@@ -72,6 +79,13 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
             }
             Err(error) if error.is_transient() => {
                 tracing::debug!(%error, "delivery failed; it waits in the outbox");
+                is_empty = false;
+                continue;
+            }
+            Err(error) if error.is_about_access() => {
+                if !std::mem::replace(&mut has_complained, true) {
+                    tracing::warn!(%error, "the server does not take this worker's token; deliveries wait in the outbox");
+                }
                 is_empty = false;
                 continue;
             }
@@ -106,11 +120,10 @@ mod tests {
     use roost_solver::mesh::Meshes;
     use roost_solver::{CpuOptions, Flow, Progress, scenario, simulate};
     use serde_json::json;
-    use tokio_util::sync::CancellationToken;
 
     use super::*;
     use crate::WorkerConfig;
-    use crate::client::tests::answering_by;
+    use crate::client::tests::{answering, answering_by};
     use crate::outbox::Content;
 
     /// A result as small as they come.
@@ -123,6 +136,16 @@ mod tests {
         });
         let scenario = scenario::from_value(&document).unwrap();
         simulate(&scenario, &Meshes::default(), CpuOptions { threads: 1 }, &mut |_: &Progress| Flow::Cancel)
+    }
+
+    /// A worker of a server with one delivery in its outbox.
+    async fn holding(server: &str, content: Content) -> (Session, tempfile::TempDir) {
+        let folder = tempfile::tempdir().unwrap();
+        let config = WorkerConfig::new(server, "worker", folder.path());
+        let session = Session::open(config, &CancellationToken::new()).unwrap();
+        let delivery = Delivery { job_id: roost_api::ids::JobId::new(), attempt: 2, content, frames: None };
+        post(&session, delivery).await;
+        (session, folder)
     }
 
     /// Delivers to a server that refuses whatever carries a result; returns the reports that it took.
@@ -144,11 +167,7 @@ mod tests {
             (status.to_owned(), problem)
         })
         .await;
-        let folder = tempfile::tempdir().unwrap();
-        let config = WorkerConfig::new(server, "worker", folder.path());
-        let session = Session::open(config, &CancellationToken::new()).unwrap();
-        let delivery = Delivery { job_id: roost_api::ids::JobId::new(), attempt: 2, content, frames: None };
-        post(&session, delivery).await;
+        let (session, folder) = holding(&server, content).await;
         assert!(deliver_waiting(&session).await.unwrap(), "the outbox is empty");
         assert!(session.outbox.waiting().unwrap().is_empty());
         let reports = taken.lock().unwrap().clone();
@@ -164,6 +183,27 @@ mod tests {
             assert_eq!(reports.len(), 1, "{status}");
             assert!(reports[0].contains(r#""outcome":"worker""#), "{status}: {}", reports[0]);
             assert!(reports[0].contains("refused the result: over 8 mib"), "{status}: {}", reports[0]);
+        }
+    }
+
+    #[tokio::test]
+    async fn a_result_waits_for_a_token_that_is_taken() {
+        for (status, content_type) in [
+            ("401 Unauthorized", "application/problem+json"),
+            ("403 Forbidden", "application/problem+json"),
+            ("401 Unauthorized", "text/html"),
+        ] {
+            let body = match content_type {
+                "text/html" => "<h1>nginx</h1>".to_owned(),
+                _ => {
+                    format!(r#"{{"type":"/problems/x","title":"x","status":{},"detail":"no"}}"#, &status[..3])
+                }
+            };
+            let server = answering(status, content_type, &body).await;
+            let delivery = ResultDelivery { worker_id: roost_api::ids::WorkerId::new(), result: result() };
+            let (session, _folder) = holding(&server, Content::Result(delivery)).await;
+            assert!(!deliver_waiting(&session).await.unwrap(), "{status}: it waits");
+            assert_eq!(session.outbox.waiting().unwrap().len(), 1, "{status} {content_type}");
         }
     }
 

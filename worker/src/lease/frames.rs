@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use roost_api::frames::FramesOrder;
@@ -72,12 +73,20 @@ impl Recording {
 
 /// Uploads that need not be tried again: how often they have failed, or that they are done.
 #[derive(Debug, Default)]
-pub(super) struct Uploads(Mutex<HashMap<Key, u32>>);
+pub(super) struct Uploads {
+    failed: Mutex<HashMap<Key, u32>>,
+    given_up: AtomicBool,
+}
 
 impl Uploads {
     /// Whether an upload is done or has failed too often.
     fn is_over(&self, key: Key) -> bool {
-        self.lock().get(&key).is_some_and(|failed| *failed >= TRIES)
+        self.given_up.load(Relaxed) || self.lock().get(&key).is_some_and(|failed| *failed >= TRIES)
+    }
+
+    /// From now on everything goes without its frames.
+    pub(super) fn give_up(&self) {
+        self.given_up.store(true, Relaxed);
     }
 
     fn done(&self, key: Key) {
@@ -94,7 +103,7 @@ impl Uploads {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<Key, u32>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.failed.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -116,6 +125,8 @@ pub(super) async fn send_ahead(session: &Session, delivery: &Delivery, path: &Pa
             tracing::debug!(%error, "frames were not uploaded");
             return session.uploads.is_over(key);
         }
+        // Of a token the delivery will speak; it is not the frames' fault.
+        Err(error) if error.is_about_access() => return true,
         Err(error) => {
             tracing::warn!(job = %key.0, attempt = key.1, %error, "the result goes without its frames");
             session.uploads.done(key);

@@ -8,12 +8,15 @@ mod heartbeat;
 mod held;
 mod news;
 mod session;
+#[cfg(test)]
+mod tests;
 
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
@@ -61,26 +64,33 @@ pub async fn work(config: WorkerConfig, shutdown: CancellationToken) -> Result<(
         }
     }
 
-    // Beats and deliveries outlive the claims: the runs under way need them to the end.
-    let finish = CancellationToken::new();
-    let background = TaskTracker::new();
-    background.spawn({
-        let (session, finish) = (session.clone(), finish.clone());
-        async move { finish.run_until_cancelled(heartbeat::run(&session, &welcome)).await }
+    // Beats and deliveries outlive the claims and the runs: an attempt is the worker's until the server has what came of it.
+    let (grace_over, runs_over) = (CancellationToken::new(), CancellationToken::new());
+    let grace = tokio::spawn({
+        let (grace_over, grace) = (grace_over.clone(), session.config.drain_grace);
+        async move {
+            shutdown.cancelled().await;
+            tokio::time::sleep(grace).await;
+            grace_over.cancel();
+        }
     });
-    background.spawn({
-        let (session, finish) = (session.clone(), finish.clone());
-        async move { finish.run_until_cancelled(deliver::run(&session)).await }
+    let beats = tokio::spawn({
+        let session = session.clone();
+        async move { heartbeat::run(&session, &welcome).await }
     });
-    background.close();
+    let deliveries = tokio::spawn({
+        let (session, runs_over) = (session.clone(), runs_over.clone());
+        async move { deliver::run(&session, &runs_over).await }
+    });
 
     let runs = TaskTracker::new();
     claim::run(&session, &runs).await;
-    drain(&session, &runs, &shutdown).await;
+    drain(&session, &runs, &grace_over).await;
+    runs_over.cancel();
+    deliver_all(&session, deliveries, &grace_over).await;
 
-    finish.cancel();
-    background.wait().await;
-    let _ = tokio::time::timeout(LAST_DELIVERIES, deliver::deliver_waiting(&session)).await;
+    grace.abort();
+    beats.abort();
     match session.refusal() {
         Some(reason) => Err(WorkerError::Refused(reason.clone())),
         None => Ok(()),
@@ -89,16 +99,32 @@ pub async fn work(config: WorkerConfig, shutdown: CancellationToken) -> Result<(
 
 /// Lets the runs end: as long as they like when the server asked to drain, for the grace when a signal did; then hands
 /// back what still runs.
-async fn drain(session: &Session, runs: &TaskTracker, shutdown: &CancellationToken) {
+async fn drain(session: &Session, runs: &TaskTracker, grace_over: &CancellationToken) {
     runs.close();
-    let grace = async {
-        shutdown.cancelled().await;
-        tokio::time::sleep(session.config.drain_grace).await;
-    };
     tokio::select! {
         () = runs.wait() => return,
-        () = grace => {}
+        () = grace_over.cancelled() => {}
     }
     session.held.release_all();
     runs.wait().await;
+}
+
+/// Lets what came of the runs reach the server: for as long as that takes when the server asked to drain, within the grace
+/// and a moment when a signal did; then tries once more, without the frames.
+async fn deliver_all(session: &Session, mut deliveries: JoinHandle<()>, grace_over: &CancellationToken) {
+    let time_is_up = async {
+        // A server that refuses the worker may refuse its deliveries as well.
+        if session.refusal().is_none() {
+            grace_over.cancelled().await;
+        }
+        tokio::time::sleep(LAST_DELIVERIES).await;
+    };
+    tokio::select! {
+        _ = &mut deliveries => return,
+        () = time_is_up => {}
+    }
+    deliveries.abort();
+    // Better a result without its frames than a run that is done again.
+    session.uploads.give_up();
+    let _ = tokio::time::timeout(LAST_DELIVERIES, deliver::deliver_waiting(session)).await;
 }

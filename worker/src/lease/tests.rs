@@ -1,0 +1,75 @@
+//! How a worker ends while the frames of its last run are on a slow way.
+
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use roost_api::ids::JobId;
+use serde_json::json;
+
+use super::*;
+use crate::client::tests::answering_after;
+
+/// A worker that has one short run with frames, whose upload takes so long. It is told to drain by the server, or by a
+/// signal as soon as it uploads. Returns what was answered, in order, and what is left in its outbox.
+async fn last_run(upload: Duration, by_signal: bool) -> (Vec<&'static str>, usize) {
+    let shutdown = CancellationToken::new();
+    let answered: Arc<Mutex<Vec<&'static str>>> = Arc::default();
+    let (seen, signal, job) = (answered.clone(), shutdown.clone(), JobId::new());
+    let server = answering_after("application/json", move |request| {
+        let line = request.lines().next().unwrap_or_default();
+        let mut seen = seen.lock().unwrap();
+        let (what, body, time) = if line.contains("/heartbeat") {
+            ("beat", json!({"drain": !by_signal, "attempts": []}), Duration::ZERO)
+        } else if line.contains("/v1/claims") && !seen.contains(&"claim") {
+            let scenario = json!({
+                "experiment": "hopper",
+                "product": {"count": 1, "subparticle_radius_m": 0.009},
+                "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless"},
+                "numerics": {"timestep_s": "auto", "duration_s": 0.05},
+            });
+            let frames = json!({"interval_s": 0.02, "limit_bytes": 1_000_000});
+            let attempt = json!({"job_id": job, "attempt": 1, "scenario": scenario, "frames": frames,
+                                 "lease_expires_at": "2030-01-01T00:00:00Z"});
+            ("claim", json!({"attempts": [attempt]}), Duration::ZERO)
+        } else if line.contains("/v1/claims") {
+            ("nothing", json!({"attempts": []}), Duration::from_millis(50))
+        } else if line.contains("/frames") {
+            if by_signal {
+                signal.cancel();
+            }
+            ("frames", json!({}), upload)
+        } else if line.contains("/result") {
+            ("result", json!({}), Duration::ZERO)
+        } else {
+            ("welcome", json!({"heartbeat_s": 0.1, "lease_s": 3.0}), Duration::ZERO)
+        };
+        seen.push(what);
+        (time, ("200 OK".to_owned(), body.to_string()))
+    })
+    .await;
+    let folder = tempfile::tempdir().unwrap();
+    let config = WorkerConfig { threads: 1, ..WorkerConfig::new(&server, "worker", folder.path()) };
+    tokio::time::timeout(Duration::from_secs(60), work(config, shutdown)).await.expect("it ends").unwrap();
+    let left = crate::outbox::Outbox::open(folder.path(), &server).unwrap().waiting().unwrap().len();
+    (std::mem::take(&mut answered.lock().unwrap()), left)
+}
+
+#[tokio::test]
+async fn a_worker_that_drains_uploads_its_frames_and_beats_until_the_server_has_the_result() {
+    let (answered, left) = last_run(LAST_DELIVERIES + Duration::from_secs(1), false).await;
+    assert_eq!(left, 0, "{answered:?}");
+    assert_eq!(answered.iter().filter(|what| **what == "frames").count(), 1, "one upload, in peace");
+    let at = |what| {
+        answered.iter().position(|seen| *seen == what).unwrap_or_else(|| panic!("no {what}: {answered:?}"))
+    };
+    let beats = answered[at("frames")..at("result")].iter().filter(|what| **what == "beat").count();
+    assert!(beats >= 10, "{beats} beats in three seconds: the lease would end");
+}
+
+#[tokio::test]
+async fn a_worker_that_must_end_sends_the_result_without_its_frames() {
+    let since = Instant::now();
+    let (answered, left) = last_run(Duration::from_secs(600), true).await;
+    assert_eq!((left, answered.last()), (0, Some(&"result")), "{answered:?}");
+    assert!(since.elapsed() < Duration::from_secs(30), "{:?}", since.elapsed());
+}
