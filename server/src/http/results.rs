@@ -16,6 +16,7 @@ use super::aside::aside;
 use super::extract::{Params, Segments};
 use super::problem::{ApiError, Kind};
 use super::sweeps::view;
+use super::tables::Rows;
 use crate::app::App;
 use crate::queue::Refusal;
 use crate::sweep;
@@ -142,8 +143,12 @@ pub(crate) async fn effects(
 ) -> Result<Json<SweepEffects>, ApiError> {
     let sweep = view(&app, id).await?;
     let factors = app.store.factors(id).await?.ok_or(Refusal::NoSweep)?;
-    let trials = app.store.trials(id).await?;
-    let responses = aside(move || sweep::effects(&factors, &sweep::by_point(&trials))).await?;
+    let mut rows = Rows::of_points(app, &sweep)?;
+    let mut effects = sweep::Effects::of(factors);
+    while let Some(points) = rows.next_points().await? {
+        effects.add(points);
+    }
+    let responses = aside(move || effects.responses()).await?;
     Ok(Json(SweepEffects { sweep, responses }))
 }
 

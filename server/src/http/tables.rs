@@ -1,4 +1,5 @@
-//! The result table of a sweep, written piece by piece: a large one is never whole in memory, but as Parquet.
+//! The result table of a sweep, written piece by piece: a large one is never whole in memory, but
+//! for the values of a Parquet file.
 
 use axum::body::Body;
 use axum::extract::State;
@@ -141,7 +142,7 @@ impl Piece {
 }
 
 /// Rows that are still to be read.
-struct Rows {
+pub(super) struct Rows {
     app: App,
     id: SweepId,
     by_point: bool,
@@ -150,14 +151,25 @@ struct Rows {
 }
 
 impl Rows {
+    /// Every design point of a sweep.
+    pub(super) fn of_points(app: App, sweep: &SweepView) -> Result<Self, ApiError> {
+        let places = Places::new(sweep.points, 1, None, None, MAX_ROWS)?;
+        Ok(Self { app, id: sweep.id, by_point: true, replicates: sweep.replicates, places })
+    }
+
+    /// The next design points; none after the last.
+    pub(super) async fn next_points(&mut self) -> Result<Option<Vec<PointRow>>, ApiError> {
+        let Some(((first, _), points)) = self.places.take((PIECE / self.replicates.max(1)).max(1)) else {
+            return Ok(None);
+        };
+        let trials = self.app.store.trials_of(self.id, first..first + points).await?;
+        aside(move || sweep::by_point(&trials)).await.map(Some)
+    }
+
     /// The next piece; none after the last.
     async fn next(&mut self) -> Result<Option<Piece>, ApiError> {
         if self.by_point {
-            let Some(((first, _), points)) = self.places.take((PIECE / self.replicates.max(1)).max(1)) else {
-                return Ok(None);
-            };
-            let trials = self.app.store.trials_of(self.id, first..first + points).await?;
-            return Ok(Some(Piece::Points(aside(move || sweep::by_point(&trials)).await?)));
+            return Ok(self.next_points().await?.map(Piece::Points));
         }
         let Some((place, rows)) = self.places.take(PIECE) else { return Ok(None) };
         Ok(Some(Piece::Trials(self.app.store.trials_from(self.id, place, rows).await?)))
@@ -263,19 +275,16 @@ fn json(value: &impl Serialize) -> Result<Vec<u8>, ApiError> {
     serde_json::to_vec(value).map_err(|error| unwritten(&error))
 }
 
-/// Parquet goes by columns: all rows are read first.
-async fn parquet(mut rows: Rows, columns: Columns) -> Result<Response, ApiError> {
-    let mut all = Piece::none(rows.by_point);
+/// Parquet goes by columns, and what each holds shows when all rows are read: of rows nothing is kept but the values.
+async fn parquet(mut rows: Rows, mut columns: Columns) -> Result<Response, ApiError> {
+    let mut all = columns.of(&Piece::none(rows.by_point));
     while let Some(piece) = rows.next().await? {
-        match (&mut all, piece) {
-            (Piece::Trials(all), Piece::Trials(more)) => all.extend(more),
-            (Piece::Points(all), Piece::Points(more)) => all.extend(more),
-            _ => {}
-        }
+        let extended = aside(move || {
+            all.iter_mut().zip(columns.of(&piece)).for_each(|(column, more)| column.extend(more));
+            (all, columns)
+        });
+        (all, columns) = extended.await?;
     }
-    let bytes = aside(move || {
-        columns.narrow(&mut all);
-        sweep::to_parquet(&columns.of(&all)).map_err(|error| unwritten(&error))
-    });
+    let bytes = aside(move || sweep::to_parquet(all).map_err(|error| unwritten(&error)));
     Ok(bytes.await??.into_response())
 }

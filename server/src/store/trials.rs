@@ -36,11 +36,6 @@ pub(super) const FROM: &str = "WHERE j.sweep_id = ? AND (j.point, j.replicate) >
     ORDER BY j.point, j.replicate LIMIT ?";
 
 impl Store {
-    /// Every trial, by point and replicate.
-    pub(crate) async fn trials(&self, id: SweepId) -> Result<Vec<TrialRow>, StoreError> {
-        self.trials_from(id, (0, 0), u32::MAX).await
-    }
-
     /// So many trials at most, from a place on.
     pub(crate) async fn trials_from(
         &self,

@@ -1,10 +1,10 @@
 //! Sensitivity: how much each factor moves each response, and how surely. A design point counts once, with the mean of its
 //! replicates: those share their seeds with all other points and are no further witnesses.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use roost_api::design::{Factor, Scale};
-use roost_api::table::{FactorEffect, LevelEffect, PointRow, ResponseEffects};
+use roost_api::table::{FactorEffect, LevelEffect, PointRow, ResponseEffects, Summary};
 use serde_json::Value;
 
 use super::levels::same;
@@ -13,68 +13,96 @@ use crate::stats::{chance, line, rank_correlation};
 /// A factor with more values than this has no means by level.
 const MAX_LEVELS: usize = 12;
 
-/// Main effects and rank correlations of every response that varies by word or number.
-pub(crate) fn effects(factors: &[Factor], points: &[PointRow]) -> Vec<ResponseEffects> {
-    let mut responses: BTreeMap<String, Vec<(&PointRow, f64)>> = BTreeMap::new();
-    for point in points {
-        for (name, summary) in &point.responses {
-            if let Some(mean) = summary.mean {
-                responses.entry(name.clone()).or_default().push((point, mean));
+/// What effects need of each design point, and no more: a large sweep goes through memory piece by piece.
+pub(crate) struct Effects {
+    factors: Vec<Factor>,
+    /// A row a point, its level of every factor.
+    levels: Vec<Vec<Value>>,
+    /// Of responses that are numbers, their means.
+    means: BTreeMap<String, Values>,
+    /// Of responses that are words, how many there are at each point.
+    counts: BTreeMap<String, Values>,
+    /// How many of these are the one word, where it is among them.
+    words: BTreeMap<(String, String), Values>,
+}
+
+/// Rows of points that have a value, in order, and the values.
+type Values = Vec<(u32, f64)>;
+
+impl Effects {
+    /// Of points that are still to be added.
+    pub(crate) fn of(factors: Vec<Factor>) -> Self {
+        let (means, counts, words) = Default::default();
+        Self { factors, levels: Vec::new(), means, counts, words }
+    }
+
+    /// Takes in what the next points came to.
+    pub(crate) fn add(&mut self, points: Vec<PointRow>) {
+        for PointRow { factors, responses, .. } in points {
+            let row = self.levels.len() as u32;
+            let level = |factor: &Factor| factors.get(factor.name()).cloned().unwrap_or_default();
+            self.levels.push(self.factors.iter().map(level).collect());
+            for (name, Summary { mean, words, .. }) in responses {
+                if let Some(words) = words {
+                    let all = words.values().sum::<u64>() as f64;
+                    for (word, count) in words {
+                        self.words.entry((name.clone(), word)).or_default().push((row, count as f64));
+                    }
+                    self.counts.entry(name.clone()).or_default().push((row, all));
+                }
+                if let Some(mean) = mean {
+                    self.means.entry(name).or_default().push((row, mean));
+                }
             }
         }
     }
-    for (name, word) in words(points) {
-        let share = |point: &PointRow| {
-            let counts = point.responses.get(&name)?.words.as_ref()?;
-            let all = counts.values().sum::<u64>() as f64;
-            Some(counts.get(&word).copied().unwrap_or(0) as f64 / all)
-        };
-        let shares = points.iter().filter_map(|point| Some((point, share(point)?))).collect();
-        responses.insert(format!("{name}={word}"), shares);
+
+    /// Main effects and rank correlations of every response that varies by word or number.
+    pub(crate) fn responses(mut self) -> Vec<ResponseEffects> {
+        let mut values = std::mem::take(&mut self.means);
+        for ((name, word), count) in std::mem::take(&mut self.words) {
+            let mut count = count.into_iter().peekable();
+            // A point that never had this word has a share of nothing.
+            let share = |(row, all): &(u32, f64)| {
+                let here = count.next_if(|(counted, _)| counted == row).map_or(0.0, |(_, count)| count);
+                (*row, here / all)
+            };
+            let shares = self.counts[&name].iter().map(share).collect();
+            values.insert(format!("{name}={word}"), shares);
+        }
+        values.into_iter().map(|(name, values)| self.response(name, &values)).collect()
     }
-    responses.into_iter().map(|(name, values)| response(name, factors, &values)).collect()
-}
 
-/// Every response of words with each word that was an answer.
-fn words(points: &[PointRow]) -> BTreeSet<(String, String)> {
-    let of_point = |point: &PointRow| {
-        let counted =
-            point.responses.iter().filter_map(|(name, summary)| Some((name, summary.words.as_ref()?)));
-        counted
-            .flat_map(|(name, words)| words.keys().map(|word| (name.clone(), word.clone())))
-            .collect::<Vec<_>>()
-    };
-    points.iter().flat_map(of_point).collect()
-}
+    fn response(&self, name: String, values: &Values) -> ResponseEffects {
+        let mean = values.iter().map(|(_, value)| value).sum::<f64>() / values.len() as f64;
+        let factors = self.factors.iter().enumerate();
+        let factors = factors.map(|(index, factor)| self.effect(index, factor, values, mean)).collect();
+        ResponseEffects { response: name, points: values.len() as u64, mean, factors }
+    }
 
-fn response(name: String, factors: &[Factor], values: &[(&PointRow, f64)]) -> ResponseEffects {
-    let mean = values.iter().map(|(_, value)| value).sum::<f64>() / values.len() as f64;
-    let factors = factors.iter().map(|factor| effect(factor, values, mean)).collect();
-    ResponseEffects { response: name, points: values.len() as u64, mean, factors }
-}
-
-fn effect(factor: &Factor, values: &[(&PointRow, f64)], mean: f64) -> FactorEffect {
-    let name = factor.name();
-    let level = |point: &PointRow| point.factors.get(name).cloned().unwrap_or_default();
-    let levels: Vec<(Value, f64)> = values.iter().map(|(point, value)| (level(point), *value)).collect();
-    let is_log = factor.scale == Some(Scale::Log);
-    let number = |level: &Value| level.as_f64().map(|number| if is_log { number.ln() } else { number });
-    let numbers: Option<Vec<(f64, f64)>> =
-        levels.iter().map(|(level, value)| Some((number(level)?, *value))).collect();
-    let pairs = numbers.unwrap_or_default();
-    let range = pairs.iter().fold((f64::MAX, f64::MIN), |(low, high), (x, _)| (low.min(*x), high.max(*x)));
-    let rank_correlation = rank_correlation(&pairs);
-    FactorEffect {
-        factor: name.to_owned(),
-        effect: line(&pairs).map(|line| line.slope * (range.1 - range.0)),
-        rank_correlation,
-        p_value: rank_correlation.and_then(|correlation| chance(correlation, pairs.len())),
-        levels: by_level(&levels, mean),
+    fn effect(&self, index: usize, factor: &Factor, values: &Values, mean: f64) -> FactorEffect {
+        let level = |row: u32| &self.levels[row as usize][index];
+        let levels: Vec<(&Value, f64)> = values.iter().map(|(row, value)| (level(*row), *value)).collect();
+        let is_log = factor.scale == Some(Scale::Log);
+        let number = |level: &Value| level.as_f64().map(|number| if is_log { number.ln() } else { number });
+        let numbers: Option<Vec<(f64, f64)>> =
+            levels.iter().map(|(level, value)| Some((number(level)?, *value))).collect();
+        let pairs = numbers.unwrap_or_default();
+        let range =
+            pairs.iter().fold((f64::MAX, f64::MIN), |(low, high), (x, _)| (low.min(*x), high.max(*x)));
+        let rank_correlation = rank_correlation(&pairs);
+        FactorEffect {
+            factor: factor.name().to_owned(),
+            effect: line(&pairs).map(|line| line.slope * (range.1 - range.0)),
+            rank_correlation,
+            p_value: rank_correlation.and_then(|correlation| chance(correlation, pairs.len())),
+            levels: by_level(&levels, mean),
+        }
     }
 }
 
 /// The mean at each value, numbers in their order, others as they come; nothing where there are many.
-fn by_level(values: &[(Value, f64)], mean: f64) -> Vec<LevelEffect> {
+fn by_level(values: &[(&Value, f64)], mean: f64) -> Vec<LevelEffect> {
     let mut groups: Vec<(&Value, Vec<f64>)> = Vec::new();
     for (level, value) in values {
         match groups.iter().position(|(other, _)| same(other, level)) {

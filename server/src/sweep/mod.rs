@@ -31,7 +31,7 @@ use roost_solver::scenario::Scenario;
 use serde_json::{Map, Value};
 
 use crate::document::read_leniently;
-pub(crate) use effects::effects;
+pub(crate) use effects::Effects;
 use expand::expand;
 pub(crate) use extend::{Growth, Stored, extend, replicate};
 pub(crate) use plan::factors;

@@ -42,6 +42,19 @@ impl Column {
         };
         Self { name: name.to_owned(), kind, values }
     }
+
+    /// Adds the same column of the rows that come next. It is then what it would be of all rows at once.
+    pub(crate) fn extend(&mut self, more: Self) {
+        let is_blank = |column: &Self| column.values.iter().all(Value::is_null);
+        self.kind = match (self.kind, more.kind) {
+            (kind, _) if is_blank(&more) => kind,
+            (_, kind) if is_blank(self) => kind,
+            (kind, other) if kind == other => kind,
+            (Kind::Integer | Kind::Number, Kind::Integer | Kind::Number) => Kind::Number,
+            _ => Kind::Text,
+        };
+        self.values.extend(more.values);
+    }
 }
 
 /// What there is of a response in a sweep.

@@ -12,8 +12,8 @@ use serde_json::Value;
 
 use super::table::{Column, Kind, text};
 
-/// Writes columns as a Parquet file.
-pub(crate) fn to_parquet(columns: &[Column]) -> Result<Vec<u8>> {
+/// Writes columns as a Parquet file, each forgotten once it is written.
+pub(crate) fn to_parquet(columns: Vec<Column>) -> Result<Vec<u8>> {
     let fields = columns.iter().map(|column| field(column).map(Arc::new)).collect::<Result<_>>()?;
     let schema = Arc::new(Type::group_type_builder("results").with_fields(fields).build()?);
     let properties = WriterProperties::builder()
@@ -23,12 +23,12 @@ pub(crate) fn to_parquet(columns: &[Column]) -> Result<Vec<u8>> {
     let mut group = writer.next_row_group()?;
     for column in columns {
         match column.kind {
-            Kind::Integer => write::<Int64Type>(&mut group, column, Value::as_i64)?,
-            Kind::Number => write::<DoubleType>(&mut group, column, Value::as_f64)?,
-            Kind::Flag => write::<BoolType>(&mut group, column, Value::as_bool)?,
+            Kind::Integer => write::<Int64Type>(&mut group, &column, Value::as_i64)?,
+            Kind::Number => write::<DoubleType>(&mut group, &column, Value::as_f64)?,
+            Kind::Flag => write::<BoolType>(&mut group, &column, Value::as_bool)?,
             Kind::Text => {
                 let bytes = |value: &Value| text(value).map(|text| ByteArray::from(text.into_bytes()));
-                write::<ByteArrayType>(&mut group, column, bytes)?;
+                write::<ByteArrayType>(&mut group, &column, bytes)?;
             }
         }
     }

@@ -5,7 +5,7 @@ use parquet::record::RowAccessor;
 use roost_api::design::Factor;
 use roost_api::ids::JobId;
 use roost_api::job::{FailureClass, JobState};
-use roost_api::table::TrialRow;
+use roost_api::table::{PointRow, ResponseEffects, TrialRow};
 
 use super::*;
 
@@ -60,7 +60,7 @@ fn points_count_what_failed_and_average_what_succeeded() {
     assert_eq!((rows[0].responses["t"].n, rows[0].responses["t"].standard_deviation), (1, None));
     assert_eq!(json!(rows[0].responses["regime"]), json!({"n": 2, "words": {"constant": 1, "no_flow": 1}}));
     let factors = [Factor { pointer: Some("/a".to_owned()), ..Factor::default() }];
-    let effects = effects(&factors, &rows);
+    let effects = effects(&factors, rows, 1);
     let names: Vec<_> = effects.iter().map(|of| of.response.as_str()).collect();
     assert_eq!(names, ["regime=constant", "regime=no_flow", "t", "y"]);
     assert_eq!((effects[1].mean, effects[1].factors[0].effect), (0.75, Some(0.5)), "shares of trials");
@@ -69,6 +69,13 @@ fn points_count_what_failed_and_average_what_succeeded() {
         json!({"level": 2, "points": 1, "mean": 5.0, "effect": 1.0})
     );
     assert_eq!(effects[2].factors[0].effect, None, "one point shows no effect");
+}
+
+/// The effects of points that come in pieces of so many.
+fn effects(factors: &[Factor], points: Vec<PointRow>, piece: usize) -> Vec<ResponseEffects> {
+    let mut effects = Effects::of(factors.to_vec());
+    points.chunks(piece).for_each(|piece| effects.add(piece.to_vec()));
+    effects.responses()
 }
 
 #[test]
@@ -91,7 +98,7 @@ fn effects_and_rank_correlations_are_those_of_scipy() {
         serde_json::from_value::<Factor>(json!({"pointer": name, "scale": scale})).unwrap()
     };
     let factors = [factor("/a", None), factor("/b", Some("log")), factor("/c", None), factor("/word", None)];
-    let found = effects(&factors, &by_point(&trials));
+    let found = effects(&factors, by_point(&trials), 7);
     for (response, expected) in found.iter().zip([&data["of_y"], &data["of_z"]]) {
         assert_eq!(response.points, 20);
         for (effect, name) in response.factors.iter().zip(["a", "b", "c"]) {
@@ -122,9 +129,17 @@ fn a_parquet_file_holds_what_the_table_holds() {
     };
     let responses =
         [("n", true, false), ("ok", false, true), ("t", false, false), ("y", true, false)].map(response);
-    let columns = of_trials(&names, &responses, &trials);
+    let bytes = to_parquet(of_trials(&names, &responses, &trials)).unwrap();
+    for piece in [1, 2] {
+        let mut columns = of_trials(&names, &responses, &[]);
+        for trials in trials.chunks(piece) {
+            let more = of_trials(&names, &responses, trials);
+            columns.iter_mut().zip(more).for_each(|(column, more)| column.extend(more));
+        }
+        assert!(to_parquet(columns).unwrap() == bytes, "in pieces of {piece}");
+    }
     let mut file = tempfile::tempfile().unwrap();
-    std::io::Write::write_all(&mut file, &to_parquet(&columns).unwrap()).unwrap();
+    std::io::Write::write_all(&mut file, &bytes).unwrap();
     let reader = SerializedFileReader::new(file).unwrap();
     let rows: Vec<_> = reader.get_row_iter(None).unwrap().map(Result::unwrap).collect();
     let heads: Vec<&String> = rows[0].get_column_iter().map(|(name, _)| name).collect();
