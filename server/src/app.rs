@@ -73,6 +73,8 @@ struct Board {
     jobs: HashMap<JobId, Shown>,
     sweeps: HashMap<SweepId, u64>,
     samples: HashMap<JobId, Samples>,
+    /// Samples of all jobs together.
+    sampled: usize,
     changes: u64,
 }
 
@@ -110,7 +112,8 @@ impl ProgressBoard {
     /// Forgets a job that runs no longer.
     pub(crate) fn forget(&self, job: JobId) {
         let mut board = self.lock();
-        board.samples.remove(&job);
+        let gone = board.samples.remove(&job);
+        board.sampled -= gone.map_or(0, |samples| samples.count());
         if let Some(shown) = board.jobs.remove(&job) {
             board.count(shown.sweep);
         }
@@ -125,22 +128,19 @@ impl ProgressBoard {
     ) -> bool {
         let mut board = self.lock();
         let now = board.count(sweep);
-        let mut room = MAX_OF_ALL.saturating_sub(board.samples.values().map(Samples::count).sum());
-        let samples = board.samples.entry(job).or_default();
+        let Board { samples, sampled, .. } = &mut *board;
+        let samples = samples.entry(job).or_default();
         if samples.attempt() != attempt {
+            *sampled -= samples.count();
             *samples = Samples::new(attempt);
         }
-        let mut take = |part: SeriesPart| {
-            let before = samples.count();
-            let whole = samples.take(part, room, now);
-            room = room.saturating_sub(samples.count().saturating_sub(before));
-            whole
-        };
+        let others = *sampled - samples.count();
         let mut whole = true;
         for part in parts {
             // All of them, whichever is missing something.
-            whole &= take(part);
+            whole &= samples.take(part, MAX_OF_ALL.saturating_sub(others + samples.count()), now);
         }
+        *sampled = others + samples.count();
         whole
     }
 

@@ -21,6 +21,8 @@ struct Curve {
     series: Series,
     /// Another number whenever samples that were there already have become others.
     epoch: u64,
+    /// Whether samples were left out at its end: what follows them is left out as well.
+    is_cut: bool,
 }
 
 /// What an attempt has sampled so far.
@@ -56,49 +58,55 @@ impl Samples {
         self.curves.iter().map(|curve| curve.series.t_s.len()).sum()
     }
 
-    /// Takes a part in, if there is room for `room` samples; false when what comes before it is missing.
+    /// Takes a part in, if there is room for `room` samples more; false when what comes before it is missing and was not left
+    /// out for want of room.
     pub(crate) fn take(&mut self, part: SeriesPart, room: usize, now: u64) -> bool {
-        let from = part.from as usize;
-        let at = self.curves.iter().position(|curve| curve.series.name == part.name);
-        let there = at.map_or(0, |at| self.curves[at].series.t_s.len());
-        if from > there {
-            return false;
-        }
-        if part.t_s.len() > room.min(MAX_OF_JOB.saturating_sub(self.count()))
-            || (at.is_none() && self.curves.len() >= MAX_SERIES)
-        {
+        let SeriesPart { name, unit, from, t_s, values } = part;
+        let from = from as usize;
+        let known = self.curves.iter().position(|curve| curve.series.name == name);
+        if known.is_none() && self.curves.len() >= MAX_SERIES {
             return true;
         }
-        self.changes = now;
-        let at = at.unwrap_or_else(|| {
-            let (name, unit) = (part.name, part.unit);
-            self.curves.push(Curve {
-                series: Series { name, unit, t_s: Vec::new(), values: Vec::new() },
-                epoch: now,
-            });
+        let there = known.map_or(0, |at| self.curves[at].series.t_s.len());
+        if from > there {
+            return known.is_some_and(|at| self.curves[at].is_cut);
+        }
+        // What the part takes the place of goes first.
+        let (freed, count) = (there - from, self.count());
+        let is_cut = t_s.len() > (room + freed).min(MAX_OF_JOB.saturating_sub(count - freed));
+        let at = known.unwrap_or_else(|| {
+            let series = Series { name, unit, t_s: Vec::new(), values: Vec::new() };
+            self.curves.push(Curve { series, epoch: now, is_cut });
             self.curves.len() - 1
         });
-        let Curve { series, epoch } = &mut self.curves[at];
-        if from < there {
-            *epoch = now;
+        let curve = &mut self.curves[at];
+        curve.is_cut = is_cut;
+        if freed > 0 {
+            curve.epoch = now;
+            curve.series.t_s.truncate(from);
+            curve.series.values.truncate(from);
         }
-        series.t_s.truncate(from);
-        series.values.truncate(from);
-        series.t_s.extend(part.t_s);
-        series.values.extend(part.values);
+        if !is_cut {
+            curve.series.t_s.extend(t_s);
+            curve.series.values.extend(values);
+        }
+        if freed > 0 || !is_cut {
+            self.changes = now;
+        }
         true
     }
 
     /// Every series so far.
     pub(crate) fn series(&self) -> Vec<Series> {
-        self.curves.iter().map(|curve| curve.series.clone()).collect()
+        let some = self.curves.iter().filter(|curve| !(curve.is_cut && curve.series.t_s.is_empty()));
+        some.map(|curve| curve.series.clone()).collect()
     }
 
     /// What is new to somebody, or some of it.
     pub(crate) fn news(&self, followed: &mut Vec<Followed>) -> Vec<SeriesPart> {
         let mut parts = Vec::new();
         let mut room = MAX_OF_EVENT;
-        for Curve { series, epoch } in &self.curves {
+        for Curve { series, epoch, .. } in &self.curves {
             let at = followed.iter().position(|followed| followed.name == series.name).unwrap_or_else(|| {
                 followed.push(Followed { name: series.name.clone(), epoch: *epoch, samples: 0 });
                 followed.len() - 1
@@ -144,6 +152,26 @@ mod tests {
         assert_eq!(samples.series()[0].values, [0.0, 1.0, 2.0, 3.0]);
         assert!(samples.take(part(4, &[4.0, 5.0]), 1, 4), "no room is no reason to send it again");
         assert_eq!((samples.count(), samples.changes), (4, 3));
+    }
+
+    #[test]
+    fn what_follows_samples_that_found_no_room_is_not_asked_for_again_and_again() {
+        let mut samples = Samples::new(1);
+        assert!(samples.take(part(0, &[0.0, 1.0]), 2, 1));
+        assert!(samples.take(part(2, &[2.0, 3.0]), 1, 2), "left out");
+        assert!(samples.take(part(4, &[4.0]), 100, 3), "the worker goes on as if they were here");
+        assert_eq!(samples.series()[0].values, [0.0, 1.0]);
+        // All from the start on, and there is room: whole again.
+        assert!(samples.take(part(0, &[5.0, 6.0, 7.0]), 1, 4), "two go, three come");
+        assert_eq!(samples.series()[0].values, [5.0, 6.0, 7.0]);
+        assert!(!samples.take(part(9, &[9.0]), 100, 5), "a gap is one again");
+        // Rewritten without room: what was there is right no longer.
+        assert!(samples.take(part(1, &[8.0, 8.0, 8.0, 8.0]), 1, 6));
+        assert_eq!(samples.series()[0].values, [5.0]);
+        // A series of which not even the start found room.
+        let other = |from| SeriesPart { name: "other".to_owned(), ..part(from, &[1.0]) };
+        assert!(samples.take(other(0), 0, 7) && samples.take(other(1), 100, 8));
+        assert_eq!(samples.series().len(), 1, "none is shown that has nothing");
     }
 
     #[test]
