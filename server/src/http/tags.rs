@@ -46,7 +46,9 @@ pub(crate) async fn tagged(State(app): State<App>, mut request: Request, next: N
     let segments = segments.map(|Path(segments)| segments).unwrap_or_default();
     let Some(subject) = subject(path.as_str(), &segments) else { return next.run(request).await };
     let tag = match tag(&app, subject).await {
-        Ok(tag) => tag,
+        Ok(Some(tag)) => tag,
+        // It is not there, or no longer: that is what the answer says.
+        Ok(None) => return next.run(request).await,
         Err(error) => return error.into_response(),
     };
     if has_seen(request.headers(), &tag) {
@@ -61,12 +63,12 @@ pub(crate) async fn tagged(State(app): State<App>, mut request: Request, next: N
     response
 }
 
-async fn tag(app: &App, subject: Subject) -> Result<HeaderValue, ApiError> {
-    let stored = app.store.version(subject).await?;
+async fn tag(app: &App, subject: Subject) -> Result<Option<HeaderValue>, ApiError> {
+    let Some(stored) = app.store.version(subject).await? else { return Ok(None) };
     let (start, progress) = (app.clock.started().0, app.progress.version(subject));
     // Progress is counted anew from every start.
     let tag = format!("\"{stored}.{progress}.{start:x}\"");
-    Ok(HeaderValue::try_from(tag).expect("digits and points"))
+    Ok(Some(HeaderValue::try_from(tag).expect("digits, signs and points")))
 }
 
 /// Whether `if-none-match` names this tag.

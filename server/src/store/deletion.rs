@@ -4,7 +4,7 @@
 use roost_api::ids::SweepId;
 use roost_api::sweep::Deletion;
 use roost_api::time::Timestamp;
-use sqlx::SqliteConnection;
+use sqlx::{Connection, SqliteConnection};
 
 use super::rows::Columns;
 use super::{Store, StoreError};
@@ -107,6 +107,9 @@ impl Store {
                     .fetch_all(&mut *tx)
                     .await?;
                     let objects = delete_jobs(tx, &jobs).await?;
+                    if !jobs.is_empty() {
+                        count_deletion(tx).await?;
+                    }
                     Ok((jobs.len() as u64, objects))
                 })
             })
@@ -116,13 +119,31 @@ impl Store {
     }
 }
 
+/// Lets listings know that something has gone, as the row of a deleted sweep does.
+async fn count_deletion(tx: &mut SqliteConnection) -> Result<(), StoreError> {
+    for sql in [
+        "INSERT INTO sqlite_sequence (name, seq)
+         SELECT 'deletions', 0 WHERE NOT EXISTS (SELECT 1 FROM sqlite_sequence WHERE name = 'deletions')",
+        "UPDATE sqlite_sequence SET seq = seq + 1 WHERE name = 'deletions'",
+    ] {
+        sqlx::query(sql).execute(&mut *tx).await?;
+    }
+    Ok(())
+}
+
 /// Goes on with deletions that a server did not finish.
 pub(super) async fn finish(connection: &mut SqliteConnection) -> Result<(), StoreError> {
     let left: Vec<String> =
         sqlx::query_scalar("SELECT id FROM sweeps WHERE deleting = 1").fetch_all(&mut *connection).await?;
     for id in left {
         // Objects that no row names any more are found later.
-        while piece(connection, &id).await?.0 {}
+        let mut more = true;
+        while more {
+            // Otherwise each statement would be on disk before the next.
+            let mut tx = connection.begin().await?;
+            more = piece(&mut tx, &id).await?.0;
+            tx.commit().await?;
+        }
     }
     Ok(())
 }

@@ -40,8 +40,9 @@ impl Store {
 
     /// The numbers of the oldest event that is kept and of the newest; nothing older than the first can be resumed from.
     pub(crate) async fn event_range(&self) -> Result<(i64, i64), StoreError> {
-        let sql =
-            "SELECT coalesce((SELECT min(seq) FROM events), 0), coalesce((SELECT max(seq) FROM events), 0)";
+        // The number that was given last, whether or not that event is still there.
+        let sql = "SELECT coalesce((SELECT min(seq) FROM events), last.seq + 1, 0), coalesce(last.seq, 0)
+                   FROM (SELECT max(seq) AS seq FROM sqlite_sequence WHERE name = 'events') last";
         Ok(sqlx::query_as(sql).fetch_one(&self.readers).await?)
     }
 

@@ -13,9 +13,16 @@ use sqlx::sqlite::SqliteRow;
 
 use super::facts::{Fenced, Written, fenced};
 use super::objects::{Reading, Staged, Unstaged};
-use super::rows::Columns;
+use super::rows::{Columns, to_json};
 use super::{Store, StoreError};
 use crate::queue::{Refusal, Standing};
+
+/// Objects that are looked up at once.
+const AT_ONCE: usize = 1000;
+
+/// Those of some objects that no row names.
+pub(super) const UNNAMED: &str = "SELECT value FROM json_each(?)
+    WHERE NOT EXISTS (SELECT 1 FROM frames WHERE object = value)";
 
 /// The frames of a job.
 pub(crate) struct StoredFrames {
@@ -129,12 +136,17 @@ impl Store {
     /// Removes those of these objects that no row names.
     pub(super) async fn remove_unnamed(&self, objects: &[String]) -> Result<u64, StoreError> {
         let mut removed = 0;
-        for object in objects {
-            let _shut = self.objects.shut().await;
-            let sql = "SELECT EXISTS (SELECT 1 FROM frames WHERE object = ?)";
-            let is_named: bool = sqlx::query_scalar(sql).bind(object).fetch_one(&self.readers).await?;
-            if !is_named && self.objects.remove(object).await? {
-                removed += 1;
+        for some in objects.chunks(AT_ONCE) {
+            let unnamed: Vec<String> =
+                sqlx::query_scalar(UNNAMED).bind(to_json("objects", &some)?).fetch_all(&self.readers).await?;
+            for object in unnamed {
+                // Asked again while nothing can be given its name: a row may have named it meanwhile.
+                let _shut = self.objects.shut().await;
+                let sql = "SELECT EXISTS (SELECT 1 FROM frames WHERE object = ?)";
+                let is_named: bool = sqlx::query_scalar(sql).bind(&object).fetch_one(&self.readers).await?;
+                if !is_named && self.objects.remove(&object).await? {
+                    removed += 1;
+                }
             }
         }
         Ok(removed)

@@ -1,6 +1,7 @@
 //! The store from inside: plans, constraints, the group commit.
 
 use roost_api::design::DesignKind;
+use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{AttemptOutcome, Cache, FailureClass, JobState};
 use roost_api::mesh::{MeshFormat, MeshView};
 use roost_api::time::Timestamp;
@@ -74,6 +75,7 @@ async fn what_runs_often_is_indexed() {
         (format!("SELECT j.id FROM jobs j {}", super::trials::FROM).as_str(), "jobs_by_point"),
         ("SELECT * FROM jobs j WHERE +j.seq < 9 AND j.sweep_id = 'a' AND j.point = 3", "jobs_by_point"),
         ("SELECT 1 FROM frames WHERE object = 'a'", "frames_by_object"),
+        (super::frames::UNNAMED, "frames_by_object"),
         ("SELECT * FROM jobs WHERE sweep_id = 'a' AND seq < 9 ORDER BY seq DESC", "jobs_of_sweep"),
         (
             "SELECT * FROM jobs WHERE state = ? AND ended_at IS NOT NULL AND seq < 9 ORDER BY seq DESC",
@@ -304,6 +306,60 @@ fn mesh(digest: &str) -> MeshView {
         size: [1.0; 3],
         uploaded_at: Timestamp(7),
     }
+}
+
+#[tokio::test]
+async fn versions_do_not_come_back_when_events_are_forgotten_or_meshes_go() {
+    let (store, _dir) = store().await;
+    let (sweep, job) = (SweepId::new(), JobId::new());
+    let write = async |sql: String| {
+        let sql = AssertSqlSafe(sql);
+        store
+            .writer
+            .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(sql).execute(tx).await.map(drop)?) }))
+            .await
+            .unwrap();
+    };
+    let versions = async || {
+        let mut versions = Vec::new();
+        for subject in [Subject::Everything, Subject::Workers, Subject::Job(job), Subject::Sweep(sweep)] {
+            versions.push(store.version(subject).await.unwrap());
+        }
+        versions
+    };
+    assert_eq!(versions().await[2..], [None, None], "there is none");
+    write(format!(
+        "INSERT INTO sweeps (id, name, spec, factors, labels, points, replicates, submitted_at)
+         VALUES ('{sweep}', 'n', '{{}}', '[]', '{{}}', 1, 1, 0);
+         INSERT INTO points VALUES ('{sweep}', 0, '{{}}');
+         INSERT INTO scenarios VALUES ('d', '{{}}');
+         INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, turn, labels, cache, submitted_at)
+         VALUES ('{job}', '{sweep}', 0, 0, 'd', 1, 0, 1, '{{}}', 'use', 0);"
+    ))
+    .await;
+    let queued = versions().await;
+    write("UPDATE jobs SET state = 'cancelled', ended_at = 1".to_owned()).await;
+    let ended = versions().await;
+    store.forget_before(Timestamp(i64::MAX)).await.unwrap();
+    assert_eq!(store.event_range().await.unwrap(), (2, 1), "nothing is left of the first and only one");
+    let forgotten = versions().await;
+    for (subject, queued) in queued.iter().enumerate() {
+        assert_ne!(*queued, ended[subject], "{subject}: it ended");
+        assert_ne!(*queued, forgotten[subject], "{subject}: and is not queued again");
+    }
+
+    let mut seen = vec![store.version(Subject::Meshes).await.unwrap()];
+    for sql in ["", "", "DELETE FROM meshes WHERE digest = '0'", "DELETE FROM meshes"] {
+        let digest = (seen.len() - 1).to_string();
+        match sql {
+            "" => drop(store.insert_mesh(mesh(&digest), &[1, 2, 3]).await.unwrap()),
+            sql => write(sql.to_owned()).await,
+        }
+        let version = store.version(Subject::Meshes).await.unwrap();
+        assert!(!seen.contains(&version), "{version:?} again");
+        seen.push(version);
+    }
+    store.close().await;
 }
 
 #[tokio::test]

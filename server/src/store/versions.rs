@@ -12,18 +12,18 @@ use super::{Store, StoreError};
 
 /// Versions that were read, each with the number of commits before it: while there is no other, it holds.
 #[derive(Default)]
-pub(super) struct Cache(Mutex<HashMap<Subject, (u64, String)>>);
+pub(super) struct Cache(Mutex<HashMap<Subject, (u64, Option<String>)>>);
 
 /// So many are remembered; then all are forgotten.
 const CACHED: usize = 1000;
 
 impl Cache {
-    fn get(&self, subject: Subject, commits: u64) -> Option<String> {
+    fn get(&self, subject: Subject, commits: u64) -> Option<Option<String>> {
         let known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         known.get(&subject).filter(|(at, _)| *at == commits).map(|(_, version)| version.clone())
     }
 
-    fn put(&self, subject: Subject, commits: u64, version: String) {
+    fn put(&self, subject: Subject, commits: u64, version: Option<String>) {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if known.len() >= CACHED {
             known.clear();
@@ -48,8 +48,9 @@ pub(crate) enum Subject {
 }
 
 impl Store {
-    /// The version of a subject: what happened to it last, and what was added to it last. Each is one step down an index.
-    pub(crate) async fn version(&self, subject: Subject) -> Result<String, StoreError> {
+    /// The version of a subject: what happened to it last, and what was added to it last. Each is one step down an index. None of
+    /// a job or a sweep that is not there.
+    pub(crate) async fn version(&self, subject: Subject) -> Result<Option<String>, StoreError> {
         let commits = self.writer.commits();
         if let Some(version) = self.versions.get(subject, commits) {
             return Ok(version);
@@ -59,14 +60,14 @@ impl Store {
             Subject::Job(id) => (JOB, Some(id.to_string())),
             Subject::Sweep(id) => (SWEEP, Some(id.to_string())),
             Subject::Workers => (WORKERS, None),
-            Subject::Meshes => ("SELECT 0, coalesce(max(seq), 0) FROM meshes", None),
+            Subject::Meshes => (MESHES, None),
         };
         let mut query = sqlx::query_as::<_, (i64, i64)>(sql);
         if let Some(id) = id {
             query = query.bind(id);
         }
-        let (changed, added) = query.fetch_one(&self.readers).await?;
-        let version = format!("{changed}.{added}");
+        let found = query.fetch_optional(&self.readers).await?;
+        let version = found.map(|(changed, added)| format!("{changed}.{added}"));
         self.versions.put(subject, commits, version.clone());
         Ok(version)
     }
@@ -93,12 +94,21 @@ pub(super) const CENSUS: &str = "
     UNION ALL SELECT 'running', count(*) FROM jobs WHERE state = 'running' AND lease_expires_at > 0
     UNION ALL SELECT state, count(*) FROM jobs WHERE ended_at IS NOT NULL GROUP BY state";
 
-/// The numbers that were given last never go down, not even when sweeps are deleted.
-const EVERYTHING: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM events),
+// Numbers that were given last never go down, not even when their rows go: those of tables are read where SQLite keeps them.
+
+const EVERYTHING: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
     (SELECT coalesce(sum(seq), 0) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))";
-pub(super) const JOB: &str = "SELECT coalesce(max(seq), 0), 0 FROM events WHERE job_id = ?";
-pub(super) const SWEEP: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM events WHERE sweep_id = ?1),
-    (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1
-     AND EXISTS (SELECT 1 FROM sweeps WHERE id = ?1 AND deleting = 0))";
-const WORKERS: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM events),
+// Where the events of a job or a sweep have been forgotten, the oldest event that is kept stands for them: what happened was before.
+pub(super) const JOB: &str = "SELECT coalesce(
+        (SELECT max(seq) FROM events WHERE job_id = ?1), -(SELECT min(seq) FROM events),
+        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0), 0
+    FROM jobs WHERE id = ?1";
+pub(super) const SWEEP: &str = "SELECT coalesce(
+        (SELECT max(seq) FROM events WHERE sweep_id = ?1), -(SELECT min(seq) FROM events),
+        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0),
+    (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1)
+    FROM sweeps WHERE id = ?1 AND deleting = 0";
+const WORKERS: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
     (SELECT coalesce(max(last_seen_at), 0) + count(*) + coalesce(sum(draining), 0) FROM workers)";
+const MESHES: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'meshes'),
+    (SELECT count(*) FROM meshes)";

@@ -78,8 +78,10 @@ async fn what_is_polled_is_sent_when_it_has_changed_and_only_then() {
     changed(&mut tags, "what happened elsewhere", &["/v1/jobs", "/v1/sweeps", "/v1/workers"]).await;
     farm.submit(&envelope(60)).await;
     changed(&mut tags, "a submission", &["/v1/jobs", "/v1/sweeps"]).await;
-    assert_eq!(poll(&farm, "/v1/jobs/01890000-0000-7000-8000-000000000000", Some("*")).await.0, 304);
-    assert_eq!(poll(&farm, "/v1/jobs/01890000-0000-7000-8000-000000000000", None).await.0, 404);
+    assert_eq!(poll(&farm, "/v1/jobs", Some("*")).await.0, 304, "whatever it is");
+    for seen in [None, Some("*")] {
+        assert_eq!(poll(&farm, "/v1/jobs/01890000-0000-7000-8000-000000000000", seen).await.0, 404);
+    }
     let tag = poll(&farm, &sweep, None).await.1;
     farm.stop().await;
 
@@ -110,5 +112,23 @@ async fn what_has_grown_or_gone_is_sent_again() {
         assert_eq!(poll(&farm, "/v1/sweeps", Some(&all)).await.0, 200, "one is gone");
         assert_eq!(poll(&farm, gone, Some(&tag)).await.0, 404);
     }
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn what_is_pruned_shows_in_listings() {
+    let (farm, _dir) = Farm::start().await;
+    let ended = farm.submit(&envelope(1)).await;
+    farm.submit(&envelope(2)).await;
+    let path = format!("/v1/jobs/{}", text(&ended["id"]));
+    farm.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    let (_, job, _) = poll(&farm, &path, None).await;
+    let (_, all, _) = poll(&farm, "/v1/jobs", None).await;
+    // What ended in this very millisecond stays.
+    tokio::time::sleep(Duration::from_millis(5)).await;
+    let gone = farm.post("/v1/prune?older_than_s=0", &json!({})).await.expect(StatusCode::OK);
+    assert_eq!(gone["jobs"], 1);
+    assert_eq!(poll(&farm, "/v1/jobs", Some(&all)).await.0, 200, "one is gone");
+    assert_eq!(poll(&farm, &path, Some(&job)).await.0, 404);
     farm.stop().await;
 }
