@@ -2,7 +2,12 @@
 //!
 //! Without any token in the data directory everything is open, and the server listens on loopback addresses only. With one,
 //! every request but those for health, documentation and the files of the dashboard needs `authorization: Bearer …`, or the session of a page.
+//!
+//! A browser on this machine reaches loopback addresses for whatever page it shows. So pages of other sites may not change anything, as
+//! the browser says whose a request is (`sec-fetch-site`); and without tokens a name that somebody else has pointed at
+//! a loopback address is not answered to (DNS rebinding), which would make their page one of ours.
 
+use std::net::IpAddr;
 use std::sync::Arc;
 
 use axum::extract::{MatchedPath, Request, State};
@@ -46,6 +51,17 @@ impl Access {
 
     fn tokens(&self) -> Arc<Vec<Token>> {
         self.tokens.read().unwrap_or_else(std::sync::PoisonError::into_inner).clone()
+    }
+
+    /// Whether there are no tokens, and everything is open.
+    fn is_open(&self) -> bool {
+        self.tokens().is_empty()
+    }
+
+    /// Whether who was admitted once would be known still.
+    pub(super) fn knows(&self, caller: &Caller) -> bool {
+        let tokens = self.tokens();
+        tokens.is_empty() || tokens.iter().any(|token| *token.id == *caller.0)
     }
 
     /// Who may ask for what takes this scope, or why not.
@@ -104,12 +120,48 @@ pub(super) fn needed(method: &Method, path: &str) -> &'static [Scope] {
     }
 }
 
-/// Lets a request pass, or answers 401, 403 or 429.
+/// Refuses what a page of another site has a browser ask for.
+fn refuse_strange_pages(app: &App, request: &Request) -> Result<(), ApiError> {
+    let header = |name: &str| request.headers().get(name).map(|value| value.to_str().unwrap_or("?"));
+    let reads = matches!(*request.method(), Method::GET | Method::HEAD);
+    if let Some(site) =
+        header("sec-fetch-site").filter(|site| !reads && !matches!(*site, "same-origin" | "none"))
+    {
+        let detail =
+            format!("a page of another site asked for this (sec-fetch-site: {site}): nothing changed");
+        return Err(ApiError::new(Kind::CrossSite, detail));
+    }
+    if let Some(host) = header("host").filter(|host| !is_loopback(host) && app.access.is_open()) {
+        let detail = format!(
+            "host {host}: without access tokens the server answers to localhost and loopback addresses only; make a token with \
+             `roost token create`, or have the proxy send `host: localhost`"
+        );
+        return Err(ApiError::new(Kind::WrongHost, detail));
+    }
+    Ok(())
+}
+
+/// Whether a `host` header, with or without a port, is a name of this machine that nobody else can give away.
+fn is_loopback(host: &str) -> bool {
+    let name = match host.strip_prefix('[') {
+        Some(rest) => rest.split(']').next(),
+        None => host.split(':').next(),
+    };
+    let name = name.unwrap_or_default().trim_end_matches('.').to_ascii_lowercase();
+    name == "localhost"
+        || name.ends_with(".localhost")
+        || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
+/// Lets a request pass, or answers 401, 403, 421 or 429.
 pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Next) -> Response {
     let Some(path) = request.extensions().get::<MatchedPath>() else { return next.run(request).await };
     let scopes = needed(request.method(), path.as_str());
     if scopes.is_empty() {
         return next.run(request).await;
+    }
+    if let Err(error) = refuse_strange_pages(&app, &request) {
+        return error.into_response();
     }
     let secret = session::secret(request.headers(), request.method());
     let caller = match app.access.admit(secret, scopes) {
@@ -131,4 +183,35 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
     }
     request.extensions_mut().insert(caller);
     next.run(request).await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_loopback;
+
+    #[test]
+    fn only_names_of_this_machine_are_loopback() {
+        for host in [
+            "localhost",
+            "LocalHost:7373",
+            "a.localhost.",
+            "127.0.0.1",
+            "127.9.9.9:80",
+            "[::1]:7373",
+            "[::1]",
+        ] {
+            assert!(is_loopback(host), "{host}");
+        }
+        for host in [
+            "",
+            "localhost.example",
+            "127.0.0.1.example:7373",
+            "10.0.0.1",
+            "[::2]:7373",
+            "notlocalhost",
+            "0.0.0.0",
+        ] {
+            assert!(!is_loopback(host), "{host}");
+        }
+    }
 }

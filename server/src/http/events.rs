@@ -3,12 +3,13 @@
 //! A stream begins with what there is now (`sweep` or `job`), then has an event `change` for everything that happens, whose id
 //! `Last-Event-ID` resumes after, and of a sweep `extended` when it has grown and `deleted`, which is the last. Between them come `progress` events, without an id: the next one says it all again; and of a
 //! job `samples`, what it has sampled since. A stream ends
-//! with the server, at once.
+//! with the server, at once, and with the token that it was asked for with.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::time::Duration;
 
+use axum::Extension;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -20,10 +21,12 @@ use roost_api::sweep::SweepView;
 use serde::Serialize;
 use serde_json::json;
 
+use super::access::Caller;
 use super::extract::Segments;
 use super::problem::{ApiError, Kind};
 use super::{jobs, sweeps};
 use crate::app::App;
+use crate::queue::Refusal;
 use crate::samples::Followed;
 use crate::store::Subject;
 
@@ -40,10 +43,11 @@ const LOOK_EVERY: Duration = Duration::from_millis(250);
 pub(crate) async fn of_sweep(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
+    caller: Option<Extension<Caller>>,
     headers: HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, ApiError> {
-    sweeps::view(&app, id).await?;
-    streamed(app, Subject::Sweep(id), &headers).await
+    app.store.sweep_size(id).await?.ok_or(Refusal::NoSweep)?;
+    streamed(app, Subject::Sweep(id), caller, &headers).await
 }
 
 /// What happens to a job, from now on or from after `Last-Event-ID`.
@@ -56,22 +60,25 @@ pub(crate) async fn of_sweep(
 pub(crate) async fn of_job(
     State(app): State<App>,
     Segments(id): Segments<JobId>,
+    caller: Option<Extension<Caller>>,
     headers: HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, ApiError> {
     jobs::view(&app, id).await?;
-    streamed(app, Subject::Job(id), &headers).await
+    streamed(app, Subject::Job(id), caller, &headers).await
 }
 
 struct Following {
     app: App,
     subject: Subject,
+    /// Who follows.
+    caller: Caller,
     /// The newest event that was sent.
     last: i64,
     /// Whether what there is now is still to be sent.
     fresh: bool,
     progress: u64,
     /// Version of the subject when its size was looked at last, and that size: points and replicates of a sweep.
-    seen: Option<(String, Option<(u32, u32)>)>,
+    seen: Option<(Option<String>, Option<(u32, u32)>)>,
     /// What of a running job's samples was sent.
     followed: Vec<Followed>,
     /// Whether there is nothing more to follow.
@@ -82,6 +89,7 @@ struct Following {
 async fn streamed(
     app: App,
     subject: Subject,
+    caller: Option<Extension<Caller>>,
     headers: &HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>> + use<>>, ApiError> {
     let (oldest, newest) = app.store.event_range().await?;
@@ -96,6 +104,7 @@ async fn streamed(
     let following = Following {
         app,
         subject,
+        caller: caller.map(|Extension(caller)| caller).unwrap_or_default(),
         last: asked.unwrap_or(newest),
         fresh: asked.is_none(),
         progress,
@@ -112,13 +121,13 @@ async fn streamed(
 }
 
 impl Following {
-    /// The next event; none when the server stops.
+    /// The next event; none when the server stops, or the token of who follows is revoked.
     async fn next(&mut self) -> Option<Event> {
         loop {
             if let Some(event) = self.ready.pop_front() {
                 return Some(event);
             }
-            if self.over || self.app.shutdown.is_cancelled() {
+            if self.over || self.app.shutdown.is_cancelled() || !self.app.access.knows(&self.caller) {
                 return None;
             }
             if let Err(error) = self.look().await {

@@ -48,6 +48,8 @@ kinds! {
     InvalidKey = "invalid-idempotency-key", BAD_REQUEST, "The Idempotency-Key is unreadable";
     Unauthorized = "unauthorized", UNAUTHORIZED, "A token is needed";
     Forbidden = "forbidden", FORBIDDEN, "The token does not allow this";
+    CrossSite = "cross-site", FORBIDDEN, "A page of another site asked for this";
+    WrongHost = "wrong-host", MISDIRECTED_REQUEST, "Without tokens the server answers to loopback names only";
     NotJson = "not-json", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as JSON";
     NotStl = "not-stl", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as STL";
     NotFrames = "not-frames", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as frames";

@@ -63,7 +63,10 @@ fn problem() -> RefOr<Response> {
 fn kinds(method: &Method, path: &str, operation: &Operation) -> Vec<Kind> {
     let mut kinds = vec![Kind::Unavailable, Kind::Internal];
     if !access::needed(method, path).is_empty() {
-        kinds.extend([Kind::Unauthorized, Kind::Forbidden, Kind::TooManyRequests]);
+        kinds.extend([Kind::Unauthorized, Kind::Forbidden, Kind::TooManyRequests, Kind::WrongHost]);
+        if *method != Method::GET {
+            kinds.push(Kind::CrossSite);
+        }
     }
     for parameter in operation.parameters.iter().flatten() {
         let RefOr::T(parameter) = parameter else { continue };

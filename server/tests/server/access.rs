@@ -141,6 +141,78 @@ async fn who_asks_too_often_is_told_the_limit_and_when_to_come_back() {
 }
 
 #[tokio::test]
+async fn pages_of_others_change_nothing_and_without_tokens_other_names_are_not_answered_to() {
+    let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(1)).await;
+    let at = |path: &str| format!("http://{}{path}", farm.address);
+    let post = |site: Option<&str>| {
+        let request = farm.http.post(at("/v1/prune?older_than_s=0"));
+        site.iter().fold(request, |request, site| request.header("sec-fetch-site", *site))
+    };
+    for (site, status) in [
+        (None, 200),
+        (Some("same-origin"), 200),
+        (Some("none"), 200),
+        (Some("cross-site"), 403),
+        (Some("same-site"), 403),
+    ] {
+        let answer = post(site).send().await.unwrap();
+        assert_eq!(answer.status(), status, "{site:?}");
+        let text = answer.text().await.unwrap();
+        assert!(status == 200 || text.contains("/problems/cross-site"), "{text}");
+    }
+    let read = farm.http.get(at("/v1/jobs")).header("sec-fetch-site", "cross-site").send().await.unwrap();
+    assert_eq!(read.status(), 200, "a link to a page of ours");
+
+    let named = async |host: &str, token: Option<&str>| {
+        let request = farm.http.get(at("/v1/jobs")).header("host", host);
+        let request = token.into_iter().fold(request, |request, token| request.bearer_auth(token));
+        let answer = request.send().await.unwrap();
+        (answer.status().as_u16(), answer.text().await.unwrap())
+    };
+    for host in ["localhost:9", "127.0.0.1", "[::1]:80"] {
+        assert_eq!(named(host, None).await.0, 200, "{host}");
+    }
+    let (status, text) = named("rebound.example:7373", None).await;
+    assert!(
+        status == 421 && text.contains("/problems/wrong-host") && text.contains("rebound.example"),
+        "{text}"
+    );
+
+    // With a token it may be called anything, as behind a proxy.
+    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let (_, secret) = tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
+    tokens.close().await.unwrap();
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while named("roost.example", Some(&secret)).await.0 != 200 {
+        assert!(Instant::now() < deadline, "still not 200");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    assert_eq!(post(Some("cross-site")).bearer_auth(&secret).send().await.unwrap().status(), 403);
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn a_stream_of_events_ends_with_the_token_that_it_was_asked_for_with() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let (view, secret) = tokens.create("", &[Scope::Submit], Timestamp::now()).await.unwrap();
+    tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
+    let farm = Farm::on(dir.path(), |config| config.lease = Duration::from_secs(1)).await;
+    let (_, job) = ask(&farm, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
+    let job: Value = serde_json::from_str(&job).unwrap();
+    let url = format!("http://{}/v1/jobs/{}/events", farm.address, text(&job["id"]));
+    let mut events = farm.http.get(url).bearer_auth(&secret).send().await.unwrap();
+    assert!(events.chunk().await.unwrap().is_some(), "it begins with what there is");
+    let more = tokio::time::timeout(Duration::from_secs(1), events.chunk()).await;
+    assert!(more.is_err(), "it goes on while the token is valid");
+    tokens.revoke(&view.id, Timestamp::now()).await.unwrap();
+    tokens.close().await.unwrap();
+    let ended = async { while events.chunk().await.unwrap().is_some() {} };
+    tokio::time::timeout(Duration::from_secs(10), ended).await.expect("it ends");
+    farm.stop().await;
+}
+
+#[tokio::test]
 async fn a_session_reads_with_its_cookie_and_changes_things_only_from_our_pages() {
     let dir = tempfile::tempdir().unwrap();
     let mut tokens = tokens_in(dir.path()).await.unwrap();
