@@ -11,6 +11,15 @@ pub(crate) async fn aside<T: Send + 'static>(
         .map_err(|error| ApiError::new(Kind::Internal, format!("the document could not be checked: {error}")))
 }
 
+/// Does `work` to its end even if who asked for it goes away meanwhile.
+pub(crate) async fn to_its_end<T: Send + 'static>(
+    work: impl Future<Output = T> + Send + 'static,
+) -> Result<T, ApiError> {
+    tokio::spawn(work)
+        .await
+        .map_err(|error| ApiError::new(Kind::Internal, format!("the work ended before it was done: {error}")))
+}
+
 /// A document up to this length is worked where it is: the way to another thread takes longer.
 const SHORT: usize = 64 * 1024;
 

@@ -7,6 +7,7 @@ use roost_api::prune::Pruning;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
+use super::aside::to_its_end;
 use super::extract::Params;
 use super::problem::{ApiError, Kind};
 use crate::app::App;
@@ -40,5 +41,8 @@ pub(crate) async fn prune(
         return Err(ApiError::new(Kind::InvalidQuery, detail));
     }
     let then = app.clock.now().plus_ms(-(query.older_than_s * 1000.0) as i64);
-    Ok(Json(if query.dry_run { app.store.prunable(then).await? } else { app.prune(then).await? }))
+    if query.dry_run {
+        return Ok(Json(app.store.prunable(then).await?));
+    }
+    Ok(Json(to_its_end(async move { app.prune(then).await }).await??))
 }

@@ -14,7 +14,7 @@ use serde::Deserialize;
 use serde_json::json;
 use utoipa::IntoParams;
 
-use super::aside::aside;
+use super::aside::{aside, to_its_end};
 use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
@@ -146,7 +146,7 @@ pub(crate) async fn jobs(
     Segments(id): Segments<SweepId>,
     Params(query): Params<JobQuery>,
 ) -> Result<Json<Page<JobView>>, ApiError> {
-    app.store.sweep(id).await?.ok_or(Refusal::NoSweep)?;
+    app.store.sweep_size(id).await?.ok_or(Refusal::NoSweep)?;
     list_filtered(&app, JobFilter { sweep: Some(id), ..query.filter()? }).await
 }
 
@@ -250,7 +250,11 @@ pub(crate) async fn delete(
     Params(query): Params<DeleteQuery>,
 ) -> Result<Json<Deletion>, ApiError> {
     let deletion = app.store.deletion(id).await?.ok_or(Refusal::NoSweep)?;
-    if !query.dry_run && !app.store.delete_sweep(id, app.clock.now()).await? {
+    let delete = || {
+        let app = app.clone();
+        to_its_end(async move { app.store.delete_sweep(id, app.clock.now()).await })
+    };
+    if !query.dry_run && !delete().await?? {
         let unended = deletion.unended;
         let detail = format!(
             "{unended} of its jobs have not ended: cancel the sweep first, and wait for those that run"

@@ -1,7 +1,10 @@
 //! Sweeps that grow and go: extensions, tables in every format, effects, deletion.
 
+use std::time::{Duration, Instant};
+
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
+use sqlx::Connection;
 
 use super::farm::*;
 
@@ -239,4 +242,31 @@ async fn a_deletion_leaves_nothing_behind_even_when_it_is_interrupted() {
     again.get(&other).await.problem(404, "not-found");
     again.stop().await;
     assert_eq!(count(&mut open().await).await, (0, 0), "the server goes on where the last one stopped");
+}
+
+#[tokio::test]
+async fn a_deletion_goes_on_when_who_asked_for_it_goes_away() {
+    let (farm, dir) = Farm::start().await;
+    let sweep = json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": [], "replicates": 6000});
+    let sweep = farm.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
+    let path = format!("/v1/sweeps/{}", text(&sweep["id"]));
+    farm.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    let asking = tokio::spawn(farm.http.delete(format!("http://{}{path}", farm.address)).send());
+    while farm.get(&path).await.status != 404 {}
+    asking.abort();
+    assert!(asking.await.unwrap_err().is_cancelled(), "nobody waits for the answer");
+    let file =
+        sqlx::sqlite::SqliteConnectOptions::new().filename(dir.path().join("roost.db")).read_only(true);
+    let mut database = sqlx::SqliteConnection::connect_with(&file).await.unwrap();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    loop {
+        let left: i64 =
+            sqlx::query_scalar("SELECT count(*) FROM jobs").fetch_one(&mut database).await.unwrap();
+        if left == 0 {
+            break;
+        }
+        assert!(Instant::now() < deadline, "{left} jobs are left");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    farm.stop().await;
 }
