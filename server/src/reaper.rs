@@ -15,27 +15,38 @@ const CLEAR_EVERY: Duration = Duration::from_secs(600);
 /// An object that no row has named for so long goes: a day.
 const UNNAMED_MS: i64 = 24 * 3600 * 1000;
 
-/// Looks for what has run out until the server shuts down.
+/// Looks for what has run out, and beside it clears away what nobody needs, until the server shuts down.
 pub(crate) async fn run(app: App) {
-    let mut cleared = None::<std::time::Instant>;
+    // What is deleted half is gone on with at the next start.
+    let clearing = app.shutdown.run_until_cancelled(clear(&app));
+    tokio::join!(expire(&app), clearing);
+}
+
+async fn expire(app: &App) {
     let interval = (app.config.lease / 4).clamp(Duration::from_millis(20), Duration::from_secs(1));
     while app.shutdown.run_until_cancelled(tokio::time::sleep(interval)).await.is_some() {
-        if let Err(error) = tick(&app).await {
+        if let Err(error) = tick(app).await {
             tracing::error!(error = error.as_dyn(), "leases could not be looked through");
         }
-        if cleared.is_none_or(|then| then.elapsed() > CLEAR_EVERY) {
-            cleared = Some(std::time::Instant::now());
-            if let Err(error) = app.store.forget_before(ago(&app, app.config.memory)).await {
-                tracing::error!(error = error.as_dyn(), "old events could not be cleared away");
-            }
-            if let Some(age) = app.config.prune_after {
-                prune(&app, age).await;
-            }
-            match app.store.sweep_objects(app.clock.now().plus_ms(-UNNAMED_MS)).await {
-                Ok(0) => {}
-                Ok(objects) => tracing::info!(objects, "removed objects that nothing names"),
-                Err(error) => tracing::error!(error = error.as_dyn(), "objects could not be looked through"),
-            }
+    }
+}
+
+/// May take long, while leases must not wait.
+async fn clear(app: &App) {
+    let mut clock = tokio::time::interval(CLEAR_EVERY);
+    clock.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    loop {
+        clock.tick().await;
+        if let Err(error) = app.store.forget_before(ago(app, app.config.memory)).await {
+            tracing::error!(error = error.as_dyn(), "old events could not be cleared away");
+        }
+        if let Some(age) = app.config.prune_after {
+            prune(app, age).await;
+        }
+        match app.store.sweep_objects(app.clock.now().plus_ms(-UNNAMED_MS)).await {
+            Ok(0) => {}
+            Ok(objects) => tracing::info!(objects, "removed objects that nothing names"),
+            Err(error) => tracing::error!(error = error.as_dyn(), "objects could not be looked through"),
         }
     }
 }
