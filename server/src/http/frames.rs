@@ -23,6 +23,9 @@ use crate::store::{StoredFrames, Unstaged};
 /// What a stream may be declared as.
 const MEDIA_TYPES: [&str; 2] = [MEDIA_TYPE, "application/octet-stream"];
 
+/// The most frames that may be counted: a number that JSON keeps in every language.
+const MAX_COUNT: u64 = (1 << 53) - 1;
+
 /// What the reason for which frames end may be long.
 const MAX_REASON: usize = 500;
 
@@ -34,7 +37,8 @@ pub(crate) struct FramesQuery {
     /// Who uploads them.
     #[param(value_type = uuid::Uuid)]
     worker_id: WorkerId,
-    /// Frames in the stream, at least 1.
+    /// Frames in the stream, 1 to 2^53 - 1.
+    #[param(minimum = 1, maximum = 9_007_199_254_740_991u64)]
     count: u64,
     /// Why they end before the run did.
     stopped: Option<String>,
@@ -61,8 +65,9 @@ pub(crate) async fn upload(
     Params(query): Params<FramesQuery>,
     request: Request,
 ) -> Result<Json<Receipt>, ApiError> {
-    if query.count == 0 {
-        return Err(ApiError::new(Kind::InvalidQuery, "count 0: without a frame there is nothing to upload"));
+    if !(1..=MAX_COUNT).contains(&query.count) {
+        let detail = format!("count {} is not within 1 to {MAX_COUNT}", query.count);
+        return Err(ApiError::new(Kind::InvalidQuery, detail));
     }
     declared_as(request.headers(), MEDIA_TYPES, Kind::NotFrames)?;
     // Nobody sends megabytes to learn that they are not wanted.

@@ -10,7 +10,7 @@ use roost_api::time::Timestamp;
 use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::Scenario;
 use serde_json::Value;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use sqlx::{AssertSqlSafe, QueryBuilder, Sqlite, SqliteConnection};
 
 use super::rows::to_json;
 use super::{Store, StoreError};
@@ -256,18 +256,22 @@ pub(super) async fn insert(
     if shared.cache == Cache::Use { answer_from_cache(tx, newest, now).await } else { Ok(()) }
 }
 
+/// The frames of a result, where they are as far apart as a job asks.
+const FRAMES_AS_ASKED: &str = "frames f JOIN jobs recorded ON recorded.id = f.job_id
+    WHERE f.job_id = results.job_id AND f.attempt = results.attempt AND recorded.frame_interval_s = jobs.frame_interval_s";
+
 /// Settles the queued jobs after `newest` whose scenario this solver revision has run before; where frames are asked for, that run
-/// must have recorded some, and these are theirs.
+/// must have recorded them as far apart, and these are theirs.
 async fn answer_from_cache(tx: &mut SqliteConnection, newest: i64, now: Timestamp) -> Result<(), StoreError> {
-    let answered = sqlx::query(
+    let answered = sqlx::query(AssertSqlSafe(format!(
         "INSERT INTO results
          SELECT jobs.id, 0, old.digest, old.solver_revision, old.backend, old.responses, old.document, ?
          FROM jobs JOIN results AS old ON old.job_id =
              (SELECT job_id FROM results WHERE digest = jobs.digest AND solver_revision = ?
-              AND (jobs.frame_interval_s IS NULL OR EXISTS (SELECT 1 FROM frames WHERE job_id = results.job_id))
+              AND (jobs.frame_interval_s IS NULL OR EXISTS (SELECT 1 FROM {FRAMES_AS_ASKED}))
               LIMIT 1)
-         WHERE jobs.seq > ?",
-    )
+         WHERE jobs.seq > ?"
+    )))
     .bind(now.0)
     .bind(SOLVER_REVISION)
     .bind(newest)
@@ -283,14 +287,14 @@ async fn answer_from_cache(tx: &mut SqliteConnection, newest: i64, now: Timestam
         .bind(newest)
         .execute(&mut *tx)
         .await?;
-        sqlx::query(
+        sqlx::query(AssertSqlSafe(format!(
             "INSERT INTO frames
              SELECT jobs.id, 0, old.object, old.bytes, old.count, old.stopped, ?
              FROM jobs JOIN frames AS old ON old.job_id =
-                 (SELECT results.job_id FROM results JOIN frames USING (job_id)
-                  WHERE results.digest = jobs.digest AND solver_revision = ? LIMIT 1)
-             WHERE jobs.seq > ? AND jobs.from_cache = 1",
-        )
+                 (SELECT job_id FROM results WHERE digest = jobs.digest AND solver_revision = ?
+                  AND EXISTS (SELECT 1 FROM {FRAMES_AS_ASKED}) LIMIT 1)
+             WHERE jobs.seq > ? AND jobs.from_cache = 1"
+        )))
         .bind(now.0)
         .bind(SOLVER_REVISION)
         .bind(newest)

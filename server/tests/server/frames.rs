@@ -127,6 +127,8 @@ async fn what_are_no_frames_of_a_living_attempt_is_refused_and_leaves_nothing() 
         ("&count=1", Vec::new(), 422, "wrong-result"),
         ("&count=1", stream(1001, 0), 413, "too-large"),
         ("&count=0", stream(10, 0), 400, "invalid-query"),
+        ("&count=9007199254740992", stream(10, 0), 400, "invalid-query"),
+        ("&count=18446744073709551615", stream(10, 0), 400, "invalid-query"),
         ("", stream(10, 0), 400, "invalid-query"),
     ] {
         let (seen, problem) = worker.upload_frames(&first, query, body).await;
@@ -161,7 +163,7 @@ async fn what_are_no_frames_of_a_living_attempt_is_refused_and_leaves_nothing() 
 async fn a_deleted_sweep_takes_the_frames_along_that_nobody_else_names() {
     let (farm, dir) = Farm::start().await;
     let worker = farm.worker("cpu").await;
-    let sweep = json!({"name": "two", "base": scenario(1), "design": {"kind": "grid"}, "frame_interval_s": 0.1,
+    let sweep = json!({"name": "two", "base": scenario(1), "design": {"kind": "grid"}, "frame_interval_s": 0.05,
                        "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045, 0.06]}]});
     let view = farm.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
     for (mark, attempt) in (0..).zip(worker.claim(2).await) {
@@ -180,6 +182,31 @@ async fn a_deleted_sweep_takes_the_frames_along_that_nobody_else_names() {
     assert_eq!(gone["frames_bytes"], 200);
     assert_eq!(objects(), 1, "the other job still names one");
     assert_eq!(fetch(&farm, &other["id"], &[]).await.2, stream(100, 0));
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn frames_are_anothers_only_where_they_are_as_far_apart_as_asked() {
+    let (farm, _dir) = Farm::with(|config| config.lease = Duration::from_millis(400)).await;
+    let worker = farm.worker("cpu").await;
+    let first = farm.submit(&asking(1)).await;
+    let lost = worker.claim_one().await;
+    assert_eq!(worker.upload_frames(&lost, "&count=1", stream(20, 1)).await.0, 200);
+    farm.wait_for(&first["id"], "queued").await;
+    // The attempt that came to a result recorded none.
+    let attempt = worker.claim_one().await;
+    worker.deliver(&attempt).await.expect(StatusCode::OK);
+    assert_eq!(farm.submit(&asking(1)).await["state"], "queued", "frames of another attempt");
+    let attempt = worker.claim_one().await;
+    assert_eq!(worker.upload_frames(&attempt, "&count=1", stream(20, 2)).await.0, 200);
+    worker.deliver(&attempt).await.expect(StatusCode::OK);
+    let same = farm.submit(&asking(1)).await;
+    assert_eq!((&same["from_cache"], &same["frames"]["count"]), (&json!(true), &json!(1)));
+    assert_eq!(fetch(&farm, &same["id"], &[]).await.2, stream(20, 2));
+    let closer = json!({"scenario": scenario(1), "frame_interval_s": 0.01});
+    assert_eq!(farm.submit(&closer).await["state"], "queued", "frames closer together");
+    let without = farm.submit(&envelope(1)).await;
+    assert_eq!((&without["from_cache"], &without["frames"]), (&json!(true), &Value::Null), "nobody asked");
     farm.stop().await;
 }
 
