@@ -39,12 +39,14 @@ impl<S: Send + Sync> FromRequest<S> for Document {
     }
 }
 
-impl<S: Send + Sync, T: DeserializeOwned + Serialize> FromRequest<S> for Body<T> {
+impl<S: Send + Sync, T: DeserializeOwned + Serialize + Send + 'static> FromRequest<S> for Body<T> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
-        let Document(value) = Document::from_request(request, state).await?;
-        read_document(value).map(Self).map_err(ApiError::faults)
+        let bytes = json_bytes(request, state).await?;
+        let length = bytes.len();
+        let read = move || read_document(parsed(&bytes)?).map(Self).map_err(ApiError::faults);
+        unless_short(length, read).await?
     }
 }
 
