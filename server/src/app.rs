@@ -7,6 +7,7 @@ use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{JobState, JobView};
 use roost_api::lease::SeriesPart;
 use roost_api::prune::Pruning;
+use roost_api::sweep::SweepView;
 use roost_api::time::Timestamp;
 use roost_api::worker::WorkerView;
 use roost_api::{Progress, Series};
@@ -17,8 +18,10 @@ use tokio_util::sync::CancellationToken;
 use crate::clock::Clock;
 use crate::config::ServerConfig;
 use crate::http::{Access, Metrics};
+use crate::kept::Kept;
 use crate::samples::{Followed, MAX_OF_ALL, Samples};
 use crate::store::{Store, StoreError, Subject};
+use crate::sweep::Response;
 
 /// A handle to the running server's parts.
 pub(crate) type App = Arc<AppState>;
@@ -34,6 +37,10 @@ pub(crate) struct AppState {
     pub(crate) deliveries: Arc<Semaphore>,
     /// STL files that are taken in at once.
     pub(crate) uploads: Arc<Semaphore>,
+    /// Sweeps as they were shown last.
+    pub(crate) views: Kept<SweepView>,
+    /// The responses that results of sweeps have.
+    pub(crate) responses: Kept<Arc<Vec<Response>>>,
     /// Meshes for the checks of submissions.
     pub(crate) shelf: tokio::sync::Mutex<Shelf>,
     /// Open to whoever is about to name a mesh, shut while meshes go that nothing names.

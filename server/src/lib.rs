@@ -1,7 +1,7 @@
 //! The Roost server: a durable queue of jobs, sweeps, and the HTTP API to both.
 //!
 //! `http` answers requests; `document`, `mesh` and `validation` read what was submitted, `queue` decides, `sweep`
-//! expands designs and sums results up with `stats` (all pure, the clock an argument); `store` keeps everything in one SQLite file. axum is
+//! expands designs and sums results up with `stats` (all pure, the clock an argument); `store` keeps everything in one SQLite file, `kept` what was read of it for as long as it holds. axum is
 //! used in `http` only, sqlx in `store` only: a test looks.
 
 mod app;
@@ -10,6 +10,7 @@ mod config;
 mod data;
 mod document;
 mod http;
+mod kept;
 mod mesh;
 mod queue;
 mod reaper;

@@ -99,6 +99,8 @@ impl Server {
             work: Notify::new(),
             deliveries: Arc::new(Semaphore::new(http::places_for_deliveries(max_result_bytes))),
             uploads: Arc::new(Semaphore::new(http::UPLOADS_AT_ONCE)),
+            views: Default::default(),
+            responses: Default::default(),
             shelf: Default::default(),
             mesh_gate: Default::default(),
             metrics: http::Metrics::default(),

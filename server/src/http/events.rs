@@ -67,6 +67,9 @@ pub(crate) async fn of_job(
     streamed(app, Subject::Job(id), caller, &headers).await
 }
 
+/// Points and replicates of a sweep.
+type Size = (u32, u32);
+
 struct Following {
     app: App,
     subject: Subject,
@@ -77,8 +80,10 @@ struct Following {
     /// Whether what there is now is still to be sent.
     fresh: bool,
     progress: u64,
-    /// Version of the subject when its size was looked at last, and that size: points and replicates of a sweep.
-    seen: Option<(Option<String>, Option<(u32, u32)>)>,
+    /// Whether the sweep has come further than was told.
+    behind: bool,
+    /// Version of the subject when its size was looked at last, and that size.
+    seen: Option<(Option<String>, Option<Size>)>,
     /// What of a running job's samples was sent.
     followed: Vec<Followed>,
     /// Whether there is nothing more to follow.
@@ -108,6 +113,7 @@ async fn streamed(
         last: asked.unwrap_or(newest),
         fresh: asked.is_none(),
         progress,
+        behind: false,
         seen: None,
         followed: Vec::new(),
         over: false,
@@ -156,9 +162,9 @@ impl Following {
             self.ready.push_back(data("change", &event)?.id(id.to_string()));
         }
         let progress = self.app.progress.version(self.subject);
-        if progress != self.progress || !self.ready.is_empty() {
+        if progress != self.progress || !self.ready.is_empty() || self.behind {
             self.progress = progress;
-            let now = self.now("progress").await?;
+            let now = self.progress().await?;
             self.ready.push_back(now);
         }
         if let Subject::Job(id) = self.subject {
@@ -193,6 +199,14 @@ impl Following {
             _ => {}
         }
         Ok(())
+    }
+
+    /// How far it has come. All who follow a sweep share a view, which is told again when it is out of date.
+    async fn progress(&mut self) -> Result<Event, ApiError> {
+        let Subject::Sweep(id) = self.subject else { return self.now("progress").await };
+        let (view, is_newest) = sweeps::lately(&self.app, id, LOOK_EVERY).await?;
+        self.behind = !is_newest;
+        data::<SweepView>("progress", &view)
     }
 
     async fn now(&self, name: &str) -> Result<Event, ApiError> {

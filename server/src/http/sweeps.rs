@@ -1,5 +1,7 @@
 //! Sweeps: submit, look, cancel, retry, extend, delete.
 
+use std::time::Duration;
+
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, header};
@@ -23,7 +25,7 @@ use super::problem::{ApiError, Kind};
 use super::submissions::Reserved;
 use crate::app::App;
 use crate::queue::Refusal;
-use crate::store::{JobFilter, MoreOfSweep, NewSweep};
+use crate::store::{JobFilter, MoreOfSweep, NewSweep, Subject};
 use crate::sweep::{self, SweepLimits};
 
 /// Submits a sweep: base × design × replicates, all or nothing.
@@ -118,11 +120,32 @@ pub(crate) async fn spec(
     Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response())
 }
 
-/// The sweep as it is now.
+/// The sweep as it is now. Its jobs are counted once for all who ask while nothing happens to them.
 pub(super) async fn view(app: &App, id: SweepId) -> Result<SweepView, ApiError> {
+    let version = version(app, id).await?;
+    if let Some(view) = app.views.get(id, &version) {
+        return Ok(view);
+    }
     let mut sweep = app.store.sweep(id).await?.ok_or(Refusal::NoSweep)?;
     add_running(app, &mut sweep).await?;
+    app.views.put(id, version, sweep.clone());
     Ok(sweep)
+}
+
+/// The sweep as it was at most so long ago, and whether it still is.
+pub(super) async fn lately(app: &App, id: SweepId, age: Duration) -> Result<(SweepView, bool), ApiError> {
+    let newest = app.views.get(id, &version(app, id).await?);
+    if let (None, Some(view)) = (&newest, app.views.within(id, age)) {
+        return Ok((view, false));
+    }
+    Ok((view(app, id).await?, true))
+}
+
+/// Another one whenever a view of the sweep may have changed.
+pub(super) async fn version(app: &App, id: SweepId) -> Result<String, ApiError> {
+    let subject = Subject::Sweep(id);
+    let stored = app.store.version(subject).await?.ok_or(Refusal::NoSweep)?;
+    Ok(format!("{stored}.{}", app.progress.version(subject)))
 }
 
 /// Adds what the running jobs have done to the share that is done.

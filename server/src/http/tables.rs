@@ -1,6 +1,8 @@
 //! The result table of a sweep, written piece by piece: a large one is never whole in memory, but
 //! for the values of a Parquet file.
 
+use std::sync::Arc;
+
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderValue, Uri, header};
@@ -19,6 +21,8 @@ use super::page::{Places, link_to_next};
 use super::problem::{ApiError, Kind};
 use super::sweeps::view;
 use crate::app::App;
+use crate::queue::Refusal;
+use crate::store::Subject;
 use crate::sweep;
 
 /// Trials that are in memory at a time.
@@ -95,9 +99,10 @@ pub(crate) async fn table(
     // JSON carries its names itself.
     let responses = match (query.format, &asked) {
         (TableFormat::Json, _) => Vec::new(),
-        (_, None) => app.store.responses(id).await?,
+        (_, None) => responses(&app, id).await?.to_vec(),
         (_, Some(names)) => {
-            let known = app.store.responses(id).await?;
+            // What they have been shows in columns of points alone.
+            let known = if by_point { responses(&app, id).await? } else { Arc::default() };
             let of = |name: &String| known.iter().find(|response| response.name == *name).cloned();
             names
                 .iter()
@@ -127,6 +132,17 @@ pub(crate) async fn table(
     response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
     link_to_next(&mut response, &uri, next_cursor.as_deref());
     Ok(response)
+}
+
+/// The responses that results of a sweep have. Every result is looked at: once for all pages while there is no other.
+async fn responses(app: &App, id: SweepId) -> Result<Arc<Vec<sweep::Response>>, ApiError> {
+    let version = app.store.version(Subject::Sweep(id)).await?.ok_or(Refusal::NoSweep)?;
+    if let Some(known) = app.responses.get(id, &version) {
+        return Ok(known);
+    }
+    let found = Arc::new(app.store.responses(id).await?);
+    app.responses.put(id, version, found.clone());
+    Ok(found)
 }
 
 /// Some rows of the table.

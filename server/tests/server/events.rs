@@ -158,3 +158,32 @@ async fn a_sweeps_stream_tells_that_it_has_grown_and_ends_when_it_is_deleted() {
     assert_eq!((last.name.as_str(), &last.data["id"]), ("deleted", &view["id"]));
     farm.stop().await;
 }
+
+#[tokio::test]
+async fn all_who_follow_a_sweep_hear_of_its_end() {
+    let (farm, _dir) = Farm::start().await;
+    let spec = json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": [], "replicates": 12});
+    let sweep = farm.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
+    let path = format!("/v1/sweeps/{}", text(&sweep["id"]));
+    let mut streams = Vec::new();
+    for _ in 0..4 {
+        streams.push(Events::open(&farm, &path, None).await);
+        tokio::time::sleep(Duration::from_millis(40)).await;
+    }
+    let worker = farm.worker("cpu").await;
+    for attempt in worker.claim(12).await {
+        worker.deliver(&attempt).await.expect(StatusCode::OK);
+        tokio::time::sleep(Duration::from_millis(30)).await;
+    }
+    assert_eq!(farm.get(&path).await.body["counts"]["succeeded"], 12, "whoever asks is told what is");
+    for events in &mut streams {
+        // Told as it was a moment ago, it is told again.
+        loop {
+            let event = events.next().await.expect("more to come");
+            if event.name == "progress" && event.data["counts"]["succeeded"] == 12 {
+                break;
+            }
+        }
+    }
+    farm.stop().await;
+}
