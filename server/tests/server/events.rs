@@ -175,15 +175,18 @@ async fn all_who_follow_a_sweep_hear_of_its_end() {
         worker.deliver(&attempt).await.expect(StatusCode::OK);
         tokio::time::sleep(Duration::from_millis(30)).await;
     }
-    assert_eq!(farm.get(&path).await.body["counts"]["succeeded"], 12, "whoever asks is told what is");
     for events in &mut streams {
         // Told as it was a moment ago, it is told again.
-        loop {
-            let event = events.next().await.expect("more to come");
-            if event.name == "progress" && event.data["counts"]["succeeded"] == 12 {
-                break;
+        let told = async {
+            loop {
+                let event = events.next().await.expect("more to come");
+                if event.name == "progress" && event.data["counts"]["succeeded"] == 12 {
+                    break;
+                }
             }
-        }
+        };
+        tokio::time::timeout(Duration::from_secs(10), told).await.expect("in time");
     }
+    assert_eq!(farm.get(&path).await.body["counts"]["succeeded"], 12);
     farm.stop().await;
 }
