@@ -27,6 +27,7 @@ mod signals;
 mod status;
 mod submit;
 mod target;
+mod telemetry;
 mod token;
 mod ui;
 mod up;
@@ -34,11 +35,9 @@ mod validate;
 mod watch;
 mod work;
 
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
-use tracing_subscriber::EnvFilter;
 
 use exit::Exit;
 
@@ -90,6 +89,16 @@ impl Command {
         }
     }
 
+    /// What runs for long is traced under this name.
+    fn role(&self) -> Option<&'static str> {
+        match self {
+            Self::Up(_) => Some("roost-up"),
+            Self::Serve(_) => Some("roost-serve"),
+            Self::Work(_) => Some("roost-work"),
+            _ => None,
+        }
+    }
+
     async fn execute(self) -> anyhow::Result<Exit> {
         match self {
             Self::Demo(args) => demo::execute(args).await,
@@ -122,13 +131,7 @@ impl Command {
 #[tokio::main]
 async fn main() -> ExitCode {
     let Cli { command } = Cli::parse();
-    let filter = EnvFilter::try_from_env("ROOST_LOG").unwrap_or_else(|_| command.log_filter().into());
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .init();
+    let _telemetry = telemetry::start(command.log_filter(), command.role());
     match command.execute().await {
         Ok(exit) => exit.into(),
         // The reader of our output has seen enough.

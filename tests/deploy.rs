@@ -83,6 +83,7 @@ fn every_file_is_explained_and_runs_what_there_is() {
         for option in words.filter(|word| word.starts_with("--") && word.len() > 4) {
             let foreign = [
                 "--release",
+                "--features",
                 "--locked",
                 "--bin",
                 "--system",

@@ -117,7 +117,7 @@ fn ci_calls_the_test_command_of_the_readme() {
 }
 
 #[test]
-fn the_server_needs_no_graphics() {
+fn the_server_needs_no_graphics_and_a_usual_build_no_cloud() {
     let tree = |package: &str| {
         let cargo = Command::new(env!("CARGO"))
             .args(["tree", "--offline", "--prefix", "none", "--edges", "normal", "--package", package])
@@ -126,6 +126,9 @@ fn the_server_needs_no_graphics() {
         String::from_utf8(cargo.expect("cargo runs").stdout).expect("text")
     };
     assert!(tree("roost").contains("wgpu v"), "the command has the GPU backend");
+    for optional in ["opentelemetry", "h2 v", "quick-xml v"] {
+        assert!(!tree("roost").contains(optional), "{optional} comes with a feature that is off");
+    }
     let server = tree("roost-server");
     assert!(server.contains("roost-solver v") && !server.contains("wgpu"), "{server}");
 }

@@ -168,6 +168,8 @@ pub(crate) struct Home {
     starts: std::cell::Cell<u32>,
     /// Whether every process has a wall clock of its own, which can be set.
     has_clocks: bool,
+    /// Variables that every process gets.
+    variables: Vec<(&'static str, String)>,
     runtime: tokio::runtime::Runtime,
 }
 
@@ -178,6 +180,7 @@ impl Home {
             address: format!("http://127.0.0.1:{}", free_port()),
             starts: std::cell::Cell::new(0),
             has_clocks: false,
+            variables: Vec::new(),
             runtime: tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap(),
         }
     }
@@ -186,6 +189,11 @@ impl Home {
     pub(crate) fn with_clocks() -> Option<Self> {
         let home = Self { has_clocks: true, ..Self::new() };
         home.clock("any").is_some().then_some(home)
+    }
+
+    /// Gives a variable to every server and worker from now on.
+    pub(crate) fn set_variable(&mut self, name: &'static str, value: &str) {
+        self.variables.push((name, value.to_owned()));
     }
 
     /// Sets the wall clock of the server (`serve`) or of a worker, so many seconds from the true time.
@@ -346,6 +354,7 @@ impl Home {
         if let Some(clock) = self.clock(name) {
             clock.give_to(command);
         }
+        command.envs(self.variables.iter().map(|(name, value)| (name, value)));
         Process::start(command, self.path(&format!("{}-{name}.log", self.starts.get())))
     }
 }

@@ -52,6 +52,9 @@ pub(crate) async fn claim(
         if std::mem::take(&mut is_first) || app.store.has_work(claim, app.clock.both()).await? {
             let claimed = app.store.claim(claim, app.clock.both()).await??;
             if !claimed.attempts.is_empty() {
+                for given in &claimed.attempts {
+                    tracing::debug!(job = %given.job_id, attempt = given.attempt, "claimed");
+                }
                 return Ok(Json(ClaimReply { attempts: claimed.attempts }));
             }
             held_back = claimed.held_back;

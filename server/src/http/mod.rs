@@ -28,6 +28,7 @@ mod tables;
 mod tags;
 #[cfg(test)]
 mod tests;
+mod traces;
 mod upload;
 mod validate;
 mod workers;
@@ -42,7 +43,6 @@ use axum::response::{IntoResponse, Response};
 use axum::{Extension, Router};
 use tokio::net::TcpListener;
 use tower_http::catch_panic::CatchPanicLayer;
-use tower_http::trace::TraceLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -153,7 +153,7 @@ fn router(app: App) -> Router {
         .layer(from_fn_with_state(app.clone(), metrics::measured))
         .layer(Extension(meta::Spec::new(&spec)))
         .layer(CatchPanicLayer::custom(panicked))
-        .layer(TraceLayer::new_for_http())
+        .layer(traces::layer())
         .with_state(app)
 }
 

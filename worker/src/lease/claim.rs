@@ -7,6 +7,8 @@ use roost_api::job::AttemptOutcome;
 use roost_api::lease::{ClaimReply, ClaimRequest, ClaimedAttempt, FailureReport, ResultDelivery};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::task::TaskTracker;
+use tracing::field::Empty;
+use tracing::{Instrument, Span};
 use uuid::Uuid;
 
 use super::deliver;
@@ -119,7 +121,9 @@ fn begin(
     let pictures = recording.as_ref().map(Recording::pictures);
     let run = Run::start_pictured(scenario, meshes, place, max_wall_s, pictures);
     session.held.insert((job_id, attempt), &run);
-    runs.spawn(see_through(session.clone(), (job_id, attempt), run, recording, permit));
+    let span = tracing::debug_span!("attempt", job = %job_id, attempt, outcome = Empty);
+    let ending = see_through(session.clone(), (job_id, attempt), run, recording, permit);
+    runs.spawn(ending.instrument(span));
 }
 
 /// Puts what comes of a run in the outbox. A free slot is given back as soon as the run ends.
@@ -148,13 +152,16 @@ async fn see_through(
     let content = match end {
         RunEnd::Finished(result) => {
             tracing::info!(job = %job_id, attempt, wall_s = result.performance.wall_s, "finished");
+            Span::current().record("outcome", "finished");
             Content::Result(ResultDelivery { worker_id, result })
         }
         RunEnd::Failed { outcome, message, result } => {
             tracing::warn!(job = %job_id, attempt, %outcome, message, "ended without a result");
+            Span::current().record("outcome", outcome.to_string());
             Content::Failure(FailureReport { worker_id, outcome, message, result })
         }
         RunEnd::Abandoned => {
+            Span::current().record("outcome", "abandoned");
             tracing::warn!(job = %job_id, attempt, "abandoned: the server gave the job to another attempt");
             return session.held.remove((job_id, attempt));
         }

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::io;
 
 use tokio_util::sync::CancellationToken;
+use tracing::Instrument;
 
 use super::frames;
 use super::session::Session;
@@ -72,7 +73,8 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
             is_empty = false;
             continue;
         }
-        match delivery.send(&session.client).await {
+        let span = tracing::debug_span!("delivery", job = %key.0, attempt = key.1);
+        match delivery.send(&session.client).instrument(span).await {
             Ok(_) => {
                 let outbox = session.outbox.clone();
                 on_disk(move || outbox.remove(&path)).await?;
