@@ -47,14 +47,21 @@ pub(crate) async fn restore(args: Restore) -> Result<Exit> {
 }
 
 fn report(copied: &roost_server::Copied, as_json: bool) -> Result<Exit> {
-    let roost_server::Copied { bytes, jobs, results } = *copied;
+    let roost_server::Copied { bytes, jobs, results, absent_objects } = *copied;
     if as_json {
-        ui::println(format_args!("{:#}", json!({"bytes": bytes, "jobs": jobs, "results": results})))?;
+        let copied =
+            json!({"bytes": bytes, "jobs": jobs, "results": results, "absent_objects": absent_objects});
+        ui::println(format_args!("{copied:#}"))?;
     } else {
         ui::println(format_args!(
             "{jobs} jobs and {results} results in {:.1} MiB",
             bytes as f64 / 1_048_576.0
         ))?;
+    }
+    if absent_objects > 0 {
+        eprintln!(
+            "warning: objects (frames of jobs) that are not in the folder were not copied: {absent_objects}"
+        );
     }
     Ok(Exit::Done)
 }

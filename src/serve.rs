@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use roost_server::{Limits, RetryPolicy, Server, ServerConfig, Tries};
+use roost_server::{Bucket, Limits, RetryPolicy, Server, ServerConfig, Tries};
 
 use crate::exit::Exit;
 use crate::signals;
@@ -30,6 +30,10 @@ pub(crate) struct ServerArgs {
     /// Folder for everything the server keeps
     #[arg(long, default_value = "roost-data", value_name = "DIR")]
     pub(crate) data: PathBuf,
+    /// Keep frames in a bucket of S3 in place of the data folder, with credentials from the environment; needs a build with the
+    /// feature `s3`
+    #[arg(long, value_name = "s3://BUCKET/PREFIX")]
+    objects: Option<Bucket>,
     /// Workers are told to give a sign of life this often
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = positive)]
     heartbeat_s: f64,
@@ -77,6 +81,7 @@ impl ServerArgs {
         ServerConfig {
             listen: self.listen,
             data: self.data,
+            objects: self.objects,
             heartbeat: Duration::from_secs_f64(self.heartbeat_s),
             lease: Duration::from_secs_f64(self.lease_s),
             limits: Limits { max_subparticles: self.max_subparticles, max_steps: self.max_steps },

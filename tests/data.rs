@@ -31,7 +31,7 @@ fn a_backup_of_a_server_at_work_is_one_moment_and_comes_back_whole() {
     let (data, copy) = (home.path("data").display().to_string(), home.path("copy").display().to_string());
     let told: Value =
         serde_json::from_str(&stdout(&run(&["backup", &copy, "--data", &data, "--json"]))).unwrap();
-    assert_eq!((&told["jobs"], &told["results"]), (&json!(2), &json!(1)));
+    assert_eq!((&told["jobs"], &told["results"], &told["absent_objects"]), (&json!(2), &json!(1), &json!(0)));
     let files = std::fs::read_dir(&copy).unwrap().map(|file| file.unwrap().file_name());
     let files: std::collections::BTreeSet<_> = files.collect();
     assert_eq!(files, ["objects".into(), "roost.db".into()].into(), "one file with its frames, and no log");
@@ -52,8 +52,28 @@ fn a_backup_of_a_server_at_work_is_one_moment_and_comes_back_whole() {
     assert!(home.job(&later).is_none(), "it came after that moment");
     let back = home.job_when(&running, "its lease has ended", |job| job.state == JobState::Queued);
     assert_eq!(back.attempt, 1);
+    std::fs::remove_dir_all(home.path("data").join("objects")).unwrap();
+    let without = home.path("without frames").display().to_string();
+    let without = run(&["backup", &without, "--data", &data]);
+    assert!(
+        stdout(&without).contains("2 jobs") && said(&without).contains("not copied: 1"),
+        "{}",
+        said(&without)
+    );
     let nothing = run(&["backup", &copy, "--data", &home.path("nowhere").display().to_string()]);
     assert!(said(&nothing).contains("there is no roost.db"), "{}", said(&nothing));
+}
+
+#[test]
+#[cfg(not(feature = "s3"))]
+fn a_bucket_needs_a_build_that_knows_buckets() {
+    let home = Home::new();
+    let data = home.path("data").display().to_string();
+    let refused = run(&["serve", "--data", &data, "--objects", "s3://frames/of/roost"]);
+    assert!(!home.path("data").exists(), "nothing is made");
+    for named in ["--objects", "s3://frames/of/roost", "feature `s3`"] {
+        assert!(said(&refused).contains(named), "{named}: {}", said(&refused));
+    }
 }
 
 #[test]

@@ -7,6 +7,7 @@ use std::time::Duration;
 use roost_solver::Limits;
 
 use crate::queue::RetryPolicy;
+use crate::store::Bucket;
 
 /// The settings of a server.
 #[derive(Clone, Debug)]
@@ -15,6 +16,8 @@ pub struct ServerConfig {
     pub listen: SocketAddr,
     /// Everything the server keeps is in this directory.
     pub data: PathBuf,
+    /// Except the objects, where they are in a bucket.
+    pub objects: Option<Bucket>,
     /// A lease lasts this long after a heartbeat.
     pub lease: Duration,
     /// Workers are told to beat this often.
@@ -50,6 +53,7 @@ impl Default for ServerConfig {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 7373)),
             data: PathBuf::from("roost-data"),
+            objects: None,
             lease: Duration::from_secs(15),
             heartbeat: Duration::from_secs(2),
             max_claim_wait: Duration::from_secs(30),

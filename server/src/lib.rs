@@ -26,5 +26,5 @@ pub use data::{DataError, backup, restore, tokens_in};
 pub use queue::{RetryPolicy, Tries};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
-pub use store::{Copied, StoreError, TokenFile};
+pub use store::{Bucket, Copied, NoBucket, StoreError, TokenFile};
 pub use validation::{is_sweep, validate};

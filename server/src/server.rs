@@ -78,7 +78,7 @@ impl Server {
         let listener = patiently(bind).await?;
         let lock = patiently(async || Ok(data::lock(&config.data)?)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
-        let store = Store::open(&config.data.join(DATABASE)).await?;
+        let store = Store::open(&config.data.join(DATABASE), config.objects.as_ref()).await?;
         let tokens = store.tokens().await?;
         if tokens.is_empty() && !address.ip().is_loopback() {
             store.close().await;

@@ -16,6 +16,8 @@ pub struct Copied {
     pub jobs: u64,
     /// Results in it.
     pub results: u64,
+    /// Objects that it names and that were not in the folder: in a bucket, or gone meanwhile.
+    pub absent_objects: u64,
 }
 
 /// Copies a database, as it is at one moment, to a file that is not there yet. Whoever writes to it goes on meanwhile.
@@ -29,14 +31,14 @@ pub(crate) async fn copy(from: &Path, to: &Path) -> Result<Copied, StoreError> {
     let (copied, objects) = inspect(&beside).await?;
     let (there, here) = (from.with_file_name(OBJECTS), to.with_file_name(OBJECTS));
     let copying = tokio::task::spawn_blocking(move || objects::copy(&there, &here, &objects));
-    let beside_it = copying.await.map_err(std::io::Error::other)??;
+    let (beside_it, absent_objects) = copying.await.map_err(std::io::Error::other)??;
     // SQLite does not flush what it vacuums into.
     let sync = |path: &Path| File::open(path).and_then(|file| file.sync_all());
     sync(&beside).and_then(|()| fs::rename(&beside, to)).map_err(sqlx::Error::Io)?;
     if let Some(folder) = to.parent() {
         sync(folder).map_err(sqlx::Error::Io)?;
     }
-    Ok(Copied { bytes: copied.bytes + beside_it, ..copied })
+    Ok(Copied { bytes: copied.bytes + beside_it, absent_objects, ..copied })
 }
 
 /// Whether a file is a sound database of ours, what it holds and which objects it names.
@@ -55,7 +57,7 @@ async fn inspect(path: &Path) -> Result<(Copied, Vec<String>), StoreError> {
     // Leaves one file: no log beside it.
     copy.close().await?;
     let bytes = fs::metadata(path).map_err(sqlx::Error::Io)?.len();
-    Ok((Copied { bytes, jobs, results }, objects))
+    Ok((Copied { bytes, jobs, results, absent_objects: 0 }, objects))
 }
 
 /// The objects that a database names; one that has not been brought to this version may know none.

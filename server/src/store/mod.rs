@@ -1,10 +1,11 @@
-//! Everything that is kept, and all SQL: one SQLite file, one writer, readers beside it, and a folder of large objects.
+//! Everything that is kept, and all SQL: one SQLite file, one writer, readers beside it, and a folder or a bucket of large objects.
 //!
 //! A method is one question or one transaction. Transactions read the facts, let `queue` decide, and carry the
 //! decision out; they take `now` as an argument. sqlx is used nowhere else.
 
 mod attempts;
 mod backup;
+mod bucket;
 mod claims;
 mod deletion;
 mod deliveries;
@@ -46,6 +47,7 @@ use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
 pub use backup::Copied;
 pub(crate) use backup::copy;
+pub use bucket::{Bucket, NoBucket};
 pub(crate) use claims::Claim;
 pub(crate) use deliveries::StoredResult;
 pub(crate) use extension::MoreOfSweep;
@@ -88,6 +90,14 @@ pub enum StoreError {
     /// An object could not be read or written.
     #[error("an object could not be read or written")]
     Object(#[from] object_store::Error),
+    /// The bucket of objects cannot be used.
+    #[error("the bucket {bucket} cannot be used: {message}")]
+    Bucket {
+        /// Which.
+        bucket: String,
+        /// Why not, with all that is behind it.
+        message: String,
+    },
     /// A folder could not be used.
     #[error("a folder of the data directory could not be used")]
     Folder(#[from] std::io::Error),
@@ -176,9 +186,9 @@ pub(crate) struct Store {
 }
 
 impl Store {
-    /// Opens the database at `path`, made and migrated as needed.
-    pub(crate) async fn open(path: &Path) -> Result<Self, StoreError> {
-        let objects = objects::Objects::open(&path.with_file_name(OBJECTS))?;
+    /// Opens the database at `path`, made and migrated as needed, and the objects: in a bucket, or beside it.
+    pub(crate) async fn open(path: &Path, bucket: Option<&Bucket>) -> Result<Self, StoreError> {
+        let objects = objects::Objects::open(&path.with_file_name(OBJECTS), bucket).await?;
         let options = options(path);
         let (mut connection, sqlite_version) =
             connect(options.clone().pragma("cache_size", WRITER_CACHE_KIB)).await?;

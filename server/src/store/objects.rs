@@ -1,4 +1,4 @@
-//! Large things as files of their own beside the database, named by the blake3 of their bytes.
+//! Large things as files of their own beside the database, or in a bucket, named by the blake3 of their bytes.
 //!
 //! A file is whole and on disk before a row names it. It goes when no row names it any more: at once where that is known, else when it
 //! is found a day later. The gate keeps the two apart: nothing is removed between the moment a file gets its name and that of its row.
@@ -7,6 +7,7 @@ use std::fs;
 use std::io;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use bytes::Bytes;
 use futures_util::stream::BoxStream;
@@ -17,21 +18,25 @@ use object_store::{GetOptions, ObjectStore, ObjectStoreExt, WriteMultipart};
 use tokio::sync::{RwLock, RwLockReadGuard, RwLockWriteGuard};
 use uuid::Uuid;
 
-use super::StoreError;
+use super::{Bucket, StoreError};
 
 /// Where uploads lie until they are whole.
 const UPLOADS: &str = "uploads";
 
-/// Bytes that are written at a time.
+/// Bytes that are written to a folder at a time.
 const PART_BYTES: usize = 1024 * 1024;
+
+/// The same for a bucket, which takes no less than 5 MiB and no more than 10,000 parts.
+const BUCKET_PART_BYTES: usize = 8 * 1024 * 1024;
 
 /// Of every upload its first bytes, which say what it is.
 const HEAD_BYTES: usize = 8;
 
-/// The folder of objects.
+/// The folder of objects, or their bucket.
 #[derive(Debug)]
 pub(super) struct Objects {
-    files: LocalFileSystem,
+    files: Arc<dyn ObjectStore>,
+    part_bytes: usize,
     gate: RwLock<()>,
 }
 
@@ -62,15 +67,36 @@ pub(crate) enum Unstaged<E> {
 pub(crate) type Reading = BoxStream<'static, Result<Bytes, StoreError>>;
 
 impl Objects {
-    /// Opens the folder, made as needed. What uploads left in it that broke off with the last server is removed.
-    pub(super) fn open(folder: &Path) -> Result<Self, StoreError> {
+    /// Opens the bucket, or else the folder, made as needed. What uploads left in it that broke off with the last server is removed.
+    pub(super) async fn open(folder: &Path, bucket: Option<&Bucket>) -> Result<Self, StoreError> {
+        match bucket {
+            Some(bucket) => Self::in_bucket(bucket).await,
+            None => Self::in_folder(folder),
+        }
+    }
+
+    fn in_folder(folder: &Path) -> Result<Self, StoreError> {
         fs::create_dir_all(folder)?;
         match fs::remove_dir_all(folder.join(UPLOADS)) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error.into()),
             _ => {}
         }
-        let files = LocalFileSystem::new_with_prefix(folder)?.with_fsync(true);
-        Ok(Self { files, gate: RwLock::default() })
+        let files = Arc::new(LocalFileSystem::new_with_prefix(folder)?.with_fsync(true));
+        Ok(Self { files, part_bytes: PART_BYTES, gate: RwLock::default() })
+    }
+
+    /// A bucket that cannot be reached is found here, and not by the first upload.
+    async fn in_bucket(bucket: &Bucket) -> Result<Self, StoreError> {
+        let files = bucket.open()?;
+        let broken: Vec<_> = files
+            .list(Some(&Place::from(UPLOADS)))
+            .try_collect()
+            .await
+            .map_err(|source| bucket.unusable(source))?;
+        for upload in broken {
+            files.delete(&upload.location).await?;
+        }
+        Ok(Self { files, part_bytes: BUCKET_PART_BYTES, gate: RwLock::default() })
     }
 
     /// Takes bytes in as they arrive, up to a limit.
@@ -82,7 +108,7 @@ impl Objects {
         let store = |error: object_store::Error| Unstaged::Store(error.into());
         let place = Place::from(format!("{UPLOADS}/{}", Uuid::now_v7()));
         let upload = self.files.put_multipart(&place).await.map_err(store)?;
-        let mut writing = WriteMultipart::new_with_chunk_size(upload, PART_BYTES);
+        let mut writing = WriteMultipart::new_with_chunk_size(upload, self.part_bytes);
         let (mut hash, mut length, mut head) = (blake3::Hasher::new(), 0, Vec::new());
         let ended = loop {
             let chunk = match bytes.next().await {
@@ -168,13 +194,18 @@ fn place_of(digest: &str) -> Place {
     Place::from(format!("{}/{digest}", digest.get(..2).unwrap_or_default()))
 }
 
-/// Copies those objects of a folder that are named to another folder; what is not there any more is passed over.
-pub(super) fn copy(from: &Path, to: &Path, named: &[String]) -> io::Result<u64> {
-    let mut bytes = 0;
+/// Copies those objects of a folder that are named to another folder; what is not there is passed over. Returns the bytes that were
+/// copied, and how many objects were not there.
+pub(super) fn copy(from: &Path, to: &Path, named: &[String]) -> io::Result<(u64, u64)> {
+    let (mut bytes, mut absent) = (0, 0);
     for digest in named {
         let place = place_of(digest).to_string();
         let (source, target) = (from.join(&place), to.join(&place));
-        if !source.exists() || target.exists() {
+        if target.exists() {
+            continue;
+        }
+        if !source.exists() {
+            absent += 1;
             continue;
         }
         if let Some(folder) = target.parent() {
@@ -186,5 +217,8 @@ pub(super) fn copy(from: &Path, to: &Path, named: &[String]) -> io::Result<u64> 
         fs::File::open(&beside)?.sync_all()?;
         fs::rename(beside, target)?;
     }
-    Ok(bytes)
+    Ok((bytes, absent))
 }
+
+#[cfg(test)]
+mod tests;

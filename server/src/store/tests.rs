@@ -13,7 +13,7 @@ use crate::clock::Now;
 
 async fn store() -> (Store, tempfile::TempDir) {
     let dir = tempfile::tempdir().unwrap();
-    (Store::open(&dir.path().join("roost.db")).await.unwrap(), dir)
+    (Store::open(&dir.path().join("roost.db"), None).await.unwrap(), dir)
 }
 
 /// The lines of `EXPLAIN QUERY PLAN`.
@@ -259,7 +259,7 @@ async fn a_database_of_a_newer_server_is_refused() {
         .await
         .unwrap();
     store.close().await;
-    let error = Store::open(&dir.path().join("roost.db")).await.err().unwrap();
+    let error = Store::open(&dir.path().join("roost.db"), None).await.err().unwrap();
     assert!(matches!(error, StoreError::Migrate(_)), "{error}");
 }
 
@@ -380,7 +380,7 @@ async fn what_a_broken_off_upload_left_goes_at_the_next_start() {
         assert!(error.contains("a mesh never changes"), "{sql}: {error}");
     }
     store.close().await;
-    let store = Store::open(&dir.path().join("roost.db")).await.unwrap();
+    let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
     assert_eq!(store.mesh_part("half", 0).await.unwrap(), None);
     assert_eq!(store.mesh_file("whole").await.unwrap(), [1, 2, 3]);
     assert_eq!(store.mesh("whole").await.unwrap(), Some(mesh("whole")));

@@ -45,7 +45,7 @@ fn tell_all(seeds: impl Iterator<Item = u64>, aloud: bool) {
     runtime.block_on(async {
         // In memory where that can be: nothing here is about the disk.
         let dir = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
-        let store = Store::open(&dir.path().join("roost.db")).await.unwrap();
+        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
         for seed in seeds {
             tell(&store, seed, aloud).await;
         }

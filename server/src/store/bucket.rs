@@ -1,0 +1,110 @@
+//! Objects in a bucket of S3, or of what speaks as S3 does, in place of the folder.
+
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Arc;
+
+use object_store::ObjectStore;
+
+use super::StoreError;
+
+/// Where in a bucket the objects of one server lie. No other server may use the same place: each removes what it does not know.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bucket {
+    name: String,
+    prefix: String,
+}
+
+/// Why a text names no bucket that can be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NoBucket {
+    /// It is none.
+    #[error("give a bucket and where in it, as s3://BUCKET or s3://BUCKET/PREFIX")]
+    NotS3,
+    /// This build cannot speak to any.
+    #[error("buckets need a build with the feature `s3`: cargo build --release --features s3")]
+    NotBuilt,
+}
+
+/// From `s3://BUCKET` or `s3://BUCKET/PREFIX`.
+impl FromStr for Bucket {
+    type Err = NoBucket;
+
+    fn from_str(text: &str) -> Result<Self, NoBucket> {
+        let (name, prefix) = match text.strip_prefix("s3://").ok_or(NoBucket::NotS3)?.split_once('/') {
+            Some((name, prefix)) => (name, prefix.trim_matches('/')),
+            None => (text.trim_start_matches("s3://"), ""),
+        };
+        let is_plain =
+            |text: &str| text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte));
+        if name.is_empty() || !is_plain(name) || !prefix.split('/').all(is_plain) || prefix.contains("//") {
+            return Err(NoBucket::NotS3);
+        }
+        if !cfg!(feature = "s3") {
+            return Err(NoBucket::NotBuilt);
+        }
+        Ok(Self { name: name.to_owned(), prefix: prefix.to_owned() })
+    }
+}
+
+impl fmt::Display for Bucket {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let slash = if self.prefix.is_empty() { "" } else { "/" };
+        write!(f, "s3://{}{slash}{}", self.name, self.prefix)
+    }
+}
+
+impl Bucket {
+    /// Opens it as the environment says: credentials, region, endpoint.
+    #[cfg(feature = "s3")]
+    pub(super) fn open(&self) -> Result<Arc<dyn ObjectStore>, StoreError> {
+        use object_store::aws::AmazonS3Builder;
+        use object_store::prefix::PrefixStore;
+
+        // Which cryptography TLS uses is chosen once a process; this fails where it has been, which is as good.
+        let _ = rustls::crypto::ring::default_provider().install_default();
+        let bucket = AmazonS3Builder::from_env().with_bucket_name(&self.name).build();
+        let bucket = bucket.map_err(|source| self.unusable(source))?;
+        Ok(Arc::new(PrefixStore::new(bucket, self.prefix.as_str())))
+    }
+
+    /// There is none in such a build.
+    #[cfg(not(feature = "s3"))]
+    pub(super) fn open(&self) -> Result<Arc<dyn ObjectStore>, StoreError> {
+        Err(self.unusable(NoBucket::NotBuilt))
+    }
+
+    pub(super) fn unusable(&self, why: impl fmt::Display) -> StoreError {
+        StoreError::Bucket { bucket: self.to_string(), message: why.to_string() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bucket_is_named_by_its_address() {
+        for (text, shown) in [
+            ("s3://roost", "s3://roost"),
+            ("s3://roost/", "s3://roost"),
+            ("s3://roost-1.eu/line/north/", "s3://roost-1.eu/line/north"),
+        ] {
+            let read: Result<Bucket, _> = text.parse();
+            let expected = if cfg!(feature = "s3") { Ok(shown.to_owned()) } else { Err(NoBucket::NotBuilt) };
+            assert_eq!(read.map(|bucket| bucket.to_string()), expected, "{text}");
+        }
+        for wrong in [
+            "",
+            "roost",
+            "s3://",
+            "s3:///prefix",
+            "https://roost",
+            "s3://ro ost",
+            "s3://roost/a?b",
+            "s3://roost/a//b",
+        ] {
+            assert_eq!(wrong.parse::<Bucket>(), Err(NoBucket::NotS3), "{wrong}");
+        }
+    }
+}
