@@ -91,8 +91,7 @@ pub(crate) async fn measured(State(app): State<App>, request: Request, next: Nex
                content_type = "application/openmetrics-text")))]
 pub(crate) async fn metrics(State(app): State<App>) -> Result<Response, ApiError> {
     let metrics = &app.metrics;
-    let since = app.clock.now().plus_ms(-i64::try_from(app.config.lease.as_millis()).unwrap_or(i64::MAX));
-    let (jobs, workers) = app.store.census(since).await?;
+    let (jobs, workers) = app.store.census(app.clock.now(), app.config.lease).await?;
     for state in JobState::ALL {
         let count = jobs.iter().find(|(known, _)| known == state).map_or(0, |(_, count)| *count);
         metrics.jobs.get_or_create(&InState { state: state.as_str() }).set(count);

@@ -14,6 +14,7 @@ use uuid::Uuid;
 
 use super::rows::{Columns, to_json};
 use super::together::{Collector, rounds};
+use super::workers::around;
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
@@ -21,7 +22,7 @@ use crate::queue::{Candidate, Holding, Refusal, Share, Wanted, lease_end, share}
 
 /// Jobs that suit worker ?1, in the order of the queue. The select walks `jobs_to_claim` and stops at its limit, whatever the
 /// length of the queue; a test looks at the plan. A job that the worker has failed before goes to another one that has what it
-/// needs and was heard of since ?2, if there is one.
+/// needs and was heard of between ?2 and ?3, if there is one.
 pub(super) const CANDIDATES: &str = "SELECT j.seq, j.alone FROM workers me CROSS JOIN jobs j
     WHERE me.id = ?1 AND me.draining = 0 AND j.state = 'queued' AND j.not_before IS NULL
       AND (j.needs_backend IS NULL OR j.needs_backend = me.backend)
@@ -29,13 +30,13 @@ pub(super) const CANDIDATES: &str = "SELECT j.seq, j.alone FROM workers me CROSS
       AND (j.attempt = j.forgiven
            OR NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id AND f.worker_id = ?1
                           AND f.outcome = 'worker' AND f.number > j.forgiven)
-           OR NOT EXISTS (SELECT 1 FROM workers other WHERE other.last_seen_at >= ?2 AND other.draining = 0
+           OR NOT EXISTS (SELECT 1 FROM workers other WHERE other.last_seen_at BETWEEN ?2 AND ?3 AND other.draining = 0
                           AND (j.needs_backend IS NULL OR j.needs_backend = other.backend)
                           AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= other.memory_mib)
                           AND NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id
                                           AND f.worker_id = other.id AND f.outcome = 'worker'
                                           AND f.number > j.forgiven)))
-    ORDER BY j.priority DESC, j.turn, j.seq LIMIT ?3";
+    ORDER BY j.priority DESC, j.turn, j.seq LIMIT ?4";
 
 /// Takes jobs for workers, writes down who runs them from now on, and how far the queue has come; no attempt outlives its
 /// `max_wall_s` by more than a lease.
@@ -114,13 +115,6 @@ pub(super) fn collect(writer: Arc<Writer>) -> Collected {
     Collector::start(writer, GROUP, Duration::ZERO, |tx, group| Box::pin(claim_all(tx, group)))
 }
 
-impl Claim {
-    /// Workers that were heard of since then are there.
-    fn alive_since(&self, now: Now) -> i64 {
-        now.wall.0 - lease_end(roost_api::time::Timestamp(0), self.lease).0
-    }
-}
-
 impl Store {
     /// Claims up to `max_jobs` jobs for the worker, or repeats what the same request claimed before.
     pub(crate) async fn claim(&self, claim: Claim, now: Now) -> Result<Result<Claimed, Refusal>, StoreError> {
@@ -135,9 +129,11 @@ impl Store {
 
     /// Whether a claim would find a job, without troubling the writer.
     pub(crate) async fn has_work(&self, claim: Claim, now: Now) -> Result<bool, StoreError> {
+        let (since, until) = around(now.wall, claim.lease);
         let found = sqlx::query(CANDIDATES)
             .bind(claim.worker.to_string())
-            .bind(claim.alive_since(now))
+            .bind(since.0)
+            .bind(until.0)
             .bind(1)
             .fetch_optional(&self.readers)
             .await?;
@@ -240,9 +236,11 @@ async fn candidates(
     now: Now,
     most: usize,
 ) -> Result<Vec<Candidate>, StoreError> {
+    let (since, until) = around(now.wall, claim.lease);
     let rows = sqlx::query(CANDIDATES)
         .bind(claim.worker.to_string())
-        .bind(claim.alive_since(now))
+        .bind(since.0)
+        .bind(until.0)
         .bind(i64::try_from(most).unwrap_or(i64::MAX))
         .fetch_all(&mut *tx)
         .await?;

@@ -114,8 +114,8 @@ async fn seen(
     group: &[Arc<Beats>],
 ) -> Result<HashMap<WorkerId, bool>, StoreError> {
     let workers: Vec<_> = group.iter().map(|beats| json!({"id": beats.worker, "at": beats.now.0})).collect();
-    let sql =
-        "UPDATE workers SET last_seen_at = max(last_seen_at, seen.value ->> 'at') FROM json_each(?) AS seen
+    // Also to an earlier time: that of a clock which was set back.
+    let sql = "UPDATE workers SET last_seen_at = seen.value ->> 'at' FROM json_each(?) AS seen
                WHERE workers.id = seen.value ->> 'id' RETURNING workers.id, draining";
     let rows = sqlx::query(sql).bind(to_json("workers", &workers)?).fetch_all(&mut *tx).await?;
     rows.iter().map(|row| Ok((row.parsed("id")?, row.column("draining")?))).collect()

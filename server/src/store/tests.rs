@@ -60,7 +60,7 @@ async fn what_runs_often_is_indexed() {
             "jobs_by_worker",
         ),
         ("SELECT 1 FROM attempts WHERE worker_id = 'a' AND outcome = 'lost'", "attempts_by_worker"),
-        ("SELECT 1 FROM workers WHERE last_seen_at >= 5", "workers_by_last_seen"),
+        ("SELECT 1 FROM workers WHERE last_seen_at BETWEEN 5 AND 9", "workers_by_last_seen"),
         (
             "SELECT state, count(*) FROM jobs WHERE sweep_id IN ('a') GROUP BY sweep_id, state",
             "jobs_by_sweep",

@@ -2,12 +2,14 @@
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::time::Timestamp;
 
 use super::rows::Columns;
+use super::workers::around;
 use super::{Store, StoreError};
 
 /// Versions that were read, each with the number of commits before it: while there is no other, it holds.
@@ -74,13 +76,19 @@ impl Store {
 }
 
 impl Store {
-    /// How many jobs there are in each state, and how many workers were heard of since then.
-    pub(crate) async fn census(&self, since: Timestamp) -> Result<(Vec<(JobState, i64)>, i64), StoreError> {
+    /// How many jobs there are in each state, and how many workers are there.
+    pub(crate) async fn census(
+        &self,
+        now: Timestamp,
+        lease: Duration,
+    ) -> Result<(Vec<(JobState, i64)>, i64), StoreError> {
         let rows = sqlx::query(CENSUS).fetch_all(&self.readers).await?;
         let jobs = rows.iter().map(|row| Ok((row.parsed("state")?, row.column("jobs")?)));
         let jobs = jobs.collect::<Result<_, StoreError>>()?;
-        let workers = sqlx::query_scalar("SELECT count(*) FROM workers WHERE last_seen_at >= ?")
+        let (since, until) = around(now, lease);
+        let workers = sqlx::query_scalar("SELECT count(*) FROM workers WHERE last_seen_at BETWEEN ? AND ?")
             .bind(since.0)
+            .bind(until.0)
             .fetch_one(&self.readers)
             .await?;
         Ok((jobs, workers))

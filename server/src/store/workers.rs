@@ -1,6 +1,7 @@
 //! Workers: who has registered, and what they do now.
 
 use std::collections::HashMap;
+use std::time::Duration;
 
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::time::Timestamp;
@@ -9,6 +10,13 @@ use roost_api::worker::{WorkerRegistration, WorkerView};
 use super::rows::Columns;
 use super::{Store, StoreError};
 use crate::queue::Refusal;
+
+/// Workers that were heard of between these two times are there: within a lease, and to either side of now, since a clock that was set
+/// back leaves behind times that are yet to come.
+pub(super) fn around(now: Timestamp, lease: Duration) -> (Timestamp, Timestamp) {
+    let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
+    (now.plus_ms(-lease_ms), now.plus_ms(lease_ms))
+}
 
 impl Store {
     /// Notes a worker; a repeat is the same worker.
@@ -109,5 +117,73 @@ impl Store {
         }
         let next = views.last().filter(|_| more).map(|last| last.id);
         Ok((views, next))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use roost_api::ids::JobId;
+    use uuid::Uuid;
+
+    use super::*;
+    use crate::clock::Now;
+    use crate::store::Claim;
+
+    const LEASE: Duration = Duration::from_secs(15);
+    const HOUR_MS: i64 = 3_600_000;
+
+    #[tokio::test]
+    async fn a_worker_heard_of_in_time_to_come_is_not_there() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+        let (me, other, now) = (WorkerId::new(), WorkerId::new(), Timestamp(10 * HOUR_MS));
+        for worker_id in [me, other] {
+            let worker = WorkerRegistration {
+                worker_id,
+                name: "a".to_owned(),
+                api_version: "1".to_owned(),
+                solver_revision: 1,
+                backend: "cpu".to_owned(),
+                device: "a".to_owned(),
+                threads: 1,
+                memory_mib: None,
+            };
+            store.register_worker(worker, now).await.unwrap();
+        }
+        let sql = format!(
+            "INSERT INTO scenarios (digest, body) VALUES ('d', '{{}}');
+             INSERT INTO jobs (id, digest, seed, priority, turn, labels, cache, submitted_at, attempt)
+             VALUES ('{job}', 'd', 1, 0, 0, '{{}}', 'use', 0, 1);
+             INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at, outcome, ended_at)
+             VALUES ('{job}', 1, '{me}', 'r', 0, 'worker', 0);",
+            job = JobId::new()
+        );
+        store
+            .writer
+            .write(move |tx| {
+                Box::pin(
+                    async move { Ok(sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(tx).await.map(drop)?) },
+                )
+            })
+            .await
+            .unwrap();
+        let claim =
+            Claim { request_id: Uuid::now_v7(), worker: me, max_jobs: 1, lease: LEASE, max_frames_bytes: 0 };
+        let mine_at = async |wall: Timestamp| store.has_work(claim, Now { wall, lease: now }).await.unwrap();
+
+        assert!(!mine_at(now).await, "the other one, which is there, shall have it");
+        assert!(!mine_at(now.plus_ms(-5000)).await, "a clock that was set back a little");
+        assert!(
+            mine_at(now.plus_ms(2 * LEASE.as_millis() as i64)).await,
+            "nothing was heard of it for two leases"
+        );
+        assert!(
+            mine_at(now.plus_ms(-HOUR_MS)).await,
+            "the clock was set back, and nothing was heard of it since"
+        );
+        let earlier = now.plus_ms(-HOUR_MS);
+        store.heartbeat(other, Vec::new(), earlier, earlier).await.unwrap().unwrap();
+        assert!(!mine_at(earlier).await, "it was heard of since the clock was set back");
+        store.close().await;
     }
 }
