@@ -4,12 +4,19 @@ use roost_solver::result::{Progress, RunResult};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::ToSchema;
+use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 use uuid::Uuid;
 
 use crate::frames::FramesOrder;
 use crate::ids::{JobId, WorkerId};
 use crate::job::AttemptOutcome;
 use crate::time::Timestamp;
+
+/// Jobs that one claim takes at most: a batch of a device, not the whole queue.
+pub const MAX_CLAIMED_JOBS: u32 = 64;
+
+/// The longest time that a claim may ask to wait, in seconds.
+pub const MAX_CLAIM_WAIT_S: f64 = 86_400.0;
 
 /// A worker asks for work.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
@@ -20,9 +27,29 @@ pub struct ClaimRequest {
     /// Who asks.
     pub worker_id: WorkerId,
     /// At most this many jobs.
+    #[schema(schema_with = max_jobs)]
     pub max_jobs: u32,
     /// Wait this long for work before answering with none, in seconds.
+    #[schema(schema_with = wait_s)]
     pub wait_s: f64,
+}
+
+fn max_jobs() -> Object {
+    ObjectBuilder::new()
+        .schema_type(Type::Integer)
+        .minimum(Some(1))
+        .maximum(Some(MAX_CLAIMED_JOBS))
+        .description(Some("At most this many jobs."))
+        .build()
+}
+
+fn wait_s() -> Object {
+    ObjectBuilder::new()
+        .schema_type(Type::Number)
+        .minimum(Some(0))
+        .maximum(Some(MAX_CLAIM_WAIT_S))
+        .description(Some("Wait this long for work before answering with none, in seconds."))
+        .build()
 }
 
 /// What a claim got.

@@ -56,7 +56,16 @@ pub struct MeshView {
     pub uploaded_at: Timestamp,
 }
 
+/// Letters of a digest: those of 32 bytes.
+const DIGEST_LETTERS: usize = 64;
+
+/// What a digest looks like, as a regular expression of JSON Schema.
+pub fn digest_pattern() -> String {
+    format!("^[0-9a-f]{{{DIGEST_LETTERS}}}$")
+}
+
 /// Whether a text could be the digest of a mesh.
 pub fn is_digest(text: &str) -> bool {
-    text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
+    text.len() == DIGEST_LETTERS
+        && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
 }

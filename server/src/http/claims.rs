@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::extract::State;
-use roost_api::lease::{ClaimReply, ClaimRequest};
+use roost_api::lease::{ClaimReply, ClaimRequest, MAX_CLAIM_WAIT_S, MAX_CLAIMED_JOBS};
 use roost_api::problem::Problem;
 use serde_json::json;
 use tokio::time::{Instant, sleep, sleep_until};
@@ -14,9 +14,6 @@ use super::problem::ApiError;
 use crate::app::App;
 use crate::document::fault;
 use crate::store::Claim;
-
-/// Jobs of one claim: a batch of a device, not the whole queue.
-const MAX_JOBS: u32 = 64;
 
 /// Work that a worker may have once it holds nothing else is looked for so often: nothing rings when it is delivered.
 const LOOK_AGAIN: Duration = Duration::from_millis(200);
@@ -71,11 +68,13 @@ pub(crate) async fn claim(
 
 fn check(request: &ClaimRequest) -> Result<(), ApiError> {
     let mut faults = Vec::new();
-    if !(1..=MAX_JOBS).contains(&request.max_jobs) {
-        faults.push(fault("/max_jobs", json!(request.max_jobs), "not a number of jobs to claim", "1 to 64"));
+    if !(1..=MAX_CLAIMED_JOBS).contains(&request.max_jobs) {
+        let allowed = format!("1 to {MAX_CLAIMED_JOBS}");
+        faults.push(fault("/max_jobs", json!(request.max_jobs), "not a number of jobs to claim", &allowed));
     }
-    if !(0.0..=86_400.0).contains(&request.wait_s) {
-        faults.push(fault("/wait_s", json!(request.wait_s), "not a time to wait", "0 to 86400 s"));
+    if !(0.0..=MAX_CLAIM_WAIT_S).contains(&request.wait_s) {
+        let allowed = format!("0 to {MAX_CLAIM_WAIT_S} s");
+        faults.push(fault("/wait_s", json!(request.wait_s), "not a time to wait", &allowed));
     }
     if faults.is_empty() { Ok(()) } else { Err(ApiError::faults(faults)) }
 }

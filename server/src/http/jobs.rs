@@ -2,7 +2,8 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::{HeaderName, StatusCode, header};
+use axum::http::{HeaderName, StatusCode, Uri, header};
+use axum::response::Response;
 use roost_api::ids::JobId;
 use roost_api::job::{FailureClass, JobEnvelope, JobState, JobView};
 use roost_api::page::Page;
@@ -13,7 +14,7 @@ use utoipa::IntoParams;
 use super::aside::aside;
 use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
-use super::page::{cursor, label, limit, page};
+use super::page::{cursor, label, limit, limit_schema, page};
 use super::problem::{ApiError, Kind};
 use super::submissions::Reserved;
 use crate::app::App;
@@ -73,7 +74,8 @@ pub(crate) struct JobQuery {
     /// `next_cursor` of the page before.
     #[param(value_type = Option<String>)]
     cursor: Option<i64>,
-    /// Rows, 1 to 500; 50 unless given.
+    /// Rows of the page.
+    #[param(schema_with = limit_schema)]
     limit: Option<u32>,
 }
 
@@ -98,20 +100,21 @@ impl JobQuery {
     responses((status = 200, description = "A page of jobs", body = Page<JobView>)))]
 pub(crate) async fn list(
     State(app): State<App>,
+    uri: Uri,
     Params(query): Params<JobQuery>,
-) -> Result<Json<Page<JobView>>, ApiError> {
+) -> Result<Response, ApiError> {
     if query.point.is_some() {
         let detail = "point is the index of a design point of one sweep: ask /v1/sweeps/{id}/jobs";
         return Err(ApiError::new(Kind::InvalidQuery, detail));
     }
-    list_filtered(&app, query.filter()?).await
+    list_filtered(&app, &uri, query.filter()?).await
 }
 
 /// Lists what the filter lets through, with the progress of what runs.
-pub(super) async fn list_filtered(app: &App, filter: JobFilter) -> Result<Json<Page<JobView>>, ApiError> {
+pub(super) async fn list_filtered(app: &App, uri: &Uri, filter: JobFilter) -> Result<Response, ApiError> {
     let (mut jobs, next) = app.store.jobs(filter).await?;
     jobs.iter_mut().for_each(|job| app.progress.show(job));
-    Ok(Json(page(jobs, next)))
+    Ok(page(uri, jobs, next))
 }
 
 /// One job.

@@ -3,18 +3,20 @@
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
-use roost_api::mesh::{MEDIA_TYPE, MeshView, is_digest};
+use roost_api::mesh::{MEDIA_TYPE, MeshView, digest_pattern, is_digest};
 use roost_api::page::Page;
 use roost_api::problem::Problem;
 use serde::Deserialize;
-use utoipa::IntoParams;
+use utoipa::openapi::schema::{ObjectBuilder, Type};
+use utoipa::openapi::{RefOr, Schema};
+use utoipa::{IntoParams, PartialSchema, ToSchema};
 
 use super::aside::aside;
 use super::extract::{Params, Segments};
-use super::page::{cursor, limit, page};
+use super::page::{cursor, limit, limit_schema, page};
 use super::problem::{ApiError, Kind};
 use super::upload::Upload;
 use crate::app::App;
@@ -35,6 +37,14 @@ impl TryFrom<String> for Digest {
         }
     }
 }
+
+impl PartialSchema for Digest {
+    fn schema() -> RefOr<Schema> {
+        ObjectBuilder::new().schema_type(Type::String).pattern(Some(digest_pattern())).into()
+    }
+}
+
+impl ToSchema for Digest {}
 
 /// Takes an STL file in, once.
 #[utoipa::path(post, path = "/v1/meshes", tag = "meshes", operation_id = "upload_mesh",
@@ -74,7 +84,8 @@ pub(crate) struct MeshQuery {
     /// `next_cursor` of the page before.
     #[param(value_type = Option<String>)]
     cursor: Option<i64>,
-    /// Rows, 1 to 500; 50 unless given.
+    /// Rows of the page.
+    #[param(schema_with = limit_schema)]
     limit: Option<u32>,
 }
 
@@ -83,15 +94,16 @@ pub(crate) struct MeshQuery {
     responses((status = 200, description = "A page of meshes", body = Page<MeshView>)))]
 pub(crate) async fn list(
     State(app): State<App>,
+    uri: Uri,
     Params(query): Params<MeshQuery>,
-) -> Result<Json<Page<MeshView>>, ApiError> {
+) -> Result<Response, ApiError> {
     let (meshes, next) = app.store.meshes(cursor(query.cursor)?, limit(query.limit)?).await?;
-    Ok(Json(page(meshes, next)))
+    Ok(page(&uri, meshes, next))
 }
 
 /// What is known of a mesh.
 #[utoipa::path(get, path = "/v1/meshes/{digest}", tag = "meshes", operation_id = "show_mesh",
-    params(("digest" = String, Path, description = "blake3 of the file")),
+    params(("digest" = inline(Digest), Path, description = "blake3 of the file")),
     responses((status = 200, description = "The mesh", body = MeshView),
               (status = 404, description = "No such mesh", body = Problem,
                content_type = "application/problem+json")))]
@@ -109,7 +121,7 @@ async fn found(app: &App, digest: &str) -> Result<MeshView, ApiError> {
 
 /// The file of a mesh, as it was uploaded. It never changes, so that it may be kept for ever.
 #[utoipa::path(get, path = "/v1/meshes/{digest}/file", tag = "meshes", operation_id = "mesh_file",
-    params(("digest" = String, Path, description = "blake3 of the file")),
+    params(("digest" = inline(Digest), Path, description = "blake3 of the file")),
     responses((status = 200, description = "The file", content(("model/stl"))),
               (status = 304, description = "`if-none-match` names it: it is there already"),
               (status = 404, description = "No such mesh", body = Problem,

@@ -1,9 +1,12 @@
 //! Listing: limits, cursors and label filters that all listings share.
 
+use axum::Json;
 use axum::http::{HeaderValue, Uri, header};
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
 use roost_api::page::Page;
+use serde::Serialize;
 use serde::de::{Deserialize, Deserializer, Error};
+use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use super::problem::{ApiError, Kind};
 
@@ -30,9 +33,23 @@ pub(crate) fn cursor(given: Option<i64>) -> Result<Option<i64>, ApiError> {
     }
 }
 
-/// A page whose cursor is a word of ours.
-pub(crate) fn page<T>(items: Vec<T>, next: Option<impl std::fmt::Display>) -> Page<T> {
-    Page { items, next_cursor: next.map(|next| next.to_string()) }
+/// `limit` of listings, in the specification.
+pub(crate) fn limit_schema() -> Object {
+    rows_schema(MAX_ROWS, Some(ROWS))
+}
+
+/// A number of rows, in the specification.
+pub(crate) fn rows_schema(most: u32, unless_given: Option<u32>) -> Object {
+    let schema = ObjectBuilder::new().schema_type(Type::Integer).minimum(Some(1)).maximum(Some(most));
+    schema.default(unless_given.map(Into::into)).build()
+}
+
+/// A page whose cursor is a word of ours, which names the page after it.
+pub(crate) fn page<T: Serialize>(uri: &Uri, items: Vec<T>, next: Option<impl std::fmt::Display>) -> Response {
+    let page = Page { items, next_cursor: next.map(|next| next.to_string()) };
+    let mut response = Json(&page).into_response();
+    link_to_next(&mut response, uri, page.next_cursor.as_deref());
+    response
 }
 
 /// Reads a label filter: `key=value`, or `key` alone for any value.

@@ -10,10 +10,11 @@ use roost_api::problem::Problem;
 use roost_api::table::{JobSeries, SweepSeries};
 use serde::Deserialize;
 use utoipa::IntoParams;
+use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use super::aside::aside;
 use super::extract::{Params, Segments};
-use super::page::{Places, link_to_next};
+use super::page::{Places, link_to_next, rows_schema};
 use super::problem::{ApiError, Kind};
 use super::sweeps::view;
 use crate::app::App;
@@ -21,6 +22,8 @@ use crate::store::{DOCUMENTS, Documented};
 
 /// Samples of each job unless asked for otherwise.
 const SAMPLES: usize = 200;
+/// The first and the last.
+const MIN_SAMPLES: usize = 2;
 /// The most samples of each job.
 const MAX_SAMPLES: usize = 1000;
 /// Jobs of a page unless asked for otherwise.
@@ -33,12 +36,24 @@ const MAX_JOBS: u32 = 200;
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct SeriesQuery {
-    /// Samples of each job at most, 2 to 1000; 200 unless given.
+    /// Samples of each job at most.
+    #[param(schema_with = samples_schema)]
     samples: Option<usize>,
     /// `next_cursor` of the page before.
     cursor: Option<String>,
-    /// Jobs, 1 to 200; 50 unless given.
+    /// Jobs of the page.
+    #[param(schema_with = jobs_schema)]
     limit: Option<u32>,
+}
+
+fn samples_schema() -> Object {
+    let schema = ObjectBuilder::new().schema_type(Type::Integer);
+    let schema = schema.minimum(Some(MIN_SAMPLES)).maximum(Some(MAX_SAMPLES));
+    schema.default(Some(SAMPLES.into())).build()
+}
+
+fn jobs_schema() -> Object {
+    rows_schema(MAX_JOBS, Some(JOBS))
 }
 
 /// One series of many jobs of a sweep, each thinned to some samples, the first and the last among them.
@@ -55,8 +70,8 @@ pub(crate) async fn of_sweep(
     Params(query): Params<SeriesQuery>,
 ) -> Result<Response, ApiError> {
     let samples = query.samples.unwrap_or(SAMPLES);
-    if !(2..=MAX_SAMPLES).contains(&samples) {
-        let detail = format!("samples {samples} is not within 2 to {MAX_SAMPLES}");
+    if !(MIN_SAMPLES..=MAX_SAMPLES).contains(&samples) {
+        let detail = format!("samples {samples} is not within {MIN_SAMPLES} to {MAX_SAMPLES}");
         return Err(ApiError::new(Kind::InvalidQuery, detail));
     }
     let sweep = view(&app, id).await?;

@@ -3,12 +3,13 @@
 //! Handlers name what is their own. What comes before and behind them (paths, queries and bodies that cannot be read, tokens and
 //! limits, tags, the store) answers in the same way everywhere, and follows from method, path and shape of an operation.
 
-use axum::http::{Method, StatusCode};
+use axum::http::{Method, StatusCode, header};
 use roost_api::frames;
 use utoipa::openapi::path::{Operation, ParameterIn};
 use utoipa::openapi::request_body::RequestBody;
+use utoipa::openapi::schema::{Object, Type};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
-use utoipa::openapi::{Content, OpenApi, Ref, RefOr, Response};
+use utoipa::openapi::{Content, Header, OpenApi, Ref, RefOr, Response};
 
 use super::problem::Kind;
 use super::{access, tags};
@@ -44,6 +45,17 @@ fn answers(method: &Method, path: &str, operation: &mut Operation) {
             let also = if before.is_empty() { "" } else { "; " };
             response.description = format!("{before}{also}{}", kind.title());
         }
+    }
+    let has_pages = operation.parameters.iter().flatten().any(|parameter| match parameter {
+        RefOr::T(parameter) => parameter.parameter_in == ParameterIn::Query && parameter.name == "cursor",
+        RefOr::Ref(_) => false,
+    });
+    if has_pages && let Some(RefOr::T(page)) = operation.responses.responses.get_mut(StatusCode::OK.as_str())
+    {
+        let next = Header::builder()
+            .schema(Some(Object::with_type(Type::String)))
+            .description(Some("The page after this one, as `<ADDRESS>; rel=\"next\"`; none after the last"));
+        page.headers.insert(header::LINK.as_str().to_owned(), next.build().into());
     }
     if *method == Method::GET && tags::is_tagged(path) {
         let unchanged = Response::new("Nothing has changed since the `etag` that `if-none-match` names");

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::{HeaderName, StatusCode, header};
+use axum::http::{HeaderName, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use roost_api::design::Extension;
 use roost_api::ids::SweepId;
@@ -20,7 +20,7 @@ use super::aside::{aside, to_its_end};
 use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
-use super::page::{cursor, label, limit, page};
+use super::page::{cursor, label, limit, limit_schema, page};
 use super::problem::{ApiError, Kind};
 use super::submissions::Reserved;
 use crate::app::App;
@@ -74,7 +74,8 @@ pub(crate) struct SweepQuery {
     /// `next_cursor` of the page before.
     #[param(value_type = Option<String>)]
     cursor: Option<i64>,
-    /// Rows, 1 to 500; 50 unless given.
+    /// Rows of the page.
+    #[param(schema_with = limit_schema)]
     limit: Option<u32>,
 }
 
@@ -83,14 +84,15 @@ pub(crate) struct SweepQuery {
     responses((status = 200, description = "A page of sweeps", body = Page<SweepView>)))]
 pub(crate) async fn list(
     State(app): State<App>,
+    uri: Uri,
     Params(query): Params<SweepQuery>,
-) -> Result<Json<Page<SweepView>>, ApiError> {
+) -> Result<Response, ApiError> {
     let (mut sweeps, next) =
         app.store.sweeps(query.label, cursor(query.cursor)?, limit(query.limit)?).await?;
     for sweep in &mut sweeps {
         add_running(&app, sweep).await?;
     }
-    Ok(Json(page(sweeps, next)))
+    Ok(page(&uri, sweeps, next))
 }
 
 /// One sweep with its counts.
@@ -167,10 +169,11 @@ async fn add_running(app: &App, sweep: &mut SweepView) -> Result<(), ApiError> {
 pub(crate) async fn jobs(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
+    uri: Uri,
     Params(query): Params<JobQuery>,
-) -> Result<Json<Page<JobView>>, ApiError> {
+) -> Result<Response, ApiError> {
     app.store.sweep_size(id).await?.ok_or(Refusal::NoSweep)?;
-    list_filtered(&app, JobFilter { sweep: Some(id), ..query.filter()? }).await
+    list_filtered(&app, &uri, JobFilter { sweep: Some(id), ..query.filter()? }).await
 }
 
 /// Cancels what of a sweep has not ended.

@@ -13,11 +13,12 @@ use roost_api::problem::Problem;
 use roost_api::sweep::SweepView;
 use roost_api::table::{PointRow, TrialRow};
 use serde::{Deserialize, Serialize};
+use utoipa::openapi::schema::Object;
 use utoipa::{IntoParams, ToSchema};
 
 use super::aside::aside;
 use super::extract::{Params, Segments};
-use super::page::{Places, link_to_next};
+use super::page::{Places, link_to_next, rows_schema};
 use super::problem::{ApiError, Kind};
 use super::sweeps::view;
 use crate::app::App;
@@ -72,8 +73,13 @@ pub(crate) struct TableQuery {
     responses: Option<String>,
     /// `next_cursor` of the page before.
     cursor: Option<String>,
-    /// Rows, 1 to 5000; all unless given.
+    /// Rows of the page; all unless given.
+    #[param(schema_with = all_schema)]
     limit: Option<u32>,
+}
+
+fn all_schema() -> Object {
+    rows_schema(MAX_ROWS, None)
 }
 
 /// The result table of a sweep: one row a trial, or one a design point with mean, deviation and 95 % interval.

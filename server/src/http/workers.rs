@@ -2,7 +2,8 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::http::{StatusCode, Uri};
+use axum::response::Response;
 use roost_api::API_VERSION;
 use roost_api::ids::WorkerId;
 use roost_api::page::Page;
@@ -13,7 +14,7 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::extract::{Body, Params, Segments};
-use super::page::{limit, page};
+use super::page::{limit, limit_schema, page};
 use super::problem::{ApiError, Kind};
 use crate::app::App;
 
@@ -72,7 +73,8 @@ pub(crate) struct WorkerQuery {
     /// `next_cursor` of the page before.
     #[param(value_type = Option<String>)]
     cursor: Option<WorkerId>,
-    /// Rows, 1 to 500; 50 unless given.
+    /// Rows of the page.
+    #[param(schema_with = limit_schema)]
     limit: Option<u32>,
 }
 
@@ -81,9 +83,10 @@ pub(crate) struct WorkerQuery {
     responses((status = 200, description = "A page of workers", body = Page<WorkerView>)))]
 pub(crate) async fn list(
     State(app): State<App>,
+    uri: Uri,
     Params(query): Params<WorkerQuery>,
-) -> Result<Json<Page<WorkerView>>, ApiError> {
+) -> Result<Response, ApiError> {
     let (mut workers, next) = app.store.workers(query.cursor, limit(query.limit)?).await?;
     workers.iter_mut().for_each(|worker| app.progress.show_runs(worker));
-    Ok(Json(page(workers, next)))
+    Ok(page(&uri, workers, next))
 }

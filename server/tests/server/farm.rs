@@ -32,6 +32,7 @@ pub(crate) struct Answer {
     pub media_type: String,
     pub location: Option<String>,
     pub allow: Option<String>,
+    pub link: Option<String>,
     pub text: String,
     pub body: Value,
 }
@@ -146,10 +147,10 @@ impl Farm {
 async fn read(response: reqwest::Response) -> Answer {
     let header = |name: &str| response.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
     let (status, media_type) = (response.status().as_u16(), header("content-type").unwrap_or_default());
-    let (location, allow) = (header("location"), header("allow"));
+    let (location, allow, link) = (header("location"), header("allow"), header("link"));
     let text = response.text().await.unwrap();
     let body = serde_json::from_str(&text).unwrap_or(Value::Null);
-    Answer { status, media_type, location, allow, text, body }
+    Answer { status, media_type, location, allow, link, text, body }
 }
 
 impl Answer {

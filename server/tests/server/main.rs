@@ -16,6 +16,7 @@ mod layout;
 mod leases;
 mod lifecycle;
 mod meshes;
+mod pages;
 mod readers;
 mod retries;
 mod series;

@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use roost_api::job::AttemptOutcome;
-use roost_api::lease::{ClaimReply, ClaimRequest, ClaimedAttempt, FailureReport, ResultDelivery};
+use roost_api::lease::{
+    ClaimReply, ClaimRequest, ClaimedAttempt, FailureReport, MAX_CLAIMED_JOBS, ResultDelivery,
+};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::task::TaskTracker;
 use tracing::field::Empty;
@@ -23,9 +25,6 @@ use crate::runner::{Place, Run, RunEnd};
 
 /// How long a stopping worker waits to hear whether its last claim had got something.
 const LAST_WORD: Duration = Duration::from_secs(1);
-
-/// The most that the API gives to one claim.
-const MAX_JOBS: usize = 64;
 
 /// Claims until told to stop; the runs go on in `runs`.
 pub(super) async fn run(session: &Arc<Session>, runs: &TaskTracker) {
@@ -51,7 +50,7 @@ async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
     let mut request = ClaimRequest {
         request_id: Uuid::now_v7(),
         worker_id: session.worker_id,
-        max_jobs: free.min(MAX_JOBS) as u32,
+        max_jobs: free.min(MAX_CLAIMED_JOBS as usize) as u32,
         wait_s: session.config.claim_wait.as_secs_f64(),
     };
     let mut backoff = Backoff::default();

@@ -58,7 +58,7 @@ impl Maker {
                 (0..self.random.u32(0..longest)).map(|_| self.value(&schema["items"], depth + 1)).collect()
             }
             Some("string") => self.text(schema),
-            Some("integer") => json!(self.random.u32(0..5)),
+            Some("integer") => json!(schema["minimum"].as_u64().unwrap_or_default() + self.random.u64(0..5)),
             Some("number") => json!(f64::from(self.random.u32(0..50)) / 10.0),
             Some("boolean") => json!(self.random.bool()),
             Some("null") => Value::Null,

@@ -1,0 +1,123 @@
+//! Pages of listings: each names the next one, and the specification says what may be asked for.
+
+use reqwest::StatusCode;
+use serde_json::{Value, json};
+
+use crate::farm::{Farm, envelope, scenario, text};
+use crate::stl::{binary, wall};
+
+/// A farm with three of everything that is listed; returns the sweep whose parts are listed as well.
+async fn with_three() -> (Farm, tempfile::TempDir, Value) {
+    let (farm, dir) = Farm::start().await;
+    let mut sweep = Value::Null;
+    for number in 1..=3 {
+        farm.submit(&envelope(number)).await;
+        farm.worker("cpu").await;
+        let document = json!({
+            "name": "three", "base": scenario(100 * number), "design": {"kind": "grid"}, "factors": [], "replicates": 3,
+        });
+        sweep = farm.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
+        let file = binary(&wall(10.0, 10.0 * number as f32));
+        farm.send_text("/v1/meshes", "model/stl", file).await.expect(StatusCode::CREATED);
+    }
+    (farm, dir, sweep)
+}
+
+/// The address in a `link` header.
+fn next(link: &str) -> &str {
+    link.strip_prefix('<')
+        .and_then(|link| link.strip_suffix(">; rel=\"next\""))
+        .expect("a link to the next page")
+}
+
+#[tokio::test]
+async fn every_page_links_to_the_next_one() {
+    let (farm, _dir, sweep) = with_three().await;
+    let sweep = format!("/v1/sweeps/{}", text(&sweep["id"]));
+    let worker = farm.worker("cpu").await;
+    while let Some(attempt) = worker.claim(1).await.pop() {
+        worker.deliver(&attempt).await.expect(StatusCode::OK);
+    }
+    for (path, rows, total) in [
+        ("/v1/jobs?state=succeeded&limit=5".to_owned(), "items", 12),
+        ("/v1/sweeps?limit=2".to_owned(), "items", 3),
+        (format!("{sweep}/jobs?limit=2&state=succeeded"), "items", 3),
+        (format!("{sweep}/results?limit=2"), "trials", 3),
+        (format!("{sweep}/series/discharged_mass?limit=2"), "items", 3),
+        ("/v1/workers?limit=3".to_owned(), "items", 4),
+        ("/v1/meshes?limit=2".to_owned(), "items", 3),
+    ] {
+        let (mut address, mut seen, mut pages) = (path.clone(), Vec::<Value>::new(), 0);
+        loop {
+            let page = farm.get(&address).await;
+            let link = page.link.clone();
+            let page = page.expect(StatusCode::OK);
+            let cursor = page["next_cursor"].as_str();
+            assert_eq!(link.is_some(), cursor.is_some(), "{address}: {link:?}");
+            seen.extend(page[rows].as_array().unwrap_or_else(|| panic!("{address}: {page}")).iter().cloned());
+            pages += 1;
+            let Some(link) = link else { break };
+            for kept in path.split(['?', '&']) {
+                assert!(link.contains(kept), "{link} asks for something else than {path}");
+            }
+            assert!(next(&link).ends_with(&format!("&cursor={}", cursor.unwrap())), "{link}");
+            address = next(&link).to_owned();
+        }
+        assert!(pages > 1, "{path}");
+        assert_eq!(seen.len(), total, "{path}");
+        assert!(seen.iter().enumerate().all(|(place, row)| !seen[..place].contains(row)), "{path}: {seen:?}");
+    }
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn ranges_in_the_specification_are_those_that_hold() {
+    let (farm, _dir, sweep) = with_three().await;
+    let spec = farm.get("/openapi.json").await.expect(StatusCode::OK);
+    let mut ranges = 0;
+    for (path, operations) in spec["paths"].as_object().unwrap() {
+        let get = &operations["get"];
+        let parameters = get["parameters"].as_array().into_iter().flatten();
+        let has_cursor = parameters.clone().any(|parameter| parameter["name"] == "cursor");
+        assert_eq!(has_cursor, get["responses"]["200"]["headers"]["link"].is_object(), "{path}");
+        for parameter in parameters.filter(|parameter| parameter["in"] == "query") {
+            let (name, schema) = (text(&parameter["name"]), &parameter["schema"]);
+            if ["limit", "samples"].contains(&name) {
+                assert!(schema["minimum"].is_u64() && schema["maximum"].is_u64(), "{path} {parameter}");
+            }
+            let (Some(low), Some(high)) = (schema["minimum"].as_u64(), schema["maximum"].as_u64()) else {
+                continue;
+            };
+            assert_ne!(parameter["required"], true, "{path} {name}");
+            let path = path.replace("{id}", text(&sweep["id"])).replace("{name}", "discharged_mass");
+            for (value, status) in [(low, 200), (high, 200), (low - 1, 400), (high + 1, 400)] {
+                let answer = farm.get(&format!("{path}?{name}={value}")).await;
+                assert_eq!(answer.status, status, "{path}?{name}={value}: {}", answer.text);
+            }
+            ranges += 1;
+        }
+    }
+    assert_eq!(ranges, 8, "`limit` of seven listings, and `samples`");
+
+    let worker = farm.worker("cpu").await;
+    // What takes all that is queued comes last: a claim that finds nothing waits.
+    for field in ["wait_s", "max_jobs"] {
+        let schema = &spec["components"]["schemas"]["ClaimRequest"]["properties"][field];
+        let (low, high) = (schema["minimum"].as_f64().unwrap(), schema["maximum"].as_f64().unwrap());
+        for (value, status) in [(low, 200), (high, 200), (low - 1.0, 422), (high + 1.0, 422)] {
+            let mut request = worker.claim_request(1, 0.0);
+            request[field] = if field == "max_jobs" { json!(value as i64) } else { json!(value) };
+            let answer = farm.post("/v1/claims", &request).await;
+            assert_eq!(answer.status, status, "{field} {value}: {}", answer.text);
+        }
+    }
+
+    for path in ["/v1/meshes/{digest}", "/v1/meshes/{digest}/file"] {
+        let parameter = &spec["paths"][path]["get"]["parameters"][0];
+        assert_eq!(parameter["schema"]["pattern"], "^[0-9a-f]{64}$", "{parameter}");
+        for (digest, status) in [("a".repeat(64), 404), ("A".repeat(64), 400), ("a".repeat(63), 400)] {
+            assert_eq!(farm.get(&path.replace("{digest}", &digest)).await.status, status, "{digest}");
+        }
+    }
+    farm.stop().await;
+}
