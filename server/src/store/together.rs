@@ -126,7 +126,48 @@ pub(super) fn rounds<K: Eq + Hash>(keys: impl IntoIterator<Item = K>) -> Vec<Vec
 
 #[cfg(test)]
 mod tests {
-    use super::rounds;
+    use std::sync::Mutex;
+
+    use futures_util::future::join_all;
+
+    use super::*;
+    use crate::store::Store;
+
+    /// The groups that were tried.
+    static TRIED: Mutex<Vec<Vec<u32>>> = Mutex::new(Vec::new());
+
+    /// Answers each with its square; 13 is bad luck for all that are worked with it.
+    fn squares<'t>(_: &'t mut SqliteConnection, group: &'t [Arc<u32>]) -> Work<'t, Vec<u32>> {
+        Box::pin(async move {
+            let group: Vec<u32> = group.iter().map(|asked| **asked).collect();
+            TRIED.lock().unwrap().push(group.clone());
+            if group.contains(&13) {
+                return Err(StoreError::Corrupt { what: "number", message: "13".to_owned() });
+            }
+            Ok(group.iter().map(|asked| asked * asked).collect())
+        })
+    }
+
+    #[tokio::test]
+    async fn a_group_is_worked_at_once_and_one_that_fails_one_by_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+        let collector = Collector::start(store.writer.clone(), 64, Duration::ZERO, squares);
+        // One thread, so that all ask before the first group is begun.
+        let ask = async |asked: std::ops::Range<u32>| join_all(asked.map(|asked| collector.ask(asked))).await;
+
+        let answers: Vec<u32> = ask(0..13).await.into_iter().map(Result::unwrap).collect();
+        assert_eq!(answers, (0..13).map(|asked| asked * asked).collect::<Vec<_>>());
+        assert_eq!(std::mem::take(&mut *TRIED.lock().unwrap()), [(0..13).collect::<Vec<_>>()], "all at once");
+
+        for (asked, answer) in (10..16).zip(ask(10..16).await) {
+            assert_eq!(answer.ok(), (asked != 13).then_some(asked * asked), "{asked}");
+        }
+        let tried = std::mem::take(&mut *TRIED.lock().unwrap());
+        assert_eq!(tried[0], (10..16).collect::<Vec<_>>());
+        assert_eq!(tried[1..], (10..16).map(|asked| vec![asked]).collect::<Vec<_>>());
+        store.close().await;
+    }
 
     #[test]
     fn what_asks_twice_waits_for_its_next_round() {
