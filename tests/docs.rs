@@ -126,7 +126,7 @@ fn the_server_needs_no_graphics_and_a_usual_build_no_cloud() {
         String::from_utf8(cargo.expect("cargo runs").stdout).expect("text")
     };
     assert!(tree("roost").contains("wgpu v"), "the command has the GPU backend");
-    for optional in ["opentelemetry", "h2 v", "quick-xml v"] {
+    for optional in ["opentelemetry", "h2 v", "crc-fast v"] {
         assert!(!tree("roost").contains(optional), "{optional} comes with a feature that is off");
     }
     let server = tree("roost-server");
