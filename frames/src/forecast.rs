@@ -1,5 +1,6 @@
 //! What the frames of a run will weigh, known before it runs.
 
+use roost_solver::experiments::plan;
 use roost_solver::result::Estimate;
 use roost_solver::scenario::Scenario;
 
@@ -39,13 +40,14 @@ impl Forecast {
 /// what large meshes of moving equipment take.
 pub fn forecast(scenario: &Scenario, estimate: &Estimate, options: &Options) -> Forecast {
     let interval_s = Schedule::new(scenario, estimate.timestep_s, options.interval_s).interval_s();
-    let numerics = &scenario.numerics;
+    let plan = plan(scenario);
     let frames = |phase_s: f64| (phase_s / interval_s).floor() as u64 + 1;
+    let of_fill = if plan.longest_fill_s > 0.0 { frames(plan.longest_fill_s.min(USUAL_FILL_S)) } else { 0 };
     let (particles, bonds) = (estimate.subparticles as f64, estimate.bonds as f64);
     let web = BYTES_PER_FRAME + WEB_BYTES_PER_SUBPARTICLE * particles;
     let vtk = BYTES_PER_FRAME + VTK_BYTES_PER_SUBPARTICLE * particles + VTK_BYTES_PER_BOND * bonds;
     Forecast {
-        frames: frames(numerics.max_fill_s.min(USUAL_FILL_S)) + frames(numerics.duration_s),
+        frames: of_fill + frames(plan.duration_s),
         web_bytes: if options.web { web as u64 } else { 0 },
         vtk_bytes: if options.vtk { vtk as u64 } else { 0 },
     }
@@ -55,6 +57,7 @@ pub fn forecast(scenario: &Scenario, estimate: &Estimate, options: &Options) -> 
 mod tests {
     use glam::Vec3;
     use roost_solver::Limits;
+    use serde_json::json;
 
     use super::*;
     use crate::testing::{bonds, fillets, moment};
@@ -95,6 +98,26 @@ mod tests {
         let duration_s = scenario.numerics.duration_s;
         assert_eq!(forecast.frames, 34 + (duration_s / 0.06) as u64 + 1);
         assert_eq!(forecast.bytes(), forecast.frames * (forecast.web_bytes + forecast.vtk_bytes));
+    }
+
+    #[test]
+    fn an_experiment_has_as_many_frames_as_its_own_plan_is_long() {
+        let frames = |document| {
+            let scenario = roost_solver::scenario::from_value(&document).expect("a sound scenario");
+            let estimate =
+                roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
+                    .expect("a sound scenario");
+            forecast(&scenario, &estimate, &Options { interval_s: 0.1, ..BOTH }).frames
+        };
+        // Tilted to 20.1° at 2 °/s, after the fill.
+        let slide = json!({"experiment": "slide", "slide": {"max_tilt_deg": 20.1, "tilt_rate_deg_s": 2.0}});
+        assert_eq!(frames(slide), 21 + 101);
+        // No fill.
+        assert_eq!(frames(json!({"experiment": "drop", "numerics": {"duration_s": 0.5}})), 6);
+        // Pressed by 0.095 and what the plates take up, 0.03, at 0.1 1/s.
+        let compress =
+            json!({"experiment": "compress", "compress": {"max_strain": 0.095, "strain_rate_1_s": 0.1}});
+        assert_eq!(frames(compress), 13);
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod parity;
 mod stl;
 
 use std::f64::consts::TAU;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use common::{at, block, blocks, onto, plate, prepare, scene, small_hopper};
 use cut::{pipe, surface};
@@ -137,4 +138,22 @@ fn a_batch_whose_rows_outgrow_the_device_is_cut() {
     for run in &mut runs {
         assert_eq!(difference(first.state(&mut alone), gpu.state(run)), None);
     }
+}
+
+#[test]
+fn a_device_that_is_lost_says_so_to_every_run() {
+    let Some(device) = parity::device() else { return };
+    let gpu = Gpu::with(device.clone(), &Source::kernels()).expect("kernels that compile");
+    let mut runs: Vec<_> = (0..3).map(|_| gpu.prepare(&blocks())).collect();
+    let [one, two, later] = &mut runs[..] else { panic!("three") };
+    gpu.advance(&mut [(&mut *one, 10), (&mut *two, 10), (&mut *later, 10)]);
+    device.wgpu().0.destroy();
+    let mut fails = |batch: &mut [_]| {
+        let panic = catch_unwind(AssertUnwindSafe(|| gpu.advance(batch))).expect_err("there is no device");
+        panic.downcast_ref::<String>().cloned().unwrap_or_default()
+    };
+    let reason = fails(&mut [(one, 10), (two, 10)]);
+    assert!(reason.contains("the GPU failed"), "{reason}");
+    let reason = fails(&mut [(later, 10)]);
+    assert!(reason.contains("the GPU has failed before"), "{reason}");
 }

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Bench, G, MASS, RADIUS, at, block, law, plate, scene};
 use glam::DVec3;
-use roost_solver::engine::scene::Scene;
+use roost_solver::engine::scene::{Laws, Scene};
 use roost_solver::equipment::SurfaceKind;
 use roost_solver::experiments::{bounds_on_timestep, kinds, laws, timestep_s};
 use roost_solver::mesh::Meshes;
@@ -46,11 +46,11 @@ fn stays(share: f64, shear_ratio: f32) -> bool {
     let mut scene = scene(block([8, 8, 8]), vec![at(DVec3::ZERO, DVec3::ZERO)], 1e-5);
     scene.laws.bond.form = Form::Corotated;
     scene.laws.bond.k_t = shear_ratio * scene.laws.bond.k_n;
-    let (k_n, k_t) = (f64::from(scene.laws.bond.k_n), f64::from(scene.laws.bond.k_t));
     // Contact so soft that it does not count.
     let mut soft = law(false, 1.0, 0.0, 0.0);
     (soft.e_star, soft.g_star) = (1e-6, 1e-6);
-    scene.timestep_s = share * stability(MASS, RADIUS, k_n, k_t, false, &soft, false).undamped_s;
+    let laws = Laws { tissue: soft, contact_between_bonded: false, ..scene.laws };
+    scene.timestep_s = share * stability(MASS, RADIUS, &laws, false).undamped_s;
     std::sync::Arc::make_mut(&mut scene.kinds[0].meta).points[219] += DVec3::new(1e-6, 2e-6, -1e-6);
     let mut bench = Bench::new(&scene);
     let fault = bench.steps(3000);
@@ -64,6 +64,53 @@ fn a_lattice_diverges_past_the_undamped_bound_and_not_below_it() {
         assert!(stays(0.98, shear_ratio), "below, k_t / k_n = {shear_ratio}");
         assert!(!stays(1.1, shear_ratio), "above, k_t / k_n = {shear_ratio}");
     }
+}
+
+/// Lets go two bonded sub-particles whose bond is about to break; returns the greatest kinetic energy they reach as a share of what
+/// the bond has stored, and how many bonds broke.
+fn let_go(scenario: &Scenario, dt: f64) -> (f64, u64) {
+    const STRETCH: f64 = 0.96;
+    let mut pair = kinds(scenario, &Meshes::default()).swap_remove(0);
+    pair.meta = block([2, 1, 1]).meta;
+    let laws = Laws { contact_between_bonded: false, ..laws::laws(scenario) };
+    let longest = f64::from(laws.bond.break_length) - 2.0 * RADIUS;
+    std::sync::Arc::make_mut(&mut pair.meta).points[1].x += STRETCH * longest;
+    // ∫ k e / (1 − (e/e_max)²) de
+    let stored_j = -f64::from(laws.bond.k_n) * longest * longest / 2.0 * (1.0 - STRETCH * STRETCH).ln();
+    let mut bench = Bench::new(&Scene { laws, ..scene(pair, vec![at(DVec3::ZERO, DVec3::ZERO)], dt) });
+    let mut peak = 0.0f64;
+    for _ in 0..(0.05 / dt) as u64 {
+        assert_eq!(bench.steps(1), None);
+        peak = peak.max(bench.state().kinetic_energy());
+    }
+    (peak / stored_j, bench.state().bonds_broken)
+}
+
+#[test]
+fn a_bond_about_to_break_holds_when_let_go_at_the_automatic_step() {
+    for (s_n, ratio) in [(1e6, 1.2), (1e7, 1.2), (1e7, 1.1), (1e8, 1.2)] {
+        let mut scenario = hopper(RADIUS, "finite_extension");
+        (scenario.bonds.normal_stiffness_n_m3, scenario.bonds.shear_stiffness_n_m3) = (s_n, 0.6 * s_n);
+        scenario.bonds.contact_radius_ratio = ratio;
+        let dt = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default())).auto_s;
+        let (share, broken) = let_go(&scenario, dt);
+        // Leapfrog's kinetic energy swings about the true one.
+        assert!(share < 1.3 && broken == 0, "{s_n} N/m³, {ratio}: {share}, {broken} broken");
+        let (_, broken) = let_go(&scenario, 3.0 * dt);
+        assert!(broken > 0, "{s_n} N/m³, {ratio}: sound at three times the step too");
+    }
+}
+
+#[test]
+fn hard_surfaces_lower_the_automatic_step() {
+    let mut scenario = hopper(0.004, "corotated");
+    scenario.contact.fillet_fillet.restitution = 1.0;
+    let of = |scenario: &Scenario| bounds_on_timestep(scenario, &kinds(scenario, &Meshes::default())).auto_s;
+    let with_dashpot = of(&scenario);
+    scenario.contact.fillet_equipment.restitution = 1.0;
+    scenario.contact.fillet_belt.restitution = 1.0;
+    // Of the rolling mode: 3.5 η_t / m with η_t of Tsuji's dashpot is what is left without the bed's.
+    assert!(with_dashpot < 0.6 * of(&scenario), "{with_dashpot} against {}", of(&scenario));
 }
 
 #[test]

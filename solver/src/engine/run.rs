@@ -133,20 +133,8 @@ pub fn run<B: Backend>(
     let mut run = backend.prepare(scene);
     let mut course = Course::new(plan, scene.timestep_s);
     let subparticles = backend.state(&mut run).particles.len() as u64;
-    let mut pictured = None;
     let (reason, fault) = loop {
         let surface_forces = backend.surface_forces(&mut run);
-        if pictured != Some(course.step) && observer.wants_snapshot(course.simulated_s()) {
-            let bonds = backend.bonds(&mut run);
-            observer.snapshot(&Snapshot {
-                scene,
-                simulated_s: course.simulated_s(),
-                belt_time_s: course.belt_time_s(),
-                state: backend.state(&mut run),
-                bonds: &bonds,
-            });
-            pictured = Some(course.step);
-        }
         let state = backend.state(&mut run);
         let sample = Sample {
             simulated_s: course.simulated_s(),
@@ -155,7 +143,19 @@ pub fn run<B: Backend>(
             max_overlap_m: course.max_overlap_m,
             surface_forces: &surface_forces,
         };
-        match director.look(&sample) {
+        let decision = director.look(&sample);
+        // What is seen at t = 0 is seen after the start.
+        if !matches!(decision, Decision::Start) && observer.wants_snapshot(course.simulated_s()) {
+            let bonds = backend.bonds(&mut run);
+            observer.snapshot(&Snapshot {
+                scene,
+                simulated_s: course.simulated_s(),
+                belt_time_s: course.belt_time_s(),
+                state: backend.state(&mut run),
+                bonds: &bonds,
+            });
+        }
+        match decision {
             Decision::End(reason) => break (reason, None),
             Decision::Diverged(seen) => break (EndReason::Unstable, Some(seen)),
             Decision::Start => {

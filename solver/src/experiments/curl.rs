@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 
+use crate::engine::frame::Frame;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::observe::bend_angle_deg;
@@ -44,10 +45,8 @@ impl Curls {
             if range.len() != shape.points.len() || x <= 0.0 || x > PAST_GATE_M {
                 continue;
             }
-            // From one sub-particle, so that a fillet across the periodic seam is whole.
-            let first = state.particles[range.start].position;
-            let points = state.particles[range].iter().map(|p| state.frame.between(first, p.position));
-            let points: Vec<DVec3> = points.map(|point| point.as_dvec3()).collect();
+            let places = state.particles[range].iter().map(|p| p.position);
+            let points = whole(&state.frame, places);
             let Some(angle) = bend_angle_deg(&shape.points, &points) else { continue };
             curl.count += 1;
             curl.sum_deg += angle;
@@ -65,5 +64,40 @@ impl Curls {
         let sum: f64 = samples().map(|curl| curl.sum_deg).sum();
         let largest = samples().map(|curl| curl.largest_deg).fold(0.0, f64::max);
         (count > 0).then(|| (sum / f64::from(count), largest))
+    }
+}
+
+/// Places of a fillet in metres, whole across the periodic seam. From one sub-particle to the next, which may be half a period
+/// apart from the first: of a row, each is near the one before.
+fn whole(frame: &Frame, places: impl Iterator<Item = IVec3>) -> Vec<DVec3> {
+    let mut last: Option<(IVec3, DVec3)> = None;
+    places
+        .map(|place| {
+            let point =
+                last.map_or(DVec3::ZERO, |(before, point)| point + frame.between(before, place).as_dvec3());
+            last = Some((place, point));
+            point
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Fill;
+    use crate::shape::teardrop::Teardrop;
+
+    #[test]
+    fn a_flat_fillet_across_the_seam_of_a_narrow_period_is_flat() {
+        let size_m = [0.176, 0.072, 0.032];
+        let shape = MetaParticle::fill(&Teardrop { size_m, mirrored: false }, 0.004, Fill::Centres, 1);
+        let frame = Frame::new(DVec3::new(-0.5, -0.1, -0.5), DVec3::new(0.5, 0.1, 0.5), true);
+        for shift in 0..10 {
+            // Lying along y, the blunt end at `shift` fiftieths of a metre.
+            let turned = shape.points.iter().map(|p| DVec3::new(-p.y, p.x + 0.02 * f64::from(shift), p.z));
+            let places = turned.map(|point| frame.wrap(frame.encode(point)));
+            let angle = bend_angle_deg(&shape.points, &whole(&frame, places)).expect("it has two ends");
+            assert!(angle < 0.1, "{angle}° at {shift}");
+        }
     }
 }

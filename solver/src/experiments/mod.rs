@@ -124,15 +124,8 @@ pub fn kind_of_each(scenario: &Scenario, kinds: usize) -> Vec<usize> {
 pub fn bounds_on_timestep(scenario: &Scenario, kinds: &[Kind]) -> Stability {
     let laws = laws::laws(scenario);
     let mass = kinds.iter().map(|kind| kind.subparticle_mass_kg).fold(f64::INFINITY, f64::min);
-    stability(
-        mass,
-        scenario.product.radius_m(),
-        f64::from(laws.bond.k_n),
-        f64::from(laws.bond.k_t),
-        kinds.iter().any(|kind| kind.meta.bonds.iter().any(|bond| bond.class > 1)),
-        &laws.tissue,
-        laws.contact_between_bonded,
-    )
+    let diagonals = kinds.iter().any(|kind| kind.meta.bonds.iter().any(|bond| bond.class > 1));
+    stability(mass, scenario.product.radius_m(), &laws, diagonals)
 }
 
 /// The time step that a scenario will run with, in seconds.

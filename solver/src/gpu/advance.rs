@@ -98,7 +98,9 @@ pub(super) fn chunk(
         if needed > limit {
             return Err(NoRoom(format!("a buffer of {needed} bytes is needed; the device allows {limit}")));
         }
-        tasks.iter_mut().for_each(|task| task.run.store.lengthen(device, slots));
+        // The buffers of all go first where rows become longer: what they have is in the stores.
+        arena.take_if(|arena| !arena.has(slots));
+        tasks.iter_mut().try_for_each(|task| task.run.store.lengthen(device, slots))?;
         let interval = tasks.iter().map(|task| task.run.interval.min(task.run.longest_interval())).min();
         let interval = interval.unwrap_or(1).clamp(1, longest);
         let arena = room(device, pipelines, arena, sum, slots)?;

@@ -110,7 +110,12 @@ impl Arena {
 
     /// Whether it has room for that much, in rows of just these slots.
     pub(super) fn holds(&self, extent: Extent, slots: Slots) -> bool {
-        self.slots == slots && self.room.each(extent, u32::max) == self.room
+        self.has(slots) && self.room.each(extent, u32::max) == self.room
+    }
+
+    /// Whether its rows have just these slots.
+    pub(super) fn has(&self, slots: Slots) -> bool {
+        self.slots == slots
     }
 
     /// What it has room for.

@@ -103,6 +103,8 @@ impl Batch {
     fn drive(mut self, incoming: &Receiver<Vec<Request>>) {
         loop {
             if self.waiting.is_empty() {
+                // Others will come, which may be smaller.
+                self.most = usize::MAX;
                 let Ok(requests) = incoming.recv() else { return };
                 self.waiting = requests;
             }

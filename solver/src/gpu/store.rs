@@ -4,6 +4,7 @@
 use bytemuck::Pod;
 use wgpu::{Buffer, BufferUsages};
 
+use super::arena::NoRoom;
 use super::device::Device;
 use super::layout::{Corner, Count, Facet, Node, Own, Pair, Particle, Surface, WallPair};
 use super::lists::{Rows, Slots};
@@ -167,11 +168,26 @@ impl Store {
         }
     }
 
-    /// Lengthens its rows to these slots, unless they have them.
-    pub(super) fn lengthen(&mut self, device: &Device, slots: Slots) {
-        if self.slots != slots {
-            let rows = self.read_rows(device).with(slots);
-            self.write_rows(device, &rows);
+    /// Lengthens its rows to these slots, unless they have them. It stays as it was where the device has no room.
+    pub(super) fn lengthen(&mut self, device: &Device, slots: Slots) -> Result<(), NoRoom> {
+        if self.slots == slots {
+            return Ok(());
         }
+        let rows = self.read_rows(device).with(slots);
+        let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let longer = [Part::Pairs, Part::Walls].map(|part| {
+            let bytes = self.extent.bytes(part, slots);
+            (part, (bytes > self.buffer(part).size()).then(|| buffer(device, &format!("{part:?}"), bytes)))
+        });
+        if let Some(error) = pollster::block_on(memory.pop()) {
+            return Err(NoRoom(error.to_string()));
+        }
+        for (part, longer) in longer {
+            if let Some(longer) = longer {
+                self.buffers[part as usize] = longer;
+            }
+        }
+        self.write_rows(device, &rows);
+        Ok(())
     }
 }

@@ -51,6 +51,16 @@ pub struct BondLaw {
     pub shear_strength: f32,
 }
 
+impl BondLaw {
+    /// The stiffness along a bond just before it breaks, dF_n/de, in N/m.
+    pub fn stretched_k_n(&self) -> f64 {
+        let c2 = f64::from(STRETCH_CLAMP * STRETCH_CLAMP);
+        let stiffening =
+            if self.form == Form::FiniteExtension { (1.0 + c2) / (1.0 - c2).powi(2) } else { 1.0 };
+        stiffening * f64::from(self.k_n)
+    }
+}
+
 /// The force of a bond on i, in newton.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BondForce {

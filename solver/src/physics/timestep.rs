@@ -8,17 +8,25 @@
 //! - all spinning alike, which shears every bond: ω² = 8 K_t R² / I = 20 K_t / m.
 //!
 //! With one type of sub-particle the twelve face diagonals bond as well and add at most 8 (k_n + 2 k_t) / m and 80 k_t / m.
+//! Two more modes decide where bonds are stiff or surfaces hard:
+//!
+//! - two sub-particles whose bond is about to break, which stiffens to k_b by then if its extension is finite, and no
+//!   contact damps it: ω² = (4 (k_n + 2 k_t) + 2 (k_b − k_n)) / m,
+//! - one sub-particle rolling on a surface: ω² = (1 + m R² / I) K_t / m = 3.5 K_t / m.
+//!
 //! Leapfrog is stable for δt < 2/ω. A dashpot taken at the old velocity lowers that to
-//! δt < (2/ω) (√(1 + ζ²) − ζ) for the damping ratio ζ. Both are estimates of the linear lattice; contact
+//! δt < (2/ω) (√(1 + ζ²) − ζ) for the damping ratio ζ. All are estimates of the linear lattice; contact
 //! stiffens with overlap and is taken at a stated overlap.
 //!
 //! | symbol | unit | meaning |
 //! |---|---|---|
 //! | K | N/m | S A of the bond + 2E*a (normal) or 8G*a (tangential) of the contact |
 //! | m | kg | mass of a sub-particle |
+//! | I | kg m² | its moment of inertia, 2/5 m R² |
 //! | ζ | – | η ω / 2K, the share of critical damping of the contact in the mode |
 
 use super::contact::ContactLaw;
+use crate::engine::scene::Laws;
 
 /// Overlap at which contact stiffness is taken, as a share of R: the deepest seen in a filled hopper. Where fillets
 /// have been driven into each other it decides; taken at the usual overlap of a few hundredths, single sub-particles
@@ -39,42 +47,37 @@ pub struct Stability {
     pub auto_s: f64,
 }
 
-/// The bounds for sub-particles of `mass` in kg and `radius` in m, bonds of `k_n` and `k_t` in N/m and contacts by
-/// `law`; `diagonals` tells whether face diagonals bond, `contact_in_bonds` whether bonded neighbours touch as well.
-pub fn stability(
-    mass: f64,
-    radius: f64,
-    k_n: f64,
-    k_t: f64,
-    diagonals: bool,
-    law: &ContactLaw,
-    contact_in_bonds: bool,
-) -> Stability {
-    let a = (f64::from(law.r_star) * REFERENCE_OVERLAP * radius).sqrt();
-    let contact_n = 2.0 * f64::from(law.e_star) * a;
-    let contact_t = 8.0 * f64::from(law.g_star) * a;
+/// The bounds for sub-particles of `mass` in kg and `radius` in m; `diagonals` tells whether face diagonals bond.
+pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stability {
+    let (law, bond) = (&laws.tissue, &laws.bond);
+    let a = |law: &ContactLaw| (f64::from(law.r_star) * REFERENCE_OVERLAP * radius).sqrt();
+    let along = |law: &ContactLaw| 2.0 * f64::from(law.e_star) * a(law);
+    let across = |law: &ContactLaw| 8.0 * f64::from(law.g_star) * a(law);
     // Without contact in bonds a loaded sub-particle still touches others on about two sides of six.
-    let share = if contact_in_bonds { 1.0 } else { 1.0 / 3.0 };
-    let (side_n, side_t) = (k_n + share * contact_n, k_t + share * contact_t);
+    let share = if laws.contact_between_bonded { 1.0 } else { 1.0 / 3.0 };
+    let (k_n, k_t) = (f64::from(bond.k_n), f64::from(bond.k_t));
+    let (side_n, side_t) = (k_n + share * along(law), k_t + share * across(law));
     let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
-    let factor = f64::from(law.damping);
-    let eta = |stiffness: f64| share * factor * (stiffness * mass / 2.0).sqrt();
-    let modes = [
-        // (ω², dashpot in the same combination per mass)
-        (
-            (4.0 * (side_n + 2.0 * side_t) + 8.0 * (diagonal_n + 2.0 * diagonal_t)) / mass,
-            4.0 * (eta(contact_n) + 2.0 * eta(contact_t)) / mass,
-        ),
-        ((20.0 * side_t + 80.0 * diagonal_t) / mass, 20.0 * eta(contact_t) / mass),
+    let diagonal = 8.0 * (diagonal_n + 2.0 * diagonal_t);
+    let eta =
+        |law: &ContactLaw, stiffness: f64, mass: f64| f64::from(law.damping) * (stiffness * mass).sqrt();
+    let eta_n = share * eta(law, along(law), mass / 2.0);
+    let eta_t = share * eta(law, across(law), mass / 2.0);
+    // (stiffness, dashpot), both as they act on one mass.
+    let lattice = [
+        (4.0 * (side_n + 2.0 * side_t) + diagonal, 4.0 * (eta_n + 2.0 * eta_t)),
+        (20.0 * side_t + 80.0 * diagonal_t, 20.0 * eta_t),
     ];
-    let mut stability =
-        Stability { undamped_s: f64::INFINITY, damped_s: f64::INFINITY, auto_s: f64::INFINITY };
-    for (omega2, rate) in modes {
-        let omega = omega2.sqrt();
-        let zeta = rate / (2.0 * omega);
-        stability.undamped_s = stability.undamped_s.min(2.0 / omega);
-        stability.damped_s = stability.damped_s.min(2.0 / omega * ((1.0 + zeta * zeta).sqrt() - zeta));
-    }
-    stability.auto_s = SAFETY * stability.damped_s;
-    stability
+    let breaking = (4.0 * (k_n + 2.0 * k_t) + diagonal + 2.0 * (bond.stretched_k_n() - k_n), 0.0);
+    let rolling =
+        [laws.equipment, laws.belt].map(|law| (3.5 * across(&law), 3.5 * eta(&law, across(&law), mass)));
+    let bounds = |(stiffness, dashpot): (f64, f64)| {
+        let omega = (stiffness / mass).sqrt();
+        let zeta = dashpot / mass / (2.0 * omega);
+        (2.0 / omega, 2.0 / omega * ((1.0 + zeta * zeta).sqrt() - zeta))
+    };
+    let undamped_s = lattice.map(|mode| bounds(mode).0).into_iter().fold(f64::INFINITY, f64::min);
+    let all = lattice.into_iter().chain([breaking]).chain(rolling);
+    let damped_s = all.map(|mode| bounds(mode).1).fold(f64::INFINITY, f64::min);
+    Stability { undamped_s, damped_s, auto_s: SAFETY * damped_s }
 }

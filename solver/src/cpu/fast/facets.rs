@@ -119,7 +119,7 @@ impl<'a> FewTriangles<'a> {
         let d = local - p;
         Touches {
             to_wall: turned(simd, turn, d),
-            distance: d.length2_unfused().exact_sqrt(),
+            distance: d.length2_unfused().sqrt(),
             velocity: F3::splat(simd, velocity)
                 + F3::splat(simd, spin).cross_unfused(turned(simd, turn, local)),
         }

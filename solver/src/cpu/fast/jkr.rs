@@ -2,18 +2,18 @@
 
 use pulp::Simd;
 
-use super::lanes::F;
+use super::lanes::{F, Mask};
 use crate::physics::jkr::{D_SNAP, JkrScale, X_SNAP};
 
 /// Overlaps of JKR: √ of the shift that makes the guess of [`root`] close everywhere, and its coefficients.
 const GUESS_SHIFT: f32 = 1.2;
 const GUESS: [f32; 4] = [-0.595_899_9, 0.212_397_02, -0.163_381_2, 0.037_134_24];
 
-/// [`crate::physics::jkr::force`]: force, a and √a. Below the snap it gives what it gives there.
+/// [`crate::physics::jkr::force`]: force, a and √a; all zero where no contact holds.
 #[inline(always)]
-pub(super) fn jkr<S: Simd>(simd: S, scale: &JkrScale, delta: F<S>) -> (F<S>, F<S>, F<S>) {
+pub(super) fn jkr<S: Simd>(simd: S, scale: &JkrScale, delta: F<S>, holds: Mask<S>) -> (F<S>, F<S>, F<S>) {
     let splat = |value| F::splat(simd, value);
-    let x = root(simd, delta * splat(scale.inverse_overlap));
+    let x = holds.select(root(simd, delta * splat(scale.inverse_overlap)), splat(0.0));
     let x2 = x * x;
     let x3 = x2 * x;
     let force = splat(scale.force) * x3 * (splat(4.0 / 3.0) * x3 - splat(2.0));
@@ -34,7 +34,7 @@ fn root<S: Simd>(simd: S, d: F<S>) -> F<S> {
     let x3 = x * x * x;
     // Where the neck snaps the slope vanishes: there the guess must do.
     let slope = (splat(4.0) * x3 - splat(1.0)).max(splat(0.05));
-    (x.mul_add(x3, -(x + d))).mul_from(slope.inverse(), x).max(splat(X_SNAP))
+    (x - x.mul_add(x3, -(x + d)) / slope).max(splat(X_SNAP))
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
 //! The forces of pairs, in lanes: what [`crate::physics::bond`] and [`crate::physics::contact`] say of one pair, of
-//! many at once. Branches become selections, divisions and roots become products; the tests hold
+//! many at once. Branches become selections; the tests hold
 //! every term to the physics within a few units in the last place.
 
 use pulp::Simd;
@@ -11,12 +11,11 @@ use super::memory::{Lanes, Lanes3, WIDTH};
 use crate::physics::bond::{BondLaw, Form, STRETCH_CLAMP};
 use crate::physics::contact::ContactLaw;
 
-/// Squares of what is turned, in usual sizes, below which it has no direction.
-const NO_LENGTH2: f32 = 1e-15;
+/// Squares of what is turned below which it has no direction.
+const NO_LENGTH2: f32 = 1e-30;
 
-/// One over a usual size of what is turned: of a bond's force, in newton, and of ξ, in metres.
-const USUAL_FORCE: f32 = 1e2;
-const USUAL_SLIDE: f32 = 1e8;
+/// Share that squares of what is turned may lose in a step for the first terms of a root to be as good as all.
+const MUCH_LONGER: f32 = 1e-4;
 
 /// A law of contact, with what can be worked out beforehand.
 #[derive(Clone, Copy, Debug)]
@@ -126,18 +125,24 @@ struct Pairs<S: Simd> {
     twist: F<S>,
 }
 
+/// One over a length; of none, something.
+#[inline(always)]
+fn inverse<S: Simd>(simd: S, length: F<S>) -> F<S> {
+    F::splat(simd, 1.0) / length.max(F::splat(simd, 1e-15))
+}
+
 impl<S: Simd> Pairs<S> {
     #[inline(always)]
     fn new(simd: S, dt: f32, [a, b]: &[Seen; 2], part: usize) -> Self {
         let d = F3::load(simd, [&a.apart, &b.apart], part);
         // Neighbours on the lattice begin at a distance of 2R: whether they touch is decided by the last digit, which should be
         // that of the plain path. So the square is rounded as there, and so is its root.
-        let (length, inverse) = d.length2_unfused().sqrt();
+        let length = d.length2_unfused().sqrt();
         // Two centres on one spot have no direction: d is zero then, and so is n.
-        let n = d * inverse;
+        let n = d * inverse(simd, length);
         let arm = d * F::splat(simd, 0.5);
         let spin = F3::load(simd, [&a.spin, &b.spin], part);
-        let v = F3::load(simd, [&a.velocity, &b.velocity], part) - spin.cross(arm);
+        let v = arm.cross_add(spin, F3::load(simd, [&a.velocity, &b.velocity], part));
         Self::meeting(n, length, arm, v, spin, F::splat(simd, 0.5 * dt))
     }
 
@@ -146,8 +151,8 @@ impl<S: Simd> Pairs<S> {
     #[inline(always)]
     fn at_surfaces(simd: S, dt: f32, [a, b]: &[Seen; 2], part: usize) -> Self {
         let arm = F3::load(simd, [&a.apart, &b.apart], part);
-        let (length, inverse) = arm.length2_unfused().sqrt();
-        let n = arm * inverse;
+        let length = arm.length2_unfused().sqrt();
+        let n = arm * inverse(simd, length);
         let spin = F3::load(simd, [&a.spin, &b.spin], part);
         let v = F3::load(simd, [&a.velocity, &b.velocity], part);
         Self::meeting(n, length, arm, v, spin, F::splat(simd, 0.5 * dt))
@@ -177,9 +182,9 @@ pub(super) fn contacts<S: Simd>(
         let pairs = Pairs::new(simd, laws.dt, seen, part);
         let root_mass = F::load(simd, [mass_a, mass_b], part);
         let meets = Meets { law: &laws.contact, touch: laws.touch, dt: laws.dt, root_mass };
-        let (normal, across, delta) = contact(simd, &meets, &pairs, exists, [one, two], part);
+        let (push, across, delta) = contact(simd, &meets, &pairs, exists, [one, two], part);
         deepest = deepest.max(delta);
-        (normal + across).store([&mut a.force, &mut b.force], part);
+        pairs.n.mul_from(push, across).store([&mut a.force, &mut b.force], part);
         pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
     }
     deepest.greatest()
@@ -204,8 +209,8 @@ pub(super) fn surfaces<S: Simd>(
     for part in 0..WIDTH / S::F32_LANES {
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
         let pairs = Pairs::at_surfaces(simd, laws.dt, seen, part);
-        let (normal, across, _) = contact(simd, &meets, &pairs, exists, [one, two], part);
-        (normal + across).store([&mut a.force, &mut b.force], part);
+        let (push, across, _) = contact(simd, &meets, &pairs, exists, [one, two], part);
+        pairs.n.mul_from(push, across).store([&mut a.force, &mut b.force], part);
         pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
     }
 }
@@ -228,7 +233,7 @@ pub(super) fn bonds<S: Simd>(
         let limit = F::load(simd, memory.each_ref().map(|memory| &memory.break_length), part);
         let (exists, bonded) = (zero.le(limit), zero.lt(limit));
         let of_bonds = memory.each_mut().map(|memory| &mut **memory);
-        let (mut force, mut across, breaks) = bond(simd, laws, &pairs, bonded, limit, of_bonds, part);
+        let (mut pull, mut across, breaks) = bond(simd, laws, &pairs, bonded, limit, of_bonds, part);
         if breaks.any() {
             broke = true;
             let limits = memory.each_mut().map(|memory| &mut memory.break_length);
@@ -239,18 +244,18 @@ pub(super) fn bonds<S: Simd>(
         if laws.contact_between_bonded || free.any() {
             let contacts = memory.each_mut().map(|memory| &mut memory.contacts);
             let meets = Meets { law: &laws.contact, touch: laws.touch, dt: laws.dt, root_mass };
-            let (normal, tangential, delta) = contact(simd, &meets, &pairs, touches, contacts, part);
-            force += normal + tangential;
+            let (push, tangential, delta) = contact(simd, &meets, &pairs, touches, contacts, part);
+            pull = pull - push;
             across += tangential;
             deepest = deepest.max(free.select(delta, zero));
         }
-        force.store([&mut a.force, &mut b.force], part);
+        pairs.n.mul_add(pull, across).store([&mut a.force, &mut b.force], part);
         pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
     }
     (deepest.greatest(), broke)
 }
 
-/// [`crate::physics::bond::force`]: the whole force, the part across, and which bonds break.
+/// [`crate::physics::bond::force`]: the pull along n, the force across it, and which bonds break.
 #[inline(always)]
 fn bond<S: Simd>(
     simd: S,
@@ -260,37 +265,42 @@ fn bond<S: Simd>(
     break_length: F<S>,
     [one, two]: [&mut Bonds; 2],
     part: usize,
-) -> (F3<S>, F3<S>, Mask<S>) {
+) -> (F<S>, F3<S>, Mask<S>) {
     let law = &laws.bond;
     let splat = |value| F::splat(simd, value);
     let Pairs { n, length, v_n, v_t, .. } = *pairs;
     let stored = F3::load(simd, [&one.stored, &two.stored], part);
-    let (pull, shear, total, stored) = if law.form == Form::AsPublished {
+    let (pull, shear, stored) = if law.form == Form::AsPublished {
         let rate = n.mul_add(splat(law.k_n) * v_n, v_t * splat(law.k_t));
         let stored = rate.mul_add(splat(laws.dt), stored);
         let pull = stored.dot(n);
-        (pull, n.mul_from(pull, stored), stored, stored)
+        (pull, n.mul_from(pull, stored), stored)
     } else {
-        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, pairs, stored, USUAL_FORCE));
+        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, pairs, stored));
         let e = length - F::splat_each(simd, [one.rest, two.rest]);
         let pull = splat(law.k_n) * e;
         let pull = if law.form == Form::FiniteExtension {
             let span = [one.rest, two.rest].map(|rest| 1.0 / (law.break_length - rest));
             let share = (e * F::splat_each(simd, span)).min(splat(STRETCH_CLAMP));
             let share = share.max(splat(0.0));
-            pull * (splat(1.0) - share * share).inverse()
+            pull / (splat(1.0) - share * share)
         } else {
             pull
         };
-        (pull, shear, n.mul_add(pull, shear), shear)
+        (pull, shear, shear)
     };
-    let yields = splat(law.normal_strength).lt(pull)
-        | splat(law.shear_strength * law.shear_strength).lt(shear.dot(shear));
-    let breaks = bonded & (break_length.lt(length) | yields);
-    let (zero, none) = (splat(0.0), F3::zero(simd));
-    let acts = zero.lt(breaks.select(zero, bonded.select(splat(1.0), zero)));
+    let mut yields = break_length.lt(length);
+    if law.normal_strength.min(law.shear_strength) < f32::INFINITY {
+        yields = yields
+            | splat(law.normal_strength).lt(pull)
+            | splat(law.shear_strength * law.shear_strength).lt(shear.dot(shear));
+    }
+    let breaks = bonded & yields;
+    let acts = breaks.select(splat(0.0), bonded.select(splat(1.0), splat(0.0)));
+    let acts = splat(0.0).lt(acts);
+    let none = F3::zero(simd);
     acts.select3(stored, none).store([&mut one.stored, &mut two.stored], part);
-    (acts.select3(total, none), acts.select3(shear, none), breaks)
+    (acts.select(pull, splat(0.0)), acts.select3(shear, none), breaks)
 }
 
 /// What contacts of one kind have in common.
@@ -303,7 +313,7 @@ struct Meets<'a, S: Simd> {
     root_mass: F<S>,
 }
 
-/// [`crate::physics::contact::force`] on i: along n, across it, and the overlap where there is contact (else 0).
+/// [`crate::physics::contact::force`] on i: the push against n, the force across it, and the overlap where there is contact (else 0).
 #[inline(always)]
 fn contact<S: Simd>(
     simd: S,
@@ -312,56 +322,63 @@ fn contact<S: Simd>(
     touches: Mask<S>,
     [one, two]: [&mut Contacts; 2],
     part: usize,
-) -> (F3<S>, F3<S>, F<S>) {
+) -> (F<S>, F3<S>, F<S>) {
     let LaneContact { law, damping_n, damping_t, snap } = meets.law;
     let splat = |value| F::splat(simd, value);
     let (zero, none) = (splat(0.0), F3::zero(simd));
     // Velocities here are those of j against i: what is felt on i has the opposite sign.
-    let Pairs { n, v_n, v_t, .. } = *pairs;
+    let Pairs { v_n, v_t, .. } = *pairs;
     let delta = splat(meets.touch) - pairs.length;
     let holds = touches & F::load(simd, [&one.limit, &two.limit], part).le(delta);
     holds.select(splat(*snap), zero).store([&mut one.limit, &mut two.limit], part);
     if !holds.any() {
         none.store([&mut one.slide, &mut two.slide], part);
-        return (none, none, zero);
+        return (zero, none, zero);
     }
     let (elastic, a, root_a) = match &law.jkr {
-        Some(scale) => jkr(simd, scale, delta),
+        Some(scale) => jkr(simd, scale, delta, holds),
         None => {
-            let (a, _) = (splat(law.r_star) * delta.max(zero)).sqrt();
-            (splat(4.0 / 3.0 * law.e_star) * a * delta, a, a.sqrt().0)
+            let delta = holds.select(delta.max(zero), zero);
+            let a = (splat(law.r_star) * delta).sqrt();
+            (splat(4.0 / 3.0 * law.e_star) * a * delta, a, a.sqrt())
         }
     };
     let damp = meets.root_mass * root_a;
     let total = (splat(*damping_n) * damp).mul_from(v_n, elastic);
     // Friction, as in `physics::friction`; without area there is nothing to hold on to.
-    let holds_on = holds & zero.lt(a);
+    let holds_on = zero.lt(a);
     let k_t = splat(8.0 * law.g_star) * a;
     let dashpot = v_t * (splat(*damping_t) * damp);
     let old = F3::load(simd, [&one.slide, &two.slide], part);
-    let slide = v_t.mul_from(splat(meets.dt), turned(simd, pairs, old, USUAL_SLIDE));
-    let trial = slide.mul_from(k_t, dashpot);
+    let mut slide = v_t.mul_from(splat(meets.dt), turned(simd, pairs, old));
+    let mut force = slide.mul_from(k_t, dashpot);
     let cap = splat(law.mu) * total.max(zero);
-    let size2 = trial.dot(trial);
-    let sticks = size2.le(cap * cap);
-    let capped = trial * (cap * size2.sqrt().1);
-    let slipped = (dashpot - capped) * k_t.max(splat(1e-30)).inverse();
-    let slide = sticks.select3(slide, slipped);
-    let tangential = sticks.select3(trial, capped);
+    let size2 = force.dot(force);
+    let slips = (cap * cap).lt(size2);
+    if slips.any() {
+        force = force * slips.select(cap / size2.sqrt(), splat(1.0));
+        let slipped = (dashpot - force) * (splat(1.0) / k_t.max(splat(1e-30)));
+        slide = slips.select3(slipped, slide);
+    }
     holds_on.select3(slide, none).store([&mut one.slide, &mut two.slide], part);
-    (holds.select3(n * -total, none), holds_on.select3(tangential, none), holds.select(delta, zero))
+    (total, force, holds.select(delta, zero))
 }
 
-/// [`crate::physics::friction::turned`], by the pairs' spin in this step. `inverse_usual` is one over a usual length of v: fourth
-/// powers of v in such lengths must stay numbers.
+/// [`crate::physics::friction::turned`], by the pairs' spin in this step.
 #[inline(always)]
-fn turned<S: Simd>(simd: S, pairs: &Pairs<S>, v: F3<S>, inverse_usual: f32) -> F3<S> {
+fn turned<S: Simd>(simd: S, pairs: &Pairs<S>, v: F3<S>) -> F3<S> {
     let n = pairs.n;
-    let twisted = n.cross(v).mul_add(pairs.twist, v);
+    let splat = |value| F::splat(simd, value);
+    let twisted = (n * pairs.twist).cross_add(v, v);
     let flat = n.mul_from(twisted.dot(n), twisted);
-    let unit = F::splat(simd, inverse_usual * inverse_usual);
-    let (before, after) = (v.dot(v) * unit, flat.dot(flat) * unit);
-    // √(before / after), with one root in place of two.
-    let scale = before * (before * after).max(F::splat(simd, 1e-30)).inverse_sqrt();
-    flat * after.le(F::splat(simd, NO_LENGTH2)).select(F::splat(simd, 1.0), scale)
+    let (before, after) = (v.dot(v), flat.dot(flat));
+    // √(before / after) by its first terms: in a step a pair turns by next to nothing.
+    let longer = (before - after) * after.roughly_inverse();
+    let mut scale = longer.mul_add(splat(0.5), splat(1.0));
+    let far = splat(MUCH_LONGER).lt(longer.abs());
+    if far.any() {
+        let least = splat(f32::MIN_POSITIVE);
+        scale = far.select((before / after.max(least)).sqrt(), scale);
+    }
+    flat * after.le(splat(NO_LENGTH2)).select(splat(1.0), scale)
 }

@@ -1,7 +1,7 @@
 //! Numbers in lanes: the same arithmetic on as many pairs at once as the instruction set has lanes.
 //!
-//! Only `+ - *`, fused multiply-add, whole numbers, comparisons and selections: every instruction set gives the same bits,
-//! if slowly where it has no fused multiply-add of its own.
+//! Only `+ - * /`, roots, fused multiply-add, whole numbers, comparisons and selections, which all round alike: every instruction
+//! set gives the same bits, if slowly where it has no fused multiply-add of its own.
 //! `pulp` picks the instructions; a kernel is written once, over [`Simd`].
 
 use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Sub};
@@ -84,14 +84,6 @@ impl<S: Simd> F<S> {
         (-self).mul_add(factor, term)
     }
 
-    /// 1/√x of positive x, to a few units in the last place. Square roots and divisions keep one unit of the
-    /// processor busy for tens of cycles; products and sums do it in fewer, and alike everywhere: half the exponent gives
-    /// 3 %, two steps of third order the rest.
-    #[inline(always)]
-    pub(super) fn inverse_sqrt(self) -> Self {
-        self.nearer_inverse_sqrt(self.roughly_inverse_sqrt())
-    }
-
     /// 1/√x of positive x, to two ten-thousandths.
     #[inline(always)]
     pub(super) fn roughly_inverse_sqrt(self) -> Self {
@@ -100,23 +92,10 @@ impl<S: Simd> F<S> {
             let halved = simd.wrapping_dyn_shr_u32s(simd.transmute_u32s_f32s(x), simd.splat_u32s(1));
             simd.transmute_f32s_u32s(simd.sub_u32s(simd.splat_u32s(0x5f37_59df), halved))
         });
-        self.nearer_inverse_sqrt(guess)
-    }
-
-    /// One step from a guess of 1/√x.
-    #[inline(always)]
-    fn nearer_inverse_sqrt(self, y: Self) -> Self {
-        let splat = |value| Self::splat(self.0, value);
-        let h = (self * y).mul_from(y, splat(1.0));
-        (y * h).mul_add(splat(0.375).mul_add(h, splat(0.5)), y)
-    }
-
-    /// 1/x of positive x, to a few units in the last place.
-    #[inline(always)]
-    pub(super) fn inverse(self) -> Self {
-        let y = self.roughly_inverse();
-        let h = self.mul_from(y, Self::splat(self.0, 1.0));
-        y.mul_add(h, y)
+        // One step of third order from 3 %, which is what half the exponent gives.
+        let h = (self * guess).mul_from(guess, Self::splat(simd, 1.0));
+        let step = Self::splat(simd, 0.375).mul_add(h, Self::splat(simd, 0.5));
+        (guess * h).mul_add(step, guess)
     }
 
     /// 1/x of positive x, to a quarter of a per cent.
@@ -131,18 +110,9 @@ impl<S: Simd> F<S> {
         y.mul_add(h.mul_add(h, h), y)
     }
 
-    /// √x, and 1/√x, of x ≥ 0; of less than 1e-30 that of 1e-30 is the inverse.
-    #[inline(always)]
-    pub(super) fn sqrt(self) -> (Self, Self) {
-        let inverse = self.max(Self::splat(self.0, 1e-30)).inverse_sqrt();
-        let root = self * inverse;
-        // What its square falls short of x, known exactly, brings the root to the last digit.
-        (root.mul_from(root, self).mul_add(inverse * Self::splat(self.0, 0.5), root), inverse)
-    }
-
     /// √x, rounded as every processor rounds it.
     #[inline(always)]
-    pub(super) fn exact_sqrt(self) -> Self {
+    pub(super) fn sqrt(self) -> Self {
         self.map(|x| self.0.sqrt_f32s(x))
     }
 
@@ -154,6 +124,12 @@ impl<S: Simd> F<S> {
     #[inline(always)]
     pub(super) fn min(self, other: Self) -> Self {
         self.with(other, |a, b| self.0.min_f32s(a, b))
+    }
+
+    /// Without its sign.
+    #[inline(always)]
+    pub(super) fn abs(self) -> Self {
+        self.map(|x| self.0.abs_f32s(x))
     }
 
     /// Whether at most as large.
@@ -272,6 +248,16 @@ impl<S: Simd> F3<S> {
         self.z.mul_add(other.z, self.y.mul_add(other.y, self.x * other.x))
     }
 
+    /// self × other + term.
+    #[inline(always)]
+    pub(super) fn cross_add(self, other: Self, term: Self) -> Self {
+        Self {
+            x: other.y.mul_from(self.z, self.y.mul_add(other.z, term.x)),
+            y: other.z.mul_from(self.x, self.z.mul_add(other.x, term.y)),
+            z: other.x.mul_from(self.y, self.x.mul_add(other.y, term.z)),
+        }
+    }
+
     #[inline(always)]
     pub(super) fn cross(self, other: Self) -> Self {
         Self {
@@ -370,20 +356,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn roots_and_inverses_are_good_to_the_last_digits() {
+    fn rough_roots_and_inverses_are_near() {
         let scalar = Scalar::new();
         for k in 0..20_000 {
             let x = 10f32.powf(-25.0 + 50.0 * k as f32 / 20_000.0);
             let number = F::splat(scalar, x);
             let exact = f64::from(x);
             let off = |of: F<Scalar>, value: f64| (f64::from(of.1[0]) / value - 1.0).abs();
-            let (root, inverse_root) = number.sqrt();
-            assert_eq!(root.1[0], x.sqrt(), "√{x:e}");
-            assert!(off(inverse_root, exact.sqrt().recip()) < 2e-7, "1/√{x:e}");
             assert!(off(number.roughly_inverse_sqrt(), exact.sqrt().recip()) < 2e-4, "about 1/√{x:e}");
-            assert!(off(number.inverse(), exact.recip()) < 2e-7, "1/{x:e}");
             assert!(off(number.roughly_inverse(), exact.recip()) < 2.5e-3, "about 1/{x:e}");
         }
-        assert_eq!(F::splat(scalar, 0.0).sqrt().0.1[0], 0.0);
     }
 }
