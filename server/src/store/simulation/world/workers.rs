@@ -134,8 +134,8 @@ impl World<'_> {
         let spared = |job: &Job| {
             job.failed_by(me.id)
                 && self.workers.iter().any(|other| {
-                    let there = other.last_seen >= self.now.wall.0 - LEASE_MS && !other.draining;
-                    there && fits(job, other) && !job.failed_by(other.id)
+                    let there = (other.last_seen - self.now.wall.0).abs() <= LEASE_MS;
+                    there && !other.draining && fits(job, other) && !job.failed_by(other.id)
                 })
         };
         let jobs = queue.iter().map(|id| (*id, &self.model.jobs[id]));
@@ -146,7 +146,7 @@ impl World<'_> {
     pub(super) async fn beat(&mut self) {
         let index = self.any_worker();
         let (now, worker) = (self.now, &mut self.workers[index]);
-        worker.last_seen = worker.last_seen.max(now.wall.0);
+        worker.last_seen = now.wall.0;
         let beats: Vec<_> = worker.held.iter().map(|&(job_id, attempt)| Beat { job_id, attempt }).collect();
         let until = Timestamp(now.lease.0 + LEASE_MS);
         let reply = self.store.heartbeat(worker.id, beats, now.wall, until).await.unwrap().unwrap();
