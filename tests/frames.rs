@@ -154,6 +154,18 @@ fn both_formats_show_what_the_result_tells() {
 }
 
 #[test]
+fn the_first_frame_of_a_run_without_a_fill_is_at_belt_time_0() {
+    let home = Home::new();
+    let drop = json!({"experiment": "drop", "product": {"count": 1, "subparticle_radius_m": 0.009},
+                      "numerics": {"timestep_s": "auto", "duration_s": 0.1}});
+    let (folder, ..) = record(&home, &drop, "drop", &["--threads", "1"]);
+    let times: Vec<Option<f64>> =
+        frames(&mut stream(&folder)).iter().map(|frame| frame.belt_time_s).collect();
+    assert_eq!(times[0], Some(0.0), "{times:?}");
+    assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "{times:?}");
+}
+
+#[test]
 fn the_same_scenario_makes_the_same_bytes() {
     let home = Home::new();
     let once = all_files(&record(&home, &swift(), "once", &["--threads", "1"]).0);

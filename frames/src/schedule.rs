@@ -39,7 +39,7 @@ impl Schedule {
     }
 
     /// Whether the sample at this simulated time, in seconds, is to be a frame. Asked once for every sample, and once
-    /// more when the belt starts at one that was not to be.
+    /// more when the belt starts at it: the second answer counts.
     pub fn is_due(&self, simulated_s: f64) -> bool {
         let starts = self.last_asked_s.replace(Some(simulated_s)) == Some(simulated_s);
         // Samples stand up to half a time step beside their times; half a sample tells them apart.
@@ -83,10 +83,10 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_at_belt_start_is_not_taken_twice() {
+    fn the_frame_after_belt_start_is_an_interval_later_where_the_start_was_due_anyway() {
         let schedule = schedule(0.06);
         assert!((0..=3).map(|k| schedule.is_due(0.02 * f64::from(k))).eq([true, false, false, true]));
-        // The engine does not ask again where it has a picture; the next frame is an interval later.
+        assert!(schedule.is_due(0.02 * 3.0), "asked once more: the belt starts");
         assert!((4..=6).map(|k| schedule.is_due(0.02 * f64::from(k))).eq([false, false, true]));
     }
 }

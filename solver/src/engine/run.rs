@@ -58,7 +58,8 @@ pub trait Observer {
     /// Is told how far the run has come, and may end it.
     fn progress(&mut self, progress: &Progress) -> Flow;
 
-    /// Whether it wants a picture of the sample at this simulated time, in seconds.
+    /// Whether it wants a picture of the sample at this simulated time, in seconds. Of that at which the test begins it is asked twice:
+    /// the second time, when t = 0, counts.
     fn wants_snapshot(&self, _simulated_s: f64) -> bool {
         false
     }
@@ -144,8 +145,9 @@ pub fn run<B: Backend>(
             surface_forces: &surface_forces,
         };
         let decision = director.look(&sample);
-        // What is seen at t = 0 is seen after the start.
-        if !matches!(decision, Decision::Start) && observer.wants_snapshot(course.simulated_s()) {
+        let wanted = observer.wants_snapshot(course.simulated_s());
+        // What is seen at t = 0 is seen after the start, when it is asked for again.
+        if wanted && !matches!(decision, Decision::Start) {
             let bonds = backend.bonds(&mut run);
             observer.snapshot(&Snapshot {
                 scene,
