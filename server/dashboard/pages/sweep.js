@@ -96,25 +96,32 @@ export async function show(main, id) {
     return each(done, async (trial) => ({ trial, curve: (await read(`/v1/jobs/${trial.job_id}/result`)).curves.find((curve) => curve.name === name) }));
   }
 
-  let timer = null, took_ms = 0;
-  const again = (wait = Math.max(REST_MS, REST_TIMES * took_ms)) => (timer ??= setTimeout(load, wait));
+  let timer = null, took_ms = 0, reads = 0;
+  /** The last change is read at once: none comes after it. */
+  const rest = () => (sweep.counts.queued + sweep.counts.running > 0 ? Math.max(REST_MS, REST_TIMES * took_ms) : 0);
+  function again(wait = rest()) {
+    if (wait === 0) clearTimeout(timer), (timer = null);
+    timer ??= setTimeout(load, wait);
+  }
   const failed = (error) => fill(trouble, error ? fault(error) : []);
   async function load() {
     timer = null;
-    if (document.hidden) return again();
-    const began = performance.now();
+    if (document.hidden) return again(REST_MS);
+    const began = performance.now(), mine = ++reads;
     const query = new URLSearchParams({ by: "point", limit: MOST_POINTS });
     if (sweep.points > FEW_POINTS) query.set("responses", responsesOf([chosen.response, chosen.map]));
     try {
       const [byPoint, effects, byTrial] = await Promise.all([read(`${at}/results?${query}`), read(`${at}/effects`),
         total(sweep.counts) <= MOST_DOTS ? read(`${at}/results`) : { trials: [] }]);
       const { curve } = formOf(byPoint.points);
+      // Another read has begun since, which knows more.
+      if (mine < reads) return;
       Object.assign(results, { points: byPoint.points, effects: effects.responses, trials: byTrial.trials, curves: curve ? await curvesOf(byTrial.trials, curve) : [] });
       await draw();
       failed(null);
     } catch (error) {
       failed(error);
-      if (passes(error)) again();
+      if (passes(error)) again(REST_MS);
     }
     took_ms = performance.now() - began;
   }
