@@ -47,6 +47,7 @@ pub(crate) fn lead_to_jobs(home: &Home, page: &mut Page, id: &str) {
         "trials are drawn",
         "find.card('Response against factor').querySelector('.scatterlayer .point')",
     );
+    stands_still(page, "find.card('Response against factor')");
     // The trial that is farthest from any other mark; trials are the small ones.
     let alone = "(() => { const card = find.card('Response against factor'); card.scrollIntoView({ block: 'center', behavior: 'instant' });
         const all = [...card.querySelectorAll('.scatterlayer .point')].map((one) => one.getBoundingClientRect()).map((box) => [box.x + box.width / 2, box.y + box.height / 2, box.width]);
@@ -60,12 +61,7 @@ pub(crate) fn lead_to_jobs(home: &Home, page: &mut Page, id: &str) {
     assert_eq!(job["sweep_id"], id);
     page.open(&path);
     page.until("lines are drawn", "document.querySelector('.coordinates path')");
-    // Plots that are drawn later push down what is below them.
-    page.until(
-        "nothing moves any more",
-        "(() => { const top = document.querySelector('.coordinates').getBoundingClientRect().top + scrollY, stands = window.stood === top;
-            window.stood = top; return stands && document.querySelector('.surfacelayer, .contourlayer, .scatterlayer .point'); })()",
-    );
+    stands_still(page, "document.querySelector('.coordinates')");
     // A place on a line that no other line crosses.
     let free = "(() => { const figure = document.querySelector('.coordinates'); figure.scrollIntoView({ block: 'center', behavior: 'instant' });
         for (const line of figure.querySelectorAll('path')) for (let share = 0.05; share < 1; share += 0.05) {
@@ -81,6 +77,17 @@ pub(crate) fn lead_to_jobs(home: &Home, page: &mut Page, id: &str) {
         ids.len() > 1 && ids.iter().all(|id| point(id.trim_start_matches("2C")) == point(ids[0])),
         "{query}"
     );
+}
+
+/// Waits until all is drawn and an element has not moved for a while: plots that come later push down what is below them.
+fn stands_still(page: &mut Page, element: &str) {
+    let still = format!(
+        "(() => {{ const top = {element}.getBoundingClientRect().top + scrollY, now = performance.now();
+            if (window.stood?.top !== top) window.stood = {{ top, since: now }};
+            const undrawn = document.querySelectorAll('.plot:not([hidden]):not(.js-plotly-plot)').length;
+            return undrawn === 0 && document.querySelector('.coordinates path') && now - window.stood.since > 1000; }})()"
+    );
+    page.until("nothing moves any more", &still);
 }
 
 fn drawn(page: &mut Page, title: &str) -> Vec<Value> {
