@@ -148,7 +148,7 @@ fn a_device_that_is_lost_says_so_to_every_run() {
     let [one, two, later] = &mut runs[..] else { panic!("three") };
     gpu.advance(&mut [(&mut *one, 10), (&mut *two, 10), (&mut *later, 10)]);
     device.wgpu().0.destroy();
-    let mut fails = |batch: &mut [_]| {
+    let fails = |batch: &mut [_]| {
         let panic = catch_unwind(AssertUnwindSafe(|| gpu.advance(batch))).expect_err("there is no device");
         panic.downcast_ref::<String>().cloned().unwrap_or_default()
     };
