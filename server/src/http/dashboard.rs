@@ -48,7 +48,6 @@ static SHELL: LazyLock<Asset> =
 static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
     let mut assets = assets![
         "style.css",
-        "plotly.css",
         "mark.svg",
         "main.js",
         "document.js",
