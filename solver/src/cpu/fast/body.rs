@@ -1,11 +1,12 @@
 //! A body: its sub-particles, the bonds between them, the facets near it; and how it has moved.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use glam::IVec3;
 
 use super::bonds::{self, BondSet};
-use super::instructions::{Job, Wide};
+use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{LaneContact, PairLaws};
 use super::load::{Loads, Sums};
 use super::meeting::Meeting;
@@ -30,6 +31,14 @@ pub(super) struct Extent {
     pub(super) high: IVec3,
 }
 
+/// Where a body is.
+#[derive(Clone, Debug)]
+pub(super) struct Whereabouts {
+    pub(super) whole: Extent,
+    /// The same of each block.
+    pub(super) boxes: Vec<Extent>,
+}
+
 #[derive(Debug)]
 pub(super) struct Body {
     range: Range<usize>,
@@ -43,10 +52,8 @@ pub(super) struct Body {
     pub(super) motion: Motion,
     /// Integral of the greatest speed, in metres.
     travelled: f64,
-    /// Where it is, brought up to date before pairs are looked up.
-    pub(super) extent: Extent,
-    /// The same of each block.
-    pub(super) boxes: Vec<Extent>,
+    /// Where it is, once somebody has asked in a step.
+    whereabouts: OnceLock<Whereabouts>,
     /// Lower sub-particles of bonds that broke in the last step.
     pub(super) broken: Vec<u32>,
     /// The meetings of which it is the second body, in the order of the first.
@@ -168,8 +175,7 @@ impl Body {
             walls: NearWalls::default(),
             motion: Motion::default(),
             travelled: 0.0,
-            extent: Extent::EMPTY,
-            boxes: Vec::new(),
+            whereabouts: OnceLock::new(),
             broken: Vec::new(),
             meets: Vec::new(),
         }
@@ -189,13 +195,10 @@ impl Body {
         });
     }
 
-    /// Finds out where it is.
+    /// Where it is.
     #[inline(always)]
-    fn locate(&mut self) {
-        self.boxes.clear();
-        let blocks = self.points.blocks.iter().enumerate();
-        self.boxes.extend(blocks.map(|(b, block)| Extent::of(block, self.points.count - b * WIDTH)));
-        self.extent = self.boxes.iter().fold(Extent::EMPTY, Extent::and);
+    pub(super) fn whereabouts<S: Wide>(&self, simd: S) -> &Whereabouts {
+        self.whereabouts.get_or_init(|| by_itself(simd, Find(&self.points)))
     }
 
     /// One step of this body, once all meetings have worked out their loads: `firsts` are those that it has worked out itself.
@@ -212,6 +215,9 @@ impl Body {
         sums.begin(firsts);
         for &m in &self.meets {
             let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
+            if loads.is_empty() {
+                continue;
+            }
             sums.add_to_seconds(&around.pairs[bodies[0] as usize].seconds, loads.clone());
         }
         watch.lap(Stage::Sums);
@@ -233,6 +239,7 @@ impl Body {
         let sums = &mut desk.sums;
         let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, sums);
         sums.end(firsts);
+        self.whereabouts.take();
         self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);
         noticed.runaway = moved.runaway.map(|k| self.range.start as u32 + k);
         watch.lap(Stage::Motion);
@@ -242,8 +249,8 @@ impl Body {
     #[inline(always)]
     fn add_walls<S: Wide>(&mut self, simd: S, around: &Surroundings<'_>, desk: &mut Desk) {
         if self.walls.is_due(&self.motion, around) {
-            self.locate();
-            self.walls.search(&self.motion, around, &self.points, &self.extent);
+            let extent = self.whereabouts(simd).whole;
+            self.walls.search(&self.motion, around, &self.points, &extent);
         }
         let travelled = self.travelled + around.walls.moved_in_all_m();
         self.walls.forces(simd, travelled, around, &self.points, self.mass, desk);
@@ -253,6 +260,7 @@ impl Body {
     pub(super) fn renumber(&mut self, range: Range<usize>, points: Points, locals: &[u32]) {
         self.range = range;
         self.points = points;
+        self.whereabouts.take();
         let map = |k: u32| locals[k as usize];
         let joined = self.joined.iter().map(|pair| pair.map(|place| map(place_of(place))));
         self.joined = placed(joined.filter(|pair| !pair.contains(&u32::MAX)));
@@ -266,14 +274,46 @@ impl Body {
     }
 }
 
-/// To find out where a body is.
-pub(super) struct Locate<'a>(pub(super) &'a mut Body);
+/// A body's part of the second phase.
+pub(super) struct Move<'a> {
+    pub(super) body: &'a mut Body,
+    pub(super) firsts: &'a mut Loads,
+    pub(super) around: &'a Surroundings<'a>,
+    pub(super) desk: &'a mut Desk,
+}
 
-impl Job for Locate<'_> {
-    type Output = ();
+impl Job for Move<'_> {
+    type Output = Noticed;
 
     #[inline(always)]
-    fn run<S: Wide>(self, _: S) {
-        self.0.locate();
+    fn run<S: Wide>(self, simd: S) -> Noticed {
+        self.body.step(simd, self.around, self.firsts, self.desk)
+    }
+}
+
+/// Finds out where sub-particles are.
+struct Find<'a>(&'a Points);
+
+impl Job for Find<'_> {
+    type Output = Whereabouts;
+
+    #[inline(always)]
+    fn run<S: Wide>(self, _: S) -> Whereabouts {
+        let Self(points) = self;
+        let blocks = points.blocks.iter().enumerate();
+        let boxes: Vec<_> = blocks.map(|(b, block)| Extent::of(block, points.count - b * WIDTH)).collect();
+        Whereabouts { whole: boxes.iter().fold(Extent::EMPTY, Extent::and), boxes }
+    }
+}
+
+/// To ask a body where it is.
+pub(super) struct Locate<'a>(pub(super) &'a Body);
+
+impl<'a> Job for Locate<'a> {
+    type Output = &'a Whereabouts;
+
+    #[inline(always)]
+    fn run<S: Wide>(self, simd: S) -> &'a Whereabouts {
+        self.0.whereabouts(simd)
     }
 }

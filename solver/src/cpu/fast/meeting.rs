@@ -14,8 +14,9 @@ use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{self, Felt, PairLaws};
 use super::load::{BATCH, Batch, Loads};
 use super::pairs::{self, BodyPairs, PairList};
-use super::points::place_of;
+use super::points::{Motion, place_of};
 use super::search::{Finder, Search};
+use crate::cpu::stages::{Stage, Stages};
 use crate::engine::frame::Frame;
 
 /// Share of a margin that may be used up: the rest covers rounding.
@@ -30,16 +31,42 @@ pub(super) struct Meeting {
     /// Indices of the bodies, a ≤ b.
     pub(super) bodies: [u32; 2],
     /// Whether the pairs must be looked up before the next step.
-    pub(super) due: bool,
+    due: bool,
     /// Where its pairs stand in the list of the first body, sorted.
     pub(super) pairs: Range<usize>,
     /// Where the loads of those that are close stand among [`BodyPairs::seconds`] of the first body.
     pub(super) loads: Range<usize>,
-    /// Where the bodies were against each other when the pairs were looked up, in metres.
-    seen_apart: DVec3,
-    seen_path: f64,
+    /// Pairs that may be listed before the next search for such.
+    candidates: Vec<[u32; 2]>,
+    /// For how long the pairs are good, and for how long the candidates.
+    pairs_leeway: Leeway,
+    candidates_leeway: Leeway,
+}
+
+/// How two bodies may move against each other before something must be looked up again.
+#[derive(Clone, Copy, Debug)]
+struct Leeway {
+    /// Where they were against each other when it was looked up, in metres.
+    apart: DVec3,
+    path: f64,
     /// How far they may move from there, in metres.
     allowed: f64,
+}
+
+impl Leeway {
+    /// None.
+    const NONE: Self = Self { apart: DVec3::ZERO, path: 0.0, allowed: f64::NEG_INFINITY };
+
+    /// That of bodies that have moved so far, by a margin in metres.
+    fn new([a, b]: [&Motion; 2], margin: f32) -> Self {
+        Self { apart: b.shift - a.shift, path: a.path + b.path, allowed: SAFE * f64::from(margin) }
+    }
+
+    fn is_used_up(&self, [a, b]: [&Motion; 2]) -> bool {
+        let moved = (b.shift - a.shift).distance(self.apart) + (a.path + b.path - self.path);
+        // What is not a number is not safe.
+        moved > self.allowed || moved.is_nan()
+    }
 }
 
 /// Room to work in.
@@ -62,21 +89,13 @@ impl Meeting {
             due: true,
             pairs: 0..0,
             loads: 0..0,
-            seen_apart: DVec3::ZERO,
-            seen_path: 0.0,
-            allowed: f64::NEG_INFINITY,
+            candidates: Vec::new(),
+            pairs_leeway: Leeway::NONE,
+            candidates_leeway: Leeway::NONE,
         }
     }
 
-    /// Decides whether the pairs must be looked up.
-    pub(super) fn mark(&mut self, a: &Body, b: &Body) {
-        let moved = (b.motion.shift - a.motion.shift).distance(self.seen_apart)
-            + (a.motion.path + b.motion.path - self.seen_path);
-        // What is not a number is not safe.
-        self.due = moved > self.allowed || moved.is_nan();
-    }
-
-    /// Looks up the pairs that may touch.
+    /// Looks up the pairs that may touch, into `room.close`: numbers of candidates.
     #[inline(always)]
     fn search<S: Wide>(
         &mut self,
@@ -84,16 +103,31 @@ impl Meeting {
         search: &Search,
         frame: &Frame,
         [a, b]: [&Body; 2],
-        finder: &mut Finder,
+        Room { finder, apart, close, .. }: &mut Room,
     ) {
         let alone = self.bodies[0] == self.bodies[1];
-        let apart = finder.search(simd, search, frame, [a, b], alone);
         let skin = search.skins[usize::from(alone)];
-        // Bodies without a pair may come nearer by what is between them.
-        let margin = if finder.found.is_empty() { (apart - search.reach).max(skin) } else { skin };
-        self.seen_apart = b.motion.shift - a.motion.shift;
-        self.seen_path = a.motion.path + b.motion.path;
-        self.allowed = SAFE * f64::from(margin);
+        let motions = [&a.motion, &b.motion];
+        if self.candidates_leeway.is_used_up(motions) {
+            let gap = finder.search(simd, search, frame, [a, b], alone);
+            let outer_skin = search.outer_skins[usize::from(alone)];
+            // Bodies without a pair may come nearer by what is between them; candidates must do for a list made at the last moment.
+            let margin = match &finder.found[..] {
+                [] => outer_skin.max(gap - search.reach),
+                _ => outer_skin - skin,
+            };
+            self.candidates_leeway = Leeway::new(motions, margin);
+            self.candidates.clone_from(&finder.found);
+        }
+        if self.candidates.is_empty() {
+            self.pairs_leeway = self.candidates_leeway;
+            close.clear();
+            return;
+        }
+        self.pairs_leeway = Leeway::new(motions, skin);
+        apart.resize(self.candidates.len(), [0; 4]);
+        pairs::look(&self.candidates, [&a.points, &b.points], frame, apart);
+        PairList::close(simd, apart, (search.reach + skin) / frame.unit_m, close);
     }
 
     /// Renumbers after bodies were taken out: its pairs come from one list and go to the end of another.
@@ -139,24 +173,25 @@ pub(super) struct Contacts<'a> {
 impl Contacts<'_> {
     /// Looks up the pairs of those meetings that are due. What touching pairs remember stays.
     #[inline(always)]
-    pub(super) fn search<S: Wide>(
-        &mut self,
-        simd: S,
-        search: &Search,
-        Room { finder, spare, .. }: &mut Room,
-    ) {
+    pub(super) fn search<S: Wide>(&mut self, simd: S, search: &Search, room: &mut Room) {
+        for meeting in &mut *self.meetings {
+            let motions = meeting.bodies.map(|body| &self.bodies[body as usize].motion);
+            meeting.due = meeting.pairs_leeway.is_used_up(motions);
+        }
         let BodyPairs { list, is_stale, .. } = &mut *self.pairs;
         if !std::mem::take(is_stale) && self.meetings.iter().all(|meeting| !meeting.due) {
             return;
         }
+        let mut spare = std::mem::take(&mut room.spare);
         spare.clear();
         for meeting in &mut *self.meetings {
             let (old, first) = (meeting.pairs.clone(), spare.len());
             if meeting.due {
                 let sides = meeting.bodies.map(|body| &self.bodies[body as usize]);
-                meeting.search(simd, search, self.frame, sides, finder);
+                meeting.search(simd, search, self.frame, sides, room);
                 let mut known = list.all(old).peekable();
-                for &pair in &finder.found {
+                for &candidate in &room.close {
+                    let pair = meeting.candidates[candidate as usize];
                     while known.next_if(|(old, _)| *old < pair).is_some() {}
                     let memory = known.next_if(|(old, _)| *old == pair);
                     spare.push(pair, memory.map_or([0.0; 4], |(_, memory)| memory));
@@ -166,7 +201,8 @@ impl Contacts<'_> {
             }
             meeting.pairs = first..spare.len();
         }
-        std::mem::swap(list, spare);
+        std::mem::swap(list, &mut spare);
+        room.spare = spare;
     }
 
     /// Works out the load of every pair that is close. Returns their greatest overlap, in metres.
@@ -178,12 +214,12 @@ impl Contacts<'_> {
         seconds.loads.clear();
         seconds.places.clear();
         apart.resize(list.len(), [0; 4]);
-        for Meeting { bodies: [_, other], pairs, .. } in &*self.meetings {
+        // Most meetings have no pair.
+        for Meeting { bodies: [_, other], pairs, .. } in
+            self.meetings.iter().filter(|it| !it.pairs.is_empty())
+        {
             let sides = [&mine.points, &self.bodies[*other as usize].points];
-            pairs::look(&list.places[pairs.clone()], sides, &mut apart[pairs.clone()]);
-        }
-        if self.frame.period_y != 0 {
-            apart.iter_mut().for_each(|apart| apart[1] = self.frame.nearest_image(apart[1]));
+            pairs::look(&list.places[pairs.clone()], sides, self.frame, &mut apart[pairs.clone()]);
         }
         // What has touched holds a little further.
         let reach = self.laws.touch + self.laws.contact.snap().abs();
@@ -192,6 +228,10 @@ impl Contacts<'_> {
         let (mut close, mut done) = (&close[..], 0);
         for m in 0..self.meetings.len() {
             let meeting = &mut self.meetings[m];
+            if meeting.pairs.is_empty() {
+                meeting.loads = 0..0;
+                continue;
+            }
             let count = close.partition_point(|&pair| (pair as usize) < meeting.pairs.end);
             meeting.loads = done..done + count;
             done += count;
@@ -212,6 +252,28 @@ impl Contacts<'_> {
         for batch in [full, batch] {
             deepest = deepest.max(by_itself(simd, WorkOut { contacts: self, batch }));
         }
+        deepest
+    }
+}
+
+/// A body's part of the first phase.
+pub(super) struct Meet<'a> {
+    pub(super) contacts: Contacts<'a>,
+    pub(super) search: &'a Search,
+    pub(super) room: &'a mut Room,
+    pub(super) stages: &'a Stages,
+}
+
+impl Job for Meet<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<S: Wide>(mut self, simd: S) -> f32 {
+        let mut watch = self.stages.watch();
+        self.contacts.search(simd, self.search, self.room);
+        watch.lap(Stage::Search);
+        let deepest = self.contacts.forces(simd, self.room);
+        watch.lap(Stage::Contacts);
         deepest
     }
 }

@@ -29,6 +29,7 @@ mod memory;
 mod pairs;
 mod points;
 mod search;
+mod share;
 mod walls;
 
 use std::sync::Arc;
@@ -43,21 +44,23 @@ use super::walls::Walls;
 use crate::engine::Advance;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use body::{Body, Desk, Extent, Locate, Noticed, Surroundings};
+use body::{Body, Desk, Extent, Locate, Move, Noticed, Surroundings};
 use bonds::BondSet;
 use clumps::{Clump, clumps};
 pub use instructions::Instructions;
-use instructions::{Job, Wide};
 use kernel::{LaneContact, PairLaws};
 use load::Loads;
-use meeting::{Contacts, Meeting, Room, SAFE};
+use meeting::{Contacts, Meet, Meeting, Room, SAFE};
 use pairs::BodyPairs;
 use points::Points;
-use search::Search;
+use search::{Search, near_each_other};
+use share::{AT_ONCE, PerThread, along_curve, in_order};
 
-/// Distance beyond reach that meetings cover, as a share of R: between two bodies, and between a body and itself, where it
-/// must stay short of the lattice's face diagonal, 2√2 R.
-const SKIN_RATIOS: [f32; 2] = [0.7, 0.35];
+/// Distance beyond reach that lists cover, as a share of R: between two bodies, and between a body and itself.
+const SKIN_RATIOS: [f32; 2] = [0.4, 0.25];
+
+/// The same of candidates for those lists. Within a body it stays short of the lattice's face diagonal, 2√2 R.
+const OUTER_SKIN_RATIOS: [f32; 2] = [2.0, 0.8];
 
 /// The same for facets.
 const WALL_SKIN_RATIO: f32 = 0.7;
@@ -91,6 +94,9 @@ pub struct FastRun {
     /// Laws of surfaces, by their numbers.
     wall_laws: Vec<LaneContact>,
     stages: Arc<Stages>,
+    /// The bodies as they are worked on: neighbours soon after each other, so that they are still in the cache.
+    order: Vec<u32>,
+    workplaces: PerThread<(Room, Desk)>,
 }
 
 impl FastRun {
@@ -128,6 +134,8 @@ impl FastRun {
             start_step: None,
             fault: None,
             stages: Arc::default(),
+            order: Vec::new(),
+            workplaces: PerThread::default(),
             params,
             told: true,
             state,
@@ -156,6 +164,7 @@ impl FastRun {
 
     pub(super) fn advance(&mut self, steps: u64) -> Advance {
         let mut done = Advance::default();
+        self.workplaces.for_all_threads();
         for _ in 0..steps {
             if self.fault.is_some() {
                 break;
@@ -202,10 +211,11 @@ impl FastRun {
         Search {
             reach: 2.0 * self.params.radius + self.params.laws.reach(),
             skins: SKIN_RATIOS.map(|ratio| ratio * self.params.radius),
+            outer_skins: OUTER_SKIN_RATIOS.map(|ratio| ratio * self.params.radius),
         }
     }
 
-    /// Decides which bodies meet, and which meetings must look up their pairs.
+    /// Decides which bodies meet.
     fn neighbours(&mut self) {
         let half = SAFE * 0.5 * f64::from(MARGIN_RATIO * self.params.radius);
         let strayed = |(body, (shift, path)): (&Body, &(DVec3, f64))| {
@@ -215,35 +225,17 @@ impl FastRun {
         if self.drawn_up.len() != self.bodies.len() || self.bodies.iter().zip(&self.drawn_up).any(strayed) {
             self.draw_up_meetings();
         }
-        let mut due = vec![false; self.bodies.len()];
-        for meeting in &mut self.meetings {
-            let [a, b] = meeting.bodies.map(|body| body as usize);
-            meeting.mark(&self.bodies[a], &self.bodies[b]);
-            due[a] |= meeting.due;
-            due[b] |= meeting.due;
-        }
-        let due = self.bodies.par_iter_mut().zip(due).filter(|(_, due)| *due);
-        due.for_each(|(body, _)| self.instructions.run(Locate(body)));
     }
 
     /// Finds the bodies that are near each other. Meetings that stay keep their pairs.
     fn draw_up_meetings(&mut self) {
-        self.bodies.par_iter_mut().for_each(|body| self.instructions.run(Locate(body)));
         self.drawn_up = self.bodies.iter().map(|body| (body.motion.shift, body.motion.path)).collect();
         let reach = self.search().reach + MARGIN_RATIO * self.params.radius;
-        let frame = &self.state.frame;
-        let extents: Vec<Extent> = self.bodies.iter().map(|body| body.extent).collect();
-        let mut order: Vec<u32> = (0..extents.len() as u32).collect();
-        order.sort_by_key(|&body| (extents[body as usize].low.x, body));
-        let mut pairs = Vec::new();
-        for (k, &a) in order.iter().enumerate() {
-            pairs.push([a, a]);
-            let far = extents[a as usize].grown(reach, frame).high.x;
-            let near = order[k + 1..].iter().take_while(|&&b| extents[b as usize].low.x <= far);
-            let close = near.filter(|&&b| extents[a as usize].gap(&extents[b as usize], frame) <= reach);
-            pairs.extend(close.map(|&b| [a.min(b), a.max(b)]));
-        }
-        pairs.sort_unstable();
+        let instructions = self.instructions;
+        let extents = self.bodies.par_iter().map(|body| instructions.run(Locate(body)).whole);
+        let extents: Vec<Extent> = extents.collect();
+        self.order = along_curve(&extents);
+        let pairs = near_each_other(&extents, reach, &self.state.frame);
         let mut old = std::mem::take(&mut self.meetings).into_iter().peekable();
         for pair in pairs {
             while old.next_if(|meeting| meeting.bodies < pair).is_some() {}
@@ -263,11 +255,24 @@ impl FastRun {
     fn meet(&mut self) -> f32 {
         let search = self.search();
         let step = (self.step + 2) as u32;
-        let Self { laws, state, bodies, meetings, pairs, firsts, instructions, stages, .. } = self;
+        let Self {
+            laws,
+            state,
+            bodies,
+            meetings,
+            pairs,
+            firsts,
+            instructions,
+            stages,
+            workplaces,
+            order,
+            ..
+        } = self;
         let groups = meetings.chunk_by_mut(|a, b| a.bodies[0] == b.bodies[0]);
-        let work: Vec<_> = groups.zip(pairs).zip(firsts).collect();
-        let work = work.into_par_iter().map_init(Room::default, |room, ((meetings, pairs), firsts)| {
+        let work = in_order(order, groups.zip(pairs).zip(firsts));
+        let work = work.into_par_iter().with_max_len(AT_ONCE).map(|((meetings, pairs), firsts)| {
             let contacts = Contacts { meetings, bodies, pairs, firsts, laws, frame: &state.frame, step };
+            let (room, _) = &mut *workplaces.of_this_thread();
             instructions.run(Meet { contacts, search: &search, room, stages })
         });
         work.reduce(|| 0.0, f32::max)
@@ -275,8 +280,21 @@ impl FastRun {
 
     /// The second phase.
     fn move_bodies(&mut self) -> Noticed {
-        let Self { laws, mover, state, bodies, meetings, pairs, firsts, walls, params, instructions, .. } =
-            self;
+        let Self {
+            laws,
+            mover,
+            state,
+            bodies,
+            meetings,
+            pairs,
+            firsts,
+            walls,
+            params,
+            instructions,
+            workplaces,
+            order,
+            ..
+        } = self;
         let (stages, wall_laws) = (&*self.stages, &self.wall_laws[..]);
         let around = Surroundings {
             laws,
@@ -291,7 +309,9 @@ impl FastRun {
             wall_reach: params.radius + params.laws.reach(),
             wall_skin: WALL_SKIN_RATIO * params.radius,
         };
-        let work = bodies.par_iter_mut().zip(firsts).map_init(Desk::default, |desk, (body, firsts)| {
+        let work = in_order(order, bodies.iter_mut().zip(firsts));
+        let work = work.into_par_iter().with_max_len(AT_ONCE).map(|(body, firsts)| {
+            let (_, desk) = &mut *workplaces.of_this_thread();
             instructions.run(Move { body, firsts, around: &around, desk })
         });
         work.reduce(Noticed::default, Noticed::and)
@@ -356,44 +376,5 @@ impl FastRun {
         let mut bonds: Vec<[u32; 2]> = self.bodies.iter().flat_map(of).collect();
         bonds.sort_unstable();
         bonds
-    }
-}
-
-/// A body's part of the first phase.
-struct Meet<'a> {
-    contacts: Contacts<'a>,
-    search: &'a Search,
-    room: &'a mut Room,
-    stages: &'a Stages,
-}
-
-impl Job for Meet<'_> {
-    type Output = f32;
-
-    #[inline(always)]
-    fn run<S: Wide>(mut self, simd: S) -> f32 {
-        let mut watch = self.stages.watch();
-        self.contacts.search(simd, self.search, self.room);
-        watch.lap(Stage::Search);
-        let deepest = self.contacts.forces(simd, self.room);
-        watch.lap(Stage::Contacts);
-        deepest
-    }
-}
-
-/// A body's part of the second phase.
-struct Move<'a> {
-    body: &'a mut Body,
-    firsts: &'a mut Loads,
-    around: &'a Surroundings<'a>,
-    desk: &'a mut Desk,
-}
-
-impl Job for Move<'_> {
-    type Output = Noticed;
-
-    #[inline(always)]
-    fn run<S: Wide>(self, simd: S) -> Noticed {
-        self.body.step(simd, self.around, self.firsts, self.desk)
     }
 }

@@ -6,6 +6,7 @@ use super::instructions::Wide;
 use super::load::Loads;
 use super::memory::{Lanes, Quads, WIDTH, places_of};
 use super::points::Points;
+use crate::engine::frame::Frame;
 
 /// Pairs, meeting by meeting, and what they remember.
 #[derive(Debug, Default)]
@@ -35,11 +36,19 @@ pub(super) struct Seconds {
 
 /// Distances of pairs of two bodies, from the first to the second, in units of length.
 #[inline(never)]
-pub(super) fn look(places: &[[u32; 2]], [first, second]: [&Points; 2], apart: &mut [[i32; 4]]) {
+pub(super) fn look(
+    places: &[[u32; 2]],
+    [first, second]: [&Points; 2],
+    frame: &Frame,
+    apart: &mut [[i32; 4]],
+) {
     let (first, second) = (&first.positions[..], &second.positions[..]);
     for (apart, &[i, j]) in apart.iter_mut().zip(places) {
         let (x, y) = (&first[i as usize], &second[j as usize]);
         *apart = std::array::from_fn(|axis| y[axis].wrapping_sub(x[axis]));
+    }
+    if frame.period_y != 0 {
+        apart.iter_mut().for_each(|apart| apart[1] = frame.nearest_image(apart[1]));
     }
 }
 

@@ -5,10 +5,27 @@ use glam::IVec3;
 use super::body::{Body, Extent};
 use super::instructions::Wide;
 use super::memory::{Lanes, Lanes3, WIDTH, folded, places_of, quad_of};
+use super::points::Points;
 use crate::engine::frame::Frame;
 
 /// Blocks that are further from a body than this many skins beyond reach are passed over.
-const FAR: f32 = 4.0;
+const FAR: f32 = 1.5;
+
+/// Pairs of bodies whose boxes come within `reach` metres, and each with itself; sorted.
+pub(super) fn near_each_other(extents: &[Extent], reach: f32, frame: &Frame) -> Vec<[u32; 2]> {
+    let mut order: Vec<u32> = (0..extents.len() as u32).collect();
+    order.sort_by_key(|&body| (extents[body as usize].low.x, body));
+    let mut pairs = Vec::new();
+    for (k, &a) in order.iter().enumerate() {
+        pairs.push([a, a]);
+        let far = extents[a as usize].grown(reach, frame).high.x;
+        let near = order[k + 1..].iter().take_while(|&&b| extents[b as usize].low.x <= far);
+        let close = near.filter(|&&b| extents[a as usize].gap(&extents[b as usize], frame) <= reach);
+        pairs.extend(close.map(|&b| [a.min(b), a.max(b)]));
+    }
+    pairs.sort_unstable();
+    pairs
+}
 
 /// What a search for pairs needs to know.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +34,8 @@ pub(super) struct Search {
     pub(super) reach: f32,
     /// What lists cover beyond, in metres: between bodies, and within one.
     pub(super) skins: [f32; 2],
+    /// How far beyond that the rarer search for candidates goes, in metres.
+    pub(super) outer_skins: [f32; 2],
 }
 
 /// Blocks of a body that are near another, relative to some origin.
@@ -53,20 +72,28 @@ const NOWHERE: f32 = 1e9;
 impl Cloud {
     /// The blocks of a body within `reach` metres of a box. Returns the least distance of those that are not.
     #[inline(always)]
-    fn fill(&mut self, body: &Body, near: &Extent, reach: f32, origin: IVec3, frame: &Frame) -> f32 {
+    fn fill(
+        &mut self,
+        points: &Points,
+        boxes: &[Extent],
+        near: &Extent,
+        reach: f32,
+        origin: IVec3,
+        frame: &Frame,
+    ) -> f32 {
         self.index.clear();
         self.spans.clear();
         self.lows.clear();
         self.highs.clear();
         self.x.clear();
         let mut left_out = f32::INFINITY;
-        for (b, (block, extent)) in body.points.blocks.iter().zip(&body.boxes).enumerate() {
+        for (b, (block, extent)) in points.blocks.iter().zip(boxes).enumerate() {
             let gap = extent.gap(near, frame);
             if gap > reach {
                 left_out = left_out.min(gap);
                 continue;
             }
-            let count = body.points.count - b * WIDTH;
+            let count = points.count - b * WIDTH;
             let mut x = [Lanes::ZERO; 3];
             for axis in 0..3 {
                 for k in 0..WIDTH {
@@ -104,16 +131,17 @@ impl Finder {
         [a, b]: [&Body; 2],
         alone: bool,
     ) -> f32 {
-        let skin = search.skins[usize::from(alone)];
+        let skin = search.outer_skins[usize::from(alone)];
         let (listed, far) = (search.reach + skin, search.reach + FAR * skin);
         self.found.clear();
-        let gap = if alone { 0.0 } else { a.extent.gap(&b.extent, frame) };
+        let [at_a, at_b] = [a, b].map(|body| body.whereabouts(simd));
+        let gap = if alone { 0.0 } else { at_a.whole.gap(&at_b.whole, frame) };
         if gap > far {
             return gap;
         }
-        let origin = b.extent.low;
-        let of_a = self.first.fill(a, &b.extent, far, origin, frame);
-        let of_b = self.second.fill(b, &a.extent, far, origin, frame);
+        let origin = at_b.whole.low;
+        let of_a = self.first.fill(&a.points, &at_a.boxes, &at_b.whole, far, origin, frame);
+        let of_b = self.second.fill(&b.points, &at_b.boxes, &at_a.whole, far, origin, frame);
         let apart = self.find(simd, listed, frame, alone);
         if alone {
             a.leave_out_joined(&mut self.found);
@@ -134,12 +162,7 @@ impl Finder {
         for ((&a, span), xa) in first.index.iter().zip(&first.spans).zip(&first.x) {
             beside.clear();
             for (g, (lows, highs)) in second.lows.iter().zip(&second.highs).enumerate() {
-                let gaps2 = gaps2(span, lows, highs, is_periodic);
-                let mut boxes = simd.at_most(&gaps2, reach2);
-                for k in 0..WIDTH {
-                    let beyond = if gaps2.0[k] > reach2 { gaps2.0[k] } else { f32::INFINITY };
-                    apart2.0[k] = if beyond < apart2.0[k] { beyond } else { apart2.0[k] };
-                }
+                let mut boxes = within(simd, &gaps2(span, lows, highs, is_periodic), reach2, &mut apart2);
                 while boxes != 0 {
                     let b = g * WIDTH + boxes.trailing_zeros() as usize;
                     boxes &= boxes - 1;
@@ -148,13 +171,9 @@ impl Finder {
                         continue;
                     }
                     let from_box = distances2_from_box(xa, &second.spans[b], is_periodic);
-                    for k in 0..WIDTH {
-                        let d = from_box.0[k];
-                        apart2.0[k] = if d < apart2.0[k] { d } else { apart2.0[k] };
-                    }
-                    let near_box = places_of(simd.at_most(&from_box, reach2));
+                    let near_box = within(simd, &from_box, reach2, &mut apart2);
                     if near_box != 0 {
-                        beside.push((b, near_box));
+                        beside.push((b, places_of(near_box)));
                     }
                 }
             }
@@ -170,15 +189,29 @@ impl Finder {
                 let x = [0, 1, 2].map(|axis| xa[axis].0[quad_of(place)]);
                 let more = beside.iter().skip(FIRST).filter(|(_, near_box)| near_box >> place & 1 == 1);
                 for &(b, _) in bits(near).map(|n| &beside[n]).chain(more) {
-                    let hits = near_point(simd, &second.x[b], x, reach2, [half, period]);
-                    let first = second.index[b] * WIDTH as u32;
-                    let hits = bits(hits).map(|hit| first + hit as u32).filter(|&j| !alone || i < j);
-                    found.extend(hits.map(|j| [i, j]));
+                    let distances2 = distances2_from_point(&second.x[b], x, [half, period]);
+                    let hits = within(simd, &distances2, reach2, &mut apart2);
+                    if hits != 0 {
+                        let first = second.index[b] * WIDTH as u32;
+                        let hits = bits(places_of(hits)).map(|hit| first + hit as u32);
+                        found.extend(hits.filter(|&j| !alone || i < j).map(|j| [i, j]));
+                    }
                 }
             }
         }
         folded(apart2.0, |a, b| if b < a { b } else { a }).sqrt()
     }
+}
+
+/// Which of some squares of distances are no greater than `reach2`, by lane; the least of the others goes into `apart2`.
+#[inline(always)]
+fn within<S: Wide>(simd: S, distances2: &Lanes, reach2: f32, apart2: &mut Lanes) -> u16 {
+    for k in 0..WIDTH {
+        let d = distances2.0[k];
+        let beyond = if d > reach2 { d } else { f32::INFINITY };
+        apart2.0[k] = if beyond < apart2.0[k] { beyond } else { apart2.0[k] };
+    }
+    simd.at_most(distances2, reach2)
 }
 
 /// The numbers of bits that are set, ascending.
@@ -192,15 +225,9 @@ fn bits(of: impl Into<u64>) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The places of a block's sub-particles that are no further from a point than √`reach2` metres.
+/// Squares of the distances of a block's sub-particles from a point, in m².
 #[inline(always)]
-fn near_point<S: Wide>(
-    simd: S,
-    block: &Lanes3,
-    [x, y, z]: [f32; 3],
-    reach2: f32,
-    [half, period]: [f32; 2],
-) -> u16 {
+fn distances2_from_point(block: &Lanes3, [x, y, z]: [f32; 3], [half, period]: [f32; 2]) -> Lanes {
     let mut distance2 = Lanes::ZERO;
     for k in 0..WIDTH {
         let (dx, mut dy, dz) = (block[0].0[k] - x, block[1].0[k] - y, block[2].0[k] - z);
@@ -208,7 +235,7 @@ fn near_point<S: Wide>(
         dy = if dy < -half { dy + period } else { dy };
         distance2.0[k] = dx * dx + dy * dy + dz * dz;
     }
-    places_of(simd.at_most(&distance2, reach2))
+    distance2
 }
 
 /// Squares of the gaps between a box and others, in m²; a periodic y counts nothing.

@@ -1,0 +1,75 @@
+//! How bodies are shared out among threads: neighbours soon after each other, and to each thread what it keeps.
+
+use std::sync::{Mutex, MutexGuard};
+
+use glam::IVec3;
+
+use super::body::Extent;
+
+/// Bodies that a thread takes at once: some cost far more than others, and what is left at the end must not be much.
+pub(super) const AT_ONCE: usize = 2;
+
+/// Bits of a coordinate that count along the curve.
+const BITS: u32 = 10;
+
+/// One for every thread, kept from step to step.
+#[derive(Debug)]
+pub(super) struct PerThread<T>(Vec<Mutex<T>>);
+
+impl<T> Default for PerThread<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T: Default> PerThread<T> {
+    /// Makes those that threads of this pool do not have yet.
+    pub(super) fn for_all_threads(&mut self) {
+        self.0.resize_with(rayon::current_num_threads(), Mutex::default);
+    }
+
+    /// That of the thread that asks, which is in the pool. Nobody else wants it.
+    pub(super) fn of_this_thread(&self) -> MutexGuard<'_, T> {
+        let thread = rayon::current_thread_index().expect("bodies are worked on in the pool");
+        self.0[thread].lock().expect("whoever had it has finished")
+    }
+}
+
+/// Bodies in the order of Morton's curve through their middles: what they share with each other is still in the cache.
+pub(super) fn along_curve(extents: &[Extent]) -> Vec<u32> {
+    let middles: Vec<IVec3> = extents.iter().map(|extent| (extent.low >> 1) + (extent.high >> 1)).collect();
+    let low = middles.iter().copied().fold(IVec3::MAX, IVec3::min);
+    let high = middles.iter().copied().fold(IVec3::MIN, IVec3::max);
+    let widest = u64::from(high.wrapping_sub(low).as_uvec3().max_element()) + 1;
+    let key = |middle: &IVec3| {
+        let cell = middle.wrapping_sub(low).as_uvec3().to_array().map(|d| (u64::from(d) << BITS) / widest);
+        let bits = (0..BITS).rev().flat_map(|bit| cell.map(|along| along >> bit & 1));
+        bits.fold(0u32, |key, bit| key << 1 | bit as u32)
+    };
+    let mut order: Vec<u32> = (0..middles.len() as u32).collect();
+    order.sort_by_cached_key(|&body| key(&middles[body as usize]));
+    order
+}
+
+/// What there is of each body, in another order.
+pub(super) fn in_order<T>(order: &[u32], of_each: impl Iterator<Item = T>) -> Vec<T> {
+    let mut of_each: Vec<Option<T>> = of_each.map(Some).collect();
+    order.iter().map(|&body| of_each[body as usize].take().expect("each comes once")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_come_soon_after_each_other() {
+        let at = |x, y, z| Extent { low: IVec3::new(x, y, z), high: IVec3::new(x + 2, y + 2, z + 2) };
+        let far = 1 << 20;
+        let bodies = [at(0, 0, 0), at(far, far, far), at(1, 0, 0), at(far, far, far - 1), at(0, 0, far)];
+        let order = along_curve(&bodies);
+        let place = |body: u32| order.iter().position(|&at| at == body).unwrap();
+        assert_eq!(place(0).abs_diff(place(2)), 1, "{order:?}");
+        assert_eq!(place(1).abs_diff(place(3)), 1, "{order:?}");
+        assert_eq!(in_order(&[2, 0, 1], ["a", "b", "c"].into_iter()), ["c", "a", "b"]);
+    }
+}
