@@ -15,6 +15,8 @@ pub struct ValidationReport {
     /// Cost of the scenario, or of the base scenario of the sweep.
     #[schema(value_type = Object)]
     pub estimate: Estimate,
+    /// Forecast wall time of all jobs on two cores, one after the other, in seconds; what the store answers takes none of it.
+    pub wall_s: f64,
     /// The scenario as it would run, every default written out.
     #[schema(value_type = Object)]
     pub scenario: serde_json::Value,

@@ -88,25 +88,28 @@ pub(crate) fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Re
 }
 
 /// What scenarios that were checked read of the meshes that they name, each mesh and unit once.
-pub(crate) fn reports<'a>(scenarios: impl Iterator<Item = &'a Scenario>, meshes: &Meshes) -> Vec<MeshReport> {
+pub(crate) fn reports(scenarios: impl Iterator<Item = Scenario>, meshes: &Meshes) -> Vec<MeshReport> {
     let mut told = BTreeSet::new();
     let mut reports = Vec::new();
-    for (pointer, MeshRef { digest, units }) in scenarios.flat_map(Scenario::named_meshes) {
-        let is_news = told.insert((digest, *units as u8));
-        let Some(Ok(mesh)) = meshes.get(digest).filter(|_| is_news).map(|stl| stl.in_units(*units)) else {
-            continue;
-        };
-        reports.push(MeshReport {
-            pointer,
-            digest: digest.clone(),
-            units: *units,
-            triangles: triangles(&mesh),
-            degenerate: mesh.degenerate as u64,
-            size_m: mesh.size_m().to_array(),
-            closed: mesh.is_closed(),
-            open_edges: mesh.open_edges as u64,
-            turned_edges: mesh.turned_edges as u64,
-        });
+    for scenario in scenarios {
+        for (pointer, MeshRef { digest, units }) in scenario.named_meshes() {
+            let is_news = told.insert((digest.clone(), *units as u8));
+            let Some(Ok(mesh)) = meshes.get(digest).filter(|_| is_news).map(|stl| stl.in_units(*units))
+            else {
+                continue;
+            };
+            reports.push(MeshReport {
+                pointer,
+                digest: digest.clone(),
+                units: *units,
+                triangles: triangles(&mesh),
+                degenerate: mesh.degenerate as u64,
+                size_m: mesh.size_m().to_array(),
+                closed: mesh.is_closed(),
+                open_edges: mesh.open_edges as u64,
+                turned_edges: mesh.turned_edges as u64,
+            });
+        }
     }
     reports
 }

@@ -2,6 +2,8 @@
 //!
 //! Pure, so that `roost validate` says without a server what `POST /v1/validate` says with one.
 
+use std::iter;
+
 use roost_api::Fault;
 use roost_api::sweep::SCHEMA;
 use roost_api::validate::ValidationReport;
@@ -24,13 +26,17 @@ pub fn validate(
     max_jobs: u64,
 ) -> Result<ValidationReport, Vec<Fault>> {
     if is_sweep(&document) {
+        let names_meshes = !mesh::digests_in(&document).is_empty();
         let (_, expansion) = sweep::read(document, meshes, SweepLimits { max_jobs, scenario: *limits })?;
-        let scenarios = expansion.points.iter().map(|point| &point.scenario);
+        // Points are made anew only where there is something to say of them.
+        let points = names_meshes.then(|| expansion.points.iter()).into_iter().flatten();
+        let scenarios = iter::once(expansion.base.clone()).chain(points.map(|point| point.scenario));
         return Ok(ValidationReport {
             document: "sweep".to_owned(),
             jobs: expansion.jobs(),
-            meshes: mesh::reports([&expansion.base].into_iter().chain(scenarios), meshes),
+            meshes: mesh::reports(scenarios, meshes),
             estimate: expansion.estimate,
+            wall_s: expansion.wall_s,
             scenario: json!(expansion.base),
         });
     }
@@ -38,11 +44,13 @@ pub fn validate(
         Some(_) => read_envelope(meshes, limits, document)?.1,
         None => scenario::from_value(&document)?,
     };
+    let estimate = mesh::check(&scenario, meshes, limits)?;
     Ok(ValidationReport {
         document: "scenario".to_owned(),
         jobs: 1,
-        estimate: mesh::check(&scenario, meshes, limits)?,
-        meshes: mesh::reports([&scenario].into_iter(), meshes),
+        meshes: mesh::reports(iter::once(scenario.clone()), meshes),
+        wall_s: estimate.wall_s,
+        estimate,
         scenario: json!(scenario),
     })
 }

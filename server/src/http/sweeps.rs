@@ -50,7 +50,7 @@ pub(crate) async fn submit(
         let mut submitted = document.clone();
         let (spec, expansion) = sweep::read(document, &meshes, limits).map_err(ApiError::faults)?;
         submitted["schema"] = json!(SCHEMA);
-        NewSweep::new(id, &submitted, spec, &expansion).map_err(ApiError::from)
+        NewSweep::new(id, &submitted, spec, expansion).map_err(ApiError::from)
     });
     app.store.insert_sweep(sweep.await??, app.clock.now()).await?;
     app.work.notify_waiters();
@@ -242,8 +242,7 @@ pub(crate) async fn extend(
         let (stored, growth) = grown.await?.map_err(ApiError::faults)?;
         let has_more_replicates = growth.replicates > stored.replicates;
         let firsts = if has_more_replicates { app.store.first_scenarios(id).await? } else { Vec::new() };
-        let more =
-            aside(move || MoreOfSweep::new(id, (extension, &body), &stored, &growth, &firsts)).await??;
+        let more = aside(move || MoreOfSweep::new(id, (extension, &body), &stored, growth, firsts)).await??;
         if app.store.extend_sweep(more, app.clock.now()).await? {
             app.work.notify_waiters();
             return view(&app, id).await.map(Json);

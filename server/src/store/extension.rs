@@ -5,12 +5,14 @@ use roost_api::ids::SweepId;
 use roost_api::time::Timestamp;
 use roost_solver::scenario::Scenario;
 use serde_json::Value;
+use sqlx::SqliteConnection;
 use uuid::Uuid;
 
+use super::drafts::{Drafts, Shared};
 use super::rows::{Columns, from_json};
-use super::submit::{Draft, Shared, drafts, insert, insert_points, levels};
+use super::submit::queue;
 use super::{Store, StoreError};
-use crate::sweep::{Growth, Stored, factors, replicate};
+use crate::sweep::{Growth, Stored, Trial, factors, replicate};
 
 /// What is about to be added to a sweep.
 pub(crate) struct MoreOfSweep {
@@ -22,35 +24,40 @@ pub(crate) struct MoreOfSweep {
     before: (u32, u32),
     /// The same afterwards.
     after: (u32, u32),
-    levels: Vec<String>,
-    drafts: Vec<Draft>,
+    drafts: Drafts,
     shared: Shared,
 }
 
 impl MoreOfSweep {
-    /// Writes the growth of a sweep out, which `body` asked for; `firsts` are the scenarios of its points, where they get more replicates.
+    /// Writes out the first jobs of what a sweep grows by, which `body` asked for; `firsts` are the scenarios of its points, where they get
+    /// more replicates.
     pub(crate) fn new(
         id: SweepId,
         (extension, body): (Uuid, &Value),
         stored: &Stored,
-        growth: &Growth,
-        firsts: &[(u32, Scenario)],
+        growth: Growth,
+        firsts: Vec<(u32, Scenario)>,
     ) -> Result<Self, StoreError> {
-        let there = stored.matrix.len() as u32;
-        let repeated = firsts.iter().flat_map(|(point, first)| {
-            (stored.replicates..growth.replicates).map(|number| (*point, number, replicate(first, number)))
+        let (there, added) = (stored.matrix.len() as u32, growth.points.len() as u32);
+        let more = stored.replicates..growth.replicates;
+        let jobs = firsts.len() as u64 * more.len() as u64 + u64::from(added) * u64::from(growth.replicates);
+        let repeated = firsts.into_iter().flat_map(move |(point, first)| {
+            let trial = move |number| Trial {
+                point,
+                replicate: number,
+                scenario: replicate(&first, number),
+                levels: None,
+            };
+            more.clone().map(trial)
         });
-        let added = (there..).zip(&growth.points).flat_map(|(point, added)| {
-            (0..growth.replicates).map(move |number| (point, number, replicate(&added.scenario, number)))
-        });
+        let trials = repeated.chain(growth.points.into_trials(there, growth.replicates));
         Ok(Self {
             id,
             extension,
             body: body.to_string(),
             before: (there, stored.replicates),
-            after: (there + growth.points.len() as u32, growth.replicates),
-            levels: levels(&growth.points)?,
-            drafts: drafts(id, repeated.chain(added).collect())?,
+            after: (there + added, growth.replicates),
+            drafts: Drafts::new(id, jobs, trials)?,
             shared: Shared::of(&stored.spec)?,
         })
     }
@@ -94,43 +101,8 @@ impl Store {
 
     /// Adds points and replicates to a sweep. False when it has grown meanwhile: then nothing is changed.
     pub(crate) async fn extend_sweep(&self, more: MoreOfSweep, now: Timestamp) -> Result<bool, StoreError> {
-        let MoreOfSweep { id, extension, body, before, after, levels, drafts, shared } = more;
-        self.writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    let grown = sqlx::query(
-                        "UPDATE sweeps SET points = ?, replicates = ?
-                         WHERE id = ? AND points = ? AND replicates = ? AND deleting = 0",
-                    )
-                    .bind(after.0)
-                    .bind(after.1)
-                    .bind(id.to_string())
-                    .bind(before.0)
-                    .bind(before.1)
-                    .execute(&mut *tx)
-                    .await?
-                    .rows_affected();
-                    if grown == 0 {
-                        return Ok(false);
-                    }
-                    sqlx::query(
-                        "INSERT INTO extensions (id, sweep_id, body, points, replicates, extended_at)
-                         VALUES (?, ?, ?, ?, ?, ?)",
-                    )
-                    .bind(extension.to_string())
-                    .bind(id.to_string())
-                    .bind(body)
-                    .bind(before.0)
-                    .bind(before.1)
-                    .bind(now.0)
-                    .execute(&mut *tx)
-                    .await?;
-                    insert_points(tx, id, before.0 as usize, &levels).await?;
-                    insert(tx, &drafts, &shared, now).await?;
-                    Ok(true)
-                })
-            })
-            .await
+        let is_large = more.drafts.is_large();
+        self.writer.write_as(is_large, move |tx| Box::pin(extend_sweep(tx, more, now))).await
     }
 
     /// The scenario of each point's first replicate, as it was queued.
@@ -149,4 +121,41 @@ impl Store {
             })
             .collect()
     }
+}
+
+async fn extend_sweep(
+    tx: &mut SqliteConnection,
+    more: MoreOfSweep,
+    now: Timestamp,
+) -> Result<bool, StoreError> {
+    let MoreOfSweep { id, extension, body, before, after, drafts, shared } = more;
+    let grown = sqlx::query(
+        "UPDATE sweeps SET points = ?, replicates = ?
+         WHERE id = ? AND points = ? AND replicates = ? AND deleting = 0",
+    )
+    .bind(after.0)
+    .bind(after.1)
+    .bind(id.to_string())
+    .bind(before.0)
+    .bind(before.1)
+    .execute(&mut *tx)
+    .await?
+    .rows_affected();
+    if grown == 0 {
+        return Ok(false);
+    }
+    sqlx::query(
+        "INSERT INTO extensions (id, sweep_id, body, points, replicates, extended_at)
+         VALUES (?, ?, ?, ?, ?, ?)",
+    )
+    .bind(extension.to_string())
+    .bind(id.to_string())
+    .bind(body)
+    .bind(before.0)
+    .bind(before.1)
+    .bind(now.0)
+    .execute(&mut *tx)
+    .await?;
+    queue(tx, drafts, &shared, now).await?;
+    Ok(true)
 }

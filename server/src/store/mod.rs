@@ -6,9 +6,11 @@
 mod attempts;
 mod backup;
 mod bucket;
+mod checkpoint;
 mod claims;
 mod deletion;
 mod deliveries;
+mod drafts;
 mod events;
 mod extension;
 mod facts;
@@ -44,6 +46,8 @@ use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
+use tokio::sync::Mutex;
+use tokio::task::JoinHandle;
 
 pub use backup::Copied;
 pub(crate) use backup::copy;
@@ -65,9 +69,6 @@ use writer::Writer;
 
 /// The first SQLite without the WAL-reset corruption (3.7.0 to 3.51.2).
 const OLDEST_SQLITE: (u32, u32, u32) = (3, 51, 3);
-
-/// The log is brought over to the database once it has so many pages of 4 KiB, which takes a flush of its own.
-const CHECKPOINT_PAGES: &str = "4000";
 
 /// What the writer keeps at hand of the database, in KiB, which the minus says.
 const WRITER_CACHE_KIB: &str = "-16000";
@@ -101,6 +102,14 @@ pub enum StoreError {
     /// A folder could not be used.
     #[error("a folder of the data directory could not be used")]
     Folder(#[from] std::io::Error),
+    /// The jobs of a sweep could not all be written out.
+    #[error("of {jobs} jobs of a sweep {queued} were written out")]
+    Unfinished {
+        /// That were.
+        queued: u64,
+        /// That should have been.
+        jobs: u64,
+    },
     /// The writer has stopped.
     #[error("the database writer has stopped")]
     WriterGone,
@@ -176,6 +185,8 @@ const OBJECTS: &str = "objects";
 /// The database, and what lies beside it.
 pub(crate) struct Store {
     writer: Arc<Writer>,
+    /// Ends after the writer.
+    checkpoints: Mutex<Option<JoinHandle<()>>>,
     beats: heartbeats::Collected,
     claims: claims::Collected,
     results: deliveries::Collected,
@@ -198,20 +209,26 @@ impl Store {
         let readers = SqlitePoolOptions::new()
             .max_connections(4)
             .test_before_acquire(false) // a file does not go away
-            .connect_with(options.create_if_missing(false).read_only(true))
+            .connect_with(options.clone().create_if_missing(false).read_only(true))
             .await?;
+        let copier = options.create_if_missing(false).connect().await?;
         let writer = Arc::new(Writer::start(connection));
+        let copying = checkpoint::run(copier, writer.counter(), writer.end());
+        let checkpoints = Mutex::new(Some(tokio::spawn(copying)));
         let beats = heartbeats::collect(writer.clone());
         let claims = claims::collect(writer.clone());
         let results = deliveries::collect(writer.clone());
         let versions = versions::Cache::default();
-        Ok(Self { writer, beats, claims, results, versions, readers, objects, sqlite_version })
+        Ok(Self { writer, checkpoints, beats, claims, results, versions, readers, objects, sqlite_version })
     }
 
     /// Writes out what is under way and closes the file.
     pub(crate) async fn close(&self) {
         self.readers.close().await;
         self.writer.close().await;
+        if let Some(task) = self.checkpoints.lock().await.take() {
+            let _ = task.await;
+        }
     }
 
     /// Returns when the writer has ended, which by itself it never does.
@@ -244,7 +261,7 @@ fn options(path: &Path) -> SqliteConnectOptions {
         .foreign_keys(true)
         // What savepoints would take back is copied: to memory, not to a file.
         .pragma("temp_store", "memory")
-        .pragma("wal_autocheckpoint", CHECKPOINT_PAGES)
+        .pragma("wal_autocheckpoint", checkpoint::LONG_LOG_PAGES)
         .busy_timeout(Duration::from_secs(5))
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
+use roost_api::design::DesignKind;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{Cache, Needs};
 use roost_api::sweep::SweepSpec;
@@ -10,11 +10,12 @@ use roost_api::time::Timestamp;
 use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::Scenario;
 use serde_json::Value;
-use sqlx::{AssertSqlSafe, QueryBuilder, Sqlite, SqliteConnection};
+use sqlx::{AssertSqlSafe, SqliteConnection};
 
+use super::drafts::{Draft, Drafts, Shared, first_turn, insert_jobs};
 use super::rows::to_json;
 use super::{Store, StoreError};
-use crate::sweep::{Expansion, Point};
+use crate::sweep::Expansion;
 
 /// A job about to be stored.
 pub(crate) struct NewJob {
@@ -36,98 +37,46 @@ pub(crate) struct NewJob {
     pub cache: Cache,
 }
 
-/// A sweep about to be stored: everything is written out, which of a large one takes a while.
+/// A sweep about to be stored.
 pub(crate) struct NewSweep {
     id: SweepId,
-    spec: SweepSpec,
+    name: String,
     text: String,
+    design: DesignKind,
     factors: String,
+    points: usize,
     replicates: u32,
-    levels: Vec<String>,
-    drafts: Vec<Draft>,
+    drafts: Drafts,
     shared: Shared,
 }
 
 impl NewSweep {
-    /// Writes a sweep out, and it itself as it was submitted.
+    /// Writes out a sweep as it was submitted, and the first of its jobs.
     pub(crate) fn new(
         id: SweepId,
         submitted: &Value,
         spec: SweepSpec,
-        expansion: &Expansion,
+        expansion: Expansion,
     ) -> Result<Self, StoreError> {
+        let (jobs, replicates) = (expansion.jobs(), expansion.replicates);
         Ok(Self {
             id,
             text: to_json("sweep", submitted)?,
+            design: spec.design.kind,
             factors: to_json("factors", &expansion.factors)?,
-            replicates: expansion.replicates,
-            levels: levels(&expansion.points)?,
-            drafts: drafts(id, expansion.trials().collect())?,
+            points: expansion.points.len(),
+            replicates,
+            drafts: Drafts::new(id, jobs, expansion.points.into_trials(0, replicates))?,
             shared: Shared::of(&spec)?,
-            spec,
+            name: spec.name,
         })
-    }
-}
-
-/// The jobs of trials: point, replicate and scenario.
-pub(super) fn drafts(id: SweepId, trials: Vec<(u32, u32, Scenario)>) -> Result<Vec<Draft>, StoreError> {
-    let draft = |(point, replicate, scenario): (u32, u32, Scenario)| {
-        Draft::new(&scenario, Some((id, point, replicate)), JobId::new())
-    };
-    trials.into_par_iter().map(draft).collect()
-}
-
-/// A row of `jobs` before it has a state.
-pub(super) struct Draft {
-    id: JobId,
-    digest: String,
-    body: String,
-    seed: i64,
-    place: Option<(SweepId, u32, u32)>,
-}
-
-/// What the jobs of one submission share.
-pub(super) struct Shared {
-    priority: i32,
-    labels: String,
-    needs: Needs,
-    max_wall_s: Option<f64>,
-    frame_interval_s: Option<f64>,
-    cache: Cache,
-}
-
-/// Rows of one `INSERT`: SQLite takes 32,766 parameters.
-const ROWS: usize = 500;
-
-impl Shared {
-    /// What the jobs of a sweep share.
-    pub(super) fn of(spec: &SweepSpec) -> Result<Self, StoreError> {
-        Ok(Self {
-            priority: spec.priority,
-            labels: to_json("labels", &spec.labels)?,
-            needs: spec.needs.clone(),
-            max_wall_s: spec.max_wall_s,
-            frame_interval_s: spec.frame_interval_s,
-            cache: spec.cache,
-        })
-    }
-}
-
-impl Draft {
-    pub(super) fn new(
-        scenario: &Scenario,
-        place: Option<(SweepId, u32, u32)>,
-        id: JobId,
-    ) -> Result<Self, StoreError> {
-        let seed = scenario.seed as i64; // at most 2^53 - 1
-        Ok(Self { id, digest: scenario.digest(), body: to_json("scenario", scenario)?, seed, place })
     }
 }
 
 impl Store {
     /// Stores a job that is not there yet, answered from the store where that is allowed.
     pub(crate) async fn insert_job(&self, job: NewJob, now: Timestamp) -> Result<(), StoreError> {
-        let draft = Draft::new(&job.scenario, None, job.id)?;
+        let draft = Draft::single(&job.scenario, job.id)?;
         let shared = Shared {
             priority: job.priority,
             labels: to_json("labels", &job.labels)?,
@@ -144,7 +93,10 @@ impl Store {
                     {
                         return Ok(());
                     }
-                    insert(tx, &[draft], &shared, now).await
+                    let newest = newest(tx).await?;
+                    let turn = first_turn(tx, shared.priority).await?;
+                    insert_jobs(tx, &[draft], &shared, turn, now).await?;
+                    answer_from_cache(tx, newest, &shared, now).await
                 })
             })
             .await
@@ -152,108 +104,54 @@ impl Store {
 
     /// Stores a sweep that is not there yet, its design points and its jobs, all or nothing.
     pub(crate) async fn insert_sweep(&self, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
-        let NewSweep { id, spec, text, factors, replicates, levels, drafts, shared } = sweep;
-        self.writer
-            .write(move |tx| {
-                Box::pin(async move {
-                    if is_there(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
-                        return Ok(());
-                    }
-                    sqlx::query(
-                        "INSERT INTO sweeps (id, name, spec, design, factors, labels, points, replicates, submitted_at)
-                         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                    )
-                    .bind(id.to_string())
-                    .bind(spec.name)
-                    .bind(text)
-                    .bind(spec.design.kind.as_str())
-                    .bind(factors)
-                    .bind(&shared.labels)
-                    .bind(levels.len() as i64)
-                    .bind(replicates)
-                    .bind(now.0)
-                    .execute(&mut *tx)
-                    .await?;
-                    insert_points(tx, id, 0, &levels).await?;
-                    insert(tx, &drafts, &shared, now).await
-                })
-            })
-            .await
+        let is_large = sweep.drafts.is_large();
+        self.writer.write_as(is_large, move |tx| Box::pin(insert_sweep(tx, sweep, now))).await
     }
 }
 
-/// The levels of each point, as they are kept.
-pub(super) fn levels(points: &[Point]) -> Result<Vec<String>, StoreError> {
-    points.iter().map(|point| to_json("levels", &point.levels)).collect()
+async fn insert_sweep(tx: &mut SqliteConnection, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
+    let NewSweep { id, name, text, design, factors, points, replicates, drafts, shared } = sweep;
+    if is_there(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
+        return Ok(());
+    }
+    sqlx::query(
+        "INSERT INTO sweeps (id, name, spec, design, factors, labels, points, replicates, submitted_at)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+    )
+    .bind(id.to_string())
+    .bind(name)
+    .bind(text)
+    .bind(design.as_str())
+    .bind(factors)
+    .bind(&shared.labels)
+    .bind(points as i64)
+    .bind(replicates)
+    .bind(now.0)
+    .execute(&mut *tx)
+    .await?;
+    queue(tx, drafts, &shared, now).await
+}
+
+/// Queues the jobs of a sweep, answered from the store where that is allowed.
+pub(super) async fn queue(
+    tx: &mut SqliteConnection,
+    drafts: Drafts,
+    shared: &Shared,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    let newest = newest(tx).await?;
+    drafts.insert(tx, shared, now).await?;
+    answer_from_cache(tx, newest, shared, now).await
+}
+
+/// The number of the job that came last.
+async fn newest(tx: &mut SqliteConnection) -> Result<i64, StoreError> {
+    Ok(sqlx::query_scalar("SELECT coalesce(max(seq), 0) FROM jobs").fetch_one(tx).await?)
 }
 
 /// Whether a repeat of the same submission has made it.
 async fn is_there(tx: &mut SqliteConnection, sql: &'static str, id: String) -> Result<bool, StoreError> {
     Ok(sqlx::query_scalar(sql).bind(id).fetch_one(&mut *tx).await?)
-}
-
-/// Adds design points, the first with the index `first`.
-pub(super) async fn insert_points(
-    tx: &mut SqliteConnection,
-    id: SweepId,
-    first: usize,
-    levels: &[String],
-) -> Result<(), StoreError> {
-    for (chunk, rows) in levels.chunks(ROWS).enumerate() {
-        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO points (sweep_id, idx, levels) ");
-        query.push_values(rows.iter().enumerate(), |mut row, (index, levels)| {
-            row.push_bind(id.to_string()).push_bind((first + chunk * ROWS + index) as i64).push_bind(levels);
-        });
-        query.build().execute(&mut *tx).await?;
-    }
-    Ok(())
-}
-
-/// Queues jobs, answered from the store where that is allowed.
-pub(super) async fn insert(
-    tx: &mut SqliteConnection,
-    drafts: &[Draft],
-    shared: &Shared,
-    now: Timestamp,
-) -> Result<(), StoreError> {
-    let newest: i64 =
-        sqlx::query_scalar("SELECT coalesce(max(seq), 0) FROM jobs").fetch_one(&mut *tx).await?;
-    let first_turn: i64 =
-        sqlx::query_scalar("SELECT coalesce((SELECT turn FROM turns WHERE priority = ?), 0)")
-            .bind(shared.priority)
-            .fetch_one(&mut *tx)
-            .await?;
-    for (chunk, rows) in drafts.chunks(ROWS).enumerate() {
-        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO scenarios (digest, body) ");
-        query.push_values(rows, |mut row, draft| {
-            row.push_bind(&draft.digest).push_bind(&draft.body);
-        });
-        query.push(" ON CONFLICT (digest) DO NOTHING").build().execute(&mut *tx).await?;
-
-        let mut query = QueryBuilder::<Sqlite>::new(
-            "INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, turn, labels,
-             needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, submitted_at) ",
-        );
-        query.push_values(rows.iter().enumerate(), |mut row, (index, draft)| {
-            row.push_bind(draft.id.to_string())
-                .push_bind(draft.place.map(|(sweep, _, _)| sweep.to_string()))
-                .push_bind(draft.place.map(|(_, point, _)| point))
-                .push_bind(draft.place.map(|(_, _, replicate)| replicate))
-                .push_bind(&draft.digest)
-                .push_bind(draft.seed)
-                .push_bind(shared.priority)
-                .push_bind(first_turn + (chunk * ROWS + index) as i64)
-                .push_bind(&shared.labels)
-                .push_bind(&shared.needs.backend)
-                .push_bind(shared.needs.memory_mib)
-                .push_bind(shared.max_wall_s)
-                .push_bind(shared.frame_interval_s)
-                .push_bind(shared.cache.as_str())
-                .push_bind(now.0);
-        });
-        query.build().execute(&mut *tx).await?;
-    }
-    if shared.cache == Cache::Use { answer_from_cache(tx, newest, now).await } else { Ok(()) }
 }
 
 /// The frames of a result, where they are as far apart as a job asks.
@@ -262,7 +160,15 @@ const FRAMES_AS_ASKED: &str = "frames f JOIN jobs recorded ON recorded.id = f.jo
 
 /// Settles the queued jobs after `newest` whose scenario this solver revision has run before; where frames are asked for, that run
 /// must have recorded them as far apart, and these are theirs.
-async fn answer_from_cache(tx: &mut SqliteConnection, newest: i64, now: Timestamp) -> Result<(), StoreError> {
+async fn answer_from_cache(
+    tx: &mut SqliteConnection,
+    newest: i64,
+    shared: &Shared,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    if shared.cache != Cache::Use {
+        return Ok(());
+    }
     let answered = sqlx::query(AssertSqlSafe(format!(
         "INSERT INTO results
          SELECT jobs.id, 0, old.digest, old.solver_revision, old.backend, old.responses, old.document, ?
@@ -302,4 +208,45 @@ async fn answer_from_cache(tx: &mut SqliteConnection, newest: i64, now: Timestam
         .await?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use roost_solver::Limits;
+    use roost_solver::mesh::Meshes;
+    use serde_json::json;
+
+    use super::*;
+    use crate::sweep::{SweepLimits, read};
+
+    async fn numbers(store: &Store) -> (i64, i64, i64, i64, i64) {
+        let sql = "SELECT (SELECT count(*) FROM sweeps), (SELECT count(*) FROM points), count(*),
+                   count(DISTINCT seed), coalesce(max(turn) - min(turn), 0) FROM jobs";
+        sqlx::query_as(sql).fetch_one(&store.readers).await.unwrap()
+    }
+
+    #[tokio::test]
+    async fn a_sweep_of_many_pieces_is_stored_whole_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+        let base = json!({"experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.008}});
+        let factors = json!([{"pointer": "/equipment/gate_opening_m", "levels": [0.05, 0.06]}]);
+        let document = json!({"name": "s", "base": base, "design": {"kind": "grid"}, "factors": factors, "replicates": 1200});
+        let limits = SweepLimits { max_jobs: 10_000, scenario: Limits::default() };
+        let expanded = || read(document.clone(), &Meshes::default(), limits).unwrap();
+        let sweep = || {
+            let (spec, expansion) = expanded();
+            NewSweep::new(SweepId::new(), &document, spec, expansion).unwrap()
+        };
+        let (broken, cut_off) = (sweep(), expanded().1.points.into_trials(0, 1200).take(1700));
+        let drafts = Drafts::new(broken.id, 2400, cut_off).unwrap();
+        assert!(drafts.is_large());
+        let lost = store.insert_sweep(NewSweep { drafts, ..broken }, Timestamp(0)).await;
+        assert!(matches!(lost, Err(StoreError::Unfinished { queued: 1700, jobs: 2400 })), "{lost:?}");
+        assert_eq!(numbers(&store).await, (0, 0, 0, 0, 0));
+
+        store.insert_sweep(sweep(), Timestamp(0)).await.unwrap();
+        assert_eq!(numbers(&store).await, (1, 2, 2400, 1200, 2399));
+        store.close().await;
+    }
 }

@@ -3,7 +3,10 @@
 //! SQLite has one writer at a time and a commit costs a flush to disk, so whatever has queued up while a
 //! group was being committed makes the next group: `BEGIN IMMEDIATE`, each piece of work in a savepoint of
 //! its own, `COMMIT`, then the answers. A piece that fails is rolled back alone. Nothing but SQL on this
-//! connection is awaited inside, and a caller that goes away (a closed connection) does not interrupt it.
+//! connection is awaited inside, and the next piece of a large sweep; a caller that goes away (a closed connection) does not interrupt it.
+//!
+//! A large piece has a transaction to itself and needs no savepoint, for which SQLite would copy every page before its first change: a
+//! sweep of 10,000 jobs changes 10,000 pages of a long queue's indices.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -24,6 +27,9 @@ type Run<'t> = Pin<Box<dyn Future<Output = Finished> + Send + 't>>;
 
 /// A piece of work with somebody who waits for it.
 trait Piece: Send {
+    /// Whether it has a transaction to itself.
+    fn is_large(&self) -> bool;
+
     /// Does the work, which is then to be committed and answered.
     fn run<'t>(self: Box<Self>, connection: &'t mut SqliteConnection) -> Run<'t>;
 
@@ -32,6 +38,7 @@ trait Piece: Send {
 }
 
 struct Asked<T, F> {
+    is_large: bool,
     work: F,
     sender: oneshot::Sender<Result<T, StoreError>>,
 }
@@ -41,9 +48,13 @@ where
     T: Send + 'static,
     F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
 {
+    fn is_large(&self) -> bool {
+        self.is_large
+    }
+
     fn run<'t>(self: Box<Self>, connection: &'t mut SqliteConnection) -> Run<'t> {
         Box::pin(async move {
-            let Self { work, sender } = *self;
+            let Self { work, sender, .. } = *self;
             let outcome = work(connection).await;
             let keep = outcome.is_ok();
             let reply = Box::new(move |committed: Result<(), StoreError>| {
@@ -100,6 +111,16 @@ impl Writer {
         self.commits.load(Ordering::Acquire)
     }
 
+    /// Where it counts them.
+    pub(super) fn counter(&self) -> Arc<AtomicU64> {
+        self.commits.clone()
+    }
+
+    /// Cancelled when the writer has ended.
+    pub(super) fn end(&self) -> CancellationToken {
+        self.ended.clone()
+    }
+
     /// Returns when the writer has ended.
     pub(super) async fn ended(&self) {
         self.ended.cancelled().await;
@@ -111,8 +132,17 @@ impl Writer {
         T: Send + 'static,
         F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
     {
+        self.write_as(false, work).await
+    }
+
+    /// The same, in a transaction of its own when it is large.
+    pub(super) async fn write_as<T, F>(&self, is_large: bool, work: F) -> Result<T, StoreError>
+    where
+        T: Send + 'static,
+        F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
+    {
         let (sender, receiver) = oneshot::channel();
-        let piece = Box::new(Asked { work, sender });
+        let piece = Box::new(Asked { is_large, work, sender });
         self.queue.send(Message::Work(piece)).await.map_err(|_| StoreError::WriterGone)?;
         receiver.await.map_err(|_| StoreError::WriterGone)?
     }
@@ -126,19 +156,55 @@ impl Writer {
     }
 }
 
+/// What comes next from the queue.
+#[derive(Default)]
+struct Next {
+    /// A large piece that came while a group was open.
+    large: Option<Box<dyn Piece>>,
+    /// Nothing comes any more.
+    is_closed: bool,
+}
+
+impl Next {
+    /// The first piece of a group.
+    async fn first(&mut self, waiting: &mut mpsc::Receiver<Message>) -> Option<Box<dyn Piece>> {
+        if self.large.is_some() || self.is_closed {
+            return self.large.take();
+        }
+        match waiting.recv().await {
+            Some(Message::Work(piece)) => Some(piece),
+            Some(Message::Close) | None => None,
+        }
+    }
+
+    /// One more for the same group, if it waits there and may join it.
+    fn more(&mut self, waiting: &mut mpsc::Receiver<Message>) -> Option<Box<dyn Piece>> {
+        match waiting.try_recv().ok()? {
+            Message::Work(piece) if piece.is_large() => self.large = Some(piece),
+            Message::Work(piece) => return Some(piece),
+            Message::Close => self.is_closed = true,
+        }
+        None
+    }
+}
+
 async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Message>, commits: &AtomicU64) {
-    let mut open = true;
-    while open {
-        let Some(Message::Work(first)) = waiting.recv().await else { break };
+    let mut next = Next::default();
+    while let Some(first) = next.first(&mut waiting).await {
         // Several statements in one go: each way to SQLite's thread and back costs as much as a small statement.
-        if let Err(error) = sqlx::raw_sql("BEGIN IMMEDIATE; SAVEPOINT piece").execute(&mut connection).await {
+        let begin = if first.is_large() { "BEGIN IMMEDIATE" } else { "BEGIN IMMEDIATE; SAVEPOINT piece" };
+        if let Err(error) = sqlx::raw_sql(begin).execute(&mut connection).await {
             let error = StoreError::Commit(Arc::new(error));
             tracing::error!(error = error.as_dyn(), "a write was not begun");
             first.refuse(error);
             continue;
         }
         let mut finished = Vec::new();
-        let committed = group(&mut connection, first, &mut waiting, &mut finished, &mut open).await;
+        let committed = if first.is_large() {
+            alone(&mut connection, first, &mut finished).await
+        } else {
+            group(&mut connection, first, &mut waiting, &mut finished, &mut next).await
+        };
         // Before anybody is answered: who asks after that must not be told the versions of before.
         commits.fetch_add(1, Ordering::Release);
         let failure = committed.err();
@@ -156,13 +222,26 @@ async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Messa
     }
 }
 
+/// Does a large piece, and commits.
+async fn alone(
+    connection: &mut SqliteConnection,
+    piece: Box<dyn Piece>,
+    finished: &mut Vec<Finished>,
+) -> Result<(), Arc<sqlx::Error>> {
+    let done = piece.run(&mut *connection).await;
+    let end = if done.keep { "COMMIT" } else { "ROLLBACK" };
+    finished.push(done);
+    sqlx::raw_sql(end).execute(connection).await.map_err(Arc::new)?;
+    Ok(())
+}
+
 /// Does the first piece and what has queued up meanwhile, and commits.
 async fn group(
     connection: &mut SqliteConnection,
     first: Box<dyn Piece>,
     waiting: &mut mpsc::Receiver<Message>,
     finished: &mut Vec<Finished>,
-    open: &mut bool,
+    next: &mut Next,
 ) -> Result<(), Arc<sqlx::Error>> {
     let mut piece = first;
     loop {
@@ -170,29 +249,21 @@ async fn group(
         let keep = done.keep;
         // Noted before anything else can fail: it is to be answered either way.
         finished.push(done);
-        let message = if finished.len() < GROUP { waiting.try_recv().ok() } else { None };
-        let next = match message {
-            Some(Message::Work(piece)) => Some(piece),
-            Some(Message::Close) => {
-                *open = false;
-                None
-            }
-            None => None,
-        };
-        let sql = match (keep, &next) {
+        let more = if finished.len() < GROUP { next.more(waiting) } else { None };
+        let sql = match (keep, &more) {
             (true, Some(_)) => "RELEASE piece; SAVEPOINT piece",
             (false, Some(_)) => "ROLLBACK TO piece",
             (true, None) => "RELEASE piece; COMMIT",
             (false, None) => "ROLLBACK TO piece; RELEASE piece; COMMIT",
         };
         let outcome = sqlx::raw_sql(sql).execute(&mut *connection).await;
-        match (outcome, next) {
-            (Ok(_), Some(next)) => piece = next,
+        match (outcome, more) {
+            (Ok(_), Some(more)) => piece = more,
             (Ok(_), None) => return Ok(()),
-            (Err(error), next) => {
+            (Err(error), more) => {
                 let error = Arc::new(error);
-                if let Some(next) = next {
-                    next.refuse(StoreError::Commit(error.clone()));
+                if let Some(more) = more {
+                    more.refuse(StoreError::Commit(error.clone()));
                 }
                 return Err(error);
             }
@@ -201,57 +272,4 @@ async fn group(
 }
 
 #[cfg(test)]
-mod tests {
-    use std::time::Duration;
-
-    use sqlx::ConnectOptions;
-    use sqlx::sqlite::SqliteConnectOptions;
-
-    use super::*;
-    use crate::store::Hindrance;
-
-    #[tokio::test]
-    async fn a_busy_database_is_told_and_the_writer_goes_on() {
-        let dir = tempfile::tempdir().unwrap();
-        let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
-        let options = options.busy_timeout(Duration::from_millis(20));
-        let mut other = options.connect().await.unwrap();
-        let writer = Writer::start(options.connect().await.unwrap());
-        sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
-        let error = writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap_err();
-        assert_eq!(error.hindrance(), Some(Hindrance::Busy), "{error:?}");
-        sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
-        writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap();
-        writer.close().await;
-    }
-
-    #[tokio::test]
-    async fn a_full_disk_is_told_and_the_writer_goes_on() {
-        let dir = tempfile::tempdir().unwrap();
-        let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
-        let mut connection = options.connect().await.unwrap();
-        let small = "CREATE TABLE t (x); PRAGMA max_page_count = 3";
-        sqlx::raw_sql(small).execute(&mut connection).await.unwrap();
-        let writer = Writer::start(connection);
-        let insert = async |bytes: i64| {
-            let sql = "INSERT INTO t VALUES (zeroblob(?))";
-            writer
-                .write(move |tx| {
-                    Box::pin(async move { Ok(sqlx::query(sql).bind(bytes).execute(tx).await.map(drop)?) })
-                })
-                .await
-        };
-        let error = insert(1_000_000).await.unwrap_err();
-        assert_eq!(error.hindrance(), Some(Hindrance::Full), "{error:?}");
-        insert(10).await.unwrap();
-        writer.close().await;
-    }
-
-    #[tokio::test]
-    async fn a_writer_that_panics_says_that_it_ended() {
-        let writer = Writer::start(SqliteConnectOptions::new().in_memory(true).connect().await.unwrap());
-        let lost = writer.write::<(), _>(|_| Box::pin(async { panic!("on purpose") })).await;
-        assert!(matches!(lost, Err(StoreError::WriterGone)), "{lost:?}");
-        tokio::time::timeout(Duration::from_secs(20), writer.ended()).await.expect("told");
-    }
-}
+mod tests;

@@ -1,22 +1,15 @@
 //! From the specification to the design points: every one validated, every fault listed.
 
-use std::collections::BTreeSet;
-
-use rayon::prelude::*;
 use roost_api::Fault;
 use roost_api::sweep::{SCHEMA, SweepSpec};
 use roost_solver::mesh::Meshes;
-use roost_solver::scenario::{self, Scenario, fields};
-use serde_json::{Map, Value, json};
+use roost_solver::scenario::{self, fields};
+use serde_json::{Value, json};
 
-use super::matrix::{self, Row};
-use super::plan::{self, Plan};
-use super::{Expansion, Point, SweepLimits, factor, levels, rows};
+use super::points::Points;
+use super::{Expansion, SweepLimits, levels, matrix, plan, rows};
 use crate::document::{fault, prefixed, running_faults};
 use crate::mesh;
-
-/// Past so many faults the rest says nothing new.
-const MAX_FAULTS: usize = 100;
 
 /// Expands a sweep, or lists every fault with pointers into its document.
 pub(crate) fn expand(
@@ -43,12 +36,12 @@ pub(crate) fn expand(
     let (Some(base), Some(plan), true) = (base, plan, faults.is_empty()) else { return Err(faults) };
 
     let estimate = mesh::check(&base, meshes, &limits.scenario).map_err(|found| prefixed("/base", found))?;
-    let matrix = matrix::rows(&plan);
+    let points = Points::new(&spec.base, &base, &plan, matrix::rows(&plan));
     let placed = |row: usize, factor: usize, value: &Value| place_in_spec(spec, row, factor, value);
-    let points = Bench { base: &spec.base, scenario: &base, plan: &plan, meshes, limits }
-        .points(&matrix, 0, "/base", &placed)?;
+    let once_s = points.check((meshes, &limits.scenario), 0, "/base", &placed)?;
+    let wall_s = once_s * f64::from(spec.replicates);
     let factors = plan.factors.iter().map(|input| input.name().to_owned()).collect();
-    Ok(Expansion { factors, points, replicates: spec.replicates, base, estimate })
+    Ok(Expansion { factors, points, replicates: spec.replicates, base, estimate, wall_s })
 }
 
 fn check_words(spec: &SweepSpec, faults: &mut Vec<Fault>) {
@@ -102,101 +95,5 @@ fn place_in_spec(spec: &SweepSpec, row: usize, index: usize, value: &Value) -> S
     match levels.and_then(|levels| rows::place(value, levels)) {
         Some(level) => format!("/factors/{index}/levels/{level}"),
         None => format!("/factors/{index}"),
-    }
-}
-
-/// What points are made of.
-pub(super) struct Bench<'a> {
-    /// The base as submitted.
-    pub(super) base: &'a Value,
-    /// The base, complete.
-    pub(super) scenario: &'a Scenario,
-    pub(super) plan: &'a Plan,
-    pub(super) meshes: &'a Meshes,
-    pub(super) limits: SweepLimits,
-}
-
-impl Bench<'_> {
-    /// The design points of a matrix whose first row has the index `first`, all valid. `placed` says where in the document
-    /// the value of a factor stands in a row of the matrix; what no value is to blame for lies under `rest`.
-    pub(super) fn points(
-        &self,
-        matrix: &[Row],
-        first: usize,
-        rest: &str,
-        placed: &dyn Fn(usize, usize, &Value) -> String,
-    ) -> Result<Vec<Point>, Vec<Fault>> {
-        let complete = json!(self.scenario);
-        let mut points = Vec::with_capacity(matrix.len());
-        let mut faults = Vec::new();
-        let mut seen = BTreeSet::new();
-        let read: Vec<_> = matrix.par_iter().map(|row| self.point(&complete, row)).collect();
-        for (index, (row, read)) in matrix.iter().zip(read).enumerate() {
-            match read {
-                Ok(point) => points.push(point),
-                Err((levels, found)) => {
-                    for found in found {
-                        let blamed = self.blamed(row, &found.pointer);
-                        let (pointer, told) = match blamed {
-                            Some((factor, value, inner)) => {
-                                let place = placed(index, factor, value);
-                                // A table is one text: its faults differ by their rows.
-                                let told = if place.ends_with("/table") { Some(index) } else { None };
-                                let inner = if told.is_some() { "" } else { inner };
-                                (format!("{place}{inner}"), told)
-                            }
-                            None => (format!("{rest}{}", found.pointer), None),
-                        };
-                        if faults.len() < MAX_FAULTS && seen.insert((pointer.clone(), told)) {
-                            let point = first + index;
-                            let detail = format!(
-                                "{} (design point {point}: {})",
-                                found.detail,
-                                Value::Object(levels.clone())
-                            );
-                            faults.push(Fault { pointer, detail, ..found });
-                        }
-                    }
-                }
-            }
-        }
-        if faults.is_empty() { Ok(points) } else { Err(faults) }
-    }
-
-    /// One point, or its levels and what is wrong with them.
-    fn point(&self, complete: &Value, row: &Row) -> Result<Point, (Map<String, Value>, Vec<Fault>)> {
-        let mut document = self.base.clone();
-        let mut levels = Map::new();
-        for (input, value) in self.plan.factors.iter().zip(row) {
-            let Some(value) = value else { continue };
-            for field in &input.fields {
-                factor::set(&mut document, complete, field, value);
-            }
-            levels.insert(input.name().to_owned(), value.clone());
-        }
-        let valid = scenario::from_value(&document).and_then(|scenario| {
-            mesh::check(&scenario, self.meshes, &self.limits.scenario).map(|_| scenario)
-        });
-        let scenario = match valid {
-            Ok(scenario) => scenario,
-            Err(found) => return Err((levels, found)),
-        };
-        // What stays as in the base may follow defaults that other factors choose: the scenario knows.
-        if levels.len() < self.plan.factors.len() {
-            let complete = json!(scenario);
-            for input in &self.plan.factors {
-                let value = || complete.pointer(input.name()).cloned().unwrap_or_default();
-                levels.entry(input.name()).or_insert_with(value);
-            }
-        }
-        Ok(Point { levels, scenario })
-    }
-
-    /// The factor whose field a fault lies in, its value in the row, and the rest of the pointer inside that.
-    fn blamed<'a, 'f>(&self, row: &'a Row, pointer: &'f str) -> Option<(usize, &'a Value, &'f str)> {
-        self.plan.factors.iter().zip(row).enumerate().find_map(|(index, (input, value))| {
-            let field = input.fields.iter().find(|field| factor::inside(pointer, field))?;
-            Some((index, value.as_ref()?, &pointer[field.len()..]))
-        })
     }
 }

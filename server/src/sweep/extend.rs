@@ -9,11 +9,11 @@ use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario, escape};
 use serde_json::{Map, Value, json};
 
-use super::expand::{self, Bench};
 use super::matrix::{self, Row};
 use super::plan::{self, Plan, Points};
+use super::points::Points as DesignPoints;
 use super::values::Values;
-use super::{Point, SweepLimits, inputs, rows};
+use super::{SweepLimits, expand, inputs, rows};
 use crate::document::{fault, read_leniently};
 
 /// A sweep as it is kept.
@@ -31,7 +31,7 @@ pub(crate) struct Stored {
 #[derive(Clone, Debug)]
 pub(crate) struct Growth {
     /// New points, whose indices follow those that are there.
-    pub points: Vec<Point>,
+    pub points: DesignPoints,
     /// Replicates of every point from now on.
     pub replicates: u32,
 }
@@ -82,12 +82,8 @@ pub(crate) fn extend(
         return Err(faults);
     }
     let placed = |row: usize, factor: usize, value: &Value| place(&extension, &plan, row, factor, value);
-    let points = Bench { base: &stored.spec.base, scenario: &base, plan: &plan, meshes, limits }.points(
-        &matrix,
-        stored.matrix.len(),
-        "",
-        &placed,
-    )?;
+    let points = DesignPoints::new(&stored.spec.base, &base, &plan, matrix);
+    points.check((meshes, &limits.scenario), stored.matrix.len(), "", &placed)?;
     Ok(Growth { points, replicates })
 }
 

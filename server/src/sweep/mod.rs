@@ -1,8 +1,8 @@
 //! Sweeps, without IO: from the specification to design points and trials, and from trials to tables and effects.
 //!
 //! `plan` reads factors and design, `names` what factors point at, `inputs` what values they take, `rows` lists of points; `matrix` combines values to points, with
-//! the numbers of `draw` and `values`; `factor` puts a level into a scenario, `levels` judges one by itself; `expand` validates
-//! every point and lists every fault, `extend` does so for what is added. `summary` and `effects` say what came out.
+//! the numbers of `draw` and `values`; `factor` puts a level into a scenario, `levels` judges one by itself; `points`
+//! makes scenarios of rows; `expand` validates a sweep and lists every fault, `extend` does so for what is added. `summary` and `effects` say what came out.
 
 mod draw;
 mod effects;
@@ -14,6 +14,7 @@ mod levels;
 mod matrix;
 mod names;
 mod plan;
+mod points;
 mod rows;
 mod schema;
 mod summary;
@@ -28,13 +29,14 @@ use roost_api::{Estimate, Fault};
 use roost_solver::Limits;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::Scenario;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use crate::document::read_leniently;
 pub(crate) use effects::Effects;
 use expand::expand;
 pub(crate) use extend::{Growth, Stored, extend, replicate};
 pub(crate) use plan::factors;
+pub(crate) use points::{Points, Trial};
 pub(crate) use schema::json_schema;
 pub(crate) use summary::by_point;
 pub(crate) use table::{Column, Response, csv, of_points, of_trials};
@@ -75,37 +77,21 @@ pub(crate) struct SweepLimits {
 pub(crate) struct Expansion {
     /// Pointers of the factors, in the order of the specification.
     pub factors: Vec<String>,
-    /// The design matrix; its indices are for ever.
-    pub points: Vec<Point>,
+    /// The design points; their indices are for ever.
+    pub points: Points,
     /// Runs per point.
     pub replicates: u32,
     /// The base scenario, complete.
     pub base: Scenario,
     /// Its cost.
     pub estimate: Estimate,
-}
-
-/// A design point.
-#[derive(Clone, Debug)]
-pub(crate) struct Point {
-    /// Level by pointer.
-    pub levels: Map<String, Value>,
-    /// The scenario of replicate 0, complete.
-    pub scenario: Scenario,
+    /// The time of all jobs, one after the other, forecast as that of the base.
+    pub wall_s: f64,
 }
 
 impl Expansion {
     /// How many jobs it makes.
     pub(crate) fn jobs(&self) -> u64 {
         self.points.len() as u64 * u64::from(self.replicates)
-    }
-
-    /// Every trial, point by point: point, replicate and scenario. Replicate r has seed `base.seed + r`.
-    pub(crate) fn trials(&self) -> impl Iterator<Item = (u32, u32, Scenario)> {
-        self.points.iter().enumerate().flat_map(move |(index, point)| {
-            (0..self.replicates).map(move |replicate| {
-                (index as u32, replicate, extend::replicate(&point.scenario, replicate))
-            })
-        })
     }
 }

@@ -6,6 +6,7 @@
 //! therefore is complete: what it serialises to is "the scenario as run", and reading that again gives
 //! the same scenario.
 
+mod canonical;
 mod complete;
 mod fault;
 pub mod field;
@@ -60,7 +61,7 @@ pub fn from_value(value: &serde_json::Value) -> Result<Scenario, Vec<Fault>> {
 impl Scenario {
     /// blake3 of the canonical (RFC 8785) JSON of the scenario, in hex: equal physics, equal digest.
     pub fn digest(&self) -> String {
-        let canonical = serde_json_canonicalizer::to_vec(self).expect("a scenario serialises to JSON");
+        let canonical = canonical::canonical(self).expect("a scenario serialises to JSON");
         blake3::hash(&canonical).to_hex().to_string()
     }
 }

@@ -5,7 +5,7 @@ use super::*;
 /// A sweep as the store would have it.
 fn stored(spec: SweepSpec) -> Stored {
     let expansion = expand(&spec, &Meshes::default(), LIMITS).unwrap();
-    let matrix = expansion.points.into_iter().map(|point| point.levels).collect();
+    let matrix = expansion.points.iter().map(|point| point.levels).collect();
     Stored { replicates: spec.replicates, spec, matrix }
 }
 
@@ -14,10 +14,10 @@ fn grow(stored: &mut Stored, extension: Value) -> Vec<Vec<Value>> {
     let growth =
         extend(stored, extension, &Meshes::default(), LIMITS).unwrap_or_else(|faults| panic!("{faults:#?}"));
     stored.replicates = growth.replicates;
-    stored.matrix.extend(growth.points.iter().map(|point| point.levels.clone()));
+    stored.matrix.extend(growth.points.iter().map(|point| point.levels));
     let names: Vec<String> = factors(&stored.spec).iter().map(|factor| factor.name().to_owned()).collect();
     let row = |point: Point| names.iter().map(|name| point.levels[name].clone()).collect();
-    growth.points.into_iter().map(row).collect()
+    growth.points.iter().map(row).collect()
 }
 
 #[track_caller]

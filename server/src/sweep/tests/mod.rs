@@ -9,6 +9,7 @@ use roost_api::sweep::SweepSpec;
 use roost_solver::Limits;
 use serde_json::{Value, json};
 
+use super::points::Point;
 use super::*;
 
 const LIMITS: SweepLimits =
@@ -26,7 +27,7 @@ fn of_design(design: Value, factors: Value) -> SweepSpec {
 /// The levels of each point, a row a point.
 fn matrix(spec: &SweepSpec) -> Vec<Vec<Value>> {
     let expansion = expand(spec, &Meshes::default(), LIMITS).unwrap_or_else(|faults| panic!("{faults:#?}"));
-    let row = |point: &Point| expansion.factors.iter().map(|name| point.levels[name].clone()).collect();
+    let row = |point: Point| expansion.factors.iter().map(|name| point.levels[name].clone()).collect();
     expansion.points.iter().map(row).collect()
 }
 
@@ -71,11 +72,16 @@ fn replicates_count_seeds_from_the_base() {
     spec.replicates = 3;
     let expansion = expand(&spec, &Meshes::default(), LIMITS).unwrap();
     assert_eq!(expansion.jobs(), 6);
-    let trials: Vec<_> = expansion.trials().map(|(point, r, scenario)| (point, r, scenario.seed)).collect();
-    assert_eq!(trials, [(0, 0, 40), (0, 1, 41), (0, 2, 42), (1, 0, 40), (1, 1, 41), (1, 2, 42)]);
+    assert_eq!(expansion.wall_s, 6.0 * expansion.estimate.wall_s, "the gate is nothing to the forecast");
     let gates: Vec<_> =
         expansion.points.iter().map(|point| point.scenario.equipment().unwrap().gate_opening_m).collect();
     assert_eq!(gates, [0.05, 0.06]);
+    let trials = expansion.points.into_trials(7, 3);
+    let trials: Vec<_> =
+        trials.map(|it| (it.point, it.replicate, it.scenario.seed, it.levels.is_some())).collect();
+    let first = [(7, 0, 40, true), (7, 1, 41, false), (7, 2, 42, false)];
+    assert_eq!(trials[..3], first, "the levels of a point come with its first trial");
+    assert_eq!(trials[3..], first.map(|(_, replicate, seed, levels)| (8, replicate, seed, levels)));
 }
 
 #[test]

@@ -1,0 +1,186 @@
+//! Jobs on their way into the store, written out piece by piece: of a large sweep only what is at work is in memory, and the next
+//! piece is written out while one is inserted.
+
+use rayon::prelude::*;
+use roost_api::ids::{JobId, SweepId};
+use roost_api::job::{Cache, Needs};
+use roost_api::sweep::SweepSpec;
+use roost_api::time::Timestamp;
+use roost_solver::scenario::Scenario;
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+
+use super::StoreError;
+use super::rows::to_json;
+use crate::sweep::Trial;
+
+/// Jobs written out at once.
+const PIECE: usize = 1000;
+
+/// Rows of one `INSERT`: SQLite takes 32,766 parameters.
+const ROWS: usize = 500;
+
+/// A row of `jobs` before it has a state.
+pub(super) struct Draft {
+    pub(super) id: JobId,
+    digest: String,
+    body: String,
+    seed: i64,
+    place: Option<(SweepId, u32, u32)>,
+    /// Of a new design point, with the first of its jobs.
+    levels: Option<String>,
+}
+
+impl Draft {
+    /// A job of no sweep.
+    pub(super) fn single(scenario: &Scenario, id: JobId) -> Result<Self, StoreError> {
+        let seed = scenario.seed as i64; // at most 2^53 - 1
+        let (digest, body) = (scenario.digest(), to_json("scenario", scenario)?);
+        Ok(Self { id, digest, body, seed, place: None, levels: None })
+    }
+
+    fn of(trial: &Trial, sweep: SweepId) -> Result<Self, StoreError> {
+        let levels = trial.levels.as_ref().map(|levels| to_json("levels", levels)).transpose()?;
+        let place = Some((sweep, trial.point, trial.replicate));
+        Ok(Self { place, levels, ..Self::single(&trial.scenario, JobId::new())? })
+    }
+}
+
+/// What the jobs of one submission share.
+pub(super) struct Shared {
+    pub(super) priority: i32,
+    pub(super) labels: String,
+    pub(super) needs: Needs,
+    pub(super) max_wall_s: Option<f64>,
+    pub(super) frame_interval_s: Option<f64>,
+    pub(super) cache: Cache,
+}
+
+impl Shared {
+    /// What the jobs of a sweep share.
+    pub(super) fn of(spec: &SweepSpec) -> Result<Self, StoreError> {
+        Ok(Self {
+            priority: spec.priority,
+            labels: to_json("labels", &spec.labels)?,
+            needs: spec.needs.clone(),
+            max_wall_s: spec.max_wall_s,
+            frame_interval_s: spec.frame_interval_s,
+            cache: spec.cache,
+        })
+    }
+}
+
+/// The trials of a sweep that are to be queued, in their order.
+type Trials = Box<dyn Iterator<Item = Trial> + Send>;
+
+/// The jobs of a sweep that are to be queued: a piece that is written out, and what is not yet.
+pub(super) struct Drafts {
+    sweep: SweepId,
+    piece: Vec<Draft>,
+    rest: Trials,
+    jobs: u64,
+}
+
+impl Drafts {
+    /// So many jobs, of which the first piece is written out.
+    pub(super) fn new(
+        sweep: SweepId,
+        jobs: u64,
+        trials: impl Iterator<Item = Trial> + Send + 'static,
+    ) -> Result<Self, StoreError> {
+        Self { sweep, piece: Vec::new(), rest: Box::new(trials), jobs }.next()
+    }
+
+    /// Whether it is more than one piece.
+    pub(super) fn is_large(&self) -> bool {
+        self.jobs > PIECE as u64
+    }
+
+    /// Writes out the next piece.
+    fn next(mut self) -> Result<Self, StoreError> {
+        let trials: Vec<Trial> = self.rest.by_ref().take(PIECE).collect();
+        self.piece = trials.par_iter().map(|trial| Draft::of(trial, self.sweep)).collect::<Result<_, _>>()?;
+        Ok(self)
+    }
+
+    /// Adds the design points that are new, and queues all jobs.
+    pub(super) async fn insert(
+        mut self,
+        tx: &mut SqliteConnection,
+        shared: &Shared,
+        now: Timestamp,
+    ) -> Result<(), StoreError> {
+        let (jobs, mut turn) = (self.jobs, first_turn(tx, shared.priority).await?);
+        let mut queued = 0;
+        while !self.piece.is_empty() {
+            let piece = std::mem::take(&mut self.piece);
+            let next = tokio::task::spawn_blocking(move || self.next());
+            insert_points(tx, &piece).await?;
+            insert_jobs(tx, &piece, shared, turn, now).await?;
+            turn += piece.len() as i64;
+            queued += piece.len() as u64;
+            self = next.await.map_err(|_| StoreError::Unfinished { queued, jobs })??;
+        }
+        if queued == jobs { Ok(()) } else { Err(StoreError::Unfinished { queued, jobs }) }
+    }
+}
+
+/// The turn of the next job of that priority.
+pub(super) async fn first_turn(tx: &mut SqliteConnection, priority: i32) -> Result<i64, StoreError> {
+    let sql = "SELECT coalesce((SELECT turn FROM turns WHERE priority = ?), 0)";
+    Ok(sqlx::query_scalar(sql).bind(priority).fetch_one(tx).await?)
+}
+
+/// Adds the design points of which these are the first jobs.
+async fn insert_points(tx: &mut SqliteConnection, drafts: &[Draft]) -> Result<(), StoreError> {
+    let points: Vec<_> =
+        drafts.iter().filter_map(|draft| Some((draft.place?, draft.levels.as_ref()?))).collect();
+    for rows in points.chunks(ROWS) {
+        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO points (sweep_id, idx, levels) ");
+        query.push_values(rows, |mut row, ((sweep, point, _), levels)| {
+            row.push_bind(sweep.to_string()).push_bind(*point).push_bind(*levels);
+        });
+        query.build().execute(&mut *tx).await?;
+    }
+    Ok(())
+}
+
+/// Queues jobs, the first of which has that turn.
+pub(super) async fn insert_jobs(
+    tx: &mut SqliteConnection,
+    drafts: &[Draft],
+    shared: &Shared,
+    turn: i64,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    for (chunk, rows) in drafts.chunks(ROWS).enumerate() {
+        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO scenarios (digest, body) ");
+        query.push_values(rows, |mut row, draft| {
+            row.push_bind(&draft.digest).push_bind(&draft.body);
+        });
+        query.push(" ON CONFLICT (digest) DO NOTHING").build().execute(&mut *tx).await?;
+
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, turn, labels,
+             needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, submitted_at) ",
+        );
+        query.push_values(rows.iter().enumerate(), |mut row, (index, draft)| {
+            row.push_bind(draft.id.to_string())
+                .push_bind(draft.place.map(|(sweep, _, _)| sweep.to_string()))
+                .push_bind(draft.place.map(|(_, point, _)| point))
+                .push_bind(draft.place.map(|(_, _, replicate)| replicate))
+                .push_bind(&draft.digest)
+                .push_bind(draft.seed)
+                .push_bind(shared.priority)
+                .push_bind(turn + (chunk * ROWS + index) as i64)
+                .push_bind(&shared.labels)
+                .push_bind(&shared.needs.backend)
+                .push_bind(shared.needs.memory_mib)
+                .push_bind(shared.max_wall_s)
+                .push_bind(shared.frame_interval_s)
+                .push_bind(shared.cache.as_str())
+                .push_bind(now.0);
+        });
+        query.build().execute(&mut *tx).await?;
+    }
+    Ok(())
+}

@@ -1,0 +1,90 @@
+//! The writer by itself: what is told when it cannot write, and who shares a transaction with whom.
+
+use std::time::Duration;
+
+use sqlx::ConnectOptions;
+use sqlx::sqlite::SqliteConnectOptions;
+
+use super::*;
+use crate::store::Hindrance;
+
+#[tokio::test]
+async fn a_busy_database_is_told_and_the_writer_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
+    let options = options.busy_timeout(Duration::from_millis(20));
+    let mut other = options.connect().await.unwrap();
+    let writer = Writer::start(options.connect().await.unwrap());
+    sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
+    let error = writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap_err();
+    assert_eq!(error.hindrance(), Some(Hindrance::Busy), "{error:?}");
+    sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
+    writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap();
+    writer.close().await;
+}
+
+#[tokio::test]
+async fn a_full_disk_is_told_and_the_writer_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
+    let mut connection = options.connect().await.unwrap();
+    let small = "CREATE TABLE t (x); PRAGMA max_page_count = 3";
+    sqlx::raw_sql(small).execute(&mut connection).await.unwrap();
+    let writer = Writer::start(connection);
+    let insert = async |bytes: i64| {
+        let sql = "INSERT INTO t VALUES (zeroblob(?))";
+        writer
+            .write(move |tx| {
+                Box::pin(async move { Ok(sqlx::query(sql).bind(bytes).execute(tx).await.map(drop)?) })
+            })
+            .await
+    };
+    let error = insert(1_000_000).await.unwrap_err();
+    assert_eq!(error.hindrance(), Some(Hindrance::Full), "{error:?}");
+    insert(10).await.unwrap();
+    writer.close().await;
+}
+
+#[tokio::test]
+async fn a_large_piece_has_a_transaction_to_itself_and_fails_alone() {
+    let mut connection = SqliteConnectOptions::new().in_memory(true).connect().await.unwrap();
+    sqlx::raw_sql("CREATE TABLE t (x)").execute(&mut connection).await.unwrap();
+    let writer = Writer::start(connection);
+    let insert = async |number: i64, is_large: bool, fails: bool| {
+        let sql = "INSERT INTO t VALUES (?)";
+        writer
+            .write_as(is_large, move |tx| {
+                Box::pin(async move {
+                    sqlx::query(sql).bind(number).execute(tx).await?;
+                    if fails { Err(StoreError::WriterGone) } else { Ok(()) }
+                })
+            })
+            .await
+    };
+    // One thread, so that all ask before the first is begun.
+    let done = futures_util::join!(
+        insert(1, false, false),
+        insert(2, true, false),
+        insert(3, false, false),
+        insert(4, true, true),
+        insert(5, false, false),
+        insert(6, false, false),
+    );
+    assert!(done.3.is_err() && done.0.is_ok() && done.1.is_ok() && done.2.is_ok(), "{done:?}");
+    assert_eq!(writer.commits(), 5, "two share theirs");
+    let all = "SELECT group_concat(x) FROM t";
+    let kept: String = writer
+        .write(move |tx| Box::pin(async move { Ok(sqlx::query_scalar(all).fetch_one(tx).await?) }))
+        .await
+        .unwrap();
+    assert_eq!(kept, "1,2,3,5,6");
+    writer.close().await;
+}
+
+#[tokio::test]
+async fn a_writer_that_panics_says_that_it_ended() {
+    let writer = Writer::start(SqliteConnectOptions::new().in_memory(true).connect().await.unwrap());
+    let lost = writer.write::<(), _>(|_| Box::pin(async { panic!("on purpose") })).await;
+    assert!(matches!(lost, Err(StoreError::WriterGone)), "{lost:?}");
+    tokio::time::timeout(Duration::from_secs(20), writer.ended()).await.expect("told");
+}
