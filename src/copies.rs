@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use roost_server::DataError;
 use serde_json::json;
 
-use crate::exit::Exit;
+use crate::exit::{BadInput, Exit};
 use crate::ui;
 
 /// Copy everything a server keeps into a folder, while it runs or not
@@ -39,7 +40,15 @@ struct Common {
 }
 
 pub(crate) async fn backup(args: Backup) -> Result<Exit> {
-    report(&roost_server::backup(&args.common.data, &args.folder).await?, args.common.json)
+    let copied = roost_server::backup(&args.common.data, &args.folder).await;
+    // Where there is nothing to copy, the folder is most likely another one than that of the server.
+    let named = copied.map_err(|error| match error {
+        DataError::Nothing(_) => {
+            BadInput(format!("{error}: name the folder of the server with --data")).into()
+        }
+        other => anyhow::Error::from(other),
+    });
+    report(&named?, args.common.json)
 }
 
 pub(crate) async fn restore(args: Restore) -> Result<Exit> {

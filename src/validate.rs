@@ -57,7 +57,11 @@ fn tell(args: &Args, named: &Resolved, report: &ValidationReport) -> Result<()> 
     let estimate = &report.estimate;
     ui::println(format_args!("{}: a valid {}", input::name(&args.file), report.document))?;
     if report.document == "sweep" {
-        ui::println(format_args!("  {} jobs; its base scenario:", report.jobs))?;
+        let took = format::duration(report.wall_s);
+        ui::println(format_args!(
+            "  {} jobs, {took} on two cores, one after the other; its base scenario:",
+            report.jobs
+        ))?;
     }
     ui::println(format_args!(
         "  {} fillets of {} kg in all, {} sub-particles, {} bonds",

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState, JobView};
-use roost_api::sweep::SweepView;
+use roost_api::sweep::{StateCounts, SweepView};
 use roost_worker::client::{Client, ClientError};
 use serde_json::Value;
 use tokio_util::sync::CancellationToken;
@@ -36,11 +36,8 @@ pub(crate) async fn sweep(client: &Client, id: SweepId, shutdown: &CancellationT
         let words = format!("{} of {} jobs done, {} running", counts.ended(), counts.total(), counts.running);
         if counts.is_ended() {
             bars.into_values().for_each(Meter::clear);
-            let failed =
-                if counts.failed > 0 { format!(", {} failed", counts.failed) } else { String::new() };
-            let took = format::duration(elapsed_s);
-            overall
-                .finish(1.0, format!("{} of {} jobs done{failed} in {took}", counts.ended(), counts.total()));
+            let (fraction, words) = ending(counts, elapsed_s);
+            overall.finish(fraction, words);
             return Ok(view);
         }
         let left = format::time_left(view.fraction, elapsed_s).map(|left| format!(" · {left}"));
@@ -57,15 +54,31 @@ pub(crate) async fn sweep(client: &Client, id: SweepId, shutdown: &CancellationT
     }
 }
 
+/// How much of a sweep that has ended was done, and what became of its jobs.
+fn ending(counts: StateCounts, elapsed_s: f64) -> (f64, String) {
+    let (total, took) = (counts.total(), format::duration(elapsed_s));
+    if counts.cancelled > 0 {
+        let StateCounts { succeeded, failed, cancelled, .. } = counts;
+        let states = format!("{succeeded} succeeded, {failed} failed, {cancelled} cancelled");
+        let fraction = (succeeded + failed) as f64 / total as f64;
+        return (fraction, format!("cancelled after {took}: of {total} jobs {states}"));
+    }
+    let failed = if counts.failed > 0 { format!(", {} failed", counts.failed) } else { String::new() };
+    (1.0, format!("{total} of {total} jobs done{failed} in {took}"))
+}
+
 /// Follows one job; a signal ends the watching, not the job.
 pub(crate) async fn job(client: &Client, id: JobId, shutdown: &CancellationToken) -> Result<JobView> {
     let mut meter = Meter::new("job");
+    let mut fraction = 0.0;
     loop {
         let view = patiently(|| client.job(id), shutdown).await?;
         if view.state.is_ended() {
-            meter.finish(1.0, view.state.to_string());
+            let is_cancelled = view.state == JobState::Cancelled;
+            meter.finish(if is_cancelled { fraction } else { 1.0 }, view.state.to_string());
             return Ok(view);
         }
+        fraction = view.progress.as_ref().map_or(fraction, |progress| progress.fraction);
         show(&mut meter, &view);
         pause(shutdown).await?;
     }
@@ -129,5 +142,20 @@ async fn pause(shutdown: &CancellationToken) -> Result<()> {
     tokio::select! {
         () = shutdown.cancelled() => bail!(STOPPED),
         () = tokio::time::sleep(LOOK_EVERY) => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sweep_that_was_cancelled_says_so_and_what_became_of_its_jobs() {
+        let counts = StateCounts { succeeded: 3, failed: 1, cancelled: 4, ..StateCounts::default() };
+        let (fraction, words) = ending(counts, 5.0);
+        assert_eq!(fraction, 0.5);
+        assert_eq!(words, "cancelled after 5 s: of 8 jobs 3 succeeded, 1 failed, 4 cancelled");
+        let (fraction, words) = ending(StateCounts { cancelled: 0, ..counts }, 5.0);
+        assert_eq!((fraction, words.as_str()), (1.0, "4 of 4 jobs done, 1 failed in 5 s"));
     }
 }

@@ -342,4 +342,7 @@ fn validate_says_what_it_would_cost() {
     let file = home.file("sweep.json", &sweep);
     let text = stdout(&run(&["validate", &file]));
     assert!(text.contains("sub-particles") && text.contains("6 jobs"), "{text}");
+    let report: Value = serde_json::from_str(&stdout(&run(&["validate", "--json", &file]))).unwrap();
+    let (job_s, all_s) = (report["estimate"]["wall_s"].as_f64().unwrap(), report["wall_s"].as_f64().unwrap());
+    assert!((5.0..7.0).contains(&(all_s / job_s)), "points differ a little: {report:#}");
 }

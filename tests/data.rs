@@ -60,6 +60,7 @@ fn a_backup_of_a_server_at_work_is_one_moment_and_comes_back_whole() {
     );
     let nothing = run(&["backup", &copy, "--data", &home.path("nowhere").display().to_string()]);
     assert!(said(&nothing).contains("there is no roost.db"), "{}", said(&nothing));
+    assert!(said(&nothing).contains("--data"), "{}", said(&nothing));
 }
 
 #[test]

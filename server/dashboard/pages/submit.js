@@ -136,14 +136,14 @@ export async function show(main) {
       tell(pointer, one.detail);
     }
   }
-  function accepted({ jobs, estimate }) {
+  function accepted({ jobs, estimate, wall_s }) {
     const submit = action(`Submit ${many(jobs, "job")}`, async () => {
       const { id } = await made(sweep);
       sessionStorage.removeItem(DRAFT);
       location.href = `/sweeps/${id}`;
     }, { is_main: true });
     fill(verdict, h("div", { class: "row spread" }, facts([["Jobs", jobs.toLocaleString("en")], ["Sub-particles of the base", number(estimate.subparticles)], ["Steps", number(estimate.steps)],
-      ["Memory", `${number(estimate.memory_bytes / 2 ** 20, 3)} MiB`], ["A job", duration(estimate.wall_s)], ["All, one after the other", duration(estimate.wall_s * jobs)]]), submit),
+      ["Memory", `${number(estimate.memory_bytes / 2 ** 20, 3)} MiB`], ["A job", duration(estimate.wall_s)], ["All, one after the other", duration(wall_s)]]), submit),
       estimate.warnings.map((warning) => h("p", {}, warning)));
   }
   changed(sweep, { is_redrawn: true });
