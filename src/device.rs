@@ -1,4 +1,4 @@
-//! `--backend`, `--device`, `--allow-software`: what simulations are computed on.
+//! `--backend`, `--device`, `--allow-software`, `--gpu-memory`: what simulations are computed on.
 
 use anyhow::Result;
 use roost_worker::device::{BackendKind, Device, DeviceOptions};
@@ -17,6 +17,9 @@ pub(crate) struct DeviceArgs {
     /// Let an adapter that is software count as a GPU: for tests, since the CPU backend is faster
     #[arg(long)]
     allow_software: bool,
+    /// MiB of the GPU's memory that jobs may take, and larger ones are refused [default: they share 4096, and what is larger is tried alone]
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
+    gpu_memory: Option<u32>,
 }
 
 /// A way to compute.
@@ -36,6 +39,7 @@ impl DeviceArgs {
             }),
             adapter: self.device.clone(),
             allow_software: self.allow_software,
+            memory_mib: self.gpu_memory,
         };
         Device::choose(&options).map_err(|reason| BadInput(reason).into())
     }

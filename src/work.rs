@@ -39,9 +39,9 @@ pub(crate) struct WorkerArgs {
     threads: u16,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Jobs at once; they share the threads, or make one batch on a GPU
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    slots: u16,
+    /// Jobs at once; they share the threads, or make one batch on a GPU as far as its memory goes [default: 1, on a GPU 64]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    slots: Option<u16>,
     /// Seconds that running jobs get to finish after a signal, before they are handed back
     #[arg(long, default_value_t = 0, value_name = "SECONDS")]
     grace: u64,
@@ -64,8 +64,8 @@ impl WorkerArgs {
     pub(crate) fn config(self, server: String, state: PathBuf, device: Device) -> WorkerConfig {
         WorkerConfig {
             threads: self.threads.into(),
+            slots: self.slots.map_or_else(|| device.usual_slots(), usize::from),
             device,
-            slots: self.slots.into(),
             drain_grace: Duration::from_secs(self.grace),
             ..WorkerConfig::new(server, self.name.unwrap_or_else(host_name), state)
         }

@@ -20,6 +20,7 @@ pub mod scenario;
 pub mod shape;
 
 pub use check::{Limits, check};
+pub use engine::NoRoom;
 pub use engine::run::Observer;
 use mesh::Meshes;
 use result::RunResult;
@@ -45,11 +46,33 @@ pub enum Computer {
 
 impl Computer {
     /// As [`simulate`], on this.
-    pub fn simulate(&self, scenario: &Scenario, meshes: &Meshes, observer: &mut dyn Observer) -> RunResult {
+    ///
+    /// # Errors
+    /// When the device has no room for it.
+    ///
+    /// # Panics
+    /// When the device fails: see [`Self::has_failed`].
+    pub fn simulate(
+        &self,
+        scenario: &Scenario,
+        meshes: &Meshes,
+        observer: &mut dyn Observer,
+    ) -> Result<RunResult, NoRoom> {
         match self {
-            Self::Cpu(options) => simulate(scenario, meshes, *options, observer),
+            Self::Cpu(options) => Ok(simulate(scenario, meshes, *options, observer)),
             #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => experiments::simulate(scenario, meshes, &**gpu, observer),
+            Self::Gpu(gpu) => {
+                gpu::catch_no_room(|| experiments::simulate(scenario, meshes, &**gpu, observer))
+            }
+        }
+    }
+
+    /// Whether its device was lost, so that it computes nothing any more.
+    pub fn has_failed(&self) -> bool {
+        match self {
+            Self::Cpu(_) => false,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(gpu) => gpu.has_failed(),
         }
     }
 

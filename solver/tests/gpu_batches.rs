@@ -19,9 +19,9 @@ use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Placement, Scene};
 use roost_solver::equipment::{Motion, SurfaceKind};
-use roost_solver::gpu::Gpu;
 use roost_solver::gpu::layout::Touch;
 use roost_solver::gpu::source::Source;
+use roost_solver::gpu::{Device, Gpu, catch_no_room, usual_bytes};
 
 #[test]
 fn a_batch_gives_the_bits_of_each_alone() {
@@ -98,17 +98,23 @@ fn a_run_that_ends_within_a_chunk_keeps_what_touches_its_moving_surfaces() {
     }
 }
 
+fn open(device: Device) -> Gpu {
+    Gpu::with(device, &Source::kernels()).expect("kernels that compile")
+}
+
+/// What is said when something finds no room.
+fn words<T: std::fmt::Debug>(run: impl FnOnce() -> T) -> String {
+    catch_no_room(run).expect_err("there is room").to_string()
+}
+
 #[test]
 fn a_run_too_large_for_the_device_fails_alone_and_in_words() {
     let Some(device) = parity::device() else { return };
     // Two runs of three blocks are one too many; five blocks are too many for one.
-    let gpu = Gpu::with(device.limited(60_000), &Source::kernels()).expect("kernels that compile");
+    let gpu = open(device.limited(60_000));
     let mut large = blocks();
     large.bodies.extend([0.5, 0.6].map(|z| at(DVec3::Z * z, DVec3::ZERO)));
-    let mut large = gpu.prepare(&large);
-    let fails = std::panic::AssertUnwindSafe(|| gpu.advance(&mut [(&mut large, 10)]));
-    let words =
-        *std::panic::catch_unwind(fails).expect_err("it does not fit").downcast::<String>().expect("words");
+    let words = words(|| gpu.prepare(&large));
     assert!(words.contains("the device allows 60000"), "{words}");
     let mut both: Vec<Both<'_>> = (0..2).map(|_| Both::new(&gpu, &blocks())).collect();
     let mut batch: Vec<_> = both.iter_mut().map(|both| (&mut both.gpu_run, 300)).collect();
@@ -120,10 +126,50 @@ fn a_run_too_large_for_the_device_fails_alone_and_in_words() {
 }
 
 #[test]
+fn a_batch_is_as_large_as_the_memory() {
+    let Some(device) = parity::device() else { return };
+    let scenes: Vec<Scene> = [0.03, 0.04, 0.05, 0.06].map(|gate| prepare(&small_hopper(gate)).scene).into();
+    let first = open(device.clone());
+    let mut run = first.prepare(&scenes[0]);
+    let own = first.taken_bytes();
+    first.advance(&mut [(&mut run, 300)]);
+    let advancing = first.taken_bytes() - own;
+    let (particles, triangles) = (first.state(&mut run).particles.len() as u64, 20);
+    let usual = usual_bytes(particles, triangles);
+    assert!((own + advancing..2 * (own + advancing)).contains(&usual), "{usual}, not {own} + {advancing}");
+    drop(run);
+    // All at once; two and two; one after the other.
+    for (at_once, room) in [(4, 4.0), (2, 2.5), (1, 1.2)] {
+        let gpu = open(device.clone().with_memory(4 * own + (room * advancing as f64) as u64));
+        let mut both: Vec<Both<'_>> = scenes.iter().map(|scene| Both::new(&gpu, scene)).collect();
+        let mut batch: Vec<_> = both.iter_mut().map(|both| (&mut both.gpu_run, 300)).collect();
+        gpu.advance(&mut batch);
+        assert_eq!(gpu.refusals(), 0, "more was wanted than there is");
+        let batch = (gpu.taken_bytes() - 4 * own) as f64 / advancing as f64;
+        assert_eq!(batch.round() as u32, at_once, "{batch}");
+        for both in &mut both {
+            both.plain.advance(&mut [(&mut both.plain_run, 300)]);
+            both.assert_same();
+        }
+    }
+    // A run that does not fit by itself is refused, and so is a fifth; the others never hear of it.
+    let gpu = open(device.with_memory(4 * own + advancing * 9 / 10));
+    let mut runs: Vec<_> = scenes.iter().map(|scene| gpu.prepare(scene)).collect();
+    let words_of_run = words(|| gpu.advance(&mut [(&mut runs[0], 300)]));
+    assert!(words_of_run.contains("bytes of its memory are needed"), "{words_of_run}");
+    runs.remove(0);
+    assert_eq!(gpu.taken_bytes(), 3 * own, "what was refused takes nothing");
+    let done = gpu.advance(&mut [(&mut runs[0], 300)]);
+    assert_eq!(done[0].steps, 300);
+    let more: Vec<_> = (0..2).map(|_| gpu.prepare(&scenes[0])).collect();
+    assert_eq!(more.len(), 2, "the last batch makes way");
+}
+
+#[test]
 fn a_batch_whose_rows_outgrow_the_device_is_cut() {
     let Some(device) = parity::device() else { return };
     let scene = onto(surface(pipe(0.05, 300, 0.0, TAU / 300.0)), |x| x * 0.5 - DVec3::Z * 0.03);
-    let first = Gpu::with(device.clone(), &Source::kernels()).expect("kernels that compile");
+    let first = open(device.clone());
     let mut alone = first.prepare(&scene);
     first.advance(&mut [(&mut alone, 300)]);
     let slots = u64::from(alone.wall_slots());
@@ -131,7 +177,7 @@ fn a_batch_whose_rows_outgrow_the_device_is_cut() {
     assert!(slots > 12, "{slots} facets are no more than rows have room for at first");
     // Rows of touches are the largest; at first those of both runs fit.
     let limit = particles * slots * size_of::<Touch>() as u64 * 3 / 2;
-    let gpu = Gpu::with(device.limited(limit), &Source::kernels()).expect("kernels that compile");
+    let gpu = open(device.limited(limit));
     let mut runs: Vec<_> = (0..2).map(|_| gpu.prepare(&scene)).collect();
     let mut batch: Vec<_> = runs.iter_mut().map(|run| (run, 300)).collect();
     gpu.advance(&mut batch);
@@ -141,9 +187,41 @@ fn a_batch_whose_rows_outgrow_the_device_is_cut() {
 }
 
 #[test]
+fn a_run_whose_rows_find_no_room_goes_and_the_others_live_on() {
+    let Some(device) = parity::device() else { return };
+    // Within a pipe of narrow facets rows become far longer than at first; of the blocks they do not.
+    let scene = onto(surface(pipe(0.05, 1200, 0.0, TAU / 1200.0)), |x| x * 0.5 - DVec3::Z * 0.03);
+    let first = open(device.clone());
+    let mut other = Both::new(&first, &blocks());
+    let mut grows = first.prepare(&scene);
+    let own = first.taken_bytes();
+    first.advance(&mut [(&mut other.gpu_run, 1), (&mut grows, 1)]);
+    let at_first = first.taken_bytes();
+    first.advance(&mut [(&mut grows, 300)]);
+    let (grown, slots) = (first.taken_bytes(), grows.wall_slots());
+    println!("{own} bytes and {} to advance at first, {grown} with rows of {slots} facets", at_first - own);
+    assert!(slots > 32, "{slots} facets are not many more than rows have room for at first");
+    drop(grows);
+    first.advance(&mut [(&mut other.gpu_run, 1)]);
+    // Where its longer rows have room and what advances it has not; where not even they have.
+    for memory in [grown - 1000, at_first + 1000] {
+        let gpu = open(device.clone().with_memory(memory));
+        let mut other = Both::new(&gpu, &blocks());
+        let mut grows = gpu.prepare(&scene);
+        let words = words(|| gpu.advance(&mut [(&mut grows, 300), (&mut other.gpu_run, 300)]));
+        println!("{words}");
+        assert!(words.contains("bytes of its memory are needed"), "{words}");
+        other.plain.advance(&mut [(&mut other.plain_run, 300)]);
+        other.assert_same();
+        other.stay_the_same(300, 100);
+        assert!(!gpu.has_failed());
+    }
+}
+
+#[test]
 fn a_device_that_is_lost_says_so_to_every_run() {
     let Some(device) = parity::device() else { return };
-    let gpu = Gpu::with(device.clone(), &Source::kernels()).expect("kernels that compile");
+    let gpu = open(device.clone());
     let mut runs: Vec<_> = (0..3).map(|_| gpu.prepare(&blocks())).collect();
     let [one, two, later] = &mut runs[..] else { panic!("three") };
     gpu.advance(&mut [(&mut *one, 10), (&mut *two, 10), (&mut *later, 10)]);

@@ -1,12 +1,21 @@
-//! What runs are computed on: the CPU, or a graphics adapter, which all runs of a worker share and which is opened anew
-//! after it has failed.
+//! What runs are computed on: the CPU, or a graphics adapter, which all runs of a worker share as far as its memory goes and which
+//! is opened anew after it has failed.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use roost_solver::mesh::Meshes;
 use roost_solver::result::RunResult;
 use roost_solver::scenario::Scenario;
-use roost_solver::{Computer, CpuOptions, Observer};
+use roost_solver::{Computer, CpuOptions, NoRoom, Observer};
+
+use crate::room::{Coming, Room, Share};
+
+/// Memory that runs share where nobody says how much it may be: half of what an adapter for such work usually has, since wgpu does not
+/// tell how much this one has.
+pub const USUAL_MEMORY_MIB: u32 = 4096;
+
+/// Jobs at once on a GPU where nobody says how many: more make it no faster.
+const SLOTS_OF_A_GPU: usize = 64;
 
 /// What somebody wants runs to be computed on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -17,6 +26,17 @@ pub struct DeviceOptions {
     pub adapter: Option<String>,
     /// Whether an adapter that is software counts as a GPU.
     pub allow_software: bool,
+    /// MiB of the adapter's memory that runs may take: what is larger is refused. None lets runs share [`USUAL_MEMORY_MIB`], and tries what
+    /// is larger alone.
+    pub memory_mib: Option<u32>,
+}
+
+/// How large a run is, as far as memory goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Size {
+    pub(crate) subparticles: u64,
+    /// Of its meshes.
+    pub(crate) triangles: u64,
 }
 
 impl DeviceOptions {
@@ -43,8 +63,19 @@ pub struct Device(Option<Arc<Adapter>>);
 struct Adapter {
     options: DeviceOptions,
     name: String,
-    /// None when it has failed, until it is needed again.
-    open: Mutex<Option<Arc<Computer>>>,
+    room: Arc<Room>,
+    open: Mutex<Arc<Computer>>,
+}
+
+impl Adapter {
+    /// The adapter, opened anew if it has failed.
+    fn computer(&self) -> Result<Arc<Computer>, String> {
+        let mut current = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        if current.has_failed() {
+            *current = Arc::new(open(&self.options)?);
+        }
+        Ok(current.clone())
+    }
 }
 
 impl Device {
@@ -60,13 +91,16 @@ impl Device {
     pub fn choose(options: &DeviceOptions) -> Result<Self, String> {
         let is_asked_for = options.is_asked_for();
         match options.backend {
-            Some(BackendKind::Cpu) if is_asked_for => Err("an adapter is for the GPU backend".to_owned()),
+            Some(BackendKind::Cpu) if is_asked_for || options.memory_mib.is_some() => {
+                Err("an adapter is for the GPU backend".to_owned())
+            }
             Some(BackendKind::Cpu) => Ok(Self::cpu()),
             _ => match open(options) {
                 Ok(computer) => Ok(Self(Some(Arc::new(Adapter {
                     options: options.clone(),
                     name: computer.device(),
-                    open: Mutex::new(Some(Arc::new(computer))),
+                    room: Arc::new(Room::new(options.memory_mib.unwrap_or(USUAL_MEMORY_MIB))),
+                    open: Mutex::new(Arc::new(computer)),
                 })))),
                 Err(reason) if is_asked_for => Err(reason),
                 Err(reason) => {
@@ -87,20 +121,43 @@ impl Device {
         self.0.as_ref().map_or_else(roost_solver::cpu::device_name, |adapter| adapter.name.clone())
     }
 
-    /// Makes ready to compute, on so many threads where that is the CPU.
+    /// Memory that it has for runs, in MiB: that of the machine, unless somebody says how much a GPU's may be. None where neither tells.
+    pub(crate) fn memory_mib(&self) -> Option<u32> {
+        let told = self.0.as_ref().and_then(|adapter| adapter.options.memory_mib);
+        told.or_else(crate::memory::memory_mib)
+    }
+
+    /// Jobs at once where nobody says how many. On a GPU as many as its memory holds, up to some.
+    pub fn usual_slots(&self) -> usize {
+        if self.0.is_some() { SLOTS_OF_A_GPU } else { 1 }
+    }
+
+    /// Says that a run will make ready: until it has, or what comes back is dropped, there is no room for more.
+    pub(crate) fn expect_run(&self) -> Option<Coming> {
+        self.0.as_ref().map(|adapter| adapter.room.expect_one())
+    }
+
+    /// How many more runs there is memory for; waits until there is some for one.
+    pub(crate) async fn room_for_more(&self) -> usize {
+        match &self.0 {
+            Some(adapter) => adapter.room.for_more().await,
+            None => usize::MAX,
+        }
+    }
+
+    /// Makes ready to compute a run of that size: on so many threads where that is the CPU; on an adapter once it has memory for it.
     ///
     /// # Errors
     /// In words, when an adapter that had failed cannot be opened again.
-    pub(crate) fn ready(&self, threads: usize) -> Result<Ready, String> {
-        let Some(adapter) = &self.0 else {
-            return Ok(Ready { computer: Arc::new(Computer::Cpu(CpuOptions { threads })), adapter: None });
+    pub(crate) async fn ready(&self, threads: usize, size: Size) -> Result<Ready, String> {
+        let Some(adapter) = self.0.clone() else {
+            return Ok(Ready { computer: Arc::new(Computer::Cpu(CpuOptions { threads })), _share: None });
         };
-        let mut current = adapter.open.lock().unwrap_or_else(PoisonError::into_inner);
-        if current.is_none() {
-            *current = Some(Arc::new(open(&adapter.options)?));
-        }
-        let computer = current.clone().expect("it was just opened");
-        Ok(Ready { computer, adapter: Some(adapter.clone()) })
+        let share = adapter.room.take(usual_bytes(size)).await;
+        // Opening an adapter takes a while.
+        let computer = tokio::task::spawn_blocking(move || adapter.computer()).await;
+        let computer = computer.unwrap_or_else(|error| Err(error.to_string()))?;
+        Ok(Ready { computer, _share: Some(share) })
     }
 }
 
@@ -108,30 +165,19 @@ impl Device {
 #[derive(Debug)]
 pub(crate) struct Ready {
     computer: Arc<Computer>,
-    adapter: Option<Arc<Adapter>>,
+    /// What it has of the adapter's memory.
+    _share: Option<Share>,
 }
 
 impl Ready {
-    /// Runs one scenario to its end. A panic gives the adapter up: the next run opens it anew.
+    /// Runs one scenario to its end, or says why there is no room for it.
     pub(crate) fn simulate(
         self,
         scenario: &Scenario,
         meshes: &Meshes,
         observer: &mut dyn Observer,
-    ) -> RunResult {
+    ) -> Result<RunResult, NoRoom> {
         self.computer.simulate(scenario, meshes, observer)
-    }
-}
-
-impl Drop for Ready {
-    fn drop(&mut self) {
-        if let (true, Some(adapter)) = (std::thread::panicking(), &self.adapter) {
-            let mut current = adapter.open.lock().unwrap_or_else(PoisonError::into_inner);
-            // Another run may have opened it anew meanwhile.
-            if current.as_ref().is_some_and(|current| Arc::ptr_eq(current, &self.computer)) {
-                *current = None;
-            }
-        }
     }
 }
 
@@ -142,6 +188,7 @@ fn open(options: &DeviceOptions) -> Result<Computer, String> {
         device: options.adapter.clone(),
         allow_software: options.allow_software,
         only_discrete: !options.is_asked_for(),
+        memory_bytes: options.memory_mib.map(|mib| u64::from(mib) << 20),
     };
     let gpu = Gpu::new(&options).map_err(|error| error.to_string())?;
     Ok(Computer::Gpu(Arc::new(gpu)))
@@ -152,8 +199,20 @@ fn open(_options: &DeviceOptions) -> Result<Computer, String> {
     Err("this program was built without the GPU backend".to_owned())
 }
 
+#[cfg(feature = "gpu")]
+fn usual_bytes(size: Size) -> u64 {
+    roost_solver::gpu::usual_bytes(size.subparticles, size.triangles)
+}
+
+#[cfg(not(feature = "gpu"))]
+fn usual_bytes(_size: Size) -> u64 {
+    0
+}
+
 #[cfg(all(test, feature = "gpu"))]
 mod tests {
+    use roost_solver::gpu::source::Source;
+    use roost_solver::gpu::{Gpu, GpuOptions};
     use roost_solver::{Flow, Limits, Progress, check, scenario};
 
     use super::*;
@@ -164,8 +223,11 @@ mod tests {
             eprintln!("left out: ROOST_SKIP_GPU is set");
             return None;
         }
-        let options =
-            DeviceOptions { adapter: Some("llvmpipe".to_owned()), allow_software: true, backend: None };
+        let options = DeviceOptions {
+            adapter: Some("llvmpipe".to_owned()),
+            allow_software: true,
+            ..Default::default()
+        };
         Some(Device::choose(&options).expect("`make needs` installs it"))
     }
 
@@ -178,9 +240,16 @@ mod tests {
         scenario
     }
 
+    const SIZE: Size = Size { subparticles: 1000, triangles: 0 };
+
+    fn ready(device: &Device) -> Ready {
+        let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
+        runtime.block_on(device.ready(1, SIZE)).expect("an adapter")
+    }
+
     fn result(device: &Device) -> RunResult {
-        let ready = device.ready(1).expect("an adapter");
-        ready.simulate(&small(), &Meshes::default(), &mut |_: &Progress| Flow::Continue)
+        let result = ready(device).simulate(&small(), &Meshes::default(), &mut |_: &Progress| Flow::Continue);
+        result.expect("room for it")
     }
 
     #[test]
@@ -198,33 +267,51 @@ mod tests {
     }
 
     #[test]
-    fn an_adapter_that_fails_is_opened_anew() {
+    fn an_adapter_that_was_lost_is_opened_anew_and_no_other() {
         let Some(device) = software() else { return };
         let adapter = device.0.clone().expect("an adapter");
-        let is_open = || adapter.open.lock().unwrap_or_else(PoisonError::into_inner).is_some();
-        let ready = device.ready(1).expect("an adapter");
-        let broken = std::thread::spawn(move || {
-            let mut lost = |_: &Progress| panic!("the device was lost");
-            ready.simulate(&small(), &Meshes::default(), &mut lost)
+        let first = adapter.computer().expect("it is open");
+        let broken = std::thread::scope(|scope| {
+            let ready = ready(&device);
+            let mut stumbles = |_: &Progress| panic!("an observer stumbles");
+            scope.spawn(move || ready.simulate(&small(), &Meshes::default(), &mut stumbles).is_ok()).join()
         });
-        assert!(broken.join().is_err() && !is_open());
-        assert!(result(&device).response("discharged_kg").is_some() && is_open());
+        assert!(broken.is_err());
+        assert!(Arc::ptr_eq(&first, &adapter.computer().expect("it is open")), "nothing is wrong with it");
+        let options =
+            GpuOptions { device: Some("llvmpipe".into()), allow_software: true, ..GpuOptions::default() };
+        let lost = roost_solver::gpu::Device::open(&options).expect("an adapter");
+        let gpu = Gpu::with(lost.clone(), &Source::kernels()).expect("kernels that compile");
+        *adapter.open.lock().expect("nobody panicked") = Arc::new(Computer::Gpu(Arc::new(gpu)));
+        let late = ready(&device);
+        lost.wgpu().0.destroy();
+        let fails = move || late.simulate(&small(), &Meshes::default(), &mut |_: &Progress| Flow::Continue);
+        assert!(std::thread::spawn(fails).join().is_err());
+        assert!(result(&device).response("discharged_kg").is_some());
+        assert!(!adapter.computer().expect("it is open").has_failed());
     }
 
     #[test]
-    fn a_run_that_fails_late_leaves_an_adapter_alone_that_was_opened_since() {
+    fn a_run_too_large_says_so_and_the_others_never_hear_of_it() {
         let Some(device) = software() else { return };
-        let adapter = device.0.clone().expect("an adapter");
-        let set = |computer| *adapter.open.lock().unwrap_or_else(PoisonError::into_inner) = computer;
-        let late = device.ready(1).expect("an adapter");
-        set(None);
-        drop(device.ready(1).expect("opened anew"));
-        let failed = std::thread::spawn(move || {
-            let _late = late;
-            panic!("the first adapter was lost")
+        let options = device.0.clone().expect("an adapter").options.clone();
+        let device = Device::choose(&DeviceOptions { memory_mib: Some(1), ..options }).expect("an adapter");
+        let alone = result(&device);
+        let mut large = serde_json::json!(small());
+        large["product"]["count"] = 40.into();
+        large["equipment"]["hopper_width_m"] = 1.0.into();
+        let large = scenario::from_value(&large).expect("a sound scenario");
+        let beside = std::thread::scope(|scope| {
+            let small = scope.spawn(|| result(&device));
+            let computer = device.0.as_ref().expect("an adapter").computer().expect("it is open");
+            let mut keep_on = |_: &Progress| Flow::Continue;
+            let refused = computer.simulate(&large, &Meshes::default(), &mut keep_on);
+            let words = refused.map(|result| result.performance).expect_err("there is no room");
+            assert!(words.to_string().starts_with("no room on the device: "), "{words}");
+            assert!(!computer.has_failed());
+            small.join().expect("a result")
         });
-        assert!(failed.join().is_err());
-        assert!(adapter.open.lock().unwrap_or_else(PoisonError::into_inner).is_some());
+        assert_eq!((&beside.responses, &beside.series), (&alone.responses, &alone.series));
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod lease;
 mod memory;
 pub mod meshes;
 pub mod outbox;
+mod room;
 pub mod runner;
 
 pub use config::{MAX_THREADS, WorkerConfig};

@@ -18,7 +18,7 @@ use serde_json::Value;
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
 
-use crate::device::Device;
+use crate::device::{Device, Size};
 use crate::meshes::MeshSource;
 
 /// How often a run that has not begun looks whether it is to stop.
@@ -142,20 +142,27 @@ impl Run {
         max_wall_s: Option<f64>,
         pictures: Option<Pictures>,
     ) -> Self {
+        let coming = place.device.expect_run();
         Self::start_with(max_wall_s, pictures, async move {
             let scenario = scenario::from_value(&document).map_err(|faults| refused(&faults))?;
             let digests = scenario.meshes().into_iter().map(str::to_owned).collect();
             let meshes = meshes.load(digests).await;
             let meshes =
                 meshes.map_err(|failure| RunEnd::failed(AttemptOutcome::Worker, failure.to_string()))?;
-            // Opening an adapter takes a while.
-            let ready = tokio::task::spawn_blocking(move || place.device.ready(place.threads));
-            let ready = ready.await.unwrap_or_else(|error| Err(error.to_string()));
-            let ready = ready.map_err(|reason| RunEnd::failed(AttemptOutcome::Worker, reason))?;
-            Ok(move |observer: &mut dyn Observer| {
+            let check = move || {
                 let limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
-                roost_solver::check(&scenario, &meshes, &limits)?;
-                Ok(ready.simulate(&scenario, &meshes, observer))
+                let estimate = roost_solver::check(&scenario, &meshes, &limits);
+                estimate.map(|estimate| (scenario, meshes, estimate.subparticles))
+            };
+            let checked = tokio::task::spawn_blocking(check).await.map_err(broken)?;
+            let (scenario, meshes, subparticles) = checked.map_err(|faults| refused(&faults))?;
+            let size = Size { subparticles, triangles: meshes.triangles() };
+            let ready = place.device.ready(place.threads, size).await;
+            let ready = ready.map_err(|reason| RunEnd::failed(AttemptOutcome::Worker, reason))?;
+            drop(coming);
+            Ok(move |observer: &mut dyn Observer| {
+                let result = ready.simulate(&scenario, &meshes, observer);
+                result.map_err(|no_room| RunEnd::failed(AttemptOutcome::Worker, no_room.to_string()))
             })
         })
     }
@@ -164,7 +171,7 @@ impl Run {
     fn start_with<P, F>(max_wall_s: Option<f64>, pictures: Option<Pictures>, prepare: P) -> Self
     where
         P: Future<Output = Result<F, RunEnd>> + Send + 'static,
-        F: FnOnce(&mut dyn Observer) -> Result<RunResult, Vec<Fault>> + Send + 'static,
+        F: FnOnce(&mut dyn Observer) -> Result<RunResult, RunEnd> + Send + 'static,
     {
         let (sender, progress) = watch::channel(None);
         let stop = StopFlag::default();
@@ -200,7 +207,7 @@ impl Run {
     /// A run that never begins.
     #[cfg(test)]
     pub(crate) fn of_nothing() -> Self {
-        type Solve = fn(&mut dyn Observer) -> Result<RunResult, Vec<Fault>>;
+        type Solve = fn(&mut dyn Observer) -> Result<RunResult, RunEnd>;
         Self::start_with(None, None, std::future::pending::<Result<Solve, RunEnd>>())
     }
 
@@ -286,10 +293,10 @@ impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
 
 /// What the solver's answer means, given what it had been asked. A run that came to its own end before it saw the
 /// flag has a result like any other.
-fn judge(outcome: Result<RunResult, Vec<Fault>>, stop: Option<Stop>, max_wall_s: Option<f64>) -> RunEnd {
+fn judge(outcome: Result<RunResult, RunEnd>, stop: Option<Stop>, max_wall_s: Option<f64>) -> RunEnd {
     let result = match outcome {
         Ok(result) => result,
-        Err(faults) => return refused(&faults),
+        Err(end) => return end,
     };
     let (outcome, message) = match (result.end_reason, stop) {
         (_, Some(Stop::Abandon)) => return RunEnd::Abandoned,

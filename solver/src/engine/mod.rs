@@ -11,6 +11,7 @@ pub mod state;
 use glam::DVec3;
 use scene::Scene;
 use state::State;
+use thiserror::Error;
 
 /// What computes: recorded with every result.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,11 +37,19 @@ pub struct Advance {
     pub fault: Option<String>,
 }
 
+/// The device has no room for a run; in words. Nothing is wrong with the device, nor with what else runs on it.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("no room on the device: {0}")]
+pub struct NoRoom(pub String);
+
 /// Carries out time steps for batches of independent runs. The stages of a step, in their order: *surfaces* are brought to
 /// where they are, *neighbours* are looked up where they may have changed, *forces* are gathered, motion is *integrated*.
 ///
 /// Advancing a run gives the same bits whatever else is in the batch, however many threads there are, and
 /// however the steps are cut into chunks.
+///
+/// A backend whose device has no room for a run unwinds with [`NoRoom`], which [`crate::Computer::simulate`] catches: runs have no
+/// use for errors of devices.
 pub trait Backend {
     /// A run as this backend keeps it, on whatever device.
     type Run;

@@ -2,15 +2,16 @@
 
 use std::time::{Duration, Instant};
 
-use super::arena::{Arena, Cargo, NoRoom, largest_buffer};
+use super::arena::{Arena, Cargo, arena_bytes, largest_buffer};
 use super::device::Device;
 use super::layout::{NONE, Report, Scene};
 use super::lists::Slots;
+use super::memory::bytes_of;
 use super::pipelines::Pipelines;
 use super::run::Run;
 use super::store::{Extent, Store};
 use crate::cpu::integrate::fault;
-use crate::engine::Advance;
+use crate::engine::{Advance, NoRoom};
 
 /// Most steps of a chunk: so that little is done twice.
 pub(super) const CHUNK: u64 = 256;
@@ -68,13 +69,23 @@ impl Task {
     }
 }
 
-/// How many of these tasks, from the first on, the device allows in one set of buffers; one at least.
-pub(super) fn fitting<'a>(device: &Device, tasks: impl Iterator<Item = &'a Task>) -> usize {
-    let (mut sum, mut slots) = (Extent::default(), Slots::default());
+/// How many of these tasks, from the first on, the device has room for in one set of buffers, which takes the place of the last; one
+/// at least.
+pub(super) fn fitting<'a>(
+    device: &Device,
+    last: Option<&Arena>,
+    tasks: impl Iterator<Item = &'a Task>,
+) -> usize {
+    let left = device.memory.left().saturating_add(last.map_or(0, Arena::bytes));
+    let (mut sum, mut slots, mut stores) = (Extent::default(), Slots::default(), 0);
     let fits = |task: &Task| {
+        let store = &task.run.store;
         sum = sum.each(task.extent(), u32::saturating_add);
-        slots = slots.max(task.run.store.slots);
-        largest_buffer(&sum, slots) <= device.largest_buffer
+        slots = slots.max(store.slots);
+        stores += bytes_of(store.extent.sizes(store.slots));
+        // The rows of all become as long as the longest.
+        let longer = bytes_of(sum.sizes(slots)).saturating_sub(stores);
+        largest_buffer(&sum, slots) <= device.largest_buffer && longer + arena_bytes(&sum, slots) <= left
     };
     tasks.map(fits).take_while(|fits| *fits).count().max(1)
 }
@@ -94,10 +105,6 @@ pub(super) fn chunk(
     let cargo = cargo(tasks);
     let mut slots = tasks.iter().map(|task| task.run.store.slots).fold(Slots::default(), Slots::max);
     loop {
-        let (needed, limit) = (largest_buffer(&sum, slots), device.largest_buffer);
-        if needed > limit {
-            return Err(NoRoom(format!("a buffer of {needed} bytes is needed; the device allows {limit}")));
-        }
         // The buffers of all go first where rows become longer: what they have is in the stores.
         arena.take_if(|arena| !arena.has(slots));
         tasks.iter_mut().try_for_each(|task| task.run.store.lengthen(device, slots))?;
@@ -172,13 +179,15 @@ fn room<'a>(
 ) -> Result<&'a Arena, NoRoom> {
     let known = arena.take();
     let room = known.as_ref().map_or(extent, |arena| arena.room().each(extent, u32::max));
-    let room = if largest_buffer(&room, slots) > device.largest_buffer { extent } else { room };
-    // What is too small goes before the other is made: both would not fit on a full device.
-    let fits = known.filter(|arena| arena.holds(extent, slots));
-    Ok(arena.insert(match fits {
-        Some(arena) => arena,
-        None => Arena::new(device, pipelines, room, slots)?,
-    }))
+    if let Some(holds) = known.filter(|arena| arena.holds(extent, slots)) {
+        return Ok(arena.insert(holds));
+    }
+    // What is too small has gone before the other is made, since both would not fit on a full device; what the device still does
+    // with it is waited for.
+    device.wait();
+    let fits = largest_buffer(&room, slots) <= device.largest_buffer
+        && arena_bytes(&room, slots) <= device.memory.left();
+    Ok(arena.insert(Arena::new(device, pipelines, if fits { room } else { extent }, slots)?))
 }
 
 #[cfg(test)]

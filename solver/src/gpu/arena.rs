@@ -1,13 +1,15 @@
 //! The buffers in which a batch is advanced: runs are copied in, one behind the other, and out again when the chunk has
 //! gone well. Until then each run's own buffers hold what the chunk began with, so that it can be done again.
 
-use wgpu::{BindGroup, Buffer, CommandEncoder};
+use wgpu::{BindGroup, CommandEncoder};
 
 use super::device::Device;
-use super::layout::{Count, Now, Own, Pair, Particle, Pose, Report, Scene, Touch, WallPair};
+use super::layout::{Now, Own, Pose, Report, Scene, Touch};
 use super::lists::Slots;
+use super::memory::{Buffer, buffers, bytes_of};
 use super::pipelines::{Kernel, Pipelines};
-use super::store::{Extent, Part, Store, buffer};
+use super::store::{Extent, Part, Store};
+use crate::engine::NoRoom;
 
 /// What a batch brings along for one chunk.
 #[derive(Debug, Default)]
@@ -32,6 +34,8 @@ pub(super) struct Arena {
     scenes: Buffer,
     poses: Buffer,
     reports: Buffer,
+    /// What is bound and never named again.
+    _others: [Buffer; 3],
     scene_group: BindGroup,
     /// By which of the two holds the sub-particles as they are.
     particle_groups: [BindGroup; 2],
@@ -39,15 +43,35 @@ pub(super) struct Arena {
     list_groups: [BindGroup; 2],
 }
 
-/// The device has no room for a batch; in words.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct NoRoom(pub(super) String);
+/// The buffers for a batch beyond those that runs have too.
+fn own_sizes(extent: &Extent, slots: Slots) -> [(&'static str, u64); 12] {
+    let bytes = |count: u32, each: usize| u64::from(count) * each as u64;
+    let particles = |each| bytes(extent.particles, each);
+    [
+        ("moved", extent.bytes(Part::Particles, slots)),
+        ("new counts", extent.bytes(Part::Counts, slots)),
+        ("new pairs", extent.bytes(Part::Pairs, slots)),
+        ("new walls", extent.bytes(Part::Walls, slots)),
+        ("touches", particles(size_of::<Touch>()) * u64::from(slots.walls)),
+        ("run of each", particles(size_of::<u32>())),
+        ("reference", particles(size_of::<Own>())),
+        ("heads", bytes(extent.cells, size_of::<u32>())),
+        ("chain", particles(size_of::<u32>())),
+        ("scenes", bytes(extent.scenes, size_of::<Scene>())),
+        ("poses", bytes(extent.poses, size_of::<Pose>())),
+        ("reports", bytes(extent.scenes, size_of::<Report>())),
+    ]
+}
 
 /// The largest buffer that a batch of this extent needs, in bytes.
 pub(super) fn largest_buffer(extent: &Extent, slots: Slots) -> u64 {
-    let touches = u64::from(extent.particles) * u64::from(slots.walls) * size_of::<Touch>() as u64;
-    let poses = u64::from(extent.poses) * size_of::<Pose>() as u64;
-    Part::ALL.map(|part| extent.bytes(part, slots)).into_iter().chain([touches, poses]).max().unwrap_or(0)
+    let sizes = extent.sizes(slots).into_iter().chain(own_sizes(extent, slots));
+    sizes.map(|(_, bytes)| bytes).max().unwrap_or(0)
+}
+
+/// What an arena of this extent takes, in bytes.
+pub(super) fn arena_bytes(extent: &Extent, slots: Slots) -> u64 {
+    bytes_of(extent.sizes(slots)) + bytes_of(own_sizes(extent, slots))
 }
 
 impl Arena {
@@ -58,27 +82,21 @@ impl Arena {
         room: Extent,
         slots: Slots,
     ) -> Result<Self, NoRoom> {
-        let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let make = |label: &str, count: u64, each: usize| buffer(device, label, count * each as u64);
-        let particles = u64::from(room.particles);
-        let parts =
-            Part::ALL.map(|part| buffer(device, &format!("{part:?} of all"), room.bytes(part, slots)));
-        let moved = make("moved", particles, size_of::<Particle>());
-        let new_counts = make("new counts", particles, size_of::<Count>());
-        let new_pairs = make("new pairs", particles * u64::from(slots.pairs), size_of::<Pair>());
-        let new_walls = make("new walls", particles * u64::from(slots.walls), size_of::<WallPair>());
-        let touches = make("touches", particles * u64::from(slots.walls), size_of::<Touch>());
-        let scene_of = make("run of each", particles, size_of::<u32>());
-        let reference = make("reference", particles, size_of::<Own>());
-        let heads = make("heads", u64::from(room.cells), size_of::<u32>());
-        let chain = make("chain", particles, size_of::<u32>());
-        let scenes = make("scenes", u64::from(room.scenes), size_of::<Scene>());
-        let poses = make("poses", u64::from(room.poses), size_of::<Pose>());
-        let reports = make("reports", u64::from(room.scenes), size_of::<Report>());
-        // Buffers that could not be made must not be bound.
-        if let Some(error) = pollster::block_on(memory.pop()) {
-            return Err(NoRoom(error.to_string()));
-        }
+        let parts = buffers(device, room.sizes(slots))?;
+        let [
+            moved,
+            new_counts,
+            new_pairs,
+            new_walls,
+            touches,
+            scene_of,
+            reference,
+            heads,
+            chain,
+            scenes,
+            poses,
+            reports,
+        ] = buffers(device, own_sizes(&room, slots))?;
         let [particles, own, counts, pairs, walls, surfaces, facets, corners, nodes, leaves] = &parts;
         let scene_group = [&scenes, surfaces, &poses, facets, corners, nodes, leaves, &reports];
         let particle_group = |a, b| [a, b, own, &scene_of, &reference, &heads, &chain];
@@ -105,6 +123,7 @@ impl Arena {
             scenes,
             poses,
             reports,
+            _others: [touches, reference, chain],
         })
     }
 
@@ -116,6 +135,11 @@ impl Arena {
     /// Whether its rows have just these slots.
     pub(super) fn has(&self, slots: Slots) -> bool {
         self.slots == slots
+    }
+
+    /// What it takes, in bytes.
+    pub(super) fn bytes(&self) -> u64 {
+        arena_bytes(&self.room, self.slots)
     }
 
     /// What it has room for.

@@ -1,15 +1,19 @@
 //! The graphics adapter: which one, what it must be able to do, and what goes wrong.
 
 use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 use thiserror::Error;
 use wgpu::{
-    Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags, Limits, MemoryHints,
+    Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags, Limits,
+    MemoryBudgetThresholds, MemoryHints,
 };
 
+use super::memory::{Memory, buffers};
 use super::pipelines::STORAGE_BUFFERS;
-use super::store::buffer;
+use crate::engine::NoRoom;
 
 /// Why there is no GPU to compute on.
 #[derive(Debug, Error)]
@@ -44,6 +48,8 @@ pub struct GpuOptions {
     pub only_discrete: bool,
     /// Whether a software adapter will do, as for tests. It computes on the CPU, slower than the CPU backend.
     pub allow_software: bool,
+    /// Most bytes of its memory that buffers may take; none takes what the driver gives.
+    pub memory_bytes: Option<u64>,
 }
 
 /// An adapter, as far as a user may want to know it.
@@ -72,6 +78,10 @@ pub struct Device {
     pub(super) queue: wgpu::Queue,
     /// Bytes of the largest buffer that kernels can bind.
     pub(super) largest_buffer: u64,
+    /// What buffers of all clones take.
+    pub(super) memory: Arc<Memory>,
+    /// Whether it was lost.
+    failed: Arc<AtomicBool>,
 }
 
 /// What the kernels use beyond WebGPU: constants with each dispatch, and, for triangles that are long for their width, `f64`.
@@ -80,12 +90,20 @@ const NEEDED: Features = Features::IMMEDIATES.union(Features::SHADER_F64);
 /// Bytes that are copied to see how fast that goes: more than caches hold.
 const COPIED_BYTES: u64 = 256 << 20;
 
+/// Percent of the memory that the driver says a process may take beyond which it gives none, where it says so: on Windows it would
+/// go on in main memory, ever slower.
+const MOST_OF_BUDGET: u8 = 95;
+
 /// The adapters of this machine.
 fn found() -> Vec<Adapter> {
     let instance = Instance::new(InstanceDescriptor {
         backends: Backends::PRIMARY,
         // Debug builds would have the validation layers of the driver; checks of indirect calls cost 20 µs each.
         flags: InstanceFlags::empty(),
+        memory_budget_thresholds: MemoryBudgetThresholds {
+            for_resource_creation: Some(MOST_OF_BUDGET),
+            for_device_loss: None,
+        },
         ..InstanceDescriptor::new_without_display_handle()
     });
     let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::PRIMARY));
@@ -125,7 +143,7 @@ impl Device {
         let mut refused = None;
         for (adapter, name) in adapters.iter().zip(&names).filter(may) {
             match Self::of(adapter, name.clone()) {
-                Ok(device) => return Ok(device),
+                Ok(device) => return Ok(device.with_memory(options.memory_bytes.unwrap_or(u64::MAX))),
                 Err(error) => refused = refused.or(Some(error)),
             }
         }
@@ -160,12 +178,36 @@ impl Device {
         });
         let (device, queue) = pollster::block_on(request)
             .map_err(|error| GpuError::Refused { adapter: name.to_string(), reason: error.to_string() })?;
-        Ok(Self { name, device, queue, largest_buffer })
+        let failed = Arc::new(AtomicBool::new(false));
+        let lost = failed.clone();
+        device.set_device_lost_callback(move |_, _| lost.store(true, Relaxed));
+        let memory = Arc::new(Memory::new(u64::MAX));
+        Ok(Self { name, device, queue, largest_buffer, memory, failed })
     }
 
     /// The same with smaller buffers, for tests of what does not fit.
     pub fn limited(self, largest_buffer: u64) -> Self {
         Self { largest_buffer, ..self }
+    }
+
+    /// The same, of whose memory so many bytes may be taken; what was made before does not count.
+    pub fn with_memory(self, bytes: u64) -> Self {
+        Self { memory: Arc::new(Memory::new(bytes)), ..self }
+    }
+
+    /// Whether it was lost.
+    pub(super) fn has_failed(&self) -> bool {
+        self.failed.load(Relaxed)
+    }
+
+    /// It is of no use any more.
+    pub(super) fn give_up(&self) {
+        self.failed.store(true, Relaxed);
+    }
+
+    /// Waits until all that was submitted is done, and what it used is free.
+    pub(super) fn wait(&self) {
+        self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
     }
 
     /// Its adapter.
@@ -178,39 +220,53 @@ impl Device {
         (&self.device, &self.queue)
     }
 
-    /// Reads a part of a buffer, in bytes, once all that was submitted is done.
+    /// Reads a part of a buffer, in bytes, once what was submitted before is done.
     pub fn read(&self, buffer: &wgpu::Buffer, from: u64, bytes: u64) -> Vec<u8> {
-        if bytes == 0 {
-            return Vec::new();
+        let [read] = self.read_all([(buffer, from, bytes)]);
+        read
+    }
+
+    /// Reads parts of several buffers, each from a place on, in bytes, and waits once for all of them: others may keep the device busy.
+    pub(super) fn read_all<const N: usize>(&self, parts: [(&wgpu::Buffer, u64, u64); N]) -> [Vec<u8>; N] {
+        let sum: u64 = parts.iter().map(|(_, _, bytes)| bytes).sum();
+        if sum == 0 {
+            return parts.map(|_| Vec::new());
         }
         let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),
-            size: bytes,
+            size: sum,
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(buffer, from, &staging, 0, bytes);
-        self.queue.submit([encoder.finish()]);
+        let mut at = 0;
+        for (buffer, from, bytes) in parts.into_iter().filter(|(_, _, bytes)| *bytes > 0) {
+            encoder.copy_buffer_to_buffer(buffer, from, &staging, at, bytes);
+            at += bytes;
+        }
+        let submitted = self.queue.submit([encoder.finish()]);
         staging.map_async(wgpu::MapMode::Read, .., |_| {});
-        self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
-        staging.get_mapped_range(..).expect("mapped").to_vec()
+        let wait = wgpu::PollType::Wait { submission_index: Some(submitted), timeout: None };
+        self.device.poll(wait).expect("the device answers");
+        let mapped = staging.get_mapped_range(..).expect("mapped");
+        let mut rest = &mapped[..];
+        parts.map(|(_, _, bytes)| rest.split_off(..bytes as usize).expect("it was copied").to_vec())
     }
 
     /// How many bytes it reads and writes in a second when it copies within its memory.
-    pub(super) fn copied_bytes_per_s(&self) -> f64 {
-        let bytes = COPIED_BYTES.min(self.device.limits().max_buffer_size);
-        let [from, to] = ["from", "to"].map(|label| buffer(self, label, bytes));
+    pub(super) fn copied_bytes_per_s(&self) -> Result<f64, NoRoom> {
+        let bytes = COPIED_BYTES.min(self.largest_buffer);
+        let [from, to] = buffers(self, [("from", bytes), ("to", bytes)])?;
         let copy = |times: u32| {
             let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             (0..times).for_each(|_| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes));
             let clock = Instant::now();
             self.queue.submit([encoder.finish()]);
-            self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
+            self.wait();
             clock.elapsed().as_secs_f64()
         };
         // The first touches the memory; the difference of the others is free of what a submission takes.
         let [_, few, many] = [1, 4, 20].map(copy);
-        2.0 * 16.0 * bytes as f64 / (many - few).max(1e-9)
+        Ok(2.0 * 16.0 * bytes as f64 / (many - few).max(1e-9))
     }
 }

@@ -1,5 +1,5 @@
 //! The thread that drives the device. Whoever has steps to do hands its run over and waits; what is there at a time makes
-//! a batch, which who comes later joins and who is done leaves, from chunk to chunk.
+//! a batch, which who comes later joins and who is done leaves, from chunk to chunk. Memory is taken on this thread alone.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,7 +11,9 @@ use super::arena::Arena;
 use super::device::Device;
 use super::pipelines::Pipelines;
 use super::run::{GpuRun, Run};
-use crate::engine::Advance;
+use super::store::{Draft, Store};
+use super::unwind;
+use crate::engine::{Advance, NoRoom};
 
 /// Seconds that one submission should take at most: operating systems reset an adapter that is busy for two or so.
 const SUBMIT_S: f64 = 0.1;
@@ -19,8 +21,20 @@ const SUBMIT_S: f64 = 0.1;
 /// Particle-steps a second before any are known: of a slow adapter.
 const FIRST_PACE: f64 = 1e6;
 
+/// Said of a device that is of no use any more.
+const GONE: &str = "the GPU has failed before";
+
+/// Why a run does not come back.
+#[derive(Clone, Debug)]
+enum Failure {
+    /// There is none for this run; the others go on.
+    NoRoom(NoRoom),
+    /// The device is lost, and all runs with it; in words.
+    Lost(String),
+}
+
 /// What comes back: the run and what was done, or why it is lost.
-type Reply = Result<(Box<Run>, Advance), String>;
+type Reply = Result<(Box<Run>, Advance), Failure>;
 
 /// A run that is handed over.
 #[derive(Debug)]
@@ -29,18 +43,27 @@ struct Request {
     reply: Sender<Reply>,
 }
 
+/// What the thread is asked for.
+#[derive(Debug)]
+enum Order {
+    /// To advance runs.
+    Advance(Vec<Request>),
+    /// To make the buffers of a new one.
+    Store(Box<Draft>, Sender<Result<Store, NoRoom>>),
+}
+
 /// The other end of the thread, which ends with it.
 #[derive(Debug)]
 pub(super) struct Driver {
     /// Both are there until it is dropped.
-    requests: Option<Sender<Vec<Request>>>,
+    orders: Option<Sender<Order>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Drop for Driver {
     /// Waits for the thread: a process that exits while the device is being closed crashes in some drivers.
     fn drop(&mut self) {
-        self.requests = None;
+        self.orders = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -49,39 +72,55 @@ impl Drop for Driver {
 
 impl Driver {
     pub(super) fn start(device: Device, pipelines: Pipelines) -> Self {
-        let (requests, incoming) = channel();
+        let (orders, incoming) = channel();
         let drive = move || {
-            let (waiting, most, pace) = (Vec::new(), usize::MAX, FIRST_PACE);
+            let (waiting, most, pace) = (Vec::new(), None, FIRST_PACE);
             Batch { device, pipelines, arena: None, waiting, most, pace }.drive(&incoming)
         };
         let started = thread::Builder::new().name("gpu".to_owned()).spawn(drive);
         let thread = started.expect("the operating system gives a thread");
-        Self { requests: Some(requests), thread: Some(thread) }
+        Self { orders: Some(orders), thread: Some(thread) }
     }
 
-    /// Advances each run by its number of steps.
+    fn order(&self, order: Order) {
+        self.orders.as_ref().and_then(|orders| orders.send(order).ok()).expect(GONE);
+    }
+
+    /// Makes the buffers of a run, or says why the device will not.
+    ///
+    /// # Panics
+    /// When the device has failed.
+    pub(super) fn store(&self, draft: Draft) -> Result<Store, NoRoom> {
+        let (reply, answer) = channel();
+        self.order(Order::Store(Box::new(draft), reply));
+        answer.recv().expect(GONE)
+    }
+
+    /// Advances each run by its number of steps. Unwinds with [`NoRoom`] once all that found room are done.
     ///
     /// # Panics
     /// When the device has failed.
     pub(super) fn advance(&self, runs: &mut [(&mut GpuRun, u64)]) -> Vec<Advance> {
         let hand_over = |(run, steps): &mut (&mut GpuRun, u64)| {
             let (reply, answer) = channel();
-            let run = run.0.take().expect("it was not lost with the device");
+            let run = run.0.take().expect("it was not lost");
             (
                 Request { task: Task { run, steps: *steps, most: CHUNK, done: Advance::default() }, reply },
                 answer,
             )
         };
         let (requests, answers): (Vec<_>, Vec<_>) = runs.iter_mut().map(hand_over).unzip();
-        let gone = "the GPU has failed before";
-        self.requests.as_ref().and_then(|driver| driver.send(requests).ok()).expect(gone);
+        self.order(Order::Advance(requests));
         let take_back = |((run, _), answer): (&mut (&mut GpuRun, u64), Receiver<Reply>)| {
-            let (back, done) =
-                answer.recv().expect(gone).unwrap_or_else(|reason| panic!("the GPU failed: {reason}"));
+            let (back, done) = answer.recv().expect(GONE)?;
             run.0 = Some(back);
-            done
+            Ok(done)
         };
-        runs.iter_mut().zip(answers).map(take_back).collect()
+        let done: Vec<Result<Advance, Failure>> = runs.iter_mut().zip(answers).map(take_back).collect();
+        done.into_iter().collect::<Result<_, _>>().unwrap_or_else(|failure| match failure {
+            Failure::NoRoom(no_room) => unwind(no_room),
+            Failure::Lost(reason) => panic!("the GPU failed: {reason}"),
+        })
     }
 }
 
@@ -92,33 +131,62 @@ struct Batch {
     /// The buffers of the last chunk, for the next.
     arena: Option<Arena>,
     waiting: Vec<Request>,
-    /// Most runs that there was memory for.
-    most: usize,
+    /// Most runs that there was memory for, and the bytes that the buffers of runs took then: with fewer, more may fit.
+    most: Option<(usize, u64)>,
     /// Particle-steps a second in the last chunk.
     pace: f64,
 }
 
 impl Batch {
-    /// Advances what comes in until nobody can send any more, or the device fails.
-    fn drive(mut self, incoming: &Receiver<Vec<Request>>) {
+    /// Does what it is asked for until nobody can ask any more, or the device fails.
+    fn drive(mut self, incoming: &Receiver<Order>) {
         loop {
-            if self.waiting.is_empty() {
-                // Others will come, which may be smaller.
-                self.most = usize::MAX;
-                let Ok(requests) = incoming.recv() else { return };
-                self.waiting = requests;
-            }
-            self.waiting.extend(incoming.try_iter().flatten());
-            self.reply();
-            if self.waiting.is_empty() {
-                continue;
-            }
-            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.step())) {
-                let reason = panic_text(&*panic);
-                self.waiting.drain(..).for_each(|request| drop(request.reply.send(Err(reason.clone()))));
+            let first = if self.waiting.is_empty() {
+                let Ok(order) = incoming.recv() else { return };
+                Some(order)
+            } else {
+                None
+            };
+            let orders = first.into_iter().chain(incoming.try_iter());
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.turn(orders))) {
+                let lost = Failure::Lost(panic_text(&*panic));
+                // Whoever hears of it must not come back to this device.
+                self.device.give_up();
+                self.waiting.drain(..).for_each(|request| drop(request.reply.send(Err(lost.clone()))));
                 return;
             }
         }
+    }
+
+    /// Takes orders, and advances what waits by a chunk.
+    fn turn(&mut self, orders: impl Iterator<Item = Order>) {
+        for order in orders {
+            match order {
+                Order::Advance(requests) => self.waiting.extend(requests),
+                // Whoever waited may be gone.
+                Order::Store(draft, reply) => drop(reply.send(self.store(&draft))),
+            }
+        }
+        self.reply();
+        if !self.waiting.is_empty() {
+            self.step();
+        }
+    }
+
+    /// Makes the buffers of a run. Those of the last batch make way for them.
+    fn store(&mut self, draft: &Draft) -> Result<Store, NoRoom> {
+        let made = Store::new(&self.device, draft);
+        if made.is_ok() || self.arena.is_none() {
+            return made;
+        }
+        self.arena = None;
+        self.device.wait();
+        Store::new(&self.device, draft)
+    }
+
+    /// What the buffers of runs take, in bytes.
+    fn stores(&self) -> u64 {
+        self.device.memory.taken().saturating_sub(self.arena.as_ref().map_or(0, Arena::bytes))
     }
 
     /// Gives back the runs that are done.
@@ -130,12 +198,16 @@ impl Batch {
         }
     }
 
-    /// Advances as many runs as fit by a chunk. When memory runs out the batch halves.
+    /// Advances as many runs as fit by a chunk. When memory runs out all the same the batch halves.
     fn step(&mut self) {
         let particles = self.waiting.iter().map(|request| request.task.particles()).sum();
         let steps = steps_within(SUBMIT_S, self.pace, particles);
         self.waiting.iter_mut().for_each(|request| request.task.most = steps);
-        let fitting = fitting(&self.device, self.waiting.iter().map(|request| &request.task)).min(self.most);
+        let tasks = self.waiting.iter().map(|request| &request.task);
+        let fitting = fitting(&self.device, self.arena.as_ref(), tasks);
+        let stores = self.stores();
+        self.most = self.most.filter(|(_, then)| stores >= *then);
+        let fitting = self.most.map_or(fitting, |(most, _)| fitting.min(most));
         let mut tasks: Vec<&mut Task> =
             self.waiting[..fitting].iter_mut().map(|request| &mut request.task).collect();
         let longest = tasks.iter().map(|task| task.next()).max().unwrap_or(0);
@@ -147,9 +219,12 @@ impl Batch {
                 self.pace = done.max(1) as f64 / took.as_secs_f64().max(1e-6);
                 self.waiting.rotate_left(fitting);
             }
-            Err(_) if fitting > 1 => self.most = fitting / 2,
-            Err(error) => {
-                let _ = self.waiting.remove(0).reply.send(Err(error.0));
+            Err(_) if fitting > 1 => self.most = Some((fitting / 2, self.stores())),
+            Err(no_room) => {
+                let Request { task, reply } = self.waiting.remove(0);
+                // Its memory is free when it hears of it.
+                drop(task);
+                let _ = reply.send(Err(Failure::NoRoom(no_room)));
             }
         }
     }

@@ -12,6 +12,7 @@
 //! | `shared`, `layout` | what host and kernels share, declared once |
 //! | `source`, `pipelines` | WGSL from its files, compiled |
 //! | `lists`, `walls` | neighbour lists and surfaces in main memory |
+//! | `memory` | buffers, and how much they may take |
 //! | `store`, `run` | one run on the device |
 //! | `arena`, `advance` | a batch of them, advanced |
 //! | `driver` | the thread that does so, for all who ask at a time |
@@ -22,6 +23,7 @@ pub mod device;
 mod driver;
 pub mod layout;
 mod lists;
+mod memory;
 mod pipelines;
 mod run;
 mod shared;
@@ -29,21 +31,30 @@ pub mod source;
 mod store;
 mod walls;
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+
 use glam::DVec3;
 
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::engine::{Advance, Backend, BackendInfo};
+use crate::engine::{Advance, Backend, BackendInfo, NoRoom};
+use advance::CHUNK;
+use arena::arena_bytes;
 pub use device::{AdapterName, Device, GpuError, GpuOptions};
 use driver::Driver;
+use lists::Slots;
+use memory::bytes_of;
 use pipelines::Pipelines;
 pub use run::GpuRun;
-use run::Run;
+use run::{Run, most_cells};
 use source::Source;
+use store::Extent;
 
 /// A graphics adapter that computes. Threads may share one: what they advance at a time becomes one batch.
 ///
-/// Its methods panic when the device is lost or out of memory: it is of no use from then on, nor are its runs.
+/// Its methods unwind with [`NoRoom`] when a run finds no room: that run is lost, and nothing else. They panic when the device is
+/// lost: it is of no use from then on, nor are its runs.
 #[derive(Debug)]
 pub struct Gpu {
     device: Device,
@@ -63,8 +74,26 @@ impl Gpu {
     }
 
     /// How many bytes the device reads and writes in a second when it copies within its memory.
-    pub fn copied_bytes_per_s(&self) -> f64 {
+    ///
+    /// # Errors
+    /// When there is no room for what is copied.
+    pub fn copied_bytes_per_s(&self) -> Result<f64, NoRoom> {
         self.device.copied_bytes_per_s()
+    }
+
+    /// Bytes of the device's memory that buffers take now.
+    pub fn taken_bytes(&self) -> u64 {
+        self.device.memory.taken()
+    }
+
+    /// How often more memory was wanted than may be taken.
+    pub fn refusals(&self) -> u64 {
+        self.device.memory.refused()
+    }
+
+    /// Whether the device was lost.
+    pub fn has_failed(&self) -> bool {
+        self.device.has_failed()
     }
 
     /// Its adapter.
@@ -81,7 +110,8 @@ impl Backend for Gpu {
     }
 
     fn prepare(&self, scene: &Scene) -> GpuRun {
-        GpuRun::new(Run::new(&self.device, scene))
+        let run = Run::new(&self.device, scene, |draft| self.driver.store(draft));
+        GpuRun::new(run.unwrap_or_else(|no_room| unwind(no_room)))
     }
 
     fn advance(&self, runs: &mut [(&mut GpuRun, u64)]) -> Vec<Advance> {
@@ -107,4 +137,43 @@ impl Backend for Gpu {
     fn remove(&self, run: &mut GpuRun, serials: &[u32]) {
         run.get().remove(&self.device, serials);
     }
+}
+
+/// About how many bytes of the device's memory a run takes that is advanced alone, by its size: with rows as long as they usually
+/// become. In a batch it takes no more.
+pub fn usual_bytes(subparticles: u64, triangles: u64) -> u64 {
+    let count = |number: u64| u32::try_from(number).unwrap_or(u32::MAX);
+    // Of an equipment with everything; the surfaces of a mesh are one or two more.
+    let surfaces = 16;
+    let particles = count(subparticles.min(1 << 28));
+    let extent = Extent {
+        scenes: 1,
+        particles,
+        surfaces,
+        facets: count(triangles),
+        corners: count(3 * triangles),
+        nodes: count(2 * triangles),
+        leaves: count(triangles),
+        cells: most_cells(particles),
+        poses: CHUNK as u32 * surfaces,
+    };
+    let slots = Slots::holding(14, 7);
+    bytes_of(extent.sizes(slots)) + arena_bytes(&extent, slots)
+}
+
+/// Leaves a run for which there is no room. No panic: nothing is wrong with the program, and nothing is said on standard error.
+fn unwind(no_room: NoRoom) -> ! {
+    resume_unwind(Box::new(no_room))
+}
+
+/// What a run comes to, or that there was no room for it.
+///
+/// # Errors
+/// When what runs unwinds with [`NoRoom`].
+pub fn catch_no_room<T>(run: impl FnOnce() -> T) -> Result<T, NoRoom> {
+    let other = |payload: Box<dyn Any + Send>| match payload.downcast() {
+        Ok(no_room) => Err(*no_room),
+        Err(panic) => resume_unwind(panic),
+    };
+    catch_unwind(AssertUnwindSafe(run)).map_or_else(other, Ok)
 }

@@ -1,12 +1,13 @@
 //! The kernels, compiled, and the buffers that they bind.
 
 use wgpu::{
-    BindGroup, BindGroupLayout, BindGroupLayoutEntry, BindingType, Buffer, BufferBindingType, ComputePass,
+    BindGroup, BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePass,
     ComputePipeline, ErrorFilter, ShaderStages,
 };
 
 use super::device::{Device, GpuError};
 use super::layout::Now;
+use super::memory::Buffer;
 use super::source::Source;
 
 /// Invocations of a group.

@@ -1,14 +1,16 @@
 //! One run: its buffers on the device, what of it is kept in main memory, and how observers look at it.
 
+use bytemuck::pod_collect_to_vec;
 use glam::{DVec3, IVec3, UVec3, Vec3};
 
 use super::device::Device;
 use super::layout::{Count, Own, Particle, Pose, Scene, WallPair};
 use super::lists::Rows;
-use super::store::{Extent, Part, Store};
+use super::store::{Draft, Extent, Part, Store};
 use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
 use crate::cpu::walls::Walls;
+use crate::engine::NoRoom;
 use crate::engine::scene;
 use crate::engine::state::State;
 
@@ -27,9 +29,9 @@ impl GpuRun {
     /// The run.
     ///
     /// # Panics
-    /// If it was lost when the device failed.
+    /// If it was lost: there was no room for it, or the device failed.
     pub(super) fn get(&mut self) -> &mut Run {
-        self.0.as_mut().expect("it was not lost with the device")
+        self.0.as_mut().expect("it was not lost")
     }
 
     /// Facets that a row of its lists has room for: rows become longer when a sub-particle meets more.
@@ -54,12 +56,18 @@ pub(super) struct Run {
     walls: Walls,
     dt: f64,
     state: State,
-    /// Whether `state` is that of the device.
+    surface_forces: Vec<DVec3>,
+    /// Whether `state` and `surface_forces` are those of the device.
     is_read: bool,
 }
 
 impl Run {
-    pub(super) fn new(device: &Device, scene: &scene::Scene) -> Self {
+    /// Takes a scene in, with buffers that are made for it, if they are.
+    pub(super) fn new(
+        device: &Device,
+        scene: &scene::Scene,
+        make: impl FnOnce(Draft) -> Result<Store, NoRoom>,
+    ) -> Result<Self, NoRoom> {
         let state = State::new(scene);
         let walls = Walls::new(scene, &state.frame);
         let (geometry, rows) = (Geometry::new(&walls), Rows::new(scene, state.particles.len()));
@@ -76,7 +84,7 @@ impl Run {
             poses: 0,
         };
         let run = Self {
-            store: Store::new(device, extent, &geometry, &rows),
+            store: make(Draft { extent, geometry, rows })?,
             scene: own,
             interval: FIRST_INTERVAL,
             fault: None,
@@ -84,13 +92,14 @@ impl Run {
             start_step: None,
             speed_limit: scene.speed_limit_m_s as f32,
             bonds_broken: 0,
+            surface_forces: vec![DVec3::ZERO; walls.surface_count()],
             walls,
             dt: scene.timestep_s,
             state,
             is_read: true,
         };
         run.write_state(device);
-        run
+        Ok(run)
     }
 
     fn write_state(&self, device: &Device) {
@@ -113,11 +122,25 @@ impl Run {
         self.store.write(device, Part::Own, &own);
     }
 
-    /// The state, read back if it is not known yet.
+    /// The state.
     pub(super) fn state(&mut self, device: &Device) -> &State {
+        self.read(device);
+        &self.state
+    }
+
+    /// Force on each surface in the last step.
+    pub(super) fn surface_forces(&mut self, device: &Device) -> Vec<DVec3> {
+        self.read(device);
+        self.surface_forces.clone()
+    }
+
+    /// Reads back what observers look at, unless it is known: all at once, since others may keep the device busy.
+    fn read(&mut self, device: &Device) {
         if !self.is_read {
-            let particles: Vec<Particle> = self.store.read(device, Part::Particles);
-            let own: Vec<Own> = self.store.read(device, Part::Own);
+            let parts = [Part::Particles, Part::Own, Part::Counts, Part::Walls];
+            let [particles, own, counts, walls] = self.store.read(device, parts);
+            let particles: Vec<Particle> = pod_collect_to_vec(&particles);
+            let own: Vec<Own> = pod_collect_to_vec(&own);
             for (to, from) in self.state.particles.iter_mut().zip(&particles) {
                 to.position = IVec3::from(from.position);
                 to.velocity = Vec3::from(from.velocity);
@@ -128,30 +151,26 @@ impl Run {
                 self.state.broken[k] = own.broken;
             }
             self.state.bonds_broken = self.bonds_broken;
+            self.surface_forces = self.forces(&pod_collect_to_vec(&counts), &pod_collect_to_vec(&walls));
             self.is_read = true;
         }
-        &self.state
+    }
+
+    /// Force on each surface, added up as the plain path does.
+    fn forces(&self, counts: &[Count], walls: &[WallPair]) -> Vec<DVec3> {
+        let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
+        for (row, count) in walls.chunks(self.store.slots.walls as usize).zip(counts) {
+            for wall in &row[..count.walls as usize] {
+                forces[self.walls.surface_of(wall.facet)] -= Vec3::from(wall.force).as_dvec3();
+            }
+        }
+        forces
     }
 
     /// The device has moved on.
     pub(super) fn moved_on(&mut self, steps: u64) {
         self.is_read = false;
         self.step += steps;
-    }
-
-    /// Force on each surface in the last step, added up as the plain path does.
-    pub(super) fn surface_forces(&self, device: &Device) -> Vec<DVec3> {
-        let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
-        if self.step > 0 && !forces.is_empty() {
-            let counts: Vec<Count> = self.store.read(device, Part::Counts);
-            let walls: Vec<WallPair> = self.store.read(device, Part::Walls);
-            for (row, count) in walls.chunks(self.store.slots.walls as usize).zip(&counts) {
-                for wall in &row[..count.walls as usize] {
-                    forces[self.walls.surface_of(wall.facet)] -= Vec3::from(wall.force).as_dvec3();
-                }
-            }
-        }
-        forces
     }
 
     pub(super) fn bonds(&self, device: &Device) -> Vec<[u32; 2]> {
@@ -169,7 +188,9 @@ impl Run {
         self.state(device);
         let rows = self.store.read_rows(device);
         let map = self.state.remove(serials);
-        self.store.write_rows(device, &rows.remove(&map));
+        let rows = rows.remove(&map);
+        self.surface_forces = self.forces(&rows.counts, &rows.walls);
+        self.store.write_rows(device, &rows);
         self.write_state(device);
     }
 
@@ -228,11 +249,16 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
     }
 }
 
+/// Most cells of the grid of so many sub-particles.
+pub(super) fn most_cells(particles: u32) -> u32 {
+    4 * particles.next_power_of_two().max(1024)
+}
+
 /// Cells of the grid in each direction, less one: as many as the domain takes, unless they would be many more than the
 /// sub-particles.
 fn mask(scene: &scene::Scene, state: &State, cell: u32) -> UVec3 {
     let edge = f64::from(cell) * f64::from(state.frame.unit_m);
-    let most = 4 * state.particles.len().next_power_of_two().max(1024) as u32;
+    let most = most_cells(state.particles.len() as u32);
     let wanted = ((scene.high - scene.low) / edge).as_uvec3().clamp(UVec3::splat(3), UVec3::splat(1 << 20));
     let mut cells = UVec3::from(wanted.to_array().map(|count| (count + 1).next_power_of_two()));
     let product = |cells: UVec3| cells.to_array().map(u64::from).iter().product::<u64>();

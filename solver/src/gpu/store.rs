@@ -1,14 +1,14 @@
 //! The buffers of one run on the device: what lasts from chunk to chunk. Nothing in them depends on where the run stands
 //! in a batch.
 
-use bytemuck::Pod;
-use wgpu::{Buffer, BufferUsages};
+use bytemuck::{Pod, pod_collect_to_vec};
 
-use super::arena::NoRoom;
 use super::device::Device;
 use super::layout::{Corner, Count, Facet, Node, Own, Pair, Particle, Surface, WallPair};
 use super::lists::{Rows, Slots};
+use super::memory::{Buffer, buffers};
 use super::walls::Geometry;
+use crate::engine::NoRoom;
 
 /// A buffer of a run; batches have the same, with those of all runs one behind the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +38,21 @@ impl Part {
         Self::Nodes,
         Self::Leaves,
     ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Particles => "particles",
+            Self::Own => "own",
+            Self::Counts => "counts",
+            Self::Pairs => "pairs",
+            Self::Walls => "walls",
+            Self::Surfaces => "surfaces",
+            Self::Facets => "facets",
+            Self::Corners => "corners",
+            Self::Nodes => "nodes",
+            Self::Leaves => "leaves",
+        }
+    }
 
     /// Those that steps change.
     pub(super) const CHANGING: [Self; 5] =
@@ -92,16 +107,19 @@ impl Extent {
             Part::Leaves => bytes(self.leaves, size_of::<u32>()),
         }
     }
+
+    /// The buffers of a run, or of all of a batch.
+    pub(super) fn sizes(&self, slots: Slots) -> [(&'static str, u64); Part::ALL.len()] {
+        Part::ALL.map(|part| (part.name(), self.bytes(part, slots)))
+    }
 }
 
-/// Makes a buffer for kernels. None is empty: WGSL wants room for one element at least.
-pub(super) fn buffer(device: &Device, label: &str, bytes: u64) -> Buffer {
-    device.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(label),
-        size: bytes.max(256),
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    })
+/// What the buffers of a new run will hold.
+#[derive(Debug)]
+pub(super) struct Draft {
+    pub(super) extent: Extent,
+    pub(super) geometry: Geometry,
+    pub(super) rows: Rows,
 }
 
 /// The buffers of a run.
@@ -113,12 +131,14 @@ pub(super) struct Store {
 }
 
 impl Store {
-    pub(super) fn new(device: &Device, extent: Extent, geometry: &Geometry, rows: &Rows) -> Self {
-        let make = |part| buffer(device, &format!("{part:?}"), extent.bytes(part, rows.slots));
-        let mut store = Self { extent, slots: rows.slots, buffers: Part::ALL.map(make) };
+    /// Makes them, or says why the device will not.
+    pub(super) fn new(device: &Device, draft: &Draft) -> Result<Self, NoRoom> {
+        let Draft { extent, geometry, rows } = draft;
+        let buffers = buffers(device, extent.sizes(rows.slots))?;
+        let mut store = Self { extent: *extent, slots: rows.slots, buffers };
         store.write_geometry(device, geometry);
         store.write_rows(device, rows);
-        store
+        Ok(store)
     }
 
     pub(super) fn buffer(&self, part: Part) -> &Buffer {
@@ -133,8 +153,9 @@ impl Store {
         device.queue.write_buffer(self.buffer(part), 0, bytemuck::cast_slice(values));
     }
 
-    pub(super) fn read<T: Pod>(&self, device: &Device, part: Part) -> Vec<T> {
-        bytemuck::pod_collect_to_vec(&device.read(self.buffer(part), 0, self.bytes(part)))
+    /// Reads parts, as bytes.
+    pub(super) fn read<const N: usize>(&self, device: &Device, parts: [Part; N]) -> [Vec<u8>; N] {
+        device.read_all(parts.map(|part| (&**self.buffer(part), 0, self.bytes(part))))
     }
 
     pub(super) fn write_geometry(&self, device: &Device, geometry: &Geometry) {
@@ -145,26 +166,22 @@ impl Store {
         self.write(device, Part::Leaves, &geometry.leaves);
     }
 
-    /// Takes rows in, of no more sub-particles than it was made for; they may be longer.
+    /// Takes rows in, which its buffers must hold.
     pub(super) fn write_rows(&mut self, device: &Device, rows: &Rows) {
         self.extent.particles = rows.counts.len() as u32;
         self.slots = rows.slots;
-        for part in [Part::Pairs, Part::Walls] {
-            if self.bytes(part) > self.buffer(part).size() {
-                self.buffers[part as usize] = buffer(device, &format!("{part:?}"), self.bytes(part));
-            }
-        }
         self.write(device, Part::Counts, &rows.counts);
         self.write(device, Part::Pairs, &rows.pairs);
         self.write(device, Part::Walls, &rows.walls);
     }
 
     pub(super) fn read_rows(&self, device: &Device) -> Rows {
+        let [counts, pairs, walls] = self.read(device, [Part::Counts, Part::Pairs, Part::Walls]);
         Rows {
             slots: self.slots,
-            counts: self.read(device, Part::Counts),
-            pairs: self.read(device, Part::Pairs),
-            walls: self.read(device, Part::Walls),
+            counts: pod_collect_to_vec(&counts),
+            pairs: pod_collect_to_vec(&pairs),
+            walls: pod_collect_to_vec(&walls),
         }
     }
 
@@ -173,17 +190,15 @@ impl Store {
         if self.slots == slots {
             return Ok(());
         }
-        let rows = self.read_rows(device).with(slots);
-        let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let longer = [Part::Pairs, Part::Walls].map(|part| {
+        let longer = |part: Part| {
             let bytes = self.extent.bytes(part, slots);
-            (part, (bytes > self.buffer(part).size()).then(|| buffer(device, &format!("{part:?}"), bytes)))
-        });
-        if let Some(error) = pollster::block_on(memory.pop()) {
-            return Err(NoRoom(error.to_string()));
-        }
+            let make = || buffers(device, [(part.name(), bytes)]);
+            (bytes > self.buffer(part).size()).then(make).transpose()
+        };
+        let longer = [(Part::Pairs, longer(Part::Pairs)?), (Part::Walls, longer(Part::Walls)?)];
+        let rows = self.read_rows(device).with(slots);
         for (part, longer) in longer {
-            if let Some(longer) = longer {
+            if let Some([longer]) = longer {
                 self.buffers[part as usize] = longer;
             }
         }

@@ -55,4 +55,9 @@ impl Meshes {
     pub fn get(&self, digest: &str) -> Option<Arc<Stl>> {
         self.0.get(digest).cloned()
     }
+
+    /// Triangles of all of them.
+    pub fn triangles(&self) -> u64 {
+        self.0.values().map(|stl| stl.triangles.len() as u64).sum()
+    }
 }

@@ -17,7 +17,7 @@ pub fn device() -> Option<Device> {
         return None;
     }
     let name = std::env::var("ROOST_GPU").unwrap_or_else(|_| "llvmpipe".to_owned());
-    let options = GpuOptions { device: Some(name), allow_software: true, only_discrete: false };
+    let options = GpuOptions { device: Some(name), allow_software: true, ..GpuOptions::default() };
     let fix =
         "`make needs` installs Mesa's; ROOST_GPU names another; ROOST_SKIP_GPU=1 leaves these tests out";
     Some(Device::open(&options).unwrap_or_else(|error| panic!("{error}: {fix}")))

@@ -26,7 +26,7 @@ use crate::runner::{Place, Run, RunEnd};
 /// How long a stopping worker waits to hear whether its last claim had got something.
 const LAST_WORD: Duration = Duration::from_secs(1);
 
-/// Claims until told to stop; the runs go on in `runs`.
+/// Claims until told to stop, as many as there are slots and memory for; the runs go on in `runs`.
 pub(super) async fn run(session: &Arc<Session>, runs: &TaskTracker) {
     let slots = Arc::new(Semaphore::new(session.config.slots.max(1)));
     loop {
@@ -35,7 +35,12 @@ pub(super) async fn run(session: &Arc<Session>, runs: &TaskTracker) {
             () = session.stop_claiming.cancelled() => return,
             permit = slots.clone().acquire_owned() => permit.expect("the semaphore is never closed"),
         };
-        let free = 1 + slots.available_permits();
+        let more = tokio::select! {
+            biased;
+            () = session.stop_claiming.cancelled() => return,
+            more = session.config.device.room_for_more() => more,
+        };
+        let free = more.min(1 + slots.available_permits());
         let Some(reply) = claim(session, free).await else { return };
         let mut permit = Some(permit);
         for attempt in reply.attempts {

@@ -107,7 +107,7 @@ impl Session {
             solver_revision: SOLVER_REVISION,
             backend: self.config.device.backend().to_owned(),
             device: self.config.device.name(),
-            memory_mib: crate::memory::memory_mib(),
+            memory_mib: self.config.device.memory_mib(),
             threads: u32::try_from(self.config.resolved_threads()).unwrap_or(u32::MAX),
         }
     }

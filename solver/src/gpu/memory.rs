@@ -1,0 +1,106 @@
+//! Memory of the device: buffers are counted where they are made, since wgpu does not tell how much there is.
+
+use std::ops::Deref;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use wgpu::{BufferUsages, ErrorFilter};
+
+use super::device::Device;
+use crate::engine::NoRoom;
+
+/// Least size of a buffer, in bytes: none is empty, since WGSL wants room for one element at least.
+pub(super) const LEAST_BYTES: u64 = 256;
+
+/// How much buffers may take in all, and do, in bytes.
+#[derive(Debug)]
+pub(super) struct Memory {
+    allowed: u64,
+    taken: AtomicU64,
+    refused: AtomicU64,
+}
+
+impl Memory {
+    pub(super) fn new(allowed: u64) -> Self {
+        Self { allowed, taken: AtomicU64::new(0), refused: AtomicU64::new(0) }
+    }
+
+    /// What buffers take now.
+    pub(super) fn taken(&self) -> u64 {
+        self.taken.load(Relaxed)
+    }
+
+    /// What is left.
+    pub(super) fn left(&self) -> u64 {
+        self.allowed.saturating_sub(self.taken())
+    }
+
+    /// How often there was not enough.
+    pub(super) fn refused(&self) -> u64 {
+        self.refused.load(Relaxed)
+    }
+
+    fn take(&self, bytes: u64) -> Result<(), NoRoom> {
+        let more = |taken: u64| taken.checked_add(bytes).filter(|sum| *sum <= self.allowed);
+        let refused = |taken: u64| {
+            let allowed = self.allowed;
+            self.refused.fetch_add(1, Relaxed);
+            NoRoom(format!(
+                "{bytes} bytes of its memory are needed; {taken} of the {allowed} allowed are taken"
+            ))
+        };
+        self.taken.fetch_update(Relaxed, Relaxed, more).map(drop).map_err(refused)
+    }
+}
+
+/// A buffer for kernels. Its share of the memory is given back with it.
+#[derive(Debug)]
+pub(super) struct Buffer {
+    buffer: wgpu::Buffer,
+    memory: Arc<Memory>,
+}
+
+impl Deref for Buffer {
+    type Target = wgpu::Buffer;
+
+    fn deref(&self) -> &wgpu::Buffer {
+        &self.buffer
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        self.memory.taken.fetch_sub(self.buffer.size(), Relaxed);
+    }
+}
+
+/// What buffers of these sizes take, in bytes.
+pub(super) fn bytes_of<const N: usize>(sizes: [(&str, u64); N]) -> u64 {
+    sizes.iter().map(|(_, bytes)| (*bytes).max(LEAST_BYTES)).sum()
+}
+
+/// Makes buffers of these names and sizes: all of them, or says why the device will not.
+pub(super) fn buffers<const N: usize>(
+    device: &Device,
+    sizes: [(&str, u64); N],
+) -> Result<[Buffer; N], NoRoom> {
+    let (needed, limit) = (sizes.iter().map(|(_, bytes)| *bytes).max().unwrap_or(0), device.largest_buffer);
+    if needed > limit {
+        return Err(NoRoom(format!("a buffer of {needed} bytes is needed; the device allows {limit}")));
+    }
+    device.memory.take(bytes_of(sizes))?;
+    let scope = device.device.push_error_scope(ErrorFilter::OutOfMemory);
+    let made = sizes.map(|(label, bytes)| Buffer {
+        buffer: device.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.max(LEAST_BYTES),
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        }),
+        memory: device.memory.clone(),
+    });
+    match pollster::block_on(scope.pop()) {
+        Some(error) => Err(NoRoom(error.to_string())),
+        None => Ok(made),
+    }
+}
