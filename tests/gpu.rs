@@ -50,6 +50,17 @@ fn a_run_takes_the_adapter_that_is_asked_for_and_no_software_unasked() {
     let refused = with(&["--backend", "gpu", "--device", "llvmpipe"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(said(&refused).contains("none of the adapters will do: llvmpipe"), "{}", said(&refused));
+    let mut large: Value = json!(scenario(0.1));
+    large["product"]["count"] = json!(60);
+    large["equipment"]["hopper_width_m"] = json!(1.5);
+    let large = home.file("large.json", &large);
+    let least =
+        [&["run", &large, "-o", &folder, "--backend", "gpu", "--gpu-memory", "1"][..], &SOFTWARE].concat();
+    let refused = run(&least);
+    assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
+    assert!(said(&refused).contains("no room on the device: "), "{}", said(&refused));
+    let refused = with(&["--backend", "cpu", "--gpu-memory", "100"]);
+    assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
     let refused = with(&["--backend", "cpu", "--allow-software"]);
     assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
     let summary: Value = serde_json::from_str(&stdout(&with(&["--backend", "cpu"]))).expect("a summary");
@@ -63,7 +74,9 @@ fn each_result_of_a_worker_of_four_slots_is_as_alone() {
     }
     let home = Home::new();
     let _server = home.serve();
-    let _worker = home.work_told("worker", &[&["--backend", "gpu", "--slots", "4"][..], &SOFTWARE].concat());
+    // Of its slots no more are taken at a time than there is memory for.
+    let few = ["--backend", "gpu", "--slots", "4", "--gpu-memory", "3"];
+    let _worker = home.work_told("worker", &[&few[..], &SOFTWARE].concat());
     let openings = [0.03, 0.04, 0.05, 0.06];
     let sweep = json!({
         "name": "small", "base": scenario(0.1), "design": {"kind": "grid"},
@@ -73,7 +86,7 @@ fn each_result_of_a_worker_of_four_slots_is_as_alone() {
     let view: Value = serde_json::from_str(&view).expect("a sweep");
     assert_eq!(view["counts"]["succeeded"], 4, "{view}");
     let workers = home.ask(|client| async move { client.workers(None, 100).await }).expect("workers");
-    assert_eq!(workers.items[0].backend, "gpu");
+    assert_eq!((workers.items[0].backend.as_str(), workers.items[0].memory_mib), ("gpu", Some(3)));
     let id = view["id"].as_str().expect("an id");
     let table = stdout(&home.roost(&["results", id, "--format", "json"]));
     let table: Value = serde_json::from_str(&table).expect("a table");
@@ -126,4 +139,58 @@ fn an_adapter_is_held_against_the_plain_path() {
         serde_json::from_str(&stdout(&run(&[&own[..], &SOFTWARE].concat()))).expect("a verdict");
     assert_eq!((&parity["same_bits_until_step"], &parity["farthest_apart_m"]), (&json!(100), &json!(0.0)));
     assert_eq!((&parity["is_software"], &parity["is_within_tolerance"]), (&json!(true), &json!(true)));
+}
+
+/// The script that measures on a machine with a GPU, made small.
+fn measure(home: &Home, more: &[&str]) -> std::process::Output {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/solver/benches/gpu/measure.sh");
+    let scenario = small(home);
+    let few = [("SCENARIO", scenario.as_str()), ("SUBPARTICLES", "1000"), ("STEPS", "20")];
+    let mut command = std::process::Command::new("sh");
+    command.args([script, env!("CARGO_BIN_EXE_roost")]).arg(home.path("figures")).args(more);
+    command.envs(few).envs([("REPEATS", "1"), ("BATCHES", "1,3")]).output().expect("a shell")
+}
+
+#[test]
+fn the_script_says_what_is_asked_of_a_gpu() {
+    if is_left_out() {
+        return;
+    }
+    let home = Home::new();
+    let done = measure(&home, &SOFTWARE);
+    assert!(done.status.success(), "{}", said(&done));
+    let figures = std::fs::read_to_string(home.path("figures/figures.txt")).expect("figures");
+    let lines: Vec<&str> = figures.lines().collect();
+    assert_eq!(lines.len(), 7, "{figures}");
+    assert!(
+        lines[0].contains("llvmpipe") && lines[1].starts_with("within tolerance of the plain path: true")
+    );
+    for (line, start) in lines[2..].iter().zip([
+        "from fill to end: ",
+        "software bonded in a batch of 1: ",
+        "software bonded in a batch of 3: ",
+        "software hopper in a batch of 1: ",
+        "software hopper in a batch of 3: ",
+    ]) {
+        assert!(line.starts_with(start), "{line}");
+        let numbers = line.split([' ', ';', ',']).filter_map(|word| word.parse::<f64>().ok());
+        let numbers: Vec<f64> = numbers.collect();
+        assert!(numbers.len() >= 4 && numbers.iter().all(|number| *number > 0.0), "{line}");
+    }
+}
+
+#[test]
+fn the_script_stops_at_once_where_there_is_no_gpu() {
+    if is_left_out() {
+        return;
+    }
+    let home = Home::new();
+    let done = measure(&home, &["--device", "no such adapter"]);
+    assert_eq!(done.status.code(), Some(2), "{}", said(&done));
+    assert!(
+        said(&done).contains("no GPU: ") && said(&done).contains("nothing was measured"),
+        "{}",
+        said(&done)
+    );
+    assert!(!home.path("figures/bench.json").exists());
 }

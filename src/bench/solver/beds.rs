@@ -145,12 +145,18 @@ impl Bed {
 
     /// A run that has warmed up.
     pub(super) fn begun<B: Backend>(&self, backend: &B) -> B::Run {
-        let mut run = backend.prepare(&self.scene);
+        self.begun_together(backend, 1).swap_remove(0)
+    }
+
+    /// So many of them.
+    pub(super) fn begun_together<B: Backend>(&self, backend: &B, count: u16) -> Vec<B::Run> {
+        let mut runs: Vec<B::Run> = (0..count).map(|_| backend.prepare(&self.scene)).collect();
         if self.flows {
-            backend.start(&mut run);
+            runs.iter_mut().for_each(|run| backend.start(run));
         }
-        backend.advance(&mut [(&mut run, (self.warm_up_s / self.scene.timestep_s) as u64)]);
-        run
+        let steps = (self.warm_up_s / self.scene.timestep_s) as u64;
+        backend.advance(&mut runs.iter_mut().map(|run| (run, steps)).collect::<Vec<_>>());
+        runs
     }
 }
 

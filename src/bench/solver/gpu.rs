@@ -39,7 +39,7 @@ struct AdapterArgs {
 impl AdapterArgs {
     fn open(&self) -> Result<Gpu> {
         let (device, allow_software) = (self.device.clone(), self.allow_software);
-        let options = GpuOptions { device, allow_software, only_discrete: false };
+        let options = GpuOptions { device, allow_software, ..GpuOptions::default() };
         let gpu = Gpu::new(&options).map_err(|error| BadInput(error.to_string()))?;
         eprintln!("on {}", gpu.name());
         Ok(gpu)
@@ -50,7 +50,7 @@ impl GpuArgs {
     /// Opens the adapter and measures how fast it copies.
     pub(super) fn open(&self) -> Result<GpuRacers> {
         let gpu = self.adapter.open()?;
-        let copied_bytes_per_s = gpu.copied_bytes_per_s();
+        let copied_bytes_per_s = gpu.copied_bytes_per_s()?;
         eprintln!("copies, reads and writes added up, {:.3e} bytes/s", copied_bytes_per_s);
         Ok(GpuRacers { gpu, copied_bytes_per_s })
     }
@@ -74,7 +74,7 @@ impl GpuRacers {
     ) -> Result<Vec<Row>> {
         let mut rows = Vec::new();
         for &batch in batches {
-            let mut runs: Vec<_> = (0..batch).map(|_| bed.begun(&self.gpu)).collect();
+            let mut runs = bed.begun_together(&self.gpu, batch);
             let mut turns = Vec::new();
             for turn in 0..repeats {
                 if stop() {
@@ -166,7 +166,7 @@ pub(crate) fn parity(args: &ParityArgs) -> Result<Exit> {
     }
     let close = apart_m <= args.tolerance_m;
     ui::println(format_args!(
-        "{}",
+        "{:#}",
         json!({
             "device": gpu.info().device,
             "is_software": gpu.name().is_software,
