@@ -50,7 +50,7 @@ fn a_run_takes_the_adapter_that_is_asked_for_and_no_software_unasked() {
     let refused = with(&["--backend", "gpu", "--device", "llvmpipe"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(said(&refused).contains("none of the adapters will do: llvmpipe"), "{}", said(&refused));
-    let mut large: Value = json!(scenario(0.1));
+    let mut large = support::scenario(0.1);
     large["product"]["count"] = json!(60);
     large["equipment"]["hopper_width_m"] = json!(1.5);
     let large = home.file("large.json", &large);

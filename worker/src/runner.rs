@@ -13,7 +13,7 @@ use roost_api::{Progress, RunResult, Series};
 use roost_solver::engine::run::Snapshot;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Fault};
-use roost_solver::{Flow, Limits, Observer};
+use roost_solver::{Flow, Limits, NoRoom, Observer};
 use serde_json::Value;
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
@@ -160,10 +160,7 @@ impl Run {
             let ready = place.device.ready(place.threads, size).await;
             let ready = ready.map_err(|reason| RunEnd::failed(AttemptOutcome::Worker, reason))?;
             drop(coming);
-            Ok(move |observer: &mut dyn Observer| {
-                let result = ready.simulate(&scenario, &meshes, observer);
-                result.map_err(|no_room| RunEnd::failed(AttemptOutcome::Worker, no_room.to_string()))
-            })
+            Ok(move |observer: &mut dyn Observer| ready.simulate(&scenario, &meshes, observer))
         })
     }
 
@@ -171,7 +168,7 @@ impl Run {
     fn start_with<P, F>(max_wall_s: Option<f64>, pictures: Option<Pictures>, prepare: P) -> Self
     where
         P: Future<Output = Result<F, RunEnd>> + Send + 'static,
-        F: FnOnce(&mut dyn Observer) -> Result<RunResult, RunEnd> + Send + 'static,
+        F: FnOnce(&mut dyn Observer) -> Result<RunResult, NoRoom> + Send + 'static,
     {
         let (sender, progress) = watch::channel(None);
         let stop = StopFlag::default();
@@ -207,7 +204,7 @@ impl Run {
     /// A run that never begins.
     #[cfg(test)]
     pub(crate) fn of_nothing() -> Self {
-        type Solve = fn(&mut dyn Observer) -> Result<RunResult, RunEnd>;
+        type Solve = fn(&mut dyn Observer) -> Result<RunResult, NoRoom>;
         Self::start_with(None, None, std::future::pending::<Result<Solve, RunEnd>>())
     }
 
@@ -293,10 +290,10 @@ impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
 
 /// What the solver's answer means, given what it had been asked. A run that came to its own end before it saw the
 /// flag has a result like any other.
-fn judge(outcome: Result<RunResult, RunEnd>, stop: Option<Stop>, max_wall_s: Option<f64>) -> RunEnd {
+fn judge(outcome: Result<RunResult, NoRoom>, stop: Option<Stop>, max_wall_s: Option<f64>) -> RunEnd {
     let result = match outcome {
         Ok(result) => result,
-        Err(end) => return end,
+        Err(no_room) => return RunEnd::failed(AttemptOutcome::Worker, no_room.to_string()),
     };
     let (outcome, message) = match (result.end_reason, stop) {
         (_, Some(Stop::Abandon)) => return RunEnd::Abandoned,

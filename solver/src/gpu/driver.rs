@@ -2,7 +2,7 @@
 //! a batch, which who comes later joins and who is done leaves, from chunk to chunk. Memory is taken on this thread alone.
 
 use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
 
@@ -163,8 +163,16 @@ impl Batch {
         for order in orders {
             match order {
                 Order::Advance(requests) => self.waiting.extend(requests),
-                // Whoever waited may be gone.
-                Order::Store(draft, reply) => drop(reply.send(self.store(&draft))),
+                Order::Store(draft, reply) => {
+                    let made = catch_unwind(AssertUnwindSafe(|| self.store(&draft)));
+                    let made = made.unwrap_or_else(|panic| {
+                        // Before the other end of `reply` hears of it.
+                        self.device.give_up();
+                        resume_unwind(panic)
+                    });
+                    // Whoever waited may be gone.
+                    let _ = reply.send(made);
+                }
             }
         }
         self.reply();
