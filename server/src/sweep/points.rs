@@ -20,6 +20,9 @@ use crate::mesh;
 /// Past so many faults the rest says nothing new.
 const MAX_FAULTS: usize = 100;
 
+/// Points whose scenarios are made together.
+const AT_ONCE: usize = 250;
+
 /// A design point.
 #[derive(Clone, Debug)]
 pub(crate) struct Point {
@@ -74,16 +77,21 @@ impl Points {
 
     /// Makes every trial, point by point, the first of which has the index `first`. Replicate r has seed `base.seed + r`.
     pub(crate) fn into_trials(self, first: u32, replicates: u32) -> impl Iterator<Item = Trial> {
-        (0..self.rows.len()).flat_map(move |index| {
-            let Point { levels, scenario } =
-                self.point(&self.rows[index]).expect("trials are made of rows that were looked at");
-            let (point, mut levels) = (first + index as u32, Some(levels));
-            (0..replicates).map(move |number| Trial {
-                point,
-                replicate: number,
-                scenario: replicate(&scenario, number),
-                levels: levels.take(),
-            })
+        (0..self.rows.len()).step_by(AT_ONCE).flat_map(move |from| {
+            let rows = &self.rows[from..self.rows.len().min(from + AT_ONCE)];
+            let made = rows.par_iter().map(|row| self.point(row).expect("rows were looked at"));
+            let made: Vec<Point> = made.collect();
+            made.into_iter().zip(first + from as u32..).flat_map(
+                move |(Point { levels, scenario }, point)| {
+                    let mut levels = Some(levels);
+                    (0..replicates).map(move |number| Trial {
+                        point,
+                        replicate: number,
+                        scenario: replicate(&scenario, number),
+                        levels: levels.take(),
+                    })
+                },
+            )
         })
     }
 
