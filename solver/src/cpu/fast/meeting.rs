@@ -2,8 +2,9 @@
 //!
 //! A pair of sub-particles stands here once, with its memory. A body works out its meetings with itself and with those after
 //! it: what acts on its own sub-particles it adds up at once, what acts on the others' stays here until they do.
-//! A meeting is looked at afresh when its two bodies
-//! may have moved against each other by the skin, whatever the others do: fillets that fall together keep theirs.
+//! The pairs are listed afresh when the two bodies may have moved against each other by the skin, whatever the others do: fillets that
+//! fall together keep theirs. They are sifted out of candidates, which a search among all sub-particles finds and which last several
+//! times as long: so skins can be thin, and lists short.
 
 use std::ops::Range;
 
