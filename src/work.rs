@@ -39,7 +39,7 @@ pub(crate) struct WorkerArgs {
     threads: u16,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Jobs at once; they share the threads, or make one batch on a GPU as far as its memory goes [default: 1, on a GPU 64]
+    /// Jobs at once; they share the threads, or make one batch on a GPU as far as its memory goes [default: 1, on a GPU 16]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     slots: Option<u16>,
     /// Seconds that running jobs get to finish after a signal, before they are handed back

@@ -164,6 +164,12 @@ fn what_has_left_is_not_missed() {
     assert_eq!(fewer.steps(2000), None);
     assert!(fewer.state().serials.iter().all(|&serial| (48..96).contains(&serial)));
     assert_eq!(fewer.state().bonds_broken, 0);
+
+    // And at last nobody is left.
+    let last = fewer.state().serials.clone();
+    fewer.cpu.remove(&mut fewer.run, &last);
+    assert_eq!(fewer.steps(10), None);
+    assert_eq!(fewer.state().particles.len(), 0);
 }
 
 #[test]

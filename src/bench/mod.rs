@@ -26,7 +26,10 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     match args.what {
         What::Solver(args) => solver::execute(args).await,
         #[cfg(feature = "gpu")]
-        What::Parity(args) => tokio::task::spawn_blocking(move || solver::gpu::parity(&args)).await?,
+        What::Parity(args) => {
+            let parity = move || roost_solver::gpu::catch_no_room(|| solver::gpu::parity(&args))?;
+            tokio::task::spawn_blocking(parity).await?
+        }
         What::Farm(args) => farm::execute(args).await,
     }
 }

@@ -27,7 +27,7 @@ pub struct WorkerConfig {
     /// What names the server in the state directory; none means its address. For a server whose address changes
     /// from start to start, and which alone uses the directory.
     pub outbox_key: Option<String>,
-    /// Jobs at once; they share the threads.
+    /// Jobs at once; they share the threads, or one batch on a GPU.
     pub slots: usize,
     /// How long a draining worker lets its jobs finish before it hands them back.
     pub drain_grace: Duration,

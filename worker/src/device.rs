@@ -14,8 +14,9 @@ use crate::room::{Coming, Room, Share};
 /// tell how much this one has.
 pub const USUAL_MEMORY_MIB: u32 = 4096;
 
-/// Jobs at once on a GPU where nobody says how many: more make it no faster.
-const SLOTS_OF_A_GPU: usize = 64;
+/// Jobs at once on a GPU where nobody says how many, as far as there is memory for them. More would fill a large one better; but what a
+/// worker has claimed nobody else can take, and is lost together with it.
+const SLOTS_OF_A_GPU: usize = 16;
 
 /// What somebody wants runs to be computed on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -145,20 +146,29 @@ impl Device {
         }
     }
 
-    /// Makes ready to compute a run of that size: on so many threads where that is the CPU; on an adapter once it has memory for it.
+    /// Makes ready to compute a run of that size: on so many threads where that is the CPU; on an adapter if it has memory for it.
     ///
     /// # Errors
-    /// In words, when an adapter that had failed cannot be opened again.
-    pub(crate) async fn ready(&self, threads: usize, size: Size) -> Result<Ready, String> {
+    /// When other runs leave too little memory, or an adapter that had failed cannot be opened again.
+    pub(crate) async fn ready(&self, threads: usize, size: Size) -> Result<Ready, NotReady> {
         let Some(adapter) = self.0.clone() else {
             return Ok(Ready { computer: Arc::new(Computer::Cpu(CpuOptions { threads })), _share: None });
         };
-        let share = adapter.room.take(usual_bytes(size)).await;
+        let share = adapter.room.take(usual_bytes(size)).ok_or(NotReady::NoRoomNow)?;
         // Opening an adapter takes a while.
         let computer = tokio::task::spawn_blocking(move || adapter.computer()).await;
-        let computer = computer.unwrap_or_else(|error| Err(error.to_string()))?;
+        let computer = computer.unwrap_or_else(|error| Err(error.to_string())).map_err(NotReady::Failed)?;
         Ok(Ready { computer, _share: Some(share) })
     }
+}
+
+/// Why nothing can be computed.
+#[derive(Debug)]
+pub(crate) enum NotReady {
+    /// Other runs have the memory.
+    NoRoomNow,
+    /// The adapter has failed, in words.
+    Failed(String),
 }
 
 /// Ready to compute.

@@ -1,5 +1,5 @@
-//! Memory of a graphics adapter, shared out among the runs of a worker. Who finds too little left waits for others to end, in the
-//! order in which they came; nothing more is claimed meanwhile.
+//! Memory of a graphics adapter, shared out among the runs of a worker. A run that finds too little left goes back to the queue, where others
+//! may take it and no time of its own runs out; nothing more is claimed until there is as much.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -51,11 +51,11 @@ impl Room {
         Coming(self.clone())
     }
 
-    /// Takes so much, once it is there. What is larger than all there is waits until it is alone.
-    pub(crate) async fn take(&self, bytes: u64) -> Share {
+    /// Takes so much, if it is there: what is larger than all there is, if it is alone. If not, it is what the next claim waits for.
+    pub(crate) fn take(&self, bytes: u64) -> Option<Share> {
         let mib = u32::try_from(bytes.div_ceil(MIB)).unwrap_or(u32::MAX).clamp(1, self.all_mib);
         self.usual_mib.store(mib, Relaxed);
-        Share(self.left.clone().acquire_many_owned(mib).await.expect("it is never closed"))
+        self.left.clone().try_acquire_many_owned(mib).ok().map(Share)
     }
 
     /// How many more runs there is memory for, if they are as the last one; waits until there is some for one and none comes
@@ -94,11 +94,11 @@ mod tests {
         assert_eq!(now(room.for_more()), Some(1), "of none is known how large it is");
         let coming = room.expect_one();
         assert_eq!(now(room.for_more()), None, "of what was begun is not known how large it is");
-        let first = now(room.take(30 * MIB)).expect("there is room");
+        let first = room.take(30 * MIB).expect("there is room");
         drop(coming);
         assert_eq!(now(room.for_more()), Some(2));
-        let second = now(room.take(30 * MIB - 1)).expect("there is room");
-        let third = now(room.take(40 * MIB)).expect("there is room");
+        let second = room.take(30 * MIB - 1).expect("there is room");
+        let third = room.take(40 * MIB).expect("there is room");
         assert_eq!(now(room.for_more()), None, "there is no room");
         drop(first);
         assert_eq!(now(room.for_more()), None, "there is none for one like the last");
@@ -109,16 +109,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_large_waits_until_it_is_alone_and_nobody_overtakes_it() {
+    fn what_is_too_large_comes_in_alone_and_nothing_is_claimed_before_it() {
         let room = Arc::new(Room::new(100));
-        let small = now(room.take(1)).expect("there is room");
-        let mut large = Box::pin(room.take(1 << 40));
-        assert!(now(large.as_mut()).is_none());
-        assert!(now(room.take(1)).is_none(), "one that came later was let in before");
+        let small = room.take(1).expect("there is room");
+        assert!(room.take(1 << 40).is_none());
+        assert_eq!(now(room.for_more()), None, "something was claimed before there was room for it");
         drop(small);
-        let all = now(large).expect("it is alone");
-        assert!(now(room.take(1)).is_none());
+        assert_eq!(now(room.for_more()), Some(1));
+        let all = room.take(1 << 40).expect("it is alone");
+        assert!(room.take(1).is_none());
         drop(all);
-        assert!(now(room.take(1)).is_some());
+        assert!(room.take(1).is_some());
     }
 }

@@ -18,13 +18,16 @@ use serde_json::Value;
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
 
-use crate::device::{Device, Size};
+use crate::device::{Device, NotReady, Size};
 use crate::meshes::MeshSource;
 
 /// How often a run that has not begun looks whether it is to stop.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 const HANDED_BACK: &str = "handed back by a worker that is stopping";
+
+/// What a run that was claimed and found too little memory leaves in its place.
+const NO_ROOM_NOW: &str = "handed back: other runs of the worker have the memory";
 
 /// How a run ended.
 #[derive(Debug)]
@@ -158,7 +161,10 @@ impl Run {
             let (scenario, meshes, subparticles) = checked.map_err(|faults| refused(&faults))?;
             let size = Size { subparticles, triangles: meshes.triangles() };
             let ready = place.device.ready(place.threads, size).await;
-            let ready = ready.map_err(|reason| RunEnd::failed(AttemptOutcome::Worker, reason))?;
+            let ready = ready.map_err(|why| match why {
+                NotReady::NoRoomNow => RunEnd::failed(AttemptOutcome::Released, NO_ROOM_NOW),
+                NotReady::Failed(reason) => RunEnd::failed(AttemptOutcome::Worker, reason),
+            })?;
             drop(coming);
             Ok(move |observer: &mut dyn Observer| ready.simulate(&scenario, &meshes, observer))
         })

@@ -13,8 +13,9 @@ use roost_api::page::Page;
 use roost_api::problem::Problem;
 use roost_api::sweep::{Deletion, SCHEMA, SweepSpec, SweepView};
 use serde::Deserialize;
-use serde_json::json;
+use serde_json::{Value, json};
 use utoipa::IntoParams;
+use uuid::Uuid;
 
 use super::aside::{aside, to_its_end};
 use super::at_hand::at_hand;
@@ -41,11 +42,17 @@ pub(crate) async fn submit(
     reserved: Reserved,
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<SweepView>), ApiError> {
-    let id = SweepId(reserved.id());
-    // Many points take a while.
-    let limits = limits(&app);
+    let (id, to_make) = (SweepId(reserved.id()), app.clone());
+    to_its_end(async move { make(&to_make, id, document).await }).await??;
+    let location = [(header::LOCATION, format!("/v1/sweeps/{id}"))];
+    Ok((StatusCode::CREATED, location, Json(view(&app, id).await?)))
+}
+
+/// Expands and queues a sweep, whose meshes stay meanwhile. Many points take a while.
+async fn make(app: &App, id: SweepId, document: Value) -> Result<(), ApiError> {
+    let limits = limits(app);
     let _open = app.mesh_gate.read().await;
-    let meshes = at_hand(&app, &document).await?;
+    let meshes = at_hand(app, &document).await?;
     let sweep = aside(move || {
         let mut submitted = document.clone();
         let (spec, expansion) = sweep::read(document, &meshes, limits).map_err(ApiError::faults)?;
@@ -54,8 +61,7 @@ pub(crate) async fn submit(
     });
     app.store.insert_sweep(sweep.await??, app.clock.now()).await?;
     app.work.notify_waiters();
-    let location = [(header::LOCATION, format!("/v1/sweeps/{id}"))];
-    Ok((StatusCode::CREATED, location, Json(view(&app, id).await?)))
+    Ok(())
 }
 
 fn limits(app: &App) -> SweepLimits {
@@ -228,15 +234,21 @@ pub(crate) async fn extend(
     Document(document): Document,
 ) -> Result<Json<SweepView>, ApiError> {
     // A repeat under the same key goes on with the same one.
-    let extension = reserved.id();
+    let (extension, to_grow) = (reserved.id(), app.clone());
+    to_its_end(async move { grow(&to_grow, id, extension, document).await }).await??;
+    view(&app, id).await.map(Json)
+}
+
+/// Adds to a sweep and queues what is new; the meshes stay meanwhile.
+async fn grow(app: &App, id: SweepId, extension: Uuid, document: Value) -> Result<(), ApiError> {
     let _open = app.mesh_gate.read().await;
     for _ in 0..EXTEND_TRIES {
         if app.store.is_extended(extension).await? {
-            return view(&app, id).await.map(Json);
+            return Ok(());
         }
         let stored = app.store.stored_sweep(id).await?.ok_or(Refusal::NoSweep)?;
-        let meshes = at_hand(&app, &json!([stored.spec.base, document])).await?;
-        let (limits, asked, body) = (limits(&app), document.clone(), document.clone());
+        let meshes = at_hand(app, &json!([stored.spec.base, document])).await?;
+        let (limits, asked, body) = (limits(app), document.clone(), document.clone());
         let grown =
             aside(move || sweep::extend(&stored, asked, &meshes, limits).map(|growth| (stored, growth)));
         let (stored, growth) = grown.await?.map_err(ApiError::faults)?;
@@ -245,7 +257,7 @@ pub(crate) async fn extend(
         let more = aside(move || MoreOfSweep::new(id, (extension, &body), &stored, growth, firsts)).await??;
         if app.store.extend_sweep(more, app.clock.now()).await? {
             app.work.notify_waiters();
-            return view(&app, id).await.map(Json);
+            return Ok(());
         }
     }
     Err(ApiError::new(Kind::Unavailable, "the sweep is being extended by others; try again"))

@@ -24,17 +24,20 @@ const EVERY: Duration = Duration::from_millis(100);
 
 /// Copies until the writer, which counts its `commits`, has ended.
 pub(super) async fn run(mut connection: SqliteConnection, commits: Arc<AtomicU64>, ended: CancellationToken) {
-    let mut seen = 0;
+    let (mut seen, mut fails) = (0, false);
     while ended.run_until_cancelled(tokio::time::sleep(EVERY)).await.is_some() {
         let now = commits.load(Ordering::Acquire);
-        if std::mem::replace(&mut seen, now) == now {
+        if seen == now {
             continue;
         }
-        if let Err(error) = copy(&mut connection).await {
-            tracing::warn!(
+        match copy(&mut connection).await {
+            Ok(_) => (seen, fails) = (now, false),
+            // A full disk stays full for a while: that is told once.
+            Err(error) if !std::mem::replace(&mut fails, true) => tracing::warn!(
                 error = error.as_dyn(),
                 "the log was not brought over to the database: tried again"
-            );
+            ),
+            Err(_) => {}
         }
     }
     if let Err(error) = connection.close().await {

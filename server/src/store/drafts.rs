@@ -1,7 +1,10 @@
 //! Jobs on their way into the store, written out piece by piece: of a large sweep only what is at work is in memory, and the next
 //! piece is written out while one is inserted.
 
+use std::sync::LazyLock;
+
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{Cache, Needs};
 use roost_api::sweep::SweepSpec;
@@ -18,6 +21,12 @@ const PIECE: usize = 1000;
 
 /// Rows of one `INSERT`: SQLite takes 32,766 parameters.
 const ROWS: usize = 500;
+
+/// Threads of their own: an open transaction must not wait for documents that others have checked.
+static WRITERS: LazyLock<ThreadPool> = LazyLock::new(|| {
+    let pool = ThreadPoolBuilder::new().thread_name(|k| format!("drafts-{k}")).build();
+    pool.expect("the operating system gives threads")
+});
 
 /// A row of `jobs` before it has a state.
 pub(super) struct Draft {
@@ -97,8 +106,10 @@ impl Drafts {
 
     /// Writes out the next piece.
     fn next(mut self) -> Result<Self, StoreError> {
-        let trials: Vec<Trial> = self.rest.by_ref().take(PIECE).collect();
-        self.piece = trials.par_iter().map(|trial| Draft::of(trial, self.sweep)).collect::<Result<_, _>>()?;
+        self.piece = WRITERS.install(|| {
+            let trials: Vec<Trial> = self.rest.by_ref().take(PIECE).collect();
+            trials.par_iter().map(|trial| Draft::of(trial, self.sweep)).collect::<Result<_, _>>()
+        })?;
         Ok(self)
     }
 
@@ -118,7 +129,10 @@ impl Drafts {
             insert_jobs(tx, &piece, shared, turn, now).await?;
             turn += piece.len() as i64;
             queued += piece.len() as u64;
-            self = next.await.map_err(|_| StoreError::Unfinished { queued, jobs })??;
+            self = next.await.map_err(|error| {
+                tracing::error!(%error, "jobs of a sweep were not written out");
+                StoreError::Unfinished { queued, jobs }
+            })??;
         }
         if queued == jobs { Ok(()) } else { Err(StoreError::Unfinished { queued, jobs }) }
     }

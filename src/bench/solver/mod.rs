@@ -114,7 +114,8 @@ fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
         rows.extend(racers.into_iter().map(|racer| racer.row(&bed, args.steps)));
         #[cfg(feature = "gpu")]
         if let Some(gpu) = &gpu {
-            rows.extend(gpu.race(&bed, &args.gpu.batches, args.repeats, args.steps, stop)?);
+            let race = || gpu.race(&bed, &args.gpu.batches, args.repeats, args.steps, stop);
+            rows.extend(roost_solver::gpu::catch_no_room(race)??);
         }
     }
     if args.json {

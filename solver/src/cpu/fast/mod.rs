@@ -357,6 +357,7 @@ impl FastRun {
             true
         });
         self.drawn_up.clear();
+        self.order.clear();
     }
 
     pub(super) fn surface_forces(&self) -> Vec<DVec3> {
