@@ -120,10 +120,9 @@ pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
 pub(crate) fn jobs(jobs: &[JobView]) -> Table {
     let mut table = Table::new(["id", "state", "levels", "seed", "attempt", "%", "submitted"]);
     for job in jobs {
-        let level = |(pointer, value): (&String, _)| {
-            format!("{}={}", pointer.rsplit('/').next().unwrap_or_default(), format::cell(value))
-        };
-        let levels: Vec<_> = job.factors.iter().map(level).collect();
+        let names = format::factor_names(job.factors.keys());
+        let levels = names.iter().zip(job.factors.values());
+        let levels: Vec<_> = levels.map(|(name, value)| format!("{name}={}", format::cell(value))).collect();
         let state = match (job.cancelling, job.failure_class) {
             (true, _) => "cancelling".to_owned(),
             (false, Some(class)) => format!("{}: {class}", job.state),

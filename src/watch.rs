@@ -104,9 +104,10 @@ fn show(meter: &mut Meter, job: &JobView) {
 
 /// The levels of a job's factors: words as they are, numbers with their field.
 fn short_name(job: &JobView) -> String {
-    let levels = job.factors.iter().map(|(pointer, level)| match level {
+    let names = format::factor_names(job.factors.keys());
+    let levels = names.iter().zip(job.factors.values()).map(|(name, level)| match level {
         Value::String(word) => word.clone(),
-        other => format!("{} {}", pointer.rsplit('/').next().unwrap_or(pointer), format::cell(other)),
+        other => format!("{name} {}", format::cell(other)),
     });
     let replicate =
         job.replicate.filter(|replicate| *replicate > 0).map(|replicate| format!("replicate {replicate}"));

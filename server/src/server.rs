@@ -23,7 +23,7 @@ use crate::{http, reaper};
 pub enum ServerError {
     /// An address that others can reach.
     #[error(
-        "refusing to listen on {0} without access tokens, which others could reach: make one with `roost token create \
+        "refusing to listen on {0} without access tokens, which others could reach: make one in the same `--data` with `roost token create \
          --scope admin`, or listen on a loopback address such as 127.0.0.1"
     )]
     NotLoopback(SocketAddr),

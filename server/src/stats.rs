@@ -67,7 +67,10 @@ pub fn line(points: &[(f64, f64)]) -> Option<Line> {
         points.iter().map(|point| of(point.0 - mean_x, point.1 - mean_y)).sum::<f64>()
     };
     let (xx, xy, yy) = (sum(&|x, _| x * x), sum(&|x, y| x * y), sum(&|_, y| y * y));
-    let slope = (xx > 0.0 && yy > 0.0).then(|| xy / xx)?;
+    // Rounding alone leaves equals a little off their mean.
+    let varies = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().any(|point| of(point) != of(&points[0]));
+    let vary = varies(&|point| point.0) && varies(&|point| point.1);
+    let slope = (vary && xx > 0.0 && yy > 0.0).then(|| xy / xx)?;
     Some(Line { slope, intercept: mean_y - slope * mean_x, r2: xy * xy / (xx * yy) })
 }
 
@@ -136,6 +139,7 @@ mod tests {
         let fit = line(&[(0.0, 1.0), (1.0, 3.0), (2.0, 2.0)]).unwrap();
         assert_eq!((fit.slope, fit.intercept, fit.r2), (0.5, 1.5, 0.25));
         assert_eq!(line(&[(0.0, 1.0), (1.0, 1.0)]), None);
+        assert_eq!(line(&[(0.0, 0.1), (1.0, 0.1), (2.0, 0.1)]), None, "their mean is not 0.1");
     }
 
     #[test]

@@ -41,6 +41,18 @@ pub(crate) fn bytes(value: u64) -> String {
     format!("{} {unit}", digits(scaled))
 }
 
+/// Short names of factors: the last word of each pointer, with the one before it where two end in the same.
+pub(crate) fn factor_names<'a>(pointers: impl Iterator<Item = &'a String> + Clone) -> Vec<String> {
+    let last = |pointer: &'a str| pointer.rsplit('/').next().unwrap_or(pointer);
+    let name = |pointer: &'a String| {
+        let name = last(pointer);
+        let alike = pointers.clone().filter(|other| last(other) == name).count();
+        let section = pointer.rsplit('/').nth(1).filter(|section| alike > 1 && !section.is_empty());
+        section.map_or_else(|| name.to_owned(), |section| format!("{section}.{name}"))
+    };
+    pointers.clone().map(name).collect()
+}
+
 /// A JSON value as a table cell: numbers with four significant digits, a dash for null, a mesh by the start of its digest.
 pub(crate) fn cell(value: &Value) -> String {
     match value {
@@ -122,6 +134,14 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    #[test]
+    fn factors_that_end_alike_are_told_apart() {
+        let pointers =
+            ["/contact/fillet_belt/static_friction", "/contact/fillet_fillet/static_friction", "/condition"];
+        let names = factor_names(pointers.map(str::to_owned).iter());
+        assert_eq!(names, ["fillet_belt.static_friction", "fillet_fillet.static_friction", "condition"]);
+    }
 
     #[test]
     fn durations() {
