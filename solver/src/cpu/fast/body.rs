@@ -3,17 +3,15 @@
 use std::ops::Range;
 use std::sync::OnceLock;
 
-use glam::IVec3;
-
 use super::bonds::{self, BondSet};
 use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{LaneContact, PairLaws};
 use super::load::{Loads, Sums};
 use super::meeting::Meeting;
-use super::memory::{Ints, WIDTH, folded};
 use super::pairs::BodyPairs;
-use super::points::{Block, Motion, Points, place_of};
+use super::points::{Motion, Points, place_of};
 use super::walls::{Met, NearWalls};
+use super::whereabouts::{Find, Whereabouts};
 use crate::cpu::integrate::Mover;
 use crate::cpu::stages::{Stage, Stages};
 use crate::cpu::walls::Walls;
@@ -22,21 +20,6 @@ use crate::engine::frame::Frame;
 /// √m* of two sub-particles of masses in kg, in kg^½.
 pub(super) fn root_of_equivalent(mass: f32, other: f32) -> f32 {
     (mass * other / (mass + other)).sqrt()
-}
-
-/// A box around positions, both corners inside.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Extent {
-    pub(super) low: IVec3,
-    pub(super) high: IVec3,
-}
-
-/// Where a body is.
-#[derive(Clone, Debug)]
-pub(super) struct Whereabouts {
-    pub(super) whole: Extent,
-    /// The same of each block.
-    pub(super) boxes: Vec<Extent>,
 }
 
 #[derive(Debug)]
@@ -112,51 +95,6 @@ fn placed(pairs: impl Iterator<Item = [u32; 2]>) -> Vec<[u32; 2]> {
     placed
 }
 
-impl Extent {
-    /// Around nothing.
-    const EMPTY: Self = Self { low: IVec3::MAX, high: IVec3::MIN };
-
-    /// Around the first sub-particles of a block.
-    #[inline(always)]
-    fn of(block: &Block, count: usize) -> Self {
-        // Lanes that hold none stay where the body started: here they count as the first.
-        let ends = |x: &Ints| {
-            let mut x = x.0;
-            for k in 1..WIDTH {
-                x[k] = if k < count { x[k] } else { x[0] };
-            }
-            (folded(x, i32::min), folded(x, i32::max))
-        };
-        let [x, y, z] = block.position.each_ref().map(ends);
-        Self { low: IVec3::new(x.0, y.0, z.0), high: IVec3::new(x.1, y.1, z.1) }
-    }
-
-    fn and(self, other: &Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    /// Larger by `by` metres on all sides; without bounds in a direction that is periodic.
-    pub(super) fn grown(&self, by: f32, frame: &Frame) -> Self {
-        let by = IVec3::splat((by / frame.unit_m) as i32 + 2);
-        let (mut low, mut high) = (self.low.saturating_sub(by), self.high.saturating_add(by));
-        if frame.period_y != 0 {
-            (low.y, high.y) = (i32::MIN, i32::MAX);
-        }
-        Self { low, high }
-    }
-
-    /// Distance to another box in metres, at least; 0 where they overlap. A periodic direction counts nothing.
-    #[inline(always)]
-    pub(super) fn gap(&self, other: &Self, frame: &Frame) -> f32 {
-        let (low, high) = (self.low.max(other.low), self.high.min(other.high));
-        let mut between = low.saturating_sub(high).max(IVec3::ZERO).as_vec3() * frame.unit_m;
-        if frame.period_y != 0 {
-            between.y = 0.0;
-        }
-        between.length()
-    }
-}
-
 impl Body {
     pub(super) fn new(
         range: Range<usize>,
@@ -197,8 +135,8 @@ impl Body {
 
     /// Where it is.
     #[inline(always)]
-    pub(super) fn whereabouts<S: Wide>(&self, simd: S) -> &Whereabouts {
-        self.whereabouts.get_or_init(|| by_itself(simd, Find(&self.points)))
+    pub(super) fn whereabouts<S: Wide>(&self, simd: S, frame: &Frame) -> &Whereabouts {
+        self.whereabouts.get_or_init(|| by_itself(simd, Find(&self.points, frame)))
     }
 
     /// One step of this body, once all meetings have worked out their loads: `firsts` are those that it has worked out itself.
@@ -248,9 +186,10 @@ impl Body {
 
     #[inline(always)]
     fn add_walls<S: Wide>(&mut self, simd: S, around: &Surroundings<'_>, desk: &mut Desk) {
-        if self.walls.is_due(&self.motion, around) {
-            let extent = self.whereabouts(simd).whole;
-            self.walls.search(&self.motion, around, &self.points, &extent);
+        let Self { walls, motion, points, whereabouts, .. } = self;
+        if walls.is_due(motion, around) {
+            let at = whereabouts.get_or_init(|| by_itself(simd, Find(points, around.frame)));
+            walls.search(motion, around, points, at);
         }
         let travelled = self.travelled + around.walls.moved_in_all_m();
         self.walls.forces(simd, travelled, around, &self.points, self.mass, desk);
@@ -291,29 +230,15 @@ impl Job for Move<'_> {
     }
 }
 
-/// Finds out where sub-particles are.
-struct Find<'a>(&'a Points);
-
-impl Job for Find<'_> {
-    type Output = Whereabouts;
-
-    #[inline(always)]
-    fn run<S: Wide>(self, _: S) -> Whereabouts {
-        let Self(points) = self;
-        let blocks = points.blocks.iter().enumerate();
-        let boxes: Vec<_> = blocks.map(|(b, block)| Extent::of(block, points.count - b * WIDTH)).collect();
-        Whereabouts { whole: boxes.iter().fold(Extent::EMPTY, Extent::and), boxes }
-    }
-}
-
 /// To ask a body where it is.
-pub(super) struct Locate<'a>(pub(super) &'a Body);
+pub(super) struct Locate<'a>(pub(super) &'a Body, pub(super) &'a Frame);
 
 impl<'a> Job for Locate<'a> {
     type Output = &'a Whereabouts;
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> &'a Whereabouts {
-        self.0.whereabouts(simd)
+        let Self(body, frame) = self;
+        body.whereabouts(simd, frame)
     }
 }

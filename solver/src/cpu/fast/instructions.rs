@@ -35,6 +35,19 @@ pub(super) trait Job {
 #[repr(align(64))]
 pub(super) struct Places(pub(super) [u32; WIDTH]);
 
+impl Places {
+    /// Each lane its own number.
+    pub(super) const EACH: Self = {
+        let mut each = [0; WIDTH];
+        let mut k = 0;
+        while k < WIDTH {
+            each[k] = k as u32;
+            k += 1;
+        }
+        Self(each)
+    };
+}
+
 #[inline(always)]
 fn stands_at<T: Copy>(window: [&[T; WIDTH]; 2], place: u32) -> T {
     let place = place as usize;
@@ -73,6 +86,17 @@ pub(super) trait Wide: Simd {
         Lanes(std::array::from_fn(|k| {
             if takes >> k & 1 == 1 { values.0[from.0[k] as usize % WIDTH] } else { 0.0 }
         }))
+    }
+
+    /// The values that `takes` has a bit for, in front; what follows may be anything.
+    #[inline(always)]
+    fn to_front(self, values: &Places, takes: u16) -> Places {
+        let (mut front, mut count) = ([0; WIDTH], 0);
+        for k in 0..WIDTH {
+            front[count % WIDTH] = values.0[k];
+            count += usize::from(takes >> k & 1);
+        }
+        Places(front)
     }
 
     /// From four numbers each one after the other to lanes (see [`super::memory::quad_of`]).
@@ -161,6 +185,11 @@ mod x86 {
         #[inline(always)]
         fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
             Lanes(cast(self.avx512f._mm512_maskz_permutexvar_ps(takes, cast(from.0), cast(values.0))))
+        }
+
+        #[inline(always)]
+        fn to_front(self, values: &Places, takes: u16) -> Places {
+            Places(cast(self.avx512f._mm512_maskz_compress_epi32(takes, cast(values.0))))
         }
 
         #[inline(always)]

@@ -31,6 +31,7 @@ mod points;
 mod search;
 mod share;
 mod walls;
+mod whereabouts;
 
 use std::sync::Arc;
 
@@ -44,7 +45,7 @@ use super::walls::Walls;
 use crate::engine::Advance;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use body::{Body, Desk, Extent, Locate, Move, Noticed, Surroundings};
+use body::{Body, Desk, Locate, Move, Noticed, Surroundings};
 use bonds::BondSet;
 use clumps::{Clump, clumps};
 pub use instructions::Instructions;
@@ -55,6 +56,7 @@ use pairs::BodyPairs;
 use points::Points;
 use search::{Search, near_each_other};
 use share::{AT_ONCE, PerThread, along_curve, in_order};
+use whereabouts::Extent;
 
 /// Distance beyond reach that lists cover, as a share of R: between two bodies, and between a body and itself.
 const SKIN_RATIOS: [f32; 2] = [0.4, 0.25];
@@ -232,7 +234,8 @@ impl FastRun {
         self.drawn_up = self.bodies.iter().map(|body| (body.motion.shift, body.motion.path)).collect();
         let reach = self.search().reach + MARGIN_RATIO * self.params.radius;
         let instructions = self.instructions;
-        let extents = self.bodies.par_iter().map(|body| instructions.run(Locate(body)).whole);
+        let extents =
+            self.bodies.par_iter().map(|body| instructions.run(Locate(body, &self.state.frame)).whole);
         let extents: Vec<Extent> = extents.collect();
         self.order = along_curve(&extents);
         let pairs = near_each_other(&extents, reach, &self.state.frame);
@@ -243,7 +246,9 @@ impl FastRun {
             self.meetings.push(known.unwrap_or_else(|| Meeting::new(pair)));
         }
         self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
-        self.firsts = self.bodies.iter().map(|body| Loads::none(body.points.positions.len())).collect();
+        if self.firsts.is_empty() {
+            self.firsts = self.bodies.iter().map(|body| Loads::none(body.points.positions.len())).collect();
+        }
         self.pairs.iter_mut().for_each(|pairs| pairs.is_stale = true);
         self.bodies.iter_mut().for_each(|body| body.meets.clear());
         for (m, meeting) in (0u32..).zip(&self.meetings) {
@@ -357,6 +362,7 @@ impl FastRun {
             true
         });
         self.drawn_up.clear();
+        self.firsts.clear();
         self.order.clear();
     }
 

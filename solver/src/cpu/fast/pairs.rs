@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::instructions::Wide;
+use super::instructions::{Places, Wide};
 use super::load::Loads;
 use super::memory::{Lanes, Quads, WIDTH, places_of};
 use super::points::Points;
@@ -100,7 +100,9 @@ impl PairList {
     /// Finds those that are no further apart than `near` units of length. `apart` are their distances.
     #[inline(always)]
     pub(super) fn close<S: Wide>(simd: S, apart: &[[i32; 4]], near: f32, close: &mut Vec<u32>) {
-        close.clear();
+        // With room to write whole registers.
+        close.resize(apart.len() + WIDTH, 0);
+        let mut count = 0;
         let mut quads = Quads::ZERO;
         for (first, apart) in (0u32..).step_by(WIDTH).zip(apart.chunks(WIDTH)) {
             for (quad, apart) in quads.0.iter_mut().zip(apart) {
@@ -115,11 +117,14 @@ impl PairList {
                 }
             }
             let there = (1u32 << apart.len()) - 1;
-            let mut bits = places_of(simd.at_most(&distance2, near * near)) & there as u16;
-            while bits != 0 {
-                close.push(first + bits.trailing_zeros());
-                bits &= bits - 1;
+            let bits = places_of(simd.at_most(&distance2, near * near)) & there as u16;
+            let mut these = simd.to_front(&Places::EACH, bits);
+            for k in 0..WIDTH {
+                these.0[k] += first;
             }
+            close[count..count + WIDTH].copy_from_slice(&these.0);
+            count += bits.count_ones() as usize;
         }
+        close.truncate(count);
     }
 }

@@ -1,11 +1,9 @@
 //! The search for pairs of two bodies that may touch: first boxes of bodies, then boxes of blocks, then sub-particles.
 
-use glam::IVec3;
-
-use super::body::{Body, Extent};
-use super::instructions::Wide;
-use super::memory::{Lanes, Lanes3, WIDTH, folded, places_of, quad_of};
-use super::points::Points;
+use super::body::Body;
+use super::instructions::{Places, Wide};
+use super::memory::{Lanes, Lanes3, WIDTH, folded};
+use super::whereabouts::{Extent, Span, Whereabouts};
 use crate::engine::frame::Frame;
 
 /// Blocks that are further from a body than this many skins beyond reach are passed over.
@@ -38,86 +36,65 @@ pub(super) struct Search {
     pub(super) outer_skins: [f32; 2],
 }
 
-/// Blocks of a body that are near another, relative to some origin.
-#[derive(Debug, Default)]
-struct Cloud {
-    index: Vec<u32>,
-    /// Lowest and highest corners of the blocks' boxes, in metres.
-    spans: Vec<Span>,
-    /// The same, [`WIDTH`] by [`WIDTH`].
-    lows: Vec<Lanes3>,
-    highs: Vec<Lanes3>,
-    x: Vec<Lanes3>,
+/// Two bodies, or one and itself, as they are searched.
+#[derive(Clone, Copy, Debug)]
+struct Two<'a> {
+    first: &'a Whereabouts,
+    second: &'a Whereabouts,
+    /// From where the second counts to where the first does, in metres.
+    between: [f32; 3],
+    /// Square of the distance within which pairs are wanted, in m².
+    reach2: f32,
+    /// Half the period along y and all of it, in metres; infinity and 0 where there is none, since nothing is half of that away.
+    period: [f32; 2],
+    alone: bool,
 }
 
-type Span = [[f32; 3]; 2];
+impl<'a> Two<'a> {
+    fn new([first, second]: [&'a Whereabouts; 2], reach: f32, frame: &Frame, alone: bool) -> Self {
+        let between = first.whole.low.wrapping_sub(second.whole.low).as_vec3() * frame.unit_m;
+        let period = frame.period_y as f32 * frame.unit_m;
+        let half = if period == 0.0 { f32::INFINITY } else { 0.5 * period };
+        let (between, period) = (between.to_array(), [half, period]);
+        Self { first, second, between, reach2: reach * reach, period, alone }
+    }
+
+    fn is_periodic(&self) -> bool {
+        self.period[1] != 0.0
+    }
+
+    /// The box of the second, as the first counts.
+    fn around_second(&self) -> Span {
+        let corner = |at: &[f32; 3]| std::array::from_fn(|axis| at[axis] - self.between[axis]);
+        [corner(&[0.0; 3]), corner(&self.second.size)]
+    }
+
+    /// A block of the first, as the second counts: its box and its sub-particles.
+    #[inline(always)]
+    fn seen_from_second(&self, block: usize) -> (Span, Lanes3) {
+        let mut x = self.first.x[block];
+        let mut span = self.first.boxes[block];
+        for axis in 0..3 {
+            x[axis].0.iter_mut().for_each(|x| *x += self.between[axis]);
+            span.iter_mut().for_each(|corner| corner[axis] += self.between[axis]);
+        }
+        (span, x)
+    }
+}
 
 /// Finds pairs that may touch.
 #[derive(Debug, Default)]
 pub(super) struct Finder {
-    first: Cloud,
-    second: Cloud,
-    /// Blocks of the second cloud to be searched, and which of the first's block are near each.
+    /// Blocks of the second body that are near one of the first, and which of that one's sub-particles are near each.
     beside: Vec<(usize, u16)>,
+    /// What is found for one sub-particle, with room to write whole registers.
+    seconds: Vec<u32>,
     /// What the last search has found: pairs of places, sorted.
     pub(super) found: Vec<[u32; 2]>,
 }
 
-/// Blocks beside another that are kept as bits.
-const FIRST: usize = u64::BITS as usize;
-
-/// Where there is no sub-particle, in metres.
-const NOWHERE: f32 = 1e9;
-
-impl Cloud {
-    /// The blocks of a body within `reach` metres of a box. Returns the least distance of those that are not.
-    #[inline(always)]
-    fn fill(
-        &mut self,
-        points: &Points,
-        boxes: &[Extent],
-        near: &Extent,
-        reach: f32,
-        origin: IVec3,
-        frame: &Frame,
-    ) -> f32 {
-        self.index.clear();
-        self.spans.clear();
-        self.lows.clear();
-        self.highs.clear();
-        self.x.clear();
-        let mut left_out = f32::INFINITY;
-        for (b, (block, extent)) in points.blocks.iter().zip(boxes).enumerate() {
-            let gap = extent.gap(near, frame);
-            if gap > reach {
-                left_out = left_out.min(gap);
-                continue;
-            }
-            let count = points.count - b * WIDTH;
-            let mut x = [Lanes::ZERO; 3];
-            for axis in 0..3 {
-                for k in 0..WIDTH {
-                    let d = block.position[axis].0[k].wrapping_sub(origin[axis]);
-                    x[axis].0[k] = if k < count { d as f32 * frame.unit_m } else { NOWHERE };
-                }
-            }
-            self.index.push(b as u32);
-            let corner = |x: IVec3| (x.wrapping_sub(origin).as_vec3() * frame.unit_m).to_array();
-            self.spans.push([corner(extent.low), corner(extent.high)]);
-            self.x.push(x);
-        }
-        for some in self.spans.chunks(WIDTH) {
-            let lanes = |corner: usize| -> Lanes3 {
-                std::array::from_fn(|axis| {
-                    Lanes(std::array::from_fn(|k| some.get(k).map_or(NOWHERE, |span| span[corner][axis])))
-                })
-            };
-            self.lows.push(lanes(0));
-            self.highs.push(lanes(1));
-        }
-        left_out
-    }
-}
+/// Blocks beside another that are looked at together: as many as there are bits.
+const AT_ONCE: usize = u64::BITS as usize;
 
 impl Finder {
     /// Finds the pairs of two bodies, or of one and itself, that come within reach and skin. Returns a distance, in metres, that
@@ -134,72 +111,97 @@ impl Finder {
         let skin = search.outer_skins[usize::from(alone)];
         let (listed, far) = (search.reach + skin, search.reach + FAR * skin);
         self.found.clear();
-        let [at_a, at_b] = [a, b].map(|body| body.whereabouts(simd));
+        let [at_a, at_b] = [a, b].map(|body| body.whereabouts(simd, frame));
         let gap = if alone { 0.0 } else { at_a.whole.gap(&at_b.whole, frame) };
         if gap > far {
             return gap;
         }
-        let origin = at_b.whole.low;
-        let of_a = self.first.fill(&a.points, &at_a.boxes, &at_b.whole, far, origin, frame);
-        let of_b = self.second.fill(&b.points, &at_b.boxes, &at_a.whole, far, origin, frame);
-        let apart = self.find(simd, listed, frame, alone);
+        let two = Two::new([at_a, at_b], listed, frame, alone);
+        let apart = self.find(simd, far, &two);
         if alone {
             a.leave_out_joined(&mut self.found);
         }
-        apart.min(of_a).min(of_b)
+        apart
     }
 
-    /// Pairs of the two clouds within `reach` metres. Returns a distance that the others are not below.
+    /// Pairs that come within reach, among blocks within `far` metres of the other body. Where there are none, returns a distance
+    /// that all are not below, or that within which they were wanted.
     #[inline(always)]
-    fn find<S: Wide>(&mut self, simd: S, reach: f32, frame: &Frame, alone: bool) -> f32 {
-        let Self { first, second, beside, found } = self;
-        let reach2 = reach * reach;
-        let period = frame.period_y as f32 * frame.unit_m;
-        let is_periodic = period != 0.0;
-        // Without a period nothing is ever half of it away.
-        let half = if is_periodic { 0.5 * period } else { f32::INFINITY };
+    fn find<S: Wide>(&mut self, simd: S, far: f32, two: &Two<'_>) -> f32 {
         let mut apart2 = Lanes([f32::INFINITY; WIDTH]);
-        for ((&a, span), xa) in first.index.iter().zip(&first.spans).zip(&first.x) {
-            beside.clear();
-            for (g, (lows, highs)) in second.lows.iter().zip(&second.highs).enumerate() {
-                let mut boxes = within(simd, &gaps2(span, lows, highs, is_periodic), reach2, &mut apart2);
-                while boxes != 0 {
-                    let b = g * WIDTH + boxes.trailing_zeros() as usize;
-                    boxes &= boxes - 1;
-                    // Of a body and itself only pairs with i < j count, once.
-                    if alone && second.index[b] < a {
-                        continue;
-                    }
-                    let from_box = distances2_from_box(xa, &second.spans[b], is_periodic);
-                    let near_box = within(simd, &from_box, reach2, &mut apart2);
-                    if near_box != 0 {
-                        beside.push((b, places_of(near_box)));
-                    }
-                }
-            }
-            // For each of the block's sub-particles, which of the first of those blocks it is near.
-            let mut near = [0u64; WIDTH];
-            for (n, &(_, near_box)) in beside.iter().enumerate().take(FIRST) {
-                for place in bits(near_box) {
-                    near[place] |= 1 << n;
-                }
-            }
-            for (place, &near) in near.iter().enumerate() {
-                let i = a * WIDTH as u32 + place as u32;
-                let x = [0, 1, 2].map(|axis| xa[axis].0[quad_of(place)]);
-                let more = beside.iter().skip(FIRST).filter(|(_, near_box)| near_box >> place & 1 == 1);
-                for &(b, _) in bits(near).map(|n| &beside[n]).chain(more) {
-                    let distances2 = distances2_from_point(&second.x[b], x, [half, period]);
-                    let hits = within(simd, &distances2, reach2, &mut apart2);
-                    if hits != 0 {
-                        let first = second.index[b] * WIDTH as u32;
-                        let hits = bits(places_of(hits)).map(|hit| first + hit as u32);
-                        found.extend(hits.filter(|&j| !alone || i < j).map(|j| [i, j]));
-                    }
-                }
+        let around_second = two.around_second();
+        for (g, row) in two.first.rows.iter().enumerate() {
+            let gaps = gaps2(&around_second, row, two.is_periodic());
+            let mut near = within(simd, &gaps, far * far, &mut apart2);
+            while near != 0 {
+                self.find_of(simd, g * WIDTH + near.trailing_zeros() as usize, two, &mut apart2);
+                near &= near - 1;
             }
         }
         folded(apart2.0, |a, b| if b < a { b } else { a }).sqrt()
+    }
+
+    /// The same of one block of the first body.
+    #[inline(always)]
+    fn find_of<S: Wide>(&mut self, simd: S, a: usize, two: &Two<'_>, apart2: &mut Lanes) {
+        let Two { second, reach2, alone, .. } = *two;
+        let is_periodic = two.is_periodic();
+        let (span, xa) = two.seen_from_second(a);
+        self.beside.clear();
+        for (g, row) in second.rows.iter().enumerate() {
+            let mut boxes = within(simd, &gaps2(&span, row, is_periodic), reach2, apart2);
+            while boxes != 0 {
+                let b = g * WIDTH + boxes.trailing_zeros() as usize;
+                boxes &= boxes - 1;
+                // Of a body and itself only pairs with i < j count, once.
+                if alone && b < a {
+                    continue;
+                }
+                let from_box = distances2_from_box(&xa, &second.boxes[b], is_periodic);
+                let near_box = within(simd, &from_box, reach2, apart2);
+                if near_box != 0 {
+                    self.beside.push((b, near_box));
+                }
+            }
+        }
+        let Self { beside, seconds, found } = self;
+        if !beside.is_empty() {
+            // Of those that are looked at one by one it is not told how near they are.
+            apart2.0.iter_mut().for_each(|apart2| *apart2 = apart2.min(reach2));
+        }
+        let first = found.len();
+        for beside in beside.chunks(AT_ONCE) {
+            // For each of the block's sub-particles, which of those blocks it is near.
+            let mut near = [0u64; WIDTH];
+            for (n, &(_, near_box)) in beside.iter().enumerate() {
+                for (place, near) in near.iter_mut().enumerate() {
+                    *near |= u64::from(near_box >> place & 1) << n;
+                }
+            }
+            seconds.resize((beside.len() + 1) * WIDTH, 0);
+            for (place, &near) in near.iter().enumerate() {
+                let x = [xa[0].0[place], xa[1].0[place], xa[2].0[place]];
+                let (mut near, mut count) = (near, 0);
+                while near != 0 {
+                    let b = beside[near.trailing_zeros() as usize].0;
+                    near &= near - 1;
+                    let distances2 = distances2_from_point(&second.x[b], x, two.period);
+                    let later = if alone && b == a { (!1u32 << place) as u16 } else { u16::MAX };
+                    let hits = simd.at_most(&distances2, reach2) & later;
+                    let mut hit = simd.to_front(&Places::EACH, hits);
+                    for k in 0..WIDTH {
+                        hit.0[k] += (b * WIDTH) as u32;
+                    }
+                    seconds[count..count + WIDTH].copy_from_slice(&hit.0);
+                    count += hits.count_ones() as usize;
+                }
+                let i = (a * WIDTH + place) as u32;
+                found.extend(seconds[..count].iter().map(|&j| [i, j]));
+            }
+        }
+        if beside.len() > AT_ONCE {
+            found[first..].sort_unstable();
+        }
     }
 }
 
@@ -212,17 +214,6 @@ fn within<S: Wide>(simd: S, distances2: &Lanes, reach2: f32, apart2: &mut Lanes)
         apart2.0[k] = if beyond < apart2.0[k] { beyond } else { apart2.0[k] };
     }
     simd.at_most(distances2, reach2)
-}
-
-/// The numbers of bits that are set, ascending.
-#[inline(always)]
-fn bits(of: impl Into<u64>) -> impl Iterator<Item = usize> {
-    let mut left = of.into();
-    std::iter::from_fn(move || {
-        let bit = (left != 0).then(|| left.trailing_zeros() as usize);
-        left &= left.wrapping_sub(1);
-        bit
-    })
 }
 
 /// Squares of the distances of a block's sub-particles from a point, in m².
@@ -240,31 +231,29 @@ fn distances2_from_point(block: &Lanes3, [x, y, z]: [f32; 3], [half, period]: [f
 
 /// Squares of the gaps between a box and others, in m²; a periodic y counts nothing.
 #[inline(always)]
-fn gaps2([low, high]: &Span, lows: &Lanes3, highs: &Lanes3, periodic_y: bool) -> Lanes {
+fn gaps2([low, high]: &Span, [lows, highs]: &[Lanes3; 2], periodic_y: bool) -> Lanes {
     let mut gap2 = Lanes::ZERO;
-    for axis in (0..3).filter(|&axis| axis != 1 || !periodic_y) {
-        for k in 0..WIDTH {
-            let (below, above) = (lows[axis].0[k] - high[axis], low[axis] - highs[axis].0[k]);
-            let d = if above > below { above } else { below };
-            let d = if d > 0.0 { d } else { 0.0 };
-            gap2.0[k] += d * d;
-        }
+    add_beyond2(&mut gap2, [low[0], high[0]], [&lows[0], &highs[0]]);
+    if !periodic_y {
+        add_beyond2(&mut gap2, [low[1], high[1]], [&lows[1], &highs[1]]);
     }
+    add_beyond2(&mut gap2, [low[2], high[2]], [&lows[2], &highs[2]]);
     gap2
 }
 
 /// Squares of the distances of a block's sub-particles from a box, in m²; along a periodic y they count nothing.
 #[inline(always)]
-fn distances2_from_box(x: &Lanes3, [low, high]: &[[f32; 3]; 2], periodic_y: bool) -> Lanes {
-    let mut distance2 = Lanes::ZERO;
-    for axis in (0..3).filter(|&axis| axis != 1 || !periodic_y) {
-        for k in 0..WIDTH {
-            let at = x[axis].0[k];
-            let (below, above) = (low[axis] - at, at - high[axis]);
-            let d = if above > below { above } else { below };
-            let d = if d > 0.0 { d } else { 0.0 };
-            distance2.0[k] += d * d;
-        }
+fn distances2_from_box(x: &Lanes3, around: &Span, periodic_y: bool) -> Lanes {
+    gaps2(around, &[*x, *x], periodic_y)
+}
+
+/// Adds the squares of how far the spans from `lows` to `highs` are beyond one.
+#[inline(always)]
+fn add_beyond2(to: &mut Lanes, [low, high]: [f32; 2], [lows, highs]: [&Lanes; 2]) {
+    for k in 0..WIDTH {
+        let (below, above) = (lows.0[k] - high, low - highs.0[k]);
+        let d = if above > below { above } else { below };
+        let d = if d > 0.0 { d } else { 0.0 };
+        to.0[k] += d * d;
     }
-    distance2
 }

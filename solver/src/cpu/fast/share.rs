@@ -4,7 +4,7 @@ use std::sync::{Mutex, MutexGuard};
 
 use glam::IVec3;
 
-use super::body::Extent;
+use super::whereabouts::Extent;
 
 /// Bodies that a thread takes at once: some cost far more than others, and what is left at the end must not be much.
 pub(super) const AT_ONCE: usize = 2;

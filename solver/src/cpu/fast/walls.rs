@@ -4,13 +4,14 @@
 use glam::{DVec3, Vec3};
 
 use super::alone::{Alone, Touching};
-use super::body::{Desk, Extent, Surroundings};
+use super::body::{Desk, Surroundings};
 use super::facets::FewTriangles;
 use super::instructions::{Wide, by_itself};
 use super::kernel::{self, Contacts, Felt, Seen};
 use super::meeting::SAFE;
 use super::memory::{Lanes3, WIDTH, quad_of};
 use super::points::{Motion, Points, place_of};
+use super::whereabouts::Whereabouts;
 use crate::cpu::forces::{Load, feel_walls};
 use crate::cpu::lists::WallPair;
 use crate::cpu::walls::Touch;
@@ -140,10 +141,11 @@ impl NearWalls {
         motion: &Motion,
         around: &Surroundings<'_>,
         points: &Points,
-        extent: &Extent,
+        at: &Whereabouts,
     ) {
         let Surroundings { walls, frame, .. } = around;
         let reach = around.wall_reach + around.wall_skin;
+        let extent = &at.whole;
         let centre = (extent.low >> 1) + (extent.high >> 1);
         let half = extent.high.wrapping_sub(extent.low).as_vec3().length() * frame.unit_m * 0.5 + 1e-6;
         let near: Vec<u32> = walls.within(centre, reach + half, frame).collect();
@@ -158,14 +160,22 @@ impl NearWalls {
             Some(pairs)
         });
         let mut known = old_rows.next();
+        let mut close = Vec::new();
         for k in 0..points.count as u32 {
+            if k as usize % WIDTH == 0 {
+                // Of a block only what its box is near.
+                let (centre, half) = at.middle(k as usize / WIDTH, frame.unit_m);
+                close.clear();
+                let reaches = |facet: &&u32| walls.touch(**facet, centre, frame).distance <= reach + half;
+                close.extend(near.iter().filter(reaches));
+            }
             let position = points.particle(k as usize).position;
             while known.as_ref().is_some_and(|(row, _)| *row < k) {
                 known = old_rows.next();
             }
             let remembered =
                 known.as_ref().filter(|(row, _)| *row == k).map_or(&[][..], |(_, r)| &old.pairs[r.clone()]);
-            for &facet in &near {
+            for &facet in &close {
                 if walls.touch(facet, position, frame).distance <= reach {
                     let before = remembered.iter().find(|pair| pair.facet == facet);
                     self.pairs.push(before.copied().unwrap_or(WallPair { facet, ..WallPair::default() }));
