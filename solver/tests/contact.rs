@@ -59,6 +59,27 @@ fn restitution_is_what_was_asked_for() {
 }
 
 #[test]
+fn in_a_long_step_a_dashpot_takes_half_of_a_motion() {
+    let (law, delta, dt) = (law(false, 1e-4, 1e3, 0.0), 0.5 * RADIUS as f32, 1e-3f32);
+    let m_star = MASS as f32 / 2.0;
+    // The force on i with a velocity against j, in its direction, less what springs do.
+    let damps = |n: Vec3, spring: f32| {
+        let feel = |v: Vec3| {
+            let mut memory = ContactMemory::default();
+            let force =
+                contact::force(&law, &mut memory, n, delta, v, Vec3::ZERO, m_star, dt).expect("it touches");
+            force.normal + force.tangential
+        };
+        f64::from((feel(Vec3::Z) - feel(Vec3::ZERO)).z + spring * dt)
+    };
+    let by_mass = f64::from(dt) / f64::from(m_star);
+    assert_close(1.0 + damps(Vec3::Z, 0.0) * by_mass, 0.5, 1e-5);
+    // Across, both are spun as well: at the contact a force moves 1 + m R²/I = 7/2 times as much.
+    let k_t = 8.0 * law.g_star * (law.r_star * delta).sqrt();
+    assert_close(1.0 + 3.5 * damps(Vec3::X, k_t) * by_mass, 0.5, 1e-4);
+}
+
+#[test]
 fn hertz_force_against_an_independent_number() {
     // 4/3 · 28154.79 Pa · √0.002 m · (0.001 m)^1.5, worked out by hand.
     let (force, a) = hertz::force(28_154.79, 0.002, 0.001);

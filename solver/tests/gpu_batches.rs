@@ -125,6 +125,9 @@ fn a_run_too_large_for_the_device_fails_alone_and_in_words() {
     }
 }
 
+/// Steps in which what is near each other hardly changes.
+const STEPS: u64 = 120;
+
 #[test]
 fn a_batch_is_as_large_as_the_memory() {
     let Some(device) = parity::device() else { return };
@@ -132,7 +135,7 @@ fn a_batch_is_as_large_as_the_memory() {
     let first = open(device.clone());
     let mut run = first.prepare(&scenes[0]);
     let own = first.taken_bytes();
-    first.advance(&mut [(&mut run, 300)]);
+    first.advance(&mut [(&mut run, STEPS)]);
     let advancing = first.taken_bytes() - own;
     let (particles, triangles) = (first.state(&mut run).particles.len() as u64, 20);
     let usual = usual_bytes(particles, triangles);
@@ -142,25 +145,25 @@ fn a_batch_is_as_large_as_the_memory() {
     for (at_once, room) in [(4, 4.0), (2, 2.5), (1, 1.2)] {
         let gpu = open(device.clone().with_memory(4 * own + (room * advancing as f64) as u64));
         let mut both: Vec<Both<'_>> = scenes.iter().map(|scene| Both::new(&gpu, scene)).collect();
-        let mut batch: Vec<_> = both.iter_mut().map(|both| (&mut both.gpu_run, 300)).collect();
+        let mut batch: Vec<_> = both.iter_mut().map(|both| (&mut both.gpu_run, STEPS)).collect();
         gpu.advance(&mut batch);
         assert_eq!(gpu.refusals(), 0, "more was wanted than there is");
         let batch = (gpu.taken_bytes() - 4 * own) as f64 / advancing as f64;
         assert_eq!(batch.round() as u32, at_once, "{batch}");
         for both in &mut both {
-            both.plain.advance(&mut [(&mut both.plain_run, 300)]);
+            both.plain.advance(&mut [(&mut both.plain_run, STEPS)]);
             both.assert_same();
         }
     }
     // A run that does not fit by itself is refused, and so is a fifth; the others never hear of it.
     let gpu = open(device.with_memory(4 * own + advancing * 9 / 10));
     let mut runs: Vec<_> = scenes.iter().map(|scene| gpu.prepare(scene)).collect();
-    let words_of_run = words(|| gpu.advance(&mut [(&mut runs[0], 300)]));
+    let words_of_run = words(|| gpu.advance(&mut [(&mut runs[0], STEPS)]));
     assert!(words_of_run.contains("bytes of its memory are needed"), "{words_of_run}");
     runs.remove(0);
     assert_eq!(gpu.taken_bytes(), 3 * own, "what was refused takes nothing");
-    let done = gpu.advance(&mut [(&mut runs[0], 300)]);
-    assert_eq!(done[0].steps, 300);
+    let done = gpu.advance(&mut [(&mut runs[0], STEPS)]);
+    assert_eq!(done[0].steps, STEPS);
     let more: Vec<_> = (0..2).map(|_| gpu.prepare(&scenes[0])).collect();
     assert_eq!(more.len(), 2, "the last batch makes way");
 }

@@ -169,10 +169,15 @@ fn terms() -> Vec<Term> {
         },
         Term {
             name: "damping",
-            inputs: vec![0.0..2.0, 0.0..100.0, 1e-5..1e-3],
-            outputs: 1,
-            wgsl: "put(0u, damping_constant(x(0u), x(1u), x(2u)));",
-            rust: |x| vec![damping::constant(x[0], x[1], x[2])],
+            inputs: vec![0.0..2.0, 0.0..100.0, 1e-5..1e-3, 1e-5..1e-3],
+            outputs: 2,
+            wgsl: "put(0u, damping_constant(x(0u), x(1u), x(2u), ALONG, x(3u))); \
+                   put(1u, damping_constant(x(0u), x(1u), x(2u), ACROSS, x(3u)));",
+            rust: |x| {
+                [damping::ALONG, damping::ACROSS]
+                    .map(|b| damping::constant(x[0], x[1], x[2], b, x[3]))
+                    .to_vec()
+            },
         },
         Term {
             name: "hertz",
@@ -304,6 +309,7 @@ fn an_error_in_any_term_is_found_and_named() {
     let planted = [
         ("vector", "a.y * b.z - b.y * a.z", "a.y * b.z + b.y * a.z", "products of vectors"),
         ("damping", "stiffness * m_star", "stiffness * m_star * 1.000001", "damping"),
+        ("damping", "ACROSS: f32 = 3.5", "ACROSS: f32 = 3.4", "damping"),
         ("hertz", "4.0 / 3.0 * e_star", "1.333 * e_star", "hertz"),
         ("jkr", "k < 3", "k < 2", "jkr root"),
         ("jkr", "- 2.0 * x3", "- 2.00001 * x3", "jkr"),

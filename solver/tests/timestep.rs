@@ -27,10 +27,10 @@ fn hopper(radius_m: f64, formulation: &str) -> Scenario {
 fn the_table_of_automatic_steps() {
     // In microseconds, at the defaults: docs/verification.md quotes these.
     let table = [
-        (0.004, [137, 152, 776]),
-        (0.005, [176, 196, 976]),
-        (0.006, [202, 224, 1094]),
-        (0.008, [263, 292, 1371]),
+        (0.004, [373, 415, 776]),
+        (0.005, [470, 522, 976]),
+        (0.006, [526, 585, 1094]),
+        (0.008, [660, 733, 1371]),
     ];
     for (radius, expected) in table {
         let scenario = hopper(radius, "corotated");
@@ -38,6 +38,24 @@ fn the_table_of_automatic_steps() {
         let found = [bounds.auto_s, bounds.damped_s, bounds.undamped_s].map(|s| (s * 1e6).round() as u32);
         assert_eq!(found, expected, "at {radius} m");
         assert_eq!(timestep_s(&scenario, &bounds), bounds.auto_s);
+    }
+}
+
+#[test]
+fn the_damped_bound_is_that_of_an_endless_lattice() {
+    // Worked out by lattice/limits.py from eigenvalues of one step.
+    let table = include_str!("lattice/limits.csv");
+    for row in table.lines().skip(1) {
+        let [radius, restitution, limit]: [f64; 3] = std::array::from_fn(|k| {
+            row.split(',').nth(k).and_then(|word| word.parse().ok()).expect("a number")
+        });
+        let mut scenario = hopper(radius, "corotated");
+        scenario.product.density_kg_m3 = None;
+        scenario.product.subparticle_density_kg_m3 = Some(2200.0);
+        scenario.contact.fillet_fillet.restitution = restitution;
+        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
+        let off = bounds.damped_s / limit - 1.0;
+        assert!(off.abs() < 0.01, "{row}: {} s, off by {off}", bounds.damped_s);
     }
 }
 
@@ -102,15 +120,33 @@ fn a_bond_about_to_break_holds_when_let_go_at_the_automatic_step() {
 }
 
 #[test]
-fn hard_surfaces_lower_the_automatic_step() {
+fn where_bonds_are_soft_rolling_on_a_surface_bounds_the_step() {
     let mut scenario = hopper(0.004, "corotated");
-    scenario.contact.fillet_fillet.restitution = 1.0;
-    let of = |scenario: &Scenario| bounds_on_timestep(scenario, &kinds(scenario, &Meshes::default())).auto_s;
-    let with_dashpot = of(&scenario);
-    scenario.contact.fillet_equipment.restitution = 1.0;
-    scenario.contact.fillet_belt.restitution = 1.0;
-    // Of the rolling mode: 3.5 η_t / m with η_t of Tsuji's dashpot is what is left without the bed's.
-    assert!(with_dashpot < 0.6 * of(&scenario), "{with_dashpot} against {}", of(&scenario));
+    scenario.bonds.contact_between_bonded = false;
+    (scenario.bonds.normal_stiffness_n_m3, scenario.bonds.shear_stiffness_n_m3) = (1e3, 1e3);
+    // 8 G* a on a rigid plate, overlapped by R.
+    let k_t = 8.0 * 48_600.0 / (2.0 * 1.37) / (2.0 - 0.37) * 0.004;
+    for (restitution, left) in [(1.0, 1.0f64), (1e-4, 0.75)] {
+        let contacts = [&mut scenario.contact.fillet_equipment, &mut scenario.contact.fillet_belt];
+        contacts.into_iter().for_each(|contact| contact.restitution = restitution);
+        let kinds = kinds(&scenario, &Meshes::default());
+        // ω² δt²/4 = 1 less half of what a dashpot takes.
+        let expected = 2.0 * (left * kinds[0].subparticle_mass_kg / (3.5 * k_t)).sqrt();
+        let found = bounds_on_timestep(&scenario, &kinds).damped_s;
+        assert!((found / expected - 1.0).abs() < 0.01, "{found} s, not {expected}, at {restitution}");
+    }
+}
+
+#[test]
+fn what_starts_fast_takes_shorter_steps() {
+    let mut document =
+        json!({"experiment": "drop", "drop": {"speed_m_s": 20}, "numerics": {"timestep_s": "auto"}});
+    for (speed, step) in [(20.0, Some(0.25 * 0.004 / 20.0)), (0.5, None)] {
+        document["drop"]["speed_m_s"] = json!(speed);
+        let scenario = scenario::from_value(&document).expect("a sound scenario");
+        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
+        assert_eq!(timestep_s(&scenario, &bounds), step.unwrap_or(bounds.auto_s), "at {speed} m/s");
+    }
 }
 
 #[test]

@@ -93,10 +93,10 @@ pub fn force(
     let k_t = 8.0 * law.g_star * a;
     let v_n = v.dot(n);
     let v_t = v - n * v_n;
-    let total = elastic + damping::constant(law.damping, k_n, m_star) * v_n;
+    let total = elastic + damping::constant(law.damping, k_n, m_star, damping::ALONG, dt) * v_n;
     // At δ = 0 without adhesion the contact has no area and nothing to hold on to.
     let tangential = if a > 0.0 {
-        let eta_t = damping::constant(law.damping, k_t, m_star);
+        let eta_t = damping::constant(law.damping, k_t, m_star, damping::ACROSS, dt);
         memory.slide = friction::turned(memory.slide, n, spin.dot(n) * dt) + v_t * dt;
         friction::force(&mut memory.slide, v_t, k_t, eta_t, law.mu * total.max(0.0))
     } else {

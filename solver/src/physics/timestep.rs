@@ -14,8 +14,9 @@
 //!   contact damps it: ω² = (4 (k_n + 2 k_t) + 2 (k_b − k_n)) / m,
 //! - one sub-particle rolling on a surface: ω² = (1 + m R² / I) K_t / m = 3.5 K_t / m.
 //!
-//! Leapfrog is stable for δt < 2/ω. A dashpot taken at the old velocity lowers that to
-//! δt < (2/ω) (√(1 + ζ²) − ζ) for the damping ratio ζ. All are estimates of the linear lattice; contact
+//! Leapfrog is stable for δt < 2/ω, and with dashpots taken at the old velocity while ω² δt²/4 + c δt / 2m < 1. A contact's dashpot
+//! takes no more than half of a motion in a step ([`super::damping`]), so that not even six of them make a long step
+//! unstable by themselves. All are estimates of the linear lattice; contact
 //! stiffens with overlap and is taken at a stated overlap.
 //!
 //! | symbol | unit | meaning |
@@ -23,14 +24,15 @@
 //! | K | N/m | S A of the bond + 2E*a (normal) or 8G*a (tangential) of the contact |
 //! | m | kg | mass of a sub-particle |
 //! | I | kg m² | its moment of inertia, 2/5 m R² |
-//! | ζ | – | η ω / 2K, the share of critical damping of the contact in the mode |
+//! | c | kg/s | the η of the contacts that act in the mode, summed as the K are |
 
 use super::contact::ContactLaw;
+use super::damping::{self, ACROSS, ALONG};
 use crate::engine::scene::Laws;
 
-/// Overlap at which contact stiffness is taken, as a share of R: the deepest seen in a filled hopper. Where fillets
-/// have been driven into each other it decides; taken at the usual overlap of a few hundredths, single sub-particles
-/// kept trembling at 0.04 m/s and the bed never came to rest.
+/// Overlap at which contact stiffness is taken, as a share of R: about the deepest in a filled hopper. Where fillets
+/// have been driven into each other it decides: with steps for the usual overlap of a few hundredths, single sub-particles
+/// keep trembling and the bed never comes to rest.
 pub const REFERENCE_OVERLAP: f64 = 1.0;
 
 /// Share of the damped limit that `"auto"` takes.
@@ -59,25 +61,40 @@ pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stabil
     let (side_n, side_t) = (k_n + share * along(law), k_t + share * across(law));
     let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
     let diagonal = 8.0 * (diagonal_n + 2.0 * diagonal_t);
-    let eta =
-        |law: &ContactLaw, stiffness: f64, mass: f64| f64::from(law.damping) * (stiffness * mass).sqrt();
-    let eta_n = share * eta(law, along(law), mass / 2.0);
-    let eta_t = share * eta(law, across(law), mass / 2.0);
-    // (stiffness, dashpot), both as they act on one mass.
-    let lattice = [
-        (4.0 * (side_n + 2.0 * side_t) + diagonal, 4.0 * (eta_n + 2.0 * eta_t)),
-        (20.0 * side_t + 80.0 * diagonal_t, 20.0 * eta_t),
-    ];
-    let breaking = (4.0 * (k_n + 2.0 * k_t) + diagonal + 2.0 * (bond.stretched_k_n() - k_n), 0.0);
-    let rolling =
-        [laws.equipment, laws.belt].map(|law| (3.5 * across(&law), 3.5 * eta(&law, across(&law), mass)));
-    let bounds = |(stiffness, dashpot): (f64, f64)| {
-        let omega = (stiffness / mass).sqrt();
-        let zeta = dashpot / mass / (2.0 * omega);
-        (2.0 / omega, 2.0 / omega * ((1.0 + zeta * zeta).sqrt() - zeta))
+    let eta = |law: &ContactLaw, stiffness: f64, m_star: f64, b: f32, dt: f64| {
+        f64::from(damping::constant(law.damping, stiffness as f32, m_star as f32, b, dt as f32))
     };
-    let undamped_s = lattice.map(|mode| bounds(mode).0).into_iter().fold(f64::INFINITY, f64::min);
-    let all = lattice.into_iter().chain([breaking]).chain(rolling);
-    let damped_s = all.map(|mode| bounds(mode).1).fold(f64::INFINITY, f64::min);
-    Stability { undamped_s, damped_s, auto_s: SAFETY * damped_s }
+    let eta_n = |dt| share * eta(law, along(law), mass / 2.0, ALONG, dt);
+    let eta_t = |dt| share * eta(law, across(law), mass / 2.0, ACROSS, dt);
+    let apart = 4.0 * (side_n + 2.0 * side_t) + diagonal;
+    let alike = 20.0 * side_t + 80.0 * diagonal_t;
+    let breaking = 4.0 * (k_n + 2.0 * k_t) + diagonal + 2.0 * (bond.stretched_k_n() - k_n);
+    let rolling = [laws.equipment, laws.belt].map(|law| {
+        let stiffness = across(&law);
+        longest(mass, 3.5 * stiffness, |dt| 3.5 * eta(&law, stiffness, mass, ACROSS, dt))
+    });
+    let lattice = [
+        longest(mass, apart, |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt))),
+        longest(mass, alike, |dt| 20.0 * eta_t(dt)),
+        longest(mass, breaking, |_| 0.0),
+    ];
+    let damped_s = lattice.into_iter().chain(rolling).fold(f64::INFINITY, f64::min);
+    Stability { undamped_s: undamped(mass, apart.max(alike)), damped_s, auto_s: SAFETY * damped_s }
+}
+
+/// 2/ω in seconds, for a stiffness in N/m on a mass in kg.
+fn undamped(mass: f64, stiffness: f64) -> f64 {
+    2.0 * (mass / stiffness).sqrt()
+}
+
+/// The longest stable step in seconds, with dashpots of `c` kg/s in a step of so many seconds: by bisection, since what is
+/// bounded grows with the step.
+fn longest(mass: f64, stiffness: f64, c: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, undamped(mass, stiffness));
+    for _ in 0..50 {
+        let dt = 0.5 * (low + high);
+        let bounded = stiffness * dt * dt / (4.0 * mass) + c(dt) * dt / (2.0 * mass);
+        if bounded < 1.0 { low = dt } else { high = dt }
+    }
+    low
 }

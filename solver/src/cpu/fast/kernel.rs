@@ -10,6 +10,7 @@ use super::load::BatchLanes;
 use super::memory::{Lanes, Lanes3, WIDTH};
 use crate::physics::bond::{BondLaw, Form, STRETCH_CLAMP};
 use crate::physics::contact::ContactLaw;
+use crate::physics::damping::{ACROSS, ALONG, MOST};
 
 /// Squares of what is turned below which it has no direction.
 const NO_LENGTH2: f32 = 1e-30;
@@ -181,7 +182,7 @@ pub(super) fn contacts<S: Simd>(
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
         let pairs = Pairs::new(simd, laws.dt, seen, part);
         let root_mass = F::load(simd, [mass_a, mass_b], part);
-        let meets = Meets { law: &laws.contact, touch: laws.touch, dt: laws.dt, root_mass };
+        let meets = Meets::new(simd, &laws.contact, laws.touch, laws.dt, root_mass);
         let (push, across, delta) = contact(simd, &meets, &pairs, exists, [one, two], part);
         deepest = deepest.max(delta);
         pairs.n.mul_from(push, across).store([&mut a.force, &mut b.force], part);
@@ -204,7 +205,7 @@ pub(super) fn surfaces<S: Simd>(
     [a, b]: &mut [Felt; 2],
 ) {
     let root_mass = F::splat(simd, root_mass);
-    let meets = Meets { law, touch: 0.5 * laws.touch, dt: laws.dt, root_mass };
+    let meets = Meets::new(simd, law, 0.5 * laws.touch, laws.dt, root_mass);
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     for part in 0..WIDTH / S::F32_LANES {
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
@@ -226,7 +227,8 @@ pub(super) fn bonds<S: Simd>(
     mut memory: [&mut Bonds; 2],
     [a, b]: &mut [Felt; 2],
 ) -> (f32, bool) {
-    let (zero, root_mass) = (F::splat(simd, 0.0), F::splat(simd, root_mass));
+    let zero = F::splat(simd, 0.0);
+    let meets = Meets::new(simd, &laws.contact, laws.touch, laws.dt, F::splat(simd, root_mass));
     let (mut deepest, mut broke) = (zero, false);
     for part in 0..WIDTH / S::F32_LANES {
         let pairs = Pairs::new(simd, laws.dt, seen, part);
@@ -243,7 +245,6 @@ pub(super) fn bonds<S: Simd>(
         let touches = if laws.contact_between_bonded { exists } else { free };
         if laws.contact_between_bonded || free.any() {
             let contacts = memory.each_mut().map(|memory| &mut memory.contacts);
-            let meets = Meets { law: &laws.contact, touch: laws.touch, dt: laws.dt, root_mass };
             let (push, tangential, delta) = contact(simd, &meets, &pairs, touches, contacts, part);
             pull = pull - push;
             across += tangential;
@@ -311,6 +312,16 @@ struct Meets<'a, S: Simd> {
     dt: f32,
     /// √m*, in kg^½.
     root_mass: F<S>,
+    /// The most that a dashpot along n can be, in kg/s.
+    most: F<S>,
+}
+
+impl<'a, S: Simd> Meets<'a, S> {
+    #[inline(always)]
+    fn new(simd: S, law: &'a LaneContact, touch: f32, dt: f32, root_mass: F<S>) -> Self {
+        let most = root_mass * root_mass * F::splat(simd, MOST / (ALONG * dt));
+        Self { law, touch, dt, root_mass, most }
+    }
 }
 
 /// [`crate::physics::contact::force`] on i: the push against n, the force across it, and the overlap where there is contact (else 0).
@@ -344,11 +355,13 @@ fn contact<S: Simd>(
         }
     };
     let damp = meets.root_mass * root_a;
-    let total = (splat(*damping_n) * damp).mul_from(v_n, elastic);
+    let eta_n = (splat(*damping_n) * damp).min(meets.most);
+    let eta_t = (splat(*damping_t) * damp).min(meets.most * splat(ALONG / ACROSS));
+    let total = eta_n.mul_from(v_n, elastic);
     // Friction, as in `physics::friction`; without area there is nothing to hold on to.
     let holds_on = zero.lt(a);
     let k_t = splat(8.0 * law.g_star) * a;
-    let dashpot = v_t * (splat(*damping_t) * damp);
+    let dashpot = v_t * eta_t;
     let old = F3::load(simd, [&one.slide, &two.slide], part);
     let mut slide = v_t.mul_from(splat(meets.dt), turned(simd, pairs, old));
     let mut force = slide.mul_from(k_t, dashpot);

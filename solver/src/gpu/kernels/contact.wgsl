@@ -39,10 +39,10 @@ fn contact_force(
     let k_t = 8.0 * law.g_star * a;
     let v_n = dot3(v, n);
     let v_t = v - n * v_n;
-    let total = elastic.force + damping_constant(law.damping, k_n, m_star) * v_n;
+    let total = elastic.force + damping_constant(law.damping, k_n, m_star, ALONG, dt) * v_n;
     var tangential = vec3(0.0);
     if a > 0.0 {
-        let eta_t = damping_constant(law.damping, k_t, m_star);
+        let eta_t = damping_constant(law.damping, k_t, m_star, ACROSS, dt);
         var slide = turned((*memory).slide, n, dot3(spin, n) * dt) + v_t * dt;
         tangential = friction_force(&slide, v_t, k_t, eta_t, law.mu * max(total, 0.0));
         (*memory).slide = slide;
