@@ -197,6 +197,19 @@ fn diagonal_bonds_agree() {
 }
 
 #[test]
+fn long_steps_in_which_dashpots_are_held_back_agree() {
+    let mut scene = drop();
+    scene.laws.tissue = law(false, 1e-4, 0.3, 0.055);
+    scene.laws.equipment = law(true, 1e-4, 0.5, 0.055);
+    scene.laws.belt = law(true, 1e-4, 0.4, 0.055);
+    // Across, most contacts are held back at the first step; along, few, and more at the second.
+    for (dt, steps) in [(4e-4, 60), (7e-4, 40)] {
+        scene.timestep_s = dt;
+        assert_agrees(&format!("dashpots held back at {dt} s"), &scene, &Course::of(steps));
+    }
+}
+
+#[test]
 fn a_periodic_seam_agrees() {
     for period in [0.4, 0.12, 0.06] {
         let mut scene = drop();

@@ -175,6 +175,7 @@ fn a_slope_without_friction_lets_down_by_the_sine() {
             json!([plate("slope", json!({"orientation_deg": [0, 25, 0], "kind": "frictionless"}))]),
         ),
         ("/numerics/duration_s", json!(0.35)),
+        // Leapfrog is half a step ahead of what starts from rest.
         ("/numerics/timestep_s", json!(1e-4)),
     ]);
     let result = run(&scenario);

@@ -147,6 +147,12 @@ fn what_starts_fast_takes_shorter_steps() {
         let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
         assert_eq!(timestep_s(&scenario, &bounds), step.unwrap_or(bounds.auto_s), "at {speed} m/s");
     }
+    let bodies = json!([{"position_m": [0, 0, 1]}, {"position_m": [0, 0, 2], "velocity_m_s": [0, 12, -16]}]);
+    let document =
+        json!({"experiment": "scene", "scene": {"bodies": bodies}, "numerics": {"timestep_s": "auto"}});
+    let scenario = scenario::from_value(&document).expect("a sound scenario");
+    let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
+    assert_eq!(timestep_s(&scenario, &bounds), 0.25 * 0.004 / 20.0);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use crate::cpu::walls::{AT_THE_EDGE, SAME, SAME_WAY};
 use crate::gpu::layout;
 use crate::physics::bond::{Form, STRETCH_CLAMP};
+use crate::physics::damping::{ACROSS, ALONG, MOST};
 use crate::physics::jkr::{CURVATURE, D_SNAP, X_SNAP};
 
 /// A file of functions without state.
@@ -64,6 +65,9 @@ fn constants() -> String {
         ("SAME", SAME),
         ("AT_THE_EDGE", AT_THE_EDGE),
         ("SAME_WAY", SAME_WAY),
+        ("MOST", MOST),
+        ("ALONG", ALONG),
+        ("ACROSS", ACROSS),
     ];
     let numbers = [
         ("COROTATED", layout::form(Form::Corotated)),

@@ -8,7 +8,7 @@
 //! η ≤ m* / (2 b δt)
 //!
 //! What acts across n also spins the two, which so give way the more easily: b = 1 + m R²/I = 7/2, and 1 along n. At the paper's step no
-//! contact of its fillets comes near that.
+//! contact of its fillets comes near that, with sub-particles of 4 mm and more.
 //!
 //! | symbol | unit | meaning |
 //! |---|---|---|

@@ -15,8 +15,8 @@
 //! - one sub-particle rolling on a surface: ω² = (1 + m R² / I) K_t / m = 3.5 K_t / m.
 //!
 //! Leapfrog is stable for δt < 2/ω, and with dashpots taken at the old velocity while ω² δt²/4 + c δt / 2m < 1. A contact's dashpot
-//! takes no more than half of a motion in a step ([`super::damping`]), so that not even six of them make a long step
-//! unstable by themselves. All are estimates of the linear lattice; contact
+//! takes no more than half of a motion in a step ([`super::damping`]), so that the six of a lattice point by themselves make no step
+//! unstable; some eight would. All are estimates of the linear lattice; contact
 //! stiffens with overlap and is taken at a stated overlap.
 //!
 //! | symbol | unit | meaning |
@@ -45,7 +45,7 @@ pub struct Stability {
     pub undamped_s: f64,
     /// The limit with damping, in seconds: between the two a run may diverge.
     pub damped_s: f64,
-    /// The step that `"auto"` takes, in seconds.
+    /// The step that `"auto"` takes where nothing else bounds it, in seconds.
     pub auto_s: f64,
 }
 

@@ -30,7 +30,7 @@ pub(super) trait Job {
     fn run<S: Wide>(self, simd: S) -> Self::Output;
 }
 
-/// Places in a window of two blocks: under [`WIDTH`] in the first, else in the second.
+/// A whole number in each lane; as places in a window of two blocks, those under [`WIDTH`] are in the first.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(super) struct Places(pub(super) [u32; WIDTH]);

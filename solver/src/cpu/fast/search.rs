@@ -124,8 +124,8 @@ impl Finder {
         apart
     }
 
-    /// Pairs that come within reach, among blocks within `far` metres of the other body. Where there are none, returns a distance
-    /// that all are not below, or that within which they were wanted.
+    /// Pairs that come within reach, among blocks within `far` metres of the other body. Returns a distance that no other pair is
+    /// below; it is no more than the reach where any was looked at by itself.
     #[inline(always)]
     fn find<S: Wide>(&mut self, simd: S, far: f32, two: &Two<'_>) -> f32 {
         let mut apart2 = Lanes([f32::INFINITY; WIDTH]);
@@ -255,5 +255,129 @@ fn add_beyond2(to: &mut Lanes, [low, high]: [f32; 2], [lows, highs]: [&Lanes; 2]
         let d = if above > below { above } else { below };
         let d = if d > 0.0 { d } else { 0.0 };
         to.0[k] += d * d;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
+
+    use super::super::instructions::{Instructions, Job};
+    use super::super::points::{Points, place_of};
+    use super::*;
+    use crate::engine::state::{Particle, State};
+
+    /// Bodies of so many points at random in a box of so many metres, around these middles.
+    fn clouds(frame: Frame, bodies: &[(usize, DVec3, f64)]) -> (State, Vec<Whereabouts>) {
+        let mut random = fastrand::Rng::with_seed(1);
+        let mut particles = Vec::new();
+        for &(count, middle, size) in bodies {
+            particles.extend((0..count).map(|_| {
+                let x = DVec3::from([(); 3].map(|()| random.f64() - 0.5)) * size + middle;
+                let position = frame.wrap((x / f64::from(frame.unit_m)).as_ivec3());
+                Particle { position, velocity: Vec3::ZERO, spin: Vec3::ZERO }
+            }));
+        }
+        let count = particles.len();
+        let state = State {
+            frame,
+            radius_m: 0.004,
+            remainders: vec![Vec3::ZERO; count],
+            masses: vec![1.0; count],
+            bodies: vec![0; count],
+            serials: (0..count as u32).collect(),
+            held: vec![false; count],
+            broken: vec![0; count],
+            bonds_at_start: 0,
+            bonds_broken: 0,
+            particles,
+        };
+        let mut from = 0;
+        let whereabouts = bodies.iter().map(|&(count, ..)| {
+            from += count;
+            Whereabouts::of(&Points::of(&state, from - count..from), frame.unit_m)
+        });
+        let whereabouts = whereabouts.collect();
+        (state, whereabouts)
+    }
+
+    struct Look<'a>(&'a mut Finder, Two<'a>);
+
+    impl Job for Look<'_> {
+        type Output = f32;
+
+        #[inline(always)]
+        fn run<S: Wide>(self, simd: S) -> f32 {
+            let Self(finder, two) = self;
+            finder.found.clear();
+            finder.find(simd, 1.5 * two.reach2.sqrt(), &two)
+        }
+    }
+
+    /// All pairs of two bodies, the second at the end of the first, by their places, with their distances in metres; of one and itself once.
+    fn all(state: &State, counts: [usize; 2], alone: bool) -> Vec<([u32; 2], f64)> {
+        let [a, b] = counts;
+        let second = if alone { 0 } else { a };
+        let mut all = Vec::new();
+        for i in 0..a {
+            for j in 0..if alone { a } else { b } {
+                let [x, y] = [i, second + j].map(|k| state.particles[k].position);
+                let mut d = y.wrapping_sub(x);
+                d.y = state.frame.nearest_image(d.y);
+                let pair = [place_of(i as u32), place_of(j as u32)];
+                if !alone || pair[0] < pair[1] {
+                    all.push((pair, (d.as_dvec3() * f64::from(state.frame.unit_m)).length()));
+                }
+            }
+        }
+        all.sort_unstable_by_key(|(pair, _)| *pair);
+        all
+    }
+
+    fn frame(periodic_y: bool) -> Frame {
+        Frame::new(DVec3::splat(-0.1), DVec3::splat(0.1), periodic_y)
+    }
+
+    #[test]
+    fn what_comes_within_reach_is_found_in_order() {
+        const REACH: f32 = 0.02;
+        for periodic_y in [false, true] {
+            // Every block spans all of its body, so that each is beside each of the other's, of which there are 69.
+            let bodies = [(157, DVec3::new(0.02, 0.05, 0.0), 0.1), (1100, DVec3::new(0.0, 0.06, 0.01), 0.1)];
+            let (state, at) = clouds(frame(periodic_y), &bodies);
+            for [a, b] in [[0, 1], [0, 0]] {
+                let all = all(&state, [157, 1100], a == b);
+                // Where rounding decides, either will do.
+                let [surely, perhaps] = [-1e-6, 1e-6].map(|by| {
+                    let near = all.iter().filter(|(_, d)| *d <= f64::from(REACH) + by);
+                    near.map(|(pair, _)| *pair).collect::<Vec<_>>()
+                });
+                assert!(surely.len() > 200);
+                for instructions in Instructions::available() {
+                    let mut finder = Finder::default();
+                    let two = Two::new([&at[a], &at[b]], REACH, &state.frame, a == b);
+                    instructions.run(Look(&mut finder, two));
+                    assert!(finder.found.is_sorted(), "{}", instructions.name());
+                    assert!(surely.iter().all(|pair| finder.found.binary_search(pair).is_ok()));
+                    assert!(finder.found.iter().all(|pair| perhaps.binary_search(pair).is_ok()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_found_is_no_nearer_than_told() {
+        for (gap, reach) in [(0.01, 0.004), (-0.02, 0.0005), (0.03, 0.02)] {
+            let bodies = [(40, DVec3::ZERO, 0.04), (50, DVec3::X * (0.04 + gap), 0.04)];
+            let (state, at) = clouds(frame(false), &bodies);
+            let nearest = all(&state, [40, 50], false).iter().map(|(_, d)| *d).fold(f64::INFINITY, f64::min);
+            assert!(nearest > f64::from(reach), "nothing is to be found");
+            let mut finder = Finder::default();
+            let two = Two::new([&at[0], &at[1]], reach, &state.frame, false);
+            let told = Instructions::widest().run(Look(&mut finder, two));
+            assert_eq!(finder.found, [[0; 2]; 0]);
+            assert!(f64::from(told) <= nearest + 1e-6, "{told} m, {nearest} m");
+            assert!(told >= reach, "{told} m are no use");
+        }
     }
 }

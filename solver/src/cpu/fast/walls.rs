@@ -145,9 +145,7 @@ impl NearWalls {
     ) {
         let Surroundings { walls, frame, .. } = around;
         let reach = around.wall_reach + around.wall_skin;
-        let extent = &at.whole;
-        let centre = (extent.low >> 1) + (extent.high >> 1);
-        let half = extent.high.wrapping_sub(extent.low).as_vec3().length() * frame.unit_m * 0.5 + 1e-6;
+        let (centre, half) = at.middle_of_all(frame.unit_m);
         let near: Vec<u32> = walls.within(centre, reach + half, frame).collect();
         let old = std::mem::take(self);
         self.known = true;
@@ -164,7 +162,7 @@ impl NearWalls {
         for k in 0..points.count as u32 {
             if k as usize % WIDTH == 0 {
                 // Of a block only what its box is near.
-                let (centre, half) = at.middle(k as usize / WIDTH, frame.unit_m);
+                let (centre, half) = at.middle_of(k as usize / WIDTH, frame.unit_m);
                 close.clear();
                 let reaches = |facet: &&u32| walls.touch(**facet, centre, frame).distance <= reach + half;
                 close.extend(near.iter().filter(reaches));

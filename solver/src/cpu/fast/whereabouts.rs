@@ -23,7 +23,7 @@ pub(super) struct Whereabouts {
     pub(super) whole: Extent,
     /// From the lowest corner to the highest.
     pub(super) size: [f32; 3],
-    /// Block by block, by [`place_of`]; those that only fill one up are [`NOWHERE`].
+    /// Block by block, by [`super::points::place_of`]; those that only fill one up are [`NOWHERE`].
     pub(super) x: Vec<Lanes3>,
     /// The blocks' boxes.
     pub(super) boxes: Vec<Span>,
@@ -39,7 +39,7 @@ const NOWHERE: f32 = 1e9;
 
 impl Whereabouts {
     #[inline(always)]
-    fn of(points: &Points, unit_m: f32) -> Self {
+    pub(super) fn of(points: &Points, unit_m: f32) -> Self {
         let count = |b: usize| points.count - b * WIDTH;
         let (mut lows, mut highs) = ([Ints([i32::MAX; WIDTH]); 3], [Ints([i32::MIN; WIDTH]); 3]);
         for (b, block) in points.blocks.iter().enumerate() {
@@ -79,9 +79,18 @@ impl Whereabouts {
         Self { whole: Extent { low, high }, size, x, boxes, rows }
     }
 
-    /// The middle of a block's box, and how far its corners are from there in metres, at most.
-    pub(super) fn middle(&self, block: usize, unit_m: f32) -> (IVec3, f32) {
-        let [low, high] = self.boxes[block].map(Vec3::from);
+    /// The middle of the body's box, and how far its corners are from there in metres, at most.
+    pub(super) fn middle_of_all(&self, unit_m: f32) -> (IVec3, f32) {
+        self.middle(&[[0.0; 3], self.size], unit_m)
+    }
+
+    /// The same of a block's box.
+    pub(super) fn middle_of(&self, block: usize, unit_m: f32) -> (IVec3, f32) {
+        self.middle(&self.boxes[block], unit_m)
+    }
+
+    fn middle(&self, span: &Span, unit_m: f32) -> (IVec3, f32) {
+        let [low, high] = span.map(Vec3::from);
         let middle = ((low + high) * (0.5 / unit_m)).as_ivec3();
         (self.whole.low.wrapping_add(middle), 0.5 * (high - low).length() + ROUNDING_M)
     }

@@ -35,7 +35,7 @@ pub struct Numerics {
 pub enum Timestep {
     /// Seconds.
     Fixed(f64),
-    /// Chosen from stiffness, mass and damping.
+    /// Chosen from stiffness, mass, damping and the speed at the start.
     Auto(Auto),
 }
 
@@ -65,7 +65,7 @@ const TIME: Range = above_to(0.0, 600.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/numerics/timestep_s", Kind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
-        "Time step; `auto` picks the largest safe one from stiffness, mass and damping."),
+        "Time step; `auto` picks the largest safe one from stiffness, mass, damping and the speed at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
         "Simulated time from t = 0: the start of the belt, or of the test.")
         .elsewhere(&[("drop", Preset::Number(2.0)), ("bend", Preset::Number(5.0)), ("scene", Preset::Number(2.0))])
