@@ -46,12 +46,13 @@ fn the_damped_bound_is_that_of_an_endless_lattice() {
     // Worked out by lattice/limits.py from eigenvalues of one step.
     let table = include_str!("lattice/limits.csv");
     for row in table.lines().skip(1) {
-        let [radius, restitution, limit]: [f64; 3] = std::array::from_fn(|k| {
+        let [radius, normal, shear, restitution, limit]: [f64; 5] = std::array::from_fn(|k| {
             row.split(',').nth(k).and_then(|word| word.parse().ok()).expect("a number")
         });
         let mut scenario = hopper(radius, "corotated");
         scenario.product.density_kg_m3 = None;
         scenario.product.subparticle_density_kg_m3 = Some(2200.0);
+        (scenario.bonds.normal_stiffness_n_m3, scenario.bonds.shear_stiffness_n_m3) = (normal, shear);
         scenario.contact.fillet_fillet.restitution = restitution;
         let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
         let off = bounds.damped_s / limit - 1.0;

@@ -15,19 +15,18 @@ import math
 import numpy as np
 
 E, POISSON, DENSITY = 48_600.0, 0.37, 2200.0  # Pa, kg/m3: Table 2
-S_N, S_T = 1e6, 6e5  # N/m3: Table 2
 E_STAR = E / (2.0 * (1.0 - POISSON**2))
 G_STAR = E / (2.0 * (1.0 + POISSON)) / (2.0 * (2.0 - POISSON))
 MOST = 0.5  # share of a motion that a dashpot takes in a step
 
 
 class Lattice:
-    def __init__(self, radius, restitution):
+    def __init__(self, radius, stiffness, restitution):
         self.radius = radius
         self.mass = DENSITY * 4.0 / 3.0 * math.pi * radius**3
         a = math.sqrt(radius / 2.0 * radius)
         self.contact = (2.0 * E_STAR * a, 8.0 * G_STAR * a)
-        self.bond = tuple(s * math.pi * radius**2 for s in (S_N, S_T))
+        self.bond = tuple(s * math.pi * radius**2 for s in stiffness)
         beta = math.log(restitution) / math.hypot(math.log(restitution), math.pi)
         self.damping = 2.0 * math.sqrt(5.0 / 6.0) * abs(beta)
 
@@ -71,6 +70,11 @@ class Lattice:
 
 WAVES = [[math.pi * k / 4.0 for k in wave] for wave in itertools.combinations_with_replacement(range(5), 3)]
 
-print("radius_m,restitution,limit_s")
-for radius, restitution in itertools.product((0.004, 0.006), (1e-4, 0.1, 0.3, 0.5, 0.8, 0.999)):
-    print(f"{radius},{restitution},{Lattice(radius, restitution).limit():.4e}")
+# Normal and across, in N/m3: of Table 2, where the fastest mode spins all alike; and one where it moves neighbours apart.
+STIFFNESSES = [(1e6, 6e5), (1e7, 0.0)]
+
+print("radius_m,normal_stiffness_n_m3,shear_stiffness_n_m3,restitution,limit_s")
+for radius, (normal, shear) in itertools.product((0.004, 0.006), STIFFNESSES):
+    for restitution in (1e-4, 0.1, 0.3, 0.5, 0.8, 0.999):
+        limit = Lattice(radius, (normal, shear), restitution).limit()
+        print(f"{radius},{normal},{shear},{restitution},{limit:.4e}")
