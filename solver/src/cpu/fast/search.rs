@@ -367,10 +367,13 @@ mod tests {
 
     #[test]
     fn what_is_not_found_is_no_nearer_than_told() {
-        for (gap, reach) in [(0.01, 0.004), (-0.02, 0.0005), (0.03, 0.02)] {
-            let bodies = [(40, DVec3::ZERO, 0.04), (50, DVec3::X * (0.04 + gap), 0.04)];
+        // Apart by less than a block, by more, and one among the other.
+        let beside = |gap: f64| [(40, DVec3::ZERO, 0.04), (50, DVec3::X * (0.04 + gap), 0.04)];
+        let within = [(16, DVec3::ZERO, 0.01), (16, DVec3::ZERO, 0.06)];
+        for (bodies, reach) in [(beside(0.01), 0.004), (beside(0.03), 0.02), (within, 0.001)] {
             let (state, at) = clouds(frame(false), &bodies);
-            let nearest = all(&state, [40, 50], false).iter().map(|(_, d)| *d).fold(f64::INFINITY, f64::min);
+            let counts = bodies.map(|(count, ..)| count);
+            let nearest = all(&state, counts, false).iter().map(|(_, d)| *d).fold(f64::INFINITY, f64::min);
             assert!(nearest > f64::from(reach), "nothing is to be found");
             let mut finder = Finder::default();
             let two = Two::new([&at[0], &at[1]], reach, &state.frame, false);
