@@ -93,7 +93,7 @@ fn the_bits_are_those_of_this_solver_revision() {
         let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
         blake3::hash(&bytes).to_hex()
     };
-    assert_eq!(roost_solver::SOLVER_REVISION, 9);
+    assert_eq!(roost_solver::SOLVER_REVISION, 10);
     let plain = digest_on(Cpu::plain(1));
     assert_eq!(plain.as_str(), "c2349605a871ebf7eed1763196420e86e6e377569e4416214a801d4edd117d50", "plain");
     let fast = digest_on(Cpu::new(1));
