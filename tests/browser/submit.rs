@@ -50,6 +50,7 @@ pub(crate) fn by_the_form(home: &Home, page: &mut Page) -> String {
         ("Side walls", "frictionless"),
         ("Count", "4"),
         ("Subparticle radius", "0.009"),
+        ("Timestep", "0.0003"),
         ("Duration", "1.2"),
         ("When empty", "false"),
     ] {
