@@ -160,7 +160,7 @@ impl NearWalls {
         let mut known = old_rows.next();
         let mut close = Vec::new();
         for k in 0..points.count as u32 {
-            if k as usize % WIDTH == 0 {
+            if (k as usize).is_multiple_of(WIDTH) {
                 // Of a block only what its box is near.
                 let (centre, half) = at.middle_of(k as usize / WIDTH, frame.unit_m);
                 close.clear();
