@@ -9,13 +9,16 @@ use super::kernel::{LaneContact, PairLaws};
 use super::load::{Loads, Sums};
 use super::meeting::Meeting;
 use super::pairs::BodyPairs;
-use super::points::{Motion, Points, place_of};
+use super::points::{Block, Motion, Points, place_of};
 use super::walls::{Met, NearWalls};
 use super::whereabouts::{Find, Whereabouts};
 use crate::cpu::integrate::Mover;
 use crate::cpu::stages::{Stage, Stages};
 use crate::cpu::walls::Walls;
 use crate::engine::frame::Frame;
+
+/// Sets of bonds that are asked for before they are worked on.
+const AHEAD: usize = 4;
 
 /// √m* of two sub-particles of masses in kg, in kg^½.
 pub(super) fn root_of_equivalent(mass: f32, other: f32) -> f32 {
@@ -68,6 +71,7 @@ pub(super) struct Surroundings<'a> {
 pub(super) struct Desk {
     pub(super) sums: Sums,
     pub(super) met: Met,
+    blocks: Vec<Block>,
 }
 
 /// What a body has noticed in a step.
@@ -148,8 +152,9 @@ impl Body {
         firsts: &mut Loads,
         desk: &mut Desk,
     ) -> Noticed {
-        let Desk { sums, .. } = desk;
+        let Desk { sums, blocks, .. } = desk;
         let mut watch = around.stages.watch();
+        simd.fetch(&self.bonds[..AHEAD.min(self.bonds.len())]);
         sums.begin(firsts);
         for &m in &self.meets {
             let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
@@ -160,22 +165,25 @@ impl Body {
         }
         watch.lap(Stage::Sums);
         let mut noticed = Noticed::default();
-        let Self { points, bonds: sets, broken, .. } = self;
+        self.points.set_out(simd, blocks);
+        let Self { bonds: sets, broken, .. } = self;
         let root_mass = root_of_equivalent(self.mass, self.mass);
         broken.clear();
-        for pair in sets.chunks_exact_mut(2) {
+        for k in (0..sets.len()).step_by(2) {
+            simd.fetch(sets.get(k + AHEAD..k + AHEAD + 2).unwrap_or(&[]));
+            let pair = &mut sets[k..k + 2];
             let Surroundings { laws, frame, .. } = around;
             let [one, two] = pair else { break };
             let pair = [one, two];
-            let deepest = bonds::forces(pair, simd, laws, root_mass, frame, &points.blocks, sums, broken);
+            let deepest = bonds::forces(pair, simd, laws, root_mass, frame, blocks, sums, broken);
             noticed.max_overlap = noticed.max_overlap.max(deepest);
         }
         watch.lap(Stage::Bonds);
         self.add_walls(simd, around, desk);
         watch.lap(Stage::Walls);
         let Self { points, motion, .. } = self;
-        let sums = &mut desk.sums;
-        let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, sums);
+        let Desk { sums, blocks, .. } = desk;
+        let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, blocks, sums);
         sums.end(firsts);
         self.whereabouts.take();
         self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);

@@ -88,6 +88,13 @@ pub(super) trait Wide: Simd {
         }))
     }
 
+    /// A value where `takes` has a bit, else 0.
+    #[inline(always)]
+    fn only(self, value: f32, takes: u16) -> Lanes {
+        let takes = |k: usize| 0u32.wrapping_sub(u32::from(takes >> k & 1));
+        Lanes(std::array::from_fn(|k| f32::from_bits(value.to_bits() & takes(k))))
+    }
+
     /// The values that `takes` has a bit for, in front; what follows may be anything.
     #[inline(always)]
     fn to_front(self, values: &Places, takes: u16) -> Places {
@@ -98,6 +105,10 @@ pub(super) trait Wide: Simd {
         }
         Places(front)
     }
+
+    /// Asks for what will be wanted soon, so that nothing waits for memory then.
+    #[inline(always)]
+    fn fetch<T>(self, _: &[T]) {}
 
     /// From four numbers each one after the other to lanes (see [`super::memory::quad_of`]).
     #[inline(always)]
@@ -119,7 +130,7 @@ impl Wide for pulp::aarch64::Neon {}
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use std::arch::x86_64::{__m256, __m256d, __m256i, __m512, __m512d};
+    use std::arch::x86_64::{_MM_HINT_T0, __m256, __m256d, __m256i, __m512, __m512d};
 
     use pulp::x86::{V3, V4};
     use pulp::{Simd, cast};
@@ -159,6 +170,9 @@ mod x86 {
         .map(cast)
     }
 
+    /// Bytes that come from memory together.
+    const LINE: usize = 64;
+
     impl Wide for V4 {
         #[inline(always)]
         fn pick(self, [low, high]: [&Lanes; 2], at: &Places) -> Lanes {
@@ -188,8 +202,21 @@ mod x86 {
         }
 
         #[inline(always)]
+        fn only(self, value: f32, takes: u16) -> Lanes {
+            Lanes(cast(self.avx512f._mm512_maskz_mov_ps(takes, cast(self.splat_f32s(value)))))
+        }
+
+        #[inline(always)]
         fn to_front(self, values: &Places, takes: u16) -> Places {
             Places(cast(self.avx512f._mm512_maskz_compress_epi32(takes, cast(values.0))))
+        }
+
+        #[inline(always)]
+        fn fetch<T>(self, wanted: &[T]) {
+            let first = wanted.as_ptr().cast::<i8>();
+            for line in (0..size_of_val(wanted)).step_by(LINE) {
+                self.sse._mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(line));
+            }
         }
 
         #[inline(always)]
@@ -263,6 +290,14 @@ mod x86 {
             let takes: Lanes =
                 Lanes(std::array::from_fn(|k| f32::from_bits(0u32.wrapping_sub(u32::from(takes >> k & 1)))));
             Lanes(std::array::from_fn(|k| f32::from_bits(spread[k].to_bits() & takes.0[k].to_bits())))
+        }
+
+        #[inline(always)]
+        fn fetch<T>(self, wanted: &[T]) {
+            let first = wanted.as_ptr().cast::<i8>();
+            for line in (0..size_of_val(wanted)).step_by(LINE) {
+                self.sse._mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(line));
+            }
         }
 
         #[inline(always)]

@@ -1,5 +1,5 @@
-//! The sub-particles of a body, in blocks of [`WIDTH`] side by side, and once more one after the other for those that
-//! pairs of bodies look at.
+//! The sub-particles of a body: one after the other, as pairs of bodies look at them, and while they move in blocks of [`WIDTH`]
+//! side by side.
 
 use std::ops::Range;
 
@@ -7,12 +7,12 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::instructions::Wide;
 use super::load::{LoadBlock, Sums};
-use super::memory::{Ints, Lanes, Lanes3, WIDTH, folded, greater, quad_of};
+use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, quad_of};
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
 
-/// [`WIDTH`] sub-particles. Those that fill up the last block of a body stay where its last sub-particle began.
+/// [`WIDTH`] sub-particles side by side.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
     /// Fixed-point position.
@@ -23,19 +23,19 @@ pub(super) struct Block {
     pub(super) spin: Lanes3,
     /// What positions have moved beyond whole units, in units.
     remainder: Lanes3,
-    /// 1 where a sub-particle moves, 0 where it is held or only fills up.
-    free: Lanes,
 }
 
-/// The sub-particles of a body.
+/// The sub-particles of a body, in the order of [`place_of`]. They are kept once and for all in this form: what is read and written in every
+/// step should be short. Those that fill up the last block stay where the last sub-particle began.
 #[derive(Clone, Debug)]
 pub(super) struct Points {
     pub(super) count: usize,
-    pub(super) blocks: Vec<Block>,
-    /// Once more as others look at them, by [`place_of`]: positions, with a 0 at the end.
+    /// Fixed-point positions; the fourth number has the bits of the remainder along x (see [`Block::remainder`]).
     pub(super) positions: Vec<[i32; 4]>,
-    /// The same of velocities and spins.
+    /// Velocities and spins; their fourth numbers are the remainders along y and z.
     pub(super) motions: Vec<[[f32; 4]; 2]>,
+    /// Lanes of each block that move: neither held nor only there to fill up.
+    moving: Vec<u16>,
     /// 1 where a lane of the last block is a sub-particle, 0 where it only fills up.
     real_in_last: Lanes,
 }
@@ -82,31 +82,28 @@ pub(super) fn place_of(k: u32) -> u32 {
 impl Points {
     /// Some of the sub-particles of a state.
     pub(super) fn of(state: &State, range: Range<usize>) -> Self {
-        let count = range.len();
-        let first = range.start;
-        let block = |b: usize| {
-            let at = |lane: usize| first + (b * WIDTH + lane).min(count - 1);
-            let real = |lane: usize| b * WIDTH + lane < count;
-            let lanes = |value: &dyn Fn(usize) -> f32| Lanes(std::array::from_fn(value));
-            let moving = |lane: usize, value: f32| if real(lane) { value } else { 0.0 };
-            Block {
-                position: [0, 1, 2]
-                    .map(|axis| Ints(std::array::from_fn(|lane| state.particles[at(lane)].position[axis]))),
-                velocity: [0, 1, 2]
-                    .map(|axis| lanes(&|lane| moving(lane, state.particles[at(lane)].velocity[axis]))),
-                spin: [0, 1, 2].map(|axis| lanes(&|lane| moving(lane, state.particles[at(lane)].spin[axis]))),
-                remainder: [0, 1, 2].map(|axis| lanes(&|lane| state.remainders[at(lane)][axis])),
-                free: lanes(&|lane| moving(lane, if state.held[at(lane)] { 0.0 } else { 1.0 })),
-            }
-        };
-        let blocks: Vec<Block> = (0..count.div_ceil(WIDTH)).map(block).collect();
-        let in_last = count - WIDTH * (blocks.len() - 1);
+        let (count, first) = (range.len(), range.start);
+        let blocks = count.div_ceil(WIDTH);
+        let in_last = count - WIDTH * (blocks - 1);
         let real_in_last = Lanes(std::array::from_fn(|lane| if lane < in_last { 1.0 } else { 0.0 }));
-        let (positions, motions) =
-            (vec![[0; 4]; blocks.len() * WIDTH], vec![[[0.0; 4]; 2]; blocks.len() * WIDTH]);
-        let mut points = Self { count, blocks, positions, motions, real_in_last };
-        for b in 0..points.blocks.len() {
-            points.show(pulp::Scalar::new(), b);
+        let mut points = Self {
+            count,
+            positions: vec![[0; 4]; blocks * WIDTH],
+            motions: vec![[[0.0; 4]; 2]; blocks * WIDTH],
+            moving: vec![0; blocks],
+            real_in_last,
+        };
+        for k in 0..blocks * WIDTH {
+            let from = first + k.min(count - 1);
+            let place = place_of(k as u32) as usize;
+            let (Particle { position, velocity, spin }, remainder) =
+                (state.particles[from], state.remainders[from]);
+            points.positions[place] = position.extend(remainder.x.to_bits() as i32).to_array();
+            let is_real = k < count;
+            let moving = |value: Vec3| if is_real { value } else { Vec3::ZERO };
+            points.motions[place] =
+                [moving(velocity).extend(remainder.y).to_array(), moving(spin).extend(remainder.z).to_array()];
+            points.moving[k / WIDTH] |= u16::from(is_real && !state.held[from]) << (k % WIDTH);
         }
         points
     }
@@ -114,13 +111,12 @@ impl Points {
     /// One of them, as states have it.
     #[inline(always)]
     pub(super) fn particle(&self, k: usize) -> Particle {
-        let (block, lane) = (&self.blocks[k / WIDTH], k % WIDTH);
-        let vector = |of: &Lanes3| Vec3::new(of[0].0[lane], of[1].0[lane], of[2].0[lane]);
-        let [x, y, z] = &block.position;
+        let place = place_of(k as u32) as usize;
+        let ([x, y, z, _], [[u, v, w, _], [p, q, r, _]]) = (self.positions[place], self.motions[place]);
         Particle {
-            position: IVec3::new(x.0[lane], y.0[lane], z.0[lane]),
-            velocity: vector(&block.velocity),
-            spin: vector(&block.spin),
+            position: IVec3::new(x, y, z),
+            velocity: Vec3::new(u, v, w),
+            spin: Vec3::new(p, q, r),
         }
     }
 
@@ -128,32 +124,72 @@ impl Points {
     pub(super) fn tell(&self, particles: &mut [Particle], remainders: &mut [Vec3]) {
         for (k, (particle, remainder)) in particles.iter_mut().zip(remainders).enumerate() {
             *particle = self.particle(k);
-            let of = &self.blocks[k / WIDTH].remainder;
-            *remainder = Vec3::from(of.each_ref().map(|lanes| lanes.0[k % WIDTH]));
+            let place = place_of(k as u32) as usize;
+            let ([.., x], [[.., y], [.., z]]) = (self.positions[place], self.motions[place]);
+            *remainder = Vec3::new(f32::from_bits(x as u32), y, z);
         }
     }
 
-    /// Writes down a block as others look at it.
+    /// The number of blocks.
+    pub(super) fn blocks(&self) -> usize {
+        self.moving.len()
+    }
+
+    /// Positions of a block, side by side; and the bits of remainders along x.
     #[inline(always)]
-    fn show<S: Wide>(&mut self, simd: S, b: usize) {
-        let block = &self.blocks[b];
+    pub(super) fn positions_of<S: Wide>(&self, simd: S, b: usize) -> [Ints; 4] {
+        let mut quads = Quads::ZERO;
+        for (quad, position) in quads.0.iter_mut().zip(&self.positions[b * WIDTH..][..WIDTH]) {
+            *quad = position.map(|x| f32::from_bits(x as u32));
+        }
+        simd.to_lanes(&quads).map(|lanes| Ints(lanes.0.map(|x| x.to_bits() as i32)))
+    }
+
+    /// Writes all blocks down side by side.
+    #[inline(always)]
+    pub(super) fn set_out<S: Wide>(&self, simd: S, blocks: &mut Vec<Block>) {
+        blocks.resize(self.blocks(), Block::NOTHING);
+        for (b, block) in blocks.iter_mut().enumerate() {
+            let (mut velocities, mut spins) = (Quads::ZERO, Quads::ZERO);
+            let motions = &self.motions[b * WIDTH..][..WIDTH];
+            for ((velocity, spin), motion) in velocities.0.iter_mut().zip(&mut spins.0).zip(motions) {
+                [*velocity, *spin] = *motion;
+            }
+            let [x, y, z, rx] = self.positions_of(simd, b);
+            let [u, v, w, ry] = simd.to_lanes(&velocities);
+            let [p, q, r, rz] = simd.to_lanes(&spins);
+            let rx = Lanes(rx.0.map(|x| f32::from_bits(x as u32)));
+            *block = Block {
+                position: [x, y, z],
+                velocity: [u, v, w],
+                spin: [p, q, r],
+                remainder: [rx, ry, rz],
+            };
+        }
+    }
+
+    /// Takes a block back as it is now.
+    #[inline(always)]
+    fn take_back<S: Wide>(&mut self, simd: S, b: usize, block: &Block) {
         let bits = |ints: &Ints| Lanes(ints.0.map(|x| f32::from_bits(x as u32)));
         let [x, y, z] = [bits(&block.position[0]), bits(&block.position[1]), bits(&block.position[2])];
-        let quads = simd.to_quads([&x, &y, &z, &Lanes::ZERO]);
+        let [rx, ry, rz] = &block.remainder;
+        let quads = simd.to_quads([&x, &y, &z, rx]);
         for (position, quad) in self.positions[b * WIDTH..].iter_mut().zip(&quads.0) {
             *position = quad.map(|x| x.to_bits() as i32);
         }
         let ([x, y, z], [p, q, r]) = (&block.velocity, &block.spin);
-        let velocities = simd.to_quads([x, y, z, &Lanes::ZERO]);
-        let spins = simd.to_quads([p, q, r, &Lanes::ZERO]);
+        let velocities = simd.to_quads([x, y, z, ry]);
+        let spins = simd.to_quads([p, q, r, rz]);
         let motions = self.motions[b * WIDTH..].iter_mut();
         for (motion, (velocity, spin)) in motions.zip(velocities.0.iter().zip(&spins.0)) {
             *motion = [*velocity, *spin];
         }
     }
 
-    /// One step of all, of `mass` in kg each, by the loads that have been summed up; `motion` is that of them all.
+    /// One step of all, which stand in `blocks`, of `mass` in kg each, by the loads that have been summed up; `motion` is that of them all.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
     pub(super) fn advance<S: Wide>(
         &mut self,
         simd: S,
@@ -161,22 +197,23 @@ impl Points {
         frame: &Frame,
         mass: f32,
         motion: &mut Motion,
+        blocks: &mut [Block],
         sums: &mut Sums,
     ) -> Moved {
         let inverse_mass = 1.0 / mass;
         let dt = f64::from(mover.dt);
         let mut moved = Moved::default();
         let (mut total, mut most_apart2, mut fastest2) = (Vec3::ZERO, Lanes::ZERO, Lanes::ZERO);
-        let blocks = self.blocks.len();
-        for b in 0..blocks {
+        let count = blocks.len();
+        for (b, block) in blocks.iter_mut().enumerate() {
             let LoadBlock { force, torque } = sums.take_block(simd, b);
-            let block = &mut self.blocks[b];
-            let lost = block.advance(simd, mover, frame, inverse_mass, &force, &torque);
+            let free = simd.only(1.0, self.moving[b]);
+            let lost = block.advance(simd, mover, frame, inverse_mass, &free, &force, &torque);
             if lost != [0; WIDTH] && moved.runaway.is_none() {
                 let first = lost.iter().position(|&lost| lost != 0).expect("one is lost");
                 moved.runaway = Some((b * WIDTH + first) as u32);
             }
-            let real = if b + 1 < blocks { &ALL } else { &self.real_in_last };
+            let real = if b + 1 < count { &ALL } else { &self.real_in_last };
             let (mut square, mut against) = (Lanes::ZERO, Lanes::ZERO);
             let mut sum = Vec3::ZERO;
             for axis in 0..3 {
@@ -196,7 +233,7 @@ impl Points {
                 most_apart2.0[k] = greater(most_apart2.0[k], against.0[k] * real.0[k]);
             }
             total += sum;
-            self.show(simd, b);
+            self.take_back(simd, b, block);
         }
         motion.go_on(folded(most_apart2.0, greater), total / self.count as f32, dt);
         moved.fastest = folded(fastest2.0, greater).sqrt();
@@ -205,18 +242,27 @@ impl Points {
 }
 
 impl Block {
-    /// One step, as [`Mover::step`] does it for one sub-particle. Not 0 for those that are too fast, not a number or lost.
+    const NOTHING: Self = Self {
+        position: [Ints([0; WIDTH]); 3],
+        velocity: [Lanes::ZERO; 3],
+        spin: [Lanes::ZERO; 3],
+        remainder: [Lanes::ZERO; 3],
+    };
+
+    /// One step, as [`Mover::step`] does it for one sub-particle; `free` is 1 where one moves, else 0. Not 0 for those that are too fast, not a number or lost.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
     fn advance<S: Wide>(
         &mut self,
         simd: S,
         mover: &Mover,
         frame: &Frame,
         inverse_mass: f32,
+        free: &Lanes,
         force: &Lanes3,
         torque: &Lanes3,
     ) -> [u32; WIDTH] {
-        let Self { position, velocity, spin, remainder, free } = self;
+        let Self { position, velocity, spin, remainder } = self;
         let turn = inverse_mass * mover.spin_factor * mover.dt;
         let mut speed2 = [0.0f32; WIDTH];
         let mut sound = [u32::MAX; WIDTH];

@@ -261,6 +261,7 @@ fn add_beyond2(to: &mut Lanes, [low, high]: [f32; 2], [lows, highs]: [&Lanes; 2]
 #[cfg(test)]
 mod tests {
     use glam::{DVec3, Vec3};
+    use pulp::Scalar;
 
     use super::super::instructions::{Instructions, Job};
     use super::super::points::{Points, place_of};
@@ -295,7 +296,7 @@ mod tests {
         let mut from = 0;
         let whereabouts = bodies.iter().map(|&(count, ..)| {
             from += count;
-            Whereabouts::of(&Points::of(&state, from - count..from), frame.unit_m)
+            Whereabouts::of(Scalar::new(), &Points::of(&state, from - count..from), frame.unit_m)
         });
         let whereabouts = whereabouts.collect();
         (state, whereabouts)

@@ -195,7 +195,7 @@ impl NearWalls {
         around: &Surroundings<'_>,
         points: &Points,
         mass: f32,
-        Desk { sums, met }: &mut Desk,
+        Desk { sums, met, .. }: &mut Desk,
     ) {
         let Surroundings { walls, frame, radius, .. } = around;
         met.felt.clear();

@@ -39,12 +39,13 @@ const NOWHERE: f32 = 1e9;
 
 impl Whereabouts {
     #[inline(always)]
-    pub(super) fn of(points: &Points, unit_m: f32) -> Self {
+    pub(super) fn of<S: Wide>(simd: S, points: &Points, unit_m: f32) -> Self {
         let count = |b: usize| points.count - b * WIDTH;
         let (mut lows, mut highs) = ([Ints([i32::MAX; WIDTH]); 3], [Ints([i32::MIN; WIDTH]); 3]);
-        for (b, block) in points.blocks.iter().enumerate() {
+        for b in 0..points.blocks() {
+            let positions = points.positions_of(simd, b);
             for axis in 0..3 {
-                let x = real(block.position[axis].0, count(b));
+                let x = real(positions[axis].0, count(b));
                 for k in 0..WIDTH {
                     lows[axis].0[k] = lows[axis].0[k].min(x[k]);
                     highs[axis].0[k] = highs[axis].0[k].max(x[k]);
@@ -54,14 +55,15 @@ impl Whereabouts {
         let low = IVec3::from_array(lows.map(|of| folded(of.0, i32::min)));
         let high = IVec3::from_array(highs.map(|of| folded(of.0, i32::max)));
         let (mut x, mut boxes) =
-            (Vec::with_capacity(points.blocks.len()), Vec::with_capacity(points.blocks.len()));
-        let mut rows = vec![[[Lanes([NOWHERE; WIDTH]); 3]; 2]; points.blocks.len().div_ceil(WIDTH)];
-        for (b, block) in points.blocks.iter().enumerate() {
+            (Vec::with_capacity(points.blocks()), Vec::with_capacity(points.blocks()));
+        let mut rows = vec![[[Lanes([NOWHERE; WIDTH]); 3]; 2]; points.blocks().div_ceil(WIDTH)];
+        for b in 0..points.blocks() {
+            let positions = points.positions_of(simd, b);
             let (mut at, mut around) = ([Lanes::ZERO; 3], [[0.0; 3]; 2]);
             let [lows, highs] = &mut rows[b / WIDTH];
             for axis in 0..3 {
                 for k in 0..WIDTH {
-                    at[axis].0[k] = block.position[axis].0[k].wrapping_sub(low[axis]) as f32 * unit_m;
+                    at[axis].0[k] = positions[axis].0[k].wrapping_sub(low[axis]) as f32 * unit_m;
                 }
                 let there = real(at[axis].0, count(b));
                 let ends = [folded(there, |a, b| if b < a { b } else { a }), folded(there, greater)];
@@ -136,8 +138,8 @@ impl Job for Find<'_> {
     type Output = Whereabouts;
 
     #[inline(always)]
-    fn run<S: Wide>(self, _: S) -> Whereabouts {
+    fn run<S: Wide>(self, simd: S) -> Whereabouts {
         let Self(points, frame) = self;
-        Whereabouts::of(points, frame.unit_m)
+        Whereabouts::of(simd, points, frame.unit_m)
     }
 }
