@@ -7,8 +7,8 @@ use super::body::Surroundings;
 use super::facets::{FewTriangles, Seers};
 use super::instructions::{Job, Wide};
 use super::kernel::{self, Contacts, Felt};
-use super::load::Sums;
-use super::memory::{Lanes, Quads, WIDTH};
+use super::load::{Sums, three};
+use super::memory::{Lanes, Quads, WIDTH, quad_of};
 use super::points::{Points, place_of};
 use super::walls::WallRow;
 use crate::cpu::forces::Load;
@@ -48,13 +48,15 @@ impl Job for Touching<'_> {
         let surface = around.walls.surface_of(alone[0].facet);
         let law = &around.wall_laws[surface];
         let [mut position, mut velocity, mut spin, mut memory] = [[Quads::ZERO; 2]; 4];
+        let mut held = [0; 2];
         for (k, Alone { row, pair, .. }) in alone.iter().enumerate() {
             let (half, at) = (k / WIDTH, k % WIDTH);
             let place = place_of(rows[*row as usize].of) as usize;
             position[half].0[at] = points.positions[place].map(|x| f32::from_bits(x as u32));
             [velocity[half].0[at], spin[half].0[at]] = points.motions[place];
             let ContactMemory { touching, slide } = pairs[*pair as usize].contact;
-            memory[half].0[at] = slide.extend(if touching { law.snap() } else { 0.0 }).to_array();
+            memory[half].0[at] = slide.extend(0.0).to_array();
+            held[half] |= u16::from(touching) << quad_of(at);
         }
         let seers = [
             Seers::of(simd, &position[0], &velocity[0], &spin[0]),
@@ -62,10 +64,10 @@ impl Job for Touching<'_> {
         ];
         let reach = around.walls.law_of_surface(surface).reach();
         let (seen, distances) = facet.seen(simd, around.frame, [around.radius, reach], &seers);
-        let [one @ .., limit_one] = simd.to_lanes(&memory[0]);
-        let [two @ .., limit_two] = simd.to_lanes(&memory[1]);
-        let mut contacts =
-            [Contacts { limit: limit_one, slide: one }, Contacts { limit: limit_two, slide: two }];
+        let mut contacts = [
+            Contacts { held: held[0], slide: three(simd, &memory[0]) },
+            Contacts { held: held[1], slide: three(simd, &memory[1]) },
+        ];
         let mut loads = [Felt::NOTHING; 2];
         let counts = [alone.len().min(WIDTH), alone.len().saturating_sub(WIDTH)];
         kernel::surfaces(simd, law, around.laws, mass.sqrt(), counts, &seen, &mut contacts, &mut loads);
@@ -73,8 +75,8 @@ impl Job for Touching<'_> {
             let Felt { force: [x, y, z], torque: [p, q, r] } = &loads[half];
             let forces = simd.to_quads([x, y, z, &distances[half]]).0;
             let torques = simd.to_quads([p, q, r, &Lanes::ZERO]).0;
-            let Contacts { limit, slide: [x, y, z] } = &contacts[half];
-            let memories = simd.to_quads([x, y, z, limit]).0;
+            let Contacts { held, slide: [x, y, z] } = &contacts[half];
+            let memories = simd.to_quads([x, y, z, &simd.only(1.0, *held)]).0;
             let these = alone.iter().skip(half * WIDTH).take(WIDTH);
             for (((Alone { row, pair, .. }, force), torque), memory) in
                 these.zip(&forces).zip(&torques).zip(&memories)
@@ -83,8 +85,8 @@ impl Job for Touching<'_> {
                 let [x, y, z, distance] = *force;
                 let [p, q, r, _] = *torque;
                 let load = Load { force: Vec3::new(x, y, z), torque: Vec3::new(p, q, r) };
-                let [x, y, z, limit] = *memory;
-                pair.contact = ContactMemory { touching: limit != 0.0, slide: Vec3::new(x, y, z) };
+                let [x, y, z, held] = *memory;
+                pair.contact = ContactMemory { touching: held != 0.0, slide: Vec3::new(x, y, z) };
                 pair.force = load.force;
                 sums.add(place_of(row.of), &load);
                 row.put_off(travelled, distance, around);

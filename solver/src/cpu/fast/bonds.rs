@@ -2,10 +2,10 @@
 //! So neighbours are moved into their lanes within registers, and not fetched one by one. A pair whose bond breaks stays here,
 //! as a contact.
 
-use super::instructions::{Places, Wide};
-use super::kernel::{self, Bonds, Contacts, Felt, NO_BOND, PairLaws, Seen};
+use super::instructions::{PackedPlaces, Wide};
+use super::kernel::{self, Bonds, Felt, Held, PairLaws, Seen};
 use super::load::Sums;
-use super::memory::{Lanes, WIDTH};
+use super::memory::{Lanes, Lanes3, WIDTH};
 use super::points::Block;
 use crate::engine::frame::Frame;
 use crate::shape::lattice::LatticeBond;
@@ -17,32 +17,37 @@ pub(super) struct BondSet {
     block: u32,
     /// The blocks of the higher ones.
     window: [u32; 2],
-    /// Where in the window they stand.
-    at: Places,
+    /// Where in the window they stand; those under [`WIDTH`] are in its first block.
+    at: [u8; WIDTH],
     /// For each place of the window, the lane that it is bonded to, and whether there is one.
-    back: [Places; 2],
+    back: [PackedPlaces; 2],
     bonded: [u16; 2],
-    memory: Bonds,
-    /// Lanes whose break has been counted.
-    counted: u16,
+    /// What it remembers: see [`Bonds`] and [`Held`].
+    rest: f32,
+    exists: u16,
+    intact: u16,
+    stored: Lanes3,
+    held: u16,
+    slide: Lanes3,
 }
+
+// All that comes from memory for a set: what is not stored forces and slides fills one line.
+const _: () = assert!(size_of::<BondSet>() == 448);
 
 impl BondSet {
     fn new(block: u32, beyond: u32, rest: f32) -> Self {
-        let nowhere = Places([0; WIDTH]);
         Self {
             block,
             window: [beyond; 2],
-            at: nowhere,
-            back: [nowhere; 2],
+            at: [0; WIDTH],
+            back: [PackedPlaces::default(); 2],
             bonded: [0; 2],
-            memory: Bonds {
-                rest,
-                break_length: Lanes([NO_BOND; WIDTH]),
-                stored: [Lanes::ZERO; 3],
-                contacts: Contacts::new(),
-            },
-            counted: 0,
+            rest,
+            exists: 0,
+            intact: 0,
+            stored: [Lanes::ZERO; 3],
+            held: 0,
+            slide: [Lanes::ZERO; 3],
         }
     }
 
@@ -57,8 +62,8 @@ impl BondSet {
         };
         let lane = (i % width) as usize;
         let free = self.block == i / width
-            && self.memory.rest == rest
-            && self.memory.break_length.0[lane] == NO_BOND
+            && self.rest == rest
+            && self.exists >> lane & 1 == 0
             && self.bonded[half] >> (j % width) & 1 == 0;
         free.then_some((lane, half as u32 * width + j % width))
     }
@@ -66,9 +71,10 @@ impl BondSet {
     fn put(&mut self, lane: usize, place: u32, j: u32) {
         let (half, at) = (place as usize / WIDTH, place as usize % WIDTH);
         self.window[half] = j / WIDTH as u32;
-        self.at.0[lane] = place;
-        self.back[half].0[at] = lane as u32;
+        self.at[lane] = place as u8;
+        self.back[half].put(at, lane as u32);
         self.bonded[half] |= 1 << at;
+        self.exists |= 1 << lane;
     }
 
     /// Where a bond goes among the sets, which grow where it has no room.
@@ -95,7 +101,7 @@ impl BondSet {
             for bond in of_block {
                 let rest = laws.touch * (bond.class as f32).sqrt();
                 let (set, lane) = Self::find(&mut of_this, [bond.i, bond.j], rest);
-                set.memory.break_length.0[lane] = laws.bond.break_length;
+                set.intact |= 1 << lane;
             }
             sets.append(&mut of_this);
         }
@@ -112,9 +118,9 @@ impl BondSet {
 
     /// Pairs, by lane.
     fn pairs(&self) -> impl Iterator<Item = (usize, [u32; 2])> {
-        let there = |lane: &usize| self.memory.break_length.0[*lane] != NO_BOND;
+        let there = |lane: &usize| self.exists >> lane & 1 == 1;
         (0..WIDTH).filter(there).map(|lane| {
-            let place = self.at.0[lane] as usize;
+            let place = usize::from(self.at[lane]);
             let width = WIDTH as u32;
             let j = self.window[place / WIDTH] * width + (place % WIDTH) as u32;
             (lane, [self.block * width + lane as u32, j])
@@ -123,13 +129,18 @@ impl BondSet {
 
     /// The pairs whose bond holds.
     pub(super) fn intact(&self) -> impl Iterator<Item = [u32; 2]> {
-        self.pairs().filter(|&(lane, _)| self.memory.break_length.0[lane] > 0.0).map(|(_, pair)| pair)
+        self.pairs().filter(|&(lane, _)| self.intact >> lane & 1 == 1).map(|(_, pair)| pair)
+    }
+
+    fn memory(&mut self) -> Bonds<'_> {
+        let Self { rest, exists, intact, stored, held, slide, .. } = self;
+        Bonds { rest: *rest, exists: *exists, intact, stored, contacts: Held { held, slide } }
     }
 
     /// What is seen of the pairs.
     #[inline(always)]
     fn seen<S: Wide>(&self, simd: S, frame: &Frame, blocks: &[Block]) -> Seen {
-        let (me, at) = (&blocks[self.block as usize], &self.at);
+        let (me, at) = (&blocks[self.block as usize], &simd.widened(&self.at));
         let others = self.window.map(|block| &blocks[block as usize]);
         let mut seen = Seen::NOTHING;
         for axis in 0..3 {
@@ -163,9 +174,10 @@ impl BondSet {
         }
         for half in 0..2 {
             let theirs = &mut sums.blocks[self.window[half] as usize];
+            let back = simd.unpacked(self.back[half]);
             for axis in 0..3 {
-                let force = simd.spread(&felt.force[axis], &self.back[half], self.bonded[half]);
-                let torque = simd.spread(&felt.torque[axis], &self.back[half], self.bonded[half]);
+                let force = simd.spread(&felt.force[axis], &back, self.bonded[half]);
+                let torque = simd.spread(&felt.torque[axis], &back, self.bonded[half]);
                 for k in 0..WIDTH {
                     theirs.force[axis].0[k] -= force.0[k];
                     theirs.torque[axis].0[k] += torque.0[k];
@@ -174,15 +186,11 @@ impl BondSet {
         }
     }
 
-    /// Counts the bonds that broke in this step: their lower sub-particles go into `broken`.
+    /// The lower sub-particles of these lanes go into `broken`.
     #[cold]
-    fn count_breaks(&mut self, broken: &mut Vec<u32>) {
-        let counted = self.counted;
-        let fresh = |lane: &usize| self.memory.break_length.0[*lane] == 0.0 && counted >> lane & 1 == 0;
-        for lane in (0..WIDTH).filter(fresh) {
-            self.counted |= 1 << lane;
-            broken.push(self.block * WIDTH as u32 + lane as u32);
-        }
+    fn tell_broken(&self, lanes: u16, broken: &mut Vec<u32>) {
+        let these = (0..WIDTH as u32).filter(|lane| lanes >> lane & 1 == 1);
+        broken.extend(these.map(|lane| self.block * WIDTH as u32 + lane));
     }
 
     /// What is left of the bonds when sub-particles are renumbered; `u32::MAX` is gone.
@@ -194,13 +202,15 @@ impl BondSet {
                 if pair.contains(&u32::MAX) {
                     continue;
                 }
-                let (set, lane) = Self::find(&mut kept, pair, old.memory.rest);
-                set.counted |= (old.counted >> from & 1) << lane;
-                set.memory.break_length.0[lane] = old.memory.break_length.0[from];
-                for (mine, theirs) in set.memory.stored.iter_mut().zip(&old.memory.stored) {
+                let (set, lane) = Self::find(&mut kept, pair, old.rest);
+                set.intact |= (old.intact >> from & 1) << lane;
+                for (mine, theirs) in set.stored.iter_mut().zip(&old.stored) {
                     mine.0[lane] = theirs.0[from];
                 }
-                set.memory.contacts.take(lane, &old.memory.contacts, from);
+                set.held |= (old.held >> from & 1) << lane;
+                for (mine, theirs) in set.slide.iter_mut().zip(&old.slide) {
+                    mine.0[lane] = theirs.0[from];
+                }
             }
         }
         Self::evened(kept)
@@ -223,13 +233,16 @@ pub(super) fn forces<S: Wide>(
 ) -> f32 {
     let seen = [one.seen(simd, frame, blocks), two.seen(simd, frame, blocks)];
     let mut felt = [Felt::NOTHING; 2];
-    let memory = [&mut one.memory, &mut two.memory];
-    let (deepest, broke) = kernel::bonds(simd, laws, root_mass, &seen, memory, &mut felt);
+    let before = [one.intact, two.intact];
+    let deepest =
+        kernel::bonds(simd, laws, root_mass, &seen, &mut [one.memory(), two.memory()], &mut felt);
     one.add(simd, &felt[0], sums);
     two.add(simd, &felt[1], sums);
-    if broke {
-        one.count_breaks(broken);
-        two.count_breaks(broken);
+    for (set, before) in [one, two].into_iter().zip(before) {
+        let lanes = before & !set.intact;
+        if lanes != 0 {
+            set.tell_broken(lanes, broken);
+        }
     }
     deepest
 }

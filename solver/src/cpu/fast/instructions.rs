@@ -48,6 +48,26 @@ impl Places {
     };
 }
 
+/// [`WIDTH`] numbers below 16: of every two, one in the lower half, one in the upper.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct PackedPlaces(u64);
+
+impl PackedPlaces {
+    fn shift(k: usize) -> usize {
+        32 * (k % 2) + 4 * (k / 2)
+    }
+
+    /// The number of a lane, in the four lowest bits.
+    pub(super) fn of(self, lane: usize) -> u32 {
+        (self.0 >> Self::shift(lane)) as u32 & 15
+    }
+
+    /// Puts a number where there was 0.
+    pub(super) fn put(&mut self, lane: usize, number: u32) {
+        self.0 |= u64::from(number) << Self::shift(lane);
+    }
+}
+
 #[inline(always)]
 fn stands_at<T: Copy>(window: [&[T; WIDTH]; 2], place: u32) -> T {
     let place = place as usize;
@@ -80,12 +100,40 @@ pub(super) trait Wide: Simd {
         Ints(numbers.0.map(|x| x.round_ties_even() as i32))
     }
 
-    /// The values whose lanes stand in `from`, and 0 where `takes` has no bit.
+    /// The values whose lanes stand in the four lowest bits of `from`, and 0 where `takes` has no bit.
     #[inline(always)]
     fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
         Lanes(std::array::from_fn(|k| {
             if takes >> k & 1 == 1 { values.0[from.0[k] as usize % WIDTH] } else { 0.0 }
         }))
+    }
+
+    /// The `part`th registerful of lanes of which bits say whether they are true.
+    #[inline(always)]
+    fn mask(self, bits: u16, part: usize) -> Self::m32s {
+        let lanes = self.only(1.0, bits);
+        self.less_than_f32s(self.splat_f32s(0.0), Self::as_simd_f32s(&lanes.0).0[part])
+    }
+
+    /// The lanes that are true, as the lowest bits.
+    #[inline(always)]
+    fn bits(self, mask: Self::m32s) -> u16 {
+        let mut lanes = Lanes([1.0; WIDTH]);
+        Self::as_mut_simd_f32s(&mut lanes.0).0[0] =
+            self.select_f32s(mask, self.splat_f32s(0.0), self.splat_f32s(1.0));
+        self.at_most(&lanes, 0.5)
+    }
+
+    /// Whole numbers in lanes.
+    #[inline(always)]
+    fn widened(self, places: &[u8; WIDTH]) -> Places {
+        Places(std::array::from_fn(|k| places[k].into()))
+    }
+
+    /// Numbers below 16 in lanes, as [`PackedPlaces`] has them; higher bits of lanes may be anything.
+    #[inline(always)]
+    fn unpacked(self, places: PackedPlaces) -> Places {
+        Places(std::array::from_fn(|k| places.of(k)))
     }
 
     /// A value where `takes` has a bit, else 0.
@@ -135,7 +183,7 @@ mod x86 {
     use pulp::x86::{V3, V4};
     use pulp::{Simd, cast};
 
-    use super::{Ints, Lanes, Places, Quads, WIDTH, Wide};
+    use super::{Ints, Lanes, PackedPlaces, Places, Quads, WIDTH, Wide};
 
     /// Rows of four registers become columns, within every quarter (or half) of a register.
     macro_rules! transpose {
@@ -170,6 +218,9 @@ mod x86 {
         .map(cast)
     }
 
+    /// How far each lane's number is from the lowest bits in [`PackedPlaces`].
+    const PAIRS_OF_NIBBLES: [u32; WIDTH] = [0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28];
+
     /// Bytes that come from memory together.
     const LINE: usize = 64;
 
@@ -199,6 +250,27 @@ mod x86 {
         #[inline(always)]
         fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
             Lanes(cast(self.avx512f._mm512_maskz_permutexvar_ps(takes, cast(from.0), cast(values.0))))
+        }
+
+        #[inline(always)]
+        fn mask(self, bits: u16, _: usize) -> Self::m32s {
+            pulp::b16(bits)
+        }
+
+        #[inline(always)]
+        fn bits(self, mask: Self::m32s) -> u16 {
+            mask.0
+        }
+
+        #[inline(always)]
+        fn widened(self, places: &[u8; WIDTH]) -> Places {
+            Places(cast(self.avx512f._mm512_cvtepu8_epi32(cast(*places))))
+        }
+
+        #[inline(always)]
+        fn unpacked(self, places: PackedPlaces) -> Places {
+            let all = self.avx512f._mm512_set1_epi64(places.0 as i64);
+            Places(cast(self.avx512f._mm512_srlv_epi32(all, cast(PAIRS_OF_NIBBLES))))
         }
 
         #[inline(always)]
@@ -279,6 +351,34 @@ mod x86 {
             let low: [i32; 8] = cast(self.avx._mm256_cvtps_epi32(cast(low)));
             let high: [i32; 8] = cast(self.avx._mm256_cvtps_epi32(cast(high)));
             Ints(cast([low, high]))
+        }
+
+        #[inline(always)]
+        fn mask(self, bits: u16, part: usize) -> Self::m32s {
+            let each: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
+            let bits = self.avx2._mm256_and_si256(cast([u32::from(bits) >> (8 * part); 8]), cast(each));
+            cast(self.avx2._mm256_cmpeq_epi32(bits, cast(each)))
+        }
+
+        #[inline(always)]
+        fn bits(self, mask: Self::m32s) -> u16 {
+            self.avx._mm256_movemask_ps(cast(mask)) as u16
+        }
+
+        #[inline(always)]
+        fn widened(self, places: &[u8; WIDTH]) -> Places {
+            let [low, high]: [u64; 2] = cast(*places);
+            let low: [u32; 8] = cast(self.avx2._mm256_cvtepu8_epi32(cast([low, 0])));
+            let high: [u32; 8] = cast(self.avx2._mm256_cvtepu8_epi32(cast([high, 0])));
+            Places(cast([low, high]))
+        }
+
+        #[inline(always)]
+        fn unpacked(self, places: PackedPlaces) -> Places {
+            let shifts: [__m256i; 2] = cast(PAIRS_OF_NIBBLES);
+            let low: [u32; 8] = cast(self.avx2._mm256_srlv_epi32(cast([places.0; 4]), shifts[0]));
+            let high: [u32; 8] = cast(self.avx2._mm256_srlv_epi32(cast([places.0; 4]), shifts[1]));
+            Places(cast([low, high]))
         }
 
         #[inline(always)]

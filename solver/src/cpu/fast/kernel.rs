@@ -4,6 +4,7 @@
 
 use pulp::Simd;
 
+use super::instructions::Wide;
 use super::jkr::jkr;
 use super::lanes::{F, F3, Mask};
 use super::load::BatchLanes;
@@ -75,28 +76,33 @@ pub(super) struct Felt {
     pub(super) torque: Lanes3,
 }
 
-/// What [`WIDTH`] contacts remember.
-#[derive(Clone, Debug)]
+/// What [`WIDTH`] contacts remember: see [`Held`].
+#[derive(Debug)]
 pub(super) struct Contacts {
-    /// Overlap from which the contact acts: 0, or where it snaps if it has formed, which is below; in metres.
-    pub(super) limit: Lanes,
-    /// ξ, in metres.
+    pub(super) held: u16,
     pub(super) slide: Lanes3,
 }
 
-/// Stands for the length at which a bond breaks in a lane that has none.
-pub(super) const NO_BOND: f32 = -1.0;
-
-/// What [`WIDTH`] bonds of one class remember.
-#[derive(Clone, Debug)]
-pub(super) struct Bonds {
+/// What [`WIDTH`] bonds of one class remember, and their contacts.
+#[derive(Debug)]
+pub(super) struct Bonds<'a> {
     /// Length at which they pull nothing, in metres.
     pub(super) rest: f32,
-    /// Length beyond which each breaks, in metres; 0 once it has, and [`NO_BOND`] in a lane without.
-    pub(super) break_length: Lanes,
+    /// Lanes that have a bond, or had one that broke; and those whose bond holds.
+    pub(super) exists: u16,
+    pub(super) intact: &'a mut u16,
     /// Stored force, in newton.
-    pub(super) stored: Lanes3,
-    pub(super) contacts: Contacts,
+    pub(super) stored: &'a mut Lanes3,
+    pub(super) contacts: Held<'a>,
+}
+
+/// What [`WIDTH`] contacts remember, wherever that is kept.
+#[derive(Debug)]
+pub(super) struct Held<'a> {
+    /// Which of them have formed, so that they hold down to the overlap where they snap.
+    pub(super) held: &'a mut u16,
+    /// ξ, in metres.
+    pub(super) slide: &'a mut Lanes3,
 }
 
 impl Seen {
@@ -110,7 +116,11 @@ impl Felt {
 
 impl Contacts {
     pub(super) fn new() -> Self {
-        Self { limit: Lanes::ZERO, slide: [Lanes::ZERO; 3] }
+        Self { held: 0, slide: [Lanes::ZERO; 3] }
+    }
+
+    fn held(&mut self) -> Held<'_> {
+        Held { held: &mut self.held, slide: &mut self.slide }
     }
 }
 
@@ -170,20 +180,21 @@ impl<S: Simd> Pairs<S> {
 /// Contacts of pairs that no bond joins, in two chunks that have `counts` of them, with their √m* in kg^½. Returns their
 /// greatest overlap, in metres.
 #[inline(always)]
-pub(super) fn contacts<S: Simd>(
+pub(super) fn contacts<S: Wide>(
     simd: S,
     laws: &PairLaws,
     BatchLanes { counts, seen, root_mass: [mass_a, mass_b], memory: [one, two] }: &mut BatchLanes,
     [a, b]: &mut [Felt; 2],
 ) -> f32 {
     let mut deepest = F::splat(simd, 0.0);
+    let (mut one, mut two) = (one.held(), two.held());
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     for part in 0..WIDTH / S::F32_LANES {
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
         let pairs = Pairs::new(simd, laws.dt, seen, part);
         let root_mass = F::load(simd, [mass_a, mass_b], part);
         let meets = Meets::new(simd, &laws.contact, laws.touch, laws.dt, root_mass);
-        let (push, across, delta) = contact(simd, &meets, &pairs, exists, [one, two], part);
+        let (push, across, delta) = contact(simd, &meets, &pairs, exists, [&mut one, &mut two], part);
         deepest = deepest.max(delta);
         pairs.n.mul_from(push, across).store([&mut a.force, &mut b.force], part);
         pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
@@ -194,7 +205,7 @@ pub(super) fn contacts<S: Simd>(
 /// Contacts of sub-particles of mass `root_mass`², in kilograms, with surfaces of one law, as [`Pairs::at_surfaces`] sees them.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
-pub(super) fn surfaces<S: Simd>(
+pub(super) fn surfaces<S: Wide>(
     simd: S,
     law: &LaneContact,
     laws: &PairLaws,
@@ -207,70 +218,64 @@ pub(super) fn surfaces<S: Simd>(
     let root_mass = F::splat(simd, root_mass);
     let meets = Meets::new(simd, law, 0.5 * laws.touch, laws.dt, root_mass);
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
+    let (mut one, mut two) = (one.held(), two.held());
     for part in 0..WIDTH / S::F32_LANES {
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
         let pairs = Pairs::at_surfaces(simd, laws.dt, seen, part);
-        let (push, across, _) = contact(simd, &meets, &pairs, exists, [one, two], part);
+        let (push, across, _) = contact(simd, &meets, &pairs, exists, [&mut one, &mut two], part);
         pairs.n.mul_from(push, across).store([&mut a.force, &mut b.force], part);
         pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
     }
 }
 
 /// Bonds of two chunks, and the contacts of the same pairs. Returns the greatest overlap of those whose bond has broken, in
-/// metres, and whether any bond broke in this step.
+/// metres.
 #[inline(always)]
-pub(super) fn bonds<S: Simd>(
+pub(super) fn bonds<S: Wide>(
     simd: S,
     laws: &PairLaws,
     root_mass: f32,
     seen: &[Seen; 2],
-    mut memory: [&mut Bonds; 2],
+    [one, two]: &mut [Bonds<'_>; 2],
     [a, b]: &mut [Felt; 2],
-) -> (f32, bool) {
+) -> f32 {
     let zero = F::splat(simd, 0.0);
     let meets = Meets::new(simd, &laws.contact, laws.touch, laws.dt, F::splat(simd, root_mass));
-    let (mut deepest, mut broke) = (zero, false);
+    let mut deepest = zero;
+    let exist = [one.exists, two.exists];
+    let free = [one.exists & !*one.intact, two.exists & !*two.intact];
+    let touch = if laws.contact_between_bonded { exist } else { free };
+    let any_touches = touch[0] | touch[1] != 0;
     for part in 0..WIDTH / S::F32_LANES {
         let pairs = Pairs::new(simd, laws.dt, seen, part);
-        let limit = F::load(simd, memory.each_ref().map(|memory| &memory.break_length), part);
-        let (exists, bonded) = (zero.le(limit), zero.lt(limit));
-        let of_bonds = memory.each_mut().map(|memory| &mut **memory);
-        let (mut pull, mut across, breaks) = bond(simd, laws, &pairs, bonded, limit, of_bonds, part);
-        if breaks.any() {
-            broke = true;
-            let limits = memory.each_mut().map(|memory| &mut memory.break_length);
-            breaks.select(zero, limit).store(limits, part);
-        }
-        let free = exists & limit.le(zero);
-        let touches = if laws.contact_between_bonded { exists } else { free };
-        if laws.contact_between_bonded || free.any() {
-            let contacts = memory.each_mut().map(|memory| &mut memory.contacts);
+        let (mut pull, mut across) = bond(simd, laws, &pairs, [one, two], part);
+        if any_touches {
+            let touches = Mask::of_bits(simd, touch, part);
+            let contacts = [&mut one.contacts, &mut two.contacts];
             let (push, tangential, delta) = contact(simd, &meets, &pairs, touches, contacts, part);
             pull = pull - push;
             across += tangential;
-            deepest = deepest.max(free.select(delta, zero));
+            deepest = deepest.max(Mask::of_bits(simd, free, part).select(delta, zero));
         }
         pairs.n.mul_add(pull, across).store([&mut a.force, &mut b.force], part);
         pairs.arm.cross(across).store([&mut a.torque, &mut b.torque], part);
     }
-    (deepest.greatest(), broke)
+    deepest.greatest()
 }
 
-/// [`crate::physics::bond::force`]: the pull along n, the force across it, and which bonds break.
+/// [`crate::physics::bond::force`]: the pull along n, and the force across it. What breaks is no longer intact.
 #[inline(always)]
-fn bond<S: Simd>(
+fn bond<S: Wide>(
     simd: S,
     laws: &PairLaws,
     pairs: &Pairs<S>,
-    bonded: Mask<S>,
-    break_length: F<S>,
-    [one, two]: [&mut Bonds; 2],
+    [one, two]: [&mut Bonds<'_>; 2],
     part: usize,
-) -> (F<S>, F3<S>, Mask<S>) {
+) -> (F<S>, F3<S>) {
     let law = &laws.bond;
     let splat = |value| F::splat(simd, value);
     let Pairs { n, length, v_n, v_t, .. } = *pairs;
-    let stored = F3::load(simd, [&one.stored, &two.stored], part);
+    let stored = F3::load(simd, [one.stored, two.stored], part);
     let (pull, shear, stored) = if law.form == Form::AsPublished {
         let rate = n.mul_add(splat(law.k_n) * v_n, v_t * splat(law.k_t));
         let stored = rate.mul_add(splat(laws.dt), stored);
@@ -290,18 +295,18 @@ fn bond<S: Simd>(
         };
         (pull, shear, shear)
     };
-    let mut yields = break_length.lt(length);
+    let mut yields = splat(law.break_length).lt(length);
     if law.normal_strength.min(law.shear_strength) < f32::INFINITY {
         yields = yields
             | splat(law.normal_strength).lt(pull)
             | splat(law.shear_strength * law.shear_strength).lt(shear.dot(shear));
     }
-    let breaks = bonded & yields;
-    let acts = breaks.select(splat(0.0), bonded.select(splat(1.0), splat(0.0)));
-    let acts = splat(0.0).lt(acts);
+    let bonded = Mask::of_bits(simd, [*one.intact, *two.intact], part);
+    let acts = bonded.and_not(yields);
+    acts.store([one.intact, two.intact], part);
     let none = F3::zero(simd);
-    acts.select3(stored, none).store([&mut one.stored, &mut two.stored], part);
-    (acts.select(pull, splat(0.0)), acts.select3(shear, none), breaks)
+    acts.select3(stored, none).store([one.stored, two.stored], part);
+    (acts.select(pull, splat(0.0)), acts.select3(shear, none))
 }
 
 /// What contacts of one kind have in common.
@@ -326,12 +331,12 @@ impl<'a, S: Simd> Meets<'a, S> {
 
 /// [`crate::physics::contact::force`] on i: the push against n, the force across it, and the overlap where there is contact (else 0).
 #[inline(always)]
-fn contact<S: Simd>(
+fn contact<S: Wide>(
     simd: S,
     meets: &Meets<'_, S>,
     pairs: &Pairs<S>,
     touches: Mask<S>,
-    [one, two]: [&mut Contacts; 2],
+    [one, two]: [&mut Held<'_>; 2],
     part: usize,
 ) -> (F<S>, F3<S>, F<S>) {
     let LaneContact { law, damping_n, damping_t, snap } = meets.law;
@@ -340,10 +345,12 @@ fn contact<S: Simd>(
     // Velocities here are those of j against i: what is felt on i has the opposite sign.
     let Pairs { v_n, v_t, .. } = *pairs;
     let delta = splat(meets.touch) - pairs.length;
-    let holds = touches & F::load(simd, [&one.limit, &two.limit], part).le(delta);
-    holds.select(splat(*snap), zero).store([&mut one.limit, &mut two.limit], part);
+    // From touching on, or from where it snaps if it has formed, which is before.
+    let limit = Mask::of_bits(simd, [*one.held, *two.held], part).select(splat(*snap), zero);
+    let holds = touches & limit.le(delta);
+    holds.store([one.held, two.held], part);
     if !holds.any() {
-        none.store([&mut one.slide, &mut two.slide], part);
+        none.store([one.slide, two.slide], part);
         return (zero, none, zero);
     }
     let (elastic, a, root_a) = match &law.jkr {
@@ -362,7 +369,7 @@ fn contact<S: Simd>(
     let holds_on = zero.lt(a);
     let k_t = splat(8.0 * law.g_star) * a;
     let dashpot = v_t * eta_t;
-    let old = F3::load(simd, [&one.slide, &two.slide], part);
+    let old = F3::load(simd, [one.slide, two.slide], part);
     let mut slide = v_t.mul_from(splat(meets.dt), turned(simd, pairs, old));
     let mut force = slide.mul_from(k_t, dashpot);
     let cap = splat(law.mu) * total.max(zero);
@@ -373,7 +380,7 @@ fn contact<S: Simd>(
         let slipped = (dashpot - force) * (splat(1.0) / k_t.max(splat(1e-30)));
         slide = slips.select3(slipped, slide);
     }
-    holds_on.select3(slide, none).store([&mut one.slide, &mut two.slide], part);
+    holds_on.select3(slide, none).store([one.slide, two.slide], part);
     (total, force, holds.select(delta, zero))
 }
 

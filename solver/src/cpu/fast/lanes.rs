@@ -9,6 +9,7 @@ use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Sub};
 use glam::Vec3;
 use pulp::Simd;
 
+use super::instructions::Wide;
 use super::memory::{Lanes, Lanes3};
 
 /// Numbers in the lanes of two registers: one chunk of pairs is a long chain of dependent operations, and the processor works
@@ -152,6 +153,22 @@ impl<S: Simd> F<S> {
     }
 }
 
+impl<S: Wide> Mask<S> {
+    /// The `part`th registerful of lanes of two chunks of which bits say whether they are true.
+    #[inline(always)]
+    pub(super) fn of_bits(simd: S, [a, b]: [u16; 2], part: usize) -> Self {
+        Self(simd, [simd.mask(a, part), simd.mask(b, part)])
+    }
+
+    /// Writes the bits of those lanes.
+    #[inline(always)]
+    pub(super) fn store(self, [a, b]: [&mut u16; 2], part: usize) {
+        let (first, all) = (part * S::F32_LANES, ((1u32 << S::F32_LANES) - 1) as u16);
+        *a = *a & !(all << first) | self.0.bits(self.1[0]) << first;
+        *b = *b & !(all << first) | self.0.bits(self.1[1]) << first;
+    }
+}
+
 impl<S: Simd> Mask<S> {
     /// One or the other, lane by lane.
     #[inline(always)]
@@ -164,6 +181,13 @@ impl<S: Simd> Mask<S> {
     #[inline(always)]
     pub(super) fn select3(self, yes: F3<S>, no: F3<S>) -> F3<S> {
         F3 { x: self.select(yes.x, no.x), y: self.select(yes.y, no.y), z: self.select(yes.z, no.z) }
+    }
+
+    /// Where this is true and the other is not.
+    #[inline(always)]
+    pub(super) fn and_not(self, other: Self) -> Self {
+        let Self(simd, [a, b]) = self;
+        Self(simd, [simd.and_m32s(a, simd.not_m32s(other.1[0])), simd.and_m32s(b, simd.not_m32s(other.1[1]))])
     }
 
     /// Whether any lane is true.

@@ -110,13 +110,13 @@ impl Batch {
 
     /// All of them in lanes. Where there is no pair stands what was there before.
     #[inline(always)]
-    pub(super) fn lanes<S: Wide>(&self, simd: S, frame: &Frame, step: u32, snap: f32) -> BatchLanes {
+    pub(super) fn lanes<S: Wide>(&self, simd: S, frame: &Frame, step: u32) -> BatchLanes {
         let count = self.pairs.len();
         BatchLanes {
             counts: [count.min(WIDTH), count.saturating_sub(WIDTH)],
             seen: [self.seen(simd, 0, frame), self.seen(simd, 1, frame)],
             root_mass: [self.root_mass(0), self.root_mass(1)],
-            memory: [self.contacts(simd, 0, step, snap), self.contacts(simd, 1, step, snap)],
+            memory: [self.contacts(simd, 0, step), self.contacts(simd, 1, step)],
         }
     }
 
@@ -139,15 +139,18 @@ impl Batch {
     }
 
     #[inline(always)]
-    fn contacts<S: Wide>(&self, simd: S, half: usize, step: u32, snap: f32) -> Contacts {
-        let [mut slide @ .., mut limit] = simd.to_lanes(&quads(&self.memory, half));
-        for k in 0..WIDTH {
-            let held = limit.0[k].to_bits() == step.wrapping_sub(1);
-            limit.0[k] = if held { snap } else { 0.0 };
-            // What has let go has forgotten, also where nobody has looked since.
-            slide.iter_mut().for_each(|axis| axis.0[k] = if held { axis.0[k] } else { 0.0 });
+    fn contacts<S: Wide>(&self, simd: S, half: usize, step: u32) -> Contacts {
+        let [mut slide @ .., last] = simd.to_lanes(&quads(&self.memory, half));
+        // Those steps are so small as numbers that their bits rise as they do.
+        let held = !simd.at_most(&last, f32::from_bits(step - 2));
+        // What has let go has forgotten, also where nobody has looked since.
+        let remembers = simd.only(f32::from_bits(u32::MAX), held);
+        for axis in &mut slide {
+            for k in 0..WIDTH {
+                axis.0[k] = f32::from_bits(axis.0[k].to_bits() & remembers.0[k].to_bits());
+            }
         }
-        Contacts { limit, slide }
+        Contacts { held, slide }
     }
 }
 
@@ -156,8 +159,7 @@ impl Contacts {
     #[inline(always)]
     pub(super) fn memory<S: Wide>(&self, simd: S, step: u32) -> Quads {
         let [x, y, z] = &self.slide;
-        let held = Lanes(self.limit.0.map(|limit| if limit == 0.0 { 0.0 } else { f32::from_bits(step) }));
-        simd.to_quads([x, y, z, &held])
+        simd.to_quads([x, y, z, &simd.only(f32::from_bits(step), self.held)])
     }
 }
 
@@ -275,15 +277,5 @@ impl Sums {
             }
         }
         all
-    }
-}
-
-impl Contacts {
-    /// Takes over what another contact remembers.
-    pub(super) fn take(&mut self, lane: usize, other: &Self, from: usize) {
-        self.limit.0[lane] = other.limit.0[from];
-        for (mine, theirs) in self.slide.iter_mut().zip(&other.slide) {
-            mine.0[lane] = theirs.0[from];
-        }
     }
 }

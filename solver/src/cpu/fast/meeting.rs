@@ -296,7 +296,7 @@ impl Job for WorkOut<'_, '_> {
             return 0.0;
         }
         let mut felt = [Felt::NOTHING; 2];
-        let mut lanes = batch.lanes(simd, frame, *step, laws.contact.snap());
+        let mut lanes = batch.lanes(simd, frame, *step);
         let deepest = kernel::contacts(simd, laws, &mut lanes, &mut felt);
         let first = seconds.places.len();
         let mut places = [0; BATCH];

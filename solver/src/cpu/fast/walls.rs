@@ -85,7 +85,7 @@ impl Met {
                     let (half, lane) = (k / WIDTH, quad_of(k % WIDTH));
                     let FeltWall { pair, to_wall, velocity, spin, .. } = &felt[number as usize];
                     let ContactMemory { touching, slide } = pairs[*pair].contact;
-                    memory[half].limit.0[lane] = if touching { law.snap() } else { 0.0 };
+                    memory[half].held |= u16::from(touching) << lane;
                     set(&mut memory[half].slide, lane, slide);
                     set(&mut seen[half].apart, lane, *to_wall);
                     set(&mut seen[half].velocity, lane, *velocity);
@@ -98,7 +98,7 @@ impl Met {
                     let felt = &mut felt[number as usize];
                     felt.load =
                         Load { force: get(&loads[half].force, lane), torque: get(&loads[half].torque, lane) };
-                    let touching = memory[half].limit.0[lane] != 0.0;
+                    let touching = memory[half].held >> lane & 1 == 1;
                     pairs[felt.pair].contact =
                         ContactMemory { touching, slide: get(&memory[half].slide, lane) };
                 }
