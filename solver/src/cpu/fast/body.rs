@@ -9,6 +9,7 @@ use super::kernel::{LaneContact, PairLaws};
 use super::load::{Loads, Sums};
 use super::meeting::Meeting;
 use super::pairs::BodyPairs;
+use super::share::{PARTS, part};
 use super::points::{Block, Motion, Points, place_of};
 use super::walls::{Met, NearWalls};
 use super::whereabouts::{Find, Whereabouts};
@@ -150,20 +151,13 @@ impl Body {
         simd: S,
         around: &Surroundings<'_>,
         firsts: &mut Loads,
+        next: Option<Next<'_>>,
         desk: &mut Desk,
     ) -> Noticed {
         let Desk { sums, blocks, .. } = desk;
         let mut watch = around.stages.watch();
         simd.fetch(&self.bonds[..AHEAD.min(self.bonds.len())]);
         sums.begin(firsts);
-        for &m in &self.meets {
-            let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
-            if loads.is_empty() {
-                continue;
-            }
-            sums.add_to_seconds(&around.pairs[bodies[0] as usize].seconds, loads.clone());
-        }
-        watch.lap(Stage::Sums);
         let mut noticed = Noticed::default();
         self.points.set_out(simd, blocks);
         let Self { bonds: sets, broken, .. } = self;
@@ -175,10 +169,28 @@ impl Body {
             let Surroundings { laws, frame, .. } = around;
             let [one, two] = pair else { break };
             let pair = [one, two];
+            if let Some(next) = &next
+                && k / 2 < PARTS
+            {
+                next.fetch_part(simd, around, k / 2);
+            }
             let deepest = bonds::forces(pair, simd, laws, root_mass, frame, blocks, sums, broken);
             noticed.max_overlap = noticed.max_overlap.max(deepest);
         }
+        if let Some(next) = &next {
+            for k in sets.len() / 2..PARTS {
+                next.fetch_part(simd, around, k);
+            }
+        }
         watch.lap(Stage::Bonds);
+        for &m in &self.meets {
+            let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
+            if loads.is_empty() {
+                continue;
+            }
+            sums.add_to_seconds(&around.pairs[bodies[0] as usize].seconds, loads.clone());
+        }
+        watch.lap(Stage::Sums);
         self.add_walls(simd, around, desk);
         watch.lap(Stage::Walls);
         let Self { points, motion, .. } = self;
@@ -221,10 +233,38 @@ impl Body {
     }
 }
 
+/// The body that comes after.
+pub(super) struct Next<'a> {
+    pub(super) body: &'a Body,
+    pub(super) firsts: &'a Loads,
+}
+
+impl Next<'_> {
+    /// Fetches the `k`th of [`PARTS`] parts from memory of what its step will want.
+    #[inline(always)]
+    fn fetch_part<S: Wide>(&self, simd: S, around: &Surroundings<'_>, k: usize) {
+        self.body.points.fetch_part(simd, k);
+        self.firsts.fetch_part(simd, k);
+        // The loads that others have left for it, once their meetings have come.
+        let meets = |k: usize| part(&self.body.meets, k % (PARTS / 2) * 2).iter().chain(part(&self.body.meets, k % (PARTS / 2) * 2 + 1));
+        if k < PARTS / 2 {
+            for &m in meets(k) {
+                simd.fetch_far(std::slice::from_ref(&around.meetings[m as usize]));
+            }
+        } else {
+            for &m in meets(k) {
+                let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
+                around.pairs[bodies[0] as usize].seconds.fetch(simd, loads.clone());
+            }
+        }
+    }
+}
+
 /// A body's part of the second phase.
 pub(super) struct Move<'a> {
     pub(super) body: &'a mut Body,
     pub(super) firsts: &'a mut Loads,
+    pub(super) next: Option<Next<'a>>,
     pub(super) around: &'a Surroundings<'a>,
     pub(super) desk: &'a mut Desk,
 }
@@ -234,7 +274,7 @@ impl Job for Move<'_> {
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> Noticed {
-        self.body.step(simd, self.around, self.firsts, self.desk)
+        self.body.step(simd, self.around, self.firsts, self.next, self.desk)
     }
 }
 

@@ -158,6 +158,10 @@ pub(super) trait Wide: Simd {
     #[inline(always)]
     fn fetch<T>(self, _: &[T]) {}
 
+    /// FAR
+    #[inline(always)]
+    fn fetch_far<T>(self, _: &[T]) {}
+
     /// From four numbers each one after the other to lanes (see [`super::memory::quad_of`]).
     #[inline(always)]
     fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
@@ -178,7 +182,7 @@ impl Wide for pulp::aarch64::Neon {}
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use std::arch::x86_64::{_MM_HINT_T0, __m256, __m256d, __m256i, __m512, __m512d};
+    use std::arch::x86_64::{_MM_HINT_T0, _MM_HINT_T1, __m256, __m256d, __m256i, __m512, __m512d};
 
     use pulp::x86::{V3, V4};
     use pulp::{Simd, cast};
@@ -292,6 +296,14 @@ mod x86 {
         }
 
         #[inline(always)]
+        fn fetch_far<T>(self, wanted: &[T]) {
+            let first = wanted.as_ptr().cast::<i8>();
+            for line in (0..size_of_val(wanted)).step_by(LINE) {
+                self.sse._mm_prefetch::<_MM_HINT_T1>(first.wrapping_add(line));
+            }
+        }
+
+        #[inline(always)]
         fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
             let rows: [[f32; WIDTH]; 4] = cast(quads.0);
             transposed_in_512(self, rows).map(Lanes)
@@ -397,6 +409,14 @@ mod x86 {
             let first = wanted.as_ptr().cast::<i8>();
             for line in (0..size_of_val(wanted)).step_by(LINE) {
                 self.sse._mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(line));
+            }
+        }
+
+        #[inline(always)]
+        fn fetch_far<T>(self, wanted: &[T]) {
+            let first = wanted.as_ptr().cast::<i8>();
+            for line in (0..size_of_val(wanted)).step_by(LINE) {
+                self.sse._mm_prefetch::<_MM_HINT_T1>(first.wrapping_add(line));
             }
         }
 

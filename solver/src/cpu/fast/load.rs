@@ -7,6 +7,7 @@ use super::kernel::{Contacts, Felt, Seen};
 use super::memory::{Lanes, Lanes3, Quads, WIDTH, quad_of};
 use super::pairs::{PairList, Seconds};
 use super::points::Points;
+use super::share::part;
 use crate::cpu::forces::Load;
 use crate::engine::frame::Frame;
 
@@ -193,6 +194,20 @@ impl Loads {
     /// Nothing yet, for so many.
     pub(super) fn none(count: usize) -> Self {
         Self { force: vec![[0.0; 4]; count], torque: vec![[0.0; 4]; count] }
+    }
+
+    /// Fetches some from memory.
+    #[inline(always)]
+    pub(super) fn fetch<S: Wide>(&self, simd: S, range: Range<usize>) {
+        simd.fetch_far(&self.force[range.clone()]);
+        simd.fetch_far(&self.torque[range]);
+    }
+
+    /// Fetches the `k`th of [`super::share::PARTS`] parts.
+    #[inline(always)]
+    pub(super) fn fetch_part<S: Wide>(&self, simd: S, k: usize) {
+        simd.fetch_far(part(&self.force, k));
+        simd.fetch_far(part(&self.torque, k));
     }
 
     /// Takes in [`WIDTH`] more, from lanes.

@@ -206,6 +206,11 @@ impl Contacts<'_> {
         room.spare = spare;
     }
 
+    /// The body.
+    fn mine(&self) -> &Body {
+        &self.bodies[self.meetings[0].bodies[0] as usize]
+    }
+
     /// Works out the load of every pair that is close. Returns their greatest overlap, in metres.
     #[inline(always)]
     pub(super) fn forces<S: Wide>(&mut self, simd: S, Room { batches, apart, close, .. }: &mut Room) -> f32 {
@@ -258,18 +263,18 @@ impl Contacts<'_> {
 }
 
 /// A body's part of the first phase.
-pub(super) struct Meet<'a> {
-    pub(super) contacts: Contacts<'a>,
+pub(super) struct Meet<'a, 'b> {
+    pub(super) contacts: &'a mut Contacts<'b>,
     pub(super) search: &'a Search,
     pub(super) room: &'a mut Room,
     pub(super) stages: &'a Stages,
 }
 
-impl Job for Meet<'_> {
+impl Job for Meet<'_, '_> {
     type Output = f32;
 
     #[inline(always)]
-    fn run<S: Wide>(mut self, simd: S) -> f32 {
+    fn run<S: Wide>(self, simd: S) -> f32 {
         let mut watch = self.stages.watch();
         self.contacts.search(simd, self.search, self.room);
         watch.lap(Stage::Search);

@@ -45,7 +45,7 @@ use super::walls::Walls;
 use crate::engine::Advance;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use body::{Body, Desk, Locate, Move, Noticed, Surroundings};
+use body::{Body, Desk, Locate, Move, Next, Noticed, Surroundings};
 use bonds::BondSet;
 use clumps::{Clump, clumps};
 pub use instructions::Instructions;
@@ -55,7 +55,7 @@ use meeting::{Contacts, Meet, Meeting, Room, SAFE};
 use pairs::BodyPairs;
 use points::Points;
 use search::{Search, near_each_other};
-use share::{AT_ONCE, PerThread, along_curve, in_order};
+use share::{PerThread, along_curve, at_once, in_order};
 use whereabouts::Extent;
 
 /// Distance beyond reach that lists cover, as a share of R: between two bodies, and between a body and itself.
@@ -274,11 +274,21 @@ impl FastRun {
             ..
         } = self;
         let groups = meetings.chunk_by_mut(|a, b| a.bodies[0] == b.bodies[0]);
-        let work = in_order(order, groups.zip(pairs).zip(firsts));
-        let work = work.into_par_iter().with_max_len(AT_ONCE).map(|((meetings, pairs), firsts)| {
-            let contacts = Contacts { meetings, bodies, pairs, firsts, laws, frame: &state.frame, step };
+        let work = groups.zip(pairs).zip(firsts).map(|((meetings, pairs), firsts)| Contacts {
+            meetings,
+            bodies,
+            pairs,
+            firsts,
+            laws,
+            frame: &state.frame,
+            step,
+        });
+        let mut work = in_order(order, work);
+        let some = at_once(work.len());
+        let work = work.par_chunks_mut(some).with_max_len(1).map(|some| {
             let (room, _) = &mut *workplaces.of_this_thread();
-            instructions.run(Meet { contacts, search: &search, room, stages })
+            let meet = |contacts| instructions.run(Meet { contacts, search: &search, room, stages });
+            some.iter_mut().map(meet).fold(0.0, f32::max)
         });
         work.reduce(|| 0.0, f32::max)
     }
@@ -314,10 +324,18 @@ impl FastRun {
             wall_reach: params.radius + params.laws.reach(),
             wall_skin: WALL_SKIN_RATIO * params.radius,
         };
-        let work = in_order(order, bodies.iter_mut().zip(firsts));
-        let work = work.into_par_iter().with_max_len(AT_ONCE).map(|(body, firsts)| {
+        let mut work = in_order(order, bodies.iter_mut().zip(firsts));
+        let some = at_once(work.len());
+        let work = work.par_chunks_mut(some).with_max_len(1).map(|some| {
             let (_, desk) = &mut *workplaces.of_this_thread();
-            instructions.run(Move { body, firsts, around: &around, desk })
+            let mut noticed = Noticed::default();
+            for k in 0..some.len() {
+                let (done, next) = some.split_at_mut(k + 1);
+                let (body, firsts) = &mut done[k];
+                let next = next.first().map(|(body, firsts)| Next { body: &**body, firsts: &**firsts });
+                noticed = noticed.and(instructions.run(Move { body, firsts, next, around: &around, desk }));
+            }
+            noticed
         });
         work.reduce(Noticed::default, Noticed::and)
     }

@@ -34,6 +34,15 @@ pub(super) struct Seconds {
     pub(super) places: Vec<u32>,
 }
 
+impl Seconds {
+    /// Fetches some from memory.
+    #[inline(always)]
+    pub(super) fn fetch<S: Wide>(&self, simd: S, pairs: Range<usize>) {
+        simd.fetch_far(&self.places[pairs.clone()]);
+        self.loads.fetch(simd, pairs);
+    }
+}
+
 /// Distances of pairs of two bodies, from the first to the second, in units of length.
 #[inline(never)]
 pub(super) fn look(

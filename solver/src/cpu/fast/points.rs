@@ -7,6 +7,7 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::instructions::Wide;
 use super::load::{LoadBlock, Sums};
+use super::share::part;
 use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, quad_of};
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
@@ -128,6 +129,13 @@ impl Points {
             let ([.., x], [[.., y], [.., z]]) = (self.positions[place], self.motions[place]);
             *remainder = Vec3::new(f32::from_bits(x as u32), y, z);
         }
+    }
+
+    /// Fetches the `k`th of [`super::share::PARTS`] parts from memory.
+    #[inline(always)]
+    pub(super) fn fetch_part<S: Wide>(&self, simd: S, k: usize) {
+        simd.fetch_far(part(&self.positions, k));
+        simd.fetch_far(part(&self.motions, k));
     }
 
     /// The number of blocks.

@@ -6,8 +6,27 @@ use glam::IVec3;
 
 use super::whereabouts::Extent;
 
-/// Bodies that a thread takes at once: some cost far more than others, and what is left at the end must not be much.
-pub(super) const AT_ONCE: usize = 2;
+/// Bodies that a thread takes at once, at least and at most: some cost far more than others, and what is left at the end must not be
+/// much; of those that follow each other, one fetches from memory what the next needs.
+const AT_ONCE: [usize; 2] = [2, 16];
+
+/// Turns of each thread in a phase, where bodies suffice.
+const TURNS: usize = 64;
+
+/// How many of so many bodies a thread takes at once.
+pub(super) fn at_once(bodies: usize) -> usize {
+    let [least, most] = AT_ONCE;
+    (bodies / (TURNS * rayon::current_num_threads())).clamp(least, most)
+}
+
+/// Parts in which a body fetches from memory what the next one needs, while it works.
+pub(super) const PARTS: usize = 8;
+
+/// The `k`th of [`PARTS`] parts, nearly equal.
+#[inline(always)]
+pub(super) fn part<T>(of: &[T], k: usize) -> &[T] {
+    &of[k * of.len() / PARTS..(k + 1) * of.len() / PARTS]
+}
 
 /// Bits of a coordinate that count along the curve.
 const BITS: u32 = 10;
