@@ -6,10 +6,10 @@ use std::sync::OnceLock;
 use super::bonds::{self, BondSet};
 use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{LaneContact, PairLaws};
-use super::load::{Loads, Sums};
+use super::load::Sums;
 use super::meeting::Meeting;
 use super::pairs::BodyPairs;
-use super::share::{PARTS, part};
+use super::share::{PARTS, part, span};
 use super::points::{Block, Motion, Points, place_of};
 use super::walls::{Met, NearWalls};
 use super::whereabouts::{Find, Whereabouts};
@@ -144,20 +144,20 @@ impl Body {
         self.whereabouts.get_or_init(|| by_itself(simd, Find(&self.points, frame)))
     }
 
-    /// One step of this body, once all meetings have worked out their loads: `firsts` are those that it has worked out itself.
+    /// One step of this body, once all meetings have worked out their loads; `pairs` are those of which it is the first.
     #[inline(always)]
     pub(super) fn step<S: Wide>(
         &mut self,
         simd: S,
         around: &Surroundings<'_>,
-        firsts: &mut Loads,
+        pairs: &BodyPairs,
         next: Option<Next<'_>>,
         desk: &mut Desk,
     ) -> Noticed {
         let Desk { sums, blocks, .. } = desk;
         let mut watch = around.stages.watch();
         simd.fetch(&self.bonds[..AHEAD.min(self.bonds.len())]);
-        sums.begin(firsts);
+        sums.begin(self.points.blocks());
         let mut noticed = Noticed::default();
         self.points.set_out(simd, blocks);
         let Self { bonds: sets, broken, .. } = self;
@@ -183,12 +183,13 @@ impl Body {
             }
         }
         watch.lap(Stage::Bonds);
+        sums.add_to_firsts(&pairs.loads);
         for &m in &self.meets {
             let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
             if loads.is_empty() {
                 continue;
             }
-            sums.add_to_seconds(&around.pairs[bodies[0] as usize].seconds, loads.clone());
+            sums.add_to_seconds(&around.pairs[bodies[0] as usize].loads, loads.clone());
         }
         watch.lap(Stage::Sums);
         self.add_walls(simd, around, desk);
@@ -196,7 +197,6 @@ impl Body {
         let Self { points, motion, .. } = self;
         let Desk { sums, blocks, .. } = desk;
         let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, blocks, sums);
-        sums.end(firsts);
         self.whereabouts.take();
         self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);
         noticed.runaway = moved.runaway.map(|k| self.range.start as u32 + k);
@@ -236,7 +236,7 @@ impl Body {
 /// The body that comes after.
 pub(super) struct Next<'a> {
     pub(super) body: &'a Body,
-    pub(super) firsts: &'a Loads,
+    pub(super) pairs: &'a BodyPairs,
 }
 
 impl Next<'_> {
@@ -244,7 +244,8 @@ impl Next<'_> {
     #[inline(always)]
     fn fetch_part<S: Wide>(&self, simd: S, around: &Surroundings<'_>, k: usize) {
         self.body.points.fetch_part(simd, k);
-        self.firsts.fetch_part(simd, k);
+        let loads = &self.pairs.loads;
+        loads.fetch(simd, span(loads.places.len(), k));
         // The loads that others have left for it, once their meetings have come.
         let meets = |k: usize| part(&self.body.meets, k % (PARTS / 2) * 2).iter().chain(part(&self.body.meets, k % (PARTS / 2) * 2 + 1));
         if k < PARTS / 2 {
@@ -254,7 +255,7 @@ impl Next<'_> {
         } else {
             for &m in meets(k) {
                 let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
-                around.pairs[bodies[0] as usize].seconds.fetch(simd, loads.clone());
+                around.pairs[bodies[0] as usize].loads.fetch(simd, loads.clone());
             }
         }
     }
@@ -263,7 +264,7 @@ impl Next<'_> {
 /// A body's part of the second phase.
 pub(super) struct Move<'a> {
     pub(super) body: &'a mut Body,
-    pub(super) firsts: &'a mut Loads,
+    pub(super) pairs: &'a BodyPairs,
     pub(super) next: Option<Next<'a>>,
     pub(super) around: &'a Surroundings<'a>,
     pub(super) desk: &'a mut Desk,
@@ -274,7 +275,7 @@ impl Job for Move<'_> {
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> Noticed {
-        self.body.step(simd, self.around, self.firsts, self.next, self.desk)
+        self.body.step(simd, self.around, self.pairs, self.next, self.desk)
     }
 }
 

@@ -5,9 +5,8 @@ use std::ops::Range;
 use super::instructions::Wide;
 use super::kernel::{Contacts, Felt, Seen};
 use super::memory::{Lanes, Lanes3, Quads, WIDTH, quad_of};
-use super::pairs::{PairList, Seconds};
+use super::pairs::{PairList, PairLoads};
 use super::points::Points;
-use super::share::part;
 use crate::cpu::forces::Load;
 use crate::engine::frame::Frame;
 
@@ -40,7 +39,7 @@ pub(super) struct BatchLanes {
 }
 
 /// What acts on many sub-particles: force and torque, one after the other, with a 0 at the end of each.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Loads {
     force: Vec<[f32; 4]>,
     torque: Vec<[f32; 4]>,
@@ -170,14 +169,6 @@ fn quads(of: &[[f32; 4]], b: usize) -> Quads {
     Quads(of[b * WIDTH..][..WIDTH].try_into().expect("as many as asked for"))
 }
 
-/// The same; none is left.
-#[inline(always)]
-fn taken(of: &mut [[f32; 4]], b: usize) -> Quads {
-    let of: &mut [[f32; 4]; WIDTH] =
-        (&mut of[b * WIDTH..][..WIDTH]).try_into().expect("as many as asked for");
-    Quads(std::mem::replace(of, [[0.0; 4]; WIDTH]))
-}
-
 /// The first three numbers, in lanes.
 #[inline(always)]
 pub(super) fn three<S: Wide>(simd: S, quads: &Quads) -> Lanes3 {
@@ -191,23 +182,11 @@ impl Loads {
         self.torque.clear();
     }
 
-    /// Nothing yet, for so many.
-    pub(super) fn none(count: usize) -> Self {
-        Self { force: vec![[0.0; 4]; count], torque: vec![[0.0; 4]; count] }
-    }
-
     /// Fetches some from memory.
     #[inline(always)]
     pub(super) fn fetch<S: Wide>(&self, simd: S, range: Range<usize>) {
         simd.fetch_far(&self.force[range.clone()]);
         simd.fetch_far(&self.torque[range]);
-    }
-
-    /// Fetches the `k`th of [`super::share::PARTS`] parts.
-    #[inline(always)]
-    pub(super) fn fetch_part<S: Wide>(&self, simd: S, k: usize) {
-        simd.fetch_far(part(&self.force, k));
-        simd.fetch_far(part(&self.torque, k));
     }
 
     /// Takes in [`WIDTH`] more, from lanes.
@@ -218,28 +197,16 @@ impl Loads {
         self.torque.extend_from_slice(&simd.to_quads([p, q, r, &Lanes::ZERO]).0);
     }
 
-    /// Adds what pairs do to their firsts, at these places; `loads` are of the pairs in `range`.
-    #[inline(never)]
-    pub(super) fn add_to_firsts(&mut self, places: &[u32], loads: &Self, range: Range<usize>) {
+    /// Adds what some pairs do to one of their two: what acts on the firsts, or else what acts on the seconds.
+    #[inline(always)]
+    fn add_pairs<const SIDE: usize>(&mut self, PairLoads { loads, places }: &PairLoads, pairs: Range<usize>) {
         let Self { force, torque } = self;
         let torque = &mut torque[..force.len()];
-        let loads = loads.force[range.clone()].iter().zip(&loads.torque[range]);
-        for (&place, (f, t)) in places.iter().zip(loads) {
-            let place = place as usize;
-            force[place] = sum(force[place], *f);
-            torque[place] = sum(torque[place], *t);
-        }
-    }
-
-    /// The same of their seconds: the opposite force, the same torque.
-    #[inline(never)]
-    pub(super) fn add_to_seconds(&mut self, places: &[u32], loads: &Self, range: Range<usize>) {
-        let Self { force, torque } = self;
-        let torque = &mut torque[..force.len()];
-        let loads = loads.force[range.clone()].iter().zip(&loads.torque[range]);
-        for (&place, (f, t)) in places.iter().zip(loads) {
-            let place = place as usize;
-            force[place] = sum(force[place], f.map(|x| -x));
+        let places = &places[pairs.clone()];
+        let loads = loads.force[pairs.clone()].iter().zip(&loads.torque[pairs]);
+        for (place, (f, t)) in places.iter().zip(loads) {
+            let place = place[SIDE] as usize;
+            force[place] = sum(force[place], if SIDE == 0 { *f } else { f.map(|x| -x) });
             torque[place] = sum(torque[place], *t);
         }
     }
@@ -251,22 +218,27 @@ fn sum(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
 }
 
 impl Sums {
-    /// Begins with what came one at a time before, and takes its place until [`Self::end`].
-    pub(super) fn begin(&mut self, single: &mut Loads) {
-        std::mem::swap(&mut self.single, single);
-        let blocks = self.single.force.len() / WIDTH;
+    /// Nothing yet, for so many blocks.
+    pub(super) fn begin(&mut self, blocks: usize) {
+        let Loads { force, torque } = &mut self.single;
+        for single in [force, torque] {
+            single.clear();
+            single.resize(blocks * WIDTH, [0.0; 4]);
+        }
         self.blocks.clear();
         self.blocks.resize(blocks, LoadBlock { force: [Lanes::ZERO; 3], torque: [Lanes::ZERO; 3] });
     }
 
-    /// Gives back the room for what comes one at a time, once all blocks were taken.
-    pub(super) fn end(&mut self, single: &mut Loads) {
-        std::mem::swap(&mut self.single, single);
+    /// Adds what acts on the firsts of all pairs.
+    #[inline(never)]
+    pub(super) fn add_to_firsts(&mut self, loads: &PairLoads) {
+        self.single.add_pairs::<0>(loads, 0..loads.places.len());
     }
 
     /// Adds what acts on the seconds of some pairs.
-    pub(super) fn add_to_seconds(&mut self, seconds: &Seconds, pairs: Range<usize>) {
-        self.single.add_to_seconds(&seconds.places[pairs.clone()], &seconds.loads, pairs);
+    #[inline(never)]
+    pub(super) fn add_to_seconds(&mut self, loads: &PairLoads, pairs: Range<usize>) {
+        self.single.add_pairs::<1>(loads, pairs);
     }
 
     /// Adds what acts on the sub-particle at a place.
@@ -279,12 +251,12 @@ impl Sums {
         torque[place as usize] = sum(torque[place as usize], [p, q, r, 0.0]);
     }
 
-    /// Takes all that acts on a block.
+    /// All that acts on a block.
     #[inline(always)]
-    pub(super) fn take_block<S: Wide>(&mut self, simd: S, b: usize) -> LoadBlock {
-        let (single, mut all) = (&mut self.single, self.blocks[b]);
-        let force = simd.to_lanes(&taken(&mut single.force, b));
-        let torque = simd.to_lanes(&taken(&mut single.torque, b));
+    pub(super) fn of_block<S: Wide>(&self, simd: S, b: usize) -> LoadBlock {
+        let (single, mut all) = (&self.single, self.blocks[b]);
+        let force = simd.to_lanes(&quads(&single.force, b));
+        let torque = simd.to_lanes(&quads(&single.torque, b));
         for axis in 0..3 {
             for k in 0..WIDTH {
                 all.force[axis].0[k] += force[axis].0[k];

@@ -1,7 +1,7 @@
 //! Two bodies that are near each other: which of their sub-particles may touch, and the contacts between them.
 //!
 //! A pair of sub-particles stands here once, with its memory. A body works out its meetings with itself and with those after
-//! it: what acts on its own sub-particles it adds up at once, what acts on the others' stays here until they do.
+//! it: what acts on its own sub-particles and on the others' stays here until they add it up.
 //! The pairs are listed afresh when the two bodies may have moved against each other by the skin, whatever the others do: fillets that
 //! fall together keep theirs. They are sifted out of candidates, which a search among all sub-particles finds and which last several
 //! times as long: so skins can be thin, and lists short.
@@ -13,8 +13,8 @@ use glam::DVec3;
 use super::body::{Body, root_of_equivalent};
 use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{self, Felt, PairLaws};
-use super::load::{BATCH, Batch, Loads};
-use super::pairs::{self, BodyPairs, PairList};
+use super::load::{BATCH, Batch};
+use super::pairs::{self, BodyPairs, PairList, PairLoads};
 use super::points::{Motion, place_of};
 use super::search::{Finder, Search};
 use crate::cpu::stages::{Stage, Stages};
@@ -35,7 +35,7 @@ pub(super) struct Meeting {
     due: bool,
     /// Where its pairs stand in the list of the first body, sorted.
     pub(super) pairs: Range<usize>,
-    /// Where the loads of those that are close stand among [`BodyPairs::seconds`] of the first body.
+    /// Where the loads of those that are close stand among [`BodyPairs::loads`] of the first body.
     pub(super) loads: Range<usize>,
     /// Pairs that may be listed before the next search for such.
     candidates: Vec<[u32; 2]>,
@@ -163,8 +163,6 @@ pub(super) struct Contacts<'a> {
     pub(super) meetings: &'a mut [Meeting],
     pub(super) bodies: &'a [Body],
     pub(super) pairs: &'a mut BodyPairs,
-    /// What the pairs do to the body's own sub-particles, by [`super::points::place_of`]: nothing yet.
-    pub(super) firsts: &'a mut Loads,
     pub(super) laws: &'a PairLaws,
     pub(super) frame: &'a Frame,
     /// Number of the step, from 2: so that what remembers nothing held in none.
@@ -215,10 +213,10 @@ impl Contacts<'_> {
     #[inline(always)]
     pub(super) fn forces<S: Wide>(&mut self, simd: S, Room { batches, apart, close, .. }: &mut Room) -> f32 {
         let [mut batch, mut full] = batches.each_mut();
-        let BodyPairs { list, seconds, .. } = &mut *self.pairs;
+        let BodyPairs { list, loads: PairLoads { loads, places }, .. } = &mut *self.pairs;
         let mine = &self.bodies[self.meetings[0].bodies[0] as usize];
-        seconds.loads.clear();
-        seconds.places.clear();
+        loads.clear();
+        places.clear();
         apart.resize(list.len(), [0; 4]);
         // Most meetings have no pair.
         for Meeting { bodies: [_, other], pairs, .. } in
@@ -295,21 +293,18 @@ impl Job for WorkOut<'_, '_> {
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> f32 {
-        let Self { contacts: Contacts { pairs, firsts, laws, frame, step, .. }, batch } = self;
-        let BodyPairs { list, seconds, .. } = &mut **pairs;
+        let Self { contacts: Contacts { pairs, laws, frame, step, .. }, batch } = self;
+        let BodyPairs { list, loads: PairLoads { loads, places }, .. } = &mut **pairs;
         if batch.pairs.is_empty() {
             return 0.0;
         }
         let mut felt = [Felt::NOTHING; 2];
         let mut lanes = batch.lanes(simd, frame, *step);
         let deepest = kernel::contacts(simd, laws, &mut lanes, &mut felt);
-        let first = seconds.places.len();
-        let mut places = [0; BATCH];
-        seconds.loads.push(simd, &felt[0]);
-        seconds.loads.push(simd, &felt[1]);
+        loads.push(simd, &felt[0]);
+        loads.push(simd, &felt[1]);
         let memory = [lanes.memory[0].memory(simd, *step).0, lanes.memory[1].memory(simd, *step).0];
-        list.hand_back(&batch.pairs, memory.as_flattened(), &mut places, &mut seconds.places);
-        firsts.add_to_firsts(&places[..batch.pairs.len()], &seconds.loads, first..seconds.places.len());
+        list.hand_back(&batch.pairs, memory.as_flattened(), places);
         batch.pairs.clear();
         deepest
     }

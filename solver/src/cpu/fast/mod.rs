@@ -50,7 +50,6 @@ use bonds::BondSet;
 use clumps::{Clump, clumps};
 pub use instructions::Instructions;
 use kernel::{LaneContact, PairLaws};
-use load::Loads;
 use meeting::{Contacts, Meet, Meeting, Room, SAFE};
 use pairs::BodyPairs;
 use points::Points;
@@ -86,8 +85,6 @@ pub struct FastRun {
     meetings: Vec<Meeting>,
     /// Those of each body with itself and those after it.
     pairs: Vec<BodyPairs>,
-    /// What pairs do to the first body's own sub-particles, body by body, while a step goes on; else nothing.
-    firsts: Vec<Loads>,
     /// Motion of each body when the meetings were drawn up; empty forces it.
     drawn_up: Vec<(DVec3, f64)>,
     step: u64,
@@ -130,7 +127,6 @@ impl FastRun {
             bodies,
             meetings: Vec::new(),
             pairs: Vec::new(),
-            firsts: Vec::new(),
             drawn_up: Vec::new(),
             step: 0,
             start_step: None,
@@ -246,9 +242,6 @@ impl FastRun {
             self.meetings.push(known.unwrap_or_else(|| Meeting::new(pair)));
         }
         self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
-        if self.firsts.is_empty() {
-            self.firsts = self.bodies.iter().map(|body| Loads::none(body.points.positions.len())).collect();
-        }
         self.pairs.iter_mut().for_each(|pairs| pairs.is_stale = true);
         self.bodies.iter_mut().for_each(|body| body.meets.clear());
         for (m, meeting) in (0u32..).zip(&self.meetings) {
@@ -266,7 +259,6 @@ impl FastRun {
             bodies,
             meetings,
             pairs,
-            firsts,
             instructions,
             stages,
             workplaces,
@@ -274,11 +266,10 @@ impl FastRun {
             ..
         } = self;
         let groups = meetings.chunk_by_mut(|a, b| a.bodies[0] == b.bodies[0]);
-        let work = groups.zip(pairs).zip(firsts).map(|((meetings, pairs), firsts)| Contacts {
+        let work = groups.zip(pairs).map(|(meetings, pairs)| Contacts {
             meetings,
             bodies,
             pairs,
-            firsts,
             laws,
             frame: &state.frame,
             step,
@@ -302,7 +293,6 @@ impl FastRun {
             bodies,
             meetings,
             pairs,
-            firsts,
             walls,
             params,
             instructions,
@@ -324,16 +314,16 @@ impl FastRun {
             wall_reach: params.radius + params.laws.reach(),
             wall_skin: WALL_SKIN_RATIO * params.radius,
         };
-        let mut work = in_order(order, bodies.iter_mut().zip(firsts));
+        let mut work = in_order(order, bodies.iter_mut().zip(&*pairs));
         let some = at_once(work.len());
         let work = work.par_chunks_mut(some).with_max_len(1).map(|some| {
             let (_, desk) = &mut *workplaces.of_this_thread();
             let mut noticed = Noticed::default();
             for k in 0..some.len() {
                 let (done, next) = some.split_at_mut(k + 1);
-                let (body, firsts) = &mut done[k];
-                let next = next.first().map(|(body, firsts)| Next { body: &**body, firsts: &**firsts });
-                noticed = noticed.and(instructions.run(Move { body, firsts, next, around: &around, desk }));
+                let (body, pairs) = &mut done[k];
+                let next = next.first().map(|(body, pairs)| Next { body: &**body, pairs });
+                noticed = noticed.and(instructions.run(Move { body, pairs, next, around: &around, desk }));
             }
             noticed
         });
@@ -380,7 +370,6 @@ impl FastRun {
             true
         });
         self.drawn_up.clear();
-        self.firsts.clear();
         self.order.clear();
     }
 

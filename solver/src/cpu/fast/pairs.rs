@@ -23,18 +23,19 @@ pub(super) struct BodyPairs {
     pub(super) list: PairList,
     /// Whether meetings have come or gone since the list was written.
     pub(super) is_stale: bool,
-    /// What they do to the others, pair by pair of those that are close: the opposite force, the same torque.
-    pub(super) seconds: Seconds,
+    /// What those that are close do in this step.
+    pub(super) loads: PairLoads,
 }
 
-/// What acts on the firsts of pairs, and the places of their seconds.
+/// What acts on the firsts of pairs; on their seconds act the opposite force and the same torque.
 #[derive(Debug, Default)]
-pub(super) struct Seconds {
+pub(super) struct PairLoads {
     pub(super) loads: Loads,
-    pub(super) places: Vec<u32>,
+    /// Of the firsts and of the seconds.
+    pub(super) places: Vec<[u32; 2]>,
 }
 
-impl Seconds {
+impl PairLoads {
     /// Fetches some from memory.
     #[inline(always)]
     pub(super) fn fetch<S: Wide>(&self, simd: S, pairs: Range<usize>) {
@@ -87,22 +88,15 @@ impl PairList {
         self.places[range.clone()].iter().copied().zip(self.memory[range].iter().copied())
     }
 
-    /// Takes back what pairs remember; tells the places of their firsts and adds those of their seconds.
+    /// Takes back what pairs remember; adds their places to others.
     #[inline(never)]
-    pub(super) fn hand_back(
-        &mut self,
-        pairs: &[u32],
-        memory: &[[f32; 4]],
-        firsts: &mut [u32],
-        seconds: &mut Vec<u32>,
-    ) {
-        let from = seconds.len();
-        seconds.resize(from + pairs.len(), 0);
+    pub(super) fn hand_back(&mut self, pairs: &[u32], memory: &[[f32; 4]], to: &mut Vec<[u32; 2]>) {
+        let from = to.len();
+        to.resize(from + pairs.len(), [0; 2]);
         let (places, memories) = (&self.places[..], &mut self.memory[..self.places.len()]);
-        let out = firsts.iter_mut().zip(&mut seconds[from..]);
-        for ((&pair, memory), (first, second)) in pairs.iter().zip(memory).zip(out) {
+        for ((&pair, memory), to) in pairs.iter().zip(memory).zip(&mut to[from..]) {
             memories[pair as usize] = *memory;
-            [*first, *second] = places[pair as usize];
+            *to = places[pair as usize];
         }
     }
 

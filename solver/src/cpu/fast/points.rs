@@ -206,7 +206,7 @@ impl Points {
         mass: f32,
         motion: &mut Motion,
         blocks: &mut [Block],
-        sums: &mut Sums,
+        sums: &Sums,
     ) -> Moved {
         let inverse_mass = 1.0 / mass;
         let dt = f64::from(mover.dt);
@@ -214,7 +214,7 @@ impl Points {
         let (mut total, mut most_apart2, mut fastest2) = (Vec3::ZERO, Lanes::ZERO, Lanes::ZERO);
         let count = blocks.len();
         for (b, block) in blocks.iter_mut().enumerate() {
-            let LoadBlock { force, torque } = sums.take_block(simd, b);
+            let LoadBlock { force, torque } = sums.of_block(simd, b);
             let free = simd.only(1.0, self.moving[b]);
             let lost = block.advance(simd, mover, frame, inverse_mass, &free, &force, &torque);
             if lost != [0; WIDTH] && moved.runaway.is_none() {

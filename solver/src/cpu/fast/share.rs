@@ -1,5 +1,6 @@
 //! How bodies are shared out among threads: neighbours soon after each other, and to each thread what it keeps.
 
+use std::ops::Range;
 use std::sync::{Mutex, MutexGuard};
 
 use glam::IVec3;
@@ -22,10 +23,16 @@ pub(super) fn at_once(bodies: usize) -> usize {
 /// Parts in which a body fetches from memory what the next one needs, while it works.
 pub(super) const PARTS: usize = 8;
 
-/// The `k`th of [`PARTS`] parts, nearly equal.
+/// The `k`th of [`PARTS`] parts of so many, nearly equal.
+#[inline(always)]
+pub(super) fn span(count: usize, k: usize) -> Range<usize> {
+    k * count / PARTS..(k + 1) * count / PARTS
+}
+
+/// The same of some.
 #[inline(always)]
 pub(super) fn part<T>(of: &[T], k: usize) -> &[T] {
-    &of[k * of.len() / PARTS..(k + 1) * of.len() / PARTS]
+    &of[span(of.len(), k)]
 }
 
 /// Bits of a coordinate that count along the curve.
