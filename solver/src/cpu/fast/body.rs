@@ -1,6 +1,7 @@
 //! A body: its sub-particles, the bonds between them, the facets near it; and how it has moved.
 
 use std::ops::Range;
+use std::slice;
 use std::sync::OnceLock;
 
 use super::bonds::{self, BondSet};
@@ -9,8 +10,8 @@ use super::kernel::{LaneContact, PairLaws};
 use super::load::Sums;
 use super::meeting::Meeting;
 use super::pairs::BodyPairs;
-use super::share::{PARTS, part, span};
 use super::points::{Block, Motion, Points, place_of};
+use super::share::{PARTS, part, span};
 use super::walls::{Met, NearWalls};
 use super::whereabouts::{Find, Whereabouts};
 use crate::cpu::integrate::Mover;
@@ -18,7 +19,7 @@ use crate::cpu::stages::{Stage, Stages};
 use crate::cpu::walls::Walls;
 use crate::engine::frame::Frame;
 
-/// Sets of bonds that are asked for before they are worked on.
+/// Sets of bonds that are on their way from memory while others are worked on.
 const AHEAD: usize = 4;
 
 /// √m* of two sub-particles of masses in kg, in kg^½.
@@ -72,6 +73,7 @@ pub(super) struct Surroundings<'a> {
 pub(super) struct Desk {
     pub(super) sums: Sums,
     pub(super) met: Met,
+    /// The body's sub-particles.
     blocks: Vec<Block>,
 }
 
@@ -163,23 +165,19 @@ impl Body {
         let Self { bonds: sets, broken, .. } = self;
         let root_mass = root_of_equivalent(self.mass, self.mass);
         broken.clear();
-        for k in (0..sets.len()).step_by(2) {
-            simd.fetch(sets.get(k + AHEAD..k + AHEAD + 2).unwrap_or(&[]));
-            let pair = &mut sets[k..k + 2];
-            let Surroundings { laws, frame, .. } = around;
-            let [one, two] = pair else { break };
-            let pair = [one, two];
+        let pairs_of_sets = sets.len() / 2;
+        for k in 0..pairs_of_sets.max(PARTS) {
             if let Some(next) = &next
-                && k / 2 < PARTS
+                && k < PARTS
             {
-                next.fetch_part(simd, around, k / 2);
-            }
-            let deepest = bonds::forces(pair, simd, laws, root_mass, frame, blocks, sums, broken);
-            noticed.max_overlap = noticed.max_overlap.max(deepest);
-        }
-        if let Some(next) = &next {
-            for k in sets.len() / 2..PARTS {
                 next.fetch_part(simd, around, k);
+            }
+            if k < pairs_of_sets {
+                simd.fetch(sets.get(2 * k + AHEAD..2 * k + AHEAD + 2).unwrap_or(&[]));
+                let [one, two] = &mut sets[2 * k..2 * k + 2] else { break };
+                let Surroundings { laws, frame, .. } = around;
+                let deepest = bonds::forces([one, two], simd, laws, root_mass, frame, blocks, sums, broken);
+                noticed.max_overlap = noticed.max_overlap.max(deepest);
             }
         }
         watch.lap(Stage::Bonds);
@@ -245,17 +243,16 @@ impl Next<'_> {
     fn fetch_part<S: Wide>(&self, simd: S, around: &Surroundings<'_>, k: usize) {
         self.body.points.fetch_part(simd, k);
         let loads = &self.pairs.loads;
-        loads.fetch(simd, span(loads.places.len(), k));
-        // The loads that others have left for it, once their meetings have come.
-        let meets = |k: usize| part(&self.body.meets, k % (PARTS / 2) * 2).iter().chain(part(&self.body.meets, k % (PARTS / 2) * 2 + 1));
-        if k < PARTS / 2 {
-            for &m in meets(k) {
-                simd.fetch_far(std::slice::from_ref(&around.meetings[m as usize]));
-            }
-        } else {
-            for &m in meets(k) {
-                let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
-                around.pairs[bodies[0] as usize].loads.fetch(simd, loads.clone());
+        loads.fetch(simd, span(loads.places.len(), k, PARTS));
+        // What others have left for it: first the meetings, which tell where that stands.
+        const HALF: usize = PARTS / 2;
+        for &m in part(&self.body.meets, k % HALF, HALF) {
+            let meeting = &around.meetings[m as usize];
+            if k < HALF {
+                simd.fetch_far(slice::from_ref(meeting));
+            } else {
+                let [first, _] = meeting.bodies;
+                around.pairs[first as usize].loads.fetch(simd, meeting.loads.clone());
             }
         }
     }

@@ -234,8 +234,7 @@ pub(super) fn forces<S: Wide>(
     let seen = [one.seen(simd, frame, blocks), two.seen(simd, frame, blocks)];
     let mut felt = [Felt::NOTHING; 2];
     let before = [one.intact, two.intact];
-    let deepest =
-        kernel::bonds(simd, laws, root_mass, &seen, &mut [one.memory(), two.memory()], &mut felt);
+    let deepest = kernel::bonds(simd, laws, root_mass, &seen, &mut [one.memory(), two.memory()], &mut felt);
     one.add(simd, &felt[0], sums);
     two.add(simd, &felt[1], sums);
     for (set, before) in [one, two].into_iter().zip(before) {

@@ -48,13 +48,13 @@ impl Places {
     };
 }
 
-/// [`WIDTH`] numbers below 16: of every two, one in the lower half, one in the upper.
+/// [`WIDTH`] numbers below 16, four bits each: those of even lanes in the lower half, those of odd lanes in the upper.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct PackedPlaces(u64);
 
 impl PackedPlaces {
-    fn shift(k: usize) -> usize {
-        32 * (k % 2) + 4 * (k / 2)
+    fn shift(lane: usize) -> usize {
+        32 * (lane % 2) + 4 * (lane / 2)
     }
 
     /// The number of a lane, in the four lowest bits.
@@ -124,13 +124,13 @@ pub(super) trait Wide: Simd {
         self.at_most(&lanes, 0.5)
     }
 
-    /// Whole numbers in lanes.
+    /// The same numbers in lanes.
     #[inline(always)]
     fn widened(self, places: &[u8; WIDTH]) -> Places {
         Places(std::array::from_fn(|k| places[k].into()))
     }
 
-    /// Numbers below 16 in lanes, as [`PackedPlaces`] has them; higher bits of lanes may be anything.
+    /// The same numbers in the four lowest bits of lanes, whose others may be anything.
     #[inline(always)]
     fn unpacked(self, places: PackedPlaces) -> Places {
         Places(std::array::from_fn(|k| places.of(k)))
@@ -154,11 +154,11 @@ pub(super) trait Wide: Simd {
         Places(front)
     }
 
-    /// Asks for what will be wanted soon, so that nothing waits for memory then.
+    /// Asks memory for what will be wanted soon, so that nothing waits for it then.
     #[inline(always)]
     fn fetch<T>(self, _: &[T]) {}
 
-    /// FAR
+    /// The same of what will be wanted later: it comes no nearer than the second level of the cache.
     #[inline(always)]
     fn fetch_far<T>(self, _: &[T]) {}
 
@@ -182,8 +182,9 @@ impl Wide for pulp::aarch64::Neon {}
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use std::arch::x86_64::{_MM_HINT_T0, _MM_HINT_T1, __m256, __m256d, __m256i, __m512, __m512d};
+    use std::arch::x86_64::{__m256, __m256d, __m256i, __m512, __m512d, _MM_HINT_T0, _MM_HINT_T1};
 
+    use pulp::core_arch::x86::Sse;
     use pulp::x86::{V3, V4};
     use pulp::{Simd, cast};
 
@@ -223,10 +224,18 @@ mod x86 {
     }
 
     /// How far each lane's number is from the lowest bits in [`PackedPlaces`].
-    const PAIRS_OF_NIBBLES: [u32; WIDTH] = [0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28];
+    const SHIFTS: [u32; WIDTH] = [0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28];
 
     /// Bytes that come from memory together.
     const LINE: usize = 64;
+
+    #[inline(always)]
+    fn fetch_lines<const HINT: i32, T>(sse: Sse, wanted: &[T]) {
+        let first = wanted.as_ptr().cast::<i8>();
+        for line in (0..size_of_val(wanted)).step_by(LINE) {
+            sse._mm_prefetch::<HINT>(first.wrapping_add(line));
+        }
+    }
 
     impl Wide for V4 {
         #[inline(always)]
@@ -274,7 +283,7 @@ mod x86 {
         #[inline(always)]
         fn unpacked(self, places: PackedPlaces) -> Places {
             let all = self.avx512f._mm512_set1_epi64(places.0 as i64);
-            Places(cast(self.avx512f._mm512_srlv_epi32(all, cast(PAIRS_OF_NIBBLES))))
+            Places(cast(self.avx512f._mm512_srlv_epi32(all, cast(SHIFTS))))
         }
 
         #[inline(always)]
@@ -289,18 +298,12 @@ mod x86 {
 
         #[inline(always)]
         fn fetch<T>(self, wanted: &[T]) {
-            let first = wanted.as_ptr().cast::<i8>();
-            for line in (0..size_of_val(wanted)).step_by(LINE) {
-                self.sse._mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(line));
-            }
+            fetch_lines::<_MM_HINT_T0, T>(self.sse, wanted);
         }
 
         #[inline(always)]
         fn fetch_far<T>(self, wanted: &[T]) {
-            let first = wanted.as_ptr().cast::<i8>();
-            for line in (0..size_of_val(wanted)).step_by(LINE) {
-                self.sse._mm_prefetch::<_MM_HINT_T1>(first.wrapping_add(line));
-            }
+            fetch_lines::<_MM_HINT_T1, T>(self.sse, wanted);
         }
 
         #[inline(always)]
@@ -387,7 +390,7 @@ mod x86 {
 
         #[inline(always)]
         fn unpacked(self, places: PackedPlaces) -> Places {
-            let shifts: [__m256i; 2] = cast(PAIRS_OF_NIBBLES);
+            let shifts: [__m256i; 2] = cast(SHIFTS);
             let low: [u32; 8] = cast(self.avx2._mm256_srlv_epi32(cast([places.0; 4]), shifts[0]));
             let high: [u32; 8] = cast(self.avx2._mm256_srlv_epi32(cast([places.0; 4]), shifts[1]));
             Places(cast([low, high]))
@@ -406,18 +409,12 @@ mod x86 {
 
         #[inline(always)]
         fn fetch<T>(self, wanted: &[T]) {
-            let first = wanted.as_ptr().cast::<i8>();
-            for line in (0..size_of_val(wanted)).step_by(LINE) {
-                self.sse._mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(line));
-            }
+            fetch_lines::<_MM_HINT_T0, T>(self.sse, wanted);
         }
 
         #[inline(always)]
         fn fetch_far<T>(self, wanted: &[T]) {
-            let first = wanted.as_ptr().cast::<i8>();
-            for line in (0..size_of_val(wanted)).step_by(LINE) {
-                self.sse._mm_prefetch::<_MM_HINT_T1>(first.wrapping_add(line));
-            }
+            fetch_lines::<_MM_HINT_T1, T>(self.sse, wanted);
         }
 
         #[inline(always)]

@@ -242,9 +242,8 @@ pub(super) fn bonds<S: Wide>(
     let zero = F::splat(simd, 0.0);
     let meets = Meets::new(simd, &laws.contact, laws.touch, laws.dt, F::splat(simd, root_mass));
     let mut deepest = zero;
-    let exist = [one.exists, two.exists];
     let free = [one.exists & !*one.intact, two.exists & !*two.intact];
-    let touch = if laws.contact_between_bonded { exist } else { free };
+    let touch = if laws.contact_between_bonded { [one.exists, two.exists] } else { free };
     let any_touches = touch[0] | touch[1] != 0;
     for part in 0..WIDTH / S::F32_LANES {
         let pairs = Pairs::new(simd, laws.dt, seen, part);

@@ -38,7 +38,7 @@ pub(super) struct BatchLanes {
     pub(super) memory: [Contacts; 2],
 }
 
-/// What acts on many sub-particles: force and torque, one after the other, with a 0 at the end of each.
+/// What acts on many sub-particles or pairs: force and torque, one after the other, with a 0 at the end of each.
 #[derive(Debug, Default)]
 pub(super) struct Loads {
     force: Vec<[f32; 4]>,
@@ -141,8 +141,11 @@ impl Batch {
     #[inline(always)]
     fn contacts<S: Wide>(&self, simd: S, half: usize, step: u32) -> Contacts {
         let [mut slide @ .., last] = simd.to_lanes(&quads(&self.memory, half));
-        // Those steps are so small as numbers that their bits rise as they do.
-        let held = !simd.at_most(&last, f32::from_bits(step - 2));
+        let mut let_go = Lanes::ZERO;
+        for k in 0..WIDTH {
+            let_go.0[k] = if last.0[k].to_bits() == step - 1 { 0.0 } else { 1.0 };
+        }
+        let held = simd.at_most(&let_go, 0.0);
         // What has let go has forgotten, also where nobody has looked since.
         let remembers = simd.only(f32::from_bits(u32::MAX), held);
         for axis in &mut slide {

@@ -204,11 +204,6 @@ impl Contacts<'_> {
         room.spare = spare;
     }
 
-    /// The body.
-    fn mine(&self) -> &Body {
-        &self.bodies[self.meetings[0].bodies[0] as usize]
-    }
-
     /// Works out the load of every pair that is close. Returns their greatest overlap, in metres.
     #[inline(always)]
     pub(super) fn forces<S: Wide>(&mut self, simd: S, Room { batches, apart, close, .. }: &mut Room) -> f32 {

@@ -1,7 +1,7 @@
 //! The CPU backend, fast path: what the plain path does, many pairs at a time.
 //!
 //! A step has two phases. In the first every body works out its contacts with itself and with those after it ([`meeting`]), each pair
-//! once. In the second every [`body`] adds what its meetings with those before it have left for it, its bonds and its walls, and moves. Within
+//! once. In the second every [`body`] adds its bonds, what all its meetings have left for it and its walls, and moves. Within
 //! a phase nothing depends on the order in which bodies are worked on: each writes only what is its own,
 //! and sums go by the order of ids. So the bits are the same whatever the number of threads, the batch, the chunks of
 //! steps, or the moment when pairs were looked up; and since [`lanes`] fuses multiplications with additions on every
@@ -11,7 +11,8 @@
 //! Sub-particles stand in blocks of 16 ([`points`]). Bonds join a block with at most two others, so that neighbours are moved into
 //! their lanes within registers ([`bonds`]); pairs of different bodies are looked at one after the other, those that touch are
 //! put together and transposed ([`load`]). Loads of such pairs come out the same way, and are added to sums that stand as sub-particles
-//! are looked at; blocks transpose them back when they move. What touches one flat facet and nothing else is put together likewise
+//! are looked at; blocks transpose them back when they move. From memory and to it goes as little as can be: sub-particles are kept as
+//! pairs look at them and become blocks while they move, and what a body will read is fetched while the one before is worked on. What touches one flat facet and nothing else is put together likewise
 //! ([`alone`]); where facets meet, each is looked at by itself ([`walls`]).
 
 mod alone;
@@ -253,18 +254,7 @@ impl FastRun {
     fn meet(&mut self) -> f32 {
         let search = self.search();
         let step = (self.step + 2) as u32;
-        let Self {
-            laws,
-            state,
-            bodies,
-            meetings,
-            pairs,
-            instructions,
-            stages,
-            workplaces,
-            order,
-            ..
-        } = self;
+        let Self { laws, state, bodies, meetings, pairs, instructions, stages, workplaces, order, .. } = self;
         let groups = meetings.chunk_by_mut(|a, b| a.bodies[0] == b.bodies[0]);
         let work = groups.zip(pairs).map(|(meetings, pairs)| Contacts {
             meetings,
@@ -322,7 +312,7 @@ impl FastRun {
             for k in 0..some.len() {
                 let (done, next) = some.split_at_mut(k + 1);
                 let (body, pairs) = &mut done[k];
-                let next = next.first().map(|(body, pairs)| Next { body: &**body, pairs });
+                let next = next.first().map(|(body, pairs)| Next { body, pairs });
                 noticed = noticed.and(instructions.run(Move { body, pairs, next, around: &around, desk }));
             }
             noticed

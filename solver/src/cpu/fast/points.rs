@@ -7,8 +7,8 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::instructions::Wide;
 use super::load::{LoadBlock, Sums};
-use super::share::part;
 use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, quad_of};
+use super::share::{PARTS, part};
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -26,8 +26,8 @@ pub(super) struct Block {
     remainder: Lanes3,
 }
 
-/// The sub-particles of a body, in the order of [`place_of`]. They are kept once and for all in this form: what is read and written in every
-/// step should be short. Those that fill up the last block stay where the last sub-particle began.
+/// The sub-particles of a body, in the order of [`place_of`]. This is all that is kept of them, since what a step reads and writes
+/// should be short. Those that fill up the last block stay where the last sub-particle began.
 #[derive(Clone, Debug)]
 pub(super) struct Points {
     pub(super) count: usize,
@@ -102,8 +102,10 @@ impl Points {
             points.positions[place] = position.extend(remainder.x.to_bits() as i32).to_array();
             let is_real = k < count;
             let moving = |value: Vec3| if is_real { value } else { Vec3::ZERO };
-            points.motions[place] =
-                [moving(velocity).extend(remainder.y).to_array(), moving(spin).extend(remainder.z).to_array()];
+            points.motions[place] = [
+                moving(velocity).extend(remainder.y).to_array(),
+                moving(spin).extend(remainder.z).to_array(),
+            ];
             points.moving[k / WIDTH] |= u16::from(is_real && !state.held[from]) << (k % WIDTH);
         }
         points
@@ -114,11 +116,7 @@ impl Points {
     pub(super) fn particle(&self, k: usize) -> Particle {
         let place = place_of(k as u32) as usize;
         let ([x, y, z, _], [[u, v, w, _], [p, q, r, _]]) = (self.positions[place], self.motions[place]);
-        Particle {
-            position: IVec3::new(x, y, z),
-            velocity: Vec3::new(u, v, w),
-            spin: Vec3::new(p, q, r),
-        }
+        Particle { position: IVec3::new(x, y, z), velocity: Vec3::new(u, v, w), spin: Vec3::new(p, q, r) }
     }
 
     /// Brings a state up to date.
@@ -131,11 +129,11 @@ impl Points {
         }
     }
 
-    /// Fetches the `k`th of [`super::share::PARTS`] parts from memory.
+    /// Fetches the `k`th of [`PARTS`] parts from memory.
     #[inline(always)]
     pub(super) fn fetch_part<S: Wide>(&self, simd: S, k: usize) {
-        simd.fetch_far(part(&self.positions, k));
-        simd.fetch_far(part(&self.motions, k));
+        simd.fetch_far(part(&self.positions, k, PARTS));
+        simd.fetch_far(part(&self.motions, k, PARTS));
     }
 
     /// The number of blocks.
@@ -167,12 +165,8 @@ impl Points {
             let [u, v, w, ry] = simd.to_lanes(&velocities);
             let [p, q, r, rz] = simd.to_lanes(&spins);
             let rx = Lanes(rx.0.map(|x| f32::from_bits(x as u32)));
-            *block = Block {
-                position: [x, y, z],
-                velocity: [u, v, w],
-                spin: [p, q, r],
-                remainder: [rx, ry, rz],
-            };
+            *block =
+                Block { position: [x, y, z], velocity: [u, v, w], spin: [p, q, r], remainder: [rx, ry, rz] };
         }
     }
 

@@ -8,10 +8,10 @@ use glam::IVec3;
 use super::whereabouts::Extent;
 
 /// Bodies that a thread takes at once, at least and at most: some cost far more than others, and what is left at the end must not be
-/// much; of those that follow each other, one fetches from memory what the next needs.
+/// much; but of those that it takes at once, one fetches from memory what the next needs.
 const AT_ONCE: [usize; 2] = [2, 16];
 
-/// Turns of each thread in a phase, where bodies suffice.
+/// How often a thread takes some in a phase, if there are that many.
 const TURNS: usize = 64;
 
 /// How many of so many bodies a thread takes at once.
@@ -20,19 +20,19 @@ pub(super) fn at_once(bodies: usize) -> usize {
     (bodies / (TURNS * rayon::current_num_threads())).clamp(least, most)
 }
 
-/// Parts in which a body fetches from memory what the next one needs, while it works.
+/// Parts in which a body fetches what the next one needs, while it works: memory can be asked for some twenty lines at a time.
 pub(super) const PARTS: usize = 8;
 
-/// The `k`th of [`PARTS`] parts of so many, nearly equal.
+/// The `k`th of `n` parts of so many, nearly equal.
 #[inline(always)]
-pub(super) fn span(count: usize, k: usize) -> Range<usize> {
-    k * count / PARTS..(k + 1) * count / PARTS
+pub(super) fn span(count: usize, k: usize, n: usize) -> Range<usize> {
+    k * count / n..(k + 1) * count / n
 }
 
 /// The same of some.
 #[inline(always)]
-pub(super) fn part<T>(of: &[T], k: usize) -> &[T] {
-    &of[span(of.len(), k)]
+pub(super) fn part<T>(of: &[T], k: usize, n: usize) -> &[T] {
+    &of[span(of.len(), k, n)]
 }
 
 /// Bits of a coordinate that count along the curve.
@@ -86,6 +86,13 @@ pub(super) fn in_order<T>(order: &[u32], of_each: impl Iterator<Item = T>) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn parts_are_all() {
+        let of: Vec<u8> = (0..21).collect();
+        let parts: Vec<u8> = (0..PARTS).flat_map(|k| part(&of, k, PARTS)).copied().collect();
+        assert_eq!(parts, of);
+    }
 
     #[test]
     fn neighbours_come_soon_after_each_other() {

@@ -54,8 +54,7 @@ impl Whereabouts {
         }
         let low = IVec3::from_array(lows.map(|of| folded(of.0, i32::min)));
         let high = IVec3::from_array(highs.map(|of| folded(of.0, i32::max)));
-        let (mut x, mut boxes) =
-            (Vec::with_capacity(points.blocks()), Vec::with_capacity(points.blocks()));
+        let (mut x, mut boxes) = (Vec::with_capacity(points.blocks()), Vec::with_capacity(points.blocks()));
         let mut rows = vec![[[Lanes([NOWHERE; WIDTH]); 3]; 2]; points.blocks().div_ceil(WIDTH)];
         for b in 0..points.blocks() {
             let positions = points.positions_of(simd, b);
