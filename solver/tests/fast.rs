@@ -326,11 +326,24 @@ fn assert_same(a: &[State], b: &[State], what: &str) {
     }
 }
 
+/// So many small bodies, close together, that a thread takes more than two at once.
+fn many() -> Scene {
+    let bodies = (0..600).map(|k| {
+        let [x, y, z] = [k % 12, k / 12 % 10, k / 120].map(|k| 0.0165 * f64::from(k));
+        at(DVec3::new(x, y, 0.02 + z), DVec3::NEG_Z * 0.3 * f64::from(k % 7))
+    });
+    let mut scene = scene(block([2, 2, 1]), bodies.collect(), 5e-5);
+    scene.surfaces = vec![plate(SurfaceKind::Equipment)];
+    scene.gravity = DVec3::NEG_Z * common::G;
+    scene.laws.tissue = law(true, 0.1, 0.3, 0.055);
+    scene
+}
+
 #[test]
 fn threads_and_instruction_sets_change_no_bit() {
     let mut breaking = drop();
     breaking.laws.bond.normal_strength = 0.02;
-    for (scene, steps) in [(heap(), 2000), (breaking, 400)] {
+    for (scene, steps) in [(heap(), 2000), (breaking, 400), (many(), 300)] {
         let course = Course::of(steps);
         let one = states(&scene, &course, Some(Instructions::widest()), 1);
         for threads in [2, 3] {

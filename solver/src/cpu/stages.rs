@@ -12,10 +12,10 @@ pub enum Stage {
     Search,
     /// Contacts of pairs that no bond joins; on the plain path all forces.
     Contacts,
-    /// Adding those up.
-    Sums,
-    /// Bonds, and the contacts of bonded neighbours.
+    /// Bonds, and the contacts of bonded neighbours; on the fast path also fetching from memory what other stages of the next body need.
     Bonds,
+    /// Adding up what pairs do that no bond joins.
+    Sums,
     /// Facets near sub-particles, and contacts with them.
     Walls,
     /// Motion.
@@ -25,7 +25,7 @@ pub enum Stage {
 impl Stage {
     /// All of them, in the order of a step.
     pub const ALL: [Self; 7] =
-        [Self::Neighbours, Self::Search, Self::Contacts, Self::Sums, Self::Bonds, Self::Walls, Self::Motion];
+        [Self::Neighbours, Self::Search, Self::Contacts, Self::Bonds, Self::Sums, Self::Walls, Self::Motion];
 
     /// Its name, for tables.
     pub fn name(self) -> &'static str {

@@ -49,7 +49,7 @@ impl Places {
 }
 
 /// [`WIDTH`] numbers below 16, four bits each: those of even lanes in the lower half, those of odd lanes in the upper.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PackedPlaces(u64);
 
 impl PackedPlaces {
@@ -231,8 +231,11 @@ mod x86 {
 
     #[inline(always)]
     fn fetch_lines<const HINT: i32, T>(sse: Sse, wanted: &[T]) {
-        let first = wanted.as_ptr().cast::<i8>();
-        for line in (0..size_of_val(wanted)).step_by(LINE) {
+        // From where its first line begins: short pieces would else lose their last.
+        let into_line = wanted.as_ptr().addr() % LINE;
+        let first = wanted.as_ptr().cast::<i8>().wrapping_sub(into_line);
+        let end = if wanted.is_empty() { 0 } else { into_line + size_of_val(wanted) };
+        for line in (0..end).step_by(LINE) {
             sse._mm_prefetch::<HINT>(first.wrapping_add(line));
         }
     }
@@ -515,5 +518,63 @@ impl<S: Wide, J: Job> pulp::NullaryFnOnce for Inlined<S, J> {
     #[inline(always)]
     fn call(self) -> J::Output {
         self.job.run(self.simd)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What comes of some bits, and of places both ways.
+    struct Moves {
+        bits: u16,
+        bytes: [u8; WIDTH],
+        packed: PackedPlaces,
+        values: Lanes,
+    }
+
+    impl Job for Moves {
+        /// The bits again, all others, the bytes and the places, the values that stand there, and a value where there are bits.
+        type Output = ([u16; 2], [[u32; WIDTH]; 2], [[f32; WIDTH]; 2]);
+
+        #[inline(always)]
+        fn run<S: Wide>(self, simd: S) -> Self::Output {
+            let Self { bits, bytes, packed, values } = self;
+            let mut found = [0; 2];
+            for part in 0..WIDTH / S::F32_LANES {
+                let mask = simd.mask(bits, part);
+                found[0] |= simd.bits(mask) << (part * S::F32_LANES);
+                found[1] |= simd.bits(simd.not_m32s(mask)) << (part * S::F32_LANES);
+            }
+            let at = simd.unpacked(packed);
+            let places = [simd.widened(&bytes).0, at.0.map(|place| place % 16)];
+            (found, places, [simd.spread(&values, &at, bits).0, simd.only(0.75, bits).0])
+        }
+    }
+
+    #[test]
+    fn all_move_bits_and_places_alike() {
+        let mut random = fastrand::Rng::with_seed(1);
+        for _ in 0..2000 {
+            let bits = random.u16(..);
+            let bytes: [u8; WIDTH] = std::array::from_fn(|_| random.u8(..32));
+            let places: [u32; WIDTH] = std::array::from_fn(|_| random.u32(..16));
+            let values: [f32; WIDTH] = std::array::from_fn(|_| random.f32() + 1.0);
+            let mut packed = PackedPlaces::default();
+            (0..WIDTH).for_each(|lane| packed.put(lane, places[lane]));
+            let or_0 = |lane: usize, value: f32| if bits >> lane & 1 == 1 { value } else { 0.0 };
+            let expected = (
+                [bits, !bits],
+                [bytes.map(u32::from), places],
+                [
+                    std::array::from_fn(|lane| or_0(lane, values[places[lane] as usize])),
+                    std::array::from_fn(|lane| or_0(lane, 0.75)),
+                ],
+            );
+            for set in Instructions::available() {
+                let found = set.run(Moves { bits, bytes, packed, values: Lanes(values) });
+                assert_eq!(found, expected, "{}", set.name());
+            }
+        }
     }
 }

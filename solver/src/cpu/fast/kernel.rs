@@ -52,8 +52,7 @@ impl LaneContact {
             law,
             damping_n: law.damping * (2.0 * law.e_star).sqrt(),
             damping_t: law.damping * (8.0 * law.g_star).sqrt(),
-            // Without adhesion as good as 0, and yet it tells that the contact has formed.
-            snap: law.jkr.map_or(-f32::MIN_POSITIVE, |scale| scale.snap_overlap),
+            snap: law.jkr.map_or(0.0, |scale| scale.snap_overlap),
         }
     }
 }

@@ -75,7 +75,7 @@ pub(super) struct Moved {
 /// 1 in every lane.
 const ALL: Lanes = Lanes([1.0; WIDTH]);
 
-/// Where a sub-particle stands among looks and sums, and which stands at a place.
+/// Where a sub-particle stands in [`Points`] and in sums, and which stands at a place.
 pub(super) fn place_of(k: u32) -> u32 {
     k / WIDTH as u32 * WIDTH as u32 + quad_of(k as usize % WIDTH) as u32
 }
