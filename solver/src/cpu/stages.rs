@@ -12,13 +12,13 @@ pub enum Stage {
     Search,
     /// Contacts of pairs that no bond joins; on the plain path all forces.
     Contacts,
-    /// Bonds, and the contacts of bonded neighbours; on the fast path also fetching from memory what other stages of the next body need.
+    /// Bonds, and the contacts of bonded neighbours; on the fast path also asking memory for what other stages of the next body need.
     Bonds,
     /// Adding up what pairs do that no bond joins.
     Sums,
     /// Facets near sub-particles, and contacts with them.
     Walls,
-    /// Motion.
+    /// Motion, and on the fast path setting out what moves.
     Motion,
 }
 

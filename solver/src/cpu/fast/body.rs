@@ -162,25 +162,24 @@ impl Body {
         sums.begin(self.points.blocks());
         let mut noticed = Noticed::default();
         self.points.set_out(simd, blocks);
+        watch.lap(Stage::Motion);
         let Self { bonds: sets, broken, .. } = self;
         let root_mass = root_of_equivalent(self.mass, self.mass);
         broken.clear();
         let pairs_of_sets = sets.len() / 2;
-        for k in 0..pairs_of_sets.max(PARTS) {
-            if let Some(next) = &next
-                && k < PARTS
-            {
-                next.fetch_part(simd, around, k);
+        let fetch = |k: usize| next.iter().for_each(|next| next.fetch_part(simd, around, k));
+        for k in 0..pairs_of_sets {
+            simd.fetch(sets.get(2 * k + AHEAD..2 * k + AHEAD + 2).unwrap_or(&[]));
+            if k < PARTS {
+                fetch(k);
             }
-            if k < pairs_of_sets {
-                simd.fetch(sets.get(2 * k + AHEAD..2 * k + AHEAD + 2).unwrap_or(&[]));
-                let [one, two] = &mut sets[2 * k..2 * k + 2] else { break };
-                let Surroundings { laws, frame, .. } = around;
-                let deepest = bonds::forces([one, two], simd, laws, root_mass, frame, blocks, sums, broken);
-                noticed.max_overlap = noticed.max_overlap.max(deepest);
-            }
+            let [one, two] = &mut sets[2 * k..2 * k + 2] else { break };
+            let Surroundings { laws, frame, .. } = around;
+            let deepest = bonds::forces([one, two], simd, laws, root_mass, frame, blocks, sums, broken);
+            noticed.max_overlap = noticed.max_overlap.max(deepest);
         }
         watch.lap(Stage::Bonds);
+        (pairs_of_sets..PARTS).for_each(fetch);
         sums.add_to_firsts(&pairs.loads);
         for &m in &self.meets {
             let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
