@@ -5,13 +5,13 @@ use std::slice;
 use std::sync::OnceLock;
 
 use super::bonds::{self, BondSet};
+use super::fetch::{self, PARTS, part, span};
 use super::instructions::{Job, Wide, by_itself};
-use super::kernel::{LaneContact, PairLaws};
+use super::laws::{LaneContact, PairLaws};
 use super::load::Sums;
 use super::meeting::Meeting;
 use super::pairs::BodyPairs;
 use super::points::{Block, Motion, Points, place_of};
-use super::share::{PARTS, part, span};
 use super::walls::{Met, NearWalls};
 use super::whereabouts::{Find, Whereabouts};
 use crate::cpu::integrate::Mover;
@@ -156,38 +156,16 @@ impl Body {
         next: Option<Next<'_>>,
         desk: &mut Desk,
     ) -> Noticed {
-        let Desk { sums, blocks, .. } = desk;
         let mut watch = around.stages.watch();
-        simd.fetch(&self.bonds[..AHEAD.min(self.bonds.len())]);
-        sums.begin(self.points.blocks());
-        let mut noticed = Noticed::default();
-        self.points.set_out(simd, blocks);
+        fetch::soon(&self.bonds[..AHEAD.min(self.bonds.len())]);
+        desk.sums.begin(self.points.blocks());
+        self.points.set_out(simd, &mut desk.blocks);
         watch.lap(Stage::Motion);
-        let Self { bonds: sets, broken, .. } = self;
-        let root_mass = root_of_equivalent(self.mass, self.mass);
-        broken.clear();
-        let pairs_of_sets = sets.len() / 2;
-        let fetch = |k: usize| next.iter().for_each(|next| next.fetch_part(simd, around, k));
-        for k in 0..pairs_of_sets {
-            simd.fetch(sets.get(2 * k + AHEAD..2 * k + AHEAD + 2).unwrap_or(&[]));
-            if k < PARTS {
-                fetch(k);
-            }
-            let [one, two] = &mut sets[2 * k..2 * k + 2] else { break };
-            let Surroundings { laws, frame, .. } = around;
-            let deepest = bonds::forces([one, two], simd, laws, root_mass, frame, blocks, sums, broken);
-            noticed.max_overlap = noticed.max_overlap.max(deepest);
-        }
+        let fetch_next = |k: usize| next.iter().for_each(|next| next.fetch_part(around, k));
+        let max_overlap = self.add_bonds(simd, around, fetch_next, desk);
         watch.lap(Stage::Bonds);
-        (pairs_of_sets..PARTS).for_each(fetch);
-        sums.add_to_firsts(&pairs.loads);
-        for &m in &self.meets {
-            let Meeting { bodies, loads, .. } = &around.meetings[m as usize];
-            if loads.is_empty() {
-                continue;
-            }
-            sums.add_to_seconds(&around.pairs[bodies[0] as usize].loads, loads.clone());
-        }
+        (self.bonds.len() / 2..PARTS).for_each(fetch_next);
+        self.add_pairs(around, pairs, desk);
         watch.lap(Stage::Sums);
         self.add_walls(simd, around, desk);
         watch.lap(Stage::Walls);
@@ -196,9 +174,46 @@ impl Body {
         let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, blocks, sums);
         self.whereabouts.take();
         self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);
-        noticed.runaway = moved.runaway.map(|k| self.range.start as u32 + k);
         watch.lap(Stage::Motion);
-        noticed
+        Noticed { max_overlap, runaway: moved.runaway.map(|k| self.range.start as u32 + k) }
+    }
+
+    /// Adds what bonds do, two sets at a time, and meanwhile calls `fetch_next` with the number of a part. Returns the greatest overlap where
+    /// a bond has broken, in metres.
+    #[inline(always)]
+    fn add_bonds<S: Wide>(
+        &mut self,
+        simd: S,
+        around: &Surroundings<'_>,
+        fetch_next: impl Fn(usize),
+        Desk { sums, blocks, .. }: &mut Desk,
+    ) -> f32 {
+        let Surroundings { laws, frame, .. } = around;
+        let Self { bonds: sets, broken, mass, .. } = self;
+        let root_mass = root_of_equivalent(*mass, *mass);
+        broken.clear();
+        let mut deepest = 0.0f32;
+        for k in 0..sets.len() / 2 {
+            fetch::soon(sets.get(2 * k + AHEAD..2 * k + AHEAD + 2).unwrap_or(&[]));
+            if k < PARTS {
+                fetch_next(k);
+            }
+            let [one, two] = &mut sets[2 * k..2 * k + 2] else { break };
+            let overlap = bonds::forces([one, two], simd, laws, root_mass, frame, blocks, sums, broken);
+            deepest = deepest.max(overlap);
+        }
+        deepest
+    }
+
+    /// Adds what pairs do: `pairs` are those of which it is the first body.
+    fn add_pairs(&self, around: &Surroundings<'_>, pairs: &BodyPairs, Desk { sums, .. }: &mut Desk) {
+        sums.add_to_firsts(&pairs.loads);
+        for &m in &self.meets {
+            let Meeting { bodies: [first, _], loads, .. } = &around.meetings[m as usize];
+            if !loads.is_empty() {
+                sums.add_to_seconds(&around.pairs[*first as usize].loads, loads.clone());
+            }
+        }
     }
 
     #[inline(always)]
@@ -239,19 +254,19 @@ pub(super) struct Next<'a> {
 impl Next<'_> {
     /// Fetches the `k`th of [`PARTS`] parts from memory of what its step will want.
     #[inline(always)]
-    fn fetch_part<S: Wide>(&self, simd: S, around: &Surroundings<'_>, k: usize) {
-        self.body.points.fetch_part(simd, k);
+    fn fetch_part(&self, around: &Surroundings<'_>, k: usize) {
+        self.body.points.fetch_part(k);
         let loads = &self.pairs.loads;
-        loads.fetch(simd, span(loads.places.len(), k, PARTS));
+        loads.fetch(span(loads.places.len(), k, PARTS));
         // What others have left for it: first the meetings, which tell where that stands.
         const HALF: usize = PARTS / 2;
         for &m in part(&self.body.meets, k % HALF, HALF) {
             let meeting = &around.meetings[m as usize];
             if k < HALF {
-                simd.fetch_far(slice::from_ref(meeting));
+                fetch::later(slice::from_ref(meeting));
             } else {
                 let [first, _] = meeting.bodies;
-                around.pairs[first as usize].loads.fetch(simd, meeting.loads.clone());
+                around.pairs[first as usize].loads.fetch(meeting.loads.clone());
             }
         }
     }

@@ -2,10 +2,11 @@
 //! So neighbours are moved into their lanes within registers, and not fetched one by one. A pair whose bond breaks stays here,
 //! as a contact.
 
-use super::instructions::{PackedPlaces, Wide};
-use super::kernel::{self, Bonds, Felt, Held, PairLaws, Seen};
+use super::instructions::Wide;
+use super::kernel::{self, Bonds, Felt, Held, Seen};
+use super::laws::PairLaws;
 use super::load::Sums;
-use super::memory::{Lanes, Lanes3, WIDTH};
+use super::memory::{Lanes, Lanes3, PackedPlaces, WIDTH};
 use super::points::Block;
 use crate::engine::frame::Frame;
 use crate::shape::lattice::LatticeBond;

@@ -7,10 +7,10 @@ use pulp::Simd;
 use super::instructions::Wide;
 use super::jkr::jkr;
 use super::lanes::{F, F3, Mask};
+use super::laws::{LaneContact, PairLaws};
 use super::load::BatchLanes;
 use super::memory::{Lanes, Lanes3, WIDTH};
-use crate::physics::bond::{BondLaw, Form, STRETCH_CLAMP};
-use crate::physics::contact::ContactLaw;
+use crate::physics::bond::{Form, STRETCH_CLAMP};
 use crate::physics::damping::{ACROSS, ALONG, MOST};
 
 /// Squares of what is turned below which it has no direction.
@@ -18,44 +18,6 @@ const NO_LENGTH2: f32 = 1e-30;
 
 /// Share that squares of what is turned may lose in a step for the first terms of a root to be as good as all.
 const MUCH_LONGER: f32 = 1e-4;
-
-/// A law of contact, with what can be worked out beforehand.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LaneContact {
-    law: ContactLaw,
-    /// η / √(m* a), normal and tangential.
-    damping_n: f32,
-    damping_t: f32,
-    /// Overlap down to which a contact that has formed holds, in metres.
-    snap: f32,
-}
-
-/// All laws of pairs of a run.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PairLaws {
-    pub(super) contact: LaneContact,
-    pub(super) bond: BondLaw,
-    pub(super) contact_between_bonded: bool,
-    /// 2R, in metres.
-    pub(super) touch: f32,
-    pub(super) dt: f32,
-}
-
-impl LaneContact {
-    /// The overlap from which a contact that has formed acts, in metres.
-    pub(super) fn snap(&self) -> f32 {
-        self.snap
-    }
-
-    pub(super) fn new(law: ContactLaw) -> Self {
-        Self {
-            law,
-            damping_n: law.damping * (2.0 * law.e_star).sqrt(),
-            damping_t: law.damping * (8.0 * law.g_star).sqrt(),
-            snap: law.jkr.map_or(0.0, |scale| scale.snap_overlap),
-        }
-    }
-}
 
 /// What is seen of [`WIDTH`] pairs before their forces are worked out.
 #[derive(Clone, Copy, Debug)]

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::fetch;
 use super::instructions::Wide;
 use super::kernel::{Contacts, Felt, Seen};
 use super::memory::{Lanes, Lanes3, Quads, WIDTH, quad_of};
@@ -187,9 +188,9 @@ impl Loads {
 
     /// Fetches some from memory.
     #[inline(always)]
-    pub(super) fn fetch<S: Wide>(&self, simd: S, range: Range<usize>) {
-        simd.fetch_far(&self.force[range.clone()]);
-        simd.fetch_far(&self.torque[range]);
+    pub(super) fn fetch(&self, range: Range<usize>) {
+        fetch::later(&self.force[range.clone()]);
+        fetch::later(&self.torque[range]);
     }
 
     /// Takes in [`WIDTH`] more, from lanes.

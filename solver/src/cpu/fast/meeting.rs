@@ -12,7 +12,8 @@ use glam::DVec3;
 
 use super::body::{Body, root_of_equivalent};
 use super::instructions::{Job, Wide, by_itself};
-use super::kernel::{self, Felt, PairLaws};
+use super::kernel::{self, Felt};
+use super::laws::PairLaws;
 use super::load::{BATCH, Batch};
 use super::pairs::{self, BodyPairs, PairList, PairLoads};
 use super::points::{Motion, place_of};
@@ -221,7 +222,7 @@ impl Contacts<'_> {
             pairs::look(&list.places[pairs.clone()], sides, self.frame, &mut apart[pairs.clone()]);
         }
         // What has touched holds a little further.
-        let reach = self.laws.touch + self.laws.contact.snap().abs();
+        let reach = self.laws.touch + self.laws.contact.snap.abs();
         PairList::close(simd, apart, reach * (1.0 + ROUNDING) / self.frame.unit_m, close);
         let mut deepest = 0.0f32;
         let (mut close, mut done) = (&close[..], 0);

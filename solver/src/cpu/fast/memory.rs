@@ -32,6 +32,44 @@ pub(super) type Lanes3 = [Lanes; 3];
 #[repr(align(64))]
 pub(super) struct Ints(pub(super) [i32; WIDTH]);
 
+/// A whole number in each lane; as places in a window of two blocks, those under [`WIDTH`] are in the first.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(super) struct Places(pub(super) [u32; WIDTH]);
+
+impl Places {
+    /// Each lane its own number.
+    pub(super) const EACH: Self = {
+        let mut each = [0; WIDTH];
+        let mut k = 0;
+        while k < WIDTH {
+            each[k] = k as u32;
+            k += 1;
+        }
+        Self(each)
+    };
+}
+
+/// [`WIDTH`] numbers below 16, four bits each: those of even lanes in the lower half, those of odd lanes in the upper.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PackedPlaces(pub(super) u64);
+
+impl PackedPlaces {
+    fn shift(lane: usize) -> usize {
+        32 * (lane % 2) + 4 * (lane / 2)
+    }
+
+    /// The number of a lane, in the four lowest bits.
+    pub(super) fn of(self, lane: usize) -> u32 {
+        (self.0 >> Self::shift(lane)) as u32 & 15
+    }
+
+    /// Puts a number where there was 0.
+    pub(super) fn put(&mut self, lane: usize, number: u32) {
+        self.0 |= u64::from(number) << Self::shift(lane);
+    }
+}
+
 /// Four numbers of each of [`WIDTH`] things, one thing after the other.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]

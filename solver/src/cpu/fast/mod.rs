@@ -12,18 +12,20 @@
 //! their lanes within registers ([`bonds`]); pairs of different bodies are looked at one after the other, those that touch are
 //! put together and transposed ([`load`]). Loads of such pairs come out the same way, and are added to sums that stand as sub-particles
 //! are looked at; blocks transpose them back when they move. From memory and to it goes as little as can be: sub-particles are kept as
-//! pairs look at them and become blocks while they move, and what a body will read is fetched while the one before is worked on. What touches one flat facet and nothing else is put together likewise
-//! ([`alone`]); where facets meet, each is looked at by itself ([`walls`]).
+//! pairs look at them and become blocks while they move, and what a body will read is asked for while the one before is worked on
+//! ([`fetch`]). What touches one flat facet and nothing else is put together likewise ([`alone`]); where facets meet, each is looked at by itself ([`walls`]).
 
 mod alone;
 mod body;
 mod bonds;
 mod clumps;
 mod facets;
+mod fetch;
 mod instructions;
 mod jkr;
 mod kernel;
 mod lanes;
+mod laws;
 mod load;
 mod meeting;
 mod memory;
@@ -33,6 +35,8 @@ mod search;
 mod share;
 mod walls;
 mod whereabouts;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 use std::sync::Arc;
 
@@ -50,7 +54,7 @@ use body::{Body, Desk, Locate, Move, Next, Noticed, Surroundings};
 use bonds::BondSet;
 use clumps::{Clump, clumps};
 pub use instructions::Instructions;
-use kernel::{LaneContact, PairLaws};
+use laws::{LaneContact, PairLaws};
 use meeting::{Contacts, Meet, Meeting, Room, SAFE};
 use pairs::BodyPairs;
 use points::Points;

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use super::instructions::{Places, Wide};
+use super::fetch;
+use super::instructions::Wide;
 use super::load::Loads;
-use super::memory::{Lanes, Quads, WIDTH, places_of};
+use super::memory::{Lanes, Places, Quads, WIDTH, places_of};
 use super::points::Points;
 use crate::engine::frame::Frame;
 
@@ -38,9 +39,9 @@ pub(super) struct PairLoads {
 impl PairLoads {
     /// Fetches some from memory.
     #[inline(always)]
-    pub(super) fn fetch<S: Wide>(&self, simd: S, pairs: Range<usize>) {
-        simd.fetch_far(&self.places[pairs.clone()]);
-        self.loads.fetch(simd, pairs);
+    pub(super) fn fetch(&self, pairs: Range<usize>) {
+        fetch::later(&self.places[pairs.clone()]);
+        self.loads.fetch(pairs);
     }
 }
 

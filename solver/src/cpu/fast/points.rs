@@ -5,10 +5,10 @@ use std::ops::Range;
 
 use glam::{DVec3, IVec3, Vec3};
 
+use super::fetch::{self, PARTS, part};
 use super::instructions::Wide;
 use super::load::{LoadBlock, Sums};
 use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, quad_of};
-use super::share::{PARTS, part};
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -131,9 +131,9 @@ impl Points {
 
     /// Fetches the `k`th of [`PARTS`] parts from memory.
     #[inline(always)]
-    pub(super) fn fetch_part<S: Wide>(&self, simd: S, k: usize) {
-        simd.fetch_far(part(&self.positions, k, PARTS));
-        simd.fetch_far(part(&self.motions, k, PARTS));
+    pub(super) fn fetch_part(&self, k: usize) {
+        fetch::later(part(&self.positions, k, PARTS));
+        fetch::later(part(&self.motions, k, PARTS));
     }
 
     /// The number of blocks.
@@ -251,7 +251,8 @@ impl Block {
         remainder: [Lanes::ZERO; 3],
     };
 
-    /// One step, as [`Mover::step`] does it for one sub-particle; `free` is 1 where one moves, else 0. Not 0 for those that are too fast, not a number or lost.
+    /// One step, as [`Mover::step`] does it for one sub-particle; `free` is 1 where one moves, else 0. Not 0 for those that are too
+    /// fast, not a number or lost.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
     fn advance<S: Wide>(

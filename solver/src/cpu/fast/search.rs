@@ -1,8 +1,8 @@
 //! The search for pairs of two bodies that may touch: first boxes of bodies, then boxes of blocks, then sub-particles.
 
 use super::body::Body;
-use super::instructions::{Places, Wide};
-use super::memory::{Lanes, Lanes3, WIDTH, folded};
+use super::instructions::Wide;
+use super::memory::{Lanes, Lanes3, Places, WIDTH, folded};
 use super::whereabouts::{Extent, Span, Whereabouts};
 use crate::engine::frame::Frame;
 

@@ -1,6 +1,5 @@
 //! How bodies are shared out among threads: neighbours soon after each other, and to each thread what it keeps.
 
-use std::ops::Range;
 use std::sync::{Mutex, MutexGuard};
 
 use glam::IVec3;
@@ -18,21 +17,6 @@ const TURNS: usize = 64;
 pub(super) fn at_once(bodies: usize) -> usize {
     let [least, most] = AT_ONCE;
     (bodies / (TURNS * rayon::current_num_threads())).clamp(least, most)
-}
-
-/// Parts in which a body fetches what the next one needs, while it works: memory can be asked for some twenty lines at a time.
-pub(super) const PARTS: usize = 8;
-
-/// The `k`th of `n` parts of so many, nearly equal.
-#[inline(always)]
-pub(super) fn span(count: usize, k: usize, n: usize) -> Range<usize> {
-    k * count / n..(k + 1) * count / n
-}
-
-/// The same of some.
-#[inline(always)]
-pub(super) fn part<T>(of: &[T], k: usize, n: usize) -> &[T] {
-    &of[span(of.len(), k, n)]
 }
 
 /// Bits of a coordinate that count along the curve.
@@ -86,13 +70,6 @@ pub(super) fn in_order<T>(order: &[u32], of_each: impl Iterator<Item = T>) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn parts_are_all() {
-        let of: Vec<u8> = (0..21).collect();
-        let parts: Vec<u8> = (0..PARTS).flat_map(|k| part(&of, k, PARTS)).copied().collect();
-        assert_eq!(parts, of);
-    }
 
     #[test]
     fn neighbours_come_soon_after_each_other() {

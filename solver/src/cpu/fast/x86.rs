@@ -1,0 +1,243 @@
+//! What AVX-512 and AVX2 do better than loops: moves between lanes, and bits for lanes.
+
+use std::arch::x86_64::{__m256, __m256d, __m256i, __m512, __m512d};
+
+use pulp::x86::{V3, V4};
+use pulp::{Simd, cast};
+
+use super::instructions::Wide;
+use super::memory::{Ints, Lanes, PackedPlaces, Places, Quads, WIDTH};
+
+/// Rows of four registers become columns, within every quarter (or half) of a register.
+macro_rules! transpose {
+    ($simd:expr, $rows:expr, $type:ty, $half:ty, $lo:ident, $hi:ident, $lo2:ident, $hi2:ident) => {{
+        let [a, b, c, d]: [$type; 4] = $rows;
+        let simd = $simd;
+        let (ab, cd): ($half, $half) = (cast(simd.$lo(a, b)), cast(simd.$lo(c, d)));
+        let (ab2, cd2): ($half, $half) = (cast(simd.$hi(a, b)), cast(simd.$hi(c, d)));
+        let columns: [$type; 4] = [
+            cast(simd.$lo2(ab, cd)),
+            cast(simd.$hi2(ab, cd)),
+            cast(simd.$lo2(ab2, cd2)),
+            cast(simd.$hi2(ab2, cd2)),
+        ];
+        columns
+    }};
+}
+
+#[inline(always)]
+fn transposed_in_512(simd: V4, rows: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
+    let rows = rows.map(|row| -> __m512 { cast(row) });
+    transpose!(
+        simd.avx512f,
+        rows,
+        __m512,
+        __m512d,
+        _mm512_unpacklo_ps,
+        _mm512_unpackhi_ps,
+        _mm512_unpacklo_pd,
+        _mm512_unpackhi_pd
+    )
+    .map(cast)
+}
+
+/// How far each lane's number is from the lowest bits in [`PackedPlaces`].
+const SHIFTS: [u32; WIDTH] = [0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28];
+
+impl Wide for V4 {
+    #[inline(always)]
+    fn pick(self, [low, high]: [&Lanes; 2], at: &Places) -> Lanes {
+        let picked = self.avx512f._mm512_permutex2var_ps(cast(low.0), cast(at.0), cast(high.0));
+        Lanes(cast(picked))
+    }
+
+    #[inline(always)]
+    fn pick_ints(self, [low, high]: [&Ints; 2], at: &Places) -> Ints {
+        let picked = self.avx512f._mm512_permutex2var_epi32(cast(low.0), cast(at.0), cast(high.0));
+        Ints(cast(picked))
+    }
+
+    #[inline(always)]
+    fn at_most(self, values: &Lanes, limit: f32) -> u16 {
+        self.less_than_or_equal_f32s(cast(values.0), self.splat_f32s(limit)).0
+    }
+
+    #[inline(always)]
+    fn whole(self, numbers: &Lanes) -> Ints {
+        Ints(cast(self.avx512f._mm512_cvtps_epi32(cast(numbers.0))))
+    }
+
+    #[inline(always)]
+    fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
+        Lanes(cast(self.avx512f._mm512_maskz_permutexvar_ps(takes, cast(from.0), cast(values.0))))
+    }
+
+    #[inline(always)]
+    fn mask(self, bits: u16, _: usize) -> Self::m32s {
+        pulp::b16(bits)
+    }
+
+    #[inline(always)]
+    fn bits(self, mask: Self::m32s) -> u16 {
+        mask.0
+    }
+
+    #[inline(always)]
+    fn widened(self, places: &[u8; WIDTH]) -> Places {
+        Places(cast(self.avx512f._mm512_cvtepu8_epi32(cast(*places))))
+    }
+
+    #[inline(always)]
+    fn unpacked(self, places: PackedPlaces) -> Places {
+        let all = self.avx512f._mm512_set1_epi64(places.0 as i64);
+        Places(cast(self.avx512f._mm512_srlv_epi32(all, cast(SHIFTS))))
+    }
+
+    #[inline(always)]
+    fn only(self, value: f32, takes: u16) -> Lanes {
+        Lanes(cast(self.avx512f._mm512_maskz_mov_ps(takes, cast(self.splat_f32s(value)))))
+    }
+
+    #[inline(always)]
+    fn to_front(self, values: &Places, takes: u16) -> Places {
+        Places(cast(self.avx512f._mm512_maskz_compress_epi32(takes, cast(values.0))))
+    }
+
+    #[inline(always)]
+    fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
+        let rows: [[f32; WIDTH]; 4] = cast(quads.0);
+        transposed_in_512(self, rows).map(Lanes)
+    }
+
+    #[inline(always)]
+    fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
+        Quads(cast(transposed_in_512(self, lanes.map(|lanes| lanes.0))))
+    }
+}
+
+/// The numbers of four registers, one after the other, at these places.
+#[inline(always)]
+fn picked(simd: V3, [a, b, c, d]: [[f32; 8]; 4], at: [u32; 8]) -> [f32; 8] {
+    let high = simd.avx._mm256_castsi256_ps(simd.avx2._mm256_slli_epi32::<27>(cast(at)));
+    let (low, other) = (picked_from_two(simd, [a, b], at), picked_from_two(simd, [c, d], at));
+    cast(simd.avx._mm256_blendv_ps(cast(low), cast(other), high))
+}
+
+/// The same of two registers.
+#[inline(always)]
+fn picked_from_two(simd: V3, [low, high]: [[f32; 8]; 2], at: [u32; 8]) -> [f32; 8] {
+    let at: __m256i = cast(at);
+    // Of a place the three lowest bits say where in a register, the next in which: as signs they choose.
+    let upper = simd.avx._mm256_castsi256_ps(simd.avx2._mm256_slli_epi32::<28>(at));
+    let low = simd.avx2._mm256_permutevar8x32_ps(cast(low), at);
+    let high = simd.avx2._mm256_permutevar8x32_ps(cast(high), at);
+    cast(simd.avx._mm256_blendv_ps(low, high, upper))
+}
+
+impl Wide for V3 {
+    #[inline(always)]
+    fn pick(self, [low, high]: [&Lanes; 2], at: &Places) -> Lanes {
+        let ([a, b], [c, d]): ([[f32; 8]; 2], [[f32; 8]; 2]) = (cast(low.0), cast(high.0));
+        let [one, two]: [[u32; 8]; 2] = cast(at.0);
+        Lanes(cast([picked(self, [a, b, c, d], one), picked(self, [a, b, c, d], two)]))
+    }
+
+    #[inline(always)]
+    fn pick_ints(self, [low, high]: [&Ints; 2], at: &Places) -> Ints {
+        Ints(cast(self.pick([&Lanes(cast(low.0)), &Lanes(cast(high.0))], at).0))
+    }
+
+    #[inline(always)]
+    fn at_most(self, values: &Lanes, limit: f32) -> u16 {
+        let [low, high]: [[f32; 8]; 2] = cast(values.0);
+        let limit = self.splat_f32s(limit);
+        let low = self.less_than_or_equal_f32s(cast(low), limit);
+        let high = self.less_than_or_equal_f32s(cast(high), limit);
+        let low = self.avx._mm256_movemask_ps(cast(low)) as u16;
+        low | (self.avx._mm256_movemask_ps(cast(high)) as u16) << 8
+    }
+
+    #[inline(always)]
+    fn whole(self, numbers: &Lanes) -> Ints {
+        let [low, high]: [[f32; 8]; 2] = cast(numbers.0);
+        let low: [i32; 8] = cast(self.avx._mm256_cvtps_epi32(cast(low)));
+        let high: [i32; 8] = cast(self.avx._mm256_cvtps_epi32(cast(high)));
+        Ints(cast([low, high]))
+    }
+
+    #[inline(always)]
+    fn mask(self, bits: u16, part: usize) -> Self::m32s {
+        let each: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
+        let bits = self.avx2._mm256_and_si256(cast([u32::from(bits) >> (8 * part); 8]), cast(each));
+        cast(self.avx2._mm256_cmpeq_epi32(bits, cast(each)))
+    }
+
+    #[inline(always)]
+    fn bits(self, mask: Self::m32s) -> u16 {
+        self.avx._mm256_movemask_ps(cast(mask)) as u16
+    }
+
+    #[inline(always)]
+    fn widened(self, places: &[u8; WIDTH]) -> Places {
+        let [low, high]: [u64; 2] = cast(*places);
+        let low: [u32; 8] = cast(self.avx2._mm256_cvtepu8_epi32(cast([low, 0])));
+        let high: [u32; 8] = cast(self.avx2._mm256_cvtepu8_epi32(cast([high, 0])));
+        Places(cast([low, high]))
+    }
+
+    #[inline(always)]
+    fn unpacked(self, places: PackedPlaces) -> Places {
+        let shifts: [__m256i; 2] = cast(SHIFTS);
+        let low: [u32; 8] = cast(self.avx2._mm256_srlv_epi32(cast([places.0; 4]), shifts[0]));
+        let high: [u32; 8] = cast(self.avx2._mm256_srlv_epi32(cast([places.0; 4]), shifts[1]));
+        Places(cast([low, high]))
+    }
+
+    #[inline(always)]
+    fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
+        let halves: [[f32; 8]; 2] = cast(values.0);
+        let [one, two]: [[u32; 8]; 2] = cast(from.0);
+        let spread: [f32; WIDTH] =
+            cast([picked_from_two(self, halves, one), picked_from_two(self, halves, two)]);
+        let takes: Lanes =
+            Lanes(std::array::from_fn(|k| f32::from_bits(0u32.wrapping_sub(u32::from(takes >> k & 1)))));
+        Lanes(std::array::from_fn(|k| f32::from_bits(spread[k].to_bits() & takes.0[k].to_bits())))
+    }
+
+    #[inline(always)]
+    fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
+        let rows: [[f32; WIDTH]; 4] = cast(quads.0);
+        transposed_in_256(self, rows).map(Lanes)
+    }
+
+    #[inline(always)]
+    fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
+        let [a, b, c, d] = lanes;
+        Quads(cast(transposed_in_256(self, [a.0, b.0, c.0, d.0])))
+    }
+}
+
+/// Not with closures: what is in them is not built for the instruction set.
+#[inline(always)]
+fn transposed_in_256(simd: V3, [a, b, c, d]: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
+    let [[a, e], [b, f], [c, g], [d, h]]: [[[f32; 8]; 2]; 4] = [cast(a), cast(b), cast(c), cast(d)];
+    let [a, b, c, d] = half_transposed(simd, [a, b, c, d]);
+    let [e, f, g, h] = half_transposed(simd, [e, f, g, h]);
+    [cast([a, e]), cast([b, f]), cast([c, g]), cast([d, h])]
+}
+
+#[inline(always)]
+fn half_transposed(simd: V3, [a, b, c, d]: [[f32; 8]; 4]) -> [[f32; 8]; 4] {
+    let rows = [cast(a), cast(b), cast(c), cast(d)];
+    let [a, b, c, d] = transpose!(
+        simd.avx,
+        rows,
+        __m256,
+        __m256d,
+        _mm256_unpacklo_ps,
+        _mm256_unpackhi_ps,
+        _mm256_unpacklo_pd,
+        _mm256_unpackhi_pd
+    );
+    [cast(a), cast(b), cast(c), cast(d)]
+}
