@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 use std::slice;
-use std::sync::OnceLock;
 
 use super::bonds::{self, BondSet};
 use super::fetch::{self, PARTS, part, span};
@@ -12,8 +11,8 @@ use super::load::Sums;
 use super::meeting::Meeting;
 use super::pairs::BodyPairs;
 use super::points::{Block, Motion, Points, place_of};
-use super::walls::{Met, NearWalls};
-use super::whereabouts::{Find, Whereabouts};
+use super::walls::{LookUp, Met, NearWalls};
+use super::whereabouts::Whereabouts;
 use crate::cpu::integrate::Mover;
 use crate::cpu::stages::{Stage, Stages};
 use crate::cpu::walls::Walls;
@@ -40,8 +39,8 @@ pub(super) struct Body {
     pub(super) motion: Motion,
     /// Integral of the greatest speed, in metres.
     travelled: f64,
-    /// Where it is, once somebody has asked in a step.
-    whereabouts: OnceLock<Whereabouts>,
+    /// Where it is.
+    pub(super) whereabouts: Whereabouts,
     /// Lower sub-particles of bonds that broke in the last step.
     pub(super) broken: Vec<u32>,
     /// The meetings of which it is the second body, in the order of the first.
@@ -113,6 +112,7 @@ impl Body {
         let joined = placed(joined);
         Self {
             range,
+            whereabouts: Whereabouts::of(&points),
             points,
             mass,
             bonds,
@@ -120,7 +120,6 @@ impl Body {
             walls: NearWalls::default(),
             motion: Motion::default(),
             travelled: 0.0,
-            whereabouts: OnceLock::new(),
             broken: Vec::new(),
             meets: Vec::new(),
         }
@@ -138,12 +137,6 @@ impl Body {
             while joined.next_if(|joined| *joined < pair).is_some() {}
             joined.peek() != Some(&pair)
         });
-    }
-
-    /// Where it is.
-    #[inline(always)]
-    pub(super) fn whereabouts<S: Wide>(&self, simd: S, frame: &Frame) -> &Whereabouts {
-        self.whereabouts.get_or_init(|| by_itself(simd, Find(&self.points, frame)))
     }
 
     /// One step of this body, once all meetings have worked out their loads; `pairs` are those of which it is the first.
@@ -172,7 +165,7 @@ impl Body {
         let Self { points, motion, .. } = self;
         let Desk { sums, blocks, .. } = desk;
         let moved = points.advance(simd, around.mover, around.frame, self.mass, motion, blocks, sums);
-        self.whereabouts.take();
+        self.whereabouts.update(&self.points);
         self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);
         watch.lap(Stage::Motion);
         Noticed { max_overlap, runaway: moved.runaway.map(|k| self.range.start as u32 + k) }
@@ -218,10 +211,9 @@ impl Body {
 
     #[inline(always)]
     fn add_walls<S: Wide>(&mut self, simd: S, around: &Surroundings<'_>, desk: &mut Desk) {
-        let Self { walls, motion, points, whereabouts, .. } = self;
+        let Self { walls, motion, points, whereabouts: at, .. } = self;
         if walls.is_due(motion, around) {
-            let at = whereabouts.get_or_init(|| by_itself(simd, Find(points, around.frame)));
-            walls.search(motion, around, points, at);
+            by_itself(simd, LookUp { walls, motion, around, points, at });
         }
         let travelled = self.travelled + around.walls.moved_in_all_m();
         self.walls.forces(simd, travelled, around, &self.points, self.mass, desk);
@@ -231,7 +223,7 @@ impl Body {
     pub(super) fn renumber(&mut self, range: Range<usize>, points: Points, locals: &[u32]) {
         self.range = range;
         self.points = points;
-        self.whereabouts.take();
+        self.whereabouts.update(&self.points);
         let map = |k: u32| locals[k as usize];
         let joined = self.joined.iter().map(|pair| pair.map(|place| map(place_of(place))));
         self.joined = placed(joined.filter(|pair| !pair.contains(&u32::MAX)));
@@ -287,18 +279,5 @@ impl Job for Move<'_> {
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> Noticed {
         self.body.step(simd, self.around, self.pairs, self.next, self.desk)
-    }
-}
-
-/// To ask a body where it is.
-pub(super) struct Locate<'a>(pub(super) &'a Body, pub(super) &'a Frame);
-
-impl<'a> Job for Locate<'a> {
-    type Output = &'a Whereabouts;
-
-    #[inline(always)]
-    fn run<S: Wide>(self, simd: S) -> &'a Whereabouts {
-        let Self(body, frame) = self;
-        body.whereabouts(simd, frame)
     }
 }

@@ -174,6 +174,9 @@ impl BondSet {
             }
         }
         for half in 0..2 {
+            if self.bonded[half] == 0 {
+                continue;
+            }
             let theirs = &mut sums.blocks[self.window[half] as usize];
             let back = simd.unpacked(self.back[half]);
             for axis in 0..3 {

@@ -1,14 +1,15 @@
 //! How sub-particles touch a facet, in lanes: what [`Walls::touch`] says of one, in the same arithmetic, to the last bit. So it does not
 //! matter whether a sub-particle has one facet near it, and goes through here, or several.
 
-use glam::{IVec3, Mat3, Vec3};
-use pulp::Simd;
+use glam::{Mat3, Vec3};
+use pulp::{Simd, cast};
 
 use super::instructions::Wide;
 use super::kernel::Seen;
 use super::lanes::{F, F3, Mask};
 use super::load::three;
-use super::memory::{Lanes, Lanes3, Quads, WIDTH};
+use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH};
+use super::whereabouts::in_metres;
 use crate::cpu::walls::{Pose, Walls};
 use crate::engine::frame::Frame;
 
@@ -29,8 +30,8 @@ struct Touches<S: Simd> {
 /// A chunk of sub-particles that look at a facet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seers {
-    /// Fixed-point position, as bits.
-    position: Lanes3,
+    /// Fixed-point position.
+    position: [Ints; 3],
     /// In m/s.
     velocity: Lanes3,
     /// In rad/s.
@@ -44,21 +45,9 @@ impl Seers {
     /// From one after the other; positions as bits.
     #[inline(always)]
     pub(super) fn of<S: Wide>(simd: S, position: &Quads, velocity: &Quads, spin: &Quads) -> Self {
-        let (position, velocity, spin) = (three(simd, position), three(simd, velocity), three(simd, spin));
-        Self { position, velocity, spin }
-    }
-
-    /// Positions relative to an anchor, in metres.
-    #[inline(always)]
-    fn relative(&self, anchor: IVec3, frame: &Frame) -> Lanes3 {
-        let mut relative = self.position;
-        for axis in 0..3 {
-            for k in 0..WIDTH {
-                let x = relative[axis].0[k].to_bits() as i32;
-                relative[axis].0[k] = x.wrapping_sub(anchor[axis]) as f32 * frame.unit_m;
-            }
-        }
-        relative
+        let [x, y, z] = three(simd, position);
+        let position = [Ints(cast(x.0)), Ints(cast(y.0)), Ints(cast(z.0))];
+        Self { position, velocity: three(simd, velocity), spin: three(simd, spin) }
     }
 }
 
@@ -82,10 +71,11 @@ impl<'a> FewTriangles<'a> {
     ) -> ([Seen; 2], [Lanes; 2]) {
         let mut seen = [Seen::NOTHING; 2];
         let mut distances = [Lanes::ZERO; 2];
-        let relative = [a.relative(self.pose.anchor, frame), b.relative(self.pose.anchor, frame)];
+        let one = in_metres(&a.position, self.pose.anchor, frame.unit_m);
+        let two = in_metres(&b.position, self.pose.anchor, frame.unit_m);
         let spin = F3::splat(simd, self.pose.spin * 2.0);
         for part in 0..WIDTH / S::F32_LANES {
-            let touches = self.touches(simd, F3::load(simd, [&relative[0], &relative[1]], part));
+            let touches = self.touches(simd, F3::load(simd, [&one, &two], part));
             let Touches { to_wall, distance, velocity } = touches;
             let mine = F3::load(simd, [&a.velocity, &b.velocity], part);
             let my_spin = F3::load(simd, [&a.spin, &b.spin], part);
@@ -100,6 +90,24 @@ impl<'a> FewTriangles<'a> {
             distance.store([one, two], part);
         }
         (seen, distances)
+    }
+
+    /// How far two chunks of sub-particles at fixed-point positions are from it, in metres.
+    #[inline(always)]
+    pub(super) fn distances<S: Simd>(
+        &self,
+        simd: S,
+        frame: &Frame,
+        positions: [&[Ints; 3]; 2],
+    ) -> [Lanes; 2] {
+        let a = in_metres(positions[0], self.pose.anchor, frame.unit_m);
+        let b = in_metres(positions[1], self.pose.anchor, frame.unit_m);
+        let [mut one, mut two] = [Lanes::ZERO; 2];
+        for part in 0..WIDTH / S::F32_LANES {
+            let touches = self.touches(simd, F3::load(simd, [&a, &b], part));
+            touches.distance.store([&mut one, &mut two], part);
+        }
+        [one, two]
     }
 
     /// How positions, relative to the anchor in metres, are touched.
@@ -230,7 +238,7 @@ mod tests {
                 + frame.encode(frame.origin + (pose.turn.as_dmat3() * (local - DVec3::new(0.3, 0.2, 0.1))));
             let expected = walls.touch(0, x, &frame);
             let seers = Seers {
-                position: [0, 1, 2].map(|axis| Lanes([f32::from_bits(x[axis] as u32); WIDTH])),
+                position: [0, 1, 2].map(|axis| Ints([x[axis]; WIDTH])),
                 velocity: [Lanes::ZERO; 3],
                 spin: [Lanes::ZERO; 3],
             };

@@ -102,7 +102,8 @@ impl Batch {
             *between = apart[pair].map(|d| f32::from_bits(d as u32));
             *memory = memories[pair];
             let [i, j] = places[pair];
-            let ([v, w], [v_j, w_j]) = (&first.motions[i as usize], &second.motions[j as usize]);
+            let (v, v_j) = (&first.velocities[i as usize], &second.velocities[j as usize]);
+            let (w, w_j) = (&first.spins[i as usize], &second.spins[j as usize]);
             *velocity = std::array::from_fn(|c| v_j[c] - v[c]);
             *spin = std::array::from_fn(|c| w[c] + w_j[c]);
         }
@@ -123,14 +124,14 @@ impl Batch {
 
     #[inline(always)]
     fn seen<S: Wide>(&self, simd: S, half: usize, frame: &Frame) -> Seen {
-        let mut apart = three(simd, &quads(&self.apart, half));
+        let mut apart = three(simd, &Quads::of(&self.apart, half));
         for axis in &mut apart {
             for k in 0..WIDTH {
                 axis.0[k] = axis.0[k].to_bits() as i32 as f32 * frame.unit_m;
             }
         }
         let (velocity, spin) =
-            (three(simd, &quads(&self.velocity, half)), three(simd, &quads(&self.spin, half)));
+            (three(simd, &Quads::of(&self.velocity, half)), three(simd, &Quads::of(&self.spin, half)));
         Seen { apart, velocity, spin }
     }
 
@@ -141,7 +142,7 @@ impl Batch {
 
     #[inline(always)]
     fn contacts<S: Wide>(&self, simd: S, half: usize, step: u32) -> Contacts {
-        let [mut slide @ .., last] = simd.to_lanes(&quads(&self.memory, half));
+        let [mut slide @ .., last] = simd.to_lanes(&Quads::of(&self.memory, half));
         let mut let_go = Lanes::ZERO;
         for k in 0..WIDTH {
             let_go.0[k] = if last.0[k].to_bits() == step - 1 { 0.0 } else { 1.0 };
@@ -165,12 +166,6 @@ impl Contacts {
         let [x, y, z] = &self.slide;
         simd.to_quads([x, y, z, &simd.only(f32::from_bits(step), self.held)])
     }
-}
-
-/// The `b`th [`WIDTH`] of many.
-#[inline(always)]
-fn quads(of: &[[f32; 4]], b: usize) -> Quads {
-    Quads(of[b * WIDTH..][..WIDTH].try_into().expect("as many as asked for"))
 }
 
 /// The first three numbers, in lanes.
@@ -259,8 +254,8 @@ impl Sums {
     #[inline(always)]
     pub(super) fn of_block<S: Wide>(&self, simd: S, b: usize) -> LoadBlock {
         let (single, mut all) = (&self.single, self.blocks[b]);
-        let force = simd.to_lanes(&quads(&single.force, b));
-        let torque = simd.to_lanes(&quads(&single.torque, b));
+        let force = simd.to_lanes(&Quads::of(&single.force, b));
+        let torque = simd.to_lanes(&Quads::of(&single.torque, b));
         for axis in 0..3 {
             for k in 0..WIDTH {
                 all.force[axis].0[k] += force[axis].0[k];

@@ -1,5 +1,7 @@
 //! Numbers side by side in memory: 16 to a row, in lanes or in quads.
 
+use pulp::{bytemuck::Pod, cast};
+
 /// Pairs that are worked on together: a multiple of the lanes of every instruction set.
 pub(super) const WIDTH: usize = 16;
 
@@ -94,6 +96,14 @@ pub(super) const fn places_of(lanes: u16) -> u16 {
 impl Quads {
     /// All zero.
     pub(super) const ZERO: Self = Self([[0.0; 4]; WIDTH]);
+
+    /// The `b`th [`WIDTH`] of many.
+    #[inline(always)]
+    pub(super) fn of<T: Pod>(many: &[[T; 4]], b: usize) -> Self {
+        let these: [[T; 4]; WIDTH] = many[b * WIDTH..][..WIDTH].try_into().expect("as many as asked for");
+        // Whole, since what is copied in pieces cannot be read at once in large ones.
+        Self(cast(these))
+    }
 }
 
 /// All of a row put together, in halves, as registers do it.

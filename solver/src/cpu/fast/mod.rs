@@ -50,7 +50,7 @@ use super::walls::Walls;
 use crate::engine::Advance;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use body::{Body, Desk, Locate, Move, Next, Noticed, Surroundings};
+use body::{Body, Desk, Move, Next, Noticed, Surroundings};
 use bonds::BondSet;
 use clumps::{Clump, clumps};
 pub use instructions::Instructions;
@@ -234,10 +234,7 @@ impl FastRun {
     fn draw_up_meetings(&mut self) {
         self.drawn_up = self.bodies.iter().map(|body| (body.motion.shift, body.motion.path)).collect();
         let reach = self.search().reach + MARGIN_RATIO * self.params.radius;
-        let instructions = self.instructions;
-        let extents =
-            self.bodies.par_iter().map(|body| instructions.run(Locate(body, &self.state.frame)).whole);
-        let extents: Vec<Extent> = extents.collect();
+        let extents: Vec<Extent> = self.bodies.iter().map(|body| body.whereabouts.whole).collect();
         self.order = along_curve(&extents);
         let pairs = near_each_other(&extents, reach, &self.state.frame);
         let mut old = std::mem::take(&mut self.meetings).into_iter().peekable();

@@ -4,11 +4,13 @@
 use std::ops::Range;
 
 use glam::{DVec3, IVec3, Vec3};
+use pulp::cast;
 
 use super::fetch::{self, PARTS, part};
 use super::instructions::Wide;
 use super::load::{LoadBlock, Sums};
 use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, quad_of};
+use super::whereabouts::in_metres;
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -34,7 +36,8 @@ pub(super) struct Points {
     /// Fixed-point positions; the fourth number has the bits of the remainder along x (see [`Block::remainder`]).
     pub(super) positions: Vec<[i32; 4]>,
     /// Velocities and spins; their fourth numbers are the remainders along y and z.
-    pub(super) motions: Vec<[[f32; 4]; 2]>,
+    pub(super) velocities: Vec<[f32; 4]>,
+    pub(super) spins: Vec<[f32; 4]>,
     /// Lanes of each block that move: neither held nor only there to fill up.
     moving: Vec<u16>,
     /// 1 where a lane of the last block is a sub-particle, 0 where it only fills up.
@@ -72,6 +75,9 @@ pub(super) struct Moved {
     pub(super) runaway: Option<u32>,
 }
 
+/// Where there is no sub-particle, in metres.
+const NOWHERE: f32 = 1e9;
+
 /// 1 in every lane.
 const ALL: Lanes = Lanes([1.0; WIDTH]);
 
@@ -90,7 +96,8 @@ impl Points {
         let mut points = Self {
             count,
             positions: vec![[0; 4]; blocks * WIDTH],
-            motions: vec![[[0.0; 4]; 2]; blocks * WIDTH],
+            velocities: vec![[0.0; 4]; blocks * WIDTH],
+            spins: vec![[0.0; 4]; blocks * WIDTH],
             moving: vec![0; blocks],
             real_in_last,
         };
@@ -102,10 +109,8 @@ impl Points {
             points.positions[place] = position.extend(remainder.x.to_bits() as i32).to_array();
             let is_real = k < count;
             let moving = |value: Vec3| if is_real { value } else { Vec3::ZERO };
-            points.motions[place] = [
-                moving(velocity).extend(remainder.y).to_array(),
-                moving(spin).extend(remainder.z).to_array(),
-            ];
+            points.velocities[place] = moving(velocity).extend(remainder.y).to_array();
+            points.spins[place] = moving(spin).extend(remainder.z).to_array();
             points.moving[k / WIDTH] |= u16::from(is_real && !state.held[from]) << (k % WIDTH);
         }
         points
@@ -115,7 +120,8 @@ impl Points {
     #[inline(always)]
     pub(super) fn particle(&self, k: usize) -> Particle {
         let place = place_of(k as u32) as usize;
-        let ([x, y, z, _], [[u, v, w, _], [p, q, r, _]]) = (self.positions[place], self.motions[place]);
+        let [x, y, z, _] = self.positions[place];
+        let ([u, v, w, _], [p, q, r, _]) = (self.velocities[place], self.spins[place]);
         Particle { position: IVec3::new(x, y, z), velocity: Vec3::new(u, v, w), spin: Vec3::new(p, q, r) }
     }
 
@@ -124,7 +130,8 @@ impl Points {
         for (k, (particle, remainder)) in particles.iter_mut().zip(remainders).enumerate() {
             *particle = self.particle(k);
             let place = place_of(k as u32) as usize;
-            let ([.., x], [[.., y], [.., z]]) = (self.positions[place], self.motions[place]);
+            let ([.., x], [.., y], [.., z]) =
+                (self.positions[place], self.velocities[place], self.spins[place]);
             *remainder = Vec3::new(f32::from_bits(x as u32), y, z);
         }
     }
@@ -133,7 +140,8 @@ impl Points {
     #[inline(always)]
     pub(super) fn fetch_part(&self, k: usize) {
         fetch::later(part(&self.positions, k, PARTS));
-        fetch::later(part(&self.motions, k, PARTS));
+        fetch::later(part(&self.velocities, k, PARTS));
+        fetch::later(part(&self.spins, k, PARTS));
     }
 
     /// The number of blocks.
@@ -144,11 +152,50 @@ impl Points {
     /// Positions of a block, side by side; and the bits of remainders along x.
     #[inline(always)]
     pub(super) fn positions_of<S: Wide>(&self, simd: S, b: usize) -> [Ints; 4] {
-        let mut quads = Quads::ZERO;
-        for (quad, position) in quads.0.iter_mut().zip(&self.positions[b * WIDTH..][..WIDTH]) {
-            *quad = position.map(|x| f32::from_bits(x as u32));
+        let [x, y, z, r] = simd.to_lanes(&Quads::of(&self.positions, b));
+        [Ints(cast(x.0)), Ints(cast(y.0)), Ints(cast(z.0)), Ints(cast(r.0))]
+    }
+
+    /// Positions of a block in metres from one, side by side; those that only fill up are [`NOWHERE`].
+    #[inline(always)]
+    pub(super) fn in_metres<S: Wide>(&self, simd: S, b: usize, from: IVec3, unit_m: f32) -> Lanes3 {
+        let [x, y, z, _] = self.positions_of(simd, b);
+        let mut metres = in_metres(&[x, y, z], from, unit_m);
+        let count = self.count - b * WIDTH;
+        if count < WIDTH {
+            for axis in &mut metres {
+                axis.0[count..].fill(NOWHERE);
+            }
         }
-        simd.to_lanes(&quads).map(|lanes| Ints(lanes.0.map(|x| x.to_bits() as i32)))
+        metres
+    }
+
+    /// The lowest and the highest corner of the box around a block; their fourth numbers mean nothing.
+    #[inline(always)]
+    pub(super) fn corners(&self, b: usize) -> [[i32; 4]; 2] {
+        let mut positions: [[i32; 4]; WIDTH] =
+            self.positions[b * WIDTH..][..WIDTH].try_into().expect("a whole block");
+        // Those that only fill up become as the first.
+        for k in (self.count - b * WIDTH).min(WIDTH)..WIDTH {
+            positions[quad_of(k)] = positions[0];
+        }
+        let rows: [[i32; WIDTH]; 4] = cast(positions);
+        let [mut low, mut high] = [rows[0]; 2];
+        for row in &rows[1..] {
+            for k in 0..WIDTH {
+                low[k] = low[k].min(row[k]);
+                high[k] = high[k].max(row[k]);
+            }
+        }
+        // Every fourth number is along one axis.
+        for half in [8, 4] {
+            for k in 0..half {
+                low[k] = low[k].min(low[k + half]);
+                high[k] = high[k].max(high[k + half]);
+            }
+        }
+        let ([x, y, z, r, ..], [u, v, w, s, ..]) = (low, high);
+        [[x, y, z, r], [u, v, w, s]]
     }
 
     /// Writes all blocks down side by side.
@@ -156,15 +203,10 @@ impl Points {
     pub(super) fn set_out<S: Wide>(&self, simd: S, blocks: &mut Vec<Block>) {
         blocks.resize(self.blocks(), Block::NOTHING);
         for (b, block) in blocks.iter_mut().enumerate() {
-            let (mut velocities, mut spins) = (Quads::ZERO, Quads::ZERO);
-            let motions = &self.motions[b * WIDTH..][..WIDTH];
-            for ((velocity, spin), motion) in velocities.0.iter_mut().zip(&mut spins.0).zip(motions) {
-                [*velocity, *spin] = *motion;
-            }
             let [x, y, z, rx] = self.positions_of(simd, b);
-            let [u, v, w, ry] = simd.to_lanes(&velocities);
-            let [p, q, r, rz] = simd.to_lanes(&spins);
-            let rx = Lanes(rx.0.map(|x| f32::from_bits(x as u32)));
+            let [u, v, w, ry] = simd.to_lanes(&Quads::of(&self.velocities, b));
+            let [p, q, r, rz] = simd.to_lanes(&Quads::of(&self.spins, b));
+            let rx = Lanes(cast(rx.0));
             *block =
                 Block { position: [x, y, z], velocity: [u, v, w], spin: [p, q, r], remainder: [rx, ry, rz] };
         }
@@ -173,20 +215,14 @@ impl Points {
     /// Takes a block back as it is now.
     #[inline(always)]
     fn take_back<S: Wide>(&mut self, simd: S, b: usize, block: &Block) {
-        let bits = |ints: &Ints| Lanes(ints.0.map(|x| f32::from_bits(x as u32)));
-        let [x, y, z] = [bits(&block.position[0]), bits(&block.position[1]), bits(&block.position[2])];
+        let [x, y, z] = &block.position;
+        let [x, y, z] = [&Lanes(cast(x.0)), &Lanes(cast(y.0)), &Lanes(cast(z.0))];
         let [rx, ry, rz] = &block.remainder;
-        let quads = simd.to_quads([&x, &y, &z, rx]);
-        for (position, quad) in self.positions[b * WIDTH..].iter_mut().zip(&quads.0) {
-            *position = quad.map(|x| x.to_bits() as i32);
-        }
+        let positions: [[i32; 4]; WIDTH] = cast(simd.to_quads([x, y, z, rx]).0);
+        self.positions[b * WIDTH..][..WIDTH].copy_from_slice(&positions);
         let ([x, y, z], [p, q, r]) = (&block.velocity, &block.spin);
-        let velocities = simd.to_quads([x, y, z, ry]);
-        let spins = simd.to_quads([p, q, r, rz]);
-        let motions = self.motions[b * WIDTH..].iter_mut();
-        for (motion, (velocity, spin)) in motions.zip(velocities.0.iter().zip(&spins.0)) {
-            *motion = [*velocity, *spin];
-        }
+        self.velocities[b * WIDTH..][..WIDTH].copy_from_slice(&simd.to_quads([x, y, z, ry]).0);
+        self.spins[b * WIDTH..][..WIDTH].copy_from_slice(&simd.to_quads([p, q, r, rz]).0);
     }
 
     /// One step of all, which stand in `blocks`, of `mass` in kg each, by the loads that have been summed up; `motion` is that of them all.

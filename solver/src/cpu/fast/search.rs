@@ -1,8 +1,11 @@
 //! The search for pairs of two bodies that may touch: first boxes of bodies, then boxes of blocks, then sub-particles.
 
+use glam::IVec3;
+
 use super::body::Body;
 use super::instructions::Wide;
-use super::memory::{Lanes, Lanes3, Places, WIDTH, folded};
+use super::memory::{Lanes, Lanes3, Places, WIDTH, folded, places_of, quad_of};
+use super::points::Points;
 use super::whereabouts::{Extent, Span, Whereabouts};
 use crate::engine::frame::Frame;
 
@@ -36,13 +39,13 @@ pub(super) struct Search {
     pub(super) outer_skins: [f32; 2],
 }
 
-/// Two bodies, or one and itself, as they are searched.
+/// Two bodies, or one and itself, as they are searched: in metres from the lowest corner of the second.
 #[derive(Clone, Copy, Debug)]
 struct Two<'a> {
-    first: &'a Whereabouts,
-    second: &'a Whereabouts,
-    /// From where the second counts to where the first does, in metres.
-    between: [f32; 3],
+    points: [&'a Points; 2],
+    at: [&'a Whereabouts; 2],
+    from: IVec3,
+    unit_m: f32,
     /// Square of the distance within which pairs are wanted, in m².
     reach2: f32,
     /// Half the period along y and all of it, in metres; infinity and 0 where there is none, since nothing is half of that away.
@@ -51,34 +54,34 @@ struct Two<'a> {
 }
 
 impl<'a> Two<'a> {
-    fn new([first, second]: [&'a Whereabouts; 2], reach: f32, frame: &Frame, alone: bool) -> Self {
-        let between = first.whole.low.wrapping_sub(second.whole.low).as_vec3() * frame.unit_m;
-        let period = frame.period_y as f32 * frame.unit_m;
+    fn new(
+        points: [&'a Points; 2],
+        at: [&'a Whereabouts; 2],
+        reach: f32,
+        frame: &Frame,
+        alone: bool,
+    ) -> Self {
+        let unit_m = frame.unit_m;
+        let period = frame.period_y as f32 * unit_m;
         let half = if period == 0.0 { f32::INFINITY } else { 0.5 * period };
-        let (between, period) = (between.to_array(), [half, period]);
-        Self { first, second, between, reach2: reach * reach, period, alone }
+        let from = at[1].whole.low;
+        Self { points, at, from, unit_m, reach2: reach * reach, period: [half, period], alone }
     }
 
     fn is_periodic(&self) -> bool {
         self.period[1] != 0.0
     }
 
-    /// The box of the second, as the first counts.
+    /// The box of the second.
     fn around_second(&self) -> Span {
-        let corner = |at: &[f32; 3]| std::array::from_fn(|axis| at[axis] - self.between[axis]);
-        [corner(&[0.0; 3]), corner(&self.second.size)]
+        let size = self.at[1].whole.high.wrapping_sub(self.from).as_vec3() * self.unit_m;
+        [[0.0; 3], size.to_array()]
     }
 
-    /// A block of the first, as the second counts: its box and its sub-particles.
+    /// A block of the first or of the second.
     #[inline(always)]
-    fn seen_from_second(&self, block: usize) -> (Span, Lanes3) {
-        let mut x = self.first.x[block];
-        let mut span = self.first.boxes[block];
-        for axis in 0..3 {
-            x[axis].0.iter_mut().for_each(|x| *x += self.between[axis]);
-            span.iter_mut().for_each(|corner| corner[axis] += self.between[axis]);
-        }
-        (span, x)
+    fn block<S: Wide>(&self, simd: S, side: usize, b: usize) -> Lanes3 {
+        self.points[side].in_metres(simd, b, self.from, self.unit_m)
     }
 }
 
@@ -87,14 +90,11 @@ impl<'a> Two<'a> {
 pub(super) struct Finder {
     /// Blocks of the second body that are near one of the first, and which of that one's sub-particles are near each.
     beside: Vec<(usize, u16)>,
-    /// What is found for one sub-particle, with room to write whole registers.
+    /// What is found for each sub-particle of a block, with room to write whole registers.
     seconds: Vec<u32>,
     /// What the last search has found: pairs of places, sorted.
     pub(super) found: Vec<[u32; 2]>,
 }
-
-/// Blocks beside another that are looked at together: as many as there are bits.
-const AT_ONCE: usize = u64::BITS as usize;
 
 impl Finder {
     /// Finds the pairs of two bodies, or of one and itself, that come within reach and skin. Returns a distance, in metres, that
@@ -111,12 +111,12 @@ impl Finder {
         let skin = search.outer_skins[usize::from(alone)];
         let (listed, far) = (search.reach + skin, search.reach + FAR * skin);
         self.found.clear();
-        let [at_a, at_b] = [a, b].map(|body| body.whereabouts(simd, frame));
-        let gap = if alone { 0.0 } else { at_a.whole.gap(&at_b.whole, frame) };
+        let at = [&a.whereabouts, &b.whereabouts];
+        let gap = if alone { 0.0 } else { at[0].whole.gap(&at[1].whole, frame) };
         if gap > far {
             return gap;
         }
-        let two = Two::new([at_a, at_b], listed, frame, alone);
+        let two = Two::new([&a.points, &b.points], at, listed, frame, alone);
         let apart = self.find(simd, far, &two);
         if alone {
             a.leave_out_joined(&mut self.found);
@@ -130,9 +130,10 @@ impl Finder {
     fn find<S: Wide>(&mut self, simd: S, far: f32, two: &Two<'_>) -> f32 {
         let mut apart2 = Lanes([f32::INFINITY; WIDTH]);
         let around_second = two.around_second();
-        for (g, row) in two.first.rows.iter().enumerate() {
-            let gaps = gaps2(&around_second, row, two.is_periodic());
-            let mut near = within(simd, &gaps, far * far, &mut apart2);
+        for g in 0..two.at[0].rows() {
+            let (row, count) = two.at[0].row(simd, g, two.from, two.unit_m);
+            let gaps = gaps2(&around_second, &row, two.is_periodic(), count);
+            let mut near = places_of(within(simd, &gaps, far * far, &mut apart2));
             while near != 0 {
                 self.find_of(simd, g * WIDTH + near.trailing_zeros() as usize, two, &mut apart2);
                 near &= near - 1;
@@ -144,12 +145,14 @@ impl Finder {
     /// The same of one block of the first body.
     #[inline(always)]
     fn find_of<S: Wide>(&mut self, simd: S, a: usize, two: &Two<'_>, apart2: &mut Lanes) {
-        let Two { second, reach2, alone, .. } = *two;
+        let Two { at: [first, second], from, unit_m, reach2, alone, .. } = *two;
         let is_periodic = two.is_periodic();
-        let (span, xa) = two.seen_from_second(a);
+        let (span, xa) = (first.span(a, from, unit_m), two.block(simd, 0, a));
         self.beside.clear();
-        for (g, row) in second.rows.iter().enumerate() {
-            let mut boxes = within(simd, &gaps2(&span, row, is_periodic), reach2, apart2);
+        for g in 0..second.rows() {
+            let (row, count) = second.row(simd, g, from, unit_m);
+            let gaps = gaps2(&span, &row, is_periodic, count);
+            let mut boxes = places_of(within(simd, &gaps, reach2, apart2));
             while boxes != 0 {
                 let b = g * WIDTH + boxes.trailing_zeros() as usize;
                 boxes &= boxes - 1;
@@ -157,7 +160,8 @@ impl Finder {
                 if alone && b < a {
                     continue;
                 }
-                let from_box = distances2_from_box(&xa, &second.boxes[b], is_periodic);
+                let around = second.span(b, from, unit_m);
+                let from_box = gaps2(&around, &[xa, xa], is_periodic, WIDTH);
                 let near_box = within(simd, &from_box, reach2, apart2);
                 if near_box != 0 {
                     self.beside.push((b, near_box));
@@ -165,42 +169,35 @@ impl Finder {
             }
         }
         let Self { beside, seconds, found } = self;
-        if !beside.is_empty() {
-            // Of those that are looked at one by one it is not told how near they are.
-            apart2.0.iter_mut().for_each(|apart2| *apart2 = apart2.min(reach2));
+        if beside.is_empty() {
+            return;
         }
-        let first = found.len();
-        for beside in beside.chunks(AT_ONCE) {
-            // For each of the block's sub-particles, which of those blocks it is near.
-            let mut near = [0u64; WIDTH];
-            for (n, &(_, near_box)) in beside.iter().enumerate() {
-                for (place, near) in near.iter_mut().enumerate() {
-                    *near |= u64::from(near_box >> place & 1) << n;
+        // Of those that are looked at one by one it is not told how near they are.
+        apart2.0.iter_mut().for_each(|apart2| *apart2 = apart2.min(reach2));
+        let room = (beside.len() + 1) * WIDTH;
+        seconds.resize(room * WIDTH, 0);
+        let mut counts = [0; WIDTH];
+        for &(b, mut near) in &*beside {
+            let xb = two.block(simd, 1, b);
+            while near != 0 {
+                let lane = near.trailing_zeros() as usize;
+                near &= near - 1;
+                let x = [xa[0].0[lane], xa[1].0[lane], xa[2].0[lane]];
+                let distances2 = distances2_from_point(&xb, x, two.period);
+                let place = quad_of(lane);
+                let later = if alone && b == a { (!1u32 << place) as u16 } else { u16::MAX };
+                let hits = places_of(simd.at_most(&distances2, reach2)) & later;
+                let mut hit = simd.to_front(&Places::EACH, hits);
+                for k in 0..WIDTH {
+                    hit.0[k] += (b * WIDTH) as u32;
                 }
-            }
-            seconds.resize((beside.len() + 1) * WIDTH, 0);
-            for (place, &near) in near.iter().enumerate() {
-                let x = [xa[0].0[place], xa[1].0[place], xa[2].0[place]];
-                let (mut near, mut count) = (near, 0);
-                while near != 0 {
-                    let b = beside[near.trailing_zeros() as usize].0;
-                    near &= near - 1;
-                    let distances2 = distances2_from_point(&second.x[b], x, two.period);
-                    let later = if alone && b == a { (!1u32 << place) as u16 } else { u16::MAX };
-                    let hits = simd.at_most(&distances2, reach2) & later;
-                    let mut hit = simd.to_front(&Places::EACH, hits);
-                    for k in 0..WIDTH {
-                        hit.0[k] += (b * WIDTH) as u32;
-                    }
-                    seconds[count..count + WIDTH].copy_from_slice(&hit.0);
-                    count += hits.count_ones() as usize;
-                }
-                let i = (a * WIDTH + place) as u32;
-                found.extend(seconds[..count].iter().map(|&j| [i, j]));
+                seconds[place * room + counts[place]..][..WIDTH].copy_from_slice(&hit.0);
+                counts[place] += hits.count_ones() as usize;
             }
         }
-        if beside.len() > AT_ONCE {
-            found[first..].sort_unstable();
+        for (place, count) in counts.into_iter().enumerate() {
+            let i = (a * WIDTH + place) as u32;
+            found.extend(seconds[place * room..][..count].iter().map(|&j| [i, j]));
         }
     }
 }
@@ -229,22 +226,22 @@ fn distances2_from_point(block: &Lanes3, [x, y, z]: [f32; 3], [half, period]: [f
     distance2
 }
 
-/// Squares of the gaps between a box and others, in m²; a periodic y counts nothing.
+/// Squares of the gaps between a box and others in m², of which there are so many: at other places stands infinity. A periodic y counts
+/// nothing.
 #[inline(always)]
-fn gaps2([low, high]: &Span, [lows, highs]: &[Lanes3; 2], periodic_y: bool) -> Lanes {
+fn gaps2([low, high]: &Span, [lows, highs]: &[Lanes3; 2], periodic_y: bool, count: usize) -> Lanes {
     let mut gap2 = Lanes::ZERO;
     add_beyond2(&mut gap2, [low[0], high[0]], [&lows[0], &highs[0]]);
     if !periodic_y {
         add_beyond2(&mut gap2, [low[1], high[1]], [&lows[1], &highs[1]]);
     }
     add_beyond2(&mut gap2, [low[2], high[2]], [&lows[2], &highs[2]]);
+    if count < WIDTH {
+        for k in 0..WIDTH {
+            gap2.0[k] = if quad_of(k) < count { gap2.0[k] } else { f32::INFINITY };
+        }
+    }
     gap2
-}
-
-/// Squares of the distances of a block's sub-particles from a box, in m²; along a periodic y they count nothing.
-#[inline(always)]
-fn distances2_from_box(x: &Lanes3, around: &Span, periodic_y: bool) -> Lanes {
-    gaps2(around, &[*x, *x], periodic_y)
 }
 
 /// Adds the squares of how far the spans from `lows` to `highs` are beyond one.
@@ -261,15 +258,14 @@ fn add_beyond2(to: &mut Lanes, [low, high]: [f32; 2], [lows, highs]: [&Lanes; 2]
 #[cfg(test)]
 mod tests {
     use glam::{DVec3, Vec3};
-    use pulp::Scalar;
 
     use super::super::instructions::{Instructions, Job};
-    use super::super::points::{Points, place_of};
+    use super::super::points::place_of;
     use super::*;
     use crate::engine::state::{Particle, State};
 
     /// Bodies of so many points at random in a box of so many metres, around these middles.
-    fn clouds(frame: Frame, bodies: &[(usize, DVec3, f64)]) -> (State, Vec<Whereabouts>) {
+    fn clouds(frame: Frame, bodies: &[(usize, DVec3, f64)]) -> (State, Vec<(Points, Whereabouts)>) {
         let mut random = fastrand::Rng::with_seed(1);
         let mut particles = Vec::new();
         for &(count, middle, size) in bodies {
@@ -294,12 +290,12 @@ mod tests {
             particles,
         };
         let mut from = 0;
-        let whereabouts = bodies.iter().map(|&(count, ..)| {
+        let points = bodies.iter().map(|&(count, ..)| {
             from += count;
-            Whereabouts::of(Scalar::new(), &Points::of(&state, from - count..from), frame.unit_m)
+            Points::of(&state, from - count..from)
         });
-        let whereabouts = whereabouts.collect();
-        (state, whereabouts)
+        let clouds = points.map(|points| (points.clone(), Whereabouts::of(&points))).collect();
+        (state, clouds)
     }
 
     struct Look<'a>(&'a mut Finder, Two<'a>);
@@ -345,7 +341,7 @@ mod tests {
         for periodic_y in [false, true] {
             // Every block spans all of its body, so that each is beside each of the other's, of which there are 69.
             let bodies = [(157, DVec3::new(0.02, 0.05, 0.0), 0.1), (1100, DVec3::new(0.0, 0.06, 0.01), 0.1)];
-            let (state, at) = clouds(frame(periodic_y), &bodies);
+            let (state, clouds) = clouds(frame(periodic_y), &bodies);
             for [a, b] in [[0, 1], [0, 0]] {
                 let all = all(&state, [157, 1100], a == b);
                 // Where rounding decides, either will do.
@@ -356,7 +352,8 @@ mod tests {
                 assert!(surely.len() > 200);
                 for instructions in Instructions::available() {
                     let mut finder = Finder::default();
-                    let two = Two::new([&at[a], &at[b]], REACH, &state.frame, a == b);
+                    let [(points, at), (others, at_others)] = [&clouds[a], &clouds[b]];
+                    let two = Two::new([points, others], [at, at_others], REACH, &state.frame, a == b);
                     instructions.run(Look(&mut finder, two));
                     assert!(finder.found.is_sorted(), "{}", instructions.name());
                     assert!(surely.iter().all(|pair| finder.found.binary_search(pair).is_ok()));
@@ -372,12 +369,13 @@ mod tests {
         let beside = |gap: f64| [(40, DVec3::ZERO, 0.04), (50, DVec3::X * (0.04 + gap), 0.04)];
         let within = [(16, DVec3::ZERO, 0.01), (16, DVec3::ZERO, 0.06)];
         for (bodies, reach) in [(beside(0.01), 0.004), (beside(0.03), 0.02), (within, 0.001)] {
-            let (state, at) = clouds(frame(false), &bodies);
+            let (state, clouds) = clouds(frame(false), &bodies);
             let counts = bodies.map(|(count, ..)| count);
             let nearest = all(&state, counts, false).iter().map(|(_, d)| *d).fold(f64::INFINITY, f64::min);
             assert!(nearest > f64::from(reach), "nothing is to be found");
             let mut finder = Finder::default();
-            let two = Two::new([&at[0], &at[1]], reach, &state.frame, false);
+            let [(points, at), (others, at_others)] = &clouds[..] else { panic!("two bodies") };
+            let two = Two::new([points, others], [at, at_others], reach, &state.frame, false);
             let told = Instructions::widest().run(Look(&mut finder, two));
             assert_eq!(finder.found, [[0; 2]; 0]);
             assert!(f64::from(told) <= nearest + 1e-6, "{told} m, {nearest} m");

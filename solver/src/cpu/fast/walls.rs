@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use super::alone::{Alone, Touching};
 use super::body::{Desk, Surroundings};
 use super::facets::FewTriangles;
-use super::instructions::{Wide, by_itself};
+use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{self, Contacts, Felt, Seen};
 use super::meeting::SAFE;
 use super::memory::{Lanes3, WIDTH, quad_of};
@@ -14,7 +14,8 @@ use super::points::{Motion, Points, place_of};
 use super::whereabouts::Whereabouts;
 use crate::cpu::forces::{Load, feel_walls};
 use crate::cpu::lists::WallPair;
-use crate::cpu::walls::Touch;
+use crate::cpu::walls::{Touch, Walls};
+use crate::engine::frame::Frame;
 use crate::physics::contact::ContactMemory;
 
 /// Facets near the sub-particles of a body.
@@ -127,6 +128,51 @@ fn get(lanes: &Lanes3, lane: usize) -> Vec3 {
     Vec3::new(lanes[0].0[lane], lanes[1].0[lane], lanes[2].0[lane])
 }
 
+/// A search for the facets near a body.
+pub(super) struct LookUp<'a> {
+    pub(super) walls: &'a mut NearWalls,
+    pub(super) motion: &'a Motion,
+    pub(super) around: &'a Surroundings<'a>,
+    pub(super) points: &'a Points,
+    pub(super) at: &'a Whereabouts,
+}
+
+impl Job for LookUp<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Wide>(self, simd: S) {
+        let Self { walls, motion, around, points, at } = self;
+        walls.search(simd, motion, around, points, at);
+    }
+}
+
+/// Which sub-particles of two blocks come within `reach` metres of a facet, as bits.
+#[inline(always)]
+fn near_facet<S: Wide>(
+    simd: S,
+    walls: &Walls,
+    facet: u32,
+    frame: &Frame,
+    points: &Points,
+    two: [usize; 2],
+    reach: f32,
+) -> [u16; 2] {
+    let Some(few) = FewTriangles::of(walls, facet) else {
+        return two.map(|block| {
+            let those = block * WIDTH..points.count.min((block + 1) * WIDTH);
+            those.fold(0, |near, k| {
+                let position = points.particle(k).position;
+                let is_near = walls.touch(facet, position, frame).distance <= reach;
+                near | u16::from(is_near) << (k % WIDTH)
+            })
+        });
+    };
+    let ([x, y, z, _], [u, v, w, _]) = (points.positions_of(simd, two[0]), points.positions_of(simd, two[1]));
+    let [a, b] = few.distances(simd, frame, [&[x, y, z], &[u, v, w]]);
+    [simd.at_most(&a, reach), simd.at_most(&b, reach)]
+}
+
 impl NearWalls {
     pub(super) fn is_due(&self, motion: &Motion, around: &Surroundings<'_>) -> bool {
         let moved = motion.shift.distance(self.seen_shift)
@@ -136,8 +182,10 @@ impl NearWalls {
     }
 
     /// Looks up the facets near each sub-particle. What touching pairs remember stays.
-    pub(super) fn search(
+    #[inline(always)]
+    fn search<S: Wide>(
         &mut self,
+        simd: S,
         motion: &Motion,
         around: &Surroundings<'_>,
         points: &Points,
@@ -159,29 +207,36 @@ impl NearWalls {
         });
         let mut known = old_rows.next();
         let mut close = Vec::new();
-        for k in 0..points.count as u32 {
-            if (k as usize).is_multiple_of(WIDTH) {
-                // Of a block only what its box is near.
-                let (centre, half) = at.middle_of(k as usize / WIDTH, frame.unit_m);
-                close.clear();
-                let reaches = |facet: &&u32| walls.touch(**facet, centre, frame).distance <= reach + half;
-                close.extend(near.iter().filter(reaches));
+        for first in (0..points.blocks()).step_by(2) {
+            // Of two blocks only what either's box is near; then which of their sub-particles are.
+            let two = [first, (first + 1).min(points.blocks() - 1)];
+            close.clear();
+            for &facet in &near {
+                let reaches = |block: usize| {
+                    let (centre, half) = at.middle_of(block, frame.unit_m);
+                    walls.touch(facet, centre, frame).distance <= reach + half
+                };
+                if two.into_iter().any(reaches) {
+                    close.push((facet, near_facet(simd, walls, facet, frame, points, two, reach)));
+                }
             }
-            let position = points.particle(k as usize).position;
-            while known.as_ref().is_some_and(|(row, _)| *row < k) {
-                known = old_rows.next();
-            }
-            let remembered =
-                known.as_ref().filter(|(row, _)| *row == k).map_or(&[][..], |(_, r)| &old.pairs[r.clone()]);
-            for &facet in &close {
-                if walls.touch(facet, position, frame).distance <= reach {
+            for k in first * WIDTH..points.count.min((first + 2) * WIDTH) {
+                let (half, lane, k) = (k / WIDTH - first, k % WIDTH, k as u32);
+                while known.as_ref().is_some_and(|(row, _)| *row < k) {
+                    known = old_rows.next();
+                }
+                let remembered = known
+                    .as_ref()
+                    .filter(|(row, _)| *row == k)
+                    .map_or(&[][..], |(_, pairs)| &old.pairs[pairs.clone()]);
+                for &(facet, _) in close.iter().filter(|(_, of)| of[half] >> lane & 1 == 1) {
                     let before = remembered.iter().find(|pair| pair.facet == facet);
                     self.pairs.push(before.copied().unwrap_or(WallPair { facet, ..WallPair::default() }));
                 }
-            }
-            let end = self.pairs.len() as u32;
-            if end > self.rows.last().map_or(0, |row| row.end) {
-                self.rows.push(WallRow { of: k, end, wakes: f64::NEG_INFINITY });
+                let end = self.pairs.len() as u32;
+                if end > self.rows.last().map_or(0, |row| row.end) {
+                    self.rows.push(WallRow { of: k, end, wakes: f64::NEG_INFINITY });
+                }
             }
         }
     }

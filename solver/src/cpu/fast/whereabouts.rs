@@ -1,14 +1,15 @@
-//! Where a body is: what searches ask for, once in a step at most.
+//! Where a body and its blocks are: what searches ask for.
 
-use glam::{IVec3, Vec3};
+use glam::IVec3;
+use pulp::cast;
 
-use super::instructions::{Job, Wide};
-use super::memory::{Ints, Lanes, Lanes3, WIDTH, folded, greater, quad_of};
+use super::instructions::Wide;
+use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH};
 use super::points::Points;
 use crate::engine::frame::Frame;
 
 /// A box around positions, both corners inside.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Extent {
     pub(super) low: IVec3,
     pub(super) high: IVec3,
@@ -17,97 +18,112 @@ pub(super) struct Extent {
 /// Lowest and highest corner of a box, in metres.
 pub(super) type Span = [[f32; 3]; 2];
 
-/// Where a body is: its box, and in metres from that one's lowest corner its sub-particles.
-#[derive(Clone, Debug)]
+/// The boxes of a body and of its blocks.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Whereabouts {
     pub(super) whole: Extent,
-    /// From the lowest corner to the highest.
-    pub(super) size: [f32; 3],
-    /// Block by block, by [`super::points::place_of`]; those that only fill one up are [`NOWHERE`].
-    pub(super) x: Vec<Lanes3>,
-    /// The blocks' boxes.
-    pub(super) boxes: Vec<Span>,
-    /// Their lowest and highest corners once more, [`WIDTH`] by [`WIDTH`]; [`NOWHERE`] where there is no block.
-    pub(super) rows: Vec<[Lanes3; 2]>,
+    blocks: usize,
+    /// The blocks' lowest and highest corners, up to whole rows; the fourth numbers mean nothing.
+    corners: [Vec<[i32; 4]>; 2],
 }
 
 /// More than positions lose as they are rounded, in metres.
 const ROUNDING_M: f32 = 1e-6;
 
-/// Where there is no sub-particle, in metres.
-const NOWHERE: f32 = 1e9;
-
 impl Whereabouts {
+    pub(super) fn of(points: &Points) -> Self {
+        let mut whereabouts = Self::default();
+        whereabouts.update(points);
+        whereabouts
+    }
+
+    /// Follows the sub-particles.
     #[inline(always)]
-    pub(super) fn of<S: Wide>(simd: S, points: &Points, unit_m: f32) -> Self {
-        let count = |b: usize| points.count - b * WIDTH;
-        let (mut lows, mut highs) = ([Ints([i32::MAX; WIDTH]); 3], [Ints([i32::MIN; WIDTH]); 3]);
-        for b in 0..points.blocks() {
-            let positions = points.positions_of(simd, b);
-            for axis in 0..3 {
-                let x = real(positions[axis].0, count(b));
-                for k in 0..WIDTH {
-                    lows[axis].0[k] = lows[axis].0[k].min(x[k]);
-                    highs[axis].0[k] = highs[axis].0[k].max(x[k]);
-                }
+    pub(super) fn update(&mut self, points: &Points) {
+        self.blocks = points.blocks();
+        let [lows, highs] = &mut self.corners;
+        lows.resize(self.blocks.next_multiple_of(WIDTH), [0; 4]);
+        highs.resize(self.blocks.next_multiple_of(WIDTH), [0; 4]);
+        let (mut low, mut high) = ([i32::MAX; 4], [i32::MIN; 4]);
+        for (b, (lowest, highest)) in lows.iter_mut().zip(highs).enumerate().take(self.blocks) {
+            [*lowest, *highest] = points.corners(b);
+            for c in 0..4 {
+                low[c] = low[c].min(lowest[c]);
+                high[c] = high[c].max(highest[c]);
             }
         }
-        let low = IVec3::from_array(lows.map(|of| folded(of.0, i32::min)));
-        let high = IVec3::from_array(highs.map(|of| folded(of.0, i32::max)));
-        let (mut x, mut boxes) = (Vec::with_capacity(points.blocks()), Vec::with_capacity(points.blocks()));
-        let mut rows = vec![[[Lanes([NOWHERE; WIDTH]); 3]; 2]; points.blocks().div_ceil(WIDTH)];
-        for b in 0..points.blocks() {
-            let positions = points.positions_of(simd, b);
-            let (mut at, mut around) = ([Lanes::ZERO; 3], [[0.0; 3]; 2]);
-            let [lows, highs] = &mut rows[b / WIDTH];
-            for axis in 0..3 {
-                for k in 0..WIDTH {
-                    at[axis].0[k] = positions[axis].0[k].wrapping_sub(low[axis]) as f32 * unit_m;
-                }
-                let there = real(at[axis].0, count(b));
-                let ends = [folded(there, |a, b| if b < a { b } else { a }), folded(there, greater)];
-                [around[0][axis], around[1][axis]] = ends;
-                [lows[axis].0[b % WIDTH], highs[axis].0[b % WIDTH]] = ends;
-                for k in 0..WIDTH {
-                    at[axis].0[k] = if k < count(b) { at[axis].0[k] } else { NOWHERE };
-                }
-                at[axis].0 = std::array::from_fn(|place| at[axis].0[quad_of(place)]);
-            }
-            x.push(at);
-            boxes.push(around);
-        }
-        let size = (high.wrapping_sub(low).as_vec3() * unit_m).to_array();
-        Self { whole: Extent { low, high }, size, x, boxes, rows }
+        self.whole = Extent { low: corner(low), high: corner(high) };
+    }
+
+    /// How many rows of [`WIDTH`] blocks there are.
+    pub(super) fn rows(&self) -> usize {
+        self.blocks.div_ceil(WIDTH)
+    }
+
+    /// The boxes of a row in lanes (see [`super::memory::quad_of`]), in metres from a position, and how many there are.
+    #[inline(always)]
+    pub(super) fn row<S: Wide>(&self, simd: S, g: usize, from: IVec3, unit_m: f32) -> ([Lanes3; 2], usize) {
+        let [lows, highs] = &self.corners;
+        let lows = in_metres(&positions(simd, lows, g), from, unit_m);
+        let highs = in_metres(&positions(simd, highs, g), from, unit_m);
+        ([lows, highs], (self.blocks - g * WIDTH).min(WIDTH))
+    }
+
+    /// A block's box, in metres from a position.
+    #[inline(always)]
+    pub(super) fn span(&self, block: usize, from: IVec3, unit_m: f32) -> Span {
+        let Extent { low, high } = self.extent(block);
+        [low, high].map(|corner| (corner.wrapping_sub(from).as_vec3() * unit_m).to_array())
+    }
+
+    #[inline(always)]
+    fn extent(&self, block: usize) -> Extent {
+        let [lows, highs] = &self.corners;
+        Extent { low: corner(lows[block]), high: corner(highs[block]) }
     }
 
     /// The middle of the body's box, and how far its corners are from there in metres, at most.
     pub(super) fn middle_of_all(&self, unit_m: f32) -> (IVec3, f32) {
-        self.middle(&[[0.0; 3], self.size], unit_m)
+        self.whole.middle(unit_m)
     }
 
     /// The same of a block's box.
     pub(super) fn middle_of(&self, block: usize, unit_m: f32) -> (IVec3, f32) {
-        self.middle(&self.boxes[block], unit_m)
-    }
-
-    fn middle(&self, span: &Span, unit_m: f32) -> (IVec3, f32) {
-        let [low, high] = span.map(Vec3::from);
-        let middle = ((low + high) * (0.5 / unit_m)).as_ivec3();
-        (self.whole.low.wrapping_add(middle), 0.5 * (high - low).length() + ROUNDING_M)
+        self.extent(block).middle(unit_m)
     }
 }
 
-/// A block's numbers, of which only the first `count` are real: the others become as the first.
 #[inline(always)]
-fn real<T: Copy>(mut of: [T; WIDTH], count: usize) -> [T; WIDTH] {
-    let first = of[0];
-    for k in 1..WIDTH {
-        of[k] = if k < count { of[k] } else { first };
+fn corner([x, y, z, _]: [i32; 4]) -> IVec3 {
+    IVec3::new(x, y, z)
+}
+
+/// The `b`th [`WIDTH`] of many positions, in lanes.
+#[inline(always)]
+fn positions<S: Wide>(simd: S, of: &[[i32; 4]], b: usize) -> [Ints; 3] {
+    let [x, y, z, _] = simd.to_lanes(&Quads::of(of, b));
+    [Ints(cast(x.0)), Ints(cast(y.0)), Ints(cast(z.0))]
+}
+
+/// Positions side by side, in metres from one.
+#[inline(always)]
+pub(super) fn in_metres(positions: &[Ints; 3], from: IVec3, unit_m: f32) -> Lanes3 {
+    let mut metres = [Lanes::ZERO; 3];
+    for axis in 0..3 {
+        for k in 0..WIDTH {
+            metres[axis].0[k] = positions[axis].0[k].wrapping_sub(from[axis]) as f32 * unit_m;
+        }
     }
-    of
+    metres
 }
 
 impl Extent {
+    /// The middle, and how far corners are from there in metres, at most.
+    fn middle(&self, unit_m: f32) -> (IVec3, f32) {
+        let size = self.high.wrapping_sub(self.low);
+        (self.low.wrapping_add(size / 2), 0.5 * size.as_vec3().length() * unit_m + ROUNDING_M)
+    }
+
     /// Larger by `by` metres on all sides; without bounds in a direction that is periodic.
     pub(super) fn grown(&self, by: f32, frame: &Frame) -> Self {
         let by = IVec3::splat((by / frame.unit_m) as i32 + 2);
@@ -127,18 +143,5 @@ impl Extent {
             between.y = 0.0;
         }
         between.length()
-    }
-}
-
-/// Finds out where sub-particles are.
-pub(super) struct Find<'a>(pub(super) &'a Points, pub(super) &'a Frame);
-
-impl Job for Find<'_> {
-    type Output = Whereabouts;
-
-    #[inline(always)]
-    fn run<S: Wide>(self, simd: S) -> Whereabouts {
-        let Self(points, frame) = self;
-        Whereabouts::of(simd, points, frame.unit_m)
     }
 }
