@@ -8,7 +8,6 @@ use super::fetch::{self, PARTS, part, span};
 use super::instructions::{Job, Wide, by_itself};
 use super::laws::{LaneContact, PairLaws};
 use super::load::Sums;
-use super::meeting::Meeting;
 use super::pairs::BodyPairs;
 use super::points::{Block, Motion, Points, place_of};
 use super::walls::{LookUp, Met, NearWalls};
@@ -43,8 +42,10 @@ pub(super) struct Body {
     pub(super) whereabouts: Whereabouts,
     /// Lower sub-particles of bonds that broke in the last step.
     pub(super) broken: Vec<u32>,
-    /// The meetings of which it is the second body, in the order of the first.
-    pub(super) meets: Vec<u32>,
+    /// The meetings of which it is the second body, each with the first, in their order.
+    pub(super) meets: Vec<[u32; 2]>,
+    /// Where it was when it was last looked up which bodies meet.
+    pub(super) drawn_up: Motion,
 }
 
 /// What is the same for all bodies in a step.
@@ -54,9 +55,12 @@ pub(super) struct Surroundings<'a> {
     pub(super) mover: &'a Mover,
     pub(super) frame: &'a Frame,
     pub(super) walls: &'a Walls,
-    pub(super) meetings: &'a [Meeting],
-    /// What their pairs do, by the number of the first body.
+    /// What the pairs of meetings do, by the number of the first body.
     pub(super) pairs: &'a [BodyPairs],
+    /// Where that of each meeting stands there.
+    pub(super) loads: &'a [Range<u32>],
+    /// How far a body may move before it must be looked up anew which bodies meet, in metres.
+    pub(super) margin: f64,
     pub(super) stages: &'a Stages,
     /// Laws of surfaces, by their numbers.
     pub(super) wall_laws: &'a [LaneContact],
@@ -80,6 +84,10 @@ pub(super) struct Desk {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Noticed {
     pub(super) max_overlap: f32,
+    /// Whether one has moved so far that others may meet.
+    pub(super) has_strayed: bool,
+    /// Whether a bond has broken.
+    pub(super) has_broken: bool,
     /// The first sub-particle that is too fast, not a number or lost, counted in the run.
     pub(super) runaway: Option<u32>,
 }
@@ -88,6 +96,8 @@ impl Noticed {
     pub(super) fn and(self, other: Self) -> Self {
         Self {
             max_overlap: self.max_overlap.max(other.max_overlap),
+            has_strayed: self.has_strayed || other.has_strayed,
+            has_broken: self.has_broken || other.has_broken,
             runaway: self.runaway.into_iter().chain(other.runaway).min(),
         }
     }
@@ -122,6 +132,7 @@ impl Body {
             travelled: 0.0,
             broken: Vec::new(),
             meets: Vec::new(),
+            drawn_up: Motion::default(),
         }
     }
 
@@ -168,7 +179,14 @@ impl Body {
         self.whereabouts.update(&self.points);
         self.travelled += f64::from(moved.fastest) * f64::from(around.laws.dt);
         watch.lap(Stage::Motion);
-        Noticed { max_overlap, runaway: moved.runaway.map(|k| self.range.start as u32 + k) }
+        let strayed = self.motion.since(&self.drawn_up);
+        Noticed {
+            max_overlap,
+            // What is not a number has strayed.
+            has_strayed: !(strayed <= around.margin),
+            has_broken: !self.broken.is_empty(),
+            runaway: moved.runaway.map(|k| self.range.start as u32 + k),
+        }
     }
 
     /// Adds what bonds do, two sets at a time, and meanwhile calls `fetch_next` with the number of a part. Returns the greatest overlap where
@@ -201,10 +219,11 @@ impl Body {
     /// Adds what pairs do: `pairs` are those of which it is the first body.
     fn add_pairs(&self, around: &Surroundings<'_>, pairs: &BodyPairs, Desk { sums, .. }: &mut Desk) {
         sums.add_to_firsts(&pairs.loads);
-        for &m in &self.meets {
-            let Meeting { bodies: [first, _], loads, .. } = &around.meetings[m as usize];
+        for &[m, first] in &self.meets {
+            let loads = &around.loads[m as usize];
             if !loads.is_empty() {
-                sums.add_to_seconds(&around.pairs[*first as usize].loads, loads.clone());
+                let loads = loads.start as usize..loads.end as usize;
+                sums.add_to_seconds(&around.pairs[first as usize].loads, loads);
             }
         }
     }
@@ -250,15 +269,15 @@ impl Next<'_> {
         self.body.points.fetch_part(k);
         let loads = &self.pairs.loads;
         loads.fetch(span(loads.places.len(), k, PARTS));
-        // What others have left for it: first the meetings, which tell where that stands.
+        // What others have left for it: first where that stands.
         const HALF: usize = PARTS / 2;
-        for &m in part(&self.body.meets, k % HALF, HALF) {
-            let meeting = &around.meetings[m as usize];
+        for &[m, first] in part(&self.body.meets, k % HALF, HALF) {
+            let loads = &around.loads[m as usize];
             if k < HALF {
-                fetch::later(slice::from_ref(meeting));
+                fetch::later(slice::from_ref(loads));
             } else {
-                let [first, _] = meeting.bodies;
-                around.pairs[first as usize].loads.fetch(meeting.loads.clone());
+                let loads = loads.start as usize..loads.end as usize;
+                around.pairs[first as usize].loads.fetch(loads);
             }
         }
     }

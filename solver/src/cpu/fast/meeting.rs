@@ -32,17 +32,21 @@ const ROUNDING: f32 = 1e-5;
 pub(super) struct Meeting {
     /// Indices of the bodies, a ≤ b.
     pub(super) bodies: [u32; 2],
-    /// Whether the pairs must be looked up before the next step.
-    due: bool,
     /// Where its pairs stand in the list of the first body, sorted.
-    pub(super) pairs: Range<usize>,
-    /// Where the loads of those that are close stand among [`BodyPairs::loads`] of the first body.
-    pub(super) loads: Range<usize>,
-    /// Pairs that may be listed before the next search for such.
-    candidates: Vec<[u32; 2]>,
-    /// For how long the pairs are good, and for how long the candidates.
-    pairs_leeway: Leeway,
-    candidates_leeway: Leeway,
+    pairs: Range<u32>,
+    /// For how long the pairs are good.
+    leeway: Leeway,
+    candidates: Box<Candidates>,
+}
+
+// There are a dozen times as many as bodies, and all are asked in every step whether they are due: a line of the cache each.
+const _: () = assert!(size_of::<Meeting>() == 64);
+
+/// Pairs that may be listed before the next search for such, and for how long they are good.
+#[derive(Debug)]
+struct Candidates {
+    pairs: Vec<[u32; 2]>,
+    leeway: Leeway,
 }
 
 /// How two bodies may move against each other before something must be looked up again.
@@ -79,6 +83,8 @@ pub(super) struct Room {
     batches: [Batch; 2],
     /// A list to be written.
     spare: PairList,
+    /// Which meetings must look up their pairs.
+    due: Vec<bool>,
     /// Distances of all pairs, from the first to the second, and which of them are close.
     apart: Vec<[i32; 4]>,
     close: Vec<u32>,
@@ -86,15 +92,13 @@ pub(super) struct Room {
 
 impl Meeting {
     pub(super) fn new(bodies: [u32; 2]) -> Self {
-        Self {
-            bodies,
-            due: true,
-            pairs: 0..0,
-            loads: 0..0,
-            candidates: Vec::new(),
-            pairs_leeway: Leeway::NONE,
-            candidates_leeway: Leeway::NONE,
-        }
+        let candidates = Box::new(Candidates { pairs: Vec::new(), leeway: Leeway::NONE });
+        Self { bodies, pairs: 0..0, leeway: Leeway::NONE, candidates }
+    }
+
+    /// Where its pairs stand in the list of the first body.
+    fn pairs(&self) -> Range<usize> {
+        self.pairs.start as usize..self.pairs.end as usize
     }
 
     /// Looks up the pairs that may touch, into `room.close`: numbers of candidates.
@@ -110,7 +114,8 @@ impl Meeting {
         let alone = self.bodies[0] == self.bodies[1];
         let skin = search.skins[usize::from(alone)];
         let motions = [&a.motion, &b.motion];
-        if self.candidates_leeway.is_used_up(motions) {
+        let Self { leeway, candidates, .. } = self;
+        if candidates.leeway.is_used_up(motions) {
             let gap = finder.search(simd, search, frame, [a, b], alone);
             let outer_skin = search.outer_skins[usize::from(alone)];
             // Bodies without a pair may come nearer by what is between them; candidates must do for a list made at the last moment.
@@ -118,17 +123,17 @@ impl Meeting {
                 [] => outer_skin.max(gap - search.reach),
                 _ => outer_skin - skin,
             };
-            self.candidates_leeway = Leeway::new(motions, margin);
-            self.candidates.clone_from(&finder.found);
+            candidates.leeway = Leeway::new(motions, margin);
+            candidates.pairs.clone_from(&finder.found);
         }
-        if self.candidates.is_empty() {
-            self.pairs_leeway = self.candidates_leeway;
+        if candidates.pairs.is_empty() {
+            *leeway = candidates.leeway;
             close.clear();
             return;
         }
-        self.pairs_leeway = Leeway::new(motions, skin);
-        apart.resize(self.candidates.len(), [0; 4]);
-        pairs::look(&self.candidates, [&a.points, &b.points], frame, apart);
+        *leeway = Leeway::new(motions, skin);
+        apart.resize(candidates.pairs.len(), [0; 4]);
+        pairs::look(&candidates.pairs, [&a.points, &b.points], frame, apart);
         PairList::close(simd, apart, (search.reach + skin) / frame.unit_m, close);
     }
 
@@ -141,7 +146,7 @@ impl Meeting {
         to: &mut PairList,
     ) {
         let mut renumbered: Vec<_> = from
-            .all(self.pairs.clone())
+            .all(self.pairs())
             .filter_map(|([i, j], [x, y, z, held])| {
                 let pair = [locals[0][place_of(i) as usize], locals[1][place_of(j) as usize]];
                 let [i, j] = (!pair.contains(&u32::MAX)).then(|| pair.map(place_of))?;
@@ -154,7 +159,7 @@ impl Meeting {
         renumbered.sort_unstable_by_key(|(pair, _)| *pair);
         let first = to.len();
         renumbered.into_iter().for_each(|(pair, memory)| to.push(pair, memory));
-        *self = Self { pairs: first..to.len(), ..Self::new(bodies) };
+        *self = Self { pairs: first as u32..to.len() as u32, ..Self::new(bodies) };
     }
 }
 
@@ -162,6 +167,8 @@ impl Meeting {
 pub(super) struct Contacts<'a> {
     /// All meetings of which the body is the first.
     pub(super) meetings: &'a mut [Meeting],
+    /// Of each where the loads of its pairs that are close stand among all of the body's.
+    pub(super) loads: &'a mut [Range<u32>],
     pub(super) bodies: &'a [Body],
     pub(super) pairs: &'a mut BodyPairs,
     pub(super) laws: &'a PairLaws,
@@ -174,24 +181,31 @@ impl Contacts<'_> {
     /// Looks up the pairs of those meetings that are due. What touching pairs remember stays.
     #[inline(always)]
     pub(super) fn search<S: Wide>(&mut self, simd: S, search: &Search, room: &mut Room) {
-        for meeting in &mut *self.meetings {
-            let motions = meeting.bodies.map(|body| &self.bodies[body as usize].motion);
-            meeting.due = meeting.pairs_leeway.is_used_up(motions);
+        let mut due = std::mem::take(&mut room.due);
+        due.clear();
+        due.extend(self.meetings.iter().map(|meeting| {
+            meeting.leeway.is_used_up(meeting.bodies.map(|body| &self.bodies[body as usize].motion))
+        }));
+        if std::mem::take(&mut self.pairs.is_stale) || due.contains(&true) {
+            self.list(simd, search, room, &due);
         }
-        let BodyPairs { list, is_stale, .. } = &mut *self.pairs;
-        if !std::mem::take(is_stale) && self.meetings.iter().all(|meeting| !meeting.due) {
-            return;
-        }
+        room.due = due;
+    }
+
+    /// Writes the list afresh.
+    #[inline(always)]
+    fn list<S: Wide>(&mut self, simd: S, search: &Search, room: &mut Room, due: &[bool]) {
+        let list = &mut self.pairs.list;
         let mut spare = std::mem::take(&mut room.spare);
         spare.clear();
-        for meeting in &mut *self.meetings {
-            let (old, first) = (meeting.pairs.clone(), spare.len());
-            if meeting.due {
+        for (meeting, &due) in self.meetings.iter_mut().zip(due) {
+            let (old, first) = (meeting.pairs(), spare.len());
+            if due {
                 let sides = meeting.bodies.map(|body| &self.bodies[body as usize]);
                 meeting.search(simd, search, self.frame, sides, room);
                 let mut known = list.all(old).peekable();
                 for &candidate in &room.close {
-                    let pair = meeting.candidates[candidate as usize];
+                    let pair = meeting.candidates.pairs[candidate as usize];
                     while known.next_if(|(old, _)| *old < pair).is_some() {}
                     let memory = known.next_if(|(old, _)| *old == pair);
                     spare.push(pair, memory.map_or([0.0; 4], |(_, memory)| memory));
@@ -199,7 +213,7 @@ impl Contacts<'_> {
             } else {
                 spare.extend(list, old);
             }
-            meeting.pairs = first..spare.len();
+            meeting.pairs = first as u32..spare.len() as u32;
         }
         std::mem::swap(list, &mut spare);
         room.spare = spare;
@@ -215,11 +229,10 @@ impl Contacts<'_> {
         places.clear();
         apart.resize(list.len(), [0; 4]);
         // Most meetings have no pair.
-        for Meeting { bodies: [_, other], pairs, .. } in
-            self.meetings.iter().filter(|it| !it.pairs.is_empty())
-        {
-            let sides = [&mine.points, &self.bodies[*other as usize].points];
-            pairs::look(&list.places[pairs.clone()], sides, self.frame, &mut apart[pairs.clone()]);
+        for meeting in self.meetings.iter().filter(|it| !it.pairs.is_empty()) {
+            let ([_, other], pairs) = (meeting.bodies, meeting.pairs());
+            let sides = [&mine.points, &self.bodies[other as usize].points];
+            pairs::look(&list.places[pairs.clone()], sides, self.frame, &mut apart[pairs]);
         }
         // What has touched holds a little further.
         let reach = self.laws.touch + self.laws.contact.snap.abs();
@@ -227,14 +240,14 @@ impl Contacts<'_> {
         let mut deepest = 0.0f32;
         let (mut close, mut done) = (&close[..], 0);
         for m in 0..self.meetings.len() {
-            let meeting = &mut self.meetings[m];
+            let meeting = &self.meetings[m];
             if meeting.pairs.is_empty() {
-                meeting.loads = 0..0;
+                self.loads[m] = 0..0;
                 continue;
             }
-            let count = close.partition_point(|&pair| (pair as usize) < meeting.pairs.end);
-            meeting.loads = done..done + count;
-            done += count;
+            let count = close.partition_point(|&pair| pair < meeting.pairs.end);
+            self.loads[m] = done..done + count as u32;
+            done += count as u32;
             let theirs = &self.bodies[meeting.bodies[1] as usize];
             let (sides, root_mass) =
                 ([&mine.points, &theirs.points], root_of_equivalent(mine.mass, theirs.mass));

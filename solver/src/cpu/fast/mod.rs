@@ -38,6 +38,7 @@ mod whereabouts;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -88,10 +89,14 @@ pub struct FastRun {
     bodies: Vec<Body>,
     /// Sorted by their bodies.
     meetings: Vec<Meeting>,
+    /// How many of them each body is the first of.
+    meeting_counts: Vec<usize>,
+    /// Of each meeting, where the loads of its pairs that are close stand among those of its first body.
+    loads: Vec<Range<u32>>,
     /// Those of each body with itself and those after it.
     pairs: Vec<BodyPairs>,
-    /// Motion of each body when the meetings were drawn up; empty forces it.
-    drawn_up: Vec<(DVec3, f64)>,
+    /// Whether others may meet since the meetings were drawn up.
+    have_strayed: bool,
     step: u64,
     start_step: Option<u64>,
     pub(super) fault: Option<String>,
@@ -131,8 +136,10 @@ impl FastRun {
             instructions,
             bodies,
             meetings: Vec::new(),
+            meeting_counts: Vec::new(),
+            loads: Vec::new(),
             pairs: Vec::new(),
-            drawn_up: Vec::new(),
+            have_strayed: true,
             step: 0,
             start_step: None,
             fault: None,
@@ -189,15 +196,21 @@ impl FastRun {
         self.walls.pose(belt_time, &self.state.frame);
         let stages = Arc::clone(&self.stages);
         let mut watch = stages.watch();
-        self.neighbours();
+        if std::mem::take(&mut self.have_strayed) {
+            self.draw_up_meetings();
+        }
         watch.lap(Stage::Neighbours);
         let max_overlap = self.meet();
         let noticed = self.move_bodies();
         self.told = false;
-        for body in &self.bodies {
-            let first = body.range().start;
-            body.broken.iter().for_each(|&k| self.state.broken[first + k as usize] += 1);
-            self.state.bonds_broken += body.broken.len() as u64;
+        self.have_strayed = noticed.has_strayed;
+        // Bodies that other threads have worked on are far away: not without need.
+        if noticed.has_broken {
+            for body in &self.bodies {
+                let first = body.range().start;
+                body.broken.iter().for_each(|&k| self.state.broken[first + k as usize] += 1);
+                self.state.bonds_broken += body.broken.len() as u64;
+            }
         }
         self.step += 1;
         done.steps += 1;
@@ -218,21 +231,8 @@ impl FastRun {
         }
     }
 
-    /// Decides which bodies meet.
-    fn neighbours(&mut self) {
-        let half = SAFE * 0.5 * f64::from(MARGIN_RATIO * self.params.radius);
-        let strayed = |(body, (shift, path)): (&Body, &(DVec3, f64))| {
-            let moved = body.motion.shift.distance(*shift) + (body.motion.path - path);
-            moved > half || moved.is_nan()
-        };
-        if self.drawn_up.len() != self.bodies.len() || self.bodies.iter().zip(&self.drawn_up).any(strayed) {
-            self.draw_up_meetings();
-        }
-    }
-
     /// Finds the bodies that are near each other. Meetings that stay keep their pairs.
     fn draw_up_meetings(&mut self) {
-        self.drawn_up = self.bodies.iter().map(|body| (body.motion.shift, body.motion.path)).collect();
         let reach = self.search().reach + MARGIN_RATIO * self.params.radius;
         let extents: Vec<Extent> = self.bodies.iter().map(|body| body.whereabouts.whole).collect();
         self.order = along_curve(&extents);
@@ -245,20 +245,32 @@ impl FastRun {
         }
         self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
         self.pairs.iter_mut().for_each(|pairs| pairs.is_stale = true);
-        self.bodies.iter_mut().for_each(|body| body.meets.clear());
-        for (m, meeting) in (0u32..).zip(&self.meetings) {
-            self.bodies[meeting.bodies[1] as usize].meets.push(m);
+        for body in &mut self.bodies {
+            body.meets.clear();
+            body.drawn_up = body.motion;
         }
+        for (m, Meeting { bodies: [first, second], .. }) in (0u32..).zip(&self.meetings) {
+            self.bodies[*second as usize].meets.push([m, *first]);
+        }
+        let groups = self.meetings.chunk_by(|a, b| a.bodies[0] == b.bodies[0]);
+        self.meeting_counts = groups.map(<[Meeting]>::len).collect();
+        self.loads.resize(self.meetings.len(), 0..0);
     }
 
     /// The first phase. Every body meets itself at least, so meetings come in as many groups as there are bodies.
     fn meet(&mut self) -> f32 {
         let search = self.search();
         let step = (self.step + 2) as u32;
-        let Self { laws, state, bodies, meetings, pairs, instructions, stages, workplaces, order, .. } = self;
-        let groups = meetings.chunk_by_mut(|a, b| a.bodies[0] == b.bodies[0]);
-        let work = groups.zip(pairs).map(|(meetings, pairs)| Contacts {
+        let Self { laws, state, bodies, meetings, loads, pairs, instructions, .. } = self;
+        let Self { stages, workplaces, order, meeting_counts, .. } = self;
+        let (mut meetings, mut loads) = (&mut meetings[..], &mut loads[..]);
+        let groups = meeting_counts.iter().map(|&count| {
+            let meetings = meetings.split_off_mut(..count).expect("as many as there are");
+            (meetings, loads.split_off_mut(..count).expect("as many as meetings"))
+        });
+        let work = groups.zip(pairs).map(|((meetings, loads), pairs)| Contacts {
             meetings,
+            loads,
             bodies,
             pairs,
             laws,
@@ -282,7 +294,7 @@ impl FastRun {
             mover,
             state,
             bodies,
-            meetings,
+            loads,
             pairs,
             walls,
             params,
@@ -297,8 +309,9 @@ impl FastRun {
             mover,
             frame: &state.frame,
             walls,
-            meetings,
+            loads,
             pairs,
+            margin: SAFE * 0.5 * f64::from(MARGIN_RATIO * params.radius),
             stages,
             wall_laws,
             radius: params.radius,
@@ -360,7 +373,7 @@ impl FastRun {
             meeting.renumber([first, second], [&locals[a], &locals[b]], &old[a].list, to);
             true
         });
-        self.drawn_up.clear();
+        self.have_strayed = true;
         self.order.clear();
     }
 

@@ -57,6 +57,12 @@ pub(super) struct Motion {
 }
 
 impl Motion {
+    /// How far any of the body's sub-particles has moved since then at most, in metres.
+    #[inline(always)]
+    pub(super) fn since(&self, then: &Self) -> f64 {
+        self.shift.distance(then.shift) + (self.path - then.path)
+    }
+
     /// After a step of `dt` seconds in which none was faster against the mean than √`apart2` m/s; `mean` is the new one.
     #[inline(always)]
     fn go_on(&mut self, apart2: f32, mean: Vec3, dt: f64) {
