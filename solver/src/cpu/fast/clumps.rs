@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::engine::scene::{Kind, Scene};
 
 /// The most single spheres that go as one body.
-const CLUMP: usize = 256;
+const CLUMP: usize = 512;
 
 /// Sub-particles that go as one body, by their numbers in the run, and the kind that has their bonds and their mass.
 pub(super) struct Clump<'a> {
