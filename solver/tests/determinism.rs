@@ -7,6 +7,7 @@ use common::{Bench, at, blocks, small_hopper};
 use glam::{DQuat, DVec3};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
+use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::Scenario;
@@ -83,9 +84,9 @@ fn pieces_and_batches_change_no_bit() {
 fn the_bits_are_those_of_this_solver_revision() {
     // Every bit of every sub-particle after 2000 steps. If this changes, results have changed: raise
     // SOLVER_REVISION, write down why in the changelog, and only then renew the digest.
-    let digest_on = |cpu: Cpu| {
-        let mut bench = Bench::with(cpu, &blocks());
-        bench.steps(2000);
+    let digest_on = |cpu: Cpu, scene: &Scene, steps: u64| {
+        let mut bench = Bench::with(cpu, scene);
+        bench.steps(steps);
         let words = bench.state().particles.iter().flat_map(|p| {
             let bits = |v: glam::Vec3| v.to_array().map(f32::to_bits);
             [p.position.to_array().map(|x| x as u32), bits(p.velocity), bits(p.spin)].concat()
@@ -93,11 +94,28 @@ fn the_bits_are_those_of_this_solver_revision() {
         let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
         blake3::hash(&bytes).to_hex()
     };
-    assert_eq!(roost_solver::SOLVER_REVISION, 10);
-    let plain = digest_on(Cpu::plain(1));
+    assert_eq!(roost_solver::SOLVER_REVISION, 11);
+    let plain = digest_on(Cpu::plain(1), &blocks(), 2000);
     assert_eq!(plain.as_str(), "c2349605a871ebf7eed1763196420e86e6e377569e4416214a801d4edd117d50", "plain");
-    let fast = digest_on(Cpu::new(1));
+    let fast = digest_on(Cpu::new(1), &blocks(), 2000);
     assert_eq!(fast.as_str(), "4a96b734fa2a3973cfc8c03a48c82b05744d13a33b90957b27286ee7ec36505b", "fast");
+    for threads in [1, 2] {
+        let spheres = digest_on(Cpu::new(threads), &spheres(), 600);
+        assert_eq!(
+            spheres.as_str(),
+            "e48448191d71409a4fd8923040c86542200f1846f3af12831d4e8897f886ef37",
+            "single spheres"
+        );
+    }
+}
+
+/// Single spheres that fall onto each other and a plate: more than the fast path works on together.
+fn spheres() -> Scene {
+    let mut scene = blocks();
+    scene.kinds = vec![common::block([1, 1, 1])];
+    let place = |k: i32| DVec3::new(f64::from(k % 8), f64::from(k / 8 % 8), f64::from(k / 64) + 0.6) * 0.0085;
+    scene.bodies = (0..600).map(|k| at(place(k), DVec3::NEG_Z)).collect();
+    scene
 }
 
 #[test]

@@ -4,10 +4,15 @@
 //! Near rest the forces on a sub-particle cancel, so differences are measured against the scale of pair forces.
 
 mod common;
+#[path = "common/cut.rs"]
+mod cut;
+#[path = "common/stl.rs"]
+mod stl;
 
 use std::f64::consts::PI;
 
-use common::{RADIUS, at, block, bonds, law, plate, scene};
+use common::{RADIUS, at, block, bonds, law, onto, plate, scene};
+use cut::{cut_plate, pipe, surface};
 use glam::{DQuat, DVec3};
 use roost_solver::cpu::fast::Instructions;
 use roost_solver::cpu::{Cpu, CpuRun};
@@ -242,6 +247,25 @@ fn surfaces_that_move_agree_and_feel_the_same_forces() {
         assert!((*a - *b).length() < 1e-3 * pair_force(&scene), "{a} against {b}");
     }
     assert!(plain.iter().flatten().any(|force| force.length() > pair_force(&scene)));
+}
+
+#[test]
+fn surfaces_cut_into_many_triangles_agree() {
+    let plate = onto(surface(cut_plate()), |x| x);
+    assert_agrees("a plate of many triangles", &plate, &Course::of(HORIZON));
+    let pipe = onto(surface(pipe(0.05, 300, 0.0, 2.0 * PI / 300.0)), |x| x * 0.5 - DVec3::Z * 0.03);
+    assert_agrees("a pipe of many facets", &pipe, &Course::of(HORIZON));
+}
+
+#[test]
+fn bodies_that_have_strayed_meet() {
+    // Too far from each other to meet at first, and each by itself goes less than all of the way between.
+    let far = 0.048 + RADIUS * 6.5;
+    let bodies = vec![at(DVec3::ZERO, DVec3::X * 2.0), at(DVec3::X * far, DVec3::NEG_X * 2.0)];
+    let scene = scene(block([4, 4, 3]), bodies, 1e-4);
+    let states = assert_agrees("strayed", &scene, &Course::of(HORIZON));
+    let first = |state: &State| state.particles[..48].iter().map(|p| p.velocity.x).fold(f32::MAX, f32::min);
+    assert!(states.last().is_some_and(|state| first(state) < 1.5), "they have met");
 }
 
 #[test]

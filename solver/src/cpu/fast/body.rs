@@ -8,7 +8,7 @@ use super::fetch::{self, PARTS, part, span};
 use super::instructions::{Job, Wide, by_itself};
 use super::laws::{LaneContact, PairLaws};
 use super::load::Sums;
-use super::pairs::BodyPairs;
+use super::pairs::{BodyPairs, those};
 use super::points::{Block, Motion, Points, place_of};
 use super::walls::{LookUp, Met, NearWalls};
 use super::whereabouts::Whereabouts;
@@ -38,7 +38,7 @@ pub(super) struct Body {
     pub(super) motion: Motion,
     /// Integral of the greatest speed, in metres.
     travelled: f64,
-    /// Where it is.
+    /// Its box and those of its blocks, since its last move.
     pub(super) whereabouts: Whereabouts,
     /// Lower sub-particles of bonds that broke in the last step.
     pub(super) broken: Vec<u32>,
@@ -57,7 +57,7 @@ pub(super) struct Surroundings<'a> {
     pub(super) walls: &'a Walls,
     /// What the pairs of meetings do, by the number of the first body.
     pub(super) pairs: &'a [BodyPairs],
-    /// Where that of each meeting stands there.
+    /// Of each meeting, where its loads stand among those of its first body.
     pub(super) loads: &'a [Range<u32>],
     /// How far a body may move before it must be looked up anew which bodies meet, in metres.
     pub(super) margin: f64,
@@ -182,8 +182,7 @@ impl Body {
         let strayed = self.motion.since(&self.drawn_up);
         Noticed {
             max_overlap,
-            // What is not a number has strayed.
-            has_strayed: !(strayed <= around.margin),
+            has_strayed: strayed > around.margin || strayed.is_nan(),
             has_broken: !self.broken.is_empty(),
             runaway: moved.runaway.map(|k| self.range.start as u32 + k),
         }
@@ -222,8 +221,7 @@ impl Body {
         for &[m, first] in &self.meets {
             let loads = &around.loads[m as usize];
             if !loads.is_empty() {
-                let loads = loads.start as usize..loads.end as usize;
-                sums.add_to_seconds(&around.pairs[first as usize].loads, loads);
+                sums.add_to_seconds(&around.pairs[first as usize].loads, those(loads));
             }
         }
     }
@@ -276,8 +274,7 @@ impl Next<'_> {
             if k < HALF {
                 fetch::later(slice::from_ref(loads));
             } else {
-                let loads = loads.start as usize..loads.end as usize;
-                around.pairs[first as usize].loads.fetch(loads);
+                around.pairs[first as usize].loads.fetch(those(loads));
             }
         }
     }

@@ -38,3 +38,33 @@ pub(super) fn clumps(scene: &Scene) -> Vec<Clump<'_>> {
     }
     clumps
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::engine::scene::Placement;
+    use crate::experiments::prepare;
+    use crate::mesh::Meshes;
+    use crate::scenario::from_value;
+
+    #[test]
+    fn single_spheres_that_follow_each_other_go_together() {
+        let drop = from_value(&json!({"experiment": "drop"})).expect("a scenario");
+        let scene = prepare(&drop, &Meshes::default()).scene;
+        let fillet = scene.kinds[0].clone();
+        let mut single = fillet.clone();
+        let mut meta = (*single.meta).clone();
+        meta.points.truncate(1);
+        meta.bonds.clear();
+        single.meta = meta.into();
+        let heavy = Kind { subparticle_mass_kg: 2.0 * single.subparticle_mass_kg, ..single.clone() };
+        let length = fillet.meta.points.len();
+        let some = |kind: usize, count: usize| vec![Placement { kind, ..scene.bodies[0] }; count];
+        let bodies = [some(1, 1100), some(0, 2), some(1, 3), some(2, 4)].concat();
+        let scene = Scene { kinds: vec![fillet, single, heavy], bodies, ..scene };
+        let lengths: Vec<usize> = clumps(&scene).iter().map(|clump| clump.range.len()).collect();
+        assert_eq!(lengths, [512, 512, 76, length, length, 3, 4]);
+    }
+}

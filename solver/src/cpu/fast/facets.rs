@@ -2,14 +2,13 @@
 //! matter whether a sub-particle has one facet near it, and goes through here, or several.
 
 use glam::{Mat3, Vec3};
-use pulp::{Simd, cast};
+use pulp::Simd;
 
 use super::instructions::Wide;
 use super::kernel::Seen;
 use super::lanes::{F, F3, Mask};
-use super::load::three;
-use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH};
-use super::whereabouts::in_metres;
+use super::load::{ints, three};
+use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, in_metres};
 use crate::cpu::walls::{Pose, Walls};
 use crate::engine::frame::Frame;
 
@@ -45,9 +44,8 @@ impl Seers {
     /// From one after the other; positions as bits.
     #[inline(always)]
     pub(super) fn of<S: Wide>(simd: S, position: &Quads, velocity: &Quads, spin: &Quads) -> Self {
-        let [x, y, z] = three(simd, position);
-        let position = [Ints(cast(x.0)), Ints(cast(y.0)), Ints(cast(z.0))];
-        Self { position, velocity: three(simd, velocity), spin: three(simd, spin) }
+        let [x, y, z, _] = ints(simd, position);
+        Self { position: [x, y, z], velocity: three(simd, velocity), spin: three(simd, spin) }
     }
 }
 

@@ -2,10 +2,12 @@
 
 use std::ops::Range;
 
+use pulp::cast;
+
 use super::fetch;
 use super::instructions::Wide;
 use super::kernel::{Contacts, Felt, Seen};
-use super::memory::{Lanes, Lanes3, Quads, WIDTH, quad_of};
+use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, quad_of};
 use super::pairs::{PairList, PairLoads};
 use super::points::Points;
 use crate::cpu::forces::Load;
@@ -173,6 +175,13 @@ impl Contacts {
 pub(super) fn three<S: Wide>(simd: S, quads: &Quads) -> Lanes3 {
     let [x, y, z, _] = simd.to_lanes(quads);
     [x, y, z]
+}
+
+/// Bits of whole numbers, in lanes.
+#[inline(always)]
+pub(super) fn ints<S: Wide>(simd: S, quads: &Quads) -> [Ints; 4] {
+    let [x, y, z, r] = simd.to_lanes(quads);
+    [Ints(cast(x.0)), Ints(cast(y.0)), Ints(cast(z.0)), Ints(cast(r.0))]
 }
 
 impl Loads {

@@ -29,6 +29,7 @@ const ROUNDING: f32 = 1e-5;
 
 /// Two bodies, or one and itself.
 #[derive(Debug)]
+#[repr(align(64))]
 pub(super) struct Meeting {
     /// Indices of the bodies, a ≤ b.
     pub(super) bodies: [u32; 2],
@@ -98,7 +99,7 @@ impl Meeting {
 
     /// Where its pairs stand in the list of the first body.
     fn pairs(&self) -> Range<usize> {
-        self.pairs.start as usize..self.pairs.end as usize
+        pairs::those(&self.pairs)
     }
 
     /// Looks up the pairs that may touch, into `room.close`: numbers of candidates.
@@ -183,9 +184,9 @@ impl Contacts<'_> {
     pub(super) fn search<S: Wide>(&mut self, simd: S, search: &Search, room: &mut Room) {
         let mut due = std::mem::take(&mut room.due);
         due.clear();
-        due.extend(self.meetings.iter().map(|meeting| {
-            meeting.leeway.is_used_up(meeting.bodies.map(|body| &self.bodies[body as usize].motion))
-        }));
+        for Meeting { bodies, leeway, .. } in &*self.meetings {
+            due.push(leeway.is_used_up(bodies.map(|body| &self.bodies[body as usize].motion)));
+        }
         if std::mem::take(&mut self.pairs.is_stale) || due.contains(&true) {
             self.list(simd, search, room, &due);
         }
@@ -242,7 +243,10 @@ impl Contacts<'_> {
         for m in 0..self.meetings.len() {
             let meeting = &self.meetings[m];
             if meeting.pairs.is_empty() {
-                self.loads[m] = 0..0;
+                // Only where it is news: lines of the cache are shared with other threads.
+                if self.loads[m] != (0..0) {
+                    self.loads[m] = 0..0;
+                }
                 continue;
             }
             let count = close.partition_point(|&pair| pair < meeting.pairs.end);

@@ -1,5 +1,6 @@
 //! Numbers side by side in memory: 16 to a row, in lanes or in quads.
 
+use glam::IVec3;
 use pulp::{bytemuck::Pod, cast};
 
 /// Pairs that are worked on together: a multiple of the lanes of every instruction set.
@@ -104,6 +105,18 @@ impl Quads {
         // Whole, since what is copied in pieces cannot be read at once in large ones.
         Self(cast(these))
     }
+}
+
+/// Positions side by side, in metres from one.
+#[inline(always)]
+pub(super) fn in_metres(positions: &[Ints; 3], from: IVec3, unit_m: f32) -> Lanes3 {
+    let mut metres = [Lanes::ZERO; 3];
+    for axis in 0..3 {
+        for k in 0..WIDTH {
+            metres[axis].0[k] = positions[axis].0[k].wrapping_sub(from[axis]) as f32 * unit_m;
+        }
+    }
+    metres
 }
 
 /// All of a row put together, in halves, as registers do it.

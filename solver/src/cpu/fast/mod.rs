@@ -89,7 +89,7 @@ pub struct FastRun {
     bodies: Vec<Body>,
     /// Sorted by their bodies.
     meetings: Vec<Meeting>,
-    /// How many of them each body is the first of.
+    /// How many meetings each body is the first of.
     meeting_counts: Vec<usize>,
     /// Of each meeting, where the loads of its pairs that are close stand among those of its first body.
     loads: Vec<Range<u32>>,
@@ -254,6 +254,7 @@ impl FastRun {
         }
         let groups = self.meetings.chunk_by(|a, b| a.bodies[0] == b.bodies[0]);
         self.meeting_counts = groups.map(<[Meeting]>::len).collect();
+        self.loads.clear();
         self.loads.resize(self.meetings.len(), 0..0);
     }
 

@@ -45,6 +45,11 @@ impl PairLoads {
     }
 }
 
+/// What stands there, as slices have it.
+pub(super) fn those(range: &Range<u32>) -> Range<usize> {
+    range.start as usize..range.end as usize
+}
+
 /// Distances of pairs of two bodies, from the first to the second, in units of length.
 #[inline(never)]
 pub(super) fn look(

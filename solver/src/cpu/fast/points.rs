@@ -8,9 +8,8 @@ use pulp::cast;
 
 use super::fetch::{self, PARTS, part};
 use super::instructions::Wide;
-use super::load::{LoadBlock, Sums};
-use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, quad_of};
-use super::whereabouts::in_metres;
+use super::load::{LoadBlock, Sums, ints};
+use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, in_metres, quad_of};
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -35,8 +34,9 @@ pub(super) struct Points {
     pub(super) count: usize,
     /// Fixed-point positions; the fourth number has the bits of the remainder along x (see [`Block::remainder`]).
     pub(super) positions: Vec<[i32; 4]>,
-    /// Velocities and spins; their fourth numbers are the remainders along y and z.
+    /// The fourth number is the remainder along y.
     pub(super) velocities: Vec<[f32; 4]>,
+    /// The fourth number is the remainder along z.
     pub(super) spins: Vec<[f32; 4]>,
     /// Lanes of each block that move: neither held nor only there to fill up.
     moving: Vec<u16>,
@@ -158,8 +158,7 @@ impl Points {
     /// Positions of a block, side by side; and the bits of remainders along x.
     #[inline(always)]
     pub(super) fn positions_of<S: Wide>(&self, simd: S, b: usize) -> [Ints; 4] {
-        let [x, y, z, r] = simd.to_lanes(&Quads::of(&self.positions, b));
-        [Ints(cast(x.0)), Ints(cast(y.0)), Ints(cast(z.0)), Ints(cast(r.0))]
+        ints(simd, &Quads::of(&self.positions, b))
     }
 
     /// Positions of a block in metres from one, side by side; those that only fill up are [`NOWHERE`].
@@ -347,4 +346,38 @@ impl Block {
         }
         sound.map(|sound| 1 - sound)
     }
+}
+
+/// Bodies of so many points at random in a box of so many metres, around these middles.
+#[cfg(test)]
+pub(super) fn scattered(frame: Frame, bodies: &[(usize, DVec3, f64)]) -> Vec<Points> {
+    let mut random = fastrand::Rng::with_seed(1);
+    let mut particles = Vec::new();
+    for &(count, middle, size) in bodies {
+        particles.extend((0..count).map(|_| {
+            let x = DVec3::from([(); 3].map(|()| random.f64() - 0.5)) * size + middle;
+            let position = frame.wrap((x / f64::from(frame.unit_m)).as_ivec3());
+            Particle { position, velocity: Vec3::ZERO, spin: Vec3::ZERO }
+        }));
+    }
+    let count = particles.len();
+    let state = State {
+        frame,
+        radius_m: 0.004,
+        remainders: vec![Vec3::ZERO; count],
+        masses: vec![1.0; count],
+        bodies: vec![0; count],
+        serials: (0..count as u32).collect(),
+        held: vec![false; count],
+        broken: vec![0; count],
+        bonds_at_start: 0,
+        bonds_broken: 0,
+        particles,
+    };
+    let mut from = 0;
+    let of = |&(count, ..): &(usize, DVec3, f64)| {
+        from += count;
+        Points::of(&state, from - count..from)
+    };
+    bodies.iter().map(of).collect()
 }

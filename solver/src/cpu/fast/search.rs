@@ -88,7 +88,7 @@ impl<'a> Two<'a> {
 /// Finds pairs that may touch.
 #[derive(Debug, Default)]
 pub(super) struct Finder {
-    /// Blocks of the second body that are near one of the first, and which of that one's sub-particles are near each.
+    /// Blocks of the second body that are near one of the first, and which lanes of that one are near each.
     beside: Vec<(usize, u16)>,
     /// What is found for each sub-particle of a block, with room to write whole registers.
     seconds: Vec<u32>,
@@ -257,46 +257,11 @@ fn add_beyond2(to: &mut Lanes, [low, high]: [f32; 2], [lows, highs]: [&Lanes; 2]
 
 #[cfg(test)]
 mod tests {
-    use glam::{DVec3, Vec3};
+    use glam::DVec3;
 
     use super::super::instructions::{Instructions, Job};
-    use super::super::points::place_of;
+    use super::super::points::{place_of, scattered};
     use super::*;
-    use crate::engine::state::{Particle, State};
-
-    /// Bodies of so many points at random in a box of so many metres, around these middles.
-    fn clouds(frame: Frame, bodies: &[(usize, DVec3, f64)]) -> (State, Vec<(Points, Whereabouts)>) {
-        let mut random = fastrand::Rng::with_seed(1);
-        let mut particles = Vec::new();
-        for &(count, middle, size) in bodies {
-            particles.extend((0..count).map(|_| {
-                let x = DVec3::from([(); 3].map(|()| random.f64() - 0.5)) * size + middle;
-                let position = frame.wrap((x / f64::from(frame.unit_m)).as_ivec3());
-                Particle { position, velocity: Vec3::ZERO, spin: Vec3::ZERO }
-            }));
-        }
-        let count = particles.len();
-        let state = State {
-            frame,
-            radius_m: 0.004,
-            remainders: vec![Vec3::ZERO; count],
-            masses: vec![1.0; count],
-            bodies: vec![0; count],
-            serials: (0..count as u32).collect(),
-            held: vec![false; count],
-            broken: vec![0; count],
-            bonds_at_start: 0,
-            bonds_broken: 0,
-            particles,
-        };
-        let mut from = 0;
-        let points = bodies.iter().map(|&(count, ..)| {
-            from += count;
-            Points::of(&state, from - count..from)
-        });
-        let clouds = points.map(|points| (points.clone(), Whereabouts::of(&points))).collect();
-        (state, clouds)
-    }
 
     struct Look<'a>(&'a mut Finder, Two<'a>);
 
@@ -311,19 +276,16 @@ mod tests {
         }
     }
 
-    /// All pairs of two bodies, the second at the end of the first, by their places, with their distances in metres; of one and itself once.
-    fn all(state: &State, counts: [usize; 2], alone: bool) -> Vec<([u32; 2], f64)> {
-        let [a, b] = counts;
-        let second = if alone { 0 } else { a };
+    /// All pairs of two bodies, by their places, with their distances in metres; of one and itself once.
+    fn all(frame: &Frame, [a, b]: [&Points; 2], alone: bool) -> Vec<([u32; 2], f64)> {
         let mut all = Vec::new();
-        for i in 0..a {
-            for j in 0..if alone { a } else { b } {
-                let [x, y] = [i, second + j].map(|k| state.particles[k].position);
-                let mut d = y.wrapping_sub(x);
-                d.y = state.frame.nearest_image(d.y);
+        for i in 0..a.count {
+            for j in 0..b.count {
+                let mut d = b.particle(j).position.wrapping_sub(a.particle(i).position);
+                d.y = frame.nearest_image(d.y);
                 let pair = [place_of(i as u32), place_of(j as u32)];
                 if !alone || pair[0] < pair[1] {
-                    all.push((pair, (d.as_dvec3() * f64::from(state.frame.unit_m)).length()));
+                    all.push((pair, (d.as_dvec3() * f64::from(frame.unit_m)).length()));
                 }
             }
         }
@@ -339,11 +301,14 @@ mod tests {
     fn what_comes_within_reach_is_found_in_order() {
         const REACH: f32 = 0.02;
         for periodic_y in [false, true] {
-            // Every block spans all of its body, so that each is beside each of the other's, of which there are 69.
+            // Every block spans all of its body, so that each is beside each of the other's: one row of them, and five.
             let bodies = [(157, DVec3::new(0.02, 0.05, 0.0), 0.1), (1100, DVec3::new(0.0, 0.06, 0.01), 0.1)];
-            let (state, clouds) = clouds(frame(periodic_y), &bodies);
-            for [a, b] in [[0, 1], [0, 0]] {
-                let all = all(&state, [157, 1100], a == b);
+            let frame = frame(periodic_y);
+            let bodies = scattered(frame, &bodies);
+            for [a, b] in [[0, 1], [1, 0], [0, 0], [1, 1]] {
+                let points = [&bodies[a], &bodies[b]];
+                let at = points.map(Whereabouts::of);
+                let all = all(&frame, points, a == b);
                 // Where rounding decides, either will do.
                 let [surely, perhaps] = [-1e-6, 1e-6].map(|by| {
                     let near = all.iter().filter(|(_, d)| *d <= f64::from(REACH) + by);
@@ -352,8 +317,7 @@ mod tests {
                 assert!(surely.len() > 200);
                 for instructions in Instructions::available() {
                     let mut finder = Finder::default();
-                    let [(points, at), (others, at_others)] = [&clouds[a], &clouds[b]];
-                    let two = Two::new([points, others], [at, at_others], REACH, &state.frame, a == b);
+                    let two = Two::new(points, at.each_ref(), REACH, &frame, a == b);
                     instructions.run(Look(&mut finder, two));
                     assert!(finder.found.is_sorted(), "{}", instructions.name());
                     assert!(surely.iter().all(|pair| finder.found.binary_search(pair).is_ok()));
@@ -369,13 +333,14 @@ mod tests {
         let beside = |gap: f64| [(40, DVec3::ZERO, 0.04), (50, DVec3::X * (0.04 + gap), 0.04)];
         let within = [(16, DVec3::ZERO, 0.01), (16, DVec3::ZERO, 0.06)];
         for (bodies, reach) in [(beside(0.01), 0.004), (beside(0.03), 0.02), (within, 0.001)] {
-            let (state, clouds) = clouds(frame(false), &bodies);
-            let counts = bodies.map(|(count, ..)| count);
-            let nearest = all(&state, counts, false).iter().map(|(_, d)| *d).fold(f64::INFINITY, f64::min);
+            let frame = frame(false);
+            let bodies = scattered(frame, &bodies);
+            let points = [&bodies[0], &bodies[1]];
+            let at = points.map(Whereabouts::of);
+            let nearest = all(&frame, points, false).iter().map(|(_, d)| *d).fold(f64::INFINITY, f64::min);
             assert!(nearest > f64::from(reach), "nothing is to be found");
             let mut finder = Finder::default();
-            let [(points, at), (others, at_others)] = &clouds[..] else { panic!("two bodies") };
-            let two = Two::new([points, others], [at, at_others], reach, &state.frame, false);
+            let two = Two::new(points, at.each_ref(), reach, &frame, false);
             let told = Instructions::widest().run(Look(&mut finder, two));
             assert_eq!(finder.found, [[0; 2]; 0]);
             assert!(f64::from(told) <= nearest + 1e-6, "{told} m, {nearest} m");

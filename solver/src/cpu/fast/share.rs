@@ -13,10 +13,15 @@ const AT_ONCE: [usize; 2] = [2, 16];
 /// How often a thread takes some in a phase, if there are that many.
 const TURNS: usize = 64;
 
+/// How often a thread must be able to take some before it takes several.
+const FEW_TURNS: usize = 4;
+
 /// How many of so many bodies a thread takes at once.
 pub(super) fn at_once(bodies: usize) -> usize {
     let [least, most] = AT_ONCE;
-    (bodies / (TURNS * rayon::current_num_threads())).clamp(least, most)
+    let threads = rayon::current_num_threads();
+    // Where bodies are few every thread should have some.
+    (bodies / (TURNS * threads)).clamp(least.min(bodies / (FEW_TURNS * threads)).max(1), most)
 }
 
 /// Bits of a coordinate that count along the curve.

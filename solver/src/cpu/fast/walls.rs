@@ -159,14 +159,15 @@ fn near_facet<S: Wide>(
     reach: f32,
 ) -> [u16; 2] {
     let Some(few) = FewTriangles::of(walls, facet) else {
-        return two.map(|block| {
-            let those = block * WIDTH..points.count.min((block + 1) * WIDTH);
-            those.fold(0, |near, k| {
+        let mut near = [0; 2];
+        for (near, block) in near.iter_mut().zip(two) {
+            for k in block * WIDTH..points.count.min((block + 1) * WIDTH) {
                 let position = points.particle(k).position;
                 let is_near = walls.touch(facet, position, frame).distance <= reach;
-                near | u16::from(is_near) << (k % WIDTH)
-            })
-        });
+                *near |= u16::from(is_near) << (k % WIDTH);
+            }
+        }
+        return near;
     };
     let ([x, y, z, _], [u, v, w, _]) = (points.positions_of(simd, two[0]), points.positions_of(simd, two[1]));
     let [a, b] = few.distances(simd, frame, [&[x, y, z], &[u, v, w]]);
@@ -206,17 +207,18 @@ impl NearWalls {
             Some(pairs)
         });
         let mut known = old_rows.next();
+        if near.is_empty() {
+            return;
+        }
         let mut close = Vec::new();
         for first in (0..points.blocks()).step_by(2) {
             // Of two blocks only what either's box is near; then which of their sub-particles are.
             let two = [first, (first + 1).min(points.blocks() - 1)];
+            let middles = two.map(|block| at.middle_of(block, frame.unit_m));
             close.clear();
             for &facet in &near {
-                let reaches = |block: usize| {
-                    let (centre, half) = at.middle_of(block, frame.unit_m);
-                    walls.touch(facet, centre, frame).distance <= reach + half
-                };
-                if two.into_iter().any(reaches) {
+                let reaches = |(centre, half)| walls.touch(facet, centre, frame).distance <= reach + half;
+                if middles.into_iter().any(reaches) {
                     close.push((facet, near_facet(simd, walls, facet, frame, points, two, reach)));
                 }
             }
@@ -313,6 +315,75 @@ impl NearWalls {
                 self.rows.push(WallRow { of, end: self.pairs.len() as u32, ..row });
             }
             from = row.end;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::instructions::Instructions;
+    use super::super::points::scattered;
+    use super::*;
+    use crate::engine::scene::Scene;
+    use crate::equipment::{Surface, SurfaceKind};
+    use crate::experiments::prepare;
+    use crate::mesh::Meshes;
+    use crate::scenario::from_value;
+
+    struct Near<'a>(&'a Walls, u32, &'a Frame, &'a Points, [usize; 2]);
+
+    impl Job for Near<'_> {
+        type Output = [u16; 2];
+
+        #[inline(always)]
+        fn run<S: Wide>(self, simd: S) -> [u16; 2] {
+            let Self(walls, facet, frame, points, two) = self;
+            near_facet(simd, walls, facet, frame, points, two, REACH)
+        }
+    }
+
+    const REACH: f32 = 0.01;
+
+    #[test]
+    fn sub_particles_near_a_facet_are_those_that_touch_says() {
+        let plate = |u: DVec3, v: DVec3| {
+            Surface::parallelogram("plate", SurfaceKind::Equipment, (u + v) * -0.5, u, v)
+        };
+        // Two triangles; twenty in one plane; two that are long for their width.
+        let mut cut = plate(DVec3::X * 0.1, DVec3::Z * 0.1);
+        let strips = (0..10).map(|k| DVec3::X * 0.1 * f64::from(k));
+        let strip = |shift: DVec3| {
+            let triangles = plate(DVec3::X * 0.1, DVec3::Z * 0.1).triangles;
+            triangles.into_iter().map(move |corners| corners.map(|corner| corner + shift))
+        };
+        cut.triangles = strips.flat_map(strip).collect();
+        let surfaces = vec![plate(DVec3::X * 0.1, DVec3::Y * 0.1), cut, plate(DVec3::X, DVec3::Y * 1e-4)];
+        let drop = from_value(&json!({"experiment": "drop"})).expect("a scenario");
+        let scene = Scene { surfaces, ..prepare(&drop, &Meshes::default()).scene };
+        let frame = Frame::new(DVec3::splat(-1.0), DVec3::splat(1.0), false);
+        let walls = Walls::new(&scene, &frame);
+        let few: Vec<bool> = (0..3).map(|facet| FewTriangles::of(&walls, facet).is_some()).collect();
+        assert_eq!(few, [true, false, false]);
+        // Three blocks, the last of 5: alone it is both of two.
+        let points = &scattered(frame, &[(37, DVec3::ZERO, 0.05)])[0];
+        for facet in 0..3 {
+            let near = |k: usize| walls.touch(facet, points.particle(k).position, &frame).distance <= REACH;
+            let mut count = 0;
+            for two in [[0, 1], [2, 2]] {
+                for instructions in Instructions::available() {
+                    let bits = instructions.run(Near(&walls, facet, &frame, points, two));
+                    for (half, block) in two.into_iter().enumerate() {
+                        for k in block * WIDTH..37.min((block + 1) * WIDTH) {
+                            let found = bits[half] >> (k % WIDTH) & 1 == 1;
+                            assert_eq!(found, near(k), "{} of {facet}, {}", k, instructions.name());
+                            count += u32::from(found);
+                        }
+                    }
+                }
+            }
+            assert!(count > 5, "{count} near {facet}");
         }
     }
 }

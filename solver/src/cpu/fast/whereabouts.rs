@@ -1,10 +1,10 @@
 //! Where a body and its blocks are: what searches ask for.
 
 use glam::IVec3;
-use pulp::cast;
 
 use super::instructions::Wide;
-use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH};
+use super::load::ints;
+use super::memory::{Lanes3, Quads, WIDTH, in_metres};
 use super::points::Points;
 use crate::engine::frame::Frame;
 
@@ -19,7 +19,7 @@ pub(super) struct Extent {
 pub(super) type Span = [[f32; 3]; 2];
 
 /// The boxes of a body and of its blocks.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Whereabouts {
     pub(super) whole: Extent,
     blocks: usize,
@@ -64,8 +64,10 @@ impl Whereabouts {
     #[inline(always)]
     pub(super) fn row<S: Wide>(&self, simd: S, g: usize, from: IVec3, unit_m: f32) -> ([Lanes3; 2], usize) {
         let [lows, highs] = &self.corners;
-        let lows = in_metres(&positions(simd, lows, g), from, unit_m);
-        let highs = in_metres(&positions(simd, highs, g), from, unit_m);
+        let [x, y, z, _] = ints(simd, &Quads::of(lows, g));
+        let [u, v, w, _] = ints(simd, &Quads::of(highs, g));
+        let lows = in_metres(&[x, y, z], from, unit_m);
+        let highs = in_metres(&[u, v, w], from, unit_m);
         ([lows, highs], (self.blocks - g * WIDTH).min(WIDTH))
     }
 
@@ -98,25 +100,6 @@ fn corner([x, y, z, _]: [i32; 4]) -> IVec3 {
     IVec3::new(x, y, z)
 }
 
-/// The `b`th [`WIDTH`] of many positions, in lanes.
-#[inline(always)]
-fn positions<S: Wide>(simd: S, of: &[[i32; 4]], b: usize) -> [Ints; 3] {
-    let [x, y, z, _] = simd.to_lanes(&Quads::of(of, b));
-    [Ints(cast(x.0)), Ints(cast(y.0)), Ints(cast(z.0))]
-}
-
-/// Positions side by side, in metres from one.
-#[inline(always)]
-pub(super) fn in_metres(positions: &[Ints; 3], from: IVec3, unit_m: f32) -> Lanes3 {
-    let mut metres = [Lanes::ZERO; 3];
-    for axis in 0..3 {
-        for k in 0..WIDTH {
-            metres[axis].0[k] = positions[axis].0[k].wrapping_sub(from[axis]) as f32 * unit_m;
-        }
-    }
-    metres
-}
-
 impl Extent {
     /// The middle, and how far corners are from there in metres, at most.
     fn middle(&self, unit_m: f32) -> (IVec3, f32) {
@@ -143,5 +126,64 @@ impl Extent {
             between.y = 0.0;
         }
         between.length()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::super::instructions::{Instructions, Job};
+    use super::super::memory::quad_of;
+    use super::super::points::{place_of, scattered};
+    use super::*;
+
+    struct Rows<'a>(&'a Whereabouts, IVec3);
+
+    impl Job for Rows<'_> {
+        type Output = Vec<([Lanes3; 2], usize)>;
+
+        #[inline(always)]
+        fn run<S: Wide>(self, simd: S) -> Self::Output {
+            let Self(at, from) = self;
+            (0..at.rows()).map(|g| at.row(simd, g, from, 1.0)).collect()
+        }
+    }
+
+    #[test]
+    fn boxes_follow_what_moves_and_nothing_else() {
+        let frame = Frame::new(DVec3::splat(-0.1), DVec3::splat(0.1), false);
+        // What fills up the last block, of 8 in both, stays where it began.
+        for count in [40, 300] {
+            let mut points = scattered(frame, &[(count, DVec3::ZERO, 0.05)]).remove(0);
+            let mut at = Whereabouts::of(&points);
+            for k in 0..count {
+                let position = &mut points.positions[place_of(k as u32) as usize];
+                position[..3].iter_mut().for_each(|x| *x += 1 << 28);
+            }
+            at.update(&points);
+            let positions: Vec<IVec3> = (0..count).map(|k| points.particle(k).position).collect();
+            let around = |some: &[IVec3]| Extent {
+                low: some.iter().copied().fold(IVec3::MAX, IVec3::min),
+                high: some.iter().copied().fold(IVec3::MIN, IVec3::max),
+            };
+            assert_eq!(at.whole, around(&positions));
+            let blocks: Vec<Extent> = positions.chunks(WIDTH).map(around).collect();
+            let from = at.whole.low;
+            let of = |extent: &Extent| [extent.low, extent.high].map(|x| (x - from).as_vec3().to_array());
+            for (b, block) in blocks.iter().enumerate() {
+                assert_eq!(at.extent(b), *block);
+                assert_eq!(at.span(b, from, 1.0), of(block));
+            }
+            for instructions in Instructions::available() {
+                let rows = instructions.run(Rows(&at, from));
+                assert_eq!(rows.iter().map(|(_, count)| count).sum::<usize>(), blocks.len());
+                for (b, block) in blocks.iter().enumerate() {
+                    let (corners, lane) = (&rows[b / WIDTH].0, quad_of(b % WIDTH));
+                    let found = corners.map(|corner| corner.map(|along| along.0[lane]));
+                    assert_eq!(found, of(block), "{}", instructions.name());
+                }
+            }
+        }
     }
 }
