@@ -265,6 +265,7 @@ impl Next<'_> {
     #[inline(always)]
     fn fetch_part(&self, around: &Surroundings<'_>, k: usize) {
         self.body.points.fetch_part(k);
+        self.body.whereabouts.fetch_part(k);
         let loads = &self.pairs.loads;
         loads.fetch(span(loads.places.len(), k, PARTS));
         // What others have left for it: first where that stands.

@@ -2,6 +2,7 @@
 
 use glam::IVec3;
 
+use super::fetch::{self, PARTS, part};
 use super::instructions::Wide;
 use super::load::ints;
 use super::memory::{Lanes3, Quads, WIDTH, in_metres};
@@ -53,6 +54,14 @@ impl Whereabouts {
             }
         }
         self.whole = Extent { low: corner(low), high: corner(high) };
+    }
+
+    /// Fetches the `k`th of [`PARTS`] parts from memory.
+    #[inline(always)]
+    pub(super) fn fetch_part(&self, k: usize) {
+        let [lows, highs] = &self.corners;
+        fetch::later(part(&lows[..self.blocks], k, PARTS));
+        fetch::later(part(&highs[..self.blocks], k, PARTS));
     }
 
     /// How many rows of [`WIDTH`] blocks there are.
