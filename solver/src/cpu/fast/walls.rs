@@ -1,7 +1,7 @@
 //! The facets near the sub-particles of a body, and contacts with them. Where several facets are near, which are felt is decided one sub-particle
 //! after the other, and the law worked out many at a time; the others are for [`super::alone`].
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::alone::{Alone, Touching};
 use super::body::{Desk, Surroundings};
@@ -23,8 +23,9 @@ use crate::physics::contact::ContactMemory;
 pub(super) struct NearWalls {
     rows: Vec<WallRow>,
     pub(super) pairs: Vec<WallPair>,
-    seen_shift: DVec3,
-    seen_path: f64,
+    /// Where the body was when they were looked up.
+    seen: Motion,
+    /// How far surfaces had moved by then at most, in metres.
     seen_moved: f64,
     known: bool,
 }
@@ -176,9 +177,7 @@ fn near_facet<S: Wide>(
 
 impl NearWalls {
     pub(super) fn is_due(&self, motion: &Motion, around: &Surroundings<'_>) -> bool {
-        let moved = motion.shift.distance(self.seen_shift)
-            + (motion.path - self.seen_path)
-            + (around.walls.moved_in_all_m() - self.seen_moved);
+        let moved = motion.since(&self.seen) + (around.walls.moved_in_all_m() - self.seen_moved);
         !(self.known && moved <= SAFE * f64::from(around.wall_skin))
     }
 
@@ -198,8 +197,7 @@ impl NearWalls {
         let near: Vec<u32> = walls.within(centre, reach + half, frame).collect();
         let old = std::mem::take(self);
         self.known = true;
-        self.seen_shift = motion.shift;
-        self.seen_path = motion.path;
+        self.seen = *motion;
         self.seen_moved = walls.moved_in_all_m();
         let mut old_rows = old.rows.iter().scan(0, |from, row| {
             let pairs = (row.of, *from as usize..row.end as usize);
@@ -321,6 +319,7 @@ impl NearWalls {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
     use serde_json::json;
 
     use super::super::instructions::Instructions;
