@@ -8,7 +8,7 @@ use super::fetch::{self, PARTS, part, span};
 use super::instructions::{Job, Wide, by_itself};
 use super::laws::{LaneContact, PairLaws};
 use super::load::Sums;
-use super::pairs::{BodyPairs, those};
+use super::pairs::{BodyPairs, number, those};
 use super::points::{Block, Motion, Points, place_of};
 use super::walls::{LookUp, Met, NearWalls};
 use super::whereabouts::Whereabouts;
@@ -143,11 +143,17 @@ impl Body {
 
     /// Takes pairs out that were bonded at the start: both sorted, by places.
     pub(super) fn leave_out_joined(&self, pairs: &mut Vec<[u32; 2]>) {
-        let mut joined = self.joined.iter().peekable();
-        pairs.retain(|pair| {
-            while joined.next_if(|joined| *joined < pair).is_some() {}
-            joined.peek() != Some(&pair)
-        });
+        let joined = &self.joined;
+        let (mut kept, mut next) = (0, 0);
+        for k in 0..pairs.len() {
+            let pair = pairs[k];
+            while next < joined.len() && number(joined[next]) < number(pair) {
+                next += 1;
+            }
+            pairs[kept] = pair;
+            kept += usize::from(next == joined.len() || joined[next] != pair);
+        }
+        pairs.truncate(kept);
     }
 
     /// One step of this body, once all meetings have worked out their loads; `pairs` are those of which it is the first.

@@ -15,6 +15,7 @@ use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{self, Felt};
 use super::laws::PairLaws;
 use super::load::{BATCH, Batch};
+use super::memory::room_for;
 use super::pairs::{self, BodyPairs, PairList, PairLoads};
 use super::points::{Motion, place_of};
 use super::search::{Finder, Search};
@@ -70,9 +71,9 @@ impl Leeway {
     }
 
     fn is_used_up(&self, [a, b]: [&Motion; 2]) -> bool {
-        let moved = (b.shift - a.shift).distance(self.apart) + (a.path + b.path - self.path);
+        let left = self.allowed - (a.path + b.path - self.path);
         // What is not a number is not safe.
-        moved > self.allowed || moved.is_nan()
+        !(left >= 0.0 && (b.shift - a.shift).distance_squared(self.apart) <= left * left)
     }
 }
 
@@ -86,7 +87,12 @@ pub(super) struct Room {
     spare: PairList,
     /// Which meetings must look up their pairs.
     due: Vec<bool>,
-    /// Distances of all pairs, from the first to the second, and which of them are close.
+    looks: Looks,
+}
+
+/// Room to look at pairs: at their distances, from the first to the second, and at which of them are close.
+#[derive(Debug, Default)]
+struct Looks {
     apart: Vec<[i32; 4]>,
     close: Vec<u32>,
 }
@@ -102,16 +108,17 @@ impl Meeting {
         pairs::those(&self.pairs)
     }
 
-    /// Looks up the pairs that may touch, into `room.close`: numbers of candidates.
+    /// Looks up the pairs that may touch: numbers of candidates.
     #[inline(always)]
-    fn search<S: Wide>(
+    fn search<'a, S: Wide>(
         &mut self,
         simd: S,
         search: &Search,
         frame: &Frame,
         [a, b]: [&Body; 2],
-        Room { finder, apart, close, .. }: &mut Room,
-    ) {
+        finder: &mut Finder,
+        Looks { apart, close }: &'a mut Looks,
+    ) -> &'a [u32] {
         let alone = self.bodies[0] == self.bodies[1];
         let skin = search.skins[usize::from(alone)];
         let motions = [&a.motion, &b.motion];
@@ -129,13 +136,12 @@ impl Meeting {
         }
         if candidates.pairs.is_empty() {
             *leeway = candidates.leeway;
-            close.clear();
-            return;
+            return &[];
         }
         *leeway = Leeway::new(motions, skin);
-        apart.resize(candidates.pairs.len(), [0; 4]);
+        let apart = room_for(apart, candidates.pairs.len(), [0; 4]);
         pairs::look(&candidates.pairs, [&a.points, &b.points], frame, apart);
-        PairList::close(simd, apart, (search.reach + skin) / frame.unit_m, close);
+        pairs::close(simd, apart, (search.reach + skin) / frame.unit_m, close)
     }
 
     /// Renumbers after bodies were taken out: its pairs come from one list and go to the end of another.
@@ -195,40 +201,48 @@ impl Contacts<'_> {
 
     /// Writes the list afresh.
     #[inline(always)]
-    fn list<S: Wide>(&mut self, simd: S, search: &Search, room: &mut Room, due: &[bool]) {
+    fn list<S: Wide>(
+        &mut self,
+        simd: S,
+        search: &Search,
+        Room { finder, spare, looks, .. }: &mut Room,
+        due: &[bool],
+    ) {
         let list = &mut self.pairs.list;
-        let mut spare = std::mem::take(&mut room.spare);
         spare.clear();
+        // Pairs of meetings that are not due, one after the other: they go over together.
+        let mut stay = 0..0;
         for (meeting, &due) in self.meetings.iter_mut().zip(due) {
-            let (old, first) = (meeting.pairs(), spare.len());
+            let old = meeting.pairs();
+            if due || old.start != stay.end {
+                spare.extend(list, stay);
+                stay = old.start..old.start;
+            }
+            let first = spare.len() + stay.len();
             if due {
                 let sides = meeting.bodies.map(|body| &self.bodies[body as usize]);
-                meeting.search(simd, search, self.frame, sides, room);
-                let mut known = list.all(old).peekable();
-                for &candidate in &room.close {
-                    let pair = meeting.candidates.pairs[candidate as usize];
-                    while known.next_if(|(old, _)| *old < pair).is_some() {}
-                    let memory = known.next_if(|(old, _)| *old == pair);
-                    spare.push(pair, memory.map_or([0.0; 4], |(_, memory)| memory));
-                }
+                let close = meeting.search(simd, search, self.frame, sides, finder, looks);
+                spare.take_over(&meeting.candidates.pairs, close, list, old.clone());
+                stay = old.end..old.end;
+                meeting.pairs = first as u32..spare.len() as u32;
             } else {
-                spare.extend(list, old);
+                stay.end = old.end;
+                meeting.pairs = first as u32..(first + old.len()) as u32;
             }
-            meeting.pairs = first as u32..spare.len() as u32;
         }
-        std::mem::swap(list, &mut spare);
-        room.spare = spare;
+        spare.extend(list, stay);
+        std::mem::swap(list, spare);
     }
 
     /// Works out the load of every pair that is close. Returns their greatest overlap, in metres.
     #[inline(always)]
-    pub(super) fn forces<S: Wide>(&mut self, simd: S, Room { batches, apart, close, .. }: &mut Room) -> f32 {
+    pub(super) fn forces<S: Wide>(&mut self, simd: S, Room { batches, looks, .. }: &mut Room) -> f32 {
         let [mut batch, mut full] = batches.each_mut();
         let BodyPairs { list, loads: PairLoads { loads, places }, .. } = &mut *self.pairs;
         let mine = &self.bodies[self.meetings[0].bodies[0] as usize];
         loads.clear();
         places.clear();
-        apart.resize(list.len(), [0; 4]);
+        let apart = room_for(&mut looks.apart, list.len(), [0; 4]);
         // Most meetings have no pair.
         for meeting in self.meetings.iter().filter(|it| !it.pairs.is_empty()) {
             let ([_, other], pairs) = (meeting.bodies, meeting.pairs());
@@ -237,9 +251,9 @@ impl Contacts<'_> {
         }
         // What has touched holds a little further.
         let reach = self.laws.touch + self.laws.contact.snap.abs();
-        PairList::close(simd, apart, reach * (1.0 + ROUNDING) / self.frame.unit_m, close);
-        let mut deepest = 0.0f32;
-        let (mut close, mut done) = (&close[..], 0);
+        let mut close =
+            pairs::close(simd, apart, reach * (1.0 + ROUNDING) / self.frame.unit_m, &mut looks.close);
+        let (mut deepest, mut done) = (0.0f32, 0);
         for m in 0..self.meetings.len() {
             let meeting = &self.meetings[m];
             if meeting.pairs.is_empty() {

@@ -107,6 +107,15 @@ impl Quads {
     }
 }
 
+/// Room for so many, which may hold anything: a vector that only grows need not be filled each time.
+#[inline(always)]
+pub(super) fn room_for<T: Copy>(room: &mut Vec<T>, count: usize, fill: T) -> &mut [T] {
+    if room.len() < count {
+        room.resize(count, fill);
+    }
+    &mut room[..count]
+}
+
 /// Positions side by side, in metres from one.
 #[inline(always)]
 pub(super) fn in_metres(positions: &[Ints; 3], from: IVec3, unit_m: f32) -> Lanes3 {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::fetch;
 use super::instructions::Wide;
 use super::load::Loads;
-use super::memory::{Lanes, Places, Quads, WIDTH, places_of};
+use super::memory::{Lanes, Places, Quads, WIDTH, places_of, room_for};
 use super::points::Points;
 use crate::engine::frame::Frame;
 
@@ -43,6 +43,12 @@ impl PairLoads {
         fetch::later(&self.places[pairs.clone()]);
         self.loads.fetch(pairs);
     }
+}
+
+/// In the order of this number pairs are sorted.
+#[inline(always)]
+pub(super) fn number([i, j]: [u32; 2]) -> u64 {
+    u64::from(i) << u32::BITS | u64::from(j)
 }
 
 /// What stands there, as slices have it.
@@ -89,6 +95,27 @@ impl PairList {
         self.memory.extend_from_slice(&other.memory[range]);
     }
 
+    /// Takes in those candidates that are close, sorted; what they remember if they stand in a part of another list.
+    #[inline(never)]
+    pub(super) fn take_over(
+        &mut self,
+        candidates: &[[u32; 2]],
+        close: &[u32],
+        other: &Self,
+        range: Range<usize>,
+    ) {
+        let (places, memory) = (&other.places[range.clone()], &other.memory[range]);
+        let mut k = 0;
+        for &candidate in close {
+            let pair = candidates[candidate as usize];
+            while k < places.len() && number(places[k]) < number(pair) {
+                k += 1;
+            }
+            let is_known = k < places.len() && places[k] == pair;
+            self.push(pair, if is_known { memory[k] } else { [0.0; 4] });
+        }
+    }
+
     /// Some pairs, with what they remember.
     pub(super) fn all(&self, range: Range<usize>) -> impl Iterator<Item = ([u32; 2], [f32; 4])> {
         self.places[range.clone()].iter().copied().zip(self.memory[range].iter().copied())
@@ -97,43 +124,46 @@ impl PairList {
     /// Takes back what pairs remember; adds their places to others.
     #[inline(never)]
     pub(super) fn hand_back(&mut self, pairs: &[u32], memory: &[[f32; 4]], to: &mut Vec<[u32; 2]>) {
-        let from = to.len();
-        to.resize(from + pairs.len(), [0; 2]);
         let (places, memories) = (&self.places[..], &mut self.memory[..self.places.len()]);
-        for ((&pair, memory), to) in pairs.iter().zip(memory).zip(&mut to[from..]) {
+        to.extend(pairs.iter().map(|&pair| places[pair as usize]));
+        for (&pair, memory) in pairs.iter().zip(memory) {
             memories[pair as usize] = *memory;
-            *to = places[pair as usize];
         }
     }
+}
 
-    /// Finds those that are no further apart than `near` units of length. `apart` are their distances.
-    #[inline(always)]
-    pub(super) fn close<S: Wide>(simd: S, apart: &[[i32; 4]], near: f32, close: &mut Vec<u32>) {
-        // With room to write whole registers.
-        close.resize(apart.len() + WIDTH, 0);
-        let mut count = 0;
-        let mut quads = Quads::ZERO;
-        for (first, apart) in (0u32..).step_by(WIDTH).zip(apart.chunks(WIDTH)) {
-            for (quad, apart) in quads.0.iter_mut().zip(apart) {
-                *quad = apart.map(|d| f32::from_bits(d as u32));
-            }
-            let [x, y, z, _] = simd.to_lanes(&quads);
-            let mut distance2 = Lanes::ZERO;
-            for axis in [x, y, z] {
-                for k in 0..WIDTH {
-                    let d = axis.0[k].to_bits() as i32 as f32;
-                    distance2.0[k] += d * d;
-                }
-            }
-            let there = (1u32 << apart.len()) - 1;
-            let bits = places_of(simd.at_most(&distance2, near * near)) & there as u16;
-            let mut these = simd.to_front(&Places::EACH, bits);
-            for k in 0..WIDTH {
-                these.0[k] += first;
-            }
-            close[count..count + WIDTH].copy_from_slice(&these.0);
-            count += bits.count_ones() as usize;
+/// Finds those that are no further apart than `near` units of length, into `room`. `apart` are their distances.
+#[inline(always)]
+pub(super) fn close<'a, S: Wide>(
+    simd: S,
+    apart: &[[i32; 4]],
+    near: f32,
+    room: &'a mut Vec<u32>,
+) -> &'a [u32] {
+    // Whole registers are written.
+    let close = room_for(room, apart.len() + WIDTH, 0);
+    let mut count = 0;
+    let mut quads = Quads::ZERO;
+    for (first, apart) in (0u32..).step_by(WIDTH).zip(apart.chunks(WIDTH)) {
+        for (quad, apart) in quads.0.iter_mut().zip(apart) {
+            *quad = apart.map(|d| f32::from_bits(d as u32));
         }
-        close.truncate(count);
+        let [x, y, z, _] = simd.to_lanes(&quads);
+        let mut distance2 = Lanes::ZERO;
+        for axis in [x, y, z] {
+            for k in 0..WIDTH {
+                let d = axis.0[k].to_bits() as i32 as f32;
+                distance2.0[k] += d * d;
+            }
+        }
+        let there = (1u32 << apart.len()) - 1;
+        let bits = places_of(simd.at_most(&distance2, near * near)) & there as u16;
+        let mut these = simd.to_front(&Places::EACH, bits);
+        for k in 0..WIDTH {
+            these.0[k] += first;
+        }
+        close[count..count + WIDTH].copy_from_slice(&these.0);
+        count += bits.count_ones() as usize;
     }
+    &close[..count]
 }

@@ -4,7 +4,7 @@ use glam::IVec3;
 
 use super::body::Body;
 use super::instructions::Wide;
-use super::memory::{Lanes, Lanes3, Places, WIDTH, folded, places_of, quad_of};
+use super::memory::{Lanes, Lanes3, Places, WIDTH, folded, places_of, quad_of, room_for};
 use super::points::Points;
 use super::whereabouts::{Extent, Span, Whereabouts};
 use crate::engine::frame::Frame;
@@ -175,7 +175,7 @@ impl Finder {
         // Of those that are looked at one by one it is not told how near they are.
         apart2.0.iter_mut().for_each(|apart2| *apart2 = apart2.min(reach2));
         let room = (beside.len() + 1) * WIDTH;
-        seconds.resize(room * WIDTH, 0);
+        let seconds = room_for(seconds, room * WIDTH, 0);
         let mut counts = [0; WIDTH];
         for &(b, mut near) in &*beside {
             let xb = two.block(simd, 1, b);
