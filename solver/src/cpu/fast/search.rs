@@ -90,6 +90,8 @@ impl<'a> Two<'a> {
 pub(super) struct Finder {
     /// Blocks of the second body that are near one of the first, and which lanes of that one are near each.
     beside: Vec<(usize, u16)>,
+    /// The second body, as it is searched; empty until it is asked for.
+    theirs: Vec<Lanes3>,
     /// What is found for each sub-particle of a block, with room to write whole registers.
     seconds: Vec<u32>,
     /// What the last search has found: pairs of places, sorted.
@@ -128,6 +130,7 @@ impl Finder {
     /// below; it is no more than the reach where any was looked at by itself.
     #[inline(always)]
     fn find<S: Wide>(&mut self, simd: S, far: f32, two: &Two<'_>) -> f32 {
+        self.theirs.clear();
         let mut apart2 = Lanes([f32::INFINITY; WIDTH]);
         let around_second = two.around_second();
         for g in 0..two.at[0].rows() {
@@ -168,9 +171,14 @@ impl Finder {
                 }
             }
         }
-        let Self { beside, seconds, found } = self;
+        let Self { beside, theirs, seconds, found } = self;
         if beside.is_empty() {
             return;
+        }
+        if theirs.is_empty() {
+            for b in 0..two.points[1].blocks() {
+                theirs.push(two.block(simd, 1, b));
+            }
         }
         // Of those that are looked at one by one it is not told how near they are.
         apart2.0.iter_mut().for_each(|apart2| *apart2 = apart2.min(reach2));
@@ -178,12 +186,12 @@ impl Finder {
         let seconds = room_for(seconds, room * WIDTH, 0);
         let mut counts = [0; WIDTH];
         for &(b, mut near) in &*beside {
-            let xb = two.block(simd, 1, b);
+            let xb = &theirs[b];
             while near != 0 {
                 let lane = near.trailing_zeros() as usize;
                 near &= near - 1;
                 let x = [xa[0].0[lane], xa[1].0[lane], xa[2].0[lane]];
-                let distances2 = distances2_from_point(&xb, x, two.period);
+                let distances2 = distances2_from_point(xb, x, two.period);
                 let place = quad_of(lane);
                 let later = if alone && b == a { (!1u32 << place) as u16 } else { u16::MAX };
                 let hits = places_of(simd.at_most(&distances2, reach2)) & later;
@@ -195,9 +203,14 @@ impl Finder {
                 counts[place] += hits.count_ones() as usize;
             }
         }
-        for (place, count) in counts.into_iter().enumerate() {
-            let i = (a * WIDTH + place) as u32;
-            found.extend(seconds[place * room..][..count].iter().map(|&j| [i, j]));
+        let mut next = found.len();
+        found.resize(next + counts.iter().sum::<usize>(), [0; 2]);
+        for place in 0..WIDTH {
+            let (i, js) = ((a * WIDTH + place) as u32, &seconds[place * room..][..counts[place]]);
+            for (pair, &j) in found[next..].iter_mut().zip(js) {
+                *pair = [i, j];
+            }
+            next += counts[place];
         }
     }
 }
@@ -217,10 +230,18 @@ fn within<S: Wide>(simd: S, distances2: &Lanes, reach2: f32, apart2: &mut Lanes)
 #[inline(always)]
 fn distances2_from_point(block: &Lanes3, [x, y, z]: [f32; 3], [half, period]: [f32; 2]) -> Lanes {
     let mut distance2 = Lanes::ZERO;
+    let mut across = Lanes::ZERO;
     for k in 0..WIDTH {
-        let (dx, mut dy, dz) = (block[0].0[k] - x, block[1].0[k] - y, block[2].0[k] - z);
-        dy = if dy > half { dy - period } else { dy };
-        dy = if dy < -half { dy + period } else { dy };
+        across.0[k] = block[1].0[k] - y;
+    }
+    if period != 0.0 {
+        for dy in &mut across.0 {
+            *dy = if *dy > half { *dy - period } else { *dy };
+            *dy = if *dy < -half { *dy + period } else { *dy };
+        }
+    }
+    for k in 0..WIDTH {
+        let (dx, dy, dz) = (block[0].0[k] - x, across.0[k], block[2].0[k] - z);
         distance2.0[k] = dx * dx + dy * dy + dz * dz;
     }
     distance2
