@@ -11,6 +11,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::body::{Body, root_of_equivalent};
+use super::fetch;
 use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{self, Felt};
 use super::laws::PairLaws;
@@ -212,7 +213,16 @@ impl Contacts<'_> {
         spare.clear();
         // Pairs of meetings that are not due, one after the other: they go over together.
         let mut stay = 0..0;
-        for (meeting, &due) in self.meetings.iter_mut().zip(due) {
+        for m in 0..self.meetings.len() {
+            // Meanwhile comes from memory what the next will look at.
+            if due[m]
+                && let Some(next) = due[m + 1..].iter().position(|&due| due)
+            {
+                let Meeting { bodies, candidates, .. } = &self.meetings[m + 1 + next];
+                fetch::soon(&candidates.pairs);
+                fetch::soon(&self.bodies[bodies[1] as usize].points.positions);
+            }
+            let (meeting, due) = (&mut self.meetings[m], due[m]);
             let old = meeting.pairs();
             if due || old.start != stay.end {
                 spare.extend(list, stay);
