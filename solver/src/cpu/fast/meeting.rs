@@ -16,7 +16,7 @@ use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{self, Felt};
 use super::laws::PairLaws;
 use super::load::{BATCH, Batch};
-use super::memory::room_for;
+use super::memory::space;
 use super::pairs::{self, BodyPairs, PairList, PairLoads};
 use super::points::{Motion, place_of};
 use super::search::{Finder, Search};
@@ -140,7 +140,7 @@ impl Meeting {
             return &[];
         }
         *leeway = Leeway::new(motions, skin);
-        let apart = room_for(apart, candidates.pairs.len(), [0; 4]);
+        let apart = space(apart, candidates.pairs.len());
         pairs::look(&candidates.pairs, [&a.points, &b.points], frame, apart);
         pairs::close(simd, apart, (search.reach + skin) / frame.unit_m, close)
     }
@@ -214,7 +214,7 @@ impl Contacts<'_> {
         // Pairs of meetings that are not due, one after the other: they go over together.
         let mut stay = 0..0;
         for m in 0..self.meetings.len() {
-            // Meanwhile comes from memory what the next will look at.
+            // What the next will look at comes meanwhile, all of it: a search takes longer than that.
             if due[m]
                 && let Some(next) = due[m + 1..].iter().position(|&due| due)
             {
@@ -252,7 +252,7 @@ impl Contacts<'_> {
         let mine = &self.bodies[self.meetings[0].bodies[0] as usize];
         loads.clear();
         places.clear();
-        let apart = room_for(&mut looks.apart, list.len(), [0; 4]);
+        let apart = space(&mut looks.apart, list.len());
         // Most meetings have no pair.
         for meeting in self.meetings.iter().filter(|it| !it.pairs.is_empty()) {
             let ([_, other], pairs) = (meeting.bodies, meeting.pairs());

@@ -107,13 +107,13 @@ impl Quads {
     }
 }
 
-/// Room for so many, which may hold anything: a vector that only grows need not be filled each time.
+/// So much of a vector, which may hold anything: what only grows need not be filled each time.
 #[inline(always)]
-pub(super) fn room_for<T: Copy>(room: &mut Vec<T>, count: usize, fill: T) -> &mut [T] {
-    if room.len() < count {
-        room.resize(count, fill);
+pub(super) fn space<T: Copy + Default>(of: &mut Vec<T>, count: usize) -> &mut [T] {
+    if of.len() < count {
+        of.resize(count, T::default());
     }
-    &mut room[..count]
+    &mut of[..count]
 }
 
 /// Positions side by side, in metres from one.

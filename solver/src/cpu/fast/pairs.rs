@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::fetch;
 use super::instructions::Wide;
 use super::load::Loads;
-use super::memory::{Lanes, Places, Quads, WIDTH, places_of, room_for};
+use super::memory::{Lanes, Places, Quads, WIDTH, places_of, space};
 use super::points::Points;
 use crate::engine::frame::Frame;
 
@@ -141,7 +141,7 @@ pub(super) fn close<'a, S: Wide>(
     room: &'a mut Vec<u32>,
 ) -> &'a [u32] {
     // Whole registers are written.
-    let close = room_for(room, apart.len() + WIDTH, 0);
+    let close = space(room, apart.len() + WIDTH);
     let mut count = 0;
     let mut quads = Quads::ZERO;
     for (first, apart) in (0u32..).step_by(WIDTH).zip(apart.chunks(WIDTH)) {

@@ -4,7 +4,7 @@ use glam::IVec3;
 
 use super::body::Body;
 use super::instructions::Wide;
-use super::memory::{Lanes, Lanes3, Places, WIDTH, folded, places_of, quad_of, room_for};
+use super::memory::{Lanes, Lanes3, Places, WIDTH, folded, places_of, quad_of, space};
 use super::points::Points;
 use super::whereabouts::{Extent, Span, Whereabouts};
 use crate::engine::frame::Frame;
@@ -48,7 +48,7 @@ struct Two<'a> {
     unit_m: f32,
     /// Square of the distance within which pairs are wanted, in m².
     reach2: f32,
-    /// Half the period along y and all of it, in metres; infinity and 0 where there is none, since nothing is half of that away.
+    /// Half the period along y and all of it, in metres; 0 where there is none.
     period: [f32; 2],
     alone: bool,
 }
@@ -63,9 +63,8 @@ impl<'a> Two<'a> {
     ) -> Self {
         let unit_m = frame.unit_m;
         let period = frame.period_y as f32 * unit_m;
-        let half = if period == 0.0 { f32::INFINITY } else { 0.5 * period };
         let from = at[1].whole.low;
-        Self { points, at, from, unit_m, reach2: reach * reach, period: [half, period], alone }
+        Self { points, at, from, unit_m, reach2: reach * reach, period: [0.5 * period, period], alone }
     }
 
     fn is_periodic(&self) -> bool {
@@ -183,7 +182,7 @@ impl Finder {
         // Of those that are looked at one by one it is not told how near they are.
         apart2.0.iter_mut().for_each(|apart2| *apart2 = apart2.min(reach2));
         let room = (beside.len() + 1) * WIDTH;
-        let seconds = room_for(seconds, room * WIDTH, 0);
+        let seconds = space(seconds, room * WIDTH);
         let mut counts = [0; WIDTH];
         for &(b, mut near) in &*beside {
             let xb = &theirs[b];
