@@ -269,6 +269,15 @@ fn bodies_that_have_strayed_meet() {
 }
 
 #[test]
+fn what_leaves_at_once_takes_no_pairs_of_others_along() {
+    // The second touches the first, and in one step is too far from it to meet; its pairs stood before those of the third.
+    let beside = |x: f64, speed: f64| at(DVec3::X * x * RADIUS, DVec3::X * speed);
+    let bodies = vec![beside(0.0, 0.0), beside(8.0, 29.0), beside(-7.9, 1.0)];
+    let scene = scene(block([4, 4, 3]), bodies, 1e-3);
+    assert_agrees("gone at once", &scene, &Course::of(3));
+}
+
+#[test]
 fn what_is_held_stays_and_pushes_alike() {
     let mut scene = drop();
     scene.held = (0..40).collect();
