@@ -3,12 +3,11 @@
 
 mod common;
 
-use common::{Bench, at, blocks, law, small_hopper};
+use common::{Bench, assert_same, at, blocks, law, small_hopper};
 use glam::{DQuat, DVec3};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::Scene;
-use roost_solver::engine::state::State;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::Scenario;
 use roost_solver::{CpuOptions, Flow, Progress, simulate};
@@ -52,15 +51,6 @@ fn block_of(body: u32) -> Vec<u32> {
     (48 * body..48 * body + 48).collect()
 }
 
-fn assert_same(a: &State, b: &State) {
-    for (k, (p, q)) in a.particles.iter().zip(&b.particles).enumerate() {
-        assert_eq!(p.position, q.position, "sub-particle {k}");
-        let bits = |v: glam::Vec3| v.to_array().map(f32::to_bits);
-        assert_eq!(bits(p.velocity), bits(q.velocity), "sub-particle {k}");
-        assert_eq!(bits(p.spin), bits(q.spin), "sub-particle {k}");
-    }
-}
-
 #[test]
 fn pieces_and_batches_change_no_bit() {
     let scene = blocks();
@@ -70,14 +60,14 @@ fn pieces_and_batches_change_no_bit() {
     for steps in [1, 7, 500, 1492] {
         pieces.steps(steps);
     }
-    assert_same(whole.state(), pieces.state());
+    assert_same(whole.state(), pieces.state(), "pieces");
 
     let cpu = common::backend(2);
     let (mut a, mut b) = (cpu.prepare(&scene), cpu.prepare(&scene));
     cpu.advance(&mut [(&mut a, 2000), (&mut b, 1000)]);
     cpu.advance(&mut [(&mut b, 1000)]);
-    assert_same(whole.state(), cpu.state(&mut a));
-    assert_same(whole.state(), cpu.state(&mut b));
+    assert_same(whole.state(), cpu.state(&mut a), "first of a batch");
+    assert_same(whole.state(), cpu.state(&mut b), "second of a batch");
 }
 
 #[test]
@@ -151,7 +141,7 @@ fn a_stranger_that_renews_all_lists_changes_no_bit() {
     }
     let mut kept = both.state().clone();
     kept.remove(&block_of(3));
-    assert_same(alone.state(), &kept);
+    assert_same(alone.state(), &kept, "beside a stranger");
 }
 
 #[test]
@@ -171,7 +161,7 @@ fn lists_that_are_new_in_every_step_change_no_bit() {
                 renewed.cpu.remove(&mut renewed.run, &[]);
                 renewed.steps(1);
             }
-            assert_same(kept.state(), renewed.state());
+            assert_same(kept.state(), renewed.state(), "renewed");
         }
     }
 }
@@ -193,7 +183,7 @@ fn what_has_left_is_not_missed() {
         assert_eq!(fewer.state().serials[95], if gone == 0 { 143 } else { 95 });
         let mut kept = all.state().clone();
         kept.remove(&block_of(gone));
-        assert_same(&kept, fewer.state());
+        assert_same(&kept, fewer.state(), "fewer");
         assert!(all.state().max_speed() > 0.0);
     }
 

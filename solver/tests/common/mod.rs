@@ -118,6 +118,19 @@ pub fn small_hopper(opening_m: f64) -> Scenario {
     scenario::from_value(&document).expect("a sound scenario")
 }
 
+/// Every bit of positions, velocities and spins.
+#[track_caller]
+pub fn assert_same(a: &State, b: &State, what: &str) {
+    assert_eq!(a.particles.len(), b.particles.len(), "{what}");
+    // `==` on floats would take -0 for 0.
+    let bits = |v: glam::Vec3| v.to_array().map(f32::to_bits);
+    for (k, (p, q)) in a.particles.iter().zip(&b.particles).enumerate() {
+        assert_eq!(p.position, q.position, "{what}: sub-particle {k}");
+        let [p, q] = [p, q].map(|it| (bits(it.velocity), bits(it.spin)));
+        assert_eq!(p, q, "{what}: sub-particle {k}");
+    }
+}
+
 /// Three blocks: two that fall onto each other and a plate, and one far away.
 pub fn blocks() -> Scene {
     let bodies = vec![
