@@ -12,6 +12,7 @@ use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Kind, Scene};
 use roost_solver::equipment::{Motion, SurfaceKind};
 use roost_solver::physics::contact::{self, ContactMemory};
+use roost_solver::physics::damping::BODIES;
 use roost_solver::physics::friction;
 use roost_solver::shape::lattice::LatticeBond;
 
@@ -89,7 +90,9 @@ fn a_stored_displacement_turns_with_spins_about_the_normal() {
         let mut memory = ContactMemory { touching: true, slide: Vec3::X * 1e-6 };
         let spin = Vec3::Z * quarter * share;
         let held = (0..1000)
-            .filter_map(|_| contact::force(&law, &mut memory, Vec3::Z, 1e-4, Vec3::ZERO, spin, 2.3e-4, 1e-5))
+            .filter_map(|_| {
+                contact::force(&law, &mut memory, Vec3::Z, 1e-4, Vec3::ZERO, spin, 2.3e-4, BODIES, 1e-5)
+            })
             .last()
             .expect("touches")
             .tangential;

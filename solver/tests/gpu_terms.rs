@@ -45,8 +45,17 @@ fn unit(v: Vec3) -> Vec3 {
 
 fn contact_of(x: &[f32], adheres: bool) -> Vec<f32> {
     let mut memory = ContactMemory { touching: x[0] > 0.0, slide: v(x, 1) };
-    let force =
-        contact::force(&law(adheres), &mut memory, unit(v(x, 4)), x[7], v(x, 8), v(x, 11), x[14], x[15]);
+    let force = contact::force(
+        &law(adheres),
+        &mut memory,
+        unit(v(x, 4)),
+        x[7],
+        v(x, 8),
+        v(x, 11),
+        x[14],
+        damping::BODIES,
+        x[15],
+    );
     let of = force.unwrap_or_default();
     let flags = [f32::from(u8::from(memory.touching)), f32::from(u8::from(force.is_some()))];
     [&flags[..], &memory.slide.to_array(), &of.normal.to_array(), &of.tangential.to_array()].concat()
@@ -74,7 +83,7 @@ const CONTACT: &str = "
     let length = length3(d);
     var n = vec3(0.0);
     if length > 0.0 { n = d / length; }
-    let force = contact_force(LAW, &memory, n, x(7u), x3(8u), x3(11u), x(14u), x(15u));
+    let force = contact_force(LAW, &memory, n, x(7u), x3(8u), x3(11u), x(14u), BODIES, x(15u));
     put(0u, select(0.0, 1.0, memory.touching));
     put(1u, select(0.0, 1.0, force.acts));
     put3(2u, memory.slide);
@@ -170,13 +179,18 @@ fn terms() -> Vec<Term> {
         Term {
             name: "damping",
             inputs: vec![0.0..2.0, 0.0..100.0, 1e-5..1e-3, 1e-5..1e-3],
-            outputs: 2,
-            wgsl: "put(0u, damping_constant(x(0u), x(1u), x(2u), ALONG, x(3u))); \
-                   put(1u, damping_constant(x(0u), x(1u), x(2u), ACROSS, x(3u)));",
+            outputs: 6,
+            wgsl: "var most = array(NEIGHBOURS, BODIES, SURFACE); \
+                   for (var k = 0u; k < 3u; k++) { \
+                       put(2u * k, damping_constant(x(0u), x(1u), x(2u), most[k].x, x(3u))); \
+                       put(2u * k + 1u, damping_constant(x(0u), x(1u), x(2u), most[k].y, x(3u))); \
+                   }",
             rust: |x| {
-                [damping::ALONG, damping::ACROSS]
-                    .map(|b| damping::constant(x[0], x[1], x[2], b, x[3]))
-                    .to_vec()
+                [damping::NEIGHBOURS, damping::BODIES, damping::SURFACE]
+                    .iter()
+                    .flat_map(|most| [most.along, most.across])
+                    .map(|most| damping::constant(x[0], x[1], x[2], most, x[3]))
+                    .collect()
             },
         },
         Term {
@@ -309,7 +323,7 @@ fn an_error_in_any_term_is_found_and_named() {
     let planted = [
         ("vector", "a.y * b.z - b.y * a.z", "a.y * b.z + b.y * a.z", "products of vectors"),
         ("damping", "stiffness * m_star", "stiffness * m_star * 1.000001", "damping"),
-        ("damping", "MOST * m_star / (b * dt)", "MOST * m_star / dt", "damping"),
+        ("damping", "most * m_star / dt", "m_star / dt", "damping"),
         ("hertz", "4.0 / 3.0 * e_star", "1.333 * e_star", "hertz"),
         ("jkr", "k < 3", "k < 2", "jkr root"),
         ("jkr", "- 2.0 * x3", "- 2.00001 * x3", "jkr"),

@@ -11,7 +11,7 @@ use super::{CHUNK, Params};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
 use crate::physics::contact::ContactMemory;
-use crate::physics::{bond, contact};
+use crate::physics::{bond, contact, damping};
 
 /// What acts on a sub-particle in one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -119,10 +119,11 @@ fn from_pairs(
             }
         }
         if !bonded || laws.contact_between_bonded {
+            let most = if bonded { damping::NEIGHBOURS } else { damping::BODIES };
             let m_star = mass * state.masses[j] / (mass + state.masses[j]);
             let delta = touch - length;
             if let Some(force) =
-                contact::force(&laws.tissue, &mut pair.contact, n, delta, -v, spin, m_star, *dt)
+                contact::force(&laws.tissue, &mut pair.contact, n, delta, -v, spin, m_star, most, *dt)
             {
                 load.add(force.normal + force.tangential, arm, force.tangential);
                 if !bonded {
@@ -150,7 +151,9 @@ fn from_walls(
         let n = touch.to_wall / touch.distance;
         let v = me.velocity + me.spin.cross(touch.to_wall) - touch.velocity;
         let (law, delta) = (walls.law(wall.facet), radius - touch.distance);
-        if let Some(force) = contact::force(law, &mut wall.contact, n, delta, v, touch.spin, mass, dt) {
+        if let Some(force) =
+            contact::force(law, &mut wall.contact, n, delta, v, touch.spin, mass, damping::SURFACE, dt)
+        {
             wall.force = force.normal + force.tangential;
             load.add(wall.force, touch.to_wall, force.tangential);
         }

@@ -3,7 +3,7 @@
 use crate::cpu::walls::{AT_THE_EDGE, SAME, SAME_WAY};
 use crate::gpu::layout;
 use crate::physics::bond::{Form, STRETCH_CLAMP};
-use crate::physics::damping::{ACROSS, ALONG, MOST};
+use crate::physics::damping;
 use crate::physics::jkr::{CURVATURE, D_SNAP, X_SNAP};
 
 /// A file of functions without state.
@@ -65,10 +65,10 @@ fn constants() -> String {
         ("SAME", SAME),
         ("AT_THE_EDGE", AT_THE_EDGE),
         ("SAME_WAY", SAME_WAY),
-        ("MOST", MOST),
-        ("ALONG", ALONG),
-        ("ACROSS", ACROSS),
     ];
+    // What dashpots take along n and across it.
+    let pairs =
+        [("NEIGHBOURS", damping::NEIGHBOURS), ("BODIES", damping::BODIES), ("SURFACE", damping::SURFACE)];
     let numbers = [
         ("COROTATED", layout::form(Form::Corotated)),
         ("AS_PUBLISHED", layout::form(Form::AsPublished)),
@@ -78,6 +78,9 @@ fn constants() -> String {
         ("GROUP", super::pipelines::GROUP),
     ];
     let floats = floats.map(|(name, value)| format!("const {name}: f32 = {value:?}f;\n"));
+    let pairs = pairs.map(|(name, most)| {
+        format!("const {name}: vec2<f32> = vec2({:?}f, {:?}f);\n", most.along, most.across)
+    });
     let numbers = numbers.map(|(name, value)| format!("const {name}: u32 = {value}u;\n"));
-    floats.concat() + &numbers.concat()
+    floats.concat() + &pairs.concat() + &numbers.concat()
 }

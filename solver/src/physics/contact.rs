@@ -5,9 +5,10 @@
 
 use glam::Vec3;
 
+use super::damping::{self, Most};
 use super::hertz::Moduli;
 use super::jkr::{GAMMA_MIN, JkrScale};
-use super::{damping, friction, hertz, jkr};
+use super::{friction, hertz, jkr};
 
 /// The parameters of one kind of contact, computed once from the scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +65,8 @@ pub struct ContactForce {
 }
 
 /// The force on i, or `None` when the surfaces do not touch. `v` is the velocity of i relative to j at the
-/// contact point in m/s, `spin` that of the patch where they touch in rad/s, `m_star` the equivalent mass in kg.
+/// contact point in m/s, `spin` that of the patch where they touch in rad/s, `m_star` the equivalent mass in kg, `most` what
+/// dashpots may take between these two.
 #[expect(clippy::too_many_arguments, reason = "the quantities of the equations, in their order")]
 pub fn force(
     law: &ContactLaw,
@@ -74,6 +76,7 @@ pub fn force(
     v: Vec3,
     spin: Vec3,
     m_star: f32,
+    most: Most,
     dt: f32,
 ) -> Option<ContactForce> {
     let holds = match law.jkr {
@@ -93,10 +96,10 @@ pub fn force(
     let k_t = 8.0 * law.g_star * a;
     let v_n = v.dot(n);
     let v_t = v - n * v_n;
-    let total = elastic + damping::constant(law.damping, k_n, m_star, damping::ALONG, dt) * v_n;
+    let total = elastic + damping::constant(law.damping, k_n, m_star, most.along, dt) * v_n;
     // At δ = 0 without adhesion the contact has no area and nothing to hold on to.
     let tangential = if a > 0.0 {
-        let eta_t = damping::constant(law.damping, k_t, m_star, damping::ACROSS, dt);
+        let eta_t = damping::constant(law.damping, k_t, m_star, most.across, dt);
         memory.slide = friction::turned(memory.slide, n, spin.dot(n) * dt) + v_t * dt;
         friction::force(&mut memory.slide, v_t, k_t, eta_t, law.mu * total.max(0.0))
     } else {

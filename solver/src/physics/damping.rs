@@ -3,12 +3,13 @@
 //! η = 2√(5/6) |β| √(k m*),  β = ln e / √(ln² e + π²)
 //!
 //! A step of length δt sees the dashpot at the velocity before it, and where η b δt / m* > 1 it would turn round what it
-//! is to slow. So it takes no more than half of the motion of the two against each other, however long the step:
+//! is to slow; a sub-particle that many hold, all of them at once, the sooner. So a dashpot takes no more than a share λ of the
+//! motion of the two against each other, however long the step:
 //!
-//! η ≤ m* / (2 b δt)
+//! η ≤ λ m* / (b δt)
 //!
-//! What acts across n also spins the two, which so give way the more easily: b = 1 + m R²/I = 7/2, and 1 along n. At the paper's step no
-//! contact of its fillets comes near that, with sub-particles of 4 mm and more.
+//! What acts across n also spins the two, which so give way the more easily: b = 1 + m R²/I = 7/2, and 1 along n. At the paper's step
+//! none of its contacts comes near that along n, and across only where fillets of 4 mm sub-particles overlap by half of R or more.
 //!
 //! | symbol | unit | meaning |
 //! |---|---|---|
@@ -18,14 +19,33 @@
 //! | m* | kg | equivalent mass, m₁m₂/(m₁ + m₂); the mass of the sub-particle against equipment |
 //! | b | – | how easily the two give way, in units of 1/m* |
 
-/// The most that a dashpot takes of a motion in one step, as a share.
-pub const MOST: f32 = 0.5;
-
-/// b along n.
-pub const ALONG: f32 = 1.0;
-
 /// b across n.
-pub const ACROSS: f32 = 3.5;
+const GIVES_WAY_ACROSS: f32 = 3.5;
+
+/// The most that a dashpot takes of a motion in one step, as a share over b.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Most {
+    /// λ along n.
+    pub along: f32,
+    /// λ/b across n.
+    pub across: f32,
+}
+
+impl Most {
+    /// With so large a share along n. Across it is a fifth: of many that hold a sub-particle each takes its spin as well.
+    const fn of(along: f32) -> Self {
+        Self { along, across: 0.2 / GIVES_WAY_ACROSS }
+    }
+}
+
+/// Between neighbours that a bond joins: one on either side.
+pub const NEIGHBOURS: Most = Most::of(0.5);
+
+/// Between sub-particles of different bodies: up to nine of them hold one that neighbours hold already.
+pub const BODIES: Most = Most::of(0.25);
+
+/// Against equipment, mostly on one side.
+pub const SURFACE: Most = Most::of(0.75);
 
 /// The factor 2√(5/6) |β| for a coefficient of restitution.
 pub fn factor(restitution: f64) -> f64 {
@@ -33,7 +53,7 @@ pub fn factor(restitution: f64) -> f64 {
     2.0 * (5.0f64 / 6.0).sqrt() * (ln / (ln * ln + std::f64::consts::PI.powi(2)).sqrt()).abs()
 }
 
-/// The dashpot constant η, in kg/s, as a step of `dt` seconds takes it; `b` is [`ALONG`] or [`ACROSS`].
-pub fn constant(factor: f32, stiffness: f32, m_star: f32, b: f32, dt: f32) -> f32 {
-    (factor * (stiffness * m_star).sqrt()).min(MOST * m_star / (b * dt))
+/// The dashpot constant η, in kg/s, as a step of `dt` seconds takes it; `most` is λ/b, of [`Most`].
+pub fn constant(factor: f32, stiffness: f32, m_star: f32, most: f32, dt: f32) -> f32 {
+    (factor * (stiffness * m_star).sqrt()).min(most * m_star / dt)
 }

@@ -15,8 +15,8 @@
 //! - one sub-particle rolling on a surface: ω² = (1 + m R² / I) K_t / m = 3.5 K_t / m.
 //!
 //! Leapfrog is stable for δt < 2/ω, and with dashpots taken at the old velocity while ω² δt²/4 + c δt / 2m < 1. A contact's dashpot
-//! takes no more than half of a motion in a step ([`super::damping`]), so that the six of a lattice point by themselves make no step
-//! unstable; some eight would. All are estimates of the linear lattice; contact
+//! takes no more than a share of a motion in a step ([`super::damping`]), so that those of a lattice point by themselves make no step
+//! unstable. All are estimates of the linear lattice; contact
 //! stiffens with overlap and is taken at a stated overlap.
 //!
 //! | symbol | unit | meaning |
@@ -27,7 +27,7 @@
 //! | c | kg/s | the η of the contacts that act in the mode, summed as the K are |
 
 use super::contact::ContactLaw;
-use super::damping::{self, ACROSS, ALONG};
+use super::damping::{self, NEIGHBOURS, SURFACE};
 use crate::engine::scene::Laws;
 
 /// Overlap at which contact stiffness is taken, as a share of R: about the deepest in a filled hopper. Where fillets
@@ -61,17 +61,17 @@ pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stabil
     let (side_n, side_t) = (k_n + share * along(law), k_t + share * across(law));
     let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
     let diagonal = 8.0 * (diagonal_n + 2.0 * diagonal_t);
-    let eta = |law: &ContactLaw, stiffness: f64, m_star: f64, b: f32, dt: f64| {
-        f64::from(damping::constant(law.damping, stiffness as f32, m_star as f32, b, dt as f32))
+    let eta = |law: &ContactLaw, stiffness: f64, m_star: f64, most: f32, dt: f64| {
+        f64::from(damping::constant(law.damping, stiffness as f32, m_star as f32, most, dt as f32))
     };
-    let eta_n = |dt| share * eta(law, along(law), mass / 2.0, ALONG, dt);
-    let eta_t = |dt| share * eta(law, across(law), mass / 2.0, ACROSS, dt);
+    let eta_n = |dt| share * eta(law, along(law), mass / 2.0, NEIGHBOURS.along, dt);
+    let eta_t = |dt| share * eta(law, across(law), mass / 2.0, NEIGHBOURS.across, dt);
     let apart = 4.0 * (side_n + 2.0 * side_t) + diagonal;
     let alike = 20.0 * side_t + 80.0 * diagonal_t;
     let breaking = 4.0 * (k_n + 2.0 * k_t) + diagonal + 2.0 * (bond.stretched_k_n() - k_n);
     let rolling = [laws.equipment, laws.belt].map(|law| {
         let stiffness = across(&law);
-        longest(mass, 3.5 * stiffness, |dt| 3.5 * eta(&law, stiffness, mass, ACROSS, dt))
+        longest(mass, 3.5 * stiffness, |dt| 3.5 * eta(&law, stiffness, mass, SURFACE.across, dt))
     });
     let lattice = [
         longest(mass, apart, |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt))),

@@ -17,7 +17,7 @@ import numpy as np
 E, POISSON, DENSITY = 48_600.0, 0.37, 2200.0  # Pa, kg/m3: Table 2
 E_STAR = E / (2.0 * (1.0 - POISSON**2))
 G_STAR = E / (2.0 * (1.0 + POISSON)) / (2.0 * (2.0 - POISSON))
-MOST = 0.5  # share of a motion that a dashpot takes in a step
+ALONG, ACROSS = 0.5, 0.2  # shares of a motion that a dashpot takes in a step
 
 
 class Lattice:
@@ -32,7 +32,7 @@ class Lattice:
 
     def dashpots(self, dt):
         m_star = self.mass / 2.0
-        most = (MOST * m_star / dt, MOST * m_star / (3.5 * dt))
+        most = (ALONG * m_star / dt, ACROSS * m_star / (3.5 * dt))
         return [min(self.damping * math.sqrt(k * m_star), limit) for k, limit in zip(self.contact, most)]
 
     def matrix(self, along, across, wave):

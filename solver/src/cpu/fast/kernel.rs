@@ -11,7 +11,7 @@ use super::laws::{LaneContact, PairLaws};
 use super::load::BatchLanes;
 use super::memory::{Lanes, Lanes3, WIDTH};
 use crate::physics::bond::{Form, STRETCH_CLAMP};
-use crate::physics::damping::{ACROSS, ALONG, MOST};
+use crate::physics::damping::{BODIES, Most, NEIGHBOURS, SURFACE};
 
 /// Squares of what is turned below which it has no direction.
 const NO_LENGTH2: f32 = 1e-30;
@@ -154,7 +154,7 @@ pub(super) fn contacts<S: Wide>(
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
         let pairs = Pairs::new(simd, laws.dt, seen, part);
         let root_mass = F::load(simd, [mass_a, mass_b], part);
-        let meets = Meets::new(simd, &laws.contact, laws.touch, laws.dt, root_mass);
+        let meets = Meets::new(simd, &laws.contact, laws.touch, BODIES, laws.dt, root_mass);
         let (push, across, delta) = contact(simd, &meets, &pairs, exists, [&mut one, &mut two], part);
         deepest = deepest.max(delta);
         pairs.n.mul_from(push, across).store([&mut a.force, &mut b.force], part);
@@ -177,7 +177,7 @@ pub(super) fn surfaces<S: Wide>(
     [a, b]: &mut [Felt; 2],
 ) {
     let root_mass = F::splat(simd, root_mass);
-    let meets = Meets::new(simd, law, 0.5 * laws.touch, laws.dt, root_mass);
+    let meets = Meets::new(simd, law, 0.5 * laws.touch, SURFACE, laws.dt, root_mass);
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     let (mut one, mut two) = (one.held(), two.held());
     for part in 0..WIDTH / S::F32_LANES {
@@ -201,16 +201,25 @@ pub(super) fn bonds<S: Wide>(
     [a, b]: &mut [Felt; 2],
 ) -> f32 {
     let zero = F::splat(simd, 0.0);
-    let meets = Meets::new(simd, &laws.contact, laws.touch, laws.dt, F::splat(simd, root_mass));
+    let root_mass = F::splat(simd, root_mass);
+    let joined = Meets::new(simd, &laws.contact, laws.touch, NEIGHBOURS, laws.dt, root_mass);
+    let parted = Meets::new(simd, &laws.contact, laws.touch, BODIES, laws.dt, root_mass);
     let mut deepest = zero;
     let free = [one.exists & !*one.intact, two.exists & !*two.intact];
     let touch = if laws.contact_between_bonded { [one.exists, two.exists] } else { free };
     let any_touches = touch[0] | touch[1] != 0;
+    let any_free = free[0] | free[1] != 0;
     for part in 0..WIDTH / S::F32_LANES {
         let pairs = Pairs::new(simd, laws.dt, seen, part);
         let (mut pull, mut across) = bond(simd, laws, &pairs, [one, two], part);
         if any_touches {
             let touches = Mask::of_bits(simd, touch, part);
+            let mut meets = joined;
+            if any_free {
+                let free = Mask::of_bits(simd, free, part);
+                meets.along = free.select(parted.along, joined.along);
+                meets.across = free.select(parted.across, joined.across);
+            }
             let contacts = [&mut one.contacts, &mut two.contacts];
             let (push, tangential, delta) = contact(simd, &meets, &pairs, touches, contacts, part);
             pull = pull - push;
@@ -270,6 +279,7 @@ fn bond<S: Wide>(
 }
 
 /// What contacts of one kind have in common.
+#[derive(Clone, Copy)]
 struct Meets<'a, S: Simd> {
     law: &'a LaneContact,
     /// Length at which they touch, in metres.
@@ -277,15 +287,18 @@ struct Meets<'a, S: Simd> {
     dt: f32,
     /// √m*, in kg^½.
     root_mass: F<S>,
-    /// The most that a dashpot along n can be, in kg/s.
-    most: F<S>,
+    /// The most that dashpots along n and across it can be, in kg/s.
+    along: F<S>,
+    across: F<S>,
 }
 
 impl<'a, S: Simd> Meets<'a, S> {
     #[inline(always)]
-    fn new(simd: S, law: &'a LaneContact, touch: f32, dt: f32, root_mass: F<S>) -> Self {
-        let most = root_mass * root_mass * F::splat(simd, MOST / (ALONG * dt));
-        Self { law, touch, dt, root_mass, most }
+    fn new(simd: S, law: &'a LaneContact, touch: f32, most: Most, dt: f32, root_mass: F<S>) -> Self {
+        let m_star = root_mass * root_mass;
+        let along = m_star * F::splat(simd, most.along / dt);
+        let across = m_star * F::splat(simd, most.across / dt);
+        Self { law, touch, dt, root_mass, along, across }
     }
 }
 
@@ -322,8 +335,8 @@ fn contact<S: Wide>(
         }
     };
     let damp = meets.root_mass * root_a;
-    let eta_n = (splat(*damping_n) * damp).min(meets.most);
-    let eta_t = (splat(*damping_t) * damp).min(meets.most * splat(ALONG / ACROSS));
+    let eta_n = (splat(*damping_n) * damp).min(meets.along);
+    let eta_t = (splat(*damping_t) * damp).min(meets.across);
     let total = eta_n.mul_from(v_n, elastic);
     // Friction, as in `physics::friction`; without area there is nothing to hold on to.
     let holds_on = zero.lt(a);

@@ -20,6 +20,7 @@ fn contact_force(
     v: vec3<f32>,
     spin: vec3<f32>,
     m_star: f32,
+    most: vec2<f32>,
     dt: f32,
 ) -> ContactForce {
     let least = select(0.0, law.snap_overlap, law.adheres != 0u && (*memory).touching);
@@ -39,10 +40,10 @@ fn contact_force(
     let k_t = 8.0 * law.g_star * a;
     let v_n = dot3(v, n);
     let v_t = v - n * v_n;
-    let total = elastic.force + damping_constant(law.damping, k_n, m_star, ALONG, dt) * v_n;
+    let total = elastic.force + damping_constant(law.damping, k_n, m_star, most.x, dt) * v_n;
     var tangential = vec3(0.0);
     if a > 0.0 {
-        let eta_t = damping_constant(law.damping, k_t, m_star, ACROSS, dt);
+        let eta_t = damping_constant(law.damping, k_t, m_star, most.y, dt);
         var slide = turned((*memory).slide, n, dot3(spin, n) * dt) + v_t * dt;
         tangential = friction_force(&slide, v_t, k_t, eta_t, law.mu * max(total, 0.0));
         (*memory).slide = slide;

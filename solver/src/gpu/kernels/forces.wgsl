@@ -63,7 +63,8 @@ fn from_pairs(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> 
         if !bonded || scene.contact_between_bonded != 0u {
             let m_star = me.mass * other.mass / (me.mass + other.mass);
             let delta = touch - length;
-            let force = contact_force(scene.tissue, &memory, n, delta, -v, spin, m_star, scene.dt);
+            let most = select(BODIES, NEIGHBOURS, bonded);
+            let force = contact_force(scene.tissue, &memory, n, delta, -v, spin, m_star, most, scene.dt);
             if force.acts {
                 add(load, force.normal + force.tangential, arm, force.tangential);
                 if !bonded {
@@ -99,7 +100,7 @@ fn from_walls(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) {
             let v = me.velocity + cross3(me.spin, touch.to_wall) - touch.velocity;
             let delta = scene.radius - touch.distance;
             let spin = pose_of(scene, surface_of(scene, touch.facet)).spin;
-            let contact = contact_force(law, &memory, n, delta, v, spin, me.mass, scene.dt);
+            let contact = contact_force(law, &memory, n, delta, v, spin, me.mass, SURFACE, scene.dt);
             if contact.acts {
                 force = contact.normal + contact.tangential;
                 add(load, force, touch.to_wall, contact.tangential);

@@ -1,0 +1,131 @@
+//! The step of `auto` against the bed that it must carry: fillets pressed into each other, as they come to rest in a hopper.
+//!
+//! A motion that turns round from step to step grows where, with K and C the stiffnesses and dashpots of all that touches and M the
+//! masses and moments of inertia, the greatest eigenvalue of M⁻¹ (K δt²/4 + C δt/2) is above 1. Everything that touches is taken to stick, and
+//! K and C are worked out here from the laws and from where the sub-particles are.
+
+mod common;
+
+use std::collections::{HashMap, HashSet};
+
+use common::Bench;
+use glam::{DVec3, IVec3};
+use roost_solver::cpu::Cpu;
+use roost_solver::engine::Backend;
+use roost_solver::engine::scene::Scene;
+use roost_solver::engine::state::State;
+use roost_solver::physics::jkr;
+use roost_solver::scenario;
+use serde_json::json;
+
+/// Two that touch or are bonded.
+struct Pair {
+    i: usize,
+    j: usize,
+    n: DVec3,
+    /// Stiffness along n and across it: of the bond, in N/m.
+    bond: [f64; 2],
+    /// And of the contact.
+    contact: [f64; 2],
+    bonded: bool,
+}
+
+/// All pairs of a bed.
+fn pairs(scene: &Scene, state: &State, bonds: &[[u32; 2]]) -> Vec<Pair> {
+    let (law, bond) = (scene.laws.tissue, scene.laws.bond);
+    let bonded: HashSet<[u32; 2]> = bonds.iter().copied().collect();
+    let places: Vec<DVec3> = (0..state.particles.len()).map(|i| state.position(i)).collect();
+    let cell = |x: DVec3| (x / (2.2 * scene.radius_m)).floor().as_ivec3();
+    let mut cells: HashMap<IVec3, Vec<usize>> = HashMap::new();
+    places.iter().enumerate().for_each(|(i, &x)| cells.entry(cell(x)).or_default().push(i));
+    let around = |x: DVec3| (0..27).map(move |k| cell(x) + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
+    let mut found = Vec::new();
+    for (i, &x) in places.iter().enumerate() {
+        for &j in around(x).filter_map(|cell| cells.get(&cell)).flatten().filter(|&&j| j > i) {
+            let d = places[j] - x;
+            let overlap = 2.0 * scene.radius_m - d.length();
+            let joined = bonded.contains(&[i as u32, j as u32]);
+            let adhesion = law.jkr.as_ref().expect("it adheres");
+            let touches = overlap >= if joined { f64::from(adhesion.snap_overlap) } else { 0.0 };
+            let a = if touches { f64::from(jkr::force(adhesion, overlap as f32).1) } else { 0.0 };
+            if joined || touches {
+                found.push(Pair {
+                    i,
+                    j,
+                    n: d.normalize(),
+                    bond: [bond.k_n, bond.k_t].map(|k| if joined { f64::from(k) } else { 0.0 }),
+                    contact: [2.0 * f64::from(law.e_star) * a, 8.0 * f64::from(law.g_star) * a],
+                    bonded: joined,
+                });
+            }
+        }
+    }
+    found
+}
+
+/// The greatest eigenvalue of M⁻¹ (K δt²/4 + C δt/2), by the power method: 1 is the limit.
+fn greatest(scene: &Scene, pairs: &[Pair], count: usize, dt: f64) -> f64 {
+    let mass = scene.kinds[0].subparticle_mass_kg;
+    // A motion is three displacements and three turns times R, of which m R² · 2/5 is the inertia.
+    let inertia = 0.4 * mass;
+    // Along n and across it: half, or a quarter between bodies, and a fifth over 7/2.
+    let dashpot = |pair: &Pair, axis: usize| {
+        let m_star = mass / 2.0;
+        let most = [if pair.bonded { 0.5 } else { 0.25 }, 0.2 / 3.5][axis] * m_star / dt;
+        (f64::from(scene.laws.tissue.damping) * (pair.contact[axis] * m_star).sqrt()).min(most)
+    };
+    let resists = |pair: &Pair, axis: usize| {
+        (pair.bond[axis] + pair.contact[axis]) * dt * dt / 4.0 + dashpot(pair, axis) * dt / 2.0
+    };
+    let weights: Vec<[f64; 2]> = pairs.iter().map(|pair| [resists(pair, 0), resists(pair, 1)]).collect();
+    let mut dice = fastrand::Rng::with_seed(1);
+    let mut any = || DVec3::new(dice.f64(), dice.f64(), dice.f64()) - 0.5;
+    let mut motion: Vec<[DVec3; 2]> = (0..count).map(|_| [any(), any()]).collect();
+    let mut found = 0.0;
+    for _ in 0..300 {
+        let mut against = vec![[DVec3::ZERO; 2]; count];
+        for (&Pair { i, j, n, .. }, &[along, across]) in pairs.iter().zip(&weights) {
+            let ([u, turn], [other, turns]) = (motion[i], motion[j]);
+            let apart = other - u - (turn + turns).cross(n);
+            let straight = n * apart.dot(n);
+            let force = straight * along + (apart - straight) * across;
+            let moment = n.cross(force);
+            against[i] = [against[i][0] - force, against[i][1] - moment];
+            against[j] = [against[j][0] + force, against[j][1] - moment];
+        }
+        let product = |a: &[[DVec3; 2]], b: &[[DVec3; 2]], [m, k]: [f64; 2]| -> f64 {
+            a.iter().zip(b).map(|(a, b)| m * a[0].dot(b[0]) + k * a[1].dot(b[1])).sum()
+        };
+        found = product(&motion, &against, [1.0, 1.0]) / product(&motion, &motion, [mass, inertia]);
+        let next: Vec<[DVec3; 2]> = against.iter().map(|it| [it[0] / mass, it[1] / inertia]).collect();
+        let length = product(&next, &next, [1.0, 1.0]).sqrt();
+        motion = next.iter().map(|it| it.map(|v| v / length)).collect();
+    }
+    found
+}
+
+#[test]
+fn a_bed_of_fillets_is_stable_at_the_automatic_step() {
+    for radius in [0.006, 0.008] {
+        let document = json!({
+            "experiment": "hopper",
+            "product": {"count": 40, "subparticle_radius_m": radius},
+            "equipment": {"hopper_width_m": 0.2, "hopper_length_m": 0.25, "side_walls": "frictionless"},
+            "numerics": {"timestep_s": "auto"},
+        });
+        let scenario = scenario::from_value(&document).expect("a sound scenario");
+        let scene = common::prepare(&scenario).scene;
+        let mut bench = Bench::with(Cpu::new(2), &scene);
+        assert_eq!(bench.steps((1.5 / scene.timestep_s) as u64), None);
+        let bonds = bench.cpu.bonds(&mut bench.run);
+        let state = bench.state();
+        let pairs = pairs(&scene, state, &bonds);
+        let count = state.particles.len();
+        let pressed = pairs.iter().filter(|pair| !pair.bonded).count();
+        assert!(pressed > count, "{pressed} contacts of {count} are no bed");
+        let [at_auto, beyond] = [1.0, 1.4].map(|k| greatest(&scene, &pairs, count, k * scene.timestep_s));
+        println!("{radius} m: {at_auto:.3} at `auto`, {beyond:.3} at 1.4 times the step");
+        assert!((0.6..1.0).contains(&at_auto), "{at_auto} at {radius} m");
+        assert!(beyond > 1.0, "{beyond} at {radius} m");
+    }
+}
