@@ -145,7 +145,15 @@ impl Meeting {
         pairs::close(simd, apart, (search.reach + skin) / frame.unit_m, close)
     }
 
-    /// Renumbers after bodies were taken out: its pairs come from one list and go to the end of another.
+    /// Goes on as that of two bodies of other numbers, which have lost nothing: its pairs come from one list and go to the end of another.
+    pub(super) fn move_to(&mut self, bodies: [u32; 2], from: &PairList, to: &mut PairList) {
+        let first = to.len();
+        to.extend(from, self.pairs());
+        self.pairs = first as u32..to.len() as u32;
+        self.bodies = bodies;
+    }
+
+    /// The same where some of their sub-particles were taken out: those that stay have other numbers, and are searched anew.
     pub(super) fn renumber(
         &mut self,
         bodies: [u32; 2],

@@ -367,11 +367,17 @@ impl FastRun {
         self.bodies = kept;
         let old = std::mem::take(&mut self.pairs);
         self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
+        let is_whole = |body: usize| !locals[body].contains(&u32::MAX);
         self.meetings.retain_mut(|meeting| {
             let [a, b] = meeting.bodies.map(|body| body as usize);
             let [Some(first), Some(second)] = [numbers[a], numbers[b]] else { return false };
             let to = &mut self.pairs[first as usize].list;
-            meeting.renumber([first, second], [&locals[a], &locals[b]], &old[a].list, to);
+            let (bodies, from) = ([first, second], &old[a].list);
+            if is_whole(a) && is_whole(b) {
+                meeting.move_to(bodies, from, to);
+            } else {
+                meeting.renumber(bodies, [&locals[a], &locals[b]], from, to);
+            }
             true
         });
         self.have_strayed = true;
