@@ -212,6 +212,11 @@ fn long_steps_in_which_dashpots_are_held_back_agree() {
         scene.timestep_s = dt;
         assert_agrees(&format!("dashpots held back at {dt} s"), &scene, &Course::of(steps));
     }
+    // Sheared apart, neighbours go on touching, as those of different bodies do.
+    scene.laws.bond.shear_strength = 0.02;
+    let states = assert_agrees("broken bonds and dashpots held back", &scene, &Course::of(40));
+    let broken = states.last().map_or(0, |s| s.bonds_broken);
+    assert!(broken > 20, "{broken} bonds broke");
 }
 
 #[test]
