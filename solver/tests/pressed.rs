@@ -1,8 +1,8 @@
 //! The step of `auto` against the bed that it must carry: fillets pressed into each other, as they come to rest in a hopper.
 //!
 //! A motion that turns round from step to step grows where, with K and C the stiffnesses and dashpots of all that touches and M the
-//! masses and moments of inertia, the greatest eigenvalue of M⁻¹ (K δt²/4 + C δt/2) is above 1. Everything that touches is taken to stick, and
-//! K and C are worked out here from the laws and from where the sub-particles are.
+//! masses and moments of inertia, the greatest eigenvalue of M⁻¹ (K δt²/4 + C δt/2) is above 1. All sub-particles that touch are taken
+//! to stick, surfaces are left out, and K and C are worked out here from the laws and from where the sub-particles are.
 
 mod common;
 
@@ -14,6 +14,7 @@ use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
+use roost_solver::physics::damping::{BODIES, NEIGHBOURS};
 use roost_solver::physics::jkr;
 use roost_solver::scenario;
 use serde_json::json;
@@ -46,7 +47,11 @@ fn pairs(scene: &Scene, state: &State, bonds: &[[u32; 2]]) -> Vec<Pair> {
             let overlap = 2.0 * scene.radius_m - d.length();
             let joined = bonded.contains(&[i as u32, j as u32]);
             let adhesion = law.jkr.as_ref().expect("it adheres");
-            let touches = overlap >= if joined { f64::from(adhesion.snap_overlap) } else { 0.0 };
+            let touches = if joined {
+                scene.laws.contact_between_bonded && overlap >= f64::from(adhesion.snap_overlap)
+            } else {
+                overlap >= 0.0
+            };
             let a = if touches { f64::from(jkr::force(adhesion, overlap as f32).1) } else { 0.0 };
             if joined || touches {
                 found.push(Pair {
@@ -68,10 +73,10 @@ fn greatest(scene: &Scene, pairs: &[Pair], count: usize, dt: f64) -> f64 {
     let mass = scene.kinds[0].subparticle_mass_kg;
     // A motion is three displacements and three turns times R, of which m R² · 2/5 is the inertia.
     let inertia = 0.4 * mass;
-    // Along n and across it: half, or a quarter between bodies, and a fifth over 7/2.
     let dashpot = |pair: &Pair, axis: usize| {
         let m_star = mass / 2.0;
-        let most = [if pair.bonded { 0.5 } else { 0.25 }, 0.2 / 3.5][axis] * m_star / dt;
+        let most = if pair.bonded { NEIGHBOURS } else { BODIES };
+        let most = f64::from([most.along, most.across][axis]) * m_star / dt;
         (f64::from(scene.laws.tissue.damping) * (pair.contact[axis] * m_star).sqrt()).min(most)
     };
     let resists = |pair: &Pair, axis: usize| {
@@ -106,10 +111,19 @@ fn greatest(scene: &Scene, pairs: &[Pair], count: usize, dt: f64) -> f64 {
 
 #[test]
 fn a_bed_of_fillets_is_stable_at_the_automatic_step() {
-    for radius in [0.006, 0.008] {
+    let cases = [
+        (0.006, 1e-4, true, 1.4),
+        (0.008, 1e-4, true, 1.4),
+        (0.006, 0.3, true, 1.4),
+        (0.006, 1e-4, false, 1.5),
+        (0.006, 0.3, false, 1.5),
+    ];
+    for (radius, restitution, contact_between_bonded, times) in cases {
         let document = json!({
             "experiment": "hopper",
             "product": {"count": 40, "subparticle_radius_m": radius},
+            "bonds": {"contact_between_bonded": contact_between_bonded},
+            "contact": {"fillet_fillet": {"restitution": restitution}},
             "equipment": {"hopper_width_m": 0.2, "hopper_length_m": 0.25, "side_walls": "frictionless"},
             "numerics": {"timestep_s": "auto"},
         });
@@ -123,9 +137,11 @@ fn a_bed_of_fillets_is_stable_at_the_automatic_step() {
         let count = state.particles.len();
         let pressed = pairs.iter().filter(|pair| !pair.bonded).count();
         assert!(pressed > count, "{pressed} contacts of {count} are no bed");
-        let [at_auto, beyond] = [1.0, 1.4].map(|k| greatest(&scene, &pairs, count, k * scene.timestep_s));
-        println!("{radius} m: {at_auto:.3} at `auto`, {beyond:.3} at 1.4 times the step");
-        assert!((0.6..1.0).contains(&at_auto), "{at_auto} at {radius} m");
-        assert!(beyond > 1.0, "{beyond} at {radius} m");
+        let [at_auto, beyond] = [1.0, times].map(|k| greatest(&scene, &pairs, count, k * scene.timestep_s));
+        let case = format!("{radius} m, e = {restitution}, contact in bonds {contact_between_bonded}");
+        let step_us = 1e6 * scene.timestep_s;
+        println!("{case}: {at_auto:.3} at {step_us:.0} µs, {beyond:.3} at {times} times the step");
+        assert!((0.6..1.0).contains(&at_auto), "{at_auto}: {case}");
+        assert!(beyond > 1.0, "{beyond}: {case}");
     }
 }

@@ -121,24 +121,6 @@ fn a_bond_about_to_break_holds_when_let_go_at_the_automatic_step() {
 }
 
 #[test]
-fn where_bonds_are_soft_rolling_on_a_surface_bounds_the_step() {
-    let mut scenario = hopper(0.004, "corotated");
-    scenario.bonds.contact_between_bonded = false;
-    (scenario.bonds.normal_stiffness_n_m3, scenario.bonds.shear_stiffness_n_m3) = (1e3, 1e3);
-    // 8 G* a on a rigid plate, overlapped by R.
-    let k_t = 8.0 * 48_600.0 / (2.0 * 1.37) / (2.0 - 0.37) * 0.004;
-    for (restitution, left) in [(1.0, 1.0f64), (1e-4, 0.9)] {
-        let contacts = [&mut scenario.contact.fillet_equipment, &mut scenario.contact.fillet_belt];
-        contacts.into_iter().for_each(|contact| contact.restitution = restitution);
-        let kinds = kinds(&scenario, &Meshes::default());
-        // ω² δt²/4 = 1 less half of what a dashpot takes.
-        let expected = 2.0 * (left * kinds[0].subparticle_mass_kg / (3.5 * k_t)).sqrt();
-        let found = bounds_on_timestep(&scenario, &kinds).damped_s;
-        assert!((found / expected - 1.0).abs() < 0.01, "{found} s, not {expected}, at {restitution}");
-    }
-}
-
-#[test]
 fn what_starts_fast_takes_shorter_steps() {
     let mut document =
         json!({"experiment": "drop", "drop": {"speed_m_s": 20}, "numerics": {"timestep_s": "auto"}});

@@ -8,14 +8,12 @@
 //! - all spinning alike, which shears every bond: ω² = 8 K_t R² / I = 20 K_t / m.
 //!
 //! With one type of sub-particle the twelve face diagonals bond as well and add at most 8 (k_n + 2 k_t) / m and 80 k_t / m.
-//! Two more modes decide where bonds are stiff or surfaces hard:
-//!
-//! - two sub-particles whose bond is about to break, which stiffens to k_b by then if its extension is finite, and no
-//!   contact damps it: ω² = (4 (k_n + 2 k_t) + 2 (k_b − k_n)) / m,
-//! - one sub-particle rolling on a surface: ω² = (1 + m R² / I) K_t / m = 3.5 K_t / m.
+//! Where bonds are stiff one more mode decides: two sub-particles whose bond is about to break, which stiffens to k_b by then if
+//! its extension is finite, and no contact damps it: ω² = (4 (k_n + 2 k_t) + 2 (k_b − k_n)) / m. One that rolls on a surface never
+//! does: ω² = 3.5 K / m, where K is 2√2 times the K_t of contact between two.
 //!
 //! Leapfrog is stable for δt < 2/ω, and with dashpots taken at the old velocity while ω² δt²/4 + c δt / 2m < 1. A contact's dashpot
-//! takes no more than a share of a motion in a step ([`super::damping`]), so that those of a lattice point by themselves make no step
+//! takes no more than a share of a motion in a step ([`super::damping`]), so that those of the six of a lattice point by themselves make no step
 //! unstable. All are estimates of the linear lattice; contact
 //! stiffens with overlap and is taken at a stated overlap.
 //!
@@ -26,13 +24,12 @@
 //! | I | kg m² | its moment of inertia, 2/5 m R² |
 //! | c | kg/s | the η of the contacts that act in the mode, summed as the K are |
 
-use super::contact::ContactLaw;
-use super::damping::{self, NEIGHBOURS, SURFACE};
+use super::damping::{self, BODIES, NEIGHBOURS};
 use crate::engine::scene::Laws;
 
-/// Overlap at which contact stiffness is taken, as a share of R: about the deepest in a filled hopper. Where fillets
-/// have been driven into each other it decides: with steps for the usual overlap of a few hundredths, single sub-particles
-/// keep trembling and the bed never comes to rest.
+/// Overlap at which contact stiffness is taken, as a share of R. Neighbours in a lattice overlap by less: it stands for what
+/// those of other bodies add where fillets are driven into each other. With steps for the usual overlap of a few hundredths single
+/// sub-particles keep trembling and the bed never comes to rest.
 pub const REFERENCE_OVERLAP: f64 = 1.0;
 
 /// Share of the damped limit that `"auto"` takes.
@@ -52,33 +49,28 @@ pub struct Stability {
 /// The bounds for sub-particles of `mass` in kg and `radius` in m; `diagonals` tells whether face diagonals bond.
 pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stability {
     let (law, bond) = (&laws.tissue, &laws.bond);
-    let a = |law: &ContactLaw| (f64::from(law.r_star) * REFERENCE_OVERLAP * radius).sqrt();
-    let along = |law: &ContactLaw| 2.0 * f64::from(law.e_star) * a(law);
-    let across = |law: &ContactLaw| 8.0 * f64::from(law.g_star) * a(law);
-    // Without contact in bonds a loaded sub-particle still touches others on about two sides of six.
-    let share = if laws.contact_between_bonded { 1.0 } else { 1.0 / 3.0 };
+    let a = (f64::from(law.r_star) * REFERENCE_OVERLAP * radius).sqrt();
+    let (along, across) = (2.0 * f64::from(law.e_star) * a, 8.0 * f64::from(law.g_star) * a);
+    // Without contact in bonds as many of other bodies touch a sub-particle that is pressed.
+    let most = if laws.contact_between_bonded { NEIGHBOURS } else { BODIES };
     let (k_n, k_t) = (f64::from(bond.k_n), f64::from(bond.k_t));
-    let (side_n, side_t) = (k_n + share * along(law), k_t + share * across(law));
+    let (side_n, side_t) = (k_n + along, k_t + across);
     let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
     let diagonal = 8.0 * (diagonal_n + 2.0 * diagonal_t);
-    let eta = |law: &ContactLaw, stiffness: f64, m_star: f64, most: f32, dt: f64| {
-        f64::from(damping::constant(law.damping, stiffness as f32, m_star as f32, most, dt as f32))
+    let eta = |stiffness: f64, most: f32, dt: f64| {
+        f64::from(damping::constant(law.damping, stiffness as f32, (mass / 2.0) as f32, most, dt as f32))
     };
-    let eta_n = |dt| share * eta(law, along(law), mass / 2.0, NEIGHBOURS.along, dt);
-    let eta_t = |dt| share * eta(law, across(law), mass / 2.0, NEIGHBOURS.across, dt);
+    let eta_n = |dt| eta(along, most.along, dt);
+    let eta_t = |dt| eta(across, most.across, dt);
     let apart = 4.0 * (side_n + 2.0 * side_t) + diagonal;
     let alike = 20.0 * side_t + 80.0 * diagonal_t;
     let breaking = 4.0 * (k_n + 2.0 * k_t) + diagonal + 2.0 * (bond.stretched_k_n() - k_n);
-    let rolling = [laws.equipment, laws.belt].map(|law| {
-        let stiffness = across(&law);
-        longest(mass, 3.5 * stiffness, |dt| 3.5 * eta(&law, stiffness, mass, SURFACE.across, dt))
-    });
     let lattice = [
         longest(mass, apart, |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt))),
         longest(mass, alike, |dt| 20.0 * eta_t(dt)),
         longest(mass, breaking, |_| 0.0),
     ];
-    let damped_s = lattice.into_iter().chain(rolling).fold(f64::INFINITY, f64::min);
+    let damped_s = lattice.into_iter().fold(f64::INFINITY, f64::min);
     Stability { undamped_s: undamped(mass, apart.max(alike)), damped_s, auto_s: SAFETY * damped_s }
 }
 

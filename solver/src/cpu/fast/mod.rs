@@ -340,6 +340,7 @@ impl FastRun {
         let map = self.state.remove(serials);
         let mut from = 0;
         let mut locals: Vec<Vec<u32>> = Vec::new();
+        let mut are_whole = Vec::new();
         let mut numbers = Vec::new();
         let mut kept = Vec::new();
         for mut body in std::mem::take(&mut self.bodies) {
@@ -362,18 +363,18 @@ impl FastRun {
                 }
                 kept.push(body);
             }
+            are_whole.push(next as usize == local.len());
             locals.push(local);
         }
         self.bodies = kept;
         let old = std::mem::take(&mut self.pairs);
         self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
-        let is_whole = |body: usize| !locals[body].contains(&u32::MAX);
         self.meetings.retain_mut(|meeting| {
             let [a, b] = meeting.bodies.map(|body| body as usize);
             let [Some(first), Some(second)] = [numbers[a], numbers[b]] else { return false };
             let to = &mut self.pairs[first as usize].list;
             let (bodies, from) = ([first, second], &old[a].list);
-            if is_whole(a) && is_whole(b) {
+            if are_whole[a] && are_whole[b] {
                 meeting.move_to(bodies, from, to);
             } else {
                 meeting.renumber(bodies, [&locals[a], &locals[b]], from, to);
