@@ -180,7 +180,7 @@ fn lists_that_no_longer_hold_are_built_anew_in_time() {
 
 /// Small runs of every experiment.
 fn experiments() -> Vec<Scenario> {
-    let numerics = json!({"timestep_s": "auto", "duration_s": 0.1});
+    let numerics = json!({"timestep_s": "auto", "duration_s": 0.15});
     let documents = [
         json!({"experiment": "drop", "product": {"count": 2, "subparticle_radius_m": 0.009}, "numerics": numerics}),
         json!({
