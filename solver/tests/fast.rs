@@ -6,14 +6,17 @@
 mod common;
 #[path = "common/cut.rs"]
 mod cut;
+#[path = "common/heaps.rs"]
+mod heaps;
 #[path = "common/stl.rs"]
 mod stl;
 
 use std::f64::consts::PI;
 
-use common::{RADIUS, assert_same, at, block, bonds, law, onto, plate, scene};
+use common::{RADIUS, assert_same, at, block, bonds, law, onto, scene};
 use cut::{cut_plate, pipe, surface};
-use glam::{DQuat, DVec3};
+use glam::DVec3;
+use heaps::{drop, fillet, heap, many};
 use roost_solver::cpu::fast::Instructions;
 use roost_solver::cpu::{Cpu, CpuRun};
 use roost_solver::engine::Backend;
@@ -121,36 +124,6 @@ fn assert_agrees(name: &str, scene: &Scene, course: &Course) -> Vec<State> {
     println!("{name}: {most:.1e} of what pair forces do, {all:.1e} in all");
     assert!(most < TOLERANCE && all < 100.0 * TOLERANCE, "{name}: {most:e}, {all:e}");
     plain
-}
-
-/// A fillet of 12 mm spheres.
-fn fillet() -> Kind {
-    let shape = Teardrop { size_m: [0.172, 0.072, 0.032], mirrored: false };
-    let meta = MetaParticle::fill(&shape, RADIUS, Fill::Centres, 1);
-    Kind { subparticle_mass_kg: meta.volume_m3 * 940.0 / meta.points.len() as f64, meta: meta.into() }
-}
-
-/// Three fillets that fall onto each other and into a corner of a plate and a wall.
-fn drop() -> Scene {
-    let body = |x, z, angle, speed| Placement {
-        kind: 0,
-        position: DVec3::new(x, 0.01 * z / 0.05, z),
-        orientation: DQuat::from_rotation_y(angle) * DQuat::from_rotation_z(0.4 * angle),
-        velocity: DVec3::NEG_Z * speed,
-    };
-    let bodies = vec![body(0.0, 0.025, 0.1, 1.0), body(0.03, 0.07, 0.5, 2.0), body(-0.02, 0.10, -0.2, 3.0)];
-    let mut scene = scene(fillet(), bodies, 1e-4);
-    let wall = DVec3::new(-0.07, -0.3, 0.0);
-    scene.surfaces = vec![
-        plate(SurfaceKind::Belt).moving(Motion::Belt { velocity: DVec3::X * 0.25 }),
-        Surface::parallelogram("wall", SurfaceKind::Equipment, wall, DVec3::Y * 0.6, DVec3::Z * 0.3),
-    ];
-    scene.gravity = DVec3::NEG_Z * common::G;
-    scene.laws.tissue = law(false, 0.01, 0.3, 0.055);
-    scene.laws.equipment = law(true, 0.01, 0.5, 0.055);
-    scene.laws.belt = law(true, 0.01, 0.4, 0.055);
-    scene.laws.contact_between_bonded = true;
-    scene
 }
 
 #[test]
@@ -301,22 +274,6 @@ fn what_is_taken_out_is_gone_alike() {
     }
 }
 
-/// Blocks dropped in a heap.
-fn heap() -> Scene {
-    let bodies = (0..8).map(|k| {
-        let k = f64::from(k);
-        let position = DVec3::new(0.012 * (k * 2.4).sin(), 0.012 * (k * 1.7).cos(), 0.03 + 0.035 * k);
-        Placement { orientation: DQuat::from_rotation_x(k), ..at(position, DVec3::NEG_Z * (1.0 + 0.2 * k)) }
-    });
-    let mut scene = scene(block([4, 4, 3]), bodies.collect(), 5e-5);
-    scene.surfaces = vec![plate(SurfaceKind::Equipment)];
-    scene.gravity = DVec3::NEG_Z * common::G;
-    scene.laws.tissue = law(false, 0.1, 0.3, 0.055);
-    scene.laws.equipment = law(true, 0.1, 0.5, 0.055);
-    scene.laws.contact_between_bonded = true;
-    scene
-}
-
 /// A heap that has settled, started afresh from where its sub-particles lie: every body becomes a shape of its own.
 fn settled() -> Scene {
     let mut scene = heap();
@@ -352,19 +309,6 @@ fn the_comparison_sees_a_small_change() {
 
 fn assert_all_same(a: &[State], b: &[State], what: &str) {
     a.iter().zip(b).for_each(|(a, b)| assert_same(a, b, what));
-}
-
-/// So many small bodies, close together, that a thread takes more than two at once.
-fn many() -> Scene {
-    let bodies = (0..600).map(|k| {
-        let [x, y, z] = [k % 12, k / 12 % 10, k / 120].map(|k| 0.0165 * f64::from(k));
-        at(DVec3::new(x, y, 0.02 + z), DVec3::NEG_Z * 0.3 * f64::from(k % 7))
-    });
-    let mut scene = scene(block([2, 2, 1]), bodies.collect(), 5e-5);
-    scene.surfaces = vec![plate(SurfaceKind::Equipment)];
-    scene.gravity = DVec3::NEG_Z * common::G;
-    scene.laws.tissue = law(true, 0.1, 0.3, 0.055);
-    scene
 }
 
 #[test]

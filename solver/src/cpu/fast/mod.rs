@@ -31,6 +31,7 @@ mod meeting;
 mod memory;
 mod pairs;
 mod points;
+mod removal;
 mod search;
 mod share;
 mod walls;
@@ -333,56 +334,6 @@ impl FastRun {
             noticed
         });
         work.reduce(Noticed::default, Noticed::and)
-    }
-
-    pub(super) fn remove(&mut self, serials: &[u32]) {
-        self.state();
-        let map = self.state.remove(serials);
-        let mut from = 0;
-        let mut locals: Vec<Vec<u32>> = Vec::new();
-        let mut are_whole = Vec::new();
-        let mut numbers = Vec::new();
-        let mut kept = Vec::new();
-        for mut body in std::mem::take(&mut self.bodies) {
-            let mut next = 0;
-            let local = body.range().map(|at| {
-                let stays = map[at] != u32::MAX;
-                next += u32::from(stays);
-                if stays { next - 1 } else { u32::MAX }
-            });
-            let local: Vec<u32> = local.collect();
-            numbers.push((next > 0).then_some(kept.len() as u32));
-            if next > 0 {
-                let range = from..from + next as usize;
-                from = range.end;
-                if range.len() == local.len() {
-                    body.place(range);
-                } else {
-                    let points = Points::of(&self.state, range.clone());
-                    body.renumber(range, points, &local);
-                }
-                kept.push(body);
-            }
-            are_whole.push(next as usize == local.len());
-            locals.push(local);
-        }
-        self.bodies = kept;
-        let old = std::mem::take(&mut self.pairs);
-        self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
-        self.meetings.retain_mut(|meeting| {
-            let [a, b] = meeting.bodies.map(|body| body as usize);
-            let [Some(first), Some(second)] = [numbers[a], numbers[b]] else { return false };
-            let to = &mut self.pairs[first as usize].list;
-            let (bodies, from) = ([first, second], &old[a].list);
-            if are_whole[a] && are_whole[b] {
-                meeting.move_to(bodies, from, to);
-            } else {
-                meeting.renumber(bodies, [&locals[a], &locals[b]], from, to);
-            }
-            true
-        });
-        self.have_strayed = true;
-        self.order.clear();
     }
 
     pub(super) fn surface_forces(&self) -> Vec<DVec3> {
