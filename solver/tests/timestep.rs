@@ -27,10 +27,10 @@ fn hopper(radius_m: f64, formulation: &str) -> Scenario {
 fn the_table_of_automatic_steps() {
     // In microseconds, at the defaults: docs/verification.md quotes these.
     let table = [
-        (0.004, [529, 587, 776]),
-        (0.005, [664, 737, 976]),
-        (0.006, [742, 824, 1094]),
-        (0.008, [927, 1030, 1371]),
+        (0.004, [518, 656, 776]),
+        (0.005, [658, 825, 976]),
+        (0.006, [743, 924, 1094]),
+        (0.008, [945, 1156, 1371]),
     ];
     for (radius, expected) in table {
         let scenario = hopper(radius, "corotated");

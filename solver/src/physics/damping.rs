@@ -32,20 +32,20 @@ pub struct Most {
 }
 
 impl Most {
-    /// With so large a share along n. Across it is a fifth: of many that hold a sub-particle each takes its spin as well.
-    const fn of(along: f32) -> Self {
-        Self { along, across: 0.2 / GIVES_WAY_ACROSS }
+    /// Of shares along n and across it.
+    const fn of(along: f32, across: f32) -> Self {
+        Self { along, across: across / GIVES_WAY_ACROSS }
     }
 }
 
 /// Between neighbours that a bond joins: one on either side.
-pub const NEIGHBOURS: Most = Most::of(0.5);
+pub const NEIGHBOURS: Most = Most::of(0.4, 0.2);
 
-/// Between sub-particles of different bodies: up to nine of them hold one that neighbours hold already.
-pub const BODIES: Most = Most::of(0.25);
+/// Between sub-particles of different bodies: up to twenty of them hold one that neighbours hold already, and each takes its spin as well.
+pub const BODIES: Most = Most::of(0.15, 0.1);
 
 /// Against equipment, mostly on one side.
-pub const SURFACE: Most = Most::of(0.75);
+pub const SURFACE: Most = Most::of(0.75, 0.2);
 
 /// The factor 2√(5/6) |β| for a coefficient of restitution.
 pub fn factor(restitution: f64) -> f64 {

@@ -27,12 +27,15 @@
 use super::damping::{self, BODIES, NEIGHBOURS};
 use crate::engine::scene::Laws;
 
-/// Overlap at which contact stiffness is taken, as a share of R. Neighbours in a lattice overlap by less: it stands for what
-/// those of other bodies add where fillets are driven into each other. With steps for the usual overlap of a few hundredths single
-/// sub-particles keep trembling and the bed never comes to rest.
+/// Overlap at which contact stiffness is taken, as a share of R: that of sub-particles deep in a fillet that others press on. With
+/// steps for the usual overlap of neighbours, a few hundredths, single sub-particles keep trembling and the bed never comes to rest.
 pub const REFERENCE_OVERLAP: f64 = 1.0;
 
-/// Share of the damped limit that `"auto"` takes.
+/// Contacts with other bodies that a lattice point in a bed is held by, over those with its neighbours: what they add in stiffness.
+/// What their dashpots add is little, as they are held back.
+pub const PRESSED: f64 = 0.75;
+
+/// Share that `"auto"` takes of the step that a bond about to break allows.
 pub const SAFETY: f64 = 0.9;
 
 /// What bounds the time step.
@@ -42,7 +45,7 @@ pub struct Stability {
     pub undamped_s: f64,
     /// The limit with damping, in seconds: between the two a run may diverge.
     pub damped_s: f64,
-    /// The step that `"auto"` takes where nothing else bounds it, in seconds.
+    /// The same where other bodies press on all sides, in seconds: the step that `"auto"` takes where nothing else bounds it.
     pub auto_s: f64,
 }
 
@@ -51,27 +54,33 @@ pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stabil
     let (law, bond) = (&laws.tissue, &laws.bond);
     let a = (f64::from(law.r_star) * REFERENCE_OVERLAP * radius).sqrt();
     let (along, across) = (2.0 * f64::from(law.e_star) * a, 8.0 * f64::from(law.g_star) * a);
-    // Without contact in bonds as many of other bodies touch a sub-particle that is pressed.
+    // Without contact in bonds it is other bodies that a pressed sub-particle touches, as often.
     let most = if laws.contact_between_bonded { NEIGHBOURS } else { BODIES };
     let (k_n, k_t) = (f64::from(bond.k_n), f64::from(bond.k_t));
-    let (side_n, side_t) = (k_n + along, k_t + across);
     let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
     let diagonal = 8.0 * (diagonal_n + 2.0 * diagonal_t);
+    // With as many contacts on each side of a lattice point.
+    let apart = |contacts: f64| 4.0 * (k_n + 2.0 * k_t + contacts * (along + 2.0 * across)) + diagonal;
+    let alike = |contacts: f64| 20.0 * (k_t + contacts * across) + 80.0 * diagonal_t;
+    let breaking = 4.0 * (k_n + 2.0 * k_t) + diagonal + 2.0 * (bond.stretched_k_n() - k_n);
     let eta = |stiffness: f64, most: f32, dt: f64| {
         f64::from(damping::constant(law.damping, stiffness as f32, (mass / 2.0) as f32, most, dt as f32))
     };
     let eta_n = |dt| eta(along, most.along, dt);
     let eta_t = |dt| eta(across, most.across, dt);
-    let apart = 4.0 * (side_n + 2.0 * side_t) + diagonal;
-    let alike = 20.0 * side_t + 80.0 * diagonal_t;
-    let breaking = 4.0 * (k_n + 2.0 * k_t) + diagonal + 2.0 * (bond.stretched_k_n() - k_n);
-    let lattice = [
-        longest(mass, apart, |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt))),
-        longest(mass, alike, |dt| 20.0 * eta_t(dt)),
-        longest(mass, breaking, |_| 0.0),
-    ];
-    let damped_s = lattice.into_iter().fold(f64::INFINITY, f64::min);
-    Stability { undamped_s: undamped(mass, apart.max(alike)), damped_s, auto_s: SAFETY * damped_s }
+    let damped = |contacts: f64| {
+        longest(mass, apart(contacts), |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt))).min(longest(
+            mass,
+            alike(contacts),
+            |dt| 20.0 * eta_t(dt),
+        ))
+    };
+    let breaks = longest(mass, breaking, |_| 0.0);
+    Stability {
+        undamped_s: undamped(mass, apart(1.0).max(alike(1.0))),
+        damped_s: damped(1.0).min(breaks),
+        auto_s: damped(1.0 + PRESSED).min(SAFETY * breaks),
+    }
 }
 
 /// 2/ω in seconds, for a stiffness in N/m on a mass in kg.

@@ -17,7 +17,7 @@ import numpy as np
 E, POISSON, DENSITY = 48_600.0, 0.37, 2200.0  # Pa, kg/m3: Table 2
 E_STAR = E / (2.0 * (1.0 - POISSON**2))
 G_STAR = E / (2.0 * (1.0 + POISSON)) / (2.0 * (2.0 - POISSON))
-ALONG, ACROSS = 0.5, 0.2  # shares of a motion that a dashpot takes in a step
+ALONG, ACROSS = 0.4, 0.2  # shares of a motion that a dashpot takes in a step
 
 
 class Lattice:
