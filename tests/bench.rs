@@ -78,6 +78,27 @@ fn a_bed_that_was_written_is_timed_as_it_lies() {
 }
 
 #[test]
+fn what_has_broken_in_a_bed_stays_so() {
+    let home = Home::new();
+    let count = |strength: Value| {
+        let document = json!({
+            "experiment": "hopper",
+            "product": {"subparticle_radius_m": 0.009},
+            "bonds": {"normal_strength_pa": strength},
+            "numerics": {"timestep_s": "auto"},
+        });
+        let scenario = home.file("strength.json", &document);
+        let folder = home.path("broken").display().to_string();
+        let write =
+            ["--beds", "bonded", "--subparticles", "1000", "--scenario", &scenario, "--write", &folder];
+        stdout(&run(&bench(&write).iter().map(String::as_str).collect::<Vec<_>>()));
+        std::fs::read_to_string(format!("{folder}/bonded_bonds.csv")).unwrap().lines().count()
+    };
+    let (weak, whole) = (count(json!(2e3)), count(json!(null)));
+    assert!(weak < whole - 20, "{weak} of {whole} hold");
+}
+
+#[test]
 fn what_is_wrong_with_a_bed_is_said() {
     let home = Home::new();
     let bed = home.path("bed.csv");

@@ -1,6 +1,6 @@
 //! Beds: sub-particles at rest, as a scene to start from.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
@@ -72,7 +72,8 @@ impl Bed {
         let mut run = cpu.prepare(&start);
         cpu.advance(&mut [(&mut run, (SETTLE_S / start.timestep_s) as u64)]);
         let timestep_s = prepare(laws, &Meshes::default()).scene.timestep_s;
-        let scene = Scene { timestep_s, ..as_it_lies(&start, cpu.state(&mut run)) };
+        let bonds = cpu.bonds(&mut run);
+        let scene = Scene { timestep_s, ..as_it_lies(&start, cpu.state(&mut run), &bonds) };
         let flows = named == Named::Hopper;
         Self { name: named.name().to_owned(), scene, flows, warm_up_s: if flows { 0.5 } else { 0.02 } }
     }
@@ -97,18 +98,17 @@ impl Bed {
                 );
                 return Err(BadInput(text).into());
             }
-            pairs.push([i.min(j) - 1, i.max(j) - 1]);
+            let [i, j] = [i.min(j) - 1, i.max(j) - 1].map(|number| number as u32);
+            pairs.push(LatticeBond { i, j, class: 1 });
         }
         let base = prepare(laws, &Meshes::default()).scene;
         let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min) - base.radius_m;
         let high = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) + base.radius_m;
-        let mass = sphere_kg(laws);
-        let mut kinds = Vec::new();
-        for (members, bonds) in bodies(&points, &pairs) {
-            kinds.push((members, Kind { meta: meta(&[], bonds), subparticle_mass_kg: mass }));
-        }
         let name =
             file.file_stem().map_or_else(|| "bed".to_owned(), |stem| stem.to_string_lossy().into_owned());
+        let subparticle_mass_kg = sphere_kg(laws);
+        let kinds = bodies(&points, &pairs).into_iter();
+        let kinds = kinds.map(|(centre, meta)| (centre, Kind { meta, subparticle_mass_kg })).collect();
         let scene = assembled(boxed(base, low, high), kinds);
         Ok(Self { name, scene, flows: false, warm_up_s: 0.0 })
     }
@@ -236,8 +236,8 @@ fn meta(points: &[DVec3], bonds: Vec<LatticeBond>) -> Arc<MetaParticle> {
     Arc::new(MetaParticle { points: points.to_vec(), bonds, volume_m3: 0.0, reach_m })
 }
 
-/// The bodies that bonds join, each with its sub-particles and their bonds by number in it; in the order of their first.
-fn bodies(points: &[DVec3], pairs: &[[usize; 2]]) -> Vec<(Vec<DVec3>, Vec<LatticeBond>)> {
+/// What bonds join: the sub-particles of each body, in the order of their first, and what it is made of, around its centre.
+fn bodies(points: &[DVec3], bonds: &[LatticeBond]) -> Vec<(DVec3, Arc<MetaParticle>)> {
     let mut first: Vec<usize> = (0..points.len()).collect();
     fn root(first: &mut [usize], mut at: usize) -> usize {
         while first[at] != at {
@@ -246,8 +246,8 @@ fn bodies(points: &[DVec3], pairs: &[[usize; 2]]) -> Vec<(Vec<DVec3>, Vec<Lattic
         }
         at
     }
-    for &[i, j] in pairs {
-        let (a, b) = (root(&mut first, i), root(&mut first, j));
+    for bond in bonds {
+        let (a, b) = (root(&mut first, bond.i as usize), root(&mut first, bond.j as usize));
         first[a.max(b)] = a.min(b);
     }
     let mut found: Vec<(Vec<DVec3>, Vec<LatticeBond>)> = Vec::new();
@@ -261,38 +261,49 @@ fn bodies(points: &[DVec3], pairs: &[[usize; 2]]) -> Vec<(Vec<DVec3>, Vec<Lattic
         local[k] = (body, found[body].0.len() as u32);
         found[body].0.push(*point);
     }
-    for &[i, j] in pairs {
-        let ((body, i), (_, j)) = (local[i], local[j]);
-        found[body].1.push(LatticeBond { i: i.min(j), j: i.max(j), class: 1 });
+    for bond in bonds {
+        let ((body, i), (_, j)) = (local[bond.i as usize], local[bond.j as usize]);
+        found[body].1.push(LatticeBond { i: i.min(j), j: i.max(j), class: bond.class });
     }
-    found.iter_mut().for_each(|(_, bonds)| bonds.sort_unstable());
-    found
-}
-
-/// Bodies that lie just so, each a kind of its own.
-fn assembled(scene: Scene, bodies: Vec<(Vec<DVec3>, Kind)>) -> Scene {
-    let (mut kinds, mut placements) = (Vec::new(), Vec::new());
-    for (points, kind) in bodies {
+    let made = found.into_iter().map(|(points, mut bonds)| {
+        bonds.sort_unstable();
         let centre = points.iter().sum::<DVec3>() / points.len() as f64;
         let points: Vec<DVec3> = points.iter().map(|point| point - centre).collect();
+        (centre, meta(&points, bonds))
+    });
+    made.collect()
+}
+
+/// Bodies that lie just so, with their centres, each a kind of its own.
+fn assembled(scene: Scene, bodies: Vec<(DVec3, Kind)>) -> Scene {
+    let (mut kinds, mut placements) = (Vec::new(), Vec::new());
+    for (position, kind) in bodies {
         placements.push(Placement {
             kind: kinds.len(),
-            position: centre,
+            position,
             orientation: DQuat::IDENTITY,
             velocity: DVec3::ZERO,
         });
-        kinds.push(Kind { meta: meta(&points, kind.meta.bonds.clone()), ..kind });
+        kinds.push(kind);
     }
     Scene { kinds, bodies: placements, ..scene }
 }
 
-/// The scene of a state, at rest: what contacts and bonds remember is forgotten.
-fn as_it_lies(scene: &Scene, state: &State) -> Scene {
-    let bodies = state.body_ranges().map(|(number, range)| {
-        let kind = scene.kinds[scene.bodies[number as usize].kind].clone();
-        (range.map(|i| state.position(i)).collect(), kind)
+/// The scene of a state and of the bonds that hold in it, at rest: what contacts and bonds remember is forgotten, and what has come
+/// off a body is one of its own.
+fn as_it_lies(scene: &Scene, state: &State, bonds: &[[u32; 2]]) -> Scene {
+    let held: HashSet<[u32; 2]> = bonds.iter().copied().collect();
+    let whole = state.body_ranges().flat_map(|(number, range)| {
+        let Kind { meta, subparticle_mass_kg } = scene.kinds[scene.bodies[number as usize].kind].clone();
+        let begin = range.start as u32;
+        let holds = |bond: &&LatticeBond| held.contains(&[begin + bond.i, begin + bond.j]);
+        let bonds: Vec<LatticeBond> = meta.bonds.iter().filter(holds).copied().collect();
+        let points: Vec<DVec3> = range.map(|i| state.position(i)).collect();
+        bodies(&points, &bonds)
+            .into_iter()
+            .map(move |(centre, meta)| (centre, Kind { meta, subparticle_mass_kg }))
     });
-    assembled(scene.clone(), bodies.collect())
+    assembled(scene.clone(), whole.collect())
 }
 
 /// Lines of so many numbers.
