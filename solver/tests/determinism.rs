@@ -96,13 +96,13 @@ fn the_bits_are_those_of_this_solver_revision() {
     let plain = digest_on(Cpu::plain(1), &long, 500);
     assert_eq!(
         plain.as_str(),
-        "314c66749bbe8916351757976f5c00b8352d172649fd8a29fff2ddd8e2f94a12",
+        "646549b18ba04cbcb8e4dca26954dab6d71d794969f5a6c1b517f9f73feabe74",
         "plain, long steps"
     );
     let fast = digest_on(Cpu::new(1), &long, 500);
     assert_eq!(
         fast.as_str(),
-        "8710f3f604dbf5b9d9a3b94bc140bcb8e9a37c3e66b75ac5a2c32066e68d8af7",
+        "7dc19e400257348a19a85db6165bc37ca215af5e1450bdb98a59053081539ce0",
         "fast, long steps"
     );
     for threads in [1, 2] {

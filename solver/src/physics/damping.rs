@@ -41,8 +41,8 @@ impl Most {
 /// Between neighbours that a bond joins: one on either side.
 pub const NEIGHBOURS: Most = Most::of(0.4, 0.2);
 
-/// Between sub-particles of different bodies: up to twenty of them hold one that neighbours hold already, and each takes its spin as well.
-pub const BODIES: Most = Most::of(0.15, 0.1);
+/// Between sub-particles of different bodies: a dozen of them may hold one that neighbours hold already, and each takes its spin as well.
+pub const BODIES: Most = Most::of(0.25, 0.1);
 
 /// Against equipment, mostly on one side.
 pub const SURFACE: Most = Most::of(0.75, 0.2);
