@@ -69,12 +69,12 @@ fn pairs(scene: &Scene, state: &State, bonds: &[[u32; 2]]) -> Vec<Pair> {
 }
 
 /// The greatest eigenvalue of M⁻¹ (K δt²/4 + C δt/2), by the power method: 1 is the limit.
-fn greatest(scene: &Scene, pairs: &[Pair], count: usize, dt: f64) -> f64 {
-    let mass = scene.kinds[0].subparticle_mass_kg;
+fn greatest(scene: &Scene, state: &State, pairs: &[Pair], dt: f64) -> f64 {
+    let masses: Vec<f64> = state.masses.iter().map(|&mass| f64::from(mass)).collect();
+    let count = masses.len();
     // A motion is three displacements and three turns times R, of which m R² · 2/5 is the inertia.
-    let inertia = 0.4 * mass;
     let dashpot = |pair: &Pair, axis: usize| {
-        let m_star = mass / 2.0;
+        let m_star = masses[pair.i] * masses[pair.j] / (masses[pair.i] + masses[pair.j]);
         let most = if pair.bonded { NEIGHBOURS } else { BODIES };
         let most = f64::from([most.along, most.across][axis]) * m_star / dt;
         (f64::from(scene.laws.tissue.damping) * (pair.contact[axis] * m_star).sqrt()).min(most)
@@ -87,7 +87,7 @@ fn greatest(scene: &Scene, pairs: &[Pair], count: usize, dt: f64) -> f64 {
     let mut any = || DVec3::new(dice.f64(), dice.f64(), dice.f64()) - 0.5;
     let mut motion: Vec<[DVec3; 2]> = (0..count).map(|_| [any(), any()]).collect();
     let mut found = 0.0;
-    for _ in 0..300 {
+    for _ in 0..600 {
         let mut against = vec![[DVec3::ZERO; 2]; count];
         for (&Pair { i, j, n, .. }, &[along, across]) in pairs.iter().zip(&weights) {
             let ([u, turn], [other, turns]) = (motion[i], motion[j]);
@@ -98,12 +98,13 @@ fn greatest(scene: &Scene, pairs: &[Pair], count: usize, dt: f64) -> f64 {
             against[i] = [against[i][0] - force, against[i][1] - moment];
             against[j] = [against[j][0] + force, against[j][1] - moment];
         }
-        let product = |a: &[[DVec3; 2]], b: &[[DVec3; 2]], [m, k]: [f64; 2]| -> f64 {
-            a.iter().zip(b).map(|(a, b)| m * a[0].dot(b[0]) + k * a[1].dot(b[1])).sum()
-        };
-        found = product(&motion, &against, [1.0, 1.0]) / product(&motion, &motion, [mass, inertia]);
-        let next: Vec<[DVec3; 2]> = against.iter().map(|it| [it[0] / mass, it[1] / inertia]).collect();
-        let length = product(&next, &next, [1.0, 1.0]).sqrt();
+        let energy: f64 =
+            motion.iter().zip(&masses).map(|(it, m)| m * (it[0].dot(it[0]) + 0.4 * it[1].dot(it[1]))).sum();
+        let work: f64 = motion.iter().zip(&against).map(|(it, by)| it[0].dot(by[0]) + it[1].dot(by[1])).sum();
+        found = work / energy;
+        let next: Vec<[DVec3; 2]> =
+            against.iter().zip(&masses).map(|(it, m)| [it[0] / m, it[1] / (0.4 * m)]).collect();
+        let length = next.iter().flatten().map(|v| v.dot(*v)).sum::<f64>().sqrt();
         motion = next.iter().map(|it| it.map(|v| v / length)).collect();
     }
     found
@@ -140,7 +141,7 @@ fn a_bed_of_fillets_is_stable_at_the_automatic_step() {
         let count = state.particles.len();
         let pressed = pairs.iter().filter(|pair| !pair.bonded).count();
         assert!(pressed > count, "{pressed} contacts of {count} are no bed");
-        let [at_auto, beyond] = [1.0, times].map(|k| greatest(&scene, &pairs, count, k * scene.timestep_s));
+        let [at_auto, beyond] = [1.0, times].map(|k| greatest(&scene, state, &pairs, k * scene.timestep_s));
         let case =
             format!("{radius} m, e = {restitution}, contact in bonds {contact_between_bonded}, {weight} g");
         let step_us = 1e6 * scene.timestep_s;

@@ -60,6 +60,21 @@ fn the_damped_bound_is_that_of_an_endless_lattice() {
     }
 }
 
+#[test]
+fn the_automatic_step_keeps_clear_of_the_damped_bound() {
+    for (stiffness, restitution, types) in
+        [(1e6, 1e-4, 2), (1e6, 1.0, 2), (1e7, 1e-4, 2), (1e8, 1.0, 2), (1e9, 1e-4, 1), (1e9, 1.0, 1)]
+    {
+        let mut scenario = hopper(0.006, "corotated");
+        (scenario.bonds.normal_stiffness_n_m3, scenario.bonds.shear_stiffness_n_m3) = (stiffness, stiffness);
+        scenario.bonds.types = types;
+        scenario.contact.fillet_fillet.restitution = restitution;
+        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
+        let share = bounds.auto_s / bounds.damped_s;
+        assert!((0.7..0.901).contains(&share), "{share} of the bound at {stiffness} N/m³, e = {restitution}");
+    }
+}
+
 /// Whether a block of bonds alone, a little disturbed, stays together at this share of the undamped bound.
 fn stays(share: f64, shear_ratio: f32) -> bool {
     let mut scene = scene(block([8, 8, 8]), vec![at(DVec3::ZERO, DVec3::ZERO)], 1e-5);

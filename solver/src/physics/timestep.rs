@@ -32,10 +32,11 @@ use crate::engine::scene::Laws;
 pub const REFERENCE_OVERLAP: f64 = 1.0;
 
 /// Contacts with other bodies that a lattice point in a bed is held by, over those with its neighbours: what they add in stiffness.
-/// What their dashpots add is little, as they are held back.
+/// Found from the eigenvalues of whole beds (`tests/pressed.rs`) and not derived: it stands for their dashpots as well, which the
+/// overlap taken, as deep on all sides as it is on few, makes up for.
 pub const PRESSED: f64 = 0.75;
 
-/// Share that `"auto"` takes of the step that a bond about to break allows.
+/// The most that `"auto"` takes of the damped limit: it decides where bonds are so stiff that contact hardly counts.
 pub const SAFETY: f64 = 0.9;
 
 /// What bounds the time step.
@@ -45,7 +46,8 @@ pub struct Stability {
     pub undamped_s: f64,
     /// The limit with damping, in seconds: between the two a run may diverge.
     pub damped_s: f64,
-    /// The same where other bodies press on all sides, in seconds: the step that `"auto"` takes where nothing else bounds it.
+    /// The step that `"auto"` takes where nothing else bounds it, in seconds: the limit where other bodies press as well, and at most
+    /// [`SAFETY`] of `damped_s`.
     pub auto_s: f64,
 }
 
@@ -54,7 +56,7 @@ pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stabil
     let (law, bond) = (&laws.tissue, &laws.bond);
     let a = (f64::from(law.r_star) * REFERENCE_OVERLAP * radius).sqrt();
     let (along, across) = (2.0 * f64::from(law.e_star) * a, 8.0 * f64::from(law.g_star) * a);
-    // Without contact in bonds it is other bodies that a pressed sub-particle touches, as often.
+    // Without contact in bonds it is other bodies alone that a pressed sub-particle touches.
     let most = if laws.contact_between_bonded { NEIGHBOURS } else { BODIES };
     let (k_n, k_t) = (f64::from(bond.k_n), f64::from(bond.k_t));
     let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
@@ -75,11 +77,11 @@ pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stabil
             |dt| 20.0 * eta_t(dt),
         ))
     };
-    let breaks = longest(mass, breaking, |_| 0.0);
+    let damped_s = damped(1.0).min(longest(mass, breaking, |_| 0.0));
     Stability {
         undamped_s: undamped(mass, apart(1.0).max(alike(1.0))),
-        damped_s: damped(1.0).min(breaks),
-        auto_s: damped(1.0 + PRESSED).min(SAFETY * breaks),
+        damped_s,
+        auto_s: damped(1.0 + PRESSED).min(SAFETY * damped_s),
     }
 }
 

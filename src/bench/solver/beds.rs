@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use glam::{DQuat, DVec3};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
@@ -61,7 +61,7 @@ const TISSUE_KG_M3: f64 = 940.0;
 
 impl Bed {
     /// Makes a bed and lets it come to rest.
-    pub(super) fn settled(named: Named, laws: &Scenario, subparticles: u64, threads: usize) -> Self {
+    pub(super) fn settled(named: Named, laws: &Scenario, subparticles: u64, threads: usize) -> Result<Self> {
         // Settling may take larger steps than what is timed.
         let quick = with(laws, "numerics", "timestep_s", json!("auto"));
         let start = match named {
@@ -70,12 +70,15 @@ impl Bed {
         };
         let cpu = Cpu::new(threads);
         let mut run = cpu.prepare(&start);
-        cpu.advance(&mut [(&mut run, (SETTLE_S / start.timestep_s) as u64)]);
+        let done = cpu.advance(&mut [(&mut run, (SETTLE_S / start.timestep_s) as u64)]);
+        if let Some(fault) = done.into_iter().find_map(|done| done.fault) {
+            bail!("the bed {} does not come to rest: {fault}", named.name());
+        }
         let timestep_s = prepare(laws, &Meshes::default()).scene.timestep_s;
         let bonds = cpu.bonds(&mut run);
         let scene = Scene { timestep_s, ..as_it_lies(&start, cpu.state(&mut run), &bonds) };
         let flows = named == Named::Hopper;
-        Self { name: named.name().to_owned(), scene, flows, warm_up_s: if flows { 0.5 } else { 0.02 } }
+        Ok(Self { name: named.name().to_owned(), scene, flows, warm_up_s: if flows { 0.5 } else { 0.02 } })
     }
 
     /// Reads a bed, in an open box that just holds it.
@@ -295,10 +298,10 @@ fn as_it_lies(scene: &Scene, state: &State, bonds: &[[u32; 2]]) -> Scene {
     let held: HashSet<[u32; 2]> = bonds.iter().copied().collect();
     let whole = state.body_ranges().flat_map(|(number, range)| {
         let Kind { meta, subparticle_mass_kg } = scene.kinds[scene.bodies[number as usize].kind].clone();
-        let begin = range.start as u32;
-        let holds = |bond: &&LatticeBond| held.contains(&[begin + bond.i, begin + bond.j]);
+        let serial = |number: u32| state.serials[range.start + number as usize];
+        let holds = |bond: &&LatticeBond| held.contains(&[serial(bond.i), serial(bond.j)]);
         let bonds: Vec<LatticeBond> = meta.bonds.iter().filter(holds).copied().collect();
-        let points: Vec<DVec3> = range.map(|i| state.position(i)).collect();
+        let points: Vec<DVec3> = range.clone().map(|i| state.position(i)).collect();
         bodies(&points, &bonds)
             .into_iter()
             .map(move |(centre, meta)| (centre, Kind { meta, subparticle_mass_kg }))

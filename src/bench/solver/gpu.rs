@@ -146,7 +146,7 @@ pub(crate) fn parity(args: &ParityArgs) -> Result<Exit> {
     let laws = scenario::from_value(&json!({"experiment": "hopper"})).expect("the default scenario");
     let most = std::thread::available_parallelism().map_or(1, usize::from);
     eprintln!("settling");
-    let bed = Bed::settled(Named::Hopper, &laws, args.subparticles, most);
+    let bed = Bed::settled(Named::Hopper, &laws, args.subparticles, most)?;
     let plain = Cpu::plain(0);
     let (mut reference, mut run) = (plain.prepare(&bed.scene), gpu.prepare(&bed.scene));
     plain.start(&mut reference);

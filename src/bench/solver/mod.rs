@@ -91,7 +91,7 @@ fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
     let own = args.bed.iter().map(|file| Bed::read(file, args.bonds.as_deref(), &scenario));
     let named = names.iter().map(|name| {
         eprintln!("{}: settling", name.name());
-        Ok(Bed::settled(*name, &scenario, args.subparticles, most))
+        Bed::settled(*name, &scenario, args.subparticles, most)
     });
     for bed in own.chain(named) {
         let bed = bed?;
