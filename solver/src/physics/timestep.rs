@@ -71,11 +71,8 @@ pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stabil
     let eta_n = |dt| eta(along, most.along, dt);
     let eta_t = |dt| eta(across, most.across, dt);
     let damped = |contacts: f64| {
-        longest(mass, apart(contacts), |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt))).min(longest(
-            mass,
-            alike(contacts),
-            |dt| 20.0 * eta_t(dt),
-        ))
+        let apart_s = longest(mass, apart(contacts), |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt)));
+        apart_s.min(longest(mass, alike(contacts), |dt| 20.0 * eta_t(dt)))
     };
     let damped_s = damped(1.0).min(longest(mass, breaking, |_| 0.0));
     Stability {

@@ -266,7 +266,7 @@ fn bodies(points: &[DVec3], bonds: &[LatticeBond]) -> Vec<(DVec3, Arc<MetaPartic
     }
     for bond in bonds {
         let ((body, i), (_, j)) = (local[bond.i as usize], local[bond.j as usize]);
-        found[body].1.push(LatticeBond { i: i.min(j), j: i.max(j), class: bond.class });
+        found[body].1.push(LatticeBond { i, j, class: bond.class });
     }
     let made = found.into_iter().map(|(points, mut bonds)| {
         bonds.sort_unstable();
