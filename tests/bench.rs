@@ -46,6 +46,8 @@ fn every_way_takes_its_turns_on_every_bed() {
         assert!((shares - 1.0).abs() < 1e-9, "{row}");
         let subparticles = row["subparticles"].as_f64().expect("a number");
         assert!((subparticles / 1000.0 - 1.0).abs() < 0.2, "{row}");
+        // What settled the bed has left memory behind, which the run takes over.
+        assert_eq!(row["bytes_per_subparticle"], json!(null), "{row}");
     }
     // Single spheres have no bonds to spend time on, fillets do, and only what moves past a gate has no rest.
     let share = |row: usize, stage: &str| rows[row]["stages"][stage].as_f64().expect("a share");
@@ -65,6 +67,8 @@ fn a_bed_that_was_written_is_timed_as_it_lies() {
     let own = rows(&["--bed", &bed, "--bonds", &bonds, "--scenario", &scenario]);
     assert_eq!((own.len(), &own[0]["bed"], &own[0]["subparticles"]), (1, &json!("bonded"), &json!(count)));
     assert_eq!(own[0]["contact_between_bonded"], true);
+    // A sub-particle's own state, without lists, is more than this.
+    assert!(own[0]["bytes_per_subparticle"].as_f64().is_some_and(|bytes| bytes > 100.0), "{}", own[0]);
     let off = rows(&[
         "--bed",
         &bed,
@@ -120,6 +124,14 @@ fn what_is_wrong_with_a_bed_is_said() {
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         assert!(said(&output).contains(complaint), "{}", said(&output));
     }
+    let diagonals = home.file("diagonals.json", &json!({"experiment": "hopper", "bonds": {"types": 1}}));
+    let folder = home.path("beds").display().to_string();
+    let output = run(&["bench", "solver", "--scenario", &diagonals, "--write", &folder]);
+    assert!(
+        output.status.code() == Some(2) && said(&output).contains("/bonds/types is 1; must be 2"),
+        "{}",
+        said(&output)
+    );
     let output = run(&["bench", "solver", "--paths", "mmx"]);
     assert!(
         output.status.code() == Some(2) && said(&output).contains("must be among plain, fast"),

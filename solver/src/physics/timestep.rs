@@ -42,7 +42,8 @@ pub const SAFETY: f64 = 0.9;
 /// What bounds the time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stability {
-    /// 2/ω_max without damping, in seconds: beyond it a run must diverge.
+    /// 2/ω_max without damping, in seconds, as estimated for neighbours that overlap by [`REFERENCE_OVERLAP`]: beyond it a bed pressed so
+    /// far diverges. Bodies that nothing presses may bear half as much again, and twice as much without contact in bonds.
     pub undamped_s: f64,
     /// The limit with damping, in seconds: between the two a run may diverge.
     pub damped_s: f64,

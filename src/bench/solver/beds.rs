@@ -25,7 +25,7 @@ use crate::exit::BadInput;
 pub(super) enum Named {
     /// Single spheres, fallen into a box
     Loose,
-    /// Fillets at rest in the hopper
+    /// Fillets that have settled in the hopper, stopped
     Bonded,
     /// The same while they pour out
     Hopper,
@@ -49,10 +49,14 @@ pub(super) struct Bed {
     pub(super) flows: bool,
     /// Simulated time before anything is measured, in seconds.
     pub(super) warm_up_s: f64,
+    /// Whether nothing has been simulated to make it: a run that comes after another takes over memory which that has left behind.
+    pub(super) is_fresh: bool,
 }
 
 /// Simulated time that a bed has to settle, in seconds.
 const SETTLE_S: f64 = 1.2;
+/// Steps before anything is measured on a bed that was read: as many as LAMMPS has beside it.
+const WARM_UP_STEPS: f64 = 100.0;
 /// Inner width of the box that spheres fall into, and their spacing before, in radii.
 const BOX_R: f64 = 120.0;
 const SPACING_R: f64 = 2.25;
@@ -60,7 +64,7 @@ const SPACING_R: f64 = 2.25;
 const TISSUE_KG_M3: f64 = 940.0;
 
 impl Bed {
-    /// Makes a bed and lets it come to rest.
+    /// Makes a bed, lets it settle and stops what still moves.
     pub(super) fn settled(named: Named, laws: &Scenario, subparticles: u64, threads: usize) -> Result<Self> {
         // Settling may take larger steps than what is timed.
         let quick = with(laws, "numerics", "timestep_s", json!("auto"));
@@ -72,13 +76,14 @@ impl Bed {
         let mut run = cpu.prepare(&start);
         let done = cpu.advance(&mut [(&mut run, (SETTLE_S / start.timestep_s) as u64)]);
         if let Some(fault) = done.into_iter().find_map(|done| done.fault) {
-            bail!("the bed {} does not come to rest: {fault}", named.name());
+            bail!("the bed {} diverged while it settled: {fault}", named.name());
         }
         let timestep_s = prepare(laws, &Meshes::default()).scene.timestep_s;
         let bonds = cpu.bonds(&mut run);
         let scene = Scene { timestep_s, ..as_it_lies(&start, cpu.state(&mut run), &bonds) };
         let flows = named == Named::Hopper;
-        Ok(Self { name: named.name().to_owned(), scene, flows, warm_up_s: if flows { 0.5 } else { 0.02 } })
+        let warm_up_s = if flows { 0.5 } else { 0.02 };
+        Ok(Self { name: named.name().to_owned(), scene, flows, warm_up_s, is_fresh: false })
     }
 
     /// Reads a bed, in an open box that just holds it.
@@ -113,7 +118,8 @@ impl Bed {
         let kinds = bodies(&points, &pairs).into_iter();
         let kinds = kinds.map(|(centre, meta)| (centre, Kind { meta, subparticle_mass_kg })).collect();
         let scene = assembled(boxed(base, low, high), kinds);
-        Ok(Self { name, scene, flows: false, warm_up_s: 0.0 })
+        let warm_up_s = WARM_UP_STEPS * scene.timestep_s;
+        Ok(Self { name, scene, flows: false, warm_up_s, is_fresh: true })
     }
 
     /// Writes the positions and the bonds.

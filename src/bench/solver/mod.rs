@@ -78,6 +78,10 @@ pub(super) async fn execute(args: Args) -> Result<Exit> {
 
 fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
     let scenario = laws(args)?;
+    if args.write.is_some() && scenario.bonds.types != 2 {
+        let text = "--write: the scenario's /bonds/types is 1; must be 2, since a file of bonds does not tell which are longer";
+        return Err(BadInput(text.to_owned()).into());
+    }
     let paths: Vec<Way> = args.paths.iter().map(|name| Way::named(name)).collect::<Result<_>>()?;
     // Before beds settle, which takes a while.
     #[cfg(feature = "gpu")]

@@ -38,7 +38,7 @@ pub(super) struct Row {
     /// Share of the time of all threads that each stage took.
     #[serde(serialize_with = "as_object")]
     pub(super) stages: Vec<(&'static str, f64)>,
-    /// Memory that the run took, where the system tells.
+    /// Memory that the run took, lists and all, where the system tells and nothing was simulated before.
     pub(super) bytes_per_subparticle: Option<f64>,
 }
 
@@ -63,7 +63,8 @@ impl Racer {
     pub(super) fn new(bed: &Bed, path: &'static str, cpu: Cpu) -> Self {
         let before = resident_bytes();
         let run = bed.begun(&cpu);
-        let bytes = resident_bytes().zip(before).map(|(after, before)| after.saturating_sub(before));
+        let taken = resident_bytes().zip(before).map(|(after, before)| after.saturating_sub(before));
+        let bytes = taken.filter(|_| bed.is_fresh);
         Self { path, cpu, run, bytes, turns: Vec::new() }
     }
 
