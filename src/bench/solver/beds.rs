@@ -49,7 +49,7 @@ pub(super) struct Bed {
     pub(super) flows: bool,
     /// Simulated time before anything is measured, in seconds.
     pub(super) warm_up_s: f64,
-    /// Whether nothing has been simulated to make it: a run that comes after another takes over memory which that has left behind.
+    /// Whether nothing has been simulated to make it: a run takes over memory which another has left behind.
     pub(super) is_fresh: bool,
 }
 
@@ -163,7 +163,7 @@ impl Bed {
         if self.flows {
             runs.iter_mut().for_each(|run| backend.start(run));
         }
-        let steps = (self.warm_up_s / self.scene.timestep_s) as u64;
+        let steps = (self.warm_up_s / self.scene.timestep_s).round() as u64;
         backend.advance(&mut runs.iter_mut().map(|run| (run, steps)).collect::<Vec<_>>());
         runs
     }

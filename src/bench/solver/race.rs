@@ -38,7 +38,7 @@ pub(super) struct Row {
     /// Share of the time of all threads that each stage took.
     #[serde(serialize_with = "as_object")]
     pub(super) stages: Vec<(&'static str, f64)>,
-    /// Memory that the run took, lists and all, where the system tells and nothing was simulated before.
+    /// Memory that the run took, lists and all, where the system tells and nothing was simulated to make the bed.
     pub(super) bytes_per_subparticle: Option<f64>,
 }
 
