@@ -7,7 +7,7 @@ use crate::scenario::Scenario;
 
 /// Changes whenever a result changes, be it a bit of the simulation or what a response, series or curve means: results of different
 /// revisions are never mixed silently, and what is kept of them is keyed by it.
-pub const SOLVER_REVISION: u32 = 13;
+pub const SOLVER_REVISION: u32 = 14;
 
 /// The version of the solver crate.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

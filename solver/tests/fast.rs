@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 use common::{RADIUS, assert_same, at, block, bonds, law, onto, scene};
 use cut::{cut_plate, pipe, surface};
 use glam::DVec3;
-use heaps::{drop, fillet, heap, many};
+use heaps::{drop, fillet, heap, many, spheres};
 use roost_solver::cpu::fast::Instructions;
 use roost_solver::cpu::{Cpu, CpuRun};
 use roost_solver::engine::Backend;
@@ -162,6 +162,17 @@ fn bonds_break_alike_and_go_on_as_contacts() {
     let (plain, fast) = intact.split_at(intact.len() / 2);
     assert!(plain == fast);
     assert!(plain.last().is_some_and(|last| last.len() < plain[0].len()));
+}
+
+#[test]
+fn single_spheres_pressed_together_agree_until_they_fly_apart() {
+    let states = assert_agrees("single spheres", &spheres(), &Course::of(HORIZON));
+    // Contacts of the first that go together: enough to be summed up at first, too few at the end.
+    let contacts = [&states[0], &states[states.len() - 1]].map(|state| {
+        let touch = |i: usize, j: &usize| (state.position(i) - state.position(*j)).length() < 2.0 * RADIUS;
+        (0..512).map(|i| (0..i).filter(|j| touch(i, j)).count()).sum::<usize>()
+    });
+    assert!(contacts[0] > 1000 && contacts[1] < 400, "{contacts:?}");
 }
 
 #[test]
@@ -315,7 +326,7 @@ fn assert_all_same(a: &[State], b: &[State], what: &str) {
 fn threads_and_instruction_sets_change_no_bit() {
     let mut breaking = drop();
     breaking.laws.bond.normal_strength = 0.02;
-    for (scene, steps) in [(heap(), 2000), (breaking, 400), (many(), 300)] {
+    for (scene, steps) in [(heap(), 2000), (breaking, 400), (many(), 300), (spheres(), 300)] {
         let course = Course::of(steps);
         let one = states(&scene, &course, Some(Instructions::widest()), 1);
         for threads in [2, 3] {

@@ -68,3 +68,17 @@ pub fn many() -> Scene {
     scene.laws.tissue = law(true, 0.1, 0.3, 0.055);
     scene
 }
+
+/// So many single spheres, pressed together, that they go as several bodies. They have three contacts each, and lose them as they fly apart.
+pub fn spheres() -> Scene {
+    let bodies = (0..700).map(|k| {
+        let cell = DVec3::new(f64::from(k % 9), f64::from(k / 9 % 9), f64::from(k / 81));
+        // Off the lattice, so that no sum is exact.
+        let off = DVec3::new(f64::from(k * 37 % 17), f64::from(k * 53 % 19), f64::from(k * 29 % 13)) * 5e-3;
+        let position = (cell * 1.9 + off) * RADIUS;
+        at(position, position * 20.0 + DVec3::new(0.3, -0.2, -1.0) * (f64::from(k % 5) - 2.0) * 0.05)
+    });
+    let mut scene = scene(block([1, 1, 1]), bodies.collect(), 5e-5);
+    scene.laws.tissue = law(true, 0.1, 0.3, 0.055);
+    scene
+}

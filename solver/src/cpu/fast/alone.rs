@@ -53,8 +53,9 @@ impl Job for Touching<'_> {
             let (half, at) = (k / WIDTH, k % WIDTH);
             let place = place_of(rows[*row as usize].of) as usize;
             position[half].0[at] = points.positions[place].map(|x| f32::from_bits(x as u32));
-            velocity[half].0[at] = points.velocities[place];
-            spin[half].0[at] = points.spins[place];
+            let [u, v, w, y, p, q, r, z] = points.velocities[place];
+            velocity[half].0[at] = [u, v, w, y];
+            spin[half].0[at] = [p, q, r, z];
             let ContactMemory { touching, slide } = pairs[*pair as usize].contact;
             memory[half].0[at] = slide.extend(0.0).to_array();
             held[half] |= u16::from(touching) << quad_of(at);

@@ -147,11 +147,14 @@ impl Body {
         let (mut kept, mut next) = (0, 0);
         for k in 0..pairs.len() {
             let pair = pairs[k];
+            // Nearly all are found, so that hardly any is passed over.
             while next < joined.len() && number(joined[next]) < number(pair) {
                 next += 1;
             }
+            let is_joined = next < joined.len() && joined[next] == pair;
+            next += usize::from(is_joined);
             pairs[kept] = pair;
-            kept += usize::from(next == joined.len() || joined[next] != pair);
+            kept += usize::from(!is_joined);
         }
         pairs.truncate(kept);
     }
@@ -168,14 +171,14 @@ impl Body {
     ) -> Noticed {
         let mut watch = around.stages.watch();
         fetch::soon(&self.bonds[..AHEAD.min(self.bonds.len())]);
-        desk.sums.begin(self.points.blocks());
+        desk.sums.begin(self.points.blocks(), &pairs.within);
         self.points.set_out(simd, &mut desk.blocks);
         watch.lap(Stage::Motion);
         let fetch_next = |k: usize| next.iter().for_each(|next| next.fetch_part(around, k));
         let max_overlap = self.add_bonds(simd, around, fetch_next, desk);
         watch.lap(Stage::Bonds);
         (self.bonds.len() / 2..PARTS).for_each(fetch_next);
-        self.add_pairs(around, pairs, desk);
+        self.add_pairs(simd, around, pairs, desk);
         watch.lap(Stage::Sums);
         self.add_walls(simd, around, desk);
         watch.lap(Stage::Walls);
@@ -222,12 +225,19 @@ impl Body {
     }
 
     /// Adds what pairs do: `pairs` are those of which it is the first body.
-    fn add_pairs(&self, around: &Surroundings<'_>, pairs: &BodyPairs, Desk { sums, .. }: &mut Desk) {
-        sums.add_to_firsts(&pairs.loads);
+    #[inline(always)]
+    fn add_pairs<S: Wide>(
+        &self,
+        simd: S,
+        around: &Surroundings<'_>,
+        pairs: &BodyPairs,
+        Desk { sums, .. }: &mut Desk,
+    ) {
+        sums.add_to_firsts(simd, &pairs.loads);
         for &[m, first] in &self.meets {
             let loads = &around.loads[m as usize];
             if !loads.is_empty() {
-                sums.add_to_seconds(&around.pairs[first as usize].loads, those(loads));
+                sums.add_to_seconds(simd, &around.pairs[first as usize].loads, those(loads));
             }
         }
     }
@@ -272,8 +282,9 @@ impl Next<'_> {
     fn fetch_part(&self, around: &Surroundings<'_>, k: usize) {
         self.body.points.fetch_part(k);
         self.body.whereabouts.fetch_part(k);
-        let loads = &self.pairs.loads;
+        let BodyPairs { loads, within, .. } = self.pairs;
         loads.fetch(span(loads.places.len(), k, PARTS));
+        within.fetch(span(within.count(), k, PARTS));
         // What others have left for it: first where that stands.
         const HALF: usize = PARTS / 2;
         for &[m, first] in part(&self.body.meets, k % HALF, HALF) {

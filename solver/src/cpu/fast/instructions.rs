@@ -2,7 +2,7 @@
 
 use pulp::{Scalar, Simd};
 
-use super::memory::{Ints, Lanes, PackedPlaces, Places, Quads, WIDTH, quad_of};
+use super::memory::{Ints, Lanes, Octets, PackedPlaces, Places, Quads, WIDTH, quad_of};
 
 /// An instruction set that this machine has.
 #[derive(Clone, Copy, Debug)]
@@ -127,6 +127,30 @@ pub(super) trait Wide: Simd {
     fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
         Quads(std::array::from_fn(|place| std::array::from_fn(|c| lanes[c].0[quad_of(place)])))
     }
+
+    /// The sums of eight numbers and eight others.
+    #[inline(always)]
+    fn sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+        std::array::from_fn(|c| a[c] + b[c])
+    }
+
+    /// Differences of the first four, sums of the last four.
+    #[inline(always)]
+    fn difference_and_sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+        std::array::from_fn(|c| if c < 4 { a[c] - b[c] } else { a[c] + b[c] })
+    }
+
+    /// The first four numbers of each, and the last four.
+    #[inline(always)]
+    fn apart(self, octets: &Octets) -> [Quads; 2] {
+        std::array::from_fn(|half| Quads(octets.map(|octet| std::array::from_fn(|c| octet[4 * half + c]))))
+    }
+
+    /// Four numbers of each, and four others after them.
+    #[inline(always)]
+    fn together(self, [first, last]: [&Quads; 2]) -> Octets {
+        std::array::from_fn(|k| std::array::from_fn(|c| if c < 4 { first.0[k][c] } else { last.0[k][c - 4] }))
+    }
 }
 
 impl Wide for Scalar {}
@@ -224,6 +248,34 @@ mod tests {
             let at = simd.unpacked(packed);
             let places = [simd.widened(&bytes).0, at.0.map(|place| place % 16)];
             (found, places, [simd.spread(&values, &at, bits).0, simd.only(0.75, bits).0])
+        }
+    }
+
+    /// Octets taken apart, put together again, and two of them added.
+    struct Octet(Octets);
+
+    impl Job for Octet {
+        type Output = ([[[f32; 4]; WIDTH]; 2], Octets, [[f32; 8]; 2]);
+
+        #[inline(always)]
+        fn run<S: Wide>(self, simd: S) -> Self::Output {
+            let [first, last] = simd.apart(&self.0);
+            let [a, b, ..] = &self.0;
+            let added = [simd.sum(a, b), simd.difference_and_sum(a, b)];
+            ([first.0, last.0], simd.together([&first, &last]), added)
+        }
+    }
+
+    #[test]
+    fn all_take_octets_apart_and_add_them_alike() {
+        let mut random = fastrand::Rng::with_seed(1);
+        let octets: Octets = std::array::from_fn(|_| std::array::from_fn(|_| random.f32() - 0.5));
+        let [a, b, ..] = octets;
+        let half = |from: usize| octets.map(|octet| std::array::from_fn(|c| octet[from + c]));
+        let signs = [-1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0];
+        let added = [[1.0; 8], signs].map(|signs| std::array::from_fn(|c| a[c] + signs[c] * b[c]));
+        for set in Instructions::available() {
+            assert_eq!(set.run(Octet(octets)), ([half(0), half(4)], octets, added), "{}", set.name());
         }
     }
 

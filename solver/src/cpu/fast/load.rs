@@ -5,9 +5,9 @@ use std::ops::Range;
 use pulp::cast;
 
 use super::fetch;
-use super::instructions::Wide;
+use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{Contacts, Felt, Seen};
-use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, quad_of};
+use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, octets, quad_of};
 use super::pairs::{PairList, PairLoads};
 use super::points::Points;
 use crate::cpu::forces::Load;
@@ -23,10 +23,8 @@ pub(super) struct Batch {
     pub(super) pairs: Vec<u32>,
     /// x_j − x_i, in units of length, as bits.
     apart: [[f32; 4]; BATCH],
-    /// v_j − v_i.
-    velocity: [[f32; 4]; BATCH],
-    /// ω_i + ω_j.
-    spin: [[f32; 4]; BATCH],
+    /// v_j − v_i and ω_i + ω_j.
+    velocity: [[f32; 8]; BATCH],
     memory: [[f32; 4]; BATCH],
     /// √m* in kg^½.
     root_mass: [f32; BATCH],
@@ -41,12 +39,9 @@ pub(super) struct BatchLanes {
     pub(super) memory: [Contacts; 2],
 }
 
-/// What acts on many sub-particles or pairs: force and torque, one after the other, with a 0 at the end of each.
+/// What acts on many sub-particles or pairs, one after the other: a force, 0, a torque, 0.
 #[derive(Debug, Default)]
-pub(super) struct Loads {
-    force: Vec<[f32; 4]>,
-    torque: Vec<[f32; 4]>,
-}
+pub(super) struct Loads(Vec<[f32; 8]>);
 
 /// Loads of a block of sub-particles.
 #[derive(Clone, Copy, Debug)]
@@ -70,8 +65,7 @@ impl Default for Batch {
         Self {
             pairs: Vec::with_capacity(BATCH),
             apart: quads,
-            velocity: quads,
-            spin: quads,
+            velocity: [[0.0; 8]; BATCH],
             memory: quads,
             root_mass: [0.0; BATCH],
         }
@@ -79,39 +73,6 @@ impl Default for Batch {
 }
 
 impl Batch {
-    /// Takes in as many of `close`, which are pairs of these two, as there is room for; returns how many.
-    // By itself the compiler would make one function of this and the kernels, which have no register to spare.
-    #[inline(never)]
-    pub(super) fn take(
-        &mut self,
-        close: &[u32],
-        list: &PairList,
-        apart: &[[i32; 4]],
-        [first, second]: [&Points; 2],
-        root_mass: f32,
-    ) -> usize {
-        let from = self.pairs.len();
-        let close = &close[..close.len().min(BATCH - from)];
-        self.pairs.extend_from_slice(close);
-        self.root_mass[from..from + close.len()].fill(root_mass);
-        let looks = self.apart[from..].iter_mut();
-        let looks = looks.zip(&mut self.memory[from..]);
-        let looks = looks.zip(&mut self.velocity[from..]);
-        let looks = looks.zip(&mut self.spin[from..]);
-        let (places, memories) = (&list.places[..apart.len()], &list.memory[..apart.len()]);
-        for (&pair, (((between, memory), velocity), spin)) in close.iter().zip(looks) {
-            let pair = pair as usize;
-            *between = apart[pair].map(|d| f32::from_bits(d as u32));
-            *memory = memories[pair];
-            let [i, j] = places[pair];
-            let (v, v_j) = (&first.velocities[i as usize], &second.velocities[j as usize]);
-            let (w, w_j) = (&first.spins[i as usize], &second.spins[j as usize]);
-            *velocity = std::array::from_fn(|c| v_j[c] - v[c]);
-            *spin = std::array::from_fn(|c| w[c] + w_j[c]);
-        }
-        close.len()
-    }
-
     /// All of them in lanes. Where there is no pair stands what was there before.
     #[inline(always)]
     pub(super) fn lanes<S: Wide>(&self, simd: S, frame: &Frame, step: u32) -> BatchLanes {
@@ -132,9 +93,8 @@ impl Batch {
                 axis.0[k] = axis.0[k].to_bits() as i32 as f32 * frame.unit_m;
             }
         }
-        let (velocity, spin) =
-            (three(simd, &Quads::of(&self.velocity, half)), three(simd, &Quads::of(&self.spin, half)));
-        Seen { apart, velocity, spin }
+        let [velocity, spin] = simd.apart(octets(&self.velocity, half));
+        Seen { apart, velocity: three(simd, &velocity), spin: three(simd, &spin) }
     }
 
     #[inline(always)]
@@ -186,67 +146,134 @@ pub(super) fn ints<S: Wide>(simd: S, quads: &Quads) -> [Ints; 4] {
 
 impl Loads {
     pub(super) fn clear(&mut self) {
-        self.force.clear();
-        self.torque.clear();
+        self.0.clear();
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// On so many: what is known of the first of them, and nothing yet on others.
+    pub(super) fn begin(&mut self, count: usize, known: &Self) {
+        self.0.clear();
+        self.0.extend_from_slice(&known.0);
+        self.0.resize(count, [0.0; 8]);
     }
 
     /// Fetches some from memory.
     #[inline(always)]
     pub(super) fn fetch(&self, range: Range<usize>) {
-        fetch::later(&self.force[range.clone()]);
-        fetch::later(&self.torque[range]);
+        fetch::later(&self.0[range]);
     }
 
     /// Takes in [`WIDTH`] more, from lanes.
     #[inline(always)]
     pub(super) fn push<S: Wide>(&mut self, simd: S, felt: &Felt) {
         let ([x, y, z], [p, q, r]) = (&felt.force, &felt.torque);
-        self.force.extend_from_slice(&simd.to_quads([x, y, z, &Lanes::ZERO]).0);
-        self.torque.extend_from_slice(&simd.to_quads([p, q, r, &Lanes::ZERO]).0);
+        let force = simd.to_quads([x, y, z, &Lanes::ZERO]);
+        let torque = simd.to_quads([p, q, r, &Lanes::ZERO]);
+        self.0.extend_from_slice(&simd.together([&force, &torque]));
     }
+}
 
-    /// Adds what some pairs do to one of their two: what acts on the firsts, or else what acts on the seconds.
+/// Puts as many of `close` into a batch, which are pairs of two bodies, as there is room for; tells how many.
+// By itself the compiler would make one function of this and the kernels, which have no register to spare.
+pub(super) struct Take<'a> {
+    pub(super) batch: &'a mut Batch,
+    pub(super) close: &'a [u32],
+    pub(super) list: &'a PairList,
+    /// Distances of all that are listed.
+    pub(super) apart: &'a [[i32; 4]],
+    pub(super) sides: [&'a Points; 2],
+    /// √m* in kg^½.
+    pub(super) root_mass: f32,
+}
+
+impl Job for Take<'_> {
+    type Output = usize;
+
     #[inline(always)]
-    fn add_pairs<const SIDE: usize>(&mut self, PairLoads { loads, places }: &PairLoads, pairs: Range<usize>) {
-        let Self { force, torque } = self;
-        let torque = &mut torque[..force.len()];
-        let places = &places[pairs.clone()];
-        let loads = loads.force[pairs.clone()].iter().zip(&loads.torque[pairs]);
-        for (place, (f, t)) in places.iter().zip(loads) {
-            let place = place[SIDE] as usize;
-            force[place] = sum(force[place], if SIDE == 0 { *f } else { f.map(|x| -x) });
-            torque[place] = sum(torque[place], *t);
+    fn run<S: Wide>(self, simd: S) -> usize {
+        let Self { batch, close, list, apart, sides: [first, second], root_mass } = self;
+        let from = batch.pairs.len();
+        let close = &close[..close.len().min(BATCH - from)];
+        batch.pairs.extend_from_slice(close);
+        batch.root_mass[from..from + close.len()].fill(root_mass);
+        let looks = batch.apart[from..].iter_mut();
+        let looks = looks.zip(&mut batch.memory[from..]);
+        let looks = looks.zip(&mut batch.velocity[from..]);
+        let (places, memories) = (&list.places[..apart.len()], &list.memory[..apart.len()]);
+        for (&pair, ((between, memory), velocity)) in close.iter().zip(looks) {
+            let pair = pair as usize;
+            *between = apart[pair].map(|d| f32::from_bits(d as u32));
+            *memory = memories[pair];
+            let [i, j] = places[pair];
+            let (mine, theirs) = (&first.velocities[i as usize], &second.velocities[j as usize]);
+            *velocity = simd.difference_and_sum(theirs, mine);
+        }
+        close.len()
+    }
+}
+
+/// Adds what pairs of a body with itself do to both of their two.
+pub(super) struct AddWithin<'a> {
+    pub(super) sums: &'a mut Loads,
+    pub(super) loads: &'a PairLoads,
+}
+
+impl Job for AddWithin<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Wide>(self, simd: S) {
+        let Self { sums: Loads(sums), loads: PairLoads { loads, places } } = self;
+        for (&[i, j], load) in places.iter().zip(&loads.0) {
+            let (i, j) = (i as usize, j as usize);
+            sums[i] = simd.sum(&sums[i], load);
+            sums[j] = simd.difference_and_sum(&sums[j], load);
         }
     }
 }
 
-#[inline(always)]
-fn sum(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-    std::array::from_fn(|c| a[c] + b[c])
+/// Adds what some pairs do to one of their two: to the firsts, or else to the seconds.
+struct AddPairs<'a, const SIDE: usize> {
+    sums: &'a mut Loads,
+    loads: &'a PairLoads,
+    pairs: Range<usize>,
+}
+
+impl<const SIDE: usize> Job for AddPairs<'_, SIDE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Wide>(self, simd: S) {
+        let Self { sums: Loads(sums), loads: PairLoads { loads, places }, pairs } = self;
+        for (place, load) in places[pairs.clone()].iter().zip(&loads.0[pairs]) {
+            let sum = &mut sums[place[SIDE] as usize];
+            *sum = if SIDE == 0 { simd.sum(sum, load) } else { simd.difference_and_sum(sum, load) };
+        }
+    }
 }
 
 impl Sums {
     /// Nothing yet, for so many blocks.
-    pub(super) fn begin(&mut self, blocks: usize) {
-        let Loads { force, torque } = &mut self.single;
-        for single in [force, torque] {
-            single.clear();
-            single.resize(blocks * WIDTH, [0.0; 4]);
-        }
+    pub(super) fn begin(&mut self, blocks: usize, known: &Loads) {
+        self.single.begin(blocks * WIDTH, known);
         self.blocks.clear();
         self.blocks.resize(blocks, LoadBlock { force: [Lanes::ZERO; 3], torque: [Lanes::ZERO; 3] });
     }
 
     /// Adds what acts on the firsts of all pairs.
-    #[inline(never)]
-    pub(super) fn add_to_firsts(&mut self, loads: &PairLoads) {
-        self.single.add_pairs::<0>(loads, 0..loads.places.len());
+    #[inline(always)]
+    pub(super) fn add_to_firsts<S: Wide>(&mut self, simd: S, loads: &PairLoads) {
+        let pairs = 0..loads.places.len();
+        by_itself(simd, AddPairs::<0> { sums: &mut self.single, loads, pairs });
     }
 
     /// Adds what acts on the seconds of some pairs.
-    #[inline(never)]
-    pub(super) fn add_to_seconds(&mut self, loads: &PairLoads, pairs: Range<usize>) {
-        self.single.add_pairs::<1>(loads, pairs);
+    #[inline(always)]
+    pub(super) fn add_to_seconds<S: Wide>(&mut self, simd: S, loads: &PairLoads, pairs: Range<usize>) {
+        by_itself(simd, AddPairs::<1> { sums: &mut self.single, loads, pairs });
     }
 
     /// Adds what acts on the sub-particle at a place.
@@ -254,17 +281,17 @@ impl Sums {
     pub(super) fn add(&mut self, place: u32, load: &Load) {
         let [x, y, z] = load.force.to_array();
         let [p, q, r] = load.torque.to_array();
-        let (force, torque) = (&mut self.single.force, &mut self.single.torque);
-        force[place as usize] = sum(force[place as usize], [x, y, z, 0.0]);
-        torque[place as usize] = sum(torque[place as usize], [p, q, r, 0.0]);
+        for (sum, load) in self.single.0[place as usize].iter_mut().zip([x, y, z, 0.0, p, q, r, 0.0]) {
+            *sum += load;
+        }
     }
 
     /// All that acts on a block.
     #[inline(always)]
     pub(super) fn of_block<S: Wide>(&self, simd: S, b: usize) -> LoadBlock {
-        let (single, mut all) = (&self.single, self.blocks[b]);
-        let force = simd.to_lanes(&Quads::of(&single.force, b));
-        let torque = simd.to_lanes(&Quads::of(&single.torque, b));
+        let mut all = self.blocks[b];
+        let [forces, torques] = simd.apart(octets(&self.single.0, b));
+        let (force, torque) = (simd.to_lanes(&forces), simd.to_lanes(&torques));
         for axis in 0..3 {
             for k in 0..WIDTH {
                 all.force[axis].0[k] += force[axis].0[k];

@@ -15,7 +15,7 @@ use super::fetch;
 use super::instructions::{Job, Wide, by_itself};
 use super::kernel::{self, Felt};
 use super::laws::PairLaws;
-use super::load::{BATCH, Batch};
+use super::load::{AddWithin, BATCH, Batch, Loads, Take};
 use super::memory::space;
 use super::pairs::{self, BodyPairs, PairList, PairLoads};
 use super::points::{Motion, place_of};
@@ -84,6 +84,8 @@ pub(super) struct Room {
     finder: Finder,
     /// One is filled while the other waits: what was written in small pieces cannot be read at once in large ones.
     batches: [Batch; 2],
+    /// What pairs do that is summed up at once.
+    loads: PairLoads,
     /// A list to be written.
     spare: PairList,
     /// Which meetings must look up their pairs.
@@ -254,12 +256,13 @@ impl Contacts<'_> {
 
     /// Works out the load of every pair that is close. Returns their greatest overlap, in metres.
     #[inline(always)]
-    pub(super) fn forces<S: Wide>(&mut self, simd: S, Room { batches, looks, .. }: &mut Room) -> f32 {
+    pub(super) fn forces<S: Wide>(&mut self, simd: S, room: &mut Room) -> f32 {
+        let Room { batches, loads: summed, looks, .. } = room;
         let [mut batch, mut full] = batches.each_mut();
-        let BodyPairs { list, loads: PairLoads { loads, places }, .. } = &mut *self.pairs;
+        let BodyPairs { list, loads, within, .. } = &mut *self.pairs;
         let mine = &self.bodies[self.meetings[0].bodies[0] as usize];
         loads.clear();
-        places.clear();
+        within.clear();
         let apart = space(&mut looks.apart, list.len());
         // Most meetings have no pair.
         for meeting in self.meetings.iter().filter(|it| !it.pairs.is_empty()) {
@@ -282,24 +285,40 @@ impl Contacts<'_> {
                 continue;
             }
             let count = close.partition_point(|&pair| pair < meeting.pairs.end);
-            self.loads[m] = done..done + count as u32;
-            done += count as u32;
+            // Single spheres have several contacts each; a fillet hardly any with itself, which are no work to keep.
+            let is_summed = meeting.bodies[0] == meeting.bodies[1] && count >= mine.points.count;
+            if is_summed {
+                self.pairs.within.begin(mine.points.positions.len(), &Loads::default());
+            }
+            let kept = if is_summed { 0 } else { count as u32 };
+            self.loads[m] = done..done + kept;
+            done += kept;
             let theirs = &self.bodies[meeting.bodies[1] as usize];
             let (sides, root_mass) =
                 ([&mine.points, &theirs.points], root_of_equivalent(mine.mass, theirs.mass));
             let mut these;
             (these, close) = close.split_at(count);
             while !these.is_empty() {
-                let taken = batch.take(these, &self.pairs.list, apart, sides, root_mass);
+                let list = &self.pairs.list;
+                let taken = by_itself(simd, Take { batch, close: these, list, apart, sides, root_mass });
                 these = &these[taken..];
                 if batch.pairs.len() == BATCH {
-                    deepest = deepest.max(by_itself(simd, WorkOut { contacts: self, batch: full }));
+                    let summed = is_summed.then_some(&mut *summed);
+                    deepest = deepest.max(by_itself(simd, WorkOut { contacts: self, batch: full, summed }));
                     std::mem::swap(&mut batch, &mut full);
                 }
             }
+            if is_summed {
+                for batch in [&mut *full, &mut *batch] {
+                    let summed = Some(&mut *summed);
+                    deepest = deepest.max(by_itself(simd, WorkOut { contacts: self, batch, summed }));
+                }
+                by_itself(simd, AddWithin { sums: &mut self.pairs.within, loads: summed });
+                summed.clear();
+            }
         }
         for batch in [full, batch] {
-            deepest = deepest.max(by_itself(simd, WorkOut { contacts: self, batch }));
+            deepest = deepest.max(by_itself(simd, WorkOut { contacts: self, batch, summed: None }));
         }
         deepest
     }
@@ -331,6 +350,8 @@ impl Job for Meet<'_, '_> {
 struct WorkOut<'a, 'b> {
     contacts: &'a mut Contacts<'b>,
     batch: &'a mut Batch,
+    /// Room for what pairs within a body do, if that is summed up at once.
+    summed: Option<&'a mut PairLoads>,
 }
 
 impl Job for WorkOut<'_, '_> {
@@ -338,14 +359,23 @@ impl Job for WorkOut<'_, '_> {
 
     #[inline(always)]
     fn run<S: Wide>(self, simd: S) -> f32 {
-        let Self { contacts: Contacts { pairs, laws, frame, step, .. }, batch } = self;
-        let BodyPairs { list, loads: PairLoads { loads, places }, .. } = &mut **pairs;
+        let Self { contacts: Contacts { pairs, laws, frame, step, .. }, batch, summed } = self;
+        let BodyPairs { list, loads, within, .. } = &mut **pairs;
         if batch.pairs.is_empty() {
             return 0.0;
         }
         let mut felt = [Felt::NOTHING; 2];
         let mut lanes = batch.lanes(simd, frame, *step);
         let deepest = kernel::contacts(simd, laws, &mut lanes, &mut felt);
+        let PairLoads { loads, places } = match summed {
+            None => loads,
+            Some(summed) => {
+                // What the batch before does, which is there by now.
+                by_itself(simd, AddWithin { sums: within, loads: summed });
+                summed.clear();
+                summed
+            }
+        };
         loads.push(simd, &felt[0]);
         loads.push(simd, &felt[1]);
         let memory = [lanes.memory[0].memory(simd, *step).0, lanes.memory[1].memory(simd, *step).0];

@@ -51,6 +51,17 @@ impl Places {
         }
         Self(each)
     };
+
+    /// The lane whose numbers stand at each place (see [`quad_of`]).
+    pub(super) const OF_QUADS: Self = {
+        let mut each = [0; WIDTH];
+        let mut k = 0;
+        while k < WIDTH {
+            each[k] = quad_of(k) as u32;
+            k += 1;
+        }
+        Self(each)
+    };
 }
 
 /// [`WIDTH`] numbers below 16, four bits each: those of even lanes in the lower half, those of odd lanes in the upper.
@@ -105,6 +116,15 @@ impl Quads {
         // Whole, since what is copied in pieces cannot be read at once in large ones.
         Self(cast(these))
     }
+}
+
+/// Two vectors of each of [`WIDTH`] things, one thing after the other, each with one more number.
+pub(super) type Octets = [[f32; 8]; WIDTH];
+
+/// The `b`th [`WIDTH`] of many.
+#[inline(always)]
+pub(super) fn octets(many: &[[f32; 8]], b: usize) -> &Octets {
+    many[b * WIDTH..][..WIDTH].try_into().expect("as many as asked for")
 }
 
 /// So much of a vector, which may hold anything: what only grows need not be filled each time.

@@ -24,8 +24,11 @@ pub(super) struct BodyPairs {
     pub(super) list: PairList,
     /// Whether meetings have come or gone since the list was written.
     pub(super) is_stale: bool,
-    /// What those that are close do in this step.
+    /// What those that are close do in this step, but for those within the body where these are summed up.
     pub(super) loads: PairLoads,
+    /// What pairs within the body do to each of its sub-particles, where they are so many that their sums are less to keep than they;
+    /// else empty.
+    pub(super) within: Loads,
 }
 
 /// What acts on the firsts of pairs; on their seconds act the opposite force and the same torque.
@@ -37,6 +40,11 @@ pub(super) struct PairLoads {
 }
 
 impl PairLoads {
+    pub(super) fn clear(&mut self) {
+        self.loads.clear();
+        self.places.clear();
+    }
+
     /// Fetches some from memory.
     #[inline(always)]
     pub(super) fn fetch(&self, pairs: Range<usize>) {
@@ -105,15 +113,18 @@ impl PairList {
         range: Range<usize>,
     ) {
         let (places, memory) = (&other.places[range.clone()], &other.memory[range]);
+        let first = self.len();
+        self.places.extend(close.iter().map(|&candidate| candidates[candidate as usize]));
         let mut k = 0;
-        for &candidate in close {
-            let pair = candidates[candidate as usize];
+        self.memory.extend(self.places[first..].iter().map(|&pair| {
             while k < places.len() && number(places[k]) < number(pair) {
                 k += 1;
             }
             let is_known = k < places.len() && places[k] == pair;
-            self.push(pair, if is_known { memory[k] } else { [0.0; 4] });
-        }
+            let before = if is_known { memory[k] } else { [0.0; 4] };
+            k += usize::from(is_known);
+            before
+        }));
     }
 
     /// Some pairs, with what they remember.

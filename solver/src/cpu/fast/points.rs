@@ -9,7 +9,7 @@ use pulp::cast;
 use super::fetch::{self, PARTS, part};
 use super::instructions::Wide;
 use super::load::{LoadBlock, Sums, ints};
-use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, in_metres, quad_of};
+use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, folded, greater, in_metres, octets, quad_of};
 use crate::cpu::integrate::{EDGE, Mover};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -34,10 +34,8 @@ pub(super) struct Points {
     pub(super) count: usize,
     /// Fixed-point positions; the fourth number has the bits of the remainder along x (see [`Block::remainder`]).
     pub(super) positions: Vec<[i32; 4]>,
-    /// The fourth number is the remainder along y.
-    pub(super) velocities: Vec<[f32; 4]>,
-    /// The fourth number is the remainder along z.
-    pub(super) spins: Vec<[f32; 4]>,
+    /// Velocities, the remainder along y, spins, the remainder along z: in half a line of the cache what pairs look for.
+    pub(super) velocities: Vec<[f32; 8]>,
     /// Lanes of each block that move: neither held nor only there to fill up.
     moving: Vec<u16>,
     /// 1 where a lane of the last block is a sub-particle, 0 where it only fills up.
@@ -102,8 +100,7 @@ impl Points {
         let mut points = Self {
             count,
             positions: vec![[0; 4]; blocks * WIDTH],
-            velocities: vec![[0.0; 4]; blocks * WIDTH],
-            spins: vec![[0.0; 4]; blocks * WIDTH],
+            velocities: vec![[0.0; 8]; blocks * WIDTH],
             moving: vec![0; blocks],
             real_in_last,
         };
@@ -115,8 +112,8 @@ impl Points {
             points.positions[place] = position.extend(remainder.x.to_bits() as i32).to_array();
             let is_real = k < count;
             let moving = |value: Vec3| if is_real { value } else { Vec3::ZERO };
-            points.velocities[place] = moving(velocity).extend(remainder.y).to_array();
-            points.spins[place] = moving(spin).extend(remainder.z).to_array();
+            let ([u, v, w], [p, q, r]) = (moving(velocity).to_array(), moving(spin).to_array());
+            points.velocities[place] = [u, v, w, remainder.y, p, q, r, remainder.z];
             points.moving[k / WIDTH] |= u16::from(is_real && !state.held[from]) << (k % WIDTH);
         }
         points
@@ -127,7 +124,7 @@ impl Points {
     pub(super) fn particle(&self, k: usize) -> Particle {
         let place = place_of(k as u32) as usize;
         let [x, y, z, _] = self.positions[place];
-        let ([u, v, w, _], [p, q, r, _]) = (self.velocities[place], self.spins[place]);
+        let [u, v, w, _, p, q, r, _] = self.velocities[place];
         Particle { position: IVec3::new(x, y, z), velocity: Vec3::new(u, v, w), spin: Vec3::new(p, q, r) }
     }
 
@@ -136,8 +133,7 @@ impl Points {
         for (k, (particle, remainder)) in particles.iter_mut().zip(remainders).enumerate() {
             *particle = self.particle(k);
             let place = place_of(k as u32) as usize;
-            let ([.., x], [.., y], [.., z]) =
-                (self.positions[place], self.velocities[place], self.spins[place]);
+            let ([.., x], [_, _, _, y, .., z]) = (self.positions[place], self.velocities[place]);
             *remainder = Vec3::new(f32::from_bits(x as u32), y, z);
         }
     }
@@ -147,7 +143,6 @@ impl Points {
     pub(super) fn fetch_part(&self, k: usize) {
         fetch::later(part(&self.positions, k, PARTS));
         fetch::later(part(&self.velocities, k, PARTS));
-        fetch::later(part(&self.spins, k, PARTS));
     }
 
     /// The number of blocks.
@@ -209,8 +204,9 @@ impl Points {
         blocks.resize(self.blocks(), Block::NOTHING);
         for (b, block) in blocks.iter_mut().enumerate() {
             let [x, y, z, rx] = self.positions_of(simd, b);
-            let [u, v, w, ry] = simd.to_lanes(&Quads::of(&self.velocities, b));
-            let [p, q, r, rz] = simd.to_lanes(&Quads::of(&self.spins, b));
+            let [velocities, spins] = simd.apart(octets(&self.velocities, b));
+            let [u, v, w, ry] = simd.to_lanes(&velocities);
+            let [p, q, r, rz] = simd.to_lanes(&spins);
             let rx = Lanes(cast(rx.0));
             *block =
                 Block { position: [x, y, z], velocity: [u, v, w], spin: [p, q, r], remainder: [rx, ry, rz] };
@@ -226,8 +222,8 @@ impl Points {
         let positions: [[i32; 4]; WIDTH] = cast(simd.to_quads([x, y, z, rx]).0);
         self.positions[b * WIDTH..][..WIDTH].copy_from_slice(&positions);
         let ([x, y, z], [p, q, r]) = (&block.velocity, &block.spin);
-        self.velocities[b * WIDTH..][..WIDTH].copy_from_slice(&simd.to_quads([x, y, z, ry]).0);
-        self.spins[b * WIDTH..][..WIDTH].copy_from_slice(&simd.to_quads([p, q, r, rz]).0);
+        let (velocities, spins) = (simd.to_quads([x, y, z, ry]), simd.to_quads([p, q, r, rz]));
+        self.velocities[b * WIDTH..][..WIDTH].copy_from_slice(&simd.together([&velocities, &spins]));
     }
 
     /// One step of all, which stand in `blocks`, of `mass` in kg each, by the loads that have been summed up; `motion` is that of them all.

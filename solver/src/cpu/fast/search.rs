@@ -4,7 +4,7 @@ use glam::IVec3;
 
 use super::body::Body;
 use super::instructions::Wide;
-use super::memory::{Lanes, Lanes3, Places, WIDTH, folded, places_of, quad_of, space};
+use super::memory::{Lanes, Lanes3, Places, WIDTH, folded, space};
 use super::points::Points;
 use super::whereabouts::{Extent, Span, Whereabouts};
 use crate::engine::frame::Frame;
@@ -77,18 +77,30 @@ impl<'a> Two<'a> {
         [[0.0; 3], size.to_array()]
     }
 
-    /// A block of the first or of the second.
+    /// A row of boxes of the first or of the second, in the order of places, and how many there are.
+    #[inline(always)]
+    fn row<S: Wide>(&self, simd: S, side: usize, g: usize) -> ([Lanes3; 2], usize) {
+        let ([[x, y, z], [u, v, w]], count) = self.at[side].row(simd, g, self.from, self.unit_m);
+        let lows = [by_place(simd, &x), by_place(simd, &y), by_place(simd, &z)];
+        let highs = [by_place(simd, &u), by_place(simd, &v), by_place(simd, &w)];
+        ([lows, highs], count)
+    }
+
+    /// A block of the first or of the second, in the order of places.
     #[inline(always)]
     fn block<S: Wide>(&self, simd: S, side: usize, b: usize) -> Lanes3 {
-        self.points[side].in_metres(simd, b, self.from, self.unit_m)
+        let [x, y, z] = self.points[side].in_metres(simd, b, self.from, self.unit_m);
+        [by_place(simd, &x), by_place(simd, &y), by_place(simd, &z)]
     }
 }
 
 /// Finds pairs that may touch.
 #[derive(Debug, Default)]
 pub(super) struct Finder {
-    /// Blocks of the second body that are near one of the first, and which lanes of that one are near each.
+    /// Blocks of the second body that are near one of the first, and which places of that one are near each.
     beside: Vec<(usize, u16)>,
+    /// The boxes of the second body's blocks, by place, and how many there are in each row.
+    rows: Vec<([Lanes3; 2], usize)>,
     /// The second body, as it is searched; empty until it is asked for.
     theirs: Vec<Lanes3>,
     /// What is found for each sub-particle of a block, with room to write whole registers.
@@ -130,12 +142,18 @@ impl Finder {
     #[inline(always)]
     fn find<S: Wide>(&mut self, simd: S, far: f32, two: &Two<'_>) -> f32 {
         self.theirs.clear();
+        self.rows.clear();
         let mut apart2 = Lanes([f32::INFINITY; WIDTH]);
         let around_second = two.around_second();
         for g in 0..two.at[0].rows() {
-            let (row, count) = two.at[0].row(simd, g, two.from, two.unit_m);
+            let (row, count) = two.row(simd, 0, g);
             let gaps = gaps2(&around_second, &row, two.is_periodic(), count);
-            let mut near = places_of(within(simd, &gaps, far * far, &mut apart2));
+            let mut near = within(simd, &gaps, far * far, &mut apart2);
+            if near != 0 && self.rows.is_empty() {
+                for g in 0..two.at[1].rows() {
+                    self.rows.push(two.row(simd, 1, g));
+                }
+            }
             while near != 0 {
                 self.find_of(simd, g * WIDTH + near.trailing_zeros() as usize, two, &mut apart2);
                 near &= near - 1;
@@ -147,22 +165,23 @@ impl Finder {
     /// The same of one block of the first body.
     #[inline(always)]
     fn find_of<S: Wide>(&mut self, simd: S, a: usize, two: &Two<'_>, apart2: &mut Lanes) {
-        let Two { at: [first, second], from, unit_m, reach2, alone, .. } = *two;
+        let Two { at: [first, _], from, unit_m, reach2, alone, .. } = *two;
         let is_periodic = two.is_periodic();
         let (span, xa) = (first.span(a, from, unit_m), two.block(simd, 0, a));
         self.beside.clear();
-        for g in 0..second.rows() {
-            let (row, count) = second.row(simd, g, from, unit_m);
-            let gaps = gaps2(&span, &row, is_periodic, count);
-            let mut boxes = places_of(within(simd, &gaps, reach2, apart2));
+        for (g, (row, count)) in self.rows.iter().enumerate() {
+            let gaps = gaps2(&span, row, is_periodic, *count);
+            let mut boxes = within(simd, &gaps, reach2, apart2);
             while boxes != 0 {
-                let b = g * WIDTH + boxes.trailing_zeros() as usize;
+                let place = boxes.trailing_zeros() as usize;
+                let b = g * WIDTH + place;
                 boxes &= boxes - 1;
                 // Of a body and itself only pairs with i < j count, once.
                 if alone && b < a {
                     continue;
                 }
-                let around = second.span(b, from, unit_m);
+                let [[x, y, z], [u, v, w]] = row;
+                let around = [[x.0[place], y.0[place], z.0[place]], [u.0[place], v.0[place], w.0[place]]];
                 let from_box = gaps2(&around, &[xa, xa], is_periodic, WIDTH);
                 let near_box = within(simd, &from_box, reach2, apart2);
                 if near_box != 0 {
@@ -170,7 +189,7 @@ impl Finder {
                 }
             }
         }
-        let Self { beside, theirs, seconds, found } = self;
+        let Self { beside, theirs, seconds, found, .. } = self;
         if beside.is_empty() {
             return;
         }
@@ -187,13 +206,12 @@ impl Finder {
         for &(b, mut near) in &*beside {
             let xb = &theirs[b];
             while near != 0 {
-                let lane = near.trailing_zeros() as usize;
+                let place = near.trailing_zeros() as usize;
                 near &= near - 1;
-                let x = [xa[0].0[lane], xa[1].0[lane], xa[2].0[lane]];
+                let x = [xa[0].0[place], xa[1].0[place], xa[2].0[place]];
                 let distances2 = distances2_from_point(xb, x, two.period);
-                let place = quad_of(lane);
                 let later = if alone && b == a { (!1u32 << place) as u16 } else { u16::MAX };
-                let hits = places_of(simd.at_most(&distances2, reach2)) & later;
+                let hits = simd.at_most(&distances2, reach2) & later;
                 let mut hit = simd.to_front(&Places::EACH, hits);
                 for k in 0..WIDTH {
                     hit.0[k] += (b * WIDTH) as u32;
@@ -212,6 +230,12 @@ impl Finder {
             next += counts[place];
         }
     }
+}
+
+/// What stands in lanes, by places.
+#[inline(always)]
+fn by_place<S: Wide>(simd: S, lanes: &Lanes) -> Lanes {
+    simd.spread(lanes, &Places::OF_QUADS, u16::MAX)
 }
 
 /// Which of some squares of distances are no greater than `reach2`, by lane; the least of the others goes into `apart2`.
@@ -258,7 +282,7 @@ fn gaps2([low, high]: &Span, [lows, highs]: &[Lanes3; 2], periodic_y: bool, coun
     add_beyond2(&mut gap2, [low[2], high[2]], [&lows[2], &highs[2]]);
     if count < WIDTH {
         for k in 0..WIDTH {
-            gap2.0[k] = if quad_of(k) < count { gap2.0[k] } else { f32::INFINITY };
+            gap2.0[k] = if k < count { gap2.0[k] } else { f32::INFINITY };
         }
     }
     gap2

@@ -6,7 +6,7 @@ use pulp::x86::{V3, V4};
 use pulp::{Simd, cast};
 
 use super::instructions::Wide;
-use super::memory::{Ints, Lanes, PackedPlaces, Places, Quads, WIDTH};
+use super::memory::{Ints, Lanes, Octets, PackedPlaces, Places, Quads, WIDTH};
 
 /// Rows of four registers become columns, within every quarter (or half) of a register.
 macro_rules! transpose {
@@ -43,6 +43,13 @@ fn transposed_in_512(simd: V4, rows: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
 
 /// How far each lane's number is from the lowest bits in [`PackedPlaces`].
 const SHIFTS: [u32; WIDTH] = [0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28];
+
+/// What turns the signs of the first four numbers of eight.
+const FIRST_FOUR_SIGNS: [u32; 8] = [1 << 31, 1 << 31, 1 << 31, 1 << 31, 0, 0, 0, 0];
+
+/// Quarters of two registers in turn: the first two of each, and the last two.
+const LOWER_HALVES: [u32; WIDTH] = [0, 1, 2, 3, 16, 17, 18, 19, 4, 5, 6, 7, 20, 21, 22, 23];
+const UPPER_HALVES: [u32; WIDTH] = [8, 9, 10, 11, 24, 25, 26, 27, 12, 13, 14, 15, 28, 29, 30, 31];
 
 impl Wide for V4 {
     #[inline(always)]
@@ -112,6 +119,40 @@ impl Wide for V4 {
     #[inline(always)]
     fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
         Quads(cast(transposed_in_512(self, lanes.map(|lanes| lanes.0))))
+    }
+
+    #[inline(always)]
+    fn sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+        V3::sum(*self, a, b)
+    }
+
+    #[inline(always)]
+    fn difference_and_sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+        V3::difference_and_sum(*self, a, b)
+    }
+
+    #[inline(always)]
+    fn apart(self, octets: &Octets) -> [Quads; 2] {
+        let rows: [[f32; WIDTH]; 8] = cast(*octets);
+        let [mut first, mut last] = [[[0.0f32; WIDTH]; 4]; 2];
+        for k in 0..4 {
+            let (one, two) = (cast(rows[2 * k]), cast(rows[2 * k + 1]));
+            first[k] = cast(self.avx512f._mm512_shuffle_f32x4::<0b10_00_10_00>(one, two));
+            last[k] = cast(self.avx512f._mm512_shuffle_f32x4::<0b11_01_11_01>(one, two));
+        }
+        [Quads(cast(first)), Quads(cast(last))]
+    }
+
+    #[inline(always)]
+    fn together(self, [first, last]: [&Quads; 2]) -> Octets {
+        let (first, last): ([[f32; WIDTH]; 4], [[f32; WIDTH]; 4]) = (cast(first.0), cast(last.0));
+        let mut rows = [[0.0f32; WIDTH]; 8];
+        for k in 0..4 {
+            let (one, two) = (cast(first[k]), cast(last[k]));
+            rows[2 * k] = cast(self.avx512f._mm512_permutex2var_ps(one, cast(LOWER_HALVES), two));
+            rows[2 * k + 1] = cast(self.avx512f._mm512_permutex2var_ps(one, cast(UPPER_HALVES), two));
+        }
+        cast(rows)
     }
 }
 
@@ -214,6 +255,40 @@ impl Wide for V3 {
     fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
         let [a, b, c, d] = lanes;
         Quads(cast(transposed_in_256(self, [a.0, b.0, c.0, d.0])))
+    }
+
+    #[inline(always)]
+    fn sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+        cast(self.avx._mm256_add_ps(cast(*a), cast(*b)))
+    }
+
+    #[inline(always)]
+    fn difference_and_sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+        let b = self.avx._mm256_xor_ps(cast(*b), cast(FIRST_FOUR_SIGNS));
+        cast(self.avx._mm256_add_ps(cast(*a), b))
+    }
+
+    #[inline(always)]
+    fn apart(self, octets: &Octets) -> [Quads; 2] {
+        let [mut first, mut last] = [[[0.0f32; 8]; 8]; 2];
+        for k in 0..8 {
+            let (one, two) = (cast(octets[2 * k]), cast(octets[2 * k + 1]));
+            first[k] = cast(self.avx._mm256_permute2f128_ps::<0x20>(one, two));
+            last[k] = cast(self.avx._mm256_permute2f128_ps::<0x31>(one, two));
+        }
+        [Quads(cast(first)), Quads(cast(last))]
+    }
+
+    #[inline(always)]
+    fn together(self, [first, last]: [&Quads; 2]) -> Octets {
+        let (first, last): ([[f32; 8]; 8], [[f32; 8]; 8]) = (cast(first.0), cast(last.0));
+        let mut octets = [[0.0; 8]; WIDTH];
+        for k in 0..8 {
+            let (one, two) = (cast(first[k]), cast(last[k]));
+            octets[2 * k] = cast(self.avx._mm256_permute2f128_ps::<0x20>(one, two));
+            octets[2 * k + 1] = cast(self.avx._mm256_permute2f128_ps::<0x31>(one, two));
+        }
+        octets
     }
 }
 
