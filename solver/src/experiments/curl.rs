@@ -1,14 +1,11 @@
 //! How far fillets curl as they come out under the gate: the "curling" and "draping" of section 3.4, as a number.
 
-use std::sync::Arc;
-
 use glam::{DVec3, IVec3};
 
 use crate::engine::frame::Frame;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::observe::bend_angle_deg;
-use crate::shape::lattice::MetaParticle;
+use crate::observe::BendGauge;
 
 /// Fillets are looked at while their centre of mass lies at most this far past the gate, in metres.
 const PAST_GATE_M: f64 = 0.2;
@@ -16,8 +13,10 @@ const PAST_GATE_M: f64 = 0.2;
 /// The bend angles of the fillets just past the gate, sample by sample.
 #[derive(Debug)]
 pub(super) struct Curls {
-    /// The shape of each fillet.
-    shapes: Vec<Arc<MetaParticle>>,
+    /// Of each kind of fillet: for its shape, and of how many sub-particles it is.
+    gauges: Vec<(BendGauge, usize)>,
+    /// Of what kind each fillet is.
+    kinds: Vec<usize>,
     samples: Vec<Curl>,
 }
 
@@ -32,22 +31,26 @@ struct Curl {
 
 impl Curls {
     pub(super) fn new(scene: &Scene) -> Self {
-        let shape = |kind: usize| scene.kinds[kind].meta.clone();
-        Self { shapes: scene.bodies.iter().map(|body| shape(body.kind)).collect(), samples: Vec::new() }
+        let points = scene.kinds.iter().map(|kind| &kind.meta.points);
+        Self {
+            gauges: points.map(|points| (BendGauge::new(points), points.len())).collect(),
+            kinds: scene.bodies.iter().map(|body| body.kind).collect(),
+            samples: Vec::new(),
+        }
     }
 
     /// Takes in a sample. A fillet of which a part has left the simulation is passed over.
     pub(super) fn note(&mut self, state: &State, now_s: f64) {
         let mut curl = Curl { t_s: now_s, count: 0, sum_deg: 0.0, largest_deg: 0.0 };
         for (body, range) in state.body_ranges() {
-            let shape = &self.shapes[body as usize];
+            let (gauge, count) = &self.gauges[self.kinds[body as usize]];
             let x = range.clone().map(|i| state.position(i).x).sum::<f64>() / range.len() as f64;
-            if range.len() != shape.points.len() || x <= 0.0 || x > PAST_GATE_M {
+            if range.len() != *count || x <= 0.0 || x > PAST_GATE_M {
                 continue;
             }
-            let places = state.particles[range].iter().map(|p| p.position);
-            let points = whole(&state.frame, places);
-            let Some(angle) = bend_angle_deg(&shape.points, &points) else { continue };
+            let particles = &state.particles[range];
+            let place = |i: usize| particles[i].position;
+            let Some(angle) = gauge.angle_deg(|i| step(&state.frame, place, i)) else { continue };
             curl.count += 1;
             curl.sum_deg += angle;
             curl.largest_deg = curl.largest_deg.max(angle);
@@ -67,36 +70,29 @@ impl Curls {
     }
 }
 
-/// Places of a fillet in metres, whole across the periodic seam. From one sub-particle to the next, which may be half a period
-/// apart from the first: of a row, each is near the one before.
-fn whole(frame: &Frame, places: impl Iterator<Item = IVec3>) -> Vec<DVec3> {
-    let mut last: Option<(IVec3, DVec3)> = None;
-    places
-        .map(|place| {
-            let point =
-                last.map_or(DVec3::ZERO, |(before, point)| point + frame.between(before, place).as_dvec3());
-            last = Some((place, point));
-            point
-        })
-        .collect()
+/// From the `i`th sub-particle to the next, in metres; across the periodic seam too.
+fn step(frame: &Frame, place: impl Fn(usize) -> IVec3, i: usize) -> DVec3 {
+    frame.between(place(i), place(i + 1)).as_dvec3()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scenario::Fill;
+    use crate::shape::lattice::MetaParticle;
     use crate::shape::teardrop::Teardrop;
 
     #[test]
     fn a_flat_fillet_across_the_seam_of_a_narrow_period_is_flat() {
         let size_m = [0.176, 0.072, 0.032];
         let shape = MetaParticle::fill(&Teardrop { size_m, mirrored: false }, 0.004, Fill::Centres, 1);
+        let gauge = BendGauge::new(&shape.points);
         let frame = Frame::new(DVec3::new(-0.5, -0.1, -0.5), DVec3::new(0.5, 0.1, 0.5), true);
         for shift in 0..10 {
             // Lying along y, the blunt end at `shift` fiftieths of a metre.
             let turned = shape.points.iter().map(|p| DVec3::new(-p.y, p.x + 0.02 * f64::from(shift), p.z));
-            let places = turned.map(|point| frame.wrap(frame.encode(point)));
-            let angle = bend_angle_deg(&shape.points, &whole(&frame, places)).expect("it has two ends");
+            let places: Vec<IVec3> = turned.map(|point| frame.wrap(frame.encode(point))).collect();
+            let angle = gauge.angle_deg(|i| step(&frame, |k| places[k], i)).expect("it has two ends");
             assert!(angle < 0.1, "{angle}° at {shift}");
         }
     }

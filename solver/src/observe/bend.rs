@@ -14,47 +14,63 @@ const END_SHARE: f64 = 0.1;
 /// A cross-section of fewer sub-particles than this share of the largest is a tip.
 const SOUND_SHARE: f64 = 0.25;
 
-/// The bend angle in degrees, 0 to 180, of a body whose sub-particles lay at `reference`, its length along x and sorted by z, y, x
-/// ([`crate::shape::lattice::MetaParticle::points`]), and now are at `current`, in the same order. Both are in metres, about
-/// any origin. None where no two sub-particles lie along the length, or an end has no direction.
+/// Reads how far bodies of one shape are bent.
+#[derive(Clone, Debug)]
+pub struct BendGauge {
+    /// In the outermost tenths of the length: the lower of two neighbouring sub-particles of a row, each.
+    ends: [Vec<usize>; 2],
+}
+
+impl BendGauge {
+    /// For bodies whose sub-particles lay at `reference` in metres, about any origin, their length along x and sorted by z, y, x
+    /// ([`crate::shape::lattice::MetaParticle::points`]).
+    pub fn new(reference: &[DVec3]) -> Self {
+        let follows = |(i, pair): (usize, &[DVec3])| {
+            let d = pair[1] - pair[0];
+            let is_next = d.x > 0.0 && d.truncate().with_x(d.z).length() < 1e-3 * d.x;
+            is_next.then(|| (i, (pair[0].x + pair[1].x) / 2.0))
+        };
+        let along = without_tips(reference.windows(2).enumerate().filter_map(follows).collect());
+        let low = along.iter().map(|(_, x)| *x).fold(f64::INFINITY, f64::min);
+        let high = along.iter().map(|(_, x)| *x).fold(f64::NEG_INFINITY, f64::max);
+        // A little more than the share, so that rounding leaves no sub-particle of a lattice's layer out.
+        let end = (END_SHARE + 1e-6) * (high - low);
+        let those = |inside: &dyn Fn(f64) -> bool| {
+            along.iter().filter(|(_, x)| inside(*x)).map(|(i, _)| *i).collect()
+        };
+        Self { ends: [those(&|x| x <= low + end), those(&|x| x >= high - end)] }
+    }
+
+    /// The bend angle in degrees, 0 to 180, of a body in which the sub-particle after the `i`th lies by `step(i)` from it, in any unit. None where no
+    /// two sub-particles lie along the length, or an end has no direction.
+    pub fn angle_deg(&self, step: impl Fn(usize) -> DVec3) -> Option<f64> {
+        let tangent = |end: &[usize]| end.iter().map(|&i| step(i)).sum::<DVec3>().try_normalize();
+        let [blunt, tail] = &self.ends;
+        let (blunt, tail) = (tangent(blunt)?, tangent(tail)?);
+        // Sharper than the arc cosine near 0 and 180°.
+        Some(blunt.cross(tail).length().atan2(blunt.dot(tail)).to_degrees())
+    }
+}
+
+/// The bend angle of one body, whose sub-particles lay at `reference` and now are at `current`, in the same order: see [`BendGauge`].
 ///
 /// # Panics
 /// When there are not as many points now as before.
 pub fn bend_angle_deg(reference: &[DVec3], current: &[DVec3]) -> Option<f64> {
     assert_eq!(reference.len(), current.len(), "as many points now as before");
-    // Where in the length two sub-particles of one row lay, and how the material between them lies now.
-    let along: Vec<(f64, DVec3)> = reference
-        .windows(2)
-        .zip(current.windows(2))
-        .filter(|(before, _)| {
-            let d = before[1] - before[0];
-            d.x > 0.0 && d.truncate().with_x(d.z).length() < 1e-3 * d.x
-        })
-        .map(|(before, now)| ((before[0].x + before[1].x) / 2.0, now[1] - now[0]))
-        .collect();
-    let along = without_tips(along);
-    let low = along.iter().map(|(x, _)| *x).fold(f64::INFINITY, f64::min);
-    let high = along.iter().map(|(x, _)| *x).fold(f64::NEG_INFINITY, f64::max);
-    // A little more than the share, so that rounding leaves no sub-particle of a lattice's layer out.
-    let end = (END_SHARE + 1e-6) * (high - low);
-    let tangent = |inside: &dyn Fn(f64) -> bool| {
-        along.iter().filter(|(x, _)| inside(*x)).map(|(_, d)| d).sum::<DVec3>().try_normalize()
-    };
-    let (blunt, tail) = (tangent(&|x| x <= low + end)?, tangent(&|x| x >= high - end)?);
-    // Sharper than the arc cosine near 0 and 180°.
-    Some(blunt.cross(tail).length().atan2(blunt.dot(tail)).to_degrees())
+    BendGauge::new(reference).angle_deg(|i| current[i + 1] - current[i])
 }
 
 /// What lies between the outermost cross-sections that are at least [`SOUND_SHARE`] of the largest. Thinner ends are chains of
 /// single sub-particles, which hinge freely at every bond and tell nothing of the body.
-fn without_tips(mut along: Vec<(f64, DVec3)>) -> Vec<(f64, DVec3)> {
+fn without_tips(mut along: Vec<(usize, f64)>) -> Vec<(usize, f64)> {
     let section = |x: f64| (x * 1e7).round() as i64;
     let mut sizes: BTreeMap<i64, usize> = BTreeMap::new();
-    along.iter().for_each(|(x, _)| *sizes.entry(section(*x)).or_default() += 1);
+    along.iter().for_each(|(_, x)| *sizes.entry(section(*x)).or_default() += 1);
     let largest = sizes.values().copied().max().unwrap_or(0) as f64;
     let sound = || sizes.iter().filter(|(_, size)| **size as f64 >= SOUND_SHARE * largest).map(|(x, _)| *x);
     if let (Some(first), Some(last)) = (sound().min(), sound().max()) {
-        along.retain(|(x, _)| (first..=last).contains(&section(*x)));
+        along.retain(|(_, x)| (first..=last).contains(&section(*x)));
     }
     along
 }

@@ -147,37 +147,24 @@ impl Meeting {
         pairs::close(simd, apart, (search.reach + skin) / frame.unit_m, close)
     }
 
-    /// Goes on as that of two bodies of other numbers, which have lost nothing: its pairs come from one list and go to the end of another.
-    pub(super) fn move_to(&mut self, bodies: [u32; 2], from: &PairList, to: &mut PairList) {
-        let first = to.len();
-        to.extend(from, self.pairs());
-        self.pairs = first as u32..to.len() as u32;
-        self.bodies = bodies;
-    }
-
-    /// The same where some of their sub-particles were taken out: those that stay have other numbers, and are searched anew.
-    pub(super) fn renumber(
-        &mut self,
-        bodies: [u32; 2],
-        locals: [&[u32]; 2],
-        from: &PairList,
-        to: &mut PairList,
-    ) {
-        let mut renumbered: Vec<_> = from
+    /// Goes on where some sub-particles of its bodies were taken out: those that stay have other numbers, and are searched anew. Its pairs go to
+    /// the end of the list that they are in.
+    pub(super) fn renumber(&mut self, locals: [&[u32]; 2], list: &mut PairList) {
+        let alone = self.bodies[0] == self.bodies[1];
+        let mut renumbered: Vec<_> = list
             .all(self.pairs())
             .filter_map(|([i, j], [x, y, z, held])| {
                 let pair = [locals[0][place_of(i) as usize], locals[1][place_of(j) as usize]];
                 let [i, j] = (!pair.contains(&u32::MAX)).then(|| pair.map(place_of))?;
                 // Of a body and itself the lower comes first.
-                let turned = bodies[0] == bodies[1] && i > j;
-                Some(if turned { ([j, i], [-x, -y, -z, held]) } else { ([i, j], [x, y, z, held]) })
+                Some(if alone && i > j { ([j, i], [-x, -y, -z, held]) } else { ([i, j], [x, y, z, held]) })
             })
             .collect();
         // Where others have gone, blocks are filled anew, and places have another order.
         renumbered.sort_unstable_by_key(|(pair, _)| *pair);
-        let first = to.len();
-        renumbered.into_iter().for_each(|(pair, memory)| to.push(pair, memory));
-        *self = Self { pairs: first as u32..to.len() as u32, ..Self::new(bodies) };
+        let first = list.len();
+        renumbered.into_iter().for_each(|(pair, memory)| list.push(pair, memory));
+        *self = Self { pairs: first as u32..list.len() as u32, ..Self::new(self.bodies) };
     }
 }
 
@@ -232,23 +219,32 @@ impl Contacts<'_> {
                 fetch::soon(&candidates.pairs);
                 fetch::soon(&self.bodies[bodies[1] as usize].points.positions);
             }
-            let (meeting, due) = (&mut self.meetings[m], due[m]);
+            let meeting = &mut self.meetings[m];
             let old = meeting.pairs();
-            if due || old.start != stay.end {
+            let mut found = &[][..];
+            if due[m] {
+                let sides = meeting.bodies.map(|body| &self.bodies[body as usize]);
+                found = meeting.search(simd, search, self.frame, sides, finder, looks);
+            }
+            // A search that had nothing and found nothing, as half of them, leaves the list as it is.
+            let is_new = due[m] && !(old.is_empty() && found.is_empty());
+            if is_new || (!old.is_empty() && old.start != stay.end) {
                 spare.extend(list, stay);
                 stay = old.start..old.start;
             }
             let first = spare.len() + stay.len();
-            if due {
-                let sides = meeting.bodies.map(|body| &self.bodies[body as usize]);
-                let close = meeting.search(simd, search, self.frame, sides, finder, looks);
-                spare.take_over(&meeting.candidates.pairs, close, list, old.clone());
+            let count = if is_new {
+                spare.take_over(&meeting.candidates.pairs, found, list, old.clone());
                 stay = old.end..old.end;
-                meeting.pairs = first as u32..spare.len() as u32;
+                found.len()
             } else {
-                stay.end = old.end;
-                meeting.pairs = first as u32..(first + old.len()) as u32;
-            }
+                stay.end += old.len();
+                old.len()
+            };
+            meeting.pairs = first as u32..(first + count) as u32;
+        }
+        if spare.len() == 0 && stay == (0..list.len()) {
+            return;
         }
         spare.extend(list, stay);
         std::mem::swap(list, spare);

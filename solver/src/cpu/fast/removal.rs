@@ -1,7 +1,6 @@
 //! Sub-particles that leave a run: what is left goes on under other numbers.
 
 use super::FastRun;
-use super::pairs::BodyPairs;
 use super::points::Points;
 
 impl FastRun {
@@ -38,20 +37,18 @@ impl FastRun {
             locals.push(local);
         }
         self.bodies = kept;
-        let old = std::mem::take(&mut self.pairs);
-        self.pairs.resize_with(self.bodies.len(), BodyPairs::default);
         self.meetings.retain_mut(|meeting| {
             let [a, b] = meeting.bodies.map(|body| body as usize);
             let [Some(first), Some(second)] = [numbers[a], numbers[b]] else { return false };
-            let to = &mut self.pairs[first as usize].list;
-            let (bodies, from) = ([first, second], &old[a].list);
-            if are_whole[a] && are_whole[b] {
-                meeting.move_to(bodies, from, to);
-            } else {
-                meeting.renumber(bodies, [&locals[a], &locals[b]], from, to);
+            meeting.bodies = [first, second];
+            if !(are_whole[a] && are_whole[b]) {
+                meeting.renumber([&locals[a], &locals[b]], &mut self.pairs[a].list);
             }
             true
         });
+        // With what pairs of meetings that are over have left there: lists are written afresh before they are looked at.
+        let mut numbers = numbers.iter();
+        self.pairs.retain(|_| numbers.next().is_some_and(Option::is_some));
         self.have_strayed = true;
         self.order.clear();
     }
