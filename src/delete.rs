@@ -13,6 +13,7 @@ use crate::ui;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep
+    #[arg(value_parser = target::id)]
     id: Uuid,
     #[command(flatten)]
     deleting: Deleting,

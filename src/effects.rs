@@ -19,6 +19,7 @@ use crate::ui::{format, table::Table};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep
+    #[arg(value_parser = target::id)]
     id: Uuid,
     #[command(flatten)]
     server: target::Server,

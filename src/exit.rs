@@ -45,6 +45,21 @@ impl Exit {
     }
 }
 
+/// What to do about an error, where that is not in it.
+pub(crate) fn hint(error: &anyhow::Error) -> Option<&'static str> {
+    error.chain().find_map(|cause| {
+        if let Some(ClientError::Unreachable { .. }) = cause.downcast_ref() {
+            return Some("`roost up` or `roost serve` starts a server; `--server` or ROOST_SERVER names one that runs elsewhere");
+        }
+        match cause.downcast_ref() {
+            Some(ServerError::Bind { source, .. }) if source.kind() == io::ErrorKind::AddrInUse => {
+                Some("a server may run there already; `--listen 127.0.0.1:0` takes any port that is free")
+            }
+            _ => None,
+        }
+    })
+}
+
 /// An address or a folder that a server was told to use and cannot.
 fn cannot_start(error: &ServerError) -> bool {
     use ServerError::{Bind, Data, NotLoopback};

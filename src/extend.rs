@@ -16,6 +16,7 @@ use crate::{input, list, target};
 #[command(group(clap::ArgGroup::new("more").required(true).multiple(true)))]
 pub(crate) struct Args {
     /// Id of a sweep
+    #[arg(value_parser = target::id)]
     id: Uuid,
     #[command(flatten)]
     server: target::Server,

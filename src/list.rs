@@ -128,14 +128,18 @@ pub(crate) fn jobs(jobs: &[JobView]) -> Table {
             (false, Some(class)) => format!("{}: {class}", job.state),
             (false, None) => job.state.to_string(),
         };
-        let progress = job.progress.as_ref().filter(|_| !job.state.is_ended());
+        let done = match job.state {
+            JobState::Succeeded => Some(1.0),
+            state if state.is_ended() => None,
+            _ => job.progress.as_ref().map(|progress| progress.fraction),
+        };
         table.row([
             job.id.to_string(),
             state,
             levels.join(" "),
             job.seed.to_string(),
             job.attempt.to_string(),
-            progress.map_or_else(|| "–".to_owned(), |progress| format!("{:.0}", progress.fraction * 100.0)),
+            done.map_or_else(|| "–".to_owned(), |fraction| format!("{:.0}", fraction * 100.0)),
             job.submitted_at.to_string(),
         ]);
     }

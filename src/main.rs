@@ -138,6 +138,9 @@ async fn main() -> ExitCode {
         Err(error) if exit::is_broken_pipe(&error) => Exit::Done.into(),
         Err(error) => {
             eprintln!("error: {error:#}");
+            if let Some(hint) = exit::hint(&error) {
+                eprintln!("hint: {hint}");
+            }
             Exit::of(&error).into()
         }
     }

@@ -40,6 +40,7 @@ const SHOWN: [&str; 14] = [
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep or a job
+    #[arg(value_parser = target::id)]
     id: Uuid,
     #[command(flatten)]
     server: target::Server,

@@ -13,6 +13,7 @@ use crate::{list, run};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep or a job
+    #[arg(value_parser = target::id)]
     id: Uuid,
     #[command(flatten)]
     server: target::Server,

@@ -55,6 +55,16 @@ impl Access {
     }
 }
 
+/// Reads the id of a sweep or a job from the command line.
+pub(crate) fn id(text: &str) -> Result<Uuid, String> {
+    // What the parser says is of characters and groups, and not of what to write there.
+    let refuse = |_| {
+        "not an id, such as 01890a5d-ac96-774b-bcce-b302099a8057; `roost list` shows those there are"
+            .to_owned()
+    };
+    text.parse().map_err(refuse)
+}
+
 /// What an id stands for.
 #[derive(Clone, Debug)]
 pub(crate) enum Target {

@@ -273,6 +273,7 @@ fn what_a_server_cannot_use_is_wrong_input() {
     ] {
         let text = refused(&[command, "--listen", &listen, "--data", data]);
         assert!(text.contains(part), "{text}");
+        assert_eq!(text.contains("hint: a server may run there"), part == "cannot listen on", "{text}");
     }
 }
 
@@ -319,13 +320,21 @@ fn a_reader_that_has_seen_enough_is_no_failure() {
 }
 
 #[test]
-fn a_server_that_is_away_is_one_line() {
+fn a_server_that_is_away_is_two_lines() {
     let home = Home::new();
     let output = home.roost(&["list"]);
     assert_eq!(output.status.code(), Some(1));
     let text = String::from_utf8(output.stderr).unwrap();
     assert!(text.starts_with(&format!("error: cannot reach {}", home.address)), "{text}");
-    assert_eq!(text.lines().count(), 1, "{text}");
+    assert!(text.lines().nth(1).is_some_and(|line| line.starts_with("hint: `roost up`")), "{text}");
+    assert_eq!(text.lines().count(), 2, "{text}");
+}
+
+#[test]
+fn what_is_no_id_is_shown_one() {
+    let output = run(&["results", "nope"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said(&output).contains("'nope' for '<ID>': not an id, such as 0"), "{}", said(&output));
 }
 
 #[test]

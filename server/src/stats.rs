@@ -67,6 +67,8 @@ pub fn line(points: &[(f64, f64)]) -> Option<Line> {
         points.iter().map(|point| of(point.0 - mean_x, point.1 - mean_y)).sum::<f64>()
     };
     let (xx, xy, yy) = (sum(&|x, _| x * x), sum(&|x, y| x * y), sum(&|_, y| y * y));
+    // Less is what rounding has left of no slope at all.
+    let xy = if xy * xy > 1e-24 * xx * yy { xy } else { 0.0 };
     // Rounding alone leaves equals a little off their mean.
     let varies = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().any(|point| of(point) != of(&points[0]));
     let vary = varies(&|point| point.0) && varies(&|point| point.1);
@@ -131,6 +133,12 @@ mod tests {
         assert!((sample.half_width().unwrap() - 1.7875).abs() < 1e-3, "2.3646 · 2.1381 / √8");
         assert_eq!(Sample::of(&[3.0]).unwrap().half_width(), None);
         assert_eq!(Sample::of(&[]), None);
+    }
+
+    #[test]
+    fn what_rounding_leaves_is_no_slope() {
+        let points = [(0.1, 0.7), (0.2, 0.9), (0.3, 0.9), (0.4, 0.7)];
+        assert_eq!(line(&points).unwrap().slope, 0.0);
     }
 
     #[test]
