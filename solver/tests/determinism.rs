@@ -147,7 +147,7 @@ fn a_stranger_that_renews_all_lists_changes_no_bit() {
 #[test]
 fn lists_that_are_new_in_every_step_change_no_bit() {
     // Tilted blocks that fall onto another: from the edge on, one row after the other comes into reach. That nothing is taken
-    // out takes out what was looked up.
+    // out takes out what was looked up on the plain path; for the fast path, which keeps it, `cpu::fast` has a test of its own.
     for (tilt, speed) in [(0.1, 3.0), (0.3, 2.0), (0.6, 4.0), (0.8, 1.0)] {
         let mut scene = blocks();
         scene.bodies[1].orientation = DQuat::from_rotation_y(tilt);
@@ -164,6 +164,29 @@ fn lists_that_are_new_in_every_step_change_no_bit() {
             assert_same(kept.state(), renewed.state(), "renewed");
         }
     }
+}
+
+#[test]
+fn spheres_are_not_missed_by_those_before_them() {
+    // What goes together with others goes on as if they had never been there, whatever they are to those.
+    let mut scene = spheres();
+    let count = scene.bodies.len() as u32;
+    let far = |k: i32| {
+        at(DVec3::new(0.02 * f64::from(k % 20) - 0.3, 0.3, 0.5 + 0.02 * f64::from(k / 20)), DVec3::ZERO)
+    };
+    scene.bodies.extend((0..300).map(far));
+    let (mut beside, mut fewer) = (Bench::new(&scene), Bench::new(&scene));
+    let strangers: Vec<u32> = (count..count + 300).collect();
+    for bench in [&mut beside, &mut fewer] {
+        assert_eq!(bench.steps(20), None);
+    }
+    fewer.cpu.remove(&mut fewer.run, &strangers);
+    for bench in [&mut beside, &mut fewer] {
+        assert_eq!(bench.steps(300), None);
+    }
+    let mut kept = beside.state().clone();
+    kept.remove(&strangers);
+    assert_same(fewer.state(), &kept, "beside strangers");
 }
 
 #[test]

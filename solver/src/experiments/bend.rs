@@ -4,7 +4,7 @@
 //! it, and from t = 0 on the table sinks, until both ends hang. *Clamped*: likewise, but a share of its length at the blunt
 //! end is held. *Off a ledge*: it lies on a conveyor, which carries it over its end from t = 0 on. The table sinks slowly: let go at
 //! once, a fillet whips round the bar and flings itself off, or tears at the clamp. The bend angle is the turning of its centre line from end to end
-//! ([`crate::observe::bend_angle_deg`]): 0° flat, 180° folded double.
+//! ([`crate::observe::BendGauge`]): 0° flat, 180° folded double.
 //!
 //! Expected over a bar: more than 120° for size 2 at Table 2, less with stiffer bonds wherever all of them hold.
 

@@ -10,7 +10,7 @@ use super::{Watch, strayed};
 use crate::engine::run::{Decision, Director, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::observe::{REST_FOR_S, Rest, bend_angle_deg};
+use crate::observe::{BendGauge, REST_FOR_S, Rest};
 use crate::result::{EndReason, Series};
 use crate::scenario::{Bend, Numerics, Scenario, Support};
 use crate::shape::lattice::{MetaParticle, pieces};
@@ -26,6 +26,7 @@ pub(super) struct BendWatch {
     bend: Bend,
     numerics: Numerics,
     shape: Arc<MetaParticle>,
+    gauge: BendGauge,
     /// Length beyond which a bond is broken, in metres.
     break_length_m: f64,
     /// The sub-particles of the last layer at the blunt end, and at the tail.
@@ -68,6 +69,7 @@ impl BendWatch {
             tip_start_m: mean_height(&places().collect::<Vec<_>>(), &tip),
             blunt,
             tip,
+            gauge: BendGauge::new(&shape.points),
             shape,
             low_m: scene.low,
             high_m: scene.high,
@@ -138,7 +140,7 @@ impl BendWatch {
         if self.fell_off || self.torn {
             return;
         }
-        if let Some(angle) = bend_angle_deg(&self.shape.points, &places) {
+        if let Some(angle) = self.gauge.angle_deg(|i| places[i + 1] - places[i]) {
             self.t_s.push(now_s);
             self.angle_deg.push(angle);
             self.deflection_m.push(self.tip_start_m - mean_height(&places, &self.tip));

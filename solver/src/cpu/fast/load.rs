@@ -177,7 +177,6 @@ impl Loads {
 }
 
 /// Puts as many of `close` into a batch, which are pairs of two bodies, as there is room for; tells how many.
-// By itself the compiler would make one function of this and the kernels, which have no register to spare.
 pub(super) struct Take<'a> {
     pub(super) batch: &'a mut Batch,
     pub(super) close: &'a [u32],
@@ -256,7 +255,7 @@ impl<const SIDE: usize> Job for AddPairs<'_, SIDE> {
 }
 
 impl Sums {
-    /// Nothing yet, for so many blocks.
+    /// What is known, for so many blocks, and nothing else yet.
     pub(super) fn begin(&mut self, blocks: usize, known: &Loads) {
         self.single.begin(blocks * WIDTH, known);
         self.blocks.clear();

@@ -1,7 +1,8 @@
 //! Two bodies that are near each other: which of their sub-particles may touch, and the contacts between them.
 //!
 //! A pair of sub-particles stands here once, with its memory. A body works out its meetings with itself and with those after
-//! it: what acts on its own sub-particles and on the others' stays here until they add it up.
+//! it: what acts on its own sub-particles and on the others' stays here until they add it up. Among single spheres that go together it
+//! is summed up at once.
 //! The pairs are listed afresh when the two bodies may have moved against each other by the skin, whatever the others do: fillets that
 //! fall together keep theirs. They are sifted out of candidates, which a search among all sub-particles finds and which last several
 //! times as long: so skins can be thin, and lists short.
@@ -111,6 +112,11 @@ impl Meeting {
         pairs::those(&self.pairs)
     }
 
+    /// Whether its pairs must be looked up.
+    pub(super) fn is_due(&self, bodies: &[Body]) -> bool {
+        self.leeway.is_used_up(self.bodies.map(|body| &bodies[body as usize].motion))
+    }
+
     /// Looks up the pairs that may touch: numbers of candidates.
     #[inline(always)]
     fn search<'a, S: Wide>(
@@ -188,9 +194,7 @@ impl Contacts<'_> {
     pub(super) fn search<S: Wide>(&mut self, simd: S, search: &Search, room: &mut Room) {
         let mut due = std::mem::take(&mut room.due);
         due.clear();
-        for Meeting { bodies, leeway, .. } in &*self.meetings {
-            due.push(leeway.is_used_up(bodies.map(|body| &self.bodies[body as usize].motion)));
-        }
+        due.extend(self.meetings.iter().map(|meeting| meeting.is_due(self.bodies)));
         if std::mem::take(&mut self.pairs.is_stale) || due.contains(&true) {
             self.list(simd, search, room, &due);
         }
@@ -281,8 +285,9 @@ impl Contacts<'_> {
                 continue;
             }
             let count = close.partition_point(|&pair| pair < meeting.pairs.end);
-            // Single spheres have several contacts each; a fillet hardly any with itself, which are no work to keep.
-            let is_summed = meeting.bodies[0] == meeting.bodies[1] && count >= mine.points.count;
+            // Single spheres that go together have several contacts each; a fillet hardly any with itself, which are no work to keep.
+            // Not by how many there are now: that goes by spheres that others know nothing of.
+            let is_summed = meeting.bodies[0] == meeting.bodies[1] && mine.bonds.is_empty();
             if is_summed {
                 self.pairs.within.begin(mine.points.positions.len(), &Loads::default());
             }
@@ -296,6 +301,7 @@ impl Contacts<'_> {
             (these, close) = close.split_at(count);
             while !these.is_empty() {
                 let list = &self.pairs.list;
+                // The compiler would make one function of this and the kernels, which have no register to spare.
                 let taken = by_itself(simd, Take { batch, close: these, list, apart, sides, root_mass });
                 these = &these[taken..];
                 if batch.pairs.len() == BATCH {

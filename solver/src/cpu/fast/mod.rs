@@ -34,6 +34,8 @@ mod points;
 mod removal;
 mod search;
 mod share;
+#[cfg(test)]
+mod tests;
 mod walls;
 mod whereabouts;
 #[cfg(target_arch = "x86_64")]
@@ -81,6 +83,7 @@ const MARGIN_RATIO: f32 = 6.0;
 pub struct FastRun {
     params: Params,
     laws: PairLaws,
+    search: Search,
     mover: Mover,
     instructions: Instructions,
     state: State,
@@ -127,6 +130,11 @@ impl FastRun {
             bodies.push(Body::new(range, points, kind.subparticle_mass_kg as f32, bonds, joined));
         }
         let walls = Walls::new(scene, &state.frame);
+        let search = Search {
+            reach: 2.0 * params.radius + params.laws.reach(),
+            skins: SKIN_RATIOS.map(|ratio| ratio * params.radius),
+            outer_skins: OUTER_SKIN_RATIOS.map(|ratio| ratio * params.radius),
+        };
         Self {
             wall_laws: (0..walls.surface_count())
                 .map(|k| LaneContact::new(*walls.law_of_surface(k)))
@@ -134,6 +142,7 @@ impl FastRun {
             walls,
             mover: Mover::new(&params, &state.frame),
             laws,
+            search,
             instructions,
             bodies,
             meetings: Vec::new(),
@@ -223,18 +232,9 @@ impl FastRun {
         }
     }
 
-    /// Distance of two centres within which a contact can hold, in metres.
-    fn search(&self) -> Search {
-        Search {
-            reach: 2.0 * self.params.radius + self.params.laws.reach(),
-            skins: SKIN_RATIOS.map(|ratio| ratio * self.params.radius),
-            outer_skins: OUTER_SKIN_RATIOS.map(|ratio| ratio * self.params.radius),
-        }
-    }
-
     /// Finds the bodies that are near each other. Meetings that stay keep their pairs.
     fn draw_up_meetings(&mut self) {
-        let reach = self.search().reach + MARGIN_RATIO * self.params.radius;
+        let reach = self.search.reach + MARGIN_RATIO * self.params.radius;
         let extents: Vec<Extent> = self.bodies.iter().map(|body| body.whereabouts.whole).collect();
         self.order = along_curve(&extents);
         let pairs = near_each_other(&extents, reach, &self.state.frame);
@@ -261,9 +261,8 @@ impl FastRun {
 
     /// The first phase. Every body meets itself at least, so meetings come in as many groups as there are bodies.
     fn meet(&mut self) -> f32 {
-        let search = self.search();
         let step = (self.step + 2) as u32;
-        let Self { laws, state, bodies, meetings, loads, pairs, instructions, .. } = self;
+        let Self { laws, search, state, bodies, meetings, loads, pairs, instructions, .. } = self;
         let Self { stages, workplaces, order, meeting_counts, .. } = self;
         let (mut meetings, mut loads) = (&mut meetings[..], &mut loads[..]);
         let groups = meeting_counts.iter().map(|&count| {
@@ -283,7 +282,7 @@ impl FastRun {
         let some = at_once(work.len());
         let work = work.par_chunks_mut(some).with_max_len(1).map(|some| {
             let (room, _) = &mut *workplaces.of_this_thread();
-            let meet = |contacts| instructions.run(Meet { contacts, search: &search, room, stages });
+            let meet = |contacts| instructions.run(Meet { contacts, search, room, stages });
             some.iter_mut().map(meet).fold(0.0, f32::max)
         });
         work.reduce(|| 0.0, f32::max)

@@ -34,7 +34,7 @@ pub(super) struct Points {
     pub(super) count: usize,
     /// Fixed-point positions; the fourth number has the bits of the remainder along x (see [`Block::remainder`]).
     pub(super) positions: Vec<[i32; 4]>,
-    /// Velocities, the remainder along y, spins, the remainder along z: in half a line of the cache what pairs look for.
+    /// Velocities, the remainder along y, spins, the remainder along z: side by side, since pairs look for both.
     pub(super) velocities: Vec<[f32; 8]>,
     /// Lanes of each block that move: neither held nor only there to fill up.
     moving: Vec<u16>,

@@ -238,7 +238,7 @@ fn by_place<S: Wide>(simd: S, lanes: &Lanes) -> Lanes {
     simd.spread(lanes, &Places::OF_QUADS, u16::MAX)
 }
 
-/// Which of some squares of distances are no greater than `reach2`, by lane; the least of the others goes into `apart2`.
+/// Which of some squares of distances are no greater than `reach2`, a bit each; the least of the others goes into `apart2`.
 #[inline(always)]
 fn within<S: Wide>(simd: S, distances2: &Lanes, reach2: f32, apart2: &mut Lanes) -> u16 {
     for k in 0..WIDTH {
