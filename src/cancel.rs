@@ -6,6 +6,7 @@ use uuid::Uuid;
 use crate::exit::Exit;
 use crate::list;
 use crate::target::{self, Target};
+use crate::ui;
 
 /// Cancel a sweep or a job; what runs is stopped within seconds
 #[derive(Debug, clap::Args)]
@@ -24,9 +25,17 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     match target::find(&client, args.id).await? {
         Target::Sweep(sweep) => {
+            if sweep.counts.is_ended() {
+                ui::say!("nothing to cancel: every job has ended");
+            }
             list::show_sweep(client.cancel_sweep(sweep.id).await?, args.json)?;
         }
-        Target::Job(job) => list::show_job(client.cancel_job(job.id).await?, args.json)?,
+        Target::Job(job) => {
+            if job.state.is_ended() {
+                ui::say!("nothing to cancel: the job has ended");
+            }
+            list::show_job(client.cancel_job(job.id).await?, args.json)?;
+        }
     }
     Ok(Exit::Done)
 }

@@ -41,14 +41,17 @@ struct Common {
 
 pub(crate) async fn backup(args: Backup) -> Result<Exit> {
     let copied = roost_server::backup(&args.common.data, &args.folder).await;
-    // Where there is nothing to copy, the folder is most likely another one than that of the server.
-    let named = copied.map_err(|error| match error {
+    report(&copied.map_err(named)?, args.common.json)
+}
+
+/// Where a data folder has nothing, it is most likely another one than that of the server.
+pub(crate) fn named(error: DataError) -> anyhow::Error {
+    match error {
         DataError::Nothing(_) => {
             BadInput(format!("{error}: name the folder of the server with --data")).into()
         }
-        other => anyhow::Error::from(other),
-    });
-    report(&named?, args.common.json)
+        other => other.into(),
+    }
 }
 
 pub(crate) async fn restore(args: Restore) -> Result<Exit> {
@@ -68,7 +71,7 @@ fn report(copied: &roost_server::Copied, as_json: bool) -> Result<Exit> {
         ))?;
     }
     if absent_objects > 0 {
-        eprintln!(
+        ui::say!(
             "warning: objects (frames of jobs) that are not in the folder were not copied: {absent_objects}"
         );
     }

@@ -55,9 +55,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         deletion.results
     ))?;
     if deletion.unended > 0 {
-        eprintln!("{} jobs have not ended: `roost cancel {}` first", deletion.unended, id);
+        ui::say!("{} jobs have not ended: `roost cancel {}` first", deletion.unended, id);
     } else if !deleting.yes {
-        eprintln!("nothing is deleted yet; `roost delete {} --yes` does it", id);
+        ui::say!("nothing is deleted yet; `roost delete {} --yes` does it", id);
     }
     Ok(Exit::Done)
 }

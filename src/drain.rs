@@ -5,6 +5,7 @@ use roost_api::ids::WorkerId;
 
 use crate::exit::Exit;
 use crate::target;
+use crate::ui;
 
 /// Ask a worker to claim nothing more, finish what it runs, and end
 ///
@@ -12,6 +13,7 @@ use crate::target;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of the worker
+    #[arg(value_parser = target::worker_id)]
     id: WorkerId,
     #[command(flatten)]
     server: target::Server,
@@ -19,6 +21,6 @@ pub(crate) struct Args {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     args.server.client()?.drain(args.id).await?;
-    eprintln!("the worker finishes what it runs, and ends");
+    ui::say!("the worker finishes what it runs, and ends");
     Ok(Exit::Done)
 }

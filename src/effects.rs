@@ -36,7 +36,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     if args.json {
         ui::println(format_args!("{:#}", json!(effects)))?;
     } else if effects.responses.is_empty() {
-        eprintln!("nothing has succeeded yet; `roost status {}` says how far it is", args.id);
+        ui::say!("nothing has succeeded yet; `roost status {}` says how far it is", args.id);
     } else {
         ui::print(format_args!("{}", table(&effects, args.all)))?;
     }

@@ -11,6 +11,7 @@ use roost_worker::runner::Pictures;
 use serde_json::{Value, json};
 
 use crate::exit::BadInput;
+use crate::ui;
 use crate::ui::format;
 
 /// A megabyte, as disks are sold.
@@ -93,7 +94,7 @@ impl FrameArgs {
         let recorder = Recorder::create(&folder, scenario, estimate.timestep_s, options)
             .map_err(|error| BadInput(format!("cannot write frames into {}: {error}", folder.display())))?;
         let schedule = recorder.schedule();
-        eprintln!(
+        ui::say!(
             "frames: one every {} s ({} of {} s), about {} of at most {}, {} in all",
             format::significant(schedule.interval_s()),
             if schedule.every() == 1 {
@@ -131,10 +132,10 @@ impl Frames {
     pub(crate) fn finish(&mut self) -> Report {
         let report = self.recorder.lock().unwrap_or_else(PoisonError::into_inner).finish();
         if let Some(why) = report.stopped.as_ref().filter(|_| !self.is_warned) {
-            eprintln!("warning: {why}");
+            ui::say!("warning: {why}");
         }
         let (frames, size) = (report.frames, megabytes(report.bytes));
-        eprintln!("frames: {frames} in {}, {size}", self.folder.display());
+        ui::say!("frames: {frames} in {}, {size}", self.folder.display());
         report
     }
 }

@@ -59,7 +59,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     if args.json {
         ui::println(format_args!("{document:#}"))?;
     } else if table.is_empty() {
-        eprintln!("nothing to list; `roost submit --help` says how to begin");
+        ui::say!("nothing to list; `roost submit --help` says how to begin");
     } else {
         ui::print(format_args!("{table}"))?;
     }

@@ -137,9 +137,9 @@ async fn main() -> ExitCode {
         // The reader of our output has seen enough.
         Err(error) if exit::is_broken_pipe(&error) => Exit::Done.into(),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            ui::say!("error: {error:#}");
             if let Some(hint) = exit::hint(&error) {
-                eprintln!("hint: {hint}");
+                ui::say!("hint: {hint}");
             }
             Exit::of(&error).into()
         }

@@ -18,6 +18,7 @@ use roost_worker::client::Client;
 use serde_json::{Map, Value, json};
 
 use crate::input;
+use crate::ui;
 use crate::ui::format;
 
 /// What may stand in place of a file that cannot be used, so that what else is wrong can be told as well.
@@ -212,7 +213,7 @@ impl Resolved {
                 Err(error) => return Err(error.into()),
             }
             client.upload_mesh(bytes.clone()).await?;
-            eprintln!("uploaded {name}: {}", format::bytes(bytes.len() as u64));
+            ui::say!("uploaded {name}: {}", format::bytes(bytes.len() as u64));
         }
         Ok(())
     }

@@ -39,7 +39,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let (sweeps, jobs, meshes) = (pruned.sweeps.len(), pruned.jobs, pruned.meshes.len());
     ui::println(format_args!("{verb} {sweeps} sweeps, {jobs} single jobs, {meshes} meshes"))?;
     if !deleting.yes && !pruned.is_empty() {
-        eprintln!("nothing is deleted yet; --yes does it");
+        ui::say!("nothing is deleted yet; --yes does it");
     }
     Ok(Exit::Done)
 }

@@ -88,7 +88,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                 Ok(result) => result,
                 // The job is there, its result is not (yet): the id was no wrong input.
                 Err(ClientError::Problem(problem)) if problem.status == 404 => {
-                    eprintln!("error: {}", problem.detail);
+                    ui::say!("error: {}", problem.detail);
                     return Ok(Exit::Failed);
                 }
                 Err(error) => return Err(error.into()),
@@ -109,7 +109,7 @@ async fn frames(client: &Client, found: &Target, file: &Path) -> Result<Exit> {
         .into());
     };
     let Some(frames) = &job.frames else {
-        eprintln!(
+        ui::say!(
             "error: the job is {} and has no frames; `roost submit --frame-interval` asks for some",
             job.state
         );
@@ -117,7 +117,7 @@ async fn frames(client: &Client, found: &Target, file: &Path) -> Result<Exit> {
     };
     client.download_frames(job.id, file).await?;
     let stopped = frames.stopped.as_ref().map(|why| format!("; {why}")).unwrap_or_default();
-    eprintln!("{} frames, {:.1} MB, in {}{stopped}", frames.count, frames.bytes as f64 / 1e6, file.display());
+    ui::say!("{} frames, {:.1} MB, in {}{stopped}", frames.count, frames.bytes as f64 / 1e6, file.display());
     Ok(Exit::Done)
 }
 

@@ -2,11 +2,13 @@
 
 use anyhow::Result;
 use roost_api::job::FailureClass;
+use roost_api::sweep::StateCounts;
 use uuid::Uuid;
 
 use crate::exit::Exit;
 use crate::list;
 use crate::target::{self, Target};
+use crate::ui;
 
 /// Queue the failed and cancelled jobs of a sweep, or one job, again
 #[derive(Debug, clap::Args)]
@@ -27,8 +29,13 @@ pub(crate) struct Args {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     match target::find(&client, args.id).await? {
-        Target::Sweep(sweep) => {
-            list::show_sweep(client.retry_sweep(sweep.id, args.class).await?, args.json)?;
+        Target::Sweep(before) => {
+            let after = client.retry_sweep(before.id, args.class).await?;
+            let waits = |counts: &StateCounts| counts.failed + counts.cancelled;
+            if waits(&after.counts) >= waits(&before.counts) {
+                ui::say!("nothing to retry: no job has failed so, or was cancelled");
+            }
+            list::show_sweep(after, args.json)?;
         }
         Target::Job(job) => {
             list::show_job(client.retry_job(job.id, args.class).await?, args.json)?;

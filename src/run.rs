@@ -17,7 +17,7 @@ use crate::frames::{FrameArgs, Frames};
 use crate::ui;
 use crate::ui::meter::Meter;
 use crate::ui::{format, table::Table};
-use crate::work::threads;
+use crate::work::{say_threads, threads};
 use crate::{frames, input, meshes, output, signals};
 
 /// Run one scenario here, without a server
@@ -62,12 +62,13 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let scenario = scenario::from_value(&named.document).map_err(bad)?;
     let estimate = roost_solver::check(&scenario, &named.meshes, &Limits::default()).map_err(bad)?;
     for warning in &estimate.warnings {
-        eprintln!("warning: {warning}");
+        ui::say!("warning: {warning}");
     }
     // Now, not after an hour of simulation.
+    say_threads(args.threads);
     let place = Place::new(args.device.choose()?, args.threads.into());
     output::prepare(&args.output)?;
-    eprintln!(
+    ui::say!(
         "{} fillets, {} sub-particles, {} steps of {} s at most",
         estimate.fillets,
         estimate.subparticles,
@@ -83,7 +84,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let (result, exit) = match end {
         RunEnd::Finished(result) => (result, Exit::Done),
         RunEnd::Failed { outcome, message, result: Some(result) } => {
-            eprintln!("{outcome}: {message}");
+            ui::say!("{outcome}: {message}");
             let exit = if outcome == AttemptOutcome::Unstable { Exit::Unstable } else { Exit::Failed };
             (result, exit)
         }

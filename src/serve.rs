@@ -25,7 +25,7 @@ pub(crate) struct Args {
 #[derive(Debug, clap::Args)]
 pub(crate) struct ServerArgs {
     /// Where to listen; port 0 lets the system choose
-    #[arg(long, default_value = "127.0.0.1:7373", value_name = "ADDR")]
+    #[arg(long, default_value = "127.0.0.1:7373", value_name = "ADDR", value_parser = address)]
     listen: SocketAddr,
     /// Folder for everything the server keeps
     #[arg(long, default_value = "roost-data", value_name = "DIR")]
@@ -109,6 +109,10 @@ fn pause(text: &str) -> Result<f64, String> {
         Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
         _ => Err("give a number of seconds from 0 to 3600".to_owned()),
     }
+}
+
+fn address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| "write an IP address and a port, such as 127.0.0.1:7373".to_owned())
 }
 
 fn positive(text: &str) -> Result<f64, String> {

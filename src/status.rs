@@ -32,7 +32,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
             } else {
                 ui::println(format_args!("{}\n{}", list::sweeps(&[sweep]), list::jobs(&page.items)))?;
                 if page.next_cursor.is_some() {
-                    eprintln!("the newest 100 jobs only; `roost results {}` has all", args.id);
+                    ui::say!("the newest 100 jobs only; `roost results {}` has all", args.id);
                 }
             }
         }

@@ -66,7 +66,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         let mut sweep: SweepView = client.submit_document("sweeps", &document).await.map_err(refused)?;
         let id = sweep.id;
         if !args.json || args.wait {
-            eprintln!("sweep {id}: {} jobs", sweep.counts.total());
+            ui::say!("sweep {id}: {} jobs", sweep.counts.total());
         }
         if args.wait {
             sweep = watch::sweep(&client, id, &signals::shutdown()?).await?;
@@ -77,7 +77,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         let mut job: JobView = client.submit_document("jobs", &document).await.map_err(refused)?;
         let id = job.id;
         if args.wait {
-            eprintln!("job {id}");
+            ui::say!("job {id}");
         }
         if args.wait {
             job = watch::job(&client, id, &signals::shutdown()?).await?;
@@ -101,7 +101,7 @@ fn exit_of_job(job: &JobView) -> Exit {
         (_, Some(FailureClass::Unstable)) => Exit::Unstable,
         _ => {
             if let Some(message) = &job.failure_message {
-                eprintln!("{}: {message}", job.state);
+                ui::say!("{}: {message}", job.state);
             }
             Exit::Failed
         }
@@ -150,8 +150,8 @@ fn tell(args: &Args, view: &Value, id: &str) -> Result<()> {
     }
     ui::println(format_args!("{id}"))?;
     if !args.wait {
-        eprintln!("next: roost status {id}");
+        ui::say!("next: roost status {id}");
     }
-    eprintln!("      roost results {id}");
+    ui::say!("      roost results {id}");
     Ok(())
 }

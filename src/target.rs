@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Args;
-use roost_api::ids::{JobId, SweepId};
+use roost_api::ids::{JobId, SweepId, WorkerId};
 use roost_api::job::JobView;
 use roost_api::sweep::SweepView;
 use roost_worker::client::{Client, ClientError, Credentials};
@@ -57,10 +57,18 @@ impl Access {
 
 /// Reads the id of a sweep or a job from the command line.
 pub(crate) fn id(text: &str) -> Result<Uuid, String> {
+    id_shown_by("roost list", text)
+}
+
+/// Reads the id of a worker.
+pub(crate) fn worker_id(text: &str) -> Result<WorkerId, String> {
+    id_shown_by("roost list --workers", text).map(WorkerId)
+}
+
+fn id_shown_by(list: &str, text: &str) -> Result<Uuid, String> {
     // What the parser says is of characters and groups, and not of what to write there.
     let refuse = |_| {
-        "not an id, such as 01890a5d-ac96-774b-bcce-b302099a8057; `roost list` shows those there are"
-            .to_owned()
+        format!("not an id, such as 01890a5d-ac96-774b-bcce-b302099a8057; `{list}` shows those there are")
     };
     text.parse().map_err(refuse)
 }

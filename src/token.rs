@@ -8,6 +8,7 @@ use roost_api::time::Timestamp;
 use roost_api::token::{Scope, TokenView};
 use serde_json::json;
 
+use crate::copies;
 use crate::exit::Exit;
 use crate::ui;
 use crate::ui::table::Table;
@@ -49,14 +50,15 @@ enum Action {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let mut tokens = roost_server::tokens_in(&args.data).await?;
+    let is_first = matches!(args.action, Action::Create { .. });
+    let mut tokens = roost_server::tokens_in(&args.data, is_first).await.map_err(copies::named)?;
     match args.action {
         Action::Create { scopes, name } => {
             let (view, secret) = tokens.create(&name, &scopes, Timestamp::now()).await?;
             if args.json {
                 ui::println(format_args!("{:#}", json!({"token": secret, "view": view})))?;
             } else {
-                eprintln!("token {}; keep it now, it is shown this once:", view.id);
+                ui::say!("token {}; keep it now, it is shown this once:", view.id);
                 ui::println(format_args!("{secret}"))?;
             }
         }
@@ -72,7 +74,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
             if !tokens.revoke(&id, Timestamp::now()).await? {
                 bail!("there is no valid token {id}; `roost token list` shows them");
             }
-            eprintln!("revoked; a running server follows within a second");
+            ui::say!("revoked; a running server follows within a second");
         }
     }
     tokens.close().await?;

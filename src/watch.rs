@@ -13,6 +13,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::exit::Exit;
 use crate::run::describe;
+use crate::ui;
 use crate::ui::format;
 use crate::ui::meter::{Meter, Meters};
 
@@ -130,7 +131,7 @@ where
             Ok(answer) => return Ok(answer),
             Err(error) if error.is_transient() => {
                 if !std::mem::replace(&mut has_complained, true) {
-                    eprintln!("waiting for the server: {error}");
+                    ui::say!("waiting for the server: {error}");
                 }
                 pause(shutdown).await?;
             }

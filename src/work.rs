@@ -12,6 +12,7 @@ use crate::device::DeviceArgs;
 use crate::exit::Exit;
 use crate::signals;
 use crate::target;
+use crate::ui;
 
 /// Run a worker: claim jobs from a server, simulate, deliver
 ///
@@ -52,7 +53,15 @@ pub(crate) struct WorkerArgs {
 
 /// What `--threads` takes.
 pub(crate) fn threads() -> RangedI64ValueParser<u16> {
-    clap::value_parser!(u16).range(0..=roost_worker::MAX_THREADS as i64)
+    clap::value_parser!(u16).range(0..=1024)
+}
+
+/// Says so where more threads are asked for than there are going to be.
+pub(crate) fn say_threads(asked: u16) {
+    let threads = roost_worker::threads(asked.into());
+    if threads < asked.into() {
+        ui::say!("warning: --threads {asked} is more than there are processors; {threads} compute");
+    }
 }
 
 impl WorkerArgs {
@@ -62,6 +71,7 @@ impl WorkerArgs {
     }
 
     pub(crate) fn config(self, server: String, state: PathBuf, device: Device) -> WorkerConfig {
+        say_threads(self.threads);
         WorkerConfig {
             threads: self.threads.into(),
             slots: self.slots.map_or_else(|| device.usual_slots(), usize::from),

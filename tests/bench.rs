@@ -2,8 +2,11 @@
 
 mod support;
 
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
 use serde_json::{Value, json};
-use support::{Home, run, said, stdout};
+use support::{Home, roost, run, said, stdout, until};
 
 /// A scenario of coarse sub-particles in large steps.
 fn coarse(home: &Home) -> String {
@@ -138,4 +141,38 @@ fn what_is_wrong_with_a_bed_is_said() {
         "{}",
         said(&output)
     );
+}
+
+#[test]
+fn a_bench_that_is_stopped_takes_its_server_and_its_folder_along() {
+    let home = Home::new();
+    let temporary = home.path("temporary");
+    std::fs::create_dir_all(&temporary).unwrap();
+    let mut bench = roost()
+        .args(["bench", "farm", "--only", "claim and result", "--seconds", "600"])
+        .env("TMPDIR", &temporary)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let folders = || -> Vec<PathBuf> {
+        std::fs::read_dir(&temporary).unwrap().map(|entry| entry.unwrap().path()).collect()
+    };
+    let servers = || {
+        let here = temporary.display().to_string();
+        let lines = std::fs::read_dir("/proc").unwrap().filter_map(|entry| {
+            let line = std::fs::read(entry.ok()?.path().join("cmdline")).ok()?;
+            Some(String::from_utf8_lossy(&line).into_owned())
+        });
+        lines.filter(|line| line.contains(&here)).count()
+    };
+    until("its server has made a database", || {
+        folders().iter().any(|folder| folder.join("roost.db").exists()).then_some(())
+    });
+    assert_eq!(servers(), 1);
+    let told = Command::new("kill").args(["-TERM", &bench.id().to_string()]).status().unwrap();
+    assert!(told.success());
+    assert_eq!(bench.wait().unwrap().code(), Some(1));
+    assert_eq!(folders(), Vec::<PathBuf>::new());
+    until("its server is gone", || (servers() == 0).then_some(()));
 }

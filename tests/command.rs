@@ -51,6 +51,14 @@ fn threads_have_a_limit() {
             assert!(text.contains("0..=1024"), "{text}");
         }
     }
+    // More than there are processors, which would hardly get anywhere.
+    let output = run(&["run", &file, "-o", &out, "--threads", "1024"]);
+    assert!(said(&output).contains("warning: --threads 1024 is more than"), "{}", said(&output));
+    stdout(&output);
+    let result: Value =
+        serde_json::from_slice(&std::fs::read(home.path("out/result.json")).unwrap()).unwrap();
+    let processors = std::thread::available_parallelism().unwrap().get();
+    assert_eq!(result["solver"]["threads"], json!(processors));
 }
 
 #[test]
@@ -320,6 +328,21 @@ fn a_reader_that_has_seen_enough_is_no_failure() {
 }
 
 #[test]
+fn a_run_that_nobody_listens_to_is_written_all_the_same() {
+    let home = Home::new();
+    let (file, out) = (home.file("small.json", &scenario(0.2)), home.path("out"));
+    let mut child = roost()
+        .args(["run", &file, "--threads", "1", "-o", &out.display().to_string()])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop((child.stdout.take(), child.stderr.take()));
+    assert!(child.wait().unwrap().success());
+    assert!(out.join("result.json").exists() && out.join("curve.svg").exists());
+}
+
+#[test]
 fn a_server_that_is_away_is_two_lines() {
     let home = Home::new();
     let output = home.roost(&["list"]);
@@ -335,6 +358,10 @@ fn what_is_no_id_is_shown_one() {
     let output = run(&["results", "nope"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(said(&output).contains("'nope' for '<ID>': not an id, such as 0"), "{}", said(&output));
+    let text = refused(&["drain", "nobody"]);
+    assert!(text.contains("not an id, such as 0") && text.contains("`roost list --workers`"), "{text}");
+    let text = refused(&["serve", "--listen", "80"]);
+    assert!(text.contains("an IP address and a port, such as 127.0.0.1:7373"), "{text}");
 }
 
 #[test]

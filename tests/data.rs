@@ -79,6 +79,11 @@ fn a_bucket_needs_a_build_that_knows_buckets() {
 fn a_token_opens_the_server_to_its_bearer_alone() {
     let home = Home::new();
     let data = home.path("data").display().to_string();
+    // A folder that was mistyped is not made.
+    let listed = run(&["token", "list", "--data", &data]);
+    assert_eq!(listed.status.code(), Some(2), "{}", said(&listed));
+    assert!(said(&listed).contains("name the folder of the server with --data"), "{}", said(&listed));
+    assert!(!home.path("data").exists());
     let make = |scope: &str| {
         let made = run(&["token", "create", "--scope", scope, "--name", "me", "--data", &data]);
         stdout(&made).trim().to_owned()

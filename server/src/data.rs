@@ -48,7 +48,10 @@ pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
 }
 
 /// Opens the access tokens of a data directory, whether a server runs on it or not.
-pub async fn tokens_in(data: &Path) -> Result<TokenFile, DataError> {
+pub async fn tokens_in(data: &Path, create: bool) -> Result<TokenFile, DataError> {
+    if !create && !data.join(DATABASE).exists() {
+        return Err(DataError::Nothing(data.to_owned()));
+    }
     match lock(data) {
         // Held until it is open: no server migrates the database meanwhile.
         Ok(_lock) => Ok(TokenFile::open(&data.join(DATABASE), true).await?),

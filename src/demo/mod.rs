@@ -59,14 +59,14 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let state = args.output.join("worker");
     let mut farm =
         Farm::start(server, |address| WorkerConfig::new(address, work::host_name(), state)).await?;
-    eprintln!("server at {}, database in {}", farm.address, args.output.join("data").display());
+    ui::say!("server at {}, database in {}", farm.address, args.output.join("data").display());
     let client = Client::new(&farm.address)?;
     let shown = tokio::select! {
         shown = show(&client, &args.output, &shutdown) => shown,
         error = farm.broken() => return Err(error),
     };
     if shown.is_ok() && !args.exit {
-        eprintln!("\nThe server goes on at {}; Ctrl-C stops it.", farm.address);
+        ui::say!("\nThe server goes on at {}; Ctrl-C stops it.", farm.address);
         shutdown.cancelled().await;
     }
     farm.stop().await?;
@@ -78,7 +78,7 @@ async fn show(client: &Client, folder: &Path, shutdown: &CancellationToken) -> R
     cancel_leftovers(client).await?;
     let document: Value = serde_json::from_str(SWEEP)?;
     let sweep: SweepView = client.submit_document("sweeps", &document).await?;
-    eprintln!("sweep {}: {} points of gate opening × surface condition", sweep.id, sweep.points);
+    ui::say!("sweep {}: {} points of gate opening × surface condition", sweep.id, sweep.points);
     let sweep = watch::sweep(client, sweep.id, shutdown).await?;
     let results = client.sweep_results(sweep.id).await?;
     let csv = folder.join("results.csv");

@@ -23,7 +23,7 @@ use crate::signals;
 use crate::ui;
 use crate::ui::format;
 use crate::ui::table::Table;
-use crate::work::threads;
+use crate::work::{say_threads, threads};
 use crew::{News, work};
 use plan::{Figure, Part, Plan, Results};
 use profile::Profile;
@@ -99,10 +99,8 @@ fn reproduce(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
         return Ok(Exit::Done);
     }
     store.prepare()?;
-    let threads = match usize::from(args.threads) {
-        0 => std::thread::available_parallelism().map_or(1, usize::from),
-        threads => threads,
-    };
+    say_threads(args.threads);
+    let threads = roost_worker::threads(args.threads.into());
     let order: Vec<usize> = plan.order().into_iter().filter(|index| ended[*index].is_none()).collect();
     write(&args.output, profile, &plan, &ended)?;
     let mut progress = Progress::new(&plan, &order);
@@ -126,7 +124,7 @@ fn reproduce(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
     ui::println(write(&args.output, profile, &plan, &ended)?)?;
     let is_complete = ended.iter().all(Option::is_some);
     if !is_complete {
-        eprintln!("stopped; the same command goes on from here");
+        ui::say!("stopped; the same command goes on from here");
     }
     let is_sound = ended.iter().flatten().all(Result::is_ok);
     Ok(if is_complete && is_sound { Exit::Done } else { Exit::Failed })

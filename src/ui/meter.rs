@@ -5,6 +5,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
+use super::say;
+
 /// In a log a line at most this often.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 const RESOLUTION: u64 = 1000;
@@ -52,7 +54,7 @@ impl Meter {
 
     /// A line that stays, above the bar.
     pub(crate) fn tell(&self, line: &str) {
-        self.bar.suspend(|| eprintln!("{line}"));
+        self.bar.suspend(|| say!("{line}"));
     }
 
     /// The last word; the bar stays.
@@ -72,7 +74,7 @@ impl Meter {
     }
 
     fn line(&mut self, fraction: f64, words: &str) {
-        eprintln!("{} {:.0} %  {words}", self.name, fraction * 100.0);
+        say!("{} {:.0} %  {words}", self.name, fraction * 100.0);
         self.last_line = Some(Instant::now());
     }
 }

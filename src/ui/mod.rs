@@ -8,6 +8,16 @@ pub(crate) mod table;
 use std::fmt::Display;
 use std::io::{self, Write};
 
+/// A line on stderr. A reader that has seen enough (`2>&1 | head`) ends nothing: what is computed is still written.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        // To whom should it be told?
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+pub(crate) use say;
+
 /// Prints to stdout. A reader that has seen enough (`| head`) is an error to pass up, not a panic.
 pub(crate) fn print(text: impl Display) -> io::Result<()> {
     write(text.to_string().as_bytes())

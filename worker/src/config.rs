@@ -6,8 +6,12 @@ use std::time::Duration;
 use crate::client::Credentials;
 use crate::device::Device;
 
-/// The most threads that a worker starts, whatever it is told: more is a slip of the finger.
-pub const MAX_THREADS: usize = 1024;
+/// Threads that compute where so many are asked for; 0 means one per processor. More than there are processors would only
+/// wait for each other: a thousand on two neither get anywhere nor hear that they are to stop.
+pub fn threads(asked: usize) -> usize {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    if asked == 0 { processors } else { asked.min(processors) }
+}
 
 /// What a worker needs to know before it starts.
 #[derive(Clone, Debug)]
@@ -52,12 +56,9 @@ impl WorkerConfig {
         }
     }
 
-    /// Threads in all, with "one per processor" resolved.
+    /// Threads in all, as many as there are.
     pub fn resolved_threads(&self) -> usize {
-        match self.threads {
-            0 => std::thread::available_parallelism().map_or(1, usize::from),
-            threads => threads.min(MAX_THREADS),
-        }
+        threads(self.threads)
     }
 
     /// Threads for each job.
@@ -72,12 +73,13 @@ mod tests {
 
     #[test]
     fn slots_share_the_threads_and_always_have_one() {
-        let config = WorkerConfig { threads: 8, slots: 3, ..WorkerConfig::new("s", "n", "d") };
-        assert_eq!(config.threads_per_slot(), 2);
+        let config = WorkerConfig { threads: 0, slots: 2, ..WorkerConfig::new("s", "n", "d") };
+        let processors = config.resolved_threads();
+        assert!(processors >= 1);
+        assert_eq!(config.threads_per_slot(), (processors / 2).max(1));
         let config = WorkerConfig { threads: 999_999_999_999, slots: 1, ..config };
-        assert_eq!((config.resolved_threads(), config.threads_per_slot()), (MAX_THREADS, MAX_THREADS));
+        assert_eq!((config.resolved_threads(), config.threads_per_slot()), (processors, processors));
         let config = WorkerConfig { threads: 1, slots: 3, ..config };
-        assert_eq!(config.threads_per_slot(), 1);
-        assert!(WorkerConfig { threads: 0, ..config }.resolved_threads() >= 1);
+        assert_eq!((config.resolved_threads(), config.threads_per_slot()), (1, 1));
     }
 }

@@ -16,5 +16,5 @@ pub mod outbox;
 mod room;
 pub mod runner;
 
-pub use config::{MAX_THREADS, WorkerConfig};
+pub use config::{WorkerConfig, threads};
 pub use lease::{WorkerError, work};

@@ -103,18 +103,18 @@ impl StopFlag {
 pub type Pictures = Arc<Mutex<dyn Observer + Send>>;
 
 /// Where a run is computed.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Place {
     /// On what.
     pub device: Device,
-    /// On how many threads where that is the CPU; 0 means one per processor.
-    pub threads: usize,
+    /// On how many threads where that is the CPU.
+    threads: usize,
 }
 
 impl Place {
-    /// On a device, with threads.
+    /// On a device, with that many [`threads`] where it is the CPU.
     pub fn new(device: Device, threads: usize) -> Self {
-        Self { device, threads }
+        Self { device, threads: crate::threads(threads) }
     }
 }
 

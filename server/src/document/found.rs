@@ -45,7 +45,11 @@ impl Found {
         } else if self.missing {
             ("this field is required".to_owned(), None)
         } else if let Some(words) = words {
-            (format!("{} cannot stand here", kind(&value)), Some(words.join(", ")))
+            let detail = match value {
+                Value::String(_) => "no such choice".to_owned(),
+                _ => format!("{} cannot stand here", kind(&value)),
+            };
+            (detail, Some(words.join(", ")))
         } else if let Some((found, expected)) = self.message.split_once(", expected ") {
             let detail = match found.starts_with("invalid value: integer") {
                 true => "out of range".to_owned(),

@@ -36,7 +36,7 @@ async fn get(farm: &Farm, path: &str, token: Option<&str>) -> (u16, String) {
 #[tokio::test]
 async fn with_a_token_every_request_needs_one_and_each_scope_allows_its_own() {
     let dir = tempfile::tempdir().unwrap();
-    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let mut secrets = Vec::new();
     for scope in [Scope::Admin, Scope::Submit, Scope::Read, Scope::Worker] {
         secrets.push(tokens.create(scope.as_str(), &[scope], Timestamp::now()).await.unwrap().1);
@@ -77,7 +77,7 @@ async fn with_a_token_every_request_needs_one_and_each_scope_allows_its_own() {
 async fn a_running_server_follows_what_is_made_and_revoked() {
     let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(1)).await;
     assert_eq!(get(&farm, "/v1/jobs", None).await.0, 200, "open without tokens");
-    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (view, secret) = tokens.create("", &[Scope::Read], Timestamp::now()).await.unwrap();
     let until = async |token: Option<&str>, status: u16| {
         let deadline = Instant::now() + Duration::from_secs(20);
@@ -110,12 +110,12 @@ async fn other_addresses_take_a_token() {
         data: dir.path().to_owned(),
         ..ServerConfig::default()
     };
-    let tokens = tokens_in(dir.path()).await.unwrap();
+    let tokens = tokens_in(dir.path(), true).await.unwrap();
     tokens.close().await.unwrap();
     let error = Server::bind(config.clone()).await.err().unwrap();
     assert!(matches!(error, ServerError::NotLoopback(_)), "none was made: {error}");
     assert!(error.to_string().contains("roost token create"), "{error}");
-    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
     assert!(Server::bind(config).await.is_ok());
@@ -179,7 +179,7 @@ async fn pages_of_others_change_nothing_and_without_tokens_other_names_are_not_a
     );
 
     // With a token it may be called anything, as behind a proxy.
-    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (_, secret) = tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
     let deadline = Instant::now() + Duration::from_secs(20);
@@ -194,7 +194,7 @@ async fn pages_of_others_change_nothing_and_without_tokens_other_names_are_not_a
 #[tokio::test]
 async fn a_stream_of_events_ends_with_the_token_that_it_was_asked_for_with() {
     let dir = tempfile::tempdir().unwrap();
-    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (view, secret) = tokens.create("", &[Scope::Submit], Timestamp::now()).await.unwrap();
     tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
     let farm = Farm::on(dir.path(), |config| config.lease = Duration::from_secs(1)).await;
@@ -215,7 +215,7 @@ async fn a_stream_of_events_ends_with_the_token_that_it_was_asked_for_with() {
 #[tokio::test]
 async fn a_session_reads_with_its_cookie_and_changes_things_only_from_our_pages() {
     let dir = tempfile::tempdir().unwrap();
-    let mut tokens = tokens_in(dir.path()).await.unwrap();
+    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let secret = tokens.create("page", &[Scope::Submit], Timestamp::now()).await.unwrap().1;
     let worker = tokens.create("worker", &[Scope::Worker], Timestamp::now()).await.unwrap().1;
     tokens.close().await.unwrap();

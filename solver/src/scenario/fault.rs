@@ -24,6 +24,7 @@ impl std::fmt::Display for Fault {
             write!(f, " (found {})", self.value)?;
         }
         match &self.allowed {
+            Some(near) if near.starts_with("did you mean") => write!(f, "; {near}"),
             Some(allowed) => write!(f, "; allowed: {allowed}"),
             None => Ok(()),
         }

@@ -6,12 +6,13 @@ mod load;
 mod promises;
 mod server;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::builder::RangedU64ValueParser;
 use serde::Serialize;
 use serde_json::json;
 
 use crate::exit::Exit;
+use crate::signals;
 use crate::ui;
 use crate::ui::format::significant;
 use crate::ui::table::Table;
@@ -87,7 +88,12 @@ impl Serialize for Target {
 }
 
 pub(super) async fn execute(args: Args) -> Result<Exit> {
-    let rows = promises::measure(&args).await?;
+    // What is measured takes its server and its folder along when it is dropped; a signal alone would leave both.
+    let shutdown = signals::shutdown()?;
+    let rows = tokio::select! {
+        rows = promises::measure(&args) => rows?,
+        () = shutdown.cancelled() => bail!("stopped before its end"),
+    };
     if args.json {
         ui::println(format_args!("{:#}", json!(rows)))?;
     } else {

@@ -66,7 +66,7 @@ impl Rows {
 
     fn add(&mut self, name: &'static str, value: f64, unit: &'static str, target: Target) {
         if self.wants(&[name]) {
-            eprintln!("{name}: {value:.3} {unit}");
+            crate::ui::say!("{name}: {value:.3} {unit}");
             self.rows.push(Row { name, value, unit, target, reached: target.is_reached(value) });
         }
     }

@@ -41,7 +41,7 @@ impl AdapterArgs {
         let (device, allow_software) = (self.device.clone(), self.allow_software);
         let options = GpuOptions { device, allow_software, ..GpuOptions::default() };
         let gpu = Gpu::new(&options).map_err(|error| BadInput(error.to_string()))?;
-        eprintln!("on {}", gpu.name());
+        ui::say!("on {}", gpu.name());
         Ok(gpu)
     }
 }
@@ -51,7 +51,7 @@ impl GpuArgs {
     pub(super) fn open(&self) -> Result<GpuRacers> {
         let gpu = self.adapter.open()?;
         let copied_bytes_per_s = gpu.copied_bytes_per_s()?;
-        eprintln!("copies, reads and writes added up, {:.3e} bytes/s", copied_bytes_per_s);
+        ui::say!("copies, reads and writes added up, {:.3e} bytes/s", copied_bytes_per_s);
         Ok(GpuRacers { gpu, copied_bytes_per_s })
     }
 }
@@ -80,7 +80,7 @@ impl GpuRacers {
                 if stop() {
                     return Ok(rows);
                 }
-                eprintln!("{}: batch of {batch}, turn {} of {repeats}", bed.name, turn + 1);
+                ui::say!("{}: batch of {batch}, turn {} of {repeats}", bed.name, turn + 1);
                 let clock = Instant::now();
                 let mut all: Vec<_> = runs.iter_mut().map(|run| (run, steps)).collect();
                 let done = self.gpu.advance(&mut all);
@@ -145,7 +145,7 @@ pub(crate) fn parity(args: &ParityArgs) -> Result<Exit> {
     let gpu = args.adapter.open()?;
     let laws = scenario::from_value(&json!({"experiment": "hopper"})).expect("the default scenario");
     let most = std::thread::available_parallelism().map_or(1, usize::from);
-    eprintln!("settling");
+    ui::say!("settling");
     let bed = Bed::settled(Named::Hopper, &laws, args.subparticles, most)?;
     let plain = Cpu::plain(0);
     let (mut reference, mut run) = (plain.prepare(&bed.scene), gpu.prepare(&bed.scene));

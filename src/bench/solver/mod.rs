@@ -94,7 +94,7 @@ fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
     let names = if args.bed.is_some() { &[][..] } else { &args.beds[..] };
     let own = args.bed.iter().map(|file| Bed::read(file, args.bonds.as_deref(), &scenario));
     let named = names.iter().map(|name| {
-        eprintln!("{}: settling", name.name());
+        ui::say!("{}: settling", name.name());
         Bed::settled(*name, &scenario, args.subparticles, most)
     });
     for bed in own.chain(named) {
@@ -107,7 +107,7 @@ fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
             threads.iter().flat_map(|&threads| paths.iter().filter_map(move |path| path.cpu(threads)));
         let mut racers: Vec<Racer> = racers.map(|(name, cpu)| Racer::new(&bed, name, cpu)).collect();
         for turn in 0..args.repeats {
-            eprintln!("{}: turn {} of {}", bed.name, turn + 1, args.repeats);
+            ui::say!("{}: turn {} of {}", bed.name, turn + 1, args.repeats);
             for racer in &mut racers {
                 if stop() {
                     return Ok(Exit::Failed);
