@@ -47,7 +47,7 @@ pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
     }
 }
 
-/// Opens the access tokens of a data directory, whether a server runs on it or not.
+/// Opens the access tokens of a data directory, whether a server runs on it or not. Where there is none yet, it is made or is an error.
 pub async fn tokens_in(data: &Path, create: bool) -> Result<TokenFile, DataError> {
     if !create && !data.join(DATABASE).exists() {
         return Err(DataError::Nothing(data.to_owned()));
