@@ -48,7 +48,7 @@ impl Exit {
 /// What to do about an error, where that is not in it.
 pub(crate) fn hint(error: &anyhow::Error) -> Option<&'static str> {
     error.chain().find_map(|cause| {
-        if let Some(ClientError::Unreachable { .. }) = cause.downcast_ref() {
+        if let Some(ClientError::Unreachable { is_refused: true, .. }) = cause.downcast_ref() {
             return Some("`roost up` or `roost serve` starts a server; `--server` or ROOST_SERVER names one that runs elsewhere");
         }
         match cause.downcast_ref() {

@@ -2,7 +2,6 @@
 
 use anyhow::Result;
 use roost_api::job::FailureClass;
-use roost_api::sweep::StateCounts;
 use uuid::Uuid;
 
 use crate::exit::Exit;
@@ -29,13 +28,17 @@ pub(crate) struct Args {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let client = args.server.client()?;
     match target::find(&client, args.id).await? {
-        Target::Sweep(before) => {
-            let after = client.retry_sweep(before.id, args.class).await?;
-            let waits = |counts: &StateCounts| counts.failed + counts.cancelled;
-            if waits(&after.counts) >= waits(&before.counts) {
-                ui::say!("nothing to retry: no job has failed so, or was cancelled");
+        Target::Sweep(mut sweep) => {
+            match args.class {
+                Some(class) if *sweep.failures.of(class) == 0 => {
+                    ui::say!("nothing to retry: no job has failed as {}", class.as_str());
+                }
+                None if sweep.counts.failed + sweep.counts.cancelled == 0 => {
+                    ui::say!("nothing to retry: no job has failed or was cancelled");
+                }
+                _ => {}
             }
-            list::show_sweep(after, args.json)?;
+            list::show_sweep(client.retry_sweep(sweep.id, args.class).await?, args.json)?;
         }
         Target::Job(job) => {
             list::show_job(client.retry_job(job.id, args.class).await?, args.json)?;

@@ -65,8 +65,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         ui::say!("warning: {warning}");
     }
     // Now, not after an hour of simulation.
-    say_threads(args.threads);
-    let place = Place::new(args.device.choose()?, args.threads.into());
+    let device = args.device.choose()?;
+    say_threads(args.threads, &device);
+    let place = Place::new(device, args.threads.into());
     output::prepare(&args.output)?;
     ui::say!(
         "{} fillets, {} sub-particles, {} steps of {} s at most",

@@ -56,10 +56,10 @@ pub(crate) fn threads() -> RangedI64ValueParser<u16> {
     clap::value_parser!(u16).range(0..=1024)
 }
 
-/// Says so where more threads are asked for than there are going to be.
-pub(crate) fn say_threads(asked: u16) {
+/// Says so where more threads are asked for than are going to compute.
+pub(crate) fn say_threads(asked: u16, device: &Device) {
     let threads = roost_worker::threads(asked.into());
-    if threads < asked.into() {
+    if device.backend() == "cpu" && threads < asked.into() {
         ui::say!("warning: --threads {asked} is more than there are processors; {threads} compute");
     }
 }
@@ -71,7 +71,7 @@ impl WorkerArgs {
     }
 
     pub(crate) fn config(self, server: String, state: PathBuf, device: Device) -> WorkerConfig {
-        say_threads(self.threads);
+        say_threads(self.threads, &device);
         WorkerConfig {
             threads: self.threads.into(),
             slots: self.slots.map_or_else(|| device.usual_slots(), usize::from),

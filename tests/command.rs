@@ -52,7 +52,7 @@ fn threads_have_a_limit() {
         }
     }
     // More than there are processors, which would hardly get anywhere.
-    let output = run(&["run", &file, "-o", &out, "--threads", "1024"]);
+    let output = run(&["run", &file, "-o", &out, "--threads", "1024", "--backend", "cpu"]);
     assert!(said(&output).contains("warning: --threads 1024 is more than"), "{}", said(&output));
     stdout(&output);
     let result: Value =

@@ -100,10 +100,15 @@ fn points_come_from_a_table_and_more_of_them_later() {
 
     let cancelled: SweepView = answer(&home, &["cancel", &id]);
     assert_eq!(cancelled.counts.cancelled, 9);
-    let none: SweepView = answer(&home, &["retry", &id, "--class", "lost"]);
+    let told = |arguments: &[&str]| said(&home.roost(arguments));
+    assert!(told(&["cancel", &id]).contains("nothing to cancel"));
+    assert!(told(&["retry", &id, "--class", "lost"]).contains("nothing to retry: no job has failed as lost"));
+    let none: SweepView = answer(&home, &["status", &id]);
     assert_eq!(none.counts.queued, 0);
-    let again: SweepView = answer(&home, &["retry", &id]);
+    assert!(!told(&["retry", &id]).contains("nothing"));
+    let again: SweepView = answer(&home, &["status", &id]);
     assert_eq!(again.counts.queued, 9);
+    assert!(told(&["retry", &id]).contains("nothing to retry: no job has failed or was cancelled"));
 
     let missing = home.file("missing.json", &belt(json!({"kind": "csv", "file": "none.csv"}), json!([])));
     let refused = home.roost(&["submit", &missing]);

@@ -58,6 +58,9 @@ pub struct Line {
     pub r2: f64,
 }
 
+/// Share of a quantity below which a difference is what rounding has left.
+pub const ROUNDING: f64 = 1e-12;
+
 /// The line through points; none unless both coordinates vary.
 pub fn line(points: &[(f64, f64)]) -> Option<Line> {
     let n = points.len() as f64;
@@ -68,9 +71,13 @@ pub fn line(points: &[(f64, f64)]) -> Option<Line> {
     };
     let (xx, xy, yy) = (sum(&|x, _| x * x), sum(&|x, y| x * y), sum(&|_, y| y * y));
     // Less is what rounding has left of no slope at all.
-    let xy = if xy * xy > 1e-24 * xx * yy { xy } else { 0.0 };
-    // Rounding alone leaves equals a little off their mean.
-    let varies = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().any(|point| of(point) != of(&points[0]));
+    let xy = if xy * xy > ROUNDING * ROUNDING * xx * yy { xy } else { 0.0 };
+    // Equals, and means of equals, are a little apart by rounding.
+    let varies = |of: &dyn Fn(&(f64, f64)) -> f64| {
+        let (low, high) =
+            points.iter().map(of).fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
+        high - low > ROUNDING * low.abs().max(high.abs())
+    };
     let vary = varies(&|point| point.0) && varies(&|point| point.1);
     let slope = (vary && xx > 0.0 && yy > 0.0).then(|| xy / xx)?;
     Some(Line { slope, intercept: mean_y - slope * mean_x, r2: xy * xy / (xx * yy) })
@@ -79,6 +86,7 @@ pub fn line(points: &[(f64, f64)]) -> Option<Line> {
 /// How well the order of the second coordinates follows that of the first, −1 to 1 (Spearman): the correlation of ranks. None
 /// unless both coordinates vary.
 pub fn rank_correlation(points: &[(f64, f64)]) -> Option<f64> {
+    line(points)?;
     let xs = ranks(points.iter().map(|point| point.0).collect());
     let ys = ranks(points.iter().map(|point| point.1).collect());
     let line = line(&xs.into_iter().zip(ys).collect::<Vec<_>>())?;
@@ -139,6 +147,10 @@ mod tests {
     fn what_rounding_leaves_is_no_slope() {
         let points = [(0.1, 0.7), (0.2, 0.9), (0.3, 0.9), (0.4, 0.7)];
         assert_eq!(line(&points).unwrap().slope, 0.0);
+        // Means of two and of three equals.
+        let points = [(0.045, 0.1), (0.06, (0.1 + 0.1 + 0.1) / 3.0)];
+        assert!(points[0].1 != points[1].1);
+        assert!(line(&points).is_none() && rank_correlation(&points).is_none());
     }
 
     #[test]

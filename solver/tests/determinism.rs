@@ -147,7 +147,7 @@ fn a_stranger_that_renews_all_lists_changes_no_bit() {
 #[test]
 fn lists_that_are_new_in_every_step_change_no_bit() {
     // Tilted blocks that fall onto another: from the edge on, one row after the other comes into reach. That nothing is taken
-    // out takes out what was looked up on the plain path; for the fast path, which keeps it, `cpu::fast` has a test of its own.
+    // out takes out what was looked up on the plain path; on the fast path, which bodies meet, and `cpu::fast` has a test for the rest.
     for (tilt, speed) in [(0.1, 3.0), (0.3, 2.0), (0.6, 4.0), (0.8, 1.0)] {
         let mut scene = blocks();
         scene.bodies[1].orientation = DQuat::from_rotation_y(tilt);

@@ -9,7 +9,7 @@ use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::experiments::{Prepared, Watch, prepare};
 use roost_solver::mesh::Meshes;
-use roost_solver::observe::bend_angle_deg;
+use roost_solver::observe::BendGauge;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Value, json};
@@ -210,7 +210,7 @@ impl Stage {
         for (i, p) in own.collect::<Vec<_>>().into_iter().zip(&bent) {
             self.state.particles[i].position = self.state.frame.encode(p - centre + at);
         }
-        bend_angle_deg(flat, &bent).expect("it has a length")
+        BendGauge::new(flat).angle_deg(|i| bent[i + 1] - bent[i]).expect("it has a length")
     }
 
     fn curl(&self, name: &str) -> Option<f64> {

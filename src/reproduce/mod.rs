@@ -17,6 +17,7 @@ mod stats;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use roost_worker::device::Device;
 
 use crate::exit::Exit;
 use crate::signals;
@@ -99,7 +100,7 @@ fn reproduce(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
         return Ok(Exit::Done);
     }
     store.prepare()?;
-    say_threads(args.threads);
+    say_threads(args.threads, &Device::cpu());
     let threads = roost_worker::threads(args.threads.into());
     let order: Vec<usize> = plan.order().into_iter().filter(|index| ended[*index].is_none()).collect();
     write(&args.output, profile, &plan, &ended)?;

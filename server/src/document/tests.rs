@@ -92,6 +92,7 @@ fn every_shape_fault_of_a_sweep_is_told() {
         "/replicates",
     ];
     assert_eq!(pointers, all);
+    assert_eq!(of(&found, "/design/kind").detail, "no such choice");
     assert_eq!(
         of(&found, "/design/kind").allowed.as_deref(),
         Some("grid, one_at_a_time, random, latin_hypercube, sobol, box_behnken, list, csv")

@@ -8,7 +8,7 @@ use roost_api::table::{FactorEffect, LevelEffect, PointRow, ResponseEffects, Sum
 use serde_json::Value;
 
 use super::levels::same;
-use crate::stats::{chance, line, rank_correlation};
+use crate::stats::{ROUNDING, chance, line, rank_correlation};
 
 /// A factor with more values than this has no means by level.
 const MAX_LEVELS: usize = 12;
@@ -117,7 +117,8 @@ fn by_level(values: &[(&Value, f64)], mean: f64) -> Vec<LevelEffect> {
     });
     let level = |(level, group): (&Value, Vec<f64>)| {
         let here = group.iter().sum::<f64>() / group.len() as f64;
-        LevelEffect { level: level.clone(), points: group.len() as u64, mean: here, effect: here - mean }
+        let effect = if (here - mean).abs() > ROUNDING * mean.abs() { here - mean } else { 0.0 };
+        LevelEffect { level: level.clone(), points: group.len() as u64, mean: here, effect }
     };
     groups.into_iter().map(level).collect()
 }

@@ -52,15 +52,6 @@ impl BendGauge {
     }
 }
 
-/// The bend angle of one body, whose sub-particles lay at `reference` and now are at `current`, in the same order: see [`BendGauge`].
-///
-/// # Panics
-/// When there are not as many points now as before.
-pub fn bend_angle_deg(reference: &[DVec3], current: &[DVec3]) -> Option<f64> {
-    assert_eq!(reference.len(), current.len(), "as many points now as before");
-    BendGauge::new(reference).angle_deg(|i| current[i + 1] - current[i])
-}
-
 /// What lies between the outermost cross-sections that are at least [`SOUND_SHARE`] of the largest. Thinner ends are chains of
 /// single sub-particles, which hinge freely at every bond and tell nothing of the body.
 fn without_tips(mut along: Vec<(usize, f64)>) -> Vec<(usize, f64)> {
@@ -82,6 +73,11 @@ mod tests {
     use glam::DQuat;
 
     use super::*;
+
+    /// The bend angle of one body, whose sub-particles lay at `reference` and now are at `current`, in the same order.
+    fn bend_angle_deg(reference: &[DVec3], current: &[DVec3]) -> Option<f64> {
+        BendGauge::new(reference).angle_deg(|i| current[i + 1] - current[i])
+    }
     use crate::scenario::Fill;
     use crate::shape::lattice::MetaParticle;
     use crate::shape::teardrop::Teardrop;

@@ -13,7 +13,7 @@ mod sliding;
 #[cfg(test)]
 mod tests;
 
-pub use bend::{BendGauge, bend_angle_deg};
+pub use bend::BendGauge;
 pub use compression::{Compression, Point, Pressed, modulus_pa};
 pub use curve::{RATE_WINDOW_S, mass_rate};
 pub use discharge::{Discharge, DischargeResponses};

@@ -24,7 +24,10 @@ impl std::fmt::Display for Fault {
             write!(f, " (found {})", self.value)?;
         }
         match &self.allowed {
-            Some(near) if near.starts_with("did you mean") => write!(f, "; {near}"),
+            // A hint, and no range.
+            Some(hint) if hint.starts_with("did you mean") || hint.starts_with("known") => {
+                write!(f, "; {hint}")
+            }
             Some(allowed) => write!(f, "; allowed: {allowed}"),
             None => Ok(()),
         }

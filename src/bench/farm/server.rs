@@ -14,6 +14,17 @@ pub(super) struct Server {
     listen: String,
 }
 
+impl Drop for Server {
+    /// Waits for its end: its folder goes next, and what it still wrote there would stay.
+    fn drop(&mut self) {
+        let _ = self.child.start_kill();
+        let deadline = Instant::now() + Duration::from_secs(5);
+        while matches!(self.child.try_wait(), Ok(None)) && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
 impl Server {
     /// Starts one and waits until it answers.
     pub(super) async fn start(data: &Path) -> Result<Self> {

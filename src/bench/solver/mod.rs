@@ -13,13 +13,14 @@ use anyhow::Result;
 use roost_solver::cpu::Cpu;
 use roost_solver::cpu::fast::Instructions;
 use roost_solver::scenario::{self, Scenario};
+use roost_worker::device::Device;
 use serde_json::json;
 
 use crate::exit::{BadInput, Exit};
 use crate::ui;
 use crate::ui::format::significant;
 use crate::ui::table::Table;
-use crate::work::threads;
+use crate::work::{say_threads, threads};
 use crate::{input, signals};
 use beds::{Bed, Named};
 use race::{Racer, Row};
@@ -87,8 +88,8 @@ fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
     #[cfg(feature = "gpu")]
     let gpu = paths.iter().any(|path| matches!(path, Way::Gpu)).then(|| args.gpu.open()).transpose()?;
     let most = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut threads: Vec<usize> =
-        args.threads.iter().map(|&n| if n == 0 { most } else { n.into() }).collect();
+    args.threads.iter().for_each(|&asked| say_threads(asked, &Device::cpu()));
+    let mut threads: Vec<usize> = args.threads.iter().map(|&n| roost_worker::threads(n.into())).collect();
     threads.dedup();
     let mut rows: Vec<Row> = Vec::new();
     let names = if args.bed.is_some() { &[][..] } else { &args.beds[..] };

@@ -1,5 +1,7 @@
 //! Everything that can go wrong between a client and the server, said so that a person can act on it.
 
+use std::io;
+
 use roost_api::Fault;
 use roost_api::problem::Problem;
 
@@ -30,6 +32,8 @@ pub enum ClientError {
         server: String,
         /// The innermost cause, such as `Connection refused`.
         reason: String,
+        /// Whether it was that: nobody listens there.
+        is_refused: bool,
     },
     /// The server answered with a problem.
     #[error("{}", describe(.0))]
@@ -85,10 +89,14 @@ impl ClientError {
     pub(super) fn transport(server: &str, error: &reqwest::Error) -> Self {
         let server = server.to_owned();
         if error.is_decode() {
-            return Self::Body { server, reason: innermost(error) };
+            return Self::Body { server, reason: innermost(error).to_string() };
         }
-        let reason = if error.is_timeout() { "no answer in time".to_owned() } else { innermost(error) };
-        Self::Unreachable { server, reason }
+        let cause = innermost(error);
+        let is_refused = cause
+            .downcast_ref()
+            .is_some_and(|cause: &io::Error| cause.kind() == io::ErrorKind::ConnectionRefused);
+        let reason = if error.is_timeout() { "no answer in time".to_owned() } else { cause.to_string() };
+        Self::Unreachable { server, reason, is_refused }
     }
 }
 
@@ -97,12 +105,12 @@ fn is_transient_status(status: u16) -> bool {
 }
 
 /// reqwest wraps the cause several times over; only the innermost says something.
-fn innermost(error: &reqwest::Error) -> String {
-    let mut cause: &dyn std::error::Error = error;
+fn innermost(error: &reqwest::Error) -> &(dyn std::error::Error + 'static) {
+    let mut cause: &(dyn std::error::Error + 'static) = error;
     while let Some(source) = cause.source() {
         cause = source;
     }
-    cause.to_string()
+    cause
 }
 
 fn describe(problem: &Problem) -> String {

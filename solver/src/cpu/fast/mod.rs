@@ -84,6 +84,7 @@ pub struct FastRun {
     params: Params,
     laws: PairLaws,
     search: Search,
+    wall_skin: f32,
     mover: Mover,
     instructions: Instructions,
     state: State,
@@ -143,6 +144,7 @@ impl FastRun {
             mover: Mover::new(&params, &state.frame),
             laws,
             search,
+            wall_skin: WALL_SKIN_RATIO * params.radius,
             instructions,
             bodies,
             meetings: Vec::new(),
@@ -298,6 +300,7 @@ impl FastRun {
             loads,
             pairs,
             walls,
+            wall_skin,
             params,
             instructions,
             workplaces,
@@ -317,7 +320,7 @@ impl FastRun {
             wall_laws,
             radius: params.radius,
             wall_reach: params.radius + params.laws.reach(),
-            wall_skin: WALL_SKIN_RATIO * params.radius,
+            wall_skin: *wall_skin,
         };
         let mut work = in_order(order, bodies.iter_mut().zip(&*pairs));
         let some = at_once(work.len());

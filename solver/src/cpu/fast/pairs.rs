@@ -26,8 +26,7 @@ pub(super) struct BodyPairs {
     pub(super) is_stale: bool,
     /// What those that are close do in this step, but for those within the body where these are summed up.
     pub(super) loads: PairLoads,
-    /// What pairs within the body do to each of its sub-particles, where they are so many that their sums are less to keep than they;
-    /// else empty.
+    /// What pairs within the body do to each of its sub-particles, where it is single spheres that go together; else empty.
     pub(super) within: Loads,
 }
 

@@ -49,6 +49,7 @@ fn after(scene: &Scene, steps: u64, skins: f32) -> (State, usize) {
     let search = &mut fast.search;
     (search.skins, search.outer_skins) =
         (search.skins.map(|skin| skins * skin), search.outer_skins.map(|skin| skins * skin));
+    fast.wall_skin *= skins;
     let (mut searches, mut deepest) = (0, 0.0f32);
     for _ in 0..steps {
         let CpuRun::Fast(fast) = &mut run else { unreachable!("what is fast stays so") };
