@@ -100,7 +100,7 @@ export function facts(pairs) {
 
 /** A problem with all its faults. */
 export function fault(error) {
-  const rows = (error.errors ?? []).map((one) => h("li", {}, h("code", {}, one.pointer), ` ${one.detail}`, one.allowed && ` (${/^(did you mean|known)/.test(one.allowed) ? "" : "allowed: "}${one.allowed})`));
+  const rows = (error.errors ?? []).map((one) => h("li", {}, h("code", {}, one.pointer), ` ${one.detail}`, one.allowed && ` (allowed: ${one.allowed})`));
   // The message about a single fault names it already.
   return h("div", { class: "fault", role: "alert" }, error.message, rows.length > 1 && h("ul", {}, rows));
 }

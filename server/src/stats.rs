@@ -86,6 +86,7 @@ pub fn line(points: &[(f64, f64)]) -> Option<Line> {
 /// How well the order of the second coordinates follows that of the first, −1 to 1 (Spearman): the correlation of ranks. None
 /// unless both coordinates vary.
 pub fn rank_correlation(points: &[(f64, f64)]) -> Option<f64> {
+    // Ranks of what rounding has left would vary.
     line(points)?;
     let xs = ranks(points.iter().map(|point| point.0).collect());
     let ys = ranks(points.iter().map(|point| point.1).collect());

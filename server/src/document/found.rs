@@ -41,7 +41,10 @@ impl Found {
     /// The fault in words.
     pub(super) fn fault(&self, value: Value, words: Option<Vec<String>>) -> Fault {
         let (detail, allowed) = if let Some(name) = &self.unknown {
-            ("there is no such field".to_owned(), nearest(name, &listed(&self.message)))
+            let known = listed(&self.message);
+            let hint = nearest(name, &known).map(|near| format!(": did you mean `{near}`?"));
+            let allowed = (!known.is_empty()).then(|| known.join(", "));
+            (format!("there is no such field{}", hint.unwrap_or_default()), allowed)
         } else if self.missing {
             ("this field is required".to_owned(), None)
         } else if let Some(words) = words {
@@ -115,12 +118,9 @@ fn listed(message: &str) -> Vec<String> {
     message.split('`').skip(3).step_by(2).map(str::to_owned).collect()
 }
 
-/// The known names, nearest first in a hint.
-fn nearest(name: &str, known: &[String]) -> Option<String> {
+/// The known name that is most like another, if one is.
+fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a String> {
     let likeness = |other: &String| strsim::jaro_winkler(name, other);
     let best = known.iter().max_by(|one, other| likeness(one).total_cmp(&likeness(other)))?;
-    match likeness(best) > 0.75 {
-        true => Some(format!("did you mean `{best}`? known: {}", known.join(", "))),
-        false => Some(format!("known: {}", known.join(", "))),
-    }
+    (likeness(best) > 0.75).then_some(best)
 }

@@ -15,7 +15,7 @@ fn every_fault_of_an_envelope_is_told_with_its_pointer() {
     pointers.sort_unstable();
     assert_eq!(pointers, ["/lables", "/needs/gpu", "/priority"]);
     let label = found.iter().find(|fault| fault.pointer == "/lables").unwrap();
-    assert!(label.allowed.as_ref().unwrap().contains("did you mean `labels`"), "{label:?}");
+    assert!(label.detail.contains("did you mean `labels`"), "{label:?}");
     let priority = found.iter().find(|fault| fault.pointer == "/priority").unwrap();
     assert_eq!(priority.value, json!("high"));
 }

@@ -66,10 +66,10 @@ fn field(at: &str, pointer: &str, complete: Option<&Value>, faults: &mut Vec<Fau
         let detail = format!("`{pointer}` cannot be a factor; more seeds are what `replicates` is for");
         faults.push(fault(at, json!(pointer), &detail, ""));
     } else if complete.is_some_and(|complete| complete.pointer(pointer).is_none()) {
-        let allowed = scenario::nearest(pointer)
-            .map(|nearest| format!("did you mean {}?", with_indices(nearest, pointer)))
+        let hint = scenario::nearest(pointer)
+            .map(|nearest| format!(": did you mean {}?", with_indices(nearest, pointer)))
             .unwrap_or_default();
-        faults.push(fault(at, json!(pointer), "the scenario has no such field", &allowed));
+        faults.push(fault(at, json!(pointer), &format!("the scenario has no such field{hint}"), ""));
     }
 }
 

@@ -131,7 +131,7 @@ async fn a_bad_scenario_lists_every_fault_of_scenario_and_envelope() {
     );
     let errors = problem["errors"].as_array().unwrap();
     let of = |pointer: &str| errors.iter().find(|fault| fault["pointer"] == pointer).unwrap();
-    assert!(text(&of("/scenario/equipment/gate_openning_m")["allowed"]).contains("gate_opening_m"));
+    assert!(text(&of("/scenario/equipment/gate_openning_m")["detail"]).contains("gate_opening_m"));
     assert!(text(&of("/lables")["allowed"]).contains("labels"));
     assert_eq!(of("/scenario/product/count")["value"], -3);
     for body in [json!([]), json!("hopper"), json!(null), json!({}), json!({"scenario": 7})] {

@@ -105,11 +105,11 @@ fn check_names(section: &str, object: &Map<String, Value>, faults: &mut Vec<Faul
     let mut unknown = object.iter().filter(|(name, _)| !known.contains(&name.as_str()));
     for (name, value) in unknown.by_ref().take(MAX_UNKNOWN) {
         let pointer = format!("{section}/{}", escape(name));
-        let allowed = match nearest(&pointer) {
-            Some(near) => format!("did you mean {near}?"),
-            None => format!("known here: {}", known.join(", ")),
+        let (detail, allowed) = match nearest(&pointer) {
+            Some(near) => (format!("is not a known field: did you mean {near}?"), None),
+            None => ("is not a known field".to_owned(), Some(known.join(", "))),
         };
-        faults.push(Fault::new(&pointer, value, "is not a known field".to_owned(), Some(allowed)));
+        faults.push(Fault::new(&pointer, value, detail, allowed));
     }
     let rest = unknown.count();
     if rest > 0 {

@@ -12,7 +12,7 @@ pub struct Fault {
     pub value: Value,
     /// What is wrong, in words.
     pub detail: String,
-    /// What is allowed: a range with its unit, the choices, or the nearest field name.
+    /// What is allowed: a range with its unit, or the choices.
     pub allowed: Option<String>,
 }
 
@@ -24,10 +24,6 @@ impl std::fmt::Display for Fault {
             write!(f, " (found {})", self.value)?;
         }
         match &self.allowed {
-            // A hint, and no range.
-            Some(hint) if hint.starts_with("did you mean") || hint.starts_with("known") => {
-                write!(f, "; {hint}")
-            }
             Some(allowed) => write!(f, "; allowed: {allowed}"),
             None => Ok(()),
         }

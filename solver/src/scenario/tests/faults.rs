@@ -148,10 +148,10 @@ fn an_unknown_field_is_told_what_it_may_have_meant() {
     ] {
         let found = faults(&plus(document));
         assert_eq!(pointers(&found), [pointer]);
-        assert_eq!(found[0].allowed, Some(format!("did you mean {meant}?")));
+        assert_eq!(found[0].detail, format!("is not a known field: did you mean {meant}?"));
     }
     let found = faults(&plus(json!({"numerics": {"stop": {"xyzzy": 1}}})));
-    assert_eq!(found[0].allowed.as_deref(), Some("known here: when_empty, when_jammed_s, when_done"));
+    assert_eq!(found[0].allowed.as_deref(), Some("when_empty, when_jammed_s, when_done"));
 }
 
 #[test]
@@ -259,7 +259,7 @@ fn faults_in_lists_are_told_by_index() {
     ];
     assert_eq!(places, expected);
     let near = found.iter().find(|fault| fault.pointer == "/scene/bodies/1/positon_m").unwrap();
-    assert_eq!(near.allowed.as_deref(), Some("did you mean /scene/bodies/*/position_m?"));
+    assert!(near.detail.ends_with("did you mean /scene/bodies/*/position_m?"));
 }
 
 #[test]
