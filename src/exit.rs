@@ -18,7 +18,8 @@ Environment:
   ROOST_SERVER  address of the server, in place of --server
   ROOST_TOKEN   access token, where the server wants one and --token-file is not given
   ROOST_CA      file of certificates to trust over https, in place of --ca
-  ROOST_LOG     what is logged to stderr, such as `info` or `roost_worker=debug`";
+  ROOST_LOG     what is logged to stderr, such as `info` or `roost_worker=debug`
+  ROOST_LOG_FORMAT  `text` or `json`, in place of --log-format";
 
 /// How the command ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

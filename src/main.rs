@@ -50,6 +50,16 @@ use exit::Exit;
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Form of the log on stderr: lines for people, or a JSON object a line
+    #[arg(
+        long,
+        global = true,
+        env = "ROOST_LOG_FORMAT",
+        default_value = "text",
+        value_name = "FORMAT",
+        hide_short_help = true
+    )]
+    log_format: telemetry::LogFormat,
 }
 
 #[derive(Debug, Subcommand)]
@@ -87,6 +97,11 @@ impl Command {
             Self::Demo(_) => "error",
             _ => "warn",
         }
+    }
+
+    /// Whether it writes to the data folder of a server.
+    fn keeps_data(&self) -> bool {
+        matches!(self, Self::Up(_) | Self::Serve(_) | Self::Token(_) | Self::Backup(_) | Self::Restore(_))
     }
 
     /// What runs for long is traced under this name.
@@ -130,8 +145,13 @@ impl Command {
 
 #[tokio::main]
 async fn main() -> ExitCode {
-    let Cli { command } = Cli::parse();
-    let _telemetry = telemetry::start(command.log_filter(), command.role());
+    let Cli { command, log_format } = Cli::parse();
+    let _telemetry = telemetry::start(command.log_filter(), log_format, command.role());
+    #[cfg(unix)]
+    if command.keeps_data() {
+        // Files of a server, its objects included, are for its own user alone.
+        rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
+    }
     match command.execute().await {
         Ok(exit) => exit.into(),
         // The reader of our output has seen enough.

@@ -16,15 +16,25 @@ pub(crate) struct Telemetry {
     _traces: Option<otlp::Traces>,
 }
 
+/// The form of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum LogFormat {
+    /// Lines for people.
+    Text,
+    /// A JSON object a line, for programs that collect logs.
+    Json,
+}
+
 /// Starts to tell; `level` is what the log holds unless ROOST_LOG says otherwise. A role that runs for long has a name, under which
 /// it is traced.
-pub(crate) fn start(level: &str, role: Option<&'static str>) -> Telemetry {
+pub(crate) fn start(level: &str, format: LogFormat, role: Option<&'static str>) -> Telemetry {
     let filter = EnvFilter::try_from_env("ROOST_LOG").unwrap_or_else(|_| level.into());
-    let log = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .with_filter(filter);
+    let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    let log = match format {
+        // The target tells lines of the audit log from others.
+        LogFormat::Json => log.json().flatten_event(true).with_filter(filter).boxed(),
+        LogFormat::Text => log.with_ansi(std::io::stderr().is_terminal()).with_filter(filter).boxed(),
+    };
     let registry = tracing_subscriber::registry().with(log);
     let role =
         role.filter(|_| ENDPOINTS.iter().any(|name| std::env::var_os(name).is_some_and(|it| !it.is_empty())));

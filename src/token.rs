@@ -15,8 +15,8 @@ use crate::ui::table::Table;
 
 /// Make, list and revoke access tokens
 ///
-/// Works on the data folder of a server, whether that runs or not; a running one follows within a second. With the first token, every
-/// request needs one.
+/// Works on the data folder of a server, whether that runs or not; a running one follows within a second. From the first token on, every
+/// request needs one, also after all are revoked.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Folder of everything the server keeps
@@ -75,6 +75,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                 bail!("there is no valid token {id}; `roost token list` shows them");
             }
             ui::say!("revoked; a running server follows within a second");
+            if !tokens.has_valid().await? {
+                ui::say!(
+                    "warning: no token is valid now; the server answers 401 until `roost token create` makes one"
+                );
+            }
         }
     }
     tokens.close().await?;

@@ -180,3 +180,78 @@ fn what_ended_long_ago_goes_and_nothing_else() {
         said(&wrong)
     );
 }
+
+/// Permissions of a file or folder, and of everything below it.
+fn modes(path: &std::path::Path) -> Vec<(std::path::PathBuf, u32)> {
+    use std::os::unix::fs::PermissionsExt;
+    let metadata = std::fs::metadata(path).unwrap();
+    let mut found = vec![(path.to_owned(), metadata.permissions().mode() & 0o777)];
+    if metadata.is_dir() {
+        found.extend(std::fs::read_dir(path).unwrap().flat_map(|entry| modes(&entry.unwrap().path())));
+    }
+    found
+}
+
+#[test]
+fn what_a_server_keeps_is_for_its_own_user_alone() {
+    use std::os::unix::fs::PermissionsExt;
+    let open = |path: &std::path::Path, mode| {
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+    };
+    let home = Home::new();
+    let data = home.path("data");
+    // A folder as an earlier version left it.
+    drop(home.serve());
+    open(&data, 0o755);
+    open(&data.join("roost.db"), 0o644);
+    let _server = home.serve();
+    let _worker = home.work("worker");
+    let file = home.file("framed.json", &scenario(0.2));
+    let job = stdout(&home.roost(&["submit", "--json", "--frame-interval", "0.05", &file]));
+    let job: JobView = serde_json::from_str(&job).unwrap();
+    home.job_when(&job, "the job has ended", |job| job.state == JobState::Succeeded);
+    let copy = home.path("copy");
+    stdout(&run(&["backup", &copy.display().to_string(), "--data", &data.display().to_string()]));
+    for folder in [&data, &copy] {
+        let found = modes(folder);
+        assert!(found.iter().any(|(path, _)| path.to_string_lossy().contains("objects/")), "{found:?}");
+        for (path, mode) in found {
+            let wanted = if path.is_dir() { 0o700 } else { 0o600 };
+            assert_eq!(mode, wanted, "{}: {mode:o}", path.display());
+        }
+    }
+
+    // A folder with other things in it is somebody's own.
+    let shared = home.path("shared");
+    std::fs::create_dir(&shared).unwrap();
+    std::fs::write(shared.join("notes.txt"), "mine").unwrap();
+    open(&shared, 0o755);
+    open(&shared.join("notes.txt"), 0o644);
+    let made = run(&["token", "create", "--scope", "read", "--data", &shared.display().to_string()]);
+    assert!(said(&made).contains("its permissions are left as they are"), "{}", said(&made));
+    let found: std::collections::HashMap<_, _> = modes(&shared).into_iter().collect();
+    assert_eq!((found[&shared], found[&shared.join("notes.txt")]), (0o755, 0o644), "{found:?}");
+    assert_eq!(found[&shared.join("roost.db")], 0o600, "{found:?}");
+}
+
+#[test]
+fn a_revoked_last_token_is_warned_of() {
+    let home = Home::new();
+    let data = home.path("data").display().to_string();
+    let create = || {
+        let made = stdout(&run(&["token", "create", "--json", "--scope", "read", "--data", &data]));
+        let made: Value = serde_json::from_str(&made).unwrap();
+        made["view"]["id"].as_str().unwrap().to_owned()
+    };
+    let (first, last) = (create(), create());
+    let revoke = |id: &str| said(&run(&["token", "revoke", id, "--data", &data]));
+    assert!(!revoke(&first).contains("warning"));
+    assert!(revoke(&last).contains("warning: no token is valid now"));
+    let server = home.start_server(&[]);
+    until("the server refuses", || (home.status("/v1/jobs") == Some(401)).then_some(()));
+    assert!(
+        server.log().contains("ERROR") && server.log().contains("no access token is valid"),
+        "{}",
+        server.log()
+    );
+}

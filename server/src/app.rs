@@ -31,6 +31,8 @@ pub(crate) struct AppState {
     pub(crate) config: ServerConfig,
     pub(crate) store: Store,
     pub(crate) clock: Clock,
+    /// The newest time in the database when the server started.
+    pub(crate) newest_at_start: Option<Timestamp>,
     /// Wakes the claims that wait for work.
     pub(crate) work: Notify,
     /// What results may take in memory while they are recorded, in KiB of their bodies.

@@ -4,6 +4,10 @@ use std::time::Instant;
 
 use roost_api::time::Timestamp;
 
+/// The wall clock has jumped when it is this far from the time that has really passed, in milliseconds: five minutes. Less is a clock that
+/// is corrected.
+const JUMP_MS: i64 = 300_000;
+
 /// One moment by both clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Now {
@@ -39,6 +43,12 @@ impl Clock {
     /// Now by both.
     pub(crate) fn both(&self) -> Now {
         Now { wall: self.now(), lease: self.lease_now() }
+    }
+
+    /// How far the wall clock has jumped since the start of the server, in milliseconds; none where it has not. A machine that slept
+    /// looks the same: the time it slept is missing from the monotonic clock.
+    pub(crate) fn jump_ms(&self) -> Option<i64> {
+        Some(self.now().0 - self.lease_now().0).filter(|ahead| ahead.abs() > JUMP_MS)
     }
 
     /// Now as leases count it: the start of the server plus the time that has really passed.

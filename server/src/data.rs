@@ -4,10 +4,13 @@ use std::fs::{File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::store::{Copied, StoreError, TokenFile, copy};
+use crate::store::{Copied, OBJECTS, StoreError, TokenFile, copy};
 
 /// The database in a data directory, and in a backup.
 pub(crate) const DATABASE: &str = "roost.db";
+
+/// The file that a server holds locked.
+const LOCK: &str = "roost.lock";
 
 /// Why a data directory cannot be used so.
 #[derive(Debug, thiserror::Error)]
@@ -34,17 +37,55 @@ pub enum DataError {
     Store(#[from] StoreError),
 }
 
-/// Takes hold of a data directory, for as long as the file lives.
+/// Takes hold of a data directory, for as long as the file lives. The directory and the files in it become readable by their owner alone.
 pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
     let fail = |source| DataError::Io { path: data.to_owned(), source };
-    std::fs::create_dir_all(data).map_err(fail)?;
-    let path = data.join("roost.lock");
+    std::fs::create_dir_all(data).and_then(|()| make_private(data)).map_err(fail)?;
+    let path = data.join(LOCK);
     let lock = OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(fail)?;
     match lock.try_lock() {
         Ok(()) => Ok(lock),
         Err(std::fs::TryLockError::WouldBlock) => Err(DataError::InUse(data.to_owned())),
         Err(std::fs::TryLockError::Error(source)) => Err(fail(source)),
     }
+}
+
+/// Whether a file or folder in a data directory is one that Roost puts there.
+#[cfg(unix)]
+fn is_ours(name: &std::ffi::OsStr) -> bool {
+    name.to_str().is_some_and(|name| name.starts_with(DATABASE) || [LOCK, OBJECTS, "worker"].contains(&name))
+}
+
+/// Takes a data directory and our files in it away from everybody but their owner.
+#[cfg(unix)]
+fn make_private(folder: &Path) -> io::Result<()> {
+    use std::fs::{Metadata, Permissions, set_permissions};
+    use std::os::unix::fs::PermissionsExt;
+    // What is private already is left alone: it may belong to somebody else and be right as it is.
+    let restrict = |path: &Path, metadata: &Metadata, mode: u32| {
+        if metadata.permissions().mode() & 0o077 == 0 {
+            return Ok(());
+        }
+        set_permissions(path, Permissions::from_mode(mode))
+    };
+    let entries = std::fs::read_dir(folder)?.collect::<io::Result<Vec<_>>>()?;
+    let (ours, others): (Vec<_>, Vec<_>) = entries.into_iter().partition(|entry| is_ours(&entry.file_name()));
+    for entry in ours {
+        let metadata = entry.metadata()?;
+        restrict(&entry.path(), &metadata, if metadata.is_dir() { 0o700 } else { 0o600 })?;
+    }
+    if others.is_empty() {
+        return restrict(folder, &std::fs::metadata(folder)?, 0o700);
+    }
+    // Somebody's home, or all temporary files: not ours to shut.
+    tracing::warn!(folder = %folder.display(), "the data directory holds other files too: its permissions are left as they are");
+    Ok(())
+}
+
+/// Elsewhere a new directory inherits the rights of the one around it.
+#[cfg(not(unix))]
+fn make_private(_folder: &Path) -> io::Result<()> {
+    Ok(())
 }
 
 /// Opens the access tokens of a data directory, whether a server runs on it or not. Where there is none yet, it is made or is an error.
@@ -66,11 +107,14 @@ pub async fn backup(data: &Path, into: &Path) -> Result<Copied, DataError> {
     if !from.exists() {
         return Err(DataError::Nothing(data.to_owned()));
     }
-    std::fs::create_dir_all(into).map_err(|source| DataError::Io { path: into.to_owned(), source })?;
+    let fail = |source| DataError::Io { path: into.to_owned(), source };
+    std::fs::create_dir_all(into).map_err(fail)?;
     if to.exists() {
         return Err(DataError::Occupied(into.to_owned()));
     }
-    Ok(copy(&from, &to).await?)
+    let copied = copy(&from, &to).await?;
+    make_private(into).map_err(fail)?;
+    Ok(copied)
 }
 
 /// Puts a backup into a data directory that has no database yet and that no server uses.

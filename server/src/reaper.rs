@@ -43,6 +43,13 @@ async fn clear(app: &App) {
         if let Some(age) = app.config.prune_after {
             prune(app, age).await;
         }
+        match app.store.forget_workers(ago(app, app.config.memory)).await {
+            Ok(0) => {}
+            Ok(workers) => {
+                tracing::info!(workers, "removed workers that are gone and ran nothing that is kept")
+            }
+            Err(error) => tracing::error!(error = error.as_dyn(), "workers could not be looked through"),
+        }
         match app.store.sweep_objects(app.clock.now().plus_ms(-UNNAMED_MS)).await {
             Ok(0) => {}
             Ok(objects) => tracing::info!(objects, "removed objects that nothing names"),
@@ -52,11 +59,27 @@ async fn clear(app: &App) {
 }
 
 fn ago(app: &App, time: Duration) -> Timestamp {
-    app.clock.now().plus_ms(-i64::try_from(time.as_millis()).unwrap_or(i64::MAX))
+    app.clock.now().plus_ms(-ms(time))
 }
 
-/// Deletes what ended longer ago than `age`.
+fn ms(time: Duration) -> i64 {
+    i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
+}
+
+/// Deletes what ended longer ago than `age`, unless the clock may be wrong: a clock that is years ahead would delete everything.
 async fn prune(app: &App, age: Duration) {
+    if let Some(jump_ms) = app.clock.jump_ms() {
+        tracing::error!(jump_s = jump_ms / 1000, "the clock has jumped: nothing is pruned");
+        return;
+    }
+    // Everything is older than that by a clock that jumped while no server ran.
+    if app.newest_at_start.is_some_and(|newest| newest.0 < app.clock.started().plus_ms(-ms(age)).0) {
+        tracing::warn!(
+            "when this server started its clock was past the newest record by more than --prune-after: nothing is pruned by itself; if the \
+             clock is right, use `roost prune`"
+        );
+        return;
+    }
     match app.prune(ago(app, age)).await {
         Ok(gone) if !gone.is_empty() => {
             let (sweeps, jobs, meshes) = (gone.sweeps.len(), gone.jobs, gone.meshes.len());

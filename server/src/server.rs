@@ -79,23 +79,25 @@ impl Server {
         let lock = patiently(async || Ok(data::lock(&config.data)?)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
         let store = Store::open(&config.data.join(DATABASE), config.objects.as_ref()).await?;
-        let tokens = store.tokens().await?;
-        if tokens.is_empty() && !address.ip().is_loopback() {
+        let (tokens, is_loopback) = (store.tokens().await?, address.ip().is_loopback());
+        if !is_loopback && tokens.iter().all(|token| token.is_revoked) {
             store.close().await;
             return Err(ServerError::NotLoopback(address));
         }
-        let is_open = tokens.is_empty();
+        let (max_requests_per_s, max_result_bytes) = (config.max_requests_per_s, config.max_result_bytes);
+        let access = http::Access::new(max_requests_per_s, is_loopback, tokens);
+        let newest_at_start = store.newest_record().await?;
         let clock = Clock::start();
         let running = store.start_afresh(lease_end(clock.lease_now(), config.lease)).await?;
         tracing::info!(%address, data = %config.data.display(), running, "listening");
-        if is_open {
-            tracing::warn!("there are no access tokens: everybody on this machine may do everything");
+        if access.is_open() {
+            tracing::warn!("no access token exists: everybody on this machine may do everything");
         }
-        let (max_requests_per_s, max_result_bytes) = (config.max_requests_per_s, config.max_result_bytes);
         let app = Arc::new(AppState {
             config,
             store,
             clock,
+            newest_at_start,
             work: Notify::new(),
             deliveries: Arc::new(Semaphore::new(http::places_for_deliveries(max_result_bytes))),
             uploads: Arc::new(Semaphore::new(http::UPLOADS_AT_ONCE)),
@@ -104,7 +106,7 @@ impl Server {
             shelf: Default::default(),
             mesh_gate: Default::default(),
             metrics: http::Metrics::default(),
-            access: http::Access::new(max_requests_per_s, tokens),
+            access,
             shutdown: CancellationToken::new(),
             progress: ProgressBoard::default(),
         });

@@ -5,7 +5,7 @@ use std::time::Duration;
 use roost_api::job::{JobState, JobView};
 use serde_json::json;
 
-use crate::support::{Home, fraction, long};
+use crate::support::{Home, fraction, long, said, until};
 
 const HOUR_S: i64 = 3600;
 
@@ -55,4 +55,43 @@ fn a_clock_that_is_set_ends_no_lease_and_repeats_no_run() {
         assert_eq!((job.state, job.attempt), (JobState::Succeeded, 1), "{job:?}");
     }
     assert_eq!(home.results_recorded(), 4);
+}
+
+#[test]
+fn a_clock_that_jumps_ahead_has_nothing_deleted() {
+    const YEAR_S: i64 = 365 * 24 * HOUR_S;
+    let Some(home) = Home::with_clocks() else {
+        eprintln!("left out: libfaketime is not installed (Debian package faketime)");
+        return;
+    };
+    let server = home.serve();
+    let job = submit(&home, 1);
+    home.roost(&["cancel", &job.id.to_string()]);
+    home.job_when(&job, "the job is cancelled", |job| job.state == JobState::Cancelled);
+    home.set_clock("serve", YEAR_S);
+    let prune = || home.roost(&["prune", "--older-than", "30d", "--yes"]);
+    let refused = prune();
+    assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
+    assert!(
+        said(&refused).contains("clock") && said(&refused).contains("nothing was deleted"),
+        "{}",
+        said(&refused)
+    );
+    assert!(home.job(&job).is_some());
+    home.set_clock("serve", 0);
+    assert!(prune().status.success(), "the clock is right again");
+
+    // By itself: a server that starts with a wrong clock.
+    server.terminate();
+    server.wait();
+    home.set_clock("serve", YEAR_S);
+    let server = home.serve_with(&["--prune-after", "30d"]);
+    until("it says why", || server.log().contains("nothing is pruned by itself").then_some(()));
+    assert!(home.job(&job).is_some());
+    server.terminate();
+    server.wait();
+    // With a clock that can be trusted it would go.
+    home.set_clock("serve", 0);
+    let _server = home.serve_with(&["--prune-after", "0h"]);
+    until("the job is gone", || home.status(&format!("/v1/jobs/{}", job.id)).filter(|status| *status == 404));
 }

@@ -30,7 +30,12 @@ const PORTS: std::ops::Range<u16> = 20_000..32_000;
 /// The binary under test.
 pub(crate) fn roost() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_roost"));
-    command.env_remove("ROOST_SERVER").env_remove("ROOST_TOKEN").env_remove("ROOST_LOG").stdin(Stdio::null());
+    command
+        .env_remove("ROOST_SERVER")
+        .env_remove("ROOST_TOKEN")
+        .env_remove("ROOST_LOG")
+        .env_remove("ROOST_LOG_FORMAT")
+        .stdin(Stdio::null());
     command
 }
 

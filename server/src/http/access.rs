@@ -1,24 +1,26 @@
 //! Who may do what: tokens, their scopes and their rate.
 //!
-//! Without any token in the data directory everything is open, and the server listens on loopback addresses only. With one,
-//! every request but those for health, documentation and the files of the dashboard needs `authorization: Bearer …`, or the session of a page.
+//! The server is open only while no token has ever existed and its address is a loopback address. Otherwise every request needs
+//! `authorization: Bearer …` or the session of a dashboard page, except those for health, documentation and the dashboard's files. A server
+//! without a valid token then answers 401: losing the last token closes the server, it never opens it.
 //!
-//! A browser on this machine reaches loopback addresses for whatever page it shows. So pages of other sites may not change anything, as
-//! the browser says whose a request is (`sec-fetch-site`); and without tokens a name that somebody else has pointed at
-//! a loopback address is not answered to (DNS rebinding), which would make their page one of ours.
+//! A browser on this machine reaches loopback addresses for any page it shows. Pages of other sites may change nothing: the browser names
+//! the site in `sec-fetch-site` or `origin`. An open server also answers to loopback names alone, because a foreign page can point its own
+//! name at a loopback address (DNS rebinding).
 
+use std::collections::HashMap;
 use std::net::IpAddr;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderValue, Method, header};
+use axum::http::{HeaderMap, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use governor::clock::Clock as _;
 use roost_api::token::Scope;
 
 use super::problem::{ApiError, Kind};
-use super::{dashboard, session};
+use super::{audit, dashboard, session};
 use crate::app::App;
 use crate::store::Token;
 
@@ -26,50 +28,112 @@ use crate::store::Token;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Caller(pub(crate) Arc<str>);
 
+impl Caller {
+    /// For the audit log.
+    pub(super) fn name(&self) -> &str {
+        if self.0.is_empty() { "open" } else { &self.0 }
+    }
+}
+
+/// Whom the server admits.
+#[derive(Clone, Debug)]
+enum Admission {
+    /// No token has ever existed and the address is a loopback address: everybody may do everything.
+    Everybody,
+    /// The bearers of these tokens; nobody when the list is empty.
+    Bearers(Arc<[Token]>),
+}
+
 /// Tokens in effect, and how often each has asked.
 pub(crate) struct Access {
-    tokens: std::sync::RwLock<Arc<Vec<Token>>>,
+    admission: RwLock<Admission>,
+    /// Every token that was seen, and whether it was revoked: what the audit log has said.
+    seen: Mutex<HashMap<String, bool>>,
+    refusals: audit::Refusals,
     rate: Option<governor::DefaultKeyedRateLimiter<Arc<str>>>,
     per_second: u32,
 }
 
 impl Access {
-    /// With so many requests a second for each token; 0 is no limit.
-    pub(crate) fn new(per_second: u32, tokens: Vec<Token>) -> Self {
-        let quota = std::num::NonZeroU32::new(per_second).map(governor::Quota::per_second);
-        Self {
-            tokens: std::sync::RwLock::new(Arc::new(tokens)),
+    /// With all tokens that exist, revoked ones included. `max_requests_per_s` counts for each token; 0 is no limit.
+    pub(crate) fn new(max_requests_per_s: u32, is_loopback: bool, tokens: Vec<Token>) -> Self {
+        let quota = std::num::NonZeroU32::new(max_requests_per_s).map(governor::Quota::per_second);
+        let seen = tokens.iter().map(|token| (token.id.clone(), token.is_revoked)).collect();
+        let admission = if tokens.is_empty() && is_loopback {
+            Admission::Everybody
+        } else {
+            Admission::Bearers(valid(tokens))
+        };
+        let access = Self {
+            admission: RwLock::new(admission),
+            seen: Mutex::new(seen),
+            refusals: audit::Refusals::default(),
             rate: quota.map(governor::RateLimiter::keyed),
-            per_second,
-        }
+            per_second: max_requests_per_s,
+        };
+        access.say_if_closed();
+        access
     }
 
-    /// Takes what `roost token` has changed into account.
+    /// Follows what `roost token` has changed. A server that has known a token never opens again.
     pub(crate) fn update(&self, tokens: Vec<Token>) {
-        *self.tokens.write().unwrap_or_else(std::sync::PoisonError::into_inner) = Arc::new(tokens);
-    }
-
-    fn tokens(&self) -> Arc<Vec<Token>> {
-        self.tokens.read().unwrap_or_else(std::sync::PoisonError::into_inner).clone()
-    }
-
-    /// Whether there are no tokens, and everything is open.
-    fn is_open(&self) -> bool {
-        self.tokens().is_empty()
-    }
-
-    /// Whether who was admitted once would be known still.
-    pub(super) fn knows(&self, caller: &Caller) -> bool {
-        let tokens = self.tokens();
-        tokens.is_empty() || tokens.iter().any(|token| *token.id == *caller.0)
-    }
-
-    /// Who may ask for what takes this scope, or why not.
-    pub(super) fn admit(&self, secret: Option<&str>, needed: &[Scope]) -> Result<Caller, ApiError> {
-        let tokens = self.tokens();
-        if tokens.is_empty() {
-            return Ok(Caller::default());
+        let before = self.admission();
+        if tokens.is_empty() && matches!(before, Admission::Everybody) {
+            return;
         }
+        self.log_changes(&tokens);
+        let had_tokens = !matches!(&before, Admission::Bearers(tokens) if tokens.is_empty());
+        *self.admission.write().unwrap_or_else(PoisonError::into_inner) = Admission::Bearers(valid(tokens));
+        if had_tokens {
+            self.say_if_closed();
+        }
+    }
+
+    fn admission(&self) -> Admission {
+        self.admission.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn say_if_closed(&self) {
+        if matches!(self.admission(), Admission::Bearers(tokens) if tokens.is_empty()) {
+            tracing::error!(
+                "no access token is valid: every request is answered 401; `roost token create` makes a token"
+            );
+        }
+    }
+
+    fn log_changes(&self, tokens: &[Token]) {
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        for token in tokens {
+            let before = seen.insert(token.id.clone(), token.is_revoked);
+            if before.is_none() {
+                audit::token_changed("token_create", token);
+            }
+            if token.is_revoked && before != Some(true) {
+                audit::token_changed("token_revoke", token);
+            }
+        }
+    }
+
+    /// Whether everybody may do everything.
+    pub(crate) fn is_open(&self) -> bool {
+        matches!(self.admission(), Admission::Everybody)
+    }
+
+    /// Whether a caller that was admitted before would be admitted now.
+    pub(super) fn knows(&self, caller: &Caller) -> bool {
+        match self.admission() {
+            Admission::Everybody => true,
+            Admission::Bearers(tokens) => tokens.iter().any(|token| *token.id == *caller.0),
+        }
+    }
+
+    /// The caller that a secret stands for, if one of these scopes is among those of its token.
+    ///
+    /// # Errors
+    ///
+    /// 401 without a valid token, 403 where its scopes do not suffice.
+    pub(super) fn admit(&self, secret: Option<&str>, needed: &[Scope]) -> Result<Caller, ApiError> {
+        let Admission::Bearers(tokens) = self.admission() else { return Ok(Caller::default()) };
         let missing = || {
             let detail = "send the header `authorization: Bearer TOKEN`; `roost token create` makes one";
             ApiError::new(Kind::Unauthorized, detail)
@@ -101,6 +165,10 @@ impl Access {
     }
 }
 
+fn valid(tokens: Vec<Token>) -> Arc<[Token]> {
+    tokens.into_iter().filter(|token| !token.is_revoked).collect()
+}
+
 /// The scopes of which one is needed; none where everybody may ask.
 pub(super) fn needed(method: &Method, path: &str) -> &'static [Scope] {
     let reads = matches!(*method, Method::GET | Method::HEAD);
@@ -122,16 +190,22 @@ pub(super) fn needed(method: &Method, path: &str) -> &'static [Scope] {
 
 /// Refuses what a page of another site has a browser ask for.
 fn refuse_strange_pages(app: &App, request: &Request) -> Result<(), ApiError> {
-    let header = |name: &str| request.headers().get(name).map(|value| value.to_str().unwrap_or("?"));
+    let headers = request.headers();
     let reads = matches!(*request.method(), Method::GET | Method::HEAD);
-    if let Some(site) =
-        header("sec-fetch-site").filter(|site| !reads && !matches!(*site, "same-origin" | "none"))
-    {
-        let detail =
-            format!("a page of another site asked for this (sec-fetch-site: {site}): nothing changed");
-        return Err(ApiError::new(Kind::CrossSite, detail));
+    let is_open = app.access.is_open();
+    match text(headers, "sec-fetch-site") {
+        Some(site) if !reads && !matches!(site, "same-origin" | "none") => {
+            return Err(cross_site(format!("sec-fetch-site: {site}")));
+        }
+        // Older browsers send `origin` alone. Callers with a token are told from foreign pages by the token.
+        None if is_open => {
+            if let Some(origin) = text(headers, "origin").filter(|origin| !is_own(origin, headers)) {
+                return Err(cross_site(format!("origin: {origin}")));
+            }
+        }
+        _ => {}
     }
-    if let Some(host) = header("host").filter(|host| !is_loopback(host) && app.access.is_open()) {
+    if let Some(host) = text(headers, "host").filter(|host| !is_loopback(host) && is_open) {
         let detail = format!(
             "host {host}: without access tokens the server answers to localhost and loopback addresses only; make a token with \
              `roost token create`, or have the proxy send `host: localhost`"
@@ -139,6 +213,20 @@ fn refuse_strange_pages(app: &App, request: &Request) -> Result<(), ApiError> {
         return Err(ApiError::new(Kind::WrongHost, detail));
     }
     Ok(())
+}
+
+fn cross_site(sign: String) -> ApiError {
+    ApiError::new(Kind::CrossSite, format!("a page of another site asked for this ({sign}): nothing changed"))
+}
+
+fn text<'a>(headers: &'a HeaderMap, name: &str) -> Option<&'a str> {
+    headers.get(name).map(|value| value.to_str().unwrap_or("?"))
+}
+
+/// Whether an `origin` is the server that the request was sent to.
+fn is_own(origin: &str, headers: &HeaderMap) -> bool {
+    let authority = origin.split_once("://").map(|(_, authority)| authority);
+    authority.zip(text(headers, "host")).is_some_and(|(authority, host)| authority.eq_ignore_ascii_case(host))
 }
 
 /// Whether a `host` header, with or without a port, is a name of this machine that nobody else can give away.
@@ -160,29 +248,37 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
     if scopes.is_empty() {
         return next.run(request).await;
     }
-    if let Err(error) = refuse_strange_pages(&app, &request) {
-        return error.into_response();
-    }
-    let secret = session::secret(request.headers(), request.method());
-    let caller = match app.access.admit(secret, scopes) {
+    let asked = audit::Asked::of(&request);
+    let caller = match admitted(&app, &request, scopes) {
         Ok(caller) => caller,
-        Err(error) => {
-            let mut response = error.into_response();
-            response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
-            return response;
+        Err(refusal) => {
+            audit::refused(&app.access.refusals, &asked, &refusal);
+            return *refusal;
         }
     };
-    if let Some(wait_s) = app.access.too_often(&caller) {
-        let detail = format!(
-            "more than {} requests a second with this token (max_requests_per_s, which the operator can set)",
-            app.access.per_second
-        );
-        let mut response = ApiError::new(Kind::TooManyRequests, detail).into_response();
-        response.headers_mut().insert(header::RETRY_AFTER, wait_s.into());
-        return response;
-    }
-    request.extensions_mut().insert(caller);
-    next.run(request).await
+    request.extensions_mut().insert(caller.clone());
+    let response = next.run(request).await;
+    audit::done(&asked, &caller, &response);
+    response
+}
+
+/// The caller of a request that may go on, or the answer to it.
+fn admitted(app: &App, request: &Request, scopes: &[Scope]) -> Result<Caller, Box<Response>> {
+    refuse_strange_pages(app, request).map_err(|error| Box::new(error.into_response()))?;
+    let secret = session::secret(request.headers(), request.method());
+    let caller = app.access.admit(secret, scopes).map_err(|error| {
+        let mut response = error.into_response();
+        response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        Box::new(response)
+    })?;
+    let Some(wait_s) = app.access.too_often(&caller) else { return Ok(caller) };
+    let detail = format!(
+        "more than {} requests a second with this token (max_requests_per_s, which the operator can set)",
+        app.access.per_second
+    );
+    let mut response = ApiError::new(Kind::TooManyRequests, detail).into_response();
+    response.headers_mut().insert(header::RETRY_AFTER, wait_s.into());
+    Err(Box::new(response))
 }
 
 #[cfg(test)]

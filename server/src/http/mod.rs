@@ -4,6 +4,7 @@ mod access;
 mod aside;
 mod at_hand;
 mod attempts;
+mod audit;
 mod claims;
 mod dashboard;
 mod delivery;
@@ -19,6 +20,7 @@ mod page;
 mod problem;
 mod prune;
 mod results;
+mod safety;
 mod series;
 mod session;
 mod spec;
@@ -35,10 +37,11 @@ mod workers;
 
 use std::future::Future;
 use std::io;
+use std::net::SocketAddr;
 
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, Uri};
-use axum::middleware::from_fn_with_state;
+use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Router};
 use tokio::net::TcpListener;
@@ -62,7 +65,8 @@ pub(crate) async fn serve(
     app: App,
     stop: impl Future<Output = ()> + Send + 'static,
 ) -> io::Result<()> {
-    axum::serve(listener, router(app)).with_graceful_shutdown(stop).await
+    let service = router(app).into_make_service_with_connect_info::<SocketAddr>();
+    axum::serve(listener, service).with_graceful_shutdown(stop).await
 }
 
 /// What the API is called; its routes come from the handlers.
@@ -153,6 +157,8 @@ fn router(app: App) -> Router {
         .layer(from_fn_with_state(app.clone(), metrics::measured))
         .layer(Extension(meta::Spec::new(&spec)))
         .layer(CatchPanicLayer::custom(panicked))
+        .layer(from_fn(safety::complete))
+        .layer(from_fn(audit::numbered))
         .layer(traces::layer())
         .with_state(app)
 }

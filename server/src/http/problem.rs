@@ -17,7 +17,6 @@ macro_rules! kinds {
 
         impl Kind {
             /// Every kind; `api.md` lists them.
-            #[cfg(test)]
             pub(crate) const ALL: &'static [Self] = &[$(Self::$name),*];
 
             /// The `type` field.
@@ -63,6 +62,7 @@ kinds! {
     StaleAttempt = "stale-attempt", CONFLICT, "The attempt may not write any more";
     WrongState = "wrong-state", CONFLICT, "The job is in another state";
     WorkerRefused = "worker-refused", CONFLICT, "The worker does not go with this server";
+    ClockJumped = "clock-jumped", CONFLICT, "The server's clock has jumped";
     Unavailable = "unavailable", SERVICE_UNAVAILABLE, "The server cannot answer now";
     StorageFull = "storage-full", INSUFFICIENT_STORAGE, "The server's disk is full";
     Internal = "internal", INTERNAL_SERVER_ERROR, "The server made a mistake";
@@ -104,6 +104,7 @@ impl IntoResponse for ApiError {
         };
         let mut response = (status, axum::Json(problem)).into_response();
         response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
+        response.extensions_mut().insert(self.kind);
         response
     }
 }

@@ -31,6 +31,8 @@ const MAX_AGE_S: f64 = 1000.0 * 365.0 * 86_400.0;
 #[utoipa::path(post, path = "/v1/prune", tag = "server", operation_id = "prune", params(PruneQuery),
     responses((status = 200, description = "What is gone, or would be", body = Pruning),
               (status = 400, description = "No age, or none that can be", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 409, description = "The server's clock has jumped: nothing was deleted", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn prune(
     State(app): State<App>,
@@ -39,6 +41,14 @@ pub(crate) async fn prune(
     if !(0.0..=MAX_AGE_S).contains(&query.older_than_s) {
         let detail = format!("older_than_s: {} is no age; allowed: 0 to {MAX_AGE_S}", query.older_than_s);
         return Err(ApiError::new(Kind::InvalidQuery, detail));
+    }
+    if let Some(jump_ms) = app.clock.jump_ms().filter(|_| !query.dry_run) {
+        let detail = format!(
+            "the server's clock is {} s away from where it was when the server started, and ages cannot be trusted: nothing was deleted; \
+             correct the clock, or restart the server if the clock is right",
+            jump_ms / 1000
+        );
+        return Err(ApiError::new(Kind::ClockJumped, detail));
     }
     let then = app.clock.now().plus_ms(-(query.older_than_s * 1000.0) as i64);
     if query.dry_run {

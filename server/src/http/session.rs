@@ -9,7 +9,7 @@ use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use roost_api::token::Scope;
 
-use super::problem::ApiError;
+use super::problem::{ApiError, Kind};
 use crate::app::App;
 
 const COOKIE: &str = "roost_session";
@@ -26,8 +26,10 @@ pub(super) fn secret<'a>(headers: &'a HeaderMap, method: &Method) -> Option<&'a 
     })
 }
 
+/// The name of an authentication scheme has no case (RFC 9110, section 11.1).
 fn bearer(headers: &HeaderMap) -> Option<&str> {
-    headers.get(header::AUTHORIZATION)?.to_str().ok()?.strip_prefix("Bearer ").map(str::trim)
+    let (scheme, token) = headers.get(header::AUTHORIZATION)?.to_str().ok()?.split_once(' ')?;
+    scheme.eq_ignore_ascii_case("bearer").then(|| token.trim())
 }
 
 fn cookie(headers: &HeaderMap) -> Option<&str> {
@@ -56,6 +58,8 @@ fn set(token: &str, kept_s: u32, headers: &HeaderMap) -> Response {
     match HeaderValue::try_from(cookie) {
         Ok(cookie) => (StatusCode::NO_CONTENT, [(header::SET_COOKIE, cookie)]).into_response(),
         // No token of ours: those are letters and digits.
-        Err(_) => StatusCode::BAD_REQUEST.into_response(),
+        Err(_) => {
+            ApiError::new(Kind::Unauthorized, "the token holds characters that no token has").into_response()
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use sqlx::{Connection, SqliteConnection};
 
-use super::{OBJECTS, StoreError, connect, objects, options};
+use super::{OBJECTS, StoreError, connect, objects, options, refuse_newer};
 
 /// What a copy holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,6 +26,7 @@ pub(crate) async fn copy(from: &Path, to: &Path) -> Result<Copied, StoreError> {
     let beside = to.with_extension("part");
     let _ = fs::remove_file(&beside); // what a copy that broke off has left
     let (mut source, _) = connect(options(from).create_if_missing(false)).await?;
+    refuse_newer(&mut source).await?;
     sqlx::query("VACUUM INTO ?").bind(beside.display().to_string()).execute(&mut source).await?;
     source.close().await?;
     let (copied, objects) = inspect(&beside).await?;

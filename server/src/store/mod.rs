@@ -82,6 +82,17 @@ pub enum StoreError {
     /// The database could not be brought to this version.
     #[error("the database could not be brought to this version")]
     Migrate(#[from] sqlx::migrate::MigrateError),
+    /// A newer program has opened this database.
+    #[error(
+        "the database was made by a newer roost (schema {found}; this one knows schemas up to {known}): use that version, or restore a backup \
+         from before"
+    )]
+    Newer {
+        /// The newest migration that has run.
+        found: i64,
+        /// The newest migration of this program.
+        known: i64,
+    },
     /// A group of writes could not be committed.
     #[error("a group of writes was not committed")]
     Commit(#[source] Arc<sqlx::Error>),
@@ -180,7 +191,7 @@ fn is_full(error: &(dyn std::error::Error + 'static)) -> bool {
 }
 
 /// The folder of objects, beside the database.
-const OBJECTS: &str = "objects";
+pub(crate) const OBJECTS: &str = "objects";
 
 /// The database, and what lies beside it.
 pub(crate) struct Store {
@@ -272,8 +283,26 @@ async fn connect(options: SqliteConnectOptions) -> Result<(SqliteConnection, Str
     Ok((connection, version))
 }
 
+static MIGRATIONS: sqlx::migrate::Migrator = sqlx::migrate!("../migrations");
+
 async fn migrate(connection: &mut SqliteConnection) -> Result<(), StoreError> {
-    Ok(sqlx::migrate!("../migrations").run(connection).await?)
+    refuse_newer(connection).await?;
+    Ok(MIGRATIONS.run(connection).await?)
+}
+
+/// Refuses a database that a newer program has migrated: this one would misread it.
+async fn refuse_newer(connection: &mut SqliteConnection) -> Result<(), StoreError> {
+    let known = MIGRATIONS.iter().map(|migration| migration.version).max().unwrap_or(0);
+    let is_made = "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = '_sqlx_migrations')";
+    if !sqlx::query_scalar(is_made).fetch_one(&mut *connection).await? {
+        return Ok(());
+    }
+    let found: Option<i64> =
+        sqlx::query_scalar("SELECT max(version) FROM _sqlx_migrations").fetch_one(connection).await?;
+    match found {
+        Some(found) if found > known => Err(StoreError::Newer { found, known }),
+        _ => Ok(()),
+    }
 }
 
 async fn check_sqlite(connection: &mut SqliteConnection) -> Result<String, StoreError> {

@@ -12,7 +12,20 @@ use tokio::sync::RwLock;
 use super::rows::{Columns, to_json};
 use super::{Store, StoreError};
 
+/// Each is the end of an index, or of the table.
+const NEWEST: &str = "
+    SELECT max(at) FROM (
+        SELECT max(last_seen_at) AS at FROM workers
+        UNION ALL SELECT (SELECT at FROM events ORDER BY seq DESC LIMIT 1)
+        UNION ALL SELECT (SELECT submitted_at FROM jobs ORDER BY seq DESC LIMIT 1))";
+
 impl Store {
+    /// The newest time that is recorded: when a worker was heard of, something happened to a job, or one was submitted.
+    pub(crate) async fn newest_record(&self) -> Result<Option<Timestamp>, StoreError> {
+        let newest: Option<i64> = sqlx::query_scalar(NEWEST).fetch_one(&self.readers).await?;
+        Ok(newest.map(Timestamp))
+    }
+
     /// What ended before then.
     pub(crate) async fn prunable(&self, then: Timestamp) -> Result<Pruning, StoreError> {
         let rows = sqlx::query(ENDED_SWEEPS).bind(then.0).fetch_all(&self.readers).await?;

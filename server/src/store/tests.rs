@@ -56,10 +56,14 @@ async fn what_runs_often_is_indexed() {
         ("SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= 5", "jobs_by_lease"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= 5", "jobs_by_deadline"),
         ("SELECT 1 FROM jobs WHERE not_before <= 5", "jobs_paused"),
-        (arrive, "SEARCH jobs USING INDEX jobs_by_worker (worker_id=?)"),
+        (arrive, "INDEX jobs_by_worker (worker_id=? AND state=?)"),
         (arrive, "SEARCH attempts USING COVERING INDEX attempts_by_worker (worker_id=? AND outcome=?)"),
         (arrive, "attempts_by_request (request_id=? AND worker_id=?)"),
         ("SELECT 1 FROM workers WHERE last_seen_at BETWEEN 5 AND 9", "workers_by_last_seen"),
+        (super::workers::FORGET, "SEARCH workers USING INDEX workers_by_last_seen"),
+        (super::workers::FORGET, "attempts_by_worker"),
+        // What a removal of a worker asks by itself.
+        ("SELECT 1 FROM jobs WHERE worker_id = ?", "jobs_by_worker"),
         (
             "SELECT state, count(*) FROM jobs WHERE sweep_id IN ('a') GROUP BY sweep_id, state",
             "jobs_by_sweep",
@@ -237,31 +241,6 @@ async fn design_points_and_results_never_change() {
 }
 
 #[tokio::test]
-async fn a_database_of_a_newer_server_is_refused() {
-    let (store, dir) = store().await;
-    let start = Now { wall: Timestamp(0), lease: Timestamp(0) };
-    assert_eq!(store.pass_time(Default::default(), start).await.unwrap(), Default::default());
-    store
-        .writer
-        .write(|tx| {
-            Box::pin(async move {
-                sqlx::query(
-                    "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
-                     VALUES (9999, 'of tomorrow', 1, x'00', 0)",
-                )
-                .execute(&mut *tx)
-                .await?;
-                Ok(())
-            })
-        })
-        .await
-        .unwrap();
-    store.close().await;
-    let error = Store::open(&dir.path().join("roost.db"), None).await.err().unwrap();
-    assert!(matches!(error, StoreError::Migrate(_)), "{error}");
-}
-
-#[tokio::test]
 async fn a_lease_counts_by_its_own_clock_and_ends_at_the_time_people_read() {
     let (store, _dir) = store().await;
     store
@@ -383,4 +362,28 @@ async fn what_a_broken_off_upload_left_goes_at_the_next_start() {
     assert_eq!(store.mesh_file("whole").await.unwrap(), [1, 2, 3]);
     assert_eq!(store.mesh("whole").await.unwrap(), Some(mesh("whole")));
     store.close().await;
+}
+
+#[tokio::test]
+async fn a_database_of_a_newer_version_is_refused_by_name() {
+    let (store, dir) = store().await;
+    let path = dir.path().join("roost.db");
+    let newer = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+                 VALUES (9999, 'from the future', 1, x'00', 0)";
+    let write = store
+        .writer
+        .write(move |tx| Box::pin(async move { Ok(sqlx::query(newer).execute(tx).await.map(drop)?) }));
+    write.await.unwrap();
+    store.close().await;
+    let refused = [
+        Store::open(&path, None).await.err(),
+        TokenFile::open(&path, true).await.err(),
+        TokenFile::open(&path, false).await.err(),
+        copy(&path, &dir.path().join("copy.db")).await.err(),
+    ];
+    for error in refused {
+        let error = error.expect("refused");
+        assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
+        assert!(error.to_string().contains("made by a newer roost (schema 9999"), "{error}");
+    }
 }

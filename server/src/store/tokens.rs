@@ -11,24 +11,31 @@ use uuid::Uuid;
 use super::rows::{Columns, corrupt, to_json};
 use super::{Store, StoreError, connect, options};
 
-/// A token that is valid.
+/// A token that exists.
 #[derive(Clone, Debug)]
 pub(crate) struct Token {
     pub(crate) id: String,
+    pub(crate) name: String,
     pub(crate) hash: blake3::Hash,
     pub(crate) scopes: Vec<Scope>,
+    pub(crate) is_revoked: bool,
 }
 
 impl Store {
-    /// All valid tokens.
+    /// All tokens that were ever made, revoked ones included: who has none is open, who has only revoked ones is closed.
     pub(crate) async fn tokens(&self) -> Result<Vec<Token>, StoreError> {
-        let rows = sqlx::query("SELECT id, hash, scopes FROM tokens WHERE revoked_at IS NULL")
-            .fetch_all(&self.readers)
-            .await?;
+        let sql = "SELECT id, name, hash, scopes, revoked_at IS NOT NULL AS is_revoked FROM tokens";
+        let rows = sqlx::query(sql).fetch_all(&self.readers).await?;
         let token = |row: &SqliteRow| {
             let hash: String = row.column("hash")?;
             let hash = blake3::Hash::from_hex(hash).map_err(|error| corrupt("hash of a token", error))?;
-            Ok(Token { id: row.column("id")?, hash, scopes: row.json("scopes")? })
+            Ok(Token {
+                id: row.column("id")?,
+                name: row.column("name")?,
+                hash,
+                scopes: row.json("scopes")?,
+                is_revoked: row.column("is_revoked")?,
+            })
         };
         rows.iter().map(token).collect()
     }
@@ -45,7 +52,9 @@ impl TokenFile {
             super::migrate(&mut connection).await?;
             return Ok(Self(connection));
         }
-        Ok(Self(connect(options(path).create_if_missing(false)).await?.0))
+        let (mut connection, _) = connect(options(path).create_if_missing(false)).await?;
+        super::refuse_newer(&mut connection).await?;
+        Ok(Self(connection))
     }
 
     /// Makes a token and returns it with its secret, which is kept nowhere.
@@ -93,6 +102,12 @@ impl TokenFile {
             .execute(&mut self.0)
             .await?;
         Ok(done.rows_affected() > 0)
+    }
+
+    /// Whether some token is valid. A server with revoked tokens alone admits nobody.
+    pub async fn has_valid(&mut self) -> Result<bool, StoreError> {
+        let sql = "SELECT EXISTS (SELECT 1 FROM tokens WHERE revoked_at IS NULL)";
+        Ok(sqlx::query_scalar(sql).fetch_one(&mut self.0).await?)
     }
 
     /// Closes the file.

@@ -18,6 +18,10 @@ pub(super) fn around(now: Timestamp, lease: Duration) -> (Timestamp, Timestamp) 
     (now.plus_ms(-lease_ms), now.plus_ms(lease_ms))
 }
 
+/// What a job was run by has an attempt as well: jobs need not be asked.
+pub(super) const FORGET: &str = "
+    DELETE FROM workers WHERE last_seen_at < ? AND NOT EXISTS (SELECT 1 FROM attempts WHERE worker_id = workers.id)";
+
 impl Store {
     /// Notes a worker; a repeat is the same worker.
     pub(crate) async fn register_worker(
@@ -64,6 +68,17 @@ impl Store {
                         .execute(&mut *tx)
                         .await?;
                     Ok(if known.rows_affected() == 0 { Err(Refusal::NoWorker) } else { Ok(()) })
+                })
+            })
+            .await
+    }
+
+    /// Removes workers that were heard of last before then and whose attempts are all gone; says how many.
+    pub(crate) async fn forget_workers(&self, then: Timestamp) -> Result<u64, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    Ok(sqlx::query(FORGET).bind(then.0).execute(&mut *tx).await?.rows_affected())
                 })
             })
             .await
@@ -132,41 +147,69 @@ mod tests {
     const LEASE: Duration = Duration::from_secs(15);
     const HOUR_MS: i64 = 3_600_000;
 
-    #[tokio::test]
-    async fn a_worker_heard_of_in_time_to_come_is_not_there() {
-        let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
-        let (me, other, now) = (WorkerId::new(), WorkerId::new(), Timestamp(10 * HOUR_MS));
-        for worker_id in [me, other] {
-            let worker = WorkerRegistration {
-                worker_id,
-                name: "a".to_owned(),
-                api_version: "1".to_owned(),
-                solver_revision: 1,
-                backend: "cpu".to_owned(),
-                device: "a".to_owned(),
-                threads: 1,
-                memory_mib: None,
-            };
-            store.register_worker(worker, now).await.unwrap();
+    fn registration(worker_id: WorkerId) -> WorkerRegistration {
+        WorkerRegistration {
+            worker_id,
+            name: "a".to_owned(),
+            api_version: "1".to_owned(),
+            solver_revision: 1,
+            backend: "cpu".to_owned(),
+            device: "a".to_owned(),
+            threads: 1,
+            memory_mib: None,
         }
+    }
+
+    async fn write(store: &Store, sql: String) {
+        let write = store.writer.write(move |tx| {
+            Box::pin(async move { Ok(sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(tx).await.map(drop)?) })
+        });
+        write.await.unwrap();
+    }
+
+    /// A queued job that failed once, by this worker.
+    async fn fail_a_job(store: &Store, worker: WorkerId) {
         let sql = format!(
             "INSERT INTO scenarios (digest, body) VALUES ('d', '{{}}');
              INSERT INTO jobs (id, digest, seed, priority, turn, labels, cache, submitted_at, attempt)
              VALUES ('{job}', 'd', 1, 0, 0, '{{}}', 'use', 0, 1);
              INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at, outcome, ended_at)
-             VALUES ('{job}', 1, '{me}', 'r', 0, 'worker', 0);",
+             VALUES ('{job}', 1, '{worker}', 'r', 0, 'worker', 0);",
             job = JobId::new()
         );
-        store
-            .writer
-            .write(move |tx| {
-                Box::pin(
-                    async move { Ok(sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(tx).await.map(drop)?) },
-                )
-            })
-            .await
-            .unwrap();
+        write(store, sql).await;
+    }
+
+    #[tokio::test]
+    async fn workers_that_are_gone_and_ran_nothing_that_is_kept_are_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+        let (ran, idle, new) = (WorkerId::new(), WorkerId::new(), WorkerId::new());
+        for (worker, seen) in [(ran, 1), (idle, 1), (new, 10)] {
+            store.register_worker(registration(worker), Timestamp(seen)).await.unwrap();
+        }
+        fail_a_job(&store, ran).await;
+        let left = async || {
+            let (workers, _) = store.workers(None, 500).await.unwrap();
+            workers.into_iter().map(|worker| worker.id).collect::<std::collections::BTreeSet<_>>()
+        };
+        assert_eq!(store.forget_workers(Timestamp(5)).await.unwrap(), 1);
+        assert_eq!(left().await, [ran, new].into(), "one has an attempt, one was heard of lately");
+        write(&store, "DELETE FROM attempts".to_owned()).await;
+        assert_eq!(store.forget_workers(Timestamp(5)).await.unwrap(), 1);
+        assert_eq!(left().await, [new].into());
+        store.close().await;
+    }
+
+    #[tokio::test]
+    async fn a_worker_heard_of_in_time_to_come_is_not_there() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
+        let (me, other, now) = (WorkerId::new(), WorkerId::new(), Timestamp(10 * HOUR_MS));
+        for worker in [me, other] {
+            store.register_worker(registration(worker), now).await.unwrap();
+        }
+        fail_a_job(&store, me).await;
         let claim =
             Claim { request_id: Uuid::now_v7(), worker: me, max_jobs: 1, lease: LEASE, max_frames_bytes: 0 };
         let mine_at = async |wall: Timestamp| store.has_work(claim, Now { wall, lease: now }).await.unwrap();

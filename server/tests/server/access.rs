@@ -102,6 +102,126 @@ async fn a_running_server_follows_what_is_made_and_revoked() {
     assert!(!database.windows(secret.len()).any(|bytes| bytes == secret.as_bytes()), "no secret is kept");
 }
 
+/// Asks until the answer has that status, which a change of tokens takes up to a second to bring.
+async fn until_answered(farm: &Farm, token: Option<&str>, status: u16) {
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while get(farm, "/v1/jobs", token).await.0 != status {
+        assert!(Instant::now() < deadline, "still not {status}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+#[tokio::test]
+async fn without_its_last_token_a_server_is_closed_and_stays_closed() {
+    for listen in ["127.0.0.1:0", "0.0.0.0:0"] {
+        let dir = tempfile::tempdir().unwrap();
+        let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+        let (view, secret) = tokens.create("only", &[Scope::Admin], Timestamp::now()).await.unwrap();
+        let set = |config: &mut ServerConfig| {
+            config.listen = listen.parse().unwrap();
+            config.lease = Duration::from_secs(1);
+        };
+        let farm = Farm::on(dir.path(), set).await;
+        let (_, job) = ask(&farm, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
+        let job: Value = serde_json::from_str(&job).unwrap();
+        let events = format!("/v1/jobs/{}/events", text(&job["id"]));
+        let url = format!("http://{}{events}", farm.address);
+        let mut stream = farm.http.get(url).bearer_auth(&secret).send().await.unwrap();
+        assert!(stream.chunk().await.unwrap().is_some(), "it begins with the job");
+
+        assert!(tokens.has_valid().await.unwrap());
+        tokens.revoke(&view.id, Timestamp::now()).await.unwrap();
+        assert!(!tokens.has_valid().await.unwrap());
+        tokens.close().await.unwrap();
+        until_answered(&farm, Some(&secret), 401).await;
+        let ended = async { while stream.chunk().await.unwrap().is_some() {} };
+        tokio::time::timeout(Duration::from_secs(10), ended).await.expect("the stream ends");
+        let closed = async |farm: &Farm| {
+            let closed = [
+                (Method::GET, "/v1/jobs"),
+                (Method::GET, &events),
+                (Method::GET, "/metrics"),
+                (Method::POST, "/v1/prune?older_than_s=0"),
+                (Method::POST, "/dashboard/session"),
+            ];
+            for (method, path) in closed {
+                let request = farm.http.request(method.clone(), format!("http://{}{path}", farm.address));
+                let answer = request.header("host", "localhost").send().await.unwrap();
+                assert_eq!(answer.status(), 401, "{listen}: {method} {path}");
+            }
+        };
+        closed(&farm).await;
+        farm.stop().await;
+        if listen.starts_with("127") {
+            let farm = Farm::on(dir.path(), set).await;
+            closed(&farm).await;
+            farm.stop().await;
+        } else {
+            let config = ServerConfig {
+                listen: listen.parse().unwrap(),
+                data: dir.path().to_owned(),
+                ..ServerConfig::default()
+            };
+            let refused = Server::bind(config).await.err().expect("nobody could be admitted");
+            assert!(matches!(refused, ServerError::NotLoopback(_)), "{refused}");
+        }
+    }
+}
+
+#[tokio::test]
+async fn the_scheme_of_a_token_has_no_case() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let (_, secret) = tokens.create("", &[Scope::Read], Timestamp::now()).await.unwrap();
+    tokens.close().await.unwrap();
+    let farm = Farm::on(dir.path(), |_| {}).await;
+    for (sent, status) in [
+        (format!("Bearer {secret}"), 200),
+        (format!("bearer {secret}"), 200),
+        (format!("BEARER  {secret} "), 200),
+        (format!("Basic {secret}"), 401),
+        (format!("Bearer{secret}"), 401),
+        (secret.clone(), 401),
+    ] {
+        let request = farm.http.get(format!("http://{}/v1/jobs", farm.address));
+        assert_eq!(request.header("authorization", &sent).send().await.unwrap().status(), status, "{sent}");
+    }
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn an_open_server_refuses_a_foreign_origin_where_the_browser_names_no_site() {
+    let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(1)).await;
+    let own = format!("http://{}", farm.address);
+    let post = async |origin: &str, site: Option<&str>, token: Option<&str>| {
+        let request = farm.http.post(format!("{own}/v1/prune?older_than_s=0")).header("origin", origin);
+        let request = site.iter().fold(request, |request, site| request.header("sec-fetch-site", *site));
+        let answer =
+            token.iter().fold(request, |request, token| request.bearer_auth(token)).send().await.unwrap();
+        (answer.status().as_u16(), answer.text().await.unwrap())
+    };
+    assert_eq!(post(&own, None, None).await.0, 200, "a page of its own");
+    let other_port = "http://127.0.0.1:9";
+    for foreign in ["https://evil.example", other_port, "null", "http://localhost", "nonsense"] {
+        let (status, text) = post(foreign, None, None).await;
+        assert!(
+            status == 403 && text.contains("/problems/cross-site") && text.contains(foreign),
+            "{foreign}: {text}"
+        );
+    }
+    let read = farm.http.get(format!("{own}/v1/jobs")).header("origin", "https://evil.example");
+    assert_eq!(read.send().await.unwrap().status(), 403, "reading too");
+    // A proxy sends `host: localhost`, so that the origin is another; the browser knows better.
+    assert_eq!(post("https://roost.example", Some("same-origin"), None).await.0, 200);
+
+    let mut tokens = tokens_in(dir.path(), true).await.unwrap();
+    let (_, secret) = tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
+    tokens.close().await.unwrap();
+    until_answered(&farm, None, 401).await;
+    assert_eq!(post("https://evil.example", None, Some(&secret)).await.0, 200, "no page has the token");
+    farm.stop().await;
+}
+
 #[tokio::test]
 async fn other_addresses_take_a_token() {
     let dir = tempfile::tempdir().unwrap();

@@ -19,6 +19,7 @@ mod meshes;
 mod pages;
 mod readers;
 mod retries;
+mod safety;
 mod series;
 mod start_stop;
 #[path = "../../../tests/support/stl.rs"]
@@ -27,3 +28,4 @@ mod submissions;
 mod sweeps;
 mod tables;
 mod tags;
+mod upgrade;

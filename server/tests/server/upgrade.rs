@@ -1,0 +1,115 @@
+//! Upgrades: a database that an earlier version left is read as that version read it, and goes on.
+//!
+//! `server/testdata/upgrade/` holds databases as SQL and what the server of their version answered; `make.py` there made them.
+
+use std::path::Path;
+
+use reqwest::StatusCode;
+use serde_json::{Map, Value, json};
+use sqlx::Connection;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
+
+use super::farm::*;
+
+/// Version, database and answers.
+const STORED: [(&str, &str, &str); 1] = [(
+    "0.1.0",
+    include_str!("../../testdata/upgrade/0.1.0.sql"),
+    include_str!("../../testdata/upgrade/0.1.0.json"),
+)];
+
+/// Puts a stored database into a data directory.
+async fn restore(data: &Path, sql: &'static str) {
+    let file = SqliteConnectOptions::new().filename(data.join("roost.db")).create_if_missing(true);
+    let mut database = SqliteConnection::connect_with(&file.foreign_keys(false)).await.unwrap();
+    sqlx::raw_sql(sql).execute(&mut database).await.unwrap();
+    database.close().await.unwrap();
+}
+
+/// Where an answer differs from a recorded one; fields that are new are no difference.
+fn differences(recorded: &Value, now: &Value, at: &str) -> Vec<String> {
+    match (recorded, now) {
+        (Value::Object(recorded), Value::Object(now)) => {
+            let missing = Value::Null;
+            let field = |(name, value): (&String, &Value)| {
+                differences(value, now.get(name).unwrap_or(&missing), &format!("{at}/{name}"))
+            };
+            recorded.iter().flat_map(field).collect()
+        }
+        (Value::Array(recorded), Value::Array(now)) if recorded.len() == now.len() => {
+            let rows = recorded.iter().zip(now).enumerate();
+            rows.flat_map(|(index, (recorded, now))| differences(recorded, now, &format!("{at}/{index}")))
+                .collect()
+        }
+        _ if recorded == now => Vec::new(),
+        _ => vec![format!("{at}: {recorded} has become {now}")],
+    }
+}
+
+#[test]
+fn a_difference_is_found() {
+    let recorded = json!({"a": [1, {"b": null}], "c": "x"});
+    assert_eq!(differences(&recorded, &json!({"a": [1, {"b": null, "new": 1}], "c": "x"}), ""), [""; 0]);
+    let now = json!({"a": [2, {"b": 1}]});
+    assert_eq!(
+        differences(&recorded, &now, ""),
+        ["/a/0: 1 has become 2", "/a/1/b: null has become 1", "/c: \"x\" has become null"]
+    );
+    assert_eq!(differences(&recorded, &json!({"a": [1], "c": "x"}), "").len(), 1);
+}
+
+#[tokio::test]
+async fn a_stored_database_is_read_as_its_version_read_it() {
+    for (version, sql, answers) in STORED {
+        let dir = tempfile::tempdir().unwrap();
+        restore(dir.path(), sql).await;
+        let farm = Farm::on(dir.path(), |_| {}).await;
+        let answers: Map<String, Value> = serde_json::from_str(answers).unwrap();
+        assert!(answers.len() > 40, "{}", answers.len());
+        for (path, recorded) in &answers {
+            let now = farm.get(path).await.expect(StatusCode::OK);
+            assert_eq!(differences(recorded, &now, path), [""; 0], "{version}");
+        }
+        farm.stop().await;
+    }
+}
+
+#[tokio::test]
+async fn the_work_of_a_stored_database_goes_on() {
+    for (version, sql, answers) in STORED {
+        let dir = tempfile::tempdir().unwrap();
+        restore(dir.path(), sql).await;
+        let farm = Farm::on(dir.path(), |_| {}).await;
+        let answers: Map<String, Value> = serde_json::from_str(answers).unwrap();
+        let jobs = answers["/v1/jobs?limit=500"]["items"].as_array().unwrap();
+        let waiting: Vec<_> = jobs.iter().filter(|job| job["state"] == "queued").collect();
+        // By priority: a sweep of three points, then a single job.
+        let registration = registration(&roost_api::ids::WorkerId::new().to_string(), "cpu");
+        let mut registration = registration;
+        registration["memory_mib"] = json!(4096);
+        let worker = farm.register(&registration).await;
+        let claimed = worker.claim(8).await;
+        assert_eq!(claimed.len(), waiting.len(), "{version}");
+        let priorities: Vec<_> = claimed
+            .iter()
+            .map(|attempt| {
+                waiting.iter().find(|job| job["id"] == attempt["job_id"]).unwrap()["priority"]
+                    .as_i64()
+                    .unwrap()
+            })
+            .collect();
+        assert_eq!(priorities, [3, 3, 3, -2], "{version}");
+        for attempt in &claimed {
+            worker.deliver(attempt).await.expect(StatusCode::OK);
+            assert_eq!(farm.job(&attempt["job_id"]).await["state"], "succeeded", "{version}");
+        }
+        // The sweep that was extended grows on, and counts anew what is queued.
+        let sweep =
+            answers["/v1/sweeps"]["items"].as_array().unwrap().iter().find(|it| it["name"] == "gate by belt");
+        let sweep = text(&sweep.unwrap()["id"]);
+        let more = farm.post(&format!("/v1/sweeps/{sweep}/extend"), &json!({"replicates": 1})).await;
+        assert!(more.status < 300, "{version}: {}", more.text);
+        assert_eq!(worker.claim(8).await.len(), 2, "{version}");
+        farm.stop().await;
+    }
+}

@@ -1,0 +1,179 @@
+//! The audit log: who changed what, and who was refused, in the log of a real server.
+
+mod support;
+
+use std::process::Command;
+
+use serde_json::{Value, json};
+
+use support::{Home, Process, run, scenario, stdout, until};
+
+/// What an answer's head says.
+struct Answered {
+    status: u16,
+    request: String,
+    location: Option<String>,
+}
+
+fn ask(home: &Home, method: &str, path: &str, token: &str, body: Option<&Value>) -> Answered {
+    let mut curl = Command::new("curl");
+    curl.args([
+        "-s",
+        "-o",
+        "/dev/null",
+        "-D",
+        "-",
+        "-X",
+        method,
+        "-H",
+        &format!("authorization: Bearer {token}"),
+    ]);
+    if let Some(body) = body {
+        curl.args(["-H", "content-type: application/json", "--data", &body.to_string()]);
+    }
+    let head = stdout(&curl.arg(format!("{}{path}", home.address)).output().unwrap());
+    let header = |name: &str| {
+        let values = head.lines().filter_map(|line| line.split_once(": "));
+        values
+            .filter(|(known, _)| known.eq_ignore_ascii_case(name))
+            .map(|(_, value)| value.trim().to_owned())
+            .next()
+    };
+    Answered {
+        status: head.split_whitespace().nth(1).unwrap().parse().unwrap(),
+        request: header("x-request-id").expect("every answer has one"),
+        location: header("location"),
+    }
+}
+
+/// The audit log so far: lines that are JSON objects.
+fn lines(server: &Process) -> Vec<Value> {
+    let log = server.log();
+    let lines = log.lines().filter(|line| line.starts_with('{'));
+    let lines = lines
+        .map(|line| serde_json::from_str::<Value>(line).unwrap_or_else(|error| panic!("{error}: {line}")));
+    lines.filter(|line| line["target"] == "audit").collect()
+}
+
+#[test]
+fn every_change_and_every_refusal_is_one_line() {
+    let home = Home::new();
+    let data = home.path("data").display().to_string();
+    let create = |scope: &str, name: &str| {
+        let made = run(&["token", "create", "--json", "--scope", scope, "--name", name, "--data", &data]);
+        let made: Value = serde_json::from_str(&stdout(&made)).unwrap();
+        (made["token"].as_str().unwrap().to_owned(), made["view"]["id"].as_str().unwrap().to_owned())
+    };
+    let (admin, admin_id) = create("admin", "me");
+    let server = home.start_server(&["--lease-s", "2", "--log-format", "json"]);
+    until("the server answers", || home.status("/healthz").filter(|status| *status == 200));
+
+    let sweep = json!({"name": "audited", "base": scenario(0.1), "design": {"kind": "grid"}});
+    let worker = json!({"worker_id": "01890000-0000-7000-8000-00000000000a", "name": "w", "api_version": "1", "backend": "cpu",
+        "solver_revision": 1, "device": "none", "threads": 1});
+    let mut expected = Vec::new();
+    let mut act = |action: &'static str, method: &str, path: &str, body: Option<&Value>| {
+        let answered = ask(&home, method, path, &admin, body);
+        expected.push((
+            action,
+            answered.request.clone(),
+            path.to_owned(),
+            answered.status,
+            answered.location.clone(),
+        ));
+        answered
+    };
+    let job = act("submit", "POST", "/v1/jobs", Some(&json!({"scenario": scenario(0.1)}))).location.unwrap();
+    let sweep = act("submit", "POST", "/v1/sweeps", Some(&sweep)).location.unwrap();
+    act("submit", "POST", "/v1/sweeps", Some(&json!({"name": 5})));
+    act("submit", "POST", &format!("{sweep}/extend"), Some(&json!({"replicates": 1})));
+    act("cancel", "POST", &format!("{job}/cancel"), None);
+    act("retry", "POST", &format!("{job}/retry"), None);
+    act("cancel", "POST", &format!("{sweep}/cancel"), None);
+    act("retry", "POST", &format!("{sweep}/retry"), None);
+    act("delete", "DELETE", &sweep, None);
+    act("cancel", "POST", &format!("{sweep}/cancel"), None);
+    act("delete", "DELETE", &sweep, None);
+    act("prune", "POST", "/v1/prune?older_than_s=1e9", None);
+    act("drain", "POST", "/v1/workers/01890000-0000-7000-8000-00000000000b/drain", None);
+    let statuses: Vec<_> = expected.iter().map(|row| row.3).collect();
+    assert_eq!(statuses, [202, 201, 422, 200, 200, 200, 200, 200, 409, 200, 200, 200, 404], "{expected:?}");
+    // None of these changes anything that people own.
+    ask(&home, "GET", "/v1/jobs", &admin, None);
+    ask(&home, "POST", "/v1/prune?older_than_s=1e9&dry_run=true", &admin, None);
+    ask(&home, "POST", "/v1/workers", &admin, Some(&worker));
+
+    let guessed = ask(&home, "GET", "/v1/jobs", "guessed", None);
+    assert_eq!(guessed.status, 401);
+    let (reader, reader_id) = create("read", "reader\n\u{1b}[31m");
+    until("the token is known", || {
+        (ask(&home, "GET", "/v1/jobs", &reader, None).status == 200).then_some(())
+    });
+    let forbidden = ask(&home, "POST", "/v1/prune?older_than_s=0", &reader, None);
+    assert_eq!(forbidden.status, 403);
+    stdout(&run(&["token", "revoke", "--data", &data, &reader_id]));
+    until("the token is gone", || (ask(&home, "GET", "/v1/jobs", &reader, None).status == 401).then_some(()));
+
+    let log = lines(&server);
+    let done: Vec<_> = log.iter().filter(|line| !line["path"].is_null()).collect();
+    assert_eq!(done.len(), expected.len(), "one line each, and no others: {done:#?}");
+    for (line, (action, request, path, status, location)) in done.iter().zip(&expected) {
+        assert_eq!(line["action"], *action, "{line}");
+        assert_eq!(line["token"], admin_id, "{line}");
+        assert_eq!(line["request"], *request, "{line}");
+        assert_eq!(line["path"].as_str(), path.split('?').next(), "{line}");
+        assert_eq!(line["status"], *status, "{line}");
+        assert_eq!(line["made"].as_str(), location.as_deref(), "{line}");
+        assert!(line["peer"].as_str().unwrap().starts_with("127.0.0.1:"), "{line}");
+        assert!(line["timestamp"].is_string() && line["level"] == "INFO", "{line}");
+    }
+    let refused = |request: &str| log.iter().filter(|line| line["request"] == request).collect::<Vec<_>>();
+    for (answered, reason) in [(&guessed, "A token is needed"), (&forbidden, "The token does not allow this")]
+    {
+        let lines = refused(&answered.request);
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert_eq!((&lines[0]["action"], &lines[0]["level"]), (&json!("refuse"), &json!("WARN")));
+        assert_eq!((&lines[0]["status"], &lines[0]["reason"]), (&json!(answered.status), &json!(reason)));
+    }
+    for action in ["token_create", "token_revoke"] {
+        let lines: Vec<_> = log.iter().filter(|line| line["action"] == action).collect();
+        assert_eq!(lines.len(), 1, "{action}: {lines:?}");
+        assert_eq!((&lines[0]["token"], &lines[0]["scopes"]), (&json!(reader_id), &json!("read")));
+    }
+    let log = server.log();
+    assert!(!log.contains(&admin) && !log.contains(&reader), "no secret is logged");
+}
+
+#[test]
+fn a_flood_of_refusals_does_not_fill_the_disk() {
+    let home = Home::new();
+    let data = home.path("data").display().to_string();
+    stdout(&run(&["token", "create", "--scope", "admin", "--data", &data]));
+    let server = home.start_server(&["--log-format", "json"]);
+    until("the server answers", || home.status("/healthz").filter(|status| *status == 200));
+    // One process, so that they come at once.
+    let urls = format!("{}/v1/jobs?n=[1-2000]", home.address);
+    let flood =
+        Command::new("curl").args(["-s", "-o", "/dev/null", "-w", "%{http_code}\n", &urls]).output().unwrap();
+    let statuses = stdout(&flood);
+    assert_eq!(statuses.lines().filter(|status| *status == "401").count(), 2000, "{statuses}");
+    std::thread::sleep(std::time::Duration::from_millis(1100));
+    ask(&home, "GET", "/v1/jobs", "guessed", None);
+    let log = lines(&server);
+    let refused = log.iter().filter(|line| line["action"] == "refuse").count() as u64;
+    let left_out: u64 = log.iter().filter_map(|line| line["left_out"].as_u64()).sum();
+    assert!(refused < 1000, "{refused} lines");
+    assert_eq!(refused + left_out, 2001, "none is forgotten");
+}
+
+#[test]
+fn people_read_the_same_lines_as_text() {
+    let home = Home::new();
+    let server = home.serve();
+    home.submit(&scenario(0.1));
+    let log = server.log();
+    let line = log.lines().find(|line| line.contains("audit")).unwrap_or_else(|| panic!("no line: {log}"));
+    for part in ["INFO audit: ", "action=\"submit\"", "token=\"open\"", "status=202", "path=\"/v1/jobs\""] {
+        assert!(line.contains(part), "{part}: {line}");
+    }
+}
