@@ -15,6 +15,9 @@ const CLEAR_EVERY: Duration = Duration::from_secs(600);
 /// An object that no row has named for so long goes: a day.
 const UNNAMED_MS: i64 = 24 * 3600 * 1000;
 
+/// A server that was stopped for no longer than this is not taken for one whose clock has jumped.
+const SHORTEST_GAP: Duration = Duration::from_secs(24 * 3600);
+
 /// Looks for what has run out, and beside it clears away what nobody needs, until the server shuts down.
 pub(crate) async fn run(app: App) {
     // What is deleted half is gone on with at the next start.
@@ -72,8 +75,9 @@ async fn prune(app: &App, age: Duration) {
         tracing::error!(jump_s = jump_ms / 1000, "the clock has jumped: nothing is pruned");
         return;
     }
-    // Everything is older than that by a clock that jumped while no server ran.
-    if app.newest_at_start.is_some_and(|newest| newest.0 < app.clock.started().plus_ms(-ms(age)).0) {
+    // By a clock that jumped while no server ran, everything is older than that.
+    let gap_ms = ms(age.max(SHORTEST_GAP));
+    if app.newest_at_start.is_some_and(|newest| newest.0 < app.clock.started().plus_ms(-gap_ms).0) {
         tracing::warn!(
             "when this server started its clock was past the newest record by more than --prune-after: nothing is pruned by itself; if the \
              clock is right, use `roost prune`"
