@@ -28,10 +28,15 @@ impl Page {
         Self { browser: Browser::start(1280, 900, SCRIPT), address: address.to_owned() }
     }
 
+    /// Goes to a path and waits for nothing.
+    pub(crate) fn go(&mut self, path: &str) {
+        self.browser.call("Page.navigate", json!({"url": format!("{}{path}", self.address)}));
+    }
+
     /// Opens a path and waits until it has its heading; says how long that took.
     pub(crate) fn open(&mut self, path: &str) -> Duration {
         let started = Instant::now();
-        self.browser.call("Page.navigate", json!({"url": format!("{}{path}", self.address)}));
+        self.go(path);
         self.until(&format!("{path} has a heading"), "document.querySelector('main h1')?.textContent");
         started.elapsed()
     }

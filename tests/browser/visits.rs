@@ -39,6 +39,17 @@ fn a_page_follows_while_it_is_seen() {
 }
 
 #[test]
+fn the_reader_of_the_specification_shows_it_under_its_policy() {
+    let home = Home::new();
+    let _server = home.serve();
+    let mut page = Page::new(&home.address);
+    page.go("/docs/");
+    page.until("operations are listed", "document.querySelectorAll('.opblock').length > 30");
+    let complaints = page.complaints();
+    assert!(complaints.is_empty(), "{}", complaints.join("\n"));
+}
+
+#[test]
 fn workers_are_there_whatever_the_viewers_clock_says() {
     let home = Home::new();
     let _server = home.serve();
