@@ -1,19 +1,25 @@
 //! `roost up`: a server and a worker in one process.
 
 use anyhow::Result;
+use roost_worker::WorkerConfig;
 
 use crate::exit::Exit;
 use crate::farm::Farm;
 use crate::serve::ServerArgs;
 use crate::signals;
+use crate::target;
 use crate::ui;
 use crate::work::WorkerArgs;
 
 /// Run a server and one worker in this process
+///
+/// Where the data folder has access tokens, the worker needs one with the scope `worker`, as `roost work` does.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
     server: ServerArgs,
+    #[command(flatten)]
+    access: target::Access,
     #[command(flatten)]
     worker: WorkerArgs,
 }
@@ -22,7 +28,8 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown()?;
     let state = args.server.data.join("worker");
     let device = args.worker.device()?;
-    let worker = |address| args.worker.config(address, state, device);
+    let credentials = args.access.read()?;
+    let worker = |address| WorkerConfig { credentials, ..args.worker.config(address, state, device) };
     let mut farm = Farm::start(args.server.config(), worker).await?;
     ui::println(format_args!("listening on {}", farm.address))?;
     tokio::select! {

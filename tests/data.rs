@@ -255,3 +255,33 @@ fn a_revoked_last_token_is_warned_of() {
         server.log()
     );
 }
+
+#[test]
+fn server_and_worker_in_one_process_share_a_data_folder_with_tokens() {
+    let home = Home::new();
+    let data = home.path("data").display().to_string();
+    let make =
+        |scope: &str| stdout(&run(&["token", "create", "--scope", scope, "--data", &data])).trim().to_owned();
+    let (admin, worker) = (make("admin"), make("worker"));
+    let listen = home.address.trim_start_matches("http://").to_owned();
+    let up = |token: &str| {
+        let mut up = roost();
+        up.args(["up", "--threads", "1", "--listen", &listen, "--data", &data]).env("ROOST_TOKEN", token);
+        up
+    };
+    let refused = up("").output().unwrap();
+    assert!(!refused.status.success() && said(&refused).contains("authorization"), "{}", said(&refused));
+    let mut running =
+        up(&worker).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null()).spawn().unwrap();
+    until("the server answers", || (home.status("/v1/jobs") == Some(401)).then_some(()));
+    let file = home.file("scenario.json", &scenario(0.05));
+    let submitted = roost()
+        .args(["submit", "--wait", &file])
+        .env("ROOST_SERVER", &home.address)
+        .env("ROOST_TOKEN", &admin)
+        .output()
+        .unwrap();
+    support::signal(running.id(), "TERM");
+    running.wait().unwrap();
+    assert!(submitted.status.success(), "{}", said(&submitted));
+}
