@@ -11,14 +11,17 @@
 #
 #   ROOST_SERVER=http://head:7373 sbatch --export=ALL,ROOST_SERVER deploy/workers.slurm.sh
 #
-# A minute before its time is up Slurm sends SIGTERM: the worker hands its jobs back, and others run them. One that is killed loses
-# its lease instead. Finished results that the server does not have yet wait in the state directory, which must outlive the task.
+# Slurm sends SIGTERM a minute before the time limit, and on scancel or preemption. The worker then claims nothing more, lets its jobs
+# run for ROOST_GRACE_S seconds, and hands back what has not finished; other workers run it again. Slurm kills what is left after its
+# KillWait, 30 s by default: keep ROOST_GRACE_S at least 8 s below `scontrol show config | grep KillWait`. A killed worker loses its
+# leases: its jobs return to the queue too, but each costs one of a job's attempts.
+# The state directory keeps finished results that the server does not have yet. It must outlive the task.
 set -euo pipefail
 
 : "${ROOST_SERVER:?set it to the address of the server, such as http://head:7373}"
 token_file=${ROOST_TOKEN_FILE:-$HOME/.config/roost/token}
 state=${ROOST_STATE:-$HOME/.local/state/roost}
-grace_s=${ROOST_GRACE_S:-30}
+grace_s=${ROOST_GRACE_S:-20}
 
 arguments=(work --server "$ROOST_SERVER" --threads "${SLURM_CPUS_PER_TASK:-0}" --grace "$grace_s"
     --state "$state" --name "${SLURMD_NODENAME:-$(hostname)}-${SLURM_ARRAY_TASK_ID:-0}")
@@ -26,15 +29,5 @@ if [[ -r $token_file ]]; then
     arguments+=(--token-file "$token_file")
 fi
 
-# The shell gets the signal and passes it on.
-roost "${arguments[@]}" &
-worker=$!
-trap 'kill -TERM "$worker" 2>/dev/null || true' TERM INT
-status=0
-wait "$worker" || status=$?
-# A signal ends the first wait; the worker is still handing back.
-if kill -0 "$worker" 2>/dev/null; then
-    status=0
-    wait "$worker" || status=$?
-fi
-exit "$status"
+# In place of the shell: B:TERM reaches the batch process alone, and that is the worker itself.
+exec roost "${arguments[@]}"

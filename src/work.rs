@@ -17,7 +17,8 @@ use crate::ui;
 /// Run a worker: claim jobs from a server, simulate, deliver
 ///
 /// The worker waits for a server that is away, before the first job and in the middle of one. On SIGTERM or
-/// Ctrl-C it hands its jobs back and exits.
+/// Ctrl-C it hands its jobs back and exits. Repeats of the signal within 5 s change nothing; a later one ends the
+/// process at once, and the server waits for the leases of its jobs.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Address of the server
@@ -43,7 +44,8 @@ pub(crate) struct WorkerArgs {
     /// Jobs at once; they share the threads, or make one batch on a GPU as far as its memory goes [default: 1, on a GPU 16]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     slots: Option<u16>,
-    /// Seconds that running jobs get to finish after a signal, before they are handed back
+    /// Seconds that running jobs get to finish after a signal, before they are handed back; keep it 10 s below the
+    /// time after which a service manager kills the process
     #[arg(long, default_value_t = 0, value_name = "SECONDS")]
     grace: u64,
     /// Name shown to people
