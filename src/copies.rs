@@ -63,7 +63,7 @@ fn report(copied: &roost_server::Copied, as_json: bool) -> Result<Exit> {
     if as_json {
         let copied =
             json!({"bytes": bytes, "jobs": jobs, "results": results, "absent_objects": absent_objects});
-        ui::println(format_args!("{copied:#}"))?;
+        ui::json(&copied)?;
     } else {
         ui::println(format_args!(
             "{jobs} jobs and {results} results in {:.1} MiB",

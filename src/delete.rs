@@ -43,7 +43,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let Args { id, deleting } = args;
     let deletion = deleting.server.client()?.delete_sweep(SweepId(id), !deleting.yes).await?;
     if deleting.json {
-        ui::println(format_args!("{:#}", json!(deletion)))?;
+        ui::json(&json!(deletion))?;
         return Ok(Exit::Done);
     }
     ui::println(format_args!(

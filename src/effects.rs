@@ -34,7 +34,7 @@ pub(crate) struct Args {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let effects = args.server.client()?.sweep_effects(SweepId(args.id)).await?;
     if args.json {
-        ui::println(format_args!("{:#}", json!(effects)))?;
+        ui::json(&json!(effects))?;
     } else if effects.responses.is_empty() {
         ui::say!("nothing has succeeded yet; `roost status {}` says how far it is", args.id);
     } else {

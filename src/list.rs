@@ -57,7 +57,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         (json!(page), sweeps(&page.items))
     };
     if args.json {
-        ui::println(format_args!("{document:#}"))?;
+        ui::json(&document)?;
     } else if table.is_empty() {
         ui::say!("nothing to list; `roost submit --help` says how to begin");
     } else {
@@ -78,7 +78,7 @@ pub(crate) fn show_job(job: JobView, as_json: bool) -> Result<()> {
 
 fn show(as_json: bool, document: &Value, table: impl FnOnce() -> Table) -> Result<()> {
     if as_json {
-        ui::println(format_args!("{document:#}"))?;
+        ui::json(document)?;
     } else {
         ui::print(format_args!("{}", table()))?;
     }

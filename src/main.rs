@@ -157,7 +157,7 @@ async fn main() -> ExitCode {
         // The reader of our output has seen enough.
         Err(error) if exit::is_broken_pipe(&error) => Exit::Done.into(),
         Err(error) => {
-            ui::say!("error: {error:#}");
+            ui::say_lines(format_args!("error: {error:#}"));
             if let Some(hint) = exit::hint(&error) {
                 ui::say!("hint: {hint}");
             }

@@ -26,7 +26,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let Args { older_than, deleting } = args;
     let pruned = deleting.server.client()?.prune(older_than, !deleting.yes).await?;
     if deleting.json {
-        ui::println(format_args!("{:#}", json!(pruned)))?;
+        ui::json(&json!(pruned))?;
         return Ok(Exit::Done);
     }
     for sweep in &pruned.sweeps {

@@ -99,13 +99,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         if let Some(recorded) = &recorded {
             summary["frames"] = frames::summary(recorded);
         }
-        ui::println(format_args!("{summary:#}"))?;
+        ui::json(&summary)?;
     } else {
         ui::print(format_args!("{}", responses(&result)))?;
-        ui::println(format_args!(
-            "\n{}",
-            files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("  ")
-        ))?;
+        ui::println("")?;
+        ui::println(files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("  "))?;
     }
     Ok(exit)
 }

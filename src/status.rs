@@ -28,9 +28,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         Target::Sweep(sweep) => {
             let page = client.sweep_jobs(sweep.id, None, None, 100).await?;
             if args.json {
-                ui::println(format_args!("{:#}", json!(sweep)))?;
+                ui::json(&json!(sweep))?;
             } else {
-                ui::println(format_args!("{}\n{}", list::sweeps(&[sweep]), list::jobs(&page.items)))?;
+                ui::print(format_args!("{}\n{}\n", list::sweeps(&[sweep]), list::jobs(&page.items)))?;
                 if page.next_cursor.is_some() {
                     ui::say!("the newest 100 jobs only; `roost results {}` has all", args.id);
                 }
@@ -38,7 +38,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         }
         Target::Job(job) => {
             if args.json {
-                ui::println(format_args!("{:#}", json!(job)))?;
+                ui::json(&json!(job))?;
             } else {
                 ui::print(format_args!("{}", list::jobs(std::slice::from_ref(&job))))?;
                 if let Some(progress) = job.progress.as_ref().filter(|_| !job.state.is_ended()) {

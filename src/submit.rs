@@ -145,7 +145,7 @@ fn add_options(document: &mut Value, args: &Args) {
 /// The id alone on stdout, so that a script can keep it; what to do next on stderr.
 fn tell(args: &Args, view: &Value, id: &str) -> Result<()> {
     if args.json {
-        ui::println(format_args!("{view:#}"))?;
+        ui::json(view)?;
         return Ok(());
     }
     ui::println(format_args!("{id}"))?;

@@ -6,6 +6,8 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
 
+use crate::ui;
+
 /// Where a collector listens, for all that is told or for traces alone.
 const ENDPOINTS: [&str; 2] = ["OTEL_EXPORTER_OTLP_TRACES_ENDPOINT", "OTEL_EXPORTER_OTLP_ENDPOINT"];
 
@@ -29,11 +31,17 @@ pub(crate) enum LogFormat {
 /// it is traced.
 pub(crate) fn start(level: &str, format: LogFormat, role: Option<&'static str>) -> Telemetry {
     let filter = EnvFilter::try_from_env("ROOST_LOG").unwrap_or_else(|_| level.into());
-    let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    let log = tracing_subscriber::fmt::layer();
     let log = match format {
+        // JSON escapes by itself.
+        LogFormat::Json => {
+            log.json().flatten_event(true).with_writer(std::io::stderr).with_filter(filter).boxed()
+        }
         // The target tells lines of the audit log from others.
-        LogFormat::Json => log.json().flatten_event(true).with_filter(filter).boxed(),
-        LogFormat::Text => log.with_ansi(std::io::stderr().is_terminal()).with_filter(filter).boxed(),
+        LogFormat::Text => {
+            let has_colours = std::io::stderr().is_terminal();
+            log.with_writer(ui::log::log).with_ansi(has_colours).with_filter(filter).boxed()
+        }
     };
     let registry = tracing_subscriber::registry().with(log);
     let role =

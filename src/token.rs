@@ -56,7 +56,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         Action::Create { scopes, name } => {
             let (view, secret) = tokens.create(&name, &scopes, Timestamp::now()).await?;
             if args.json {
-                ui::println(format_args!("{:#}", json!({"token": secret, "view": view})))?;
+                ui::json(&json!({"token": secret, "view": view}))?;
             } else {
                 ui::say!("token {}; keep it now, it is shown this once:", view.id);
                 ui::println(format_args!("{secret}"))?;
@@ -65,7 +65,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         Action::List => {
             let all = tokens.list().await?;
             if args.json {
-                ui::println(format_args!("{:#}", json!(all)))?;
+                ui::json(&json!(all))?;
             } else {
                 ui::print(format_args!("{}", table(&all)))?;
             }

@@ -43,7 +43,7 @@ fn refuse(args: &Args, faults: &[Fault]) -> Result<Exit> {
     if !args.json {
         return Err(input::faults(&args.file, faults).into());
     }
-    ui::println(format_args!("{:#}", json!({ "valid": false, "errors": faults })))?;
+    ui::json(&json!({ "valid": false, "errors": faults }))?;
     Ok(Exit::BadInput)
 }
 
@@ -51,7 +51,7 @@ fn tell(args: &Args, named: &Resolved, report: &ValidationReport) -> Result<()> 
     if args.json {
         let mut document = json!(report);
         document["valid"] = json!(true);
-        ui::println(format_args!("{document:#}"))?;
+        ui::json(&document)?;
         return Ok(());
     }
     let estimate = &report.estimate;

@@ -11,6 +11,7 @@ pub mod job;
 pub mod lease;
 pub mod mesh;
 pub mod page;
+pub mod printable;
 pub mod problem;
 pub mod prune;
 pub mod sweep;

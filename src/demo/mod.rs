@@ -66,7 +66,8 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         error = farm.broken() => return Err(error),
     };
     if shown.is_ok() && !args.exit {
-        ui::say!("\nThe server goes on at {}; Ctrl-C stops it.", farm.address);
+        ui::say!("");
+        ui::say!("The server goes on at {}; Ctrl-C stops it.", farm.address);
         shutdown.cancelled().await;
     }
     farm.stop().await?;
@@ -92,8 +93,9 @@ async fn show(client: &Client, folder: &Path, shutdown: &CancellationToken) -> R
         ..Panel::default()
     };
     plot::draw(&picture, "Discharge by gate opening and surface condition", &[panel])?;
-    ui::println(format_args!("\n{}", table(&results, &runs)))?;
-    ui::println(format_args!("plot:  {}\ntable: {}", picture.display(), csv.display()))?;
+    ui::print(format_args!("\n{}\n", table(&results, &runs)))?;
+    ui::println(format_args!("plot:  {}", picture.display()))?;
+    ui::println(format_args!("table: {}", csv.display()))?;
     watch::exit_of_sweep(client, &sweep).await
 }
 

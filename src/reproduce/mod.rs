@@ -96,7 +96,7 @@ fn reproduce(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
     let mut ended: Ended =
         plan.tasks.iter().map(|task| store.load(&task.digest, &task.shots).map(Ok)).collect();
     if args.plan {
-        ui::println(outline(&plan, &ended))?;
+        ui::print(format_args!("{}\n", outline(&plan, &ended)))?;
         return Ok(Exit::Done);
     }
     store.prepare()?;
@@ -122,7 +122,7 @@ fn reproduce(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
     })?;
     drop(progress);
     // What was stopped in the middle of a figure has ended runs that the last report does not count.
-    ui::println(write(&args.output, profile, &plan, &ended)?)?;
+    ui::print(write(&args.output, profile, &plan, &ended)? + "\n")?;
     let is_complete = ended.iter().all(Option::is_some);
     if !is_complete {
         ui::say!("stopped; the same command goes on from here");

@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use roost_api::printable::one_line;
 
 use super::say;
 
@@ -18,7 +19,7 @@ pub(crate) struct Meters(MultiProgress);
 impl Meters {
     /// A meter below the others.
     pub(crate) fn add(&self, name: impl Into<String>) -> Meter {
-        let name = name.into();
+        let name = one_line(&name.into()).into_owned();
         let bar = self.0.add(ProgressBar::new(RESOLUTION));
         let style = ProgressStyle::with_template("{prefix} {bar:20.cyan/dim} {percent:>3} %  {wide_msg}");
         bar.set_style(style.expect("the template is well formed").progress_chars("━╸─"));
@@ -45,7 +46,7 @@ impl Meter {
     /// Shows how far it has come (0 to 1), and words to go with it.
     pub(crate) fn show(&mut self, fraction: f64, words: String) {
         if self.is_terminal {
-            self.bar.set_message(words);
+            self.bar.set_message(one_line(&words).into_owned());
             self.bar.set_position((fraction.clamp(0.0, 1.0) * RESOLUTION as f64) as u64);
         } else if self.last_line.is_none_or(|last| last.elapsed() >= LINE_EVERY) {
             self.line(fraction, &words);
@@ -61,7 +62,7 @@ impl Meter {
     pub(crate) fn finish(self, fraction: f64, words: String) {
         if self.is_terminal {
             self.bar.set_position((fraction.clamp(0.0, 1.0) * RESOLUTION as f64) as u64);
-            self.bar.abandon_with_message(words);
+            self.bar.abandon_with_message(one_line(&words).into_owned());
         } else {
             let mut meter = self;
             meter.line(fraction, &words);
@@ -76,5 +77,24 @@ impl Meter {
     fn line(&mut self, fraction: f64, words: &str) {
         say!("{} {:.0} %  {words}", self.name, fraction * 100.0);
         self.last_line = Some(Instant::now());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_words_are_escaped_on_a_bar() {
+        let mut meter = Meter { is_terminal: true, ..Meter::new("a\u{1b}[2J\nb") };
+        meter.show(0.5, "c\u{7}\u{202e}d".to_owned());
+        assert_eq!(
+            (meter.name.as_str(), meter.bar.prefix().as_str()),
+            ("a\\u001b[2J\\nb", "a\\u001b[2J\\nb")
+        );
+        assert_eq!(meter.bar.message(), "c\\u0007\\u202ed");
+        let bar = meter.bar.clone();
+        meter.finish(1.0, "e\u{9b}31m".to_owned());
+        assert_eq!(bar.message(), "e\\u009b31m");
     }
 }

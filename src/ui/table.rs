@@ -1,5 +1,7 @@
 //! Plain text tables: a header, a rule, columns aligned by what they hold.
 
+use roost_api::printable::one_line;
+
 /// A table in the making.
 #[derive(Debug)]
 pub(crate) struct Table {
@@ -9,11 +11,11 @@ pub(crate) struct Table {
 
 impl Table {
     pub(crate) fn new<S: Into<String>>(header: impl IntoIterator<Item = S>) -> Self {
-        Self { header: header.into_iter().map(Into::into).collect(), rows: Vec::new() }
+        Self { header: header.into_iter().map(cell).collect(), rows: Vec::new() }
     }
 
     pub(crate) fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
-        self.rows.push(cells.into_iter().map(Into::into).collect());
+        self.rows.push(cells.into_iter().map(cell).collect());
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -26,6 +28,11 @@ impl Table {
             self.rows.iter().filter_map(|row| row.get(column)).filter(|cell| *cell != "–").peekable();
         cells.peek().is_some() && cells.all(|cell| cell.parse::<f64>().is_ok())
     }
+}
+
+/// What stands in a cell: it never breaks its line.
+fn cell(text: impl Into<String>) -> String {
+    one_line(&text.into()).into_owned()
 }
 
 impl std::fmt::Display for Table {

@@ -95,7 +95,7 @@ pub(super) async fn execute(args: Args) -> Result<Exit> {
         () = shutdown.cancelled() => bail!("stopped before its end"),
     };
     if args.json {
-        ui::println(format_args!("{:#}", json!(rows)))?;
+        ui::json(&json!(rows))?;
     } else {
         let mut table = Table::new(["what", "measured", "unit", "promised", "reached"]);
         for row in &rows {

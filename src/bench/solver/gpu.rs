@@ -165,18 +165,15 @@ pub(crate) fn parity(args: &ParityArgs) -> Result<Exit> {
         }
     }
     let close = apart_m <= args.tolerance_m;
-    ui::println(format_args!(
-        "{:#}",
-        json!({
-            "device": gpu.info().device,
-            "is_software": gpu.name().is_software,
-            "subparticles": bed.subparticles(),
-            "steps": step,
-            "same_bits_until_step": same_until,
-            "farthest_apart_m": apart_m,
-            "is_within_tolerance": close,
-        })
-    ))?;
+    ui::json(&json!({
+        "device": gpu.info().device,
+        "is_software": gpu.name().is_software,
+        "subparticles": bed.subparticles(),
+        "steps": step,
+        "same_bits_until_step": same_until,
+        "farthest_apart_m": apart_m,
+        "is_within_tolerance": close,
+    }))?;
     Ok(if close { Exit::Done } else { Exit::Failed })
 }
 

@@ -124,9 +124,9 @@ fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
         }
     }
     if args.json {
-        ui::println(format_args!("{:#}", json!(rows)))?;
+        ui::json(&json!(rows))?;
     } else if args.write.is_none() {
-        ui::println(table(&rows))?;
+        ui::print(format_args!("{}\n", table(&rows)))?;
     }
     Ok(Exit::Done)
 }
