@@ -38,7 +38,7 @@ impl Exit {
             cause.is::<BadInput>()
                 || cause.downcast_ref::<ServerError>().is_some_and(cannot_start)
                 || refused.is_some_and(|refused| {
-                    matches!(refused, ClientError::Address(_) | ClientError::Authorities)
+                    matches!(refused, ClientError::Address(_) | ClientError::Authorities(_))
                         || matches!(refused.problem_status(), Some(400 | 404 | 413 | 415 | 422))
                 })
         });

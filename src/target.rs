@@ -10,6 +10,8 @@ use roost_api::sweep::SweepView;
 use roost_worker::client::{Client, ClientError, Credentials};
 use uuid::Uuid;
 
+use crate::exit::BadInput;
+
 /// The server to talk to.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Server {
@@ -39,10 +41,18 @@ pub(crate) struct Access {
 
 impl Access {
     pub(crate) fn read(&self) -> Result<Credentials> {
-        let read = |path: &PathBuf| {
-            std::fs::read(path).with_context(|| format!("cannot read the certificates in {}", path.display()))
-        };
-        Ok(Credentials { token: self.token()?, ca: self.ca.as_ref().map(read).transpose()? })
+        let mut credentials = Credentials { token: self.token()?, ca: None };
+        if let Some(path) = &self.ca {
+            let unread = |error| {
+                let path = path.display();
+                BadInput(format!(
+                    "cannot read the certificates to trust (--ca or ROOST_CA) in {path}: {error}"
+                ))
+            };
+            credentials.ca = Some(std::fs::read(path).map_err(unread)?);
+            credentials.check().with_context(|| path.display().to_string())?;
+        }
+        Ok(credentials)
     }
 
     fn token(&self) -> Result<Option<String>> {

@@ -5,7 +5,7 @@ use std::sync::Once;
 use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue};
 use reqwest::{Certificate, ClientBuilder};
 
-use super::{ClientError, ClientResult};
+use super::{ClientError, ClientResult, reason};
 
 /// Access to a server.
 #[derive(Clone, Default)]
@@ -28,6 +28,23 @@ impl std::fmt::Debug for Credentials {
 }
 
 impl Credentials {
+    /// Whether the authorities are certificates.
+    ///
+    /// # Errors
+    /// [`ClientError::Authorities`] with the reason where they are not.
+    pub fn check(&self) -> ClientResult<()> {
+        self.ca.as_deref().map_or(Ok(()), |pem| authorities(pem).map(drop))
+    }
+
+    /// Why no client can be made with these, although the address is one.
+    pub(super) fn refusal(&self, server: &str, error: &reqwest::Error) -> ClientError {
+        let reason = reason::innermost(error).to_string();
+        match self.ca {
+            Some(_) => ClientError::Authorities(reason),
+            None => ClientError::NoAuthorities { server: server.to_owned(), reason },
+        }
+    }
+
     pub(super) fn apply(&self, builder: ClientBuilder, is_encrypted: bool) -> ClientResult<ClientBuilder> {
         prepare_tls();
         let mut builder = builder;
@@ -47,8 +64,12 @@ impl Credentials {
 }
 
 fn authorities(pem: &[u8]) -> ClientResult<Vec<Certificate>> {
-    let authorities = Certificate::from_pem_bundle(pem).map_err(|_| ClientError::Authorities)?;
-    if authorities.is_empty() { Err(ClientError::Authorities) } else { Ok(authorities) }
+    let broken = |error: reqwest::Error| ClientError::Authorities(reason::innermost(&error).to_string());
+    let authorities = Certificate::from_pem_bundle(pem).map_err(broken)?;
+    if authorities.is_empty() {
+        return Err(ClientError::Authorities("it has no `-----BEGIN CERTIFICATE-----` (PEM)".to_owned()));
+    }
+    Ok(authorities)
 }
 
 /// Chooses the cryptography of every TLS connection of this process; must come before any client is made.

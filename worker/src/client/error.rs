@@ -3,7 +3,10 @@
 use std::io;
 
 use roost_api::Fault;
+use roost_api::printable::one_line;
 use roost_api::problem::Problem;
+
+use super::reason;
 
 /// Why a call did not give what was asked for.
 #[derive(Debug, thiserror::Error)]
@@ -14,9 +17,28 @@ pub enum ClientError {
     /// The token cannot be sent.
     #[error("the access token has characters that no token has")]
     Token,
-    /// The file of authorities has none.
-    #[error("the file of certificates to trust has none: it must hold `-----BEGIN CERTIFICATE-----` (PEM)")]
-    Authorities,
+    /// The file of authorities cannot be used; says why.
+    #[error("the file of certificates to trust (--ca or ROOST_CA) cannot be used: {0}")]
+    Authorities(String),
+    /// The system has no authorities to check the server's certificate by.
+    #[error(
+        "cannot check the certificate of {server}: {reason}. Install the system's certificates (Debian: ca-certificates), \
+         or name the file with the certificate of the server's authority with --ca FILE or ROOST_CA"
+    )]
+    NoAuthorities {
+        /// Address of the server.
+        server: String,
+        /// What was looked for in vain.
+        reason: String,
+    },
+    /// The server sends its clients to another address.
+    #[error("{server} redirects to {location}: give the address that serves Roost itself")]
+    Redirected {
+        /// Address of the server.
+        server: String,
+        /// Where it redirects to.
+        location: String,
+    },
     /// A file that was to be sent cannot be read, or one that came cannot be written.
     #[error("cannot use {}: {reason}", path.display())]
     File {
@@ -26,11 +48,11 @@ pub enum ClientError {
         reason: String,
     },
     /// Nothing answered, or not in time. Trying again may help.
-    #[error("cannot reach {server}: {reason}")]
+    #[error("cannot reach {server}: {}", one_line(reason))]
     Unreachable {
         /// Address of the server.
         server: String,
-        /// The innermost cause, such as `Connection refused`.
+        /// The innermost cause, such as `Connection refused`, and what to do about it where that is known.
         reason: String,
         /// Whether it was that: nobody listens there.
         is_refused: bool,
@@ -39,7 +61,7 @@ pub enum ClientError {
     #[error("{}", describe(.0))]
     Problem(Box<Problem>),
     /// An error answer that is no problem document: something else answers there.
-    #[error("{server} answered {status} without saying why: {body}")]
+    #[error("{server} answered {status} without saying why: {}{}", one_line(body), reason::of_answer(server, *status, body))]
     Foreign {
         /// Address of the server.
         server: String,
@@ -49,7 +71,7 @@ pub enum ClientError {
         body: String,
     },
     /// A success whose body is not what the API promises.
-    #[error("{server} sent an answer that this version does not understand: {reason}")]
+    #[error("{server} sent an answer that this version does not understand: {}", one_line(reason))]
     Body {
         /// Address of the server.
         server: String,
@@ -62,7 +84,12 @@ impl ClientError {
     /// Whether the same call may well succeed later: the server is away, overloaded or restarting.
     pub fn is_transient(&self) -> bool {
         match self {
-            Self::Address(_) | Self::Token | Self::Authorities | Self::File { .. } => false,
+            Self::Address(_)
+            | Self::Token
+            | Self::Authorities(_)
+            | Self::NoAuthorities { .. }
+            | Self::Redirected { .. }
+            | Self::File { .. } => false,
             Self::Unreachable { .. } | Self::Body { .. } => true,
             Self::Foreign { status, .. } => is_transient_status(*status) || *status == 404,
             Self::Problem(problem) => is_transient_status(problem.status),
@@ -88,15 +115,14 @@ impl ClientError {
 
     pub(super) fn transport(server: &str, error: &reqwest::Error) -> Self {
         let server = server.to_owned();
+        let cause = reason::innermost(error);
         if error.is_decode() {
-            return Self::Body { server, reason: innermost(error).to_string() };
+            return Self::Body { server, reason: cause.to_string() };
         }
-        let cause = innermost(error);
         let is_refused = cause
             .downcast_ref()
             .is_some_and(|cause: &io::Error| cause.kind() == io::ErrorKind::ConnectionRefused);
-        let reason = if error.is_timeout() { "no answer in time".to_owned() } else { cause.to_string() };
-        Self::Unreachable { server, reason, is_refused }
+        Self::Unreachable { server, reason: reason::of(error), is_refused }
     }
 }
 
@@ -104,20 +130,11 @@ fn is_transient_status(status: u16) -> bool {
     status >= 500 || matches!(status, 408 | 425 | 429)
 }
 
-/// reqwest wraps the cause several times over; only the innermost says something.
-fn innermost(error: &reqwest::Error) -> &(dyn std::error::Error + 'static) {
-    let mut cause: &(dyn std::error::Error + 'static) = error;
-    while let Some(source) = cause.source() {
-        cause = source;
-    }
-    cause
-}
-
 fn describe(problem: &Problem) -> String {
     // The detail of a single fault is that fault: it would be there twice.
     let says_it_all = problem.errors.iter().any(|fault| fault.to_string() == problem.detail);
     let is_title = problem.detail.is_empty() || says_it_all;
-    let mut text = if is_title { problem.title.clone() } else { problem.detail.clone() };
+    let mut text = one_line(if is_title { &problem.title } else { &problem.detail }).into_owned();
     for fault in &problem.errors {
         text.push_str("\n  ");
         text.push_str(&fault_line(fault));
@@ -125,7 +142,8 @@ fn describe(problem: &Problem) -> String {
     text
 }
 
-/// A fault for people: where it is, what, and what would be allowed. An empty pointer is the document itself.
+/// A fault for people, in one line: where it is, what, and what would be allowed. An empty pointer is the document itself.
 pub fn fault_line(fault: &Fault) -> String {
-    if fault.pointer.is_empty() { format!("the document{fault}") } else { fault.to_string() }
+    let text = if fault.pointer.is_empty() { format!("the document{fault}") } else { fault.to_string() };
+    one_line(&text).into_owned()
 }

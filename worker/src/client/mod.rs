@@ -4,6 +4,7 @@
 
 mod credentials;
 mod error;
+mod reason;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -11,7 +12,8 @@ use std::net::IpAddr;
 use std::path::Path;
 use std::time::Duration;
 
-use reqwest::header::{CONTENT_LENGTH, CONTENT_TYPE};
+use reqwest::header::{CONTENT_LENGTH, CONTENT_TYPE, LOCATION};
+use reqwest::redirect::Policy;
 use reqwest::{Method, RequestBuilder, Url};
 use roost_api::design::Extension;
 use roost_api::frames;
@@ -67,13 +69,16 @@ impl Client {
         let mut builder = reqwest::Client::builder()
             .connect_timeout(CONNECT_TIMEOUT)
             .timeout(ANSWER_TIMEOUT)
+            // Followed, a POST would become a GET, and the certificate of the new address would be checked by no authority.
+            .redirect(Policy::none())
             .user_agent(concat!("roost/", env!("CARGO_PKG_VERSION")));
         // A proxy named in the environment knows nothing of this machine's own addresses.
         let ip = host.trim_matches(['[', ']']).parse::<IpAddr>();
         if host == "localhost" || ip.is_ok_and(|ip| ip.is_loopback()) {
             builder = builder.no_proxy();
         }
-        let http = credentials.apply(builder, is_encrypted)?.build().map_err(|_| refused())?;
+        let http = credentials.apply(builder, is_encrypted)?.build();
+        let http = http.map_err(|error| credentials.refusal(&server, &error))?;
         Ok(Self { http, server })
     }
 
@@ -356,6 +361,10 @@ impl Client {
         let status = response.status();
         if status.is_success() {
             return Ok(response);
+        }
+        if let Some(location) = response.headers().get(LOCATION).filter(|_| status.is_redirection()) {
+            let location = String::from_utf8_lossy(location.as_bytes()).into_owned();
+            return Err(ClientError::Redirected { server: self.server.clone(), location });
         }
         let body = response.text().await.map_err(transport)?;
         Err(match serde_json::from_str(&body) {
