@@ -53,6 +53,10 @@ pub(crate) fn hint(error: &anyhow::Error) -> Option<&'static str> {
             return Some("`roost up` or `roost serve` starts a server; `--server` or ROOST_SERVER names one that runs elsewhere");
         }
         match cause.downcast_ref() {
+            Some(ServerError::NotLoopback(_)) => Some(
+                "in a container, make the token on its volume first: `podman run --rm -v VOLUME:/var/lib/roost IMAGE token create \
+                 --data /var/lib/roost --scope admin > admin.token`",
+            ),
             Some(ServerError::Bind { source, .. }) if source.kind() == io::ErrorKind::AddrInUse => {
                 Some("a server may run there already; `--listen 127.0.0.1:0` takes any port that is free")
             }

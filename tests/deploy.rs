@@ -2,6 +2,7 @@
 
 mod support;
 
+use std::net::SocketAddr;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -133,6 +134,94 @@ fn repeats_of_a_signal_are_one_request_and_a_later_one_ends_it_at_once() {
     assert!(took < Duration::from_secs(5), "{took:?}");
 }
 
+/// The lines of the Containerfile that begin with an instruction, each with its arguments.
+fn instructions(name: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(deploy("Containerfile")).unwrap().replace("\\\n", " ");
+    let of_name = text.lines().filter_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+    of_name.map(|rest| rest.trim().to_owned()).collect()
+}
+
+#[test]
+fn the_container_listens_where_a_published_port_reaches_it_and_refuses_without_a_token() {
+    let home = Home::new();
+    let port = home.address.rsplit_once(':').unwrap().1;
+    let data = home.path("data").display().to_string();
+    let command: Vec<String> = serde_json::from_str(&instructions("CMD")[0]).unwrap();
+    let listen = command.iter().skip_while(|word| *word != "--listen").nth(1).unwrap();
+    assert!(!listen.parse::<SocketAddr>().unwrap().ip().is_loopback(), "{listen}");
+    let (in_data, in_port) = (|word: &String| word.replace("/var/lib/roost", &data), format!(":{port}"));
+    let command: Vec<String> = command.iter().map(|word| in_data(word).replace(":7373", &in_port)).collect();
+
+    let refused = support::roost().args(&command).output().unwrap();
+    assert_eq!(refused.status.code(), Some(2), "{}", support::said(&refused));
+    let said = support::said(&refused);
+    // What it says to do is what then helps, as the Containerfile's head has it too.
+    let to_do = "roost:/var/lib/roost roost token create --data /var/lib/roost --scope admin";
+    let head = std::fs::read_to_string(deploy("Containerfile")).unwrap();
+    assert!(head.contains(to_do), "{to_do}");
+    let (_, to_do) = to_do.split_once(" roost ").unwrap();
+    assert!(said.contains(&format!("-v VOLUME:/var/lib/roost IMAGE {to_do}")), "{said}");
+    let to_do: Vec<String> = to_do.split(' ').map(|word| in_data(&word.to_owned())).collect();
+    let token = support::stdout(&support::roost().args(&to_do).output().unwrap());
+
+    let mut server =
+        support::roost().args(&command).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let client = |token: &str| {
+        let mut client = support::roost();
+        client.args(["list", "--json", "--server", &home.address]).env("ROOST_TOKEN", token).output().unwrap()
+    };
+    support::until("the server answers with the token", || client(&token).status.success().then_some(()));
+    let stranger = client("roost_nothing");
+    support::signal(server.id(), "TERM");
+    let status = support::until("the server ends", || server.try_wait().unwrap());
+    assert!(status.success(), "{status}");
+    assert_eq!(stranger.status.code(), Some(1), "{}", support::said(&stranger));
+}
+
+#[test]
+fn the_image_has_what_it_needs_and_its_build_sees_the_sources_alone() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
+    let version = |text: &str| -> (u32, u32) {
+        let mut numbers = text.split(['.', '-']).map(|number| number.parse().unwrap());
+        (numbers.next().unwrap(), numbers.next().unwrap())
+    };
+    let wanted = manifest.split_once("\nrust-version = \"").unwrap().1.split('"').next().unwrap();
+    let builder = instructions("FROM")[0].clone();
+    let found = builder.split_once("/rust:").unwrap().1;
+    assert!(version(found) >= version(wanted), "{builder}: the workspace wants {wanted}");
+    assert!(
+        instructions("RUN")
+            .iter()
+            .any(|run| run.contains("apt-get install") && run.contains(" ca-certificates"))
+    );
+    // A number, since Kubernetes cannot tell whether a name is root.
+    let user = instructions("USER")[0].clone();
+    assert!(user.split(':').all(|id| id.parse::<u32>().is_ok_and(|id| id > 0)), "{user}");
+    assert!(
+        instructions("RUN")
+            .iter()
+            .any(|run| run.contains("install -d -m 700 -o 10001 -g 10001 /var/lib/roost"))
+    );
+
+    // Everything is ignored but what is named: builds, data folders, tokens and the history stay out.
+    let ignore = std::fs::read_to_string(root.join(".dockerignore")).unwrap();
+    let mut rules = ignore.lines().filter(|line| !line.starts_with('#'));
+    assert_eq!(rules.next(), Some("*"));
+    let context = tempfile::tempdir().unwrap();
+    for rule in rules {
+        let name = rule.strip_prefix('!').unwrap_or_else(|| panic!("{rule}"));
+        assert!(!name.contains(['*', '/']) && !["target", ".git"].contains(&name), "{rule}");
+        assert!(root.join(name).exists(), "{rule}");
+        std::os::unix::fs::symlink(root.join(name), context.path().join(name)).unwrap();
+    }
+    // Cargo finds every package and target that the manifests name.
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["metadata", "--format-version", "1", "--no-deps", "--offline"]).current_dir(context.path());
+    let output = cargo.output().unwrap();
+    assert!(output.status.success(), "{}", support::said(&output));
+}
+
 #[test]
 fn every_file_is_explained_and_runs_what_there_is() {
     let readme = std::fs::read_to_string(deploy("README.md")).unwrap();
@@ -147,13 +236,16 @@ fn every_file_is_explained_and_runs_what_there_is() {
         let words = words.map(|word| word.trim_end_matches('.'));
         for option in words.filter(|word| word.starts_with("--") && word.len() > 4) {
             let foreign = [
+                "--gid",
+                "--no-create-home",
+                "--no-install-recommends",
+                "--yes",
                 "--release",
                 "--features",
                 "--locked",
                 "--bin",
                 "--system",
                 "--uid",
-                "--create-home",
                 "--home-dir",
                 "--from",
                 "--rm",
@@ -171,7 +263,6 @@ fn every_file_is_explained_and_runs_what_there_is() {
                 "--scope",
                 "--name",
                 "--data",
-                "--yes",
             ];
             let known = help.iter().any(|help| help.contains(option));
             assert!(known || foreign.contains(&option), "{name}: {option}");
