@@ -1,6 +1,8 @@
 //! Frames of real runs: what `roost run --frames` leaves, whole, killed, unstable, and again.
 
 mod support;
+#[path = "support/vtk.rs"]
+mod vtk;
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -11,7 +13,7 @@ use roost_frames::web::{Frame, Reader};
 use roost_solver::engine::scene::Scene;
 use serde_json::{Value, json};
 use support::{Home, long, roost, run, said, scenario, signal, until};
-use vtkio::model::{Attribute, DataSet, Piece, PolyDataPiece, Vtk};
+use vtk::PolyData;
 
 /// Three fillets that are through the gate and off the belt in a second.
 fn swift() -> Value {
@@ -55,16 +57,8 @@ fn collection(folder: &Path) -> Vec<(f64, [String; 2])> {
         .collect()
 }
 
-fn piece(path: &Path) -> PolyDataPiece {
-    let DataSet::PolyData { pieces, .. } = Vtk::import(path).unwrap().data else { panic!("{path:?}") };
-    let Some(Piece::Inline(piece)) = pieces.into_iter().next() else { panic!("{path:?}") };
-    *piece
-}
-
-fn point_numbers(piece: &PolyDataPiece, name: &str) -> Vec<f64> {
-    let arrays = piece.data.point.iter();
-    let found = arrays.filter_map(|a| if let Attribute::DataArray(a) = a { Some(a) } else { None });
-    found.into_iter().find(|array| array.name == name).unwrap().data.cast_into().unwrap()
+fn piece(path: &Path) -> PolyData {
+    vtk::read(&fs::read(path).unwrap())
 }
 
 /// Every file below a folder, by name.
@@ -109,12 +103,12 @@ fn both_formats_show_what_the_result_tells() {
     for ((time_s, [particles, surfaces]), frame) in listed.iter().zip(&frames) {
         assert!((time_s - (frame.simulated_s - start)).abs() < 1e-9);
         let piece = piece(&folder.join(particles));
-        let points: Vec<f64> = piece.points.cast_into().unwrap();
+        let points = &piece.points;
         assert_eq!(points.len(), 3 * frame.positions.len());
         let apart = points.iter().zip(frame.positions.iter().flat_map(|x| x.to_array()));
         let most = frame.error_m.max_element() + 1e-6;
         assert!(apart.into_iter().all(|(a, b)| (a - b).abs() < most), "{time_s}");
-        assert!(folder.join(surfaces).exists());
+        assert!(!vtk::read(&fs::read(folder.join(surfaces)).unwrap()).polygons.is_empty());
     }
     let started: Vec<f64> =
         listed.iter().map(|(time_s, _)| *time_s).filter(|&time_s| time_s >= 0.0).collect();
@@ -138,10 +132,9 @@ fn both_formats_show_what_the_result_tells() {
     let mut partly = 0;
     for (time_s, [particles, _]) in listed.iter().filter(|(time_s, _)| *time_s >= 0.0) {
         let piece = piece(&folder.join(particles));
-        let x: Vec<f64> = piece.points.cast_into::<f64>().unwrap().chunks_exact(3).map(|p| p[0]).collect();
-        let bodies = point_numbers(&piece, "body");
-        let inside: f64 =
-            x.iter().zip(bodies).filter(|(x, _)| **x <= 0.0).map(|(_, b)| mass(b as usize)).sum();
+        let x = piece.points.chunks_exact(3).map(|point| point[0]);
+        let bodies = PolyData::numbers(&piece.of_points, "body");
+        let inside: f64 = x.zip(bodies).filter(|(x, _)| *x <= 0.0).map(|(_, b)| mass(*b as usize)).sum();
         assert!((loaded - inside - discharged(*time_s)).abs() < 1e-6, "{time_s}: {inside}");
         partly += u32::from(inside > 0.0 && inside < loaded);
     }

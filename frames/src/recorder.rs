@@ -116,7 +116,6 @@ impl Recorder {
         let no_vtk = |error: &dyn std::fmt::Display| format!("files for ParaView cannot be written: {error}");
         let no_stream = |error: &dyn std::fmt::Display| format!("{STREAM} cannot be written: {error}");
         let files = self.paraview.as_ref().map(|files| files.make(snapshot));
-        let files = files.transpose().map_err(|error| no_vtk(&error))?;
         let interval_s = self.schedule.interval_s();
         let packed = self.stream.as_mut().map(|stream| stream.make(&self.scenario, interval_s, snapshot));
         let packed = packed.transpose().map_err(|error| no_stream(&error))?;

@@ -54,11 +54,12 @@ impl Files {
     }
 
     /// Makes the files of a frame in memory.
-    pub(super) fn make(&self, snapshot: &Snapshot<'_>) -> Result<Frame, vtk::Error> {
-        let particles = vtk::particles(snapshot, self.first_shape)?;
+    pub(super) fn make(&self, snapshot: &Snapshot<'_>) -> Frame {
         let surfaces = || vtk::surfaces(snapshot.scene, snapshot.belt_time_s);
-        let surfaces = if self.stands_still(snapshot) { None } else { Some(surfaces()?) };
-        Ok(Frame { particles, surfaces })
+        Frame {
+            particles: vtk::particles(snapshot, self.first_shape),
+            surfaces: (!self.stands_still(snapshot)).then(surfaces),
+        }
     }
 
     fn stands_still(&self, snapshot: &Snapshot<'_>) -> bool {

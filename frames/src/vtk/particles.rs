@@ -2,18 +2,14 @@
 
 use roost_solver::engine::run::Snapshot;
 use roost_solver::engine::state::Particle;
-use vtkio::model::{Attributes, PolyDataPiece};
 
-use super::{Error, cells, file, scalars, vectors};
+use super::file::{Cells, PolyData, scalars, vectors};
 
 /// A `.vtp` file of a moment. `first_shape` is the number of the shape that is the first kind of the scene.
 ///
 /// Lines carry `stretch`, their length over 2R: 1 at rest along an edge of the lattice, √2 across a face. In a periodic
 /// scene bonds that reach across its seam are left out, as they would be drawn across everything.
-///
-/// # Errors
-/// None that a sound run can cause: the file is made in memory.
-pub fn particles(snapshot: &Snapshot<'_>, first_shape: u32) -> Result<Vec<u8>, Error> {
+pub fn particles(snapshot: &Snapshot<'_>, first_shape: u32) -> Vec<u8> {
     let state = snapshot.state;
     let count = state.particles.len();
     let shapes: Vec<u32> = snapshot.scene.bodies.iter().map(|body| first_shape + body.kind as u32).collect();
@@ -33,28 +29,17 @@ pub fn particles(snapshot: &Snapshot<'_>, first_shape: u32) -> Result<Vec<u8>, E
             stretch.push(apart.length() / (2.0 * state.radius_m));
         }
     }
-    let lines = cells(2, ends);
-    file(PolyDataPiece {
-        points: positions.concat().into(),
-        data: Attributes {
-            point: vec![
-                scalars(
-                    "speed_m_s",
-                    state.particles.iter().map(|p| p.velocity.length()).collect::<Vec<f32>>(),
-                ),
-                vectors("velocity_m_s", flat(|p| p.velocity.to_array())),
-                vectors("spin_rad_s", flat(|p| p.spin.to_array())),
-                scalars("body", state.bodies.clone()),
-                scalars(
-                    "shape",
-                    state.bodies.iter().map(|&body| shapes[body as usize]).collect::<Vec<u32>>(),
-                ),
-                scalars("radius_m", vec![state.radius_m; count]),
-                scalars("bonds_broken", state.broken.clone()),
-            ],
-            cell: lines.iter().map(|_| scalars("stretch", stretch.clone())).collect(),
-        },
-        lines,
-        ..PolyDataPiece::default()
-    })
+    let speeds: Vec<f32> = state.particles.iter().map(|p| p.velocity.length()).collect();
+    let shapes: Vec<u32> = state.bodies.iter().map(|&body| shapes[body as usize]).collect();
+    let of_points = vec![
+        scalars("speed_m_s", speeds),
+        vectors("velocity_m_s", flat(|p| p.velocity.to_array())),
+        vectors("spin_rad_s", flat(|p| p.spin.to_array())),
+        scalars("body", state.bodies.clone()),
+        scalars("shape", shapes),
+        scalars("radius_m", vec![state.radius_m; count]),
+        scalars("bonds_broken", state.broken.clone()),
+    ];
+    let of_cells = vec![scalars("stretch", stretch)];
+    PolyData { points: positions.concat(), of_points, cells: Cells::Lines(ends), of_cells }.into_file()
 }

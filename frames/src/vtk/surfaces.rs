@@ -5,17 +5,13 @@ use roost_solver::engine::scene::Scene;
 use roost_solver::equipment::motion::Pose;
 use roost_solver::equipment::{Motion, Presence, Surface};
 use serde_json::json;
-use vtkio::model::{Attributes, PolyDataPiece};
 
-use super::{Error, cells, file, scalars, vectors};
+use super::file::{Cells, PolyData, scalars, vectors};
 use crate::web::kind_name;
 
 /// A `.vtp` file of the surfaces that are there at a belt time in seconds (`None` before the start), each triangle with
 /// the number of its surface and the velocity of its material.
-///
-/// # Errors
-/// None that a sound scene can cause: the file is made in memory.
-pub fn surfaces(scene: &Scene, belt_time_s: Option<f64>) -> Result<Vec<u8>, Error> {
+pub fn surfaces(scene: &Scene, belt_time_s: Option<f64>) -> Vec<u8> {
     let (mut points, mut numbers, mut velocities) = (Vec::new(), Vec::new(), Vec::new());
     for (number, surface) in (0u32..).zip(&scene.surfaces) {
         if surface.presence == Presence::UntilStart && belt_time_s.is_some() {
@@ -34,10 +30,9 @@ pub fn surfaces(scene: &Scene, belt_time_s: Option<f64>) -> Result<Vec<u8>, Erro
             points.extend(corners.iter().flat_map(|corner| corner.as_vec3().to_array()));
         }
     }
-    let polys = cells(3, (0..points.len() as u64 / 3).collect());
-    let cell = vec![scalars("surface", numbers), vectors("velocity_m_s", velocities)];
-    let data = Attributes { point: Vec::new(), cell };
-    file(PolyDataPiece { points: points.into(), polys, data, ..PolyDataPiece::default() })
+    let cells = Cells::Triangles((0..points.len() as u64 / 3).collect());
+    let of_cells = vec![scalars("surface", numbers), vectors("velocity_m_s", velocities)];
+    PolyData { points, of_points: Vec::new(), cells, of_cells }.into_file()
 }
 
 /// Where a point of a surface is: x = pivot + shift + turn · (x₀ − pivot).

@@ -5,37 +5,14 @@ use std::f64::consts::FRAC_PI_2;
 use glam::DVec3;
 use roost_solver::engine::scene::Scene;
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
-use vtkio::model::{Attribute, DataSet, Piece, PolyDataPiece, VertexNumbers, Vtk};
 
+use super::file::{Cells, PolyData as Made, scalars};
+use super::reading::{PolyData, read};
 use super::*;
 use crate::testing::{bonds, fillets, moment, shake};
 
-fn read(bytes: &[u8]) -> PolyDataPiece {
-    let DataSet::PolyData { pieces, .. } = Vtk::parse_xml(bytes).expect("a VTK file").data else {
-        panic!("no polygonal data")
-    };
-    match pieces.into_iter().next() {
-        Some(Piece::Inline(piece)) => *piece,
-        other => panic!("no piece: {other:?}"),
-    }
-}
-
-fn numbers(attributes: &[Attribute], name: &str) -> Vec<f64> {
-    let arrays = attributes.iter().filter_map(|attribute| match attribute {
-        Attribute::DataArray(array) => Some(array),
-        Attribute::Field { .. } => None,
-    });
-    let array = arrays.into_iter().find(|array| array.name == name);
-    array.unwrap_or_else(|| panic!("no {name}")).data.cast_into().expect("numbers")
-}
-
-fn points(piece: &PolyDataPiece) -> Vec<DVec3> {
-    let flat: Vec<f64> = piece.points.cast_into().expect("numbers");
-    flat.chunks_exact(3).map(DVec3::from_slice).collect()
-}
-
-fn corners(cells: Option<&VertexNumbers>) -> Vec<u64> {
-    cells.map_or_else(Vec::new, |cells| cells.clone().into_xml().0)
+fn points(data: &PolyData) -> Vec<DVec3> {
+    data.points.chunks_exact(3).map(DVec3::from_slice).collect()
 }
 
 #[test]
@@ -47,14 +24,14 @@ fn particles_are_those_of_the_state() {
     let first = scene.kinds[scene.bodies[0].kind].meta.points.len() as u32;
     state.remove(&(0..first).collect::<Vec<_>>());
     let held: Vec<[u32; 2]> = all.into_iter().filter(|bond| bond[0] >= first).skip(1).collect();
-    let piece = read(&particles(&moment(&scene, &state, &held, 0.0, None), 4).expect("a file"));
+    let piece = read(&particles(&moment(&scene, &state, &held, 0.0, None), 4));
 
     let count = state.particles.len();
     assert_eq!(points(&piece).len(), count);
     for (i, x) in points(&piece).into_iter().enumerate() {
         assert!((x - state.position(i)).length() < 1e-7, "{i} {x}");
     }
-    let at = |name: &str| numbers(&piece.data.point, name);
+    let at = |name: &str| PolyData::numbers(&piece.of_points, name);
     let of = |value: &dyn Fn(usize) -> f64| (0..count).map(value).collect::<Vec<f64>>();
     assert_eq!(at("speed_m_s"), of(&|i| state.particles[i].velocity.length().into()));
     assert_eq!(at("velocity_m_s")[3 * 7..][..3], state.particles[7].velocity.as_dvec3().to_array());
@@ -64,10 +41,12 @@ fn particles_are_those_of_the_state() {
     assert_eq!(at("radius_m"), of(&|_| state.radius_m.into()));
     assert_eq!(at("bonds_broken"), of(&|i| state.broken[i].into()));
 
-    let ends = corners(piece.lines.as_ref());
-    assert_eq!(ends, held.concat().iter().map(|&serial| u64::from(serial - first)).collect::<Vec<_>>());
-    let stretch = numbers(&piece.data.cell, "stretch");
-    for (pair, stretch) in ends.chunks_exact(2).zip(stretch) {
+    assert!(held.len() > 100, "{} bonds", held.len());
+    assert_eq!(
+        piece.lines,
+        held.iter().map(|bond| bond.map(|serial| u64::from(serial - first))).collect::<Vec<_>>()
+    );
+    for (pair, stretch) in piece.lines.iter().zip(PolyData::numbers(&piece.of_cells, "stretch")) {
         let [a, b] = [pair[0], pair[1]].map(|i| state.position(i as usize));
         assert!((stretch - a.distance(b) / (2.0 * scene.radius_m)).abs() < 1e-6, "{pair:?} {stretch}");
     }
@@ -83,12 +62,13 @@ fn bonds_across_the_seam_are_left_out() {
     let bonds = bonds(&scene);
     let drawn = |scene: &Scene| {
         let state = roost_solver::engine::state::State::new(scene);
-        let piece = read(&particles(&moment(scene, &state, &bonds, 0.0, None), 0).expect("a file"));
+        let piece = read(&particles(&moment(scene, &state, &bonds, 0.0, None), 0));
         let at = points(&piece);
-        let ends = corners(piece.lines.as_ref());
-        assert!(numbers(&piece.data.cell, "stretch").iter().all(|stretch| (stretch - 1.0).abs() < 1e-4));
-        assert!(ends.chunks_exact(2).all(|b| (at[b[0] as usize].y - at[b[1] as usize].y).abs() < 0.02));
-        ends.len() / 2
+        assert!(
+            PolyData::numbers(&piece.of_cells, "stretch").iter().all(|stretch| (stretch - 1.0).abs() < 1e-4)
+        );
+        assert!(piece.lines.iter().all(|b| (at[b[0] as usize].y - at[b[1] as usize].y).abs() < 0.02));
+        piece.lines.len()
     };
     assert_eq!(drawn(&scene), bonds.len(), "the seam is elsewhere");
     (scene.low.y, scene.high.y) = (middle, middle + 1.0);
@@ -113,21 +93,22 @@ fn equipment() -> Scene {
 #[test]
 fn surfaces_are_where_they_have_moved_to() {
     let scene = equipment();
-    let before = read(&surfaces(&scene, None).expect("a file"));
-    assert_eq!(numbers(&before.data.cell, "surface"), [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]);
-    assert_eq!(corners(before.polys.as_ref()), (0..18).collect::<Vec<_>>());
-    assert!(numbers(&before.data.cell, "velocity_m_s").iter().all(|&v| v == 0.0));
+    let before = read(&surfaces(&scene, None));
+    assert_eq!(PolyData::numbers(&before.of_cells, "surface"), [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]);
+    assert_eq!(before.polygons.concat(), (0..18).collect::<Vec<_>>());
+    assert!(before.polygons.iter().all(|corners| corners.len() == 3) && before.lines.is_empty());
+    assert!(PolyData::numbers(&before.of_cells, "velocity_m_s").iter().all(|&v| v == 0.0));
     let at = points(&before);
     assert_eq!(at[2], DVec3::new(1.0, 1.0, 3.0), "the plate's upper corner");
 
     // A second later: a quarter turn about y takes z to x; the shutter is gone.
-    let after = read(&surfaces(&scene, Some(1.0)).expect("a file"));
-    assert_eq!(numbers(&after.data.cell, "surface"), [0.0, 0.0, 1.0, 1.0]);
+    let after = read(&surfaces(&scene, Some(1.0)));
+    assert_eq!(PolyData::numbers(&after.of_cells, "surface"), [0.0, 0.0, 1.0, 1.0]);
     let at = points(&after);
     assert!((at[2] - DVec3::new(2.0, 1.0, 2.5)).length() < 1e-6, "{}", at[2]);
     assert!((at[0] - DVec3::new(1.0, 0.0, 2.5)).length() < 1e-6, "the pivot only rises: {}", at[0]);
     assert_eq!(at[6..9], points(&before)[6..9], "a belt stays");
-    let velocities = numbers(&after.data.cell, "velocity_m_s");
+    let velocities = PolyData::numbers(&after.of_cells, "velocity_m_s");
     // The first triangle's middle is 2/3 of a third … of the plate: (0 + 0 + 1)/3 from the axis, now along x.
     let expected = [0.0, 0.0, 0.5 - FRAC_PI_2 / 3.0];
     assert!(velocities[..3].iter().zip(expected).all(|(v, e)| (v - e).abs() < 1e-6), "{velocities:?}");
@@ -142,8 +123,28 @@ fn an_empty_scene_says_that_it_has_no_points() {
     state.remove(&state.serials.clone());
     scene.surfaces.clear();
     let files = [particles(&moment(&scene, &state, &[], 0.0, None), 0), surfaces(&scene, None)];
-    for bytes in files.map(|file| file.expect("a file")) {
+    for bytes in files {
         assert!(String::from_utf8_lossy(&bytes).contains("NumberOfPoints=\"0\""));
         assert!(points(&read(&bytes)).is_empty());
+    }
+}
+
+#[test]
+fn arrays_are_whole_at_and_about_the_ends_of_their_blocks() {
+    const NUMBERS_A_BLOCK: u32 = (1 << 15) / 4;
+    for count in [0, 1, NUMBERS_A_BLOCK - 1, NUMBERS_A_BLOCK, NUMBERS_A_BLOCK + 1, 2 * NUMBERS_A_BLOCK] {
+        let numbers: Vec<u32> = (0..count).map(|k| k.wrapping_mul(2_654_435_761)).collect();
+        let made = Made {
+            points: vec![0.5; 3 * count as usize],
+            of_points: vec![scalars("hash", numbers.clone())],
+            cells: Cells::Lines(Vec::new()),
+            of_cells: Vec::new(),
+        };
+        let data = read(&made.into_file());
+        assert_eq!(
+            PolyData::numbers(&data.of_points, "hash"),
+            numbers.iter().map(|k| f64::from(*k)).collect::<Vec<_>>()
+        );
+        assert_eq!(data.of_points["hash"].kind, "UInt32");
     }
 }
