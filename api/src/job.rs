@@ -18,10 +18,20 @@ use roost_solver::result::Progress;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
+use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use crate::frames::FramesView;
 use crate::ids::{JobId, SweepId, WorkerId};
 use crate::time::Timestamp;
+
+/// Labels that a document has at most.
+pub const MAX_LABELS: usize = 64;
+
+/// The longest name, and the longest key or value of a label, in bytes of UTF-8.
+pub const MAX_NAME_BYTES: usize = 256;
+
+/// The highest priority that a token with the scope `submit` may ask for.
+pub const MAX_SUBMIT_PRIORITY: i32 = 100;
 
 /// Declares an enum of words that are the same in JSON, SQL and text.
 macro_rules! words {
@@ -151,7 +161,8 @@ words!(
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Needs {
-    /// Name of the backend, such as `cpu`; any when null.
+    /// Name of the backend, such as `cpu`, of at most 256 bytes; any when null.
+    #[schema(max_length = 256)]
     pub backend: Option<String>,
     /// Memory of its device, in MiB; any when null.
     pub memory_mib: Option<u32>,
@@ -164,11 +175,12 @@ pub struct JobEnvelope {
     /// The scenario document.
     #[schema(value_type = Object)]
     pub scenario: Value,
-    /// Higher is claimed first.
+    /// Higher is claimed first; above 100 it takes a token with the scope `admin`.
     #[serde(default)]
     pub priority: i32,
-    /// Free labels.
+    /// Free labels, at most 64 with keys and values of at most 256 bytes.
     #[serde(default)]
+    #[schema(schema_with = labels_schema)]
     pub labels: BTreeMap<String, String>,
     /// What the job needs of a worker.
     #[serde(default)]
@@ -182,6 +194,20 @@ pub struct JobEnvelope {
     /// Whether the result may come from the store.
     #[serde(default = "default_cache")]
     pub cache: Cache,
+}
+
+/// The schema of labels. JSON Schema counts characters: what it allows may still have too many bytes.
+pub(crate) fn labels_schema() -> Object {
+    let text = || ObjectBuilder::new().schema_type(Type::String).max_length(Some(MAX_NAME_BYTES));
+    let doc =
+        format!("Free labels, at most {MAX_LABELS} with keys and values of at most {MAX_NAME_BYTES} bytes.");
+    ObjectBuilder::new()
+        .schema_type(Type::Object)
+        .max_properties(Some(MAX_LABELS))
+        .property_names(Some(text()))
+        .additional_properties(Some(text()))
+        .description(Some(doc))
+        .build()
 }
 
 /// The default of [`JobEnvelope::cache`].
@@ -213,7 +239,7 @@ pub struct JobView {
     pub scenario_digest: String,
     /// Higher is claimed first.
     pub priority: i32,
-    /// Free labels.
+    /// Its labels, or those of its sweep.
     pub labels: BTreeMap<String, String>,
     /// Number of its newest attempt; 0 before the first.
     pub attempt: u32,

@@ -21,7 +21,8 @@ pub struct SweepSpec {
     /// `roost.sweep/1`; may be left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub schema: Option<String>,
-    /// A name for people.
+    /// A name for people, of at most 256 bytes.
+    #[schema(max_length = 256)]
     pub name: String,
     /// The scenario that every point starts from.
     #[schema(value_type = Object)]
@@ -34,11 +35,12 @@ pub struct SweepSpec {
     /// Runs per design point, with seeds of their own.
     #[serde(default = "one")]
     pub replicates: u32,
-    /// Higher is claimed first.
+    /// Higher is claimed first; above 100 it takes a token with the scope `admin`.
     #[serde(default)]
     pub priority: i32,
-    /// Free labels.
+    /// Free labels, at most 64 with keys and values of at most 256 bytes.
     #[serde(default)]
+    #[schema(schema_with = crate::job::labels_schema)]
     pub labels: BTreeMap<String, String>,
     /// What its jobs need of a worker.
     #[serde(default)]

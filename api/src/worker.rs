@@ -13,15 +13,18 @@ use crate::time::Timestamp;
 pub struct WorkerRegistration {
     /// A fresh id for each process.
     pub worker_id: WorkerId,
-    /// A name for people, such as the host name.
+    /// A name for people, such as the host name; at most 256 bytes.
+    #[schema(max_length = 256)]
     pub name: String,
     /// [`crate::API_VERSION`] it speaks.
     pub api_version: String,
     /// `SOLVER_REVISION` of its solver.
     pub solver_revision: u32,
-    /// Backend it runs, such as `cpu`.
+    /// Backend it runs, such as `cpu`; its results say the same.
+    #[schema(max_length = 256)]
     pub backend: String,
-    /// Device in words.
+    /// Device in words; its results say the same.
+    #[schema(max_length = 256)]
     pub device: String,
     /// Threads it uses.
     pub threads: u32,

@@ -64,7 +64,7 @@ impl Found {
         } else {
             (self.message.clone(), None)
         };
-        Fault { pointer: self.pointer.clone(), value, detail, allowed }
+        Fault::new(&self.pointer, &value, detail, allowed)
     }
 }
 

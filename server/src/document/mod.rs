@@ -4,6 +4,7 @@
 //! place, and the rest is tried again, until what is left has no more to say. `found` says one fault in words.
 
 mod found;
+mod limits;
 #[cfg(test)]
 mod tests;
 
@@ -18,6 +19,7 @@ use serde_json::{Value, json};
 
 use crate::mesh;
 use found::{Found, kind};
+pub(crate) use limits::{label_faults, name_fault};
 
 /// A document with more faults than this is another kind of document.
 const MAX_FAULTS: usize = 50;
@@ -174,6 +176,8 @@ pub(crate) fn read_envelope(
     let (envelope, mut faults) = read_leniently::<JobEnvelope>(document);
     if let Some(envelope) = &envelope {
         faults.extend(running_faults(envelope.max_wall_s, envelope.frame_interval_s));
+        faults.extend(label_faults(&envelope.labels));
+        faults.extend(envelope.needs.backend.iter().filter_map(|name| name_fault("/needs/backend", name)));
     }
     match (envelope, scenario) {
         (Some(envelope), Some(Ok(scenario))) if faults.is_empty() => Ok((envelope, scenario)),
@@ -190,10 +194,10 @@ pub(crate) fn prefixed(prefix: &str, faults: Vec<Fault>) -> Vec<Fault> {
     faults.into_iter().map(within).collect()
 }
 
-/// A fault of our own finding.
+/// A fault of our own finding; a long value is cut short.
 pub(crate) fn fault(pointer: &str, value: Value, detail: &str, allowed: &str) -> Fault {
     let allowed = Some(allowed.to_owned()).filter(|allowed| !allowed.is_empty());
-    Fault { pointer: pointer.to_owned(), value, detail: detail.to_owned(), allowed }
+    Fault::new(pointer, &value, detail.to_owned(), allowed)
 }
 
 /// Faults of what jobs and sweeps share.

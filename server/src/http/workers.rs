@@ -17,6 +17,7 @@ use super::extract::{Body, Params, Segments};
 use super::page::{limit, limit_schema, page};
 use super::problem::{ApiError, Kind};
 use crate::app::App;
+use crate::document::name_fault;
 
 /// Registers a worker process; a repeat is the same worker.
 #[utoipa::path(post, path = "/v1/workers", tag = "workers", operation_id = "register_worker",
@@ -28,6 +29,11 @@ pub(crate) async fn register(
     State(app): State<App>,
     Body(worker): Body<WorkerRegistration>,
 ) -> Result<Json<WorkerWelcome>, ApiError> {
+    let names = [("/name", &worker.name), ("/backend", &worker.backend), ("/device", &worker.device)];
+    let faults: Vec<_> = names.iter().filter_map(|(pointer, name)| name_fault(pointer, name)).collect();
+    if !faults.is_empty() {
+        return Err(ApiError::faults(faults));
+    }
     if worker.api_version != API_VERSION {
         let detail = format!(
             "the worker speaks API {}, this server {API_VERSION}: install the same release on both",

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::points::Points;
 use super::{Expansion, SweepLimits, levels, matrix, plan, rows};
-use crate::document::{fault, prefixed, running_faults};
+use crate::document::{fault, label_faults, name_fault, prefixed, running_faults};
 use crate::mesh;
 
 /// Expands a sweep, or lists every fault with pointers into its document.
@@ -51,7 +51,10 @@ fn check_words(spec: &SweepSpec, faults: &mut Vec<Fault>) {
     if spec.name.trim().is_empty() {
         faults.push(fault("/name", json!(spec.name), "a sweep needs a name", "some text"));
     }
+    faults.extend(name_fault("/name", &spec.name));
     faults.extend(running_faults(spec.max_wall_s, spec.frame_interval_s));
+    faults.extend(label_faults(&spec.labels));
+    faults.extend(spec.needs.backend.iter().filter_map(|name| name_fault("/needs/backend", name)));
 }
 
 fn check_replicates(replicates: u32, faults: &mut Vec<Fault>) {
