@@ -24,9 +24,9 @@ use super::{audit, dashboard, session};
 use crate::app::App;
 use crate::store::Token;
 
-/// Who asks; empty while everything is open.
+/// Who asks, and what that token allows; empty while everything is open.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Caller(pub(crate) Arc<str>);
+pub(crate) struct Caller(pub(crate) Arc<str>, pub(crate) Vec<Scope>);
 
 impl Caller {
     /// For the audit log.
@@ -154,7 +154,7 @@ impl Access {
             let detail = format!("this takes a token with the scope {}", scopes.join(" or "));
             return Err(ApiError::new(Kind::Forbidden, detail));
         }
-        Ok(Caller(token.id.as_str().into()))
+        Ok(Caller(token.id.as_str().into(), token.scopes.clone()))
     }
 
     /// Seconds to wait, when this caller has asked too often.

@@ -1,9 +1,9 @@
 //! Jobs: submit, look, cancel, retry.
 
-use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, Uri, header};
 use axum::response::Response;
+use axum::{Extension, Json};
 use roost_api::ids::JobId;
 use roost_api::job::{FailureClass, JobEnvelope, JobState, JobView};
 use roost_api::page::Page;
@@ -11,10 +11,12 @@ use roost_api::problem::Problem;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
+use super::access::Caller;
 use super::aside::aside;
 use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
 use super::page::{cursor, label, limit, limit_schema, page};
+use super::priority;
 use super::problem::{ApiError, Kind};
 use super::submissions::Reserved;
 use crate::app::App;
@@ -32,6 +34,7 @@ use crate::store::{JobFilter, NewJob};
                content_type = "application/problem+json")))]
 pub(crate) async fn submit(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     reserved: Reserved,
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<JobView>), ApiError> {
@@ -40,9 +43,11 @@ pub(crate) async fn submit(
     let meshes = at_hand(&app, &document).await?;
     let (envelope, scenario) =
         aside(move || read_envelope(&meshes, &limits, document)).await?.map_err(ApiError::faults)?;
+    priority::allow(&caller, "/priority", envelope.priority)?;
     let id = JobId(reserved.id());
     let job = NewJob {
         id,
+        token: caller.0.as_ref().to_owned(),
         scenario,
         priority: envelope.priority,
         labels: envelope.labels,

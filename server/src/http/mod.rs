@@ -17,6 +17,7 @@ mod meshes;
 mod meta;
 mod metrics;
 mod page;
+mod priority;
 mod problem;
 mod prune;
 mod results;

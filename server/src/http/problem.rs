@@ -84,11 +84,16 @@ impl ApiError {
 
     /// A document with faults.
     pub(crate) fn faults(faults: Vec<Fault>) -> Self {
+        Self::at(Kind::InvalidDocument, faults)
+    }
+
+    /// A problem of that kind at some places of the document.
+    pub(crate) fn at(kind: Kind, faults: Vec<Fault>) -> Self {
         let detail = match faults.as_slice() {
             [only] => only.to_string(),
             all => format!("{} faults; each is in `errors` with its JSON pointer", all.len()),
         };
-        Self { kind: Kind::InvalidDocument, detail, faults }
+        Self { kind, detail, faults }
     }
 }
 

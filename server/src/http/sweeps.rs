@@ -17,11 +17,13 @@ use serde_json::{Value, json};
 use utoipa::IntoParams;
 use uuid::Uuid;
 
+use super::access::Caller;
 use super::aside::{aside, to_its_end};
 use super::at_hand::at_hand;
 use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
 use super::page::{cursor, label, limit, limit_schema, page};
+use super::priority;
 use super::problem::{ApiError, Kind};
 use super::submissions::Reserved;
 use crate::app::App;
@@ -39,25 +41,28 @@ use crate::sweep::{self, SweepLimits};
                content_type = "application/problem+json")))]
 pub(crate) async fn submit(
     State(app): State<App>,
+    axum::Extension(caller): axum::Extension<Caller>,
     reserved: Reserved,
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<SweepView>), ApiError> {
     let (id, to_make) = (SweepId(reserved.id()), app.clone());
-    to_its_end(async move { make(&to_make, id, document).await }).await??;
+    to_its_end(async move { make(&to_make, id, caller, document).await }).await??;
     let location = [(header::LOCATION, format!("/v1/sweeps/{id}"))];
     Ok((StatusCode::CREATED, location, Json(view(&app, id).await?)))
 }
 
 /// Expands and queues a sweep, whose meshes stay meanwhile. Many points take a while.
-async fn make(app: &App, id: SweepId, document: Value) -> Result<(), ApiError> {
+async fn make(app: &App, id: SweepId, caller: Caller, document: Value) -> Result<(), ApiError> {
     let limits = limits(app);
     let _open = app.mesh_gate.read().await;
     let meshes = at_hand(app, &document).await?;
     let sweep = aside(move || {
         let mut submitted = document.clone();
         let (spec, expansion) = sweep::read(document, &meshes, limits).map_err(ApiError::faults)?;
+        priority::allow(&caller, "/priority", spec.priority)?;
         submitted["schema"] = json!(SCHEMA);
-        NewSweep::new(id, &submitted, spec, expansion).map_err(ApiError::from)
+        let token = caller.0.as_ref().to_owned();
+        NewSweep::new(id, token, &submitted, spec, expansion).map_err(ApiError::from)
     });
     app.store.insert_sweep(sweep.await??, app.clock.now()).await?;
     app.work.notify_waiters();
@@ -230,23 +235,32 @@ const EXTEND_TRIES: u32 = 8;
 pub(crate) async fn extend(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
+    axum::Extension(caller): axum::Extension<Caller>,
     reserved: Reserved,
     Document(document): Document,
 ) -> Result<Json<SweepView>, ApiError> {
     // A repeat under the same key goes on with the same one.
     let (extension, to_grow) = (reserved.id(), app.clone());
-    to_its_end(async move { grow(&to_grow, id, extension, document).await }).await??;
+    to_its_end(async move { grow(&to_grow, id, extension, &caller, document).await }).await??;
     view(&app, id).await.map(Json)
 }
 
 /// Adds to a sweep and queues what is new; the meshes stay meanwhile.
-async fn grow(app: &App, id: SweepId, extension: Uuid, document: Value) -> Result<(), ApiError> {
+async fn grow(
+    app: &App,
+    id: SweepId,
+    extension: Uuid,
+    caller: &Caller,
+    document: Value,
+) -> Result<(), ApiError> {
     let _open = app.mesh_gate.read().await;
     for _ in 0..EXTEND_TRIES {
         if app.store.is_extended(extension).await? {
             return Ok(());
         }
         let stored = app.store.stored_sweep(id).await?.ok_or(Refusal::NoSweep)?;
+        // The new jobs have the priority of the sweep, which may be one that only an admin may ask for.
+        priority::allow(caller, "", stored.spec.priority)?;
         let meshes = at_hand(app, &json!([stored.spec.base, document])).await?;
         let (limits, asked, body) = (limits(app), document.clone(), document.clone());
         let grown =
@@ -254,7 +268,9 @@ async fn grow(app: &App, id: SweepId, extension: Uuid, document: Value) -> Resul
         let (stored, growth) = grown.await?.map_err(ApiError::faults)?;
         let has_more_replicates = growth.replicates > stored.replicates;
         let firsts = if has_more_replicates { app.store.first_scenarios(id).await? } else { Vec::new() };
-        let more = aside(move || MoreOfSweep::new(id, (extension, &body), &stored, growth, firsts)).await??;
+        let token = caller.0.as_ref().to_owned();
+        let more = aside(move || MoreOfSweep::new(id, (extension, &body), token, &stored, growth, firsts));
+        let more = more.await??;
         if app.store.extend_sweep(more, app.clock.now()).await? {
             app.work.notify_waiters();
             return Ok(());

@@ -2,8 +2,8 @@
 //!
 //! The store reads the facts, asks here, and carries the answer out in the same transaction. `fence` says
 //! whether a write of an attempt may count, `lease` what a beat and an expired lease mean, `ending` what
-//! a delivery or a failure does to the job, `retry` when it is tried again, `batch` what a claim gets, `control` what its
-//! owner may do to it.
+//! a delivery or a failure does to the job, `retry` when it is tried again, `turns` whose job is next, `batch` what a claim gets, `control`
+//! what its owner may do to it.
 
 mod batch;
 mod control;
@@ -13,6 +13,7 @@ mod lease;
 mod retry;
 #[cfg(test)]
 mod tests;
+mod turns;
 
 use std::time::Duration;
 
@@ -20,12 +21,13 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::time::Timestamp;
 
-pub(crate) use batch::{Candidate, Holding, Share, Wanted, share};
+pub(crate) use batch::{Holding, Share, Wanted, share};
 pub(crate) use control::{CancelEffect, on_cancel, on_retry};
 pub(crate) use ending::{Verdict, on_failure, on_result};
 pub(crate) use fence::{Standing, standing};
 pub(crate) use lease::{BeatEffect, on_beat, on_deadline, on_lease_expired};
 pub use retry::{RetryPolicy, Tries};
+pub(crate) use turns::{Candidate, Line, Owner, Rounds};
 
 /// What the queue knows of a job when it decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

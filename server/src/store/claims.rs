@@ -12,33 +12,16 @@ use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use uuid::Uuid;
 
+use super::candidates::{CANDIDATES, candidates, rounds};
 use super::rows::{Columns, to_json};
-use super::together::{Collector, rounds};
+use super::together::{self, Collector};
 use super::workers::around;
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
-use crate::queue::{Candidate, Holding, Refusal, Share, Wanted, lease_end, share};
+use crate::queue::{Holding, Refusal, Share, Wanted, lease_end, share};
 
-/// Jobs that suit worker ?1, in the order of the queue. The select walks `jobs_to_claim` and stops at its limit, whatever the
-/// length of the queue; a test looks at the plan. A job that the worker has failed before goes to another one that has what it
-/// needs and was heard of between ?2 and ?3, if there is one.
-pub(super) const CANDIDATES: &str = "SELECT j.seq, j.alone FROM workers me CROSS JOIN jobs j
-    WHERE me.id = ?1 AND me.draining = 0 AND j.state = 'queued' AND j.not_before IS NULL
-      AND (j.needs_backend IS NULL OR j.needs_backend = me.backend)
-      AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= me.memory_mib)
-      AND (j.attempt = j.forgiven
-           OR NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id AND f.worker_id = ?1
-                          AND f.outcome = 'worker' AND f.number > j.forgiven)
-           OR NOT EXISTS (SELECT 1 FROM workers other WHERE other.last_seen_at BETWEEN ?2 AND ?3 AND other.draining = 0
-                          AND (j.needs_backend IS NULL OR j.needs_backend = other.backend)
-                          AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= other.memory_mib)
-                          AND NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id
-                                          AND f.worker_id = other.id AND f.outcome = 'worker'
-                                          AND f.number > j.forgiven)))
-    ORDER BY j.priority DESC, j.turn, j.seq LIMIT ?4";
-
-/// Takes jobs for workers, writes down who runs them from now on, and how far the queue has come; no attempt outlives its
+/// Takes jobs for workers, writes down who runs them from now on, and how far their owners have come; no attempt outlives its
 /// `max_wall_s` by more than a lease.
 pub(super) const TAKE: &str = "
     UPDATE jobs
@@ -51,10 +34,11 @@ pub(super) const TAKE: &str = "
     INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at)
     SELECT j.id, j.attempt, j.worker_id, took.value ->> 'request', took.value ->> 'at'
     FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq';
-    INSERT INTO turns (priority, turn)
-    SELECT j.priority, max(j.turn) FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq'
-    GROUP BY j.priority
-    ON CONFLICT (priority) DO UPDATE SET turn = max(turn, excluded.turn)";
+    INSERT INTO turns (priority, owner, turn, round)
+    SELECT j.priority, j.owner, max(j.turn), max(took.value ->> 'round')
+    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq'
+    GROUP BY j.priority, j.owner
+    ON CONFLICT (priority, owner) DO UPDATE SET turn = max(turn, excluded.turn), round = max(round, excluded.round)";
 
 /// Renews what a request has claimed and still holds.
 pub(super) const REPEAT: &str = "
@@ -147,7 +131,7 @@ async fn claim_all(
     group: &[Arc<Asked>],
 ) -> Result<Vec<Result<Got, Refusal>>, StoreError> {
     let mut answers: Vec<_> = group.iter().map(|_| Err(Refusal::NoWorker)).collect();
-    for places in rounds(group.iter().map(|asked| asked.0.worker)) {
+    for places in together::rounds(group.iter().map(|asked| asked.0.worker)) {
         let round: Vec<Asked> = places.iter().map(|place| *group[*place]).collect();
         for (place, answer) in places.into_iter().zip(claim_round(tx, &round).await?) {
             answers[place] = answer;
@@ -202,16 +186,17 @@ async fn claim_round(
         lists.push(candidates(tx, *claim, *now, total).await?);
     }
     let wanted: Vec<_> = wanting.iter().map(|(_, wanted)| *wanted).collect();
-    let shares: Vec<_> = wanting.iter().map(|(place, _)| *place).zip(share(&wanted, &lists)).collect();
+    let shares = share(&wanted, &lists, &mut rounds(tx, &lists).await?);
+    let shares: Vec<_> = wanting.iter().map(|(place, _)| *place).zip(shares).collect();
     let mut taken = take(tx, round, &shares).await?;
     for (place, share) in shares {
-        let rows = share.jobs.iter().filter_map(|seq| taken.remove(seq)).collect();
+        let rows = share.jobs.iter().filter_map(|next| taken.remove(&next.job.seq)).collect();
         answers[place] = Ok(Got { rows, held_back: share.held_back });
     }
     Ok(answers)
 }
 
-/// What the same request claimed before and still holds, in the order of the queue.
+/// What the same request claimed before and still holds, by priority, turn and age.
 async fn repeat(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Vec<SqliteRow>, StoreError> {
     let rows = sqlx::query(REPEAT)
         .bind(lease_end(now.lease, claim.lease).0)
@@ -229,24 +214,6 @@ async fn repeat(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Vec
     Ok(ordered.into_iter().map(|(_, row)| row).collect())
 }
 
-/// The first jobs that suit a worker.
-async fn candidates(
-    tx: &mut SqliteConnection,
-    claim: Claim,
-    now: Now,
-    most: usize,
-) -> Result<Vec<Candidate>, StoreError> {
-    let (since, until) = around(now.wall, claim.lease);
-    let rows = sqlx::query(CANDIDATES)
-        .bind(claim.worker.to_string())
-        .bind(since.0)
-        .bind(until.0)
-        .bind(i64::try_from(most).unwrap_or(i64::MAX))
-        .fetch_all(&mut *tx)
-        .await?;
-    rows.iter().map(|row| Ok(Candidate { seq: row.column("seq")?, alone: row.column("alone")? })).collect()
-}
-
 /// Makes attempts of what each place of the round gets; the rows by number of the job.
 async fn take(
     tx: &mut SqliteConnection,
@@ -257,8 +224,9 @@ async fn take(
     for (place, share) in shares {
         let (claim, now) = &round[*place];
         let until = lease_end(now.lease, claim.lease).0;
-        taken.extend(share.jobs.iter().map(|seq| {
-            json!({"seq": seq, "worker": claim.worker, "request": claim.request_id, "at": now.wall.0, "until": until})
+        taken.extend(share.jobs.iter().map(|next| {
+            json!({"seq": next.job.seq, "round": next.round, "worker": claim.worker, "request": claim.request_id,
+                   "at": now.wall.0, "until": until})
         }));
     }
     if taken.is_empty() {

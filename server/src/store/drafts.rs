@@ -14,6 +14,7 @@ use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::StoreError;
 use super::rows::to_json;
+use crate::queue::Owner;
 use crate::sweep::Trial;
 
 /// Jobs written out at once.
@@ -56,7 +57,10 @@ impl Draft {
 
 /// What the jobs of one submission share.
 pub(super) struct Shared {
+    /// The token that asks for them, or nothing.
+    pub(super) token: String,
     pub(super) priority: i32,
+    /// Of a job without a sweep; those of a sweep stand with it.
     pub(super) labels: String,
     pub(super) needs: Needs,
     pub(super) max_wall_s: Option<f64>,
@@ -65,11 +69,12 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// What the jobs of a sweep share.
-    pub(super) fn of(spec: &SweepSpec) -> Result<Self, StoreError> {
+    /// What the jobs of a sweep share that a token asks for.
+    pub(super) fn of(spec: &SweepSpec, token: String) -> Result<Self, StoreError> {
         Ok(Self {
+            token,
             priority: spec.priority,
-            labels: to_json("labels", &spec.labels)?,
+            labels: "{}".to_owned(),
             needs: spec.needs.clone(),
             max_wall_s: spec.max_wall_s,
             frame_interval_s: spec.frame_interval_s,
@@ -120,14 +125,14 @@ impl Drafts {
         shared: &Shared,
         now: Timestamp,
     ) -> Result<(), StoreError> {
-        let (jobs, mut turn) = (self.jobs, first_turn(tx, shared.priority).await?);
+        let (jobs, mut place) = (self.jobs, place(tx, shared).await?);
         let mut queued = 0;
         while !self.piece.is_empty() {
             let piece = std::mem::take(&mut self.piece);
             let next = tokio::task::spawn_blocking(move || self.next());
             insert_points(tx, &piece).await?;
-            insert_jobs(tx, &piece, shared, turn, now).await?;
-            turn += piece.len() as i64;
+            insert_jobs(tx, &piece, shared, place, now).await?;
+            place.turn += piece.len() as i64;
             queued += piece.len() as u64;
             self = next.await.map_err(|error| {
                 tracing::error!(%error, "jobs of a sweep were not written out");
@@ -138,10 +143,23 @@ impl Drafts {
     }
 }
 
-/// The turn of the next job of that priority.
-pub(super) async fn first_turn(tx: &mut SqliteConnection, priority: i32) -> Result<i64, StoreError> {
-    let sql = "SELECT coalesce((SELECT turn FROM turns WHERE priority = ?), 0)";
-    Ok(sqlx::query_scalar(sql).bind(priority).fetch_one(tx).await?)
+/// Where jobs stand in the queue.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    owner: Owner,
+    /// Of the first of them.
+    turn: i64,
+}
+
+/// Where new jobs begin: whose they are, and the turn that this owner's jobs of their priority have come to.
+pub(super) async fn place(tx: &mut SqliteConnection, shared: &Shared) -> Result<Place, StoreError> {
+    let sql = "INSERT INTO owners (token) VALUES (?) ON CONFLICT (token) DO NOTHING";
+    sqlx::query(sql).bind(&shared.token).execute(&mut *tx).await?;
+    let sql = "SELECT id, coalesce((SELECT turn FROM turns WHERE priority = ? AND owner = owners.id), 0)
+               FROM owners WHERE token = ?";
+    let (owner, turn) =
+        sqlx::query_as(sql).bind(shared.priority).bind(&shared.token).fetch_one(&mut *tx).await?;
+    Ok(Place { owner, turn })
 }
 
 /// Adds the design points of which these are the first jobs.
@@ -158,12 +176,12 @@ async fn insert_points(tx: &mut SqliteConnection, drafts: &[Draft]) -> Result<()
     Ok(())
 }
 
-/// Queues jobs, the first of which has that turn.
+/// Queues jobs, the first of which stands there.
 pub(super) async fn insert_jobs(
     tx: &mut SqliteConnection,
     drafts: &[Draft],
     shared: &Shared,
-    turn: i64,
+    place: Place,
     now: Timestamp,
 ) -> Result<(), StoreError> {
     for (chunk, rows) in drafts.chunks(ROWS).enumerate() {
@@ -174,7 +192,7 @@ pub(super) async fn insert_jobs(
         query.push(" ON CONFLICT (digest) DO NOTHING").build().execute(&mut *tx).await?;
 
         let mut query = QueryBuilder::<Sqlite>::new(
-            "INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, turn, labels,
+            "INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, owner, turn, labels,
              needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, submitted_at) ",
         );
         query.push_values(rows.iter().enumerate(), |mut row, (index, draft)| {
@@ -185,7 +203,8 @@ pub(super) async fn insert_jobs(
                 .push_bind(&draft.digest)
                 .push_bind(draft.seed)
                 .push_bind(shared.priority)
-                .push_bind(turn + (chunk * ROWS + index) as i64)
+                .push_bind(place.owner)
+                .push_bind(place.turn + (chunk * ROWS + index) as i64)
                 .push_bind(&shared.labels)
                 .push_bind(&shared.needs.backend)
                 .push_bind(shared.needs.memory_mib)

@@ -29,11 +29,12 @@ pub(crate) struct MoreOfSweep {
 }
 
 impl MoreOfSweep {
-    /// Writes out the first jobs of what a sweep grows by, which `body` asked for; `firsts` are the scenarios of its points, where they get
+    /// Writes out the first jobs of what a sweep grows by, which a token asked for in `body`; `firsts` are the scenarios of its points, where they get
     /// more replicates.
     pub(crate) fn new(
         id: SweepId,
         (extension, body): (Uuid, &Value),
+        token: String,
         stored: &Stored,
         growth: Growth,
         firsts: Vec<(u32, Scenario)>,
@@ -58,7 +59,7 @@ impl MoreOfSweep {
             before: (there, stored.replicates),
             after: (there + added, growth.replicates),
             drafts: Drafts::new(id, jobs, trials)?,
-            shared: Shared::of(&stored.spec)?,
+            shared: Shared::of(&stored.spec, token)?,
         })
     }
 }

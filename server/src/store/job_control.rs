@@ -143,8 +143,8 @@ async fn cancel(
     Ok(())
 }
 
-/// Queues one job or those of a sweep again that are in that state and of that class. They take turns from where the queue has
-/// come to, as if they had just been submitted: else a large sweep would push all others aside.
+/// Queues one job or those of a sweep again that are in that state and of that class. They take turns from where the jobs of their
+/// owner have come to, as if they had just been submitted: else a large sweep would push all others aside. Whoever asks, they stay their owner's.
 async fn requeue(
     tx: &mut SqliteConnection,
     job: Option<JobId>,
@@ -155,8 +155,9 @@ async fn requeue(
     let done = sqlx::query(
         "UPDATE jobs SET state = 'queued', forgiven = attempt, failure_class = NULL, failure_message = NULL,
                          ended_at = NULL,
-                         turn = coalesce((SELECT turn FROM turns WHERE turns.priority = jobs.priority), 0) + again.place
-         FROM (SELECT seq, row_number() OVER (ORDER BY turn, seq) - 1 AS place FROM jobs
+                         turn = again.place + coalesce((SELECT turn FROM turns WHERE turns.priority = jobs.priority
+                                                         AND turns.owner = jobs.owner), 0)
+         FROM (SELECT seq, row_number() OVER (PARTITION BY owner ORDER BY turn, seq) - 1 AS place FROM jobs
                WHERE state = ? AND failure_class IS ? AND (id = ? OR sweep_id = ?)) AS again
          WHERE jobs.seq = again.seq",
     )

@@ -28,8 +28,9 @@ pub(crate) struct JobFilter {
     pub limit: u32,
 }
 
-const VIEW: &str = "SELECT j.*, p.levels, r.responses, f.bytes AS frames_bytes, f.count AS frames_count, f.stopped AS frames_stopped
+const VIEW: &str = "SELECT j.*, coalesce(s.labels, j.labels) AS shown_labels, p.levels, r.responses, f.bytes AS frames_bytes, f.count AS frames_count, f.stopped AS frames_stopped
     FROM jobs j
+    LEFT JOIN sweeps s ON s.id = j.sweep_id
     LEFT JOIN points p ON p.sweep_id = j.sweep_id AND p.idx = j.point
     LEFT JOIN results r ON r.job_id = j.id
     LEFT JOIN frames f ON f.job_id = j.id AND f.attempt = j.attempt ";
@@ -77,7 +78,12 @@ impl Store {
             query.push(" AND j.point = ").push_bind(point);
         }
         if let Some((key, value)) = filter.label {
-            push_label(&mut query, "j.labels", key, value);
+            // A job of a sweep has the labels of the sweep, and none of its own.
+            query.push(" AND (");
+            push_label(&mut query, "j.labels", &key, value.as_deref());
+            query.push(" OR j.sweep_id IN (SELECT id FROM sweeps WHERE ");
+            push_label(&mut query, "labels", &key, value.as_deref());
+            query.push("))");
         }
         query.push(format!(" ORDER BY {order} DESC LIMIT ")).push_bind(i64::from(filter.limit) + 1);
         let mut rows = query.build().fetch_all(&self.readers).await?;
@@ -91,16 +97,18 @@ impl Store {
     }
 }
 
-/// Narrows a query to rows with a label.
+/// The condition that a row has a label.
 pub(super) fn push_label(
     query: &mut QueryBuilder<Sqlite>,
     column: &'static str,
-    key: String,
-    value: Option<String>,
+    key: &str,
+    value: Option<&str>,
 ) {
-    query.push(format!(" AND EXISTS (SELECT 1 FROM json_each({column}) l WHERE l.key = ")).push_bind(key);
+    query
+        .push(format!("EXISTS (SELECT 1 FROM json_each({column}) l WHERE l.key = "))
+        .push_bind(key.to_owned());
     if let Some(value) = value {
-        query.push(" AND l.value = ").push_bind(value);
+        query.push(" AND l.value = ").push_bind(value.to_owned());
     }
     query.push(")");
 }
@@ -117,7 +125,7 @@ fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
         seed: row.number("seed")?,
         scenario_digest: row.column("digest")?,
         priority: row.column("priority")?,
-        labels: row.json("labels")?,
+        labels: row.json("shown_labels")?,
         attempt: row.number("attempt")?,
         worker_id: row.parsed_opt("worker_id")?,
         progress: None, // known to the server's memory only

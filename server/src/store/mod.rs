@@ -6,6 +6,7 @@
 mod attempts;
 mod backup;
 mod bucket;
+mod candidates;
 mod checkpoint;
 mod claims;
 mod deletion;
@@ -33,6 +34,8 @@ mod tests;
 mod together;
 mod tokens;
 mod trials;
+#[cfg(test)]
+mod upgrades;
 mod versions;
 mod workers;
 mod writer;

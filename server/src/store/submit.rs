@@ -12,7 +12,7 @@ use roost_solver::scenario::Scenario;
 use serde_json::Value;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
-use super::drafts::{Draft, Drafts, Shared, first_turn, insert_jobs};
+use super::drafts::{Draft, Drafts, Shared, insert_jobs, place};
 use super::rows::to_json;
 use super::{Store, StoreError};
 use crate::sweep::Expansion;
@@ -21,6 +21,8 @@ use crate::sweep::Expansion;
 pub(crate) struct NewJob {
     /// Its identifier.
     pub id: JobId,
+    /// The token that asks for it, or nothing.
+    pub token: String,
     /// The complete scenario.
     pub scenario: Scenario,
     /// Higher is claimed first.
@@ -44,6 +46,7 @@ pub(crate) struct NewSweep {
     text: String,
     design: DesignKind,
     factors: String,
+    labels: String,
     points: usize,
     replicates: u32,
     drafts: Drafts,
@@ -51,9 +54,10 @@ pub(crate) struct NewSweep {
 }
 
 impl NewSweep {
-    /// Writes out a sweep as it was submitted, and the first of its jobs.
+    /// Writes out a sweep as a token submitted it, and the first of its jobs.
     pub(crate) fn new(
         id: SweepId,
+        token: String,
         submitted: &Value,
         spec: SweepSpec,
         expansion: Expansion,
@@ -64,10 +68,11 @@ impl NewSweep {
             text: to_json("sweep", submitted)?,
             design: spec.design.kind,
             factors: to_json("factors", &expansion.factors)?,
+            labels: to_json("labels", &spec.labels)?,
             points: expansion.points.len(),
             replicates,
             drafts: Drafts::new(id, jobs, expansion.points.into_trials(0, replicates))?,
-            shared: Shared::of(&spec)?,
+            shared: Shared::of(&spec, token)?,
             name: spec.name,
         })
     }
@@ -78,6 +83,7 @@ impl Store {
     pub(crate) async fn insert_job(&self, job: NewJob, now: Timestamp) -> Result<(), StoreError> {
         let draft = Draft::single(&job.scenario, job.id)?;
         let shared = Shared {
+            token: job.token,
             priority: job.priority,
             labels: to_json("labels", &job.labels)?,
             needs: job.needs,
@@ -94,8 +100,8 @@ impl Store {
                         return Ok(());
                     }
                     let newest = newest(tx).await?;
-                    let turn = first_turn(tx, shared.priority).await?;
-                    insert_jobs(tx, &[draft], &shared, turn, now).await?;
+                    let place = place(tx, &shared).await?;
+                    insert_jobs(tx, &[draft], &shared, place, now).await?;
                     answer_from_cache(tx, newest, &shared, now).await
                 })
             })
@@ -110,7 +116,7 @@ impl Store {
 }
 
 async fn insert_sweep(tx: &mut SqliteConnection, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
-    let NewSweep { id, name, text, design, factors, points, replicates, drafts, shared } = sweep;
+    let NewSweep { id, name, text, design, factors, labels, points, replicates, drafts, shared } = sweep;
     if is_there(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
         return Ok(());
     }
@@ -123,7 +129,7 @@ async fn insert_sweep(tx: &mut SqliteConnection, sweep: NewSweep, now: Timestamp
     .bind(text)
     .bind(design.as_str())
     .bind(factors)
-    .bind(&shared.labels)
+    .bind(labels)
     .bind(points as i64)
     .bind(replicates)
     .bind(now.0)
@@ -236,7 +242,7 @@ mod tests {
         let expanded = || read(document.clone(), &Meshes::default(), limits).unwrap();
         let sweep = || {
             let (spec, expansion) = expanded();
-            NewSweep::new(SweepId::new(), &document, spec, expansion).unwrap()
+            NewSweep::new(SweepId::new(), String::new(), &document, spec, expansion).unwrap()
         };
         let (broken, cut_off) = (sweep(), expanded().1.points.into_trials(0, 1200).take(1700));
         let drafts = Drafts::new(broken.id, 2400, cut_off).unwrap();

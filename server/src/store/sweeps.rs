@@ -53,7 +53,8 @@ impl Store {
         let mut query = QueryBuilder::<Sqlite>::new(VIEW);
         query.push(" AND seq < ").push_bind(before.unwrap_or(i64::MAX));
         if let Some((key, value)) = label {
-            push_label(&mut query, "labels", key, value);
+            query.push(" AND ");
+            push_label(&mut query, "labels", &key, value.as_deref());
         }
         query.push(" ORDER BY seq DESC LIMIT ").push_bind(i64::from(limit) + 1);
         let mut rows = query.build().fetch_all(&self.readers).await?;

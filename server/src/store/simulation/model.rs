@@ -1,6 +1,6 @@
 //! What must come of every step, by the promises of `api.md` alone.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
@@ -28,6 +28,8 @@ struct Attempt {
 
 #[derive(Clone, Debug)]
 pub(super) struct Job {
+    pub(super) priority: i32,
+    pub(super) owner: &'static str,
     pub(super) backend: Option<&'static str>,
     pub(super) memory_mib: Option<u32>,
     pub(super) max_wall_ms: Option<i64>,
@@ -45,12 +47,15 @@ pub(super) struct Job {
 
 impl Job {
     pub(super) fn new(
+        (priority, owner): (i32, &'static str),
         backend: Option<&'static str>,
         memory_mib: Option<u32>,
         max_wall_ms: Option<i64>,
         from_store: bool,
     ) -> Self {
         Self {
+            priority,
+            owner,
             backend,
             memory_mib,
             max_wall_ms,
@@ -149,7 +154,7 @@ impl Job {
         if self.cancelling { Directive::Cancel } else { Directive::Continue }
     }
 
-    pub(super) fn claim(&mut self, worker: WorkerId, now: i64) {
+    fn claim(&mut self, worker: WorkerId, now: i64) {
         assert_eq!(self.state, JobState::Queued, "claimed what is not in the queue");
         self.state = JobState::Running;
         self.attempts.push(Attempt { worker, outcome: None });
@@ -176,13 +181,62 @@ impl Job {
     }
 }
 
+/// A job that a worker may have now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Waiting {
+    pub(super) id: JobId,
+    /// Older jobs have lower ones.
+    pub(super) seq: i64,
+    pub(super) alone: bool,
+}
+
 /// All jobs.
 #[derive(Debug, Default)]
 pub(super) struct Model {
     pub(super) jobs: BTreeMap<JobId, Job>,
+    /// Owners that have had a job in the round under way, by priority.
+    served: BTreeMap<i32, BTreeSet<&'static str>>,
+}
+
+/// Notes that an owner has a job: a second one in a round begins the next round.
+fn serve(served: &mut BTreeSet<&'static str>, owner: &'static str) {
+    if !served.insert(owner) {
+        *served = BTreeSet::from([owner]);
+    }
 }
 
 impl Model {
+    /// The next of these jobs, which come as those of one owner and priority follow each other: of the highest priority, of an owner that
+    /// has had none in this round if there is one, and among those the oldest.
+    pub(super) fn next_jobs(&self, waiting: &[Waiting], most: usize) -> Vec<Waiting> {
+        let (mut left, mut served, mut next) = (waiting.to_vec(), self.served.clone(), Vec::new());
+        while next.len() < most
+            && let Some(priority) = left.iter().map(|job| self.jobs[&job.id].priority).max()
+        {
+            let served = served.entry(priority).or_default();
+            let mut firsts: BTreeMap<&str, usize> = BTreeMap::new();
+            for (place, job) in left.iter().enumerate() {
+                let Job { priority: its, owner, .. } = self.jobs[&job.id];
+                if its == priority {
+                    firsts.entry(owner).or_insert(place);
+                }
+            }
+            let rank = |(owner, place): &(&&str, &usize)| (served.contains(**owner), left[**place].seq);
+            let (_, place) = firsts.iter().min_by_key(rank).expect("one of that priority");
+            let job = left.remove(*place);
+            serve(served, self.jobs[&job.id].owner);
+            next.push(job);
+        }
+        next
+    }
+
+    /// A worker gets a job.
+    pub(super) fn claim(&mut self, id: JobId, worker: WorkerId, now: i64) {
+        let job = self.jobs.get_mut(&id).expect("known");
+        job.claim(worker, now);
+        serve(self.served.entry(job.priority).or_default(), job.owner);
+    }
+
     /// What a worker holds: how many, and whether one of them is to run alone.
     pub(super) fn holding(&self, worker: WorkerId) -> (usize, bool) {
         let held: Vec<_> = self.jobs.values().filter(|job| job.holds(worker)).collect();

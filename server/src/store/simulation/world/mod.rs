@@ -27,6 +27,9 @@ static SCENARIOS: LazyLock<Vec<(Scenario, String)>> = LazyLock::new(|| {
     (0..5).map(parse).map(|scenario| (scenario.digest(), scenario)).map(|(digest, it)| (it, digest)).collect()
 });
 
+/// Tokens that submit.
+const OWNERS: [&str; 3] = ["", "a", "b"];
+
 const BACKENDS: [&str; 2] = ["cpu", "gpu"];
 const MEMORY: [u32; 2] = [1000, 4000];
 const LEASE: Duration = Duration::from_millis(LEASE_MS as u64);
@@ -176,9 +179,10 @@ impl<'s> World<'s> {
         let backend = maybe(&mut self.random).then(|| self.random.choice(BACKENDS).unwrap());
         let memory_mib = maybe(&mut self.random).then(|| self.random.choice(MEMORY).unwrap());
         let max_wall_ms = maybe(&mut self.random).then_some(LEASE_MS);
-        let priority = self.random.i32(0..2);
+        let (priority, owner) = (self.random.i32(0..2), self.random.choice(OWNERS).unwrap());
         let job = NewJob {
             id,
+            token: owner.to_owned(),
             scenario: SCENARIOS[which].0.clone(),
             priority,
             labels: Default::default(),
@@ -189,10 +193,10 @@ impl<'s> World<'s> {
         };
         let known = self.digests.iter().filter(|(_, other)| *other == which);
         let known = known.map(|(job, _)| &self.model.jobs[job]).any(|job| job.result.is_some());
-        self.story.push(format!("submit {id}: scenario {which}, {cache}, needs {backend:?} {memory_mib:?}"));
+        self.story.push(format!("submit {id} of '{owner}' at {priority}: scenario {which}, {cache}, needs {backend:?} {memory_mib:?}"));
         self.store.insert_job(job, self.now.wall).await.unwrap();
         let from_store = cache == Cache::Use && known;
-        self.model.jobs.insert(id, Job::new(backend, memory_mib, max_wall_ms, from_store));
+        self.model.jobs.insert(id, Job::new((priority, owner), backend, memory_mib, max_wall_ms, from_store));
         self.digests.push((id, which));
     }
 

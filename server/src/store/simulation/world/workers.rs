@@ -6,7 +6,7 @@ use roost_api::job::{AttemptOutcome, JobState};
 use roost_api::time::Timestamp;
 use uuid::Uuid;
 
-use super::super::model::{Answer, Job, LEASE_MS};
+use super::super::model::{Answer, Job, LEASE_MS, Waiting};
 use super::{LEASE, Report, SCENARIOS, Worker, World};
 use crate::queue::{Refusal, Verdict};
 use crate::store::claims::Claim;
@@ -67,7 +67,7 @@ impl World<'_> {
     }
 
     /// Whether a claim got what it should, as things are after the claims before it.
-    fn judge(&mut self, asking: &Asking, repeated: bool, queue: &[JobId], got: &[(JobId, u32)]) {
+    fn judge(&mut self, asking: &Asking, repeated: bool, queue: &[(JobId, i64)], got: &[(JobId, u32)]) {
         let Asking { index, request, max_jobs, lost } = *asking;
         let worker = self.workers[index].id;
         self.story
@@ -84,18 +84,18 @@ impl World<'_> {
             }
         } else {
             let before = self.candidates(index, queue);
+            let next = self.model.next_jobs(&before, max_jobs as usize);
             let (held, beside) = self.model.holding(worker);
-            let alone = before.first().is_some_and(|(_, alone)| *alone);
+            let alone = next.first().is_some_and(|first| first.alone);
             let expected: Vec<JobId> = match (beside, alone, held) {
                 (true, ..) | (false, true, 1..) => Vec::new(),
-                (false, true, 0) => before[..1].iter().map(|(id, _)| *id).collect(),
-                _ => before.iter().take(max_jobs as usize).take_while(|it| !it.1).map(|it| it.0).collect(),
+                (false, true, 0) => next[..1].iter().map(|first| first.id).collect(),
+                _ => next.iter().take_while(|next| !next.alone).map(|next| next.id).collect(),
             };
             assert_eq!(got.iter().map(|(job, _)| *job).collect::<Vec<_>>(), expected, "of {before:?}");
             for (job, attempt) in got {
-                let model = self.model.jobs.get_mut(job).unwrap();
-                model.claim(worker, self.now.lease.0);
-                assert_eq!(*attempt, model.newest());
+                self.model.claim(*job, worker, self.now.lease.0);
+                assert_eq!(*attempt, self.model.jobs[job].newest());
             }
         }
         let worker = &mut self.workers[index];
@@ -114,15 +114,15 @@ impl World<'_> {
             .unwrap()
     }
 
-    /// What may be claimed, in its order.
-    async fn queue(&self) -> Vec<JobId> {
-        let sql = "SELECT id FROM jobs WHERE state = 'queued' AND not_before IS NULL ORDER BY priority DESC, turn, seq";
-        let ids: Vec<String> = sqlx::query_scalar(sql).fetch_all(&self.store.readers).await.unwrap();
-        ids.iter().map(|id| id.parse().unwrap()).collect()
+    /// What may be claimed, as the jobs of one owner and priority follow each other, and the number of each.
+    async fn queue(&self) -> Vec<(JobId, i64)> {
+        let sql = "SELECT id, seq FROM jobs WHERE state = 'queued' AND not_before IS NULL ORDER BY turn, seq";
+        let rows: Vec<(String, i64)> = sqlx::query_as(sql).fetch_all(&self.store.readers).await.unwrap();
+        rows.iter().map(|(id, seq)| (id.parse().unwrap(), *seq)).collect()
     }
 
-    /// What of the queue the worker may have now, and whether it is to run alone.
-    fn candidates(&self, index: usize, queue: &[JobId]) -> Vec<(JobId, bool)> {
+    /// What of the queue the worker may have now.
+    fn candidates(&self, index: usize, queue: &[(JobId, i64)]) -> Vec<Waiting> {
         let me = &self.workers[index];
         if me.draining {
             return Vec::new();
@@ -138,9 +138,9 @@ impl World<'_> {
                     there && !other.draining && fits(job, other) && !job.failed_by(other.id)
                 })
         };
-        let jobs = queue.iter().map(|id| (*id, &self.model.jobs[id]));
-        let jobs = jobs.filter(|(_, job)| job.state == JobState::Queued);
-        jobs.filter(|(_, job)| fits(job, me) && !spared(job)).map(|(id, job)| (id, job.alone)).collect()
+        let jobs = queue.iter().map(|(id, seq)| (*id, *seq, &self.model.jobs[id]));
+        let jobs = jobs.filter(|(_, _, job)| job.state == JobState::Queued && fits(job, me) && !spared(job));
+        jobs.map(|(id, seq, job)| Waiting { id, seq, alone: job.alone }).collect()
     }
 
     pub(super) async fn beat(&mut self) {

@@ -1,0 +1,88 @@
+//! Databases of earlier versions: what they hold stays what it was.
+
+use std::time::Duration;
+
+use roost_api::ids::{JobId, WorkerId};
+use roost_api::job::Cache;
+use roost_api::time::Timestamp;
+use roost_api::worker::WorkerRegistration;
+use sqlx::{AssertSqlSafe, Connection};
+
+use super::{Claim, JobFilter, NewJob, Store, connect, options};
+use crate::clock::Now;
+
+/// What a database of the version before owners holds is that of one owner, and the labels of sweeps stand once.
+#[tokio::test]
+async fn a_database_from_before_owners_keeps_its_order_and_its_labels() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("roost.db");
+    let mut before = sqlx::migrate!("../migrations");
+    before.migrations.to_mut().retain(|migration| migration.version <= 10);
+    let (mut database, _) = connect(options(&path)).await.unwrap();
+    before.run(&mut database).await.unwrap();
+    let [swept, later, single, sweep] = [(); 4].map(|()| JobId::new());
+    let long = "x".repeat(100_000);
+    let sql = format!(
+        r#"INSERT INTO sweeps (id, name, spec, factors, labels, points, replicates, submitted_at)
+         VALUES ('{sweep}', 'n', '{{}}', '[]', '{{"line": "{long}"}}', 2, 1, 0);
+         INSERT INTO points VALUES ('{sweep}', 0, '{{}}'), ('{sweep}', 1, '{{}}');
+         INSERT INTO scenarios VALUES ('d', '{{}}');
+         INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, turn, labels, cache, submitted_at)
+         VALUES ('{later}', '{sweep}', 1, 0, 'd', 1, 7, 41, '{{"line": "{long}"}}', 'use', 0),
+                ('{swept}', '{sweep}', 0, 0, 'd', 1, 7, 40, '{{"line": "{long}"}}', 'use', 0),
+                ('{single}', NULL, NULL, NULL, 'd', 1, 7, 42, '{{"line": "south"}}', 'use', 0);
+         INSERT INTO turns VALUES (7, 42);"#
+    );
+    sqlx::raw_sql(AssertSqlSafe(sql)).execute(&mut database).await.unwrap();
+    database.close().await.unwrap();
+
+    let store = Store::open(&path, None).await.unwrap();
+    let found = async |value: &str| {
+        let label = Some(("line".to_owned(), Some(value.to_owned())));
+        let (jobs, _) = store.jobs(JobFilter { label, limit: 9, ..JobFilter::default() }).await.unwrap();
+        jobs.into_iter().map(|job| (job.id, job.labels["line"].clone())).collect::<Vec<_>>()
+    };
+    assert_eq!(found("south").await, [(single, "south".to_owned())]);
+    assert_eq!(found(&long).await, [(swept, long.clone()), (later, long.clone())]);
+    let stored: i64 = sqlx::query_scalar("SELECT sum(length(labels)) FROM jobs WHERE sweep_id IS NOT NULL")
+        .fetch_one(&store.readers)
+        .await
+        .unwrap();
+    assert_eq!(stored, 2 * 2, "no copies");
+
+    // A server without tokens has the same owner, whose new jobs go on where the old ones are.
+    let scenario = roost_solver::scenario::parse(r#"{"experiment": "hopper"}"#).unwrap();
+    let new = |token: &str| NewJob {
+        id: JobId::new(),
+        token: token.to_owned(),
+        scenario: scenario.clone(),
+        priority: 7,
+        labels: Default::default(),
+        needs: Default::default(),
+        max_wall_s: None,
+        frame_interval_s: None,
+        cache: Cache::Bypass,
+    };
+    let (same, other) = (new(""), new("another"));
+    let expected = [other.id, swept, later, single, same.id];
+    store.insert_job(same, Timestamp(0)).await.unwrap();
+    store.insert_job(other, Timestamp(0)).await.unwrap();
+    let worker = WorkerRegistration {
+        worker_id: WorkerId::new(),
+        name: "a".to_owned(),
+        api_version: "v1".to_owned(),
+        solver_revision: 1,
+        backend: "cpu".to_owned(),
+        device: "a".to_owned(),
+        threads: 1,
+        memory_mib: None,
+    };
+    let (request_id, worker_id) = (uuid::Uuid::now_v7(), worker.worker_id);
+    store.register_worker(worker, Timestamp(0)).await.unwrap();
+    let lease = Duration::from_secs(9);
+    let claim = Claim { request_id, worker: worker_id, max_jobs: 9, lease, max_frames_bytes: 0 };
+    let now = Now { wall: Timestamp(0), lease: Timestamp(0) };
+    let claimed = store.claim(claim, now).await.unwrap().unwrap().attempts;
+    assert_eq!(claimed.iter().map(|attempt| attempt.job_id).collect::<Vec<_>>(), expected);
+    store.close().await;
+}
