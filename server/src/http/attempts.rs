@@ -4,10 +4,14 @@ use axum::Json;
 use axum::extract::State;
 use roost_api::ids::JobId;
 use roost_api::job::AttemptOutcome;
+use roost_api::job::MAX_NAME_BYTES;
 use roost_api::lease::{FailureReport, ResultDelivery};
 use roost_api::problem::Problem;
 use roost_api::{Fault, RunResult};
+use roost_solver::SOLVER_REVISION;
+use roost_solver::experiments::response_names;
 use roost_solver::result::{EndReason, SCHEMA};
+use roost_solver::scenario::escape;
 use serde::Serialize;
 use serde_json::json;
 use utoipa::ToSchema;
@@ -37,7 +41,7 @@ pub(crate) struct Receipt {
                content_type = "application/problem+json"),
               (status = 409, description = "The attempt is stale: nothing changed", body = Problem,
                content_type = "application/problem+json"),
-              (status = 422, description = "The result is not that of the job", body = Problem,
+              (status = 422, description = "The result is not that of the job, its worker or its experiment", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn result(
     State(app): State<App>,
@@ -121,6 +125,7 @@ fn result_faults(result: &RunResult) -> Vec<Fault> {
         let found = json!(result.scenario_digest);
         faults.push(fault("/result/scenario_digest", found, detail, &result.scenario.digest()));
     }
+    faults.extend(unknown_responses(result));
     for (index, series) in result.series.iter().enumerate() {
         if series.t_s.len() != series.values.len() {
             let at = format!("/result/series/{index}/values");
@@ -130,4 +135,30 @@ fn result_faults(result: &RunResult) -> Vec<Fault> {
         }
     }
     faults
+}
+
+/// Unknown responses that are listed one by one.
+const MAX_LISTED: usize = 20;
+
+/// Responses that the experiment has not. Which ones an older revision had is not known here: a result of one that waited in an outbox
+/// is taken as it is, but for names of any length.
+fn unknown_responses(result: &RunResult) -> Vec<Fault> {
+    let is_of_this_revision = result.solver.revision == SOLVER_REVISION;
+    let known = response_names(&result.scenario.experiment);
+    let is_known = |name: &str| match is_of_this_revision {
+        true => known.contains(&name),
+        false => name.len() <= MAX_NAME_BYTES,
+    };
+    let unknown = result.responses.iter().filter(|(name, _)| !is_known(name)).take(MAX_LISTED);
+    let unknown = unknown.map(|(name, value)| match name.len() <= MAX_NAME_BYTES {
+        true => {
+            let at = format!("/result/responses/{}", escape(name));
+            fault(&at, value.clone(), "the experiment has no such response", &known.join(", "))
+        }
+        false => {
+            let allowed = format!("names of at most {MAX_NAME_BYTES} bytes");
+            fault("/result/responses", json!(name), "the experiment has no such response", &allowed)
+        }
+    });
+    unknown.collect()
 }

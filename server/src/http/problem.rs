@@ -145,6 +145,8 @@ impl From<Refusal> for ApiError {
             | Refusal::AttemptEnded { .. }
             | Refusal::OtherWorker => Kind::StaleAttempt,
             Refusal::OtherScenario | Refusal::NotReportable { .. } => Kind::WrongResult,
+            Refusal::OtherRegistration => Kind::WorkerRefused,
+            Refusal::OtherSolver(faults) => return Self::at(Kind::WrongResult, faults),
             Refusal::NotRetryable { .. } | Refusal::OtherClass { .. } => Kind::WrongState,
         };
         Self::new(kind, refusal.to_string())

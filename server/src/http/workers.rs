@@ -23,7 +23,7 @@ use crate::document::name_fault;
 #[utoipa::path(post, path = "/v1/workers", tag = "workers", operation_id = "register_worker",
     request_body = WorkerRegistration,
     responses((status = 200, description = "Welcome", body = WorkerWelcome),
-              (status = 409, description = "Another API version or solver revision", body = Problem,
+              (status = 409, description = "Another API version or solver revision, or an id that is registered with another solver", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn register(
     State(app): State<App>,
@@ -49,8 +49,9 @@ pub(crate) async fn register(
         );
         return Err(ApiError::new(Kind::WorkerRefused, detail));
     }
-    tracing::info!(worker = %worker.worker_id, name = worker.name, device = worker.device, "worker registered");
-    app.store.register_worker(worker, app.clock.now()).await?;
+    let (id, name, device) = (worker.worker_id, worker.name.clone(), worker.device.clone());
+    app.store.register_worker(worker, app.clock.now()).await??;
+    tracing::info!(worker = %id, name, device, "worker registered");
     Ok(Json(WorkerWelcome {
         heartbeat_s: app.config.heartbeat.as_secs_f64(),
         lease_s: app.config.lease.as_secs_f64(),

@@ -9,7 +9,7 @@ use roost_api::job::{AttemptOutcome, JobState};
 use super::{AttemptFacts, JobFacts, Refusal};
 
 /// Where an attempt stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Standing {
     /// It may write. Its lease may have expired, and the job then waits in the queue.
     Holds,

@@ -1,7 +1,7 @@
 //! Decisions of the queue: synchronous, without IO, the clock an argument.
 //!
 //! The store reads the facts, asks here, and carries the answer out in the same transaction. `fence` says
-//! whether a write of an attempt may count, `lease` what a beat and an expired lease mean, `ending` what
+//! whether a write of an attempt may count, `origin` whether a result is of its job and worker, `lease` what a beat and an expired lease mean, `ending` what
 //! a delivery or a failure does to the job, `retry` when it is tried again, `turns` whose job is next, `batch` what a claim gets, `control`
 //! what its owner may do to it.
 
@@ -10,6 +10,7 @@ mod control;
 mod ending;
 mod fence;
 mod lease;
+mod origin;
 mod retry;
 #[cfg(test)]
 mod tests;
@@ -17,6 +18,7 @@ mod turns;
 
 use std::time::Duration;
 
+use roost_api::Fault;
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::time::Timestamp;
@@ -26,6 +28,7 @@ pub(crate) use control::{CancelEffect, on_cancel, on_retry};
 pub(crate) use ending::{Verdict, on_failure, on_result};
 pub(crate) use fence::{Standing, standing};
 pub(crate) use lease::{BeatEffect, on_beat, on_deadline, on_lease_expired};
+pub(crate) use origin::Origin;
 pub use retry::{RetryPolicy, Tries};
 pub(crate) use turns::{Candidate, Line, Owner, Rounds};
 
@@ -78,7 +81,7 @@ pub(crate) enum JobChange {
 }
 
 /// Why a request to change a job is refused. Nothing has changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum Refusal {
     /// No such job.
     #[error("there is no job with this id")]
@@ -92,6 +95,11 @@ pub(crate) enum Refusal {
     /// No such worker.
     #[error("the worker is not known here: register with POST /v1/workers first")]
     NoWorker,
+    /// A repeated registration of another solver.
+    #[error(
+        "this id is registered with another solver revision, backend or device: register under a fresh id"
+    )]
+    OtherRegistration,
     /// A newer attempt was claimed.
     #[error("stale attempt: attempt {newest} of the job was claimed since")]
     Superseded {
@@ -116,6 +124,9 @@ pub(crate) enum Refusal {
     /// A result of another scenario than the job's.
     #[error("the result is of another scenario than the job's: its digest differs")]
     OtherScenario,
+    /// A result of another solver than its worker registered: what differs.
+    #[error("the result is not of the solver that its worker registered")]
+    OtherSolver(Vec<Fault>),
     /// A failure report with an outcome that is not a worker's to report.
     #[error("`{outcome}` cannot be reported as a failure here")]
     NotReportable {

@@ -54,13 +54,13 @@ fn an_attempt_belongs_to_its_worker() {
 fn an_attempt_that_reported_answers_only_the_same_report() {
     let me = WorkerId::new();
     let done = standing(&job(JobState::Succeeded), &attempt(me, 2, Some(AttemptOutcome::Succeeded)), me);
-    assert_eq!(on_result(done), Ok(Verdict::Repeat));
+    assert_eq!(on_result(done.clone()), Ok(Verdict::Repeat));
     let outcome = AttemptOutcome::Succeeded;
     let late = on_failure(&job(JobState::Succeeded), done, AttemptOutcome::Worker, POLICY, NOW);
     assert_eq!(late, Err(Refusal::AttemptEnded { outcome }));
 
     let released = standing(&job(JobState::Queued), &attempt(me, 2, Some(AttemptOutcome::Released)), me);
-    assert_eq!(on_result(released), Err(Refusal::AttemptEnded { outcome: AttemptOutcome::Released }));
+    assert_eq!(on_result(released.clone()), Err(Refusal::AttemptEnded { outcome: AttemptOutcome::Released }));
     let again = on_failure(&job(JobState::Queued), released, AttemptOutcome::Released, POLICY, NOW);
     assert_eq!(again, Ok(Verdict::Repeat));
 }

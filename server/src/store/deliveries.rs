@@ -16,13 +16,11 @@ use super::together::{Collector, rounds};
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
-use crate::queue::{JobChange, Refusal, RetryPolicy, Verdict, on_failure, on_result};
+use crate::queue::{JobChange, Origin, Refusal, RetryPolicy, Verdict, on_failure, on_result};
 
 /// A result written out and hashed, which for a long one takes a while: done before any transaction.
 pub(crate) struct StoredResult {
-    scenario_digest: String,
-    solver_revision: u32,
-    backend: String,
+    origin: Origin,
     responses: String,
     digest: String,
     body: String,
@@ -33,9 +31,12 @@ impl StoredResult {
     pub(crate) fn new(result: &RunResult) -> Result<Self, StoreError> {
         let body = to_json("result", result)?;
         Ok(Self {
-            scenario_digest: result.scenario_digest.clone(),
-            solver_revision: result.solver.revision,
-            backend: result.solver.backend.clone(),
+            origin: Origin {
+                scenario: result.scenario_digest.clone(),
+                revision: result.solver.revision,
+                backend: result.solver.backend.clone(),
+                device: result.solver.device.clone(),
+            },
             responses: to_json("responses", &result.responses)?,
             digest: blake3::hash(body.as_bytes()).to_hex().to_string(),
             body,
@@ -45,16 +46,9 @@ impl StoredResult {
 
 #[cfg(test)]
 impl StoredResult {
-    /// Something that stands for a result of that scenario.
-    pub(super) fn stand_in(scenario_digest: &str, mark: &str) -> Self {
-        Self {
-            scenario_digest: scenario_digest.to_owned(),
-            solver_revision: roost_solver::SOLVER_REVISION,
-            backend: "cpu".to_owned(),
-            responses: "{}".to_owned(),
-            digest: mark.to_owned(),
-            body: "{}".to_owned(),
-        }
+    /// Something that stands for a result of that origin.
+    pub(super) fn stand_in(origin: Origin, mark: &str) -> Self {
+        Self { origin, responses: "{}".to_owned(), digest: mark.to_owned(), body: "{}".to_owned() }
     }
 }
 
@@ -138,8 +132,10 @@ impl Store {
                         Err(refusal) => return Ok(Err(refusal)),
                     };
                     let Verdict::Record(change) = &verdict else { return Ok(Ok(verdict)) };
-                    if partial.as_ref().is_some_and(|partial| partial.scenario_digest != fenced.digest) {
-                        return Ok(Err(Refusal::OtherScenario));
+                    if let Some(Err(refusal)) =
+                        partial.as_ref().map(|partial| partial.origin.check(&fenced.origin))
+                    {
+                        return Ok(Err(refusal));
                     }
                     let document = match partial {
                         Some(partial) => {
@@ -167,9 +163,8 @@ async fn record_all(tx: &mut SqliteConnection, group: &[Arc<Delivered>]) -> Resu
             let delivered = group[place].as_ref();
             answers[place] = fenced.and_then(|fenced| {
                 let verdict = on_result(fenced.standing)?;
-                let records = matches!(verdict, Verdict::Record(_));
-                if records && delivered.result.scenario_digest != fenced.digest {
-                    return Err(Refusal::OtherScenario);
+                if matches!(verdict, Verdict::Record(_)) {
+                    delivered.result.origin.check(&fenced.origin)?;
                 }
                 Ok(verdict)
             });
@@ -194,8 +189,8 @@ async fn record(tx: &mut SqliteConnection, accepted: &[(&Delivered, JobChange)])
     for (Delivered { written: Written { job, attempt, .. }, result, now }, change) in accepted {
         let (job, attempt, at) = (*job, *attempt, *now);
         rows.push(json!({
-            "job": job, "attempt": attempt, "digest": result.scenario_digest, "revision": result.solver_revision,
-            "backend": result.backend, "responses": result.responses, "document": result.digest, "at": at.0,
+            "job": job, "attempt": attempt, "digest": result.origin.scenario,
+            "revision": result.origin.revision, "backend": result.origin.backend, "responses": result.responses, "document": result.digest, "at": at.0,
             "from": bodies.len() + 1, "bytes": result.body.len(),
         }));
         bodies.extend_from_slice(result.body.as_bytes());

@@ -9,7 +9,7 @@ use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::StoreError;
 use super::rows::{Columns, to_json};
-use crate::queue::{AttemptFacts, JobChange, JobFacts, Refusal, Standing, standing};
+use crate::queue::{AttemptFacts, JobChange, JobFacts, Origin, Refusal, Standing, standing};
 
 /// The columns of [`JobFacts`]; the counts look at the few attempts of one job.
 pub(super) const JOB_FACTS: &str = "j.id, j.state, j.cancelling, j.attempt, j.failure_class,
@@ -41,7 +41,8 @@ pub(super) struct Written {
 /// A job with one of its attempts, and where that attempt stands when its worker writes to it.
 pub(super) struct Fenced {
     pub(super) job: JobFacts,
-    pub(super) digest: String,
+    /// Of every result of the attempt.
+    pub(super) origin: Origin,
     pub(super) standing: Standing,
 }
 
@@ -56,9 +57,11 @@ pub(super) async fn fenced(
     }
     let asked: Vec<_> = written.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
     let sql = format!(
-        "SELECT asked.key AS place, {JOB_FACTS}, j.digest, a.worker_id AS claimed_by, a.outcome
+        "SELECT asked.key AS place, {JOB_FACTS}, j.digest, a.worker_id AS claimed_by, a.outcome,
+                w.solver_revision, w.backend, w.device
          FROM json_each(?) AS asked CROSS JOIN jobs j ON j.id = asked.value ->> 'job'
-         LEFT JOIN attempts a ON a.job_id = j.id AND a.number = asked.value ->> 'attempt'"
+         LEFT JOIN attempts a ON a.job_id = j.id AND a.number = asked.value ->> 'attempt'
+         LEFT JOIN workers w ON w.id = a.worker_id"
     );
     let rows = sqlx::query(AssertSqlSafe(sql)).bind(to_json("attempts", &asked)?).fetch_all(&mut *tx).await?;
     for row in &rows {
@@ -69,7 +72,13 @@ pub(super) async fn fenced(
             Some(worker_id) => {
                 let job = job_facts(row)?;
                 let attempt = AttemptFacts { number, worker_id, outcome: row.parsed_opt("outcome")? };
-                Ok(Fenced { digest: row.column("digest")?, standing: standing(&job, &attempt, worker), job })
+                let origin = Origin {
+                    scenario: row.column("digest")?,
+                    revision: row.number("solver_revision")?,
+                    backend: row.column("backend")?,
+                    device: row.column("device")?,
+                };
+                Ok(Fenced { origin, standing: standing(&job, &attempt, worker), job })
             }
         };
     }

@@ -78,7 +78,7 @@ async fn a_database_from_before_owners_keeps_its_order_and_its_labels() {
         memory_mib: None,
     };
     let (request_id, worker_id) = (uuid::Uuid::now_v7(), worker.worker_id);
-    store.register_worker(worker, Timestamp(0)).await.unwrap();
+    store.register_worker(worker, Timestamp(0)).await.unwrap().unwrap();
     let lease = Duration::from_secs(9);
     let claim = Claim { request_id, worker: worker_id, max_jobs: 9, lease, max_frames_bytes: 0 };
     let now = Now { wall: Timestamp(0), lease: Timestamp(0) };

@@ -23,23 +23,24 @@ pub(super) const FORGET: &str = "
     DELETE FROM workers WHERE last_seen_at < ? AND NOT EXISTS (SELECT 1 FROM attempts WHERE worker_id = workers.id)";
 
 impl Store {
-    /// Notes a worker; a repeat is the same worker.
+    /// Notes a worker; a repeat is the same worker, with the same solver.
     pub(crate) async fn register_worker(
         &self,
         worker: WorkerRegistration,
         now: Timestamp,
-    ) -> Result<(), StoreError> {
+    ) -> Result<Result<(), Refusal>, StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    sqlx::query(
+                    // What computes may not change: results are held to it, also those that are on their way.
+                    let noted = sqlx::query(
                         "INSERT INTO workers (id, name, solver_revision, backend, device, threads, memory_mib,
                                               registered_at, last_seen_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
-                         ON CONFLICT (id) DO UPDATE SET name = excluded.name, backend = excluded.backend,
-                             solver_revision = excluded.solver_revision, device = excluded.device,
-                             threads = excluded.threads, memory_mib = excluded.memory_mib,
-                             last_seen_at = excluded.last_seen_at",
+                         ON CONFLICT (id) DO UPDATE SET name = excluded.name, threads = excluded.threads,
+                             memory_mib = excluded.memory_mib, last_seen_at = excluded.last_seen_at
+                         WHERE workers.solver_revision = excluded.solver_revision
+                           AND workers.backend = excluded.backend AND workers.device = excluded.device",
                     )
                     .bind(worker.worker_id.to_string())
                     .bind(worker.name)
@@ -52,7 +53,7 @@ impl Store {
                     .bind(now.0)
                     .execute(&mut *tx)
                     .await?;
-                    Ok(())
+                    Ok(if noted.rows_affected() == 0 { Err(Refusal::OtherRegistration) } else { Ok(()) })
                 })
             })
             .await
@@ -186,7 +187,7 @@ mod tests {
         let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
         let (ran, idle, new) = (WorkerId::new(), WorkerId::new(), WorkerId::new());
         for (worker, seen) in [(ran, 1), (idle, 1), (new, 10)] {
-            store.register_worker(registration(worker), Timestamp(seen)).await.unwrap();
+            store.register_worker(registration(worker), Timestamp(seen)).await.unwrap().unwrap();
         }
         fail_a_job(&store, ran).await;
         let left = async || {
@@ -207,7 +208,7 @@ mod tests {
         let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
         let (me, other, now) = (WorkerId::new(), WorkerId::new(), Timestamp(10 * HOUR_MS));
         for worker in [me, other] {
-            store.register_worker(registration(worker), now).await.unwrap();
+            store.register_worker(registration(worker), now).await.unwrap().unwrap();
         }
         fail_a_job(&store, me).await;
         let claim =

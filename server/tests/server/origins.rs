@@ -67,7 +67,7 @@ async fn a_response_that_the_experiment_has_not_is_refused() {
     result.responses.insert("critical_angle_deg".to_owned(), json!(1.0));
     result.responses.insert("a/b".to_owned(), json!(2.0));
     let problem = worker.deliver_result(&attempt, &result).await.problem(422, "invalid-document");
-    assert_eq!(pointers(&problem), ["/result/responses/critical_angle_deg", "/result/responses/a~1b"]);
+    assert_eq!(pointers(&problem), ["/result/responses/a~1b", "/result/responses/critical_angle_deg"]);
     assert!(text(&problem["errors"][0]["allowed"]).contains("discharged_kg"), "{problem}");
     result.end_reason = roost_solver::result::EndReason::Unstable;
     let problem = worker.fail(&attempt, "unstable", Some(&result)).await.problem(422, "invalid-document");
@@ -83,6 +83,29 @@ async fn a_response_that_the_experiment_has_not_is_refused() {
     assert!(refused.text.len() < 100_000, "{} bytes", refused.text.len());
     refused.problem(422, "invalid-document");
     worker.deliver(&attempt).await.expect(StatusCode::OK);
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn a_worker_registers_its_solver_once() {
+    let (farm, _dir) = Farm::start().await;
+    let worker = farm.worker("cpu").await;
+    let repeat = |name: &str, value: Value| {
+        let mut repeat = registration(&worker.id, "cpu");
+        repeat[name] = value;
+        repeat
+    };
+    for (name, value) in [("backend", json!("gpu")), ("device", json!("another"))] {
+        let problem = farm.post("/v1/workers", &repeat(name, value)).await.problem(409, "worker-refused");
+        assert!(text(&problem["detail"]).contains("fresh id"), "{problem}");
+    }
+    farm.post("/v1/workers", &repeat("threads", json!(7))).await.expect(StatusCode::OK);
+    let workers = farm.get("/v1/workers").await.expect(StatusCode::OK);
+    let shown = &workers["items"][0];
+    assert_eq!(
+        (&shown["backend"], &shown["device"], &shown["threads"]),
+        (&json!("cpu"), &json!("a test"), &json!(7))
+    );
     farm.stop().await;
 }
 

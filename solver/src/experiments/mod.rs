@@ -10,9 +10,12 @@ pub mod hopper;
 mod impact;
 pub mod laws;
 pub mod placement;
+mod responses;
 pub mod scene;
 mod slide;
 pub mod surfaces;
+
+pub use responses::response_names;
 
 use std::sync::Arc;
 

@@ -140,6 +140,14 @@ impl Job {
         Answer::Recorded
     }
 
+    /// A result of another solver than the worker's changes nothing; what has ended is answered as ever.
+    pub(super) fn forge(&self, number: u32, worker: WorkerId) -> Answer {
+        match self.standing(number, worker, AttemptOutcome::Succeeded) {
+            Answer::Recorded => Answer::Refused,
+            other => other,
+        }
+    }
+
     /// A sign of life.
     pub(super) fn beat(&mut self, number: u32, worker: WorkerId, now: i64) -> Directive {
         // No outcome is like `lost` here: nothing has been reported.

@@ -205,6 +205,9 @@ async fn inhabit(farm: &Farm, seed: u64) -> HashMap<&'static str, Vec<Value>> {
         ("table", vec![Value::Null]),
         ("points", vec![Value::Null]),
         ("progress", vec![Value::Null, progress(0.5)]),
+        // As the worker is registered: a repeat may not change them.
+        ("backend", vec![json!("cpu")]),
+        ("device", vec![json!("a test")]),
         ("api_version", vec![json!(roost_api::API_VERSION)]),
         ("solver_revision", vec![json!(roost_solver::SOLVER_REVISION)]),
         ("max_jobs", vec![json!(1)]),

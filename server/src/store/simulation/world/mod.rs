@@ -30,6 +30,7 @@ static SCENARIOS: LazyLock<Vec<(Scenario, String)>> = LazyLock::new(|| {
 /// Tokens that submit.
 const OWNERS: [&str; 3] = ["", "a", "b"];
 
+const DEVICE: &str = "simulated";
 const BACKENDS: [&str; 2] = ["cpu", "gpu"];
 const MEMORY: [u32; 2] = [1000, 4000];
 const LEASE: Duration = Duration::from_millis(LEASE_MS as u64);
@@ -52,6 +53,8 @@ struct Report {
     attempt: u32,
     worker: WorkerId,
     outcome: AttemptOutcome,
+    /// Whether its result says another solver than the worker's.
+    forged: bool,
 }
 
 pub(super) struct World<'s> {
@@ -153,11 +156,11 @@ impl<'s> World<'s> {
             api_version: "v1".to_owned(),
             solver_revision: SOLVER_REVISION,
             backend: backend.to_owned(),
-            device: String::new(),
+            device: DEVICE.to_owned(),
             threads: 1,
             memory_mib,
         };
-        self.store.register_worker(worker, self.now.wall).await.unwrap();
+        self.store.register_worker(worker, self.now.wall).await.unwrap().unwrap();
         self.story
             .push(format!("worker {} arrives: {id}, {backend}, {memory_mib:?} MiB", self.workers.len()));
         let (last_seen, held) = (self.now.wall.0, Vec::new());
@@ -273,7 +276,7 @@ impl<'s> World<'s> {
                 self.claim(&[Asking { index, request, max_jobs: 1, lost: false }]).await;
                 for (job, attempt) in std::mem::take(&mut self.workers[index].held) {
                     let (worker, outcome) = (self.workers[index].id, AttemptOutcome::Succeeded);
-                    self.deliver(Report { job, attempt, worker, outcome }).await;
+                    self.deliver(Report { job, attempt, worker, outcome, forged: false }).await;
                 }
             }
             self.wait(LEASE_MS).await;

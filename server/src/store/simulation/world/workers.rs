@@ -4,11 +4,12 @@ use futures_util::future::join_all;
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, JobState};
 use roost_api::time::Timestamp;
+use roost_solver::SOLVER_REVISION;
 use uuid::Uuid;
 
 use super::super::model::{Answer, Job, LEASE_MS, Waiting};
-use super::{LEASE, Report, SCENARIOS, Worker, World};
-use crate::queue::{Refusal, Verdict};
+use super::{DEVICE, LEASE, Report, SCENARIOS, Worker, World};
+use crate::queue::{Origin, Refusal, Verdict};
 use crate::store::claims::Claim;
 use crate::store::{Beat, StoredResult};
 
@@ -169,7 +170,9 @@ impl World<'_> {
             Cancelled,
         ];
         let outcome = self.random.choice(outcomes).unwrap();
-        let report = Report { job, attempt, worker: self.workers[index].id, outcome };
+        // Now and then a result says that something else computed it than what its worker registered.
+        let forged = outcome == Succeeded && self.random.u32(0..8) == 0;
+        let report = Report { job, attempt, worker: self.workers[index].id, outcome, forged };
         match self.random.u32(0..10) {
             0 => self.story.push(format!("lost on its way: {report:?}")),
             1..4 => self.deliver(report).await,
@@ -204,6 +207,7 @@ impl World<'_> {
                 attempt,
                 worker: id,
                 outcome,
+                forged: false,
             }));
         }
         self.random.shuffle(&mut reports);
@@ -216,10 +220,17 @@ impl World<'_> {
     async fn deliver_all(&mut self, reports: &[Report]) {
         let result = |report: &Report| {
             let which = self.digests.iter().find(|(id, _)| *id == report.job).unwrap().1;
-            StoredResult::stand_in(&SCENARIOS[which].1, &format!("{}-{}", report.job, report.attempt))
+            let worker = self.workers.iter().find(|worker| worker.id == report.worker).unwrap();
+            let origin = Origin {
+                scenario: SCENARIOS[which].1.clone(),
+                revision: SOLVER_REVISION + u32::from(report.forged),
+                backend: worker.backend.to_owned(),
+                device: DEVICE.to_owned(),
+            };
+            StoredResult::stand_in(origin, &format!("{}-{}", report.job, report.attempt))
         };
         let answers = join_all(reports.iter().map(async |report| {
-            let Report { job, attempt, worker, outcome } = *report;
+            let Report { job, attempt, worker, outcome, .. } = *report;
             if outcome == AttemptOutcome::Succeeded {
                 return self.store.record_result(job, attempt, worker, result(report), self.now.wall).await;
             }
@@ -227,7 +238,7 @@ impl World<'_> {
             self.store.record_failure(job, attempt, worker, outcome, String::new(), None, policy, now).await
         }));
         for (report, answer) in reports.iter().zip(answers.await) {
-            let Report { job, attempt, worker, outcome } = *report;
+            let Report { job, attempt, worker, outcome, forged } = *report;
             let answer = match answer.unwrap() {
                 Ok(Verdict::Record(_)) => Answer::Recorded,
                 Ok(Verdict::Repeat) => Answer::Repeat,
@@ -235,7 +246,11 @@ impl World<'_> {
                 Err(_) => Answer::Refused,
             };
             self.story.push(format!("{report:?}: {answer:?}"));
-            let expected = self.model.jobs.get_mut(&job).unwrap().report(attempt, worker, outcome);
+            let model = self.model.jobs.get_mut(&job).unwrap();
+            let expected = match forged {
+                true => model.forge(attempt, worker),
+                false => model.report(attempt, worker, outcome),
+            };
             assert_eq!(answer, expected, "{report:?}");
         }
     }
