@@ -166,6 +166,20 @@ fn every_fault_is_listed_at_once() {
 }
 
 #[test]
+fn labels_and_names_have_limits_that_validation_knows() {
+    let home = Home::new();
+    let sweep = json!({
+        "name": "x".repeat(257), "base": scenario(0.4), "design": {"kind": "grid"}, "factors": [],
+        "labels": {"line": "x".repeat(1_000_000)},
+    });
+    let text = refused(&["validate", &home.file("sweep.json", &sweep)]);
+    assert!(text.len() < 2000 && text.contains("2 faults"), "{} bytes: {text:.2000}", text.len());
+    for part in ["/name", "/labels/line", "257 bytes", "at most 256 bytes"] {
+        assert!(text.contains(part), "no `{part}` in {text}");
+    }
+}
+
+#[test]
 fn the_servers_faults_arrive_too() {
     let home = Home::new();
     let _server = home.serve();

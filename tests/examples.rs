@@ -36,8 +36,10 @@ fn before(route: &str) -> &'static str {
         "POST /v1/claims" => {
             r#"JOB=$(submit)
 WORKER=$(cat /proc/sys/kernel/random/uuid)
+# Of what computed the result that it will deliver.
+DEVICE=$(curl -s $R/v1/jobs/$DONE/result | sed -n 's/.*"device":"\([^"]*\)".*/\1/p')
 curl -s $R/v1/workers --json '{"worker_id": "'$WORKER'", "name": "again", "api_version": "v1", "solver_revision": '$REVISION',
-  "backend": "cpu", "device": "1 core", "threads": 1}'"#
+  "backend": "cpu", "device": "'"$DEVICE"'", "threads": 1}'"#
         }
         "POST /v1/jobs/{id}/attempts/{n}/result" => {
             r#"printf '{"worker_id": "%s", "result": %s}' $WORKER "$(curl -s $R/v1/jobs/$DONE/result)" > delivery.json"#
