@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use roost_api::Fault;
+use roost_api::printable::one_line;
 use roost_solver::scenario::{self, ScenarioError};
 use roost_worker::client::fault_line;
 use serde_json::Value;
@@ -64,9 +65,13 @@ fn parsed(path: &Path) -> Result<Value> {
     })
 }
 
-/// A path as messages name it.
+/// A path as messages name it; a document may have named it.
 pub(crate) fn name(path: &Path) -> String {
-    if path == Path::new("-") { "stdin".to_owned() } else { path.display().to_string() }
+    if path == Path::new("-") {
+        "stdin".to_owned()
+    } else {
+        one_line(&path.display().to_string()).into_owned()
+    }
 }
 
 /// Every fault, one a line, under a line that counts them.

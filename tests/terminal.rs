@@ -130,4 +130,6 @@ fn faults_of_a_document_are_escaped() {
         "design": {"kind": "grid"},
     });
     shown(&home.roost(&["submit", &home.file("sweep.json", &sweep)]), true);
+    let sweep = json!({"base": scenario(0.1), "design": {"kind": "csv", "file": EVIL}});
+    shown(&home.roost(&["submit", &home.file("sweep.json", &sweep)]), true);
 }
