@@ -64,7 +64,8 @@ impl Farm {
         let running = tokio::spawn(server.run(stop.clone()));
         // Clients of other tests speak https, and are built together with this one.
         let _ = rustls::crypto::ring::default_provider().install_default();
-        let http = reqwest::Client::builder().no_proxy().build().unwrap();
+        let http =
+            reqwest::Client::builder().no_proxy().pool_idle_timeout(Duration::from_secs(5)).build().unwrap();
         Self { address, http, stop, running }
     }
 

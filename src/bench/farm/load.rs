@@ -10,7 +10,7 @@ use roost_api::{API_VERSION, RunResult, Series};
 use roost_solver::SOLVER_REVISION;
 use roost_solver::result::{EndReason, Performance, SCHEMA, SolverInfo};
 use roost_solver::scenario::{self, Scenario};
-use roost_worker::client::prepare_tls;
+use roost_worker::client::{MAX_IDLE, prepare_tls};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use uuid::Uuid;
@@ -68,7 +68,11 @@ struct Claimed {
 impl Load {
     pub(super) fn on(url: &str) -> Result<Self> {
         prepare_tls();
-        let http = Client::builder().no_proxy().timeout(Duration::from_secs(120)).build()?;
+        let http = Client::builder()
+            .no_proxy()
+            .pool_idle_timeout(MAX_IDLE)
+            .timeout(Duration::from_secs(120))
+            .build()?;
         Ok(Self { http, url: url.to_owned() })
     }
 

@@ -43,6 +43,9 @@ pub type ClientResult<T> = Result<T, ClientError>;
 
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
+/// A connection that was idle for so long is not used again. The server closes it after twice that: a request that crosses with
+/// the closing would be lost.
+pub const MAX_IDLE: Duration = Duration::from_secs(5);
 /// A large file over a slow line.
 const FILE_TIMEOUT: Duration = Duration::from_secs(600);
 
@@ -71,6 +74,7 @@ impl Client {
             .timeout(ANSWER_TIMEOUT)
             // Followed, a POST would become a GET, and the certificate of the new address would be checked by no authority.
             .redirect(Policy::none())
+            .pool_idle_timeout(MAX_IDLE)
             .user_agent(concat!("roost/", env!("CARGO_PKG_VERSION")));
         // A proxy named in the environment knows nothing of this machine's own addresses.
         let ip = host.trim_matches(['[', ']']).parse::<IpAddr>();

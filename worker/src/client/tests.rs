@@ -1,6 +1,10 @@
 //! What callers are told when the other side answers badly. The answers are canned here because a real server
 //! gives them only on its worst days; everything else is tested against the real one.
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::SeqCst;
+
 use roost_api::ids::JobId;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
@@ -110,4 +114,37 @@ fn an_address_must_be_one() {
         assert!(matches!(Client::new(text), Err(ClientError::Address(_))), "{text}");
     }
     assert_eq!(Client::new("http://[::1]:7373/").unwrap().server(), "http://[::1]:7373");
+}
+
+/// A server that keeps every connection open for ever; returns its address and how many connections there were.
+async fn keeping() -> (String, Arc<AtomicUsize>) {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = format!("http://{}", listener.local_addr().unwrap());
+    let connections = Arc::<AtomicUsize>::default();
+    let counted = connections.clone();
+    tokio::spawn(async move {
+        while let Ok((mut stream, _)) = listener.accept().await {
+            counted.fetch_add(1, SeqCst);
+            tokio::spawn(async move {
+                while !read_request(&mut stream).await.is_empty() {
+                    let answer = "HTTP/1.1 200 OK\r\ncontent-length: 2\r\n\r\n{}";
+                    stream.write_all(answer.as_bytes()).await.unwrap();
+                }
+            });
+        }
+    });
+    (address, connections)
+}
+
+#[tokio::test]
+async fn a_connection_that_was_idle_for_long_is_not_used_again() {
+    let (server, connections) = keeping().await;
+    let client = Client::new(&server).unwrap();
+    let made = async || {
+        client.drain(WorkerId::new()).await.unwrap();
+        connections.load(SeqCst)
+    };
+    assert_eq!((made().await, made().await), (1, 1), "used again at once");
+    tokio::time::sleep(MAX_IDLE + Duration::from_millis(300)).await;
+    assert_eq!(made().await, 2, "the server may be closing the first one");
 }
