@@ -58,6 +58,10 @@ pub(crate) struct ServerArgs {
     /// Requests a second with one token, or of all without tokens; 0 is no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
+    /// Connections at once. Past it, those close that wait longest for a request. Each worker takes up to three; the server
+    /// keeps to fewer where the system lets it open fewer files
+    #[arg(long, default_value_t = ServerConfig::default().max_connections, value_name = "N", value_parser = connections)]
+    max_connections: usize,
     /// Delete sweeps and single jobs this long after their end, such as 30d; without it they stay for ever
     #[arg(long, value_name = "AGE", value_parser = crate::prune::age)]
     prune_after: Option<Duration>,
@@ -89,6 +93,7 @@ impl ServerArgs {
             max_body_bytes: self.max_body_bytes,
             max_frames_bytes: self.max_frames_mb * 1_000_000,
             max_requests_per_s: self.max_requests_per_s,
+            max_connections: self.max_connections,
             prune_after: self.prune_after,
             retry,
             ..ServerConfig::default()
@@ -102,6 +107,13 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     ui::println(format_args!("listening on http://{}", server.local_addr()))?;
     server.run(shutdown).await?;
     Ok(Exit::Done)
+}
+
+fn connections(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count) if (16..=1_000_000).contains(&count) => Ok(count),
+        _ => Err("give a number of connections from 16 to 1000000".to_owned()),
+    }
 }
 
 fn pause(text: &str) -> Result<f64, String> {

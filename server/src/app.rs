@@ -17,7 +17,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::clock::Clock;
 use crate::config::ServerConfig;
-use crate::http::{Access, Metrics};
+use crate::http::{Access, Connections, Metrics};
 use crate::kept::Kept;
 use crate::samples::{Followed, MAX_OF_ALL, Samples};
 use crate::store::{Store, StoreError, Subject};
@@ -47,6 +47,8 @@ pub(crate) struct AppState {
     pub(crate) shelf: tokio::sync::Mutex<Shelf>,
     /// Open to whoever is about to name a mesh, shut while meshes go that nothing names.
     pub(crate) mesh_gate: tokio::sync::RwLock<()>,
+    /// Who is connected.
+    pub(crate) connections: Arc<Connections>,
     /// What is measured.
     pub(crate) metrics: Metrics,
     /// Who may ask for what.

@@ -42,6 +42,12 @@ pub struct ServerConfig {
     pub max_frames_bytes: u64,
     /// Requests a second with one token, or of all without tokens; 0 is no limit.
     pub max_requests_per_s: u32,
+    /// Connections at once; fewer where the system lets the process open fewer files.
+    pub max_connections: usize,
+    /// The head of a request arrives within this, and a connection that is idle for so long ends.
+    pub head_timeout: Duration,
+    /// The body of a request does not pause for longer than this.
+    pub body_timeout: Duration,
     /// Sweeps and single jobs that ended longer ago than this are deleted; none keeps them for ever.
     pub prune_after: Option<Duration>,
     /// How long events and answers to submissions are remembered.
@@ -66,6 +72,9 @@ impl Default for ServerConfig {
             max_mesh_triangles: 1_000_000,
             max_frames_bytes: 200_000_000,
             max_requests_per_s: 0,
+            max_connections: 8192,
+            head_timeout: Duration::from_secs(10),
+            body_timeout: Duration::from_secs(30),
             prune_after: None,
             memory: Duration::from_secs(24 * 3600),
         }

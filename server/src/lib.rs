@@ -12,6 +12,7 @@ mod document;
 mod http;
 mod kept;
 mod mesh;
+mod process;
 mod queue;
 mod reaper;
 mod samples;

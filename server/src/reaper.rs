@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
 
 use crate::app::App;
@@ -96,9 +97,11 @@ async fn prune(app: &App, age: Duration) {
 
 async fn tick(app: &App) -> Result<(), StoreError> {
     let passed = app.store.pass_time(app.config.retry, app.clock.both()).await?;
-    for (job, change) in &passed.changes {
+    for (place, (job, change)) in passed.changes.iter().enumerate() {
         tracing::warn!(%job, ?change, "an attempt ran out of time");
         app.progress.forget(*job);
+        let is_lost = place < passed.lost;
+        app.metrics.attempt_ended(if is_lost { AttemptOutcome::Lost } else { AttemptOutcome::Timeout });
     }
     let requeued = |change: &JobChange| matches!(change, JobChange::Requeue { not_before: None, .. });
     if passed.rested > 0 || passed.changes.iter().any(|(_, change)| requeued(change)) {

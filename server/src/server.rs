@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
 use tokio::sync::{Notify, Semaphore};
 use tokio_util::sync::CancellationToken;
 
@@ -16,7 +16,7 @@ use crate::config::ServerConfig;
 use crate::data::{self, DATABASE, DataError};
 use crate::queue::lease_end;
 use crate::store::{Store, StoreError};
-use crate::{http, reaper};
+use crate::{http, process, reaper};
 
 /// Why a server did not start, or stopped.
 #[derive(Debug, thiserror::Error)]
@@ -41,9 +41,6 @@ pub enum ServerError {
     /// The database cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// Serving ended by itself.
-    #[error("serving ended: {0}")]
-    Serve(io::Error),
     /// The task that writes to the database ended.
     #[error("the database writer ended by itself; the log says more")]
     WriterEnded,
@@ -51,6 +48,9 @@ pub enum ServerError {
 
 /// Requests under way at shutdown get this long.
 const GRACE: Duration = Duration::from_secs(3);
+
+/// Clients that may wait to be accepted; the system may keep fewer.
+const BACKLOG: u32 = 4096;
 
 /// Tries, 50 ms apart, for what a server before this one may not have let go of.
 const PATIENCE: u32 = 20;
@@ -73,8 +73,7 @@ impl Server {
             return Err(ServerError::NotLoopback(address));
         }
         // The address first: what cannot be listened on leaves no directory behind.
-        let bind =
-            async || TcpListener::bind(address).await.map_err(|source| ServerError::Bind { address, source });
+        let bind = async || listen(address).map_err(|source| ServerError::Bind { address, source });
         let listener = patiently(bind).await?;
         let lock = patiently(async || Ok(data::lock(&config.data)?)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
@@ -93,6 +92,8 @@ impl Server {
         if access.is_open() {
             tracing::warn!("no access token exists: everybody on this machine may do everything");
         }
+        let connections = Arc::new(http::Connections::new(max_connections(&config)));
+        let metrics = http::Metrics::new(&store, &connections);
         let app = Arc::new(AppState {
             config,
             store,
@@ -105,7 +106,8 @@ impl Server {
             responses: Default::default(),
             shelf: Default::default(),
             mesh_gate: Default::default(),
-            metrics: http::Metrics::default(),
+            connections,
+            metrics,
             access,
             shutdown: CancellationToken::new(),
             progress: ProgressBoard::default(),
@@ -124,18 +126,19 @@ impl Server {
         let app = self.app;
         let reaper = tokio::spawn(reaper::run(app.clone()));
         let stop = app.shutdown.clone();
-        let serving = http::serve(self.listener, app.clone(), stop.clone().cancelled_owned());
+        let serving = http::serve(self.listener, app.clone(), stop.clone());
         tokio::pin!(serving);
         let served = tokio::select! {
-            served = &mut serving => served.map_err(ServerError::Serve),
+            () = &mut serving => Ok(()),
             () = shutdown.cancelled() => {
                 stop.cancel();
                 // A client that neither reads nor closes must not keep the server.
-                tokio::time::timeout(GRACE, serving).await.unwrap_or(Ok(())).map_err(ServerError::Serve)
+                let _ = tokio::time::timeout(GRACE, &mut serving).await;
+                Ok(())
             }
             () = app.store.ended() => {
                 stop.cancel();
-                let _ = tokio::time::timeout(GRACE, serving).await;
+                let _ = tokio::time::timeout(GRACE, &mut serving).await;
                 Err(ServerError::WriterEnded)
             }
         };
@@ -144,6 +147,30 @@ impl Server {
         app.store.close().await;
         served
     }
+}
+
+/// Listens with a longer queue than the usual one of 1,024: a new client shall not wait behind a flood of others.
+fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+    // Else the port of a server that has just ended stays taken for a minute.
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    socket.listen(BACKLOG)
+}
+
+/// The connections that the settings and the system allow.
+fn max_connections(config: &ServerConfig) -> usize {
+    let descriptors = process::raise_descriptors();
+    let (wanted, possible) = (config.max_connections, process::connections_for(descriptors));
+    if possible < wanted {
+        tracing::warn!(
+            wanted,
+            possible,
+            ?descriptors,
+            "fewer connections than wanted: the system allows too few open files"
+        );
+    }
+    wanted.min(possible)
 }
 
 /// Tries again for a moment when something is still in use: a server that was killed just before is not quite gone.

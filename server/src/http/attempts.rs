@@ -50,7 +50,7 @@ pub(crate) async fn result(
     let ResultDelivery { worker_id, result } = body;
     let stored = unless_short(bytes, move || prepared_result(result)).await??;
     let verdict = app.store.record_result(id, attempt, worker_id, stored, app.clock.now()).await??;
-    Ok(Json(settle(&app, id, &verdict)))
+    Ok(Json(settle(&app, id, AttemptOutcome::Succeeded, &verdict)))
 }
 
 fn prepared_result(result: RunResult) -> Result<StoredResult, ApiError> {
@@ -88,7 +88,7 @@ pub(crate) async fn failure(
     let (policy, now) = (app.config.retry, app.clock.both());
     let recorded = app.store.record_failure(id, attempt, worker_id, outcome, message, partial, policy, now);
     let verdict = recorded.await??;
-    Ok(Json(settle(&app, id, &verdict)))
+    Ok(Json(settle(&app, id, outcome, &verdict)))
 }
 
 /// What a cancelled run had come to is no response.
@@ -104,8 +104,9 @@ fn prepared_partial(outcome: AttemptOutcome, mut result: RunResult) -> Result<St
 }
 
 /// What a delivery means for those who wait and watch.
-fn settle(app: &App, job: JobId, verdict: &Verdict) -> Receipt {
+fn settle(app: &App, job: JobId, outcome: AttemptOutcome, verdict: &Verdict) -> Receipt {
     if let Verdict::Record(change) = verdict {
+        app.metrics.attempt_ended(outcome);
         app.progress.forget(job);
         if matches!(change, JobChange::Requeue { not_before: None, .. }) {
             app.work.notify_waiters();

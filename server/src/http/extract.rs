@@ -9,6 +9,7 @@ use roost_solver::scenario::{ScenarioError, read_json};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
+use tower_http::timeout::TimeoutError;
 
 use super::aside::unless_short;
 use super::problem::{ApiError, Kind};
@@ -128,5 +129,14 @@ fn unread(rejection: &BytesRejection, limit: usize) -> ApiError {
         let detail = format!("the body is larger than {limit} bytes; the operator can set this limit");
         return ApiError::new(Kind::TooLarge, detail);
     }
-    ApiError::new(Kind::UnreadableBody, rejection.body_text())
+    broken_off(rejection)
+}
+
+/// What a body is answered with that did not arrive whole.
+pub(super) fn broken_off(error: &(dyn std::error::Error + 'static)) -> ApiError {
+    let mut causes = std::iter::successors(Some(error), |error| error.source());
+    if causes.any(|cause| cause.is::<TimeoutError>()) {
+        return ApiError::new(Kind::SlowBody, "nothing of the body arrived for too long: send it again");
+    }
+    ApiError::new(Kind::UnreadableBody, error.to_string())
 }

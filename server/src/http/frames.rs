@@ -14,7 +14,7 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::attempts::Receipt;
-use super::extract::{Params, Segments, declared_as};
+use super::extract::{Params, Segments, broken_off, declared_as};
 use super::problem::{ApiError, Kind};
 use super::tags::has_seen;
 use crate::app::App;
@@ -86,7 +86,7 @@ pub(crate) async fn upload(
     }
     let staged = app.store.stage(request.into_body().into_data_stream(), limit).await;
     let staged = staged.map_err(|unstaged| match unstaged {
-        Unstaged::Broken(error) => ApiError::new(Kind::UnreadableBody, error.to_string()),
+        Unstaged::Broken(error) => broken_off(&error),
         Unstaged::TooLong => too_large(),
         Unstaged::Store(error) => error.into(),
     })?;

@@ -6,6 +6,7 @@ mod at_hand;
 mod attempts;
 mod audit;
 mod claims;
+mod connections;
 mod dashboard;
 mod delivery;
 mod events;
@@ -36,16 +37,13 @@ mod upload;
 mod validate;
 mod workers;
 
-use std::future::Future;
-use std::io;
-use std::net::SocketAddr;
-
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, Uri};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Router};
 use tokio::net::TcpListener;
+use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
@@ -54,6 +52,8 @@ use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use crate::app::App;
 pub(crate) use access::Access;
+pub(crate) use connections::Connections;
+use connections::Timeouts;
 pub(crate) use delivery::places as places_for_deliveries;
 use extract::BodyLimit;
 pub(crate) use metrics::Metrics;
@@ -61,13 +61,10 @@ use problem::{ApiError, Kind};
 pub(crate) use upload::AT_ONCE as UPLOADS_AT_ONCE;
 
 /// Answers requests until `stop`, then finishes those under way.
-pub(crate) async fn serve(
-    listener: TcpListener,
-    app: App,
-    stop: impl Future<Output = ()> + Send + 'static,
-) -> io::Result<()> {
-    let service = router(app).into_make_service_with_connect_info::<SocketAddr>();
-    axum::serve(listener, service).with_graceful_shutdown(stop).await
+pub(crate) async fn serve(listener: TcpListener, app: App, stop: CancellationToken) {
+    let timeouts = Timeouts { head: app.config.head_timeout, body: app.config.body_timeout };
+    let connections = app.connections.clone();
+    connections::serve(listener, router(app), connections, timeouts, stop).await;
 }
 
 /// What the API is called; its routes come from the handlers.

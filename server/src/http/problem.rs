@@ -44,6 +44,7 @@ kinds! {
     InvalidQuery = "invalid-query", BAD_REQUEST, "The query string is wrong";
     Syntax = "syntax", BAD_REQUEST, "The body is not JSON";
     UnreadableBody = "unreadable-body", BAD_REQUEST, "The body did not arrive whole";
+    SlowBody = "slow-body", REQUEST_TIMEOUT, "The body came too slowly";
     InvalidKey = "invalid-idempotency-key", BAD_REQUEST, "The Idempotency-Key is unreadable";
     Unauthorized = "unauthorized", UNAUTHORIZED, "A token is needed";
     Forbidden = "forbidden", FORBIDDEN, "The token does not allow this";

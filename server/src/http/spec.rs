@@ -90,7 +90,7 @@ fn kinds(method: &Method, path: &str, operation: &Operation) -> Vec<Kind> {
         });
     }
     if let Some(RefOr::T(body)) = &operation.request_body {
-        kinds.extend([Kind::UnreadableBody, Kind::TooLarge]);
+        kinds.extend([Kind::UnreadableBody, Kind::SlowBody, Kind::TooLarge]);
         match is_json(body) {
             true => kinds.extend([Kind::Syntax, Kind::NotJson, Kind::InvalidDocument]),
             false if body.content.contains_key(frames::MEDIA_TYPE) => kinds.push(Kind::NotFrames),

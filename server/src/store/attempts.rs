@@ -19,6 +19,8 @@ use crate::queue::{JobChange, RetryPolicy, on_deadline, on_lease_expired};
 pub(crate) struct Passed {
     /// Attempts that were ended, with what became of their jobs.
     pub changes: Vec<(JobId, JobChange)>,
+    /// How many of these, from the first on, were lost; the others were past their deadline.
+    pub lost: usize,
     /// Jobs whose pause is over.
     pub rested: u64,
 }
@@ -42,12 +44,13 @@ impl Store {
             .write(move |tx| {
                 Box::pin(async move {
                     let mut changes = expire_leases(tx, policy, now).await?;
+                    let lost = changes.len();
                     changes.extend(end_overdue(tx, now).await?);
                     let rested = sqlx::query("UPDATE jobs SET not_before = NULL WHERE not_before <= ?")
                         .bind(now.lease.0)
                         .execute(&mut *tx)
                         .await?;
-                    Ok(Passed { changes, rested: rested.rows_affected() })
+                    Ok(Passed { changes, lost, rested: rested.rows_affected() })
                 })
             })
             .await

@@ -45,6 +45,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use libsqlite3_sys::{SQLITE_BUSY, SQLITE_FULL};
+use prometheus_client::metrics::histogram::Histogram;
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
@@ -67,7 +68,7 @@ pub(crate) use submit::{NewJob, NewSweep};
 pub(crate) use tokens::Token;
 pub use tokens::TokenFile;
 pub(crate) use trials::{DOCUMENTS, Documented};
-pub(crate) use versions::Subject;
+pub(crate) use versions::{Census, Subject};
 use writer::Writer;
 
 /// The first SQLite without the WAL-reset corruption (3.7.0 to 3.51.2).
@@ -243,6 +244,11 @@ impl Store {
         if let Some(task) = self.checkpoints.lock().await.take() {
             let _ = task.await;
         }
+    }
+
+    /// How long commits take, in seconds.
+    pub(crate) fn commit_seconds(&self) -> Histogram {
+        self.writer.commit_seconds()
     }
 
     /// Returns when the writer has ended, which by itself it never does.

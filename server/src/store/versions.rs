@@ -75,32 +75,49 @@ impl Store {
     }
 }
 
+/// What there is to do, and who is there to do it.
+pub(crate) struct Census {
+    /// Jobs by state.
+    pub(crate) jobs: Vec<(JobState, i64)>,
+    /// Since when the first submitted of the queued jobs has been queued; a job that pauses does not count.
+    pub(crate) oldest_queued_at: Option<Timestamp>,
+    /// Workers that are there.
+    pub(crate) workers: i64,
+}
+
 impl Store {
-    /// How many jobs there are in each state, and how many workers are there.
-    pub(crate) async fn census(
-        &self,
-        now: Timestamp,
-        lease: Duration,
-    ) -> Result<(Vec<(JobState, i64)>, i64), StoreError> {
+    /// Counts jobs and workers.
+    pub(crate) async fn census(&self, now: Timestamp, lease: Duration) -> Result<Census, StoreError> {
         let rows = sqlx::query(CENSUS).fetch_all(&self.readers).await?;
         let jobs = rows.iter().map(|row| Ok((row.parsed("state")?, row.column("jobs")?)));
         let jobs = jobs.collect::<Result<_, StoreError>>()?;
+        let mut oldest: Option<i64> = None;
+        for row in &rows {
+            oldest = oldest.or(row.column("oldest")?);
+        }
+        let oldest_queued_at: Option<i64> =
+            sqlx::query_scalar(QUEUED_AT).bind(oldest).fetch_optional(&self.readers).await?;
         let (since, until) = around(now, lease);
         let workers = sqlx::query_scalar("SELECT count(*) FROM workers WHERE last_seen_at BETWEEN ? AND ?")
             .bind(since.0)
             .bind(until.0)
             .fetch_one(&self.readers)
             .await?;
-        Ok((jobs, workers))
+        Ok(Census { jobs, oldest_queued_at: oldest_queued_at.map(Timestamp), workers })
     }
 }
 
-/// By the partial indexes: no row of a job is read.
+/// By the partial indexes: no row of a job is read. `oldest` is the queued job that was submitted first.
 pub(super) const CENSUS: &str = "
-    SELECT 'queued' AS state, (SELECT count(*) FROM jobs WHERE state = 'queued' AND not_before IS NULL)
-                            + (SELECT count(*) FROM jobs WHERE not_before IS NOT NULL) AS jobs
-    UNION ALL SELECT 'running', count(*) FROM jobs WHERE state = 'running' AND lease_expires_at > 0
-    UNION ALL SELECT state, count(*) FROM jobs WHERE ended_at IS NOT NULL GROUP BY state";
+    SELECT 'queued' AS state, count(*) + (SELECT count(*) FROM jobs WHERE not_before IS NOT NULL) AS jobs,
+           min(seq) AS oldest FROM jobs WHERE state = 'queued' AND not_before IS NULL
+    UNION ALL SELECT 'running', count(*), NULL FROM jobs WHERE state = 'running' AND lease_expires_at > 0
+    UNION ALL SELECT state, count(*), NULL FROM jobs WHERE ended_at IS NOT NULL GROUP BY state";
+
+/// Since when a job has been queued: one that was queued again, since its newest event.
+pub(super) const QUEUED_AT: &str = "
+    SELECT coalesce((SELECT at FROM events WHERE job_id = jobs.id ORDER BY seq DESC LIMIT 1), submitted_at)
+    FROM jobs WHERE seq = ?";
 
 // Numbers that were given last never go down, not even when their rows go: those of tables are read where SQLite keeps them.
 

@@ -12,7 +12,9 @@ use std::future::Future;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
+use prometheus_client::metrics::histogram::Histogram;
 use sqlx::{Connection, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
@@ -79,11 +81,15 @@ struct Finished {
 /// At most so many pieces share a commit: a bound on how long the first of them waits.
 const GROUP: usize = 128;
 
+/// Upper ends of the classes of commit times, in seconds: from an SSD with fast flushes to a disk in trouble.
+const COMMIT_SECONDS: [f64; 10] = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.025, 0.1, 0.5, 2.0, 10.0];
+
 pub(super) struct Writer {
     queue: mpsc::Sender<Message>,
     task: tokio::sync::Mutex<Option<JoinHandle<()>>>,
     ended: CancellationToken,
     commits: Arc<AtomicU64>,
+    commit_seconds: Histogram,
 }
 
 enum Message {
@@ -99,11 +105,13 @@ impl Writer {
         let guard = ended.clone().drop_guard();
         let commits = Arc::new(AtomicU64::new(0));
         let counted = commits.clone();
+        let commit_seconds = Histogram::new(COMMIT_SECONDS);
+        let timed = commit_seconds.clone();
         let task = tokio::spawn(async move {
             let _guard = guard;
-            run(connection, waiting, &counted).await;
+            run(connection, waiting, &counted, &timed).await;
         });
-        Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits }
+        Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits, commit_seconds }
     }
 
     /// How often it has committed, which the connections that read see from then on.
@@ -114,6 +122,11 @@ impl Writer {
     /// Where it counts them.
     pub(super) fn counter(&self) -> Arc<AtomicU64> {
         self.commits.clone()
+    }
+
+    /// How long commits take: the last statement of a transaction, which flushes to the disk.
+    pub(super) fn commit_seconds(&self) -> Histogram {
+        self.commit_seconds.clone()
     }
 
     /// Cancelled when the writer has ended.
@@ -188,7 +201,12 @@ impl Next {
     }
 }
 
-async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Message>, commits: &AtomicU64) {
+async fn run(
+    mut connection: SqliteConnection,
+    mut waiting: mpsc::Receiver<Message>,
+    commits: &AtomicU64,
+    seconds: &Histogram,
+) {
     let mut next = Next::default();
     while let Some(first) = next.first(&mut waiting).await {
         // Several statements in one go: each way to SQLite's thread and back costs as much as a small statement.
@@ -201,9 +219,9 @@ async fn run(mut connection: SqliteConnection, mut waiting: mpsc::Receiver<Messa
         }
         let mut finished = Vec::new();
         let committed = if first.is_large() {
-            alone(&mut connection, first, &mut finished).await
+            alone(&mut connection, first, &mut finished, seconds).await
         } else {
-            group(&mut connection, first, &mut waiting, &mut finished, &mut next).await
+            group(&mut connection, first, &mut waiting, &mut finished, &mut next, seconds).await
         };
         // Before anybody is answered: who asks after that must not be told the versions of before.
         commits.fetch_add(1, Ordering::Release);
@@ -227,12 +245,15 @@ async fn alone(
     connection: &mut SqliteConnection,
     piece: Box<dyn Piece>,
     finished: &mut Vec<Finished>,
+    seconds: &Histogram,
 ) -> Result<(), Arc<sqlx::Error>> {
     let done = piece.run(&mut *connection).await;
     let end = if done.keep { "COMMIT" } else { "ROLLBACK" };
     finished.push(done);
-    sqlx::raw_sql(end).execute(connection).await.map_err(Arc::new)?;
-    Ok(())
+    let started = Instant::now();
+    let ended = sqlx::raw_sql(end).execute(connection).await;
+    seconds.observe(started.elapsed().as_secs_f64());
+    ended.map(drop).map_err(Arc::new)
 }
 
 /// Does the first piece and what has queued up meanwhile, and commits.
@@ -242,6 +263,7 @@ async fn group(
     waiting: &mut mpsc::Receiver<Message>,
     finished: &mut Vec<Finished>,
     next: &mut Next,
+    seconds: &Histogram,
 ) -> Result<(), Arc<sqlx::Error>> {
     let mut piece = first;
     loop {
@@ -256,7 +278,11 @@ async fn group(
             (true, None) => "RELEASE piece; COMMIT",
             (false, None) => "ROLLBACK TO piece; RELEASE piece; COMMIT",
         };
+        let started = Instant::now();
         let outcome = sqlx::raw_sql(sql).execute(&mut *connection).await;
+        if more.is_none() {
+            seconds.observe(started.elapsed().as_secs_f64());
+        }
         match (outcome, more) {
             (Ok(_), Some(more)) => piece = more,
             (Ok(_), None) => return Ok(()),

@@ -4,6 +4,7 @@ mod access;
 mod bad_input;
 mod cancel;
 mod claims;
+mod connections;
 mod contract;
 mod dashboard;
 mod designs;

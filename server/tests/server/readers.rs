@@ -1,8 +1,23 @@
 //! What others read of the server: Prometheus its metrics, people its specification.
 
-use reqwest::StatusCode;
+use std::time::{Duration, Instant};
+
+use reqwest::{Method, StatusCode};
+use serde_json::json;
 
 use super::farm::*;
+
+/// The number of a line of `/metrics`.
+async fn metric(farm: &Farm, name: &str) -> f64 {
+    let text = farm.get("/metrics").await.text;
+    number(&text, name)
+}
+
+#[track_caller]
+fn number(text: &str, name: &str) -> f64 {
+    let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+    line.unwrap_or_else(|| panic!("no {name}:\n{text}")).parse().unwrap()
+}
 
 #[tokio::test]
 async fn metrics_count_jobs_by_state_workers_and_requests_by_route() {
@@ -30,6 +45,126 @@ async fn metrics_count_jobs_by_state_workers_and_requests_by_route() {
     ] {
         assert!(answer.text.lines().any(|known| known == line), "{line}\n{}", answer.text);
     }
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn metrics_count_attempts_by_outcome_once_each() {
+    let (farm, _dir) = Farm::with(|config| {
+        config.lease = Duration::from_millis(300);
+        config.max_claim_wait = Duration::from_millis(10);
+    })
+    .await;
+    let worker = farm.worker("cpu").await;
+    for seed in 0..4 {
+        farm.submit(&envelope(seed)).await;
+    }
+    let attempts = worker.claim(4).await;
+    // A repeat changes nothing, and is not counted.
+    for _ in 0..2 {
+        worker.deliver(&attempts[0]).await.expect(StatusCode::OK);
+        worker
+            .fail(&attempts[1], "unstable", Some(&result_of(&attempts[1]["scenario"])))
+            .await
+            .expect(StatusCode::OK);
+    }
+    worker.fail(&attempts[2], "released", None).await.expect(StatusCode::OK);
+    worker.fail(&attempts[2], "invalid", None).await.problem(409, "stale-attempt");
+    // The last one is heard of no more.
+    farm.wait_for(&attempts[3]["job_id"], "queued").await;
+    let text = farm.get("/metrics").await.text;
+    for (outcome, count) in [
+        ("succeeded", 1.0),
+        ("unstable", 1.0),
+        ("released", 1.0),
+        ("lost", 1.0),
+        ("invalid", 0.0),
+        ("worker", 0.0),
+        ("timeout", 0.0),
+        ("cancelled", 0.0),
+    ] {
+        let name = format!("roost_attempts_total{{outcome=\"{outcome}\"}}");
+        assert_eq!(number(&text, &name), count, "{name}");
+    }
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn the_oldest_queued_job_counts_from_when_it_was_queued_last() {
+    let (farm, _dir) = Farm::start().await;
+    // Jobs are counted once a second: the number may be that of before.
+    let age = async |what: &str, fits: &dyn Fn(f64) -> bool| {
+        let deadline = Instant::now() + Duration::from_secs(20);
+        loop {
+            let age = metric(&farm, "roost_oldest_queued_seconds").await;
+            if fits(age) {
+                return age;
+            }
+            assert!(Instant::now() < deadline, "{what}: {age}");
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    };
+    age("nothing is queued", &|age| age == 0.0).await;
+    let job = farm.submit(&envelope(1)).await["id"].clone();
+    let queued = age("it waits", &|age| age > 2.0).await;
+    for verb in ["cancel", "retry"] {
+        farm.post(&format!("/v1/jobs/{}/{verb}", text(&job)), &json!({})).await.expect(StatusCode::OK);
+    }
+    age("it waits anew", &|age| age > 0.0 && age < queued).await;
+    farm.worker("cpu").await.claim_one().await;
+    age("it runs", &|age| age == 0.0).await;
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn metrics_tell_of_the_disk_the_process_and_the_build() {
+    let (farm, dir) = Farm::start().await;
+    farm.submit(&envelope(1)).await;
+    let text = farm.get("/metrics").await.text;
+    let length = |name: &str| std::fs::metadata(dir.path().join(name)).unwrap().len() as f64;
+    assert_eq!(number(&text, "roost_database_bytes"), length("roost.db"));
+    assert_eq!(number(&text, "roost_database_wal_bytes"), length("roost.db-wal"));
+    assert!(number(&text, "roost_disk_free_bytes") > 1e6);
+    let (commits, seconds) =
+        (number(&text, "roost_commit_seconds_count"), number(&text, "roost_commit_seconds_sum"));
+    assert!(commits >= 2.0 && seconds > 0.0 && seconds < commits, "{commits} commits in {seconds} s");
+    assert!((5e6..1e10).contains(&number(&text, "process_resident_memory_bytes")), "{text}");
+    let (open, limit) = (number(&text, "process_open_fds"), number(&text, "process_max_fds"));
+    assert!(open > 10.0 && open < limit, "{open} of {limit}");
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_secs_f64();
+    let age = now - number(&text, "process_start_time_seconds");
+    assert!((0.0..100.0).contains(&age), "{age}");
+    let build = format!(
+        "roost_build_info{{version=\"{}\",solver_revision=\"{}\",commit=\"",
+        env!("CARGO_PKG_VERSION"),
+        roost_solver::SOLVER_REVISION
+    );
+    assert!(text.lines().any(|line| line.starts_with(&build)), "{build}\n{text}");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn waiting_for_work_and_methods_without_a_route_are_not_among_the_answer_times() {
+    let (farm, _dir) = Farm::start().await;
+    let worker = farm.worker("cpu").await;
+    let waited = worker.claim_request(1, 0.4);
+    farm.post("/v1/claims", &waited).await.expect(StatusCode::OK);
+    let invented = Method::from_bytes(b"BREW").unwrap();
+    for method in [Method::DELETE, Method::TRACE, invented] {
+        farm.send(method, "/v1/claims", None).await.problem(405, "method-not-allowed");
+    }
+    farm.send(Method::HEAD, "/v1/version", None).await;
+    farm.get("/v1/version").await.expect(StatusCode::OK);
+    let text = farm.get("/metrics").await.text;
+    assert_eq!(number(&text, r#"roost_http_long_poll_seconds_count{route="/v1/claims"}"#), 1.0);
+    assert!(number(&text, r#"roost_http_long_poll_seconds_sum{route="/v1/claims"}"#) >= 0.4);
+    assert_eq!(number(&text, r#"roost_http_request_seconds_count{method="GET",route="/v1/version"}"#), 1.0);
+    let timed: Vec<_> = text.lines().filter(|line| line.starts_with("roost_http_request_seconds")).collect();
+    for part in ["/v1/claims", "HEAD", "DELETE", "TRACE", "other"] {
+        assert!(!timed.iter().any(|line| line.contains(part)), "{part}\n{timed:#?}");
+    }
+    let counted = r#"roost_http_requests_total{method="other",route="/v1/claims",status="405"}"#;
+    assert_eq!(number(&text, counted), 1.0);
     farm.stop().await;
 }
 

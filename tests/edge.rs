@@ -1,0 +1,327 @@
+//! The server under hostile hands: floods of half requests, invented methods, file descriptors that run out.
+//!
+//! At full size (`ROOST_FULL=1`) these are the proofs of `docs/proofs.md`; in the usual test the slow one is smaller.
+
+mod support;
+
+use std::io::{Read, Write};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpStream};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use roost_api::API_VERSION;
+use roost_api::ids::WorkerId;
+use roost_api::lease::HeartbeatRequest;
+use roost_api::worker::WorkerRegistration;
+use roost_server::ServerConfig;
+use roost_solver::SOLVER_REVISION;
+use roost_worker::client::{Client, MAX_IDLE};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use support::{Home, Process, undisturbed, until};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpSocket;
+
+const MIB: u64 = 1024 * 1024;
+
+/// The head of a request that never ends.
+const HALF: &[u8] = b"GET /v1/jobs HTTP/1.1\r\nhost: localhost\r\nx-more: ";
+
+fn address(home: &Home) -> SocketAddr {
+    home.address.trim_start_matches("http://").parse().unwrap()
+}
+
+/// Asks on a new connection, and returns the answer and how long all of that took.
+fn ask(address: SocketAddr, path: &str) -> (String, Duration) {
+    let started = Instant::now();
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    (answer, started.elapsed())
+}
+
+/// A number of `/metrics`.
+fn metric(address: SocketAddr, name: &str) -> f64 {
+    let (text, _) = ask(address, "/metrics");
+    let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+    line.unwrap_or_else(|| panic!("no {name}:\n{text}")).parse().unwrap()
+}
+
+/// A line of `/proc/PID/status` in bytes.
+fn status_bytes(server: &Process, name: &str) -> u64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/status", server.id())).unwrap();
+    let line = text.lines().find_map(|line| line.strip_prefix(name)).unwrap();
+    line.trim_matches([':', ' ', '\t']).trim_end_matches("kB").trim().parse::<u64>().unwrap() * 1024
+}
+
+/// Seconds of processor time that a process has taken so far.
+fn processor_seconds(server: &Process) -> f64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/stat", server.id())).unwrap();
+    let fields: Vec<_> = text.rsplit(')').next().unwrap().split_whitespace().collect();
+    let ticks = |place: usize| fields[place].parse::<f64>().unwrap();
+    (ticks(11) + ticks(12)) / 100.0
+}
+
+/// Lets this process open as many files as it may, and says how many that are.
+fn raise_descriptors() -> usize {
+    let limit = getrlimit(Resource::Nofile);
+    setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit }).unwrap();
+    limit.maximum.map_or(usize::MAX, |maximum| maximum as usize)
+}
+
+#[test]
+fn ten_thousand_half_requests_lock_nobody_out() {
+    let _alone = undisturbed();
+    // As many as the machine lets a test have.
+    let wanted = 10_000.min(raise_descriptors() - 500);
+    let home = Home::new();
+    let server = home.serve();
+    let address = address(&home);
+    // A worker that was there before, and will say nothing until the flood is over.
+    let worker = Client::new(&home.address).unwrap();
+    let me = WorkerId::new();
+    let registration = WorkerRegistration {
+        worker_id: me,
+        name: "patient".to_owned(),
+        api_version: API_VERSION.to_owned(),
+        solver_revision: SOLVER_REVISION,
+        backend: "cpu".to_owned(),
+        device: "a test".to_owned(),
+        threads: 1,
+        memory_mib: None,
+    };
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    runtime.block_on(worker.register(&registration)).unwrap();
+
+    let (mut slowest, mut most) = (Duration::ZERO, 0);
+    let mut halves = Vec::new();
+    for number in 0..wanted {
+        let half = runtime.block_on(async {
+            // Addresses of their own, so that no other test runs short of ports.
+            let socket = TcpSocket::new_v4().unwrap();
+            let from = Ipv4Addr::new(127, 1, 0, (number / 1000) as u8 + 1);
+            socket.bind(SocketAddr::new(IpAddr::V4(from), 0)).unwrap();
+            let mut stream = socket.connect(address).await.unwrap();
+            stream.write_all(HALF).await.unwrap();
+            stream
+        });
+        halves.push(half);
+        if number % 1000 == 999 {
+            let (answer, took) = ask(address, "/healthz");
+            assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+            slowest = slowest.max(took);
+            most = most.max(status_bytes(&server, "VmRSS"));
+        }
+    }
+    let opened = Instant::now();
+    most = most.max(status_bytes(&server, "VmRSS"));
+    let open = metric(address, "roost_connections");
+    for _ in 0..5 {
+        let (answer, took) = ask(address, "/v1/jobs");
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+        slowest = slowest.max(took);
+    }
+    let mut buffer = [0; 1];
+    for half in &halves {
+        let closed = async {
+            half.readable().await.unwrap();
+            !matches!(half.try_read(&mut buffer), Err(error) if error.kind() == std::io::ErrorKind::WouldBlock)
+        };
+        runtime.block_on(async {
+            let closed = tokio::time::timeout(Duration::from_secs(30), closed).await;
+            assert!(closed.expect("the server closes it"));
+        });
+    }
+    let closed = opened.elapsed();
+    println!(
+        "{wanted} half requests, {open} of them open at once: a new client was served within {slowest:?}, {} MiB resident, all \
+         closed after {closed:?}",
+        most / MIB
+    );
+    assert!(slowest < Duration::from_secs(1), "{slowest:?}");
+    assert!(most < 150 * MIB, "{} MiB", most / MIB);
+    assert!(closed < Duration::from_secs(15), "{closed:?}");
+    assert!(open > 1000.0, "{open}: they were not there at once");
+
+    // Idle for longer than the server keeps a connection: its client does not use it again.
+    assert!(opened.elapsed() > Duration::from_secs(8), "all of that took {:?}", opened.elapsed());
+    let idle = HeartbeatRequest { attempts: Vec::new() };
+    let beat = worker.heartbeat(me, &idle, Duration::from_secs(10));
+    runtime.block_on(beat).expect("nothing was lost on a closed connection");
+}
+
+#[test]
+fn honest_clients_that_come_at_once_are_all_served() {
+    const CLIENTS: usize = 1500;
+    let _alone = undisturbed();
+    assert!(raise_descriptors() > CLIENTS + 500);
+    let home = Home::new();
+    let _server = home.serve();
+    let address = address(&home);
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let asked = move || async move {
+        let socket = TcpSocket::new_v4()?;
+        socket.bind((Ipv4Addr::new(127, 1, 1, 1), 0).into())?;
+        let mut stream = socket.connect(address).await?;
+        stream.write_all(b"GET /v1/version HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").await?;
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).await?;
+        std::io::Result::Ok(answer)
+    };
+    let all: Vec<_> = (0..CLIENTS).map(|_| runtime.spawn(asked())).collect();
+    for client in all {
+        let answer = runtime.block_on(client).unwrap().unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    }
+    assert_eq!(metric(address, r#"roost_connections_refused_total{reason="no_request"}"#), 0.0);
+}
+
+#[test]
+fn clients_give_a_connection_up_long_before_the_server_does() {
+    assert!(ServerConfig::default().head_timeout >= 2 * MAX_IDLE);
+}
+
+#[test]
+fn invented_methods_take_neither_memory_nor_metrics() {
+    let all = if std::env::var_os("ROOST_FULL").is_some() { 100_000 } else { 20_000 };
+    let home = Home::new();
+    let server = home.serve();
+    let address = address(&home);
+    let invent = |numbers: std::ops::Range<usize>| {
+        let mut stream = TcpStream::connect(address).unwrap();
+        let numbers: Vec<_> = numbers.collect();
+        for batch in numbers.chunks(50) {
+            let mut requests = String::new();
+            for number in batch {
+                // Some of them as long as a head may be.
+                let more = "X".repeat(if number % 50 == 0 { 15_000 } else { 10 });
+                requests += &format!("M{number}{more} /v1/jobs HTTP/1.1\r\nhost: localhost\r\n\r\n");
+            }
+            // Written beside reading: both sides would wait for each other once the buffers are full.
+            let mut writer = stream.try_clone().unwrap();
+            let written = std::thread::spawn(move || writer.write_all(requests.as_bytes()));
+            let (mut answers, mut buffer, mut seen) = (0, [0; 64 * 1024], Vec::new());
+            while answers < batch.len() {
+                let read = stream.read(&mut buffer).unwrap();
+                assert!(read > 0, "the server closed the connection after {answers} answers");
+                seen.extend_from_slice(&buffer[..read]);
+                let text = String::from_utf8_lossy(&seen);
+                answers = text.matches("HTTP/1.1 405").count();
+            }
+            written.join().unwrap().unwrap();
+        }
+    };
+    let known = ["GET", "POST", "PUT", "DELETE", "HEAD", "OPTIONS", "PATCH", "TRACE"];
+    let (spec, _) = ask(address, "/openapi.json");
+    let spec: serde_json::Value = serde_json::from_str(spec.split_once("\r\n\r\n").unwrap().1).unwrap();
+    let client = |method: &str, path: &str| {
+        let mut stream = TcpStream::connect(address).unwrap();
+        write!(stream, "{method} {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").unwrap();
+        let _ = stream.read(&mut [0; 64]);
+    };
+    // All that is known comes first: it is there for good.
+    for path in spec["paths"].as_object().unwrap().keys() {
+        known.iter().for_each(|method| client(method, path));
+    }
+    invent(0..2000);
+    let before = status_bytes(&server, "VmRSS");
+    invent(2000..2000 + all);
+    let grown = status_bytes(&server, "VmRSS").saturating_sub(before);
+    let (scrape, _) = ask(address, "/metrics");
+    println!("{all} invented methods: {} KiB more memory, a scrape of {} bytes", grown / 1024, scrape.len());
+    assert!(grown <= 5 * MIB, "{grown} bytes for {all} methods");
+    assert!(scrape.len() <= 200_000, "{} bytes", scrape.len());
+    let counted = format!(
+        r#"roost_http_requests_total{{method="other",route="/v1/jobs",status="405"}} {}"#,
+        all + 2000
+    );
+    assert!(scrape.lines().any(|line| line == counted), "{counted}\n{scrape}");
+}
+
+/// Sets the limit of open files of a running process.
+fn limit_descriptors(server: &Process, limit: usize) {
+    let pid = server.id().to_string();
+    let set = Command::new("prlimit").args(["--pid", &pid, &format!("--nofile={limit}:")]).status().unwrap();
+    assert!(set.success());
+}
+
+#[test]
+fn a_server_without_file_descriptors_neither_ends_nor_spins_and_makes_room() {
+    let _alone = undisturbed();
+    let home = Home::new();
+    let server = home.serve();
+    let address = address(&home);
+    let open = std::fs::read_dir(format!("/proc/{}/fd", server.id())).unwrap().count();
+    limit_descriptors(&server, open + 10);
+    let halves: Vec<_> = (0..30)
+        .map(|_| {
+            let mut stream = TcpStream::connect(address).unwrap();
+            stream.write_all(HALF).unwrap();
+            stream
+        })
+        .collect();
+    until("the server has no file descriptor left", || {
+        server.log().contains("no connection can be accepted").then_some(())
+    });
+    let before = processor_seconds(&server);
+    std::thread::sleep(Duration::from_secs(1));
+    let taken = processor_seconds(&server) - before;
+    assert!(taken < 0.5, "{taken} s of processor time in a second of waiting");
+    let (answer, took) = ask(address, "/healthz");
+    assert!(answer.starts_with("HTTP/1.1 200") && took < Duration::from_secs(5), "{took:?} {answer}");
+    drop(halves);
+    server.terminate();
+    let (status, took) = server.wait();
+    assert!(status.success() && took < Duration::from_secs(5), "{status} after {took:?}");
+}
+
+#[test]
+fn the_limit_of_open_files_is_raised_and_connections_keep_to_it() {
+    let home = Home::new();
+    let listen = home.address.trim_start_matches("http://");
+    let mut command = Command::new("prlimit");
+    command.args(["--nofile=128:1024", env!("CARGO_BIN_EXE_roost"), "serve", "--listen", listen, "--data"]);
+    let server = Process::start(command.arg(home.path("data")), home.path("serve.log"));
+    let address = address(&home);
+    until("the server answers", || TcpStream::connect(address).ok());
+    let found = (metric(address, "process_max_fds"), metric(address, "roost_connections_limit"));
+    assert_eq!(found, (1024.0, 720.0));
+    assert!(server.log().contains("fewer connections than wanted"), "{}", server.log());
+}
+
+#[test]
+fn a_server_with_open_streams_polls_and_half_requests_ends_in_time() {
+    let home = Home::new();
+    let server = home.serve();
+    let address = address(&home);
+    let job = home.submit(&support::scenario(1.0));
+    let mut open = Vec::new();
+    for head in [
+        format!("GET /v1/jobs/{}/events HTTP/1.1\r\nhost: localhost\r\n\r\n", job.id),
+        "GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n".to_owned(),
+    ] {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.write_all(head.as_bytes()).unwrap();
+        assert!(stream.read(&mut [0; 256]).unwrap() > 0);
+        open.push(stream);
+    }
+    for _ in 0..100 {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.write_all(HALF).unwrap();
+        open.push(stream);
+    }
+    // A body that never comes.
+    let mut stream = TcpStream::connect(address).unwrap();
+    let head = "POST /v1/jobs HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\n\r\n{";
+    stream.write_all(head.as_bytes()).unwrap();
+    until("all are there", || (metric(address, "roost_connections") >= 104.0).then_some(()));
+    let stopped = Instant::now();
+    server.terminate();
+    let (status, _) = server.wait();
+    assert!(
+        status.success() && stopped.elapsed() < Duration::from_secs(5),
+        "{status} {:?}",
+        stopped.elapsed()
+    );
+}
