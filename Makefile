@@ -19,6 +19,8 @@ demo: needs
 	cargo run -- demo --exit
 
 test: NEEDS += faketime:faketime
+# The tests of the alerts in deploy/ start a Prometheus of their own; they use no service that the package may start.
+test: NEEDS += promtool:prometheus
 test: needs
 	cargo test --workspace --no-fail-fast
 

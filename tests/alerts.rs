@@ -1,0 +1,212 @@
+//! The alert rules of `deploy/alerts.yaml`: each fires and stays silent by `promtool`, reads metrics that a server has, and a real
+//! Prometheus that scrapes a real server sees one of them fire.
+
+mod support;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use roost_api::job::JobState;
+use serde_json::Value;
+use support::{Home, said, until};
+
+fn rules() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/alerts.yaml")
+}
+
+fn tests() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/alerts/alerts.test.yaml")
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap()
+}
+
+/// The names of all alerts.
+fn alerts() -> Vec<String> {
+    let names: Vec<_> =
+        read(&rules()).lines().filter_map(|line| Some(line.split_once("- alert: ")?.1.to_owned())).collect();
+    assert!(names.len() >= 10, "{names:?}");
+    names
+}
+
+fn promtool(arguments: &[&str]) -> std::process::Output {
+    Command::new("promtool").args(arguments).output().expect("promtool is there: `make needs` installs it")
+}
+
+#[test]
+fn every_alert_fires_and_stays_silent() {
+    let (rules, tests) = (rules().display().to_string(), tests().display().to_string());
+    for arguments in [["check", "rules", &rules], ["test", "rules", &tests]] {
+        let output = promtool(&arguments);
+        assert!(output.status.success(), "{}", said(&output));
+    }
+    let text = read(Path::new(&tests));
+    let cases: Vec<_> = text.split("\n  - name: ").skip(1).collect();
+    for alert in alerts() {
+        let case = |is: &str| {
+            let case = cases.iter().find(|case| case.starts_with(&format!("{alert} {is}\n")));
+            let case = case.unwrap_or_else(|| panic!("no case in which {alert} {is}"));
+            assert!(case.contains(&format!("ALERTS{{alertname=\"{alert}\"")), "{case}");
+            !case.contains("exp_samples: []")
+        };
+        assert!(case("fires") && !case("stays silent"), "{alert}");
+    }
+}
+
+#[test]
+fn every_alert_is_explained() {
+    let readme = read(&rules().with_file_name("README.md"));
+    for alert in alerts() {
+        assert!(readme.contains(&format!("| `{alert}` |")), "{alert}");
+    }
+}
+
+/// Metrics with the labels they are chosen by, as the rules name them: `(metric, Some((label, values)))`.
+fn named() -> BTreeSet<(String, Option<(String, String)>)> {
+    let text = read(&rules());
+    let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let mut named = BTreeSet::new();
+    let starts = ["roost_", "process_"].iter().flat_map(|prefix| text.match_indices(prefix));
+    for (start, _) in starts.filter(|(start, _)| !text[..*start].ends_with(is_name)) {
+        let rest = &text[start..];
+        let (name, rest) = rest.split_at(rest.find(|c| !is_name(c)).unwrap());
+        named.insert((name.to_owned(), None));
+        let Some((selector, _)) = rest.strip_prefix('{').and_then(|rest| rest.split_once('}')) else {
+            continue;
+        };
+        let (label, value) = selector.split_once('=').unwrap();
+        named.insert((name.to_owned(), Some((label.to_owned(), value.trim_matches(['~', '"']).to_owned()))));
+    }
+    named
+}
+
+#[test]
+fn every_metric_and_label_of_the_rules_is_one_of_a_server_that_has_worked() {
+    let text = worked();
+    let samples: Vec<_> = text.lines().filter(|line| !line.starts_with('#')).collect();
+    let named = named();
+    assert!(named.len() > 15, "{named:?}");
+    for (metric, label) in named {
+        let of_metric = samples.iter().filter(|line| {
+            line.strip_prefix(metric.as_str()).is_some_and(|rest| rest.starts_with(['{', ' ']))
+        });
+        let of_metric: Vec<_> = of_metric.collect();
+        assert!(!of_metric.is_empty(), "no {metric}:\n{text}");
+        // `job` is what Prometheus adds, and a server without errors has no status of one.
+        let Some((label, values)) = label.filter(|(label, _)| label != "job") else { continue };
+        let any = if values == "5.." { vec![""] } else { values.split('|').collect() };
+        for value in any {
+            let wanted = format!("{label}=\"{value}");
+            assert!(
+                of_metric.iter().any(|line| line.contains(&wanted)),
+                "no {metric} with {wanted}:\n{text}"
+            );
+        }
+    }
+}
+
+/// The metrics of a server that has done some work.
+fn worked() -> String {
+    let home = Home::new();
+    let _server = home.serve();
+    let job = home.submit(&support::scenario(0.2));
+    let _worker = home.work("worker");
+    home.job_when(&job, "the job has succeeded", |job| job.state == JobState::Succeeded);
+    let url = format!("{}/metrics", home.address);
+    let answer = home.ask(|_| async move {
+        let client = reqwest::Client::builder().no_proxy().build().unwrap();
+        client.get(url).send().await.unwrap().text().await
+    });
+    answer.unwrap()
+}
+
+#[test]
+fn the_table_of_metrics_lists_what_a_server_has() {
+    let api = read(&rules().with_file_name("../api.md"));
+    let listed: BTreeSet<_> =
+        api.lines().filter_map(|line| line.strip_prefix("| `")?.split(['`', '{']).next()).collect();
+    let text = worked();
+    let there: BTreeSet<_> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("# TYPE ")?.split_once(' '))
+        .map(|(name, kind)| match kind {
+            "counter" => format!("{name}_total"),
+            "info" => format!("{name}_info"),
+            _ => name.to_owned(),
+        })
+        .collect();
+    assert!(there.len() > 15, "{text}");
+    for name in &there {
+        assert!(listed.contains(name.as_str()), "{name} is not in api.md");
+    }
+    for name in listed.iter().filter(|name| name.starts_with("roost_") || name.starts_with("process_")) {
+        assert!(there.contains(*name), "{name} is only in api.md");
+    }
+}
+
+/// Ends with the test.
+struct Prometheus(std::process::Child);
+
+impl Drop for Prometheus {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_real_prometheus_sees_an_alert_of_a_real_server_fire() {
+    let (home, other) = (Home::new(), Home::new());
+    let server = home.serve();
+    home.submit(&support::scenario(1.0));
+    let text = read(&rules());
+    let quick = text.lines().map(|line| match line.trim_start().starts_with("for: ") {
+        true => "        for: 0s\n".to_owned(),
+        false => format!("{line}\n"),
+    });
+    std::fs::write(home.path("alerts.yaml"), quick.collect::<String>()).unwrap();
+    let target = home.address.trim_start_matches("http://");
+    let config = format!(
+        "global: {{scrape_interval: 1s, evaluation_interval: 1s}}\n\
+         rule_files: [alerts.yaml]\n\
+         scrape_configs: [{{job_name: roost, static_configs: [{{targets: ['{target}']}}]}}]\n"
+    );
+    std::fs::write(home.path("prometheus.yml"), config).unwrap();
+    let listen = other.address.trim_start_matches("http://");
+    let log = std::fs::File::create(home.path("prometheus.log")).unwrap();
+    let child = Command::new("prometheus")
+        .arg(format!("--config.file={}", home.path("prometheus.yml").display()))
+        .arg(format!("--storage.tsdb.path={}", home.path("series").display()))
+        .arg(format!("--web.listen-address={listen}"))
+        .stdin(Stdio::null())
+        .stdout(log.try_clone().unwrap())
+        .stderr(log)
+        .spawn()
+        .expect("prometheus is there: `make needs` installs it");
+    let _prometheus = Prometheus(child);
+    let client = reqwest::Client::builder().no_proxy().build().unwrap();
+    let get = |path: &str| -> Option<Value> {
+        let request = client.get(format!("{}/api/v1/{path}", other.address)).send();
+        home.ask(|_| async move { request.await.ok()?.json().await.ok() })
+    };
+    let fires = |alert: &str| {
+        let answer = get("alerts")?;
+        let alerts = answer["data"]["alerts"].as_array()?;
+        let named = |fired: &&Value| fired["labels"]["alertname"] == *alert && fired["state"] == "firing";
+        alerts.iter().find(named).cloned()
+    };
+    let fired = until("jobs without a worker are told", || fires("RoostNoWorkers"));
+    assert_eq!(fired["annotations"]["summary"], "1 jobs are queued, and no worker has been heard of");
+    assert_eq!(fires("RoostDown"), None);
+    server.terminate();
+    server.wait();
+    until("the end of the server is told", || fires("RoostDown"));
+    let rules = get("rules").unwrap();
+    let rules = rules["data"]["groups"][0]["rules"].as_array().unwrap();
+    assert_eq!(rules.len(), alerts().len());
+    for rule in rules {
+        assert_eq!(rule["health"], "ok", "{rule}");
+    }
+}
