@@ -25,12 +25,17 @@ const LONGEST_DETAIL: usize = 1024;
 pub(super) async fn complete(request: Request, next: Next) -> Response {
     let is_reader = request.uri().path().starts_with("/docs");
     let mut response = as_problem(next.run(request).await).await;
+    protect(&mut response, is_reader);
+    response
+}
+
+/// Adds the headers that keep browsers from guessing, unless the answer has its own.
+pub(super) fn protect(response: &mut Response, is_reader: bool) {
     let headers = response.headers_mut();
     headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.entry(header::REFERRER_POLICY).or_insert(HeaderValue::from_static("no-referrer"));
     let policy = if is_reader { READER_POLICY } else { POLICY };
     headers.entry(header::CONTENT_SECURITY_POLICY).or_insert(policy);
-    response
 }
 
 /// Turns an error of a library, which answers in plain text or not at all, into a problem document.

@@ -10,6 +10,7 @@
 mod table;
 
 use std::io;
+use std::net::SocketAddr;
 use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::task::{Context, Poll};
@@ -17,7 +18,7 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::body::{Body, Bytes, HttpBody};
-use axum::extract::Request;
+use axum::extract::{ConnectInfo, Request};
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use hyper::body::{Frame, Incoming, SizeHint};
@@ -31,6 +32,7 @@ use tokio_util::sync::CancellationToken;
 use tower_http::timeout::TimeoutBody;
 
 use super::problem::{ApiError, Kind};
+use super::safety;
 pub(crate) use table::Connections;
 use table::{Place, Turn};
 
@@ -67,9 +69,9 @@ pub(crate) async fn serve(
         // A task that has ended takes memory until it is joined.
         while tasks.try_join_next().is_some() {}
         match accepted {
-            Ok((stream, _)) => {
+            Ok((stream, peer)) => {
                 if let Some(place) = connections.enter() {
-                    tasks.spawn(attend(stream, router.clone(), place, timeouts, stop.clone()));
+                    tasks.spawn(attend((stream, peer), router.clone(), place, timeouts, stop.clone()));
                 }
             }
             Err(error) if is_of_one_connection(&error) => {}
@@ -92,14 +94,16 @@ fn is_of_one_connection(error: &io::Error) -> bool {
 
 /// Answers the requests of one connection, one after the other.
 async fn attend(
-    stream: TcpStream,
+    (stream, peer): (TcpStream, SocketAddr),
     router: Arc<TowerToHyperService<Router>>,
     place: Arc<Place>,
     timeouts: Timeouts,
     stop: CancellationToken,
 ) {
     end_stalled(&stream, timeouts.body);
-    let service = service_fn(|request: Request<Incoming>| {
+    let service = service_fn(|mut request: Request<Incoming>| {
+        // For the audit log.
+        request.extensions_mut().insert(ConnectInfo(peer));
         let turn = place.begin(request.uri().path());
         let router = router.clone();
         async move {
@@ -158,6 +162,8 @@ fn busy(limit: usize) -> Response {
     let headers = response.headers_mut();
     headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
     headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
+    // It did not come through the router, which completes all others.
+    safety::protect(&mut response, false);
     response
 }
 
