@@ -30,8 +30,9 @@ pub const MAX_LABELS: usize = 64;
 /// The longest name, and the longest key or value of a label, in bytes of UTF-8.
 pub const MAX_NAME_BYTES: usize = 256;
 
-/// The highest priority that a token with the scope `submit` may ask for.
-pub const MAX_SUBMIT_PRIORITY: i32 = 100;
+/// The largest magnitude of a priority that a token with the scope `submit` may ask for. Claims look at each priority that queued jobs
+/// have, so their number is bounded too.
+pub const MAX_SUBMIT_PRIORITY: u32 = 100;
 
 /// Declares an enum of words that are the same in JSON, SQL and text.
 macro_rules! words {
@@ -175,7 +176,7 @@ pub struct JobEnvelope {
     /// The scenario document.
     #[schema(value_type = Object)]
     pub scenario: Value,
-    /// Higher is claimed first; above 100 it takes a token with the scope `admin`.
+    /// Higher is claimed first; outside -100 to 100 it takes a token with the scope `admin`.
     #[serde(default)]
     pub priority: i32,
     /// Free labels, at most 64 with keys and values of at most 256 bytes.

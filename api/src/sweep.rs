@@ -35,7 +35,7 @@ pub struct SweepSpec {
     /// Runs per design point, with seeds of their own.
     #[serde(default = "one")]
     pub replicates: u32,
-    /// Higher is claimed first; above 100 it takes a token with the scope `admin`.
+    /// Higher is claimed first; outside -100 to 100 it takes a token with the scope `admin`.
     #[serde(default)]
     pub priority: i32,
     /// Free labels, at most 64 with keys and values of at most 256 bytes.

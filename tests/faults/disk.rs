@@ -1,7 +1,9 @@
 //! A full disk under the server: what cannot be written is refused in words, what was confirmed stays, and when there is room again
 //! everything goes on.
 
-use roost_api::job::JobState;
+use std::collections::BTreeMap;
+
+use roost_api::job::{JobState, MAX_LABELS, MAX_NAME_BYTES};
 use serde_json::{Value, json};
 
 use crate::support::small_disk::SmallDisk;
@@ -24,7 +26,10 @@ fn a_full_disk_loses_nothing_and_is_told() {
     let submit = |seed: u32| {
         let mut scenario = scenario(0.2);
         scenario["seed"] = json!(seed);
-        let envelope = json!({"scenario": scenario, "labels": {"note": "x".repeat(50_000)}});
+        // As many as there may be, and as long.
+        let labels: BTreeMap<_, _> =
+            (0..MAX_LABELS).map(|number| (format!("note {number}"), "x".repeat(MAX_NAME_BYTES))).collect();
+        let envelope = json!({"scenario": scenario, "labels": labels});
         home.ask(|client| async move { client.submit_document::<Value>("jobs", &envelope).await })
     };
     let mut confirmed = Vec::new();

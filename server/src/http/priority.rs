@@ -1,6 +1,6 @@
 //! The priority that a caller may ask for.
 //!
-//! One that is too high is answered 403, not 422: the document is sound, and another token may submit it. So it is no fault of
+//! One out of range is answered 403, not 422: the document is sound, and another token may submit it. So it is no fault of
 //! validation either, which knows no token.
 
 use roost_api::job::MAX_SUBMIT_PRIORITY;
@@ -15,10 +15,10 @@ use crate::document::fault;
 /// limit.
 pub(super) fn allow(caller: &Caller, pointer: &str, priority: i32) -> Result<(), ApiError> {
     let Caller(token, scopes) = caller;
-    if token.is_empty() || scopes.contains(&Scope::Admin) || priority <= MAX_SUBMIT_PRIORITY {
+    if token.is_empty() || scopes.contains(&Scope::Admin) || priority.unsigned_abs() <= MAX_SUBMIT_PRIORITY {
         return Ok(());
     }
-    let detail = "this token does not allow jobs of so high a priority";
-    let allowed = format!("at most {MAX_SUBMIT_PRIORITY}, or any with the scope admin");
+    let detail = "this token does not allow this priority";
+    let allowed = format!("-{MAX_SUBMIT_PRIORITY} to {MAX_SUBMIT_PRIORITY}, or any with the scope admin");
     Err(ApiError::at(Kind::Forbidden, vec![fault(pointer, json!(priority), detail, &allowed)]))
 }

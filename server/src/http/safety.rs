@@ -31,6 +31,10 @@ pub(super) async fn complete(request: Request, next: Next) -> Response {
 
 /// Adds the headers that keep browsers from guessing, unless the answer has its own.
 pub(super) fn protect(response: &mut Response, is_reader: bool) {
+    // A browser takes the headers of a 304 over into the answer that it has: those are right as they are.
+    if response.status() == StatusCode::NOT_MODIFIED {
+        return;
+    }
     let headers = response.headers_mut();
     headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.entry(header::REFERRER_POLICY).or_insert(HeaderValue::from_static("no-referrer"));

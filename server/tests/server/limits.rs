@@ -124,7 +124,7 @@ async fn labels_of_a_sweep_are_stored_once_and_shown_and_found_at_each_of_its_jo
 }
 
 #[tokio::test]
-async fn a_token_that_submits_has_a_highest_priority_and_an_admin_none() {
+async fn a_token_that_submits_has_a_range_of_priorities_and_an_admin_none() {
     let dir = tempfile::tempdir().unwrap();
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let mut secrets = Vec::new();
@@ -144,15 +144,17 @@ async fn a_token_that_submits_has_a_highest_priority_and_an_admin_none() {
         document
     };
     for (path, document) in [("/v1/jobs", envelope(1)), ("/v1/sweeps", sweep(2, &json!({})))] {
-        for priority in [i32::MIN, 100] {
+        for priority in [-100, 100] {
             let (status, answer) = send(submits, path, &urgent(document.clone(), priority)).await;
             assert!(status < 300, "{path} {priority}: {answer}");
         }
-        let (status, problem) = send(submits, path, &urgent(document.clone(), 101)).await;
-        assert_eq!((status, &problem["type"]), (403, &json!("/problems/forbidden")), "{path}: {problem}");
-        assert_eq!(pointers(&problem), ["/priority"]);
-        assert_eq!(problem["errors"][0]["value"], json!(101));
-        assert!(text(&problem["errors"][0]["allowed"]).contains("at most 100"), "{problem}");
+        for priority in [i32::MIN, -101, 101] {
+            let (status, problem) = send(submits, path, &urgent(document.clone(), priority)).await;
+            assert_eq!((status, &problem["type"]), (403, &json!("/problems/forbidden")), "{path}: {problem}");
+            assert_eq!(pointers(&problem), ["/priority"]);
+            assert_eq!(problem["errors"][0]["value"], json!(priority));
+            assert!(text(&problem["errors"][0]["allowed"]).contains("-100 to 100"), "{problem}");
+        }
     }
     let (status, sweep) = send(admin, "/v1/sweeps", &urgent(sweep(9, &json!({})), i32::MAX)).await;
     assert_eq!(status, 201, "{sweep}");

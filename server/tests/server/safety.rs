@@ -59,6 +59,24 @@ async fn every_answer_is_safe_to_show_and_every_error_is_a_problem_document() {
 }
 
 #[tokio::test]
+async fn an_answer_that_is_not_modified_changes_no_policy() {
+    let (farm, _dir) = Farm::start().await;
+    for path in ["/", "/v1/jobs"] {
+        let get = || farm.http.get(format!("http://{}{path}", farm.address));
+        let first = get().send().await.unwrap();
+        let tag = first.headers()["etag"].clone();
+        assert!(first.headers().contains_key("content-security-policy"), "{path}");
+        let again = get().header("if-none-match", tag).send().await.unwrap();
+        assert_eq!(again.status(), 304, "{path}");
+        assert!(
+            !again.headers().contains_key("content-security-policy"),
+            "{path}: a browser would take it over"
+        );
+    }
+    farm.stop().await;
+}
+
+#[tokio::test]
 async fn two_requests_have_two_ids_and_none_is_taken_from_the_caller() {
     let (farm, _dir) = Farm::start().await;
     let mut ids = Vec::new();
