@@ -12,7 +12,9 @@ test: NEEDS += chromium:chromium
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
-.PHONY: demo test check deny needs
+.PHONY: demo test check deny book needs
+
+MDBOOK := target/tools/bin/mdbook
 
 # Server, worker and a real sweep on this machine; ends with a table and a plot.
 demo: needs
@@ -40,6 +42,23 @@ deny: needs
 	if [ -x "$$cargo_deny" ]; then "$$cargo_deny" check bans licenses sources; \
 	elif [ -z "$$CI" ]; then echo "deny.toml is not checked: cargo-deny cannot be installed (cargo install cargo-deny --locked)"; \
 	else echo "deny.toml cannot be checked: cargo-deny cannot be installed" >&2; exit 1; fi
+
+# The documents as a book, target/book/index.html. A warning is an error.
+book: $(MDBOOK)
+	rm -rf target/book target/book-src
+	mkdir -p target/book-src/deploy
+	cp -r docs api.md ARCHITECTURE.md CHANGELOG.md target/book-src/
+	cp deploy/README.md target/book-src/deploy/
+	mv target/book-src/docs/book.toml target/book-src/
+	sed -e 's|](|](docs/|' -e 's|](docs/../|](|' docs/SUMMARY.md > target/book-src/SUMMARY.md
+	rm target/book-src/docs/SUMMARY.md
+	$(MDBOOK) build target/book-src 2>&1 | tee target/book.log
+	echo '<meta http-equiv="refresh" content="0; url=docs/start.html">' > target/book/index.html
+	! grep -E 'WARN|ERROR' target/book.log
+
+$(MDBOOK):
+	cargo install mdbook --locked --version 0.5.4 --no-default-features --features search --root target/tools --target-dir target/tools/build
+	rm -rf target/tools/build
 
 needs:
 	@missing=""; \
