@@ -43,16 +43,117 @@ fn every_folder_is_on_the_map() {
     }
 }
 
-#[test]
-fn every_document_that_is_linked_exists() {
-    for name in ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "api.md"] {
-        let text = read(name);
-        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
-        for link in links.filter(|link| !link.contains("://") && !link.starts_with('#')) {
-            let file = link.split('#').next().expect("a first part");
-            assert!(root().join(file).exists(), "{name} links to {link}, which is not there");
+/// The documents, by their paths: those at the top of the tree, and the pages of the book.
+fn documents() -> Vec<String> {
+    let mut found: Vec<String> =
+        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "api.md", "deploy/README.md"]
+            .map(str::to_owned)
+            .into();
+    let mut folders = vec!["docs".to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(root().join(&folder)).expect("a folder") {
+            let entry = entry.expect("an entry");
+            let name = format!("{folder}/{}", entry.file_name().into_string().expect("UTF-8"));
+            if entry.path().is_dir() {
+                folders.push(name);
+            } else if name.ends_with(".md") {
+                found.push(name);
+            }
         }
     }
+    found
+}
+
+/// Name of a heading in links to it.
+fn anchor(heading: &str) -> String {
+    let kept = |c: &char| c.is_alphanumeric() || "-_ ".contains(*c);
+    heading.trim().to_lowercase().chars().filter(kept).collect::<String>().replace(' ', "-")
+}
+
+/// The links of a document to files and headings of this tree.
+fn links(text: &str) -> Vec<&str> {
+    let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    links.filter(|link| !link.contains("://")).collect()
+}
+
+#[test]
+fn every_document_that_is_linked_exists() {
+    let documents = documents();
+    assert!(documents.len() > 30, "{documents:?}");
+    for name in &documents {
+        let text = read(name);
+        let folder = Path::new(name).parent().expect("a folder");
+        for link in links(&text) {
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let path = if file.is_empty() { root().join(name) } else { root().join(folder).join(file) };
+            assert!(path.exists(), "{name} links to {link}, which does not exist");
+            if !heading.is_empty() {
+                let target = std::fs::read_to_string(&path).expect("a document");
+                let mut headings = target.lines().filter(|line| line.starts_with('#'));
+                let found = headings.any(|line| anchor(line.trim_start_matches('#')) == heading);
+                assert!(found, "{name} links to {link}, but {} has no such heading", path.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn every_page_is_in_the_book_and_links_only_to_what_the_book_has() {
+    let summary = read("docs/SUMMARY.md");
+    let parts = ["docs", "api.md", "ARCHITECTURE.md", "CHANGELOG.md", "deploy/README.md"];
+    let has = |path: &Path| parts.iter().any(|part| path.starts_with(part));
+    for name in documents().iter().filter(|name| *name != "README.md" && *name != "docs/SUMMARY.md") {
+        let from_docs = name.strip_prefix("docs/").map_or(format!("../{name}"), str::to_owned);
+        let is_record = name.starts_with("docs/decisions/");
+        assert!(is_record || summary.contains(&format!("({from_docs})")), "{name} is not in docs/SUMMARY.md");
+        let folder = Path::new(name).parent().expect("a folder");
+        let text = read(name);
+        for link in links(&text).into_iter().filter(|link| !link.starts_with('#')) {
+            let file = link.split('#').next().expect("a first part");
+            let mut path = std::path::PathBuf::new();
+            for part in folder.join(file).components() {
+                match part {
+                    std::path::Component::ParentDir => assert!(path.pop(), "{name}: {link}"),
+                    part => path.push(part),
+                }
+            }
+            assert!(has(&path), "{name} links to {link}, which is not in the book");
+        }
+    }
+}
+
+/// Documents that comments of the code name, such as `docs/frames.md`.
+#[test]
+fn every_document_that_the_code_names_exists() {
+    let mut folders: Vec<_> = ["src", "api", "frames", "server", "solver", "worker", "tests", "deploy"]
+        .map(|name| root().join(name))
+        .into();
+    let mut named = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let Ok(text) = std::fs::read_to_string(&path) else { continue };
+            for start in text.match_indices("docs/").map(|(at, _)| at) {
+                let is_name = |c: char| c.is_ascii_alphanumeric() || "/-_.".contains(c);
+                let name: String = text[start..].chars().take_while(|c| is_name(*c)).collect();
+                let follows_a_path = text[..start].ends_with(is_name);
+                if let Some(end) = name.find(".md").filter(|_| !follows_a_path) {
+                    named += 1;
+                    let name = &name[..end + 3];
+                    assert!(
+                        root().join(name).exists(),
+                        "{} names {name}, which does not exist",
+                        path.display()
+                    );
+                }
+            }
+        }
+    }
+    assert!(named > 5, "{named}");
 }
 
 #[test]
@@ -134,21 +235,63 @@ fn the_server_needs_no_graphics_and_a_usual_build_no_cloud() {
     assert!(server.contains("roost-solver v") && !server.contains("wgpu"), "{server}");
 }
 
-#[test]
-fn the_table_of_fields_is_that_of_the_scenario() {
-    let table = roost_solver::scenario::field_table_markdown();
-    assert!(read("docs/scenario.md").contains(table.trim_end()), "docs/scenario.md shall hold:\n{table}");
+/// Holds the generated part of a page to `text`; with `ROOST_WRITE=1` writes it instead.
+fn hold_generated(name: &str, text: &str) {
+    let page = read(name);
+    let (head, rest) = page.split_once("<!-- Generated").expect("the start of a generated part");
+    let (mark, rest) = rest.split_once("-->\n").expect("the end of the mark");
+    let tail = rest.split_once("<!-- end of the generated part -->").expect("the end of a generated part").1;
+    let wanted = format!("{head}<!-- Generated{mark}-->\n\n{text}\n<!-- end of the generated part -->{tail}");
+    if std::env::var_os("ROOST_WRITE").is_some() {
+        std::fs::write(root().join(name), wanted).expect("the page is written");
+    } else {
+        assert!(page == wanted, "{name} is out of date: run ROOST_WRITE=1 cargo test --test docs");
+    }
 }
 
 #[test]
-fn the_scene_of_the_table_of_fields_can_run() {
-    let text = read("docs/scenario.md");
-    let document =
-        text.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a scene");
-    let scenario = roost_solver::scenario::from_value(&serde_json::from_str(document).expect("JSON"))
-        .expect("a sound scenario");
-    let (meshes, limits) = (roost_solver::mesh::Meshes::default(), roost_solver::Limits::default());
-    roost_solver::check(&scenario, &meshes, &limits).expect("a scenario that can run");
+fn every_experiment_has_a_page_with_its_fields() {
+    for experiment in roost_solver::scenario::fields::EXPERIMENTS {
+        let table = roost_solver::scenario::field_tables_markdown(experiment);
+        hold_generated(&format!("docs/reference/{experiment}.md"), table.trim_end());
+    }
+}
+
+#[test]
+fn the_scenarios_of_the_experiments_pages_can_run() {
+    for experiment in roost_solver::scenario::fields::EXPERIMENTS {
+        let page = read(&format!("docs/reference/{experiment}.md"));
+        let document =
+            page.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a scenario");
+        let scenario = roost_solver::scenario::from_value(&serde_json::from_str(document).expect("JSON"))
+            .unwrap_or_else(|faults| panic!("{experiment}: {faults:?}"));
+        let (meshes, limits) = (roost_solver::mesh::Meshes::default(), roost_solver::Limits::default());
+        roost_solver::check(&scenario, &meshes, &limits).expect("a scenario that can run");
+    }
+}
+
+/// The help of a command and of all below it, as Markdown.
+fn help(path: &[&str], page: &mut String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_roost")).args(path).arg("--help").env_clear().output();
+    let text = String::from_utf8(output.expect("the command runs").stdout).expect("text");
+    let title = ["roost"].iter().chain(path).copied().collect::<Vec<_>>().join(" ");
+    let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
+    *page += &format!("## {title}\n\n```text\n{}\n```\n\n", lines.join("\n").trim_end());
+    let listed =
+        text.split("\nCommands:\n").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap_or_default();
+    for name in
+        listed.lines().filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help")
+    {
+        help(&[path, &[name]].concat(), page);
+    }
+}
+
+#[test]
+fn the_page_of_the_command_line_is_what_the_command_says() {
+    let mut page = String::new();
+    help(&[], &mut page);
+    assert!(page.contains("## roost token create") && page.contains("## roost run"), "{page}");
+    hold_generated("docs/reference/command-line.md", page.trim_end());
 }
 
 /// The rows of a document's tables: the heading that each stands below (none in the beginning), and the name it explains.
@@ -228,11 +371,16 @@ fn every_test_that_the_verification_names_exists() {
             }
         }
     }
-    let text = read("docs/verification.md");
-    let words = text.split('`').skip(1).step_by(2).filter(|word| word.contains("::"));
-    let names: Vec<&str> = words.filter_map(|word| word.rsplit("::").next()).collect();
-    assert!(names.len() > 50, "{names:?}");
+    let (text, planted) = (read("docs/verification.md"), read("docs/data/planted-errors.csv"));
+    let words =
+        text.split('`').skip(1).step_by(2).chain(planted.lines().filter_map(|line| line.rsplit(',').next()));
+    let names: Vec<&str> =
+        words.filter(|word| word.contains("::")).filter_map(|word| word.rsplit("::").next()).collect();
+    assert!(names.len() > 150, "{names:?}");
     let missing: Vec<_> =
         names.into_iter().filter(|name| !sources.contains(&format!("fn {name}("))).collect();
-    assert!(missing.is_empty(), "docs/verification.md names what is not there: {missing:?}");
+    assert!(
+        missing.is_empty(),
+        "docs/verification.md or docs/data/planted-errors.csv names tests that do not exist: {missing:?}"
+    );
 }

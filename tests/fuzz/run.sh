@@ -40,7 +40,7 @@ echo "{$base, \"design\": {\"kind\": \"list\", \"rows\": [[0.2], [0.3]]}, \"fact
 echo "{$base, \"design\": {\"kind\": \"csv\", \"table\": \"${factor//\"/}\\n0.2\\n0.3\\n\"}}" > "$seeds/sweep/csv.json"
 
 # The words of both: names of fields and their choices, as the tables of the pages have them.
-grep -oh '`[a-z0-9_/]*`' docs/scenario.md docs/sweeps.md api.md | tr -d '`' | tr '/' '\n' | sort -u | grep . |
+grep -oh '`[a-z0-9_/]*`' docs/reference/*.md docs/sweeps.md api.md | tr -d '`' | tr '/' '\n' | sort -u | grep . |
     sed 's/.*/"\\"&\\""/' > "$out/words.dict"
 
 # A tetrahedron, in text and in numbers.

@@ -25,7 +25,7 @@ pub use fault::{Fault, ScenarioError};
 pub use json::read_json;
 pub use names::{escape, nearest};
 pub use relations::MAX_SAMPLES;
-pub use schema::{field_table_markdown, json_schema};
+pub use schema::{field_tables_markdown, json_schema};
 pub use sections::*;
 pub use types::{Experiment, Scenario};
 

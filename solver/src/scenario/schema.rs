@@ -1,11 +1,11 @@
-//! The field table in two other forms: JSON Schema for programs, a Markdown table for people.
+//! The field table in two other forms: JSON Schema for programs, Markdown tables for people.
 
 use std::fmt::Write;
 
 use serde_json::{Map, Value, json};
 
 use super::SCHEMA;
-use super::field::{Field, Kind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, plain};
+use super::field::{Field, Kind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section, plain};
 use super::fields::{FIELDS, SECTIONS};
 
 /// The JSON Schema (2020-12) of a scenario.
@@ -137,33 +137,63 @@ fn quoted(words: &[&str]) -> String {
     words.iter().map(|word| format!("`{word}`")).collect::<Vec<_>>().join(", ")
 }
 
-/// The field table as Markdown: pointer, default, unit, range, source, meaning.
-pub fn field_table_markdown() -> String {
-    let mut table = "| field | default | allowed | source | meaning |\n|---|---|---|---|---|\n".to_owned();
-    for field in FIELDS {
-        let default = match field.default {
-            Preset::Required => "(required)".to_owned(),
-            Preset::SameAs(other) => format!("as `{other}`"),
-            Preset::Number(number) => format!("`{}` {}", plain(number), field.unit).trim_end().to_owned(),
-            preset => format!("`{}`", preset.value().unwrap_or_default()),
-        };
-        let mut other =
-            field.wet.and_then(|wet| wet.value()).map_or(String::new(), |wet| format!("; wet `{wet}`"));
-        for (experiment, preset) in field.elsewhere {
-            let _ = write!(other, "; in {experiment} `{}`", preset.value().unwrap_or_default());
-        }
-        let unused = match field.unused_in {
-            [] => String::new(),
-            unused => format!(" Not in {}.", quoted(unused)),
-        };
-        let cells = [
-            format!("`{}`", field.pointer),
-            format!("{default}{other}"),
-            field.allowed(),
-            field.source.to_owned(),
-            format!("{}{unused}", field.doc),
-        ];
-        let _ = writeln!(table, "| {} |", cells.map(|cell| cell.replace('|', "\\|")).join(" | "));
+/// The fields of one experiment as Markdown: a heading for each section, and a table of its fields with default, allowed values,
+/// source and meaning.
+pub fn field_tables_markdown(experiment: &str) -> String {
+    let mut sections: Vec<(String, String)> = Vec::new();
+    for field in FIELDS.iter().filter(|field| !field.unused_in.contains(&experiment)) {
+        let Some(pointer) = pointer_in(experiment, field.pointer) else { continue };
+        let (section, name) = pointer.rsplit_once('/').unwrap_or_default();
+        let at = sections.iter().position(|(known, _)| known == section).unwrap_or_else(|| {
+            sections.push((section.to_owned(), String::new()));
+            sections.len() - 1
+        });
+        let _ = writeln!(sections[at].1, "{}", row(experiment, name, field));
     }
-    table
+    let mut page = String::new();
+    for (section, rows) in sections {
+        let in_table = |known: &&Section| known.pointer == section.trim_end_matches("/*");
+        let (title, doc) = match SECTIONS.iter().find(in_table) {
+            Some(known) => (section.as_str(), known.doc),
+            None => ("The document", "At the top of the document."),
+        };
+        let head = "| field | default | allowed | source | meaning |\n|---|---|---|---|---|";
+        let _ = writeln!(page, "### {title}\n\n{doc}\n\n{head}\n{rows}");
+    }
+    page
+}
+
+/// The row of a field in the table of its section.
+fn row(experiment: &str, name: &str, field: &Field) -> String {
+    let elsewhere = field.elsewhere.iter().find(|(name, _)| *name == experiment);
+    let default = match elsewhere.map_or(field.default, |(_, preset)| *preset) {
+        Preset::Required => "(required)".to_owned(),
+        Preset::SameAs(other) => format!("as `{other}`"),
+        Preset::Number(number) => format!("`{}` {}", plain(number), field.unit).trim_end().to_owned(),
+        preset => format!("`{}`", preset.value().unwrap_or_default()),
+    };
+    let wet = field.wet.and_then(|wet| wet.value()).map_or(String::new(), |wet| format!("; wet `{wet}`"));
+    let cells = [
+        format!("`{name}`"),
+        format!("{default}{wet}"),
+        field.allowed(),
+        field.source.to_owned(),
+        field.doc.to_owned(),
+    ];
+    format!("| {} |", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
+}
+
+/// The pointer under which the documents of an experiment write a field; none if the field's section belongs to another one.
+fn pointer_in(experiment: &str, pointer: &str) -> Option<String> {
+    let rest_after = |prefix: &str| pointer.strip_prefix(prefix).filter(|rest| rest.starts_with('/'));
+    let belongs = |section: &Section| section.only_in.is_none_or(|only| only == experiment);
+    let mut lists =
+        SECTIONS.iter().filter_map(|section| Some((section, rest_after(section.items?)?))).peekable();
+    if lists.peek().is_some() {
+        return lists
+            .find(|(section, _)| belongs(section))
+            .map(|(section, rest)| format!("{}/*{rest}", section.pointer));
+    }
+    let mut sections = SECTIONS.iter().filter(|section| rest_after(section.pointer).is_some());
+    sections.all(belongs).then(|| pointer.to_owned())
 }

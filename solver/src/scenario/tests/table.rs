@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 use super::{documents_with, every_experiment};
 use crate::scenario::field::{Kind, Preset, unit_suffix};
-use crate::scenario::fields::{FIELDS, SECTIONS, find, in_table};
-use crate::scenario::{Scenario, field_table_markdown, from_value, json_schema};
+use crate::scenario::fields::{EXPERIMENTS, FIELDS, SECTIONS, find, in_table};
+use crate::scenario::{Scenario, field_tables_markdown, from_value, json_schema};
 
 /// Pointers of all leaves as the table has them; a list of numbers is one.
 fn leaves(value: &Value, pointer: &str, found: &mut BTreeSet<String>) {
@@ -173,15 +173,35 @@ fn the_json_schema_says_what_the_table_says() {
 }
 
 #[test]
-fn the_markdown_table_has_a_row_for_every_field() {
-    let table = field_table_markdown();
-    assert_eq!(table.lines().count(), FIELDS.len() + 2);
-    assert!(
-        table.lines().all(|line| line.matches(" | ").count() == 4 || line.starts_with("|---")),
-        "{table}"
-    );
-    assert!(
-        table.contains("| `/contact/fillet_belt/static_friction` | `0.5`; wet `0.2` | ≥ 0 and ≤ 5 |"),
-        "{table}"
-    );
+fn every_field_is_in_the_tables_of_an_experiment_that_takes_it_and_in_no_other() {
+    let row = |experiment: &str, pointer: &str| {
+        let (section, name) = pointer.rsplit_once('/').unwrap();
+        let tables = field_tables_markdown(experiment);
+        let heading = if section.is_empty() { "The document" } else { section };
+        let table = tables.split("### ").find(|table| table.starts_with(&format!("{heading}\n")))?;
+        table.lines().find(|line| line.starts_with(&format!("| `{name}` |"))).map(str::to_owned)
+    };
+    for field in FIELDS {
+        let takes = |name: &&&str| row(name, field.pointer).is_some();
+        let experiments: Vec<&&str> = EXPERIMENTS.iter().filter(takes).collect();
+        assert!(!experiments.is_empty(), "{} is in no table", field.pointer);
+        assert!(
+            !experiments.iter().any(|name| field.unused_in.contains(*name)),
+            "{}: {experiments:?}",
+            field.pointer
+        );
+    }
+    let has = |experiment: &str, pointer: &str| row(experiment, pointer).is_some();
+    assert!(has("drop", "/drop/speed_m_s") && !has("hopper", "/drop/speed_m_s"));
+    assert!(has("hopper", "/equipment/surfaces/*/motion") && !has("hopper", "/scene/surfaces/*/motion"));
+    assert!(has("scene", "/scene/surfaces/*/motion") && !has("drop", "/scene/bodies/*/shape"));
+    let friction = row("hopper", "/contact/fillet_belt/static_friction").unwrap();
+    assert!(friction.starts_with("| `static_friction` | `0.5`; wet `0.2` | ≥ 0 and ≤ 5 |"), "{friction}");
+    assert!(row("drop", "/product/count").unwrap().starts_with("| `count` | `90` |"));
+    for line in EXPERIMENTS
+        .iter()
+        .flat_map(|name| field_tables_markdown(name).lines().map(str::to_owned).collect::<Vec<_>>())
+    {
+        assert!(!line.starts_with("| ") || line.matches(" | ").count() == 4, "{line}");
+    }
 }
