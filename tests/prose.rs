@@ -1,0 +1,177 @@
+//! Holds the pages that users read to the rules of their prose: short sentences, and subjects that are named.
+//!
+//! Code, tables, headings and comments are left out: they have rules of their own.
+
+use std::path::Path;
+
+/// Words in the longest sentence, and in the mean sentence of a page.
+const LONGEST: usize = 35;
+const MEAN: f64 = 20.0;
+
+/// First words of statements that leave their subject unnamed; questions may begin with them.
+const OPENINGS: &[&str] = &["What", "Which", "Such", "So", "That", "Whoever", "Who"];
+
+/// Words and phrases that have a plain counterpart.
+const PHRASES: &[&str] = &[
+    "lest",
+    "but for",
+    "what comes out",
+    "what came out",
+    "what is there",
+    "what there is",
+    "which is what",
+    "as it stands",
+    "stands in",
+    "a row a job",
+    "a file a",
+    "greatest",
+    "anew",
+];
+
+/// Pages that are written by these rules; the others are reference texts of the HTTP API and of operation.
+fn pages() -> Vec<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = vec!["README.md".to_owned(), "ARCHITECTURE.md".to_owned()];
+    let mut folders = vec!["docs".to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(root.join(&folder)).expect("a folder") {
+            let entry = entry.expect("an entry");
+            let name = format!("{folder}/{}", entry.file_name().into_string().expect("UTF-8"));
+            if entry.path().is_dir() {
+                folders.push(name);
+            } else if name.ends_with(".md") && !["docs/SUMMARY.md", "docs/proofs.md"].contains(&name.as_str())
+            {
+                found.push(name);
+            }
+        }
+    }
+    found
+}
+
+/// The sentences of a page.
+fn sentences(page: &str) -> Vec<String> {
+    let mut paragraphs = vec![String::new()];
+    let (mut is_code, mut is_comment) = (false, false);
+    for line in page.lines() {
+        let line = line.trim();
+        if line.starts_with("```") {
+            is_code = !is_code;
+        }
+        is_comment |= line.starts_with("<!--");
+        let is_left_out =
+            is_code || is_comment || ["```", "|", "#", "<"].iter().any(|mark| line.starts_with(mark));
+        let item = line
+            .strip_prefix("- ")
+            .or_else(|| line.split_once(". ").filter(|(n, _)| n.parse::<u8>().is_ok()).map(|(_, rest)| rest));
+        if line.is_empty() || is_left_out || item.is_some() {
+            paragraphs.push(String::new());
+        }
+        if !is_left_out {
+            let paragraph = paragraphs.last_mut().expect("one");
+            *paragraph += item.unwrap_or(line);
+            paragraph.push(' ');
+        }
+        is_comment &= !line.ends_with("-->");
+    }
+    let mut found = Vec::new();
+    for paragraph in paragraphs {
+        let text = plain(&paragraph);
+        let mut rest = text.trim();
+        while !rest.is_empty() {
+            let end = end_of_sentence(rest);
+            found.push(rest[..end].trim().to_owned());
+            rest = rest[end..].trim_start();
+        }
+    }
+    found
+}
+
+/// Where the first sentence ends: at a mark that a space and a capital letter, a digit-free opening or nothing follows.
+fn end_of_sentence(text: &str) -> usize {
+    for (at, mark) in text.char_indices().filter(|(_, c)| ".!?".contains(*c)) {
+        let next = &text[at + mark.len_utf8()..];
+        let next = next.trim_start_matches(['*', ')', '"']);
+        let opens = |c: char| c.is_uppercase() || "*\"(".contains(c);
+        if next.trim().is_empty() || next.starts_with(' ') && next.trim_start().starts_with(opens) {
+            return text.len() - next.len();
+        }
+    }
+    text.len()
+}
+
+/// Without marks: links by their text, code as one word.
+fn plain(paragraph: &str) -> String {
+    let mut text = String::new();
+    for (number, part) in paragraph.split('`').enumerate() {
+        text += if number % 2 == 0 { part } else { "Code" };
+    }
+    while let Some((before, after)) = text.split_once("](") {
+        let rest = after.split_once(')').map_or("", |(_, rest)| rest);
+        text = format!("{}{rest}", before.replace("![", "").replace('[', ""));
+    }
+    text.replace(['<', '>'], "")
+}
+
+fn words(sentence: &str) -> usize {
+    sentence.split_whitespace().filter(|word| word.chars().any(char::is_alphanumeric)).count()
+}
+
+/// What breaks the rules on a page.
+fn faults(page: &str) -> Vec<String> {
+    let sentences = sentences(page);
+    let mut faults = Vec::new();
+    for sentence in &sentences {
+        let count = words(sentence);
+        if count > LONGEST {
+            faults.push(format!("{count} words: {sentence}"));
+        }
+        let first = sentence.trim_start_matches(['*', '(']).split(|c: char| !c.is_alphanumeric()).next();
+        if !sentence.contains('?') && OPENINGS.contains(&first.unwrap_or_default()) {
+            faults.push(format!("the subject has no name: {sentence}"));
+        }
+        let padded = format!(" {} ", sentence.to_lowercase().replace([',', '.', ';', ':'], " "));
+        if let Some(phrase) = PHRASES.iter().find(|phrase| padded.contains(&format!(" {phrase} "))) {
+            faults.push(format!("`{phrase}`: {sentence}"));
+        }
+    }
+    let all: usize = sentences.iter().map(|sentence| words(sentence)).sum();
+    let mean = all as f64 / sentences.len().max(1) as f64;
+    if mean > MEAN {
+        faults.push(format!("{mean:.1} words a sentence in the mean of {}", sentences.len()));
+    }
+    faults
+}
+
+#[test]
+fn every_page_is_written_by_the_rules() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let pages = pages();
+    assert!(pages.len() > 30, "{pages:?}");
+    let mut all = Vec::new();
+    for name in pages {
+        let text = std::fs::read_to_string(root.join(&name)).expect("a page");
+        all.extend(faults(&text).into_iter().map(|fault| format!("{name}: {fault}")));
+    }
+    assert!(all.is_empty(), "{} faults:\n{}", all.len(), all.join("\n"));
+}
+
+#[test]
+fn sentences_are_told_apart() {
+    let page = "# A heading that counts for nothing\n\nOne of Fig. 5, 2.5 mm. Two [with a link](x.md#y)\ngoes `on here` now!\n\n\
+        | a | table |\n\n```sh\ncode. Code.\n```\n<!-- a comment. -->\n- An item. Another one\n1. A step.\n";
+    let found = sentences(page);
+    let wanted =
+        ["One of Fig. 5, 2.5 mm.", "Two with a link goes Code now!", "An item.", "Another one", "A step."];
+    assert_eq!(found, wanted);
+    assert_eq!(words(&found[1]), 7);
+}
+
+#[test]
+fn what_breaks_the_rules_is_found() {
+    let long = "word ".repeat(LONGEST + 1);
+    assert_eq!(faults(&long).len(), 2, "too long, and too long in the mean");
+    assert_eq!(faults("What comes here is short.").len(), 1);
+    assert_eq!(faults("Which gate is best? It is this one.").len(), 0);
+    assert_eq!(faults("Keep it shut lest it leaks.").len(), 1);
+    assert_eq!(faults("It is the latest one.").len(), 0);
+}
