@@ -36,6 +36,23 @@ pub(crate) fn wall(width_mm: f32, height_mm: f32) -> Vec<Triangle> {
     vec![[a, b, c], [a, c, d]]
 }
 
+/// Walls of a hopper that is open above and below: length, width and height; the wall at x = 0 ends above an opening.
+pub(crate) fn hopper([length, width, height]: [f32; 3], opening: f32) -> Vec<Triangle> {
+    let wall = |[x, y]: [f32; 2], [to_x, to_y]: [f32; 2], low: f32| {
+        let [a, b] = [[x, y, low], [to_x, to_y, low]];
+        let [c, d] = [[to_x, to_y, height], [x, y, height]];
+        [[a, b, c], [a, c, d]]
+    };
+    let side = width / 2.0;
+    let walls = [
+        wall([-length, -side], [-length, side], 0.0),
+        wall([0.0, -side], [0.0, side], opening),
+        wall([-length, -side], [0.0, -side], 0.0),
+        wall([-length, side], [0.0, side], 0.0),
+    ];
+    walls.concat()
+}
+
 /// A binary file.
 pub(crate) fn binary(triangles: &[Triangle]) -> Vec<u8> {
     let mut file = vec![0; 80];

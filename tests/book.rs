@@ -1,0 +1,206 @@
+//! The commands of the tutorial and the how-to pages: each block of shell says which test runs it, or why none does.
+//!
+//! The tests below run them as they stand, on smaller simulations. Each replaced word must be on the page.
+
+mod support;
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::json;
+use support::{Home, scenario, stl};
+
+/// A block of shell, with the comment before it.
+struct Block<'a> {
+    mark: &'a str,
+    shell: &'a str,
+}
+
+fn blocks(page: &str) -> Vec<Block<'_>> {
+    let mut found = Vec::new();
+    let mut at = 0;
+    while let Some(start) = page[at..].find("\n```sh\n").map(|start| at + start) {
+        let shell = page[start + 7..].split("\n```").next().expect("an end");
+        found.push(Block { mark: page[..start].lines().last().unwrap_or_default(), shell });
+        at = start + 7 + shell.len();
+    }
+    found
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The tutorial and the how-to pages, by name.
+fn pages() -> Vec<(String, String)> {
+    let folder = std::fs::read_dir(root().join("docs/howto")).unwrap();
+    let names =
+        folder.map(|entry| format!("docs/howto/{}", entry.unwrap().file_name().into_string().unwrap()));
+    let names = names.chain(["docs/tutorial.md".to_owned()]);
+    names.map(|name| (name.clone(), std::fs::read_to_string(root().join(name)).unwrap())).collect()
+}
+
+/// The tests that a mark names, as `tests/book.rs: the_tutorial_runs`; they must exist.
+fn tests_of(mark: &str) -> Vec<String> {
+    let words: Vec<&str> = mark.split_whitespace().collect();
+    let named = words.windows(2).filter(|pair| pair[0].starts_with("tests/") && pair[0].ends_with(".rs:"));
+    named.map(|pair| format!("{} {}", pair[0], pair[1].trim_end_matches(';'))).collect()
+}
+
+/// A fault of a block's mark, or none.
+fn fault(mark: &str) -> Option<String> {
+    let (is_tested, is_not) = (mark.starts_with("<!-- tested by "), mark.starts_with("<!-- not tested: "));
+    if !(is_tested || is_not) || !mark.ends_with(" -->") {
+        return Some("it has neither `tested by` nor `not tested` before it".to_owned());
+    }
+    let tests = tests_of(mark);
+    if is_tested && tests.len() != 1 {
+        return Some(format!("it names {} tests", tests.len()));
+    }
+    tests.iter().find_map(|test| {
+        let (file, name) = test.split_once(": ").expect("a file and a name");
+        let text = std::fs::read_to_string(root().join(file)).unwrap_or_default();
+        (!text.contains(&format!("fn {name}("))).then(|| format!("{file} has no test {name}"))
+    })
+}
+
+#[test]
+fn every_block_of_shell_says_which_test_runs_it_or_why_none_does() {
+    let mut count = 0;
+    for (name, page) in &pages() {
+        for block in blocks(page) {
+            count += 1;
+            let fault = fault(block.mark);
+            assert!(fault.is_none(), "{name}: {}\n{}\n{}", fault.unwrap(), block.mark, block.shell);
+        }
+    }
+    assert!(count > 15, "{count}");
+}
+
+#[test]
+fn a_mark_that_is_wrong_is_noticed() {
+    assert!(fault("Text.").is_some());
+    assert!(fault("<!-- tested by tests/book.rs: no_such_test -->").is_some());
+    assert!(fault("<!-- tested by somebody -->").is_some());
+    assert_eq!(fault("<!-- not tested: it needs a cluster -->"), None);
+    assert_eq!(fault("<!-- tested by tests/book.rs: a_mark_that_is_wrong_is_noticed -->"), None);
+}
+
+/// Runs the blocks of a page that name this test, in their order, with words replaced; `before` is what the reader has done.
+fn run(home: &Home, page: &str, test: &str, replaced: &[(&str, &str)], before: &str) {
+    let text = std::fs::read_to_string(root().join(page)).unwrap();
+    let mark = format!("<!-- tested by tests/book.rs: {test} -->");
+    let own = blocks(&text).into_iter().filter(|block| block.mark == mark);
+    let mut shell: String = own.map(|block| format!("{}\n", block.shell)).collect();
+    assert!(!shell.is_empty(), "{page} has no block for {test}");
+    for (from, to) in replaced {
+        assert!(shell.contains(from), "{page} does not have {from}");
+        shell = shell.replace(from, to);
+    }
+    let bin = Path::new(env!("CARGO_BIN_EXE_roost")).parent().unwrap();
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    let output = Command::new("bash")
+        .args(["-c", &format!("set -euo pipefail\n{before}\n{shell}")])
+        .current_dir(home.folder.path())
+        .env("PATH", path)
+        .env("ROOST_SERVER", &home.address)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{page}: {}", support::said(&output));
+}
+
+/// The hopper of the pages, coarser and with fewer fillets.
+const SMALL: (&str, &str) = (r#""subparticle_radius_m": 0.008"#, r#""subparticle_radius_m": 0.009"#);
+const FEW: (&str, &str) = (r#""count": 48"#, r#""count": 3"#);
+
+#[test]
+fn the_tutorial_runs() {
+    let home = Home::new();
+    let _server = home.serve();
+    let _worker = home.work("worker");
+    let whole = (r#""subparticle_radius_m": 0.006"#, r#""count": 4, "subparticle_radius_m": 0.009"#);
+    let replaced = [whole, SMALL, FEW, (r#""replicates": 4"#, r#""replicates": 1"#)];
+    run(&home, "docs/tutorial.md", "the_tutorial_runs", &replaced, "");
+    assert!(home.path("out/curve.svg").exists());
+    assert!(std::fs::metadata(home.path("run.roostframes")).unwrap().len() > 1000);
+}
+
+#[test]
+fn a_hopper_from_an_stl_file_runs() {
+    let home = Home::new();
+    let _server = home.serve();
+    let _worker = home.work("worker");
+    for (name, height) in [("hopper.stl", 500.0), ("hopper-b.stl", 480.0)] {
+        std::fs::write(home.path(name), stl::ascii(&stl::hopper([300.0, 150.0, height], 60.0))).unwrap();
+    }
+    let page = "docs/howto/hopper-from-stl.md";
+    run(&home, page, "a_hopper_from_an_stl_file_runs", &[SMALL, FEW], "");
+    let result = std::fs::read_to_string(home.path("own-hopper/result.json")).unwrap();
+    let result: serde_json::Value = serde_json::from_str(&result).unwrap();
+    assert_eq!(result["responses"]["escaped_kg"], 0.0);
+    assert_eq!(result["scenario"]["equipment"]["parametric"], false);
+}
+
+#[test]
+fn a_sweep_gets_more_replicates() {
+    let home = Home::new();
+    let _server = home.serve();
+    let _worker = home.work("worker");
+    let fewer = ("--replicates 55", "--replicates 1");
+    let replaced = [SMALL, FEW, (r#""replicates": 4"#, r#""replicates": 1"#), fewer];
+    run(&home, "docs/howto/replicates.md", "a_sweep_gets_more_replicates", &replaced, "");
+    assert_eq!(home.get("/v1/sweeps")["items"][0]["replicates"], 2);
+}
+
+/// A sweep of two small jobs, in `sweep.json`.
+fn with_a_sweep() -> Home {
+    let home = Home::new();
+    let factors = json!([{"pointer": "/equipment/gate_opening_m", "levels": [0.05, 0.06]}]);
+    let sweep = json!({"name": "two", "base": scenario(0.2), "design": {"kind": "grid"}, "factors": factors});
+    home.file("sweep.json", &sweep);
+    home
+}
+
+#[test]
+fn results_come_as_files() {
+    let home = with_a_sweep();
+    let _server = home.serve();
+    let _worker = home.work("worker");
+    let before = "ID=$(roost submit sweep.json --wait)";
+    run(&home, "docs/howto/results.md", "results_come_as_files", &[], before);
+    let table = std::fs::read_to_string(home.path("results.csv")).unwrap();
+    let columns =
+        "job_id,point,replicate,seed,/equipment/gate_opening_m,state,failure_class,backend,solver_revision,";
+    assert!(table.starts_with(columns), "{table}");
+    assert_eq!(table.lines().count(), 3);
+    for name in ["results.parquet", "points.json", "effects.json"] {
+        assert!(std::fs::metadata(home.path(name)).unwrap().len() > 100, "{name}");
+    }
+}
+
+#[test]
+fn a_run_leaves_frames_for_paraview() {
+    let home = Home::new();
+    home.file("scenario.json", &scenario(0.2));
+    run(&home, "docs/howto/paraview.md", "a_run_leaves_frames_for_paraview", &[], "");
+    assert!(home.path("frames/frames.pvd").exists());
+}
+
+#[test]
+fn tokens_are_made_and_listed() {
+    let home = Home::new();
+    run(&home, "docs/howto/deploy.md", "tokens_are_made_and_listed", &[], "");
+    for name in ["admin.token", "worker.token"] {
+        assert!(std::fs::read_to_string(home.path(name)).unwrap().len() > 20, "{name}");
+    }
+}
+
+#[test]
+fn a_client_submits_and_reads() {
+    let home = with_a_sweep();
+    let _server = home.serve();
+    let page = "docs/howto/api-client.md";
+    run(&home, page, "a_client_submits_and_reads", &[("http://127.0.0.1:7373", &home.address)], "");
+    assert!(std::fs::read_to_string(home.path("results.csv")).unwrap().starts_with("job_id,"));
+    assert_eq!(home.get("/v1/sweeps")["items"].as_array().unwrap().len(), 1);
+}
