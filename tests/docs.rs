@@ -18,12 +18,17 @@ fn paths(text: &str) -> Vec<&str> {
 }
 
 #[test]
-fn every_path_that_the_architecture_names_exists() {
-    let text = read("ARCHITECTURE.md");
-    let paths = paths(&text);
-    assert!(paths.len() > 20, "{paths:?}");
-    let missing: Vec<_> = paths.into_iter().filter(|path| !root().join(path).exists()).collect();
-    assert!(missing.is_empty(), "ARCHITECTURE.md names what is not there: {missing:?}");
+fn every_path_that_the_architecture_and_the_decisions_name_exists() {
+    let records = documents().into_iter().filter(|name| name.starts_with("docs/decisions/"));
+    let mut count = 0;
+    for name in records.chain(["ARCHITECTURE.md".to_owned()]) {
+        let text = read(&name);
+        let paths = paths(&text);
+        count += paths.len();
+        let missing: Vec<_> = paths.into_iter().filter(|path| !root().join(path).exists()).collect();
+        assert!(missing.is_empty(), "{name} names paths that do not exist: {missing:?}");
+    }
+    assert!(count > 50, "{count}");
 }
 
 #[test]
