@@ -281,7 +281,17 @@ fn help(path: &[&str], page: &mut String) {
     let text = String::from_utf8(output.expect("the command runs").stdout).expect("text");
     let title = ["roost"].iter().chain(path).copied().collect::<Vec<_>>().join(" ");
     let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
-    *page += &format!("## {title}\n\n```text\n{}\n```\n\n", lines.join("\n").trim_end());
+    let shown = lines.join("\n");
+    // The options that all commands have stand in the first text alone.
+    let shown = match (path, shown.split_once("\n      --log-format <FORMAT>\n")) {
+        ([_, ..], Some((own, common))) => {
+            let (_, after) = common.split_once("Print version").expect("the last common option");
+            let own = own.trim_end();
+            format!("{}{after}", own.strip_suffix("\nOptions:").unwrap_or(own).trim_end())
+        }
+        _ => shown,
+    };
+    *page += &format!("## {title}\n\n```text\n{}\n```\n\n", shown.trim_end());
     let listed =
         text.split("\nCommands:\n").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap_or_default();
     for name in

@@ -13,7 +13,7 @@ use super::sections::{
 /// The sections of a scenario, in their order.
 #[rustfmt::skip]
 pub const SECTIONS: &[Section] = &[
-    section("/product", None, "The fillets: how many, of what size, made of what sub-particles."),
+    section("/product", None, "The fillets: number, size, shape and sub-particles."),
     section("/material", None, "Elastic constants of the tissue."),
     section("/bonds", None, "The bonds between the sub-particles of a fillet."),
     section("/contact", None, "The contacts between fillets and with the equipment."),
@@ -30,7 +30,7 @@ pub const SECTIONS: &[Section] = &[
     list("/scene/bodies", "/scene/bodies/*", Some("scene"), "Fillets; a product's shape at a place."),
     list("/scene/surfaces", "/scene/surfaces/*", Some("scene"), "Surfaces of triangles that move together."),
     section("/numerics", None, "Time step, duration, sampling and stopping."),
-    section("/numerics/stop", None, "What ends a run before its duration."),
+    section("/numerics/stop", None, "Conditions that end a simulation before its duration."),
 ];
 
 const fn section(pointer: &'static str, only_in: Option<&'static str>, doc: &'static str) -> Section {
