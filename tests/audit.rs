@@ -96,8 +96,15 @@ fn every_change_and_every_refusal_is_one_line() {
     act("delete", "DELETE", &sweep, None);
     act("prune", "POST", "/v1/prune?older_than_s=1e9", None);
     act("drain", "POST", "/v1/workers/01890000-0000-7000-8000-00000000000b/drain", None);
+    // A word in the address that these do not know hides nothing.
+    act("submit", "POST", "/v1/jobs?dry_run=true", Some(&json!({"scenario": scenario(0.2)})));
+    act("cancel", "POST", &format!("{job}/cancel?dry_run=true"), None);
     let statuses: Vec<_> = expected.iter().map(|row| row.3).collect();
-    assert_eq!(statuses, [202, 201, 422, 200, 200, 200, 200, 200, 409, 200, 200, 200, 404], "{expected:?}");
+    assert_eq!(
+        statuses,
+        [202, 201, 422, 200, 200, 200, 200, 200, 409, 200, 200, 200, 404, 202, 200],
+        "{expected:?}"
+    );
     // None of these changes anything that people own.
     ask(&home, "GET", "/v1/jobs", &admin, None);
     ask(&home, "POST", "/v1/prune?older_than_s=1e9&dry_run=true", &admin, None);
@@ -111,11 +118,14 @@ fn every_change_and_every_refusal_is_one_line() {
     });
     let forbidden = ask(&home, "POST", "/v1/prune?older_than_s=0", &reader, None);
     assert_eq!(forbidden.status, 403);
+    let signed_in = ask(&home, "POST", "/dashboard/session", "guessed", None);
+    assert_eq!(signed_in.status, 401);
     stdout(&run(&["token", "revoke", "--data", &data, &reader_id]));
     until("the token is gone", || (ask(&home, "GET", "/v1/jobs", &reader, None).status == 401).then_some(()));
 
     let log = lines(&server);
-    let done: Vec<_> = log.iter().filter(|line| !line["path"].is_null()).collect();
+    let done: Vec<_> =
+        log.iter().filter(|line| line["action"] != "refuse" && !line["path"].is_null()).collect();
     assert_eq!(done.len(), expected.len(), "one line each, and no others: {done:#?}");
     for (line, (action, request, path, status, location)) in done.iter().zip(&expected) {
         assert_eq!(line["action"], *action, "{line}");
@@ -128,12 +138,16 @@ fn every_change_and_every_refusal_is_one_line() {
         assert!(line["timestamp"].is_string() && line["level"] == "INFO", "{line}");
     }
     let refused = |request: &str| log.iter().filter(|line| line["request"] == request).collect::<Vec<_>>();
-    for (answered, reason) in [(&guessed, "A token is needed"), (&forbidden, "The token does not allow this")]
-    {
+    for (answered, token, path, reason) in [
+        (&guessed, json!(null), "/v1/jobs", "A token is needed"),
+        (&signed_in, json!(null), "/dashboard/session", "A token is needed"),
+        (&forbidden, json!(reader_id), "/v1/prune", "The token does not allow this"),
+    ] {
         let lines = refused(&answered.request);
         assert_eq!(lines.len(), 1, "{lines:?}");
         assert_eq!((&lines[0]["action"], &lines[0]["level"]), (&json!("refuse"), &json!("WARN")));
         assert_eq!((&lines[0]["status"], &lines[0]["reason"]), (&json!(answered.status), &json!(reason)));
+        assert_eq!((&lines[0]["token"], &lines[0]["path"]), (&token, &json!(path)));
     }
     for action in ["token_create", "token_revoke"] {
         let lines: Vec<_> = log.iter().filter(|line| line["action"] == action).collect();
@@ -142,6 +156,40 @@ fn every_change_and_every_refusal_is_one_line() {
     }
     let log = server.log();
     assert!(!log.contains(&admin) && !log.contains(&reader), "no secret is logged");
+}
+
+#[test]
+fn who_goes_away_before_the_answer_leaves_a_line() {
+    let home = Home::new();
+    let server = home.start_server(&["--log-format", "json"]);
+    until("the server answers", || home.status("/healthz").filter(|status| *status == 200));
+    let sweep =
+        json!({"name": "left", "base": scenario(0.1), "design": {"kind": "grid"}, "replicates": 50_000});
+    let file = home.file("sweep.json", &sweep);
+    let mut curl = Command::new("curl");
+    curl.args([
+        "-s",
+        "--max-time",
+        "0.2",
+        "-H",
+        "content-type: application/json",
+        "--data",
+        &format!("@{file}"),
+    ]);
+    // Proxies append to this header.
+    curl.args(["-H", &format!("x-forwarded-for: {}, 192.0.2.7", "9".repeat(300))]);
+    let left = curl.arg(format!("{}/v1/sweeps", home.address)).output().unwrap();
+    let line = until("a line is written", || {
+        lines(&server).into_iter().find(|line| line["action"] == "submit" && line["path"] == "/v1/sweeps")
+    });
+    // On a quick machine it was answered in time.
+    assert_eq!(line["message"], if left.status.success() { "done" } else { "unanswered" }, "{line}");
+    assert_eq!(line["token"], "open");
+    let forwarded_for = line["forwarded_for"].as_str().unwrap();
+    assert!(forwarded_for.ends_with(", 192.0.2.7") && forwarded_for.len() <= 200, "{line}");
+    until("the sweep is there all the same", || {
+        (home.get("/v1/sweeps")["items"].as_array()?.len() == 1).then_some(())
+    });
 }
 
 #[test]

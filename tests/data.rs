@@ -221,6 +221,22 @@ fn what_a_server_keeps_is_for_its_own_user_alone() {
         }
     }
 
+    // Links lead to what is somebody else's; `lost+found` is the system's.
+    let linked = home.path("linked");
+    for folder in [&linked, &linked.join("lost+found"), &home.path("disk")] {
+        std::fs::create_dir(folder).unwrap();
+        open(folder, 0o755);
+    }
+    std::fs::write(home.path("theirs.txt"), "theirs").unwrap();
+    open(&home.path("theirs.txt"), 0o644);
+    std::os::unix::fs::symlink(home.path("disk"), linked.join("objects")).unwrap();
+    std::os::unix::fs::symlink(home.path("theirs.txt"), linked.join("roost.db-journal")).unwrap();
+    std::os::unix::fs::symlink(home.path("nowhere"), linked.join("worker")).unwrap();
+    stdout(&run(&["token", "create", "--scope", "read", "--data", &linked.display().to_string()]));
+    let mode = |path: &std::path::Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    assert_eq!(mode(&linked), 0o700);
+    assert_eq!((mode(&home.path("disk")), mode(&home.path("theirs.txt"))), (0o755, 0o644));
+
     // A folder with other things in it is somebody's own.
     let shared = home.path("shared");
     std::fs::create_dir(&shared).unwrap();

@@ -50,34 +50,39 @@ pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
     }
 }
 
-/// Whether a file or folder in a data directory is one that Roost puts there.
-#[cfg(unix)]
-fn is_ours(name: &std::ffi::OsStr) -> bool {
-    name.to_str().is_some_and(|name| name.starts_with(DATABASE) || [LOCK, OBJECTS, "worker"].contains(&name))
-}
-
-/// Takes a data directory and our files in it away from everybody but their owner.
+/// Takes a data directory, and our files in it, away from everybody but their owner. Links are followed nowhere: their targets are
+/// somebody else's to shut.
 #[cfg(unix)]
 fn make_private(folder: &Path) -> io::Result<()> {
     use std::fs::{Metadata, Permissions, set_permissions};
     use std::os::unix::fs::PermissionsExt;
-    // What is private already is left alone: it may belong to somebody else and be right as it is.
+    // A private file keeps its permissions: another user may own it, and only an owner can change them.
     let restrict = |path: &Path, metadata: &Metadata, mode: u32| {
         if metadata.permissions().mode() & 0o077 == 0 {
             return Ok(());
         }
         set_permissions(path, Permissions::from_mode(mode))
     };
-    let entries = std::fs::read_dir(folder)?.collect::<io::Result<Vec<_>>>()?;
-    let (ours, others): (Vec<_>, Vec<_>) = entries.into_iter().partition(|entry| is_ours(&entry.file_name()));
-    for entry in ours {
-        let metadata = entry.metadata()?;
-        restrict(&entry.path(), &metadata, if metadata.is_dir() { 0o700 } else { 0o600 })?;
+    let ours =
+        [DATABASE, "roost.db-wal", "roost.db-shm", "roost.db-journal", "roost.part", LOCK, OBJECTS, "worker"];
+    let mut has_others = false;
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        if ours.iter().any(|ours| name == *ours) {
+            let metadata = entry.metadata()?;
+            if !metadata.is_symlink() {
+                restrict(&entry.path(), &metadata, if metadata.is_dir() { 0o700 } else { 0o600 })?;
+            }
+        } else {
+            // The system makes `lost+found` where a file system is mounted.
+            has_others |= name != "lost+found";
+        }
     }
-    if others.is_empty() {
+    if !has_others {
         return restrict(folder, &std::fs::metadata(folder)?, 0o700);
     }
-    // Somebody's home, or all temporary files: not ours to shut.
+    // It may be somebody's home, or the folder of all temporary files: not ours to shut.
     tracing::warn!(folder = %folder.display(), "the data directory holds other files too: its permissions are left as they are");
     Ok(())
 }

@@ -13,11 +13,9 @@ use crate::store::StoreError;
 /// Old events and answers are cleared away so often.
 const CLEAR_EVERY: Duration = Duration::from_secs(600);
 
-/// An object that no row has named for so long goes: a day.
-const UNNAMED_MS: i64 = 24 * 3600 * 1000;
-
-/// A server that was stopped for no longer than this is not taken for one whose clock has jumped.
-const SHORTEST_GAP: Duration = Duration::from_secs(24 * 3600);
+/// A server that was stopped for no longer than this is not taken for one whose clock has jumped. One that was stopped for longer
+/// deletes nothing until it has run for so long.
+const DAY: Duration = Duration::from_secs(24 * 3600);
 
 /// Looks for what has run out, and beside it clears away what nobody needs, until the server shuts down.
 pub(crate) async fn run(app: App) {
@@ -39,8 +37,18 @@ async fn expire(app: &App) {
 async fn clear(app: &App) {
     let mut clock = tokio::time::interval(CLEAR_EVERY);
     clock.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    let mut said = None;
     loop {
         clock.tick().await;
+        let doubt = doubt(app);
+        if doubt.is_some() {
+            if doubt != said {
+                tracing::error!("nothing old is deleted by itself: {}", doubt.unwrap_or_default());
+            }
+            said = doubt;
+            continue;
+        }
+        said = None;
         if let Err(error) = app.store.forget_before(ago(app, app.config.memory)).await {
             tracing::error!(error = error.as_dyn(), "old events could not be cleared away");
         }
@@ -54,7 +62,7 @@ async fn clear(app: &App) {
             }
             Err(error) => tracing::error!(error = error.as_dyn(), "workers could not be looked through"),
         }
-        match app.store.sweep_objects(app.clock.now().plus_ms(-UNNAMED_MS)).await {
+        match app.store.sweep_objects(ago(app, DAY)).await {
             Ok(0) => {}
             Ok(objects) => tracing::info!(objects, "removed objects that nothing names"),
             Err(error) => tracing::error!(error = error.as_dyn(), "objects could not be looked through"),
@@ -70,21 +78,23 @@ fn ms(time: Duration) -> i64 {
     i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
 }
 
-/// Deletes what ended longer ago than `age`, unless the clock may be wrong: a clock that is years ahead would delete everything.
-async fn prune(app: &App, age: Duration) {
-    if let Some(jump_ms) = app.clock.jump_ms() {
-        tracing::error!(jump_s = jump_ms / 1000, "the clock has jumped: nothing is pruned");
-        return;
-    }
-    // By a clock that jumped while no server ran, everything is older than that.
-    let gap_ms = ms(age.max(SHORTEST_GAP));
-    if app.newest_at_start.is_some_and(|newest| newest.0 < app.clock.started().plus_ms(-gap_ms).0) {
-        tracing::warn!(
-            "when this server started its clock was past the newest record by more than --prune-after: nothing is pruned by itself; if the \
-             clock is right, use `roost prune`"
+/// Why the clock may be wrong: one that is years ahead makes everything old enough to be deleted.
+fn doubt(app: &App) -> Option<&'static str> {
+    if app.clock.jump_ms().is_some() {
+        return Some(
+            "the clock has jumped since the server started; correct it, or restart the server if it is right",
         );
-        return;
     }
+    // A clock that jumped while no server ran.
+    let gap_ms = ms(app.config.prune_after.unwrap_or_default().max(DAY));
+    let is_far = app.newest_at_start.is_some_and(|newest| newest.0 < app.clock.started().plus_ms(-gap_ms).0);
+    (is_far && app.clock.uptime() < DAY).then_some(
+        "when the server started, its clock was far past the newest record; it waits for a day, and `roost prune` works meanwhile",
+    )
+}
+
+/// Deletes what ended longer ago than `age`.
+async fn prune(app: &App, age: Duration) {
     match app.prune(ago(app, age)).await {
         Ok(gone) if !gone.is_empty() => {
             let (sweeps, jobs, meshes) = (gone.sweeps.len(), gone.jobs, gone.meshes.len());

@@ -5,7 +5,7 @@ use std::time::Duration;
 use roost_api::job::{JobState, JobView};
 use serde_json::json;
 
-use crate::support::{Home, fraction, long, said, until};
+use crate::support::{Home, fraction, left_out, long, said, until};
 
 const HOUR_S: i64 = 3600;
 
@@ -23,7 +23,7 @@ fn runs(home: &Home, job: &JobView) {
 #[test]
 fn a_clock_that_is_set_ends_no_lease_and_repeats_no_run() {
     let Some(home) = Home::with_clocks() else {
-        eprintln!("left out: libfaketime is not installed (Debian package faketime)");
+        left_out("libfaketime is not installed (Debian package faketime)");
         return;
     };
     let server = home.serve();
@@ -61,7 +61,7 @@ fn a_clock_that_is_set_ends_no_lease_and_repeats_no_run() {
 fn a_clock_that_jumps_ahead_has_nothing_deleted() {
     const YEAR_S: i64 = 365 * 24 * HOUR_S;
     let Some(home) = Home::with_clocks() else {
-        eprintln!("left out: libfaketime is not installed (Debian package faketime)");
+        left_out("libfaketime is not installed (Debian package faketime)");
         return;
     };
     let server = home.serve();
@@ -86,7 +86,7 @@ fn a_clock_that_jumps_ahead_has_nothing_deleted() {
     server.wait();
     home.set_clock("serve", YEAR_S);
     let server = home.serve_with(&["--prune-after", "30d"]);
-    until("it says why", || server.log().contains("nothing is pruned by itself").then_some(()));
+    until("it says why", || server.log().contains("nothing old is deleted by itself").then_some(()));
     assert!(home.job(&job).is_some());
     server.terminate();
     server.wait();

@@ -13,6 +13,7 @@ use std::net::IpAddr;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 use axum::extract::{MatchedPath, Request, State};
+use axum::http::uri::Authority;
 use axum::http::{HeaderMap, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
@@ -32,6 +33,17 @@ impl Caller {
     /// For the audit log.
     pub(super) fn name(&self) -> &str {
         if self.0.is_empty() { "open" } else { &self.0 }
+    }
+
+    /// Refuses with 403 what takes one of these scopes, where the token has none of them. Without tokens everybody may do everything.
+    fn may(&self, needed: &[Scope]) -> Result<(), ApiError> {
+        let Self(token, scopes) = self;
+        if token.is_empty() || needed.iter().any(|needed| scopes.iter().any(|scope| scope.covers(*needed))) {
+            return Ok(());
+        }
+        let scopes: Vec<_> = needed.iter().map(|scope| scope.as_str()).collect();
+        let detail = format!("this takes a token with the scope {}", scopes.join(" or "));
+        Err(ApiError::new(Kind::Forbidden, detail))
     }
 }
 
@@ -127,12 +139,12 @@ impl Access {
         }
     }
 
-    /// The caller that a secret stands for, if one of these scopes is among those of its token.
+    /// The caller that a secret stands for.
     ///
     /// # Errors
     ///
-    /// 401 without a valid token, 403 where its scopes do not suffice.
-    pub(super) fn admit(&self, secret: Option<&str>, needed: &[Scope]) -> Result<Caller, ApiError> {
+    /// 401 without a valid token.
+    pub(super) fn admit(&self, secret: Option<&str>) -> Result<Caller, ApiError> {
         let Admission::Bearers(tokens) = self.admission() else { return Ok(Caller::default()) };
         let missing = || {
             let detail = "send the header `authorization: Bearer TOKEN`; `roost token create` makes one";
@@ -149,11 +161,6 @@ impl Access {
         let token = found.ok_or_else(|| {
             ApiError::new(Kind::Unauthorized, "the token is not known here, or was revoked")
         })?;
-        if !needed.iter().any(|needed| token.scopes.iter().any(|scope| scope.covers(*needed))) {
-            let scopes: Vec<_> = needed.iter().map(|scope| scope.as_str()).collect();
-            let detail = format!("this takes a token with the scope {}", scopes.join(" or "));
-            return Err(ApiError::new(Kind::Forbidden, detail));
-        }
         Ok(Caller(token.id.as_str().into(), token.scopes.clone()))
     }
 
@@ -175,6 +182,7 @@ pub(super) fn needed(method: &Method, path: &str) -> &'static [Scope] {
     match path {
         "/healthz" | "/readyz" | "/openapi.json" => &[],
         _ if dashboard::PAGES.contains(&path) => &[],
+        "/dashboard/session" if *method == Method::POST => &[Scope::Read],
         _ if path.starts_with("/docs") || path.starts_with("/dashboard") => &[],
         "/v1/version" => &[Scope::Read, Scope::Worker],
         "/v1/meshes/{digest}" | "/v1/meshes/{digest}/file" => &[Scope::Read, Scope::Worker],
@@ -205,12 +213,18 @@ fn refuse_strange_pages(app: &App, request: &Request) -> Result<(), ApiError> {
         }
         _ => {}
     }
-    if let Some(host) = text(headers, "host").filter(|host| !is_loopback(host) && is_open) {
-        let detail = format!(
-            "host {host}: without access tokens the server answers to localhost and loopback addresses only; make a token with \
-             `roost token create`, or have the proxy send `host: localhost`"
-        );
-        return Err(ApiError::new(Kind::WrongHost, detail));
+    if is_open {
+        // A request in absolute form names the server itself.
+        let names = [text(headers, "host"), request.uri().authority().map(Authority::as_str)];
+        let strange = names.iter().flatten().find(|name| !is_loopback(name)).copied();
+        let missing = names.iter().all(Option::is_none).then_some("missing");
+        if let Some(host) = strange.or(missing) {
+            let detail = format!(
+                "host {host}: without access tokens the server answers to localhost and loopback addresses only; make a token with \
+                 `roost token create`, or have the proxy send `host: localhost`"
+            );
+            return Err(ApiError::new(Kind::WrongHost, detail));
+        }
     }
     Ok(())
 }
@@ -251,26 +265,39 @@ pub(crate) async fn guard(State(app): State<App>, mut request: Request, next: Ne
     let asked = audit::Asked::of(&request);
     let caller = match admitted(&app, &request, scopes) {
         Ok(caller) => caller,
-        Err(refusal) => {
-            audit::refused(&app.access.refusals, &asked, &refusal);
-            return *refusal;
+        Err(Refused { caller, response }) => {
+            audit::refused(&app.access.refusals, &asked, caller.as_ref(), &response);
+            return response;
         }
     };
     request.extensions_mut().insert(caller.clone());
+    let pending = audit::Pending::new(asked, caller);
     let response = next.run(request).await;
-    audit::done(&asked, &caller, &response);
+    pending.answered(&response);
     response
 }
 
+/// A request that may not go on.
+struct Refused {
+    /// Who asked, if a valid token was sent.
+    caller: Option<Caller>,
+    response: Response,
+}
+
 /// The caller of a request that may go on, or the answer to it.
-fn admitted(app: &App, request: &Request, scopes: &[Scope]) -> Result<Caller, Box<Response>> {
-    refuse_strange_pages(app, request).map_err(|error| Box::new(error.into_response()))?;
+#[allow(clippy::result_large_err, reason = "a refusal is answered at once")]
+fn admitted(app: &App, request: &Request, scopes: &[Scope]) -> Result<Caller, Refused> {
+    refuse_strange_pages(app, request)
+        .map_err(|error| Refused { caller: None, response: error.into_response() })?;
     let secret = session::secret(request.headers(), request.method());
-    let caller = app.access.admit(secret, scopes).map_err(|error| {
+    let caller = app.access.admit(secret).map_err(|error| {
         let mut response = error.into_response();
         response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
-        Box::new(response)
+        Refused { caller: None, response }
     })?;
+    if let Err(error) = caller.may(scopes) {
+        return Err(Refused { caller: Some(caller), response: error.into_response() });
+    }
     let Some(wait_s) = app.access.too_often(&caller) else { return Ok(caller) };
     let detail = format!(
         "more than {} requests a second with this token (max_requests_per_s, which the operator can set)",
@@ -278,7 +305,7 @@ fn admitted(app: &App, request: &Request, scopes: &[Scope]) -> Result<Caller, Bo
     );
     let mut response = ApiError::new(Kind::TooManyRequests, detail).into_response();
     response.headers_mut().insert(header::RETRY_AFTER, wait_s.into());
-    Err(Box::new(response))
+    Err(Refused { caller: Some(caller), response })
 }
 
 #[cfg(test)]

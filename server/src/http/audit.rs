@@ -59,7 +59,6 @@ pub(super) struct Asked {
     method: Method,
     route: String,
     path: String,
-    is_dry_run: bool,
     request: String,
     peer: String,
     forwarded_for: Option<String>,
@@ -74,10 +73,6 @@ impl Asked {
             method: request.method().clone(),
             route: known(extensions.get::<MatchedPath>().map(|path| path.as_str().to_owned())),
             path: shortened(request.uri().path()),
-            is_dry_run: request
-                .uri()
-                .query()
-                .is_some_and(|query| query.split('&').any(|it| it == "dry_run=true")),
             request: known(extensions.get::<RequestId>().map(|id| id.0.to_string())),
             peer: known(extensions.get::<ConnectInfo<SocketAddr>>().map(|peer| peer.0.to_string())),
             forwarded_for: forwarded_for(request.headers()),
@@ -85,9 +80,11 @@ impl Asked {
     }
 }
 
-/// Whom a proxy names as the peer: its word, or that of a stranger.
+/// Whom a proxy names as the peer: its word, or that of a stranger. Proxies append, so the end is the part of the nearest one.
 fn forwarded_for(headers: &HeaderMap) -> Option<String> {
-    headers.get("x-forwarded-for").map(|value| shortened(&String::from_utf8_lossy(value.as_bytes())))
+    let last = headers.get_all("x-forwarded-for").iter().next_back()?;
+    let text = String::from_utf8_lossy(last.as_bytes());
+    Some(text[text.ceil_char_boundary(text.len().saturating_sub(LONGEST))..].to_owned())
 }
 
 fn shortened(text: &str) -> String {
@@ -109,18 +106,46 @@ fn action(method: &Method, route: &str) -> Option<&'static str> {
     Some(action)
 }
 
-/// Logs what an admitted request has changed, or failed to change.
-pub(super) fn done(asked: &Asked, caller: &Caller, response: &Response) {
-    let Some(action) = action(&asked.method, &asked.route).filter(|_| !asked.is_dry_run) else { return };
-    let made = response.headers().get(header::LOCATION).and_then(|value| value.to_str().ok());
-    tracing::info!(
-        target: "audit", action, token = caller.name(), request = asked.request, peer = asked.peer,
-        forwarded_for = asked.forwarded_for, path = asked.path, status = response.status().as_u16(), made, "done"
-    );
+/// The answer says only what would change: handlers put this beside it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DryRun;
+
+/// An admitted request that may change something. Its line is written when it is answered, or else when it is dropped: a client that
+/// goes away before the answer does not take the line along, since its change may go on.
+pub(super) struct Pending(Option<(&'static str, Asked, Caller)>);
+
+impl Pending {
+    /// Begins to watch a request.
+    pub(super) fn new(asked: Asked, caller: Caller) -> Self {
+        Self(action(&asked.method, &asked.route).map(|action| (action, asked, caller)))
+    }
+
+    /// Logs what the request has changed, or failed to change.
+    pub(super) fn answered(mut self, response: &Response) {
+        let Some((action, asked, caller)) = self.0.take() else { return };
+        if response.extensions().get::<DryRun>().is_some() {
+            return;
+        }
+        let made = response.headers().get(header::LOCATION).and_then(|value| value.to_str().ok());
+        tracing::info!(
+            target: "audit", action, token = caller.name(), request = asked.request, peer = asked.peer,
+            forwarded_for = asked.forwarded_for, path = asked.path, status = response.status().as_u16(), made, "done"
+        );
+    }
 }
 
-/// Logs a refused access.
-pub(super) fn refused(refusals: &Refusals, asked: &Asked, response: &Response) {
+impl Drop for Pending {
+    fn drop(&mut self) {
+        let Some((action, asked, caller)) = self.0.take() else { return };
+        tracing::info!(
+            target: "audit", action, token = caller.name(), request = asked.request, peer = asked.peer,
+            forwarded_for = asked.forwarded_for, path = asked.path, "unanswered"
+        );
+    }
+}
+
+/// Logs a refused access, with the token where one was sent that is valid.
+pub(super) fn refused(refusals: &Refusals, asked: &Asked, caller: Option<&Caller>, response: &Response) {
     if refusals.rate.check().is_err() {
         refusals.left_out.fetch_add(1, Ordering::Relaxed);
         return;
@@ -128,8 +153,8 @@ pub(super) fn refused(refusals: &Refusals, asked: &Asked, response: &Response) {
     let left_out = Some(refusals.left_out.swap(0, Ordering::Relaxed)).filter(|count| *count > 0);
     let reason = response.extensions().get::<Kind>().map(|kind| kind.title());
     tracing::warn!(
-        target: "audit", action = "refuse", request = asked.request, peer = asked.peer,
-        forwarded_for = asked.forwarded_for, method = shortened(asked.method.as_str()), route = asked.route,
+        target: "audit", action = "refuse", token = caller.map(Caller::name), request = asked.request, peer = asked.peer,
+        forwarded_for = asked.forwarded_for, method = shortened(asked.method.as_str()), path = asked.path,
         status = response.status().as_u16(), reason, left_out, "refused"
     );
 }

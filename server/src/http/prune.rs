@@ -1,13 +1,14 @@
 //! Retention by hand: what ended long ago goes.
 
-use axum::Json;
 use axum::extract::State;
+use axum::{Extension, Json};
 use roost_api::problem::Problem;
 use roost_api::prune::Pruning;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::aside::to_its_end;
+use super::audit::DryRun;
 use super::extract::Params;
 use super::problem::{ApiError, Kind};
 use crate::app::App;
@@ -37,7 +38,7 @@ const MAX_AGE_S: f64 = 1000.0 * 365.0 * 86_400.0;
 pub(crate) async fn prune(
     State(app): State<App>,
     Params(query): Params<PruneQuery>,
-) -> Result<Json<Pruning>, ApiError> {
+) -> Result<(Option<Extension<DryRun>>, Json<Pruning>), ApiError> {
     if !(0.0..=MAX_AGE_S).contains(&query.older_than_s) {
         let detail = format!("older_than_s: {} is no age; allowed: 0 to {MAX_AGE_S}", query.older_than_s);
         return Err(ApiError::new(Kind::InvalidQuery, detail));
@@ -52,7 +53,7 @@ pub(crate) async fn prune(
     }
     let then = app.clock.now().plus_ms(-(query.older_than_s * 1000.0) as i64);
     if query.dry_run {
-        return Ok(Json(app.store.prunable(then).await?));
+        return Ok((Some(Extension(DryRun)), Json(app.store.prunable(then).await?)));
     }
-    Ok(Json(to_its_end(async move { app.prune(then).await }).await??))
+    Ok((None, Json(to_its_end(async move { app.prune(then).await }).await??)))
 }

@@ -20,6 +20,7 @@ use uuid::Uuid;
 use super::access::Caller;
 use super::aside::{aside, to_its_end};
 use super::at_hand::at_hand;
+use super::audit::DryRun;
 use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
 use super::page::{cursor, label, limit, limit_schema, page};
@@ -301,7 +302,7 @@ pub(crate) async fn delete(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
     Params(query): Params<DeleteQuery>,
-) -> Result<Json<Deletion>, ApiError> {
+) -> Result<(Option<axum::Extension<DryRun>>, Json<Deletion>), ApiError> {
     let deletion = app.store.deletion(id).await?.ok_or(Refusal::NoSweep)?;
     let delete = || {
         let app = app.clone();
@@ -314,5 +315,6 @@ pub(crate) async fn delete(
         );
         return Err(ApiError::new(Kind::WrongState, detail));
     }
-    Ok(Json(Deletion { dry_run: query.dry_run, ..deletion }))
+    let dry_run = query.dry_run.then_some(axum::Extension(DryRun));
+    Ok((dry_run, Json(Deletion { dry_run: query.dry_run, ..deletion })))
 }

@@ -298,6 +298,25 @@ async fn pages_of_others_change_nothing_and_without_tokens_other_names_are_not_a
         "{text}"
     );
 
+    let raw = async |request: &str| {
+        use tokio::io::{AsyncReadExt, AsyncWriteExt};
+        let mut stream = tokio::net::TcpStream::connect(farm.address).await.unwrap();
+        stream.write_all(request.as_bytes()).await.unwrap();
+        let mut answer = [0; 12];
+        stream.read_exact(&mut answer).await.unwrap();
+        String::from_utf8_lossy(&answer[9..]).into_owned()
+    };
+    for (request, status) in [
+        ("GET /v1/jobs HTTP/1.1\r\nhost: localhost\r\n\r\n", "200"),
+        ("GET /v1/jobs HTTP/1.1\r\n\r\n", "421"),
+        ("GET /v1/jobs HTTP/1.0\r\n\r\n", "421"),
+        ("GET http://rebound.example/v1/jobs HTTP/1.1\r\nhost: localhost\r\n\r\n", "421"),
+        ("GET http://rebound.example/v1/jobs HTTP/1.1\r\n\r\n", "421"),
+        ("GET http://127.0.0.1/v1/jobs HTTP/1.1\r\n\r\n", "200"),
+    ] {
+        assert_eq!(raw(request).await, status, "{request}");
+    }
+
     // With a token it may be called anything, as behind a proxy.
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (_, secret) = tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
