@@ -20,7 +20,7 @@ pub mod scenario;
 pub mod shape;
 
 pub use check::{Limits, check};
-pub use engine::NoRoom;
+pub use engine::OutOfDeviceMemory;
 pub use engine::run::Observer;
 use mesh::Meshes;
 use result::RunResult;
@@ -57,12 +57,12 @@ impl Computer {
         scenario: &Scenario,
         meshes: &Meshes,
         observer: &mut dyn Observer,
-    ) -> Result<RunResult, NoRoom> {
+    ) -> Result<RunResult, OutOfDeviceMemory> {
         match self {
             Self::Cpu(options) => Ok(simulate(scenario, meshes, *options, observer)),
             #[cfg(feature = "gpu")]
             Self::Gpu(gpu) => {
-                gpu::catch_no_room(|| experiments::simulate(scenario, meshes, &**gpu, observer))
+                gpu::catch_out_of_memory(|| experiments::simulate(scenario, meshes, &**gpu, observer))
             }
         }
     }

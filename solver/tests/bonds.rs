@@ -6,9 +6,9 @@ use std::f64::consts::PI;
 
 use common::{Bench, G, MASS, RADIUS, assert_close, at, block, bonds, law, plate, scene};
 use glam::{DVec3, Vec3};
-use roost_solver::engine::scene::Kind;
+use roost_solver::engine::scene::BodyKind;
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
-use roost_solver::physics::bond::{self, BondLaw, Form};
+use roost_solver::physics::bond::{self, BondLaw, BondModel};
 use roost_solver::scenario::Fill;
 use roost_solver::shape::lattice::MetaParticle;
 use roost_solver::shape::teardrop::Teardrop;
@@ -103,9 +103,9 @@ fn normal_forces_are_minus_the_slope_of_their_energy() {
     let slope = |u: &dyn Fn(f64) -> f64, e: f64| (u(e + 1e-8) - u(e - 1e-8)) / 2e-8;
     for share in [-0.5, -0.1, 0.1, 0.5, 0.9, 0.96] {
         let e = share * e_max;
-        let pull = |form| f64::from(bond::normal(&BondLaw { form, ..law }, rest as f32, (rest + e) as f32));
-        assert_close(pull(Form::Corotated), slope(&harmonic, e), 1e-3);
-        assert_close(pull(Form::FiniteExtension), slope(&limited, e), 1e-2);
+        let pull = |model| f64::from(bond::normal(&BondLaw { model, ..law }, rest as f32, (rest + e) as f32));
+        assert_close(pull(BondModel::Corotated), slope(&harmonic, e), 1e-3);
+        assert_close(pull(BondModel::FiniteExtension), slope(&limited, e), 1e-2);
     }
 }
 
@@ -144,17 +144,20 @@ fn a_bond_of_finite_strength_yields_at_it() {
 fn a_bond_of_finite_shear_strength_yields_at_it() {
     let law = BondLaw { normal_strength: 0.05, shear_strength: 0.02, ..bonds() };
     let rest = 2.0 * RADIUS as f32;
-    let feel = |form, mut stored: Vec3| {
-        let law = BondLaw { form, ..law };
+    let feel = |model, mut stored: Vec3| {
+        let law = BondLaw { model, ..law };
         bond::force(&law, &mut stored, Vec3::X, rest, rest, Vec3::ZERO, Vec3::ZERO, 1e-5)
     };
-    for form in [Form::Corotated, Form::FiniteExtension, Form::AsPublished] {
-        assert!(feel(form, Vec3::Y * 0.0199).is_some() && feel(form, Vec3::Y * 0.0201).is_none(), "{form:?}");
+    for model in [BondModel::Corotated, BondModel::FiniteExtension, BondModel::AsPublished] {
+        assert!(
+            feel(model, Vec3::Y * 0.0199).is_some() && feel(model, Vec3::Y * 0.0201).is_none(),
+            "{model:?}"
+        );
     }
     // As published the pull is part of the stored force: it yields by itself, and has no moment.
-    let force = feel(Form::AsPublished, Vec3::new(0.049, 0.01, 0.0)).expect("holds");
+    let force = feel(BondModel::AsPublished, Vec3::new(0.049, 0.01, 0.0)).expect("holds");
     assert_eq!((force.total, force.shear), (Vec3::new(0.049, 0.01, 0.0), Vec3::Y * 0.01));
-    assert!(feel(Form::AsPublished, Vec3::X * 0.051).is_none());
+    assert!(feel(BondModel::AsPublished, Vec3::X * 0.051).is_none());
 }
 
 #[test]
@@ -180,12 +183,14 @@ fn a_turned_bond_keeps_its_shear_force() {
 
 /// A fillet of size 2 that falls on a plate at 2 m/s, pitched by 45°: greatest kinetic energy after the impact, the
 /// last, the share of its bonds that hold, and what ended the run.
-fn dropped(form: Form, s_n: f64, s_t: f64) -> (f64, f64, f64, Option<String>) {
+fn dropped(model: BondModel, s_n: f64, s_t: f64) -> (f64, f64, f64, Option<String>) {
     let area = PI * RADIUS * RADIUS;
     let shape = Teardrop { size_m: [0.172, 0.072, 0.032], mirrored: false };
     let meta = MetaParticle::fill(&shape, RADIUS, Fill::Centres, 1);
-    let kind =
-        Kind { subparticle_mass_kg: meta.volume_m3 * 940.0 / meta.points.len() as f64, meta: meta.into() };
+    let kind = BodyKind {
+        subparticle_mass_kg: meta.volume_m3 * 940.0 / meta.points.len() as f64,
+        meta: meta.into(),
+    };
     let mut scene = scene(kind, vec![at(DVec3::Z * 0.1, DVec3::NEG_Z * 2.0)], 5.75e-5);
     scene.bodies[0].orientation = glam::DQuat::from_rotation_y(PI / 4.0);
     scene.surfaces = vec![plate(SurfaceKind::Equipment)];
@@ -193,7 +198,7 @@ fn dropped(form: Form, s_n: f64, s_t: f64) -> (f64, f64, f64, Option<String>) {
     scene.laws.tissue = law(false, 1e-4, 0.1, 0.055);
     scene.laws.equipment = law(true, 1e-4, 0.5, 0.055);
     scene.laws.contact_between_bonded = true;
-    scene.laws.bond = BondLaw { form, k_n: (s_n * area) as f32, k_t: (s_t * area) as f32, ..bonds() };
+    scene.laws.bond = BondLaw { model, k_n: (s_n * area) as f32, k_t: (s_t * area) as f32, ..bonds() };
     let mut bench = Bench::new(&scene);
     let (mut most, mut fault) = (0.0f64, bench.steps(1000));
     for _ in 0..10 {
@@ -206,20 +211,20 @@ fn dropped(form: Form, s_n: f64, s_t: f64) -> (f64, f64, f64, Option<String>) {
 
 #[test]
 fn the_published_bond_diverges_where_the_paper_says_and_the_corotated_one_does_not() {
-    let (_, corotated, intact, fault) = dropped(Form::Corotated, 1e7, 1e5);
+    let (_, corotated, intact, fault) = dropped(BondModel::Corotated, 1e7, 1e5);
     assert_eq!((intact, fault), (1.0, None));
-    let (published, _, _, fault) = dropped(Form::AsPublished, 1e7, 1e5);
+    let (published, _, _, fault) = dropped(BondModel::AsPublished, 1e7, 1e5);
     assert!(fault.is_some(), "runs away");
     assert!(published > 100.0 * corotated, "{published:e} J against {corotated:e} J");
 }
 
 #[test]
 fn too_much_shear_stiffness_breaks_bonds_without_diverging() {
-    let (most, last, intact, fault) = dropped(Form::Corotated, 1e5, 1e7);
+    let (most, last, intact, fault) = dropped(BondModel::Corotated, 1e5, 1e7);
     assert_eq!(fault, None);
     assert!(intact < 0.95, "{intact}");
     assert!(last < most, "{last:e} J of {most:e} J");
-    assert_eq!(dropped(Form::Corotated, 1e6, 6e5).2, 1.0, "Table 2 holds");
+    assert_eq!(dropped(BondModel::Corotated, 1e6, 6e5).2, 1.0, "Table 2 holds");
 }
 
 #[test]

@@ -7,10 +7,10 @@ use std::f64::consts::PI;
 use common::{Bench, E, G, MASS, NU, RADIUS, assert_close, at, block, law, plate, scene};
 use glam::{DVec3, Vec3};
 use roost_solver::engine::Backend;
-use roost_solver::engine::run::{Decision, Director, Plan, Sample, run};
+use roost_solver::engine::run::{Decision, ExperimentMonitor, RunPlan, Sample, run};
 use roost_solver::equipment::SurfaceKind;
-use roost_solver::physics::contact::{self, ContactMemory};
-use roost_solver::physics::damping::{BODIES, NEIGHBOURS, SURFACE};
+use roost_solver::physics::contact::{self, ContactHistory};
+use roost_solver::physics::damping::{BODY_CAP, BONDED_CAP, SURFACE_CAP};
 use roost_solver::physics::{hertz, jkr};
 use roost_solver::result::EndReason;
 use roost_solver::{Flow, Progress};
@@ -28,18 +28,18 @@ fn collide(restitution: f64, gamma: f64, approach: f64, dt: f64) -> (f64, f64, f
     let mut scene = scene(block([1, 1, 1]), vec![at(DVec3::X * -x, v), at(DVec3::X * x, -v)], dt);
     scene.laws.tissue = law(false, restitution, 0.0, gamma);
     let mut bench = Bench::new(&scene);
-    let (mut touching, mut deepest) = (0, 0.0f64);
+    let (mut in_contact, mut deepest) = (0, 0.0f64);
     for _ in 0..(0.2 / dt) as u64 {
         bench.steps(1);
         let overlap = 2.0 * RADIUS - (bench.position(1) - bench.position(0)).length();
         deepest = deepest.max(overlap);
-        touching += u64::from(overlap > 0.0);
-        if overlap < -gap && touching > 0 {
+        in_contact += u64::from(overlap > 0.0);
+        if overlap < -gap && in_contact > 0 {
             break;
         }
     }
     let separation = (bench.velocity(1) - bench.velocity(0)).x;
-    (touching as f64 * dt, deepest, separation)
+    (in_contact as f64 * dt, deepest, separation)
 }
 
 #[test]
@@ -63,12 +63,12 @@ fn restitution_is_what_was_asked_for() {
 fn in_a_long_step_a_dashpot_takes_its_share_of_a_motion() {
     let (law, delta, dt) = (law(false, 1e-4, 1e3, 0.0), 0.5 * RADIUS as f32, 1e-3f32);
     let m_star = MASS as f32 / 2.0;
-    for (most, along, across) in [(NEIGHBOURS, 0.6, 0.8), (BODIES, 0.75, 0.9), (SURFACE, 0.25, 0.8)] {
+    for (cap, along, across) in [(BONDED_CAP, 0.6, 0.8), (BODY_CAP, 0.75, 0.9), (SURFACE_CAP, 0.25, 0.8)] {
         // The force on i with a velocity against j, in its direction, less what springs do.
         let damps = |n: Vec3, spring: f32| {
             let feel = |v: Vec3| {
-                let mut memory = ContactMemory::default();
-                let force = contact::force(&law, &mut memory, n, delta, v, Vec3::ZERO, m_star, most, dt);
+                let mut history = ContactHistory::default();
+                let force = contact::force(&law, &mut history, n, delta, v, Vec3::ZERO, m_star, cap, dt);
                 let force = force.expect("it touches");
                 force.normal + force.tangential
             };
@@ -130,9 +130,9 @@ fn jkr_force_follows_the_published_curve() {
 fn an_adhesive_contact_forms_at_touch_and_lets_go_at_the_snap() {
     let law = law(false, 1.0, 0.0, 0.055);
     let snap = law.jkr.expect("adhesive").snap_overlap;
-    let mut memory = ContactMemory::default();
+    let mut history = ContactHistory::default();
     let mut feel = |delta: f32| {
-        contact::force(&law, &mut memory, Vec3::X, delta, Vec3::ZERO, Vec3::ZERO, 2.3e-4, BODIES, 1e-5)
+        contact::force(&law, &mut history, Vec3::X, delta, Vec3::ZERO, Vec3::ZERO, 2.3e-4, BODY_CAP, 1e-5)
             .map(|f| -f.normal.x)
     };
     assert_eq!(feel(snap * 0.5), None, "apart, and never touched");
@@ -196,8 +196,8 @@ fn the_greatest_overlap_is_that_of_what_no_bond_joins() {
 /// Remembers the greatest overlap that each look at a run tells.
 struct Overlaps(Vec<f32>);
 
-impl Director for Overlaps {
-    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+impl ExperimentMonitor for Overlaps {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         self.0.push(sample.max_overlap_m);
         if sample.belt_time_s.is_none() { Decision::Start } else { Decision::Continue { remove: vec![] } }
     }
@@ -211,7 +211,7 @@ impl Director for Overlaps {
 fn a_run_remembers_the_greatest_overlap_of_a_collision_long_past() {
     let bodies = [-1.0, 1.0].map(|side| at(DVec3::X * side * 1.01 * RADIUS, DVec3::X * -side * 0.25));
     let scene = scene(block([1, 1, 1]), bodies.to_vec(), 1e-5);
-    let plan = Plan { sample_interval_s: 1e-3, longest_fill_s: 1.0, duration_s: 0.1 };
+    let plan = RunPlan { sample_interval_s: 1e-3, longest_fill_s: 1.0, duration_s: 0.1 };
     let mut overlaps = Overlaps(Vec::new());
     let ended = run(&common::backend(1), &scene, plan, &mut overlaps, &mut |_: &Progress| Flow::Continue);
     assert_eq!(ended.reason, EndReason::Duration);
@@ -225,9 +225,9 @@ fn a_run_remembers_the_greatest_overlap_of_a_collision_long_past() {
 fn hertz_is_the_limit_of_jkr_without_adhesion() {
     let force_at = |gamma: f64| {
         let law = law(false, 1.0, 0.0, gamma);
-        let mut memory = ContactMemory::default();
+        let mut history = ContactHistory::default();
         let force =
-            contact::force(&law, &mut memory, Vec3::X, 2e-4, Vec3::ZERO, Vec3::ZERO, 2.3e-4, BODIES, 1e-5);
+            contact::force(&law, &mut history, Vec3::X, 2e-4, Vec3::ZERO, Vec3::ZERO, 2.3e-4, BODY_CAP, 1e-5);
         f64::from(-force.expect("touches").normal.x)
     };
     assert!(law(false, 1.0, 0.0, 0.9e-7).jkr.is_none() && law(false, 1.0, 0.0, 1.1e-7).jkr.is_some());
@@ -238,8 +238,8 @@ fn hertz_is_the_limit_of_jkr_without_adhesion() {
 fn friction_lies_in_the_plane_and_is_capped_by_the_whole_normal_force() {
     let law = law(true, 0.3, 0.5, 0.0);
     let feel = |v: Vec3| {
-        let mut fresh = ContactMemory::default();
-        contact::force(&law, &mut fresh, Vec3::X, 1e-4, v, Vec3::ZERO, 4.6e-4, SURFACE, 1e-3)
+        let mut fresh = ContactHistory::default();
+        contact::force(&law, &mut fresh, Vec3::X, 1e-4, v, Vec3::ZERO, 4.6e-4, SURFACE_CAP, 1e-3)
             .expect("touches")
     };
     let still = feel(Vec3::ZERO).normal.x;

@@ -61,7 +61,13 @@ impl Stage {
 
     fn look(&mut self, belt_time_s: Option<f64>) -> Decision {
         let (simulated_s, state) = (self.simulated_s, &self.state);
-        self.watch.look(&Sample { simulated_s, belt_time_s, state, max_overlap_m: 4e-4, surface_forces: &[] })
+        self.watch.observe(&Sample {
+            simulated_s,
+            belt_time_s,
+            state,
+            max_overlap_m: 4e-4,
+            surface_forces: &[],
+        })
     }
 
     /// Puts these sub-particles at x.

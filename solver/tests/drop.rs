@@ -142,7 +142,7 @@ fn fillets_stand_just_over_their_plates_turned_as_asked_for() {
         let middle = corners().sum::<DVec3>() / 6.0;
         assert!(middle.truncate().distance(placement.position.truncate()) < 1e-9);
         let half = corners().map(|corner| (corner.x - middle.x).abs()).fold(0.0, f64::max);
-        assert!(half > 2.0 * scene.kinds[placement.kind].meta.reach_m);
+        assert!(half > 2.0 * scene.kinds[placement.kind].meta.bounding_radius_m);
         // At −50° the tail points up; yaw turns what is horizontal of it.
         let tail = placement.orientation * DVec3::X;
         let (yaw, pitch) = (tail.y.atan2(tail.x).to_degrees(), -tail.z.asin().to_degrees());
@@ -185,7 +185,7 @@ impl Stage {
             max_overlap_m: 9e-4,
             surface_forces: &[],
         };
-        self.watch.look(&sample)
+        self.watch.observe(&sample)
     }
 
     fn response(&self, name: &str) -> Value {
@@ -205,7 +205,7 @@ fn settled_is_what_has_lost_99_percent_and_stays_so() {
         max_overlap_m: 0.0,
         surface_forces: &[],
     };
-    assert_eq!(stage.watch.look(&before), Decision::Start, "t = 0 is the start");
+    assert_eq!(stage.watch.observe(&before), Decision::Start, "t = 0 is the start");
     // 1 % of the energy of 2 m/s is that of 0.2 m/s.
     for (speed, settled) in [(2.0, 0.0), (0.5, 0.0), (0.19, 1.0), (0.3, 0.0), (0.1, 1.0), (0.19, 1.0)] {
         assert_eq!(stage.look(speed), GO_ON);

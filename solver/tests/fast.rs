@@ -20,10 +20,10 @@ use heaps::{drop, fillet, heap, many, spheres};
 use roost_solver::cpu::fast::Instructions;
 use roost_solver::cpu::{Cpu, CpuRun};
 use roost_solver::engine::Backend;
-use roost_solver::engine::scene::{Kind, Placement, Scene};
+use roost_solver::engine::scene::{BodyKind, Placement, Scene};
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
-use roost_solver::physics::bond::{BondLaw, Form};
+use roost_solver::physics::bond::{BondLaw, BondModel};
 use roost_solver::scenario::Fill;
 use roost_solver::shape::lattice::MetaParticle;
 use roost_solver::shape::teardrop::Teardrop;
@@ -128,16 +128,16 @@ fn assert_agrees(name: &str, scene: &Scene, course: &Course) -> Vec<State> {
 
 #[test]
 fn fillets_that_fall_onto_each_other_agree_in_every_formulation() {
-    for form in [Form::Corotated, Form::FiniteExtension, Form::AsPublished] {
+    for model in [BondModel::Corotated, BondModel::FiniteExtension, BondModel::AsPublished] {
         for contact_between_bonded in [true, false] {
             // Without adhesion a difference of one part in ten million grows a thousandfold within 180 steps, on the plain
             // path alone too: contacts that open and close at no force lose what they remember.
             for gamma in [0.055, 0.0] {
                 let mut scene = drop();
-                scene.laws.bond.form = form;
+                scene.laws.bond.model = model;
                 scene.laws.contact_between_bonded = contact_between_bonded;
                 scene.laws.tissue = law(false, 0.01, 0.3, gamma);
-                let name = format!("{form:?}, contact in bonds {contact_between_bonded}, γ {gamma}");
+                let name = format!("{model:?}, contact in bonds {contact_between_bonded}, γ {gamma}");
                 let states = assert_agrees(&name, &scene, &Course::of(if gamma > 0.0 { 180 } else { 140 }));
                 assert!(states.last().is_some_and(|s| s.max_speed() > 0.1));
             }
@@ -318,7 +318,7 @@ fn settled() -> Scene {
         let points = range.map(|i| state.position(i)).collect();
         let meta = MetaParticle { points, ..(*kind.meta).clone() };
         scene.bodies.push(Placement { kind: scene.kinds.len(), ..at(DVec3::ZERO, DVec3::ZERO) });
-        scene.kinds.push(Kind { meta: meta.into(), ..kind.clone() });
+        scene.kinds.push(BodyKind { meta: meta.into(), ..kind.clone() });
     }
     scene
 }

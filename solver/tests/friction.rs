@@ -9,10 +9,10 @@ mod common;
 use common::{Bench, E, G, MASS, NU, RADIUS, assert_close, at, block, law, plate, scene};
 use glam::{DVec3, Vec3};
 use roost_solver::engine::Backend;
-use roost_solver::engine::scene::{Kind, Scene};
+use roost_solver::engine::scene::{BodyKind, Scene};
 use roost_solver::equipment::{Motion, SurfaceKind};
-use roost_solver::physics::contact::{self, ContactMemory};
-use roost_solver::physics::damping::BODIES;
+use roost_solver::physics::contact::{self, ContactHistory};
+use roost_solver::physics::damping::BODY_CAP;
 use roost_solver::physics::friction;
 use roost_solver::shape::lattice::LatticeBond;
 
@@ -20,7 +20,7 @@ const DT: f64 = 1e-5;
 const MU: f64 = 0.5;
 
 /// A 4 × 4 × 2 block with bonds along the face diagonals too.
-fn truss() -> Kind {
+fn truss() -> BodyKind {
     let mut kind = block([4, 4, 2]);
     let meta = std::sync::Arc::make_mut(&mut kind.meta);
     let points = meta.points.clone();
@@ -34,7 +34,7 @@ fn truss() -> Kind {
 }
 
 /// A body on a plate, pressed into it by its weight; `layers` of sub-particles high.
-fn resting(kind: Kind, layers: f64, velocity: DVec3, tilt_deg: f64) -> Scene {
+fn resting(kind: BodyKind, layers: f64, velocity: DVec3, tilt_deg: f64) -> Scene {
     let tilt = tilt_deg.to_radians();
     let gravity = DVec3::new(tilt.sin(), 0.0, -tilt.cos()) * G;
     let rigid = E / (1.0 - NU * NU);
@@ -68,16 +68,16 @@ fn roll(bench: &mut Bench) -> f64 {
 #[test]
 fn a_stored_displacement_turns_with_the_contact_plane() {
     // The normal makes a quarter turn from x to y in 1000 steps: what lay along y then lies along -x, as long as before.
-    let mut slide = Vec3::new(0.0, 3e-5, 4e-5);
+    let mut xi = Vec3::new(0.0, 3e-5, 4e-5);
     for k in 1..=1000 {
         let angle = std::f32::consts::FRAC_PI_2 * k as f32 / 1000.0;
         let n = Vec3::new(angle.cos(), angle.sin(), 0.0);
-        slide = friction::turned(slide, n, 0.0);
-        let force = friction::force(&mut slide, Vec3::ZERO, 20.0, 0.0, 1.0);
-        assert!(force.dot(n).abs() < 1e-6 * force.length() && (force + slide * 20.0).length() < 1e-9);
+        xi = friction::rotated_history(xi, n, 0.0);
+        let force = friction::force(&mut xi, Vec3::ZERO, 20.0, 0.0, 1.0);
+        assert!(force.dot(n).abs() < 1e-6 * force.length() && (force + xi * 20.0).length() < 1e-9);
     }
-    assert!((slide.length() - 5e-5).abs() < 1e-8, "{slide}");
-    assert!(slide.x < -2.9e-5 && slide.y.abs() < 1e-9, "{slide}");
+    assert!((xi.length() - 5e-5).abs() < 1e-8, "{xi}");
+    assert!(xi.x < -2.9e-5 && xi.y.abs() < 1e-9, "{xi}");
 }
 
 #[test]
@@ -87,11 +87,11 @@ fn a_stored_displacement_turns_with_spins_about_the_normal() {
     let law = law(false, 0.3, 0.5, 0.0);
     let quarter = std::f32::consts::FRAC_PI_2 / (1000.0 * 1e-5);
     for (share, expected) in [(1.0, Vec3::Y), (0.5, (Vec3::X + Vec3::Y).normalize())] {
-        let mut memory = ContactMemory { touching: true, slide: Vec3::X * 1e-6 };
+        let mut history = ContactHistory { in_contact: true, xi: Vec3::X * 1e-6 };
         let spin = Vec3::Z * quarter * share;
         let held = (0..1000)
             .filter_map(|_| {
-                contact::force(&law, &mut memory, Vec3::Z, 1e-4, Vec3::ZERO, spin, 2.3e-4, BODIES, 1e-5)
+                contact::force(&law, &mut history, Vec3::Z, 1e-4, Vec3::ZERO, spin, 2.3e-4, BODY_CAP, 1e-5)
             })
             .last()
             .expect("touches")

@@ -21,7 +21,7 @@ use roost_solver::engine::scene::{Placement, Scene};
 use roost_solver::equipment::{Motion, SurfaceKind};
 use roost_solver::gpu::layout::Touch;
 use roost_solver::gpu::source::Source;
-use roost_solver::gpu::{Device, Gpu, catch_no_room, usual_bytes};
+use roost_solver::gpu::{Device, Gpu, catch_out_of_memory, usual_bytes};
 
 #[test]
 fn a_batch_gives_the_bits_of_each_alone() {
@@ -104,7 +104,7 @@ fn open(device: Device) -> Gpu {
 
 /// What is said when something finds no room.
 fn words<T: std::fmt::Debug>(run: impl FnOnce() -> T) -> String {
-    catch_no_room(run).expect_err("there is room").to_string()
+    catch_out_of_memory(run).expect_err("there is room").to_string()
 }
 
 #[test]

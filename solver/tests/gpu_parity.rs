@@ -21,7 +21,7 @@ use roost_solver::experiments::simulate;
 use roost_solver::gpu::Gpu;
 use roost_solver::gpu::source::Source;
 use roost_solver::mesh::Meshes;
-use roost_solver::physics::bond::{BondLaw, Form};
+use roost_solver::physics::bond::{BondLaw, BondModel};
 use roost_solver::result::RunResult;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{Flow, Progress};
@@ -38,10 +38,10 @@ fn blocks_fall_alike() {
 #[test]
 fn every_law_gives_the_same_bits() {
     let Some(gpu) = gpu() else { return };
-    for form in [Form::Corotated, Form::AsPublished, Form::FiniteExtension] {
+    for model in [BondModel::Corotated, BondModel::AsPublished, BondModel::FiniteExtension] {
         for (gamma, mu, between_bonded) in [(0.0, 0.3, true), (0.055, 0.0, false), (0.055, 0.6, true)] {
             let mut scene = blocks();
-            scene.laws.bond = BondLaw { form, ..bonds() };
+            scene.laws.bond = BondLaw { model, ..bonds() };
             scene.laws.tissue = law(false, 0.3, mu, gamma);
             scene.laws.equipment = law(true, 0.3, mu, gamma);
             scene.laws.contact_between_bonded = between_bonded;

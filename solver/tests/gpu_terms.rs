@@ -8,9 +8,9 @@ mod terms;
 use glam::Vec3;
 use roost_solver::gpu::layout::Law;
 use roost_solver::gpu::source::Source;
-use roost_solver::mesh::nearest::{nearest_on_long_triangle, nearest_on_triangle};
-use roost_solver::physics::bond::{self, BondLaw, Form};
-use roost_solver::physics::contact::{self, ContactLaw, ContactMemory};
+use roost_solver::mesh::nearest::{nearest_on_sliver, nearest_on_triangle};
+use roost_solver::physics::bond::{self, BondLaw, BondModel};
+use roost_solver::physics::contact::{self, ContactHistory, ContactLaw};
 use roost_solver::physics::hertz::Moduli;
 use roost_solver::physics::jkr::{self, JkrScale};
 use roost_solver::physics::{damping, friction, hertz, integrate};
@@ -44,26 +44,26 @@ fn unit(v: Vec3) -> Vec3 {
 }
 
 fn contact_of(x: &[f32], adheres: bool) -> Vec<f32> {
-    let mut memory = ContactMemory { touching: x[0] > 0.0, slide: v(x, 1) };
+    let mut history = ContactHistory { in_contact: x[0] > 0.0, xi: v(x, 1) };
     let force = contact::force(
         &law(adheres),
-        &mut memory,
+        &mut history,
         unit(v(x, 4)),
         x[7],
         v(x, 8),
         v(x, 11),
         x[14],
-        damping::BODIES,
+        damping::BODY_CAP,
         x[15],
     );
     let of = force.unwrap_or_default();
-    let flags = [f32::from(u8::from(memory.touching)), f32::from(u8::from(force.is_some()))];
-    [&flags[..], &memory.slide.to_array(), &of.normal.to_array(), &of.tangential.to_array()].concat()
+    let flags = [f32::from(u8::from(history.in_contact)), f32::from(u8::from(force.is_some()))];
+    [&flags[..], &history.xi.to_array(), &of.normal.to_array(), &of.tangential.to_array()].concat()
 }
 
-fn bond_of(x: &[f32], form: Form) -> Vec<f32> {
+fn bond_of(x: &[f32], model: BondModel) -> Vec<f32> {
     let law = BondLaw {
-        form,
+        model,
         k_n: 50.0,
         k_t: 30.0,
         break_length: 0.01,
@@ -78,15 +78,15 @@ fn bond_of(x: &[f32], form: Form) -> Vec<f32> {
 }
 
 const CONTACT: &str = "
-    var memory = ContactMemory(x3(1u), x(0u) > 0.0);
+    var history = ContactHistory(x3(1u), x(0u) > 0.0);
     let d = x3(4u);
     let length = length3(d);
     var n = vec3(0.0);
     if length > 0.0 { n = d / length; }
-    let force = contact_force(LAW, &memory, n, x(7u), x3(8u), x3(11u), x(14u), BODIES, x(15u));
-    put(0u, select(0.0, 1.0, memory.touching));
+    let force = contact_force(LAW, &history, n, x(7u), x3(8u), x3(11u), x(14u), BODY_CAP, x(15u));
+    put(0u, select(0.0, 1.0, history.in_contact));
     put(1u, select(0.0, 1.0, force.acts));
-    put3(2u, memory.slide);
+    put3(2u, history.xi);
     put3(5u, force.normal);
     put3(8u, force.tangential);";
 
@@ -180,16 +180,16 @@ fn terms() -> Vec<Term> {
             name: "damping",
             inputs: vec![0.0..2.0, 0.0..100.0, 1e-5..1e-3, 1e-5..1e-3],
             outputs: 6,
-            wgsl: "var most = array(NEIGHBOURS, BODIES, SURFACE); \
+            wgsl: "var cap = array(BONDED_CAP, BODY_CAP, SURFACE_CAP); \
                    for (var k = 0u; k < 3u; k++) { \
-                       put(2u * k, damping_constant(x(0u), x(1u), x(2u), most[k].x, x(3u))); \
-                       put(2u * k + 1u, damping_constant(x(0u), x(1u), x(2u), most[k].y, x(3u))); \
+                       put(2u * k, damping_constant(x(0u), x(1u), x(2u), cap[k].x, x(3u))); \
+                       put(2u * k + 1u, damping_constant(x(0u), x(1u), x(2u), cap[k].y, x(3u))); \
                    }",
             rust: |x| {
-                [damping::NEIGHBOURS, damping::BODIES, damping::SURFACE]
+                [damping::BONDED_CAP, damping::BODY_CAP, damping::SURFACE_CAP]
                     .iter()
-                    .flat_map(|most| [most.along, most.across])
-                    .map(|most| damping::constant(x[0], x[1], x[2], most, x[3]))
+                    .flat_map(|cap| [cap.normal, cap.tangential])
+                    .map(|cap| damping::constant(x[0], x[1], x[2], cap, x[3]))
                     .collect()
             },
         },
@@ -221,21 +221,21 @@ fn terms() -> Vec<Term> {
             },
         },
         Term {
-            name: "turned",
+            name: "rotated_history",
             inputs: [vectors(&[0.1, 1.0]), vec![-0.01..0.01]].concat(),
             outputs: 3,
-            wgsl: "put3(0u, turned(x3(0u), x3(3u), x(6u)));",
-            rust: |x| friction::turned(v(x, 0), v(x, 3), x[6]).to_array().to_vec(),
+            wgsl: "put3(0u, rotated_history(x3(0u), x3(3u), x(6u)));",
+            rust: |x| friction::rotated_history(v(x, 0), v(x, 3), x[6]).to_array().to_vec(),
         },
         Term {
             name: "friction",
             inputs: [vectors(&[1e-4, 0.5]), vec![1.0..100.0, 0.0..0.1, 0.0..0.02]].concat(),
             outputs: 6,
-            wgsl: "var slide = x3(0u); put3(0u, friction_force(&slide, x3(3u), x(6u), x(7u), x(8u))); put3(3u, slide);",
+            wgsl: "var xi = x3(0u); put3(0u, friction_force(&xi, x3(3u), x(6u), x(7u), x(8u))); put3(3u, xi);",
             rust: |x| {
-                let mut slide = v(x, 0);
-                let force = friction::force(&mut slide, v(x, 3), x[6], x[7], x[8]);
-                [force.to_array(), slide.to_array()].concat()
+                let mut xi = v(x, 0);
+                let force = friction::force(&mut xi, v(x, 3), x[6], x[7], x[8]);
+                [force.to_array(), xi.to_array()].concat()
             },
         },
         Term {
@@ -277,7 +277,7 @@ fn terms() -> Vec<Term> {
                    put3(0u, vec3<f32>(q));",
             rust: |x| {
                 let triangle = [v(x, 0), v(x, 3), v(x, 6)].map(|corner| corner.as_dvec3());
-                nearest_on_long_triangle(v(x, 9).as_dvec3(), &triangle).as_vec3().to_array().to_vec()
+                nearest_on_sliver(v(x, 9).as_dvec3(), &triangle).as_vec3().to_array().to_vec()
             },
         },
     ];
@@ -291,16 +291,16 @@ fn terms() -> Vec<Term> {
         });
     }
     let forms: [(&str, &str, Numbers); 3] = [
-        ("corotated bond", "COROTATED", |x| bond_of(x, Form::Corotated)),
-        ("bond as published", "AS_PUBLISHED", |x| bond_of(x, Form::AsPublished)),
-        ("bond of finite extension", "FINITE_EXTENSION", |x| bond_of(x, Form::FiniteExtension)),
+        ("corotated bond", "COROTATED", |x| bond_of(x, BondModel::Corotated)),
+        ("bond as published", "AS_PUBLISHED", |x| bond_of(x, BondModel::AsPublished)),
+        ("bond of finite extension", "FINITE_EXTENSION", |x| bond_of(x, BondModel::FiniteExtension)),
     ];
-    for (name, form, rust) in forms {
+    for (name, model, rust) in forms {
         terms.push(Term {
             name,
             inputs: bond_inputs(),
             outputs: 10,
-            wgsl: leak(BOND.replace("FORM", form)),
+            wgsl: leak(BOND.replace("FORM", model)),
             rust,
         });
     }
@@ -323,14 +323,14 @@ fn an_error_in_any_term_is_found_and_named() {
     let planted = [
         ("vector", "a.y * b.z - b.y * a.z", "a.y * b.z + b.y * a.z", "products of vectors"),
         ("damping", "stiffness * m_star", "stiffness * m_star * 1.000001", "damping"),
-        ("damping", "most * m_star / dt", "m_star / dt", "damping"),
+        ("damping", "cap * m_star / dt", "m_star / dt", "damping"),
         ("hertz", "4.0 / 3.0 * e_star", "1.333 * e_star", "hertz"),
         ("jkr", "k < 3", "k < 2", "jkr root"),
         ("jkr", "- 2.0 * x3", "- 2.00001 * x3", "jkr"),
-        ("friction", "sqrt(before / after)", "1.0", "turned"),
-        ("friction", "*slide = -(force + v_t * eta_t) / k_t;", "", "friction"),
+        ("friction", "sqrt(before / after)", "1.0", "rotated_history"),
+        ("friction", "*xi = -(force + v_t * eta_t) / k_t;", "", "friction"),
         ("contact", "law.mu * max(total, 0.0)", "law.mu * max(elastic.force, 0.0)", "contact"),
-        ("contact", "&& (*memory).touching", "", "contact with adhesion"),
+        ("contact", "&& (*history).in_contact", "", "contact with adhesion"),
         ("bond", "pull > law.normal_strength ||", "", "corotated bond"),
         ("bond", "shear = *stored - n * pull;", "shear = *stored;", "bond as published"),
         ("bond", "1.0 - ratio * ratio", "1.0 - ratio", "bond of finite extension"),

@@ -61,7 +61,7 @@ fn jkr_presses_and_pulls_as_in_lammps() {
         const ROW: f64 = 1e-6;
         assert!((found.0 - pulled[0].0).abs() < 1.5 * ROW, "lets go at {:e}, not {:e}", pulled[0].0, found.0);
         let last = retreat.iter().find(|row| row.1 != 0.0).expect("held").0;
-        let snap = f64::from(law.reach());
+        let snap = f64::from(law.adhesion_range());
         assert!((last + snap).abs() < ROW && snap > 2.0 * -pulled[0].0, "the neck snaps at {last:e}");
     }
 }

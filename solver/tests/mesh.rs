@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use glam::{DQuat, DVec3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use roost_solver::mesh::{MOST_TRIANGLES, Mesh, MeshError, Meshes, Units, digest};
+use roost_solver::mesh::{MAX_TRIANGLES, Mesh, MeshError, Meshes, Units, digest};
 use stl::{Triangle, ascii, ball, binary, binary_with, cuboid, mesh, moved, quad, turned};
 
 /// A box of 30 × 20 × 10 in whatever units.
@@ -103,7 +103,7 @@ fn what_is_wrong_with_a_file_is_named_with_numbers() {
     endless[17][2].y = f64::INFINITY;
     let message = refused(&binary(&endless));
     assert!(message.starts_with("triangle 18 has a corner at (") && message.contains(", inf, "), "{message}");
-    let many = vec![brick()[0]; MOST_TRIANGLES + 1];
+    let many = vec![brick()[0]; MAX_TRIANGLES + 1];
     for bytes in [binary(&many), ascii(&many).into_bytes()] {
         assert_eq!(Meshes::default().insert(&bytes), Err(MeshError::TooMany { found: 200_001 }));
     }
@@ -247,6 +247,6 @@ fn the_largest_files_are_known_in_seconds() {
     assert_eq!(mesh(&fan).triangles.len(), 100_000);
     assert_eq!(mesh(&book).open_edges, 200_000);
     let plate = quad(DVec3::ZERO, DVec3::X, DVec3::Y);
-    assert_eq!(mesh(&vec![plate[0]; MOST_TRIANGLES]).triangles.len(), MOST_TRIANGLES);
+    assert_eq!(mesh(&vec![plate[0]; MAX_TRIANGLES]).triangles.len(), MAX_TRIANGLES);
     assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
 }

@@ -14,7 +14,7 @@ use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
-use roost_solver::physics::damping::{BODIES, NEIGHBOURS};
+use roost_solver::physics::damping::{BODY_CAP, BONDED_CAP};
 use roost_solver::physics::jkr;
 use roost_solver::scenario;
 use serde_json::json;
@@ -75,9 +75,9 @@ fn greatest(scene: &Scene, state: &State, pairs: &[Pair], dt: f64) -> f64 {
     // A motion is three displacements and three turns times R, of which m R² · 2/5 is the inertia.
     let dashpot = |pair: &Pair, axis: usize| {
         let m_star = masses[pair.i] * masses[pair.j] / (masses[pair.i] + masses[pair.j]);
-        let most = if pair.bonded { NEIGHBOURS } else { BODIES };
-        let most = f64::from([most.along, most.across][axis]) * m_star / dt;
-        (f64::from(scene.laws.tissue.damping) * (pair.contact[axis] * m_star).sqrt()).min(most)
+        let cap = if pair.bonded { BONDED_CAP } else { BODY_CAP };
+        let limit = f64::from([cap.normal, cap.tangential][axis]) * m_star / dt;
+        (f64::from(scene.laws.tissue.damping) * (pair.contact[axis] * m_star).sqrt()).min(limit)
     };
     let resists = |pair: &Pair, axis: usize| {
         (pair.bond[axis] + pair.contact[axis]) * dt * dt / 4.0 + dashpot(pair, axis) * dt / 2.0

@@ -152,7 +152,7 @@ fn a_mesh_of_a_block_is_filled_as_the_block() {
         // By hand, x runs fastest, then y, then z: as in a fill.
         assert_eq!(made.bonds, sorted(&by_hand.bonds));
         assert_close(made.volume_m3, by_hand.volume_m3, 1e-12);
-        assert_eq!(made.reach_m, made.points[0].length());
+        assert_eq!(made.bounding_radius_m, made.points[0].length());
 
         let size = DVec3::from(n.map(f64::from)) * 2.0 * RADIUS;
         // Somewhere in the file, and cut into more triangles.
@@ -208,10 +208,10 @@ fn what_is_no_product_is_refused_with_the_reason() {
     assert!(open.to_string().contains("3 of its edges"));
     let mut wrong = sound.clone();
     wrong[0].swap(1, 2);
-    assert_eq!(fill(&wrong, RADIUS), Err(ShapeError::Turned { edges: 3 }));
+    assert_eq!(fill(&wrong, RADIUS), Err(ShapeError::InconsistentNormals { edges: 3 }));
     let sheet = grid(4, 4, |i, j| DVec3::new(i as f64, j as f64, 0.0) * 0.02);
     let flat = [sheet.clone(), turned(&sheet)].concat();
-    assert!(matches!(fill(&flat, RADIUS), Err(ShapeError::Flat { volume_m3 }) if volume_m3 < 1e-15));
+    assert!(matches!(fill(&flat, RADIUS), Err(ShapeError::NoVolume { volume_m3 }) if volume_m3 < 1e-15));
     let start = Instant::now();
     let fine = fill(&sound, 1e-5).expect_err("too fine");
     assert!(matches!(fine, ShapeError::TooFine { cells, .. } if cells > 9e9), "{fine}");
@@ -223,9 +223,9 @@ fn what_is_no_product_is_refused_with_the_reason() {
     // Twice: what is remembered is refused as well.
     for _ in 0..2 {
         let none = fill(&ring.concat(), 0.031).expect_err("nothing fits");
-        assert!(matches!(none, ShapeError::NoPoint { radius_m: 0.031, .. }), "{none}");
+        assert!(matches!(none, ShapeError::NoLatticePoint { radius_m: 0.031, .. }), "{none}");
         assert!(none.to_string().contains("0.031 m"));
-        assert!(matches!(from_block([3, 0, 3], RADIUS, 1), Err(ShapeError::NoPoint { .. })));
+        assert!(matches!(from_block([3, 0, 3], RADIUS, 1), Err(ShapeError::NoLatticePoint { .. })));
     }
 }
 
@@ -236,8 +236,8 @@ fn what_falls_into_pieces_is_refused() {
         |radius: f64| mesh(&[ball(0.05, 4), moved(&ball(radius, 4), |p| p + DVec3::X * 0.1)].concat());
     let fill = |radius: f64| from_mesh(&beside(radius), 0.0015, Fill::Centres, 1);
     assert!(fill(0.01).is_ok());
-    let Err(ShapeError::Pieces { kept, cut_off }) = fill(0.025) else { panic!("taken") };
-    assert_close(kept as f64 / cut_off as f64, 8.0, 0.05);
+    let Err(ShapeError::Disconnected { kept, discarded }) = fill(0.025) else { panic!("taken") };
+    assert_close(kept as f64 / discarded as f64, 8.0, 0.05);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use roost_solver::engine::scene::{Laws, Scene};
 use roost_solver::equipment::SurfaceKind;
 use roost_solver::experiments::{bounds_on_timestep, kinds, laws, timestep_s};
 use roost_solver::mesh::Meshes;
-use roost_solver::physics::bond::Form;
+use roost_solver::physics::bond::BondModel;
 use roost_solver::physics::timestep::stability;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::json;
@@ -78,13 +78,12 @@ fn the_automatic_step_keeps_clear_of_the_damped_bound() {
 /// Whether a block of bonds alone, a little disturbed, stays together at this share of the undamped bound.
 fn stays(share: f64, shear_ratio: f32) -> bool {
     let mut scene = scene(block([8, 8, 8]), vec![at(DVec3::ZERO, DVec3::ZERO)], 1e-5);
-    scene.laws.bond.form = Form::Corotated;
+    scene.laws.bond.model = BondModel::Corotated;
     scene.laws.bond.k_t = shear_ratio * scene.laws.bond.k_n;
     // Contact so soft that it does not count.
     let mut soft = law(false, 1.0, 0.0, 0.0);
     (soft.e_star, soft.g_star) = (1e-6, 1e-6);
-    let laws = Laws { tissue: soft, contact_between_bonded: false, ..scene.laws };
-    scene.timestep_s = share * stability(MASS, RADIUS, &laws, false).undamped_s;
+    scene.timestep_s = share * stability(MASS, RADIUS, &soft, &scene.laws.bond, false, false).undamped_s;
     std::sync::Arc::make_mut(&mut scene.kinds[0].meta).points[219] += DVec3::new(1e-6, 2e-6, -1e-6);
     let mut bench = Bench::new(&scene);
     let fault = bench.steps(3000);

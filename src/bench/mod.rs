@@ -27,7 +27,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         What::Solver(args) => solver::execute(args).await,
         #[cfg(feature = "gpu")]
         What::Parity(args) => {
-            let parity = move || roost_solver::gpu::catch_no_room(|| solver::gpu::parity(&args))?;
+            let parity = move || roost_solver::gpu::catch_out_of_memory(|| solver::gpu::parity(&args))?;
             tokio::task::spawn_blocking(parity).await?
         }
         What::Farm(args) => farm::execute(args).await,

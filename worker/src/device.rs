@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use roost_solver::mesh::Meshes;
 use roost_solver::result::RunResult;
 use roost_solver::scenario::Scenario;
-use roost_solver::{Computer, CpuOptions, NoRoom, Observer};
+use roost_solver::{Computer, CpuOptions, Observer, OutOfDeviceMemory};
 
 use crate::room::{Coming, Room, Share};
 
@@ -186,7 +186,7 @@ impl Ready {
         scenario: &Scenario,
         meshes: &Meshes,
         observer: &mut dyn Observer,
-    ) -> Result<RunResult, NoRoom> {
+    ) -> Result<RunResult, OutOfDeviceMemory> {
         self.computer.simulate(scenario, meshes, observer)
     }
 }

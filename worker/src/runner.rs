@@ -13,7 +13,7 @@ use roost_api::{Progress, RunResult, Series};
 use roost_solver::engine::run::Snapshot;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Fault};
-use roost_solver::{Flow, Limits, NoRoom, Observer};
+use roost_solver::{Flow, Limits, Observer, OutOfDeviceMemory};
 use serde_json::Value;
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
@@ -174,7 +174,7 @@ impl Run {
     fn start_with<P, F>(max_wall_s: Option<f64>, pictures: Option<Pictures>, prepare: P) -> Self
     where
         P: Future<Output = Result<F, RunEnd>> + Send + 'static,
-        F: FnOnce(&mut dyn Observer) -> Result<RunResult, NoRoom> + Send + 'static,
+        F: FnOnce(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory> + Send + 'static,
     {
         let (sender, progress) = watch::channel(None);
         let stop = StopFlag::default();
@@ -210,7 +210,7 @@ impl Run {
     /// A run that never begins.
     #[cfg(test)]
     pub(crate) fn of_nothing() -> Self {
-        type Solve = fn(&mut dyn Observer) -> Result<RunResult, NoRoom>;
+        type Solve = fn(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory>;
         Self::start_with(None, None, std::future::pending::<Result<Solve, RunEnd>>())
     }
 
@@ -296,7 +296,11 @@ impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
 
 /// What the solver's answer means, given what it had been asked. A run that came to its own end before it saw the
 /// flag has a result like any other.
-fn judge(outcome: Result<RunResult, NoRoom>, stop: Option<Stop>, max_wall_s: Option<f64>) -> RunEnd {
+fn judge(
+    outcome: Result<RunResult, OutOfDeviceMemory>,
+    stop: Option<Stop>,
+    max_wall_s: Option<f64>,
+) -> RunEnd {
     let result = match outcome {
         Ok(result) => result,
         Err(no_room) => return RunEnd::failed(AttemptOutcome::Worker, no_room.to_string()),

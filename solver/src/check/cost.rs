@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{Limits, fault};
-use crate::engine::scene::Kind;
+use crate::engine::scene::BodyKind;
 use crate::experiments::{kind_of_each, plan};
 use crate::result::Estimate;
 use crate::scenario::{Experiment, Fault, MAX_SAMPLES, Scenario};
@@ -33,9 +33,9 @@ pub(super) struct Cost {
 }
 
 impl Cost {
-    pub(super) fn new(scenario: &Scenario, kinds: &[Kind], timestep_s: f64) -> Self {
+    pub(super) fn new(scenario: &Scenario, kinds: &[BodyKind], timestep_s: f64) -> Self {
         let each = kind_of_each(scenario, kinds.len());
-        let sum = |of: &dyn Fn(&Kind) -> f64| -> f64 { each.iter().map(|&kind| of(&kinds[kind])).sum() };
+        let sum = |of: &dyn Fn(&BodyKind) -> f64| -> f64 { each.iter().map(|&kind| of(&kinds[kind])).sum() };
         let plan = plan(scenario);
         Self {
             fillets: each.len() as u64,

@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::fault;
 use super::inside::{OVERLAP_RATIO, Other, clashes};
-use crate::engine::scene::{Kind, Scene};
+use crate::engine::scene::{BodyKind, Scene};
 use crate::equipment::Surface;
 use crate::experiments::hopper::scene;
 use crate::experiments::surfaces::extent;
@@ -28,7 +28,7 @@ pub(super) fn fit_faults(
     scenario: &Scenario,
     equipment: &Equipment,
     meshes: &Meshes,
-    kinds: &[Kind],
+    kinds: &[BodyKind],
 ) -> Vec<Fault> {
     let product = &scenario.product;
     let radius = product.radius_m();
@@ -71,7 +71,7 @@ pub(super) fn fit_faults(
 /// A surface that a fillet would feel on one side of the seam of a periodic hopper only.
 fn seam_fault(scene: &Scene, index: usize, surface: &Surface) -> Option<Fault> {
     let (low, high) = extent(std::slice::from_ref(surface))?;
-    let reach = scene.radius_m + f64::from(scene.laws.reach());
+    let reach = scene.radius_m + f64::from(scene.laws.adhesion_range());
     let ends = [low.y - scene.low.y, scene.high.y - high.y];
     let is_near = ends.iter().any(|beyond| *beyond < reach);
     let goes_past = ends.iter().all(|beyond| *beyond <= -reach);

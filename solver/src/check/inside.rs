@@ -8,10 +8,10 @@ use std::collections::HashSet;
 
 use glam::{DVec3, IVec3, Vec3};
 
-use crate::engine::scene::{Kind, Placement, Scene};
+use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::equipment::Surface;
+use crate::mesh::bvh::{Aabb, Bvh};
 use crate::mesh::nearest::nearest_on_triangle;
-use crate::mesh::tree::{Span, Tree};
 use crate::mesh::winding::winding;
 
 /// Overlap that a start may have, as a share of R.
@@ -36,7 +36,7 @@ pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Other)> {
     let mut found = Vec::new();
     for (number, body) in scene.bodies.iter().enumerate() {
         let points = points(body, &scene.kinds[body.kind]);
-        let reach = |other: &Placement| scene.kinds[other.kind].meta.reach_m + 2.0 * scene.radius_m;
+        let reach = |other: &Placement| scene.kinds[other.kind].meta.bounding_radius_m + 2.0 * scene.radius_m;
         let inside = |other: &Placement| {
             let near = body.position.distance(other.position) < reach(body) + reach(other);
             near && lattice(other.kind).holds_any(&points, other, reach(other))
@@ -53,7 +53,7 @@ pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Other)> {
 }
 
 /// Where the sub-particles of a body start, in metres.
-fn points(body: &Placement, kind: &Kind) -> Vec<DVec3> {
+fn points(body: &Placement, kind: &BodyKind) -> Vec<DVec3> {
     kind.meta.points.iter().map(|&point| body.position + body.orientation * point).collect()
 }
 
@@ -68,7 +68,7 @@ struct Lattice {
 }
 
 impl Lattice {
-    fn new(kind: &Kind, radius: f64) -> Self {
+    fn new(kind: &BodyKind, radius: f64) -> Self {
         let (first, spacing) = (kind.meta.points.first().copied().unwrap_or_default(), 2.0 * radius);
         let cell = |point: &DVec3| ((*point - first) / spacing).round().as_ivec3();
         let cells = kind.meta.points.iter().map(cell).collect();
@@ -93,12 +93,12 @@ impl Lattice {
     }
 }
 
-/// A surface, its triangles in a tree.
+/// A surface, its triangles in a bvh.
 struct Sheet<'a> {
     surface: &'a Surface,
-    /// What the tree's boxes are relative to, in metres.
+    /// What the bvh's boxes are relative to, in metres.
     anchor: DVec3,
-    tree: Tree,
+    bvh: Bvh,
     /// Corners of its box, in metres.
     low: DVec3,
     high: DVec3,
@@ -107,12 +107,12 @@ struct Sheet<'a> {
 impl<'a> Sheet<'a> {
     fn new(surface: &'a Surface) -> Self {
         let anchor = surface.triangles.first().map_or(DVec3::ZERO, |triangle| triangle[0]);
-        let span = |triangle: &[DVec3; 3]| Span::around(triangle.map(|corner| (corner - anchor).as_vec3()));
-        let spans: Vec<Span> = surface.triangles.iter().map(span).collect();
+        let aabb = |triangle: &[DVec3; 3]| Aabb::around(triangle.map(|corner| (corner - anchor).as_vec3()));
+        let aabbs: Vec<Aabb> = surface.triangles.iter().map(aabb).collect();
         let corners = || surface.triangles.iter().flatten().copied();
         let low = corners().fold(DVec3::INFINITY, DVec3::min);
         let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
-        Self { surface, anchor, tree: Tree::new(&spans), low, high }
+        Self { surface, anchor, bvh: Bvh::new(&aabbs), low, high }
     }
 
     /// Whether a point is inside what is closed and faces outwards.
@@ -126,9 +126,9 @@ impl<'a> Sheet<'a> {
 
     /// Whether a body starts in it or through it.
     fn cuts(&self, points: &[DVec3], body: &Placement, scene: &Scene) -> bool {
-        let reach = scene.kinds[body.kind].meta.reach_m + scene.radius_m;
+        let reach = scene.kinds[body.kind].meta.bounding_radius_m + scene.radius_m;
         let mut cuts = false;
-        self.tree.within((body.position - self.anchor).as_vec3(), reach as f32, |k| {
+        self.bvh.within((body.position - self.anchor).as_vec3(), reach as f32, |k| {
             cuts = cuts || self.triangle_cuts(&self.surface.triangles[k as usize], points, body, scene);
         });
         cuts

@@ -7,7 +7,7 @@ mod scene;
 
 use serde_json::{Value, json};
 
-use crate::engine::scene::Kind;
+use crate::engine::scene::BodyKind;
 use crate::experiments::bend::clamp_fault;
 use crate::experiments::compress::lattice_fault;
 use crate::experiments::laws::laws;
@@ -36,7 +36,7 @@ impl Default for Limits {
 }
 
 /// Cells that placing and filling may make: a few seconds of work.
-const MOST_CELLS: f64 = 1e7;
+const MAX_LATTICE_CELLS: f64 = 1e7;
 /// Checks fit, stability and cost, without running anything; the scenario's meshes must be among `meshes`. Lattice fills
 /// are remembered, so that thousands of similar scenarios are checked in a second.
 ///
@@ -152,10 +152,11 @@ fn size_faults(scenario: &Scenario) -> Vec<Fault> {
         .map_or(0.0, |equipment| equipment.hopper_length_m * equipment.hopper_width_m / (radius * radius));
     [(points, "lattice points of the fillets' boxes"), (floor, "places on the hopper's floor")]
         .into_iter()
-        .filter(|(number, _)| *number > MOST_CELLS)
+        .filter(|(number, _)| *number > MAX_LATTICE_CELLS)
         .map(|(number, what)| {
             let detail = format!("makes about {number:.1e} {what}");
-            let allowed = format!("a radius that makes at most {MOST_CELLS:.0e}, or smaller dimensions");
+            let allowed =
+                format!("a radius that makes at most {MAX_LATTICE_CELLS:.0e}, or smaller dimensions");
             fault("/product/subparticle_radius_m", radius, detail, allowed)
         })
         .collect()
@@ -171,12 +172,12 @@ fn reach_faults(scenario: &Scenario) -> Vec<Fault> {
         ("fillet_belt", &contact.fillet_belt, laws.belt),
     ]
     .into_iter()
-    .filter(|(_, _, law)| f64::from(law.reach()) > radius)
+    .filter(|(_, _, law)| f64::from(law.adhesion_range()) > radius)
     .map(|(name, pair, law)| {
         fault(
             &format!("/contact/{name}/surface_energy_j_m2"),
             pair.surface_energy_j_m2,
-            format!("adhesive necks would reach {:.1e} m at this Young's modulus", law.reach()),
+            format!("adhesive necks would reach {:.1e} m at this Young's modulus", law.adhesion_range()),
             format!("a neck of at most the sub-particle radius, {radius} m"),
         )
     })
@@ -184,7 +185,7 @@ fn reach_faults(scenario: &Scenario) -> Vec<Fault> {
 }
 
 /// Sizes in which the lattice leaves no sub-particle.
-fn fill_faults(scenario: &Scenario, kinds: &[Kind]) -> Vec<Fault> {
+fn fill_faults(scenario: &Scenario, kinds: &[BodyKind]) -> Vec<Fault> {
     let product = &scenario.product;
     let first = product.shape.map_or(0, |shape| shape as usize);
     let empty = kinds.iter().enumerate().filter(|(_, kind)| kind.meta.points.is_empty());

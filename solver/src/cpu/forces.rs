@@ -10,7 +10,7 @@ use super::walls::{Touch, Walls};
 use super::{CHUNK, Params};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
-use crate::physics::contact::ContactMemory;
+use crate::physics::contact::ContactHistory;
 use crate::physics::{bond, contact, damping};
 
 /// What acts on a sub-particle in one step.
@@ -87,7 +87,7 @@ fn from_pairs(
 ) -> Felt {
     let Params { laws, radius, dt, .. } = params;
     let (me, mass) = (&state.particles[i], state.masses[i]);
-    let (touch, hold) = (2.0 * radius, 2.0 * radius + laws.tissue.reach());
+    let (touch, hold) = (2.0 * radius, 2.0 * radius + laws.tissue.adhesion_range());
     let mut felt = Felt::default();
     for pair in chunk.pairs_mut(k) {
         let j = pair.other as usize;
@@ -96,7 +96,7 @@ fn from_pairs(
         let length2 = d.dot(d);
         let bonded = pair.bond_class != 0;
         if !bonded && length2 > hold * hold {
-            pair.contact = ContactMemory::default();
+            pair.contact = ContactHistory::default();
             continue;
         }
         let length = length2.sqrt();
@@ -119,11 +119,11 @@ fn from_pairs(
             }
         }
         if !bonded || laws.contact_between_bonded {
-            let most = if bonded { damping::NEIGHBOURS } else { damping::BODIES };
+            let cap = if bonded { damping::BONDED_CAP } else { damping::BODY_CAP };
             let m_star = mass * state.masses[j] / (mass + state.masses[j]);
             let delta = touch - length;
             if let Some(force) =
-                contact::force(&laws.tissue, &mut pair.contact, n, delta, -v, spin, m_star, most, *dt)
+                contact::force(&laws.tissue, &mut pair.contact, n, delta, -v, spin, m_star, cap, *dt)
             {
                 load.add(force.normal + force.tangential, arm, force.tangential);
                 if !bonded {
@@ -152,7 +152,7 @@ fn from_walls(
         let v = me.velocity + me.spin.cross(touch.to_wall) - touch.velocity;
         let (law, delta) = (walls.law(wall.facet), radius - touch.distance);
         if let Some(force) =
-            contact::force(law, &mut wall.contact, n, delta, v, touch.spin, mass, damping::SURFACE, dt)
+            contact::force(law, &mut wall.contact, n, delta, v, touch.spin, mass, damping::SURFACE_CAP, dt)
         {
             wall.force = force.normal + force.tangential;
             load.add(wall.force, touch.to_wall, force.tangential);
@@ -180,10 +180,10 @@ pub(super) fn feel_walls(
     for (k, (wall, (facet, touch))) in near.iter_mut().zip(&*touches).enumerate() {
         nearest = nearest.min(touch.distance);
         wall.force = Vec3::ZERO;
-        let is_far = radius - touch.distance < -walls.law(*facet).reach();
+        let is_far = radius - touch.distance < -walls.law(*facet).adhesion_range();
         // A centre right on the plate has no side; it gets one in the next step.
         if is_far || touch.distance <= 0.0 || gives_way(walls, touches, k).is_some() {
-            wall.contact = ContactMemory::default();
+            wall.contact = ContactHistory::default();
         } else {
             felt(k, wall, touch);
         }
@@ -198,7 +198,7 @@ pub(super) fn feel_walls(
 fn hand_over(radius: f32, walls: &Walls, touches: &[(u32, Touch)], near: &mut [WallPair]) {
     for k in 0..near.len() {
         let (facet, touch) = touches[k];
-        if !near[k].contact.touching || radius - touch.distance < -walls.law(facet).reach() {
+        if !near[k].contact.in_contact || radius - touch.distance < -walls.law(facet).adhesion_range() {
             continue;
         }
         // One that is felt: those that come before are ordered. Should rounding ever say otherwise, the memory is lost.
@@ -206,7 +206,7 @@ fn hand_over(radius: f32, walls: &Walls, touches: &[(u32, Touch)], near: &mut [W
         let heir = chain.take(touches.len()).last().unwrap_or(k);
         if heir != k {
             let handed = std::mem::take(&mut near[k].contact);
-            if !near[heir].contact.touching {
+            if !near[heir].contact.in_contact {
                 near[heir].contact = handed;
             }
         }

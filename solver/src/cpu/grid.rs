@@ -23,12 +23,12 @@ impl Grid {
         let high = positions().reduce(IVec3::max).unwrap_or(IVec3::ZERO);
         let mut cell = (reach / state.frame.unit_m).ceil() as i32 + 1;
         // Far-flung fragments must not make the grid larger than the particles are many.
-        let most = 8 * state.particles.len() as i64 + 4096;
+        let max_cells = 8 * state.particles.len() as i64 + 4096;
         let volume = |cell: i32| {
             let n = (high - low) / cell + 1;
             i64::from(n.x).saturating_mul(i64::from(n.y)).saturating_mul(i64::from(n.z))
         };
-        while volume(cell) > most {
+        while volume(cell) > max_cells {
             cell = cell.saturating_mul(2);
         }
         let counts = (high - low) / cell + 1;

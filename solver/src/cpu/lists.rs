@@ -10,7 +10,7 @@ use super::walls::Walls;
 use super::{CHUNK, Params};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::physics::contact::ContactMemory;
+use crate::physics::contact::ContactHistory;
 use glam::Vec3;
 
 /// A neighbour of a sub-particle.
@@ -23,7 +23,7 @@ pub struct Pair {
     /// Force remembered by the bond, in newton.
     pub bond: Vec3,
     /// What the contact remembers.
-    pub contact: ContactMemory,
+    pub contact: ContactHistory,
 }
 
 /// A facet near a sub-particle.
@@ -32,7 +32,7 @@ pub struct WallPair {
     /// Index into [`Walls::facets`].
     pub facet: u32,
     /// What the contact remembers.
-    pub contact: ContactMemory,
+    pub contact: ContactHistory,
     /// Force on the sub-particle in the last step, in newton.
     pub force: Vec3,
 }
@@ -137,10 +137,10 @@ impl Lists {
         *self = Self::from_rows(rows);
     }
 
-    /// Looks for neighbours afresh. Bonds stay, and so does what touching pairs remember.
+    /// Looks for neighbours afresh. Bonds stay, and so does what in_contact pairs remember.
     pub(crate) fn rebuild(&mut self, params: &Params, state: &State, walls: &Walls) {
-        let reach = 2.0 * params.radius + params.laws.reach() + params.skin;
-        let wall_reach = params.radius + params.laws.reach() + params.skin;
+        let reach = 2.0 * params.radius + params.laws.adhesion_range() + params.skin;
+        let wall_reach = params.radius + params.laws.adhesion_range() + params.skin;
         let grid = Grid::new(state, reach);
         self.chunks.par_iter_mut().enumerate().for_each(|(c, chunk)| {
             let mut new = ChunkLists::default();

@@ -18,7 +18,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::engine::scene::{Laws, Scene};
 use crate::engine::state::State;
-use crate::engine::{Advance, Backend, BackendInfo};
+use crate::engine::{AdvanceReport, Backend, BackendInfo};
 use bounds::Drift;
 use fast::{FastRun, Instructions};
 use forces::Load;
@@ -132,7 +132,7 @@ impl Backend for Cpu {
         }
     }
 
-    fn advance(&self, runs: &mut [(&mut CpuRun, u64)]) -> Vec<Advance> {
+    fn advance(&self, runs: &mut [(&mut CpuRun, u64)]) -> Vec<AdvanceReport> {
         let advance = |(run, steps): &mut (&mut CpuRun, u64)| match run {
             CpuRun::Plain(run) => run.advance(*steps),
             CpuRun::Fast(run) => run.advance(*steps),
@@ -232,8 +232,8 @@ impl PlainRun {
         self.drift.invalidate();
     }
 
-    fn advance(&mut self, steps: u64) -> Advance {
-        let mut done = Advance::default();
+    fn advance(&mut self, steps: u64) -> AdvanceReport {
+        let mut done = AdvanceReport::default();
         for _ in 0..steps {
             if self.fault.is_some() {
                 break;
@@ -245,7 +245,7 @@ impl PlainRun {
     }
 
     /// One time step: the stages of [`Backend`].
-    fn one_step(&mut self, done: &mut Advance) {
+    fn one_step(&mut self, done: &mut AdvanceReport) {
         let belt_time = self.start_step.map(|start| (self.step - start) as f64 * self.params.dt_exact);
         let mut watch = self.stages.watch();
         self.walls.pose(belt_time, &self.state.frame);

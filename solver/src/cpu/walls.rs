@@ -6,7 +6,7 @@ use crate::engine::frame::Frame;
 use crate::engine::scene::Scene;
 use crate::equipment::facet::{Facet, facets};
 use crate::equipment::{Motion, Presence};
-use crate::mesh::tree::{Span, Tree};
+use crate::mesh::bvh::{Aabb, Bvh};
 use crate::physics::contact::ContactLaw;
 
 /// All surfaces of a run.
@@ -32,10 +32,10 @@ pub(crate) struct WallSurface {
     /// Farthest corner from the anchor, in metres.
     reach: f64,
     pub(crate) pose: Pose,
-    /// Its first facet; the tree numbers them from there.
+    /// Its first facet; the bvh numbers them from there.
     pub(crate) first: u32,
     /// Finds its facets near a point relative to the anchor.
-    pub(crate) tree: Tree,
+    pub(crate) bvh: Bvh,
 }
 
 /// Where a surface is in this step, in the numbers of the run.
@@ -52,7 +52,7 @@ pub(crate) struct WallFacet {
     pub(crate) surface: usize,
     pub(crate) facet: Facet,
     /// Its box relative to the anchor, in metres: far sub-particles are passed over by it.
-    pub(crate) span: Span,
+    pub(crate) aabb: Aabb,
 }
 
 /// The nearest point of a facet, seen from a sub-particle.
@@ -117,11 +117,11 @@ impl Walls {
             let anchor = frame.decode(frame.encode(anchor));
             let first = walls.facets.len();
             let facets = facets(&surface.triangles, anchor).into_iter();
-            walls.facets.extend(facets.map(|facet| WallFacet { surface: k, span: facet.span(), facet }));
-            let spans: Vec<Span> = walls.facets[first..].iter().map(|facet| facet.span).collect();
+            walls.facets.extend(facets.map(|facet| WallFacet { surface: k, aabb: facet.aabb(), facet }));
+            let aabbs: Vec<Aabb> = walls.facets[first..].iter().map(|facet| facet.aabb).collect();
             walls.surfaces.push(WallSurface {
                 motion: surface.motion,
-                law: scene.laws.of_surface(surface),
+                law: scene.laws.for_surface(surface),
                 presence: surface.presence,
                 anchor,
                 reach: corners().map(|c| c.distance(anchor)).fold(0.0, f64::max),
@@ -132,7 +132,7 @@ impl Walls {
                     spin: Vec3::ZERO,
                 },
                 first: first as u32,
-                tree: Tree::new(&spans),
+                bvh: Bvh::new(&aabbs),
             });
         }
         walls
@@ -152,7 +152,7 @@ impl Walls {
                 velocity: pose.velocity.as_vec3(),
                 spin: pose.spin.as_vec3(),
             };
-            fastest = fastest.max(surface.motion.top_speed(surface.reach));
+            fastest = fastest.max(surface.motion.max_speed(surface.reach));
         }
         self.moved_m += fastest * elapsed;
         self.moved_in_all_m += fastest * elapsed;
@@ -186,9 +186,9 @@ impl Walls {
         self.surfaces.iter().flat_map(move |surface| {
             let p = surface.pose.local(x, frame);
             let mut near = Vec::new();
-            surface.tree.within(p, reach, |k| {
+            surface.bvh.within(p, reach, |k| {
                 let facet = surface.first + k;
-                let boxed = self.facets[facet as usize].span.distance2(p) <= reach * reach;
+                let boxed = self.facets[facet as usize].aabb.distance2(p) <= reach * reach;
                 if boxed && self.touch(facet, x, frame).distance <= reach {
                     near.push(facet);
                 }
@@ -265,7 +265,7 @@ impl Walls {
     /// Greatest speed of any point of a surface from the start on, in m/s.
     #[cfg(feature = "gpu")]
     pub(crate) fn fastest(&self) -> f64 {
-        self.surfaces.iter().map(|surface| surface.motion.top_speed(surface.reach)).fold(0.0, f64::max)
+        self.surfaces.iter().map(|surface| surface.motion.max_speed(surface.reach)).fold(0.0, f64::max)
     }
 
     /// The facets of all surfaces, in their order.

@@ -1,7 +1,7 @@
 //! The engine: state, the stages of a step in their order, the backend's interface and the run loop.
 //!
 //! It knows neither experiments nor backends: an experiment hands it a [`scene::Scene`] and a
-//! [`run::Director`], a backend implements [`Backend`].
+//! [`run::ExperimentMonitor`], a backend implements [`Backend`].
 
 pub mod frame;
 pub mod run;
@@ -26,7 +26,7 @@ pub struct BackendInfo {
 
 /// What happened while a run was advanced.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Advance {
+pub struct AdvanceReport {
     /// Steps done.
     pub steps: u64,
     /// Sub-particle updates done.
@@ -40,7 +40,7 @@ pub struct Advance {
 /// The device has no room for a run; in words. Nothing is wrong with the device, nor with what else runs on it.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("no room on the device: {0}")]
-pub struct NoRoom(pub String);
+pub struct OutOfDeviceMemory(pub String);
 
 /// Carries out time steps for batches of independent runs. The stages of a step, in their order: *surfaces* are brought to
 /// where they are, *neighbours* are looked up where they may have changed, *forces* are gathered, motion is *integrated*.
@@ -48,7 +48,7 @@ pub struct NoRoom(pub String);
 /// Advancing a run gives the same bits whatever else is in the batch, however many threads there are, and
 /// however the steps are cut into chunks.
 ///
-/// A backend whose device has no room for a run unwinds with [`NoRoom`], which [`crate::Computer::simulate`] catches: runs have no
+/// A backend whose device has no room for a run unwinds with [`OutOfDeviceMemory`], which [`crate::Computer::simulate`] catches: runs have no
 /// use for errors of devices.
 pub trait Backend {
     /// A run as this backend keeps it, on whatever device.
@@ -61,7 +61,7 @@ pub trait Backend {
     fn prepare(&self, scene: &Scene) -> Self::Run;
 
     /// Advances each run by its number of steps; a run that diverges stops at that step.
-    fn advance(&self, runs: &mut [(&mut Self::Run, u64)]) -> Vec<Advance>;
+    fn advance(&self, runs: &mut [(&mut Self::Run, u64)]) -> Vec<AdvanceReport>;
 
     /// The state of a run, for observers.
     fn state<'a>(&self, run: &'a mut Self::Run) -> &'a State;

@@ -6,15 +6,15 @@ use glam::DVec3;
 
 use super::scene::Scene;
 use super::state::State;
-use super::{Advance, Backend};
+use super::{AdvanceReport, Backend};
 use crate::result::{EndReason, Flow, Instability, Performance, Phase, Progress, Series};
 
 /// Wall time between two looks at the progress callback, in seconds.
-const LOOK_EVERY_S: f64 = 0.1;
+const PROGRESS_INTERVAL_S: f64 = 0.1;
 
 /// When an experiment looks at its run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plan {
+pub struct RunPlan {
     /// Simulated time between samples, in seconds.
     pub sample_interval_s: f64,
     /// Longest simulated time before t = 0, in seconds.
@@ -99,21 +99,21 @@ pub enum Decision {
 }
 
 /// An experiment's side of a run: looks at samples, decides, and says how far it has come.
-pub trait Director {
+pub trait ExperimentMonitor {
     /// Looks at a sample and decides.
-    fn look(&mut self, sample: &Sample<'_>) -> Decision;
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision;
     /// Mass discharged so far, in kilograms, for progress reports.
     fn discharged_kg(&self) -> f64;
 
     /// What it has sampled so far, for those who watch.
-    fn so_far(&self) -> Vec<Series> {
+    fn series_so_far(&self) -> Vec<Series> {
         Vec::new()
     }
 }
 
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ended {
+pub struct RunSummary {
     /// Why.
     pub reason: EndReason,
     /// Where and why the physics diverged.
@@ -126,33 +126,33 @@ pub struct Ended {
 pub fn run<B: Backend>(
     backend: &B,
     scene: &Scene,
-    plan: Plan,
-    director: &mut dyn Director,
+    plan: RunPlan,
+    monitor: &mut dyn ExperimentMonitor,
     observer: &mut dyn Observer,
-) -> Ended {
+) -> RunSummary {
     let clock = Instant::now();
     let mut run = backend.prepare(scene);
-    let mut course = Course::new(plan, scene.timestep_s);
+    let mut timeline = Timeline::new(plan, scene.timestep_s);
     let subparticles = backend.state(&mut run).particles.len() as u64;
     let (reason, fault) = loop {
         let surface_forces = backend.surface_forces(&mut run);
         let state = backend.state(&mut run);
         let sample = Sample {
-            simulated_s: course.simulated_s(),
-            belt_time_s: course.belt_time_s(),
+            simulated_s: timeline.simulated_s(),
+            belt_time_s: timeline.belt_time_s(),
             state,
-            max_overlap_m: course.max_overlap_m,
+            max_overlap_m: timeline.max_overlap_m,
             surface_forces: &surface_forces,
         };
-        let decision = director.look(&sample);
-        let wanted = observer.wants_snapshot(course.simulated_s());
+        let decision = monitor.observe(&sample);
+        let wanted = observer.wants_snapshot(timeline.simulated_s());
         // What is seen at t = 0 is seen after the start, when it is asked for again.
         if wanted && !matches!(decision, Decision::Start) {
             let bonds = backend.bonds(&mut run);
             observer.snapshot(&Snapshot {
                 scene,
-                simulated_s: course.simulated_s(),
-                belt_time_s: course.belt_time_s(),
+                simulated_s: timeline.simulated_s(),
+                belt_time_s: timeline.belt_time_s(),
                 state: backend.state(&mut run),
                 bonds: &bonds,
             });
@@ -162,31 +162,31 @@ pub fn run<B: Backend>(
             Decision::Diverged(seen) => break (EndReason::Unstable, Some(seen)),
             Decision::Start => {
                 backend.start(&mut run);
-                course.start();
+                timeline.start();
                 continue;
             }
             Decision::Continue { remove } if remove.is_empty() => {}
             Decision::Continue { remove } => backend.remove(&mut run, &remove),
         }
         if observer.wants_series() {
-            observer.series(director.so_far());
+            observer.series(monitor.series_so_far());
         }
-        if let Some(reason) = course.out_of_time() {
+        if let Some(reason) = timeline.time_limit_reached() {
             break (reason, None);
         }
         // Known here without asking the device, as the sample's: only what is taken out changes it.
         let left = backend.state(&mut run).particles.len() as u64;
-        let next = course.next_sample_step();
+        let next = timeline.next_sample_step();
         let mut cancelled = false;
-        while course.step < next && course.fault.is_none() && !cancelled {
-            let steps = course.chunk().min(next - course.step);
+        while timeline.step < next && timeline.fault.is_none() && !cancelled {
+            let steps = timeline.steps_to_next_progress().min(next - timeline.step);
             let before = Instant::now();
             let advance = backend.advance(&mut [(&mut run, steps)]).swap_remove(0);
-            course.account(advance, before.elapsed().as_secs_f64());
-            let progress = course.progress(left, clock.elapsed().as_secs_f64(), director.discharged_kg());
+            timeline.record(advance, before.elapsed().as_secs_f64());
+            let progress = timeline.progress(left, clock.elapsed().as_secs_f64(), monitor.discharged_kg());
             cancelled = observer.progress(&progress) == Flow::Cancel;
         }
-        if let Some(fault) = course.fault.take() {
+        if let Some(fault) = timeline.fault.take() {
             break (EndReason::Unstable, Some(fault));
         }
         if cancelled {
@@ -194,24 +194,24 @@ pub fn run<B: Backend>(
         }
     };
     let instability = fault.map(|reason| Instability {
-        step: course.step,
-        time_s: course.belt_time_s().unwrap_or(course.simulated_s() - plan.longest_fill_s),
+        step: timeline.step,
+        time_s: timeline.belt_time_s().unwrap_or(timeline.simulated_s() - plan.longest_fill_s),
         reason,
     });
     let wall_s = clock.elapsed().as_secs_f64();
     let performance = Performance {
         subparticles,
-        particle_steps: course.particle_steps,
-        steps: course.step,
+        particle_steps: timeline.particle_steps,
+        steps: timeline.step,
         wall_s,
-        ns_per_particle_step: course.advancing_s * 1e9 / course.particle_steps.max(1) as f64,
+        ns_per_particle_step: timeline.advancing_s * 1e9 / timeline.particle_steps.max(1) as f64,
     };
-    Ended { reason, instability, performance }
+    RunSummary { reason, instability, performance }
 }
 
 /// Where a run stands in time, and what it has cost.
-struct Course {
-    plan: Plan,
+struct Timeline {
+    plan: RunPlan,
     dt: f64,
     step: u64,
     start_step: Option<u64>,
@@ -222,8 +222,8 @@ struct Course {
     fault: Option<String>,
 }
 
-impl Course {
-    fn new(plan: Plan, dt: f64) -> Self {
+impl Timeline {
+    fn new(plan: RunPlan, dt: f64) -> Self {
         Self {
             plan,
             dt,
@@ -258,7 +258,7 @@ impl Course {
         }
     }
 
-    fn out_of_time(&self) -> Option<EndReason> {
+    fn time_limit_reached(&self) -> Option<EndReason> {
         let reason = if self.start_step.is_some() { EndReason::Duration } else { EndReason::FillNotAtRest };
         (self.step >= self.last_step()).then_some(reason)
     }
@@ -272,14 +272,14 @@ impl Course {
     }
 
     /// Steps until the next look at the callback.
-    fn chunk(&self) -> u64 {
+    fn steps_to_next_progress(&self) -> u64 {
         if self.step == 0 {
             return 1;
         }
-        ((LOOK_EVERY_S * self.step as f64 / self.advancing_s.max(1e-9)) as u64).max(1)
+        ((PROGRESS_INTERVAL_S * self.step as f64 / self.advancing_s.max(1e-9)) as u64).max(1)
     }
 
-    fn account(&mut self, advance: Advance, wall_s: f64) {
+    fn record(&mut self, advance: AdvanceReport, wall_s: f64) {
         self.step += advance.steps;
         self.particle_steps += advance.particle_steps;
         self.advancing_s += wall_s;

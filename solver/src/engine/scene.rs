@@ -15,7 +15,7 @@ pub struct Scene {
     /// Radius of every sub-particle, in metres.
     pub radius_m: f64,
     /// The meta-particles that bodies are copies of.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<BodyKind>,
     /// The bodies, in the order that numbers them.
     pub bodies: Vec<Placement>,
     /// Sub-particles that are held where they start, by serial (body by body, in the order of points).
@@ -40,7 +40,7 @@ pub struct Scene {
 
 /// A meta-particle and the mass of each of its sub-particles.
 #[derive(Clone, Debug)]
-pub struct Kind {
+pub struct BodyKind {
     /// Points and bonds.
     pub meta: Arc<MetaParticle>,
     /// Mass of one sub-particle, in kilograms.
@@ -77,7 +77,7 @@ pub struct Laws {
 
 impl Laws {
     /// The law of a surface: that of its kind, with its own friction where it has one.
-    pub fn of_surface(&self, surface: &Surface) -> ContactLaw {
+    pub fn for_surface(&self, surface: &Surface) -> ContactLaw {
         let law = match surface.kind {
             SurfaceKind::Equipment => self.equipment,
             SurfaceKind::Belt => self.belt,
@@ -87,7 +87,7 @@ impl Laws {
     }
 
     /// How far apart sub-particles or a surface can still hold each other, in metres.
-    pub fn reach(&self) -> f32 {
-        self.tissue.reach().max(self.equipment.reach()).max(self.belt.reach())
+    pub fn adhesion_range(&self) -> f32 {
+        self.tissue.adhesion_range().max(self.equipment.adhesion_range()).max(self.belt.adhesion_range())
     }
 }

@@ -6,8 +6,8 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::mesh::nearest::{is_long, nearest_on_long_triangle, nearest_on_triangle};
-use crate::mesh::tree::{Span, Tree};
+use crate::mesh::bvh::{Aabb, Bvh};
+use crate::mesh::nearest::{is_sliver, nearest_on_sliver, nearest_on_triangle};
 use crate::mesh::weld::{WELD_M, weld};
 use crate::mesh::{NO_AREA_M2, doubled_area};
 
@@ -18,18 +18,18 @@ pub struct Facet {
     pub triangles: Vec<[Vec3; 3]>,
     /// Unit vector across its plane.
     pub normal: Vec3,
-    /// Whether a triangle is so long for its width that `f32` would miss the nearest point.
-    long: bool,
+    /// Whether a triangle is so sliver for its width that `f32` would miss the nearest point.
+    sliver: bool,
     /// Finds the nearest of many triangles; empty when they are few.
-    tree: Tree,
+    bvh: Bvh,
 }
 
 /// Facets of up to that many triangles are looked at whole.
-const FEW: usize = 8;
+const LINEAR_SEARCH_MAX: usize = 8;
 
 /// An edge where more triangles meet joins none of them: no surface has such edges, and looking at all their pairs
 /// could take for ever.
-const MOST_AT_AN_EDGE: usize = 16;
+const MAX_TRIANGLES_AT_EDGE: usize = 16;
 
 /// Splits a surface's triangles into facets, relative to an anchor. Triangles without area are dropped.
 pub fn facets(triangles: &[[DVec3; 3]], anchor: DVec3) -> Vec<Facet> {
@@ -77,7 +77,7 @@ fn joined(triangles: &[[DVec3; 3]], normals: &[DVec3]) -> Vec<[u32; 2]> {
         n.dot(normals[b]).abs() > 1.0 - 1e-9 && (triangles[b][0] - triangles[a][0]).dot(n).abs() < WELD_M
     };
     let mut joined = Vec::new();
-    for edge in edges.chunk_by(|a, b| a.0 == b.0).filter(|edge| edge.len() <= MOST_AT_AN_EDGE) {
+    for edge in edges.chunk_by(|a, b| a.0 == b.0).filter(|edge| edge.len() <= MAX_TRIANGLES_AT_EDGE) {
         for &(_, a) in edge {
             joined.extend(edge.iter().filter(|&&(_, b)| a != b && coplanar(a, b)).map(|&(_, b)| [a, b]));
         }
@@ -94,40 +94,38 @@ fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
 impl Facet {
     /// Triangles in one plane.
     fn new(triangles: Vec<[Vec3; 3]>, normal: Vec3) -> Self {
-        let tree = match triangles.len() {
-            0..=FEW => Tree::default(),
-            _ => Tree::new(&triangles.iter().copied().map(Span::around).collect::<Vec<_>>()),
+        let bvh = match triangles.len() {
+            0..=LINEAR_SEARCH_MAX => Bvh::default(),
+            _ => Bvh::new(&triangles.iter().copied().map(Aabb::around).collect::<Vec<_>>()),
         };
-        Self { long: triangles.iter().any(is_long), triangles, normal, tree }
+        Self { sliver: triangles.iter().any(is_sliver), triangles, normal, bvh }
     }
 
-    /// Whether one of its triangles is long for its width.
+    /// Whether one of its triangles is sliver for its width.
     #[cfg(feature = "gpu")]
-    pub(crate) fn is_long(&self) -> bool {
-        self.long
+    pub(crate) fn is_sliver(&self) -> bool {
+        self.sliver
     }
 
-    /// Its triangles, if they are few and none is long for its width: then the nearest point is the nearest of theirs.
-    pub(crate) fn few_triangles(&self) -> Option<&[[Vec3; 3]]> {
-        (!self.long && (1..=FEW).contains(&self.triangles.len())).then_some(&self.triangles)
+    /// Its triangles, if they are few and none is sliver for its width: then the nearest point is the nearest of theirs.
+    pub(crate) fn triangles_if_few(&self) -> Option<&[[Vec3; 3]]> {
+        (!self.sliver && (1..=LINEAR_SEARCH_MAX).contains(&self.triangles.len())).then_some(&self.triangles)
     }
 
     /// The smallest box around it.
-    pub fn span(&self) -> Span {
-        Span::around(self.triangles.iter().flatten().copied())
+    pub fn aabb(&self) -> Aabb {
+        Aabb::around(self.triangles.iter().flatten().copied())
     }
 
     /// The point of the facet nearest to `p`, both relative to the surface's anchor, in metres; none without triangles.
     pub fn nearest(&self, p: Vec3) -> Option<Vec3> {
-        let on = |triangle: &[Vec3; 3]| match self.long {
-            true => {
-                nearest_on_long_triangle(p.as_dvec3(), &triangle.map(|corner| corner.as_dvec3())).as_vec3()
-            }
+        let on = |triangle: &[Vec3; 3]| match self.sliver {
+            true => nearest_on_sliver(p.as_dvec3(), &triangle.map(|corner| corner.as_dvec3())).as_vec3(),
             false => nearest_on_triangle(p, triangle),
         };
         let distance2 = |q: Vec3| (p - q).dot(p - q);
-        if self.triangles.len() > FEW {
-            let k = self.tree.nearest(p, |k| distance2(on(&self.triangles[k as usize])))?;
+        if self.triangles.len() > LINEAR_SEARCH_MAX {
+            let k = self.bvh.nearest(p, |k| distance2(on(&self.triangles[k as usize])))?;
             return Some(on(&self.triangles[k as usize]));
         }
         let nearer = |best: Vec3, q: Vec3| if distance2(q) < distance2(best) { q } else { best };

@@ -54,7 +54,7 @@ impl Motion {
     }
 
     /// Greatest speed of any point within `reach` metres of the pivot, in m/s; a belt's surface does not move.
-    pub fn top_speed(&self, reach: f64) -> f64 {
+    pub fn max_speed(&self, reach: f64) -> f64 {
         match *self {
             Motion::Moving { velocity, spin, .. } => velocity.length() + spin.length() * reach,
             _ => 0.0,

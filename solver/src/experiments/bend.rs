@@ -19,7 +19,7 @@ use super::bending::BendWatch;
 use super::drop::height_over_plate;
 use super::placement::uniform;
 use super::{Prepared, bounds_on_timestep, kinds, laws, orientation, plan, timestep_s};
-use crate::engine::scene::{Kind, Placement, Scene};
+use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::equipment::{Motion, Surface, SurfaceKind};
 use crate::mesh::Meshes;
 use crate::scenario::{Bend, Fault, Scenario, Support};
@@ -39,13 +39,13 @@ pub(super) fn prepare(scenario: &Scenario, bend: &Bend, meshes: &Meshes) -> Prep
     let (kind, radius_m) = (&kinds[0], scenario.product.radius_m());
     let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);
     let orientation = orientation([bend.scatter_deg * (2.0 * uniform(&mut rng) - 1.0), 0.0, 0.0]);
-    let reach_m = kind.meta.reach_m + radius_m;
-    let body = Placement { kind: 0, ..start(kind, bend.support, orientation, radius_m, reach_m) };
+    let bounding_radius_m = kind.meta.bounding_radius_m + radius_m;
+    let body = Placement { kind: 0, ..start(kind, bend.support, orientation, radius_m, bounding_radius_m) };
     // It may lie on the conveyor, hang from it, and fall off.
-    let room = DVec3::splat(3.0 * reach_m + 2.0 * bend.bar_radius_m + MARGIN_M);
+    let room = DVec3::splat(3.0 * bounding_radius_m + 2.0 * bend.bar_radius_m + MARGIN_M);
     let scene = Scene {
         radius_m,
-        surfaces: surfaces(bend, radius_m, reach_m),
+        surfaces: surfaces(bend, radius_m, bounding_radius_m),
         laws: laws::laws(scenario),
         gravity: DVec3::NEG_Z * scenario.numerics.gravity_m_s2,
         low: -room,
@@ -65,18 +65,24 @@ pub(super) fn prepare(scenario: &Scenario, bend: &Bend, meshes: &Meshes) -> Prep
 }
 
 /// Where the fillet starts: just above what it lies on, whose top is z = 0, and on a conveyor wholly.
-fn start(kind: &Kind, support: Support, orientation: DQuat, radius_m: f64, reach_m: f64) -> Placement {
+fn start(
+    kind: &BodyKind,
+    support: Support,
+    orientation: DQuat,
+    radius_m: f64,
+    bounding_radius_m: f64,
+) -> Placement {
     let above = DVec3::Z * height_over_plate(kind, orientation, radius_m);
     let position = match support {
-        Support::OffLedge => above - DVec3::X * reach_m,
+        Support::OffLedge => above - DVec3::X * bounding_radius_m,
         Support::OverBar | Support::Clamped => above,
     };
     Placement { kind: 0, position, orientation, velocity: DVec3::ZERO }
 }
 
 /// What the fillet lies on: a table and the bar, a table alone, or the conveyor and the roller at its end.
-fn surfaces(bend: &Bend, radius_m: f64, reach_m: f64) -> Vec<Surface> {
-    let (radius, half) = (bend.bar_radius_m, reach_m + MARGIN_M);
+fn surfaces(bend: &Bend, radius_m: f64, bounding_radius_m: f64) -> Vec<Surface> {
+    let (radius, half) = (bend.bar_radius_m, bounding_radius_m + MARGIN_M);
     let axis = DVec3::NEG_Z * radius;
     let sides = (TAU * radius / (SIDE_RATIO * radius_m)).ceil().clamp(SIDES.0, SIDES.1);
     let bar = |name: &str, kind| Surface::cylinder(name, kind, axis, DVec3::Y * half, radius, sides as u32);
@@ -93,7 +99,7 @@ fn surfaces(bend: &Bend, radius_m: f64, reach_m: f64) -> Vec<Surface> {
         Support::Clamped => vec![table()],
         Support::OffLedge => {
             let velocity = DVec3::X * bend.belt_speed_m_s;
-            let length = 2.0 * reach_m + MARGIN_M;
+            let length = 2.0 * bounding_radius_m + MARGIN_M;
             let belt = plate("belt", SurfaceKind::Belt, -length, length).moving(Motion::Belt { velocity });
             // Its top runs with the belt.
             let spin = DVec3::Y * (bend.belt_speed_m_s / radius);
@@ -104,7 +110,7 @@ fn surfaces(bend: &Bend, radius_m: f64, reach_m: f64) -> Vec<Surface> {
 }
 
 /// The sub-particles in a share of the length at the blunt end, that of low x.
-fn held(kind: &Kind, share: f64, radius_m: f64) -> Vec<u32> {
+fn held(kind: &BodyKind, share: f64, radius_m: f64) -> Vec<u32> {
     let along = || kind.meta.points.iter().map(|point| point.x);
     let blunt = along().fold(f64::INFINITY, f64::min) - radius_m;
     let tail = along().fold(f64::NEG_INFINITY, f64::max) + radius_m;
@@ -113,7 +119,7 @@ fn held(kind: &Kind, share: f64, radius_m: f64) -> Vec<u32> {
 }
 
 /// A clamp that holds nothing, or everything.
-pub(crate) fn clamp_fault(scenario: &Scenario, bend: &Bend, kinds: &[Kind]) -> Option<Fault> {
+pub(crate) fn clamp_fault(scenario: &Scenario, bend: &Bend, kinds: &[BodyKind]) -> Option<Fault> {
     let kind = kinds.first().filter(|_| bend.support == Support::Clamped)?;
     let (held, all) =
         (held(kind, bend.clamped_share, scenario.product.radius_m()).len(), kind.meta.points.len());

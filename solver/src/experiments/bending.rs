@@ -7,13 +7,13 @@ use serde_json::{Map, Value};
 
 use super::bend::SINKING_M_S;
 use super::{Watch, strayed};
-use crate::engine::run::{Decision, Director, Sample};
+use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::observe::{BendGauge, REST_FOR_S, Rest};
+use crate::observe::{BendGauge, REST_DURATION_S, RestDetector};
 use crate::result::{EndReason, Series};
 use crate::scenario::{Bend, Numerics, Scenario, Support};
-use crate::shape::lattice::{MetaParticle, pieces};
+use crate::shape::lattice::{MetaParticle, connected_components};
 
 /// What swings is slow where it turns; what hangs is at rest once it has been slow for this long, in seconds.
 const HANGS_FOR_S: f64 = 0.25;
@@ -36,7 +36,7 @@ pub(super) struct BendWatch {
     tip_start_m: f64,
     low_m: DVec3,
     high_m: DVec3,
-    rest: Rest,
+    rest: RestDetector,
     fell_off: bool,
     torn: bool,
     /// Simulated time at t = 0.
@@ -73,7 +73,7 @@ impl BendWatch {
             shape,
             low_m: scene.low,
             high_m: scene.high,
-            rest: Rest::default(),
+            rest: RestDetector::default(),
             fell_off: false,
             torn: false,
             start_s: 0.0,
@@ -89,7 +89,7 @@ impl BendWatch {
     fn note_rest(&mut self, state: &State, now_s: f64) {
         // What goes down with the table does not rest.
         let moving = state.faster_than(self.numerics.rest_speed_m_s.min(SINKING_M_S / 2.0));
-        self.rest.note(now_s, moving, state.particles.len());
+        self.rest.record(now_s, moving, state.particles.len());
     }
 
     /// Since when it has been hanging still, in seconds. What a conveyor carries is not to come to rest.
@@ -128,7 +128,8 @@ impl BendWatch {
     fn is_torn(&self, places: &[DVec3]) -> bool {
         let length = |i: u32, j: u32| places[i as usize].distance(places[j as usize]);
         let pairs = self.shape.bonds.iter().map(|bond| (bond.i, bond.j));
-        let part = pieces(places.len(), pairs.filter(|&(i, j)| length(i, j) <= self.break_length_m));
+        let part =
+            connected_components(places.len(), pairs.filter(|&(i, j)| length(i, j) <= self.break_length_m));
         self.tip.iter().all(|&tip| self.blunt.iter().all(|&blunt| part[tip] != part[blunt]))
     }
 
@@ -153,8 +154,8 @@ fn mean_height(places: &[DVec3], some: &[usize]) -> f64 {
     some.iter().map(|&i| places[i].z).sum::<f64>() / some.len() as f64
 }
 
-impl Director for BendWatch {
-    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+impl ExperimentMonitor for BendWatch {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         let state = sample.state;
         // The sample at the start is looked at twice.
         if self.simulated_s.last() != Some(&sample.simulated_s) {
@@ -167,10 +168,10 @@ impl Director for BendWatch {
             self.note_rest(state, sample.simulated_s);
             // As long as it has not rested, its times end at 0.
             self.start_s = sample.simulated_s;
-            let lies = self.rest.since_s(REST_FOR_S).is_some();
+            let lies = self.rest.since_s(REST_DURATION_S).is_some();
             if lies {
                 // From now on it is to hang.
-                self.rest = Rest::default();
+                self.rest = RestDetector::default();
                 return Decision::Start;
             }
             return Decision::Continue { remove };

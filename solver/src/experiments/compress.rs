@@ -12,15 +12,15 @@ use glam::DVec3;
 use serde_json::{Map, Value, json};
 
 use super::{Prepared, Watch, bounds_on_timestep, kinds, laws, plan, strayed, timestep_s};
-use crate::engine::run::{Decision, Director, Sample};
+use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::equipment::{Motion, Surface, SurfaceKind};
 use crate::mesh::Meshes;
-use crate::observe::{Compression, Point, Pressed, modulus_pa};
+use crate::observe::{Compression, CompressionSample, StressStrain, modulus_pa};
 use crate::result::{Curve, EndReason, Series};
 use crate::scenario::{Compress, Fault, Numerics, Plates, Scenario};
-use crate::shape::{MOST_CELLS, ShapeError};
+use crate::shape::{MAX_LATTICE_CELLS, ShapeError};
 
 /// Strain that the plates may take up before they press: adhesion shrinks a block by up to about 1 %.
 const TAKE_UP_STRAIN: f64 = 0.03;
@@ -78,7 +78,8 @@ pub(super) fn prepare(scenario: &Scenario, compress: &Compress, meshes: &Meshes)
 
 /// A block that nobody would wait for.
 pub(crate) fn lattice_fault(compress: &Compress, error: &ShapeError) -> Fault {
-    let allowed = format!("at most {MOST_CELLS:.0e} sub-particles, with a layer to spare on every side");
+    let allowed =
+        format!("at most {MAX_LATTICE_CELLS:.0e} sub-particles, with a layer to spare on every side");
     Fault::new("/compress/lattice", &json!(compress.lattice), error.to_string(), Some(allowed))
 }
 
@@ -133,14 +134,14 @@ impl CompressWatch {
         Some(apart / most)
     }
 
-    fn modulus_pa(&self, strain: fn(&Point) -> f64) -> Option<f64> {
+    fn modulus_pa(&self, strain: fn(&StressStrain) -> f64) -> Option<f64> {
         let points = self.compression.curve().into_iter().map(|point| (strain(&point), point.stress_pa));
         modulus_pa(points, self.compress.modulus_from_strain, self.compress.modulus_to_strain)
     }
 }
 
-impl Director for CompressWatch {
-    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+impl ExperimentMonitor for CompressWatch {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         let Some(now_s) = sample.belt_time_s else { return Decision::Start };
         let state = sample.state;
         if !strayed(state, self.low_m, self.high_m).is_empty() {
@@ -148,7 +149,7 @@ impl Director for CompressWatch {
             return Decision::End(EndReason::Done);
         }
         let plates_n = [-sample.surface_forces[0].z, sample.surface_forces[1].z];
-        self.compression.note(Pressed {
+        self.compression.record(CompressionSample {
             stress_pa: (plates_n[0] + plates_n[1]) / 2.0 / (self.size_m.x * self.size_m.y),
             height_m: self.size_m.z - self.speed_m_s * now_s,
             gauge_m: self.gauge_m(state),
@@ -201,7 +202,7 @@ impl Watch for CompressWatch {
 
     fn curves(&self) -> Vec<Curve> {
         let points = self.compression.curve();
-        let curve = |name: &str, over: &str, strain: fn(&Point) -> f64| Curve {
+        let curve = |name: &str, over: &str, strain: fn(&StressStrain) -> f64| Curve {
             name: name.into(),
             unit: "Pa".into(),
             over: over.into(),

@@ -5,10 +5,10 @@ use serde_json::{Map, Value};
 use super::Watch;
 use super::curl::Curls;
 use super::hopper::{GONE_BEYOND_M, floor};
-use crate::engine::run::{Decision, Director, Sample};
+use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::observe::{Discharge, REST_FOR_S, Rest, mass_rate};
+use crate::observe::{Discharge, REST_DURATION_S, RestDetector, mass_rate};
 use crate::result::{EndReason, Series};
 use crate::scenario::{Equipment, Numerics, Scenario};
 
@@ -33,7 +33,7 @@ pub struct HopperWatch {
     periodic: bool,
     /// Nothing can be at rest before the highest fillet has fallen, in seconds.
     longest_fall_s: f64,
-    rest: Rest,
+    rest: RestDetector,
     bed: Option<Bed>,
     /// Whether each sub-particle, by serial, has passed the gate.
     passed: Vec<bool>,
@@ -67,7 +67,7 @@ impl HopperWatch {
             high_m: scene.high,
             periodic: scene.periodic_y,
             longest_fall_s: longest_fall(scene),
-            rest: Rest::default(),
+            rest: RestDetector::default(),
             bed: None,
             passed: vec![false; subparticles],
             unpassed: subparticles,
@@ -91,8 +91,8 @@ impl HopperWatch {
 
     fn at_rest(&mut self, state: &State, now_s: f64) -> bool {
         let moving = state.faster_than(self.numerics.rest_speed_m_s);
-        self.rest.note(now_s, moving, state.particles.len());
-        now_s >= self.longest_fall_s && self.rest.since_s(REST_FOR_S).is_some()
+        self.rest.record(now_s, moving, state.particles.len());
+        now_s >= self.longest_fall_s && self.rest.since_s(REST_DURATION_S).is_some()
     }
 
     fn count_what_passed(&mut self, state: &State, now_s: f64) {
@@ -189,8 +189,8 @@ impl Watch for HopperWatch {
     }
 }
 
-impl Director for HopperWatch {
-    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+impl ExperimentMonitor for HopperWatch {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         let state = sample.state;
         self.max_overlap_m = sample.max_overlap_m;
         // The sample at belt start is looked at twice: as the last of the fill and as the first of the process.

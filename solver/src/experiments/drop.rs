@@ -16,7 +16,7 @@ use rand_chacha::rand_core::SeedableRng;
 use super::impact::DropWatch;
 use super::placement::uniform;
 use super::{Prepared, bounds_on_timestep, kind_of_each, kinds, laws, orientation, plan, timestep_s};
-use crate::engine::scene::{Kind, Placement, Scene};
+use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::equipment::{Surface, SurfaceKind};
 use crate::mesh::Meshes;
 use crate::scenario::{Drop, Numerics, Scenario};
@@ -44,10 +44,10 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    fn new(count: u32, reach_m: f64, radius_m: f64, drop: &Drop, numerics: &Numerics) -> Self {
+    fn new(count: u32, bounding_radius_m: f64, radius_m: f64, drop: &Drop, numerics: &Numerics) -> Self {
         let columns = f64::from(count).sqrt().ceil() as u32;
         // However it topples, a fillet ends within twice its reach.
-        let room_m = 2.0 * (reach_m + radius_m) + SLIDING_S * drop.speed_m_s;
+        let room_m = 2.0 * (bounding_radius_m + radius_m) + SLIDING_S * drop.speed_m_s;
         // What leaves two plates towards each other between samples does not meet.
         let flight_m = numerics.speed_limit_m_s * numerics.output_interval_s;
         let pitch_m = 2.0 * room_m + (2.0 * flight_m).min(WIDEST_GAP_M) + 4.0 * radius_m;
@@ -78,8 +78,8 @@ impl Grid {
 pub(super) fn prepare(scenario: &Scenario, drop: &Drop, meshes: &Meshes) -> Prepared {
     let kinds = kinds(scenario, meshes);
     let radius_m = scenario.product.radius_m();
-    let reach_m = kinds.iter().map(|kind| kind.meta.reach_m).fold(0.0, f64::max);
-    let grid = Grid::new(scenario.product.count, reach_m, radius_m, drop, &scenario.numerics);
+    let bounding_radius_m = kinds.iter().map(|kind| kind.meta.bounding_radius_m).fold(0.0, f64::max);
+    let grid = Grid::new(scenario.product.count, bounding_radius_m, radius_m, drop, &scenario.numerics);
     let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);
     let bodies: Vec<Placement> = kind_of_each(scenario, kinds.len())
         .into_iter()
@@ -123,7 +123,7 @@ fn scattered(drop: &Drop, rng: &mut ChaCha8Rng) -> DQuat {
 }
 
 /// Height of the centre of mass at which the lowest sub-particle just does not touch, in metres.
-pub(super) fn height_over_plate(kind: &Kind, orientation: DQuat, radius_m: f64) -> f64 {
+pub(super) fn height_over_plate(kind: &BodyKind, orientation: DQuat, radius_m: f64) -> f64 {
     let lowest = kind.meta.points.iter().map(|&point| (orientation * point).z).fold(f64::INFINITY, f64::min);
     radius_m * (1.0 + GAP_RATIO) - lowest
 }

@@ -51,11 +51,14 @@ pub fn scene(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Sce
     let kinds = kinds(scenario, meshes);
     let floor = floor(equipment);
     let bodies = drop_in(&kinds, scenario.product.count as usize, radius, floor, scenario.seed);
-    let top = bodies.iter().map(|body| body.position.z + kinds[body.kind].meta.reach_m).fold(0.0, f64::max);
+    let top = bodies
+        .iter()
+        .map(|body| body.position.z + kinds[body.kind].meta.bounding_radius_m)
+        .fold(0.0, f64::max);
     let top = wall_top(top, equipment);
     let lean = top * equipment.wall_slope_deg.to_radians().tan();
     let side = if floor.periodic_y { 0.0 } else { BELT_SIDE_M };
-    let longest = kinds.iter().map(|kind| 2.0 * kind.meta.reach_m).fold(0.0, f64::max);
+    let longest = kinds.iter().map(|kind| 2.0 * kind.meta.bounding_radius_m).fold(0.0, f64::max);
     let belt_end = GONE_BEYOND_M + longest + MARGIN_M;
     let dt = timestep_s(scenario, &bounds_on_timestep(scenario, &kinds));
     let mut low = DVec3::new(floor.low.x - lean - MARGIN_M, floor.low.y - side, -MARGIN_M);

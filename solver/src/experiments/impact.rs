@@ -4,10 +4,10 @@ use serde_json::{Map, Value};
 
 use super::Watch;
 use super::drop::{GAP_RATIO, Grid};
-use crate::engine::run::{Decision, Director, Sample};
+use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
-use crate::observe::{Rest, Settling};
+use crate::observe::{RestDetector, SettlingTimer};
 use crate::result::{Curve, EndReason, Series};
 use crate::scenario::{Drop, Numerics, Scenario};
 
@@ -26,7 +26,7 @@ struct Fillet {
     /// Broken bonds of sub-particles that have left.
     broken_and_gone: u64,
     broken: u64,
-    settling: Settling,
+    settling: SettlingTimer,
     /// More kinetic energy than this no passive body could have come to, in joule.
     most_energy_j: f64,
 }
@@ -43,7 +43,7 @@ pub(super) struct DropWatch {
     numerics: Numerics,
     grid: Grid,
     fillets: Vec<Fillet>,
-    rest: Rest,
+    rest: RestDetector,
     escaped_kg: f64,
     max_overlap_m: f32,
     radius_m: f64,
@@ -75,7 +75,7 @@ impl DropWatch {
                 bonds: bonds as u64,
                 broken_and_gone: 0,
                 broken: 0,
-                settling: Settling::new(contact_s, energy_j),
+                settling: SettlingTimer::new(contact_s, energy_j),
                 most_energy_j: ENERGY_MARGIN * given_j,
             }
         };
@@ -83,7 +83,7 @@ impl DropWatch {
             numerics: scenario.numerics.clone(),
             grid,
             fillets: scene.bodies.iter().map(fillet).collect(),
-            rest: Rest::default(),
+            rest: RestDetector::default(),
             escaped_kg: 0.0,
             max_overlap_m: 0.0,
             radius_m: scene.radius_m,
@@ -103,7 +103,7 @@ impl DropWatch {
             let broken = |i: usize| u64::from(state.broken[i]);
             fillet.broken = fillet.broken_and_gone + range.clone().map(broken).sum::<u64>();
             let energy_j = state.kinetic_energy_of(range.clone());
-            fillet.settling.note(now_s, energy_j);
+            fillet.settling.record(now_s, energy_j);
             if energy_j > fillet.most_energy_j {
                 let most = fillet.most_energy_j;
                 diverged.get_or_insert(format!(
@@ -130,8 +130,8 @@ impl DropWatch {
     }
 }
 
-impl Director for DropWatch {
-    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+impl ExperimentMonitor for DropWatch {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         let Some(now_s) = sample.belt_time_s else { return Decision::Start };
         let state = sample.state;
         self.max_overlap_m = sample.max_overlap_m;
@@ -139,7 +139,7 @@ impl Director for DropWatch {
         self.kinetic_energy_j.push(state.kinetic_energy());
         self.bonds_intact.push(state.bonds_intact_fraction());
         self.plate_force_n.push(sample.surface_forces.iter().fold(0.0, |sum, force| sum - force.z));
-        self.rest.note(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
+        self.rest.record(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
         match self.look_at_fillets(state, now_s) {
             Err(seen) => Decision::Diverged(seen),
             Ok(_) if self.is_done() => Decision::End(EndReason::Done),

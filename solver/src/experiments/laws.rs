@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::engine::scene::Laws;
-use crate::physics::bond::{BondLaw, Form};
+use crate::physics::bond::{BondLaw, BondModel};
 use crate::physics::contact::ContactLaw;
 use crate::physics::hertz;
 use crate::scenario::{Formulation, PairContact, Scenario};
@@ -31,10 +31,10 @@ fn bond_law(scenario: &Scenario) -> BondLaw {
     let area = PI * (bonds.disk_scale * radius).powi(2);
     let strength = |pascal: Option<f64>| pascal.map_or(f32::INFINITY, |p| (p * area) as f32);
     BondLaw {
-        form: match bonds.formulation {
-            Formulation::Corotated => Form::Corotated,
-            Formulation::AsPublished => Form::AsPublished,
-            Formulation::FiniteExtension => Form::FiniteExtension,
+        model: match bonds.formulation {
+            Formulation::Corotated => BondModel::Corotated,
+            Formulation::AsPublished => BondModel::AsPublished,
+            Formulation::FiniteExtension => BondModel::FiniteExtension,
         },
         k_n: (bonds.normal_stiffness_n_m3 * area) as f32,
         k_t: (bonds.shear_stiffness_n_m3 * area) as f32,

@@ -23,14 +23,14 @@ use glam::{DQuat, DVec3, EulerRot};
 use serde_json::{Map, Value};
 
 use crate::engine::Backend;
-use crate::engine::run::{Decision, Director, Observer, Plan, Sample, run};
-use crate::engine::scene::{Kind, Scene};
+use crate::engine::run::{Decision, ExperimentMonitor, Observer, RunPlan, Sample, run};
+use crate::engine::scene::{BodyKind, Scene};
 use crate::engine::state::State;
 use crate::mesh::Meshes;
 use crate::physics::timestep::{Stability, stability};
 use crate::result::{self, Curve, EndReason, RunResult, SOLVER_REVISION, Series, SolverInfo, VERSION};
 use crate::scenario::{Auto, Experiment, Scenario, Timestep};
-use crate::shape::lattice::{MetaParticle, bond_reach};
+use crate::shape::lattice::{MetaParticle, max_bond_class};
 use crate::shape::{ShapeError, from_block, meta_particles, subparticle_mass_kg};
 
 /// An experiment, ready to run.
@@ -38,13 +38,13 @@ pub struct Prepared {
     /// What runs.
     pub scene: Scene,
     /// When it is looked at, and for how long it runs.
-    pub plan: Plan,
+    pub plan: RunPlan,
     /// Who looks.
     pub watch: Box<dyn Watch>,
 }
 
 /// An experiment's side of a run: decides while it runs, and afterwards tells what came out.
-pub trait Watch: Director {
+pub trait Watch: ExperimentMonitor {
     /// The responses of the run that ended for `reason`.
     fn responses(&self, reason: EndReason) -> Map<String, Value>;
 
@@ -70,7 +70,7 @@ pub fn prepare(scenario: &Scenario, meshes: &Meshes) -> Prepared {
 }
 
 /// When a scenario is looked at, and for how long it runs at most, before t = 0 and from there on.
-pub fn plan(scenario: &Scenario) -> Plan {
+pub fn plan(scenario: &Scenario) -> RunPlan {
     let numerics = &scenario.numerics;
     let (longest_fill_s, duration_s) = match &scenario.experiment {
         Experiment::Hopper { .. } | Experiment::Bend { .. } => (numerics.max_fill_s, numerics.duration_s),
@@ -78,7 +78,7 @@ pub fn plan(scenario: &Scenario) -> Plan {
         Experiment::Slide { slide } => (numerics.max_fill_s, slide.max_tilt_deg / slide.tilt_rate_deg_s),
         Experiment::Compress { compress } => (0.0, compress::duration_s(compress)),
     };
-    Plan { sample_interval_s: numerics.output_interval_s, longest_fill_s, duration_s }
+    RunPlan { sample_interval_s: numerics.output_interval_s, longest_fill_s, duration_s }
 }
 
 /// The orientation of intrinsic yaw (about z), pitch (about y) and roll (about x), in degrees.
@@ -90,7 +90,7 @@ pub fn orientation([yaw, pitch, roll]: [f64; 3]) -> DQuat {
 ///
 /// # Panics
 /// Where [`try_kinds`] fails.
-pub fn kinds(scenario: &Scenario, meshes: &Meshes) -> Vec<Kind> {
+pub fn kinds(scenario: &Scenario, meshes: &Meshes) -> Vec<BodyKind> {
     try_kinds(scenario, meshes).expect("the scenario has passed the check")
 }
 
@@ -99,13 +99,13 @@ pub fn kinds(scenario: &Scenario, meshes: &Meshes) -> Vec<Kind> {
 ///
 /// # Errors
 /// A mesh that is no product, a block of too many sub-particles.
-pub fn try_kinds(scenario: &Scenario, meshes: &Meshes) -> Result<Vec<Kind>, ShapeError> {
+pub fn try_kinds(scenario: &Scenario, meshes: &Meshes) -> Result<Vec<BodyKind>, ShapeError> {
     let product = &scenario.product;
     let weigh =
-        |meta: Arc<MetaParticle>| Kind { subparticle_mass_kg: subparticle_mass_kg(product, &meta), meta };
+        |meta: Arc<MetaParticle>| BodyKind { subparticle_mass_kg: subparticle_mass_kg(product, &meta), meta };
     let bonds = &scenario.bonds;
     if let Experiment::Compress { compress } = &scenario.experiment {
-        let reach = bond_reach(bonds.types, bonds.contact_radius_ratio);
+        let reach = max_bond_class(bonds.types, bonds.contact_radius_ratio);
         return Ok(vec![weigh(from_block(compress.lattice, product.radius_m(), reach)?)]);
     }
     let all = meta_particles(product, meshes, bonds.types, bonds.contact_radius_ratio)?;
@@ -124,11 +124,18 @@ pub fn kind_of_each(scenario: &Scenario, kinds: usize) -> Vec<usize> {
 }
 
 /// The bounds on the time step: those of the lightest sub-particle.
-pub fn bounds_on_timestep(scenario: &Scenario, kinds: &[Kind]) -> Stability {
+pub fn bounds_on_timestep(scenario: &Scenario, kinds: &[BodyKind]) -> Stability {
     let laws = laws::laws(scenario);
     let mass = kinds.iter().map(|kind| kind.subparticle_mass_kg).fold(f64::INFINITY, f64::min);
     let diagonals = kinds.iter().any(|kind| kind.meta.bonds.iter().any(|bond| bond.class > 1));
-    stability(mass, scenario.product.radius_m(), &laws, diagonals)
+    stability(
+        mass,
+        scenario.product.radius_m(),
+        &laws.tissue,
+        &laws.bond,
+        laws.contact_between_bonded,
+        diagonals,
+    )
 }
 
 /// How far bodies may move in a step of `"auto"` as they start, as a share of R: further, and what they hit is felt too late and too
@@ -169,16 +176,16 @@ fn strayed(state: &State, low: DVec3, high: DVec3) -> Vec<u32> {
 /// A watch as the director of a run.
 struct Directing<'a>(&'a mut dyn Watch);
 
-impl Director for Directing<'_> {
-    fn look(&mut self, sample: &Sample<'_>) -> Decision {
-        self.0.look(sample)
+impl ExperimentMonitor for Directing<'_> {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
+        self.0.observe(sample)
     }
 
     fn discharged_kg(&self) -> f64 {
         self.0.discharged_kg()
     }
 
-    fn so_far(&self) -> Vec<Series> {
+    fn series_so_far(&self) -> Vec<Series> {
         self.0.series()
     }
 }

@@ -9,7 +9,7 @@ use glam::{DQuat, DVec2, DVec3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use crate::engine::scene::{Kind, Placement};
+use crate::engine::scene::{BodyKind, Placement};
 
 /// Places tried for each fillet.
 const PLACES: usize = 24;
@@ -78,7 +78,7 @@ impl HeightMap {
 
 /// Places `count` bodies, body `i` of kind `i mod kinds`, with velocity zero.
 ///
-pub fn drop_in(kinds: &[Kind], count: usize, radius: f64, floor: Floor, seed: u64) -> Vec<Placement> {
+pub fn drop_in(kinds: &[BodyKind], count: usize, radius: f64, floor: Floor, seed: u64) -> Vec<Placement> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut map = HeightMap::new(floor, radius);
     (0..count)
@@ -100,7 +100,7 @@ pub fn drop_in(kinds: &[Kind], count: usize, radius: f64, floor: Floor, seed: u6
 }
 
 /// A random orientation in which the body fits over the floor, and its points turned accordingly.
-fn orient(kind: &Kind, radius: f64, floor: Floor, rng: &mut ChaCha8Rng) -> (DQuat, Vec<DVec3>) {
+fn orient(kind: &BodyKind, radius: f64, floor: Floor, rng: &mut ChaCha8Rng) -> (DQuat, Vec<DVec3>) {
     let room = floor.high - floor.low - 2.0 * radius * (1.0 + GAP_RATIO);
     let turned = |orientation: DQuat| -> Vec<DVec3> {
         kind.meta.points.iter().map(|&point| orientation * point).collect()

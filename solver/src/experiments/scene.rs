@@ -8,11 +8,11 @@ use serde_json::{Map, Value};
 
 use super::surfaces::{extent, surfaces};
 use super::{Prepared, Watch, bounds_on_timestep, kind_of_each, kinds, laws, orientation, plan, timestep_s};
-use crate::engine::run::{Decision, Director, Sample};
+use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::mesh::Meshes;
-use crate::observe::{REST_FOR_S, Rest};
+use crate::observe::{REST_DURATION_S, RestDetector};
 use crate::result::{Curve, EndReason, Series};
 use crate::scenario::{FreeScene, Numerics, Scenario};
 
@@ -38,7 +38,7 @@ pub fn scene(scenario: &Scenario, free: &FreeScene, meshes: &Meshes) -> Scene {
         .collect();
     let surfaces = surfaces(&free.surfaces, meshes);
     let around = |body: &Placement| {
-        let reach = DVec3::splat(kinds[body.kind].meta.reach_m + radius_m);
+        let reach = DVec3::splat(kinds[body.kind].meta.bounding_radius_m + radius_m);
         (body.position - reach, body.position + reach)
     };
     let (low, high) = bodies
@@ -75,7 +75,7 @@ struct SceneWatch {
     radius_m: f64,
     /// What must be slow for this long to be at rest, in seconds.
     rest_for_s: f64,
-    rest: Rest,
+    rest: RestDetector,
     escaped_kg: f64,
     max_overlap_m: f32,
     greatest_height_m: Option<f64>,
@@ -98,8 +98,12 @@ impl SceneWatch {
             high_m: scene.high,
             up: -DVec3::from(free.gravity_direction).normalize_or_zero(),
             radius_m: scene.radius_m,
-            rest_for_s: if turning_s.is_finite() { REST_FOR_S.max(1.5 * turning_s) } else { REST_FOR_S },
-            rest: Rest::default(),
+            rest_for_s: if turning_s.is_finite() {
+                REST_DURATION_S.max(1.5 * turning_s)
+            } else {
+                REST_DURATION_S
+            },
+            rest: RestDetector::default(),
             escaped_kg: 0.0,
             max_overlap_m: 0.0,
             greatest_height_m: None,
@@ -146,12 +150,12 @@ impl SceneWatch {
             (count > 0).then(|| (body, inside().sum::<DVec3>() / count as f64))
         });
         self.centres_m = centres.collect();
-        self.rest.note(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
+        self.rest.record(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
     }
 }
 
-impl Director for SceneWatch {
-    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+impl ExperimentMonitor for SceneWatch {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         let Some(now_s) = sample.belt_time_s else { return Decision::Start };
         self.take_in(sample, now_s);
         let stop = &self.numerics.stop;

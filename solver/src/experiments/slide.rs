@@ -2,7 +2,7 @@
 //!
 //! The fillet is set flat on a level plate and comes to rest; from t = 0 on the plate turns steadily about an axis across the slope,
 //! in its surface under the fillet. The critical angle is the tilt at which sliding sets in for good, from the speed of the centre
-//! of mass in the plate's own frame ([`crate::observe::Sliding`]).
+//! of mass in the plate's own frame ([`crate::observe::SlidingDetector`]).
 //!
 //! Expected: atan μ within 3° for μ ≤ 0.5, linear in μ, the surface energy being negligible.
 
@@ -14,12 +14,12 @@ use serde_json::{Map, Value};
 use super::drop::height_over_plate;
 use super::placement::uniform;
 use super::{Prepared, Watch, bounds_on_timestep, kinds, laws, orientation, plan, strayed, timestep_s};
-use crate::engine::run::{Decision, Director, Sample};
+use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::equipment::{Motion, Surface, SurfaceKind};
 use crate::mesh::Meshes;
-use crate::observe::{REST_FOR_S, Rest, Sliding};
+use crate::observe::{REST_DURATION_S, RestDetector, SlidingDetector};
 use crate::result::{EndReason, Series};
 use crate::scenario::{Numerics, Scenario, Slide};
 
@@ -36,7 +36,7 @@ pub(super) fn prepare(scenario: &Scenario, slide: &Slide, meshes: &Meshes) -> Pr
     let yaw_deg = slide.yaw_deg + slide.scatter_deg * (2.0 * uniform(&mut rng) - 1.0);
     let orientation = orientation([yaw_deg, 0.0, 0.0]);
     let position = DVec3::Z * height_over_plate(&kinds[0], orientation, radius_m);
-    let half_m = kinds[0].meta.reach_m + radius_m + SLIDING_M;
+    let half_m = kinds[0].meta.bounding_radius_m + radius_m + SLIDING_M;
     let corner = DVec3::new(-half_m, -half_m, 0.0);
     let (u, v) = (DVec3::X * 2.0 * half_m, DVec3::Y * 2.0 * half_m);
     // The fillet's length points up the slope: +x rises.
@@ -83,8 +83,8 @@ struct SlideWatch {
     high_m: DVec3,
     /// Heights of the sub-particles in the fillet's own axes, in metres.
     heights_m: Vec<f64>,
-    rest: Rest,
-    sliding: Sliding,
+    rest: RestDetector,
+    sliding: SlidingDetector,
     start: Option<DVec3>,
     rolled_over: bool,
     /// Simulated time at t = 0.
@@ -110,8 +110,8 @@ impl SlideWatch {
             low_m: scene.low,
             high_m: scene.high,
             heights_m: scene.kinds[0].meta.points.iter().map(|point| point.z).collect(),
-            rest: Rest::default(),
-            sliding: Sliding::default(),
+            rest: RestDetector::default(),
+            sliding: SlidingDetector::default(),
             start: None,
             rolled_over: false,
             start_s: 0.0,
@@ -154,13 +154,13 @@ impl SlideWatch {
         self.tilt_deg.push(self.slide.tilt_rate_deg_s * now_s);
         self.speed_m_s.push(-centre.velocity_m_s.x);
         self.displacement_m.push(start.x - centre.position_m.x);
-        self.sliding.note(now_s, -centre.velocity_m_s.x);
+        self.sliding.record(now_s, -centre.velocity_m_s.x);
         self.rolled_over = self.rolled_over || self.is_turned(state, now_s);
     }
 }
 
-impl Director for SlideWatch {
-    fn look(&mut self, sample: &Sample<'_>) -> Decision {
+impl ExperimentMonitor for SlideWatch {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         let state = sample.state;
         // The sample at the start is looked at twice.
         if self.simulated_s.last() != Some(&sample.simulated_s) {
@@ -174,13 +174,13 @@ impl Director for SlideWatch {
         let go_on = Decision::Continue { remove: strayed(state, self.low_m, self.high_m) };
         let Some(now_s) = sample.belt_time_s else {
             let moving = state.faster_than(self.numerics.rest_speed_m_s);
-            self.rest.note(sample.simulated_s, moving, state.particles.len());
+            self.rest.record(sample.simulated_s, moving, state.particles.len());
             // As long as it has not rested, its times end at 0.
             self.start_s = sample.simulated_s;
-            return if self.rest.since_s(REST_FOR_S).is_some() { Decision::Start } else { go_on };
+            return if self.rest.since_s(REST_DURATION_S).is_some() { Decision::Start } else { go_on };
         };
         self.take_in(state, now_s);
-        let known = self.numerics.stop.when_done && self.sliding.is_certain();
+        let known = self.numerics.stop.when_done && self.sliding.is_confirmed();
         let at_the_end = self.displacement_m.last().is_some_and(|&way| way > SLIDING_M);
         if known || at_the_end { Decision::End(EndReason::Done) } else { go_on }
     }

@@ -11,12 +11,12 @@ use super::pipelines::Pipelines;
 use super::run::Run;
 use super::store::{Extent, Store};
 use crate::cpu::integrate::fault;
-use crate::engine::{Advance, NoRoom};
+use crate::engine::{AdvanceReport, OutOfDeviceMemory};
 
-/// Most steps of a chunk: so that little is done twice.
+/// DampingCap steps of a chunk: so that little is done twice.
 pub(super) const CHUNK: u64 = 256;
 
-/// Most steps between two rebuilds of lists.
+/// DampingCap steps between two rebuilds of lists.
 const LONGEST_INTERVAL: u32 = 64;
 
 /// Share of half the skin that the next interval aims at.
@@ -28,9 +28,9 @@ pub(super) struct Task {
     pub(super) run: Box<Run>,
     /// Steps wanted.
     pub(super) steps: u64,
-    /// Most steps of its next chunk.
+    /// DampingCap steps of its next chunk.
     pub(super) most: u64,
-    pub(super) done: Advance,
+    pub(super) done: AdvanceReport,
 }
 
 impl Task {
@@ -96,7 +96,7 @@ pub(super) fn chunk(
     pipelines: &Pipelines,
     arena: &mut Option<Arena>,
     tasks: &mut [&mut Task],
-) -> Result<Duration, NoRoom> {
+) -> Result<Duration, OutOfDeviceMemory> {
     let longest = tasks.iter().map(|task| task.next()).max().unwrap_or(0) as u32;
     let sum = tasks
         .iter()
@@ -176,7 +176,7 @@ fn room<'a>(
     arena: &'a mut Option<Arena>,
     extent: Extent,
     slots: Slots,
-) -> Result<&'a Arena, NoRoom> {
+) -> Result<&'a Arena, OutOfDeviceMemory> {
     let known = arena.take();
     let room = known.as_ref().map_or(extent, |arena| arena.room().each(extent, u32::max));
     if let Some(holds) = known.filter(|arena| arena.holds(extent, slots)) {

@@ -9,7 +9,7 @@ use super::lists::Slots;
 use super::memory::{Buffer, buffers, bytes_of};
 use super::pipelines::{Kernel, Pipelines};
 use super::store::{Extent, Part, Store};
-use crate::engine::NoRoom;
+use crate::engine::OutOfDeviceMemory;
 
 /// What a batch brings along for one chunk.
 #[derive(Debug, Default)]
@@ -81,7 +81,7 @@ impl Arena {
         pipelines: &Pipelines,
         room: Extent,
         slots: Slots,
-    ) -> Result<Self, NoRoom> {
+    ) -> Result<Self, OutOfDeviceMemory> {
         let parts = buffers(device, room.sizes(slots))?;
         let [
             moved,

@@ -13,7 +13,7 @@ use wgpu::{
 
 use super::memory::{Memory, buffers};
 use super::pipelines::STORAGE_BUFFERS;
-use crate::engine::NoRoom;
+use crate::engine::OutOfDeviceMemory;
 
 /// Why there is no GPU to compute on.
 #[derive(Debug, Error)]
@@ -48,7 +48,7 @@ pub struct GpuOptions {
     pub only_discrete: bool,
     /// Whether a software adapter will do, as for tests. It computes on the CPU, slower than the CPU backend.
     pub allow_software: bool,
-    /// Most bytes of its memory that buffers may take; none takes what the driver gives.
+    /// DampingCap bytes of its memory that buffers may take; none takes what the driver gives.
     pub memory_bytes: Option<u64>,
 }
 
@@ -254,7 +254,7 @@ impl Device {
     }
 
     /// How many bytes it reads and writes in a second when it copies within its memory.
-    pub(super) fn copied_bytes_per_s(&self) -> Result<f64, NoRoom> {
+    pub(super) fn copied_bytes_per_s(&self) -> Result<f64, OutOfDeviceMemory> {
         let bytes = COPIED_BYTES.min(self.largest_buffer);
         let [from, to] = buffers(self, [("from", bytes), ("to", bytes)])?;
         let copy = |times: u32| {

@@ -13,7 +13,7 @@ use super::pipelines::Pipelines;
 use super::run::{GpuRun, Run};
 use super::store::{Draft, Store};
 use super::unwind;
-use crate::engine::{Advance, NoRoom};
+use crate::engine::{AdvanceReport, OutOfDeviceMemory};
 
 /// Seconds that one submission should take at most: operating systems reset an adapter that is busy for two or so.
 const SUBMIT_S: f64 = 0.1;
@@ -28,13 +28,13 @@ const GONE: &str = "the GPU has failed before";
 #[derive(Clone, Debug)]
 enum Failure {
     /// There is none for this run; the others go on.
-    NoRoom(NoRoom),
+    OutOfDeviceMemory(OutOfDeviceMemory),
     /// The device is lost, and all runs with it; in words.
     Lost(String),
 }
 
 /// What comes back: the run and what was done, or why it is lost.
-type Reply = Result<(Box<Run>, Advance), Failure>;
+type Reply = Result<(Box<Run>, AdvanceReport), Failure>;
 
 /// A run that is handed over.
 #[derive(Debug)]
@@ -49,7 +49,7 @@ enum Order {
     /// To advance runs.
     Advance(Vec<Request>),
     /// To make the buffers of a new one.
-    Store(Box<Draft>, Sender<Result<Store, NoRoom>>),
+    Store(Box<Draft>, Sender<Result<Store, OutOfDeviceMemory>>),
 }
 
 /// The other end of the thread, which ends with it.
@@ -90,22 +90,25 @@ impl Driver {
     ///
     /// # Panics
     /// When the device has failed.
-    pub(super) fn store(&self, draft: Draft) -> Result<Store, NoRoom> {
+    pub(super) fn store(&self, draft: Draft) -> Result<Store, OutOfDeviceMemory> {
         let (reply, answer) = channel();
         self.order(Order::Store(Box::new(draft), reply));
         answer.recv().expect(GONE)
     }
 
-    /// Advances each run by its number of steps. Unwinds with [`NoRoom`] once all that found room are done.
+    /// Advances each run by its number of steps. Unwinds with [`OutOfDeviceMemory`] once all that found room are done.
     ///
     /// # Panics
     /// When the device has failed.
-    pub(super) fn advance(&self, runs: &mut [(&mut GpuRun, u64)]) -> Vec<Advance> {
+    pub(super) fn advance(&self, runs: &mut [(&mut GpuRun, u64)]) -> Vec<AdvanceReport> {
         let hand_over = |(run, steps): &mut (&mut GpuRun, u64)| {
             let (reply, answer) = channel();
             let run = run.0.take().expect("it was not lost");
             (
-                Request { task: Task { run, steps: *steps, most: CHUNK, done: Advance::default() }, reply },
+                Request {
+                    task: Task { run, steps: *steps, most: CHUNK, done: AdvanceReport::default() },
+                    reply,
+                },
                 answer,
             )
         };
@@ -116,9 +119,9 @@ impl Driver {
             run.0 = Some(back);
             Ok(done)
         };
-        let done: Vec<Result<Advance, Failure>> = runs.iter_mut().zip(answers).map(take_back).collect();
+        let done: Vec<Result<AdvanceReport, Failure>> = runs.iter_mut().zip(answers).map(take_back).collect();
         done.into_iter().collect::<Result<_, _>>().unwrap_or_else(|failure| match failure {
-            Failure::NoRoom(no_room) => unwind(no_room),
+            Failure::OutOfDeviceMemory(out_of_memory) => unwind(out_of_memory),
             Failure::Lost(reason) => panic!("the GPU failed: {reason}"),
         })
     }
@@ -131,7 +134,7 @@ struct Batch {
     /// The buffers of the last chunk, for the next.
     arena: Option<Arena>,
     waiting: Vec<Request>,
-    /// Most runs that there was memory for, and the bytes that the buffers of runs took then: with fewer, more may fit.
+    /// DampingCap runs that there was memory for, and the bytes that the buffers of runs took then: with fewer, more may fit.
     most: Option<(usize, u64)>,
     /// Particle-steps a second in the last chunk.
     pace: f64,
@@ -182,7 +185,7 @@ impl Batch {
     }
 
     /// Makes the buffers of a run. Those of the last batch make way for them.
-    fn store(&mut self, draft: &Draft) -> Result<Store, NoRoom> {
+    fn store(&mut self, draft: &Draft) -> Result<Store, OutOfDeviceMemory> {
         let made = Store::new(&self.device, draft);
         if made.is_ok() || self.arena.is_none() {
             return made;
@@ -200,7 +203,7 @@ impl Batch {
     /// Gives back the runs that are done.
     fn reply(&mut self) {
         for Request { task, reply } in self.waiting.extract_if(.., |request| request.task.is_done()) {
-            let done = Advance { fault: task.run.fault.clone(), ..task.done };
+            let done = AdvanceReport { fault: task.run.fault.clone(), ..task.done };
             // Whoever waited may be gone.
             let _ = reply.send(Ok((task.run, done)));
         }
@@ -228,11 +231,11 @@ impl Batch {
                 self.waiting.rotate_left(fitting);
             }
             Err(_) if fitting > 1 => self.most = Some((fitting / 2, self.stores())),
-            Err(no_room) => {
+            Err(out_of_memory) => {
                 let Request { task, reply } = self.waiting.remove(0);
                 // Its memory is free when it hears of it.
                 drop(task);
-                let _ = reply.send(Err(Failure::NoRoom(no_room)));
+                let _ = reply.send(Err(Failure::OutOfDeviceMemory(out_of_memory)));
             }
         }
     }

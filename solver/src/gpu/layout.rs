@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::shared::shared;
 pub use super::shared::{Atomic, Shared};
-use crate::physics::bond::{BondLaw, Form};
+use crate::physics::bond::{BondLaw, BondModel};
 use crate::physics::contact::ContactLaw;
 
 shared! {
@@ -36,8 +36,8 @@ shared! {
 
     /// As [`BondLaw`].
     Bonds {
-        /// Number of the formulation, as [`form`] gives it.
-        form: u32,
+        /// Number of the formulation, as [`bond_model`] gives it.
+        model: u32,
         /// k_n, in N/m.
         k_n: f32,
         /// k_t, in N/m.
@@ -153,20 +153,20 @@ shared! {
         /// Number of the other within its run.
         other: u32,
         /// Tangential displacement of the contact, in m.
-        slide: [f32; 3],
-        /// [`TOUCHING`] and the class of the bond.
+        xi: [f32; 3],
+        /// [`IN_CONTACT`] and the class of the bond.
         state: u32,
     }
 
     /// A facet near a sub-particle, and what their contact remembers.
     WallPair {
         /// Tangential displacement, in m.
-        slide: [f32; 3],
+        xi: [f32; 3],
         /// Number of the facet within its run.
         facet: u32,
         /// Force on the sub-particle in the last step, in N.
         force: [f32; 3],
-        /// [`TOUCHING`] or 0.
+        /// [`IN_CONTACT`] or 0.
         state: u32,
     }
 
@@ -243,7 +243,7 @@ shared! {
         /// How many triangles it has.
         triangles: u32,
         /// Whether one of them is long for its width.
-        long: u32,
+        sliver: u32,
         /// Room.
         room_0: u32,
         /// Room.
@@ -309,14 +309,14 @@ shared! {
 pub const NONE: u32 = u32::MAX;
 
 /// Set in the state of a pair whose surfaces hold each other.
-pub const TOUCHING: u32 = 1 << 31;
+pub const IN_CONTACT: u32 = 1 << 31;
 
 /// The number of a formulation.
-pub fn form(form: Form) -> u32 {
-    match form {
-        Form::Corotated => 0,
-        Form::AsPublished => 1,
-        Form::FiniteExtension => 2,
+pub fn bond_model(model: BondModel) -> u32 {
+    match model {
+        BondModel::Corotated => 0,
+        BondModel::AsPublished => 1,
+        BondModel::FiniteExtension => 2,
     }
 }
 
@@ -353,7 +353,7 @@ impl From<&BondLaw> for Bonds {
         // WGSL has no infinity; what no force reaches will do, and its square is a number too.
         let strength = |strength: f32| strength.min(1e19);
         Self {
-            form: form(law.form),
+            model: bond_model(law.model),
             k_n: law.k_n,
             k_t: law.k_t,
             break_length: law.break_length,

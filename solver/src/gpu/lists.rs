@@ -1,7 +1,7 @@
 //! Neighbour lists in main memory, where rows are renumbered, lengthened and looked at: the host's side of
 //! `kernels/lists.wgsl`.
 
-use super::layout::{Count, Pair, TOUCHING, WallPair};
+use super::layout::{Count, IN_CONTACT, Pair, WallPair};
 use crate::engine::scene::Scene;
 
 /// Slots of a row of neighbours at first.
@@ -111,7 +111,7 @@ impl Rows {
         let row = |i: usize| self.pairs(i).iter().map(move |pair| (i, pair));
         (0..self.counts.len())
             .flat_map(row)
-            .filter(|(i, pair)| pair.state & !TOUCHING != 0 && *i < pair.other as usize)
+            .filter(|(i, pair)| pair.state & !IN_CONTACT != 0 && *i < pair.other as usize)
             .map(|(i, pair)| [i, pair.other as usize])
     }
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use wgpu::{BufferUsages, ErrorFilter};
 
 use super::device::Device;
-use crate::engine::NoRoom;
+use crate::engine::OutOfDeviceMemory;
 
 /// Least size of a buffer, in bytes: none is empty, since WGSL wants room for one element at least.
 pub(super) const LEAST_BYTES: u64 = 256;
@@ -40,12 +40,12 @@ impl Memory {
         self.refused.load(Relaxed)
     }
 
-    fn take(&self, bytes: u64) -> Result<(), NoRoom> {
+    fn take(&self, bytes: u64) -> Result<(), OutOfDeviceMemory> {
         let more = |taken: u64| taken.checked_add(bytes).filter(|sum| *sum <= self.allowed);
         let refused = |taken: u64| {
             let allowed = self.allowed;
             self.refused.fetch_add(1, Relaxed);
-            NoRoom(format!(
+            OutOfDeviceMemory(format!(
                 "{bytes} bytes of its memory are needed; {taken} of the {allowed} allowed are taken"
             ))
         };
@@ -83,10 +83,12 @@ pub(super) fn bytes_of<const N: usize>(sizes: [(&str, u64); N]) -> u64 {
 pub(super) fn buffers<const N: usize>(
     device: &Device,
     sizes: [(&str, u64); N],
-) -> Result<[Buffer; N], NoRoom> {
+) -> Result<[Buffer; N], OutOfDeviceMemory> {
     let (needed, limit) = (sizes.iter().map(|(_, bytes)| *bytes).max().unwrap_or(0), device.largest_buffer);
     if needed > limit {
-        return Err(NoRoom(format!("a buffer of {needed} bytes is needed; the device allows {limit}")));
+        return Err(OutOfDeviceMemory(format!(
+            "a buffer of {needed} bytes is needed; the device allows {limit}"
+        )));
     }
     device.memory.take(bytes_of(sizes))?;
     let scope = device.device.push_error_scope(ErrorFilter::OutOfMemory);
@@ -100,7 +102,7 @@ pub(super) fn buffers<const N: usize>(
         memory: device.memory.clone(),
     });
     match pollster::block_on(scope.pop()) {
-        Some(error) => Err(NoRoom(error.to_string())),
+        Some(error) => Err(OutOfDeviceMemory(error.to_string())),
         None => Ok(made),
     }
 }

@@ -38,7 +38,7 @@ use glam::DVec3;
 
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::engine::{Advance, Backend, BackendInfo, NoRoom};
+use crate::engine::{AdvanceReport, Backend, BackendInfo, OutOfDeviceMemory};
 use advance::CHUNK;
 use arena::arena_bytes;
 pub use device::{AdapterName, Device, GpuError, GpuOptions};
@@ -53,7 +53,7 @@ use store::Extent;
 
 /// A graphics adapter that computes. Threads may share one: what they advance at a time becomes one batch.
 ///
-/// Its methods unwind with [`NoRoom`] when a run finds no room: that run is lost, and nothing else. They panic when the device is
+/// Its methods unwind with [`OutOfDeviceMemory`] when a run finds no room: that run is lost, and nothing else. They panic when the device is
 /// lost: it is of no use from then on, nor are its runs.
 #[derive(Debug)]
 pub struct Gpu {
@@ -77,7 +77,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When there is no room for what is copied.
-    pub fn copied_bytes_per_s(&self) -> Result<f64, NoRoom> {
+    pub fn copied_bytes_per_s(&self) -> Result<f64, OutOfDeviceMemory> {
         self.device.copied_bytes_per_s()
     }
 
@@ -111,10 +111,10 @@ impl Backend for Gpu {
 
     fn prepare(&self, scene: &Scene) -> GpuRun {
         let run = Run::new(&self.device, scene, |draft| self.driver.store(draft));
-        GpuRun::new(run.unwrap_or_else(|no_room| unwind(no_room)))
+        GpuRun::new(run.unwrap_or_else(|out_of_memory| unwind(out_of_memory)))
     }
 
-    fn advance(&self, runs: &mut [(&mut GpuRun, u64)]) -> Vec<Advance> {
+    fn advance(&self, runs: &mut [(&mut GpuRun, u64)]) -> Vec<AdvanceReport> {
         self.driver.advance(runs)
     }
 
@@ -162,17 +162,17 @@ pub fn usual_bytes(subparticles: u64, triangles: u64) -> u64 {
 }
 
 /// Leaves a run for which there is no room. No panic: nothing is wrong with the program, and nothing is said on standard error.
-fn unwind(no_room: NoRoom) -> ! {
-    resume_unwind(Box::new(no_room))
+fn unwind(out_of_memory: OutOfDeviceMemory) -> ! {
+    resume_unwind(Box::new(out_of_memory))
 }
 
 /// What a run comes to, or that there was no room for it.
 ///
 /// # Errors
-/// When what runs unwinds with [`NoRoom`].
-pub fn catch_no_room<T>(run: impl FnOnce() -> T) -> Result<T, NoRoom> {
+/// When what runs unwinds with [`OutOfDeviceMemory`].
+pub fn catch_out_of_memory<T>(run: impl FnOnce() -> T) -> Result<T, OutOfDeviceMemory> {
     let other = |payload: Box<dyn Any + Send>| match payload.downcast() {
-        Ok(no_room) => Err(*no_room),
+        Ok(out_of_memory) => Err(*out_of_memory),
         Err(panic) => resume_unwind(panic),
     };
     catch_unwind(AssertUnwindSafe(run)).map_or_else(other, Ok)

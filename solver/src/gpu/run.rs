@@ -10,7 +10,7 @@ use super::store::{Draft, Extent, Part, Store};
 use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
 use crate::cpu::walls::Walls;
-use crate::engine::NoRoom;
+use crate::engine::OutOfDeviceMemory;
 use crate::engine::scene;
 use crate::engine::state::State;
 
@@ -66,8 +66,8 @@ impl Run {
     pub(super) fn new(
         device: &Device,
         scene: &scene::Scene,
-        make: impl FnOnce(Draft) -> Result<Store, NoRoom>,
-    ) -> Result<Self, NoRoom> {
+        make: impl FnOnce(Draft) -> Result<Store, OutOfDeviceMemory>,
+    ) -> Result<Self, OutOfDeviceMemory> {
         let state = State::new(scene);
         let walls = Walls::new(scene, &state.frame);
         let (geometry, rows) = (Geometry::new(&walls), Rows::new(scene, state.particles.len()));
@@ -225,7 +225,7 @@ impl Run {
 fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
     let (radius, laws, frame) = (scene.radius_m as f32, &scene.laws, &state.frame);
     let (skin, limit) = (SKIN_RATIO * radius, scene.speed_limit_m_s as f32);
-    let reach = 2.0 * radius + laws.reach() + skin;
+    let reach = 2.0 * radius + laws.adhesion_range() + skin;
     let cell = (reach / frame.unit_m).ceil() as u32 + 1;
     Scene {
         gravity: scene.gravity.as_vec3().to_array(),
@@ -236,9 +236,9 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
         inverse_unit: 1.0 / frame.unit_m,
         spin_factor: 2.5 / (radius * radius),
         limit2: limit * limit,
-        tissue_reach: laws.tissue.reach(),
+        tissue_reach: laws.tissue.adhesion_range(),
         reach,
-        wall_reach: radius + laws.reach() + skin,
+        wall_reach: radius + laws.adhesion_range() + skin,
         half_skin: skin / 2.0,
         period_y: frame.period_y,
         cell,
@@ -249,7 +249,7 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
     }
 }
 
-/// Most cells of the grid of so many sub-particles.
+/// DampingCap cells of the grid of so many sub-particles.
 pub(super) fn most_cells(particles: u32) -> u32 {
     4 * particles.next_power_of_two().max(1024)
 }

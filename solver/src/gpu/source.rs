@@ -2,7 +2,7 @@
 
 use crate::cpu::walls::{AT_THE_EDGE, SAME, SAME_WAY};
 use crate::gpu::layout;
-use crate::physics::bond::{Form, STRETCH_CLAMP};
+use crate::physics::bond::{BondModel, STRETCH_CLAMP};
 use crate::physics::damping;
 use crate::physics::jkr::{CURVATURE, D_SNAP, X_SNAP};
 
@@ -67,19 +67,22 @@ fn constants() -> String {
         ("SAME_WAY", SAME_WAY),
     ];
     // What dashpots take along n and across it.
-    let pairs =
-        [("NEIGHBOURS", damping::NEIGHBOURS), ("BODIES", damping::BODIES), ("SURFACE", damping::SURFACE)];
+    let pairs = [
+        ("BONDED_CAP", damping::BONDED_CAP),
+        ("BODY_CAP", damping::BODY_CAP),
+        ("SURFACE_CAP", damping::SURFACE_CAP),
+    ];
     let numbers = [
-        ("COROTATED", layout::form(Form::Corotated)),
-        ("AS_PUBLISHED", layout::form(Form::AsPublished)),
-        ("FINITE_EXTENSION", layout::form(Form::FiniteExtension)),
-        ("TOUCHING", layout::TOUCHING),
+        ("COROTATED", layout::bond_model(BondModel::Corotated)),
+        ("AS_PUBLISHED", layout::bond_model(BondModel::AsPublished)),
+        ("FINITE_EXTENSION", layout::bond_model(BondModel::FiniteExtension)),
+        ("IN_CONTACT", layout::IN_CONTACT),
         ("NONE", layout::NONE),
         ("GROUP", super::pipelines::GROUP),
     ];
     let floats = floats.map(|(name, value)| format!("const {name}: f32 = {value:?}f;\n"));
-    let pairs = pairs.map(|(name, most)| {
-        format!("const {name}: vec2<f32> = vec2({:?}f, {:?}f);\n", most.along, most.across)
+    let pairs = pairs.map(|(name, cap)| {
+        format!("const {name}: vec2<f32> = vec2({:?}f, {:?}f);\n", cap.normal, cap.tangential)
     });
     let numbers = numbers.map(|(name, value)| format!("const {name}: u32 = {value}u;\n"));
     floats.concat() + &pairs.concat() + &numbers.concat()

@@ -8,7 +8,7 @@ use super::layout::{Corner, Count, Facet, Node, Own, Pair, Particle, Surface, Wa
 use super::lists::{Rows, Slots};
 use super::memory::{Buffer, buffers};
 use super::walls::Geometry;
-use crate::engine::NoRoom;
+use crate::engine::OutOfDeviceMemory;
 
 /// A buffer of a run; batches have the same, with those of all runs one behind the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,7 +132,7 @@ pub(super) struct Store {
 
 impl Store {
     /// Makes them, or says why the device will not.
-    pub(super) fn new(device: &Device, draft: &Draft) -> Result<Self, NoRoom> {
+    pub(super) fn new(device: &Device, draft: &Draft) -> Result<Self, OutOfDeviceMemory> {
         let Draft { extent, geometry, rows } = draft;
         let buffers = buffers(device, extent.sizes(rows.slots))?;
         let mut store = Self { extent: *extent, slots: rows.slots, buffers };
@@ -186,7 +186,7 @@ impl Store {
     }
 
     /// Lengthens its rows to these slots, unless they have them. It stays as it was where the device has no room.
-    pub(super) fn lengthen(&mut self, device: &Device, slots: Slots) -> Result<(), NoRoom> {
+    pub(super) fn lengthen(&mut self, device: &Device, slots: Slots) -> Result<(), OutOfDeviceMemory> {
         if self.slots == slots {
             return Ok(());
         }

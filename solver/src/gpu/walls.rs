@@ -19,7 +19,7 @@ impl Geometry {
     pub(super) fn new(walls: &Walls) -> Self {
         let mut geometry = Self::default();
         for surface in walls.surfaces() {
-            let (nodes, leaves) = surface.tree.parts();
+            let (nodes, leaves) = surface.bvh.parts();
             let first_node = geometry.nodes.len() as u32;
             geometry.surfaces.push(Surface {
                 law: (&surface.law).into(),
@@ -29,9 +29,9 @@ impl Geometry {
                 first_leaf: geometry.leaves.len() as u32,
             });
             geometry.nodes.extend(nodes.iter().map(|node| Node {
-                low: node.span.low.to_array(),
+                low: node.aabb.low.to_array(),
                 next: node.next,
-                high: node.span.high.to_array(),
+                high: node.aabb.high.to_array(),
                 leaf: 8 * node.first + node.count,
             }));
             geometry.leaves.extend_from_slice(leaves);
@@ -41,11 +41,11 @@ impl Geometry {
             geometry.facets.push(Facet {
                 normal: facet.facet.normal.to_array(),
                 surface: facet.surface as u32,
-                low: facet.span.low.to_array(),
+                low: facet.aabb.low.to_array(),
                 first_triangle: geometry.corners.len() as u32 / 3,
-                high: facet.span.high.to_array(),
+                high: facet.aabb.high.to_array(),
                 triangles: triangles.len() as u32,
-                long: u32::from(facet.facet.is_long()),
+                sliver: u32::from(facet.facet.is_sliver()),
                 ..Facet::default()
             });
             let corner = |at: &Vec3| Corner { at: at.to_array(), room: 0 };

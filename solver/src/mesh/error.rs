@@ -1,6 +1,6 @@
 //! Why a file is no mesh: each reason names what was found.
 
-use super::{LARGEST_M, MOST_TRIANGLES, SMALLEST_M, Units};
+use super::{MAX_SIZE_M, MAX_TRIANGLES, MIN_SIZE_M, Units};
 
 /// Why a file is no mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -54,7 +54,7 @@ pub enum MeshError {
     #[error("the file holds no triangle")]
     NoTriangle,
     /// More than any experiment needs.
-    #[error("the file holds {found} triangles, at most {MOST_TRIANGLES} are taken: export it more coarsely")]
+    #[error("the file holds {found} triangles, at most {MAX_TRIANGLES} are taken: export it more coarsely")]
     TooMany {
         /// Triangles that there are.
         found: usize,
@@ -69,7 +69,7 @@ pub enum MeshError {
     },
     /// So small or large that other units must be meant.
     #[error(
-        "read in {}, the mesh is {:.3e} × {:.3e} × {:.3e} m; its longest side must be from {SMALLEST_M} to {LARGEST_M} m: are the units right?",
+        "read in {}, the mesh is {:.3e} × {:.3e} × {:.3e} m; its longest side must be from {MIN_SIZE_M} to {MAX_SIZE_M} m: are the units right?",
         name(*.units), .size_m[0], .size_m[1], .size_m[2]
     )]
     Size {

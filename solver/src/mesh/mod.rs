@@ -1,13 +1,13 @@
 //! Triangles from CAD files, and the geometry that triangles need.
 //!
 //! [`stl`] reads a file, [`Meshes`] keeps what was read by digest, [`Mesh`] is a file in metres with what there is to
-//! know about it. [`weld`], [`tree`], [`nearest`] and [`winding`] serve all triangles, those of the experiments' own surfaces too.
+//! know about it. [`weld`], [`bvh`], [`nearest`] and [`winding`] serve all triangles, those of the experiments' own surfaces too.
 
+pub mod bvh;
 mod collection;
 mod error;
 pub mod nearest;
 pub mod stl;
-pub mod tree;
 pub mod weld;
 pub mod winding;
 
@@ -21,11 +21,11 @@ pub use error::MeshError;
 use weld::weld;
 
 /// The most triangles that a file may have.
-pub const MOST_TRIANGLES: usize = 200_000;
+pub const MAX_TRIANGLES: usize = 200_000;
 /// The longest side of a mesh's box is at least this, in metres.
-pub const SMALLEST_M: f64 = 1e-3;
+pub const MIN_SIZE_M: f64 = 1e-3;
 /// The longest side of a mesh's box is at most this, in metres.
-pub const LARGEST_M: f64 = 100.0;
+pub const MAX_SIZE_M: f64 = 100.0;
 /// A triangle has no area when twice of it is at most this, in m².
 pub const NO_AREA_M2: f64 = 1e-14;
 
@@ -86,7 +86,7 @@ impl Mesh {
         let low = corners().fold(DVec3::INFINITY, DVec3::min);
         let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
         let size_m = high - low;
-        if !(SMALLEST_M..=LARGEST_M).contains(&size_m.max_element()) {
+        if !(MIN_SIZE_M..=MAX_SIZE_M).contains(&size_m.max_element()) {
             return Err(MeshError::Size { size_m: size_m.to_array(), units });
         }
         let welded = weld(&triangles);

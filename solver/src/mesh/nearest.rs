@@ -50,16 +50,16 @@ nearest! {
 
 nearest! {
     /// As [`nearest_on_triangle`], for long and thin triangles too.
-    nearest_on_long_triangle, DVec3
+    nearest_on_sliver, DVec3
 }
 
 /// How long for its width a triangle may be for [`nearest_on_triangle`].
-const LONG: f32 = 100.0;
+const SLIVER_RATIO: f32 = 100.0;
 
-/// Whether a triangle is so long for its width that it needs [`nearest_on_long_triangle`].
-pub fn is_long(&[a, b, c]: &[Vec3; 3]) -> bool {
+/// Whether a triangle is so long for its width that it needs [`nearest_on_sliver`].
+pub fn is_sliver(&[a, b, c]: &[Vec3; 3]) -> bool {
     let longest2 = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    longest2 > LONG * (b - a).cross(c - a).length()
+    longest2 > SLIVER_RATIO * (b - a).cross(c - a).length()
 }
 
 #[cfg(test)]
@@ -79,11 +79,11 @@ mod tests {
                 [middle - along * 0.15, middle + along * 0.15, middle + along * f(5) * 0.2 + across * width];
             let over = |t: f64| triangle[2] + (triangle[0] - triangle[2]) * 0.9 * t;
             let q = over(f(23) + 0.5) - across * 1e-7;
-            let found = nearest_on_long_triangle(q + up * 0.004, &triangle);
+            let found = nearest_on_sliver(q + up * 0.004, &triangle);
             assert!(found.distance(q) < 1e-12, "{k}: off by {:e}", found.distance(q));
-            assert!(is_long(&triangle.map(|p| p.as_vec3())));
+            assert!(is_sliver(&triangle.map(|p| p.as_vec3())));
         }
-        assert!(!is_long(&[Vec3::ZERO, Vec3::X, Vec3::Y * 0.02]));
+        assert!(!is_sliver(&[Vec3::ZERO, Vec3::X, Vec3::Y * 0.02]));
     }
 
     #[test]

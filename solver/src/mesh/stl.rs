@@ -6,14 +6,14 @@
 
 use glam::DVec3;
 
-use super::{MOST_TRIANGLES, MeshError};
+use super::{MAX_TRIANGLES, MeshError};
 
 /// Bytes before the first triangle of a binary file: 80 of free text, 4 of the number of triangles.
 const HEADER: usize = 84;
 /// Bytes of a triangle: normal and corners as 12 `f32`, and 2 that mean nothing.
 const RECORD: usize = 50;
 /// The most characters of a file that an error repeats.
-const MOST_SHOWN: usize = 40;
+const MAX_QUOTED_CHARS: usize = 40;
 
 /// Length of a binary file of that many triangles, in bytes.
 pub fn binary_length(triangles: u32) -> u64 {
@@ -33,7 +33,7 @@ pub fn read(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshError> {
         Some(triangles) if binary_length(triangles) == found => binary(&bytes[HEADER..])?,
         _ if is_text(bytes) => ascii(bytes)?,
         // A file of another kind announces any number, and most numbers are large.
-        Some(triangles) if triangles as usize <= MOST_TRIANGLES => {
+        Some(triangles) if triangles as usize <= MAX_TRIANGLES => {
             let expected = binary_length(triangles);
             return Err(match found < expected {
                 true => MeshError::Truncated { triangles, expected, found },
@@ -60,7 +60,7 @@ fn le<T>(bytes: &[u8], of: fn([u8; 4]) -> T) -> T {
 
 fn binary(records: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshError> {
     let found = records.len() / RECORD;
-    if found > MOST_TRIANGLES {
+    if found > MAX_TRIANGLES {
         return Err(MeshError::TooMany { found });
     }
     let number = |bytes: &[u8]| f64::from(le(bytes, f32::from_le_bytes));
@@ -77,19 +77,19 @@ fn is_text(bytes: &[u8]) -> bool {
 }
 
 fn ascii(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshError> {
-    let mut words = Words { rest: bytes, line: 1 };
+    let mut words = Tokens { rest: bytes, line: 1 };
     let mut triangles = Vec::new();
     words.expect("`solid`")?;
     words.skip_line();
     loop {
         match words.next() {
-            Some(word) if same(word, "facet") => triangles.push(words.facet()?),
-            Some(word) if same(word, "endsolid") => {
+            Some(word) if is_keyword(word, "facet") => triangles.push(words.facet()?),
+            Some(word) if is_keyword(word, "endsolid") => {
                 words.skip_line();
                 // Another solid may follow.
                 match words.next() {
                     None => break,
-                    Some(word) if same(word, "solid") => words.skip_line(),
+                    Some(word) if is_keyword(word, "solid") => words.skip_line(),
                     other => return Err(words.fault("`solid` or the end of the file", other)),
                 }
             }
@@ -97,23 +97,23 @@ fn ascii(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshError> {
         }
     }
     match triangles.len() {
-        found if found > MOST_TRIANGLES => Err(MeshError::TooMany { found }),
+        found if found > MAX_TRIANGLES => Err(MeshError::TooMany { found }),
         _ => Ok(triangles),
     }
 }
 
 /// Whether a word of the file is this one, in capitals or not.
-fn same(word: &[u8], this: &str) -> bool {
+fn is_keyword(word: &[u8], this: &str) -> bool {
     word.eq_ignore_ascii_case(this.as_bytes())
 }
 
 /// The words of a text, and the lines they stand in.
-struct Words<'a> {
+struct Tokens<'a> {
     rest: &'a [u8],
     line: usize,
 }
 
-impl<'a> Words<'a> {
+impl<'a> Tokens<'a> {
     fn next(&mut self) -> Option<&'a [u8]> {
         let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
         self.line += self.rest[..start].iter().filter(|&&byte| byte == b'\n').count();
@@ -131,7 +131,7 @@ impl<'a> Words<'a> {
 
     fn fault(&self, expected: &'static str, found: Option<&[u8]>) -> MeshError {
         let shown = |word: &[u8]| {
-            let start: String = String::from_utf8_lossy(word).chars().take(MOST_SHOWN).collect();
+            let start: String = String::from_utf8_lossy(word).chars().take(MAX_QUOTED_CHARS).collect();
             format!("`{start}`")
         };
         // A word with nothing behind it, not even the end of its line, was cut off.
@@ -143,7 +143,7 @@ impl<'a> Words<'a> {
     /// Takes the next word, which must be the one in backticks.
     fn expect(&mut self, expected: &'static str) -> Result<(), MeshError> {
         match self.next() {
-            Some(word) if same(word, expected.trim_matches('`')) => Ok(()),
+            Some(word) if is_keyword(word, expected.trim_matches('`')) => Ok(()),
             other => Err(self.fault(expected, other)),
         }
     }

@@ -12,7 +12,7 @@ use glam::DVec3;
 /// Share of the length, at each end, that an end's tangent is the mean over.
 const END_SHARE: f64 = 0.1;
 /// A cross-section of fewer sub-particles than this share of the largest is a tip.
-const SOUND_SHARE: f64 = 0.25;
+const MIN_SECTION_SHARE: f64 = 0.25;
 
 /// Reads how far bodies of one shape are bent.
 #[derive(Clone, Debug)]
@@ -52,14 +52,15 @@ impl BendGauge {
     }
 }
 
-/// What lies between the outermost cross-sections that are at least [`SOUND_SHARE`] of the largest. Thinner ends are chains of
+/// What lies between the outermost cross-sections that are at least [`MIN_SECTION_SHARE`] of the largest. Thinner ends are chains of
 /// single sub-particles, which hinge freely at every bond and tell nothing of the body.
 fn without_tips(mut along: Vec<(usize, f64)>) -> Vec<(usize, f64)> {
     let section = |x: f64| (x * 1e7).round() as i64;
     let mut sizes: BTreeMap<i64, usize> = BTreeMap::new();
     along.iter().for_each(|(_, x)| *sizes.entry(section(*x)).or_default() += 1);
     let largest = sizes.values().copied().max().unwrap_or(0) as f64;
-    let sound = || sizes.iter().filter(|(_, size)| **size as f64 >= SOUND_SHARE * largest).map(|(x, _)| *x);
+    let sound =
+        || sizes.iter().filter(|(_, size)| **size as f64 >= MIN_SECTION_SHARE * largest).map(|(x, _)| *x);
     if let (Some(first), Some(last)) = (sound().min(), sound().max()) {
         along.retain(|(_, x)| (first..=last).contains(&section(*x)));
     }

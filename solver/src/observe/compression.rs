@@ -1,21 +1,21 @@
 //! From the forces on two plates to stress over strain, and the modulus (paper sections 2.3.2 and 3.1, Fig. 6).
 //!
 //! Strain counts from the first contact force: adhesion pulls the plates together at first, and the test begins where the stress
-//! crosses zero upwards for the last time before it is largest. Strains are relative to the lengths at that moment.
+//! crosses zero upwards for the last time before it is peak. Strains are relative to the lengths at that moment.
 
 /// A compression test, sample by sample.
 #[derive(Clone, Debug, Default)]
 pub struct Compression {
-    samples: Vec<Pressed>,
-    /// The sample with the largest stress, and the last before it that was not pressed.
-    largest: Option<(usize, usize)>,
+    samples: Vec<CompressionSample>,
+    /// The sample with the peak stress, and the last before it that was not pressed.
+    peak: Option<(usize, usize)>,
     /// The last sample that was not pressed.
-    free: usize,
+    last_unloaded: usize,
 }
 
 /// One sample of a compression test.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pressed {
+pub struct CompressionSample {
     /// Force that presses, over the area, in pascal; negative where the plates pull.
     pub stress_pa: f64,
     /// Distance of the plates, in metres.
@@ -24,7 +24,7 @@ pub struct Pressed {
     pub gauge_m: f64,
 }
 
-impl Pressed {
+impl CompressionSample {
     fn lerp(&self, to: &Self, share: f64) -> Self {
         let mix = |a: f64, b: f64| a + share * (b - a);
         Self {
@@ -37,7 +37,7 @@ impl Pressed {
 
 /// A point of the curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Point {
+pub struct StressStrain {
     /// Stress, in pascal.
     pub stress_pa: f64,
     /// Strain by the distance of the plates.
@@ -48,22 +48,22 @@ pub struct Point {
 
 impl Compression {
     /// Takes in a sample.
-    pub fn note(&mut self, sample: Pressed) {
+    pub fn record(&mut self, sample: CompressionSample) {
         let k = self.samples.len();
         self.samples.push(sample);
         if sample.stress_pa <= 0.0 {
-            self.free = k;
-        } else if self.largest.is_none_or(|(most, _)| sample.stress_pa > self.samples[most].stress_pa) {
-            self.largest = Some((k, self.free));
+            self.last_unloaded = k;
+        } else if self.peak.is_none_or(|(most, _)| sample.stress_pa > self.samples[most].stress_pa) {
+            self.peak = Some((k, self.last_unloaded));
         }
     }
 
     /// Where the stress crossed zero: the sample before, and the moment itself, read as straight between samples.
-    fn first_contact(&self) -> Option<(usize, Pressed)> {
-        let (_, free) = self.largest?;
-        let (before, after) = (self.samples[free], self.samples.get(free + 1)?);
+    fn first_contact(&self) -> Option<(usize, CompressionSample)> {
+        let (_, last_unloaded) = self.peak?;
+        let (before, after) = (self.samples[last_unloaded], self.samples.get(last_unloaded + 1)?);
         let share = -before.stress_pa / (after.stress_pa - before.stress_pa);
-        Some((free, before.lerp(after, share.clamp(0.0, 1.0))))
+        Some((last_unloaded, before.lerp(after, share.clamp(0.0, 1.0))))
     }
 
     /// Strain by the distance of the plates at the last sample; none before the first contact force.
@@ -73,15 +73,15 @@ impl Compression {
     }
 
     /// The curve, from the first contact force on.
-    pub fn curve(&self) -> Vec<Point> {
-        let Some((free, start)) = self.first_contact() else { return Vec::new() };
+    pub fn curve(&self) -> Vec<StressStrain> {
+        let Some((last_unloaded, start)) = self.first_contact() else { return Vec::new() };
         let strain = |now: f64, before: f64| if before > 0.0 { 1.0 - now / before } else { 0.0 };
-        let point = |sample: &Pressed| Point {
+        let point = |sample: &CompressionSample| StressStrain {
             stress_pa: sample.stress_pa,
             strain: strain(sample.height_m, start.height_m),
             gauge_strain: strain(sample.gauge_m, start.gauge_m),
         };
-        std::iter::once(&start).chain(&self.samples[free + 1..]).map(point).collect()
+        std::iter::once(&start).chain(&self.samples[last_unloaded + 1..]).map(point).collect()
     }
 }
 
@@ -101,14 +101,14 @@ mod tests {
     use super::*;
 
     /// A linear spring of 5 kPa between plates that adhere with 20 Pa, under a contact compliance of half its own.
-    fn spring(height_m: f64) -> Pressed {
+    fn spring(height_m: f64) -> CompressionSample {
         let stress_pa = 5000.0 * (1.0 - height_m / 0.04) / 1.5 - 20.0;
-        Pressed { stress_pa, height_m, gauge_m: 0.03 * (1.0 - stress_pa / 5000.0) }
+        CompressionSample { stress_pa, height_m, gauge_m: 0.03 * (1.0 - stress_pa / 5000.0) }
     }
 
     fn pressed(from_m: f64, step_m: f64, count: usize) -> Compression {
         let mut compression = Compression::default();
-        (0..count).for_each(|k| compression.note(spring(from_m - step_m * k as f64)));
+        (0..count).for_each(|k| compression.record(spring(from_m - step_m * k as f64)));
         compression
     }
 
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn the_modulus_of_a_spring_is_its_own() {
         let curve = pressed(0.041, 7e-5, 60).curve();
-        let by = |strain: fn(&Point) -> f64| {
+        let by = |strain: fn(&StressStrain) -> f64| {
             modulus_pa(curve.iter().map(|p| (strain(p), p.stress_pa)), 0.0, 0.03).unwrap()
         };
         assert!((by(|p| p.gauge_strain) - 5000.0).abs() < 1e-6);
@@ -152,8 +152,8 @@ mod tests {
     fn a_failure_after_the_largest_stress_does_not_start_the_test_anew() {
         let mut compression = pressed(0.041, 7e-5, 60);
         let before = compression.curve();
-        compression.note(Pressed { stress_pa: -3.0, ..spring(0.036) });
-        compression.note(Pressed { stress_pa: 4.0, ..spring(0.036) });
+        compression.record(CompressionSample { stress_pa: -3.0, ..spring(0.036) });
+        compression.record(CompressionSample { stress_pa: 4.0, ..spring(0.036) });
         assert_eq!(compression.curve()[..before.len()], before[..]);
     }
 
@@ -161,7 +161,7 @@ mod tests {
     fn what_was_never_pressed_has_no_curve() {
         let mut compression = Compression::default();
         assert!(compression.curve().is_empty() && compression.strain().is_none());
-        compression.note(spring(0.05));
+        compression.record(spring(0.05));
         assert!(compression.curve().is_empty() && compression.strain().is_none());
     }
 }

@@ -11,19 +11,19 @@ use super::regime::{self, Regime, SPILL_S, WINDOW_S};
 use crate::result::EndReason;
 
 /// Judged by the paper at this belt time, in seconds; also the least that a regime can be told from.
-const JUDGED_S: f64 = 4.0;
+const EVALUATION_TIME_S: f64 = 4.0;
 
 /// The share out until which rates are looked at.
-const FLOWING: f64 = 0.8;
+const FLOW_SHARE: f64 = 0.8;
 
 /// The share out at which a hopper counts as emptied: the last fillets straddle the gate.
-const MOSTLY_OUT: f64 = 0.95;
+const EMPTIED_SHARE: f64 = 0.95;
 
 /// A mean rate is taken over at least this long, in seconds.
-const SHORTEST_MEAN_S: f64 = 0.1;
+const MIN_MEAN_S: f64 = 0.1;
 
 /// A `rate_variation` under this is called steady.
-const STEADY: f64 = 0.2;
+const MAX_STEADY_VARIATION: f64 = 0.2;
 
 /// A discharge as it was sampled, and what it is held against.
 #[derive(Clone, Copy, Debug)]
@@ -115,25 +115,27 @@ impl Discharge<'_> {
         let lowest_rate_ratio =
             (capacity > 0.0 && until > 0.0).then(|| regime::lowest_rate(&curve, until) / capacity);
         let rate_variation = regime::variation(&curve, until);
-        let linearity_until = until.min(JUDGED_S);
+        let linearity_until = until.min(EVALUATION_TIME_S);
         DischargeResponses {
             filled_kg: self.filled_kg,
             discharged_kg: curve.final_mass(),
-            discharged_kg_at_4s: self.known_at(&curve, JUDGED_S).then(|| curve.at(JUDGED_S)),
-            time_to_95_percent_s: out(MOSTLY_OUT),
+            discharged_kg_at_4s: self
+                .known_at(&curve, EVALUATION_TIME_S)
+                .then(|| curve.at(EVALUATION_TIME_S)),
+            time_to_95_percent_s: out(EMPTIED_SHARE),
             time_to_99_percent_s: out(0.99),
-            effective_throughput_kg_s: out(MOSTLY_OUT)
+            effective_throughput_kg_s: out(EMPTIED_SHARE)
                 .filter(|t| *t > 0.0)
-                .map(|t| MOSTLY_OUT * self.filled_kg / t),
-            mean_rate_kg_s: (until - SPILL_S >= SHORTEST_MEAN_S).then(|| curve.mean_rate(SPILL_S, until)),
+                .map(|t| EMPTIED_SHARE * self.filled_kg / t),
+            mean_rate_kg_s: (until - SPILL_S >= MIN_MEAN_S).then(|| curve.mean_rate(SPILL_S, until)),
             peak_rate_kg_s: self.peak_rate(&curve),
             rate_variation,
-            steady: rate_variation.map(|variation| variation < STEADY),
+            steady: rate_variation.map(|variation| variation < MAX_STEADY_VARIATION),
             longest_stoppage_s: (capacity > 0.0)
                 .then(|| regime::longest_stoppage(&curve, until, capacity))
                 .flatten(),
             regime: (capacity > 0.0).then(|| match lowest_rate_ratio {
-                Some(ratio) if self.judged(&curve, out(FLOWING).is_some()) => Regime::of(ratio),
+                Some(ratio) if self.judged(&curve, out(FLOW_SHARE).is_some()) => Regime::of(ratio),
                 _ => Regime::TooShort,
             }),
             belt_capacity_kg_s: capacity,
@@ -151,7 +153,7 @@ impl Discharge<'_> {
     /// When there are not as many masses as times.
     pub fn flowing_until_s(&self) -> f64 {
         let curve = Curve::new(self.t_s, self.mass_kg);
-        self.time_of(&curve, FLOWING).unwrap_or(curve.end())
+        self.time_of(&curve, FLOW_SHARE).unwrap_or(curve.end())
     }
 
     /// When a share of the filled mass was out, if it was.
@@ -173,7 +175,7 @@ impl Discharge<'_> {
     /// Whether the run shows enough to tell a regime: 80 % out, an empty or a jammed hopper, or 4 s of belt.
     fn judged(&self, curve: &Curve<'_>, flowed_out: bool) -> bool {
         let ended = matches!(self.end_reason, EndReason::Empty | EndReason::Jammed);
-        flowed_out || ended || reached(curve, JUDGED_S)
+        flowed_out || ended || reached(curve, EVALUATION_TIME_S)
     }
 }
 

@@ -14,10 +14,10 @@ mod sliding;
 mod tests;
 
 pub use bend::BendGauge;
-pub use compression::{Compression, Point, Pressed, modulus_pa};
+pub use compression::{Compression, CompressionSample, StressStrain, modulus_pa};
 pub use curve::{RATE_WINDOW_S, mass_rate};
 pub use discharge::{Discharge, DischargeResponses};
 pub use regime::Regime;
-pub use rest::{REST_FOR_S, Rest};
-pub use settle::{SETTLED_SHARE, Settling};
-pub use sliding::{FAST_M_S, SLOW_M_S, Sliding};
+pub use rest::{REST_DURATION_S, RestDetector};
+pub use settle::{SETTLED_SHARE, SettlingTimer};
+pub use sliding::{FAST_M_S, SLOW_M_S, SlidingDetector};

@@ -1,25 +1,25 @@
-//! Rest: when hardly anything has moved for a while.
+//! RestDetector: when hardly anything has moved for a while.
 //!
 //! Decided by a count of sub-particles at fixed sample times, free of the order of summation, so that every backend decides
 //! alike. The greatest speed alone will not do: where fillets were driven into each other, single sub-particles
 //! go on trembling, since a stretched bond has no damping.
 
 /// What rests has been slow for this long, in seconds.
-pub const REST_FOR_S: f64 = 0.1;
+pub const REST_DURATION_S: f64 = 0.1;
 /// Sub-particles that may still move at rest: one in this many.
-const ONE_MAY_MOVE_IN: usize = 1000;
+const MAX_MOVING_ONE_IN: usize = 1000;
 
 /// Since when all but a few sub-particles have been slow, as samples tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Rest {
+pub struct RestDetector {
     since_s: Option<f64>,
     now_s: f64,
 }
 
-impl Rest {
+impl RestDetector {
     /// Takes in a sample: `moving` of `count` sub-particles are faster than what counts as rest.
-    pub fn note(&mut self, now_s: f64, moving: usize, count: usize) {
-        let slow = moving <= count / ONE_MAY_MOVE_IN;
+    pub fn record(&mut self, now_s: f64, moving: usize, count: usize) {
+        let slow = moving <= count / MAX_MOVING_ONE_IN;
         self.since_s = slow.then(|| self.since_s.unwrap_or(now_s));
         self.now_s = now_s;
     }
@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn rest_is_slowness_that_lasts() {
-        let mut rest = Rest::default();
+        let mut rest = RestDetector::default();
         for (now, moving, since) in [
             (0.0, 0, None),
             (0.05, 0, None),
@@ -48,7 +48,7 @@ mod tests {
             (0.3, 0, Some(0.2)),
             (0.35, 0, Some(0.2)),
         ] {
-            rest.note(now, moving, 2999);
+            rest.record(now, moving, 2999);
             assert_eq!(rest.since_s(0.1), since, "at {now} s");
         }
         assert_eq!(rest.since_s(0.16), None);

@@ -6,7 +6,7 @@ pub const SETTLED_SHARE: f64 = 0.01;
 
 /// A body's kinetic energy, watched from its first contact on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settling {
+pub struct SettlingTimer {
     contact_s: f64,
     threshold_j: f64,
     /// The last sample that was not under the threshold.
@@ -14,7 +14,7 @@ pub struct Settling {
     settled_s: Option<f64>,
 }
 
-impl Settling {
+impl SettlingTimer {
     /// A body that first touches at `contact_s` seconds, with `energy_j` joule of kinetic energy.
     pub fn new(contact_s: f64, energy_j: f64) -> Self {
         Self { contact_s, threshold_j: SETTLED_SHARE * energy_j, above: None, settled_s: None }
@@ -22,7 +22,7 @@ impl Settling {
 
     /// Takes in a sample: kinetic energy at a time, both rising from sample to sample. What comes before the contact is
     /// passed over.
-    pub fn note(&mut self, now_s: f64, energy_j: f64) {
+    pub fn record(&mut self, now_s: f64, energy_j: f64) {
         if now_s < self.contact_s {
             return;
         }
@@ -52,10 +52,10 @@ mod tests {
     fn an_exponential_settles_after_ln_100_of_its_times() {
         // E = 3 J exp(−t/τ) from 0.05 s on.
         let tau = 0.04;
-        let mut settling = Settling::new(0.05, 3.0);
+        let mut settling = SettlingTimer::new(0.05, 3.0);
         for k in 0..400 {
             let t = 0.001 * f64::from(k);
-            settling.note(t, 3.0 * (-(t - 0.05f64).max(0.0) / tau).exp());
+            settling.record(t, 3.0 * (-(t - 0.05f64).max(0.0) / tau).exp());
         }
         let expected = tau * 100f64.ln();
         assert!((settling.time_s().unwrap() - expected).abs() < 1e-5, "{settling:?}");
@@ -63,25 +63,25 @@ mod tests {
 
     #[test]
     fn what_rises_again_has_not_settled_before() {
-        let mut settling = Settling::new(0.0, 1.0);
+        let mut settling = SettlingTimer::new(0.0, 1.0);
         for (t, energy) in [(0.0, 1.0), (0.1, 0.001), (0.2, 0.5)] {
-            settling.note(t, energy);
+            settling.record(t, energy);
         }
         assert_eq!(settling.time_s(), None);
-        settling.note(0.3, 0.005);
+        settling.record(0.3, 0.005);
         let expected = 0.2 + 0.1 * 0.49 / 0.495;
         assert!((settling.time_s().unwrap() - expected).abs() < 1e-12, "{settling:?}");
-        settling.note(0.4, 0.0);
+        settling.record(0.4, 0.0);
         assert!((settling.time_s().unwrap() - expected).abs() < 1e-12, "the first time counts");
     }
 
     #[test]
     fn what_lies_still_before_it_is_touched_has_not_settled() {
-        let mut settling = Settling::new(0.15, 1.0);
-        settling.note(0.1, 0.0);
+        let mut settling = SettlingTimer::new(0.15, 1.0);
+        settling.record(0.1, 0.0);
         assert_eq!(settling.time_s(), None);
-        let mut nothing = Settling::new(0.0, 0.0);
-        nothing.note(0.0, 0.0);
+        let mut nothing = SettlingTimer::new(0.0, 0.0);
+        nothing.record(0.0, 0.0);
         assert_eq!(nothing.time_s(), None, "nothing to lose is never lost");
     }
 }

@@ -10,11 +10,11 @@ pub const SLOW_M_S: f64 = 0.01;
 /// What is faster than this slides, in m/s.
 pub const FAST_M_S: f64 = 4.0 * SLOW_M_S;
 /// What has been sliding for this long will not come to rest on a plate that is tilted on and on, in seconds.
-const CERTAIN_AFTER_S: f64 = 0.25;
+const CONFIRM_AFTER_S: f64 = 0.25;
 
 /// A body's speed down the slope, watched while the plate is tilted.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Sliding {
+pub struct SlidingDetector {
     /// Time and speed of the last sample.
     last: Option<(f64, f64)>,
     /// When the two speeds were passed, for good so far, in seconds.
@@ -22,9 +22,9 @@ pub struct Sliding {
     fast_s: Option<f64>,
 }
 
-impl Sliding {
+impl SlidingDetector {
     /// Takes in a sample: the speed down the slope, against the plate, in m/s.
-    pub fn note(&mut self, now_s: f64, speed_m_s: f64) {
+    pub fn record(&mut self, now_s: f64, speed_m_s: f64) {
         // Read as straight between samples.
         let passed_s = |speed: f64| match self.last {
             Some((t, v)) if v < speed => t + (now_s - t) * (speed - v) / (speed_m_s - v),
@@ -47,9 +47,9 @@ impl Sliding {
     }
 
     /// Whether it has been sliding for long enough.
-    pub fn is_certain(&self) -> bool {
+    pub fn is_confirmed(&self) -> bool {
         let since = |(now_s, _): (f64, f64)| Some(now_s - self.fast_s?);
-        self.last.and_then(since).is_some_and(|since| since >= CERTAIN_AFTER_S)
+        self.last.and_then(since).is_some_and(|since| since >= CONFIRM_AFTER_S)
     }
 }
 
@@ -62,14 +62,14 @@ mod tests {
     /// Tilt in degrees at which a block with these coefficients of static and sliding friction is seen to begin to slide, on a plate tilted at a rate in
     /// degrees a second; its motion step by step, samples every 20 ms.
     fn found_deg(rate_deg_s: f64, holds: f64, slides: f64) -> Option<f64> {
-        let (dt, mut v, mut sliding) = (1e-4, 0.0f64, Sliding::default());
+        let (dt, mut v, mut sliding) = (1e-4, 0.0f64, SlidingDetector::default());
         for k in 0..(89.0 / rate_deg_s / dt) as u64 {
             let t = k as f64 * dt;
             let (sin, cos) = (rate_deg_s * t).to_radians().sin_cos();
             if k % 200 == 0 {
-                sliding.note(t, v);
+                sliding.record(t, v);
             }
-            if sliding.is_certain() {
+            if sliding.is_confirmed() {
                 break;
             }
             let moves = v > 0.0 || sin > holds * cos;
@@ -98,34 +98,34 @@ mod tests {
 
     #[test]
     fn what_comes_to_rest_again_has_not_slid() {
-        let mut sliding = Sliding::default();
+        let mut sliding = SlidingDetector::default();
         for (t, v) in [(0.0, 0.0), (1.0, 0.05), (1.2, 0.06), (1.4, 0.0), (1.6, 0.009)] {
-            sliding.note(t, v);
+            sliding.record(t, v);
         }
         assert_eq!(sliding.onset_s(), None);
-        assert!(!sliding.is_certain());
+        assert!(!sliding.is_confirmed());
         // Then for good: 1 cm/s at 2.0, 4 cm/s at 2.2.
         for (t, v) in [(2.0, 0.01), (2.2, 0.04), (2.4, 0.09)] {
-            sliding.note(t, v);
+            sliding.record(t, v);
         }
         assert!((sliding.onset_s().unwrap() - 1.8).abs() < 1e-12);
-        assert!(!sliding.is_certain());
-        sliding.note(2.46, 0.1);
-        assert!(sliding.is_certain());
+        assert!(!sliding.is_confirmed());
+        sliding.record(2.46, 0.1);
+        assert!(sliding.is_confirmed());
     }
 
     #[test]
     fn creep_is_no_sliding() {
-        let mut sliding = Sliding::default();
-        (0..100).for_each(|k| sliding.note(0.1 * f64::from(k), 0.03));
+        let mut sliding = SlidingDetector::default();
+        (0..100).for_each(|k| sliding.record(0.1 * f64::from(k), 0.03));
         assert_eq!(sliding.onset_s(), None);
     }
 
     #[test]
     fn what_slides_from_the_start_slides_at_0() {
-        let mut sliding = Sliding::default();
-        let _ = [(0.0, 0.02), (0.1, 0.06), (0.5, 0.4)].map(|(t, v)| sliding.note(t, v));
+        let mut sliding = SlidingDetector::default();
+        let _ = [(0.0, 0.02), (0.1, 0.06), (0.5, 0.4)].map(|(t, v)| sliding.record(t, v));
         assert_eq!(sliding.onset_s(), Some(0.0));
-        assert!(sliding.is_certain());
+        assert!(sliding.is_confirmed());
     }
 }

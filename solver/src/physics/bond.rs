@@ -11,18 +11,18 @@
 //!
 //! *corotated*: the normal force from the length, free of drift; the shear force turns with the bond and
 //! with the pair's mean spin about n, keeping its magnitude. *as_published*: one raw vector accumulated in
-//! the global frame and never turned, which can gain energy without bound. *finite_extension*: corotated,
+//! the global frame and never rotated_history, which can gain energy without bound. *finite_extension*: corotated,
 //! and a stretched bond stiffens as F_n = k_n e / (1 − (e/e_max)²), e = L − 2R, towards its breaking length.
 //! No bending or twisting moments ("torque feedback disabled"), but the shear force's own moment
 //! (n L/2) × F_t acts on both: without it energy grows and the fillet explodes.
 
 use glam::Vec3;
 
-use super::friction::turned;
+use super::friction::rotated_history;
 
 /// How the bond force is formed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub enum BondModel {
     /// Total normal force, shear force that turns with the bond.
     Corotated,
     /// One vector accumulated in the global frame.
@@ -38,7 +38,7 @@ pub const STRETCH_CLAMP: f32 = 0.97;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BondLaw {
     /// Formulation.
-    pub form: Form,
+    pub model: BondModel,
     /// k_n, in N/m.
     pub k_n: f32,
     /// k_t, in N/m.
@@ -56,7 +56,7 @@ impl BondLaw {
     pub fn stretched_k_n(&self) -> f64 {
         let c2 = f64::from(STRETCH_CLAMP * STRETCH_CLAMP);
         let stiffening =
-            if self.form == Form::FiniteExtension { (1.0 + c2) / (1.0 - c2).powi(2) } else { 1.0 };
+            if self.model == BondModel::FiniteExtension { (1.0 + c2) / (1.0 - c2).powi(2) } else { 1.0 };
         stiffening * f64::from(self.k_n)
     }
 }
@@ -74,7 +74,7 @@ pub struct BondForce {
 /// or the length of the lattice diagonal that the bond spans, in metres.
 pub fn normal(law: &BondLaw, rest_length: f32, length: f32) -> f32 {
     let e = length - rest_length;
-    if law.form == Form::FiniteExtension && e > 0.0 {
+    if law.model == BondModel::FiniteExtension && e > 0.0 {
         let ratio = (e / (law.break_length - rest_length)).min(STRETCH_CLAMP);
         law.k_n * e / (1.0 - ratio * ratio)
     } else {
@@ -100,12 +100,12 @@ pub fn force(
     }
     let v_n = v.dot(n);
     let v_t = v - n * v_n;
-    let (pull, shear, total) = if law.form == Form::AsPublished {
+    let (pull, shear, total) = if law.model == BondModel::AsPublished {
         *stored += (n * (law.k_n * v_n) + v_t * law.k_t) * dt;
         let pull = stored.dot(n);
         (pull, *stored - n * pull, *stored)
     } else {
-        *stored = turned(*stored, n, spin.dot(n) * dt) + v_t * (law.k_t * dt);
+        *stored = rotated_history(*stored, n, spin.dot(n) * dt) + v_t * (law.k_t * dt);
         let pull = normal(law, rest_length, length);
         (pull, *stored, n * pull + *stored)
     };

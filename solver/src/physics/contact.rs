@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::damping::{self, Most};
+use super::damping::{self, DampingCap};
 use super::hertz::Moduli;
 use super::jkr::{GAMMA_MIN, JkrScale};
 use super::{friction, hertz, jkr};
@@ -41,18 +41,18 @@ impl ContactLaw {
     }
 
     /// How far apart (in metres, ≥ 0) a contact that has formed still holds.
-    pub fn reach(&self) -> f32 {
+    pub fn adhesion_range(&self) -> f32 {
         self.jkr.map_or(0.0, |scale| -scale.snap_overlap)
     }
 }
 
 /// What a contact remembers from step to step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ContactMemory {
+pub struct ContactHistory {
     /// Whether the surfaces hold each other.
-    pub touching: bool,
+    pub in_contact: bool,
     /// Tangential displacement ξ, in metres.
-    pub slide: Vec3,
+    pub xi: Vec3,
 }
 
 /// The force of a contact on i, in newton.
@@ -70,24 +70,24 @@ pub struct ContactForce {
 #[expect(clippy::too_many_arguments, reason = "the quantities of the equations, in their order")]
 pub fn force(
     law: &ContactLaw,
-    memory: &mut ContactMemory,
+    history: &mut ContactHistory,
     n: Vec3,
     delta: f32,
     v: Vec3,
     spin: Vec3,
     m_star: f32,
-    most: Most,
+    cap: DampingCap,
     dt: f32,
 ) -> Option<ContactForce> {
     let holds = match law.jkr {
-        Some(scale) if memory.touching => delta >= scale.snap_overlap,
+        Some(scale) if history.in_contact => delta >= scale.snap_overlap,
         _ => delta >= 0.0,
     };
     if !holds {
-        *memory = ContactMemory::default();
+        *history = ContactHistory::default();
         return None;
     }
-    memory.touching = true;
+    history.in_contact = true;
     let (elastic, a) = match &law.jkr {
         Some(scale) => jkr::force(scale, delta),
         None => hertz::force(law.e_star, law.r_star, delta),
@@ -96,12 +96,12 @@ pub fn force(
     let k_t = 8.0 * law.g_star * a;
     let v_n = v.dot(n);
     let v_t = v - n * v_n;
-    let total = elastic + damping::constant(law.damping, k_n, m_star, most.along, dt) * v_n;
+    let total = elastic + damping::constant(law.damping, k_n, m_star, cap.normal, dt) * v_n;
     // At δ = 0 without adhesion the contact has no area and nothing to hold on to.
     let tangential = if a > 0.0 {
-        let eta_t = damping::constant(law.damping, k_t, m_star, most.across, dt);
-        memory.slide = friction::turned(memory.slide, n, spin.dot(n) * dt) + v_t * dt;
-        friction::force(&mut memory.slide, v_t, k_t, eta_t, law.mu * total.max(0.0))
+        let eta_t = damping::constant(law.damping, k_t, m_star, cap.tangential, dt);
+        history.xi = friction::rotated_history(history.xi, n, spin.dot(n) * dt) + v_t * dt;
+        friction::force(&mut history.xi, v_t, k_t, eta_t, law.mu * total.max(0.0))
     } else {
         Vec3::ZERO
     };

@@ -21,32 +21,32 @@
 //! | b | – | how easily the two give way, in units of 1/m* |
 
 /// b across n.
-const GIVES_WAY_ACROSS: f32 = 3.5;
+const TANGENTIAL_COMPLIANCE: f32 = 3.5;
 
 /// The most that a dashpot takes of a motion in one step, as a share over b.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Most {
+pub struct DampingCap {
     /// λ along n.
-    pub along: f32,
+    pub normal: f32,
     /// λ/b across n.
-    pub across: f32,
+    pub tangential: f32,
 }
 
-impl Most {
+impl DampingCap {
     /// Of shares along n and across it.
-    const fn of(along: f32, across: f32) -> Self {
-        Self { along, across: across / GIVES_WAY_ACROSS }
+    const fn new(normal: f32, tangential: f32) -> Self {
+        Self { normal, tangential: tangential / TANGENTIAL_COMPLIANCE }
     }
 }
 
 /// Between neighbours that a bond joins: one on either side.
-pub const NEIGHBOURS: Most = Most::of(0.4, 0.2);
+pub const BONDED_CAP: DampingCap = DampingCap::new(0.4, 0.2);
 
 /// Between sub-particles of different bodies: a dozen of them may hold one that neighbours hold already, and each takes its spin as well.
-pub const BODIES: Most = Most::of(0.25, 0.1);
+pub const BODY_CAP: DampingCap = DampingCap::new(0.25, 0.1);
 
 /// Against equipment, mostly on one side.
-pub const SURFACE: Most = Most::of(0.75, 0.2);
+pub const SURFACE_CAP: DampingCap = DampingCap::new(0.75, 0.2);
 
 /// The factor 2√(5/6) |β| for a coefficient of restitution.
 pub fn factor(restitution: f64) -> f64 {
@@ -54,7 +54,7 @@ pub fn factor(restitution: f64) -> f64 {
     2.0 * (5.0f64 / 6.0).sqrt() * (ln / (ln * ln + std::f64::consts::PI.powi(2)).sqrt()).abs()
 }
 
-/// The dashpot constant η, in kg/s, as a step of `dt` seconds takes it; `most` is λ/b, of [`Most`].
-pub fn constant(factor: f32, stiffness: f32, m_star: f32, most: f32, dt: f32) -> f32 {
-    (factor * (stiffness * m_star).sqrt()).min(most * m_star / dt)
+/// The dashpot constant η, in kg/s, as a step of `dt` seconds takes it; `most` is λ/b, of [`DampingCap`].
+pub fn constant(factor: f32, stiffness: f32, m_star: f32, cap: f32, dt: f32) -> f32 {
+    (factor * (stiffness * m_star).sqrt()).min(cap * m_star / dt)
 }

@@ -17,9 +17,9 @@
 
 use glam::Vec3;
 
-/// What is remembered across a contact or a bond, a step later: `v`, turned about the unit vector `n` by the small angle `twist` in
+/// What is remembered across a contact or a bond, a step later: `v`, rotated_history about the unit vector `n` by the small angle `twist` in
 /// radians and into the plane across `n`, as long as it was.
-pub fn turned(v: Vec3, n: Vec3, twist: f32) -> Vec3 {
+pub fn rotated_history(v: Vec3, n: Vec3, twist: f32) -> Vec3 {
     let twisted = v + n.cross(v) * twist;
     let flat = twisted - n * twisted.dot(n);
     let before = v.dot(v);
@@ -28,14 +28,14 @@ pub fn turned(v: Vec3, n: Vec3, twist: f32) -> Vec3 {
     if after <= 1e-30 { flat } else { flat * (before / after).sqrt() }
 }
 
-/// The force on i, in newton. Where it slips, `slide`, which is ξ, is cut to what the cap holds.
-pub fn force(slide: &mut Vec3, v_t: Vec3, k_t: f32, eta_t: f32, cap: f32) -> Vec3 {
-    let trial = -(*slide * k_t) - v_t * eta_t;
+/// The force on i, in newton. Where it slips, `xi`, which is ξ, is cut to what the cap holds.
+pub fn force(xi: &mut Vec3, v_t: Vec3, k_t: f32, eta_t: f32, cap: f32) -> Vec3 {
+    let trial = -(*xi * k_t) - v_t * eta_t;
     let size2 = trial.dot(trial);
     if size2 <= cap * cap {
         return trial;
     }
     let force = trial * (cap / size2.sqrt());
-    *slide = -(force + v_t * eta_t) / k_t;
+    *xi = -(force + v_t * eta_t) / k_t;
     force
 }

@@ -24,8 +24,9 @@
 //! | I | kg m² | its moment of inertia, 2/5 m R² |
 //! | c | kg/s | the η of the contacts that act in the mode, summed as the K are |
 
-use super::damping::{self, BODIES, NEIGHBOURS};
-use crate::engine::scene::Laws;
+use super::bond::BondLaw;
+use super::contact::ContactLaw;
+use super::damping::{self, BODY_CAP, BONDED_CAP};
 
 /// Overlap at which contact stiffness is taken, as a share of R: that of sub-particles deep in a fillet that others press on. With
 /// steps for the usual overlap of neighbours, a few hundredths, single sub-particles keep trembling and the bed never comes to rest.
@@ -34,7 +35,7 @@ pub const REFERENCE_OVERLAP: f64 = 1.0;
 /// Contacts with other bodies that a lattice point in a bed is held by, over those with its neighbours: what they add in stiffness.
 /// Found from the eigenvalues of whole beds (`tests/pressed.rs`) and not derived: it stands for their dashpots as well, which the
 /// overlap taken, as deep on all sides as it is on few, makes up for.
-pub const PRESSED: f64 = 0.75;
+pub const BED_STIFFNESS: f64 = 0.75;
 
 /// The most that `"auto"` takes of the damped limit: it decides where bonds are so stiff that contact hardly counts.
 pub const SAFETY: f64 = 0.9;
@@ -53,33 +54,40 @@ pub struct Stability {
 }
 
 /// The bounds for sub-particles of `mass` in kg and `radius` in m; `diagonals` tells whether face diagonals bond.
-pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stability {
-    let (law, bond) = (&laws.tissue, &laws.bond);
-    let a = (f64::from(law.r_star) * REFERENCE_OVERLAP * radius).sqrt();
-    let (along, across) = (2.0 * f64::from(law.e_star) * a, 8.0 * f64::from(law.g_star) * a);
+pub fn stability(
+    mass: f64,
+    radius: f64,
+    contact: &ContactLaw,
+    bond: &BondLaw,
+    contact_between_bonded: bool,
+    diagonals: bool,
+) -> Stability {
+    let a = (f64::from(contact.r_star) * REFERENCE_OVERLAP * radius).sqrt();
+    let (contact_n, contact_t) = (2.0 * f64::from(contact.e_star) * a, 8.0 * f64::from(contact.g_star) * a);
     // Without contact in bonds it is other bodies alone that a pressed sub-particle touches.
-    let most = if laws.contact_between_bonded { NEIGHBOURS } else { BODIES };
+    let cap = if contact_between_bonded { BONDED_CAP } else { BODY_CAP };
     let (k_n, k_t) = (f64::from(bond.k_n), f64::from(bond.k_t));
     let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
     let diagonal = 8.0 * (diagonal_n + 2.0 * diagonal_t);
     // With as many contacts on each side of a lattice point.
-    let apart = |contacts: f64| 4.0 * (k_n + 2.0 * k_t + contacts * (along + 2.0 * across)) + diagonal;
-    let alike = |contacts: f64| 20.0 * (k_t + contacts * across) + 80.0 * diagonal_t;
+    let antiphase =
+        |contacts: f64| 4.0 * (k_n + 2.0 * k_t + contacts * (contact_n + 2.0 * contact_t)) + diagonal;
+    let uniform_spin = |contacts: f64| 20.0 * (k_t + contacts * contact_t) + 80.0 * diagonal_t;
     let breaking = 4.0 * (k_n + 2.0 * k_t) + diagonal + 2.0 * (bond.stretched_k_n() - k_n);
-    let eta = |stiffness: f64, most: f32, dt: f64| {
-        f64::from(damping::constant(law.damping, stiffness as f32, (mass / 2.0) as f32, most, dt as f32))
+    let eta = |stiffness: f64, cap: f32, dt: f64| {
+        f64::from(damping::constant(contact.damping, stiffness as f32, (mass / 2.0) as f32, cap, dt as f32))
     };
-    let eta_n = |dt| eta(along, most.along, dt);
-    let eta_t = |dt| eta(across, most.across, dt);
+    let eta_n = |dt| eta(contact_n, cap.normal, dt);
+    let eta_t = |dt| eta(contact_t, cap.tangential, dt);
     let damped = |contacts: f64| {
-        let apart_s = longest(mass, apart(contacts), |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt)));
-        apart_s.min(longest(mass, alike(contacts), |dt| 20.0 * eta_t(dt)))
+        let antiphase_s = longest_stable(mass, antiphase(contacts), |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt)));
+        antiphase_s.min(longest_stable(mass, uniform_spin(contacts), |dt| 20.0 * eta_t(dt)))
     };
-    let damped_s = damped(1.0).min(longest(mass, breaking, |_| 0.0));
+    let damped_s = damped(1.0).min(longest_stable(mass, breaking, |_| 0.0));
     Stability {
-        undamped_s: undamped(mass, apart(1.0).max(alike(1.0))),
+        undamped_s: undamped(mass, antiphase(1.0).max(uniform_spin(1.0))),
         damped_s,
-        auto_s: damped(1.0 + PRESSED).min(SAFETY * damped_s),
+        auto_s: damped(1.0 + BED_STIFFNESS).min(SAFETY * damped_s),
     }
 }
 
@@ -90,7 +98,7 @@ fn undamped(mass: f64, stiffness: f64) -> f64 {
 
 /// The longest stable step in seconds, with dashpots of `c` kg/s in a step of so many seconds: by bisection, since what is
 /// bounded grows with the step.
-fn longest(mass: f64, stiffness: f64, c: impl Fn(f64) -> f64) -> f64 {
+fn longest_stable(mass: f64, stiffness: f64, c: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, undamped(mass, stiffness));
     for _ in 0..50 {
         let dt = 0.5 * (low + high);

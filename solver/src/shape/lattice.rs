@@ -32,12 +32,12 @@ pub struct MetaParticle {
     /// Volume of the surface, in m³.
     pub volume_m3: f64,
     /// Greatest distance of a point from the centre of mass, in metres.
-    pub reach_m: f64,
+    pub bounding_radius_m: f64,
 }
 
 /// Highest bond class within reach: contact radii sum to 2R · ratio, lengths are 2R √class, and with two types only
 /// odd steps on the lattice join differing types.
-pub fn bond_reach(types: u32, contact_radius_ratio: f64) -> u32 {
+pub fn max_bond_class(types: u32, contact_radius_ratio: f64) -> u32 {
     if types == 1 && contact_radius_ratio >= 2f64.sqrt() { 2 } else { 1 }
 }
 
@@ -48,18 +48,18 @@ impl MetaParticle {
             points: self.points.iter().map(|&point| point * scale).collect(),
             bonds: self.bonds.clone(),
             volume_m3: self.volume_m3 * scale.powi(3),
-            reach_m: self.reach_m * scale,
+            bounding_radius_m: self.bounding_radius_m * scale,
         }
     }
 
     /// Fills a shape with sub-particles of `radius` in metres. The result is empty when no lattice point lies inside.
     pub fn fill(shape: &impl Shape, radius: f64, fill: Fill, reach: u32) -> Self {
-        Self::fill_counting(shape, radius, fill, reach).0
+        Self::fill_counting_discarded(shape, radius, fill, reach).0
     }
 
     /// As [`MetaParticle::fill`], and how many points inside were left out because they do not hang together with the
     /// rest.
-    pub fn fill_counting(shape: &impl Shape, radius: f64, fill: Fill, reach: u32) -> (Self, usize) {
+    pub fn fill_counting_discarded(shape: &impl Shape, radius: f64, fill: Fill, reach: u32) -> (Self, usize) {
         let spacing = 2.0 * radius;
         let counts = shape.layers(spacing) + 2;
         let centre = |cell: IVec3| (cell.as_dvec3() + 0.5 - counts.as_dvec3() / 2.0) * spacing;
@@ -86,7 +86,7 @@ impl MetaParticle {
         points.iter_mut().for_each(|point| *point -= centre_of_mass);
         let meta = Self {
             bonds: bonds(&cells, reach),
-            reach_m: points.iter().map(|point| point.length()).fold(0.0, f64::max),
+            bounding_radius_m: points.iter().map(|point| point.length()).fold(0.0, f64::max),
             volume_m3: shape.volume_m3(),
             points,
         };
@@ -116,7 +116,7 @@ fn bonds(cells: &[IVec3], reach: u32) -> Vec<LatticeBond> {
 }
 
 /// Which of `count` things hang together by these pairs: each has the lowest number of those that it hangs together with.
-pub fn pieces(count: usize, pairs: impl Iterator<Item = (u32, u32)>) -> Vec<usize> {
+pub fn connected_components(count: usize, pairs: impl Iterator<Item = (u32, u32)>) -> Vec<usize> {
     let mut part: Vec<usize> = (0..count).collect();
     fn root(part: &mut [usize], mut i: usize) -> usize {
         while part[i] != i {
@@ -134,7 +134,7 @@ pub fn pieces(count: usize, pairs: impl Iterator<Item = (u32, u32)>) -> Vec<usiz
 
 /// Cells cut off from the rest by a coarse lattice would fall away as loose spheres: only the largest part stays.
 fn largest_component(cells: Vec<IVec3>) -> Vec<IVec3> {
-    let roots = pieces(cells.len(), bonds(&cells, 1).iter().map(|bond| (bond.i, bond.j)));
+    let roots = connected_components(cells.len(), bonds(&cells, 1).iter().map(|bond| (bond.i, bond.j)));
     let mut sizes: HashMap<usize, usize> = HashMap::new();
     roots.iter().for_each(|&r| *sizes.entry(r).or_default() += 1);
     let largest = sizes.iter().max_by_key(|&(&r, &n)| (n, usize::MAX - r)).map(|(&r, _)| r);
@@ -150,16 +150,16 @@ mod tests {
 
     #[test]
     fn bonds_join_nearest_neighbours_and_diagonals_only_with_one_type() {
-        let two = MetaParticle::fill(&SIZE_1, 0.004, Fill::Centres, bond_reach(2, 1.732));
+        let two = MetaParticle::fill(&SIZE_1, 0.004, Fill::Centres, max_bond_class(2, 1.732));
         assert!(two.bonds.iter().all(|bond| {
             let length = (two.points[bond.i as usize] - two.points[bond.j as usize]).length();
             (length - 0.008).abs() < 1e-12 && bond.class == 1
         }));
-        let one = MetaParticle::fill(&SIZE_1, 0.004, Fill::Centres, bond_reach(1, 1.5));
+        let one = MetaParticle::fill(&SIZE_1, 0.004, Fill::Centres, max_bond_class(1, 1.5));
         let diagonals = one.bonds.iter().filter(|bond| bond.class == 2).count();
         assert!(diagonals > one.bonds.len() / 2, "{diagonals} of {}", one.bonds.len());
         assert_eq!(one.bonds.len() - diagonals, two.bonds.len());
-        assert_eq!(bond_reach(1, 1.4), 1, "below √2 no diagonal is within reach");
+        assert_eq!(max_bond_class(1, 1.4), 1, "below √2 no diagonal is within reach");
     }
 
     #[test]

@@ -60,19 +60,19 @@ pub enum ShapeError {
     #[error(
         "at {edges} edges of the mesh neighbours face opposite ways, which leaves open what is inside: let the CAD program unify the normals"
     )]
-    Turned {
+    InconsistentNormals {
         /// Such edges.
         edges: usize,
     },
     /// Closed, and nothing in it.
     #[error("the mesh encloses {volume_m3} m³, which is nothing: a sheet is no product")]
-    Flat {
+    NoVolume {
         /// The volume, in m³.
         volume_m3: f64,
     },
     /// So fine a lattice that even looking at it would take too long.
     #[error(
-        "sub-particles of radius {radius_m} m make {cells:.1e} lattice points in the shape's box, at most {MOST_CELLS:.0e} are taken"
+        "sub-particles of radius {radius_m} m make {cells:.1e} lattice points in the shape's box, at most {MAX_LATTICE_CELLS:.0e} are taken"
     )]
     TooFine {
         /// Radius of the sub-particles, in metres.
@@ -82,7 +82,7 @@ pub enum ShapeError {
     },
     /// So coarse a lattice that none of its points is inside.
     #[error("no sub-particle of radius {radius_m} m fits inside the shape, which is {} × {} × {} m", .size_m[0], .size_m[1], .size_m[2])]
-    NoPoint {
+    NoLatticePoint {
         /// Radius of the sub-particles, in metres.
         radius_m: f64,
         /// Sides of its box, in metres.
@@ -90,25 +90,25 @@ pub enum ShapeError {
     },
     /// Several bodies in one file, or bridges thinner than the lattice: what does not hang together would be lost.
     #[error(
-        "the lattice falls into pieces: {kept} sub-particles hang together, {cut_off} are cut off from them; a product is one body, and a smaller radius keeps thin parts"
+        "the lattice falls into connected_components: {kept} sub-particles hang together, {discarded} are cut off from them; a product is one body, and a smaller radius keeps thin parts"
     )]
-    Pieces {
+    Disconnected {
         /// Sub-particles of the largest piece.
         kept: usize,
         /// Sub-particles of all others.
-        cut_off: usize,
+        discarded: usize,
     },
 }
 
 /// The most lattice points in the box of a mesh or a block: seconds of work.
-pub(crate) const MOST_CELLS: f64 = 2e6;
+pub(crate) const MAX_LATTICE_CELLS: f64 = 2e6;
 
-/// What a fill is remembered by: the shape, the radius, how it was filled and bonded.
-type Key = (Form, u64, Fill, u32);
+/// What a fill is cached_fill by: the shape, the radius, how it was filled and bonded.
+type FillKey = (ShapeKey, u64, Fill, u32);
 
 /// A shape to the bit.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-enum Form {
+enum ShapeKey {
     /// Its sizes, and whether it is mirrored.
     Teardrop([u64; 3], bool),
     /// The digest of its file, and the units.
@@ -116,11 +116,11 @@ enum Form {
     Block([u32; 3]),
 }
 
-/// Points of remembered fills past which all are forgotten.
-const MOST_POINTS_KEPT: usize = 2_000_000;
+/// Points of cached_fill fills past which all are forgotten.
+const MAX_CACHED_POINTS: usize = 2_000_000;
 
 /// Fills seen before: validating a sweep asks for the same few thousands of times.
-static FILLS: Mutex<Option<HashMap<Key, Arc<MetaParticle>>>> = Mutex::new(None);
+static FILL_CACHE: Mutex<Option<HashMap<FillKey, Arc<MetaParticle>>>> = Mutex::new(None);
 
 /// The meta-particles of a product, one a shape: that of its mesh, or each size and its mirror image. They are filled
 /// as they are and scaled afterwards.
@@ -136,7 +136,7 @@ pub fn meta_particles(
     bond_types: u32,
     contact_radius_ratio: f64,
 ) -> Result<Vec<Arc<MetaParticle>>, ShapeError> {
-    let reach = lattice::bond_reach(bond_types, contact_radius_ratio);
+    let reach = lattice::max_bond_class(bond_types, contact_radius_ratio);
     let (radius, fill) = (product.subparticle_radius_m, product.fill);
     let scaled = |meta: Arc<MetaParticle>| match product.scale {
         1.0 => meta,
@@ -149,16 +149,16 @@ pub fn meta_particles(
     }
     let shapes = product.sizes_m.iter().flat_map(|&size_m| [(size_m, false), (size_m, true)]);
     let filled = shapes.map(|(size_m, mirrored)| {
-        let form = Form::Teardrop(size_m.map(f64::to_bits), mirrored);
+        let shape_key = ShapeKey::Teardrop(size_m.map(f64::to_bits), mirrored);
         let shape = Teardrop { size_m, mirrored };
         let filled = || Ok::<_, Infallible>(MetaParticle::fill(&shape, radius, fill, reach));
-        let Ok(meta) = remembered((form, radius.to_bits(), fill, reach), filled);
+        let Ok(meta) = cached_fill((shape_key, radius.to_bits(), fill, reach), filled);
         scaled(meta)
     });
     Ok(filled.collect())
 }
 
-/// The meta-particle of a closed mesh, by sub-particles of a radius in metres; `reach` is [`lattice::bond_reach`].
+/// The meta-particle of a closed mesh, by sub-particles of a radius in metres; `reach` is [`lattice::max_bond_class`].
 ///
 /// # Errors
 /// A mesh that encloses nothing; a lattice too fine to look at, too coarse to leave a sub-particle or to hang together.
@@ -168,35 +168,38 @@ pub fn from_mesh(
     fill: Fill,
     reach: u32,
 ) -> Result<Arc<MetaParticle>, ShapeError> {
-    let key = (Form::Mesh(mesh.digest.clone(), mesh.units), radius_m.to_bits(), fill, reach);
-    remembered(key, || filled(&Solid::new(mesh)?, radius_m, fill, reach))
+    let key = (ShapeKey::Mesh(mesh.digest.clone(), mesh.units), radius_m.to_bits(), fill, reach);
+    cached_fill(key, || filled(&Solid::new(mesh)?, radius_m, fill, reach))
 }
 
-/// A block of sub-particles of a radius in metres; `reach` is [`lattice::bond_reach`].
+/// A block of sub-particles of a radius in metres; `reach` is [`lattice::max_bond_class`].
 ///
 /// # Errors
 /// More sub-particles than anyone would wait for, or none.
 pub fn from_block(counts: [u32; 3], radius_m: f64, reach: u32) -> Result<Arc<MetaParticle>, ShapeError> {
-    let key = (Form::Block(counts), radius_m.to_bits(), Fill::Centres, reach);
-    remembered(key, || filled(&Block { counts, radius_m }, radius_m, Fill::Centres, reach))
+    let key = (ShapeKey::Block(counts), radius_m.to_bits(), Fill::Centres, reach);
+    cached_fill(key, || filled(&Block { counts, radius_m }, radius_m, Fill::Centres, reach))
 }
 
 fn filled(shape: &impl Shape, radius_m: f64, fill: Fill, reach: u32) -> Result<MetaParticle, ShapeError> {
     // The fill looks a layer beyond either side.
     let cells = (shape.layers(2.0 * radius_m).as_dvec3() + 2.0).element_product();
-    if cells > MOST_CELLS {
+    if cells > MAX_LATTICE_CELLS {
         return Err(ShapeError::TooFine { radius_m, cells });
     }
-    let (meta, cut_off) = MetaParticle::fill_counting(shape, radius_m, fill, reach);
+    let (meta, discarded) = MetaParticle::fill_counting_discarded(shape, radius_m, fill, reach);
     match meta.points.len() {
-        0 => Err(ShapeError::NoPoint { radius_m, size_m: shape.size_m().to_array() }),
-        kept if cut_off * 10 > kept => Err(ShapeError::Pieces { kept, cut_off }),
+        0 => Err(ShapeError::NoLatticePoint { radius_m, size_m: shape.size_m().to_array() }),
+        kept if discarded * 10 > kept => Err(ShapeError::Disconnected { kept, discarded }),
         _ => Ok(meta),
     }
 }
 
-fn remembered<E>(key: Key, fill: impl FnOnce() -> Result<MetaParticle, E>) -> Result<Arc<MetaParticle>, E> {
-    let lock = || FILLS.lock().unwrap_or_else(PoisonError::into_inner);
+fn cached_fill<E>(
+    key: FillKey,
+    fill: impl FnOnce() -> Result<MetaParticle, E>,
+) -> Result<Arc<MetaParticle>, E> {
+    let lock = || FILL_CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(known) = lock().as_ref().and_then(|fills| fills.get(&key).cloned()) {
         return Ok(known);
     }
@@ -204,7 +207,7 @@ fn remembered<E>(key: Key, fill: impl FnOnce() -> Result<MetaParticle, E>) -> Re
     let mut fills = lock();
     let fills = fills.get_or_insert_default();
     // A sweep over the radius could grow this for ever; starting over costs milliseconds.
-    if fills.values().map(|meta| meta.points.len()).sum::<usize>() > MOST_POINTS_KEPT {
+    if fills.values().map(|meta| meta.points.len()).sum::<usize>() > MAX_CACHED_POINTS {
         fills.clear();
     }
     fills.insert(key, filled.clone());

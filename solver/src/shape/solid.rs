@@ -11,23 +11,23 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::{Shape, ShapeError};
 use crate::mesh::Mesh;
-use crate::mesh::nearest::nearest_on_long_triangle;
-use crate::mesh::tree::{Span, Tree};
+use crate::mesh::bvh::{Aabb, Bvh};
+use crate::mesh::nearest::nearest_on_sliver;
 
 /// What lies this near to the surface lies on it, as a share of the longest side: some roundings of `f32`.
-const HAIR: f64 = 1e-6;
+const SURFACE_TOLERANCE: f64 = 1e-6;
 /// A closed mesh of less volume than this share of its longest side cubed is a sheet.
-const LEAST_VOLUME: f64 = 1e-9;
+const MIN_VOLUME_RATIO: f64 = 1e-9;
 
 /// A closed mesh, with the origin at the centre of its box.
 #[derive(Clone, Debug)]
 pub struct Solid {
     triangles: Vec<[Vec3; 3]>,
-    tree: Tree,
+    bvh: Bvh,
     size_m: DVec3,
     volume_m3: f64,
-    /// See [`HAIR`], in metres.
-    hair: f32,
+    /// See [`SURFACE_TOLERANCE`], in metres.
+    tolerance: f32,
 }
 
 impl Solid {
@@ -40,37 +40,47 @@ impl Solid {
         let volume_m3 = mesh.signed_volume_m3.abs();
         match () {
             () if !mesh.is_closed() => return Err(ShapeError::Open { edges: mesh.open_edges }),
-            () if !mesh.is_oriented() => return Err(ShapeError::Turned { edges: mesh.turned_edges }),
-            () if volume_m3 < LEAST_VOLUME * longest.powi(3) => return Err(ShapeError::Flat { volume_m3 }),
+            () if !mesh.is_oriented() => {
+                return Err(ShapeError::InconsistentNormals { edges: mesh.turned_edges });
+            }
+            () if volume_m3 < MIN_VOLUME_RATIO * longest.powi(3) => {
+                return Err(ShapeError::NoVolume { volume_m3 });
+            }
             () => {}
         }
         let centre = (mesh.low + mesh.high) / 2.0;
         let triangles: Vec<[Vec3; 3]> =
             mesh.triangles.iter().map(|corners| corners.map(|p| (p - centre).as_vec3())).collect();
-        let spans: Vec<Span> = triangles.iter().copied().map(Span::around).collect();
-        Ok(Self { tree: Tree::new(&spans), triangles, size_m, volume_m3, hair: (HAIR * longest) as f32 })
+        let aabbs: Vec<Aabb> = triangles.iter().copied().map(Aabb::around).collect();
+        Ok(Self {
+            bvh: Bvh::new(&aabbs),
+            triangles,
+            size_m,
+            volume_m3,
+            tolerance: (SURFACE_TOLERANCE * longest) as f32,
+        })
     }
 
     /// How often the mesh winds round a point.
     fn winding(&self, p: Vec3) -> i32 {
-        let (low, high) = (p - self.hair, p + self.hair);
-        let ahead = |span: &Span| {
-            let beside = low.cmpgt(span.high) | high.cmplt(span.low);
-            !(beside.y || beside.z) && low.x <= span.high.x
+        let (low, high) = (p - self.tolerance, p + self.tolerance);
+        let ahead = |aabb: &Aabb| {
+            let beside = low.cmpgt(aabb.high) | high.cmplt(aabb.low);
+            !(beside.y || beside.z) && low.x <= aabb.high.x
         };
         let mut winding = 0;
-        self.tree.visit(ahead, |k| winding += crossing(&self.triangles[k as usize], p));
+        self.bvh.visit(ahead, |k| winding += crossing(&self.triangles[k as usize], p));
         winding
     }
 
     /// Whether the surface comes within `reach` metres of a point.
     fn is_near(&self, p: Vec3, reach: f32) -> bool {
         let near = Cell::new(false);
-        self.tree.visit(
-            |span| !near.get() && span.distance2(p) <= reach * reach,
+        self.bvh.visit(
+            |aabb| !near.get() && aabb.distance2(p) <= reach * reach,
             |k| {
                 let triangle = self.triangles[k as usize].map(|corner| corner.as_dvec3());
-                let q = nearest_on_long_triangle(p.as_dvec3(), &triangle).as_vec3();
+                let q = nearest_on_sliver(p.as_dvec3(), &triangle).as_vec3();
                 near.set(near.get() || q.distance(p) <= reach);
             },
         );
@@ -115,17 +125,17 @@ impl Shape for Solid {
 
     fn layers(&self, spacing_m: f64) -> IVec3 {
         // A box of whole layers must not get one more by the rounding of its corners.
-        ((self.size_m - f64::from(self.hair)) / spacing_m).ceil().as_ivec3()
+        ((self.size_m - f64::from(self.tolerance)) / spacing_m).ceil().as_ivec3()
     }
 
     /// The surface itself is inside, wherever the file's numbers were rounded to.
     fn contains(&self, point: DVec3) -> bool {
         let p = point.as_vec3();
-        self.winding(p) != 0 || self.is_near(p, self.hair)
+        self.winding(p) != 0 || self.is_near(p, self.tolerance)
     }
 
     fn contains_sphere(&self, centre: DVec3, radius_m: f64) -> bool {
-        self.contains(centre) && !self.is_near(centre.as_vec3(), radius_m as f32 - self.hair)
+        self.contains(centre) && !self.is_near(centre.as_vec3(), radius_m as f32 - self.tolerance)
     }
 
     fn volume_m3(&self) -> f64 {

@@ -2,7 +2,7 @@
 #![allow(unreachable_pub, reason = "shared with what includes it")]
 
 use glam::{DQuat, DVec3};
-use roost_solver::engine::scene::{Kind, Placement, Scene};
+use roost_solver::engine::scene::{BodyKind, Placement, Scene};
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
 use roost_solver::scenario::Fill;
 use roost_solver::shape::lattice::MetaParticle;
@@ -11,10 +11,10 @@ use roost_solver::shape::teardrop::Teardrop;
 use crate::common::{G, RADIUS, at, block, law, plate, scene};
 
 /// A fillet of 12 mm spheres.
-pub fn fillet() -> Kind {
+pub fn fillet() -> BodyKind {
     let shape = Teardrop { size_m: [0.172, 0.072, 0.032], mirrored: false };
     let meta = MetaParticle::fill(&shape, RADIUS, Fill::Centres, 1);
-    Kind { subparticle_mass_kg: meta.volume_m3 * 940.0 / meta.points.len() as f64, meta: meta.into() }
+    BodyKind { subparticle_mass_kg: meta.volume_m3 * 940.0 / meta.points.len() as f64, meta: meta.into() }
 }
 
 /// Three fillets that fall onto each other and into a corner of a plate and a wall.

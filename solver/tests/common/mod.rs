@@ -6,12 +6,12 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use roost_solver::cpu::{Cpu, CpuRun};
 use roost_solver::engine::Backend;
-use roost_solver::engine::scene::{Kind, Laws, Placement, Scene};
+use roost_solver::engine::scene::{BodyKind, Laws, Placement, Scene};
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Surface, SurfaceKind};
 use roost_solver::experiments::Prepared;
 use roost_solver::mesh::Meshes;
-use roost_solver::physics::bond::{BondLaw, Form};
+use roost_solver::physics::bond::{BondLaw, BondModel};
 use roost_solver::physics::contact::ContactLaw;
 use roost_solver::physics::hertz;
 use roost_solver::result::{Curve, RunResult};
@@ -39,7 +39,7 @@ pub fn law(rigid: bool, restitution: f64, mu: f64, gamma: f64) -> ContactLaw {
 pub fn bonds() -> BondLaw {
     let area = std::f64::consts::PI * RADIUS * RADIUS;
     BondLaw {
-        form: Form::Corotated,
+        model: BondModel::Corotated,
         k_n: (1e6 * area) as f32,
         k_t: (6e5 * area) as f32,
         break_length: (2.0 * 1.732 * RADIUS) as f32,
@@ -49,7 +49,7 @@ pub fn bonds() -> BondLaw {
 }
 
 /// A box of `n` bonded sub-particles.
-pub fn block(n: [i32; 3]) -> Kind {
+pub fn block(n: [i32; 3]) -> BodyKind {
     let cells: Vec<[i32; 3]> =
         (0..n[2]).flat_map(|z| (0..n[1]).flat_map(move |y| (0..n[0]).map(move |x| [x, y, z]))).collect();
     let centre = DVec3::new(f64::from(n[0] - 1), f64::from(n[1] - 1), f64::from(n[2] - 1)) * RADIUS;
@@ -64,9 +64,9 @@ pub fn block(n: [i32; 3]) -> Kind {
         }
     }
     let points: Vec<DVec3> = cells.iter().map(point).collect();
-    let reach_m = points.iter().map(|p| p.length()).fold(0.0, f64::max);
-    let meta = MetaParticle { points, bonds, volume_m3: cells.len() as f64 * 5.12e-7, reach_m };
-    Kind { meta: Arc::new(meta), subparticle_mass_kg: MASS }
+    let bounding_radius_m = points.iter().map(|p| p.length()).fold(0.0, f64::max);
+    let meta = MetaParticle { points, bonds, volume_m3: cells.len() as f64 * 5.12e-7, bounding_radius_m };
+    BodyKind { meta: Arc::new(meta), subparticle_mass_kg: MASS }
 }
 
 /// A body of the first kind at a place, moving.
@@ -75,7 +75,7 @@ pub fn at(position: DVec3, velocity: DVec3) -> Placement {
 }
 
 /// A scene without surfaces and without gravity: Table 2, without adhesion and friction, perfectly elastic.
-pub fn scene(kind: Kind, bodies: Vec<Placement>, dt: f64) -> Scene {
+pub fn scene(kind: BodyKind, bodies: Vec<Placement>, dt: f64) -> Scene {
     let rigid = law(true, 1.0, 0.0, 0.0);
     let laws = Laws {
         tissue: law(false, 1.0, 0.0, 0.0),
@@ -309,6 +309,6 @@ pub fn prepare(scenario: &Scenario) -> Prepared {
 }
 
 /// The kinds of bodies of a scenario without meshes.
-pub fn kinds(scenario: &Scenario) -> Vec<Kind> {
+pub fn kinds(scenario: &Scenario) -> Vec<BodyKind> {
     roost_solver::experiments::kinds(scenario, &Meshes::default())
 }

@@ -5,7 +5,7 @@ use glam::{IVec3, Vec3};
 use roost_solver::cpu::{Cpu, CpuRun};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
-use roost_solver::engine::{Advance, Backend};
+use roost_solver::engine::{AdvanceReport, Backend};
 use roost_solver::gpu::source::Source;
 use roost_solver::gpu::{Device, Gpu, GpuOptions, GpuRun};
 
@@ -91,7 +91,7 @@ impl<'a> Both<'a> {
         Self { plain_run: plain.prepare(scene), gpu_run: gpu.prepare(scene), plain, gpu }
     }
 
-    pub fn advance(&mut self, steps: u64) -> [Advance; 2] {
+    pub fn advance(&mut self, steps: u64) -> [AdvanceReport; 2] {
         let plain = self.plain.advance(&mut [(&mut self.plain_run, steps)]).swap_remove(0);
         let gpu = self.gpu.advance(&mut [(&mut self.gpu_run, steps)]).swap_remove(0);
         [plain, gpu]

@@ -5,8 +5,8 @@ use glam::{DVec3, Vec3};
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::Scene;
 use roost_solver::equipment::{Surface, SurfaceKind};
-use roost_solver::physics::contact::{self, ContactLaw, ContactMemory};
-use roost_solver::physics::damping::BODIES;
+use roost_solver::physics::contact::{self, ContactHistory, ContactLaw};
+use roost_solver::physics::damping::BODY_CAP;
 
 use crate::common::{Bench, MASS, RADIUS, at, block, law, scene};
 use crate::curve::{Curve, Table};
@@ -154,7 +154,7 @@ pub fn rub_pair(law: ContactLaw, overlap: f64, way: f64) -> Rub {
     let (steps, dt) = (1000, 1e-4);
     let step = way / f64::from(steps);
     let m_star = MASS as f32 / 2.0;
-    let (mut y, mut memory, mut rub) = (0.0, ContactMemory::default(), Rub::default());
+    let (mut y, mut history, mut rub) = (0.0, ContactHistory::default(), Rub::default());
     for k in 1..=3 * steps {
         let moved = if k <= steps { step } else { -step };
         y += moved;
@@ -162,7 +162,7 @@ pub fn rub_pair(law: ContactLaw, overlap: f64, way: f64) -> Rub {
         let delta = 2.0 * RADIUS - to_other.length();
         let (n, v) = (to_other.normalize().as_vec3(), Vec3::Y * (moved / dt) as f32);
         let force =
-            contact::force(&law, &mut memory, n, delta as f32, v, Vec3::ZERO, m_star, BODIES, dt as f32);
+            contact::force(&law, &mut history, n, delta as f32, v, Vec3::ZERO, m_star, BODY_CAP, dt as f32);
         let force = force.expect("touches");
         rub.push(f64::from(k) * step, (force.normal + force.tangential).as_dvec3());
     }

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use glam::{DQuat, DVec3};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
-use roost_solver::engine::scene::{Kind, Placement, Scene};
+use roost_solver::engine::scene::{BodyKind, Placement, Scene};
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Surface, SurfaceKind};
 use roost_solver::experiments::prepare;
@@ -116,7 +116,7 @@ impl Bed {
             file.file_stem().map_or_else(|| "bed".to_owned(), |stem| stem.to_string_lossy().into_owned());
         let subparticle_mass_kg = sphere_kg(laws);
         let kinds = bodies(&points, &pairs).into_iter();
-        let kinds = kinds.map(|(centre, meta)| (centre, Kind { meta, subparticle_mass_kg })).collect();
+        let kinds = kinds.map(|(centre, meta)| (centre, BodyKind { meta, subparticle_mass_kg })).collect();
         let scene = assembled(boxed(base, low, high), kinds);
         let warm_up_s = WARM_UP_STEPS * scene.timestep_s;
         Ok(Self { name, scene, flows: false, warm_up_s, is_fresh: true })
@@ -191,7 +191,7 @@ fn loose(laws: &Scenario, count: u64) -> Scene {
     };
     let points: Vec<DVec3> = (0..count).map(|k| place(k) + DVec3::new(draw(), draw(), draw())).collect();
     let high = points.iter().copied().fold(DVec3::splat(side), DVec3::max);
-    let one = Kind { meta: meta(&[DVec3::ZERO], Vec::new()), subparticle_mass_kg: sphere_kg(laws) };
+    let one = BodyKind { meta: meta(&[DVec3::ZERO], Vec::new()), subparticle_mass_kg: sphere_kg(laws) };
     let at = |position| Placement { kind: 0, position, orientation: DQuat::IDENTITY, velocity: DVec3::ZERO };
     let bodies = near_each_other(points).into_iter().map(at).collect();
     Scene { kinds: vec![one], bodies, ..boxed(base, DVec3::ZERO, high) }
@@ -241,8 +241,8 @@ fn boxed(base: Scene, low: DVec3, high: DVec3) -> Scene {
 }
 
 fn meta(points: &[DVec3], bonds: Vec<LatticeBond>) -> Arc<MetaParticle> {
-    let reach_m = points.iter().map(|point| point.length()).fold(0.0, f64::max);
-    Arc::new(MetaParticle { points: points.to_vec(), bonds, volume_m3: 0.0, reach_m })
+    let bounding_radius_m = points.iter().map(|point| point.length()).fold(0.0, f64::max);
+    Arc::new(MetaParticle { points: points.to_vec(), bonds, volume_m3: 0.0, bounding_radius_m })
 }
 
 /// What bonds join: the sub-particles of each body, in the order of their first, and what it is made of, around its centre.
@@ -284,7 +284,7 @@ fn bodies(points: &[DVec3], bonds: &[LatticeBond]) -> Vec<(DVec3, Arc<MetaPartic
 }
 
 /// Bodies that lie just so, with their centres, each a kind of its own.
-fn assembled(scene: Scene, bodies: Vec<(DVec3, Kind)>) -> Scene {
+fn assembled(scene: Scene, bodies: Vec<(DVec3, BodyKind)>) -> Scene {
     let (mut kinds, mut placements) = (Vec::new(), Vec::new());
     for (position, kind) in bodies {
         placements.push(Placement {
@@ -303,14 +303,14 @@ fn assembled(scene: Scene, bodies: Vec<(DVec3, Kind)>) -> Scene {
 fn as_it_lies(scene: &Scene, state: &State, bonds: &[[u32; 2]]) -> Scene {
     let held: HashSet<[u32; 2]> = bonds.iter().copied().collect();
     let whole = state.body_ranges().flat_map(|(number, range)| {
-        let Kind { meta, subparticle_mass_kg } = scene.kinds[scene.bodies[number as usize].kind].clone();
+        let BodyKind { meta, subparticle_mass_kg } = scene.kinds[scene.bodies[number as usize].kind].clone();
         let serial = |number: u32| state.serials[range.start + number as usize];
         let holds = |bond: &&LatticeBond| held.contains(&[serial(bond.i), serial(bond.j)]);
         let bonds: Vec<LatticeBond> = meta.bonds.iter().filter(holds).copied().collect();
         let points: Vec<DVec3> = range.clone().map(|i| state.position(i)).collect();
         bodies(&points, &bonds)
             .into_iter()
-            .map(move |(centre, meta)| (centre, Kind { meta, subparticle_mass_kg }))
+            .map(move |(centre, meta)| (centre, BodyKind { meta, subparticle_mass_kg }))
     });
     assembled(scene.clone(), whole.collect())
 }

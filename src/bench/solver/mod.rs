@@ -120,7 +120,7 @@ fn solver(args: &Args, stop: &dyn Fn() -> bool) -> Result<Exit> {
         #[cfg(feature = "gpu")]
         if let Some(gpu) = &gpu {
             let race = || gpu.race(&bed, &args.gpu.batches, args.repeats, args.steps, stop);
-            rows.extend(roost_solver::gpu::catch_no_room(race)??);
+            rows.extend(roost_solver::gpu::catch_out_of_memory(race)??);
         }
     }
     if args.json {

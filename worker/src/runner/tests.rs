@@ -147,7 +147,7 @@ async fn a_panic_is_the_workers_failure_and_says_what_happened() {
         wall_s: 0.0,
         discharged_kg: 0.0,
     };
-    let solve = move |observer: &mut dyn Observer| -> Result<RunResult, NoRoom> {
+    let solve = move |observer: &mut dyn Observer| -> Result<RunResult, OutOfDeviceMemory> {
         observer.progress(&progress);
         panic!("index {} out of range", 7)
     };
@@ -171,7 +171,7 @@ fn the_first_reason_stays_but_abandon_beats_all() {
 
 #[tokio::test]
 async fn what_waits_for_its_meshes_can_be_stopped() {
-    type Solve = fn(&mut dyn Observer) -> Result<RunResult, NoRoom>;
+    type Solve = fn(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory>;
     for (why, expected) in [
         (Stop::Cancel, Some(AttemptOutcome::Cancelled)),
         (Stop::Release, Some(AttemptOutcome::Released)),

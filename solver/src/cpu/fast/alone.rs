@@ -13,7 +13,7 @@ use super::points::{Points, place_of};
 use super::walls::WallRow;
 use crate::cpu::forces::Load;
 use crate::cpu::lists::WallPair;
-use crate::physics::contact::ContactMemory;
+use crate::physics::contact::ContactHistory;
 
 /// A sub-particle that has one facet near it, of few triangles.
 #[derive(Clone, Copy, Debug)]
@@ -56,19 +56,19 @@ impl Job for Touching<'_> {
             let [u, v, w, y, p, q, r, z] = points.velocities[place];
             velocity[half].0[at] = [u, v, w, y];
             spin[half].0[at] = [p, q, r, z];
-            let ContactMemory { touching, slide } = pairs[*pair as usize].contact;
-            memory[half].0[at] = slide.extend(0.0).to_array();
-            held[half] |= u16::from(touching) << quad_of(at);
+            let ContactHistory { in_contact, xi } = pairs[*pair as usize].contact;
+            memory[half].0[at] = xi.extend(0.0).to_array();
+            held[half] |= u16::from(in_contact) << quad_of(at);
         }
         let seers = [
             Seers::of(simd, &position[0], &velocity[0], &spin[0]),
             Seers::of(simd, &position[1], &velocity[1], &spin[1]),
         ];
-        let reach = around.walls.law_of_surface(surface).reach();
+        let reach = around.walls.law_of_surface(surface).adhesion_range();
         let (seen, distances) = facet.seen(simd, around.frame, [around.radius, reach], &seers);
         let mut contacts = [
-            Contacts { held: held[0], slide: three(simd, &memory[0]) },
-            Contacts { held: held[1], slide: three(simd, &memory[1]) },
+            Contacts { held: held[0], xi: three(simd, &memory[0]) },
+            Contacts { held: held[1], xi: three(simd, &memory[1]) },
         ];
         let mut loads = [Felt::NOTHING; 2];
         let counts = [alone.len().min(WIDTH), alone.len().saturating_sub(WIDTH)];
@@ -77,7 +77,7 @@ impl Job for Touching<'_> {
             let Felt { force: [x, y, z], torque: [p, q, r] } = &loads[half];
             let forces = simd.to_quads([x, y, z, &distances[half]]).0;
             let torques = simd.to_quads([p, q, r, &Lanes::ZERO]).0;
-            let Contacts { held, slide: [x, y, z] } = &contacts[half];
+            let Contacts { held, xi: [x, y, z] } = &contacts[half];
             let memories = simd.to_quads([x, y, z, &simd.only(1.0, *held)]).0;
             let these = alone.iter().skip(half * WIDTH).take(WIDTH);
             for (((Alone { row, pair, .. }, force), torque), memory) in
@@ -88,7 +88,7 @@ impl Job for Touching<'_> {
                 let [p, q, r, _] = *torque;
                 let load = Load { force: Vec3::new(x, y, z), torque: Vec3::new(p, q, r) };
                 let [x, y, z, held] = *memory;
-                pair.contact = ContactMemory { touching: held != 0.0, slide: Vec3::new(x, y, z) };
+                pair.contact = ContactHistory { in_contact: held != 0.0, xi: Vec3::new(x, y, z) };
                 pair.force = load.force;
                 sums.add(place_of(row.of), &load);
                 row.put_off(travelled, distance, around);

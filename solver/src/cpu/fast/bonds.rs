@@ -29,7 +29,7 @@ pub(super) struct BondSet {
     intact: u16,
     stored: Lanes3,
     held: u16,
-    slide: Lanes3,
+    xi: Lanes3,
 }
 
 // All that comes from memory for a set: what is not stored forces and slides fills one line.
@@ -48,7 +48,7 @@ impl BondSet {
             intact: 0,
             stored: [Lanes::ZERO; 3],
             held: 0,
-            slide: [Lanes::ZERO; 3],
+            xi: [Lanes::ZERO; 3],
         }
     }
 
@@ -134,8 +134,8 @@ impl BondSet {
     }
 
     fn memory(&mut self) -> Bonds<'_> {
-        let Self { rest, exists, intact, stored, held, slide, .. } = self;
-        Bonds { rest: *rest, exists: *exists, intact, stored, contacts: Held { held, slide } }
+        let Self { rest, exists, intact, stored, held, xi, .. } = self;
+        Bonds { rest: *rest, exists: *exists, intact, stored, contacts: Held { held, xi } }
     }
 
     /// What is seen of the pairs.
@@ -212,7 +212,7 @@ impl BondSet {
                     mine.0[lane] = theirs.0[from];
                 }
                 set.held |= (old.held >> from & 1) << lane;
-                for (mine, theirs) in set.slide.iter_mut().zip(&old.slide) {
+                for (mine, theirs) in set.xi.iter_mut().zip(&old.xi) {
                     mine.0[lane] = theirs.0[from];
                 }
             }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::engine::scene::{Kind, Scene};
+use crate::engine::scene::{BodyKind, Scene};
 
 /// The most single spheres that go as one body.
 const CLUMP: usize = 512;
@@ -10,7 +10,7 @@ const CLUMP: usize = 512;
 /// Sub-particles that go as one body, by their numbers in the run, and the kind that has their bonds and their mass.
 pub(super) struct Clump<'a> {
     pub(super) range: Range<usize>,
-    pub(super) kind: &'a Kind,
+    pub(super) kind: &'a BodyKind,
 }
 
 /// The bodies of a scene. Single spheres that follow each other go together, as if they were a body without bonds: each by itself would
@@ -22,7 +22,7 @@ pub(super) fn clumps(scene: &Scene) -> Vec<Clump<'_>> {
         let kind = &scene.kinds[placement.kind];
         let range = from..from + kind.meta.points.len();
         from = range.end;
-        let is_single = |kind: &Kind| kind.meta.points.len() == 1;
+        let is_single = |kind: &BodyKind| kind.meta.points.len() == 1;
         match clumps.last_mut() {
             Some(last)
                 if is_single(kind)
@@ -59,7 +59,7 @@ mod tests {
         meta.points.truncate(1);
         meta.bonds.clear();
         single.meta = meta.into();
-        let heavy = Kind { subparticle_mass_kg: 2.0 * single.subparticle_mass_kg, ..single.clone() };
+        let heavy = BodyKind { subparticle_mass_kg: 2.0 * single.subparticle_mass_kg, ..single.clone() };
         let length = fillet.meta.points.len();
         let some = |kind: usize, count: usize| vec![Placement { kind, ..scene.bodies[0] }; count];
         let bodies = [some(1, 1100), some(0, 2), some(1, 3), some(2, 4)].concat();

@@ -54,7 +54,7 @@ impl<'a> FewTriangles<'a> {
     pub(super) fn of(walls: &'a Walls, facet: u32) -> Option<Self> {
         let facet = &walls.facets()[facet as usize];
         let surface = &walls.surfaces()[facet.surface];
-        facet.facet.few_triangles().map(|triangles| Self { triangles, pose: &surface.pose })
+        facet.facet.triangles_if_few().map(|triangles| Self { triangles, pose: &surface.pose })
     }
 
     /// What two chunks of sub-particles see of it, and how far they are from it, in metres. Those that are further than `reach` see
@@ -112,7 +112,7 @@ impl<'a> FewTriangles<'a> {
     #[inline(always)]
     fn touches<S: Simd>(&self, simd: S, relative: F3<S>) -> Touches<S> {
         let Pose { turn, velocity, spin, .. } = *self.pose;
-        let p = turned(simd, turn.transpose(), relative);
+        let p = rotated(simd, turn.transpose(), relative);
         let mut local = F3::zero(simd);
         let mut nearest2 = F::splat(simd, f32::INFINITY);
         for triangle in self.triangles {
@@ -124,17 +124,17 @@ impl<'a> FewTriangles<'a> {
         }
         let d = local - p;
         Touches {
-            to_wall: turned(simd, turn, d),
+            to_wall: rotated(simd, turn, d),
             distance: d.length2_unfused().sqrt(),
             velocity: F3::splat(simd, velocity)
-                + F3::splat(simd, spin).cross_unfused(turned(simd, turn, local)),
+                + F3::splat(simd, spin).cross_unfused(rotated(simd, turn, local)),
         }
     }
 }
 
 /// A matrix times vectors.
 #[inline(always)]
-fn turned<S: Simd>(simd: S, by: Mat3, v: F3<S>) -> F3<S> {
+fn rotated<S: Simd>(simd: S, by: Mat3, v: F3<S>) -> F3<S> {
     let [x, y, z] = v.parts();
     F3::splat(simd, by.x_axis) * x + F3::splat(simd, by.y_axis) * y + F3::splat(simd, by.z_axis) * z
 }

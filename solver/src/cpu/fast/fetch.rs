@@ -44,7 +44,7 @@ pub(super) fn later<T>(wanted: &[T]) {
 fn lines<const HINT: i32, T>(wanted: &[T]) {
     // Every processor of this kind has it.
     let Some(sse) = pulp::core_arch::x86::Sse::try_new() else { return };
-    // From where its first line begins: short pieces would else lose their last.
+    // From where its first line begins: short connected_components would else lose their last.
     let into_line = wanted.as_ptr().addr() % LINE;
     let first = wanted.as_ptr().cast::<i8>().wrapping_sub(into_line);
     let end = if wanted.is_empty() { 0 } else { into_line + size_of_val(wanted) };

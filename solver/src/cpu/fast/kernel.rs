@@ -10,13 +10,13 @@ use super::lanes::{F, F3, Mask};
 use super::laws::{LaneContact, PairLaws};
 use super::load::BatchLanes;
 use super::memory::{Lanes, Lanes3, WIDTH};
-use crate::physics::bond::{Form, STRETCH_CLAMP};
-use crate::physics::damping::{BODIES, Most, NEIGHBOURS, SURFACE};
+use crate::physics::bond::{BondModel, STRETCH_CLAMP};
+use crate::physics::damping::{BODY_CAP, BONDED_CAP, DampingCap, SURFACE_CAP};
 
-/// Squares of what is turned below which it has no direction.
+/// Squares of what is rotated_history below which it has no direction.
 const NO_LENGTH2: f32 = 1e-30;
 
-/// Share that squares of what is turned may lose in a step for the first terms of a root to be as good as all.
+/// Share that squares of what is rotated_history may lose in a step for the first terms of a root to be as good as all.
 const MUCH_LONGER: f32 = 1e-4;
 
 /// What is seen of [`WIDTH`] pairs before their forces are worked out.
@@ -41,7 +41,7 @@ pub(super) struct Felt {
 #[derive(Debug)]
 pub(super) struct Contacts {
     pub(super) held: u16,
-    pub(super) slide: Lanes3,
+    pub(super) xi: Lanes3,
 }
 
 /// What [`WIDTH`] bonds of one class remember, and their contacts.
@@ -63,7 +63,7 @@ pub(super) struct Held<'a> {
     /// Which of them have formed, so that they hold down to the overlap where they snap.
     pub(super) held: &'a mut u16,
     /// ξ, in metres.
-    pub(super) slide: &'a mut Lanes3,
+    pub(super) xi: &'a mut Lanes3,
 }
 
 impl Seen {
@@ -77,11 +77,11 @@ impl Felt {
 
 impl Contacts {
     pub(super) fn new() -> Self {
-        Self { held: 0, slide: [Lanes::ZERO; 3] }
+        Self { held: 0, xi: [Lanes::ZERO; 3] }
     }
 
     fn held(&mut self) -> Held<'_> {
-        Held { held: &mut self.held, slide: &mut self.slide }
+        Held { held: &mut self.held, xi: &mut self.xi }
     }
 }
 
@@ -154,7 +154,7 @@ pub(super) fn contacts<S: Wide>(
         let exists = F::load(simd, [&Lanes::PLACE; 2], part).lt(counts);
         let pairs = Pairs::new(simd, laws.dt, seen, part);
         let root_mass = F::load(simd, [mass_a, mass_b], part);
-        let meets = Meets::new(simd, &laws.contact, laws.touch, BODIES, laws.dt, root_mass);
+        let meets = Meets::new(simd, &laws.contact, laws.touch, BODY_CAP, laws.dt, root_mass);
         let (push, across, delta) = contact(simd, &meets, &pairs, exists, [&mut one, &mut two], part);
         deepest = deepest.max(delta);
         pairs.n.mul_from(push, across).store([&mut a.force, &mut b.force], part);
@@ -177,7 +177,7 @@ pub(super) fn surfaces<S: Wide>(
     [a, b]: &mut [Felt; 2],
 ) {
     let root_mass = F::splat(simd, root_mass);
-    let meets = Meets::new(simd, law, 0.5 * laws.touch, SURFACE, laws.dt, root_mass);
+    let meets = Meets::new(simd, law, 0.5 * laws.touch, SURFACE_CAP, laws.dt, root_mass);
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     let (mut one, mut two) = (one.held(), two.held());
     for part in 0..WIDTH / S::F32_LANES {
@@ -202,8 +202,8 @@ pub(super) fn bonds<S: Wide>(
 ) -> f32 {
     let zero = F::splat(simd, 0.0);
     let root_mass = F::splat(simd, root_mass);
-    let joined = Meets::new(simd, &laws.contact, laws.touch, NEIGHBOURS, laws.dt, root_mass);
-    let parted = Meets::new(simd, &laws.contact, laws.touch, BODIES, laws.dt, root_mass);
+    let joined = Meets::new(simd, &laws.contact, laws.touch, BONDED_CAP, laws.dt, root_mass);
+    let parted = Meets::new(simd, &laws.contact, laws.touch, BODY_CAP, laws.dt, root_mass);
     let mut deepest = zero;
     let free = [one.exists & !*one.intact, two.exists & !*two.intact];
     let touch = if laws.contact_between_bonded { [one.exists, two.exists] } else { free };
@@ -245,16 +245,16 @@ fn bond<S: Wide>(
     let splat = |value| F::splat(simd, value);
     let Pairs { n, length, v_n, v_t, .. } = *pairs;
     let stored = F3::load(simd, [one.stored, two.stored], part);
-    let (pull, shear, stored) = if law.form == Form::AsPublished {
+    let (pull, shear, stored) = if law.model == BondModel::AsPublished {
         let rate = n.mul_add(splat(law.k_n) * v_n, v_t * splat(law.k_t));
         let stored = rate.mul_add(splat(laws.dt), stored);
         let pull = stored.dot(n);
         (pull, n.mul_from(pull, stored), stored)
     } else {
-        let shear = v_t.mul_add(splat(law.k_t * laws.dt), turned(simd, pairs, stored));
+        let shear = v_t.mul_add(splat(law.k_t * laws.dt), rotated_history(simd, pairs, stored));
         let e = length - F::splat_each(simd, [one.rest, two.rest]);
         let pull = splat(law.k_n) * e;
-        let pull = if law.form == Form::FiniteExtension {
+        let pull = if law.model == BondModel::FiniteExtension {
             let span = [one.rest, two.rest].map(|rest| 1.0 / (law.break_length - rest));
             let share = (e * F::splat_each(simd, span)).min(splat(STRETCH_CLAMP));
             let share = share.max(splat(0.0));
@@ -294,10 +294,10 @@ struct Meets<'a, S: Simd> {
 
 impl<'a, S: Simd> Meets<'a, S> {
     #[inline(always)]
-    fn new(simd: S, law: &'a LaneContact, touch: f32, most: Most, dt: f32, root_mass: F<S>) -> Self {
+    fn new(simd: S, law: &'a LaneContact, touch: f32, cap: DampingCap, dt: f32, root_mass: F<S>) -> Self {
         let m_star = root_mass * root_mass;
-        let along = m_star * F::splat(simd, most.along / dt);
-        let across = m_star * F::splat(simd, most.across / dt);
+        let along = m_star * F::splat(simd, cap.normal / dt);
+        let across = m_star * F::splat(simd, cap.tangential / dt);
         Self { law, touch, dt, root_mass, along, across }
     }
 }
@@ -318,12 +318,12 @@ fn contact<S: Wide>(
     // Velocities here are those of j against i: what is felt on i has the opposite sign.
     let Pairs { v_n, v_t, .. } = *pairs;
     let delta = splat(meets.touch) - pairs.length;
-    // From touching on, or from where it snaps if it has formed, which is before.
+    // From in_contact on, or from where it snaps if it has formed, which is before.
     let limit = Mask::of_bits(simd, [*one.held, *two.held], part).select(splat(*snap), zero);
     let holds = touches & limit.le(delta);
     holds.store([one.held, two.held], part);
     if !holds.any() {
-        none.store([one.slide, two.slide], part);
+        none.store([one.xi, two.xi], part);
         return (zero, none, zero);
     }
     let (elastic, a, root_a) = match &law.jkr {
@@ -342,24 +342,24 @@ fn contact<S: Wide>(
     let holds_on = zero.lt(a);
     let k_t = splat(8.0 * law.g_star) * a;
     let dashpot = v_t * eta_t;
-    let old = F3::load(simd, [one.slide, two.slide], part);
-    let mut slide = v_t.mul_from(splat(meets.dt), turned(simd, pairs, old));
-    let mut force = slide.mul_from(k_t, dashpot);
+    let old = F3::load(simd, [one.xi, two.xi], part);
+    let mut xi = v_t.mul_from(splat(meets.dt), rotated_history(simd, pairs, old));
+    let mut force = xi.mul_from(k_t, dashpot);
     let cap = splat(law.mu) * total.max(zero);
     let size2 = force.dot(force);
     let slips = (cap * cap).lt(size2);
     if slips.any() {
         force = force * slips.select(cap / size2.sqrt(), splat(1.0));
         let slipped = (dashpot - force) * (splat(1.0) / k_t.max(splat(1e-30)));
-        slide = slips.select3(slipped, slide);
+        xi = slips.select3(slipped, xi);
     }
-    holds_on.select3(slide, none).store([one.slide, two.slide], part);
+    holds_on.select3(xi, none).store([one.xi, two.xi], part);
     (total, force, holds.select(delta, zero))
 }
 
-/// [`crate::physics::friction::turned`], by the pairs' spin in this step.
+/// [`crate::physics::friction::rotated_history`], by the pairs' spin in this step.
 #[inline(always)]
-fn turned<S: Simd>(simd: S, pairs: &Pairs<S>, v: F3<S>) -> F3<S> {
+fn rotated_history<S: Simd>(simd: S, pairs: &Pairs<S>, v: F3<S>) -> F3<S> {
     let n = pairs.n;
     let splat = |value| F::splat(simd, value);
     let twisted = (n * pairs.twist).cross_add(v, v);

@@ -104,7 +104,7 @@ impl Batch {
 
     #[inline(always)]
     fn contacts<S: Wide>(&self, simd: S, half: usize, step: u32) -> Contacts {
-        let [mut slide @ .., last] = simd.to_lanes(&Quads::of(&self.memory, half));
+        let [mut xi @ .., last] = simd.to_lanes(&Quads::of(&self.memory, half));
         let mut let_go = Lanes::ZERO;
         for k in 0..WIDTH {
             let_go.0[k] = if last.0[k].to_bits() == step - 1 { 0.0 } else { 1.0 };
@@ -112,12 +112,12 @@ impl Batch {
         let held = simd.at_most(&let_go, 0.0);
         // What has let go has forgotten, also where nobody has looked since.
         let remembers = simd.only(f32::from_bits(u32::MAX), held);
-        for axis in &mut slide {
+        for axis in &mut xi {
             for k in 0..WIDTH {
                 axis.0[k] = f32::from_bits(axis.0[k].to_bits() & remembers.0[k].to_bits());
             }
         }
-        Contacts { held, slide }
+        Contacts { held, xi }
     }
 }
 
@@ -125,7 +125,7 @@ impl Contacts {
     /// What to remember of them: ξ, and the step where the contact holds.
     #[inline(always)]
     pub(super) fn memory<S: Wide>(&self, simd: S, step: u32) -> Quads {
-        let [x, y, z] = &self.slide;
+        let [x, y, z] = &self.xi;
         simd.to_quads([x, y, z, &simd.only(f32::from_bits(step), self.held)])
     }
 }

@@ -83,7 +83,7 @@ impl Leeway {
 #[derive(Debug, Default)]
 pub(super) struct Room {
     finder: Finder,
-    /// One is filled while the other waits: what was written in small pieces cannot be read at once in large ones.
+    /// One is filled while the other waits: what was written in small connected_components cannot be read at once in large ones.
     batches: [Batch; 2],
     /// What pairs do that is summed up at once.
     loads: PairLoads,
@@ -189,7 +189,7 @@ pub(super) struct Contacts<'a> {
 }
 
 impl Contacts<'_> {
-    /// Looks up the pairs of those meetings that are due. What touching pairs remember stays.
+    /// Looks up the pairs of those meetings that are due. What in_contact pairs remember stays.
     #[inline(always)]
     pub(super) fn search<S: Wide>(&mut self, simd: S, search: &Search, room: &mut Room) {
         let mut due = std::mem::take(&mut room.due);
@@ -264,7 +264,7 @@ impl Contacts<'_> {
         loads.clear();
         within.clear();
         let apart = space(&mut looks.apart, list.len());
-        // Most meetings have no pair.
+        // DampingCap meetings have no pair.
         for meeting in self.meetings.iter().filter(|it| !it.pairs.is_empty()) {
             let ([_, other], pairs) = (meeting.bodies, meeting.pairs());
             let sides = [&mine.points, &self.bodies[other as usize].points];

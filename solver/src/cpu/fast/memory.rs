@@ -113,7 +113,7 @@ impl Quads {
     #[inline(always)]
     pub(super) fn of<T: Pod>(many: &[[T; 4]], b: usize) -> Self {
         let these: [[T; 4]; WIDTH] = many[b * WIDTH..][..WIDTH].try_into().expect("as many as asked for");
-        // Whole, since what is copied in pieces cannot be read at once in large ones.
+        // Whole, since what is copied in connected_components cannot be read at once in large ones.
         Self(cast(these))
     }
 }

@@ -51,7 +51,7 @@ use super::Params;
 use super::integrate::{Moved, Mover};
 use super::stages::{Stage, Stages};
 use super::walls::Walls;
-use crate::engine::Advance;
+use crate::engine::AdvanceReport;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use body::{Body, Desk, Move, Next, Noticed, Surroundings};
@@ -132,7 +132,7 @@ impl FastRun {
         }
         let walls = Walls::new(scene, &state.frame);
         let search = Search {
-            reach: 2.0 * params.radius + params.laws.reach(),
+            reach: 2.0 * params.radius + params.laws.adhesion_range(),
             skins: SKIN_RATIOS.map(|ratio| ratio * params.radius),
             outer_skins: OUTER_SKIN_RATIOS.map(|ratio| ratio * params.radius),
         };
@@ -184,8 +184,8 @@ impl FastRun {
         &self.state
     }
 
-    pub(super) fn advance(&mut self, steps: u64) -> Advance {
-        let mut done = Advance::default();
+    pub(super) fn advance(&mut self, steps: u64) -> AdvanceReport {
+        let mut done = AdvanceReport::default();
         self.workplaces.for_all_threads();
         for _ in 0..steps {
             if self.fault.is_some() {
@@ -203,7 +203,7 @@ impl FastRun {
     }
 
     /// One time step: the stages of [`crate::engine::Backend`].
-    fn one_step(&mut self, done: &mut Advance) {
+    fn one_step(&mut self, done: &mut AdvanceReport) {
         let belt_time = self.start_step.map(|start| (self.step - start) as f64 * self.params.dt_exact);
         self.walls.pose(belt_time, &self.state.frame);
         let stages = Arc::clone(&self.stages);
@@ -319,7 +319,7 @@ impl FastRun {
             stages,
             wall_laws,
             radius: params.radius,
-            wall_reach: params.radius + params.laws.reach(),
+            wall_reach: params.radius + params.laws.adhesion_range(),
             wall_skin: *wall_skin,
         };
         let mut work = in_order(order, bodies.iter_mut().zip(&*pairs));

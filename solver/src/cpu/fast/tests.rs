@@ -5,7 +5,7 @@ use serde_json::json;
 
 use crate::cpu::{Cpu, CpuRun};
 use crate::engine::Backend;
-use crate::engine::scene::{Kind, Scene};
+use crate::engine::scene::{BodyKind, Scene};
 use crate::engine::state::State;
 use crate::experiments::prepare;
 use crate::mesh::Meshes;
@@ -37,7 +37,7 @@ fn spheres() -> Scene {
         body.position = scene.bodies[0].position + cell * 0.0178 + off;
         body
     });
-    let kind = Kind { meta: meta.into(), ..scene.kinds[0].clone() };
+    let kind = BodyKind { meta: meta.into(), ..scene.kinds[0].clone() };
     Scene { bodies: bodies.collect(), kinds: vec![kind], ..scene }
 }
 

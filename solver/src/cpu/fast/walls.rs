@@ -16,7 +16,7 @@ use crate::cpu::forces::{Load, feel_walls};
 use crate::cpu::lists::WallPair;
 use crate::cpu::walls::{Touch, Walls};
 use crate::engine::frame::Frame;
-use crate::physics::contact::ContactMemory;
+use crate::physics::contact::ContactHistory;
 
 /// Facets near the sub-particles of a body.
 #[derive(Debug, Default)]
@@ -86,9 +86,9 @@ impl Met {
                 for (k, &(_, number)) in some.iter().enumerate() {
                     let (half, lane) = (k / WIDTH, quad_of(k % WIDTH));
                     let FeltWall { pair, to_wall, velocity, spin, .. } = &felt[number as usize];
-                    let ContactMemory { touching, slide } = pairs[*pair].contact;
-                    memory[half].held |= u16::from(touching) << lane;
-                    set(&mut memory[half].slide, lane, slide);
+                    let ContactHistory { in_contact, xi } = pairs[*pair].contact;
+                    memory[half].held |= u16::from(in_contact) << lane;
+                    set(&mut memory[half].xi, lane, xi);
                     set(&mut seen[half].apart, lane, *to_wall);
                     set(&mut seen[half].velocity, lane, *velocity);
                     set(&mut seen[half].spin, lane, *spin);
@@ -100,9 +100,8 @@ impl Met {
                     let felt = &mut felt[number as usize];
                     felt.load =
                         Load { force: get(&loads[half].force, lane), torque: get(&loads[half].torque, lane) };
-                    let touching = memory[half].held >> lane & 1 == 1;
-                    pairs[felt.pair].contact =
-                        ContactMemory { touching, slide: get(&memory[half].slide, lane) };
+                    let in_contact = memory[half].held >> lane & 1 == 1;
+                    pairs[felt.pair].contact = ContactHistory { in_contact, xi: get(&memory[half].xi, lane) };
                 }
             }
         }
@@ -181,7 +180,7 @@ impl NearWalls {
         !(self.known && moved <= SAFE * f64::from(around.wall_skin))
     }
 
-    /// Looks up the facets near each sub-particle. What touching pairs remember stays.
+    /// Looks up the facets near each sub-particle. What in_contact pairs remember stays.
     #[inline(always)]
     fn search<S: Wide>(
         &mut self,

@@ -9,7 +9,7 @@ struct BondForce {
 
 fn bond_normal(law: Bonds, rest_length: f32, length: f32) -> f32 {
     let e = length - rest_length;
-    if law.form == FINITE_EXTENSION && e > 0.0 {
+    if law.model == FINITE_EXTENSION && e > 0.0 {
         let ratio = min(e / (law.break_length - rest_length), STRETCH_CLAMP);
         return law.k_n * e / (1.0 - ratio * ratio);
     }
@@ -34,13 +34,13 @@ fn bond_force(
     var pull: f32;
     var shear: vec3<f32>;
     var total: vec3<f32>;
-    if law.form == AS_PUBLISHED {
+    if law.model == AS_PUBLISHED {
         *stored += (n * (law.k_n * v_n) + v_t * law.k_t) * dt;
         pull = dot3(*stored, n);
         shear = *stored - n * pull;
         total = *stored;
     } else {
-        *stored = turned(*stored, n, dot3(spin, n) * dt) + v_t * (law.k_t * dt);
+        *stored = rotated_history(*stored, n, dot3(spin, n) * dt) + v_t * (law.k_t * dt);
         pull = bond_normal(law, rest_length, length);
         shear = *stored;
         total = n * pull + *stored;

@@ -1,8 +1,8 @@
 // One contact: twin of physics/contact.rs.
 
-struct ContactMemory {
-    slide: vec3<f32>,
-    touching: bool,
+struct ContactHistory {
+    xi: vec3<f32>,
+    in_contact: bool,
 }
 
 struct ContactForce {
@@ -14,21 +14,21 @@ struct ContactForce {
 
 fn contact_force(
     law: Law,
-    memory: ptr<function, ContactMemory>,
+    history: ptr<function, ContactHistory>,
     n: vec3<f32>,
     delta: f32,
     v: vec3<f32>,
     spin: vec3<f32>,
     m_star: f32,
-    most: vec2<f32>,
+    cap: vec2<f32>,
     dt: f32,
 ) -> ContactForce {
-    let least = select(0.0, law.snap_overlap, law.adheres != 0u && (*memory).touching);
+    let least = select(0.0, law.snap_overlap, law.adheres != 0u && (*history).in_contact);
     if !(delta >= least) {
-        *memory = ContactMemory(vec3(0.0), false);
+        *history = ContactHistory(vec3(0.0), false);
         return ContactForce(vec3(0.0), vec3(0.0), false);
     }
-    (*memory).touching = true;
+    (*history).in_contact = true;
     var elastic: Elastic;
     if law.adheres != 0u {
         elastic = jkr_force(law, delta);
@@ -40,13 +40,13 @@ fn contact_force(
     let k_t = 8.0 * law.g_star * a;
     let v_n = dot3(v, n);
     let v_t = v - n * v_n;
-    let total = elastic.force + damping_constant(law.damping, k_n, m_star, most.x, dt) * v_n;
+    let total = elastic.force + damping_constant(law.damping, k_n, m_star, cap.x, dt) * v_n;
     var tangential = vec3(0.0);
     if a > 0.0 {
-        let eta_t = damping_constant(law.damping, k_t, m_star, most.y, dt);
-        var slide = turned((*memory).slide, n, dot3(spin, n) * dt) + v_t * dt;
-        tangential = friction_force(&slide, v_t, k_t, eta_t, law.mu * max(total, 0.0));
-        (*memory).slide = slide;
+        let eta_t = damping_constant(law.damping, k_t, m_star, cap.y, dt);
+        var xi = rotated_history((*history).xi, n, dot3(spin, n) * dt) + v_t * dt;
+        tangential = friction_force(&xi, v_t, k_t, eta_t, law.mu * max(total, 0.0));
+        (*history).xi = xi;
     }
     return ContactForce(n * -total, tangential, true);
 }

@@ -1,5 +1,5 @@
 // Damping: twin of physics/damping.rs.
 
-fn damping_constant(factor: f32, stiffness: f32, m_star: f32, most: f32, dt: f32) -> f32 {
-    return min(factor * sqrt(stiffness * m_star), most * m_star / dt);
+fn damping_constant(factor: f32, stiffness: f32, m_star: f32, cap: f32, dt: f32) -> f32 {
+    return min(factor * sqrt(stiffness * m_star), cap * m_star / dt);
 }

@@ -29,12 +29,12 @@ fn from_pairs(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> 
         let other = particles[j];
         let d = between(scene.unit_m, scene.period_y, me.position, other.position);
         let length2 = dot3(d, d);
-        var class_ = state & ~TOUCHING;
+        var class_ = state & ~IN_CONTACT;
         let bonded = class_ != 0u;
         if !bonded && length2 > hold * hold {
             if state != 0u {
                 pairs[at].state = 0u;
-                pairs[at].slide = vec3(0.0);
+                pairs[at].xi = vec3(0.0);
             }
             continue;
         }
@@ -59,21 +59,21 @@ fn from_pairs(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> 
             }
             pairs[at].bond = stored;
         }
-        var memory = ContactMemory(pairs[at].slide, (state & TOUCHING) != 0u);
+        var history = ContactHistory(pairs[at].xi, (state & IN_CONTACT) != 0u);
         if !bonded || scene.contact_between_bonded != 0u {
             let m_star = me.mass * other.mass / (me.mass + other.mass);
             let delta = touch - length;
-            let most = select(BODIES, NEIGHBOURS, bonded);
-            let force = contact_force(scene.tissue, &memory, n, delta, -v, spin, m_star, most, scene.dt);
+            let cap = select(BODY_CAP, BONDED_CAP, bonded);
+            let force = contact_force(scene.tissue, &history, n, delta, -v, spin, m_star, cap, scene.dt);
             if force.acts {
                 add(load, force.normal + force.tangential, arm, force.tangential);
                 if !bonded {
                     felt.max_overlap = max(felt.max_overlap, delta);
                 }
             }
-            pairs[at].slide = memory.slide;
+            pairs[at].xi = history.xi;
         }
-        pairs[at].state = class_ | select(0u, TOUCHING, memory.touching);
+        pairs[at].state = class_ | select(0u, IN_CONTACT, history.in_contact);
     }
     return felt;
 }
@@ -91,21 +91,21 @@ fn from_walls(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) {
         let touch = touches[k];
         let law = law_of(scene, touch.facet);
         var force = vec3(0.0);
-        var memory = ContactMemory(walls[k].slide, walls[k].state != 0u);
+        var history = ContactHistory(walls[k].xi, walls[k].state != 0u);
         let is_far = scene.radius - touch.distance < -reach_of(law);
         if is_far || touch.distance <= 0.0 || gives_way(scene, begin, end, k) != NONE {
-            memory = ContactMemory(vec3(0.0), false);
+            history = ContactHistory(vec3(0.0), false);
         } else {
             let n = touch.to_wall / touch.distance;
             let v = me.velocity + cross3(me.spin, touch.to_wall) - touch.velocity;
             let delta = scene.radius - touch.distance;
             let spin = pose_of(scene, surface_of(scene, touch.facet)).spin;
-            let contact = contact_force(law, &memory, n, delta, v, spin, me.mass, SURFACE, scene.dt);
+            let contact = contact_force(law, &history, n, delta, v, spin, me.mass, SURFACE_CAP, scene.dt);
             if contact.acts {
                 force = contact.normal + contact.tangential;
                 add(load, force, touch.to_wall, contact.tangential);
             }
         }
-        walls[k] = WallPair(memory.slide, touch.facet, force, select(0u, TOUCHING, memory.touching));
+        walls[k] = WallPair(history.xi, touch.facet, force, select(0u, IN_CONTACT, history.in_contact));
     }
 }

@@ -1,4 +1,4 @@
-// Neighbour lists with memory: twin of cpu/lists.rs. Rows are sorted by number; what bonds and touching pairs remember is
+// Neighbour lists with memory: twin of cpu/lists.rs. Rows are sorted by number; what bonds and in_contact pairs remember is
 // carried over from the rows before.
 
 // Takes a number into the row that begins at `base` and holds `count`, unless it stands there; returns how many there would be.
@@ -58,7 +58,7 @@ fn build_pairs(scene: Scene, i: u32) -> u32 {
     let known = base + counts[i].pairs;
     var count = 0u;
     for (var at = base; at < known; at++) {
-        if (pairs[at].state & ~TOUCHING) != 0u {
+        if (pairs[at].state & ~IN_CONTACT) != 0u {
             count = take_pair(base, count, pairs[at].other);
         }
     }

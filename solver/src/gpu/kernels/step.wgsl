@@ -45,7 +45,7 @@ fn step(
     var load = Load(vec3(0.0), vec3(0.0));
     let felt = from_pairs(scene, i, me, &load);
     from_walls(scene, i, me, &load);
-    // Numbers above zero are in the order of their bits. Most are no greater than what stands there: looking is cheaper.
+    // Numbers above zero are in the order of their bits. DampingCap are no greater than what stands there: looking is cheaper.
     if felt.max_overlap > 0.0 && bitcast<u32>(felt.max_overlap) > atomicLoad(&reports[run].overlap) {
         atomicMax(&reports[run].overlap, bitcast<u32>(felt.max_overlap));
     }

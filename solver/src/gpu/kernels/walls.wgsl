@@ -27,7 +27,7 @@ fn nearest_on_facet(scene: Scene, facet: Facet, p: vec3<f32>) -> vec3<f32> {
         let b = corners[first + 1u].at;
         let c = corners[first + 2u].at;
         var q: vec3<f32>;
-        if facet.long != 0u {
+        if facet.sliver != 0u {
             q = vec3<f32>(nearest_on_triangle_f64(vec3<f64>(p), vec3<f64>(a), vec3<f64>(b), vec3<f64>(c)));
         } else {
             q = nearest_on_triangle_f32(p, a, b, c);
@@ -156,10 +156,10 @@ fn hand_over(scene: Scene, begin: u32, end: u32) {
         }
         if heir != k {
             if walls[heir].state == 0u {
-                walls[heir].slide = walls[k].slide;
+                walls[heir].xi = walls[k].xi;
                 walls[heir].state = walls[k].state;
             }
-            walls[k].slide = vec3(0.0);
+            walls[k].xi = vec3(0.0);
             walls[k].state = 0u;
         }
     }

@@ -1,4 +1,4 @@
-//! A tree of boxes: finds what is near a point, or what a line meets, without looking at everything.
+//! A bvh of boxes: finds what is near a point, or what a line meets, without looking at everything.
 //!
 //! Boxes are halved by their centres along the longest axis until a few are left. Nodes stand in the order in which a
 //! walk down meets them, each with the place to go on at when it is passed over.
@@ -12,18 +12,18 @@ const SLACK: f32 = 1e-5;
 
 /// A box with sides along the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Span {
+pub struct Aabb {
     /// The corner where all coordinates are least.
     pub low: Vec3,
     /// The opposite corner.
     pub high: Vec3,
 }
 
-impl Span {
+impl Aabb {
     /// The smallest box around points.
     pub fn around(points: impl IntoIterator<Item = Vec3>) -> Self {
         let nothing = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
-        let wider = |span: Self, p| Self { low: span.low.min(p), high: span.high.max(p) };
+        let wider = |aabb: Self, p| Self { low: aabb.low.min(p), high: aabb.high.max(p) };
         points.into_iter().fold(nothing, wider)
     }
 
@@ -34,9 +34,9 @@ impl Span {
     }
 }
 
-/// Numbered boxes in a tree.
+/// Numbered boxes in a bvh.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Tree {
+pub struct Bvh {
     nodes: Vec<Node>,
     /// Numbers of the boxes, in the order of the leaves.
     order: Vec<u32>,
@@ -45,7 +45,7 @@ pub struct Tree {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Node {
     /// The box around all below.
-    pub(crate) span: Span,
+    pub(crate) aabb: Aabb,
     /// The node to go on at when all below this one is passed over.
     pub(crate) next: u32,
     /// Where its boxes begin in the order, and how many they are; none in a node that is halved.
@@ -53,35 +53,35 @@ pub(crate) struct Node {
     pub(crate) count: u32,
 }
 
-impl Tree {
-    /// A tree over boxes, which are numbered from 0.
-    pub fn new(spans: &[Span]) -> Self {
-        let mut tree = Self { nodes: Vec::new(), order: (0..spans.len() as u32).collect() };
-        if !spans.is_empty() {
-            tree.grow(spans, 0, spans.len());
+impl Bvh {
+    /// A bvh over boxes, which are numbered from 0.
+    pub fn new(aabbs: &[Aabb]) -> Self {
+        let mut bvh = Self { nodes: Vec::new(), order: (0..aabbs.len() as u32).collect() };
+        if !aabbs.is_empty() {
+            bvh.grow(aabbs, 0, aabbs.len());
         }
-        tree
+        bvh
     }
 
-    fn grow(&mut self, spans: &[Span], from: usize, to: usize) {
+    fn grow(&mut self, aabbs: &[Aabb], from: usize, to: usize) {
         let part = &mut self.order[from..to];
-        let of = |k: u32| &spans[k as usize];
+        let of = |k: u32| &aabbs[k as usize];
         let corners = part.iter().flat_map(|&k| [of(k).low, of(k).high]);
-        let span = Span::around(corners);
+        let aabb = Aabb::around(corners);
         let at = self.nodes.len();
         let halves = part.len() > LEAF;
         let count = if halves { 0 } else { part.len() as u32 };
-        self.nodes.push(Node { span, next: 0, first: from as u32, count });
+        self.nodes.push(Node { aabb, next: 0, first: from as u32, count });
         if halves {
             let centre = |k: u32| of(k).low + of(k).high;
-            let centres = Span::around(part.iter().map(|&k| centre(k)));
+            let centres = Aabb::around(part.iter().map(|&k| centre(k)));
             let axis = (centres.high - centres.low).max_position();
             let middle = part.len() / 2;
             part.select_nth_unstable_by(middle, |&a, &b| {
                 centre(a)[axis].total_cmp(&centre(b)[axis]).then(a.cmp(&b))
             });
-            self.grow(spans, from, from + middle);
-            self.grow(spans, from + middle, to);
+            self.grow(aabbs, from, from + middle);
+            self.grow(aabbs, from + middle, to);
         }
         self.nodes[at].next = self.nodes.len() as u32;
     }
@@ -94,11 +94,11 @@ impl Tree {
 
     /// Calls `visit` with the number of every box in leaves that `enters` lets in, whose parents it let in too. It may
     /// be called with boxes that `enters` itself would refuse.
-    pub fn visit(&self, enters: impl Fn(&Span) -> bool, visit: impl FnMut(u32)) {
+    pub fn visit(&self, enters: impl Fn(&Aabb) -> bool, visit: impl FnMut(u32)) {
         let mut visit = visit;
         let mut at = 0;
         while let Some(node) = self.nodes.get(at) {
-            if enters(&node.span) {
+            if enters(&node.aabb) {
                 let first = node.first as usize;
                 self.order[first..first + node.count as usize].iter().for_each(|&k| visit(k));
                 at += 1;
@@ -110,7 +110,7 @@ impl Tree {
 
     /// Calls `visit` with the number of every box within `reach` of a point, and maybe with some beyond.
     pub fn within(&self, p: Vec3, reach: f32, visit: impl FnMut(u32)) {
-        self.visit(|span| span.distance2(p) <= reach * reach * (1.0 + SLACK), visit);
+        self.visit(|aabb| aabb.distance2(p) <= reach * reach * (1.0 + SLACK), visit);
     }
 
     /// The number of what is nearest to a point, the lowest of several; `distance2` measures what is in a box.
@@ -122,7 +122,7 @@ impl Tree {
             left -= 1;
             let at = waiting[left] as usize;
             let node = &self.nodes[at];
-            if node.span.distance2(p) > best.0 * (1.0 + SLACK) {
+            if node.aabb.distance2(p) > best.0 * (1.0 + SLACK) {
                 continue;
             }
             if node.count > 0 {
@@ -133,7 +133,7 @@ impl Tree {
             } else {
                 // The nearer half first: it is taken off the end.
                 let halves = [at + 1, self.nodes[at + 1].next as usize];
-                let [a, b] = halves.map(|half| self.nodes[half].span.distance2(p));
+                let [a, b] = halves.map(|half| self.nodes[half].aabb.distance2(p));
                 let order = if a <= b { [halves[1], halves[0]] } else { halves };
                 for half in order {
                     waiting[left] = half as u32;
@@ -152,22 +152,22 @@ mod tests {
     use super::*;
 
     /// Boxes of a lattice of 30 × 30 × 30, each 0.6 wide.
-    fn boxes() -> Vec<Span> {
+    fn boxes() -> Vec<Aabb> {
         let low = |k: u32| Vec3::new((k % 30) as f32, (k / 30 % 30) as f32, (k / 900) as f32);
-        (0..27_000).map(low).map(|low| Span { low, high: low + 0.6 }).collect()
+        (0..27_000).map(low).map(|low| Aabb { low, high: low + 0.6 }).collect()
     }
 
     #[test]
     fn what_is_near_is_found_without_looking_at_much() {
         let (boxes, looked) = (boxes(), Cell::new(0));
-        let tree = Tree::new(&boxes);
+        let bvh = Bvh::new(&boxes);
         for p in [Vec3::new(3.3, 17.9, 8.2), Vec3::splat(-0.5), Vec3::new(15.0, 40.0, 15.0)] {
             let reach = 1.5f32;
             let mut found = Vec::new();
-            tree.visit(
-                |span| {
+            bvh.visit(
+                |aabb| {
                     looked.set(looked.get() + 1);
-                    span.distance2(p) <= reach * reach
+                    aabb.distance2(p) <= reach * reach
                 },
                 |k| found.push(k),
             );
@@ -180,12 +180,12 @@ mod tests {
                 looked.set(looked.get() + 1);
                 boxes[k as usize].distance2(p)
             };
-            let nearest = tree.nearest(p, measured).expect("27,000 boxes");
+            let nearest = bvh.nearest(p, measured).expect("27,000 boxes");
             let least = (0..27_000).min_by(|&a, &b| measured(a).total_cmp(&measured(b)).then(a.cmp(&b)));
             looked.set(looked.get() - 2 * 26_999);
             assert_eq!(Some(nearest), least);
         }
         assert!((50..1500).contains(&looked.get()), "looked at {}", looked.get());
-        assert_eq!(Tree::new(&[]).nearest(Vec3::ZERO, |_| 0.0), None);
+        assert_eq!(Bvh::new(&[]).nearest(Vec3::ZERO, |_| 0.0), None);
     }
 }
