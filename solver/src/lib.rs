@@ -18,6 +18,7 @@ pub mod physics;
 pub mod result;
 pub mod scenario;
 pub mod shape;
+pub mod walls;
 
 pub use check::{Limits, check};
 pub use engine::OutOfDeviceMemory;

@@ -17,7 +17,7 @@ use common::{RADIUS, assert_same, at, block, bonds, law, onto, scene};
 use cut::{cut_plate, pipe, surface};
 use glam::DVec3;
 use heaps::{drop, fillet, heap, many, spheres};
-use roost_solver::cpu::fast::Instructions;
+use roost_solver::cpu::fast::InstructionSet;
 use roost_solver::cpu::{Cpu, CpuRun};
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{BodyKind, Placement, Scene};
@@ -73,11 +73,11 @@ fn run(scene: &Scene, course: &Course, cpu: &Cpu, mut look: impl FnMut(&Cpu, &mu
     }
 }
 
-fn cpu(threads: usize, fast: Option<Instructions>) -> Cpu {
+fn cpu(threads: usize, fast: Option<InstructionSet>) -> Cpu {
     fast.map_or_else(|| Cpu::plain(threads), |instructions| Cpu::fast(threads, instructions))
 }
 
-fn states(scene: &Scene, course: &Course, fast: Option<Instructions>, threads: usize) -> Vec<State> {
+fn states(scene: &Scene, course: &Course, fast: Option<InstructionSet>, threads: usize) -> Vec<State> {
     let mut states = Vec::new();
     run(scene, course, &cpu(threads, fast), |cpu, run| states.push(cpu.state(run).clone()));
     states
@@ -119,7 +119,7 @@ fn pair_force(scene: &Scene) -> f64 {
 #[track_caller]
 fn assert_agrees(name: &str, scene: &Scene, course: &Course) -> Vec<State> {
     let plain = states(scene, course, None, 1);
-    let fast = states(scene, course, Some(Instructions::widest()), 1);
+    let fast = states(scene, course, Some(InstructionSet::widest()), 1);
     let [most, all] = apart(&plain, &fast, scene, pair_force(scene));
     println!("{name}: {most:.1e} of what pair forces do, {all:.1e} in all");
     assert!(most < TOLERANCE && all < 100.0 * TOLERANCE, "{name}: {most:e}, {all:e}");
@@ -156,7 +156,7 @@ fn bonds_break_alike_and_go_on_as_contacts() {
         assert!(broken > 20, "{broken} bonds broke");
     }
     let mut intact = Vec::new();
-    for fast in [None, Some(Instructions::widest())] {
+    for fast in [None, Some(InstructionSet::widest())] {
         run(&scene, &Course::of(HORIZON), &cpu(1, fast), |cpu, run| intact.push(cpu.bonds(run)));
     }
     let (plain, fast) = intact.split_at(intact.len() / 2);
@@ -228,7 +228,7 @@ fn surfaces_that_move_agree_and_feel_the_same_forces() {
     let course = Course { start: Some(100), ..Course::of(HORIZON) };
     assert_agrees("moving", &scene, &course);
     let mut forces = Vec::new();
-    for fast in [None, Some(Instructions::widest())] {
+    for fast in [None, Some(InstructionSet::widest())] {
         run(&scene, &course, &cpu(1, fast), |cpu, run| forces.push(cpu.surface_forces(run)));
     }
     let (plain, fast) = forces.split_at(forces.len() / 2);
@@ -309,7 +309,7 @@ fn single_spheres_that_are_taken_out_are_gone_alike() {
 /// A heap that has settled, started afresh from where its sub-particles lie: every body becomes a shape of its own.
 fn settled() -> Scene {
     let mut scene = heap();
-    let states = states(&scene, &Course::of(8000), Some(Instructions::widest()), 1);
+    let states = states(&scene, &Course::of(8000), Some(InstructionSet::widest()), 1);
     let state = states.last().expect("looked at");
     let kind = scene.kinds[0].clone();
     scene.kinds.clear();
@@ -350,16 +350,16 @@ fn threads_and_instruction_sets_change_no_bit() {
     let whole = [(heap(), 2000), (breaking, 400), (many(), 300), (spheres(), 300)];
     let whole = whole.map(|(scene, steps)| (scene, Course::of(steps)));
     for (scene, course) in whole.into_iter().chain([some_spheres_leave()]) {
-        let one = states(&scene, &course, Some(Instructions::widest()), 1);
+        let one = states(&scene, &course, Some(InstructionSet::widest()), 1);
         for threads in [2, 3] {
-            let several = states(&scene, &course, Some(Instructions::widest()), threads);
+            let several = states(&scene, &course, Some(InstructionSet::widest()), threads);
             assert_all_same(&one, &several, "threads");
         }
-        for set in Instructions::available().into_iter().skip(1) {
+        for set in InstructionSet::available().into_iter().skip(1) {
             assert_all_same(&one, &states(&scene, &course, Some(set), 1), set.name());
         }
     }
-    let names: Vec<_> = Instructions::available().iter().map(Instructions::name).collect();
+    let names: Vec<_> = InstructionSet::available().iter().map(InstructionSet::name).collect();
     for name in ["AVX-512", "AVX2", "scalar"].iter().filter(|name| !names.contains(name)) {
         println!("not tried, for want of it: {name}");
     }
@@ -373,7 +373,7 @@ fn waves_are_those_of_the_lattice() {
     let scene = scene(kind, vec![at(DVec3::ZERO, DVec3::ZERO)], 1e-5);
     let omega = (2.0 * f64::from(bonds().k_n) / common::MASS).sqrt();
     let half = (PI / omega / 1e-5 / 20.0).round() as u64 * 20;
-    let states = states(&scene, &Course::of(half), Some(Instructions::widest()), 1);
+    let states = states(&scene, &Course::of(half), Some(InstructionSet::widest()), 1);
     let state = states.last().expect("looked at");
     let stretch = (state.position(1) - state.position(0)).length() - 2.0 * RADIUS;
     assert!((stretch / -1e-5 - 1.0).abs() < 1e-2, "{stretch:e}");

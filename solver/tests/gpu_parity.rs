@@ -150,17 +150,17 @@ fn surfaces_of_many_facets_are_felt_alike() {
         both.plain.start(&mut both.plain_run);
         both.gpu.start(&mut both.gpu_run);
         both.stay_the_same(400, 50);
-        let felt = both.gpu.surface_forces(&mut both.gpu_run)[0].length();
+        let stats = both.gpu.surface_forces(&mut both.gpu_run)[0].length();
         let wall_slots = both.gpu_run.wall_slots();
-        println!("{felt:.3} N, {wall_slots} facets");
-        assert!(felt > 0.1, "nothing lies on it: {felt} N");
+        println!("{stats:.3} N, {wall_slots} facets");
+        assert!(stats > 0.1, "nothing lies on it: {stats} N");
     }
 }
 
 #[test]
 fn a_periodic_domain_is_alike() {
     let Some(gpu) = gpu() else { return };
-    // The blocks touch their own images across the seam; the second period is two cells of the grid wide.
+    // The blocks point their own images across the seam; the second period is two cells of the grid wide.
     for period in [0.034, 0.0311] {
         let mut scene = blocks();
         scene.bodies.iter_mut().for_each(|body| body.position.y += 0.014);
@@ -235,10 +235,14 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
     let Some(device) = parity::device() else { return };
     // File, what stands there, what is planted.
     let planted = [
-        ("grid", "vec3(0x80000000u)) / scene.cell", "vec3(0x80000000u)) / (scene.cell / 2u)"),
-        ("lists", "<= scene.reach * scene.reach", "<= 0.7 * scene.reach * scene.reach"),
-        ("lists", "new_pairs[base + k] = pairs[at];", "new_pairs[base + k].state = pairs[at].state;"),
-        ("lists", "atomicMax(&reports[run].walls, wall_count);", ""),
+        ("cell_list", "vec3(0x80000000u)) / scene.cell", "vec3(0x80000000u)) / (scene.cell / 2u)"),
+        ("neighbour_list", "<= scene.reach * scene.reach", "<= 0.7 * scene.reach * scene.reach"),
+        (
+            "neighbour_list",
+            "new_pairs[base + k] = pairs[at];",
+            "new_pairs[base + k].state = pairs[at].state;",
+        ),
+        ("neighbour_list", "atomicMax(&reports[run].walls, wall_count);", ""),
         ("forces", "me.mass * other.mass / (me.mass + other.mass)", "me.mass * 0.500001"),
         ("forces", "select(0u, 1u, i < j)", "1u"),
         ("walls", "return k;", "return NONE;"),

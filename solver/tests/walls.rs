@@ -12,11 +12,11 @@ use std::time::{Duration, Instant};
 use common::{RADIUS, sphere};
 use cut::{Draw, cap, pipe, surface, tilt, tilted_plate};
 use glam::{DQuat, DVec3, EulerRot, IVec3};
-use roost_solver::cpu::walls::{Touch, Walls};
 use roost_solver::engine::frame::Frame;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::Motion;
 use roost_solver::equipment::facet::facets;
+use roost_solver::walls::{NearestPoint, Walls};
 use stl::{cuboid, grid, moved, quad};
 
 #[test]
@@ -34,21 +34,21 @@ fn a_sphere_on_an_edge_stays_with_one_of_its_facets() {
         // Within the normals of both slopes.
         let over = DVec3::new(draw.within(-0.2, 0.2), 0.0, 1.0).normalize() * draw.within(0.5, 0.99) * RADIUS;
         let x = frame.encode(turn * (over + DVec3::Y * draw.within(-0.09, 0.09)) + at);
-        let touches = [0, 1].map(|facet| (facet, walls.touch(facet, x, &frame)));
-        let gives_way_to = |facet: usize| {
-            walls.gives_way_to(facet as u32, &touches[facet].1, [touches[1 - facet]].into_iter())
+        let touches = [0, 1].map(|facet| (facet, walls.nearest_point(facet, x, &frame)));
+        let superseding_facet = |facet: usize| {
+            walls.superseding_facet(facet as u32, &touches[facet].1, [touches[1 - facet]].into_iter())
         };
-        assert_eq!([gives_way_to(0), gives_way_to(1)], [None, Some(0)]);
+        assert_eq!([superseding_facet(0), superseding_facet(1)], [None, Some(0)]);
     }
 }
 
 /// The facets that a sphere touches, and those of them that it feels.
-fn felt(walls: &Walls, frame: &Frame, x: IVec3) -> (Vec<Touch>, Vec<Touch>) {
-    let near = walls.within(x, RADIUS as f32, frame);
-    let touches: Vec<_> = near.map(|facet| (facet, walls.touch(facet, x, frame))).collect();
+fn felt(walls: &Walls, frame: &Frame, x: IVec3) -> (Vec<NearestPoint>, Vec<NearestPoint>) {
+    let near = walls.facets_within(x, RADIUS as f32, frame);
+    let touches: Vec<_> = near.map(|facet| (facet, walls.nearest_point(facet, x, frame))).collect();
     let felt = touches.iter().filter(|(facet, touch)| {
         let others = touches.iter().copied().filter(|(other, _)| other != facet);
-        walls.gives_way_to(*facet, touch, others).is_none()
+        walls.superseding_facet(*facet, touch, others).is_none()
     });
     let felt = felt.map(|&(_, touch)| touch).collect();
     (touches.iter().map(|&(_, touch)| touch).collect(), felt)
@@ -127,7 +127,7 @@ fn lists_hold_all_facets_in_reach_and_no_other_in_order() {
     for k in 0..600 {
         if k == 300 {
             walls.pose(Some(0.7), &frame);
-            walls.drop_what_goes_at_start();
+            walls.remove_until_start();
         }
         let x = frame.encode(DVec3::new(
             draw.within(-0.15, 0.15),
@@ -136,8 +136,8 @@ fn lists_hold_all_facets_in_reach_and_no_other_in_order() {
         ));
         let reach = draw.within(0.001, 0.05) as f32;
         let all: Vec<u32> =
-            (0..count).filter(|&facet| walls.touch(facet, x, &frame).distance <= reach).collect();
-        let listed: Vec<u32> = walls.within(x, reach, &frame).collect();
+            (0..count).filter(|&facet| walls.nearest_point(facet, x, &frame).distance <= reach).collect();
+        let listed: Vec<u32> = walls.facets_within(x, reach, &frame).collect();
         assert_eq!(listed, all, "{k}");
         found += all.len();
     }
@@ -167,7 +167,7 @@ fn a_hundred_thousand_triangles_are_built_and_listed_in_seconds() {
     let mut listed = 0;
     for _ in 0..spheres {
         let x = DVec3::new(draw.within(-0.39, 0.39), draw.within(-0.39, 0.39), draw.within(0.0, 0.05));
-        listed += walls.within(frame.encode(x), 1.35 * RADIUS as f32, &frame).count();
+        listed += walls.facets_within(frame.encode(x), 1.35 * RADIUS as f32, &frame).count();
     }
     let listed_s = start.elapsed();
     println!(

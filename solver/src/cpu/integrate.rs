@@ -3,8 +3,8 @@
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
-use super::bounds::{Drift, length2};
-use super::forces::Load;
+use super::displacement::{DisplacementTracker, length2};
+use super::load::Load;
 use super::{CHUNK, Params};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
@@ -12,21 +12,21 @@ use crate::physics::integrate;
 
 /// Positions beyond this are twice the domain away from its middle, in units: what goes there is lost, and a little
 /// further differences of positions would wrap.
-pub(super) const EDGE: i32 = 1 << 30;
+pub(super) const DOMAIN_LIMIT: i32 = 1 << 30;
 
 /// What the stage has noticed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Moved {
-    /// Square of the greatest displacement since the lists were built, in m².
-    greatest2: f32,
+pub struct MotionStats {
+    /// Square of the greatest displacement since the neighbour_lists were built, in m².
+    max_displacement2: f32,
     /// The first sub-particle that is too fast or not a number any more.
     runaway: Option<u32>,
 }
 
-impl Moved {
-    fn and(self, other: Self) -> Self {
+impl MotionStats {
+    fn merge(self, other: Self) -> Self {
         Self {
-            greatest2: self.greatest2.max(other.greatest2),
+            max_displacement2: self.max_displacement2.max(other.max_displacement2),
             runaway: self.runaway.into_iter().chain(other.runaway).min(),
         }
     }
@@ -57,7 +57,7 @@ pub(crate) fn fault(i: usize, speed_limit: f32, state: &State) -> String {
 
 /// What the motion of every sub-particle has in common.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Mover {
+pub(super) struct Integrator {
     pub(super) dt: f32,
     pub(super) gravity: Vec3,
     pub(super) inverse_unit: f32,
@@ -66,7 +66,7 @@ pub(super) struct Mover {
     pub(super) limit2: f32,
 }
 
-impl Mover {
+impl Integrator {
     pub(super) fn new(params: &Params, frame: &Frame) -> Self {
         Self {
             dt: params.dt,
@@ -93,37 +93,44 @@ impl Mover {
         let x = integrate::position(p.position, remainder, p.velocity, self.dt, self.inverse_unit);
         p.position = frame.wrap(x);
         let speed2 = p.velocity.dot(p.velocity);
-        let inside =
-            p.position.cmpge(IVec3::splat(-EDGE)).all() && p.position.cmple(IVec3::splat(EDGE)).all();
+        let inside = p.position.cmpge(IVec3::splat(-DOMAIN_LIMIT)).all()
+            && p.position.cmple(IVec3::splat(DOMAIN_LIMIT)).all();
         // Not `speed2 > limit2`: what is not a number is no speed either.
         speed2 <= self.limit2 && p.spin.is_finite() && inside
     }
 }
 
 /// Moves every sub-particle by one step.
-pub(crate) fn advance(params: &Params, state: &mut State, loads: &[Load], drift: &mut Drift) -> Moved {
-    let mover = Mover::new(params, &state.frame);
-    let (frame, masses, held, reference) = (state.frame, &state.masses, &state.held, drift.reference());
+pub(crate) fn advance(
+    params: &Params,
+    state: &mut State,
+    loads: &[Load],
+    displacement: &mut DisplacementTracker,
+) -> MotionStats {
+    let integrator = Integrator::new(params, &state.frame);
+    let (frame, masses, held, reference) =
+        (state.frame, &state.masses, &state.held, displacement.reference());
     let moved = state
         .particles
         .par_chunks_mut(CHUNK)
         .zip(state.remainders.par_chunks_mut(CHUNK))
         .enumerate()
         .map(|(c, (particles, remainders))| {
-            let mut moved = Moved::default();
+            let mut moved = MotionStats::default();
             for (k, (p, remainder)) in particles.iter_mut().zip(remainders).enumerate() {
                 let i = c * CHUNK + k;
                 if held[i] {
                     continue;
                 }
-                if !mover.step(p, remainder, &loads[i], masses[i], &frame) {
+                if !integrator.step(p, remainder, &loads[i], masses[i], &frame) {
                     moved.runaway = moved.runaway.or(Some(i as u32));
                 }
-                moved.greatest2 = moved.greatest2.max(length2(frame.between(reference[i], p.position)));
+                moved.max_displacement2 =
+                    moved.max_displacement2.max(length2(frame.between(reference[i], p.position)));
             }
             moved
         })
-        .reduce(Moved::default, Moved::and);
-    drift.record(moved.greatest2);
+        .reduce(MotionStats::default, MotionStats::merge);
+    displacement.record(moved.max_displacement2);
     moved
 }

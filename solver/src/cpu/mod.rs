@@ -2,35 +2,35 @@
 //!
 //! Every sub-particle gathers its own forces, its neighbours in the order of their ids, with only
 //! `+ - * / sqrt`; each pair is worked out twice, once from either side, with exactly opposite results. Nothing
-//! depends on the number of threads, on when neighbour lists were rebuilt, or on how steps were cut into chunks.
+//! depends on the number of threads, on when neighbour neighbour_lists were rebuilt, or on how steps were cut into chunks.
 //! Work is shared out in chunks of [`CHUNK`] sub-particles, which own the memory of their contacts and bonds.
 
-pub mod bounds;
+pub mod cell_list;
+pub mod displacement;
 pub mod fast;
 pub mod forces;
-pub mod grid;
 pub mod integrate;
-pub mod lists;
+pub mod load;
+pub mod neighbour_list;
 pub mod stages;
-pub mod walls;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::engine::scene::{Laws, Scene};
 use crate::engine::state::State;
 use crate::engine::{AdvanceReport, Backend, BackendInfo};
-use bounds::Drift;
-use fast::{FastRun, Instructions};
-use forces::Load;
+use crate::walls::Walls;
+use displacement::DisplacementTracker;
+use fast::{FastRun, InstructionSet};
 use glam::{DVec3, Vec3};
-use lists::Lists;
-use stages::{Stage, Stages};
-use walls::Walls;
+use load::Load;
+use neighbour_list::NeighbourLists;
+use stages::{Stage, StageTimers};
 
 /// Sub-particles that one task works on.
 pub const CHUNK: usize = 256;
 
-/// Distance beyond reach that neighbour lists cover, as a share of R. Lists must stay short of the lattice's face
+/// Distance beyond reach that neighbour neighbour_lists cover, as a share of R. NeighbourLists must stay short of the lattice's face
 /// diagonal, 2√2 R, or they triple.
 pub(crate) const SKIN_RATIO: f32 = 0.35;
 
@@ -38,7 +38,7 @@ pub(crate) const SKIN_RATIO: f32 = 0.35;
 #[derive(Debug)]
 pub struct Cpu {
     pool: ThreadPool,
-    fast: Option<Instructions>,
+    fast: Option<InstructionSet>,
 }
 
 /// A run in main memory.
@@ -56,13 +56,13 @@ pub struct PlainRun {
     params: Params,
     state: State,
     walls: Walls,
-    lists: Lists,
+    neighbour_lists: NeighbourLists,
     loads: Vec<Load>,
-    drift: Drift,
+    displacement: DisplacementTracker,
     step: u64,
     start_step: Option<u64>,
     fault: Option<String>,
-    stages: Stages,
+    stages: StageTimers,
 }
 
 /// What stays the same for a whole run.
@@ -80,11 +80,11 @@ pub(crate) struct Params {
 impl Cpu {
     /// A backend on that many threads; 0 means one per processor. It takes the fast path with the widest instructions.
     pub fn new(threads: usize) -> Self {
-        Self::fast(threads, Instructions::widest())
+        Self::fast(threads, InstructionSet::widest())
     }
 
     /// A backend that takes the fast path with these instructions.
-    pub fn fast(threads: usize, instructions: Instructions) -> Self {
+    pub fn fast(threads: usize, instructions: InstructionSet) -> Self {
         Self { pool: pool(threads), fast: Some(instructions) }
     }
 
@@ -106,7 +106,7 @@ fn pool(threads: usize) -> ThreadPool {
 
 /// The processor, in words: its architecture and the instruction set that runs use.
 pub fn device_name() -> String {
-    format!("{} {} f32", std::env::consts::ARCH, Instructions::widest().name())
+    format!("{} {} f32", std::env::consts::ARCH, InstructionSet::widest().name())
 }
 
 impl Backend for Cpu {
@@ -178,7 +178,7 @@ impl Backend for Cpu {
 
 impl CpuRun {
     /// Where its time goes, while that is measured.
-    pub fn stages(&self) -> &Stages {
+    pub fn stages(&self) -> &StageTimers {
         match self {
             Self::Plain(run) => &run.stages,
             Self::Fast(run) => run.stages(),
@@ -191,13 +191,13 @@ impl PlainRun {
         let state = State::new(scene);
         Self {
             walls: Walls::new(scene, &state.frame),
-            lists: Lists::new(scene, &state),
+            neighbour_lists: NeighbourLists::new(scene, &state),
             loads: Vec::new(),
-            drift: Drift::default(),
+            displacement: DisplacementTracker::default(),
             step: 0,
             start_step: None,
             fault: None,
-            stages: Stages::default(),
+            stages: StageTimers::default(),
             params,
             state,
         }
@@ -205,7 +205,7 @@ impl PlainRun {
 
     fn surface_forces(&self) -> Vec<DVec3> {
         let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
-        for wall in self.lists.chunks.iter().flat_map(|chunk| chunk.all_walls()) {
+        for wall in self.neighbour_lists.chunks.iter().flat_map(|chunk| chunk.all_walls()) {
             forces[self.walls.surface_of(wall.facet)] -= wall.force.as_dvec3();
         }
         forces
@@ -213,7 +213,9 @@ impl PlainRun {
 
     fn bonds(&self) -> Vec<[u32; 2]> {
         let serials = &self.state.serials;
-        let row = |i: usize| self.lists.chunks[i / CHUNK].pairs(i % CHUNK).iter().map(move |pair| (i, pair));
+        let row = |i: usize| {
+            self.neighbour_lists.chunks[i / CHUNK].pairs(i % CHUNK).iter().map(move |pair| (i, pair))
+        };
         (0..serials.len())
             .flat_map(row)
             .filter(|(i, pair)| pair.bond_class != 0 && *i < pair.other as usize)
@@ -223,13 +225,13 @@ impl PlainRun {
 
     fn start(&mut self) {
         self.start_step = Some(self.step);
-        self.walls.drop_what_goes_at_start();
+        self.walls.remove_until_start();
     }
 
     fn remove(&mut self, serials: &[u32]) {
         let map = self.state.remove(serials);
-        self.lists.remove(&map);
-        self.drift.invalidate();
+        self.neighbour_lists.remove(&map);
+        self.displacement.invalidate();
     }
 
     fn advance(&mut self, steps: u64) -> AdvanceReport {
@@ -247,31 +249,31 @@ impl PlainRun {
     /// One time step: the stages of [`Backend`].
     fn one_step(&mut self, done: &mut AdvanceReport) {
         let belt_time = self.start_step.map(|start| (self.step - start) as f64 * self.params.dt_exact);
-        let mut watch = self.stages.watch();
+        let mut timer = self.stages.timer();
         self.walls.pose(belt_time, &self.state.frame);
-        if self.drift.exceeds(self.params.skin, &self.walls) {
-            self.lists.rebuild(&self.params, &self.state, &self.walls);
-            self.drift.restart(&self.state, &mut self.walls);
+        if self.displacement.needs_rebuild(self.params.skin, &self.walls) {
+            self.neighbour_lists.rebuild(&self.params, &self.state, &self.walls);
+            self.displacement.reset(&self.state, &mut self.walls);
         }
-        watch.lap(Stage::Neighbours);
+        timer.lap(Stage::Neighbours);
         let mut broken = std::mem::take(&mut self.state.broken);
-        let felt = forces::gather(
+        let stats = forces::gather(
             &self.params,
             &self.state,
             &self.walls,
-            &mut self.lists,
+            &mut self.neighbour_lists,
             &mut self.loads,
             &mut broken,
         );
         self.state.broken = broken;
-        watch.lap(Stage::Contacts);
-        let moved = integrate::advance(&self.params, &mut self.state, &self.loads, &mut self.drift);
-        watch.lap(Stage::Motion);
-        self.state.bonds_broken += u64::from(felt.bonds_broken);
+        timer.lap(Stage::Contacts);
+        let moved = integrate::advance(&self.params, &mut self.state, &self.loads, &mut self.displacement);
+        timer.lap(Stage::Motion);
+        self.state.bonds_broken += u64::from(stats.bonds_broken);
         self.step += 1;
         done.steps += 1;
         done.particle_steps += self.state.particles.len() as u64;
-        done.max_overlap_m = done.max_overlap_m.max(felt.max_overlap);
+        done.max_overlap_m = done.max_overlap_m.max(stats.max_overlap);
         self.fault = moved.fault(&self.params, &self.state);
     }
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 /// A part of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Which bodies are near each other; on the plain path all of the lists.
+    /// Which bodies are near each other; on the plain path all of the neighbour_lists.
     Neighbours,
     /// Which sub-particles of two bodies are.
     Search,
@@ -43,12 +43,12 @@ impl Stage {
 
 /// Time that threads have spent in each stage, added up. Nothing is measured unless asked for.
 #[derive(Debug, Default)]
-pub struct Stages {
+pub struct StageTimers {
     is_on: AtomicBool,
     nanoseconds: [AtomicU64; Stage::ALL.len()],
 }
 
-impl Stages {
+impl StageTimers {
     /// Measures from now on, or no more. Measuring takes some time itself.
     pub fn measure(&self, is_on: bool) {
         self.is_on.store(is_on, Ordering::Relaxed);
@@ -59,20 +59,20 @@ impl Stages {
         self.nanoseconds[stage as usize].load(Ordering::Relaxed) as f64 * 1e-9
     }
 
-    /// Begins to watch.
-    pub(super) fn watch(&self) -> Watch<'_> {
-        Watch { stages: self, since: self.is_on.load(Ordering::Relaxed).then(Instant::now) }
+    /// Begins to timer.
+    pub(super) fn timer(&self) -> LapTimer<'_> {
+        LapTimer { stages: self, since: self.is_on.load(Ordering::Relaxed).then(Instant::now) }
     }
 }
 
 /// Sees one thread through some stages.
 #[derive(Debug)]
-pub(super) struct Watch<'a> {
-    stages: &'a Stages,
+pub(super) struct LapTimer<'a> {
+    stages: &'a StageTimers,
     since: Option<Instant>,
 }
 
-impl Watch<'_> {
+impl LapTimer<'_> {
     /// What has passed since the last lap was spent in `stage`.
     #[inline(always)]
     pub(super) fn lap(&mut self, stage: Stage) {

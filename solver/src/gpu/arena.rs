@@ -4,9 +4,9 @@
 use wgpu::{BindGroup, CommandEncoder};
 
 use super::device::Device;
-use super::layout::{Now, Own, Pose, Report, Scene, Touch};
-use super::lists::Slots;
+use super::layout::{NearestPoint, Now, Own, Pose, Report, Scene};
 use super::memory::{Buffer, buffers, bytes_of};
+use super::neighbour_list::Slots;
 use super::pipelines::{Kernel, Pipelines};
 use super::store::{Extent, Part, Store};
 use crate::engine::OutOfDeviceMemory;
@@ -52,7 +52,7 @@ fn own_sizes(extent: &Extent, slots: Slots) -> [(&'static str, u64); 12] {
         ("new counts", extent.bytes(Part::Counts, slots)),
         ("new pairs", extent.bytes(Part::Pairs, slots)),
         ("new walls", extent.bytes(Part::Walls, slots)),
-        ("touches", particles(size_of::<Touch>()) * u64::from(slots.walls)),
+        ("nearest_points", particles(size_of::<NearestPoint>()) * u64::from(slots.walls)),
         ("run of each", particles(size_of::<u32>())),
         ("reference", particles(size_of::<Own>())),
         ("heads", bytes(extent.cells, size_of::<u32>())),
@@ -88,7 +88,7 @@ impl Arena {
             new_counts,
             new_pairs,
             new_walls,
-            touches,
+            nearest_points,
             scene_of,
             reference,
             heads,
@@ -102,7 +102,7 @@ impl Arena {
         let particle_group = |a, b| [a, b, own, &scene_of, &reference, &heads, &chain];
         let old = [counts, pairs, walls];
         let new = [&new_counts, &new_pairs, &new_walls];
-        let list_group = |[a, b, c]: [_; 3], [d, e, f]: [_; 3]| [a, b, c, d, e, f, &touches];
+        let list_group = |[a, b, c]: [_; 3], [d, e, f]: [_; 3]| [a, b, c, d, e, f, &nearest_points];
         let bind = |group, buffers: &[&Buffer]| pipelines.bind(device, group, buffers);
         Ok(Self {
             scene_group: bind(0, &scene_group),
@@ -123,7 +123,7 @@ impl Arena {
             scenes,
             poses,
             reports,
-            _others: [touches, reference, chain],
+            _others: [nearest_points, reference, chain],
         })
     }
 
@@ -186,8 +186,8 @@ impl Arena {
             pass.set_bind_group(0, &self.scene_group, &[]);
             pass.set_bind_group(1, &self.particle_groups[first as usize % 2], &[]);
             pass.set_bind_group(2, &self.list_groups[lists], &[]);
-            pipelines.run(&mut pass, Kernel::Grid, &now(first));
-            pipelines.run(&mut pass, Kernel::Lists, &now(first));
+            pipelines.run(&mut pass, Kernel::CellList, &now(first));
+            pipelines.run(&mut pass, Kernel::NeighbourList, &now(first));
             pass.set_bind_group(2, &self.list_groups[1 - lists], &[]);
             for step in first..steps.min(first + interval) {
                 pass.set_bind_group(1, &self.particle_groups[step as usize % 2], &[]);

@@ -265,7 +265,7 @@ impl Device {
             self.wait();
             clock.elapsed().as_secs_f64()
         };
-        // The first touches the memory; the difference of the others is free of what a submission takes.
+        // The first nearest_points the memory; the difference of the others is free of what a submission takes.
         let [_, few, many] = [1, 4, 20].map(copy);
         Ok(2.0 * 16.0 * bytes as f64 / (many - few).max(1e-9))
     }

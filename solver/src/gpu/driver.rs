@@ -101,7 +101,7 @@ impl Driver {
     /// # Panics
     /// When the device has failed.
     pub(super) fn advance(&self, runs: &mut [(&mut GpuRun, u64)]) -> Vec<AdvanceReport> {
-        let hand_over = |(run, steps): &mut (&mut GpuRun, u64)| {
+        let transfer_history = |(run, steps): &mut (&mut GpuRun, u64)| {
             let (reply, answer) = channel();
             let run = run.0.take().expect("it was not lost");
             (
@@ -112,7 +112,7 @@ impl Driver {
                 answer,
             )
         };
-        let (requests, answers): (Vec<_>, Vec<_>) = runs.iter_mut().map(hand_over).unzip();
+        let (requests, answers): (Vec<_>, Vec<_>) = runs.iter_mut().map(transfer_history).unzip();
         self.order(Order::Advance(requests));
         let take_back = |((run, _), answer): (&mut (&mut GpuRun, u64), Receiver<Reply>)| {
             let (back, done) = answer.recv().expect(GONE)?;

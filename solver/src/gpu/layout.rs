@@ -82,7 +82,7 @@ shared! {
         period_y: i32,
         /// Edge of a cell, in units.
         cell: u32,
-        /// Whether bonded neighbours touch as well.
+        /// Whether bonded neighbours point as well.
         contact_between_bonded: u32,
         /// Its first sub-particle.
         first: u32,
@@ -170,8 +170,8 @@ shared! {
         state: u32,
     }
 
-    /// How a sub-particle touches a facet near it, within one step.
-    Touch {
+    /// How a sub-particle nearest_points a facet near it, within one step.
+    NearestPoint {
         /// From the centre to the nearest point, in m.
         to_wall: [f32; 3],
         /// Its length, in m.

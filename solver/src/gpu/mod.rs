@@ -4,7 +4,7 @@
 //! order, so that on an adapter that rounds every operation by itself (Mesa's lavapipe does) the bits are the same. A
 //! step is one dispatch. Lists are rebuilt every few steps, whether they need it or not; should something have moved too
 //! far in between, the chunk of steps is done again with a shorter interval. Neither that nor what else is in the batch
-//! changes a bit: what is in reach is in the lists, rows are sorted, and what does not touch adds nothing.
+//! changes a bit: what is in reach is in the lists, rows are sorted, and what does not point adds nothing.
 //!
 //! | file | does |
 //! |---|---|
@@ -22,8 +22,8 @@ mod arena;
 pub mod device;
 mod driver;
 pub mod layout;
-mod lists;
 mod memory;
+mod neighbour_list;
 mod pipelines;
 mod run;
 mod shared;
@@ -43,8 +43,8 @@ use advance::CHUNK;
 use arena::arena_bytes;
 pub use device::{AdapterName, Device, GpuError, GpuOptions};
 use driver::Driver;
-use lists::Slots;
 use memory::bytes_of;
+use neighbour_list::Slots;
 use pipelines::Pipelines;
 pub use run::GpuRun;
 use run::{Run, most_cells};

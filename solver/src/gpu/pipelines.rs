@@ -33,9 +33,9 @@ const IMMEDIATE_BYTES: u32 = size_of::<Now>() as u32;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kernel {
     /// Sub-particles into the cells of the grid.
-    Grid,
+    CellList,
     /// Neighbour lists anew.
-    Lists,
+    NeighbourList,
     /// Forces and motion.
     Step,
 }
@@ -82,7 +82,7 @@ impl Pipelines {
             label: Some("roost"),
             source: wgpu::ShaderSource::Wgsl(source.text("").into()),
         });
-        let kernels = ["grid", "lists", "step"].map(|name| {
+        let kernels = ["cell_list", "neighbour_list", "step"].map(|name| {
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(name),
                 layout: Some(&layout),

@@ -5,14 +5,14 @@ use glam::{DVec3, IVec3, UVec3, Vec3};
 
 use super::device::Device;
 use super::layout::{Count, Own, Particle, Pose, Scene, WallPair};
-use super::lists::Rows;
+use super::neighbour_list::Rows;
 use super::store::{Draft, Extent, Part, Store};
 use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
-use crate::cpu::walls::Walls;
 use crate::engine::OutOfDeviceMemory;
 use crate::engine::scene;
 use crate::engine::state::State;
+use crate::walls::Walls;
 
 /// Steps between two rebuilds of the lists at first.
 const FIRST_INTERVAL: u32 = 8;
@@ -180,7 +180,7 @@ impl Run {
 
     pub(super) fn start(&mut self, device: &Device) {
         self.start_step = Some(self.step);
-        self.walls.drop_what_goes_at_start();
+        self.walls.remove_until_start();
         self.store.write_geometry(device, &Geometry::new(&self.walls));
     }
 
@@ -208,7 +208,7 @@ impl Run {
 
     /// Whether any of its surfaces moves.
     pub(super) fn moves(&self) -> bool {
-        self.start_step.is_some() && self.walls.fastest() > 0.0
+        self.start_step.is_some() && self.walls.max_speed() > 0.0
     }
 
     /// Steps after which a surface may have moved half the skin.
@@ -217,7 +217,7 @@ impl Run {
             return u32::MAX;
         }
         // One more, since lists are built for where surfaces are in the first step; and one less for rounding.
-        (f64::from(self.scene.half_skin) / (self.walls.fastest() * self.dt)) as u32
+        (f64::from(self.scene.half_skin) / (self.walls.max_speed() * self.dt)) as u32
     }
 }
 

@@ -1,10 +1,10 @@
 //! The WGSL of the kernels, put together from its files: types and constants from Rust, physics, stages.
 
-use crate::cpu::walls::{AT_THE_EDGE, SAME, SAME_WAY};
 use crate::gpu::layout;
 use crate::physics::bond::{BondModel, STRETCH_CLAMP};
 use crate::physics::damping;
 use crate::physics::jkr::{CURVATURE, D_SNAP, X_SNAP};
+use crate::walls::{ALIGNED_COSINE, COINCIDENT_M, EDGE_TOLERANCE};
 
 /// A file of functions without state.
 macro_rules! files {
@@ -16,7 +16,8 @@ const TERMS: [(&str, &str); 9] =
     files!["vector", "frame", "damping", "hertz", "jkr", "friction", "contact", "bond", "integrate"];
 
 /// The stages, which bind buffers.
-const STAGES: [(&str, &str); 6] = files!["bindings", "grid", "lists", "walls", "forces", "step"];
+const STAGES: [(&str, &str); 6] =
+    files!["bindings", "cell_list", "neighbour_list", "walls", "forces", "step"];
 
 /// The source of the kernels.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,9 +63,9 @@ fn constants() -> String {
         ("X_SNAP", X_SNAP),
         ("CURVATURE", CURVATURE),
         ("STRETCH_CLAMP", STRETCH_CLAMP),
-        ("SAME", SAME),
-        ("AT_THE_EDGE", AT_THE_EDGE),
-        ("SAME_WAY", SAME_WAY),
+        ("COINCIDENT_M", COINCIDENT_M),
+        ("EDGE_TOLERANCE", EDGE_TOLERANCE),
+        ("ALIGNED_COSINE", ALIGNED_COSINE),
     ];
     // What dashpots take along n and across it.
     let pairs = [

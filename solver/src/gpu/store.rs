@@ -5,8 +5,8 @@ use bytemuck::{Pod, pod_collect_to_vec};
 
 use super::device::Device;
 use super::layout::{Corner, Count, Facet, Node, Own, Pair, Particle, Surface, WallPair};
-use super::lists::{Rows, Slots};
 use super::memory::{Buffer, buffers};
+use super::neighbour_list::{Rows, Slots};
 use super::walls::Geometry;
 use crate::engine::OutOfDeviceMemory;
 

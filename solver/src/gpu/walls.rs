@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::layout::{Corner, Facet, Node, Pose, Surface};
-use crate::cpu::walls::{self, Walls};
+use crate::walls::{SurfacePose, Walls};
 
 /// What stays the same of the surfaces of a run, until some go at the start.
 #[derive(Clone, Debug, Default)]
@@ -58,7 +58,7 @@ impl Geometry {
 /// Where the surfaces are now.
 pub(super) fn poses(walls: &Walls) -> impl Iterator<Item = Pose> {
     walls.surfaces().iter().map(|surface| {
-        let walls::Pose { anchor, turn, velocity, spin } = surface.pose;
+        let SurfacePose { anchor, turn, velocity, spin } = surface.pose;
         Pose {
             anchor: anchor.to_array(),
             turn_x: turn.x_axis.to_array(),

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use roost_solver::cpu::Cpu;
-use roost_solver::cpu::fast::Instructions;
+use roost_solver::cpu::fast::InstructionSet;
 use roost_solver::scenario::{self, Scenario};
 use roost_worker::device::Device;
 use serde_json::json;
@@ -155,19 +155,19 @@ fn laws(args: &Args) -> Result<Scenario> {
 #[derive(Clone, Copy, Debug)]
 enum Way {
     Plain,
-    Fast(Instructions),
+    Fast(InstructionSet),
     #[cfg(feature = "gpu")]
     Gpu,
 }
 
 impl Way {
     fn named(name: &str) -> Result<Self> {
-        let sets = Instructions::available();
+        let sets = InstructionSet::available();
         let found = match name {
             "plain" => Some(Self::Plain),
             #[cfg(feature = "gpu")]
             "gpu" => Some(Self::Gpu),
-            "fast" => Some(Self::Fast(Instructions::widest())),
+            "fast" => Some(Self::Fast(InstructionSet::widest())),
             _ => sets.iter().find(|set| set.name() == name).map(|set| Self::Fast(*set)),
         };
         let names: Vec<_> = sets.iter().map(|set| set.name()).collect();

@@ -2,33 +2,33 @@
 //! So neighbours are moved into their lanes within registers, and not fetched one by one. A pair whose bond breaks stays here,
 //! as a contact.
 
-use super::instructions::Wide;
-use super::kernel::{self, Bonds, Felt, Held, Seen};
+use super::instructions::LaneOps;
+use super::kernel::{self, BondHistoryMut, ContactHistoryMut, PairKinematics, PairLoads};
 use super::laws::PairLaws;
-use super::load::Sums;
-use super::memory::{Lanes, Lanes3, PackedPlaces, WIDTH};
-use super::points::Block;
+use super::load::LoadSums;
+use super::memory::{Lanes, Lanes3, PackedIndices, WIDTH};
+use super::points::ParticleBlock;
 use crate::engine::frame::Frame;
 use crate::shape::lattice::LatticeBond;
 
-/// Bonds of one class, at most one of each sub-particle of a block to a later one, and at most one to each of those.
+/// BondHistoryMut of one class, at most one of each sub-particle of a block to a later one, and at most one to each of as_range.
 #[derive(Clone, Debug)]
 pub(super) struct BondSet {
     /// The block of the lower sub-particles.
     block: u32,
     /// The blocks of the higher ones.
     window: [u32; 2],
-    /// Where in the window they stand; those under [`WIDTH`] are in its first block.
+    /// Where in the window they stand; as_range under [`WIDTH`] are in its first block.
     at: [u8; WIDTH],
     /// For each place of the window, the lane that it is bonded to, and whether there is one.
-    back: [PackedPlaces; 2],
+    back: [PackedIndices; 2],
     bonded: [u16; 2],
-    /// What it remembers: see [`Bonds`] and [`Held`].
+    /// What it remembers: see [`BondHistoryMut`] and [`ContactHistoryMut`].
     rest: f32,
     exists: u16,
     intact: u16,
     stored: Lanes3,
-    held: u16,
+    in_contact: u16,
     xi: Lanes3,
 }
 
@@ -41,19 +41,19 @@ impl BondSet {
             block,
             window: [beyond; 2],
             at: [0; WIDTH],
-            back: [PackedPlaces::default(); 2],
+            back: [PackedIndices::default(); 2],
             bonded: [0; 2],
             rest,
             exists: 0,
             intact: 0,
             stored: [Lanes::ZERO; 3],
-            held: 0,
+            in_contact: 0,
             xi: [Lanes::ZERO; 3],
         }
     }
 
     /// The lane that a bond could take here, and its place in the window.
-    fn room_for(&self, [i, j]: [u32; 2], rest: f32) -> Option<(usize, u32)> {
+    fn free_lane(&self, [i, j]: [u32; 2], rest: f32) -> Option<(usize, u32)> {
         let width = WIDTH as u32;
         let [low, high] = self.window;
         let half = match j / width {
@@ -81,10 +81,10 @@ impl BondSet {
     /// Where a bond goes among the sets, which grow where it has no room.
     fn find(sets: &mut Vec<Self>, pair: [u32; 2], rest: f32) -> (&mut Self, usize) {
         let [i, j] = pair;
-        let found = sets.iter().enumerate().rev().find_map(|(s, set)| Some((s, set.room_for(pair, rest)?)));
+        let found = sets.iter().enumerate().rev().find_map(|(s, set)| Some((s, set.free_lane(pair, rest)?)));
         let (s, (lane, place)) = found.unwrap_or_else(|| {
             sets.push(Self::new(i / WIDTH as u32, j / WIDTH as u32, rest));
-            let place = sets[sets.len() - 1].room_for(pair, rest);
+            let place = sets[sets.len() - 1].free_lane(pair, rest);
             (sets.len() - 1, place.expect("it was made for it"))
         });
         sets[s].put(lane, place, j);
@@ -106,11 +106,11 @@ impl BondSet {
             }
             sets.append(&mut of_this);
         }
-        Self::evened(sets)
+        Self::padded_to_even(sets)
     }
 
     /// With one that is empty where they are odd in number: they are worked on two by two.
-    fn evened(mut sets: Vec<Self>) -> Vec<Self> {
+    fn padded_to_even(mut sets: Vec<Self>) -> Vec<Self> {
         if !sets.len().is_multiple_of(2) {
             sets.push(Self::new(0, 0, 0.0));
         }
@@ -133,21 +133,27 @@ impl BondSet {
         self.pairs().filter(|&(lane, _)| self.intact >> lane & 1 == 1).map(|(_, pair)| pair)
     }
 
-    fn memory(&mut self) -> Bonds<'_> {
-        let Self { rest, exists, intact, stored, held, xi, .. } = self;
-        Bonds { rest: *rest, exists: *exists, intact, stored, contacts: Held { held, xi } }
+    fn memory(&mut self) -> BondHistoryMut<'_> {
+        let Self { rest, exists, intact, stored, in_contact, xi, .. } = self;
+        BondHistoryMut {
+            rest: *rest,
+            exists: *exists,
+            intact,
+            stored,
+            contacts: ContactHistoryMut { in_contact, xi },
+        }
     }
 
-    /// What is seen of the pairs.
+    /// What is kinematics of the pairs.
     #[inline(always)]
-    fn seen<S: Wide>(&self, simd: S, frame: &Frame, blocks: &[Block]) -> Seen {
-        let (me, at) = (&blocks[self.block as usize], &simd.widened(&self.at));
+    fn kinematics<S: LaneOps>(&self, simd: S, frame: &Frame, blocks: &[ParticleBlock]) -> PairKinematics {
+        let (me, at) = (&blocks[self.block as usize], &simd.widen(&self.at));
         let others = self.window.map(|block| &blocks[block as usize]);
-        let mut seen = Seen::NOTHING;
+        let mut kinematics = PairKinematics::ZERO;
         for axis in 0..3 {
-            let mut position = simd.pick_ints(others.map(|block| &block.position[axis]), at);
-            let velocity = simd.pick(others.map(|block| &block.velocity[axis]), at);
-            let spin = simd.pick(others.map(|block| &block.spin[axis]), at);
+            let mut position = simd.permute_ints(others.map(|block| &block.position[axis]), at);
+            let velocity = simd.permute(others.map(|block| &block.velocity[axis]), at);
+            let spin = simd.permute(others.map(|block| &block.spin[axis]), at);
             for k in 0..WIDTH {
                 position.0[k] = position.0[k].wrapping_sub(me.position[axis].0[k]);
             }
@@ -155,22 +161,22 @@ impl BondSet {
                 position.0.iter_mut().for_each(|y| *y = frame.nearest_image(*y));
             }
             for k in 0..WIDTH {
-                seen.apart[axis].0[k] = position.0[k] as f32 * frame.unit_m;
-                seen.velocity[axis].0[k] = velocity.0[k] - me.velocity[axis].0[k];
-                seen.spin[axis].0[k] = spin.0[k] + me.spin[axis].0[k];
+                kinematics.offset[axis].0[k] = position.0[k] as f32 * frame.unit_m;
+                kinematics.velocity[axis].0[k] = velocity.0[k] - me.velocity[axis].0[k];
+                kinematics.spin[axis].0[k] = spin.0[k] + me.spin[axis].0[k];
             }
         }
-        seen
+        kinematics
     }
 
     /// Adds what acts on either side.
     #[inline(always)]
-    fn add<S: Wide>(&self, simd: S, felt: &Felt, sums: &mut Sums) {
+    fn add<S: LaneOps>(&self, simd: S, loads: &PairLoads, sums: &mut LoadSums) {
         let mine = &mut sums.blocks[self.block as usize];
         for axis in 0..3 {
             for k in 0..WIDTH {
-                mine.force[axis].0[k] += felt.force[axis].0[k];
-                mine.torque[axis].0[k] += felt.torque[axis].0[k];
+                mine.force[axis].0[k] += loads.force[axis].0[k];
+                mine.torque[axis].0[k] += loads.torque[axis].0[k];
             }
         }
         for half in 0..2 {
@@ -178,10 +184,10 @@ impl BondSet {
                 continue;
             }
             let theirs = &mut sums.blocks[self.window[half] as usize];
-            let back = simd.unpacked(self.back[half]);
+            let back = simd.unpack(self.back[half]);
             for axis in 0..3 {
-                let force = simd.spread(&felt.force[axis], &back, self.bonded[half]);
-                let torque = simd.spread(&felt.torque[axis], &back, self.bonded[half]);
+                let force = simd.masked_permute(&loads.force[axis], &back, self.bonded[half]);
+                let torque = simd.masked_permute(&loads.torque[axis], &back, self.bonded[half]);
                 for k in 0..WIDTH {
                     theirs.force[axis].0[k] -= force.0[k];
                     theirs.torque[axis].0[k] += torque.0[k];
@@ -192,7 +198,7 @@ impl BondSet {
 
     /// The lower sub-particles of these lanes go into `broken`.
     #[cold]
-    fn tell_broken(&self, lanes: u16, broken: &mut Vec<u32>) {
+    fn record_broken(&self, lanes: u16, broken: &mut Vec<u32>) {
         let these = (0..WIDTH as u32).filter(|lane| lanes >> lane & 1 == 1);
         broken.extend(these.map(|lane| self.block * WIDTH as u32 + lane));
     }
@@ -211,41 +217,48 @@ impl BondSet {
                 for (mine, theirs) in set.stored.iter_mut().zip(&old.stored) {
                     mine.0[lane] = theirs.0[from];
                 }
-                set.held |= (old.held >> from & 1) << lane;
+                set.in_contact |= (old.in_contact >> from & 1) << lane;
                 for (mine, theirs) in set.xi.iter_mut().zip(&old.xi) {
                     mine.0[lane] = theirs.0[from];
                 }
             }
         }
-        Self::evened(kept)
+        Self::padded_to_even(kept)
     }
 }
 
-/// Adds what the bonds of two sets do, and the contacts of their pairs. Returns the greatest overlap of those whose bond has broken,
-/// in metres; the lower sub-particles of those that break now go into `broken`.
+/// Adds what the bonds of two sets do, and the contacts of their pairs. Returns the greatest overlap of as_range whose bond has broken,
+/// in metres; the lower sub-particles of as_range that break now go into `broken`.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
-pub(super) fn forces<S: Wide>(
+pub(super) fn forces<S: LaneOps>(
     [one, two]: [&mut BondSet; 2],
     simd: S,
     laws: &PairLaws,
-    root_mass: f32,
+    sqrt_m_star: f32,
     frame: &Frame,
-    blocks: &[Block],
-    sums: &mut Sums,
+    blocks: &[ParticleBlock],
+    sums: &mut LoadSums,
     broken: &mut Vec<u32>,
 ) -> f32 {
-    let seen = [one.seen(simd, frame, blocks), two.seen(simd, frame, blocks)];
-    let mut felt = [Felt::NOTHING; 2];
+    let kinematics = [one.kinematics(simd, frame, blocks), two.kinematics(simd, frame, blocks)];
+    let mut pair_loads = [PairLoads::ZERO; 2];
     let before = [one.intact, two.intact];
-    let deepest = kernel::bonds(simd, laws, root_mass, &seen, &mut [one.memory(), two.memory()], &mut felt);
-    one.add(simd, &felt[0], sums);
-    two.add(simd, &felt[1], sums);
+    let max_overlap = kernel::bonds(
+        simd,
+        laws,
+        sqrt_m_star,
+        &kinematics,
+        &mut [one.memory(), two.memory()],
+        &mut pair_loads,
+    );
+    one.add(simd, &pair_loads[0], sums);
+    two.add(simd, &pair_loads[1], sums);
     for (set, before) in [one, two].into_iter().zip(before) {
         let lanes = before & !set.intact;
         if lanes != 0 {
-            set.tell_broken(lanes, broken);
+            set.record_broken(lanes, broken);
         }
     }
-    deepest
+    max_overlap
 }

@@ -4,31 +4,31 @@
 use glam::{Mat3, Vec3};
 use pulp::Simd;
 
-use super::instructions::Wide;
-use super::kernel::Seen;
+use super::instructions::LaneOps;
+use super::kernel::PairKinematics;
 use super::lanes::{F, F3, Mask};
 use super::load::{ints, three};
 use super::memory::{Ints, Lanes, Lanes3, Quads, WIDTH, in_metres};
-use crate::cpu::walls::{Pose, Walls};
 use crate::engine::frame::Frame;
+use crate::walls::{SurfacePose, Walls};
 
 /// A facet of few triangles, in a step.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FewTriangles<'a> {
+pub(super) struct SmallFacet<'a> {
     triangles: &'a [[Vec3; 3]],
-    pose: &'a Pose,
+    pose: &'a SurfacePose,
 }
 
-/// The nearest points of a facet, seen from sub-particles, as in [`crate::cpu::walls::Touch`].
-struct Touches<S: Simd> {
+/// The nearest points of a facet, kinematics from sub-particles, as in [`crate::walls::NearestPoint`].
+struct NearestPoints<S: Simd> {
     to_wall: F3<S>,
     distance: F<S>,
     velocity: F3<S>,
 }
 
-/// A chunk of sub-particles that look at a facet.
+/// A chunk of sub-particles that pair_offsets at a facet.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seers {
+pub(super) struct ParticleLanes {
     /// Fixed-point position.
     position: [Ints; 3],
     /// In m/s.
@@ -38,18 +38,18 @@ pub(super) struct Seers {
 }
 
 /// The way to a facet that is not near, in metres.
-const NOWHERE: Vec3 = Vec3::splat(1e3);
+const FAR_AWAY: Vec3 = Vec3::splat(1e3);
 
-impl Seers {
+impl ParticleLanes {
     /// From one after the other; positions as bits.
     #[inline(always)]
-    pub(super) fn of<S: Wide>(simd: S, position: &Quads, velocity: &Quads, spin: &Quads) -> Self {
+    pub(super) fn of<S: LaneOps>(simd: S, position: &Quads, velocity: &Quads, spin: &Quads) -> Self {
         let [x, y, z, _] = ints(simd, position);
         Self { position: [x, y, z], velocity: three(simd, velocity), spin: three(simd, spin) }
     }
 }
 
-impl<'a> FewTriangles<'a> {
+impl<'a> SmallFacet<'a> {
     /// A facet of a run; none if it must be looked at in another way.
     pub(super) fn of(walls: &'a Walls, facet: u32) -> Option<Self> {
         let facet = &walls.facets()[facet as usize];
@@ -58,36 +58,38 @@ impl<'a> FewTriangles<'a> {
     }
 
     /// What two chunks of sub-particles see of it, and how far they are from it, in metres. Those that are further than `reach` see
-    /// it nowhere near; so do those in whose centre it is, which have no side.
+    /// it nowhere near; so do mask in whose centre it is, which have no side.
     #[inline(always)]
-    pub(super) fn seen<S: Simd>(
+    pub(super) fn kinematics<S: Simd>(
         &self,
         simd: S,
         frame: &Frame,
         [radius, reach]: [f32; 2],
-        [a, b]: &[Seers; 2],
-    ) -> ([Seen; 2], [Lanes; 2]) {
-        let mut seen = [Seen::NOTHING; 2];
+        [a, b]: &[ParticleLanes; 2],
+    ) -> ([PairKinematics; 2], [Lanes; 2]) {
+        let mut kinematics = [PairKinematics::ZERO; 2];
         let mut distances = [Lanes::ZERO; 2];
         let one = in_metres(&a.position, self.pose.anchor, frame.unit_m);
         let two = in_metres(&b.position, self.pose.anchor, frame.unit_m);
         let spin = F3::splat(simd, self.pose.spin * 2.0);
         for part in 0..WIDTH / S::F32_LANES {
             let touches = self.touches(simd, F3::load(simd, [&one, &two], part));
-            let Touches { to_wall, distance, velocity } = touches;
+            let NearestPoints { to_wall, distance, velocity } = touches;
             let mine = F3::load(simd, [&a.velocity, &b.velocity], part);
             let my_spin = F3::load(simd, [&a.spin, &b.spin], part);
             let near = F::splat(simd, -reach).le(F::splat(simd, radius) - distance);
-            let felt = near & F::splat(simd, 0.0).lt(distance);
-            let [one, two] = &mut seen;
-            felt.select3(to_wall, F3::splat(simd, NOWHERE)).store([&mut one.apart, &mut two.apart], part);
+            let in_contact = near & F::splat(simd, 0.0).lt(distance);
+            let [one, two] = &mut kinematics;
+            in_contact
+                .select3(to_wall, F3::splat(simd, FAR_AWAY))
+                .store([&mut one.offset, &mut two.offset], part);
             let against = velocity - mine - my_spin.cross_unfused(to_wall);
             against.store([&mut one.velocity, &mut two.velocity], part);
             spin.store([&mut one.spin, &mut two.spin], part);
             let [one, two] = &mut distances;
             distance.store([one, two], part);
         }
-        (seen, distances)
+        (kinematics, distances)
     }
 
     /// How far two chunks of sub-particles at fixed-point positions are from it, in metres.
@@ -110,8 +112,8 @@ impl<'a> FewTriangles<'a> {
 
     /// How positions, relative to the anchor in metres, are touched.
     #[inline(always)]
-    fn touches<S: Simd>(&self, simd: S, relative: F3<S>) -> Touches<S> {
-        let Pose { turn, velocity, spin, .. } = *self.pose;
+    fn touches<S: Simd>(&self, simd: S, relative: F3<S>) -> NearestPoints<S> {
+        let SurfacePose { turn, velocity, spin, .. } = *self.pose;
         let p = rotated(simd, turn.transpose(), relative);
         let mut local = F3::zero(simd);
         let mut nearest2 = F::splat(simd, f32::INFINITY);
@@ -123,7 +125,7 @@ impl<'a> FewTriangles<'a> {
             nearest2 = nearer.select(d2, nearest2);
         }
         let d = local - p;
-        Touches {
+        NearestPoints {
             to_wall: rotated(simd, turn, d),
             distance: d.length2_unfused().sqrt(),
             velocity: F3::splat(simd, velocity)
@@ -179,7 +181,7 @@ fn nearest_on_triangle<S: Simd>(simd: S, p: F3<S>, &[a, b, c]: &[Vec3; 3]) -> F3
     found.from + found.way * (found.numerator / found.denominator)
 }
 
-/// Points along ways: `from` + `way` · `numerator` / `denominator`.
+/// BodyParticles along ways: `from` + `way` · `numerator` / `denominator`.
 struct Along<S: Simd> {
     from: F3<S>,
     way: F3<S>,
@@ -189,11 +191,11 @@ struct Along<S: Simd> {
 
 impl<S: Simd> Along<S> {
     #[inline(always)]
-    fn take(&mut self, those: Mask<S>, other: Self) {
-        self.from = those.select3(other.from, self.from);
-        self.way = those.select3(other.way, self.way);
-        self.numerator = those.select(other.numerator, self.numerator);
-        self.denominator = those.select(other.denominator, self.denominator);
+    fn take(&mut self, mask: Mask<S>, other: Self) {
+        self.from = mask.select3(other.from, self.from);
+        self.way = mask.select3(other.way, self.way);
+        self.numerator = mask.select(other.numerator, self.numerator);
+        self.denominator = mask.select(other.denominator, self.denominator);
     }
 }
 
@@ -223,7 +225,7 @@ mod tests {
         let frame = Frame::new(DVec3::splat(-0.5), DVec3::splat(0.5), false);
         let mut walls = Walls::new(&scene, &frame);
         walls.pose(Some(0.4), &frame);
-        let facet = FewTriangles::of(&walls, 0).expect("two triangles");
+        let facet = SmallFacet::of(&walls, 0).expect("two triangles");
         let mut random = ChaCha8Rng::seed_from_u64(1);
         let mut draw = |from: f64, to: f64| from + (to - from) * f64::from(random.next_u32()) / 2f64.powi(32);
         let normal = facet.pose.turn * walls.facets()[0].facet.normal;
@@ -234,17 +236,17 @@ mod tests {
             let pose = facet.pose;
             let x = pose.anchor
                 + frame.encode(frame.origin + (pose.turn.as_dmat3() * (local - DVec3::new(0.3, 0.2, 0.1))));
-            let expected = walls.touch(0, x, &frame);
-            let seers = Seers {
+            let expected = walls.nearest_point(0, x, &frame);
+            let seers = ParticleLanes {
                 position: [0, 1, 2].map(|axis| Ints([x[axis]; WIDTH])),
                 velocity: [Lanes::ZERO; 3],
                 spin: [Lanes::ZERO; 3],
             };
-            let (seen, distances) = facet.seen(Scalar::new(), &frame, [1.0, 0.0], &[seers; 2]);
+            let (kinematics, distances) = facet.kinematics(Scalar::new(), &frame, [1.0, 0.0], &[seers; 2]);
             let of = |lanes: &Lanes3| Vec3::new(lanes[0].0[3], lanes[1].0[3], lanes[2].0[3]);
-            assert_eq!(of(&seen[1].apart), expected.to_wall, "{local}");
-            assert_eq!(of(&seen[1].velocity), expected.velocity, "{local}");
-            assert_eq!(of(&seen[1].spin), expected.spin * 2.0, "{local}");
+            assert_eq!(of(&kinematics[1].offset), expected.to_wall, "{local}");
+            assert_eq!(of(&kinematics[1].velocity), expected.velocity, "{local}");
+            assert_eq!(of(&kinematics[1].spin), expected.spin * 2.0, "{local}");
             assert_eq!(distances[1].0[3], expected.distance, "{local}");
             inside += u32::from(expected.to_wall.dot(normal).abs() > 0.9999 * expected.distance);
         }

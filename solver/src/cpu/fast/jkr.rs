@@ -26,8 +26,8 @@ pub(super) fn jkr<S: Simd>(simd: S, scale: &JkrScale, delta: F<S>, holds: Mask<S
 fn root<S: Simd>(simd: S, d: F<S>) -> F<S> {
     let splat = |value| F::splat(simd, value);
     let u2 = (d - splat(D_SNAP)).max(splat(1e-30));
-    let w2 = u2.mul_add(u2.roughly_inverse_sqrt(), splat(GUESS_SHIFT));
-    let r = w2.roughly_inverse_sqrt();
+    let w2 = u2.mul_add(u2.approx_rsqrt(), splat(GUESS_SHIFT));
+    let r = w2.approx_rsqrt();
     let w = w2 * r;
     let [a, b, c, e] = GUESS.map(splat);
     let x = r.mul_add(r.mul_add(r.mul_add(r.mul_add(e, c), b), a), w);

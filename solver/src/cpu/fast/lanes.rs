@@ -9,7 +9,7 @@ use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Sub};
 use glam::Vec3;
 use pulp::Simd;
 
-use super::instructions::Wide;
+use super::instructions::LaneOps;
 use super::memory::{Lanes, Lanes3};
 
 /// Numbers in the lanes of two registers: one chunk of pairs is a long chain of dependent operations, and the processor works
@@ -60,7 +60,7 @@ impl<S: Simd> F<S> {
     }
 
     #[inline(always)]
-    fn with(self, other: Self, of: impl Fn(S::f32s, S::f32s) -> S::f32s) -> Self {
+    fn zip(self, other: Self, of: impl Fn(S::f32s, S::f32s) -> S::f32s) -> Self {
         let ([a, b], [c, d]) = (self.1, other.1);
         Self(self.0, [of(a, c), of(b, d)])
     }
@@ -81,33 +81,33 @@ impl<S: Simd> F<S> {
 
     /// term − self · factor, rounded once.
     #[inline(always)]
-    pub(super) fn mul_from(self, factor: Self, term: Self) -> Self {
+    pub(super) fn neg_mul_add(self, factor: Self, term: Self) -> Self {
         (-self).mul_add(factor, term)
     }
 
     /// 1/√x of positive x, to two ten-thousandths.
     #[inline(always)]
-    pub(super) fn roughly_inverse_sqrt(self) -> Self {
+    pub(super) fn approx_rsqrt(self) -> Self {
         let simd = self.0;
         let guess = self.map(|x| {
             let halved = simd.wrapping_dyn_shr_u32s(simd.transmute_u32s_f32s(x), simd.splat_u32s(1));
             simd.transmute_f32s_u32s(simd.sub_u32s(simd.splat_u32s(0x5f37_59df), halved))
         });
         // One step of third order from 3 %, which is what half the exponent gives.
-        let h = (self * guess).mul_from(guess, Self::splat(simd, 1.0));
+        let h = (self * guess).neg_mul_add(guess, Self::splat(simd, 1.0));
         let step = Self::splat(simd, 0.375).mul_add(h, Self::splat(simd, 0.5));
         (guess * h).mul_add(step, guess)
     }
 
     /// 1/x of positive x, to a quarter of a per cent.
     #[inline(always)]
-    pub(super) fn roughly_inverse(self) -> Self {
+    pub(super) fn approx_recip(self) -> Self {
         let simd = self.0;
         let y = self.map(|x| {
             let guess = simd.sub_u32s(simd.splat_u32s(0x7ef3_11c7), simd.transmute_u32s_f32s(x));
             simd.transmute_f32s_u32s(guess)
         });
-        let h = self.mul_from(y, Self::splat(simd, 1.0));
+        let h = self.neg_mul_add(y, Self::splat(simd, 1.0));
         y.mul_add(h.mul_add(h, h), y)
     }
 
@@ -119,12 +119,12 @@ impl<S: Simd> F<S> {
 
     #[inline(always)]
     pub(super) fn max(self, other: Self) -> Self {
-        self.with(other, |a, b| self.0.max_f32s(a, b))
+        self.zip(other, |a, b| self.0.max_f32s(a, b))
     }
 
     #[inline(always)]
     pub(super) fn min(self, other: Self) -> Self {
-        self.with(other, |a, b| self.0.min_f32s(a, b))
+        self.zip(other, |a, b| self.0.min_f32s(a, b))
     }
 
     /// Without its sign.
@@ -147,25 +147,25 @@ impl<S: Simd> F<S> {
 
     /// The greatest of the lanes.
     #[inline(always)]
-    pub(super) fn greatest(self) -> f32 {
+    pub(super) fn max_lane(self) -> f32 {
         let [a, b] = self.1;
         self.0.reduce_max_f32s(self.0.max_f32s(a, b))
     }
 }
 
-impl<S: Wide> Mask<S> {
+impl<S: LaneOps> Mask<S> {
     /// The `part`th registerful of lanes of two chunks of which bits say whether they are true.
     #[inline(always)]
-    pub(super) fn of_bits(simd: S, [a, b]: [u16; 2], part: usize) -> Self {
-        Self(simd, [simd.mask(a, part), simd.mask(b, part)])
+    pub(super) fn from_bits(simd: S, [a, b]: [u16; 2], part: usize) -> Self {
+        Self(simd, [simd.mask_from_bits(a, part), simd.mask_from_bits(b, part)])
     }
 
-    /// Writes the bits of those lanes.
+    /// Writes the bits of as_range lanes.
     #[inline(always)]
     pub(super) fn store(self, [a, b]: [&mut u16; 2], part: usize) {
         let (first, all) = (part * S::F32_LANES, ((1u32 << S::F32_LANES) - 1) as u16);
-        *a = *a & !(all << first) | self.0.bits(self.1[0]) << first;
-        *b = *b & !(all << first) | self.0.bits(self.1[1]) << first;
+        *a = *a & !(all << first) | self.0.mask_to_bits(self.1[0]) << first;
+        *b = *b & !(all << first) | self.0.mask_to_bits(self.1[1]) << first;
     }
 }
 
@@ -241,7 +241,7 @@ impl<S: Simd> F3<S> {
 
     /// term − self · factor.
     #[inline(always)]
-    pub(super) fn mul_from(self, factor: F<S>, term: Self) -> Self {
+    pub(super) fn neg_mul_add(self, factor: F<S>, term: Self) -> Self {
         self.mul_add(-factor, term)
     }
 
@@ -276,18 +276,18 @@ impl<S: Simd> F3<S> {
     #[inline(always)]
     pub(super) fn cross_add(self, other: Self, term: Self) -> Self {
         Self {
-            x: other.y.mul_from(self.z, self.y.mul_add(other.z, term.x)),
-            y: other.z.mul_from(self.x, self.z.mul_add(other.x, term.y)),
-            z: other.x.mul_from(self.y, self.x.mul_add(other.y, term.z)),
+            x: other.y.neg_mul_add(self.z, self.y.mul_add(other.z, term.x)),
+            y: other.z.neg_mul_add(self.x, self.z.mul_add(other.x, term.y)),
+            z: other.x.neg_mul_add(self.y, self.x.mul_add(other.y, term.z)),
         }
     }
 
     #[inline(always)]
     pub(super) fn cross(self, other: Self) -> Self {
         Self {
-            x: other.y.mul_from(self.z, self.y * other.z),
-            y: other.z.mul_from(self.x, self.z * other.x),
-            z: other.x.mul_from(self.y, self.x * other.y),
+            x: other.y.neg_mul_add(self.z, self.y * other.z),
+            y: other.z.neg_mul_add(self.x, self.z * other.x),
+            z: other.x.neg_mul_add(self.y, self.x * other.y),
         }
     }
 }
@@ -298,7 +298,7 @@ macro_rules! operator {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                self.with(other, |a, b| self.0.$simd(a, b))
+                self.zip(other, |a, b| self.0.$simd(a, b))
             }
         }
     };
@@ -387,8 +387,8 @@ mod tests {
             let number = F::splat(scalar, x);
             let exact = f64::from(x);
             let off = |of: F<Scalar>, value: f64| (f64::from(of.1[0]) / value - 1.0).abs();
-            assert!(off(number.roughly_inverse_sqrt(), exact.sqrt().recip()) < 2e-4, "about 1/√{x:e}");
-            assert!(off(number.roughly_inverse(), exact.recip()) < 2.5e-3, "about 1/{x:e}");
+            assert!(off(number.approx_rsqrt(), exact.sqrt().recip()) < 2e-4, "about 1/√{x:e}");
+            assert!(off(number.approx_recip(), exact.recip()) < 2.5e-3, "about 1/{x:e}");
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::physics::contact::ContactLaw;
 
 /// A law of contact, with what can be worked out beforehand.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LaneContact {
+pub(super) struct LaneContactLaw {
     pub(super) law: ContactLaw,
     /// η / √(m* a), normal and tangential.
     pub(super) damping_n: f32,
@@ -17,7 +17,7 @@ pub(super) struct LaneContact {
 /// All laws of pairs of a run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PairLaws {
-    pub(super) contact: LaneContact,
+    pub(super) contact: LaneContactLaw,
     pub(super) bond: BondLaw,
     pub(super) contact_between_bonded: bool,
     /// 2R, in metres.
@@ -25,7 +25,7 @@ pub(super) struct PairLaws {
     pub(super) dt: f32,
 }
 
-impl LaneContact {
+impl LaneContactLaw {
     pub(super) fn new(law: ContactLaw) -> Self {
         Self {
             law,

@@ -15,12 +15,12 @@ impl Lanes {
     /// All zero.
     pub(super) const ZERO: Self = Self([0.0; WIDTH]);
 
-    /// The place of each lane in the order of quads (see [`quad_of`]).
-    pub(super) const PLACE: Self = {
+    /// The place of each lane in the order of quads (see [`transposed_lane`]).
+    pub(super) const TRANSPOSED: Self = {
         let mut place = [0.0; WIDTH];
         let mut k = 0;
         while k < WIDTH {
-            place[k] = quad_of(k) as f32;
+            place[k] = transposed_lane(k) as f32;
             k += 1;
         }
         Self(place)
@@ -35,14 +35,14 @@ pub(super) type Lanes3 = [Lanes; 3];
 #[repr(align(64))]
 pub(super) struct Ints(pub(super) [i32; WIDTH]);
 
-/// A whole number in each lane; as places in a window of two blocks, those under [`WIDTH`] are in the first.
+/// A whole number in each lane; as places in a window of two blocks, as_range under [`WIDTH`] are in the first.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub(super) struct Places(pub(super) [u32; WIDTH]);
+pub(super) struct LaneIndices(pub(super) [u32; WIDTH]);
 
-impl Places {
+impl LaneIndices {
     /// Each lane its own number.
-    pub(super) const EACH: Self = {
+    pub(super) const IDENTITY: Self = {
         let mut each = [0; WIDTH];
         let mut k = 0;
         while k < WIDTH {
@@ -52,23 +52,23 @@ impl Places {
         Self(each)
     };
 
-    /// The lane whose numbers stand at each place (see [`quad_of`]).
-    pub(super) const OF_QUADS: Self = {
+    /// The lane whose numbers stand at each place (see [`transposed_lane`]).
+    pub(super) const TRANSPOSED: Self = {
         let mut each = [0; WIDTH];
         let mut k = 0;
         while k < WIDTH {
-            each[k] = quad_of(k) as u32;
+            each[k] = transposed_lane(k) as u32;
             k += 1;
         }
         Self(each)
     };
 }
 
-/// [`WIDTH`] numbers below 16, four bits each: those of even lanes in the lower half, those of odd lanes in the upper.
+/// [`WIDTH`] numbers below 16, four bits each: as_range of even lanes in the lower half, as_range of odd lanes in the upper.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct PackedPlaces(pub(super) u64);
+pub(super) struct PackedIndices(pub(super) u64);
 
-impl PackedPlaces {
+impl PackedIndices {
     fn shift(lane: usize) -> usize {
         32 * (lane % 2) + 4 * (lane / 2)
     }
@@ -92,13 +92,13 @@ pub(super) struct Quads(pub(super) [[f32; 4]; WIDTH]);
 /// Where a lane's numbers stand among [`Quads`], and the lane whose numbers stand there: 4 × 4 places are transposed,
 /// since that is what registers of every width can do without crossing quarters.
 #[inline(always)]
-pub(super) const fn quad_of(lane: usize) -> usize {
+pub(super) const fn transposed_lane(lane: usize) -> usize {
     lane % 4 * 4 + lane / 4
 }
 
-/// The bits of lanes, at the places of [`quad_of`].
+/// The bits of lanes, at the places of [`transposed_lane`].
 #[inline(always)]
-pub(super) const fn places_of(lanes: u16) -> u16 {
+pub(super) const fn transposed_bits(lanes: u16) -> u16 {
     let swap = (lanes ^ lanes >> 3) & 0x0a0a;
     let half = lanes ^ swap ^ swap << 3;
     let swap = (half ^ half >> 6) & 0x00cc;
@@ -118,7 +118,7 @@ impl Quads {
     }
 }
 
-/// Two vectors of each of [`WIDTH`] things, one thing after the other, each with one more number.
+/// SearchSides vectors of each of [`WIDTH`] things, one thing after the other, each with one more number.
 pub(super) type Octets = [[f32; 8]; WIDTH];
 
 /// The `b`th [`WIDTH`] of many.
@@ -129,7 +129,7 @@ pub(super) fn octets(many: &[[f32; 8]], b: usize) -> &Octets {
 
 /// So much of a vector, which may hold anything: what only grows need not be filled each time.
 #[inline(always)]
-pub(super) fn space<T: Copy + Default>(of: &mut Vec<T>, count: usize) -> &mut [T] {
+pub(super) fn grown<T: Copy + Default>(of: &mut Vec<T>, count: usize) -> &mut [T] {
     if of.len() < count {
         of.resize(count, T::default());
     }
@@ -150,7 +150,7 @@ pub(super) fn in_metres(positions: &[Ints; 3], from: IVec3, unit_m: f32) -> Lane
 
 /// All of a row put together, in halves, as registers do it.
 #[inline(always)]
-pub(super) fn folded<T: Copy>(mut of: [T; WIDTH], put: impl Fn(T, T) -> T) -> T {
+pub(super) fn reduced<T: Copy>(mut of: [T; WIDTH], put: impl Fn(T, T) -> T) -> T {
     let mut half = WIDTH / 2;
     while half > 0 {
         for k in 0..half {
@@ -161,9 +161,9 @@ pub(super) fn folded<T: Copy>(mut of: [T; WIDTH], put: impl Fn(T, T) -> T) -> T 
     of[0]
 }
 
-/// The greater; the first where either is not a number.
+/// The larger; the first where either is not a number.
 #[inline(always)]
-pub(super) fn greater(a: f32, b: f32) -> f32 {
+pub(super) fn larger(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
 }
 
@@ -174,8 +174,8 @@ mod tests {
     #[test]
     fn bits_of_lanes_go_to_their_places() {
         for lane in 0..WIDTH {
-            assert_eq!(places_of(1 << lane), 1 << quad_of(lane), "{lane}");
-            assert_eq!(quad_of(quad_of(lane)), lane);
+            assert_eq!(transposed_bits(1 << lane), 1 << transposed_lane(lane), "{lane}");
+            assert_eq!(transposed_lane(transposed_lane(lane)), lane);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Sub-particles that leave a run: what is left goes on under other numbers.
 
 use super::FastRun;
-use super::points::Points;
+use super::points::BodyParticles;
 
 impl FastRun {
     /// Takes sub-particles out, by serial, ascending.
@@ -26,9 +26,9 @@ impl FastRun {
                 let range = from..from + next as usize;
                 from = range.end;
                 if range.len() == local.len() {
-                    body.place(range);
+                    body.set_range(range);
                 } else {
-                    let points = Points::of(&self.state, range.clone());
+                    let points = BodyParticles::of(&self.state, range.clone());
                     body.renumber(range, points, &local);
                 }
                 kept.push(body);
@@ -37,7 +37,7 @@ impl FastRun {
             locals.push(local);
         }
         self.bodies = kept;
-        self.meetings.retain_mut(|meeting| {
+        self.body_pairs.retain_mut(|meeting| {
             let [a, b] = meeting.bodies.map(|body| body as usize);
             let [Some(first), Some(second)] = [numbers[a], numbers[b]] else { return false };
             meeting.bodies = [first, second];
@@ -46,10 +46,10 @@ impl FastRun {
             }
             true
         });
-        // With what pairs of meetings that are over have left there: lists are written afresh before they are looked at.
+        // With what pairs of body_pairs that are over have left there: lists are written afresh before they are looked at.
         let mut numbers = numbers.iter();
         self.pairs.retain(|_| numbers.next().is_some_and(Option::is_some));
-        self.have_strayed = true;
+        self.body_pairs_stale = true;
         self.order.clear();
     }
 }

@@ -4,24 +4,25 @@ use std::sync::{Mutex, MutexGuard};
 
 use glam::IVec3;
 
-use super::whereabouts::Extent;
+use super::bounds::Aabb;
 
 /// Bodies that a thread takes at once, at least and at most: some cost far more than others, and what is left at the end must not be
-/// much; but of those that it takes at once, one fetches from memory what the next needs.
-const AT_ONCE: [usize; 2] = [2, 16];
+/// much; but of as_range that it takes at once, one fetches from memory what the next needs.
+const BODIES_PER_TASK: [usize; 2] = [2, 16];
 
 /// How often a thread takes some in a phase, if there are that many.
-const TURNS: usize = 64;
+const TASKS_PER_THREAD: usize = 64;
 
 /// How often a thread must be able to take some before it takes several.
-const FEW_TURNS: usize = 4;
+const MIN_TASKS_PER_THREAD: usize = 4;
 
 /// How many of so many bodies a thread takes at once.
-pub(super) fn at_once(bodies: usize) -> usize {
-    let [least, most] = AT_ONCE;
+pub(super) fn bodies_per_task(bodies: usize) -> usize {
+    let [least, most] = BODIES_PER_TASK;
     let threads = rayon::current_num_threads();
     // Where bodies are few every thread should have some.
-    (bodies / (TURNS * threads)).clamp(least.min(bodies / (FEW_TURNS * threads)).max(1), most)
+    (bodies / (TASKS_PER_THREAD * threads))
+        .clamp(least.min(bodies / (MIN_TASKS_PER_THREAD * threads)).max(1), most)
 }
 
 /// Bits of a coordinate that count along the curve.
@@ -38,21 +39,21 @@ impl<T> Default for PerThread<T> {
 }
 
 impl<T: Default> PerThread<T> {
-    /// Makes those that threads of this pool do not have yet.
-    pub(super) fn for_all_threads(&mut self) {
+    /// Makes as_range that threads of this pool do not have yet.
+    pub(super) fn resize_to_pool(&mut self) {
         self.0.resize_with(rayon::current_num_threads(), Mutex::default);
     }
 
     /// That of the thread that asks, which is in the pool. Nobody else wants it.
-    pub(super) fn of_this_thread(&self) -> MutexGuard<'_, T> {
+    pub(super) fn current(&self) -> MutexGuard<'_, T> {
         let thread = rayon::current_thread_index().expect("bodies are worked on in the pool");
         self.0[thread].lock().expect("whoever had it has finished")
     }
 }
 
 /// Bodies in the order of Morton's curve through their middles: what they share with each other is still in the cache.
-pub(super) fn along_curve(extents: &[Extent]) -> Vec<u32> {
-    let middles: Vec<IVec3> = extents.iter().map(|extent| (extent.low >> 1) + (extent.high >> 1)).collect();
+pub(super) fn morton_order(aabbs: &[Aabb]) -> Vec<u32> {
+    let middles: Vec<IVec3> = aabbs.iter().map(|aabb| (aabb.low >> 1) + (aabb.high >> 1)).collect();
     let low = middles.iter().copied().fold(IVec3::MAX, IVec3::min);
     let high = middles.iter().copied().fold(IVec3::MIN, IVec3::max);
     let widest = u64::from(high.wrapping_sub(low).as_uvec3().max_element()) + 1;
@@ -67,7 +68,7 @@ pub(super) fn along_curve(extents: &[Extent]) -> Vec<u32> {
 }
 
 /// What there is of each body, in another order.
-pub(super) fn in_order<T>(order: &[u32], of_each: impl Iterator<Item = T>) -> Vec<T> {
+pub(super) fn permuted<T>(order: &[u32], of_each: impl Iterator<Item = T>) -> Vec<T> {
     let mut of_each: Vec<Option<T>> = of_each.map(Some).collect();
     order.iter().map(|&body| of_each[body as usize].take().expect("each comes once")).collect()
 }
@@ -78,13 +79,13 @@ mod tests {
 
     #[test]
     fn neighbours_come_soon_after_each_other() {
-        let at = |x, y, z| Extent { low: IVec3::new(x, y, z), high: IVec3::new(x + 2, y + 2, z + 2) };
+        let at = |x, y, z| Aabb { low: IVec3::new(x, y, z), high: IVec3::new(x + 2, y + 2, z + 2) };
         let far = 1 << 20;
         let bodies = [at(0, 0, 0), at(far, far, far), at(1, 0, 0), at(far, far, far - 1), at(0, 0, far)];
-        let order = along_curve(&bodies);
+        let order = morton_order(&bodies);
         let place = |body: u32| order.iter().position(|&at| at == body).unwrap();
         assert_eq!(place(0).abs_diff(place(2)), 1, "{order:?}");
         assert_eq!(place(1).abs_diff(place(3)), 1, "{order:?}");
-        assert_eq!(in_order(&[2, 0, 1], ["a", "b", "c"].into_iter()), ["c", "a", "b"]);
+        assert_eq!(permuted(&[2, 0, 1], ["a", "b", "c"].into_iter()), ["c", "a", "b"]);
     }
 }

@@ -50,16 +50,16 @@ fn after(scene: &Scene, steps: u64, skins: f32) -> (State, usize) {
     (search.skins, search.outer_skins) =
         (search.skins.map(|skin| skins * skin), search.outer_skins.map(|skin| skins * skin));
     fast.wall_skin *= skins;
-    let (mut searches, mut deepest) = (0, 0.0f32);
+    let (mut searches, mut max_overlap) = (0, 0.0f32);
     for _ in 0..steps {
         let CpuRun::Fast(fast) = &mut run else { unreachable!("what is fast stays so") };
-        let due = |meeting: &super::Meeting| meeting.is_due(&fast.bodies);
-        searches += fast.meetings.iter().filter(|meeting| due(meeting)).count();
+        let due = |body_pair: &super::BodyPair| body_pair.is_due(&fast.bodies);
+        searches += fast.body_pairs.iter().filter(|body_pair| due(body_pair)).count();
         let done = cpu.advance(&mut [(&mut run, 1)]).swap_remove(0);
         assert_eq!(done.fault, None);
-        deepest = deepest.max(done.max_overlap_m);
+        max_overlap = max_overlap.max(done.max_overlap_m);
     }
-    assert!(deepest > 1e-4, "they touch: {deepest}");
+    assert!(max_overlap > 1e-4, "they touch: {max_overlap}");
     (cpu.state(&mut run).clone(), searches)
 }
 

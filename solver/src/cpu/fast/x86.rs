@@ -5,8 +5,8 @@ use std::arch::x86_64::{__m256, __m256d, __m256i, __m512, __m512d};
 use pulp::x86::{V3, V4};
 use pulp::{Simd, cast};
 
-use super::instructions::Wide;
-use super::memory::{Ints, Lanes, Octets, PackedPlaces, Places, Quads, WIDTH};
+use super::instructions::LaneOps;
+use super::memory::{Ints, LaneIndices, Lanes, Octets, PackedIndices, Quads, WIDTH};
 
 /// Rows of four registers become columns, within every quarter (or half) of a register.
 macro_rules! transpose {
@@ -41,7 +41,7 @@ fn transposed_in_512(simd: V4, rows: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
     .map(cast)
 }
 
-/// How far each lane's number is from the lowest bits in [`PackedPlaces`].
+/// How far each lane's number is from the lowest bits in [`PackedIndices`].
 const SHIFTS: [u32; WIDTH] = [0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28];
 
 /// What turns the signs of the first four numbers of eight.
@@ -51,63 +51,63 @@ const FIRST_FOUR_SIGNS: [u32; 8] = [1 << 31, 1 << 31, 1 << 31, 1 << 31, 0, 0, 0,
 const LOWER_HALVES: [u32; WIDTH] = [0, 1, 2, 3, 16, 17, 18, 19, 4, 5, 6, 7, 20, 21, 22, 23];
 const UPPER_HALVES: [u32; WIDTH] = [8, 9, 10, 11, 24, 25, 26, 27, 12, 13, 14, 15, 28, 29, 30, 31];
 
-impl Wide for V4 {
+impl LaneOps for V4 {
     #[inline(always)]
-    fn pick(self, [low, high]: [&Lanes; 2], at: &Places) -> Lanes {
+    fn permute(self, [low, high]: [&Lanes; 2], at: &LaneIndices) -> Lanes {
         let picked = self.avx512f._mm512_permutex2var_ps(cast(low.0), cast(at.0), cast(high.0));
         Lanes(cast(picked))
     }
 
     #[inline(always)]
-    fn pick_ints(self, [low, high]: [&Ints; 2], at: &Places) -> Ints {
+    fn permute_ints(self, [low, high]: [&Ints; 2], at: &LaneIndices) -> Ints {
         let picked = self.avx512f._mm512_permutex2var_epi32(cast(low.0), cast(at.0), cast(high.0));
         Ints(cast(picked))
     }
 
     #[inline(always)]
-    fn at_most(self, values: &Lanes, limit: f32) -> u16 {
+    fn le_bits(self, values: &Lanes, limit: f32) -> u16 {
         self.less_than_or_equal_f32s(cast(values.0), self.splat_f32s(limit)).0
     }
 
     #[inline(always)]
-    fn whole(self, numbers: &Lanes) -> Ints {
+    fn round_to_int(self, numbers: &Lanes) -> Ints {
         Ints(cast(self.avx512f._mm512_cvtps_epi32(cast(numbers.0))))
     }
 
     #[inline(always)]
-    fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
+    fn masked_permute(self, values: &Lanes, from: &LaneIndices, takes: u16) -> Lanes {
         Lanes(cast(self.avx512f._mm512_maskz_permutexvar_ps(takes, cast(from.0), cast(values.0))))
     }
 
     #[inline(always)]
-    fn mask(self, bits: u16, _: usize) -> Self::m32s {
+    fn mask_from_bits(self, bits: u16, _: usize) -> Self::m32s {
         pulp::b16(bits)
     }
 
     #[inline(always)]
-    fn bits(self, mask: Self::m32s) -> u16 {
+    fn mask_to_bits(self, mask: Self::m32s) -> u16 {
         mask.0
     }
 
     #[inline(always)]
-    fn widened(self, places: &[u8; WIDTH]) -> Places {
-        Places(cast(self.avx512f._mm512_cvtepu8_epi32(cast(*places))))
+    fn widen(self, places: &[u8; WIDTH]) -> LaneIndices {
+        LaneIndices(cast(self.avx512f._mm512_cvtepu8_epi32(cast(*places))))
     }
 
     #[inline(always)]
-    fn unpacked(self, places: PackedPlaces) -> Places {
+    fn unpack(self, places: PackedIndices) -> LaneIndices {
         let all = self.avx512f._mm512_set1_epi64(places.0 as i64);
-        Places(cast(self.avx512f._mm512_srlv_epi32(all, cast(SHIFTS))))
+        LaneIndices(cast(self.avx512f._mm512_srlv_epi32(all, cast(SHIFTS))))
     }
 
     #[inline(always)]
-    fn only(self, value: f32, takes: u16) -> Lanes {
+    fn splat_masked(self, value: f32, takes: u16) -> Lanes {
         Lanes(cast(self.avx512f._mm512_maskz_mov_ps(takes, cast(self.splat_f32s(value)))))
     }
 
     #[inline(always)]
-    fn to_front(self, values: &Places, takes: u16) -> Places {
-        Places(cast(self.avx512f._mm512_maskz_compress_epi32(takes, cast(values.0))))
+    fn compress(self, values: &LaneIndices, takes: u16) -> LaneIndices {
+        LaneIndices(cast(self.avx512f._mm512_maskz_compress_epi32(takes, cast(values.0))))
     }
 
     #[inline(always)]
@@ -122,17 +122,17 @@ impl Wide for V4 {
     }
 
     #[inline(always)]
-    fn sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
-        V3::sum(*self, a, b)
+    fn add8(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+        V3::add8(*self, a, b)
     }
 
     #[inline(always)]
-    fn difference_and_sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
-        V3::difference_and_sum(*self, a, b)
+    fn subtract_add8(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+        V3::subtract_add8(*self, a, b)
     }
 
     #[inline(always)]
-    fn apart(self, octets: &Octets) -> [Quads; 2] {
+    fn split_octets(self, octets: &Octets) -> [Quads; 2] {
         let rows: [[f32; WIDTH]; 8] = cast(*octets);
         let [mut first, mut last] = [[[0.0f32; WIDTH]; 4]; 2];
         for k in 0..4 {
@@ -144,7 +144,7 @@ impl Wide for V4 {
     }
 
     #[inline(always)]
-    fn together(self, [first, last]: [&Quads; 2]) -> Octets {
+    fn join_octets(self, [first, last]: [&Quads; 2]) -> Octets {
         let (first, last): ([[f32; WIDTH]; 4], [[f32; WIDTH]; 4]) = (cast(first.0), cast(last.0));
         let mut rows = [[0.0f32; WIDTH]; 8];
         for k in 0..4 {
@@ -175,21 +175,21 @@ fn picked_from_two(simd: V3, [low, high]: [[f32; 8]; 2], at: [u32; 8]) -> [f32; 
     cast(simd.avx._mm256_blendv_ps(low, high, upper))
 }
 
-impl Wide for V3 {
+impl LaneOps for V3 {
     #[inline(always)]
-    fn pick(self, [low, high]: [&Lanes; 2], at: &Places) -> Lanes {
+    fn permute(self, [low, high]: [&Lanes; 2], at: &LaneIndices) -> Lanes {
         let ([a, b], [c, d]): ([[f32; 8]; 2], [[f32; 8]; 2]) = (cast(low.0), cast(high.0));
         let [one, two]: [[u32; 8]; 2] = cast(at.0);
         Lanes(cast([picked(self, [a, b, c, d], one), picked(self, [a, b, c, d], two)]))
     }
 
     #[inline(always)]
-    fn pick_ints(self, [low, high]: [&Ints; 2], at: &Places) -> Ints {
-        Ints(cast(self.pick([&Lanes(cast(low.0)), &Lanes(cast(high.0))], at).0))
+    fn permute_ints(self, [low, high]: [&Ints; 2], at: &LaneIndices) -> Ints {
+        Ints(cast(self.permute([&Lanes(cast(low.0)), &Lanes(cast(high.0))], at).0))
     }
 
     #[inline(always)]
-    fn at_most(self, values: &Lanes, limit: f32) -> u16 {
+    fn le_bits(self, values: &Lanes, limit: f32) -> u16 {
         let [low, high]: [[f32; 8]; 2] = cast(values.0);
         let limit = self.splat_f32s(limit);
         let low = self.less_than_or_equal_f32s(cast(low), limit);
@@ -199,7 +199,7 @@ impl Wide for V3 {
     }
 
     #[inline(always)]
-    fn whole(self, numbers: &Lanes) -> Ints {
+    fn round_to_int(self, numbers: &Lanes) -> Ints {
         let [low, high]: [[f32; 8]; 2] = cast(numbers.0);
         let low: [i32; 8] = cast(self.avx._mm256_cvtps_epi32(cast(low)));
         let high: [i32; 8] = cast(self.avx._mm256_cvtps_epi32(cast(high)));
@@ -207,35 +207,35 @@ impl Wide for V3 {
     }
 
     #[inline(always)]
-    fn mask(self, bits: u16, part: usize) -> Self::m32s {
+    fn mask_from_bits(self, bits: u16, part: usize) -> Self::m32s {
         let each: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
         let bits = self.avx2._mm256_and_si256(cast([u32::from(bits) >> (8 * part); 8]), cast(each));
         cast(self.avx2._mm256_cmpeq_epi32(bits, cast(each)))
     }
 
     #[inline(always)]
-    fn bits(self, mask: Self::m32s) -> u16 {
+    fn mask_to_bits(self, mask: Self::m32s) -> u16 {
         self.avx._mm256_movemask_ps(cast(mask)) as u16
     }
 
     #[inline(always)]
-    fn widened(self, places: &[u8; WIDTH]) -> Places {
+    fn widen(self, places: &[u8; WIDTH]) -> LaneIndices {
         let [low, high]: [u64; 2] = cast(*places);
         let low: [u32; 8] = cast(self.avx2._mm256_cvtepu8_epi32(cast([low, 0])));
         let high: [u32; 8] = cast(self.avx2._mm256_cvtepu8_epi32(cast([high, 0])));
-        Places(cast([low, high]))
+        LaneIndices(cast([low, high]))
     }
 
     #[inline(always)]
-    fn unpacked(self, places: PackedPlaces) -> Places {
+    fn unpack(self, places: PackedIndices) -> LaneIndices {
         let shifts: [__m256i; 2] = cast(SHIFTS);
         let low: [u32; 8] = cast(self.avx2._mm256_srlv_epi32(cast([places.0; 4]), shifts[0]));
         let high: [u32; 8] = cast(self.avx2._mm256_srlv_epi32(cast([places.0; 4]), shifts[1]));
-        Places(cast([low, high]))
+        LaneIndices(cast([low, high]))
     }
 
     #[inline(always)]
-    fn spread(self, values: &Lanes, from: &Places, takes: u16) -> Lanes {
+    fn masked_permute(self, values: &Lanes, from: &LaneIndices, takes: u16) -> Lanes {
         let halves: [[f32; 8]; 2] = cast(values.0);
         let [one, two]: [[u32; 8]; 2] = cast(from.0);
         let spread: [f32; WIDTH] =
@@ -258,18 +258,18 @@ impl Wide for V3 {
     }
 
     #[inline(always)]
-    fn sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+    fn add8(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
         cast(self.avx._mm256_add_ps(cast(*a), cast(*b)))
     }
 
     #[inline(always)]
-    fn difference_and_sum(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
+    fn subtract_add8(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
         let b = self.avx._mm256_xor_ps(cast(*b), cast(FIRST_FOUR_SIGNS));
         cast(self.avx._mm256_add_ps(cast(*a), b))
     }
 
     #[inline(always)]
-    fn apart(self, octets: &Octets) -> [Quads; 2] {
+    fn split_octets(self, octets: &Octets) -> [Quads; 2] {
         let [mut first, mut last] = [[[0.0f32; 8]; 8]; 2];
         for k in 0..8 {
             let (one, two) = (cast(octets[2 * k]), cast(octets[2 * k + 1]));
@@ -280,7 +280,7 @@ impl Wide for V3 {
     }
 
     #[inline(always)]
-    fn together(self, [first, last]: [&Quads; 2]) -> Octets {
+    fn join_octets(self, [first, last]: [&Quads; 2]) -> Octets {
         let (first, last): ([[f32; 8]; 8], [[f32; 8]; 8]) = (cast(first.0), cast(last.0));
         let mut octets = [[0.0; 8]; WIDTH];
         for k in 0..8 {

@@ -30,8 +30,8 @@
 @group(2) @binding(3) var<storage, read_write> new_counts: array<Count>;
 @group(2) @binding(4) var<storage, read_write> new_pairs: array<Pair>;
 @group(2) @binding(5) var<storage, read_write> new_walls: array<WallPair>;
-// How each sub-particle touches the facets of its row, within a step.
-@group(2) @binding(6) var<storage, read_write> touches: array<Touch>;
+// How each sub-particle nearest_points the facets of its row, within a step.
+@group(2) @binding(6) var<storage, read_write> nearest_points: array<NearestPoint>;
 
 var<immediate> now: Now;
 

@@ -8,7 +8,7 @@ struct ContactHistory {
 struct ContactForce {
     normal: vec3<f32>,
     tangential: vec3<f32>,
-    // False when the surfaces do not touch.
+    // False when the surfaces do not point.
     acts: bool,
 }
 

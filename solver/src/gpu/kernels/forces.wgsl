@@ -6,7 +6,7 @@ struct Load {
 }
 
 // What the stage has noticed.
-struct Felt {
+struct ForceStats {
     max_overlap: f32,
     bonds_broken: u32,
 }
@@ -17,10 +17,10 @@ fn add(load: ptr<function, Load>, force: vec3<f32>, arm: vec3<f32>, across: vec3
     (*load).torque += cross3(arm, across);
 }
 
-fn from_pairs(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> Felt {
-    let touch = 2.0 * scene.radius;
+fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> ForceStats {
+    let contact_distance = 2.0 * scene.radius;
     let hold = 2.0 * scene.radius + scene.tissue_reach;
-    var felt = Felt(0.0, 0u);
+    var stats = ForceStats(0.0, 0u);
     let base = i * now.pair_slots;
     let end = base + counts[i].pairs;
     for (var at = base; at < end; at++) {
@@ -47,7 +47,7 @@ fn from_pairs(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> 
         let v = other.velocity - me.velocity - cross3(me.spin + other.spin, arm);
         let spin = (me.spin + other.spin) * 0.5;
         if bonded {
-            let rest = touch * sqrt(f32(class_));
+            let rest = contact_distance * sqrt(f32(class_));
             var stored = pairs[at].bond;
             let force = bond_force(scene.bond, &stored, n, rest, length, v, spin, scene.dt);
             if force.holds {
@@ -55,57 +55,57 @@ fn from_pairs(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> 
             } else {
                 class_ = 0u;
                 stored = vec3(0.0);
-                felt.bonds_broken += select(0u, 1u, i < j);
+                stats.bonds_broken += select(0u, 1u, i < j);
             }
             pairs[at].bond = stored;
         }
         var history = ContactHistory(pairs[at].xi, (state & IN_CONTACT) != 0u);
         if !bonded || scene.contact_between_bonded != 0u {
             let m_star = me.mass * other.mass / (me.mass + other.mass);
-            let delta = touch - length;
+            let delta = contact_distance - length;
             let cap = select(BODY_CAP, BONDED_CAP, bonded);
             let force = contact_force(scene.tissue, &history, n, delta, -v, spin, m_star, cap, scene.dt);
             if force.acts {
                 add(load, force.normal + force.tangential, arm, force.tangential);
                 if !bonded {
-                    felt.max_overlap = max(felt.max_overlap, delta);
+                    stats.max_overlap = max(stats.max_overlap, delta);
                 }
             }
             pairs[at].xi = history.xi;
         }
         pairs[at].state = class_ | select(0u, IN_CONTACT, history.in_contact);
     }
-    return felt;
+    return stats;
 }
 
-fn from_walls(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) {
+fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) {
     let begin = i * now.wall_slots;
     let end = begin + counts[i].walls;
     for (var k = begin; k < end; k++) {
-        touches[k] = wall_touch(scene, walls[k].facet, me.position);
+        nearest_points[k] = wall_nearest_point(scene, walls[k].facet, me.position);
     }
     if end - begin > 1u {
-        hand_over(scene, begin, end);
+        transfer_history(scene, begin, end);
     }
     for (var k = begin; k < end; k++) {
-        let touch = touches[k];
-        let law = law_of(scene, touch.facet);
+        let point = nearest_points[k];
+        let law = law_of(scene, point.facet);
         var force = vec3(0.0);
         var history = ContactHistory(walls[k].xi, walls[k].state != 0u);
-        let is_far = scene.radius - touch.distance < -reach_of(law);
-        if is_far || touch.distance <= 0.0 || gives_way(scene, begin, end, k) != NONE {
+        let is_far = scene.radius - point.distance < -reach_of(law);
+        if is_far || point.distance <= 0.0 || superseded_by(scene, begin, end, k) != NONE {
             history = ContactHistory(vec3(0.0), false);
         } else {
-            let n = touch.to_wall / touch.distance;
-            let v = me.velocity + cross3(me.spin, touch.to_wall) - touch.velocity;
-            let delta = scene.radius - touch.distance;
-            let spin = pose_of(scene, surface_of(scene, touch.facet)).spin;
+            let n = point.to_wall / point.distance;
+            let v = me.velocity + cross3(me.spin, point.to_wall) - point.velocity;
+            let delta = scene.radius - point.distance;
+            let spin = pose_of(scene, surface_of(scene, point.facet)).spin;
             let contact = contact_force(law, &history, n, delta, v, spin, me.mass, SURFACE_CAP, scene.dt);
             if contact.acts {
                 force = contact.normal + contact.tangential;
-                add(load, force, touch.to_wall, contact.tangential);
+                add(load, force, point.to_wall, contact.tangential);
             }
         }
-        walls[k] = WallPair(history.xi, touch.facet, force, select(0u, IN_CONTACT, history.in_contact));
+        walls[k] = WallPair(history.xi, point.facet, force, select(0u, IN_CONTACT, history.in_contact));
     }
 }

@@ -1,7 +1,7 @@
 // A time step of one sub-particle: forces from the sub-particles as they are, motion into where they will be. Twin of
 // cpu/integrate.rs in what it does with the forces.
 
-const EDGE: i32 = 1 << 30;
+const DOMAIN_LIMIT: i32 = 1 << 30;
 
 // Moves it by one step. Whether all is well with it.
 fn integrate(scene: Scene, i: u32, load: Load, me: ptr<function, Particle>) -> bool {
@@ -15,7 +15,7 @@ fn integrate(scene: Scene, i: u32, load: Load, me: ptr<function, Particle>) -> b
     (*me).velocity = v;
     (*me).spin = spin;
     let speed2 = dot3(v, v);
-    let inside = all(x >= vec3(-EDGE)) && all(x <= vec3(EDGE));
+    let inside = all(x >= vec3(-DOMAIN_LIMIT)) && all(x <= vec3(DOMAIN_LIMIT));
     let spins = is_finite(spin.x) && is_finite(spin.y) && is_finite(spin.z);
     return is_finite(speed2) && speed2 <= scene.limit2 && spins && inside;
 }
@@ -43,15 +43,15 @@ fn step(
         atomicOr(&reports[run].stale, 1u);
     }
     var load = Load(vec3(0.0), vec3(0.0));
-    let felt = from_pairs(scene, i, me, &load);
-    from_walls(scene, i, me, &load);
+    let stats = add_pair_forces(scene, i, me, &load);
+    add_wall_forces(scene, i, me, &load);
     // Numbers above zero are in the order of their bits. DampingCap are no greater than what stands there: looking is cheaper.
-    if felt.max_overlap > 0.0 && bitcast<u32>(felt.max_overlap) > atomicLoad(&reports[run].overlap) {
-        atomicMax(&reports[run].overlap, bitcast<u32>(felt.max_overlap));
+    if stats.max_overlap > 0.0 && bitcast<u32>(stats.max_overlap) > atomicLoad(&reports[run].overlap) {
+        atomicMax(&reports[run].overlap, bitcast<u32>(stats.max_overlap));
     }
-    if felt.bonds_broken > 0u {
-        own[i].broken += felt.bonds_broken;
-        atomicAdd(&reports[run].broken, felt.bonds_broken);
+    if stats.bonds_broken > 0u {
+        own[i].broken += stats.bonds_broken;
+        atomicAdd(&reports[run].broken, stats.bonds_broken);
     }
     if me.held == 0u {
         if !integrate(scene, i, load, &me) {

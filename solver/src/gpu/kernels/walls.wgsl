@@ -8,7 +8,7 @@ fn wall_local(pose: Pose, unit_m: f32, x: vec3<i32>) -> vec3<f32> {
         + vec3(pose.turn_x.z, pose.turn_y.z, pose.turn_z.z) * d.z;
 }
 
-fn wall_turned(pose: Pose, v: vec3<f32>) -> vec3<f32> {
+fn wall_rotated(pose: Pose, v: vec3<f32>) -> vec3<f32> {
     return pose.turn_x * v.x + pose.turn_y * v.y + pose.turn_z * v.z;
 }
 
@@ -41,8 +41,8 @@ fn nearest_on_facet(scene: Scene, facet: Facet, p: vec3<f32>) -> vec3<f32> {
     return best;
 }
 
-// How a sub-particle at `x` touches a facet, which has triangles: rows hold no others.
-fn wall_touch(scene: Scene, facet_number: u32, x: vec3<i32>) -> Touch {
+// How a sub-particle at `x` nearest_points a facet, which has triangles: rows hold no others.
+fn wall_nearest_point(scene: Scene, facet_number: u32, x: vec3<i32>) -> NearestPoint {
     let facet = facets[scene.first_facet + facet_number];
     let pose = pose_of(scene, facet.surface);
     let p = wall_local(pose, scene.unit_m, x);
@@ -51,10 +51,10 @@ fn wall_touch(scene: Scene, facet_number: u32, x: vec3<i32>) -> Touch {
     let n = facet.normal;
     let across = d - n * dot3(n, d);
     let distance2 = dot3(d, d);
-    return Touch(
-        wall_turned(pose, d),
+    return NearestPoint(
+        wall_rotated(pose, d),
         sqrt(distance2),
-        pose.velocity + cross3(pose.spin, wall_turned(pose, local)),
+        pose.velocity + cross3(pose.spin, wall_rotated(pose, local)),
         select(0u, 1u, dot3(across, across) > 1e-6 * distance2),
         local,
         facet_number,
@@ -81,58 +81,58 @@ fn reach_of(law: Law) -> f32 {
     return 0.0;
 }
 
-// The least distance of all touches of a surface, from `begin` up to `end`, that lie in the point of touch `at`.
+// The least distance of all nearest_points of a surface, from `begin` up to `end`, that lie in the point of point `at`.
 fn rank(scene: Scene, begin: u32, end: u32, at: u32) -> f32 {
-    let surface = surface_of(scene, touches[at].facet);
-    let local = touches[at].local;
-    var least = touches[at].distance;
+    let surface = surface_of(scene, nearest_points[at].facet);
+    let local = nearest_points[at].local;
+    var least = nearest_points[at].distance;
     for (var k = begin; k < end; k++) {
-        if surface_of(scene, touches[k].facet) == surface && length3(touches[k].local - local) < SAME {
-            least = min(least, touches[k].distance);
+        if surface_of(scene, nearest_points[k].facet) == surface && length3(nearest_points[k].local - local) < COINCIDENT_M {
+            least = min(least, nearest_points[k].distance);
         }
     }
     return least;
 }
 
-// Whether touch `other` comes before touch `at`.
-fn comes_before(scene: Scene, begin: u32, end: u32, other: u32, at: u32) -> bool {
-    let further = touches[other].distance - touches[at].distance;
-    if further < -SAME {
+// Whether point `other` comes before point `at`.
+fn precedes(scene: Scene, begin: u32, end: u32, other: u32, at: u32) -> bool {
+    let further = nearest_points[other].distance - nearest_points[at].distance;
+    if further < -COINCIDENT_M {
         return true;
     }
-    if further > SAME {
+    if further > COINCIDENT_M {
         return false;
     }
     let theirs = rank(scene, begin, end, other);
     let mine = rank(scene, begin, end, at);
-    return theirs < mine || (theirs == mine && touches[other].facet < touches[at].facet);
+    return theirs < mine || (theirs == mine && nearest_points[other].facet < nearest_points[at].facet);
 }
 
-fn pushes_like(a: Touch, b: Touch) -> bool {
-    return dot3(a.to_wall, b.to_wall) > SAME_WAY * a.distance * b.distance;
+fn is_aligned_with(a: NearestPoint, b: NearestPoint) -> bool {
+    return dot3(a.to_wall, b.to_wall) > ALIGNED_COSINE * a.distance * b.distance;
 }
 
-fn has_the_point(scene: Scene, facet: u32, touch: Touch) -> bool {
-    let q = nearest_on_facet(scene, facets[scene.first_facet + facet], touch.local);
-    return length3(q - touch.local) < max(SAME, AT_THE_EDGE * touch.distance);
+fn contains_point(scene: Scene, facet: u32, point: NearestPoint) -> bool {
+    let q = nearest_on_facet(scene, facets[scene.first_facet + facet], point.local);
+    return length3(q - point.local) < max(COINCIDENT_M, EDGE_TOLERANCE * point.distance);
 }
 
-// The touch, from `begin` up to `end`, that touch `at` gives way to, or NONE: see cpu/walls.rs for why.
-fn gives_way(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
-    let touch = touches[at];
-    let surface = surface_of(scene, touch.facet);
+// The point, from `begin` up to `end`, that point `at` gives way to, or NONE: see cpu/walls.rs for why.
+fn superseded_by(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
+    let point = nearest_points[at];
+    let surface = surface_of(scene, point.facet);
     for (var k = begin; k < end; k++) {
-        let is_other = k != at && surface_of(scene, touches[k].facet) == surface;
-        if is_other && comes_before(scene, begin, end, k, at) && pushes_like(touches[k], touch) {
+        let is_other = k != at && surface_of(scene, nearest_points[k].facet) == surface;
+        if is_other && precedes(scene, begin, end, k, at) && is_aligned_with(nearest_points[k], point) {
             return k;
         }
     }
-    if touch.on_rim == 0u {
+    if point.on_rim == 0u {
         return NONE;
     }
     for (var k = begin; k < end; k++) {
-        let is_other = k != at && surface_of(scene, touches[k].facet) == surface;
-        if is_other && comes_before(scene, begin, end, k, at) && has_the_point(scene, touches[k].facet, touch) {
+        let is_other = k != at && surface_of(scene, nearest_points[k].facet) == surface;
+        if is_other && precedes(scene, begin, end, k, at) && contains_point(scene, nearest_points[k].facet, point) {
             return k;
         }
     }
@@ -140,24 +140,24 @@ fn gives_way(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
 }
 
 // Hands what the contact with a facet that gives way remembers on to the one that takes over: see cpu/forces.rs.
-fn hand_over(scene: Scene, begin: u32, end: u32) {
+fn transfer_history(scene: Scene, begin: u32, end: u32) {
     for (var k = begin; k < end; k++) {
-        let is_far = scene.radius - touches[k].distance < -reach_of(law_of(scene, touches[k].facet));
+        let is_far = scene.radius - nearest_points[k].distance < -reach_of(law_of(scene, nearest_points[k].facet));
         if walls[k].state == 0u || is_far {
             continue;
         }
-        var heir = k;
+        var successor = k;
         for (var links = begin + 1u; links < end; links++) {
-            let next = gives_way(scene, begin, end, heir);
+            let next = superseded_by(scene, begin, end, successor);
             if next == NONE {
                 break;
             }
-            heir = next;
+            successor = next;
         }
-        if heir != k {
-            if walls[heir].state == 0u {
-                walls[heir].xi = walls[k].xi;
-                walls[heir].state = walls[k].state;
+        if successor != k {
+            if walls[successor].state == 0u {
+                walls[successor].xi = walls[k].xi;
+                walls[successor].state = walls[k].state;
             }
             walls[k].xi = vec3(0.0);
             walls[k].state = 0u;

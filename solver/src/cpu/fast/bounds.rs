@@ -2,27 +2,27 @@
 
 use glam::IVec3;
 
-use super::fetch::{self, PARTS, part};
-use super::instructions::Wide;
+use super::instructions::LaneOps;
 use super::load::ints;
 use super::memory::{Lanes3, Quads, WIDTH, in_metres};
-use super::points::Points;
+use super::points::BodyParticles;
+use super::prefetch::{self, PARTS, part};
 use crate::engine::frame::Frame;
 
 /// A box around positions, both corners inside.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Extent {
+pub(super) struct Aabb {
     pub(super) low: IVec3,
     pub(super) high: IVec3,
 }
 
 /// Lowest and highest corner of a box, in metres.
-pub(super) type Span = [[f32; 3]; 2];
+pub(super) type LocalAabb = [[f32; 3]; 2];
 
 /// The boxes of a body and of its blocks.
 #[derive(Debug, Default)]
-pub(super) struct Whereabouts {
-    pub(super) whole: Extent,
+pub(super) struct BodyBounds {
+    pub(super) whole: Aabb,
     blocks: usize,
     /// The blocks' lowest and highest corners, up to whole rows; the fourth numbers mean nothing.
     corners: [Vec<[i32; 4]>; 2],
@@ -31,16 +31,16 @@ pub(super) struct Whereabouts {
 /// More than positions lose as they are rounded, in metres.
 const ROUNDING_M: f32 = 1e-6;
 
-impl Whereabouts {
-    pub(super) fn of(points: &Points) -> Self {
-        let mut whereabouts = Self::default();
-        whereabouts.update(points);
-        whereabouts
+impl BodyBounds {
+    pub(super) fn of(points: &BodyParticles) -> Self {
+        let mut bounds = Self::default();
+        bounds.update(points);
+        bounds
     }
 
     /// Follows the sub-particles.
     #[inline(always)]
-    pub(super) fn update(&mut self, points: &Points) {
+    pub(super) fn update(&mut self, points: &BodyParticles) {
         self.blocks = points.blocks();
         let [lows, highs] = &mut self.corners;
         lows.resize(self.blocks.next_multiple_of(WIDTH), [0; 4]);
@@ -53,15 +53,15 @@ impl Whereabouts {
                 high[c] = high[c].max(highest[c]);
             }
         }
-        self.whole = Extent { low: corner(low), high: corner(high) };
+        self.whole = Aabb { low: corner(low), high: corner(high) };
     }
 
     /// Fetches the `k`th of [`PARTS`] parts from memory.
     #[inline(always)]
-    pub(super) fn fetch_part(&self, k: usize) {
+    pub(super) fn prefetch_part(&self, k: usize) {
         let [lows, highs] = &self.corners;
-        fetch::later(part(&lows[..self.blocks], k, PARTS));
-        fetch::later(part(&highs[..self.blocks], k, PARTS));
+        prefetch::to_l2(part(&lows[..self.blocks], k, PARTS));
+        prefetch::to_l2(part(&highs[..self.blocks], k, PARTS));
     }
 
     /// How many rows of [`WIDTH`] blocks there are.
@@ -69,9 +69,15 @@ impl Whereabouts {
         self.blocks.div_ceil(WIDTH)
     }
 
-    /// The boxes of a row in lanes (see [`super::memory::quad_of`]), in metres from a position, and how many there are.
+    /// The boxes of a row in lanes (see [`super::memory::transposed_lane`]), in metres from a position, and how many there are.
     #[inline(always)]
-    pub(super) fn row<S: Wide>(&self, simd: S, g: usize, from: IVec3, unit_m: f32) -> ([Lanes3; 2], usize) {
+    pub(super) fn row<S: LaneOps>(
+        &self,
+        simd: S,
+        g: usize,
+        from: IVec3,
+        unit_m: f32,
+    ) -> ([Lanes3; 2], usize) {
         let [lows, highs] = &self.corners;
         let [x, y, z, _] = ints(simd, &Quads::of(lows, g));
         let [u, v, w, _] = ints(simd, &Quads::of(highs, g));
@@ -82,15 +88,15 @@ impl Whereabouts {
 
     /// A block's box, in metres from a position.
     #[inline(always)]
-    pub(super) fn span(&self, block: usize, from: IVec3, unit_m: f32) -> Span {
-        let Extent { low, high } = self.extent(block);
+    pub(super) fn span(&self, block: usize, from: IVec3, unit_m: f32) -> LocalAabb {
+        let Aabb { low, high } = self.aabb(block);
         [low, high].map(|corner| (corner.wrapping_sub(from).as_vec3() * unit_m).to_array())
     }
 
     #[inline(always)]
-    fn extent(&self, block: usize) -> Extent {
+    fn aabb(&self, block: usize) -> Aabb {
         let [lows, highs] = &self.corners;
-        Extent { low: corner(lows[block]), high: corner(highs[block]) }
+        Aabb { low: corner(lows[block]), high: corner(highs[block]) }
     }
 
     /// The middle of the body's box, and how far its corners are from there in metres, at most.
@@ -100,7 +106,7 @@ impl Whereabouts {
 
     /// The same of a block's box.
     pub(super) fn middle_of(&self, block: usize, unit_m: f32) -> (IVec3, f32) {
-        self.extent(block).middle(unit_m)
+        self.aabb(block).middle(unit_m)
     }
 }
 
@@ -109,7 +115,7 @@ fn corner([x, y, z, _]: [i32; 4]) -> IVec3 {
     IVec3::new(x, y, z)
 }
 
-impl Extent {
+impl Aabb {
     /// The middle, and how far corners are from there in metres, at most.
     fn middle(&self, unit_m: f32) -> (IVec3, f32) {
         let size = self.high.wrapping_sub(self.low);
@@ -142,18 +148,18 @@ impl Extent {
 mod tests {
     use glam::DVec3;
 
-    use super::super::instructions::{Instructions, Job};
-    use super::super::memory::quad_of;
-    use super::super::points::{place_of, scattered};
+    use super::super::instructions::{InstructionSet, SimdTask};
+    use super::super::memory::transposed_lane;
+    use super::super::points::{random_bodies, slot_of};
     use super::*;
 
-    struct Rows<'a>(&'a Whereabouts, IVec3);
+    struct Rows<'a>(&'a BodyBounds, IVec3);
 
-    impl Job for Rows<'_> {
+    impl SimdTask for Rows<'_> {
         type Output = Vec<([Lanes3; 2], usize)>;
 
         #[inline(always)]
-        fn run<S: Wide>(self, simd: S) -> Self::Output {
+        fn run<S: LaneOps>(self, simd: S) -> Self::Output {
             let Self(at, from) = self;
             (0..at.rows()).map(|g| at.row(simd, g, from, 1.0)).collect()
         }
@@ -164,31 +170,31 @@ mod tests {
         let frame = Frame::new(DVec3::splat(-0.1), DVec3::splat(0.1), false);
         // What fills up the last block, of 8 in both, stays where it began.
         for count in [40, 300] {
-            let mut points = scattered(frame, &[(count, DVec3::ZERO, 0.05)]).remove(0);
-            let mut at = Whereabouts::of(&points);
+            let mut points = random_bodies(frame, &[(count, DVec3::ZERO, 0.05)]).remove(0);
+            let mut at = BodyBounds::of(&points);
             for k in 0..count {
-                let position = &mut points.positions[place_of(k as u32) as usize];
+                let position = &mut points.positions[slot_of(k as u32) as usize];
                 position[..3].iter_mut().for_each(|x| *x += 1 << 28);
             }
             at.update(&points);
             let positions: Vec<IVec3> = (0..count).map(|k| points.particle(k).position).collect();
-            let around = |some: &[IVec3]| Extent {
+            let around = |some: &[IVec3]| Aabb {
                 low: some.iter().copied().fold(IVec3::MAX, IVec3::min),
                 high: some.iter().copied().fold(IVec3::MIN, IVec3::max),
             };
             assert_eq!(at.whole, around(&positions));
-            let blocks: Vec<Extent> = positions.chunks(WIDTH).map(around).collect();
+            let blocks: Vec<Aabb> = positions.chunks(WIDTH).map(around).collect();
             let from = at.whole.low;
-            let of = |extent: &Extent| [extent.low, extent.high].map(|x| (x - from).as_vec3().to_array());
+            let of = |aabb: &Aabb| [aabb.low, aabb.high].map(|x| (x - from).as_vec3().to_array());
             for (b, block) in blocks.iter().enumerate() {
-                assert_eq!(at.extent(b), *block);
+                assert_eq!(at.aabb(b), *block);
                 assert_eq!(at.span(b, from, 1.0), of(block));
             }
-            for instructions in Instructions::available() {
+            for instructions in InstructionSet::available() {
                 let rows = instructions.run(Rows(&at, from));
                 assert_eq!(rows.iter().map(|(_, count)| count).sum::<usize>(), blocks.len());
                 for (b, block) in blocks.iter().enumerate() {
-                    let (corners, lane) = (&rows[b / WIDTH].0, quad_of(b % WIDTH));
+                    let (corners, lane) = (&rows[b / WIDTH].0, transposed_lane(b % WIDTH));
                     let found = corners.map(|corner| corner.map(|along| along.0[lane]));
                     assert_eq!(found, of(block), "{}", instructions.name());
                 }

@@ -12,7 +12,7 @@ fn head_of(scene: Scene, cell: vec3<u32>) -> u32 {
 }
 
 @compute @workgroup_size(GROUP)
-fn grid(
+fn cell_list(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,

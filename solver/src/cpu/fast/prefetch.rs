@@ -23,7 +23,7 @@ const LINE: usize = 64;
 
 /// Asks for what will be wanted soon.
 #[inline(always)]
-pub(super) fn soon<T>(wanted: &[T]) {
+pub(super) fn to_l1<T>(wanted: &[T]) {
     #[cfg(target_arch = "x86_64")]
     lines::<{ std::arch::x86_64::_MM_HINT_T0 }, T>(wanted);
     #[cfg(not(target_arch = "x86_64"))]
@@ -32,7 +32,7 @@ pub(super) fn soon<T>(wanted: &[T]) {
 
 /// Asks for what will be wanted later: it comes no nearer than the second level of the cache.
 #[inline(always)]
-pub(super) fn later<T>(wanted: &[T]) {
+pub(super) fn to_l2<T>(wanted: &[T]) {
     #[cfg(target_arch = "x86_64")]
     lines::<{ std::arch::x86_64::_MM_HINT_T1 }, T>(wanted);
     #[cfg(not(target_arch = "x86_64"))]

@@ -137,7 +137,7 @@ fn keep_rows(i: u32) {
 }
 
 @compute @workgroup_size(GROUP)
-fn lists(
+fn neighbour_list(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,

@@ -5,38 +5,38 @@ use std::ops::Range;
 use crate::engine::scene::{BodyKind, Scene};
 
 /// The most single spheres that go as one body.
-const CLUMP: usize = 512;
+const MAX_SPHERES_PER_GROUP: usize = 512;
 
 /// Sub-particles that go as one body, by their numbers in the run, and the kind that has their bonds and their mass.
-pub(super) struct Clump<'a> {
+pub(super) struct BodyGroup<'a> {
     pub(super) range: Range<usize>,
     pub(super) kind: &'a BodyKind,
 }
 
 /// The bodies of a scene. Single spheres that follow each other go together, as if they were a body without bonds: each by itself would
 /// have a block of its own.
-pub(super) fn clumps(scene: &Scene) -> Vec<Clump<'_>> {
-    let mut clumps: Vec<Clump<'_>> = Vec::new();
+pub(super) fn body_groups(scene: &Scene) -> Vec<BodyGroup<'_>> {
+    let mut body_groups: Vec<BodyGroup<'_>> = Vec::new();
     let mut from = 0;
     for placement in &scene.bodies {
         let kind = &scene.kinds[placement.kind];
         let range = from..from + kind.meta.points.len();
         from = range.end;
         let is_single = |kind: &BodyKind| kind.meta.points.len() == 1;
-        match clumps.last_mut() {
+        match body_groups.last_mut() {
             Some(last)
                 if is_single(kind)
                     && is_single(last.kind)
                     && last.kind.subparticle_mass_kg == kind.subparticle_mass_kg
-                    && last.range.len() < CLUMP =>
+                    && last.range.len() < MAX_SPHERES_PER_GROUP =>
             {
                 last.range.end = range.end;
             }
             _ if range.is_empty() => {}
-            _ => clumps.push(Clump { range, kind }),
+            _ => body_groups.push(BodyGroup { range, kind }),
         }
     }
-    clumps
+    body_groups
 }
 
 #[cfg(test)]
@@ -64,7 +64,7 @@ mod tests {
         let some = |kind: usize, count: usize| vec![Placement { kind, ..scene.bodies[0] }; count];
         let bodies = [some(1, 1100), some(0, 2), some(1, 3), some(2, 4)].concat();
         let scene = Scene { kinds: vec![fillet, single, heavy], bodies, ..scene };
-        let lengths: Vec<usize> = clumps(&scene).iter().map(|clump| clump.range.len()).collect();
+        let lengths: Vec<usize> = body_groups(&scene).iter().map(|group| group.range.len()).collect();
         assert_eq!(lengths, [512, 512, 76, length, length, 3, 4]);
     }
 }

@@ -1,4 +1,4 @@
-//! A grid of cells over the sub-particles: finds what is near in any direction.
+//! A cell_list of cells over the sub-particles: finds what is near in any direction.
 
 use glam::IVec3;
 
@@ -6,7 +6,7 @@ use crate::engine::state::State;
 
 /// Sub-particles sorted by cell, by id within a cell.
 #[derive(Debug)]
-pub struct Grid {
+pub struct CellList {
     low: IVec3,
     /// Edge of a cell, in units.
     cell: i32,
@@ -15,14 +15,14 @@ pub struct Grid {
     sorted: Vec<u32>,
 }
 
-impl Grid {
-    /// A grid whose cells are at least `reach` metres wide, so that 27 cells hold all within reach.
+impl CellList {
+    /// A cell_list whose cells are at least `reach` metres wide, so that 27 cells hold all within reach.
     pub fn new(state: &State, reach: f32) -> Self {
         let positions = || state.particles.iter().map(|p| p.position);
         let low = positions().reduce(IVec3::min).unwrap_or(IVec3::ZERO);
         let high = positions().reduce(IVec3::max).unwrap_or(IVec3::ZERO);
         let mut cell = (reach / state.frame.unit_m).ceil() as i32 + 1;
-        // Far-flung fragments must not make the grid larger than the particles are many.
+        // Far-flung fragments must not make the cell_list larger than the particles are many.
         let max_cells = 8 * state.particles.len() as i64 + 4096;
         let volume = |cell: i32| {
             let n = (high - low) / cell + 1;
@@ -32,20 +32,20 @@ impl Grid {
             cell = cell.saturating_mul(2);
         }
         let counts = (high - low) / cell + 1;
-        let mut grid = Self { low, cell, counts, starts: Vec::new(), sorted: Vec::new() };
-        let cells: Vec<u32> = positions().map(|x| grid.index(grid.cell_of(x))).collect();
-        grid.starts = vec![0; (counts.x * counts.y * counts.z) as usize + 1];
-        cells.iter().for_each(|&c| grid.starts[c as usize + 1] += 1);
-        for c in 1..grid.starts.len() {
-            grid.starts[c] += grid.starts[c - 1];
+        let mut cell_list = Self { low, cell, counts, starts: Vec::new(), sorted: Vec::new() };
+        let cells: Vec<u32> = positions().map(|x| cell_list.index(cell_list.cell_of(x))).collect();
+        cell_list.starts = vec![0; (counts.x * counts.y * counts.z) as usize + 1];
+        cells.iter().for_each(|&c| cell_list.starts[c as usize + 1] += 1);
+        for c in 1..cell_list.starts.len() {
+            cell_list.starts[c] += cell_list.starts[c - 1];
         }
-        let mut next = grid.starts.clone();
-        grid.sorted = vec![0; cells.len()];
+        let mut next = cell_list.starts.clone();
+        cell_list.sorted = vec![0; cells.len()];
         for (i, &c) in cells.iter().enumerate() {
-            grid.sorted[next[c as usize] as usize] = i as u32;
+            cell_list.sorted[next[c as usize] as usize] = i as u32;
             next[c as usize] += 1;
         }
-        grid
+        cell_list
     }
 
     fn cell_of(&self, x: IVec3) -> IVec3 {
@@ -66,7 +66,7 @@ impl Grid {
     }
 
     fn around_one(&self, x: IVec3, visit: &mut impl FnMut(u32)) {
-        // Rounded towards zero: below the grid this is a cell too high, and then more is looked at, never less.
+        // Rounded towards zero: below the cell_list this is a cell too high, and then more is looked at, never less.
         let c = self.cell_of(x);
         let (from, to) = ((c - 1).max(IVec3::ZERO), (c + 1).min(self.counts - 1));
         if from.x > to.x {

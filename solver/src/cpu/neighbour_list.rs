@@ -1,16 +1,17 @@
-//! Neighbour lists with memory: what each sub-particle may touch, and what its bonds and contacts remember.
+//! Neighbour neighbour_lists with memory: what each sub-particle may point, and what its bonds and contacts remember.
 //!
-//! A pair stands in the lists of both, each with its own copy of the memory; the copies stay exact opposites.
+//! A pair stands in the neighbour_lists of both, each with its own copy of the memory; the copies stay exact opposites.
 //! Rebuilding changes which pairs are looked at, never what a pair that acts remembers.
 
 use rayon::prelude::*;
 
-use super::grid::Grid;
-use super::walls::Walls;
+use super::cell_list::CellList;
 use super::{CHUNK, Params};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::physics::contact::ContactHistory;
+use crate::walls::Walls;
+use crate::walls::contact::WallPair;
 use glam::Vec3;
 
 /// A neighbour of a sub-particle.
@@ -26,20 +27,9 @@ pub struct Pair {
     pub contact: ContactHistory,
 }
 
-/// A facet near a sub-particle.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WallPair {
-    /// Index into [`Walls::facets`].
-    pub facet: u32,
-    /// What the contact remembers.
-    pub contact: ContactHistory,
-    /// Force on the sub-particle in the last step, in newton.
-    pub force: Vec3,
-}
-
-/// The lists of one chunk of sub-particles.
+/// The neighbour_lists of one chunk of sub-particles.
 #[derive(Clone, Debug, Default)]
-pub struct ChunkLists {
+pub struct ChunkNeighbours {
     pub(super) pair_ends: Vec<u32>,
     pub(super) pairs: Vec<Pair>,
     pub(super) wall_ends: Vec<u32>,
@@ -52,7 +42,7 @@ fn row(ends: &[u32], k: usize) -> std::ops::Range<usize> {
     from..ends[k] as usize
 }
 
-impl ChunkLists {
+impl ChunkNeighbours {
     /// The neighbours of the `k`th sub-particle of the chunk, sorted by id.
     pub fn pairs_mut(&mut self, k: usize) -> &mut [Pair] {
         let row = row(&self.pair_ends, k);
@@ -87,14 +77,14 @@ impl ChunkLists {
     }
 }
 
-/// The lists of all sub-particles.
+/// The neighbour_lists of all sub-particles.
 #[derive(Clone, Debug, Default)]
-pub struct Lists {
-    pub(super) chunks: Vec<ChunkLists>,
+pub struct NeighbourLists {
+    pub(super) chunks: Vec<ChunkNeighbours>,
 }
 
-impl Lists {
-    /// Lists that hold the bonds and nothing else yet.
+impl NeighbourLists {
+    /// NeighbourLists that hold the bonds and nothing else yet.
     pub fn new(scene: &Scene, state: &State) -> Self {
         let mut rows: Vec<Vec<Pair>> = vec![Vec::new(); state.particles.len()];
         let mut base = 0;
@@ -113,14 +103,14 @@ impl Lists {
     }
 
     fn from_rows(rows: impl Iterator<Item = (Vec<Pair>, Vec<WallPair>)>) -> Self {
-        let mut lists = Self::default();
+        let mut neighbour_lists = Self::default();
         for (k, (pairs, walls)) in rows.enumerate() {
             if k % CHUNK == 0 {
-                lists.chunks.push(ChunkLists::default());
+                neighbour_lists.chunks.push(ChunkNeighbours::default());
             }
-            lists.chunks.last_mut().expect("one was pushed").push_row(pairs, walls);
+            neighbour_lists.chunks.last_mut().expect("one was pushed").push_row(pairs, walls);
         }
-        lists
+        neighbour_lists
     }
 
     /// Renumbers after bodies were taken out: `map` holds the new index of each sub-particle, or `u32::MAX`.
@@ -141,15 +131,15 @@ impl Lists {
     pub(crate) fn rebuild(&mut self, params: &Params, state: &State, walls: &Walls) {
         let reach = 2.0 * params.radius + params.laws.adhesion_range() + params.skin;
         let wall_reach = params.radius + params.laws.adhesion_range() + params.skin;
-        let grid = Grid::new(state, reach);
+        let cell_list = CellList::new(state, reach);
         self.chunks.par_iter_mut().enumerate().for_each(|(c, chunk)| {
-            let mut new = ChunkLists::default();
+            let mut new = ChunkNeighbours::default();
             let mut near: Vec<u32> = Vec::new();
             for k in 0..chunk.pair_ends.len() {
                 let i = c * CHUNK + k;
                 let x = state.particles[i].position;
                 near.clear();
-                grid.around(x, state.frame.period_y, |j| {
+                cell_list.around(x, state.frame.period_y, |j| {
                     let d = state.frame.between(x, state.particles[j as usize].position);
                     if j != i as u32 && d.dot(d) <= reach * reach {
                         near.push(j);
@@ -171,7 +161,7 @@ impl Lists {
                 };
                 new.push_row(
                     near.iter().map(remembered),
-                    walls.within(x, wall_reach, &state.frame).map(wall_remembered),
+                    walls.facets_within(x, wall_reach, &state.frame).map(wall_remembered),
                 );
             }
             *chunk = new;

@@ -1,5 +1,7 @@
 //! Surfaces as the CPU backend sees them: facets, posed anew every step.
 
+pub mod contact;
+
 use glam::{DVec3, IVec3, Mat3, Vec3};
 
 use crate::engine::frame::Frame;
@@ -16,10 +18,10 @@ pub struct Walls {
     facets: Vec<WallFacet>,
     /// Belt time of the last pose, in seconds.
     posed_at: f64,
-    /// How far any point of a surface may have moved since the lists were built, in metres.
-    moved_m: f64,
+    /// How far any point of a surface may have moved since the neighbour_lists were built, in metres.
+    travel_m: f64,
     /// The same since the run began, in metres.
-    moved_in_all_m: f64,
+    total_travel_m: f64,
 }
 
 #[derive(Debug)]
@@ -31,7 +33,7 @@ pub(crate) struct WallSurface {
     anchor: DVec3,
     /// Farthest corner from the anchor, in metres.
     reach: f64,
-    pub(crate) pose: Pose,
+    pub(crate) pose: SurfacePose,
     /// Its first facet; the bvh numbers them from there.
     pub(crate) first: u32,
     /// Finds its facets near a point relative to the anchor.
@@ -40,7 +42,7 @@ pub(crate) struct WallSurface {
 
 /// Where a surface is in this step, in the numbers of the run.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pose {
+pub(crate) struct SurfacePose {
     pub(crate) anchor: IVec3,
     pub(crate) turn: Mat3,
     pub(crate) velocity: Vec3,
@@ -57,7 +59,7 @@ pub(crate) struct WallFacet {
 
 /// The nearest point of a facet, seen from a sub-particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Touch {
+pub struct NearestPoint {
     /// From the sub-particle's centre to the nearest point, in metres.
     pub to_wall: Vec3,
     /// Its length, in metres.
@@ -73,24 +75,24 @@ pub struct Touch {
 }
 
 /// Points nearer than this are one, in metres: some roundings of `f32`, a metre from the anchor.
-pub(crate) const SAME: f32 = 1e-6;
+pub(crate) const COINCIDENT_M: f32 = 1e-6;
 
 /// A point lies on a facet when it is nearer than this share of its distance from the sphere's centre: in `f32` the
-/// nearest point of a triangle can be off by more than [`SAME`] (see [`crate::mesh::nearest`]).
-pub(crate) const AT_THE_EDGE: f32 = 0.01;
+/// nearest point of a triangle can be off by more than [`COINCIDENT_M`] (see [`crate::mesh::nearest`]).
+pub(crate) const EDGE_TOLERANCE: f32 = 0.01;
 
 /// Cosine of the angle, some 26°, within which two facets push the same way: more than neighbours turn on curves that
 /// CAD programs cut into facets, less than at creases that are meant.
-pub(crate) const SAME_WAY: f32 = 0.9;
+pub(crate) const ALIGNED_COSINE: f32 = 0.9;
 
-impl Touch {
-    /// Whether two touches of one sub-particle are on the same side of it.
-    fn pushes_like(&self, other: &Self) -> bool {
-        self.to_wall.dot(other.to_wall) > SAME_WAY * self.distance * other.distance
+impl NearestPoint {
+    /// Whether two points of one sub-particle are on the same side of it.
+    fn is_aligned_with(&self, other: &Self) -> bool {
+        self.to_wall.dot(other.to_wall) > ALIGNED_COSINE * self.distance * other.distance
     }
 }
 
-impl Pose {
+impl SurfacePose {
     /// A position relative to the anchor, in the surface's own axes, in metres.
     fn local(&self, x: IVec3, frame: &Frame) -> Vec3 {
         self.turn.transpose() * (x.wrapping_sub(self.anchor).as_vec3() * frame.unit_m)
@@ -104,8 +106,8 @@ impl Walls {
             surfaces: Vec::new(),
             facets: Vec::new(),
             posed_at: f64::NEG_INFINITY,
-            moved_m: 0.0,
-            moved_in_all_m: 0.0,
+            travel_m: 0.0,
+            total_travel_m: 0.0,
         };
         for (k, surface) in scene.surfaces.iter().enumerate() {
             let corners = || surface.triangles.iter().flatten();
@@ -125,7 +127,7 @@ impl Walls {
                 presence: surface.presence,
                 anchor,
                 reach: corners().map(|c| c.distance(anchor)).fold(0.0, f64::max),
-                pose: Pose {
+                pose: SurfacePose {
                     anchor: frame.encode(anchor),
                     turn: Mat3::IDENTITY,
                     velocity: Vec3::ZERO,
@@ -143,53 +145,53 @@ impl Walls {
         let Some(now) = t else { return };
         let elapsed = if self.posed_at.is_finite() { now - self.posed_at } else { now };
         self.posed_at = now;
-        let mut fastest = 0.0f64;
+        let mut max_speed = 0.0f64;
         for surface in &mut self.surfaces {
             let pose = surface.motion.pose(t);
-            surface.pose = Pose {
+            surface.pose = SurfacePose {
                 anchor: frame.encode(surface.anchor + pose.shift),
                 turn: pose.turn.as_mat3(),
                 velocity: pose.velocity.as_vec3(),
                 spin: pose.spin.as_vec3(),
             };
-            fastest = fastest.max(surface.motion.max_speed(surface.reach));
+            max_speed = max_speed.max(surface.motion.max_speed(surface.reach));
         }
-        self.moved_m += fastest * elapsed;
-        self.moved_in_all_m += fastest * elapsed;
+        self.travel_m += max_speed * elapsed;
+        self.total_travel_m += max_speed * elapsed;
     }
 
     /// t = 0 is now: what was there only until the start goes.
-    pub fn drop_what_goes_at_start(&mut self) {
+    pub fn remove_until_start(&mut self) {
         let surfaces = &self.surfaces;
         let gone = |facet: &WallFacet| surfaces[facet.surface].presence == Presence::UntilStart;
         // Its facets stay in the list, so that the numbers of the others do not change, but without triangles.
         self.facets.iter_mut().filter(|facet| gone(facet)).for_each(|facet| facet.facet = Facet::default());
     }
 
-    /// How far any point of a surface may have moved since the lists were built, in metres.
-    pub fn moved_m(&self) -> f32 {
-        self.moved_m as f32
+    /// How far any point of a surface may have moved since the neighbour_lists were built, in metres.
+    pub fn travel_m(&self) -> f32 {
+        self.travel_m as f32
     }
 
     /// How far any point of a surface may have moved since the run began, in metres.
-    pub fn moved_in_all_m(&self) -> f64 {
-        self.moved_in_all_m
+    pub fn total_travel_m(&self) -> f64 {
+        self.total_travel_m
     }
 
-    /// The lists were built for where the surfaces are now.
-    pub fn restart_moved(&mut self) {
-        self.moved_m = 0.0;
+    /// The neighbour_lists were built for where the surfaces are now.
+    pub fn reset_travel(&mut self) {
+        self.travel_m = 0.0;
     }
 
     /// The facets that come within `reach` metres of a position, ascending.
-    pub fn within(&self, x: IVec3, reach: f32, frame: &Frame) -> impl Iterator<Item = u32> {
+    pub fn facets_within(&self, x: IVec3, reach: f32, frame: &Frame) -> impl Iterator<Item = u32> {
         self.surfaces.iter().flat_map(move |surface| {
             let p = surface.pose.local(x, frame);
             let mut near = Vec::new();
             surface.bvh.within(p, reach, |k| {
                 let facet = surface.first + k;
                 let boxed = self.facets[facet as usize].aabb.distance2(p) <= reach * reach;
-                if boxed && self.touch(facet, x, frame).distance <= reach {
+                if boxed && self.nearest_point(facet, x, frame).distance <= reach {
                     near.push(facet);
                 }
             });
@@ -199,19 +201,26 @@ impl Walls {
     }
 
     /// The nearest point of a facet, seen from a position. Without triangles it is infinitely far.
-    pub fn touch(&self, facet: u32, x: IVec3, frame: &Frame) -> Touch {
+    pub fn nearest_point(&self, facet: u32, x: IVec3, frame: &Frame) -> NearestPoint {
         let WallFacet { surface, facet, .. } = &self.facets[facet as usize];
         let pose = &self.surfaces[*surface].pose;
         let p = pose.local(x, frame);
         let Some(local) = facet.nearest(p) else {
             let (zero, distance) = (Vec3::ZERO, f32::INFINITY);
-            return Touch { to_wall: zero, distance, velocity: zero, spin: zero, local: p, on_rim: false };
+            return NearestPoint {
+                to_wall: zero,
+                distance,
+                velocity: zero,
+                spin: zero,
+                local: p,
+                on_rim: false,
+            };
         };
         let d = local - p;
         let n = facet.normal;
         let across = d - n * n.dot(d);
         let distance2 = d.dot(d);
-        Touch {
+        NearestPoint {
             to_wall: pose.turn * d,
             distance: distance2.sqrt(),
             velocity: pose.velocity + pose.spin.cross(pose.turn * local),
@@ -221,39 +230,39 @@ impl Walls {
         }
     }
 
-    /// The facet that a touch gives way to, if it is no contact of its own: another facet of the same surface that comes
+    /// The facet that a point gives way to, if it is no contact of its own: another facet of the same surface that comes
     /// before it and either pushes nearly the same way, or has its point too, where the two meet at an edge. The first
     /// rule makes one contact of a surface that many facets round off, hollow ones included, and of the two faces of
-    /// a thin sheet. `others` are the other touches of the same sub-particle.
+    /// a thin sheet. `others` are the other points of the same sub-particle.
     ///
-    /// The nearer facet comes first, and of those that touch in one point the one with the lowest number, so that a
+    /// The nearer facet comes first, and of those that point in one point the one with the lowest number, so that a
     /// sphere on an edge does not hop between its sides by rounding. This orders all facets of a surface, so the first
     /// of them gives way to none.
-    pub fn gives_way_to(
+    pub fn superseding_facet(
         &self,
         facet: u32,
-        touch: &Touch,
-        others: impl Iterator<Item = (u32, Touch)> + Clone,
+        point: &NearestPoint,
+        others: impl Iterator<Item = (u32, NearestPoint)> + Clone,
     ) -> Option<u32> {
         let surface = |facet: u32| self.facets[facet as usize].surface;
         let others = others.filter(|&(other, _)| surface(other) == surface(facet));
-        // The least distance of all that touch in the point of this one: no more than SAME from its own.
-        let rank = |of: &Touch| {
-            let touches = others.clone().map(|(_, theirs)| theirs).chain([*touch]);
-            let here = touches.filter(|theirs| theirs.local.distance(of.local) < SAME);
+        // The least distance of all that point in the point of this one: no more than COINCIDENT_M from its own.
+        let rank = |of: &NearestPoint| {
+            let points = others.clone().map(|(_, theirs)| theirs).chain([*point]);
+            let here = points.filter(|theirs| theirs.local.distance(of.local) < COINCIDENT_M);
             here.map(|theirs| theirs.distance).fold(of.distance, f32::min)
         };
-        let comes_before = |other: u32, theirs: &Touch| {
-            let further = theirs.distance - touch.distance;
-            further < -SAME || further <= SAME && (rank(theirs), other) < (rank(touch), facet)
+        let precedes = |other: u32, theirs: &NearestPoint| {
+            let further = theirs.distance - point.distance;
+            further < -COINCIDENT_M || further <= COINCIDENT_M && (rank(theirs), other) < (rank(point), facet)
         };
-        let before = || others.clone().filter(|(other, theirs)| comes_before(*other, theirs));
-        let has_the_point = |other: u32| {
-            let q = self.facets[other as usize].facet.nearest(touch.local);
-            q.is_some_and(|q| q.distance(touch.local) < SAME.max(AT_THE_EDGE * touch.distance))
+        let before = || others.clone().filter(|(other, theirs)| precedes(*other, theirs));
+        let contains_point = |other: u32| {
+            let q = self.facets[other as usize].facet.nearest(point.local);
+            q.is_some_and(|q| q.distance(point.local) < COINCIDENT_M.max(EDGE_TOLERANCE * point.distance))
         };
-        let alike = before().find(|(_, theirs)| theirs.pushes_like(touch));
-        let at_the_edge = || before().find(|&(other, _)| touch.on_rim && has_the_point(other));
+        let alike = before().find(|(_, theirs)| theirs.is_aligned_with(point));
+        let at_the_edge = || before().find(|&(other, _)| point.on_rim && contains_point(other));
         alike.or_else(at_the_edge).map(|(other, _)| other)
     }
 
@@ -264,7 +273,7 @@ impl Walls {
 
     /// Greatest speed of any point of a surface from the start on, in m/s.
     #[cfg(feature = "gpu")]
-    pub(crate) fn fastest(&self) -> f64 {
+    pub(crate) fn max_speed(&self) -> f64 {
         self.surfaces.iter().map(|surface| surface.motion.max_speed(surface.reach)).fold(0.0, f64::max)
     }
 
