@@ -21,7 +21,7 @@ use roost_solver::engine::scene::{Placement, Scene};
 use roost_solver::equipment::{Motion, SurfaceKind};
 use roost_solver::gpu::layout::NearestPoint;
 use roost_solver::gpu::source::Source;
-use roost_solver::gpu::{Device, Gpu, catch_out_of_memory, usual_bytes};
+use roost_solver::gpu::{Device, Gpu, catch_out_of_memory, typical_run_bytes};
 
 #[test]
 fn a_batch_gives_the_bits_of_each_alone() {
@@ -138,7 +138,7 @@ fn a_batch_is_as_large_as_the_memory() {
     first.advance(&mut [(&mut run, STEPS)]);
     let advancing = first.taken_bytes() - own;
     let (particles, triangles) = (first.state(&mut run).particles.len() as u64, 20);
-    let usual = usual_bytes(particles, triangles);
+    let usual = typical_run_bytes(particles, triangles);
     assert!((own + advancing..2 * (own + advancing)).contains(&usual), "{usual}, not {own} + {advancing}");
     drop(run);
     // All at once; two and two; one after the other.
@@ -175,7 +175,7 @@ fn a_batch_whose_rows_outgrow_the_device_is_cut() {
     let first = open(device.clone());
     let mut alone = first.prepare(&scene);
     first.advance(&mut [(&mut alone, 300)]);
-    let slots = u64::from(alone.wall_slots());
+    let slots = u64::from(alone.wall_capacity());
     let particles = first.state(&mut alone).particles.len() as u64;
     assert!(slots > 12, "{slots} facets are no more than rows have room for at first");
     // Rows of nearest_points are the largest; at first those of both runs fit.
@@ -201,7 +201,7 @@ fn a_run_whose_rows_find_no_room_goes_and_the_others_live_on() {
     first.advance(&mut [(&mut other.gpu_run, 1), (&mut grows, 1)]);
     let at_first = first.taken_bytes();
     first.advance(&mut [(&mut grows, 300)]);
-    let (grown, slots) = (first.taken_bytes(), grows.wall_slots());
+    let (grown, slots) = (first.taken_bytes(), grows.wall_capacity());
     println!("{own} bytes and {} to advance at first, {grown} with rows of {slots} facets", at_first - own);
     assert!(slots > 32, "{slots} facets are not many more than rows have room for at first");
     drop(grows);

@@ -151,7 +151,7 @@ fn surfaces_of_many_facets_are_felt_alike() {
         both.gpu.start(&mut both.gpu_run);
         both.stay_the_same(400, 50);
         let stats = both.gpu.surface_forces(&mut both.gpu_run)[0].length();
-        let wall_slots = both.gpu_run.wall_slots();
+        let wall_slots = both.gpu_run.wall_capacity();
         println!("{stats:.3} N, {wall_slots} facets");
         assert!(stats > 0.1, "nothing lies on it: {stats} N");
     }
@@ -249,7 +249,7 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
         ("walls", "pose.velocity + cross3", "cross3"),
         ("step", "if me.held == 0u {", "if true {"),
         ("step", "atomicOr(&reports[run].stale, 1u);", ""),
-        ("step", "own[i].remainder = remainder;", ""),
+        ("step", "private_state[i].remainder = remainder;", ""),
     ];
     let mut scene = onto(surface(pipe(0.05, 300, 0.0, TAU / 300.0)), |x| x * 0.5 - DVec3::Z * 0.03);
     scene.surfaces.push(

@@ -211,7 +211,7 @@ fn open(_options: &DeviceOptions) -> Result<Computer, String> {
 
 #[cfg(feature = "gpu")]
 fn usual_bytes(size: Size) -> u64 {
-    roost_solver::gpu::usual_bytes(size.subparticles, size.triangles)
+    roost_solver::gpu::typical_run_bytes(size.subparticles, size.triangles)
 }
 
 #[cfg(not(feature = "gpu"))]

@@ -2,25 +2,25 @@
 
 use std::time::{Duration, Instant};
 
-use super::arena::{Arena, Cargo, arena_bytes, largest_buffer};
+use super::arena::{Arena, BatchInputs, arena_bytes, largest_buffer};
 use super::device::Device;
 use super::layout::{NONE, Report, Scene};
-use super::memory::bytes_of;
-use super::neighbour_list::Slots;
+use super::memory_budget::bytes_of;
+use super::neighbour_list::RowCapacity;
 use super::pipelines::Pipelines;
 use super::run::Run;
-use super::store::{Extent, Store};
+use super::run_buffers::{ElementCounts, RunBuffers};
 use crate::cpu::integrate::fault;
 use crate::engine::{AdvanceReport, OutOfDeviceMemory};
 
 /// DampingCap steps of a chunk: so that little is done twice.
-pub(super) const CHUNK: u64 = 256;
+pub(super) const MAX_CHUNK_STEPS: u64 = 256;
 
 /// DampingCap steps between two rebuilds of lists.
-const LONGEST_INTERVAL: u32 = 64;
+const MAX_INTERVAL: u32 = 64;
 
 /// Share of half the skin that the next interval aims at.
-const AIM: f32 = 0.8;
+const DRIFT_TARGET: f32 = 0.8;
 
 /// A run that has steps to do.
 #[derive(Debug)]
@@ -29,7 +29,7 @@ pub(super) struct Task {
     /// Steps wanted.
     pub(super) steps: u64,
     /// DampingCap steps of its next chunk.
-    pub(super) most: u64,
+    pub(super) max_steps: u64,
     pub(super) done: AdvanceReport,
 }
 
@@ -40,27 +40,27 @@ impl Task {
 
     /// Steps of the next chunk.
     pub(super) fn next(&self) -> u64 {
-        (self.steps - self.done.steps).min(self.most)
+        (self.steps - self.done.steps).min(self.max_steps)
     }
 
     pub(super) fn particles(&self) -> u64 {
-        u64::from(self.run.store.extent.particles)
+        u64::from(self.run.store.elements.particles)
     }
 
     /// What it needs for a chunk.
-    fn extent(&self) -> Extent {
+    fn elements(&self) -> ElementCounts {
         let poses = if self.run.moves() { self.next() as u32 } else { 1 };
-        Extent { poses: poses * self.run.store.extent.surfaces, ..self.run.store.extent }
+        ElementCounts { poses: poses * self.run.store.elements.surfaces, ..self.run.store.elements }
     }
 
     /// Takes down how it fared.
     fn account(&mut self, device: &Device, report: &Report) {
         let (steps, run) = (self.next(), &mut self.run);
         let steps = if report.fault_step.0 == NONE { steps } else { u64::from(report.fault_step.0) + 1 };
-        run.moved_on(steps);
+        run.steps_done(steps);
         run.bonds_broken += u64::from(report.broken.0);
         self.done.steps += steps;
-        self.done.particle_steps += steps * u64::from(run.store.extent.particles);
+        self.done.particle_steps += steps * u64::from(run.store.elements.particles);
         self.done.max_overlap_m = self.done.max_overlap_m.max(f32::from_bits(report.overlap.0));
         if report.fault_step.0 != NONE {
             let limit = run.speed_limit;
@@ -69,23 +69,24 @@ impl Task {
     }
 }
 
-/// How many of these tasks, from the first on, the device has room for in one set of buffers, which takes the place of the last; one
+/// How many of these tasks, from the first on, the device has capacity for in one set of buffers, which takes the place of the last; one
 /// at least.
-pub(super) fn fitting<'a>(
+pub(super) fn runs_that_fit<'a>(
     device: &Device,
     last: Option<&Arena>,
     tasks: impl Iterator<Item = &'a Task>,
 ) -> usize {
-    let left = device.memory.left().saturating_add(last.map_or(0, Arena::bytes));
-    let (mut sum, mut slots, mut stores) = (Extent::default(), Slots::default(), 0);
+    let left = device.memory.available().saturating_add(last.map_or(0, Arena::bytes));
+    let (mut sum, mut row_capacity, mut stores) = (ElementCounts::default(), RowCapacity::default(), 0);
     let fits = |task: &Task| {
         let store = &task.run.store;
-        sum = sum.each(task.extent(), u32::saturating_add);
-        slots = slots.max(store.slots);
-        stores += bytes_of(store.extent.sizes(store.slots));
+        sum = sum.each(task.elements(), u32::saturating_add);
+        row_capacity = row_capacity.max(store.row_capacity);
+        stores += bytes_of(store.elements.sizes(store.row_capacity));
         // The rows of all become as long as the longest.
-        let longer = bytes_of(sum.sizes(slots)).saturating_sub(stores);
-        largest_buffer(&sum, slots) <= device.largest_buffer && longer + arena_bytes(&sum, slots) <= left
+        let longer = bytes_of(sum.sizes(row_capacity)).saturating_sub(stores);
+        largest_buffer(&sum, row_capacity) <= device.largest_buffer
+            && longer + arena_bytes(&sum, row_capacity) <= left
     };
     tasks.map(fits).take_while(|fits| *fits).count().max(1)
 }
@@ -100,25 +101,26 @@ pub(super) fn chunk(
     let longest = tasks.iter().map(|task| task.next()).max().unwrap_or(0) as u32;
     let sum = tasks
         .iter()
-        .map(|task| task.extent())
-        .fold(Extent::default(), |sum, extent| sum.each(extent, |a, b| a + b));
-    let cargo = cargo(tasks);
-    let mut slots = tasks.iter().map(|task| task.run.store.slots).fold(Slots::default(), Slots::max);
+        .map(|task| task.elements())
+        .fold(ElementCounts::default(), |sum, elements| sum.each(elements, |a, b| a + b));
+    let inputs = inputs(tasks);
+    let mut row_capacity =
+        tasks.iter().map(|task| task.run.store.row_capacity).fold(RowCapacity::default(), RowCapacity::max);
     loop {
         // The buffers of all go first where rows become longer: what they have is in the stores.
-        arena.take_if(|arena| !arena.has(slots));
-        tasks.iter_mut().try_for_each(|task| task.run.store.lengthen(device, slots))?;
-        let interval = tasks.iter().map(|task| task.run.interval.min(task.run.longest_interval())).min();
+        arena.take_if(|arena| !arena.has(row_capacity));
+        tasks.iter_mut().try_for_each(|task| task.run.store.lengthen(device, row_capacity))?;
+        let interval = tasks.iter().map(|task| task.run.interval.min(task.run.max_interval())).min();
         let interval = interval.unwrap_or(1).clamp(1, longest);
-        let arena = room(device, pipelines, arena, sum, slots)?;
-        let stores: Vec<&Store> = tasks.iter().map(|task| &task.run.store).collect();
+        let arena = ensure_arena(device, pipelines, arena, sum, row_capacity)?;
+        let stores: Vec<&RunBuffers> = tasks.iter().map(|task| &task.run.store).collect();
         let clock = Instant::now();
-        let reports = arena.advance(device, pipelines, &stores, &cargo, longest, interval);
+        let reports = arena.advance(device, pipelines, &stores, &inputs, longest, interval);
         let took = clock.elapsed();
         let wanted = |of: fn(&Report) -> u32| reports.iter().map(of).max().unwrap_or(0);
         let (pairs, walls) = (wanted(|report| report.pairs.0), wanted(|report| report.walls.0));
         if pairs > 0 || walls > 0 {
-            slots = slots.max(Slots::holding(pairs, walls));
+            row_capacity = row_capacity.max(RowCapacity::holding(pairs, walls));
         } else if reports.iter().any(|report| report.stale.0 != 0) {
             tasks.iter_mut().for_each(|task| task.run.interval = (interval / 2).max(1));
         } else {
@@ -134,23 +136,23 @@ pub(super) fn chunk(
     }
 }
 
-/// The interval at which what moved by `drift` in `interval` steps would move most of half the skin; no more than twice as
+/// The interval at which what moved by `drift` in `interval` steps would move max_steps of half the skin; no more than twice as
 /// long, or than `known`, which held before a short chunk or another run made it shorter.
 fn next_interval(interval: u32, known: u32, drift: f32, half_skin: f32) -> u32 {
-    let aim = AIM * half_skin / drift.max(1e-12) * interval as f32;
-    (aim as u32).clamp(1, (2 * interval).max(known).min(LONGEST_INTERVAL))
+    let aim = DRIFT_TARGET * half_skin / drift.max(1e-12) * interval as f32;
+    (aim as u32).clamp(1, (2 * interval).max(known).min(MAX_INTERVAL))
 }
 
 /// Puts together what tasks bring along.
-fn cargo(tasks: &mut [&mut Task]) -> Cargo {
-    let (mut cargo, mut sum) = (Cargo::default(), Extent::default());
+fn inputs(tasks: &mut [&mut Task]) -> BatchInputs {
+    let (mut inputs, mut sum) = (BatchInputs::default(), ElementCounts::default());
     for (number, task) in (0u32..).zip(tasks) {
-        let (extent, steps) = (task.extent(), task.next());
-        let surfaces = extent.surfaces;
-        cargo.scenes.push(Scene {
+        let (elements, steps) = (task.elements(), task.next());
+        let surfaces = elements.surfaces;
+        inputs.scenes.push(Scene {
             first_cell: sum.cells,
             first: sum.particles,
-            count: extent.particles,
+            count: elements.particles,
             steps: steps as u32,
             first_surface: sum.surfaces,
             surfaces,
@@ -162,32 +164,32 @@ fn cargo(tasks: &mut [&mut Task]) -> Cargo {
             first_leaf: sum.leaves,
             ..task.run.scene
         });
-        cargo.scene_of.resize(cargo.scene_of.len() + extent.particles as usize, number);
-        cargo.poses.extend(task.run.poses(steps));
-        sum = sum.each(extent, |a, b| a + b);
+        inputs.scene_of.resize(inputs.scene_of.len() + elements.particles as usize, number);
+        inputs.poses.extend(task.run.poses(steps));
+        sum = sum.each(elements, |a, b| a + b);
     }
-    cargo
+    inputs
 }
 
 /// The arena, made anew if it is too small or its rows are of another length.
-fn room<'a>(
+fn ensure_arena<'a>(
     device: &Device,
     pipelines: &Pipelines,
     arena: &'a mut Option<Arena>,
-    extent: Extent,
-    slots: Slots,
+    elements: ElementCounts,
+    row_capacity: RowCapacity,
 ) -> Result<&'a Arena, OutOfDeviceMemory> {
     let known = arena.take();
-    let room = known.as_ref().map_or(extent, |arena| arena.room().each(extent, u32::max));
-    if let Some(holds) = known.filter(|arena| arena.holds(extent, slots)) {
+    let capacity = known.as_ref().map_or(elements, |arena| arena.capacity().each(elements, u32::max));
+    if let Some(holds) = known.filter(|arena| arena.holds(elements, row_capacity)) {
         return Ok(arena.insert(holds));
     }
     // What is too small has gone before the other is made, since both would not fit on a full device; what the device still does
     // with it is waited for.
     device.wait();
-    let fits = largest_buffer(&room, slots) <= device.largest_buffer
-        && arena_bytes(&room, slots) <= device.memory.left();
-    Ok(arena.insert(Arena::new(device, pipelines, if fits { room } else { extent }, slots)?))
+    let fits = largest_buffer(&capacity, row_capacity) <= device.largest_buffer
+        && arena_bytes(&capacity, row_capacity) <= device.memory.available();
+    Ok(arena.insert(Arena::new(device, pipelines, if fits { capacity } else { elements }, row_capacity)?))
 }
 
 #[cfg(test)]

@@ -4,27 +4,27 @@
 use wgpu::{BindGroup, CommandEncoder};
 
 use super::device::Device;
-use super::layout::{NearestPoint, Now, Own, Pose, Report, Scene};
-use super::memory::{Buffer, buffers, bytes_of};
-use super::neighbour_list::Slots;
+use super::layout::{DispatchParams, NearestPoint, Pose, PrivateState, Report, Scene};
+use super::memory_budget::{Buffer, buffers, bytes_of};
+use super::neighbour_list::RowCapacity;
 use super::pipelines::{Kernel, Pipelines};
-use super::store::{Extent, Part, Store};
+use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers};
 use crate::engine::OutOfDeviceMemory;
 
 /// What a batch brings along for one chunk.
 #[derive(Debug, Default)]
-pub(super) struct Cargo {
+pub(super) struct BatchInputs {
     pub(super) scenes: Vec<Scene>,
     pub(super) scene_of: Vec<u32>,
     pub(super) poses: Vec<Pose>,
 }
 
-/// The buffers, and what they have room for.
+/// The buffers, and what they have capacity for.
 #[derive(Debug)]
 pub(super) struct Arena {
-    room: Extent,
-    slots: Slots,
-    parts: [Buffer; Part::ALL.len()],
+    capacity: ElementCounts,
+    row_capacity: RowCapacity,
+    parts: [Buffer; RunBuffer::ALL.len()],
     moved: Buffer,
     new_counts: Buffer,
     new_pairs: Buffer,
@@ -44,34 +44,34 @@ pub(super) struct Arena {
 }
 
 /// The buffers for a batch beyond those that runs have too.
-fn own_sizes(extent: &Extent, slots: Slots) -> [(&'static str, u64); 12] {
+fn batch_sizes(elements: &ElementCounts, row_capacity: RowCapacity) -> [(&'static str, u64); 12] {
     let bytes = |count: u32, each: usize| u64::from(count) * each as u64;
-    let particles = |each| bytes(extent.particles, each);
+    let particles = |each| bytes(elements.particles, each);
     [
-        ("moved", extent.bytes(Part::Particles, slots)),
-        ("new counts", extent.bytes(Part::Counts, slots)),
-        ("new pairs", extent.bytes(Part::Pairs, slots)),
-        ("new walls", extent.bytes(Part::Walls, slots)),
-        ("nearest_points", particles(size_of::<NearestPoint>()) * u64::from(slots.walls)),
+        ("moved", elements.bytes(RunBuffer::Particles, row_capacity)),
+        ("new counts", elements.bytes(RunBuffer::Counts, row_capacity)),
+        ("new pairs", elements.bytes(RunBuffer::Pairs, row_capacity)),
+        ("new walls", elements.bytes(RunBuffer::Walls, row_capacity)),
+        ("nearest_points", particles(size_of::<NearestPoint>()) * u64::from(row_capacity.walls)),
         ("run of each", particles(size_of::<u32>())),
-        ("reference", particles(size_of::<Own>())),
-        ("heads", bytes(extent.cells, size_of::<u32>())),
+        ("reference", particles(size_of::<PrivateState>())),
+        ("heads", bytes(elements.cells, size_of::<u32>())),
         ("chain", particles(size_of::<u32>())),
-        ("scenes", bytes(extent.scenes, size_of::<Scene>())),
-        ("poses", bytes(extent.poses, size_of::<Pose>())),
-        ("reports", bytes(extent.scenes, size_of::<Report>())),
+        ("scenes", bytes(elements.scenes, size_of::<Scene>())),
+        ("poses", bytes(elements.poses, size_of::<Pose>())),
+        ("reports", bytes(elements.scenes, size_of::<Report>())),
     ]
 }
 
-/// The largest buffer that a batch of this extent needs, in bytes.
-pub(super) fn largest_buffer(extent: &Extent, slots: Slots) -> u64 {
-    let sizes = extent.sizes(slots).into_iter().chain(own_sizes(extent, slots));
+/// The largest buffer that a batch of this elements needs, in bytes.
+pub(super) fn largest_buffer(elements: &ElementCounts, row_capacity: RowCapacity) -> u64 {
+    let sizes = elements.sizes(row_capacity).into_iter().chain(batch_sizes(elements, row_capacity));
     sizes.map(|(_, bytes)| bytes).max().unwrap_or(0)
 }
 
-/// What an arena of this extent takes, in bytes.
-pub(super) fn arena_bytes(extent: &Extent, slots: Slots) -> u64 {
-    bytes_of(extent.sizes(slots)) + bytes_of(own_sizes(extent, slots))
+/// What an arena of this elements takes, in bytes.
+pub(super) fn arena_bytes(elements: &ElementCounts, row_capacity: RowCapacity) -> u64 {
+    bytes_of(elements.sizes(row_capacity)) + bytes_of(batch_sizes(elements, row_capacity))
 }
 
 impl Arena {
@@ -79,10 +79,10 @@ impl Arena {
     pub(super) fn new(
         device: &Device,
         pipelines: &Pipelines,
-        room: Extent,
-        slots: Slots,
+        capacity: ElementCounts,
+        row_capacity: RowCapacity,
     ) -> Result<Self, OutOfDeviceMemory> {
-        let parts = buffers(device, room.sizes(slots))?;
+        let parts = buffers(device, capacity.sizes(row_capacity))?;
         let [
             moved,
             new_counts,
@@ -96,7 +96,7 @@ impl Arena {
             scenes,
             poses,
             reports,
-        ] = buffers(device, own_sizes(&room, slots))?;
+        ] = buffers(device, batch_sizes(&capacity, row_capacity))?;
         let [particles, own, counts, pairs, walls, surfaces, facets, corners, nodes, leaves] = &parts;
         let scene_group = [&scenes, surfaces, &poses, facets, corners, nodes, leaves, &reports];
         let particle_group = |a, b| [a, b, own, &scene_of, &reference, &heads, &chain];
@@ -111,8 +111,8 @@ impl Arena {
                 bind(1, &particle_group(&moved, particles)),
             ],
             list_groups: [bind(2, &list_group(old, new)), bind(2, &list_group(new, old))],
-            room,
-            slots,
+            capacity,
+            row_capacity,
             parts,
             moved,
             new_counts,
@@ -127,34 +127,40 @@ impl Arena {
         })
     }
 
-    /// Whether it has room for that much, in rows of just these slots.
-    pub(super) fn holds(&self, extent: Extent, slots: Slots) -> bool {
-        self.has(slots) && self.room.each(extent, u32::max) == self.room
+    /// Whether it has capacity for that much, in rows of just these row_capacity.
+    pub(super) fn holds(&self, elements: ElementCounts, row_capacity: RowCapacity) -> bool {
+        self.has(row_capacity) && self.capacity.each(elements, u32::max) == self.capacity
     }
 
-    /// Whether its rows have just these slots.
-    pub(super) fn has(&self, slots: Slots) -> bool {
-        self.slots == slots
+    /// Whether its rows have just these row_capacity.
+    pub(super) fn has(&self, row_capacity: RowCapacity) -> bool {
+        self.row_capacity == row_capacity
     }
 
     /// What it takes, in bytes.
     pub(super) fn bytes(&self) -> u64 {
-        arena_bytes(&self.room, self.slots)
+        arena_bytes(&self.capacity, self.row_capacity)
     }
 
-    /// What it has room for.
-    pub(super) fn room(&self) -> Extent {
-        self.room
+    /// What it has capacity for.
+    pub(super) fn capacity(&self) -> ElementCounts {
+        self.capacity
     }
 
     /// Copies runs in, and what goes along with them.
-    fn load(&self, device: &Device, encoder: &mut CommandEncoder, stores: &[&Store], cargo: &Cargo) {
+    fn load(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        stores: &[&RunBuffers],
+        inputs: &BatchInputs,
+    ) {
         let write = |buffer: &Buffer, bytes: &[u8]| device.queue.write_buffer(buffer, 0, bytes);
-        write(&self.scenes, bytemuck::cast_slice(&cargo.scenes));
-        write(&self.scene_of, bytemuck::cast_slice(&cargo.scene_of));
-        write(&self.poses, bytemuck::cast_slice(&cargo.poses));
-        write(&self.reports, bytemuck::cast_slice(&vec![Report::fresh(); cargo.scenes.len()]));
-        for part in Part::ALL {
+        write(&self.scenes, bytemuck::cast_slice(&inputs.scenes));
+        write(&self.scene_of, bytemuck::cast_slice(&inputs.scene_of));
+        write(&self.poses, bytemuck::cast_slice(&inputs.poses));
+        write(&self.reports, bytemuck::cast_slice(&vec![Report::fresh(); inputs.scenes.len()]));
+        for part in RunBuffer::ALL {
             let mut at = 0;
             for store in stores {
                 let to = &self.parts[part as usize];
@@ -170,15 +176,20 @@ impl Arena {
         &self,
         device: &Device,
         pipelines: &Pipelines,
-        stores: &[&Store],
-        cargo: &Cargo,
+        stores: &[&RunBuffers],
+        inputs: &BatchInputs,
         steps: u32,
         interval: u32,
     ) -> Vec<Report> {
         let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.load(device, &mut encoder, stores, cargo);
-        let count = cargo.scene_of.len() as u32;
-        let now = |step| Now { step, count, pair_slots: self.slots.pairs, wall_slots: self.slots.walls };
+        self.load(device, &mut encoder, stores, inputs);
+        let count = inputs.scene_of.len() as u32;
+        let dispatch = |step| DispatchParams {
+            step,
+            count,
+            pair_capacity: self.row_capacity.pairs,
+            wall_capacity: self.row_capacity.walls,
+        };
         for first in (0..steps).step_by(interval as usize) {
             encoder.clear_buffer(&self.heads, 0, None);
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -186,29 +197,29 @@ impl Arena {
             pass.set_bind_group(0, &self.scene_group, &[]);
             pass.set_bind_group(1, &self.particle_groups[first as usize % 2], &[]);
             pass.set_bind_group(2, &self.list_groups[lists], &[]);
-            pipelines.run(&mut pass, Kernel::CellList, &now(first));
-            pipelines.run(&mut pass, Kernel::NeighbourList, &now(first));
+            pipelines.run(&mut pass, Kernel::CellList, &dispatch(first));
+            pipelines.run(&mut pass, Kernel::NeighbourList, &dispatch(first));
             pass.set_bind_group(2, &self.list_groups[1 - lists], &[]);
             for step in first..steps.min(first + interval) {
                 pass.set_bind_group(1, &self.particle_groups[step as usize % 2], &[]);
-                pipelines.run(&mut pass, Kernel::Step, &now(step));
+                pipelines.run(&mut pass, Kernel::Step, &dispatch(step));
             }
         }
         device.queue.submit([encoder.finish()]);
-        let bytes = device.read(&self.reports, 0, (cargo.scenes.len() * size_of::<Report>()) as u64);
+        let bytes = device.read(&self.reports, 0, (inputs.scenes.len() * size_of::<Report>()) as u64);
         bytemuck::pod_collect_to_vec(&bytes)
     }
 
     /// Copies what steps have changed back to the runs.
-    pub(super) fn unload(&self, device: &Device, stores: &[&Store], steps: u32, interval: u32) {
+    pub(super) fn unload(&self, device: &Device, stores: &[&RunBuffers], steps: u32, interval: u32) {
         let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let is_turned = steps.div_ceil(interval) % 2 == 1;
-        for part in Part::CHANGING {
+        for part in RunBuffer::CHANGING {
             let from = match part {
-                Part::Particles if steps % 2 == 1 => &self.moved,
-                Part::Counts if is_turned => &self.new_counts,
-                Part::Pairs if is_turned => &self.new_pairs,
-                Part::Walls if is_turned => &self.new_walls,
+                RunBuffer::Particles if steps % 2 == 1 => &self.moved,
+                RunBuffer::Counts if is_turned => &self.new_counts,
+                RunBuffer::Pairs if is_turned => &self.new_pairs,
+                RunBuffer::Walls if is_turned => &self.new_walls,
                 _ => &self.parts[part as usize],
             };
             let mut at = 0;

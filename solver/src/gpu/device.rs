@@ -11,7 +11,7 @@ use wgpu::{
     MemoryBudgetThresholds, MemoryHints,
 };
 
-use super::memory::{Memory, buffers};
+use super::memory_budget::{MemoryBudget, buffers};
 use super::pipelines::STORAGE_BUFFERS;
 use crate::engine::OutOfDeviceMemory;
 
@@ -42,7 +42,7 @@ pub enum GpuError {
 /// Which adapter to take.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Part of the name of the adapter, in any case; none takes the first that can, discrete ones before integrated ones.
+    /// RunBuffer of the name of the adapter, in any case; none takes the first that can, discrete ones before integrated ones.
     pub device: Option<String>,
     /// Whether none but a discrete adapter will do.
     pub only_discrete: bool,
@@ -79,29 +79,29 @@ pub struct Device {
     /// Bytes of the largest buffer that kernels can bind.
     pub(super) largest_buffer: u64,
     /// What buffers of all clones take.
-    pub(super) memory: Arc<Memory>,
+    pub(super) memory: Arc<MemoryBudget>,
     /// Whether it was lost.
     failed: Arc<AtomicBool>,
 }
 
 /// What the kernels use beyond WebGPU: constants with each dispatch, and, for triangles that are long for their width, `f64`.
-const NEEDED: Features = Features::IMMEDIATES.union(Features::SHADER_F64);
+const REQUIRED_FEATURES: Features = Features::IMMEDIATES.union(Features::SHADER_F64);
 
 /// Bytes that are copied to see how fast that goes: more than caches hold.
 const COPIED_BYTES: u64 = 256 << 20;
 
 /// Percent of the memory that the driver says a process may take beyond which it gives none, where it says so: on Windows it would
 /// go on in main memory, ever slower.
-const MOST_OF_BUDGET: u8 = 95;
+const MAX_BUDGET_PERCENT: u8 = 95;
 
 /// The adapters of this machine.
-fn found() -> Vec<Adapter> {
+fn ranked_adapters() -> Vec<Adapter> {
     let instance = Instance::new(InstanceDescriptor {
         backends: Backends::PRIMARY,
         // Debug builds would have the validation layers of the driver; checks of indirect calls cost 20 µs each.
         flags: InstanceFlags::empty(),
         memory_budget_thresholds: MemoryBudgetThresholds {
-            for_resource_creation: Some(MOST_OF_BUDGET),
+            for_resource_creation: Some(MAX_BUDGET_PERCENT),
             for_device_loss: None,
         },
         ..InstanceDescriptor::new_without_display_handle()
@@ -130,7 +130,7 @@ fn name(adapter: &Adapter) -> AdapterName {
 impl Device {
     /// Opens the adapter that the options ask for.
     pub fn open(options: &GpuOptions) -> Result<Self, GpuError> {
-        let adapters = found();
+        let adapters = ranked_adapters();
         let names: Vec<AdapterName> = adapters.iter().map(name).collect();
         let wanted = options.device.as_deref().unwrap_or_default().to_lowercase();
         let may = |(adapter, name): &(&Adapter, &AdapterName)| {
@@ -160,7 +160,7 @@ impl Device {
 
     fn of(adapter: &Adapter, name: AdapterName) -> Result<Self, GpuError> {
         let unable = |what: String| GpuError::Unable { adapter: name.to_string(), what };
-        let lacks = NEEDED - adapter.features();
+        let lacks = REQUIRED_FEATURES - adapter.features();
         if !lacks.is_empty() {
             return Err(unable(lacks.iter_names().map(|(name, _)| name).collect::<Vec<_>>().join(", ")));
         }
@@ -171,7 +171,7 @@ impl Device {
         let largest_buffer = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("roost"),
-            required_features: NEEDED,
+            required_features: REQUIRED_FEATURES,
             required_limits: limits,
             memory_hints: MemoryHints::Performance,
             ..wgpu::DeviceDescriptor::default()
@@ -181,7 +181,7 @@ impl Device {
         let failed = Arc::new(AtomicBool::new(false));
         let lost = failed.clone();
         device.set_device_lost_callback(move |_, _| lost.store(true, Relaxed));
-        let memory = Arc::new(Memory::new(u64::MAX));
+        let memory = Arc::new(MemoryBudget::new(u64::MAX));
         Ok(Self { name, device, queue, largest_buffer, memory, failed })
     }
 
@@ -192,7 +192,7 @@ impl Device {
 
     /// The same, of whose memory so many bytes may be taken; what was made before does not count.
     pub fn with_memory(self, bytes: u64) -> Self {
-        Self { memory: Arc::new(Memory::new(bytes)), ..self }
+        Self { memory: Arc::new(MemoryBudget::new(bytes)), ..self }
     }
 
     /// Whether it was lost.
@@ -201,7 +201,7 @@ impl Device {
     }
 
     /// It is of no use any more.
-    pub(super) fn give_up(&self) {
+    pub(super) fn mark_failed(&self) {
         self.failed.store(true, Relaxed);
     }
 

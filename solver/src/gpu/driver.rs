@@ -1,28 +1,28 @@
 //! The thread that drives the device. Whoever has steps to do hands its run over and waits; what is there at a time makes
-//! a batch, which who comes later joins and who is done leaves, from chunk to chunk. Memory is taken on this thread alone.
+//! a batch, which who comes later joins and who is done leaves, from chunk to chunk. MemoryBudget is taken on this thread alone.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
 
-use super::advance::{CHUNK, Task, chunk, fitting};
+use super::advance::{MAX_CHUNK_STEPS, Task, chunk, runs_that_fit};
 use super::arena::Arena;
 use super::device::Device;
 use super::pipelines::Pipelines;
 use super::run::{GpuRun, Run};
-use super::store::{Draft, Store};
+use super::run_buffers::{RunBuffers, RunContents};
 use super::unwind;
 use crate::engine::{AdvanceReport, OutOfDeviceMemory};
 
-/// Seconds that one submission should take at most: operating systems reset an adapter that is busy for two or so.
-const SUBMIT_S: f64 = 0.1;
+/// Seconds that one submission should take at memory_limit: operating systems reset an adapter that is busy for two or so.
+const MAX_SUBMISSION_S: f64 = 0.1;
 
 /// Particle-steps a second before any are known: of a slow adapter.
-const FIRST_PACE: f64 = 1e6;
+const INITIAL_THROUGHPUT: f64 = 1e6;
 
 /// Said of a device that is of no use any more.
-const GONE: &str = "the GPU has failed before";
+const DEVICE_FAILED: &str = "the GPU has failed before";
 
 /// Why a run does not come back.
 #[derive(Clone, Debug)]
@@ -45,25 +45,25 @@ struct Request {
 
 /// What the thread is asked for.
 #[derive(Debug)]
-enum Order {
+enum Command {
     /// To advance runs.
     Advance(Vec<Request>),
     /// To make the buffers of a new one.
-    Store(Box<Draft>, Sender<Result<Store, OutOfDeviceMemory>>),
+    CreateBuffers(Box<RunContents>, Sender<Result<RunBuffers, OutOfDeviceMemory>>),
 }
 
 /// The other end of the thread, which ends with it.
 #[derive(Debug)]
 pub(super) struct Driver {
     /// Both are there until it is dropped.
-    orders: Option<Sender<Order>>,
+    commands: Option<Sender<Command>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Drop for Driver {
     /// Waits for the thread: a process that exits while the device is being closed crashes in some drivers.
     fn drop(&mut self) {
-        self.orders = None;
+        self.commands = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -72,28 +72,28 @@ impl Drop for Driver {
 
 impl Driver {
     pub(super) fn start(device: Device, pipelines: Pipelines) -> Self {
-        let (orders, incoming) = channel();
+        let (commands, incoming) = channel();
         let drive = move || {
-            let (waiting, most, pace) = (Vec::new(), None, FIRST_PACE);
-            Batch { device, pipelines, arena: None, waiting, most, pace }.drive(&incoming)
+            let (waiting, memory_limit, throughput) = (Vec::new(), None, INITIAL_THROUGHPUT);
+            Batcher { device, pipelines, arena: None, waiting, memory_limit, throughput }.drive(&incoming)
         };
         let started = thread::Builder::new().name("gpu".to_owned()).spawn(drive);
         let thread = started.expect("the operating system gives a thread");
-        Self { orders: Some(orders), thread: Some(thread) }
+        Self { commands: Some(commands), thread: Some(thread) }
     }
 
-    fn order(&self, order: Order) {
-        self.orders.as_ref().and_then(|orders| orders.send(order).ok()).expect(GONE);
+    fn command(&self, command: Command) {
+        self.commands.as_ref().and_then(|commands| commands.send(command).ok()).expect(DEVICE_FAILED);
     }
 
     /// Makes the buffers of a run, or says why the device will not.
     ///
     /// # Panics
     /// When the device has failed.
-    pub(super) fn store(&self, draft: Draft) -> Result<Store, OutOfDeviceMemory> {
+    pub(super) fn store(&self, draft: RunContents) -> Result<RunBuffers, OutOfDeviceMemory> {
         let (reply, answer) = channel();
-        self.order(Order::Store(Box::new(draft), reply));
-        answer.recv().expect(GONE)
+        self.command(Command::CreateBuffers(Box::new(draft), reply));
+        answer.recv().expect(DEVICE_FAILED)
     }
 
     /// Advances each run by its number of steps. Unwinds with [`OutOfDeviceMemory`] once all that found room are done.
@@ -106,16 +106,21 @@ impl Driver {
             let run = run.0.take().expect("it was not lost");
             (
                 Request {
-                    task: Task { run, steps: *steps, most: CHUNK, done: AdvanceReport::default() },
+                    task: Task {
+                        run,
+                        steps: *steps,
+                        max_steps: MAX_CHUNK_STEPS,
+                        done: AdvanceReport::default(),
+                    },
                     reply,
                 },
                 answer,
             )
         };
         let (requests, answers): (Vec<_>, Vec<_>) = runs.iter_mut().map(transfer_history).unzip();
-        self.order(Order::Advance(requests));
+        self.command(Command::Advance(requests));
         let take_back = |((run, _), answer): (&mut (&mut GpuRun, u64), Receiver<Reply>)| {
-            let (back, done) = answer.recv().expect(GONE)?;
+            let (back, done) = answer.recv().expect(DEVICE_FAILED)?;
             run.0 = Some(back);
             Ok(done)
         };
@@ -128,49 +133,49 @@ impl Driver {
 }
 
 /// What the thread has in hand.
-struct Batch {
+struct Batcher {
     device: Device,
     pipelines: Pipelines,
     /// The buffers of the last chunk, for the next.
     arena: Option<Arena>,
     waiting: Vec<Request>,
     /// DampingCap runs that there was memory for, and the bytes that the buffers of runs took then: with fewer, more may fit.
-    most: Option<(usize, u64)>,
+    memory_limit: Option<(usize, u64)>,
     /// Particle-steps a second in the last chunk.
-    pace: f64,
+    throughput: f64,
 }
 
-impl Batch {
+impl Batcher {
     /// Does what it is asked for until nobody can ask any more, or the device fails.
-    fn drive(mut self, incoming: &Receiver<Order>) {
+    fn drive(mut self, incoming: &Receiver<Command>) {
         loop {
             let first = if self.waiting.is_empty() {
-                let Ok(order) = incoming.recv() else { return };
-                Some(order)
+                let Ok(command) = incoming.recv() else { return };
+                Some(command)
             } else {
                 None
             };
-            let orders = first.into_iter().chain(incoming.try_iter());
-            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.turn(orders))) {
+            let commands = first.into_iter().chain(incoming.try_iter());
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.turn(commands))) {
                 let lost = Failure::Lost(panic_text(&*panic));
                 // Whoever hears of it must not come back to this device.
-                self.device.give_up();
+                self.device.mark_failed();
                 self.waiting.drain(..).for_each(|request| drop(request.reply.send(Err(lost.clone()))));
                 return;
             }
         }
     }
 
-    /// Takes orders, and advances what waits by a chunk.
-    fn turn(&mut self, orders: impl Iterator<Item = Order>) {
-        for order in orders {
-            match order {
-                Order::Advance(requests) => self.waiting.extend(requests),
-                Order::Store(draft, reply) => {
+    /// Takes commands, and advances what waits by a chunk.
+    fn turn(&mut self, commands: impl Iterator<Item = Command>) {
+        for command in commands {
+            match command {
+                Command::Advance(requests) => self.waiting.extend(requests),
+                Command::CreateBuffers(draft, reply) => {
                     let made = catch_unwind(AssertUnwindSafe(|| self.store(&draft)));
                     let made = made.unwrap_or_else(|panic| {
                         // Before the other end of `reply` hears of it.
-                        self.device.give_up();
+                        self.device.mark_failed();
                         resume_unwind(panic)
                     });
                     // Whoever waited may be gone.
@@ -185,19 +190,19 @@ impl Batch {
     }
 
     /// Makes the buffers of a run. Those of the last batch make way for them.
-    fn store(&mut self, draft: &Draft) -> Result<Store, OutOfDeviceMemory> {
-        let made = Store::new(&self.device, draft);
+    fn store(&mut self, draft: &RunContents) -> Result<RunBuffers, OutOfDeviceMemory> {
+        let made = RunBuffers::new(&self.device, draft);
         if made.is_ok() || self.arena.is_none() {
             return made;
         }
         self.arena = None;
         self.device.wait();
-        Store::new(&self.device, draft)
+        RunBuffers::new(&self.device, draft)
     }
 
     /// What the buffers of runs take, in bytes.
     fn stores(&self) -> u64 {
-        self.device.memory.taken().saturating_sub(self.arena.as_ref().map_or(0, Arena::bytes))
+        self.device.memory.used().saturating_sub(self.arena.as_ref().map_or(0, Arena::bytes))
     }
 
     /// Gives back the runs that are done.
@@ -212,25 +217,26 @@ impl Batch {
     /// Advances as many runs as fit by a chunk. When memory runs out all the same the batch halves.
     fn step(&mut self) {
         let particles = self.waiting.iter().map(|request| request.task.particles()).sum();
-        let steps = steps_within(SUBMIT_S, self.pace, particles);
-        self.waiting.iter_mut().for_each(|request| request.task.most = steps);
+        let steps = steps_within(MAX_SUBMISSION_S, self.throughput, particles);
+        self.waiting.iter_mut().for_each(|request| request.task.max_steps = steps);
         let tasks = self.waiting.iter().map(|request| &request.task);
-        let fitting = fitting(&self.device, self.arena.as_ref(), tasks);
+        let runs_that_fit = runs_that_fit(&self.device, self.arena.as_ref(), tasks);
         let stores = self.stores();
-        self.most = self.most.filter(|(_, then)| stores >= *then);
-        let fitting = self.most.map_or(fitting, |(most, _)| fitting.min(most));
+        self.memory_limit = self.memory_limit.filter(|(_, then)| stores >= *then);
+        let runs_that_fit =
+            self.memory_limit.map_or(runs_that_fit, |(memory_limit, _)| runs_that_fit.min(memory_limit));
         let mut tasks: Vec<&mut Task> =
-            self.waiting[..fitting].iter_mut().map(|request| &mut request.task).collect();
+            self.waiting[..runs_that_fit].iter_mut().map(|request| &mut request.task).collect();
         let longest = tasks.iter().map(|task| task.next()).max().unwrap_or(0);
         let done = longest * tasks.iter().map(|task| task.particles()).sum::<u64>();
         match chunk(&self.device, &self.pipelines, &mut self.arena, &mut tasks) {
             // Those that did not fit come first the next time.
             Ok(took) => {
-                // Of runs without sub-particles nothing can be told.
-                self.pace = done.max(1) as f64 / took.as_secs_f64().max(1e-6);
-                self.waiting.rotate_left(fitting);
+                // Of runs without sub-particles zero_bits can be told.
+                self.throughput = done.max(1) as f64 / took.as_secs_f64().max(1e-6);
+                self.waiting.rotate_left(runs_that_fit);
             }
-            Err(_) if fitting > 1 => self.most = Some((fitting / 2, self.stores())),
+            Err(_) if runs_that_fit > 1 => self.memory_limit = Some((runs_that_fit / 2, self.stores())),
             Err(out_of_memory) => {
                 let Request { task, reply } = self.waiting.remove(0);
                 // Its memory is free when it hears of it.
@@ -241,9 +247,9 @@ impl Batch {
     }
 }
 
-/// Steps of so many sub-particles that take no longer than that at this pace, within a chunk; one at least.
-fn steps_within(seconds: f64, pace: f64, particles: u64) -> u64 {
-    ((seconds * pace / particles.max(1) as f64) as u64).clamp(1, CHUNK)
+/// Steps of so many sub-particles that take no longer than that at this throughput, within a chunk; one at least.
+fn steps_within(seconds: f64, throughput: f64, particles: u64) -> u64 {
+    ((seconds * throughput / particles.max(1) as f64) as u64).clamp(1, MAX_CHUNK_STEPS)
 }
 
 fn panic_text(payload: &(dyn Any + Send)) -> String {
@@ -257,8 +263,8 @@ mod tests {
 
     #[test]
     fn a_submission_is_as_long_as_the_device_is_fast() {
-        assert_eq!(steps_within(SUBMIT_S, 1e9, 100_000), CHUNK);
-        assert_eq!(steps_within(SUBMIT_S, 1e9, 10_000_000), 10);
-        assert_eq!(steps_within(SUBMIT_S, 1e6, 10_000_000), 1);
+        assert_eq!(steps_within(MAX_SUBMISSION_S, 1e9, 100_000), MAX_CHUNK_STEPS);
+        assert_eq!(steps_within(MAX_SUBMISSION_S, 1e9, 10_000_000), 10);
+        assert_eq!(steps_within(MAX_SUBMISSION_S, 1e6, 10_000_000), 1);
     }
 }

@@ -1,6 +1,6 @@
 //! What the host and the kernels share: each type is declared once, as a Rust struct, and written out in WGSL from it.
 //!
-//! A vector of three takes the room of four in WGSL: every one is followed by a number, or by room that is left.
+//! A vector of three takes the pad of four in WGSL: every one is followed by a number, or by pad that is left.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -96,7 +96,7 @@ shared! {
         surfaces: u32,
         /// Its first pose.
         first_pose: u32,
-        /// Poses from one step to the next; 0 while nothing moves.
+        /// Poses from one step to the next; 0 while zero_bits moves.
         pose_stride: u32,
         /// Its first facet.
         first_facet: u32,
@@ -104,10 +104,10 @@ shared! {
         first_corner: u32,
         /// Its first node of trees.
         first_node: u32,
-        /// Its first place in the order of trees' leaves.
+        /// Its first place in the command of trees' leaves.
         first_leaf: u32,
         /// 0: see `kernels/vector.wgsl`.
-        nothing: u32,
+        zero_bits: u32,
         /// Law of bonds.
         bond: Bonds,
         /// Law of contacts between sub-particles.
@@ -127,11 +127,11 @@ shared! {
         /// In rad/s.
         spin: [f32; 3],
         /// Room.
-        room: u32,
+        pad: u32,
     }
 
     /// What only the sub-particle itself needs.
-    Own {
+    PrivateState {
         /// What its position has moved beyond whole units.
         remainder: [f32; 3],
         /// Bonds broken so far between it and sub-particles of higher index.
@@ -196,7 +196,7 @@ shared! {
         first_node: u32,
         /// The node after its last.
         end_node: u32,
-        /// Its first place in the order of leaves within its run.
+        /// Its first place in the command of leaves within its run.
         first_leaf: u32,
     }
 
@@ -205,27 +205,27 @@ shared! {
         /// In units.
         anchor: [i32; 3],
         /// Room.
-        room_0: u32,
+        pad_0: u32,
         /// Columns of its rotation.
         turn_x: [f32; 3],
         /// Room.
-        room_1: u32,
+        pad_1: u32,
         /// See `turn_x`.
         turn_y: [f32; 3],
         /// Room.
-        room_2: u32,
+        pad_2: u32,
         /// See `turn_x`.
         turn_z: [f32; 3],
         /// Room.
-        room_3: u32,
+        pad_3: u32,
         /// Of the material at the anchor, in m/s.
         velocity: [f32; 3],
         /// Room.
-        room_4: u32,
+        pad_4: u32,
         /// In rad/s.
         spin: [f32; 3],
         /// Room.
-        room_5: u32,
+        pad_5: u32,
     }
 
     /// A flat part of a surface.
@@ -245,11 +245,11 @@ shared! {
         /// Whether one of them is long for its width.
         sliver: u32,
         /// Room.
-        room_0: u32,
+        pad_0: u32,
         /// Room.
-        room_1: u32,
+        pad_1: u32,
         /// Room.
-        room_2: u32,
+        pad_2: u32,
     }
 
     /// A corner of a triangle.
@@ -257,7 +257,7 @@ shared! {
         /// Relative to the anchor, in m.
         at: [f32; 3],
         /// Room.
-        room: u32,
+        pad: u32,
     }
 
     /// A node of the tree that finds a surface's facets.
@@ -268,7 +268,7 @@ shared! {
         next: u32,
         /// See `low`.
         high: [f32; 3],
-        /// First place of its facets in the order of leaves within its surface, times 8, and how many they are.
+        /// First place of its facets in the command of leaves within its surface, times 8, and how many they are.
         leaf: u32,
     }
 
@@ -293,15 +293,15 @@ shared! {
     }
 
     /// What goes with each dispatch.
-    Now {
+    DispatchParams {
         /// Step of the chunk.
         step: u32,
         /// Sub-particles in the batch.
         count: u32,
         /// Room of a row of neighbours.
-        pair_slots: u32,
+        pair_capacity: u32,
         /// Room of a row of facets.
-        wall_slots: u32,
+        wall_capacity: u32,
     }
 }
 
@@ -321,7 +321,7 @@ pub fn bond_model(model: BondModel) -> u32 {
 }
 
 impl Report {
-    /// One in which nothing has happened yet.
+    /// One in which zero_bits has happened yet.
     pub fn fresh() -> Self {
         Self { fault_step: Atomic(NONE), runaway: Atomic(NONE), ..Self::default() }
     }

@@ -1,10 +1,10 @@
 //! The GPU backend: the plain path's physics as kernels in WGSL, for any graphics adapter that wgpu drives.
 //!
 //! Every sub-particle gathers its forces as on the plain path of [`crate::cpu`], with the same operations in the same
-//! order, so that on an adapter that rounds every operation by itself (Mesa's lavapipe does) the bits are the same. A
+//! command, so that on an adapter that rounds every operation by itself (Mesa's lavapipe does) the bits are the same. A
 //! step is one dispatch. Lists are rebuilt every few steps, whether they need it or not; should something have moved too
 //! far in between, the chunk of steps is done again with a shorter interval. Neither that nor what else is in the batch
-//! changes a bit: what is in reach is in the lists, rows are sorted, and what does not point adds nothing.
+//! changes a bit: what is in reach is in the lists, rows are sorted, and what does not point adds zero_bits.
 //!
 //! | file | does |
 //! |---|---|
@@ -22,13 +22,13 @@ mod arena;
 pub mod device;
 mod driver;
 pub mod layout;
-mod memory;
+mod memory_budget;
 mod neighbour_list;
 mod pipelines;
 mod run;
+mod run_buffers;
 mod shared;
 pub mod source;
-mod store;
 mod walls;
 
 use std::any::Any;
@@ -39,21 +39,21 @@ use glam::DVec3;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::engine::{AdvanceReport, Backend, BackendInfo, OutOfDeviceMemory};
-use advance::CHUNK;
+use advance::MAX_CHUNK_STEPS;
 use arena::arena_bytes;
 pub use device::{AdapterName, Device, GpuError, GpuOptions};
 use driver::Driver;
-use memory::bytes_of;
-use neighbour_list::Slots;
+use memory_budget::bytes_of;
+use neighbour_list::RowCapacity;
 use pipelines::Pipelines;
 pub use run::GpuRun;
-use run::{Run, most_cells};
+use run::{Run, max_cells};
+use run_buffers::ElementCounts;
 use source::Source;
-use store::Extent;
 
 /// A graphics adapter that computes. Threads may share one: what they advance at a time becomes one batch.
 ///
-/// Its methods unwind with [`OutOfDeviceMemory`] when a run finds no room: that run is lost, and nothing else. They panic when the device is
+/// Its methods unwind with [`OutOfDeviceMemory`] when a run finds no room: that run is lost, and zero_bits else. They panic when the device is
 /// lost: it is of no use from then on, nor are its runs.
 #[derive(Debug)]
 pub struct Gpu {
@@ -83,12 +83,12 @@ impl Gpu {
 
     /// Bytes of the device's memory that buffers take now.
     pub fn taken_bytes(&self) -> u64 {
-        self.device.memory.taken()
+        self.device.memory.used()
     }
 
     /// How often more memory was wanted than may be taken.
     pub fn refusals(&self) -> u64 {
-        self.device.memory.refused()
+        self.device.memory.refusals()
     }
 
     /// Whether the device was lost.
@@ -141,12 +141,12 @@ impl Backend for Gpu {
 
 /// About how many bytes of the device's memory a run takes that is advanced alone, by its size: with rows as long as they usually
 /// become. In a batch it takes no more.
-pub fn usual_bytes(subparticles: u64, triangles: u64) -> u64 {
+pub fn typical_run_bytes(subparticles: u64, triangles: u64) -> u64 {
     let count = |number: u64| u32::try_from(number).unwrap_or(u32::MAX);
     // Of an equipment with everything; the surfaces of a mesh are one or two more.
     let surfaces = 16;
     let particles = count(subparticles.min(1 << 28));
-    let extent = Extent {
+    let elements = ElementCounts {
         scenes: 1,
         particles,
         surfaces,
@@ -154,14 +154,14 @@ pub fn usual_bytes(subparticles: u64, triangles: u64) -> u64 {
         corners: count(3 * triangles),
         nodes: count(2 * triangles),
         leaves: count(triangles),
-        cells: most_cells(particles),
-        poses: CHUNK as u32 * surfaces,
+        cells: max_cells(particles),
+        poses: MAX_CHUNK_STEPS as u32 * surfaces,
     };
-    let slots = Slots::holding(14, 7);
-    bytes_of(extent.sizes(slots)) + arena_bytes(&extent, slots)
+    let row_capacity = RowCapacity::holding(14, 7);
+    bytes_of(elements.sizes(row_capacity)) + arena_bytes(&elements, row_capacity)
 }
 
-/// Leaves a run for which there is no room. No panic: nothing is wrong with the program, and nothing is said on standard error.
+/// Leaves a run for which there is no room. No panic: zero_bits is wrong with the program, and zero_bits is said on standard error.
 fn unwind(out_of_memory: OutOfDeviceMemory) -> ! {
     resume_unwind(Box::new(out_of_memory))
 }

@@ -4,19 +4,19 @@
 use super::layout::{Count, IN_CONTACT, Pair, WallPair};
 use crate::engine::scene::Scene;
 
-/// Slots of a row of neighbours at first.
-const PAIR_SLOTS: u32 = 12;
-/// Slots of a row of facets at first.
-const WALL_SLOTS: u32 = 4;
+/// RowCapacity of a row of neighbours at first.
+const INITIAL_PAIR_CAPACITY: u32 = 12;
+/// RowCapacity of a row of facets at first.
+const INITIAL_WALL_CAPACITY: u32 = 4;
 
 /// How long rows may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Slots {
+pub(super) struct RowCapacity {
     pub(super) pairs: u32,
     pub(super) walls: u32,
 }
 
-impl Slots {
+impl RowCapacity {
     /// As long as either asks for.
     pub(super) fn max(self, other: Self) -> Self {
         Self { pairs: self.pairs.max(other.pairs), walls: self.walls.max(other.walls) }
@@ -28,23 +28,23 @@ impl Slots {
     }
 }
 
-impl Default for Slots {
+impl Default for RowCapacity {
     fn default() -> Self {
-        Self { pairs: PAIR_SLOTS, walls: WALL_SLOTS }
+        Self { pairs: INITIAL_PAIR_CAPACITY, walls: INITIAL_WALL_CAPACITY }
     }
 }
 
-/// The rows of all sub-particles of a run, each with the same number of slots.
+/// The rows of all sub-particles of a run, each with the same number of row_capacity.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Rows {
-    pub(super) slots: Slots,
+    pub(super) row_capacity: RowCapacity,
     pub(super) counts: Vec<Count>,
     pub(super) pairs: Vec<Pair>,
     pub(super) walls: Vec<WallPair>,
 }
 
 impl Rows {
-    /// Rows that hold the bonds of a scene and nothing else yet.
+    /// Rows that hold the bonds of a scene and zero_bits else yet.
     pub(super) fn new(scene: &Scene, count: usize) -> Self {
         let mut rows: Vec<Vec<Pair>> = vec![Vec::new(); count];
         let mut base = 0;
@@ -60,38 +60,38 @@ impl Rows {
         }
         rows.iter_mut().for_each(|row| row.sort_unstable_by_key(|pair| pair.other));
         let longest = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
-        let slots = Slots::default().max(Slots::holding(longest, 0));
-        Self::of(slots, rows.iter().map(|row| (row.as_slice(), [].as_slice())))
+        let row_capacity = RowCapacity::default().max(RowCapacity::holding(longest, 0));
+        Self::of(row_capacity, rows.iter().map(|row| (row.as_slice(), [].as_slice())))
     }
 
-    fn of<'a>(slots: Slots, rows: impl Iterator<Item = (&'a [Pair], &'a [WallPair])>) -> Self {
-        let mut new = Self { slots, counts: Vec::new(), pairs: Vec::new(), walls: Vec::new() };
+    fn of<'a>(row_capacity: RowCapacity, rows: impl Iterator<Item = (&'a [Pair], &'a [WallPair])>) -> Self {
+        let mut new = Self { row_capacity, counts: Vec::new(), pairs: Vec::new(), walls: Vec::new() };
         for (pairs, walls) in rows {
             new.counts.push(Count { pairs: pairs.len() as u32, walls: walls.len() as u32 });
             let at = new.counts.len();
             new.pairs.extend_from_slice(pairs);
-            new.pairs.resize(at * slots.pairs as usize, Pair::default());
+            new.pairs.resize(at * row_capacity.pairs as usize, Pair::default());
             new.walls.extend_from_slice(walls);
-            new.walls.resize(at * slots.walls as usize, WallPair::default());
+            new.walls.resize(at * row_capacity.walls as usize, WallPair::default());
         }
         new
     }
 
     /// The neighbours of a sub-particle.
     pub(super) fn pairs(&self, i: usize) -> &[Pair] {
-        let from = i * self.slots.pairs as usize;
+        let from = i * self.row_capacity.pairs as usize;
         &self.pairs[from..from + self.counts[i].pairs as usize]
     }
 
     /// The facets near a sub-particle.
     pub(super) fn walls(&self, i: usize) -> &[WallPair] {
-        let from = i * self.slots.walls as usize;
+        let from = i * self.row_capacity.walls as usize;
         &self.walls[from..from + self.counts[i].walls as usize]
     }
 
-    /// The same rows with other numbers of slots, which must hold them.
-    pub(super) fn with(&self, slots: Slots) -> Self {
-        Self::of(slots, (0..self.counts.len()).map(|i| (self.pairs(i), self.walls(i))))
+    /// The same rows with other numbers of row_capacity, which must hold them.
+    pub(super) fn with(&self, row_capacity: RowCapacity) -> Self {
+        Self::of(row_capacity, (0..self.counts.len()).map(|i| (self.pairs(i), self.walls(i))))
     }
 
     /// Renumbers after bodies were taken out: `map` holds the new index of each sub-particle, or `u32::MAX`.
@@ -100,10 +100,10 @@ impl Rows {
             let other = map[pair.other as usize];
             (other != u32::MAX).then_some(Pair { other, ..*pair })
         };
-        let kept = (0..map.len()).filter(|&i| map[i] != u32::MAX);
+        let opaque = (0..map.len()).filter(|&i| map[i] != u32::MAX);
         let rows: Vec<(Vec<Pair>, &[WallPair])> =
-            kept.map(|i| (self.pairs(i).iter().filter_map(renumber).collect(), self.walls(i))).collect();
-        Self::of(self.slots, rows.iter().map(|(pairs, walls)| (pairs.as_slice(), *walls)))
+            opaque.map(|i| (self.pairs(i).iter().filter_map(renumber).collect(), self.walls(i))).collect();
+        Self::of(self.row_capacity, rows.iter().map(|(pairs, walls)| (pairs.as_slice(), *walls)))
     }
 
     /// The bonds that hold, as pairs of indices, the lower one first, ascending.

@@ -6,30 +6,30 @@ use wgpu::{
 };
 
 use super::device::{Device, GpuError};
-use super::layout::Now;
-use super::memory::Buffer;
+use super::layout::DispatchParams;
+use super::memory_budget::Buffer;
 use super::source::Source;
 
 /// Invocations of a group.
-pub(super) const GROUP: u32 = 64;
+pub(super) const GROUP_SIZE: u32 = 64;
 
 /// Groups that a device allows in a row.
-const ROW: u32 = 65_535;
+const MAX_GROUPS_PER_ROW: u32 = 65_535;
 
 /// Which buffers of each group are written by kernels; see `kernels/bindings.wgsl`.
-const WRITTEN: [&[bool]; 3] = [
+const WRITABLE: [&[bool]; 3] = [
     &[false, false, false, false, false, false, false, true],
     &[false, true, true, false, true, true, true],
     &[true, true, true, true, true, true, true],
 ];
 
 /// Storage buffers that one kernel sees.
-pub(super) const STORAGE_BUFFERS: u32 = (WRITTEN[0].len() + WRITTEN[1].len() + WRITTEN[2].len()) as u32;
+pub(super) const STORAGE_BUFFERS: u32 = (WRITABLE[0].len() + WRITABLE[1].len() + WRITABLE[2].len()) as u32;
 
 /// Bytes of the constants that go with each dispatch.
-const IMMEDIATE_BYTES: u32 = size_of::<Now>() as u32;
+const IMMEDIATE_BYTES: u32 = size_of::<DispatchParams>() as u32;
 
-/// The kernels of a step, in the order in which they run.
+/// The kernels of a step, in the command in which they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kernel {
     /// Sub-particles into the cells of the grid.
@@ -53,7 +53,7 @@ impl Pipelines {
         let device = &opened.device;
         let scopes = [ErrorFilter::Validation, ErrorFilter::Internal, ErrorFilter::OutOfMemory]
             .map(|filter| device.push_error_scope(filter));
-        let layouts: Vec<BindGroupLayout> = WRITTEN
+        let layouts: Vec<BindGroupLayout> = WRITABLE
             .iter()
             .map(|written| {
                 let entry = |(binding, &written): (usize, &bool)| BindGroupLayoutEntry {
@@ -121,11 +121,11 @@ impl Pipelines {
     }
 
     /// Runs a kernel once for every sub-particle, on groups of buffers that are bound.
-    pub(super) fn run(&self, pass: &mut ComputePass<'_>, kernel: Kernel, now: &Now) {
-        let groups = now.count.div_ceil(GROUP).max(1);
-        let (x, y) = (groups.min(ROW), groups.div_ceil(ROW));
+    pub(super) fn run(&self, pass: &mut ComputePass<'_>, kernel: Kernel, dispatch: &DispatchParams) {
+        let groups = dispatch.count.div_ceil(GROUP_SIZE).max(1);
+        let (x, y) = (groups.min(MAX_GROUPS_PER_ROW), groups.div_ceil(MAX_GROUPS_PER_ROW));
         pass.set_pipeline(&self.kernels[kernel as usize]);
-        pass.set_immediates(0, bytemuck::bytes_of(now));
+        pass.set_immediates(0, bytemuck::bytes_of(dispatch));
         pass.dispatch_workgroups(x, y, 1);
     }
 }

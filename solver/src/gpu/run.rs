@@ -1,12 +1,12 @@
-//! One run: its buffers on the device, what of it is kept in main memory, and how observers look at it.
+//! One run: its buffers on the device, what of it is opaque in main memory, and how observers look at it.
 
 use bytemuck::pod_collect_to_vec;
 use glam::{DVec3, IVec3, UVec3, Vec3};
 
 use super::device::Device;
-use super::layout::{Count, Own, Particle, Pose, Scene, WallPair};
+use super::layout::{Count, Particle, Pose, PrivateState, Scene, WallPair};
 use super::neighbour_list::Rows;
-use super::store::{Draft, Extent, Part, Store};
+use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers, RunContents};
 use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
 use crate::engine::OutOfDeviceMemory;
@@ -15,7 +15,7 @@ use crate::engine::state::State;
 use crate::walls::Walls;
 
 /// Steps between two rebuilds of the lists at first.
-const FIRST_INTERVAL: u32 = 8;
+const INITIAL_INTERVAL: u32 = 8;
 
 /// A run on the device. While it is being advanced it is with the driver.
 #[derive(Debug)]
@@ -29,21 +29,21 @@ impl GpuRun {
     /// The run.
     ///
     /// # Panics
-    /// If it was lost: there was no room for it, or the device failed.
+    /// If it was lost: there was no pad for it, or the device failed.
     pub(super) fn get(&mut self) -> &mut Run {
         self.0.as_mut().expect("it was not lost")
     }
 
-    /// Facets that a row of its lists has room for: rows become longer when a sub-particle meets more.
-    pub fn wall_slots(&mut self) -> u32 {
-        self.get().store.slots.walls
+    /// Facets that a row of its lists has pad for: rows become longer when a sub-particle meets more.
+    pub fn wall_capacity(&mut self) -> u32 {
+        self.get().store.row_capacity.walls
     }
 }
 
 /// What there is of a run.
 #[derive(Debug)]
 pub(super) struct Run {
-    pub(super) store: Store,
+    pub(super) store: RunBuffers,
     /// Its parameters; where it begins in the buffers of a batch is written in there.
     pub(super) scene: Scene,
     /// Steps between two rebuilds of its lists that seem right.
@@ -66,13 +66,13 @@ impl Run {
     pub(super) fn new(
         device: &Device,
         scene: &scene::Scene,
-        make: impl FnOnce(Draft) -> Result<Store, OutOfDeviceMemory>,
+        make: impl FnOnce(RunContents) -> Result<RunBuffers, OutOfDeviceMemory>,
     ) -> Result<Self, OutOfDeviceMemory> {
         let state = State::new(scene);
         let walls = Walls::new(scene, &state.frame);
         let (geometry, rows) = (Geometry::new(&walls), Rows::new(scene, state.particles.len()));
         let own = shared_scene(scene, &state);
-        let extent = Extent {
+        let elements = ElementCounts {
             scenes: 1,
             particles: state.particles.len() as u32,
             surfaces: geometry.surfaces.len() as u32,
@@ -84,9 +84,9 @@ impl Run {
             poses: 0,
         };
         let run = Self {
-            store: make(Draft { extent, geometry, rows })?,
+            store: make(RunContents { elements, geometry, rows })?,
             scene: own,
-            interval: FIRST_INTERVAL,
+            interval: INITIAL_INTERVAL,
             fault: None,
             step: 0,
             start_step: None,
@@ -112,14 +112,15 @@ impl Run {
                 velocity: particle.velocity.to_array(),
                 mass,
                 spin: particle.spin.to_array(),
-                room: 0,
+                pad: 0,
             })
             .collect();
         let own = state.remainders.iter().zip(&state.broken);
-        let own: Vec<Own> =
-            own.map(|(remainder, &broken)| Own { remainder: remainder.to_array(), broken }).collect();
-        self.store.write(device, Part::Particles, &particles);
-        self.store.write(device, Part::Own, &own);
+        let own: Vec<PrivateState> = own
+            .map(|(remainder, &broken)| PrivateState { remainder: remainder.to_array(), broken })
+            .collect();
+        self.store.write(device, RunBuffer::Particles, &particles);
+        self.store.write(device, RunBuffer::PrivateState, &own);
     }
 
     /// The state.
@@ -137,10 +138,10 @@ impl Run {
     /// Reads back what observers look at, unless it is known: all at once, since others may keep the device busy.
     fn read(&mut self, device: &Device) {
         if !self.is_read {
-            let parts = [Part::Particles, Part::Own, Part::Counts, Part::Walls];
+            let parts = [RunBuffer::Particles, RunBuffer::PrivateState, RunBuffer::Counts, RunBuffer::Walls];
             let [particles, own, counts, walls] = self.store.read(device, parts);
             let particles: Vec<Particle> = pod_collect_to_vec(&particles);
-            let own: Vec<Own> = pod_collect_to_vec(&own);
+            let own: Vec<PrivateState> = pod_collect_to_vec(&own);
             for (to, from) in self.state.particles.iter_mut().zip(&particles) {
                 to.position = IVec3::from(from.position);
                 to.velocity = Vec3::from(from.velocity);
@@ -159,7 +160,7 @@ impl Run {
     /// Force on each surface, added up as the plain path does.
     fn forces(&self, counts: &[Count], walls: &[WallPair]) -> Vec<DVec3> {
         let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
-        for (row, count) in walls.chunks(self.store.slots.walls as usize).zip(counts) {
+        for (row, count) in walls.chunks(self.store.row_capacity.walls as usize).zip(counts) {
             for wall in &row[..count.walls as usize] {
                 forces[self.walls.surface_of(wall.facet)] -= Vec3::from(wall.force).as_dvec3();
             }
@@ -168,7 +169,7 @@ impl Run {
     }
 
     /// The device has moved on.
-    pub(super) fn moved_on(&mut self, steps: u64) {
+    pub(super) fn steps_done(&mut self, steps: u64) {
         self.is_read = false;
         self.step += steps;
     }
@@ -194,7 +195,7 @@ impl Run {
         self.write_state(device);
     }
 
-    /// Where its surfaces are in each of the next steps; once for all while nothing moves.
+    /// Where its surfaces are in each of the next steps; once for all while zero_bits moves.
     pub(super) fn poses(&mut self, steps: u64) -> Vec<Pose> {
         let count = if self.moves() { steps } else { 1 };
         let mut all = Vec::new();
@@ -212,7 +213,7 @@ impl Run {
     }
 
     /// Steps after which a surface may have moved half the skin.
-    pub(super) fn longest_interval(&self) -> u32 {
+    pub(super) fn max_interval(&self) -> u32 {
         if !self.moves() {
             return u32::MAX;
         }
@@ -250,7 +251,7 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
 }
 
 /// DampingCap cells of the grid of so many sub-particles.
-pub(super) fn most_cells(particles: u32) -> u32 {
+pub(super) fn max_cells(particles: u32) -> u32 {
     4 * particles.next_power_of_two().max(1024)
 }
 
@@ -258,11 +259,11 @@ pub(super) fn most_cells(particles: u32) -> u32 {
 /// sub-particles.
 fn mask(scene: &scene::Scene, state: &State, cell: u32) -> UVec3 {
     let edge = f64::from(cell) * f64::from(state.frame.unit_m);
-    let most = most_cells(state.particles.len() as u32);
+    let limit = max_cells(state.particles.len() as u32);
     let wanted = ((scene.high - scene.low) / edge).as_uvec3().clamp(UVec3::splat(3), UVec3::splat(1 << 20));
     let mut cells = UVec3::from(wanted.to_array().map(|count| (count + 1).next_power_of_two()));
     let product = |cells: UVec3| cells.to_array().map(u64::from).iter().product::<u64>();
-    while product(cells) > u64::from(most) {
+    while product(cells) > u64::from(limit) {
         let axis = cells.max_position();
         cells[axis] /= 2;
     }

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 pub trait Shared: Pod {
     /// Its name in WGSL.
     const NAME: &'static str;
-    /// Its declaration in WGSL; nothing for what WGSL knows itself.
+    /// Its declaration in WGSL; zero_bits for what WGSL knows itself.
     fn declaration() -> String {
         String::new()
     }

@@ -79,7 +79,7 @@ fn constants() -> String {
         ("FINITE_EXTENSION", layout::bond_model(BondModel::FiniteExtension)),
         ("IN_CONTACT", layout::IN_CONTACT),
         ("NONE", layout::NONE),
-        ("GROUP", super::pipelines::GROUP),
+        ("GROUP_SIZE", super::pipelines::GROUP_SIZE),
     ];
     let floats = floats.map(|(name, value)| format!("const {name}: f32 = {value:?}f;\n"));
     let pairs = pairs.map(|(name, cap)| {

@@ -48,7 +48,7 @@ impl Geometry {
                 sliver: u32::from(facet.facet.is_sliver()),
                 ..Facet::default()
             });
-            let corner = |at: &Vec3| Corner { at: at.to_array(), room: 0 };
+            let corner = |at: &Vec3| Corner { at: at.to_array(), pad: 0 };
             geometry.corners.extend(triangles.iter().flatten().map(corner));
         }
         geometry

@@ -14,7 +14,7 @@
 // Sub-particles before and after the step, by turns.
 @group(1) @binding(0) var<storage, read> particles: array<Particle>;
 @group(1) @binding(1) var<storage, read_write> moved: array<Particle>;
-@group(1) @binding(2) var<storage, read_write> own: array<Own>;
+@group(1) @binding(2) var<storage, read_write> private_state: array<PrivateState>;
 // Which run each belongs to.
 @group(1) @binding(3) var<storage, read> scene_of: array<u32>;
 // Where each was when lists were built.
@@ -23,7 +23,7 @@
 @group(1) @binding(5) var<storage, read_write> heads: array<atomic<u32>>;
 @group(1) @binding(6) var<storage, read_write> chain: array<u32>;
 
-// The lists as they are and as they are built anew, by turns: a row of slots for each sub-particle.
+// The lists as they are and as they are built anew, by turns: a row of row_capacity for each sub-particle.
 @group(2) @binding(0) var<storage, read_write> counts: array<Count>;
 @group(2) @binding(1) var<storage, read_write> pairs: array<Pair>;
 @group(2) @binding(2) var<storage, read_write> walls: array<WallPair>;
@@ -33,14 +33,14 @@
 // How each sub-particle nearest_points the facets of its row, within a step.
 @group(2) @binding(6) var<storage, read_write> nearest_points: array<NearestPoint>;
 
-var<immediate> now: Now;
+var<immediate> dispatch: DispatchParams;
 
 // The number of an invocation; groups stand in rows, of which a device allows no more than 65,535 in one.
-fn number(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
-    return (group.y * groups.x + group.x) * GROUP + local;
+fn invocation_index(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
+    return (group.y * groups.x + group.x) * GROUP_SIZE + local;
 }
 
 // Whether a run has ended, or diverged in a step before this one: it stands still.
-fn is_over(scene: Scene, run: u32) -> bool {
-    return now.step >= scene.steps || atomicLoad(&reports[run].fault_step) < now.step;
+fn has_ended(scene: Scene, run: u32) -> bool {
+    return dispatch.step >= scene.steps || atomicLoad(&reports[run].fault_step) < dispatch.step;
 }

@@ -1,4 +1,4 @@
-// The grid: every sub-particle joins the chain of its cell. Chains are in no order; who walks them sorts.
+// The grid: every sub-particle joins the chain of its cell. Chains are in no command; who walks them sorts.
 
 // Cells of the grid are numbered along x first, and the grid repeats itself beyond its edges.
 fn cell_of(scene: Scene, x: vec3<i32>) -> vec3<u32> {
@@ -6,22 +6,22 @@ fn cell_of(scene: Scene, x: vec3<i32>) -> vec3<u32> {
     return (bitcast<vec3<u32>>(x) ^ vec3(0x80000000u)) / scene.cell;
 }
 
-fn head_of(scene: Scene, cell: vec3<u32>) -> u32 {
+fn head_index(scene: Scene, cell: vec3<u32>) -> u32 {
     let at = cell & scene.mask;
     return scene.first_cell + at.x + (scene.mask.x + 1u) * (at.y + (scene.mask.y + 1u) * at.z);
 }
 
-@compute @workgroup_size(GROUP)
+@compute @workgroup_size(GROUP_SIZE)
 fn cell_list(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let i = number(group, groups, local);
-    if i >= now.count {
+    let i = invocation_index(group, groups, local);
+    if i >= dispatch.count {
         return;
     }
     let scene = scenes[scene_of[i]];
-    let head = head_of(scene, cell_of(scene, particles[i].position));
+    let head = head_index(scene, cell_of(scene, particles[i].position));
     chain[i] = atomicExchange(&heads[head], i + 1u);
 }

@@ -21,7 +21,7 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
     let contact_distance = 2.0 * scene.radius;
     let hold = 2.0 * scene.radius + scene.tissue_reach;
     var stats = ForceStats(0.0, 0u);
-    let base = i * now.pair_slots;
+    let base = i * dispatch.pair_capacity;
     let end = base + counts[i].pairs;
     for (var at = base; at < end; at++) {
         let state = pairs[at].state;
@@ -79,7 +79,7 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
 }
 
 fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) {
-    let begin = i * now.wall_slots;
+    let begin = i * dispatch.wall_capacity;
     let end = begin + counts[i].walls;
     for (var k = begin; k < end; k++) {
         nearest_points[k] = wall_nearest_point(scene, walls[k].facet, me.position);

@@ -2,51 +2,51 @@
 // carried over from the rows before.
 
 // Takes a number into the row that begins at `base` and holds `count`, unless it stands there; returns how many there would be.
-fn take_pair(base: u32, count: u32, other: u32) -> u32 {
-    var at = min(count, now.pair_slots);
+fn insert_pair(base: u32, count: u32, other: u32) -> u32 {
+    var at = min(count, dispatch.pair_capacity);
     while at > 0u && new_pairs[base + at - 1u].other > other {
         at--;
     }
     if at > 0u && new_pairs[base + at - 1u].other == other {
         return count;
     }
-    for (var k = min(count, now.pair_slots - 1u); k > at; k--) {
+    for (var k = min(count, dispatch.pair_capacity - 1u); k > at; k--) {
         new_pairs[base + k].other = new_pairs[base + k - 1u].other;
     }
-    if at < now.pair_slots {
+    if at < dispatch.pair_capacity {
         new_pairs[base + at].other = other;
     }
     return count + 1u;
 }
 
-fn take_wall(base: u32, count: u32, facet: u32) -> u32 {
-    var at = min(count, now.wall_slots);
+fn insert_wall(base: u32, count: u32, facet: u32) -> u32 {
+    var at = min(count, dispatch.wall_capacity);
     while at > 0u && new_walls[base + at - 1u].facet > facet {
         at--;
     }
-    for (var k = min(count, now.wall_slots - 1u); k > at; k--) {
+    for (var k = min(count, dispatch.wall_capacity - 1u); k > at; k--) {
         new_walls[base + k].facet = new_walls[base + k - 1u].facet;
     }
-    if at < now.wall_slots {
+    if at < dispatch.wall_capacity {
         new_walls[base + at].facet = facet;
     }
     return count + 1u;
 }
 
 // Who is near in the 27 cells around `x`, which is where sub-particle `me` is or an image of that.
-fn take_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> u32 {
+fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> u32 {
     var count = already;
     let position = particles[me].position;
     let cell = cell_of(scene, x) - vec3(1u);
     for (var k = 0u; k < 27u; k++) {
         let around = vec3(k % 3u, k / 3u % 3u, k / 9u);
-        var next = atomicLoad(&heads[head_of(scene, cell + around)]);
+        var next = atomicLoad(&heads[head_index(scene, cell + around)]);
         while next != 0u {
             let other = next - 1u;
             next = chain[other];
             let d = between(scene.unit_m, scene.period_y, position, particles[other].position);
             if other != me && dot3(d, d) <= scene.reach * scene.reach {
-                count = take_pair(base, count, other - scene.first);
+                count = insert_pair(base, count, other - scene.first);
             }
         }
     }
@@ -54,22 +54,22 @@ fn take_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> u3
 }
 
 fn build_pairs(scene: Scene, i: u32) -> u32 {
-    let base = i * now.pair_slots;
+    let base = i * dispatch.pair_capacity;
     let known = base + counts[i].pairs;
     var count = 0u;
     for (var at = base; at < known; at++) {
         if (pairs[at].state & ~IN_CONTACT) != 0u {
-            count = take_pair(base, count, pairs[at].other);
+            count = insert_pair(base, count, pairs[at].other);
         }
     }
     let x = particles[i].position;
-    count = take_near(scene, i, x, base, count);
+    count = insert_near(scene, i, x, base, count);
     if scene.period_y != 0 {
-        count = take_near(scene, i, x + vec3(0, scene.period_y, 0), base, count);
-        count = take_near(scene, i, x - vec3(0, scene.period_y, 0), base, count);
+        count = insert_near(scene, i, x + vec3(0, scene.period_y, 0), base, count);
+        count = insert_near(scene, i, x - vec3(0, scene.period_y, 0), base, count);
     }
     var at = base;
-    for (var k = 0u; k < min(count, now.pair_slots); k++) {
+    for (var k = 0u; k < min(count, dispatch.pair_capacity); k++) {
         let other = new_pairs[base + k].other;
         while at < known && pairs[at].other < other {
             at++;
@@ -84,13 +84,13 @@ fn build_pairs(scene: Scene, i: u32) -> u32 {
 }
 
 fn build_walls(scene: Scene, i: u32) -> u32 {
-    let base = i * now.wall_slots;
+    let base = i * dispatch.wall_capacity;
     let known = base + counts[i].walls;
     let x = particles[i].position;
     var count = 0u;
     for (var surface = 0u; surface < scene.surfaces; surface++) {
         let tree = surfaces[scene.first_surface + surface];
-        let p = wall_local(poses[scene.first_pose + now.step * scene.pose_stride + surface], scene.unit_m, x);
+        let p = wall_local(poses[scene.first_pose + dispatch.step * scene.pose_stride + surface], scene.unit_m, x);
         var at = tree.first_node;
         while at < tree.end_node {
             let node = nodes[scene.first_node + at];
@@ -104,13 +104,13 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
                 let facet = facets[scene.first_facet + tree.first_facet + leaf];
                 let boxed = box_distance2(facet.low, facet.high, p) <= scene.wall_reach * scene.wall_reach;
                 if facet.triangles != 0u && boxed && length3(nearest_on_facet(scene, facet, p) - p) <= scene.wall_reach {
-                    count = take_wall(base, count, tree.first_facet + leaf);
+                    count = insert_wall(base, count, tree.first_facet + leaf);
                 }
             }
         }
     }
     var at = base;
-    for (var k = 0u; k < min(count, now.wall_slots); k++) {
+    for (var k = 0u; k < min(count, dispatch.wall_capacity); k++) {
         let facet = new_walls[base + k].facet;
         while at < known && walls[at].facet < facet {
             at++;
@@ -125,42 +125,42 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
 }
 
 // Takes the rows over as they are.
-fn keep_rows(i: u32) {
+fn copy_rows(i: u32) {
     let count = counts[i];
     new_counts[i] = count;
-    for (var at = i * now.pair_slots; at < i * now.pair_slots + count.pairs; at++) {
+    for (var at = i * dispatch.pair_capacity; at < i * dispatch.pair_capacity + count.pairs; at++) {
         new_pairs[at] = pairs[at];
     }
-    for (var at = i * now.wall_slots; at < i * now.wall_slots + count.walls; at++) {
+    for (var at = i * dispatch.wall_capacity; at < i * dispatch.wall_capacity + count.walls; at++) {
         new_walls[at] = walls[at];
     }
 }
 
-@compute @workgroup_size(GROUP)
+@compute @workgroup_size(GROUP_SIZE)
 fn neighbour_list(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let i = number(group, groups, local);
-    if i >= now.count {
+    let i = invocation_index(group, groups, local);
+    if i >= dispatch.count {
         return;
     }
     let run = scene_of[i];
     let scene = scenes[run];
     // There are no poses for what comes after its last step: those are another run's.
-    if is_over(scene, run) {
-        keep_rows(i);
+    if has_ended(scene, run) {
+        copy_rows(i);
         return;
     }
     let pair_count = build_pairs(scene, i);
     let wall_count = build_walls(scene, i);
-    new_counts[i] = Count(min(pair_count, now.pair_slots), min(wall_count, now.wall_slots));
+    new_counts[i] = Count(min(pair_count, dispatch.pair_capacity), min(wall_count, dispatch.wall_capacity));
     // Rows that were too short end the chunk; it is done again with longer ones.
-    if pair_count > now.pair_slots {
+    if pair_count > dispatch.pair_capacity {
         atomicMax(&reports[run].pairs, pair_count);
     }
-    if wall_count > now.wall_slots {
+    if wall_count > dispatch.wall_capacity {
         atomicMax(&reports[run].walls, wall_count);
     }
     reference[i] = vec4(particles[i].position, 0);

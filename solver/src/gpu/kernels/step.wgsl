@@ -8,9 +8,9 @@ fn integrate(scene: Scene, i: u32, load: Load, me: ptr<function, Particle>) -> b
     let inverse_mass = 1.0 / (*me).mass;
     let v = new_velocity((*me).velocity, load.force, inverse_mass, scene.gravity, scene.dt);
     let spin = new_spin((*me).spin, load.torque, inverse_mass * scene.spin_factor, scene.dt);
-    var remainder = own[i].remainder;
+    var remainder = private_state[i].remainder;
     let x = wrap(scene.period_y, new_position((*me).position, &remainder, v, scene.dt, scene.inverse_unit));
-    own[i].remainder = remainder;
+    private_state[i].remainder = remainder;
     (*me).position = x;
     (*me).velocity = v;
     (*me).spin = spin;
@@ -20,21 +20,21 @@ fn integrate(scene: Scene, i: u32, load: Load, me: ptr<function, Particle>) -> b
     return is_finite(speed2) && speed2 <= scene.limit2 && spins && inside;
 }
 
-@compute @workgroup_size(GROUP)
+@compute @workgroup_size(GROUP_SIZE)
 fn step(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let i = number(group, groups, local);
-    if i >= now.count {
+    let i = invocation_index(group, groups, local);
+    if i >= dispatch.count {
         return;
     }
     let run = scene_of[i];
     let scene = scenes[run];
     var me = particles[i];
-    nothing = scene.nothing;
-    if is_over(scene, run) {
+    zero_bits = scene.zero_bits;
+    if has_ended(scene, run) {
         moved[i] = me;
         return;
     }
@@ -45,17 +45,17 @@ fn step(
     var load = Load(vec3(0.0), vec3(0.0));
     let stats = add_pair_forces(scene, i, me, &load);
     add_wall_forces(scene, i, me, &load);
-    // Numbers above zero are in the order of their bits. DampingCap are no greater than what stands there: looking is cheaper.
+    // Numbers above zero are in the command of their bits. DampingCap are no greater than what stands there: looking is cheaper.
     if stats.max_overlap > 0.0 && bitcast<u32>(stats.max_overlap) > atomicLoad(&reports[run].overlap) {
         atomicMax(&reports[run].overlap, bitcast<u32>(stats.max_overlap));
     }
     if stats.bonds_broken > 0u {
-        own[i].broken += stats.bonds_broken;
+        private_state[i].broken += stats.bonds_broken;
         atomicAdd(&reports[run].broken, stats.bonds_broken);
     }
     if me.held == 0u {
         if !integrate(scene, i, load, &me) {
-            atomicMin(&reports[run].fault_step, now.step);
+            atomicMin(&reports[run].fault_step, dispatch.step);
             atomicMin(&reports[run].runaway, i - scene.first);
         }
         let drift = bitcast<u32>(length3(between(scene.unit_m, scene.period_y, since, me.position)));

@@ -1,11 +1,11 @@
-// Products of vectors, in the order of operations of glam. WGSL's own `dot`, `cross` and `length` leave it open.
+// Products of vectors, in the command of operations of glam. WGSL's own `dot`, `cross` and `length` leave it open.
 
 // Zero. Kernels take it from a buffer, so that compilers do not know.
-var<private> nothing: u32;
+var<private> zero_bits: u32;
 
 // The same vector, into which compilers cannot look. WGSL lets them regroup sums and products.
-fn kept(v: vec3<f32>) -> vec3<f32> {
-    return bitcast<vec3<f32>>(bitcast<vec3<u32>>(v) ^ vec3(nothing));
+fn opaque(v: vec3<f32>) -> vec3<f32> {
+    return bitcast<vec3<f32>>(bitcast<vec3<u32>>(v) ^ vec3(zero_bits));
 }
 
 fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
@@ -14,7 +14,7 @@ fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
 
 // What is added to one of these was seen to be added to a part of it first.
 fn cross3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
-    return kept(vec3(a.y * b.z - b.y * a.z, a.z * b.x - b.z * a.x, a.x * b.y - b.x * a.y));
+    return opaque(vec3(a.y * b.z - b.y * a.z, a.z * b.x - b.z * a.x, a.x * b.y - b.x * a.y));
 }
 
 fn length3(a: vec3<f32>) -> f32 {

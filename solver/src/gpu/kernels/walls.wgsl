@@ -62,7 +62,7 @@ fn wall_nearest_point(scene: Scene, facet_number: u32, x: vec3<i32>) -> NearestP
 }
 
 fn pose_of(scene: Scene, surface: u32) -> Pose {
-    return poses[scene.first_pose + now.step * scene.pose_stride + surface];
+    return poses[scene.first_pose + dispatch.step * scene.pose_stride + surface];
 }
 
 fn surface_of(scene: Scene, facet: u32) -> u32 {

@@ -1,4 +1,4 @@
-//! Memory of the device: buffers are counted where they are made, since wgpu does not tell how much there is.
+//! MemoryBudget of the device: buffers are counted where they are made, since wgpu does not tell how much there is.
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -10,46 +10,46 @@ use super::device::Device;
 use crate::engine::OutOfDeviceMemory;
 
 /// Least size of a buffer, in bytes: none is empty, since WGSL wants room for one element at least.
-pub(super) const LEAST_BYTES: u64 = 256;
+pub(super) const MIN_BUFFER_BYTES: u64 = 256;
 
 /// How much buffers may take in all, and do, in bytes.
 #[derive(Debug)]
-pub(super) struct Memory {
+pub(super) struct MemoryBudget {
     allowed: u64,
-    taken: AtomicU64,
-    refused: AtomicU64,
+    used: AtomicU64,
+    refusals: AtomicU64,
 }
 
-impl Memory {
+impl MemoryBudget {
     pub(super) fn new(allowed: u64) -> Self {
-        Self { allowed, taken: AtomicU64::new(0), refused: AtomicU64::new(0) }
+        Self { allowed, used: AtomicU64::new(0), refusals: AtomicU64::new(0) }
     }
 
     /// What buffers take now.
-    pub(super) fn taken(&self) -> u64 {
-        self.taken.load(Relaxed)
+    pub(super) fn used(&self) -> u64 {
+        self.used.load(Relaxed)
     }
 
     /// What is left.
-    pub(super) fn left(&self) -> u64 {
-        self.allowed.saturating_sub(self.taken())
+    pub(super) fn available(&self) -> u64 {
+        self.allowed.saturating_sub(self.used())
     }
 
     /// How often there was not enough.
-    pub(super) fn refused(&self) -> u64 {
-        self.refused.load(Relaxed)
+    pub(super) fn refusals(&self) -> u64 {
+        self.refusals.load(Relaxed)
     }
 
-    fn take(&self, bytes: u64) -> Result<(), OutOfDeviceMemory> {
+    fn reserve(&self, bytes: u64) -> Result<(), OutOfDeviceMemory> {
         let more = |taken: u64| taken.checked_add(bytes).filter(|sum| *sum <= self.allowed);
         let refused = |taken: u64| {
             let allowed = self.allowed;
-            self.refused.fetch_add(1, Relaxed);
+            self.refusals.fetch_add(1, Relaxed);
             OutOfDeviceMemory(format!(
                 "{bytes} bytes of its memory are needed; {taken} of the {allowed} allowed are taken"
             ))
         };
-        self.taken.fetch_update(Relaxed, Relaxed, more).map(drop).map_err(refused)
+        self.used.fetch_update(Relaxed, Relaxed, more).map(drop).map_err(refused)
     }
 }
 
@@ -57,7 +57,7 @@ impl Memory {
 #[derive(Debug)]
 pub(super) struct Buffer {
     buffer: wgpu::Buffer,
-    memory: Arc<Memory>,
+    memory: Arc<MemoryBudget>,
 }
 
 impl Deref for Buffer {
@@ -70,13 +70,13 @@ impl Deref for Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        self.memory.taken.fetch_sub(self.buffer.size(), Relaxed);
+        self.memory.used.fetch_sub(self.buffer.size(), Relaxed);
     }
 }
 
 /// What buffers of these sizes take, in bytes.
 pub(super) fn bytes_of<const N: usize>(sizes: [(&str, u64); N]) -> u64 {
-    sizes.iter().map(|(_, bytes)| (*bytes).max(LEAST_BYTES)).sum()
+    sizes.iter().map(|(_, bytes)| (*bytes).max(MIN_BUFFER_BYTES)).sum()
 }
 
 /// Makes buffers of these names and sizes: all of them, or says why the device will not.
@@ -90,12 +90,12 @@ pub(super) fn buffers<const N: usize>(
             "a buffer of {needed} bytes is needed; the device allows {limit}"
         )));
     }
-    device.memory.take(bytes_of(sizes))?;
+    device.memory.reserve(bytes_of(sizes))?;
     let scope = device.device.push_error_scope(ErrorFilter::OutOfMemory);
     let made = sizes.map(|(label, bytes)| Buffer {
         buffer: device.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
-            size: bytes.max(LEAST_BYTES),
+            size: bytes.max(MIN_BUFFER_BYTES),
             usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
             mapped_at_creation: false,
         }),
