@@ -31,11 +31,6 @@ impl MotionStats {
         }
     }
 
-    /// Nothing but that a sub-particle is too fast, not a number any more, or lost.
-    pub(super) fn runaway(runaway: Option<u32>) -> Self {
-        Self { runaway, ..Self::default() }
-    }
-
     /// What is wrong, in words, if something is.
     pub(crate) fn fault(&self, params: &Params, state: &State) -> Option<String> {
         self.runaway.map(|i| fault(i as usize, params.speed_limit, state))

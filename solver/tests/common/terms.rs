@@ -63,7 +63,7 @@ impl Term {
              fn x3(k: u32) -> vec3<f32> {{ return vec3(x(k), x(k + 1u), x(k + 2u)); }}
              fn put(k: u32, value: f32) {{ made[row * {}u + k] = value; }}
              fn put3(k: u32, value: vec3<f32>) {{ put(k, value.x); put(k + 1u, value.y); put(k + 2u, value.z); }}
-             @compute @workgroup_size(GROUP)
+             @compute @workgroup_size(GROUP_SIZE)
              fn term(@builtin(global_invocation_id) id: vec3<u32>) {{
                  if id.x >= {CASES}u {{ return; }}
                  row = id.x;

@@ -1,45 +1,34 @@
-//! The CPU backend, fast path: what the plain path does, many pairs at a time.
+//! The CPU backend, fast path: the model of the plain path, many pairs at a time.
 //!
-//! A step has two phases. In the first every body works out its contacts with itself and with as_range after it ([`body_pair`]), each pair
-//! once. In the second every [`body`] adds its bonds, what all its body_pairs have left for it and its walls, and moves. Within
-//! a phase nothing depends on the order in which bodies are worked on: each writes only what is its own,
-//! and sums go by the order of ids. So the bits are the same whatever the number of threads, the batch, the chunks of
-//! steps, or the moment when pairs were looked up; and since [`lanes`] fuses multiplications with additions on every
-//! instruction set, whatever that costs there, on all of them. They differ from the plain path's, which the tests hold
-//! them to self_loads a tolerance.
+//! A step has two phases over all bodies.
 //!
-//! Sub-particles stand in blocks of 16 ([`points`]). Bonds join a block with at most two others, so that neighbours are moved into
-//! their lanes self_loads registers ([`bonds`]); pairs of different bodies are looked at one after the other, as_range that touch are
-//! put together and transposed ([`load`]). LoadArray of such pairs come out the same way, and are added to sums that stand as sub-particles
-//! are looked at; blocks transpose them back when they move. From memory and to it goes as little as can be: sub-particles are kept as
-//! pairs pair_offsets at them and become blocks while they move, and what a body will read is asked for while the one before is worked on
-//! ([`fetch`]). What touches one flat facet and nothing else is put together likewise ([`alone`]); where facets meet, each is looked at by itself ([`walls`]).
+//! 1. *Contacts*: each body renews its neighbour lists where their skin may be used up ([`broad_phase`]), then evaluates
+//!    the contacts with itself and with bodies of higher index, each pair once ([`narrow_phase`]).
+//! 2. *Motion*: each body sums the loads of its pairs, bonds and facets, then moves ([`integration`]).
+//!
+//! ```text
+//! instructions ◄── storage ◄── broad_phase ◄── narrow_phase ◄── integration ◄── FastRun
+//! ```
+//!
+//! An arrow points at the imported module; no folder imports another one to its right.
+//!
+//! Bits do not depend on the number of threads, the batch, the chunks of steps or the moment of a list's renewal: a body
+//! writes only its own data, and sums follow the order of ids. They do not depend on the instruction set either, since
+//! all sets fuse the same multiply-adds. They differ from the bits of the plain path; tests hold the two together within a
+//! tolerance.
+//!
+//! Memory traffic is kept small. Sub-particles are stored as pairs read them and become blocks of 16 only while they
+//! move. A body prefetches the data of the next one while it is worked on.
 
-mod body;
-mod body_groups;
-mod body_pair;
-mod bonds;
-mod bounds;
-mod facets;
+mod broad_phase;
 mod instructions;
-mod jkr;
-mod kernel;
-mod lanes;
-mod laws;
-mod load;
-mod memory;
-mod pairs;
-mod points;
-mod prefetch;
+mod integration;
+mod narrow_phase;
 mod removal;
-mod search;
-mod share;
-mod single;
+mod schedule;
+mod storage;
 #[cfg(test)]
 mod tests;
-mod walls;
-#[cfg(target_arch = "x86_64")]
-mod x86;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -48,23 +37,28 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Params;
-use super::integrate::{Integrator, MotionStats};
+use super::integrate::{Integrator, fault};
 use super::stages::{Stage, StageTimers};
 use crate::engine::AdvanceReport;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::walls::Walls;
-use body::{Body, BodyStats, MotionScratch, MoveBody, NextBody, StepContext};
-use body_groups::{BodyGroup, body_groups};
-use body_pair::{BodyContacts, BodyPair, ContactPhase, PairScratch, SAFETY_FACTOR};
-use bonds::BondSet;
-use bounds::Aabb;
-pub use instructions::InstructionSet;
-use laws::{LaneContactLaw, PairLaws};
-use pairs::BodyPairList;
-use points::BodyParticles;
-use search::{SearchParams, overlapping_bodies};
-use share::{PerThread, bodies_per_task, morton_order, permuted};
+use broad_phase::body_pair::BodyPair;
+use broad_phase::pair_lists::BodyContacts;
+use broad_phase::pair_search::{SearchParams, overlapping_bodies};
+pub use instructions::set::InstructionSet;
+use integration::step::{BodyStats, MotionScratch, MoveBody, NextBody};
+use narrow_phase::pair_contacts::{ContactPhase, PairScratch};
+use schedule::{PerThread, bodies_per_task, morton_order, permuted};
+use storage::body::Body;
+use storage::body_groups::{BodyGroup, body_groups};
+use storage::bond_set::BondSet;
+use storage::bounds::Aabb;
+use storage::context::StepContext;
+use storage::laws::{LaneContactLaw, PairLaws};
+use storage::motion::SAFETY_FACTOR;
+use storage::pairs::BodyPairList;
+use storage::particles::BodyParticles;
 
 /// Distance beyond reach that lists cover, as a share of R: between two bodies, and between a body and itself.
 const SKIN_RATIOS: [f32; 2] = [0.4, 0.25];
@@ -230,7 +224,7 @@ impl FastRun {
         done.max_overlap_m = done.max_overlap_m.max(max_overlap).max(stats.max_overlap);
         if stats.runaway.is_some() {
             self.state();
-            self.fault = MotionStats::runaway(stats.runaway).fault(&self.params, &self.state);
+            self.fault = stats.runaway.map(|i| fault(i as usize, self.params.speed_limit, &self.state));
         }
     }
 
@@ -283,8 +277,8 @@ impl FastRun {
         let mut work = permuted(order, work);
         let some = bodies_per_task(work.len());
         let work = work.par_chunks_mut(some).with_max_len(1).map(|some| {
-            let (room, _) = &mut *scratch_per_thread.current();
-            let meet = |contacts| instructions.run(ContactPhase { contacts, search, room, stages });
+            let (scratch, _) = &mut *scratch_per_thread.current();
+            let meet = |contacts| instructions.run(ContactPhase { contacts, search, scratch, stages });
             some.iter_mut().map(meet).fold(0.0, f32::max)
         });
         work.reduce(|| 0.0, f32::max)

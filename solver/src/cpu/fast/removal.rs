@@ -1,7 +1,7 @@
 //! Sub-particles that leave a run: what is left goes on under other numbers.
 
 use super::FastRun;
-use super::points::BodyParticles;
+use super::storage::particles::BodyParticles;
 
 impl FastRun {
     /// Takes sub-particles out, by serial, ascending.

@@ -1,0 +1,145 @@
+//! Body pairs: two bodies near each other, the pairs of their sub-particles, and the Verlet skin of these lists.
+//!
+//! A list is renewed when the two bodies may have moved against each other by its skin. Fillets that fall together keep
+//! theirs. Lists are filtered from candidates, which a search over all sub-particles finds and which last several times
+//! as long. The inner skin can therefore be thin and the lists short.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::distances::{DistanceScratch, pair_offsets, select_close};
+use super::pair_search::{PairSearch, SearchParams};
+use crate::cpu::fast::instructions::arrays::grown;
+use crate::cpu::fast::instructions::set::LaneOps;
+use crate::cpu::fast::storage::body::Body;
+use crate::cpu::fast::storage::motion::{BodyMotion, SAFETY_FACTOR};
+use crate::cpu::fast::storage::pairs::{PairList, as_range};
+use crate::cpu::fast::storage::particles::slot_of;
+use crate::engine::frame::Frame;
+
+/// SearchSides bodies, or one and itself.
+#[derive(Debug)]
+#[repr(align(64))]
+pub(crate) struct BodyPair {
+    /// Indices of the bodies, a ≤ b.
+    pub(crate) bodies: [u32; 2],
+    /// Where its pairs stand in the list of the first body, sorted.
+    pub(crate) pairs: Range<u32>,
+    /// For how long the pairs are good.
+    pub(crate) skin_budget: SkinBudget,
+    pub(crate) candidates: Box<Candidates>,
+}
+
+// There are a dozen times as many as bodies, and all are asked in every step whether they are due: a line of the cache each.
+const _: () = assert!(size_of::<BodyPair>() == 64);
+
+/// Pairs that may be listed before the next search for such, and for how long they are good.
+#[derive(Debug)]
+pub(crate) struct Candidates {
+    pub(crate) pairs: Vec<[u32; 2]>,
+    pub(crate) skin_budget: SkinBudget,
+}
+
+/// How two bodies may move against each other before something must be looked up again.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SkinBudget {
+    /// Where they were against each other when it was looked up, in metres.
+    separation: DVec3,
+    path: f64,
+    /// How far they may move from there, in metres.
+    allowed: f64,
+}
+
+impl SkinBudget {
+    /// None.
+    const NONE: Self = Self { separation: DVec3::ZERO, path: 0.0, allowed: f64::NEG_INFINITY };
+
+    /// That of bodies that have moved so far, by a margin in metres.
+    fn new([a, b]: [&BodyMotion; 2], margin: f32) -> Self {
+        Self {
+            separation: b.shift - a.shift,
+            path: a.path + b.path,
+            allowed: SAFETY_FACTOR * f64::from(margin),
+        }
+    }
+
+    fn is_exhausted(&self, [a, b]: [&BodyMotion; 2]) -> bool {
+        let left = self.allowed - (a.path + b.path - self.path);
+        // What is not a number is not safe.
+        !(left >= 0.0 && (b.shift - a.shift).distance_squared(self.separation) <= left * left)
+    }
+}
+
+impl BodyPair {
+    pub(crate) fn new(bodies: [u32; 2]) -> Self {
+        let candidates = Box::new(Candidates { pairs: Vec::new(), skin_budget: SkinBudget::NONE });
+        Self { bodies, pairs: 0..0, skin_budget: SkinBudget::NONE, candidates }
+    }
+
+    /// Where its pairs stand in the list of the first body.
+    pub(crate) fn pairs(&self) -> Range<usize> {
+        as_range(&self.pairs)
+    }
+
+    /// Whether its pairs must be looked up.
+    pub(crate) fn is_due(&self, bodies: &[Body]) -> bool {
+        self.skin_budget.is_exhausted(self.bodies.map(|body| &bodies[body as usize].motion))
+    }
+
+    /// DistanceScratch up the pairs that may touch: numbers of candidates.
+    #[inline(always)]
+    pub(crate) fn search<'a, S: LaneOps>(
+        &mut self,
+        simd: S,
+        search: &SearchParams,
+        frame: &Frame,
+        [a, b]: [&Body; 2],
+        pair_search: &mut PairSearch,
+        DistanceScratch { offsets, close }: &'a mut DistanceScratch,
+    ) -> &'a [u32] {
+        let is_self = self.bodies[0] == self.bodies[1];
+        let skin = search.skins[usize::from(is_self)];
+        let motions = [&a.motion, &b.motion];
+        let Self { skin_budget, candidates, .. } = self;
+        if candidates.skin_budget.is_exhausted(motions) {
+            let gap = pair_search.search(simd, search, frame, [a, b], is_self);
+            let outer_skin = search.outer_skins[usize::from(is_self)];
+            // Bodies without a pair may come nearer by what is between them; candidates must do for a list made at the last moment.
+            let margin = match &pair_search.found[..] {
+                [] => outer_skin.max(gap - search.reach),
+                _ => outer_skin - skin,
+            };
+            candidates.skin_budget = SkinBudget::new(motions, margin);
+            candidates.pairs.clone_from(&pair_search.found);
+        }
+        if candidates.pairs.is_empty() {
+            *skin_budget = candidates.skin_budget;
+            return &[];
+        }
+        *skin_budget = SkinBudget::new(motions, skin);
+        let offsets = grown(offsets, candidates.pairs.len());
+        pair_offsets(&candidates.pairs, [&a.points, &b.points], frame, offsets);
+        select_close(simd, offsets, (search.reach + skin) / frame.unit_m, close)
+    }
+
+    /// Goes on where some sub-particles of its bodies were taken out: as_range that stay have other numbers, and are searched anew. Its pairs go to
+    /// the end of the list that they are in.
+    pub(crate) fn renumber(&mut self, locals: [&[u32]; 2], list: &mut PairList) {
+        let is_self = self.bodies[0] == self.bodies[1];
+        let mut renumbered: Vec<_> = list
+            .all(self.pairs())
+            .filter_map(|([i, j], [x, y, z, held])| {
+                let pair = [locals[0][slot_of(i) as usize], locals[1][slot_of(j) as usize]];
+                let [i, j] = (!pair.contains(&u32::MAX)).then(|| pair.map(slot_of))?;
+                // Of a body and itself the lower comes first.
+                Some(if is_self && i > j { ([j, i], [-x, -y, -z, held]) } else { ([i, j], [x, y, z, held]) })
+            })
+            .collect();
+        // Where others have gone, blocks are filled anew, and slots have another order.
+        renumbered.sort_unstable_by_key(|(pair, _)| *pair);
+        let first = list.len();
+        renumbered.into_iter().for_each(|(pair, memory)| list.push(pair, memory));
+        *self = Self { pairs: first as u32..list.len() as u32, ..Self::new(self.bodies) };
+    }
+}

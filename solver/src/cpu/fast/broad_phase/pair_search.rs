@@ -1,0 +1,394 @@
+//! The search for pairs: bounding boxes of bodies, then of blocks, then sub-particles.
+
+use glam::IVec3;
+
+use crate::cpu::fast::instructions::arrays::{LaneIndices, Lanes, Lanes3, WIDTH, grown, reduced};
+use crate::cpu::fast::instructions::set::LaneOps;
+use crate::cpu::fast::storage::body::Body;
+use crate::cpu::fast::storage::bounds::{Aabb, BodyBounds, LocalAabb};
+use crate::cpu::fast::storage::particles::BodyParticles;
+use crate::engine::frame::Frame;
+
+/// Blocks that are further from a body than this many skins beyond reach are passed over.
+const FAR_SKINS: f32 = 1.5;
+
+/// Pairs of bodies whose boxes come within `reach` metres, and each with itself; sorted.
+pub(crate) fn overlapping_bodies(aabbs: &[Aabb], reach: f32, frame: &Frame) -> Vec<[u32; 2]> {
+    let mut order: Vec<u32> = (0..aabbs.len() as u32).collect();
+    order.sort_by_key(|&body| (aabbs[body as usize].low.x, body));
+    let mut pairs = Vec::new();
+    for (k, &a) in order.iter().enumerate() {
+        pairs.push([a, a]);
+        let far = aabbs[a as usize].grown(reach, frame).high.x;
+        let near = order[k + 1..].iter().take_while(|&&b| aabbs[b as usize].low.x <= far);
+        let close = near.filter(|&&b| aabbs[a as usize].gap(&aabbs[b as usize], frame) <= reach);
+        pairs.extend(close.map(|&b| [a.min(b), a.max(b)]));
+    }
+    pairs.sort_unstable();
+    pairs
+}
+
+/// What a search for pairs needs to know.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SearchParams {
+    /// Distance of centres within which a contact can hold, in metres.
+    pub(crate) reach: f32,
+    /// What lists cover beyond, in metres: between bodies, and within one.
+    pub(crate) skins: [f32; 2],
+    /// How far beyond that the rarer search for candidates goes, in metres.
+    pub(crate) outer_skins: [f32; 2],
+}
+
+/// SearchSides bodies, or one and itself, as they are searched: in metres from the lowest corner of the second.
+#[derive(Clone, Copy, Debug)]
+struct SearchSides<'a> {
+    points: [&'a BodyParticles; 2],
+    at: [&'a BodyBounds; 2],
+    from: IVec3,
+    unit_m: f32,
+    /// Square of the distance within which pairs are wanted, in m².
+    reach2: f32,
+    /// Half the period along y and all of it, in metres; 0 where there is none.
+    period: [f32; 2],
+    is_self: bool,
+}
+
+impl<'a> SearchSides<'a> {
+    fn new(
+        points: [&'a BodyParticles; 2],
+        at: [&'a BodyBounds; 2],
+        reach: f32,
+        frame: &Frame,
+        is_self: bool,
+    ) -> Self {
+        let unit_m = frame.unit_m;
+        let period = frame.period_y as f32 * unit_m;
+        let from = at[1].whole.low;
+        Self { points, at, from, unit_m, reach2: reach * reach, period: [0.5 * period, period], is_self }
+    }
+
+    fn is_periodic(&self) -> bool {
+        self.period[1] != 0.0
+    }
+
+    /// The box of the second.
+    fn second_box(&self) -> LocalAabb {
+        let size = self.at[1].whole.high.wrapping_sub(self.from).as_vec3() * self.unit_m;
+        [[0.0; 3], size.to_array()]
+    }
+
+    /// A row of boxes of the first or of the second, in the order of slots, and how many there are.
+    #[inline(always)]
+    fn row<S: LaneOps>(&self, simd: S, side: usize, g: usize) -> ([Lanes3; 2], usize) {
+        let ([[x, y, z], [u, v, w]], count) = self.at[side].row(simd, g, self.from, self.unit_m);
+        let lows = [in_slot_order(simd, &x), in_slot_order(simd, &y), in_slot_order(simd, &z)];
+        let highs = [in_slot_order(simd, &u), in_slot_order(simd, &v), in_slot_order(simd, &w)];
+        ([lows, highs], count)
+    }
+
+    /// A block of the first or of the second, in the order of slots.
+    #[inline(always)]
+    fn block<S: LaneOps>(&self, simd: S, side: usize, b: usize) -> Lanes3 {
+        let [x, y, z] = self.points[side].in_metres(simd, b, self.from, self.unit_m);
+        [in_slot_order(simd, &x), in_slot_order(simd, &y), in_slot_order(simd, &z)]
+    }
+}
+
+/// Finds pairs that may touch.
+#[derive(Debug, Default)]
+pub(crate) struct PairSearch {
+    /// Blocks of the second body that are near one of the first, and which slots of that one are near each.
+    near_blocks: Vec<(usize, u16)>,
+    /// The boxes of the second body's blocks, by slot, and how many there are in each row.
+    rows: Vec<([Lanes3; 2], usize)>,
+    /// The second body, as it is searched; empty until it is asked for.
+    theirs: Vec<Lanes3>,
+    /// What is found for each sub-particle of a block, with room to write whole registers.
+    seconds: Vec<u32>,
+    /// What the last search has found: pairs of slots, sorted.
+    pub(crate) found: Vec<[u32; 2]>,
+}
+
+impl PairSearch {
+    /// Finds the pairs of two bodies, or of one and itself, that come within reach and skin. Returns a distance, in metres, that
+    /// as_range which do not are not below.
+    #[inline(always)]
+    pub(crate) fn search<S: LaneOps>(
+        &mut self,
+        simd: S,
+        search: &SearchParams,
+        frame: &Frame,
+        [a, b]: [&Body; 2],
+        is_self: bool,
+    ) -> f32 {
+        let skin = search.outer_skins[usize::from(is_self)];
+        let (listed, far) = (search.reach + skin, search.reach + FAR_SKINS * skin);
+        self.found.clear();
+        let at = [&a.bounds, &b.bounds];
+        let gap = if is_self { 0.0 } else { at[0].whole.gap(&at[1].whole, frame) };
+        if gap > far {
+            return gap;
+        }
+        let two = SearchSides::new([&a.points, &b.points], at, listed, frame, is_self);
+        let min_gap = self.find(simd, far, &two);
+        if is_self {
+            a.exclude_bonded(&mut self.found);
+        }
+        min_gap
+    }
+
+    /// Pairs that come within reach, among blocks within `far` metres of the other body. Returns a distance that no other pair is
+    /// below; it is no more than the reach where any was looked at by itself.
+    #[inline(always)]
+    fn find<S: LaneOps>(&mut self, simd: S, far: f32, two: &SearchSides<'_>) -> f32 {
+        self.theirs.clear();
+        self.rows.clear();
+        let mut min_gap2 = Lanes([f32::INFINITY; WIDTH]);
+        let second_box = two.second_box();
+        for g in 0..two.at[0].rows() {
+            let (row, count) = two.row(simd, 0, g);
+            let gaps = gaps2(&second_box, &row, two.is_periodic(), count);
+            let mut near = below_limit(simd, &gaps, far * far, &mut min_gap2);
+            if near != 0 && self.rows.is_empty() {
+                for g in 0..two.at[1].rows() {
+                    self.rows.push(two.row(simd, 1, g));
+                }
+            }
+            while near != 0 {
+                self.search_block(simd, g * WIDTH + near.trailing_zeros() as usize, two, &mut min_gap2);
+                near &= near - 1;
+            }
+        }
+        reduced(min_gap2.0, |a, b| if b < a { b } else { a }).sqrt()
+    }
+
+    /// The same of one block of the first body.
+    #[inline(always)]
+    fn search_block<S: LaneOps>(&mut self, simd: S, a: usize, two: &SearchSides<'_>, min_gap2: &mut Lanes) {
+        let SearchSides { at: [first, _], from, unit_m, reach2, is_self, .. } = *two;
+        let is_periodic = two.is_periodic();
+        let (span, xa) = (first.span(a, from, unit_m), two.block(simd, 0, a));
+        self.near_blocks.clear();
+        for (g, (row, count)) in self.rows.iter().enumerate() {
+            let gaps = gaps2(&span, row, is_periodic, *count);
+            let mut boxes = below_limit(simd, &gaps, reach2, min_gap2);
+            while boxes != 0 {
+                let slot = boxes.trailing_zeros() as usize;
+                let b = g * WIDTH + slot;
+                boxes &= boxes - 1;
+                // Of a body and itself only pairs with i < j count, once.
+                if is_self && b < a {
+                    continue;
+                }
+                let [[x, y, z], [u, v, w]] = row;
+                let around = [[x.0[slot], y.0[slot], z.0[slot]], [u.0[slot], v.0[slot], w.0[slot]]];
+                let from_box = gaps2(&around, &[xa, xa], is_periodic, WIDTH);
+                let near_box = below_limit(simd, &from_box, reach2, min_gap2);
+                if near_box != 0 {
+                    self.near_blocks.push((b, near_box));
+                }
+            }
+        }
+        let Self { near_blocks, theirs, seconds, found, .. } = self;
+        if near_blocks.is_empty() {
+            return;
+        }
+        if theirs.is_empty() {
+            for b in 0..two.points[1].blocks() {
+                theirs.push(two.block(simd, 1, b));
+            }
+        }
+        // Of as_range that are looked at one by one it is not state_is_current how near they are.
+        min_gap2.0.iter_mut().for_each(|min_gap2| *min_gap2 = min_gap2.min(reach2));
+        let room = (near_blocks.len() + 1) * WIDTH;
+        let seconds = grown(seconds, room * WIDTH);
+        let mut counts = [0; WIDTH];
+        for &(b, mut near) in &*near_blocks {
+            let xb = &theirs[b];
+            while near != 0 {
+                let slot = near.trailing_zeros() as usize;
+                near &= near - 1;
+                let x = [xa[0].0[slot], xa[1].0[slot], xa[2].0[slot]];
+                let distances2 = distances2_from_point(xb, x, two.period);
+                let later = if is_self && b == a { (!1u32 << slot) as u16 } else { u16::MAX };
+                let hits = simd.le_bits(&distances2, reach2) & later;
+                let mut hit = simd.compress(&LaneIndices::IDENTITY, hits);
+                for k in 0..WIDTH {
+                    hit.0[k] += (b * WIDTH) as u32;
+                }
+                seconds[slot * room + counts[slot]..][..WIDTH].copy_from_slice(&hit.0);
+                counts[slot] += hits.count_ones() as usize;
+            }
+        }
+        let mut next = found.len();
+        found.resize(next + counts.iter().sum::<usize>(), [0; 2]);
+        for slot in 0..WIDTH {
+            let (i, js) = ((a * WIDTH + slot) as u32, &seconds[slot * room..][..counts[slot]]);
+            for (pair, &j) in found[next..].iter_mut().zip(js) {
+                *pair = [i, j];
+            }
+            next += counts[slot];
+        }
+    }
+}
+
+/// What stands in lanes, by slots.
+#[inline(always)]
+fn in_slot_order<S: LaneOps>(simd: S, lanes: &Lanes) -> Lanes {
+    simd.masked_permute(lanes, &LaneIndices::TRANSPOSED, u16::MAX)
+}
+
+/// Which of some squares of distances are no larger than `reach2`, a bit each; the least of the others goes into `min_gap2`.
+#[inline(always)]
+fn below_limit<S: LaneOps>(simd: S, distances2: &Lanes, reach2: f32, min_gap2: &mut Lanes) -> u16 {
+    for k in 0..WIDTH {
+        let d = distances2.0[k];
+        let beyond = if d > reach2 { d } else { f32::INFINITY };
+        min_gap2.0[k] = if beyond < min_gap2.0[k] { beyond } else { min_gap2.0[k] };
+    }
+    simd.le_bits(distances2, reach2)
+}
+
+/// Squares of the distances of a block's sub-particles from a point, in m².
+#[inline(always)]
+fn distances2_from_point(block: &Lanes3, [x, y, z]: [f32; 3], [half, period]: [f32; 2]) -> Lanes {
+    let mut distance2 = Lanes::ZERO;
+    let mut across = Lanes::ZERO;
+    for k in 0..WIDTH {
+        across.0[k] = block[1].0[k] - y;
+    }
+    if period != 0.0 {
+        for dy in &mut across.0 {
+            *dy = if *dy > half { *dy - period } else { *dy };
+            *dy = if *dy < -half { *dy + period } else { *dy };
+        }
+    }
+    for k in 0..WIDTH {
+        let (dx, dy, dz) = (block[0].0[k] - x, across.0[k], block[2].0[k] - z);
+        distance2.0[k] = dx * dx + dy * dy + dz * dz;
+    }
+    distance2
+}
+
+/// Squares of the gaps between a box and others in m², of which there are so many: at other slots stands infinity. A periodic y counts
+/// nothing.
+#[inline(always)]
+fn gaps2([low, high]: &LocalAabb, [lows, highs]: &[Lanes3; 2], periodic_y: bool, count: usize) -> Lanes {
+    let mut gap2 = Lanes::ZERO;
+    add_beyond2(&mut gap2, [low[0], high[0]], [&lows[0], &highs[0]]);
+    if !periodic_y {
+        add_beyond2(&mut gap2, [low[1], high[1]], [&lows[1], &highs[1]]);
+    }
+    add_beyond2(&mut gap2, [low[2], high[2]], [&lows[2], &highs[2]]);
+    if count < WIDTH {
+        for k in 0..WIDTH {
+            gap2.0[k] = if k < count { gap2.0[k] } else { f32::INFINITY };
+        }
+    }
+    gap2
+}
+
+/// Adds the squares of how far the spans from `lows` to `highs` are beyond one.
+#[inline(always)]
+fn add_beyond2(to: &mut Lanes, [low, high]: [f32; 2], [lows, highs]: [&Lanes; 2]) {
+    for k in 0..WIDTH {
+        let (below, above) = (lows.0[k] - high, low - highs.0[k]);
+        let d = if above > below { above } else { below };
+        let d = if d > 0.0 { d } else { 0.0 };
+        to.0[k] += d * d;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::cpu::fast::instructions::set::{InstructionSet, SimdTask};
+    use crate::cpu::fast::storage::particles::{random_bodies, slot_of};
+
+    struct Look<'a>(&'a mut PairSearch, SearchSides<'a>);
+
+    impl SimdTask for Look<'_> {
+        type Output = f32;
+
+        #[inline(always)]
+        fn run<S: LaneOps>(self, simd: S) -> f32 {
+            let Self(pair_search, two) = self;
+            pair_search.found.clear();
+            pair_search.find(simd, 1.5 * two.reach2.sqrt(), &two)
+        }
+    }
+
+    /// All pairs of two bodies, by their slots, with their distances in metres; of one and itself once.
+    fn all(frame: &Frame, [a, b]: [&BodyParticles; 2], is_self: bool) -> Vec<([u32; 2], f64)> {
+        let mut all = Vec::new();
+        for i in 0..a.count {
+            for j in 0..b.count {
+                let mut d = b.particle(j).position.wrapping_sub(a.particle(i).position);
+                d.y = frame.nearest_image(d.y);
+                let pair = [slot_of(i as u32), slot_of(j as u32)];
+                if !is_self || pair[0] < pair[1] {
+                    all.push((pair, (d.as_dvec3() * f64::from(frame.unit_m)).length()));
+                }
+            }
+        }
+        all.sort_unstable_by_key(|(pair, _)| *pair);
+        all
+    }
+
+    fn frame(periodic_y: bool) -> Frame {
+        Frame::new(DVec3::splat(-0.1), DVec3::splat(0.1), periodic_y)
+    }
+
+    #[test]
+    fn what_comes_within_reach_is_found_in_order() {
+        const REACH: f32 = 0.02;
+        for periodic_y in [false, true] {
+            // Every block spans all of its body, so that each is near_blocks each of the other's: one row of them, and five.
+            let bodies = [(157, DVec3::new(0.02, 0.05, 0.0), 0.1), (1100, DVec3::new(0.0, 0.06, 0.01), 0.1)];
+            let frame = frame(periodic_y);
+            let bodies = random_bodies(frame, &bodies);
+            for [a, b] in [[0, 1], [1, 0], [0, 0], [1, 1]] {
+                let points = [&bodies[a], &bodies[b]];
+                let at = points.map(BodyBounds::of);
+                let all = all(&frame, points, a == b);
+                // Where rounding decides, either will do.
+                let [surely, perhaps] = [-1e-6, 1e-6].map(|by| {
+                    let near = all.iter().filter(|(_, d)| *d <= f64::from(REACH) + by);
+                    near.map(|(pair, _)| *pair).collect::<Vec<_>>()
+                });
+                assert!(surely.len() > 200);
+                for instructions in InstructionSet::available() {
+                    let mut pair_search = PairSearch::default();
+                    let two = SearchSides::new(points, at.each_ref(), REACH, &frame, a == b);
+                    instructions.run(Look(&mut pair_search, two));
+                    assert!(pair_search.found.is_sorted(), "{}", instructions.name());
+                    assert!(surely.iter().all(|pair| pair_search.found.binary_search(pair).is_ok()));
+                    assert!(pair_search.found.iter().all(|pair| perhaps.binary_search(pair).is_ok()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_found_is_no_nearer_than_told() {
+        // Apart by less than a block, by more, and one among the other.
+        let near_blocks = |gap: f64| [(40, DVec3::ZERO, 0.04), (50, DVec3::X * (0.04 + gap), 0.04)];
+        let within = [(16, DVec3::ZERO, 0.01), (16, DVec3::ZERO, 0.06)];
+        for (bodies, reach) in [(near_blocks(0.01), 0.004), (near_blocks(0.03), 0.02), (within, 0.001)] {
+            let frame = frame(false);
+            let bodies = random_bodies(frame, &bodies);
+            let points = [&bodies[0], &bodies[1]];
+            let at = points.map(BodyBounds::of);
+            let nearest = all(&frame, points, false).iter().map(|(_, d)| *d).fold(f64::INFINITY, f64::min);
+            assert!(nearest > f64::from(reach), "nothing is to be found");
+            let mut pair_search = PairSearch::default();
+            let two = SearchSides::new(points, at.each_ref(), reach, &frame, false);
+            let state_is_current = InstructionSet::widest().run(Look(&mut pair_search, two));
+            assert_eq!(pair_search.found, [[0; 2]; 0]);
+            assert!(f64::from(state_is_current) <= nearest + 1e-6, "{state_is_current} m, {nearest} m");
+            assert!(state_is_current >= reach, "{state_is_current} m are no use");
+        }
+    }
+}

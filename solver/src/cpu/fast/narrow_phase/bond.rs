@@ -1,0 +1,55 @@
+//! Twin of `physics/bond.rs`, which states the equations: the bond force, in lanes.
+
+use super::friction;
+use super::pair::PairLanes;
+use crate::cpu::fast::instructions::lanes::{F, F3, Mask};
+use crate::cpu::fast::instructions::set::LaneOps;
+use crate::cpu::fast::storage::laws::PairLaws;
+use crate::cpu::fast::storage::pair_lanes::BondHistoryMut;
+use crate::physics::bond::{BondModel, STRETCH_CLAMP};
+
+/// [`crate::physics::bond::force`]: the pull along n, and the force across it. What breaks is no longer intact.
+#[inline(always)]
+pub(crate) fn force<S: LaneOps>(
+    simd: S,
+    laws: &PairLaws,
+    pairs: &PairLanes<S>,
+    [one, two]: [&mut BondHistoryMut<'_>; 2],
+    part: usize,
+) -> (F<S>, F3<S>) {
+    let law = &laws.bond;
+    let splat = |value| F::splat(simd, value);
+    let PairLanes { n, length, v_n, v_t, .. } = *pairs;
+    let stored = F3::load(simd, [one.stored, two.stored], part);
+    let (pull, shear, stored) = if law.model == BondModel::AsPublished {
+        let rate = n.mul_add(splat(law.k_n) * v_n, v_t * splat(law.k_t));
+        let stored = rate.mul_add(splat(laws.dt), stored);
+        let pull = stored.dot(n);
+        (pull, n.neg_mul_add(pull, stored), stored)
+    } else {
+        let shear = v_t.mul_add(splat(law.k_t * laws.dt), friction::rotated_history(simd, pairs, stored));
+        let e = length - F::splat_each(simd, [one.rest, two.rest]);
+        let pull = splat(law.k_n) * e;
+        let pull = if law.model == BondModel::FiniteExtension {
+            let span = [one.rest, two.rest].map(|rest| 1.0 / (law.break_length - rest));
+            let share = (e * F::splat_each(simd, span)).min(splat(STRETCH_CLAMP));
+            let share = share.max(splat(0.0));
+            pull / (splat(1.0) - share * share)
+        } else {
+            pull
+        };
+        (pull, shear, shear)
+    };
+    let mut yields = splat(law.break_length).lt(length);
+    if law.normal_strength.min(law.shear_strength) < f32::INFINITY {
+        yields = yields
+            | splat(law.normal_strength).lt(pull)
+            | splat(law.shear_strength * law.shear_strength).lt(shear.dot(shear));
+    }
+    let bonded = Mask::from_bits(simd, [*one.intact, *two.intact], part);
+    let acts = bonded.and_not(yields);
+    acts.store([one.intact, two.intact], part);
+    let none = F3::zero(simd);
+    acts.select3(stored, none).store([one.stored, two.stored], part);
+    (acts.select(pull, splat(0.0)), acts.select3(shear, none))
+}

@@ -1,0 +1,66 @@
+//! Normal, distance and relative velocity of a register of pairs.
+
+use pulp::Simd;
+
+use crate::cpu::fast::instructions::lanes::{F, F3};
+use crate::cpu::fast::storage::pair_lanes::PairKinematics;
+
+/// A registerful of pairs.
+pub(crate) struct PairLanes<S: Simd> {
+    pub(crate) n: F3<S>,
+    pub(crate) length: F<S>,
+    pub(crate) arm: F3<S>,
+    /// Velocity of j against i where they meet: along n, and across it.
+    pub(crate) v_n: F<S>,
+    pub(crate) v_t: F3<S>,
+    /// Angle that the pair turns by about n in this step.
+    pub(crate) twist: F<S>,
+}
+
+/// One over a length; of none, something.
+#[inline(always)]
+fn inverse<S: Simd>(simd: S, length: F<S>) -> F<S> {
+    F::splat(simd, 1.0) / length.max(F::splat(simd, 1e-15))
+}
+
+impl<S: Simd> PairLanes<S> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, dt: f32, [a, b]: &[PairKinematics; 2], part: usize) -> Self {
+        let d = F3::load(simd, [&a.offset, &b.offset], part);
+        // Neighbours on the lattice begin at a distance of 2R: whether they touch is decided by the last digit, which should be
+        // that of the plain path. So the square is rounded as there, and so is its root.
+        let length = d.length2_unfused().sqrt();
+        // SearchSides centres on one spot have no direction: d is zero then, and so is n.
+        let n = d * inverse(simd, length);
+        let arm = d * F::splat(simd, 0.5);
+        let spin = F3::load(simd, [&a.spin, &b.spin], part);
+        let v = arm.cross_add(spin, F3::load(simd, [&a.velocity, &b.velocity], part));
+        Self::from_contact(n, length, arm, v, spin, F::splat(simd, 0.5 * dt))
+    }
+
+    /// Sub-particles at surfaces: `apart` leads to the nearest point, `velocity` is that of the surface there against the
+    /// sub-particle's, and `spin` twice the surface's.
+    #[inline(always)]
+    pub(crate) fn at_surfaces(simd: S, dt: f32, [a, b]: &[PairKinematics; 2], part: usize) -> Self {
+        let arm = F3::load(simd, [&a.offset, &b.offset], part);
+        let length = arm.length2_unfused().sqrt();
+        let n = arm * inverse(simd, length);
+        let spin = F3::load(simd, [&a.spin, &b.spin], part);
+        let v = F3::load(simd, [&a.velocity, &b.velocity], part);
+        Self::from_contact(n, length, arm, v, spin, F::splat(simd, 0.5 * dt))
+    }
+
+    #[inline(always)]
+    pub(crate) fn from_contact(
+        n: F3<S>,
+        length: F<S>,
+        arm: F3<S>,
+        v: F3<S>,
+        spin: F3<S>,
+        half_dt: F<S>,
+    ) -> Self {
+        let v_n = v.dot(n);
+        let twist = spin.dot(n) * half_dt;
+        Self { n, length, arm, v_n, v_t: n.neg_mul_add(v_n, v), twist }
+    }
+}

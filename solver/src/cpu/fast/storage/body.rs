@@ -1,0 +1,112 @@
+//! A body: its sub-particles, bonds, neighbouring facets and motion.
+
+use std::ops::Range;
+
+use super::bond_set::BondSet;
+use super::bounds::BodyBounds;
+use super::motion::BodyMotion;
+use super::pairs::sort_key;
+use super::particles::{BodyParticles, slot_of};
+use super::wall_list::WallList;
+
+/// √m* of two sub-particles of masses in kg, in kg^½.
+pub(crate) fn sqrt_equivalent_mass(mass: f32, other: f32) -> f32 {
+    (mass * other / (mass + other)).sqrt()
+}
+
+#[derive(Debug)]
+pub(crate) struct Body {
+    pub(crate) range: Range<usize>,
+    pub(crate) points: BodyParticles,
+    /// Mass of each of its sub-particles, in kilograms.
+    pub(crate) mass: f32,
+    pub(crate) bonds: Vec<BondSet>,
+    /// Pairs that were bonded at the start, by slots, sorted: as_range whose bond broke still stand among the bonds.
+    pub(crate) bonded_pairs: Vec<[u32; 2]>,
+    pub(crate) walls: WallList,
+    pub(crate) motion: BodyMotion,
+    /// Integral of the greatest speed, in metres.
+    pub(crate) travelled: f64,
+    /// Its box and as_range of its blocks, since its last move.
+    pub(crate) bounds: BodyBounds,
+    /// Lower sub-particles of bonds that broke in the last step.
+    pub(crate) broken: Vec<u32>,
+    /// The body_pairs of which it is the second body, each with the first, in their order.
+    pub(crate) second_in: Vec<[u32; 2]>,
+    /// Where it was when it was last looked up which bodies meet.
+    pub(crate) pairing_motion: BodyMotion,
+}
+
+/// Pairs of sub-particles by their slots, the lower first, sorted.
+fn slot_pairs(pairs: impl Iterator<Item = [u32; 2]>) -> Vec<[u32; 2]> {
+    let sorted = |[i, j]: [u32; 2]| [i.min(j), i.max(j)];
+    let mut placed: Vec<_> = pairs.map(|pair| sorted(pair.map(slot_of))).collect();
+    placed.sort_unstable();
+    placed
+}
+
+impl Body {
+    pub(crate) fn new(
+        range: Range<usize>,
+        points: BodyParticles,
+        mass: f32,
+        bonds: Vec<BondSet>,
+        bonded_pairs: impl Iterator<Item = [u32; 2]>,
+    ) -> Self {
+        let bonded_pairs = slot_pairs(bonded_pairs);
+        Self {
+            range,
+            bounds: BodyBounds::of(&points),
+            points,
+            mass,
+            bonds,
+            bonded_pairs,
+            walls: WallList::default(),
+            motion: BodyMotion::default(),
+            travelled: 0.0,
+            broken: Vec::new(),
+            second_in: Vec::new(),
+            pairing_motion: BodyMotion::default(),
+        }
+    }
+
+    /// Its sub-particles in the state.
+    pub(crate) fn range(&self) -> Range<usize> {
+        self.range.clone()
+    }
+
+    /// Takes pairs out that were bonded at the start: both sorted, by slots.
+    pub(crate) fn exclude_bonded(&self, pairs: &mut Vec<[u32; 2]>) {
+        let bonded_pairs = &self.bonded_pairs;
+        let (mut kept, mut next) = (0, 0);
+        for k in 0..pairs.len() {
+            let pair = pairs[k];
+            // Nearly all are found, so that hardly any is passed over.
+            while next < bonded_pairs.len() && sort_key(bonded_pairs[next]) < sort_key(pair) {
+                next += 1;
+            }
+            let is_joined = next < bonded_pairs.len() && bonded_pairs[next] == pair;
+            next += usize::from(is_joined);
+            pairs[kept] = pair;
+            kept += usize::from(!is_joined);
+        }
+        pairs.truncate(kept);
+    }
+
+    /// Renumbers after sub-particles were taken out.
+    pub(crate) fn renumber(&mut self, range: Range<usize>, points: BodyParticles, locals: &[u32]) {
+        self.range = range;
+        self.points = points;
+        self.bounds.update(&self.points);
+        let map = |k: u32| locals[k as usize];
+        let bonded_pairs = self.bonded_pairs.iter().map(|pair| pair.map(|slot| map(slot_of(slot))));
+        self.bonded_pairs = slot_pairs(bonded_pairs.filter(|pair| !pair.contains(&u32::MAX)));
+        self.bonds = BondSet::renumbered(&self.bonds, map);
+        self.walls.renumber(locals);
+    }
+
+    /// Moves on in the state, as it is.
+    pub(crate) fn set_range(&mut self, range: Range<usize>) {
+        self.range = range;
+    }
+}

@@ -1,0 +1,70 @@
+//! Grouping of single spheres. A body of the fast path is a body of the scene or a group of single spheres.
+
+use std::ops::Range;
+
+use crate::engine::scene::{BodyKind, Scene};
+
+/// The most single spheres that go as one body.
+const MAX_SPHERES_PER_GROUP: usize = 512;
+
+/// Sub-particles that go as one body, by their numbers in the run, and the kind that has their bonds and their mass.
+pub(crate) struct BodyGroup<'a> {
+    pub(crate) range: Range<usize>,
+    pub(crate) kind: &'a BodyKind,
+}
+
+/// The bodies of a scene. Single spheres that follow each other go together, as if they were a body without bonds: each by itself would
+/// have a block of its own.
+pub(crate) fn body_groups(scene: &Scene) -> Vec<BodyGroup<'_>> {
+    let mut body_groups: Vec<BodyGroup<'_>> = Vec::new();
+    let mut from = 0;
+    for placement in &scene.bodies {
+        let kind = &scene.kinds[placement.kind];
+        let range = from..from + kind.meta.points.len();
+        from = range.end;
+        let is_single = |kind: &BodyKind| kind.meta.points.len() == 1;
+        match body_groups.last_mut() {
+            Some(last)
+                if is_single(kind)
+                    && is_single(last.kind)
+                    && last.kind.subparticle_mass_kg == kind.subparticle_mass_kg
+                    && last.range.len() < MAX_SPHERES_PER_GROUP =>
+            {
+                last.range.end = range.end;
+            }
+            _ if range.is_empty() => {}
+            _ => body_groups.push(BodyGroup { range, kind }),
+        }
+    }
+    body_groups
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::engine::scene::Placement;
+    use crate::experiments::prepare;
+    use crate::mesh::Meshes;
+    use crate::scenario::from_value;
+
+    #[test]
+    fn single_spheres_that_follow_each_other_go_together() {
+        let drop = from_value(&json!({"experiment": "drop"})).expect("a scenario");
+        let scene = prepare(&drop, &Meshes::default()).scene;
+        let fillet = scene.kinds[0].clone();
+        let mut single = fillet.clone();
+        let mut meta = (*single.meta).clone();
+        meta.points.truncate(1);
+        meta.bonds.clear();
+        single.meta = meta.into();
+        let heavy = BodyKind { subparticle_mass_kg: 2.0 * single.subparticle_mass_kg, ..single.clone() };
+        let length = fillet.meta.points.len();
+        let some = |kind: usize, count: usize| vec![Placement { kind, ..scene.bodies[0] }; count];
+        let bodies = [some(1, 1100), some(0, 2), some(1, 3), some(2, 4)].concat();
+        let scene = Scene { kinds: vec![fillet, single, heavy], bodies, ..scene };
+        let lengths: Vec<usize> = body_groups(&scene).iter().map(|group| group.range.len()).collect();
+        assert_eq!(lengths, [512, 512, 76, length, length, 3, 4]);
+    }
+}
