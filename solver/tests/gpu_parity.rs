@@ -236,7 +236,7 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
     // File, what stands there, what is planted.
     let planted = [
         ("cell_list", "vec3(0x80000000u)) / scene.cell", "vec3(0x80000000u)) / (scene.cell / 2u)"),
-        ("neighbour_list", "<= scene.reach * scene.reach", "<= 0.7 * scene.reach * scene.reach"),
+        ("neighbour_list", "<= scene.cutoff * scene.cutoff", "<= 0.7 * scene.cutoff * scene.cutoff"),
         (
             "neighbour_list",
             "new_pairs[base + k] = pairs[at];",

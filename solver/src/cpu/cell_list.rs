@@ -1,4 +1,4 @@
-//! A cell_list of cells over the sub-particles: finds what is near in any direction.
+//! A cell list over the sub-particles, for the neighbour search of the plain path.
 
 use glam::IVec3;
 
@@ -16,13 +16,13 @@ pub struct CellList {
 }
 
 impl CellList {
-    /// A cell_list whose cells are at least `reach` metres wide, so that 27 cells hold all within reach.
+    /// A cell list with cells at least `reach` metres wide: 27 cells hold all neighbours within reach.
     pub fn new(state: &State, reach: f32) -> Self {
         let positions = || state.particles.iter().map(|p| p.position);
         let low = positions().reduce(IVec3::min).unwrap_or(IVec3::ZERO);
         let high = positions().reduce(IVec3::max).unwrap_or(IVec3::ZERO);
         let mut cell = (reach / state.frame.unit_m).ceil() as i32 + 1;
-        // Far-flung fragments must not make the cell_list larger than the particles are many.
+        // A few far fragments must not make the list larger than the number of particles warrants.
         let max_cells = 8 * state.particles.len() as i64 + 4096;
         let volume = |cell: i32| {
             let n = (high - low) / cell + 1;
@@ -56,17 +56,17 @@ impl CellList {
         (c.x + self.counts.x * (c.y + self.counts.y * c.z)) as u32
     }
 
-    /// Calls `visit` with every sub-particle in the 27 cells around `x`, and around its images when periodic.
-    pub fn around(&self, x: IVec3, period_y: i32, mut visit: impl FnMut(u32)) {
-        self.around_one(x, &mut visit);
+    /// Calls `visit` with every sub-particle in the 27 cells around `x`, and around its periodic images.
+    pub fn for_each_near(&self, x: IVec3, period_y: i32, mut visit: impl FnMut(u32)) {
+        self.for_each_in_27_cells(x, &mut visit);
         if period_y != 0 {
-            self.around_one(x + IVec3::Y * period_y, &mut visit);
-            self.around_one(x - IVec3::Y * period_y, &mut visit);
+            self.for_each_in_27_cells(x + IVec3::Y * period_y, &mut visit);
+            self.for_each_in_27_cells(x - IVec3::Y * period_y, &mut visit);
         }
     }
 
-    fn around_one(&self, x: IVec3, visit: &mut impl FnMut(u32)) {
-        // Rounded towards zero: below the cell_list this is a cell too high, and then more is looked at, never less.
+    fn for_each_in_27_cells(&self, x: IVec3, visit: &mut impl FnMut(u32)) {
+        // Rounded towards zero. Below the list this is one cell too high, which only widens the search.
         let c = self.cell_of(x);
         let (from, to) = ((c - 1).max(IVec3::ZERO), (c + 1).min(self.counts - 1));
         if from.x > to.x {
@@ -74,7 +74,7 @@ impl CellList {
         }
         for z in from.z..=to.z {
             for y in from.y..=to.y {
-                // Cells that are neighbours in x are neighbours in the list: one stretch holds all three.
+                // Cells adjacent in x are adjacent in the list: one range holds all three.
                 let first = self.index(IVec3::new(from.x, y, z)) as usize;
                 let last = self.index(IVec3::new(to.x, y, z)) as usize;
                 let stretch = self.starts[first] as usize..self.starts[last + 1] as usize;

@@ -1,5 +1,5 @@
-//! How far things have moved since the neighbour neighbour_lists were built: neighbour_lists hold while no pair can have closed the
-//! skin, that is while nothing has moved more than half of it.
+//! Displacements since the neighbour lists were built. Lists with a Verlet skin hold while nothing has moved
+//! more than half the skin, so that no pair can have closed it.
 
 use glam::{IVec3, Vec3};
 
@@ -9,9 +9,9 @@ use crate::walls::Walls;
 /// Displacements since the last rebuild.
 #[derive(Debug, Default)]
 pub struct DisplacementTracker {
-    /// Where every sub-particle was; empty forces a rebuild.
+    /// Positions at the last rebuild. Empty forces a rebuild.
     reference: Vec<IVec3>,
-    /// Square of the greatest displacement of a sub-particle, in m².
+    /// Square of the maximum displacement of a sub-particle, in m².
     max_displacement2: f32,
 }
 
@@ -21,13 +21,13 @@ impl DisplacementTracker {
         self.reference.clear();
     }
 
-    /// Whether the neighbour_lists no longer hold.
+    /// Whether the neighbour lists may be stale.
     pub fn needs_rebuild(&self, skin: f32, walls: &Walls) -> bool {
         let half = skin / 2.0;
         self.reference.is_empty() || self.max_displacement2 > half * half || walls.travel_m() > half
     }
 
-    /// The neighbour_lists were built for this state.
+    /// Restarts the displacements: the neighbour lists were built for this state.
     pub fn reset(&mut self, state: &State, walls: &mut Walls) {
         self.reference.clear();
         self.reference.extend(state.particles.iter().map(|p| p.position));
@@ -35,12 +35,12 @@ impl DisplacementTracker {
         walls.reset_travel();
     }
 
-    /// Reference positions, for measuring displacements.
+    /// Positions at the last rebuild.
     pub(super) fn reference(&self) -> &[IVec3] {
         &self.reference
     }
 
-    /// Records the greatest displacement after a step.
+    /// Records the maximum displacement after a step.
     pub(super) fn record(&mut self, max_displacement2: f32) {
         self.max_displacement2 = max_displacement2;
     }

@@ -1,4 +1,4 @@
-//! The `forces` stage: every sub-particle gathers what its bonds, contacts and walls do to it.
+//! The `forces` stage: every sub-particle gathers the loads of its bonds, contacts and walls.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -13,10 +13,10 @@ use crate::physics::{bond, contact, damping};
 use crate::walls::Walls;
 use crate::walls::contact::{WallPair, for_each_contact};
 
-/// What the stage has noticed.
+/// Statistics of the stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForceStats {
-    /// Greatest overlap of sub-particles that no bond joins, in metres.
+    /// Maximum overlap of sub-particles without a bond, in metres.
     pub max_overlap: f32,
     /// Bonds that broke in this step.
     pub bonds_broken: u32,
@@ -31,7 +31,7 @@ impl ForceStats {
     }
 }
 
-/// Works out the load of every sub-particle.
+/// Computes the load of every sub-particle.
 pub(crate) fn gather(
     params: &Params,
     state: &State,
@@ -92,10 +92,10 @@ fn add_pair_forces(
             continue;
         }
         let length = length2.sqrt();
-        // Two centres on one spot have no direction; a force along none is no force.
+        // Coincident centres have no direction, and so no force.
         let n = if length > 0.0 { d / length } else { Vec3::ZERO };
         let arm = n * (length / 2.0);
-        // Velocity of j against i where they meet.
+        // Velocity of j relative to i at the contact point.
         let v = other.velocity - me.velocity - (me.spin + other.spin).cross(arm);
         let spin = (me.spin + other.spin) * 0.5;
         if bonded {
@@ -105,7 +105,7 @@ fn add_pair_forces(
                 None => {
                     pair.bond_class = 0;
                     pair.bond = Vec3::ZERO;
-                    // Both sides see it; the lower one counts it.
+                    // Both sides detect the break; the lower one counts it.
                     stats.bonds_broken += u32::from(i < j);
                 }
             }
@@ -127,7 +127,7 @@ fn add_pair_forces(
     stats
 }
 
-/// Adds what the facets near a sub-particle do to it.
+/// Adds the loads of the facets near a sub-particle.
 #[expect(clippy::too_many_arguments, reason = "what the path has at hand")]
 fn add_wall_forces(
     radius: f32,

@@ -1,4 +1,4 @@
-//! The `integrate` stage: loads become motion, and what went wrong or far is noticed.
+//! The `integrate` stage: loads become motion. Detects runaway sub-particles.
 
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
@@ -10,16 +10,16 @@ use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
 use crate::physics::integrate;
 
-/// Positions beyond this are twice the domain away from its middle, in units: what goes there is lost, and a little
-/// further differences of positions would wrap.
+/// Limit of coordinates, in units: twice the domain from its middle. A sub-particle beyond it is lost. Not
+/// much further, differences of positions would wrap.
 pub(super) const DOMAIN_LIMIT: i32 = 1 << 30;
 
-/// What the stage has noticed.
+/// Statistics of the stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotionStats {
-    /// Square of the greatest displacement since the neighbour_lists were built, in m².
+    /// Square of the maximum displacement since the neighbour lists were built, in m².
     max_displacement2: f32,
-    /// The first sub-particle that is too fast or not a number any more.
+    /// First runaway sub-particle: too fast, not finite, or lost.
     runaway: Option<u32>,
 }
 
@@ -31,13 +31,13 @@ impl MotionStats {
         }
     }
 
-    /// What is wrong, in words, if something is.
+    /// Description of the fault, if there is one.
     pub(crate) fn fault(&self, params: &Params, state: &State) -> Option<String> {
         self.runaway.map(|i| fault(i as usize, params.speed_limit, state))
     }
 }
 
-/// What is wrong with a sub-particle that is too fast (`speed_limit` in m/s), not a number any more, or lost; in words.
+/// Description of the fault of a sub-particle that is too fast (`speed_limit` in m/s), not finite, or lost.
 pub(crate) fn fault(i: usize, speed_limit: f32, state: &State) -> String {
     let speed = state.particles[i].velocity.length();
     let what = if !(speed.is_finite() && state.particles[i].spin.is_finite()) {
@@ -50,7 +50,7 @@ pub(crate) fn fault(i: usize, speed_limit: f32, state: &State) -> String {
     format!("sub-particle {} of fillet {} {what}", state.serials[i], state.bodies[i])
 }
 
-/// What the motion of every sub-particle has in common.
+/// Constants of the integration of a run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Integrator {
     pub(super) dt: f32,
@@ -72,7 +72,7 @@ impl Integrator {
         }
     }
 
-    /// Moves a sub-particle of `mass` in kg by one step. Whether all is well with it.
+    /// Moves a sub-particle of `mass` in kg by one step. Returns whether its motion is sound.
     #[inline(always)]
     pub(super) fn step(
         &self,
@@ -90,7 +90,7 @@ impl Integrator {
         let speed2 = p.velocity.dot(p.velocity);
         let inside = p.position.cmpge(IVec3::splat(-DOMAIN_LIMIT)).all()
             && p.position.cmple(IVec3::splat(DOMAIN_LIMIT)).all();
-        // Not `speed2 > limit2`: what is not a number is no speed either.
+        // The negated comparison would accept NaN.
         speed2 <= self.limit2 && p.spin.is_finite() && inside
     }
 }

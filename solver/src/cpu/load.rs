@@ -1,8 +1,8 @@
-//! The load on a sub-particle, which both paths sum up.
+//! The load on a sub-particle.
 
 use glam::Vec3;
 
-/// What acts on a sub-particle in one step.
+/// Load on a sub-particle in one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
     /// Force without gravity, in newton.
@@ -12,7 +12,7 @@ pub struct Load {
 }
 
 impl Load {
-    /// Adds a force at the end of `arm`, of which only `across` has a moment.
+    /// Adds a force at the end of `arm`. Only its part `across` has a moment.
     pub(super) fn add(&mut self, force: Vec3, arm: Vec3, across: Vec3) {
         self.force += force;
         self.torque += arm.cross(across);

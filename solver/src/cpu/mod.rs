@@ -1,9 +1,12 @@
-//! The CPU backend, plain path: the reference that every faster path is held to.
+//! The CPU backend. Its plain path is the reference for all faster paths.
 //!
-//! Every sub-particle gathers its own forces, its neighbours in the order of their ids, with only
-//! `+ - * / sqrt`; each pair is worked out twice, once from either side, with exactly opposite results. Nothing
-//! depends on the number of threads, on when neighbour neighbour_lists were rebuilt, or on how steps were cut into chunks.
-//! Work is shared out in chunks of [`CHUNK`] sub-particles, which own the memory of their contacts and bonds.
+//! On the plain path every sub-particle gathers its own forces, in the order of its neighbours' ids, with
+//! only `+ - * / sqrt`. Each pair is computed twice, once from either side, with exactly opposite results.
+//! Bits depend neither on the number of threads, nor on the moment of a list's rebuild, nor on how steps are
+//! cut into chunks.
+//!
+//! Work is shared in chunks of [`CHUNK`] sub-particles, which own the histories of their contacts and bonds.
+//! The fast path is in [`fast`].
 
 pub mod cell_list;
 pub mod displacement;
@@ -27,14 +30,14 @@ use load::Load;
 use neighbour_list::NeighbourLists;
 use stages::{Stage, StageTimers};
 
-/// Sub-particles that one task works on.
+/// Number of sub-particles per task.
 pub const CHUNK: usize = 256;
 
-/// Distance beyond reach that neighbour neighbour_lists cover, as a share of R. NeighbourLists must stay short of the lattice's face
-/// diagonal, 2√2 R, or they triple.
+/// Verlet skin of the neighbour lists, as a share of R. With the skin the lists must stay below the lattice's
+/// face diagonal, 2√2 R, or they triple.
 pub(crate) const SKIN_RATIO: f32 = 0.35;
 
-/// The CPU: a pool of threads, and which way it computes.
+/// The CPU backend: a thread pool, and the path of its runs.
 #[derive(Debug)]
 pub struct Cpu {
     pool: ThreadPool,
@@ -65,7 +68,7 @@ pub struct PlainRun {
     stages: StageTimers,
 }
 
-/// What stays the same for a whole run.
+/// Constants of a run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Params {
     laws: Laws,
@@ -104,7 +107,7 @@ fn pool(threads: usize) -> ThreadPool {
     pool.expect("the operating system gives threads")
 }
 
-/// The processor, in words: its architecture and the instruction set that runs use.
+/// Architecture and instruction set of the processor.
 pub fn device_name() -> String {
     format!("{} {} f32", std::env::consts::ARCH, InstructionSet::widest().name())
 }
@@ -177,7 +180,7 @@ impl Backend for Cpu {
 }
 
 impl CpuRun {
-    /// Where its time goes, while that is measured.
+    /// Time spent in each stage, while measured.
     pub fn stages(&self) -> &StageTimers {
         match self {
             Self::Plain(run) => &run.stages,

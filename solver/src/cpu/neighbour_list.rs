@@ -1,7 +1,7 @@
-//! Neighbour neighbour_lists with memory: what each sub-particle may point, and what its bonds and contacts remember.
+//! Neighbour lists with the histories of bonds and contacts.
 //!
-//! A pair stands in the neighbour_lists of both, each with its own copy of the memory; the copies stay exact opposites.
-//! Rebuilding changes which pairs are looked at, never what a pair that acts remembers.
+//! A pair appears in the lists of both sub-particles, each with its own copy of the history. The copies stay
+//! exact opposites. A rebuild changes the candidates but never the history of a pair that acts.
 
 use rayon::prelude::*;
 
@@ -14,20 +14,20 @@ use crate::walls::Walls;
 use crate::walls::contact::WallPair;
 use glam::Vec3;
 
-/// A neighbour of a sub-particle.
+/// A neighbour of a sub-particle, with the history of the pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pair {
     /// The other sub-particle.
     pub other: u32,
     /// Class of the bond between them (see [`crate::shape::lattice::LatticeBond`]); 0 without a bond.
     pub bond_class: u32,
-    /// Force remembered by the bond, in newton.
+    /// Force history of the bond, in newton.
     pub bond: Vec3,
-    /// What the contact remembers.
+    /// History of the contact.
     pub contact: ContactHistory,
 }
 
-/// The neighbour_lists of one chunk of sub-particles.
+/// The neighbour lists of one chunk of sub-particles.
 #[derive(Clone, Debug, Default)]
 pub struct ChunkNeighbours {
     pub(super) pair_ends: Vec<u32>,
@@ -36,7 +36,7 @@ pub struct ChunkNeighbours {
     pub(super) walls: Vec<WallPair>,
 }
 
-/// Rows of a compressed list: from the end of the row before to its own end.
+/// Row of a compressed list: from the end of the previous row to its own end.
 fn row(ends: &[u32], k: usize) -> std::ops::Range<usize> {
     let from = if k == 0 { 0 } else { ends[k - 1] as usize };
     from..ends[k] as usize
@@ -77,14 +77,14 @@ impl ChunkNeighbours {
     }
 }
 
-/// The neighbour_lists of all sub-particles.
+/// The neighbour lists of all sub-particles.
 #[derive(Clone, Debug, Default)]
 pub struct NeighbourLists {
     pub(super) chunks: Vec<ChunkNeighbours>,
 }
 
 impl NeighbourLists {
-    /// NeighbourLists that hold the bonds and nothing else yet.
+    /// Lists that hold only the bonds.
     pub fn new(scene: &Scene, state: &State) -> Self {
         let mut rows: Vec<Vec<Pair>> = vec![Vec::new(); state.particles.len()];
         let mut base = 0;
@@ -113,7 +113,7 @@ impl NeighbourLists {
         neighbour_lists
     }
 
-    /// Renumbers after bodies were taken out: `map` holds the new index of each sub-particle, or `u32::MAX`.
+    /// Renumbers after a removal: `map` holds the new index of each sub-particle, or `u32::MAX`.
     pub fn remove(&mut self, map: &[u32]) {
         let rows = map.iter().enumerate().filter(|&(_, &new)| new != u32::MAX).map(|(old, _)| {
             let chunk = &self.chunks[old / CHUNK];
@@ -127,11 +127,11 @@ impl NeighbourLists {
         *self = Self::from_rows(rows);
     }
 
-    /// Looks for neighbours afresh. Bonds stay, and so does what in_contact pairs remember.
+    /// Rebuilds the lists. Bonds stay, and so do the histories of contacts.
     pub(crate) fn rebuild(&mut self, params: &Params, state: &State, walls: &Walls) {
-        let reach = 2.0 * params.radius + params.laws.adhesion_range() + params.skin;
-        let wall_reach = params.radius + params.laws.adhesion_range() + params.skin;
-        let cell_list = CellList::new(state, reach);
+        let cutoff = 2.0 * params.radius + params.laws.adhesion_range() + params.skin;
+        let wall_cutoff = params.radius + params.laws.adhesion_range() + params.skin;
+        let cell_list = CellList::new(state, cutoff);
         self.chunks.par_iter_mut().enumerate().for_each(|(c, chunk)| {
             let mut new = ChunkNeighbours::default();
             let mut near: Vec<u32> = Vec::new();
@@ -139,9 +139,9 @@ impl NeighbourLists {
                 let i = c * CHUNK + k;
                 let x = state.particles[i].position;
                 near.clear();
-                cell_list.around(x, state.frame.period_y, |j| {
+                cell_list.for_each_near(x, state.frame.period_y, |j| {
                     let d = state.frame.between(x, state.particles[j as usize].position);
-                    if j != i as u32 && d.dot(d) <= reach * reach {
+                    if j != i as u32 && d.dot(d) <= cutoff * cutoff {
                         near.push(j);
                     }
                 });
@@ -149,19 +149,19 @@ impl NeighbourLists {
                 near.extend(known.iter().filter(|pair| pair.bond_class != 0).map(|pair| pair.other));
                 near.sort_unstable();
                 near.dedup();
-                let remembered = |&j: &u32| match known.binary_search_by_key(&j, |pair| pair.other) {
+                let with_history = |&j: &u32| match known.binary_search_by_key(&j, |pair| pair.other) {
                     Ok(at) => known[at],
                     Err(_) => Pair { other: j, ..Pair::default() },
                 };
                 let wall_known = chunk.wall_pairs(k);
-                let wall_remembered = |facet| match wall_known.binary_search_by_key(&facet, |pair| pair.facet)
-                {
-                    Ok(at) => wall_known[at],
-                    Err(_) => WallPair { facet, ..WallPair::default() },
-                };
+                let wall_with_history =
+                    |facet| match wall_known.binary_search_by_key(&facet, |pair| pair.facet) {
+                        Ok(at) => wall_known[at],
+                        Err(_) => WallPair { facet, ..WallPair::default() },
+                    };
                 new.push_row(
-                    near.iter().map(remembered),
-                    walls.facets_within(x, wall_reach, &state.frame).map(wall_remembered),
+                    near.iter().map(with_history),
+                    walls.facets_within(x, wall_cutoff, &state.frame).map(wall_with_history),
                 );
             }
             *chunk = new;

@@ -1,29 +1,29 @@
-//! Where the time of steps goes.
+//! Timing of the stages of a step.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
-/// A part of a step.
+/// A stage of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Which bodies are near each other; on the plain path all of the neighbour_lists.
+    /// Broad phase over bodies; on the plain path the whole neighbour search.
     Neighbours,
-    /// Which sub-particles of two bodies are.
+    /// Renewal of the neighbour lists of body pairs.
     Search,
-    /// Contacts of pairs that no bond joins; on the plain path all forces.
+    /// Contacts of pairs without a bond; on the plain path all forces.
     Contacts,
-    /// Bonds, and the contacts of bonded neighbours; on the fast path also asking memory for what other stages of the next body need.
+    /// Bonds, and contacts of bonded neighbours. On the fast path also prefetches for the next body.
     Bonds,
-    /// Adding up what pairs do that no bond joins.
+    /// Sums of the loads of pairs without a bond.
     Sums,
-    /// Facets near sub-particles, and contacts with them.
+    /// Facet search, and contacts with facets.
     Walls,
-    /// Motion, and on the fast path setting out what moves.
+    /// Integration, and on the fast path the transposition into blocks.
     Motion,
 }
 
 impl Stage {
-    /// All of them, in the order of a step.
+    /// All stages, in the order of a step.
     pub const ALL: [Self; 7] =
         [Self::Neighbours, Self::Search, Self::Contacts, Self::Bonds, Self::Sums, Self::Walls, Self::Motion];
 
@@ -41,7 +41,7 @@ impl Stage {
     }
 }
 
-/// Time that threads have spent in each stage, added up. Nothing is measured unless asked for.
+/// Thread time per stage, summed over threads. Measured only on demand.
 #[derive(Debug, Default)]
 pub struct StageTimers {
     is_on: AtomicBool,
@@ -49,7 +49,7 @@ pub struct StageTimers {
 }
 
 impl StageTimers {
-    /// Measures from now on, or no more. Measuring takes some time itself.
+    /// Starts or stops measuring, which itself takes some time.
     pub fn measure(&self, is_on: bool) {
         self.is_on.store(is_on, Ordering::Relaxed);
     }
@@ -59,13 +59,13 @@ impl StageTimers {
         self.nanoseconds[stage as usize].load(Ordering::Relaxed) as f64 * 1e-9
     }
 
-    /// Begins to timer.
+    /// Starts a timer for one thread.
     pub(super) fn timer(&self) -> LapTimer<'_> {
         LapTimer { stages: self, since: self.is_on.load(Ordering::Relaxed).then(Instant::now) }
     }
 }
 
-/// Sees one thread through some stages.
+/// Attributes the time of one thread to stages.
 #[derive(Debug)]
 pub(super) struct LapTimer<'a> {
     stages: &'a StageTimers,
@@ -73,7 +73,7 @@ pub(super) struct LapTimer<'a> {
 }
 
 impl LapTimer<'_> {
-    /// What has passed since the last lap was spent in `stage`.
+    /// Attributes the time since the last lap to `stage`.
     #[inline(always)]
     pub(super) fn lap(&mut self, stage: Stage) {
         if let Some(since) = &mut self.since {

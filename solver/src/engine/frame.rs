@@ -1,8 +1,8 @@
-//! Fixed-point positions: whole multiples of a power-of-two unit about an origin.
+//! Fixed-point positions: integer multiples of a power-of-two unit about an origin.
 //!
-//! `f32` metres lose slow motion: at x = 0.4 m a step of 1 mm/s · 57 µs is less than half the spacing of
-//! numbers. Whole units are exact everywhere, and so are the differences that forces are made of. The unit
-//! is chosen so that the domain spans at most 2³⁰ of them: no difference within twice the domain wraps.
+//! Positions as `f32` metres lose slow motion: at x = 0.4 m a step of 1 mm/s · 57 µs is less than half the
+//! spacing of numbers. Integer units are exact everywhere, and so are the differences that enter the forces.
+//! The domain spans at most 2³⁰ units: no difference within twice the domain wraps.
 
 use glam::{DVec3, IVec3, Vec3};
 
@@ -13,7 +13,7 @@ pub struct Frame {
     pub origin: DVec3,
     /// Length of a unit, in metres; a power of two.
     pub unit_m: f32,
-    /// Periodic in y with this many units; 0 is not periodic.
+    /// Period in y, in units; 0 without periodicity.
     pub period_y: i32,
 }
 
@@ -45,7 +45,7 @@ impl Frame {
         d.as_vec3() * self.unit_m
     }
 
-    /// A position brought back into the period.
+    /// The position, wrapped into the period.
     pub fn wrap(&self, mut x: IVec3) -> IVec3 {
         if self.period_y != 0 {
             x.y = self.nearest_image(x.y);
@@ -53,7 +53,7 @@ impl Frame {
         x
     }
 
-    /// The difference that leads to the nearest periodic image, in units.
+    /// The difference to the nearest periodic image, in units.
     pub fn nearest_image(&self, y: i32) -> i32 {
         let half = self.period_y / 2;
         if y > half {

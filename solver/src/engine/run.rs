@@ -1,4 +1,5 @@
-//! The run loop: advances a scene from sample to sample, lets the experiment look and decide, reports progress.
+//! The run loop: advances a scene from sample to sample, lets the experiment observe and decide, reports
+//! progress.
 
 use std::time::Instant;
 
@@ -9,10 +10,10 @@ use super::state::State;
 use super::{AdvanceReport, Backend};
 use crate::result::{EndReason, Flow, Instability, Performance, Phase, Progress, Series};
 
-/// Wall time between two looks at the progress callback, in seconds.
+/// Wall time between two calls of the progress callback, in seconds.
 const PROGRESS_INTERVAL_S: f64 = 0.1;
 
-/// When an experiment looks at its run.
+/// Times at which an experiment samples its run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunPlan {
     /// Simulated time between samples, in seconds.
@@ -23,43 +24,43 @@ pub struct RunPlan {
     pub duration_s: f64,
 }
 
-/// One look at a run.
+/// A sample of a run.
 #[derive(Debug)]
 pub struct Sample<'a> {
     /// Simulated time since the fill began, in seconds.
     pub simulated_s: f64,
     /// Belt time in seconds; `None` before the start.
     pub belt_time_s: Option<f64>,
-    /// The state.
+    /// State of all sub-particles.
     pub state: &'a State,
-    /// Greatest overlap of unbonded sub-particles so far, in metres.
+    /// Maximum overlap of unbonded sub-particles so far, in metres.
     pub max_overlap_m: f32,
     /// Force on each surface of the scene in the last step, in newton.
     pub surface_forces: &'a [DVec3],
 }
 
-/// A moment of a run, for pictures.
+/// The state of a run at one moment, for pictures.
 #[derive(Debug)]
 pub struct Snapshot<'a> {
-    /// What runs.
+    /// The scene of the run.
     pub scene: &'a Scene,
     /// Simulated time since the run began, in seconds.
     pub simulated_s: f64,
     /// Belt time in seconds; `None` before the start.
     pub belt_time_s: Option<f64>,
-    /// The state.
+    /// State of all sub-particles.
     pub state: &'a State,
-    /// The bonds that hold, as pairs of serials, ascending.
+    /// Intact bonds, as pairs of serials, ascending.
     pub bonds: &'a [[u32; 2]],
 }
 
-/// Who watches a run from outside. A function from progress to flow is one that wants no pictures.
+/// Watches a run from outside. A function from progress to flow is an observer without pictures.
 pub trait Observer {
-    /// Is told how far the run has come, and may end it.
+    /// Reports progress. The answer may cancel the run.
     fn progress(&mut self, progress: &Progress) -> Flow;
 
-    /// Whether it wants a picture of the sample at this simulated time, in seconds. Of that at which the test begins it is asked twice:
-    /// the second time, when t = 0, counts.
+    /// Whether to take a picture of the sample at this simulated time, in seconds. The sample at which the
+    /// test begins is offered twice; the second time, at t = 0, counts.
     fn wants_snapshot(&self, _simulated_s: f64) -> bool {
         false
     }
@@ -67,12 +68,12 @@ pub trait Observer {
     /// Takes a picture.
     fn snapshot(&mut self, _snapshot: &Snapshot<'_>) {}
 
-    /// Whether it wants to know now what was sampled so far.
+    /// Whether to report the series sampled so far.
     fn wants_series(&self) -> bool {
         false
     }
 
-    /// Is told what was sampled so far.
+    /// Reports the series sampled so far.
     fn series(&mut self, _series: Vec<Series>) {}
 }
 
@@ -82,30 +83,30 @@ impl<F: FnMut(&Progress) -> Flow> Observer for F {
     }
 }
 
-/// What an experiment decides after a look.
+/// Decision of an experiment after a sample.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Decision {
-    /// Go on, without these sub-particles.
+    /// Continue without these sub-particles.
     Continue {
-        /// Serials of those that have left, ascending.
+        /// Serials of sub-particles that have left, ascending.
         remove: Vec<u32>,
     },
-    /// Now is t = 0; the run is looked at again at once.
+    /// Set t = 0. The run is observed again at once.
     Start,
-    /// The run is over.
+    /// End the run.
     End(EndReason),
-    /// The physics has diverged, as seen in words; the run is over.
+    /// End the run: the physics has diverged, for this reason.
     Diverged(String),
 }
 
-/// An experiment's side of a run: looks at samples, decides, and says how far it has come.
+/// The experiment's side of a run: observes samples and decides.
 pub trait ExperimentMonitor {
-    /// Looks at a sample and decides.
+    /// Observes a sample and decides.
     fn observe(&mut self, sample: &Sample<'_>) -> Decision;
     /// Mass discharged so far, in kilograms, for progress reports.
     fn discharged_kg(&self) -> f64;
 
-    /// What it has sampled so far, for those who watch.
+    /// Series sampled so far, for observers.
     fn series_so_far(&self) -> Vec<Series> {
         Vec::new()
     }
@@ -114,11 +115,11 @@ pub trait ExperimentMonitor {
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunSummary {
-    /// Why.
+    /// Reason of the end.
     pub reason: EndReason,
     /// Where and why the physics diverged.
     pub instability: Option<Instability>,
-    /// What it cost.
+    /// Cost of the run.
     pub performance: Performance,
 }
 
@@ -146,7 +147,7 @@ pub fn run<B: Backend>(
         };
         let decision = monitor.observe(&sample);
         let wanted = observer.wants_snapshot(timeline.simulated_s());
-        // What is seen at t = 0 is seen after the start, when it is asked for again.
+        // A picture at t = 0 is taken after the start, at the second offer.
         if wanted && !matches!(decision, Decision::Start) {
             let bonds = backend.bonds(&mut run);
             observer.snapshot(&Snapshot {
@@ -174,7 +175,8 @@ pub fn run<B: Backend>(
         if let Some(reason) = timeline.time_limit_reached() {
             break (reason, None);
         }
-        // Known here without asking the device, as the sample's: only what is taken out changes it.
+        // The count of the last sample holds: only a removal changes it. A call to the device would cost
+        // time.
         let left = backend.state(&mut run).particles.len() as u64;
         let next = timeline.next_sample_step();
         let mut cancelled = false;
@@ -209,7 +211,7 @@ pub fn run<B: Backend>(
     RunSummary { reason, instability, performance }
 }
 
-/// Where a run stands in time, and what it has cost.
+/// Position of a run in time, and its cost so far.
 struct Timeline {
     plan: RunPlan,
     dt: f64,
@@ -250,7 +252,7 @@ impl Timeline {
         self.start_step.map(|start| (self.step - start) as f64 * self.dt)
     }
 
-    /// The step that ends the phase: the one nearest to the duration, or the first past the longest fill.
+    /// Last step of the phase: the step nearest to the duration, or the first past the longest fill.
     fn last_step(&self) -> u64 {
         match self.start_step {
             Some(start) => start + (self.plan.duration_s / self.dt).round() as u64,
@@ -263,15 +265,15 @@ impl Timeline {
         (self.step >= self.last_step()).then_some(reason)
     }
 
-    /// Samples are taken at the steps nearest to whole multiples of the interval, counted within the phase, and at its
-    /// last step.
+    /// The next sample: the step nearest to a multiple of the interval, counted within the phase, or its last
+    /// step.
     fn next_sample_step(&mut self) -> u64 {
         self.samples += 1;
         let steps = (self.samples as f64 * self.plan.sample_interval_s / self.dt).round() as u64;
         (self.start_step.unwrap_or(0) + steps).min(self.last_step()).max(self.step + 1)
     }
 
-    /// Steps until the next look at the callback.
+    /// Steps until the next progress report.
     fn steps_to_next_progress(&self) -> u64 {
         if self.step == 0 {
             return 1;
@@ -289,7 +291,7 @@ impl Timeline {
 
     fn progress(&self, subparticles: u64, wall_s: f64, discharged_kg: f64) -> Progress {
         let simulated_s = self.simulated_s();
-        // A fill usually rests after about a fifth of the time it is allowed.
+        // A fill usually comes to rest in about a fifth of its time limit.
         let usual_fill_s = self.plan.longest_fill_s / 5.0;
         let (phase, time_s, fraction) = match self.belt_time_s() {
             None => {

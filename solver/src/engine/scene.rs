@@ -1,4 +1,4 @@
-//! A scene: bodies, surfaces and laws, ready for a backend to take in.
+//! A scene: bodies, surfaces and laws, as a backend takes them in.
 
 use std::sync::Arc;
 
@@ -9,26 +9,26 @@ use crate::physics::bond::BondLaw;
 use crate::physics::contact::ContactLaw;
 use crate::shape::lattice::MetaParticle;
 
-/// Everything that a run starts from.
+/// Initial state and parameters of a run.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Radius of every sub-particle, in metres.
     pub radius_m: f64,
-    /// The meta-particles that bodies are copies of.
+    /// The kinds of body: each body is a copy of one.
     pub kinds: Vec<BodyKind>,
-    /// The bodies, in the order that numbers them.
+    /// The bodies. Their order is their numbering.
     pub bodies: Vec<Placement>,
-    /// Sub-particles that are held where they start, by serial (body by body, in the order of points).
+    /// Clamped sub-particles, by serial (body by body, in the order of points). They do not move.
     pub held: Vec<u32>,
     /// The equipment.
     pub surfaces: Vec<Surface>,
-    /// The laws of force.
+    /// The interaction laws.
     pub laws: Laws,
     /// Acceleration of gravity, in m/s².
     pub gravity: DVec3,
-    /// Corners of the domain, in metres; fixed-point positions cover it.
+    /// Low corner of the domain, in metres. Fixed-point positions cover the domain.
     pub low: DVec3,
-    /// See `low`.
+    /// High corner of the domain, in metres.
     pub high: DVec3,
     /// Whether the domain is periodic in y.
     pub periodic_y: bool,
@@ -38,7 +38,7 @@ pub struct Scene {
     pub speed_limit_m_s: f64,
 }
 
-/// A meta-particle and the mass of each of its sub-particles.
+/// A meta-particle with the mass of its sub-particles.
 #[derive(Clone, Debug)]
 pub struct BodyKind {
     /// Points and bonds.
@@ -47,7 +47,7 @@ pub struct BodyKind {
     pub subparticle_mass_kg: f64,
 }
 
-/// Where a body starts.
+/// Initial placement of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// Index into [`Scene::kinds`].
@@ -60,7 +60,7 @@ pub struct Placement {
     pub velocity: DVec3,
 }
 
-/// The laws of force of a run.
+/// The interaction laws of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Laws {
     /// Between sub-particles.
@@ -69,14 +69,14 @@ pub struct Laws {
     pub equipment: ContactLaw,
     /// Against the belt.
     pub belt: ContactLaw,
-    /// Of the bonds.
+    /// Bonds.
     pub bond: BondLaw,
-    /// Whether bonded neighbours act on each other by contact too.
+    /// Whether bonded neighbours also interact by contact.
     pub contact_between_bonded: bool,
 }
 
 impl Laws {
-    /// The law of a surface: that of its kind, with its own friction where it has one.
+    /// Contact law of a surface: the law of its kind, with the friction of the surface where it has its own.
     pub fn for_surface(&self, surface: &Surface) -> ContactLaw {
         let law = match surface.kind {
             SurfaceKind::Equipment => self.equipment,
@@ -86,7 +86,7 @@ impl Laws {
         ContactLaw { mu: surface.friction.map_or(law.mu, |mu| mu as f32), ..law }
     }
 
-    /// How far apart sub-particles or a surface can still hold each other, in metres.
+    /// Largest gap at which an adhesive contact still holds, in metres.
     pub fn adhesion_range(&self) -> f32 {
         self.tissue.adhesion_range().max(self.equipment.adhesion_range()).max(self.belt.adhesion_range())
     }

@@ -1,11 +1,11 @@
-//! The state of a run that observers may read: where every sub-particle is and how it moves.
+//! The state of a run, as observers read it: positions and motion of all sub-particles.
 
 use glam::{DVec3, IVec3, Vec3};
 
 use super::frame::Frame;
 use super::scene::Scene;
 
-/// What changes every step, and what neighbours look at: kept together for locality.
+/// The part of a sub-particle that changes every step and that neighbours read, kept together for locality.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Particle {
     /// Fixed-point position.
@@ -25,26 +25,26 @@ pub struct State {
     pub radius_m: f32,
     /// Position, velocity and spin.
     pub particles: Vec<Particle>,
-    /// What positions have moved beyond whole units, in units.
+    /// Fraction of a unit that positions have moved beyond integer units, in units.
     pub remainders: Vec<Vec3>,
     /// Mass, in kilograms.
     pub masses: Vec<f32>,
-    /// Number of the body that each belongs to, ascending.
+    /// Number of the body of each sub-particle, ascending.
     pub bodies: Vec<u32>,
-    /// Number within the run, kept when others are removed, ascending.
+    /// Serial number within the run, ascending. It persists when others are removed.
     pub serials: Vec<u32>,
-    /// Whether it is held where it is, as in a clamp: it feels forces and does not move.
+    /// Whether a sub-particle is clamped: forces act on it, but it does not move.
     pub held: Vec<bool>,
     /// Bonds broken so far between it and sub-particles of higher index.
     pub broken: Vec<u32>,
     /// Bonds at the start.
     pub bonds_at_start: u64,
-    /// Bonds broken so far; a body that leaves takes its bonds along unbroken.
+    /// Bonds broken so far. A body that leaves takes its bonds along unbroken.
     pub bonds_broken: u64,
 }
 
 impl State {
-    /// The state that a scene starts from.
+    /// Initial state of a scene.
     pub fn new(scene: &Scene) -> Self {
         let frame = Frame::new(scene.low, scene.high, scene.periodic_y);
         let mut state = Self {
@@ -90,13 +90,13 @@ impl State {
         self.frame.decode(self.particles[i].position)
     }
 
-    /// Greatest speed, in m/s: exact, whatever the order of looking.
+    /// Maximum speed, in m/s. Exact in any order of evaluation.
     pub fn max_speed(&self) -> f64 {
         let square = self.particles.iter().map(|p| p.velocity.dot(p.velocity)).fold(0.0, f32::max);
         f64::from(square).sqrt()
     }
 
-    /// Sub-particles faster than `speed` in m/s: a count, the same in whatever order one looks.
+    /// Number of sub-particles faster than `speed` in m/s. Exact in any order of evaluation.
     pub fn faster_than(&self, speed: f64) -> usize {
         let limit2 = (speed * speed) as f32;
         self.particles.iter().filter(|p| p.velocity.dot(p.velocity) > limit2).count()
@@ -107,18 +107,18 @@ impl State {
         self.kinetic_energy_of(0..self.particles.len())
     }
 
-    /// Kinetic energy of some of the sub-particles, in joule.
+    /// Kinetic energy of a range of sub-particles, in joule.
     pub fn kinetic_energy_of(&self, range: std::ops::Range<usize>) -> f64 {
         let inertia = 0.4 * f64::from(self.radius_m).powi(2);
         let of = |(p, &m): (&Particle, &f32)| {
             let (v, w) = (p.velocity.as_dvec3(), p.spin.as_dvec3());
             0.5 * f64::from(m) * (v.length_squared() + inertia * w.length_squared())
         };
-        // Not `sum`: that of nothing is -0.
+        // `sum` would return -0 for an empty range.
         self.particles[range.clone()].iter().zip(&self.masses[range]).map(of).fold(0.0, |a, b| a + b)
     }
 
-    /// Share of the bonds that have not broken, 0 to 1.
+    /// Share of intact bonds, 0 to 1.
     pub fn bonds_intact_fraction(&self) -> f64 {
         if self.bonds_at_start == 0 {
             return 1.0;
@@ -126,7 +126,7 @@ impl State {
         1.0 - self.bonds_broken as f64 / self.bonds_at_start as f64
     }
 
-    /// Runs of equal body numbers: (number, range of sub-particles).
+    /// Ranges of sub-particles of the same body: (number, range).
     pub fn body_ranges(&self) -> impl Iterator<Item = (u32, std::ops::Range<usize>)> + '_ {
         let mut from = 0;
         self.bodies.chunk_by(|a, b| a == b).map(move |part| {
@@ -136,7 +136,9 @@ impl State {
         })
     }
 
-    /// Takes sub-particles out, by serial, ascending; their bonds go with them unbroken. Returns, for each sub-particle before, its index after, or `u32::MAX` if it is gone.
+    /// Removes sub-particles by serial, ascending, with their bonds unbroken.
+    ///
+    /// Returns the new index of each former sub-particle, or `u32::MAX` if it was removed.
     pub fn remove(&mut self, serials: &[u32]) -> Vec<u32> {
         let kept = |serial: &u32| serials.binary_search(serial).is_err();
         let keep: Vec<bool> = self.serials.iter().map(kept).collect();

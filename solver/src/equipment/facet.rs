@@ -1,8 +1,8 @@
 //! Facets: the flat parts of a surface. A sphere has at most one contact with a facet.
 //!
-//! Triangles that share an edge and a plane form one facet, and the contact is with the nearest point of the
-//! whole facet: the edges inside it cannot be felt. What of several facets near a sphere is one contact is for
-//! [`crate::cpu::walls`] to say.
+//! Triangles that share an edge and a plane form one facet. Contact is with the nearest point of the whole
+//! facet, so its inner edges have no effect. [`crate::walls`] decides which of several facets near a sphere
+//! act.
 
 use glam::{DVec3, Vec3};
 
@@ -14,24 +14,24 @@ use crate::mesh::{NO_AREA_M2, doubled_area};
 /// A flat part of a surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facet {
-    /// Corners of its triangles in metres, relative to the surface's anchor.
+    /// Corners of its triangles in metres, relative to the anchor of the surface.
     pub triangles: Vec<[Vec3; 3]>,
     /// Unit vector across its plane.
     pub normal: Vec3,
-    /// Whether a triangle is so sliver for its width that `f32` would miss the nearest point.
+    /// Whether a triangle is a sliver, for which `f32` would miss the nearest point.
     sliver: bool,
-    /// Finds the nearest of many triangles; empty when they are few.
+    /// Bounding volume hierarchy over many triangles; empty for few.
     bvh: Bvh,
 }
 
-/// Facets of up to that many triangles are looked at whole.
+/// Largest number of triangles that are searched one by one.
 const LINEAR_SEARCH_MAX: usize = 8;
 
-/// An edge where more triangles meet joins none of them: no surface has such edges, and looking at all their pairs
-/// could take for ever.
+/// An edge with more triangles joins none of them. No real surface has such edges, and a comparison of all
+/// pairs could take forever.
 const MAX_TRIANGLES_AT_EDGE: usize = 16;
 
-/// Splits a surface's triangles into facets, relative to an anchor. Triangles without area are dropped.
+/// Splits the triangles of a surface into facets, relative to an anchor. Degenerate triangles are dropped.
 pub fn facets(triangles: &[[DVec3; 3]], anchor: DVec3) -> Vec<Facet> {
     let triangles: Vec<[DVec3; 3]> =
         triangles.iter().copied().filter(|t| doubled_area(t) > NO_AREA_M2).collect();
@@ -64,7 +64,7 @@ pub fn facets(triangles: &[[DVec3; 3]], anchor: DVec3) -> Vec<Facet> {
     facets
 }
 
-/// Pairs of triangles that share an edge and a plane, both ways round, sorted.
+/// Pairs of triangles that share an edge and a plane, in both orders, sorted.
 fn joined(triangles: &[[DVec3; 3]], normals: &[DVec3]) -> Vec<[u32; 2]> {
     let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * triangles.len());
     for (&[a, b, c], k) in weld(triangles).triangles.iter().zip(0..) {
@@ -92,7 +92,7 @@ fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
 }
 
 impl Facet {
-    /// Triangles in one plane.
+    /// A facet of coplanar triangles.
     fn new(triangles: Vec<[Vec3; 3]>, normal: Vec3) -> Self {
         let bvh = match triangles.len() {
             0..=LINEAR_SEARCH_MAX => Bvh::default(),
@@ -101,23 +101,25 @@ impl Facet {
         Self { sliver: triangles.iter().any(is_sliver), triangles, normal, bvh }
     }
 
-    /// Whether one of its triangles is sliver for its width.
+    /// Whether one of its triangles is a sliver.
     #[cfg(feature = "gpu")]
     pub(crate) fn is_sliver(&self) -> bool {
         self.sliver
     }
 
-    /// Its triangles, if they are few and none is sliver for its width: then the nearest point is the nearest of theirs.
+    /// Its triangles, if they are few and none is a sliver. The nearest point is then the nearest over these
+    /// triangles.
     pub(crate) fn triangles_if_few(&self) -> Option<&[[Vec3; 3]]> {
         (!self.sliver && (1..=LINEAR_SEARCH_MAX).contains(&self.triangles.len())).then_some(&self.triangles)
     }
 
-    /// The smallest box around it.
+    /// Its bounding box.
     pub fn aabb(&self) -> Aabb {
         Aabb::around(self.triangles.iter().flatten().copied())
     }
 
-    /// The point of the facet nearest to `p`, both relative to the surface's anchor, in metres; none without triangles.
+    /// Point of the facet nearest to `p`, both relative to the anchor of the surface, in metres; `None`
+    /// without triangles.
     pub fn nearest(&self, p: Vec3) -> Option<Vec3> {
         let on = |triangle: &[Vec3; 3]| match self.sliver {
             true => nearest_on_sliver(p.as_dvec3(), &triangle.map(|corner| corner.as_dvec3())).as_vec3(),
@@ -163,7 +165,7 @@ mod tests {
         assert!(facets(&flat, DVec3::ZERO).is_empty());
     }
 
-    /// Facets by looking at all pairs of triangles: what the quick way is held to.
+    /// Facets by comparison of all pairs of triangles: the reference for the fast way.
     fn facets_by_pairs(triangles: &[[DVec3; 3]], anchor: DVec3) -> Vec<Vec<[Vec3; 3]>> {
         let triangles: Vec<_> = triangles.iter().copied().filter(|t| doubled_area(t) > 1e-14).collect();
         let same = |a: DVec3, b: DVec3| a.distance(b) < 1e-7;
@@ -202,8 +204,8 @@ mod tests {
         let mut draw = ChaCha8Rng::seed_from_u64(1);
         let mut joined = 0;
         for round in 0..40 {
-            // Squares of a lattice, some in one plane, some upright, each cut along one of its diagonals; corners are
-            // off by roundings; some triangles turned, some twice, some nothing but a line.
+            // Squares of a lattice, some in one plane, some upright, each cut along one of its diagonals.
+            // Corners are off by roundings; some triangles are turned, some doubled, some degenerate.
             let mut triangles = Vec::new();
             for _ in 0..60 {
                 let cell = (shaken(&mut draw, 6.0) * DVec3::new(1.0, 1.0, 0.3)).round();
@@ -242,7 +244,7 @@ mod tests {
         let triangles = &facets[0].triangles;
         let mut draw = ChaCha8Rng::seed_from_u64(2);
         for k in 0..2000 {
-            // Points in general, and points right over corners, where six triangles are as near.
+            // General points, and points above corners, where six triangles are equally near.
             let p = (DVec3::new(0.15, 0.1, 0.0) + shaken(&mut draw, 0.4)).as_vec3();
             let p = if k % 2 == 0 { p } else { (p * 100.0).round() * 0.01 };
             let all = triangles.iter().map(|triangle| nearest_on_triangle(p, triangle));

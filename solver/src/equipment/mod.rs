@@ -1,4 +1,4 @@
-//! Equipment: surfaces of triangles, with motion, that act on both of their sides.
+//! Equipment: moving surfaces of triangles, which act on both of their sides.
 
 pub mod facet;
 pub mod motion;
@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 
 pub use motion::Motion;
 
-/// What a surface is made of: which contact parameters its contacts take.
+/// Material of a surface. It selects the contact parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SurfaceKind {
     /// Walls, gate, plates: `contact.fillet_equipment`.
@@ -20,12 +20,12 @@ pub enum SurfaceKind {
     Frictionless,
 }
 
-/// When a surface is there.
+/// Period in which a surface is present.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presence {
-    /// All the time.
+    /// Always.
     Always,
-    /// Until t = 0, as a shutter that is drawn away when the belt starts.
+    /// Until t = 0, like a shutter that opens when the belt starts.
     UntilStart,
 }
 
@@ -34,20 +34,20 @@ pub enum Presence {
 pub struct Surface {
     /// Name, for pictures and messages.
     pub name: String,
-    /// Which contact parameters it takes.
+    /// Material.
     pub kind: SurfaceKind,
-    /// Coulomb coefficient of friction of its own; none takes that of its kind.
+    /// Coulomb coefficient of friction; `None` takes the one of its kind.
     pub friction: Option<f64>,
-    /// How it moves from t = 0 on.
+    /// Motion from t = 0 on.
     pub motion: Motion,
-    /// When it is there.
+    /// Period in which it is present.
     pub presence: Presence,
-    /// Corners in metres, where the surface is at t = 0.
+    /// Corners in metres, in the pose at t = 0.
     pub triangles: Vec<[DVec3; 3]>,
 }
 
 impl Surface {
-    /// A parallelogram from a corner and two edges, fixed and always there.
+    /// A parallelogram from a corner and two edges, fixed and always present.
     pub fn parallelogram(name: &str, kind: SurfaceKind, corner: DVec3, u: DVec3, v: DVec3) -> Self {
         let [a, b, c, d] = [corner, corner + u, corner + u + v, corner + v];
         Self {
@@ -60,8 +60,8 @@ impl Surface {
         }
     }
 
-    /// The side of a round bar about `middle`, `half` reaching along its axis to one end, with a number of flat sides whose edges
-    /// lie on the cylinder; fixed and always there.
+    /// The side of a round bar about `middle`, fixed and always present. `half` leads along its axis to one
+    /// end. The flat sides have their edges on the cylinder.
     pub fn cylinder(
         name: &str,
         kind: SurfaceKind,
@@ -85,7 +85,7 @@ impl Surface {
         Self { motion, ..self }
     }
 
-    /// The same surface, there only until t = 0.
+    /// The same surface, present until t = 0.
     pub fn until_start(self) -> Self {
         Self { presence: Presence::UntilStart, ..self }
     }

@@ -1,29 +1,29 @@
-//! Motion of surfaces: a pure function of belt time. Before t = 0 everything stands still.
+//! Motion of surfaces: a pure function of belt time. Before t = 0 all surfaces stand still.
 
 use glam::{DMat3, DVec3};
 
-/// How a surface moves from t = 0 on.
+/// Motion of a surface from t = 0 on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Not at all.
+    /// No motion.
     Fixed,
-    /// The surface stays where it is and its material runs along it.
+    /// The surface stays in place; its material runs along it.
     Belt {
         /// Velocity of the material, in m/s.
         velocity: DVec3,
     },
-    /// The surface itself moves and turns steadily.
+    /// The surface translates and rotates steadily.
     Moving {
         /// Velocity of the pivot, in m/s.
         velocity: DVec3,
-        /// Point of the surface's frame that it turns about, where it is at t = 0, in metres.
+        /// Centre of rotation, at t = 0, in metres.
         pivot: DVec3,
         /// Angular velocity, in rad/s.
         spin: DVec3,
     },
 }
 
-/// Where a surface is and how it moves at one moment: x = pivot + turn · (x₀ − pivot₀).
+/// Pose and velocity of a surface at one moment: x = pivot + turn · (x₀ − pivot₀).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Displacement of the pivot since t = 0, in metres.
@@ -37,7 +37,7 @@ pub struct Pose {
 }
 
 impl Motion {
-    /// The pose at belt time `t` in seconds; `None` stands for any time before the start.
+    /// Pose at belt time `t` in seconds; `None` for any time before the start.
     pub fn pose(&self, t: Option<f64>) -> Pose {
         let still =
             Pose { shift: DVec3::ZERO, turn: DMat3::IDENTITY, velocity: DVec3::ZERO, spin: DVec3::ZERO };
@@ -53,7 +53,8 @@ impl Motion {
         }
     }
 
-    /// Greatest speed of any point within `reach` metres of the pivot, in m/s; a belt's surface does not move.
+    /// Maximum speed of any point within `reach` metres of the pivot, in m/s; 0 for a belt, whose surface
+    /// stays in place.
     pub fn max_speed(&self, reach: f64) -> f64 {
         match *self {
             Motion::Moving { velocity, spin, .. } => velocity.length() + spin.length() * reach,

@@ -1,4 +1,5 @@
-//! Advances a batch by a chunk of steps: as often as it takes until lists were long enough and held.
+//! Advances a batch by a chunk of steps. A chunk is repeated until its lists were long enough and never
+//! stale.
 
 use std::time::{Duration, Instant};
 
@@ -13,22 +14,22 @@ use super::run_buffers::{ElementCounts, RunBuffers};
 use crate::cpu::integrate::fault;
 use crate::engine::{AdvanceReport, OutOfDeviceMemory};
 
-/// DampingCap steps of a chunk: so that little is done twice.
+/// Maximum steps of a chunk. Bounds the work that a repetition costs.
 pub(super) const MAX_CHUNK_STEPS: u64 = 256;
 
-/// DampingCap steps between two rebuilds of lists.
+/// Maximum steps between two rebuilds of the lists.
 const MAX_INTERVAL: u32 = 64;
 
-/// Share of half the skin that the next interval aims at.
+/// Share of half the skin that the next rebuild interval aims at.
 const DRIFT_TARGET: f32 = 0.8;
 
-/// A run that has steps to do.
+/// A run with steps to do.
 #[derive(Debug)]
 pub(super) struct Task {
     pub(super) run: Box<Run>,
-    /// Steps wanted.
+    /// Requested steps.
     pub(super) steps: u64,
-    /// DampingCap steps of its next chunk.
+    /// Maximum steps of its next chunk.
     pub(super) max_steps: u64,
     pub(super) done: AdvanceReport,
 }
@@ -47,13 +48,13 @@ impl Task {
         u64::from(self.run.store.elements.particles)
     }
 
-    /// What it needs for a chunk.
+    /// Its element counts for a chunk.
     fn elements(&self) -> ElementCounts {
         let poses = if self.run.moves() { self.next() as u32 } else { 1 };
         ElementCounts { poses: poses * self.run.store.elements.surfaces, ..self.run.store.elements }
     }
 
-    /// Takes down how it fared.
+    /// Records the result of a chunk.
     fn account(&mut self, device: &Device, report: &Report) {
         let (steps, run) = (self.next(), &mut self.run);
         let steps = if report.fault_step.0 == NONE { steps } else { u64::from(report.fault_step.0) + 1 };
@@ -69,8 +70,7 @@ impl Task {
     }
 }
 
-/// How many of these tasks, from the first on, the device has capacity for in one set of buffers, which takes the place of the last; one
-/// at least.
+/// Number of leading tasks that fit into one set of buffers, which replaces the last one; at least 1.
 pub(super) fn runs_that_fit<'a>(
     device: &Device,
     last: Option<&Arena>,
@@ -83,7 +83,7 @@ pub(super) fn runs_that_fit<'a>(
         sum = sum.each(task.elements(), u32::saturating_add);
         row_capacity = row_capacity.max(store.row_capacity);
         stores += bytes_of(store.elements.sizes(store.row_capacity));
-        // The rows of all become as long as the longest.
+        // The rows of all runs become as long as the longest.
         let longer = bytes_of(sum.sizes(row_capacity)).saturating_sub(stores);
         largest_buffer(&sum, row_capacity) <= device.largest_buffer
             && longer + arena_bytes(&sum, row_capacity) <= left
@@ -91,7 +91,8 @@ pub(super) fn runs_that_fit<'a>(
     tasks.map(fits).take_while(|fits| *fits).count().max(1)
 }
 
-/// Advances each task by a chunk, or as far as it wants. How long the device took, the last time if it took several.
+/// Advances each task by a chunk, or by the rest of its steps. Returns the time on the device, of the last
+/// attempt.
 pub(super) fn chunk(
     device: &Device,
     pipelines: &Pipelines,
@@ -107,7 +108,7 @@ pub(super) fn chunk(
     let mut row_capacity =
         tasks.iter().map(|task| task.run.store.row_capacity).fold(RowCapacity::default(), RowCapacity::max);
     loop {
-        // The buffers of all go first where rows become longer: what they have is in the stores.
+        // Free the batch buffers before rows become longer. The run buffers hold all data.
         arena.take_if(|arena| !arena.has(row_capacity));
         tasks.iter_mut().try_for_each(|task| task.run.store.lengthen(device, row_capacity))?;
         let interval = tasks.iter().map(|task| task.run.interval.min(task.run.max_interval())).min();
@@ -136,14 +137,14 @@ pub(super) fn chunk(
     }
 }
 
-/// The interval at which what moved by `drift` in `interval` steps would move max_steps of half the skin; no more than twice as
-/// long, or than `known`, which held before a short chunk or another run made it shorter.
+/// Rebuild interval after a `drift` within `interval` steps. It aims at most of half the skin. It is at most
+/// twice as long, or `known`: an interval that held before a short chunk or another run shortened it.
 fn next_interval(interval: u32, known: u32, drift: f32, half_skin: f32) -> u32 {
     let aim = DRIFT_TARGET * half_skin / drift.max(1e-12) * interval as f32;
     (aim as u32).clamp(1, (2 * interval).max(known).min(MAX_INTERVAL))
 }
 
-/// Puts together what tasks bring along.
+/// Collects the inputs of all tasks.
 fn inputs(tasks: &mut [&mut Task]) -> BatchInputs {
     let (mut inputs, mut sum) = (BatchInputs::default(), ElementCounts::default());
     for (number, task) in (0u32..).zip(tasks) {
@@ -171,7 +172,7 @@ fn inputs(tasks: &mut [&mut Task]) -> BatchInputs {
     inputs
 }
 
-/// The arena, made anew if it is too small or its rows are of another length.
+/// The arena, replaced if it is too small or its rows have another length.
 fn ensure_arena<'a>(
     device: &Device,
     pipelines: &Pipelines,
@@ -184,8 +185,7 @@ fn ensure_arena<'a>(
     if let Some(holds) = known.filter(|arena| arena.holds(elements, row_capacity)) {
         return Ok(arena.insert(holds));
     }
-    // What is too small has gone before the other is made, since both would not fit on a full device; what the device still does
-    // with it is waited for.
+    // Free the old arena first: both would not fit on a full device. Wait for the device's last use of it.
     device.wait();
     let fits = largest_buffer(&capacity, row_capacity) <= device.largest_buffer
         && arena_bytes(&capacity, row_capacity) <= device.memory.available();
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn a_short_chunk_does_not_shorten_the_interval_for_long() {
-        // One step of a run that crosses half the skin in 100.
+        // A run that crosses half the skin in 100 steps.
         assert_eq!(next_interval(1, 40, 1e-5, 1e-3), 40);
         assert_eq!(next_interval(1, 100, 1e-9, 1e-3), 64);
         assert_eq!(next_interval(8, 8, 1e-5, 1e-3), 16);

@@ -1,5 +1,5 @@
-//! The buffers in which a batch is advanced: runs are copied in, one behind the other, and out again when the chunk has
-//! gone well. Until then each run's own buffers hold what the chunk began with, so that it can be done again.
+//! The buffers of a batch. Runs are copied in, one behind the other, and copied out after a valid chunk.
+//! Until then the buffers of each run hold the state before the chunk, so that it can be repeated.
 
 use wgpu::{BindGroup, CommandEncoder};
 
@@ -11,7 +11,7 @@ use super::pipelines::{Kernel, Pipelines};
 use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers};
 use crate::engine::OutOfDeviceMemory;
 
-/// What a batch brings along for one chunk.
+/// Inputs of a batch for one chunk.
 #[derive(Debug, Default)]
 pub(super) struct BatchInputs {
     pub(super) scenes: Vec<Scene>,
@@ -19,7 +19,7 @@ pub(super) struct BatchInputs {
     pub(super) poses: Vec<Pose>,
 }
 
-/// The buffers, and what they have capacity for.
+/// The buffers of a batch, with their capacity.
 #[derive(Debug)]
 pub(super) struct Arena {
     capacity: ElementCounts,
@@ -34,16 +34,16 @@ pub(super) struct Arena {
     scenes: Buffer,
     poses: Buffer,
     reports: Buffer,
-    /// What is bound and never named again.
+    /// Buffers that are only bound.
     _others: [Buffer; 3],
     scene_group: BindGroup,
-    /// By which of the two holds the sub-particles as they are.
+    /// By the buffer that holds the current sub-particles.
     particle_groups: [BindGroup; 2],
-    /// By which of the two holds the lists as they are.
+    /// By the buffers that hold the current lists.
     list_groups: [BindGroup; 2],
 }
 
-/// The buffers for a batch beyond those that runs have too.
+/// Buffers of a batch that have no counterpart in runs.
 fn batch_sizes(elements: &ElementCounts, row_capacity: RowCapacity) -> [(&'static str, u64); 12] {
     let bytes = |count: u32, each: usize| u64::from(count) * each as u64;
     let particles = |each| bytes(elements.particles, each);
@@ -63,19 +63,19 @@ fn batch_sizes(elements: &ElementCounts, row_capacity: RowCapacity) -> [(&'stati
     ]
 }
 
-/// The largest buffer that a batch of this elements needs, in bytes.
+/// Largest buffer of a batch with these counts, in bytes.
 pub(super) fn largest_buffer(elements: &ElementCounts, row_capacity: RowCapacity) -> u64 {
     let sizes = elements.sizes(row_capacity).into_iter().chain(batch_sizes(elements, row_capacity));
     sizes.map(|(_, bytes)| bytes).max().unwrap_or(0)
 }
 
-/// What an arena of this elements takes, in bytes.
+/// Size of an arena for these counts, in bytes.
 pub(super) fn arena_bytes(elements: &ElementCounts, row_capacity: RowCapacity) -> u64 {
     bytes_of(elements.sizes(row_capacity)) + bytes_of(batch_sizes(elements, row_capacity))
 }
 
 impl Arena {
-    /// Makes the buffers, or says why the device will not.
+    /// Creates the buffers.
     pub(super) fn new(
         device: &Device,
         pipelines: &Pipelines,
@@ -127,27 +127,27 @@ impl Arena {
         })
     }
 
-    /// Whether it has capacity for that much, in rows of just these row_capacity.
+    /// Whether it has the capacity, with rows of exactly this length.
     pub(super) fn holds(&self, elements: ElementCounts, row_capacity: RowCapacity) -> bool {
         self.has(row_capacity) && self.capacity.each(elements, u32::max) == self.capacity
     }
 
-    /// Whether its rows have just these row_capacity.
+    /// Whether its rows have exactly this length.
     pub(super) fn has(&self, row_capacity: RowCapacity) -> bool {
         self.row_capacity == row_capacity
     }
 
-    /// What it takes, in bytes.
+    /// Size, in bytes.
     pub(super) fn bytes(&self) -> u64 {
         arena_bytes(&self.capacity, self.row_capacity)
     }
 
-    /// What it has capacity for.
+    /// Capacity.
     pub(super) fn capacity(&self) -> ElementCounts {
         self.capacity
     }
 
-    /// Copies runs in, and what goes along with them.
+    /// Copies runs and inputs in.
     fn load(
         &self,
         device: &Device,
@@ -170,8 +170,8 @@ impl Arena {
         }
     }
 
-    /// Carries out steps, rebuilding lists every `interval` of them, and says how each run fared. What comes of it stays
-    /// here.
+    /// Advances by `steps`, with a rebuild of the lists every `interval` steps. Returns the reports. Results
+    /// stay in the arena.
     pub(super) fn advance(
         &self,
         device: &Device,
@@ -210,7 +210,7 @@ impl Arena {
         bytemuck::pod_collect_to_vec(&bytes)
     }
 
-    /// Copies what steps have changed back to the runs.
+    /// Copies the changed data back to the runs.
     pub(super) fn unload(&self, device: &Device, stores: &[&RunBuffers], steps: u32, interval: u32) {
         let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let is_turned = steps.div_ceil(interval) % 2 == 1;

@@ -1,4 +1,4 @@
-//! The graphics adapter: which one, what it must be able to do, and what goes wrong.
+//! The graphics adapter: selection, requirements and failures.
 
 use std::fmt;
 use std::sync::Arc;
@@ -18,48 +18,49 @@ use crate::engine::OutOfDeviceMemory;
 /// Why there is no GPU to compute on.
 #[derive(Debug, Error)]
 pub enum GpuError {
-    /// No adapter that may be used.
+    /// No permitted adapter.
     #[error("no GPU: {0}")]
     NoAdapter(String),
-    /// The adapter cannot do what the kernels need.
+    /// The adapter lacks a requirement of the kernels.
     #[error("{adapter} cannot be used: it has no {what}")]
     Unable {
-        /// The adapter.
+        /// Name of the adapter.
         adapter: String,
-        /// What it is short of.
+        /// Missing requirement.
         what: String,
     },
-    /// The driver refuses.
+    /// The driver refused to open the adapter.
     #[error("the driver of {adapter} refuses: {reason}")]
     Refused {
-        /// The adapter.
+        /// Name of the adapter.
         adapter: String,
-        /// In the driver's words.
+        /// Message of the driver.
         reason: String,
     },
 }
 
-/// Which adapter to take.
+/// Selection of an adapter.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// RunBuffer of the name of the adapter, in any case; none takes the first that can, discrete ones before integrated ones.
+    /// Part of the adapter's name, in any case. `None` takes the first suitable one, discrete before
+    /// integrated.
     pub device: Option<String>,
-    /// Whether none but a discrete adapter will do.
+    /// Whether to accept only discrete adapters.
     pub only_discrete: bool,
-    /// Whether a software adapter will do, as for tests. It computes on the CPU, slower than the CPU backend.
+    /// Whether to accept a software adapter, for tests. It runs on the CPU, slower than the CPU backend.
     pub allow_software: bool,
-    /// DampingCap bytes of its memory that buffers may take; none takes what the driver gives.
+    /// Memory budget for buffers, in bytes. `None` takes as much as the driver gives.
     pub memory_bytes: Option<u64>,
 }
 
-/// An adapter, as far as a user may want to know it.
+/// Identity of an adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterName {
-    /// Its own name.
+    /// Name of the adapter.
     pub name: String,
-    /// The driver, with its version.
+    /// Name and version of the driver.
     pub driver: String,
-    /// Whether it is software on the CPU.
+    /// Whether it is a software adapter.
     pub is_software: bool,
 }
 
@@ -76,29 +77,29 @@ pub struct Device {
     pub(super) name: AdapterName,
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
-    /// Bytes of the largest buffer that kernels can bind.
+    /// Largest buffer that kernels can bind, in bytes.
     pub(super) largest_buffer: u64,
-    /// What buffers of all clones take.
+    /// Memory of the buffers of all clones.
     pub(super) memory: Arc<MemoryBudget>,
-    /// Whether it was lost.
+    /// Whether the device was lost.
     failed: Arc<AtomicBool>,
 }
 
-/// What the kernels use beyond WebGPU: constants with each dispatch, and, for triangles that are long for their width, `f64`.
+/// Requirements beyond WebGPU: constants per dispatch, and `f64` for sliver triangles.
 const REQUIRED_FEATURES: Features = Features::IMMEDIATES.union(Features::SHADER_F64);
 
-/// Bytes that are copied to see how fast that goes: more than caches hold.
+/// Bytes copied to measure the bandwidth: more than caches hold.
 const COPIED_BYTES: u64 = 256 << 20;
 
-/// Percent of the memory that the driver says a process may take beyond which it gives none, where it says so: on Windows it would
-/// go on in main memory, ever slower.
+/// Percentage of the driver's memory budget up to which it grants memory, on drivers with a budget. Beyond
+/// it, Windows would continue in main memory, ever slower.
 const MAX_BUDGET_PERCENT: u8 = 95;
 
-/// The adapters of this machine.
+/// The adapters of this machine, preferred first.
 fn ranked_adapters() -> Vec<Adapter> {
     let instance = Instance::new(InstanceDescriptor {
         backends: Backends::PRIMARY,
-        // Debug builds would have the validation layers of the driver; checks of indirect calls cost 20 µs each.
+        // Debug builds would enable validation layers. Checks of indirect calls cost 20 µs each.
         flags: InstanceFlags::empty(),
         memory_budget_thresholds: MemoryBudgetThresholds {
             for_resource_creation: Some(MAX_BUDGET_PERCENT),
@@ -128,7 +129,7 @@ fn name(adapter: &Adapter) -> AdapterName {
 }
 
 impl Device {
-    /// Opens the adapter that the options ask for.
+    /// Opens the adapter selected by the options.
     pub fn open(options: &GpuOptions) -> Result<Self, GpuError> {
         let adapters = ranked_adapters();
         let names: Vec<AdapterName> = adapters.iter().map(name).collect();
@@ -139,7 +140,7 @@ impl Device {
                 && (is_discrete || !options.only_discrete)
                 && name.name.to_lowercase().contains(&wanted)
         };
-        // The first that opens; if none does, what was wrong with the first.
+        // Take the first that opens. If none does, report the failure of the first.
         let mut refused = None;
         for (adapter, name) in adapters.iter().zip(&names).filter(may) {
             match Self::of(adapter, name.clone()) {
@@ -185,27 +186,27 @@ impl Device {
         Ok(Self { name, device, queue, largest_buffer, memory, failed })
     }
 
-    /// The same with smaller buffers, for tests of what does not fit.
+    /// The same device with a smaller buffer limit, for tests.
     pub fn limited(self, largest_buffer: u64) -> Self {
         Self { largest_buffer, ..self }
     }
 
-    /// The same, of whose memory so many bytes may be taken; what was made before does not count.
+    /// The same device with a memory budget in bytes. Earlier buffers do not count.
     pub fn with_memory(self, bytes: u64) -> Self {
         Self { memory: Arc::new(MemoryBudget::new(bytes)), ..self }
     }
 
-    /// Whether it was lost.
+    /// Whether the device was lost.
     pub(super) fn has_failed(&self) -> bool {
         self.failed.load(Relaxed)
     }
 
-    /// It is of no use any more.
+    /// Marks the device as failed.
     pub(super) fn mark_failed(&self) {
         self.failed.store(true, Relaxed);
     }
 
-    /// Waits until all that was submitted is done, and what it used is free.
+    /// Waits until all submitted work is done and its memory is free.
     pub(super) fn wait(&self) {
         self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
     }
@@ -215,18 +216,19 @@ impl Device {
         &self.name
     }
 
-    /// The device itself, for tests of single kernels.
+    /// The wgpu device, for tests of single kernels.
     pub fn wgpu(&self) -> (&wgpu::Device, &wgpu::Queue) {
         (&self.device, &self.queue)
     }
 
-    /// Reads a part of a buffer, in bytes, once what was submitted before is done.
+    /// Reads a part of a buffer, in bytes, after all earlier work.
     pub fn read(&self, buffer: &wgpu::Buffer, from: u64, bytes: u64) -> Vec<u8> {
         let [read] = self.read_all([(buffer, from, bytes)]);
         read
     }
 
-    /// Reads parts of several buffers, each from a place on, in bytes, and waits once for all of them: others may keep the device busy.
+    /// Reads parts of several buffers, each from an offset in bytes, with one wait: other runs may keep the
+    /// device busy.
     pub(super) fn read_all<const N: usize>(&self, parts: [(&wgpu::Buffer, u64, u64); N]) -> [Vec<u8>; N] {
         let sum: u64 = parts.iter().map(|(_, _, bytes)| bytes).sum();
         if sum == 0 {
@@ -253,7 +255,7 @@ impl Device {
         parts.map(|(_, _, bytes)| rest.split_off(..bytes as usize).expect("it was copied").to_vec())
     }
 
-    /// How many bytes it reads and writes in a second when it copies within its memory.
+    /// Memory bandwidth of a copy on the device, in bytes read and written per second.
     pub(super) fn copied_bytes_per_s(&self) -> Result<f64, OutOfDeviceMemory> {
         let bytes = COPIED_BYTES.min(self.largest_buffer);
         let [from, to] = buffers(self, [("from", bytes), ("to", bytes)])?;
@@ -265,7 +267,7 @@ impl Device {
             self.wait();
             clock.elapsed().as_secs_f64()
         };
-        // The first nearest_points the memory; the difference of the others is free of what a submission takes.
+        // The first copy touches the memory. The difference of the others cancels the cost of a submission.
         let [_, few, many] = [1, 4, 20].map(copy);
         Ok(2.0 * 16.0 * bytes as f64 / (many - few).max(1e-9))
     }

@@ -1,5 +1,7 @@
-//! The thread that drives the device. Whoever has steps to do hands its run over and waits; what is there at a time makes
-//! a batch, which who comes later joins and who is done leaves, from chunk to chunk. MemoryBudget is taken on this thread alone.
+//! The thread that drives the device.
+//!
+//! A caller hands its run over and waits. All waiting runs form a batch; runs join and leave it between
+//! chunks. Only this thread allocates memory of the device.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -15,53 +17,54 @@ use super::run_buffers::{RunBuffers, RunContents};
 use super::unwind;
 use crate::engine::{AdvanceReport, OutOfDeviceMemory};
 
-/// Seconds that one submission should take at memory_limit: operating systems reset an adapter that is busy for two or so.
+/// Target duration of a submission, in seconds. Operating systems reset an adapter that is busy for about two
+/// seconds.
 const MAX_SUBMISSION_S: f64 = 0.1;
 
-/// Particle-steps a second before any are known: of a slow adapter.
+/// Assumed throughput before the first measurement, in particle-steps per second: that of a slow adapter.
 const INITIAL_THROUGHPUT: f64 = 1e6;
 
-/// Said of a device that is of no use any more.
+/// Panic message of a lost device.
 const DEVICE_FAILED: &str = "the GPU has failed before";
 
-/// Why a run does not come back.
+/// Why a run is lost.
 #[derive(Clone, Debug)]
 enum Failure {
-    /// There is none for this run; the others go on.
+    /// The device has too little memory for this run. Other runs continue.
     OutOfDeviceMemory(OutOfDeviceMemory),
-    /// The device is lost, and all runs with it; in words.
+    /// The device is lost with all its runs, for this reason.
     Lost(String),
 }
 
-/// What comes back: the run and what was done, or why it is lost.
+/// The run with its report, or the reason of its loss.
 type Reply = Result<(Box<Run>, AdvanceReport), Failure>;
 
-/// A run that is handed over.
+/// A run handed over to the thread.
 #[derive(Debug)]
 struct Request {
     task: Task,
     reply: Sender<Reply>,
 }
 
-/// What the thread is asked for.
+/// A command to the thread.
 #[derive(Debug)]
 enum Command {
-    /// To advance runs.
+    /// Advance runs.
     Advance(Vec<Request>),
-    /// To make the buffers of a new one.
+    /// Create the buffers of a run.
     CreateBuffers(Box<RunContents>, Sender<Result<RunBuffers, OutOfDeviceMemory>>),
 }
 
-/// The other end of the thread, which ends with it.
+/// Handle of the thread, which ends with it.
 #[derive(Debug)]
 pub(super) struct Driver {
-    /// Both are there until it is dropped.
+    /// Both are present until the drop.
     commands: Option<Sender<Command>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Drop for Driver {
-    /// Waits for the thread: a process that exits while the device is being closed crashes in some drivers.
+    /// Waits for the thread. Some drivers crash when a process exits while the device is being closed.
     fn drop(&mut self) {
         self.commands = None;
         if let Some(thread) = self.thread.take() {
@@ -86,7 +89,7 @@ impl Driver {
         self.commands.as_ref().and_then(|commands| commands.send(command).ok()).expect(DEVICE_FAILED);
     }
 
-    /// Makes the buffers of a run, or says why the device will not.
+    /// Creates the buffers of a run.
     ///
     /// # Panics
     /// When the device has failed.
@@ -96,7 +99,8 @@ impl Driver {
         answer.recv().expect(DEVICE_FAILED)
     }
 
-    /// Advances each run by its number of steps. Unwinds with [`OutOfDeviceMemory`] once all that found room are done.
+    /// Advances each run by its number of steps. Unwinds with [`OutOfDeviceMemory`] after all runs that fit
+    /// are done.
     ///
     /// # Panics
     /// When the device has failed.
@@ -132,21 +136,22 @@ impl Driver {
     }
 }
 
-/// What the thread has in hand.
+/// The batcher: state of the thread.
 struct Batcher {
     device: Device,
     pipelines: Pipelines,
-    /// The buffers of the last chunk, for the next.
+    /// Buffers of the last chunk, for reuse.
     arena: Option<Arena>,
     waiting: Vec<Request>,
-    /// DampingCap runs that there was memory for, and the bytes that the buffers of runs took then: with fewer, more may fit.
+    /// Number of runs that fitted last, and the bytes of run buffers at that time. With fewer bytes, more
+    /// runs may fit.
     memory_limit: Option<(usize, u64)>,
-    /// Particle-steps a second in the last chunk.
+    /// Throughput of the last chunk, in particle-steps per second.
     throughput: f64,
 }
 
 impl Batcher {
-    /// Does what it is asked for until nobody can ask any more, or the device fails.
+    /// Executes commands until all senders are gone or the device fails.
     fn drive(mut self, incoming: &Receiver<Command>) {
         loop {
             let first = if self.waiting.is_empty() {
@@ -158,7 +163,7 @@ impl Batcher {
             let commands = first.into_iter().chain(incoming.try_iter());
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.turn(commands))) {
                 let lost = Failure::Lost(panic_text(&*panic));
-                // Whoever hears of it must not come back to this device.
+                // Mark first: a caller that learns of the failure must not come back to this device.
                 self.device.mark_failed();
                 self.waiting.drain(..).for_each(|request| drop(request.reply.send(Err(lost.clone()))));
                 return;
@@ -166,7 +171,7 @@ impl Batcher {
         }
     }
 
-    /// Takes commands, and advances what waits by a chunk.
+    /// Takes commands and advances waiting runs by a chunk.
     fn turn(&mut self, commands: impl Iterator<Item = Command>) {
         for command in commands {
             match command {
@@ -174,11 +179,11 @@ impl Batcher {
                 Command::CreateBuffers(draft, reply) => {
                     let made = catch_unwind(AssertUnwindSafe(|| self.store(&draft)));
                     let made = made.unwrap_or_else(|panic| {
-                        // Before the other end of `reply` hears of it.
+                        // Mark before the receiver of `reply` learns of it.
                         self.device.mark_failed();
                         resume_unwind(panic)
                     });
-                    // Whoever waited may be gone.
+                    // The caller may be gone.
                     let _ = reply.send(made);
                 }
             }
@@ -189,7 +194,7 @@ impl Batcher {
         }
     }
 
-    /// Makes the buffers of a run. Those of the last batch make way for them.
+    /// Creates the buffers of a run, if necessary in the place of the arena.
     fn store(&mut self, draft: &RunContents) -> Result<RunBuffers, OutOfDeviceMemory> {
         let made = RunBuffers::new(&self.device, draft);
         if made.is_ok() || self.arena.is_none() {
@@ -200,21 +205,21 @@ impl Batcher {
         RunBuffers::new(&self.device, draft)
     }
 
-    /// What the buffers of runs take, in bytes.
+    /// Bytes of all run buffers.
     fn stores(&self) -> u64 {
         self.device.memory.used().saturating_sub(self.arena.as_ref().map_or(0, Arena::bytes))
     }
 
-    /// Gives back the runs that are done.
+    /// Returns finished runs.
     fn reply(&mut self) {
         for Request { task, reply } in self.waiting.extract_if(.., |request| request.task.is_done()) {
             let done = AdvanceReport { fault: task.run.fault.clone(), ..task.done };
-            // Whoever waited may be gone.
+            // The caller may be gone.
             let _ = reply.send(Ok((task.run, done)));
         }
     }
 
-    /// Advances as many runs as fit by a chunk. When memory runs out all the same the batch halves.
+    /// Advances as many runs as fit by a chunk. Halves the batch when memory runs out nevertheless.
     fn step(&mut self) {
         let particles = self.waiting.iter().map(|request| request.task.particles()).sum();
         let steps = steps_within(MAX_SUBMISSION_S, self.throughput, particles);
@@ -230,16 +235,16 @@ impl Batcher {
         let longest = tasks.iter().map(|task| task.next()).max().unwrap_or(0);
         let done = longest * tasks.iter().map(|task| task.particles()).sum::<u64>();
         match chunk(&self.device, &self.pipelines, &mut self.arena, &mut tasks) {
-            // Those that did not fit come first the next time.
+            // Runs that did not fit go first next time.
             Ok(took) => {
-                // Of runs without sub-particles zero_bits can be told.
+                // Runs without sub-particles give no measurement.
                 self.throughput = done.max(1) as f64 / took.as_secs_f64().max(1e-6);
                 self.waiting.rotate_left(runs_that_fit);
             }
             Err(_) if runs_that_fit > 1 => self.memory_limit = Some((runs_that_fit / 2, self.stores())),
             Err(out_of_memory) => {
                 let Request { task, reply } = self.waiting.remove(0);
-                // Its memory is free when it hears of it.
+                // Free its memory before the caller learns of it.
                 drop(task);
                 let _ = reply.send(Err(Failure::OutOfDeviceMemory(out_of_memory)));
             }
@@ -247,7 +252,7 @@ impl Batcher {
     }
 }
 
-/// Steps of so many sub-particles that take no longer than that at this throughput, within a chunk; one at least.
+/// Steps of so many sub-particles within `seconds` at this throughput: at least 1, at most a chunk.
 fn steps_within(seconds: f64, throughput: f64, particles: u64) -> u64 {
     ((seconds * throughput / particles.max(1) as f64) as u64).clamp(1, MAX_CHUNK_STEPS)
 }

@@ -1,6 +1,7 @@
-//! What the host and the kernels share: each type is declared once, as a Rust struct, and written out in WGSL from it.
+//! The types shared by host and kernels. Each is declared once, as a Rust struct, and written out in WGSL
+//! from it.
 //!
-//! A vector of three takes the pad of four in WGSL: every one is followed by a number, or by pad that is left.
+//! A three-vector occupies four words in WGSL. The fourth word holds a number or padding.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -10,7 +11,7 @@ use crate::physics::bond::{BondLaw, BondModel};
 use crate::physics::contact::ContactLaw;
 
 shared! {
-    /// As [`ContactLaw`].
+    /// Twin of [`ContactLaw`].
     Law {
         /// E*, in Pa.
         e_star: f32,
@@ -22,7 +23,7 @@ shared! {
         damping: f32,
         /// Coefficient of friction.
         mu: f32,
-        /// Whether what follows holds; else it is 0.
+        /// Whether the law has adhesion. The fields below are 0 otherwise.
         adheres: u32,
         /// 4πγR*, in N.
         force: f32,
@@ -34,29 +35,30 @@ shared! {
         snap_overlap: f32,
     }
 
-    /// As [`BondLaw`].
+    /// Twin of [`BondLaw`].
     Bonds {
-        /// Number of the formulation, as [`bond_model`] gives it.
+        /// Number of the formulation; see [`bond_model`].
         model: u32,
         /// k_n, in N/m.
         k_n: f32,
         /// k_t, in N/m.
         k_t: f32,
-        /// Length beyond which the bond breaks, in m.
+        /// Normal strength, in N.
         break_length: f32,
-        /// In N.
+        /// Shear strength, in N.
         normal_strength: f32,
-        /// In N.
+        /// Per-run parameters, and offsets of the run in the buffers of the batch.
         shear_strength: f32,
     }
 
-    /// What a run of the batch has of its own, and where its parts of the buffers begin.
+    /// Acceleration of gravity, in m/s².
     Scene {
         /// In m/s².
         gravity: [f32; 3],
         /// Time step, in s.
         dt: f32,
-        /// Cells of its grid in each direction less 1: a power of two less 1. The grid repeats itself beyond.
+        /// Cells of its cell list per direction, minus 1: a power of two minus 1. The list wraps around
+        /// beyond.
         mask: [u32; 3],
         /// Its first cell.
         first_cell: u32,
@@ -68,35 +70,35 @@ shared! {
         inverse_unit: f32,
         /// m/I of a solid sphere, in 1/m².
         spin_factor: f32,
-        /// Square of the speed limit.
+        /// Square of the speed limit, in m²/s².
         limit2: f32,
-        /// How far apart sub-particles still hold each other, in m.
-        tissue_reach: f32,
-        /// Distance that the lists of sub-particles cover, in m.
-        reach: f32,
-        /// Distance that the lists of facets cover, in m.
-        wall_reach: f32,
-        /// Displacement up to which lists hold, in m.
+        /// Largest gap of an adhesive contact between sub-particles, in m.
+        tissue_adhesion_range: f32,
+        /// Cutoff of the neighbour lists, skin included, in m.
+        cutoff: f32,
+        /// Cutoff of the wall lists, skin included, in m.
+        wall_cutoff: f32,
+        /// Maximum displacement for valid lists, in m.
         half_skin: f32,
         /// Period in y, in units; 0 without.
         period_y: i32,
         /// Edge of a cell, in units.
         cell: u32,
-        /// Whether bonded neighbours point as well.
+        /// Whether bonded neighbours also interact by contact.
         contact_between_bonded: u32,
         /// Its first sub-particle.
         first: u32,
-        /// How many it has.
+        /// Number of its sub-particles.
         count: u32,
-        /// Steps that it takes of this chunk.
+        /// Its steps in this chunk.
         steps: u32,
         /// Its first surface.
         first_surface: u32,
-        /// How many it has.
+        /// Number of its surfaces.
         surfaces: u32,
         /// Its first pose.
         first_pose: u32,
-        /// Poses from one step to the next; 0 while zero_bits moves.
+        /// Poses per step; 0 while all surfaces stand still.
         pose_stride: u32,
         /// Its first facet.
         first_facet: u32,
@@ -104,9 +106,9 @@ shared! {
         first_corner: u32,
         /// Its first node of trees.
         first_node: u32,
-        /// Its first place in the command of trees' leaves.
+        /// Its first position in the leaf order of trees.
         first_leaf: u32,
-        /// 0: see `kernels/vector.wgsl`.
+        /// Always 0; see `kernels/vector.wgsl`.
         zero_bits: u32,
         /// Law of bonds.
         bond: Bonds,
@@ -114,11 +116,11 @@ shared! {
         tissue: Law,
     }
 
-    /// What neighbours see of a sub-particle.
+    /// The part of a sub-particle that neighbours read.
     Particle {
         /// Fixed-point position, in units.
         position: [i32; 3],
-        /// Whether it is held.
+        /// Whether it is clamped.
         held: u32,
         /// In m/s.
         velocity: [f32; 3],
@@ -126,19 +128,19 @@ shared! {
         mass: f32,
         /// In rad/s.
         spin: [f32; 3],
-        /// Room.
+        /// Padding.
         pad: u32,
     }
 
-    /// What only the sub-particle itself needs.
+    /// The part of a sub-particle that only it reads.
     PrivateState {
-        /// What its position has moved beyond whole units.
+        /// Fraction of a unit that its position has moved beyond integer units.
         remainder: [f32; 3],
         /// Bonds broken so far between it and sub-particles of higher index.
         broken: u32,
     }
 
-    /// How many neighbours and facets stand in the rows of a sub-particle.
+    /// Lengths of the rows of a sub-particle.
     Count {
         /// Neighbours.
         pairs: u32,
@@ -146,11 +148,11 @@ shared! {
         walls: u32,
     }
 
-    /// A neighbour of a sub-particle, and what bond and contact remember.
+    /// A neighbour of a sub-particle, with the histories of bond and contact.
     Pair {
-        /// Force of the bond, in N.
+        /// Force history of the bond, in N.
         bond: [f32; 3],
-        /// Number of the other within its run.
+        /// Index of the neighbour within its run.
         other: u32,
         /// Tangential displacement of the contact, in m.
         xi: [f32; 3],
@@ -158,7 +160,7 @@ shared! {
         state: u32,
     }
 
-    /// A facet near a sub-particle, and what their contact remembers.
+    /// A facet near a sub-particle, with the history of their contact.
     WallPair {
         /// Tangential displacement, in m.
         xi: [f32; 3],
@@ -170,7 +172,7 @@ shared! {
         state: u32,
     }
 
-    /// How a sub-particle nearest_points a facet near it, within one step.
+    /// Nearest point of a facet to a sub-particle, within one step.
     NearestPoint {
         /// From the centre to the nearest point, in m.
         to_wall: [f32; 3],
@@ -188,7 +190,7 @@ shared! {
 
     /// A surface.
     Surface {
-        /// Of its contacts.
+        /// Law of its contacts.
         law: Law,
         /// Its first facet within its run.
         first_facet: u32,
@@ -196,35 +198,35 @@ shared! {
         first_node: u32,
         /// The node after its last.
         end_node: u32,
-        /// Its first place in the command of leaves within its run.
+        /// Its first position in the leaf order within its run.
         first_leaf: u32,
     }
 
-    /// Where a surface is in one step.
+    /// Pose of a surface in one step.
     Pose {
-        /// In units.
+        /// Position of the anchor, in units.
         anchor: [i32; 3],
-        /// Room.
+        /// Padding.
         pad_0: u32,
         /// Columns of its rotation.
         turn_x: [f32; 3],
-        /// Room.
+        /// Padding.
         pad_1: u32,
         /// See `turn_x`.
         turn_y: [f32; 3],
-        /// Room.
+        /// Padding.
         pad_2: u32,
         /// See `turn_x`.
         turn_z: [f32; 3],
-        /// Room.
+        /// Padding.
         pad_3: u32,
-        /// Of the material at the anchor, in m/s.
+        /// Velocity of the material at the anchor, in m/s.
         velocity: [f32; 3],
-        /// Room.
+        /// Padding.
         pad_4: u32,
         /// In rad/s.
         spin: [f32; 3],
-        /// Room.
+        /// Padding.
         pad_5: u32,
     }
 
@@ -240,15 +242,15 @@ shared! {
         first_triangle: u32,
         /// See `low`.
         high: [f32; 3],
-        /// How many triangles it has.
+        /// Number of its triangles.
         triangles: u32,
-        /// Whether one of them is long for its width.
+        /// Whether one of its triangles is a sliver.
         sliver: u32,
-        /// Room.
+        /// Padding.
         pad_0: u32,
-        /// Room.
+        /// Padding.
         pad_1: u32,
-        /// Room.
+        /// Padding.
         pad_2: u32,
     }
 
@@ -256,7 +258,7 @@ shared! {
     Corner {
         /// Relative to the anchor, in m.
         at: [f32; 3],
-        /// Room.
+        /// Padding.
         pad: u32,
     }
 
@@ -264,21 +266,21 @@ shared! {
     Node {
         /// Its box, relative to the anchor, in m.
         low: [f32; 3],
-        /// The node to go on at when this one is passed over, within its surface.
+        /// Node at which a traversal continues when it skips this one, within its surface.
         next: u32,
         /// See `low`.
         high: [f32; 3],
-        /// First place of its facets in the command of leaves within its surface, times 8, and how many they are.
+        /// First position of its facets in the leaf order within its surface, times 8, plus their number.
         leaf: u32,
     }
 
-    /// What a run reports of a chunk of steps.
+    /// Report of a run for a chunk of steps.
     Report {
-        /// Whether lists were used that no longer held.
+        /// Whether stale lists were used.
         stale: Atomic,
-        /// Greatest displacement since lists were built, in m, as bits.
+        /// Maximum displacement since the lists were built, in m, as bits.
         drift: Atomic,
-        /// Greatest overlap of unbonded sub-particles, in m, as bits.
+        /// Maximum overlap of unbonded sub-particles, in m, as bits.
         overlap: Atomic,
         /// Bonds broken.
         broken: Atomic,
@@ -286,21 +288,21 @@ shared! {
         fault_step: Atomic,
         /// The first of its runaways, or [`NONE`].
         runaway: Atomic,
-        /// Longest row of neighbours wanted.
+        /// Longest row of neighbours that did not fit.
         pairs: Atomic,
-        /// Longest row of facets wanted.
+        /// Longest row of facets that did not fit.
         walls: Atomic,
     }
 
-    /// What goes with each dispatch.
+    /// Constants of a dispatch.
     DispatchParams {
         /// Step of the chunk.
         step: u32,
         /// Sub-particles in the batch.
         count: u32,
-        /// Room of a row of neighbours.
+        /// Capacity of a row of neighbours.
         pair_capacity: u32,
-        /// Room of a row of facets.
+        /// Capacity of a row of facets.
         wall_capacity: u32,
     }
 }
@@ -308,7 +310,7 @@ shared! {
 /// No step, no sub-particle.
 pub const NONE: u32 = u32::MAX;
 
-/// Set in the state of a pair whose surfaces hold each other.
+/// Flag in the state of a pair: the contact has formed and still holds.
 pub const IN_CONTACT: u32 = 1 << 31;
 
 /// The number of a formulation.
@@ -321,7 +323,7 @@ pub fn bond_model(model: BondModel) -> u32 {
 }
 
 impl Report {
-    /// One in which zero_bits has happened yet.
+    /// An empty report.
     pub fn fresh() -> Self {
         Self { fault_step: Atomic(NONE), runaway: Atomic(NONE), ..Self::default() }
     }
@@ -350,7 +352,7 @@ impl From<&ContactLaw> for Law {
 
 impl From<&BondLaw> for Bonds {
     fn from(law: &BondLaw) -> Self {
-        // WGSL has no infinity; what no force reaches will do, and its square is a number too.
+        // WGSL has no infinity. No force reaches this value, and its square is finite.
         let strength = |strength: f32| strength.min(1e19);
         Self {
             model: bond_model(law.model),

@@ -1,4 +1,5 @@
-//! MemoryBudget of the device: buffers are counted where they are made, since wgpu does not tell how much there is.
+//! The memory budget of the device. Buffers are counted when they are created, since wgpu does not report
+//! free memory.
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -9,10 +10,10 @@ use wgpu::{BufferUsages, ErrorFilter};
 use super::device::Device;
 use crate::engine::OutOfDeviceMemory;
 
-/// Least size of a buffer, in bytes: none is empty, since WGSL wants room for one element at least.
+/// Minimum size of a buffer, in bytes. WGSL requires room for at least one element.
 pub(super) const MIN_BUFFER_BYTES: u64 = 256;
 
-/// How much buffers may take in all, and do, in bytes.
+/// Budget and use of device memory by buffers, in bytes.
 #[derive(Debug)]
 pub(super) struct MemoryBudget {
     allowed: u64,
@@ -25,17 +26,17 @@ impl MemoryBudget {
         Self { allowed, used: AtomicU64::new(0), refusals: AtomicU64::new(0) }
     }
 
-    /// What buffers take now.
+    /// Memory in use.
     pub(super) fn used(&self) -> u64 {
         self.used.load(Relaxed)
     }
 
-    /// What is left.
+    /// Memory left.
     pub(super) fn available(&self) -> u64 {
         self.allowed.saturating_sub(self.used())
     }
 
-    /// How often there was not enough.
+    /// Number of refused reservations.
     pub(super) fn refusals(&self) -> u64 {
         self.refusals.load(Relaxed)
     }
@@ -53,7 +54,7 @@ impl MemoryBudget {
     }
 }
 
-/// A buffer for kernels. Its share of the memory is given back with it.
+/// A buffer for kernels. Its drop releases its memory.
 #[derive(Debug)]
 pub(super) struct Buffer {
     buffer: wgpu::Buffer,
@@ -74,12 +75,12 @@ impl Drop for Buffer {
     }
 }
 
-/// What buffers of these sizes take, in bytes.
+/// Memory of buffers of these sizes, in bytes.
 pub(super) fn bytes_of<const N: usize>(sizes: [(&str, u64); N]) -> u64 {
     sizes.iter().map(|(_, bytes)| (*bytes).max(MIN_BUFFER_BYTES)).sum()
 }
 
-/// Makes buffers of these names and sizes: all of them, or says why the device will not.
+/// Creates buffers of these names and sizes: all or none.
 pub(super) fn buffers<const N: usize>(
     device: &Device,
     sizes: [(&str, u64); N],

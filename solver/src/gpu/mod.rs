@@ -1,21 +1,23 @@
-//! The GPU backend: the plain path's physics as kernels in WGSL, for any graphics adapter that wgpu drives.
+//! The GPU backend: the physics of the plain path as WGSL kernels, for any adapter that wgpu supports.
 //!
-//! Every sub-particle gathers its forces as on the plain path of [`crate::cpu`], with the same operations in the same
-//! command, so that on an adapter that rounds every operation by itself (Mesa's lavapipe does) the bits are the same. A
-//! step is one dispatch. Lists are rebuilt every few steps, whether they need it or not; should something have moved too
-//! far in between, the chunk of steps is done again with a shorter interval. Neither that nor what else is in the batch
-//! changes a bit: what is in reach is in the lists, rows are sorted, and what does not point adds zero_bits.
+//! Every sub-particle gathers its forces as on the plain path of [`crate::cpu`], with the same operations in
+//! the same order. An adapter that rounds every operation by itself, like Mesa's lavapipe, gives the same
+//! bits. A step is one dispatch.
 //!
-//! | file | does |
+//! Neighbour lists are rebuilt every few steps, needed or not. If a sub-particle moved too far in between,
+//! the chunk of steps is repeated with a shorter interval. Neither this nor the rest of the batch changes a
+//! bit: lists hold all pairs within range, rows are sorted, and pairs without contact add nothing.
+//!
+//! | file | content |
 //! |---|---|
-//! | `device` | chooses and opens the adapter |
-//! | `shared`, `layout` | what host and kernels share, declared once |
-//! | `source`, `pipelines` | WGSL from its files, compiled |
-//! | `lists`, `walls` | neighbour lists and surfaces in main memory |
-//! | `memory` | buffers, and how much they may take |
-//! | `store`, `run` | one run on the device |
-//! | `arena`, `advance` | a batch of them, advanced |
-//! | `driver` | the thread that does so, for all who ask at a time |
+//! | `device` | selection and opening of the adapter |
+//! | `shared`, `layout` | types shared by host and kernels, declared once |
+//! | `source`, `pipelines` | WGSL assembled from its files, and compiled |
+//! | `neighbour_list`, `walls` | neighbour lists and surfaces in main memory |
+//! | `memory_budget` | buffers, and the memory that they may use |
+//! | `run_buffers`, `run` | one run on the device |
+//! | `arena`, `advance` | a batch of runs |
+//! | `driver` | the thread that advances batches for all callers |
 
 mod advance;
 mod arena;
@@ -51,10 +53,11 @@ use run::{Run, max_cells};
 use run_buffers::ElementCounts;
 use source::Source;
 
-/// A graphics adapter that computes. Threads may share one: what they advance at a time becomes one batch.
+/// A graphics adapter that computes. Threads may share it: runs that they advance at the same time form one
+/// batch.
 ///
-/// Its methods unwind with [`OutOfDeviceMemory`] when a run finds no room: that run is lost, and zero_bits else. They panic when the device is
-/// lost: it is of no use from then on, nor are its runs.
+/// Methods unwind with [`OutOfDeviceMemory`] when a run does not fit; only that run is lost. They panic when
+/// the device is lost, with all of its runs.
 #[derive(Debug)]
 pub struct Gpu {
     device: Device,
@@ -67,26 +70,26 @@ impl Gpu {
         Self::with(Device::open(options)?, &Source::kernels())
     }
 
-    /// The same with other kernels, for tests of what finds faults.
+    /// The same with other kernels, for tests of fault detection.
     pub fn with(device: Device, source: &Source) -> Result<Self, GpuError> {
         let pipelines = Pipelines::new(&device, source)?;
         Ok(Self { driver: Driver::start(device.clone(), pipelines), device })
     }
 
-    /// How many bytes the device reads and writes in a second when it copies within its memory.
+    /// Memory bandwidth of a copy on the device, in bytes read and written per second.
     ///
     /// # Errors
-    /// When there is no room for what is copied.
+    /// When the buffers for the copy do not fit.
     pub fn copied_bytes_per_s(&self) -> Result<f64, OutOfDeviceMemory> {
         self.device.copied_bytes_per_s()
     }
 
-    /// Bytes of the device's memory that buffers take now.
+    /// Device memory of all buffers, in bytes.
     pub fn taken_bytes(&self) -> u64 {
         self.device.memory.used()
     }
 
-    /// How often more memory was wanted than may be taken.
+    /// Number of refused memory reservations.
     pub fn refusals(&self) -> u64 {
         self.device.memory.refusals()
     }
@@ -139,11 +142,11 @@ impl Backend for Gpu {
     }
 }
 
-/// About how many bytes of the device's memory a run takes that is advanced alone, by its size: with rows as long as they usually
-/// become. In a batch it takes no more.
+/// Approximate device memory of a run that is advanced alone, in bytes, with rows of typical length. In a
+/// batch it needs no more.
 pub fn typical_run_bytes(subparticles: u64, triangles: u64) -> u64 {
     let count = |number: u64| u32::try_from(number).unwrap_or(u32::MAX);
-    // Of an equipment with everything; the surfaces of a mesh are one or two more.
+    // A full hopper. The surfaces of a mesh add one or two.
     let surfaces = 16;
     let particles = count(subparticles.min(1 << 28));
     let elements = ElementCounts {
@@ -161,15 +164,15 @@ pub fn typical_run_bytes(subparticles: u64, triangles: u64) -> u64 {
     bytes_of(elements.sizes(row_capacity)) + arena_bytes(&elements, row_capacity)
 }
 
-/// Leaves a run for which there is no room. No panic: zero_bits is wrong with the program, and zero_bits is said on standard error.
+/// Unwinds from a run that does not fit. Not a panic: the program is sound, and nothing is printed.
 fn unwind(out_of_memory: OutOfDeviceMemory) -> ! {
     resume_unwind(Box::new(out_of_memory))
 }
 
-/// What a run comes to, or that there was no room for it.
+/// Result of `run`, or the reason why it did not fit.
 ///
 /// # Errors
-/// When what runs unwinds with [`OutOfDeviceMemory`].
+/// When `run` unwinds with [`OutOfDeviceMemory`].
 pub fn catch_out_of_memory<T>(run: impl FnOnce() -> T) -> Result<T, OutOfDeviceMemory> {
     let other = |payload: Box<dyn Any + Send>| match payload.downcast() {
         Ok(out_of_memory) => Err(*out_of_memory),

@@ -1,15 +1,15 @@
-//! Neighbour lists in main memory, where rows are renumbered, lengthened and looked at: the host's side of
-//! `kernels/lists.wgsl`.
+//! Neighbour lists in main memory, to renumber, lengthen and inspect rows: the host side of
+//! `kernels/neighbour_list.wgsl`.
 
 use super::layout::{Count, IN_CONTACT, Pair, WallPair};
 use crate::engine::scene::Scene;
 
-/// RowCapacity of a row of neighbours at first.
+/// Initial capacity of a row of neighbours.
 const INITIAL_PAIR_CAPACITY: u32 = 12;
-/// RowCapacity of a row of facets at first.
+/// Initial capacity of a row of facets.
 const INITIAL_WALL_CAPACITY: u32 = 4;
 
-/// How long rows may be.
+/// Capacity of the rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RowCapacity {
     pub(super) pairs: u32,
@@ -17,12 +17,12 @@ pub(super) struct RowCapacity {
 }
 
 impl RowCapacity {
-    /// As long as either asks for.
+    /// Maximum of both.
     pub(super) fn max(self, other: Self) -> Self {
         Self { pairs: self.pairs.max(other.pairs), walls: self.walls.max(other.walls) }
     }
 
-    /// Room for rows of that many, with some to spare.
+    /// Capacity for rows of these lengths, with some reserve.
     pub(super) fn holding(pairs: u32, walls: u32) -> Self {
         Self { pairs: (pairs + 2).next_multiple_of(4), walls: (walls + 1).next_multiple_of(4) }
     }
@@ -34,7 +34,7 @@ impl Default for RowCapacity {
     }
 }
 
-/// The rows of all sub-particles of a run, each with the same number of row_capacity.
+/// The rows of all sub-particles of a run, with equal capacities.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Rows {
     pub(super) row_capacity: RowCapacity,
@@ -44,7 +44,7 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// Rows that hold the bonds of a scene and zero_bits else yet.
+    /// Rows that hold only the bonds of a scene.
     pub(super) fn new(scene: &Scene, count: usize) -> Self {
         let mut rows: Vec<Vec<Pair>> = vec![Vec::new(); count];
         let mut base = 0;
@@ -89,12 +89,12 @@ impl Rows {
         &self.walls[from..from + self.counts[i].walls as usize]
     }
 
-    /// The same rows with other numbers of row_capacity, which must hold them.
+    /// The same rows with another capacity, which must suffice.
     pub(super) fn with(&self, row_capacity: RowCapacity) -> Self {
         Self::of(row_capacity, (0..self.counts.len()).map(|i| (self.pairs(i), self.walls(i))))
     }
 
-    /// Renumbers after bodies were taken out: `map` holds the new index of each sub-particle, or `u32::MAX`.
+    /// Renumbers after a removal: `map` holds the new index of each sub-particle, or `u32::MAX`.
     pub(super) fn remove(&self, map: &[u32]) -> Self {
         let renumber = |pair: &Pair| {
             let other = map[pair.other as usize];
@@ -106,7 +106,7 @@ impl Rows {
         Self::of(self.row_capacity, rows.iter().map(|(pairs, walls)| (pairs.as_slice(), *walls)))
     }
 
-    /// The bonds that hold, as pairs of indices, the lower one first, ascending.
+    /// Intact bonds, as pairs of indices, the lower one first, ascending.
     pub(super) fn bonds(&self) -> impl Iterator<Item = [usize; 2]> {
         let row = |i: usize| self.pairs(i).iter().map(move |pair| (i, pair));
         (0..self.counts.len())

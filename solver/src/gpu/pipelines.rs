@@ -1,4 +1,4 @@
-//! The kernels, compiled, and the buffers that they bind.
+//! The compiled kernels and their buffer bindings.
 
 use wgpu::{
     BindGroup, BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, ComputePass,
@@ -10,33 +10,33 @@ use super::layout::DispatchParams;
 use super::memory_budget::Buffer;
 use super::source::Source;
 
-/// Invocations of a group.
+/// Invocations per workgroup.
 pub(super) const GROUP_SIZE: u32 = 64;
 
-/// Groups that a device allows in a row.
+/// Maximum number of workgroups along one dimension.
 const MAX_GROUPS_PER_ROW: u32 = 65_535;
 
-/// Which buffers of each group are written by kernels; see `kernels/bindings.wgsl`.
+/// Whether kernels write each buffer of each bind group; see `kernels/bindings.wgsl`.
 const WRITABLE: [&[bool]; 3] = [
     &[false, false, false, false, false, false, false, true],
     &[false, true, true, false, true, true, true],
     &[true, true, true, true, true, true, true],
 ];
 
-/// Storage buffers that one kernel sees.
+/// Number of storage buffers of a kernel.
 pub(super) const STORAGE_BUFFERS: u32 = (WRITABLE[0].len() + WRITABLE[1].len() + WRITABLE[2].len()) as u32;
 
-/// Bytes of the constants that go with each dispatch.
+/// Size of the constants of a dispatch, in bytes.
 const IMMEDIATE_BYTES: u32 = size_of::<DispatchParams>() as u32;
 
-/// The kernels of a step, in the command in which they run.
+/// The kernels of a step, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kernel {
-    /// Sub-particles into the cells of the grid.
+    /// Build the cell list.
     CellList,
-    /// Neighbour lists anew.
+    /// Rebuild the neighbour lists.
     NeighbourList,
-    /// Forces and motion.
+    /// Forces and integration.
     Step,
 }
 
@@ -48,7 +48,7 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    /// Compiles them, or says why the driver will not.
+    /// Compiles the kernels.
     pub(super) fn new(opened: &Device, source: &Source) -> Result<Self, GpuError> {
         let device = &opened.device;
         let scopes = [ErrorFilter::Validation, ErrorFilter::Internal, ErrorFilter::OutOfMemory]
@@ -95,7 +95,7 @@ impl Pipelines {
                 cache: None,
             })
         });
-        // From the innermost out.
+        // Innermost scope first.
         let errors: Vec<_> =
             scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).collect();
         match errors.first() {
@@ -120,7 +120,7 @@ impl Pipelines {
         })
     }
 
-    /// Runs a kernel once for every sub-particle, on groups of buffers that are bound.
+    /// Runs a kernel once per sub-particle, on bound groups.
     pub(super) fn run(&self, pass: &mut ComputePass<'_>, kernel: Kernel, dispatch: &DispatchParams) {
         let groups = dispatch.count.div_ceil(GROUP_SIZE).max(1);
         let (x, y) = (groups.min(MAX_GROUPS_PER_ROW), groups.div_ceil(MAX_GROUPS_PER_ROW));

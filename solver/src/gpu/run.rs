@@ -1,4 +1,4 @@
-//! One run: its buffers on the device, what of it is opaque in main memory, and how observers look at it.
+//! One run: its buffers on the device, its data in main memory, and access for observers.
 
 use bytemuck::pod_collect_to_vec;
 use glam::{DVec3, IVec3, UVec3, Vec3};
@@ -14,10 +14,10 @@ use crate::engine::scene;
 use crate::engine::state::State;
 use crate::walls::Walls;
 
-/// Steps between two rebuilds of the lists at first.
+/// Initial number of steps between two rebuilds of the lists.
 const INITIAL_INTERVAL: u32 = 8;
 
-/// A run on the device. While it is being advanced it is with the driver.
+/// A run on the device. The driver owns it while it is being advanced.
 #[derive(Debug)]
 pub struct GpuRun(pub(super) Option<Box<Run>>);
 
@@ -29,24 +29,24 @@ impl GpuRun {
     /// The run.
     ///
     /// # Panics
-    /// If it was lost: there was no pad for it, or the device failed.
+    /// If it was lost: it did not fit, or the device failed.
     pub(super) fn get(&mut self) -> &mut Run {
         self.0.as_mut().expect("it was not lost")
     }
 
-    /// Facets that a row of its lists has pad for: rows become longer when a sub-particle meets more.
+    /// Capacity of a row of facets. Rows grow when a sub-particle has more facets near it.
     pub fn wall_capacity(&mut self) -> u32 {
         self.get().store.row_capacity.walls
     }
 }
 
-/// What there is of a run.
+/// Data of a run.
 #[derive(Debug)]
 pub(super) struct Run {
     pub(super) store: RunBuffers,
-    /// Its parameters; where it begins in the buffers of a batch is written in there.
+    /// Its parameters. A batch fills in the offsets of its buffers.
     pub(super) scene: Scene,
-    /// Steps between two rebuilds of its lists that seem right.
+    /// Estimated steps between two rebuilds of its lists.
     pub(super) interval: u32,
     pub(super) fault: Option<String>,
     pub(super) step: u64,
@@ -62,7 +62,7 @@ pub(super) struct Run {
 }
 
 impl Run {
-    /// Takes a scene in, with buffers that are made for it, if they are.
+    /// Takes in a scene; `make` creates its buffers.
     pub(super) fn new(
         device: &Device,
         scene: &scene::Scene,
@@ -135,7 +135,8 @@ impl Run {
         self.surface_forces.clone()
     }
 
-    /// Reads back what observers look at, unless it is known: all at once, since others may keep the device busy.
+    /// Reads the data for observers, unless it is current. One transfer for all: other runs may keep the
+    /// device busy.
     fn read(&mut self, device: &Device) {
         if !self.is_read {
             let parts = [RunBuffer::Particles, RunBuffer::PrivateState, RunBuffer::Counts, RunBuffer::Walls];
@@ -157,7 +158,7 @@ impl Run {
         }
     }
 
-    /// Force on each surface, added up as the plain path does.
+    /// Force on each surface, summed in the order of the plain path.
     fn forces(&self, counts: &[Count], walls: &[WallPair]) -> Vec<DVec3> {
         let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
         for (row, count) in walls.chunks(self.store.row_capacity.walls as usize).zip(counts) {
@@ -168,7 +169,7 @@ impl Run {
         forces
     }
 
-    /// The device has moved on.
+    /// Counts steps done on the device.
     pub(super) fn steps_done(&mut self, steps: u64) {
         self.is_read = false;
         self.step += steps;
@@ -195,7 +196,7 @@ impl Run {
         self.write_state(device);
     }
 
-    /// Where its surfaces are in each of the next steps; once for all while zero_bits moves.
+    /// Poses of its surfaces in each of the next steps; once while all stand still.
     pub(super) fn poses(&mut self, steps: u64) -> Vec<Pose> {
         let count = if self.moves() { steps } else { 1 };
         let mut all = Vec::new();
@@ -212,22 +213,22 @@ impl Run {
         self.start_step.is_some() && self.walls.max_speed() > 0.0
     }
 
-    /// Steps after which a surface may have moved half the skin.
+    /// Steps in which a surface moves by at most half the skin.
     pub(super) fn max_interval(&self) -> u32 {
         if !self.moves() {
             return u32::MAX;
         }
-        // One more, since lists are built for where surfaces are in the first step; and one less for rounding.
+        // Plus one, since lists are built for the poses of the first step; minus one for rounding.
         (f64::from(self.scene.half_skin) / (self.walls.max_speed() * self.dt)) as u32
     }
 }
 
-/// What the kernels need to know of a scene.
+/// The parameters of a scene for the kernels.
 fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
     let (radius, laws, frame) = (scene.radius_m as f32, &scene.laws, &state.frame);
     let (skin, limit) = (SKIN_RATIO * radius, scene.speed_limit_m_s as f32);
-    let reach = 2.0 * radius + laws.adhesion_range() + skin;
-    let cell = (reach / frame.unit_m).ceil() as u32 + 1;
+    let cutoff = 2.0 * radius + laws.adhesion_range() + skin;
+    let cell = (cutoff / frame.unit_m).ceil() as u32 + 1;
     Scene {
         gravity: scene.gravity.as_vec3().to_array(),
         dt: scene.timestep_s as f32,
@@ -237,9 +238,9 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
         inverse_unit: 1.0 / frame.unit_m,
         spin_factor: 2.5 / (radius * radius),
         limit2: limit * limit,
-        tissue_reach: laws.tissue.adhesion_range(),
-        reach,
-        wall_reach: radius + laws.adhesion_range() + skin,
+        tissue_adhesion_range: laws.tissue.adhesion_range(),
+        cutoff,
+        wall_cutoff: radius + laws.adhesion_range() + skin,
         half_skin: skin / 2.0,
         period_y: frame.period_y,
         cell,
@@ -250,13 +251,12 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
     }
 }
 
-/// DampingCap cells of the grid of so many sub-particles.
+/// Maximum number of cells of a cell list.
 pub(super) fn max_cells(particles: u32) -> u32 {
     4 * particles.next_power_of_two().max(1024)
 }
 
-/// Cells of the grid in each direction, less one: as many as the domain takes, unless they would be many more than the
-/// sub-particles.
+/// Cells of the cell list per direction, minus one: enough for the domain, up to the maximum.
 fn mask(scene: &scene::Scene, state: &State, cell: u32) -> UVec3 {
     let edge = f64::from(cell) * f64::from(state.frame.unit_m);
     let limit = max_cells(state.particles.len() as u32);

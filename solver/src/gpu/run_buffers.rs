@@ -1,5 +1,5 @@
-//! The buffers of one run on the device: what lasts from chunk to chunk. Nothing in them depends on where the run stands
-//! in a batch.
+//! The buffers of one run on the device, which persist from chunk to chunk. Their content does not depend on
+//! the position of the run in a batch.
 
 use bytemuck::{Pod, pod_collect_to_vec};
 
@@ -10,7 +10,7 @@ use super::neighbour_list::{RowCapacity, Rows};
 use super::walls::Geometry;
 use crate::engine::OutOfDeviceMemory;
 
-/// A buffer of a run; batches have the same, with those of all runs one behind the other.
+/// A buffer of a run. Batches have the same buffers, with all runs one behind the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RunBuffer {
     Particles,
@@ -54,12 +54,12 @@ impl RunBuffer {
         }
     }
 
-    /// Those that steps change.
+    /// Buffers that steps change.
     pub(super) const CHANGING: [Self; 5] =
         [Self::Particles, Self::PrivateState, Self::Counts, Self::Pairs, Self::Walls];
 }
 
-/// How much there is of everything: in a run, or in all of a batch.
+/// Element counts of all buffers, of a run or of a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct ElementCounts {
     pub(super) scenes: u32,
@@ -69,14 +69,14 @@ pub(super) struct ElementCounts {
     pub(super) corners: u32,
     pub(super) nodes: u32,
     pub(super) leaves: u32,
-    /// Cells of grids.
+    /// Cells of cell lists.
     pub(super) cells: u32,
     /// Poses for a chunk.
     pub(super) poses: u32,
 }
 
 impl ElementCounts {
-    /// Each number of the two.
+    /// Combines the counts of both.
     pub(super) fn each(self, other: Self, of: impl Fn(u32, u32) -> u32) -> Self {
         Self {
             scenes: of(self.scenes, other.scenes),
@@ -91,7 +91,7 @@ impl ElementCounts {
         }
     }
 
-    /// The size of a part, in bytes.
+    /// Size of a buffer, in bytes.
     pub(super) fn bytes(&self, part: RunBuffer, row_capacity: RowCapacity) -> u64 {
         let bytes = |count: u32, each: usize| u64::from(count) * each as u64;
         match part {
@@ -108,13 +108,13 @@ impl ElementCounts {
         }
     }
 
-    /// The buffers of a run, or of all of a batch.
+    /// Names and sizes of all buffers, in bytes.
     pub(super) fn sizes(&self, row_capacity: RowCapacity) -> [(&'static str, u64); RunBuffer::ALL.len()] {
         RunBuffer::ALL.map(|part| (part.name(), self.bytes(part, row_capacity)))
     }
 }
 
-/// What the buffers of a new run will hold.
+/// Initial content of the buffers of a run.
 #[derive(Debug)]
 pub(super) struct RunContents {
     pub(super) elements: ElementCounts,
@@ -131,7 +131,7 @@ pub(super) struct RunBuffers {
 }
 
 impl RunBuffers {
-    /// Makes them, or says why the device will not.
+    /// Creates and fills the buffers.
     pub(super) fn new(device: &Device, draft: &RunContents) -> Result<Self, OutOfDeviceMemory> {
         let RunContents { elements, geometry, rows } = draft;
         let buffers = buffers(device, elements.sizes(rows.row_capacity))?;
@@ -153,7 +153,7 @@ impl RunBuffers {
         device.queue.write_buffer(self.buffer(part), 0, bytemuck::cast_slice(values));
     }
 
-    /// Reads parts, as bytes.
+    /// Reads buffers, as bytes.
     pub(super) fn read<const N: usize>(&self, device: &Device, parts: [RunBuffer; N]) -> [Vec<u8>; N] {
         device.read_all(parts.map(|part| (&**self.buffer(part), 0, self.bytes(part))))
     }
@@ -166,7 +166,7 @@ impl RunBuffers {
         self.write(device, RunBuffer::Leaves, &geometry.leaves);
     }
 
-    /// Takes rows in, which its buffers must hold.
+    /// Writes rows, which must fit.
     pub(super) fn write_rows(&mut self, device: &Device, rows: &Rows) {
         self.elements.particles = rows.counts.len() as u32;
         self.row_capacity = rows.row_capacity;
@@ -186,7 +186,7 @@ impl RunBuffers {
         }
     }
 
-    /// Lengthens its rows to these row_capacity, unless they have them. It stays as it was where the device has no room.
+    /// Lengthens its rows to this capacity. Unchanged if the device has too little memory.
     pub(super) fn lengthen(
         &mut self,
         device: &Device,

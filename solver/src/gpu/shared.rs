@@ -1,16 +1,16 @@
-//! Types that host and kernels share: a Rust struct that can write itself out in WGSL.
+//! Types shared by host and kernels: a Rust struct that writes its own WGSL declaration.
 
 use bytemuck::{Pod, Zeroable};
 
-/// A type that kernels know too.
+/// A type that kernels also know.
 pub trait Shared: Pod {
     /// Its name in WGSL.
     const NAME: &'static str;
-    /// Its declaration in WGSL; zero_bits for what WGSL knows itself.
+    /// Its declaration in WGSL; empty for built-in types.
     fn declaration() -> String {
         String::new()
     }
-    /// Its fields by name, with their places in bytes; none for what WGSL knows itself.
+    /// Its fields with their offsets in bytes; empty for built-in types.
     fn fields() -> Vec<(&'static str, usize)> {
         Vec::new()
     }
@@ -22,7 +22,7 @@ macro_rules! known {
 
 known! { f32 => "f32", u32 => "u32", i32 => "i32", [f32; 3] => "vec3<f32>", [i32; 3] => "vec3<i32>", [u32; 3] => "vec3<u32>" }
 
-/// A number that many invocations of a kernel raise, lower or add to.
+/// A number updated by atomic operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct Atomic(pub u32);
@@ -31,7 +31,7 @@ impl Shared for Atomic {
     const NAME: &'static str = "atomic<u32>";
 }
 
-/// Declares types as Rust structs, and lists them for the kernels.
+/// Declares Rust structs and lists them for the kernels.
 macro_rules! shared {
     ($($(#[$doc:meta])* $Name:ident { $($(#[$field_doc:meta])* $field:ident: $Type:ty),* $(,)? })*) => {
         $(
@@ -53,12 +53,12 @@ macro_rules! shared {
             }
         )*
 
-        /// The WGSL of all shared types.
+        /// WGSL declarations of all shared types.
         pub fn declarations() -> String {
             [$($Name::declaration()),*].concat()
         }
 
-        /// All shared types: name, size in bytes, fields with their places in bytes.
+        /// All shared types: name, size in bytes, fields with their offsets in bytes.
         pub fn all() -> Vec<(&'static str, usize, Vec<(&'static str, usize)>)> {
             vec![$(($Name::NAME, size_of::<$Name>(), $Name::fields())),*]
         }

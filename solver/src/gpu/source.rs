@@ -1,4 +1,4 @@
-//! The WGSL of the kernels, put together from its files: types and constants from Rust, physics, stages.
+//! The WGSL of the kernels, assembled from its files: types and constants from Rust, terms, stages.
 
 use crate::gpu::layout;
 use crate::physics::bond::{BondModel, STRETCH_CLAMP};
@@ -6,12 +6,12 @@ use crate::physics::damping;
 use crate::physics::jkr::{CURVATURE, D_SNAP, X_SNAP};
 use crate::walls::{ALIGNED_COSINE, COINCIDENT_M, EDGE_TOLERANCE};
 
-/// A file of functions without state.
+/// Names and texts of WGSL files.
 macro_rules! files {
     ($($name:literal),* $(,)?) => { [$(($name, include_str!(concat!("kernels/", $name, ".wgsl")))),*] };
 }
 
-/// The terms: functions of numbers, each the twin of a file of Rust.
+/// The terms: pure functions, each the twin of a Rust file.
 const TERMS: [(&str, &str); 9] =
     files!["vector", "frame", "damping", "hertz", "jkr", "friction", "contact", "bond", "integrate"];
 
@@ -26,14 +26,14 @@ pub struct Source {
 }
 
 impl Source {
-    /// All of it.
+    /// All files.
     pub fn kernels() -> Self {
         let mut source = Self::terms();
         source.files.extend(STAGES.map(|(name, text)| (name, text.to_owned())));
         source
     }
 
-    /// The terms alone, with the types that they know.
+    /// Only the terms, with their types.
     pub fn terms() -> Self {
         let nearest = include_str!("kernels/nearest.wgsl");
         let mut files = vec![("layout", layout::declarations()), ("constants", constants())];
@@ -42,7 +42,7 @@ impl Source {
         Self { files }
     }
 
-    /// The same with another text in one of its files: for tests that must fail. `from` must stand there.
+    /// Replaces text in one of its files, for tests that must fail. `from` must be present.
     pub fn with(mut self, name: &str, from: &str, to: &str) -> Self {
         let (_, text) = self.files.iter_mut().find(|file| file.0 == name).expect("a file of that name");
         assert!(text.contains(from), "{name} does not say {from}");
@@ -50,13 +50,13 @@ impl Source {
         self
     }
 
-    /// The whole text, and more behind it.
+    /// The whole text, followed by `more`.
     pub fn text(&self, more: &str) -> String {
         self.files.iter().map(|(_, text)| text.as_str()).chain([more]).collect::<Vec<_>>().join("\n")
     }
 }
 
-/// Constants that Rust has.
+/// Constants taken from Rust.
 fn constants() -> String {
     let floats = [
         ("D_SNAP", D_SNAP),
@@ -67,7 +67,7 @@ fn constants() -> String {
         ("EDGE_TOLERANCE", EDGE_TOLERANCE),
         ("ALIGNED_COSINE", ALIGNED_COSINE),
     ];
-    // What dashpots take along n and across it.
+    // Damping caps along n and across it.
     let pairs = [
         ("BONDED_CAP", damping::BONDED_CAP),
         ("BODY_CAP", damping::BODY_CAP),

@@ -1,11 +1,12 @@
-//! Surfaces as the kernels see them: facets, triangles and trees as flat lists, poses for every step of a chunk.
+//! Surfaces in the form of the kernels: facets, triangles and trees as flat arrays, and poses for every step
+//! of a chunk.
 
 use glam::Vec3;
 
 use super::layout::{Corner, Facet, Node, Pose, Surface};
 use crate::walls::{SurfacePose, Walls};
 
-/// What stays the same of the surfaces of a run, until some go at the start.
+/// Geometry of the surfaces of a run. It changes only when surfaces disappear at the start.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Geometry {
     pub(super) surfaces: Vec<Surface>,
@@ -55,7 +56,7 @@ impl Geometry {
     }
 }
 
-/// Where the surfaces are now.
+/// Current poses of the surfaces.
 pub(super) fn poses(walls: &Walls) -> impl Iterator<Item = Pose> {
     walls.surfaces().iter().map(|surface| {
         let SurfacePose { anchor, turn, velocity, spin } = surface.pose;

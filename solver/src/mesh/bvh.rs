@@ -1,19 +1,19 @@
-//! A bvh of boxes: finds what is near a point, or what a line meets, without looking at everything.
+//! A bounding volume hierarchy: finds the boxes near a point or on a line without a test of every box.
 //!
-//! Boxes are halved by their centres along the longest axis until a few are left. Nodes stand in the order in which a
-//! walk down meets them, each with the place to go on at when it is passed over.
+//! Boxes are split at the median of their centres along the longest axis until a few are left. Nodes are
+//! stored in depth-first order, each with the index at which a traversal continues when it skips the node.
 
 use glam::Vec3;
 
-/// Boxes that are not halved any more.
+/// Maximum number of boxes in a leaf.
 const LEAF: usize = 4;
-/// Share by which a box may seem farther than what is in it, by rounding.
+/// Relative slack of distance tests: by rounding, a box may appear farther than its content.
 const SLACK: f32 = 1e-5;
 
-/// A box with sides along the axes.
+/// An axis-aligned bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
-    /// The corner where all coordinates are least.
+    /// Corner with the smallest coordinates.
     pub low: Vec3,
     /// The opposite corner.
     pub high: Vec3,
@@ -34,7 +34,7 @@ impl Aabb {
     }
 }
 
-/// Numbered boxes in a bvh.
+/// A bounding volume hierarchy over numbered boxes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bvh {
     nodes: Vec<Node>,
@@ -44,17 +44,17 @@ pub struct Bvh {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Node {
-    /// The box around all below.
+    /// Bounding box of all boxes below.
     pub(crate) aabb: Aabb,
-    /// The node to go on at when all below this one is passed over.
+    /// Node at which a traversal continues when it skips this one.
     pub(crate) next: u32,
-    /// Where its boxes begin in the order, and how many they are; none in a node that is halved.
+    /// First box in the order, and number of boxes; 0 in an inner node.
     pub(crate) first: u32,
     pub(crate) count: u32,
 }
 
 impl Bvh {
-    /// A bvh over boxes, which are numbered from 0.
+    /// A hierarchy over boxes, which are numbered from 0.
     pub fn new(aabbs: &[Aabb]) -> Self {
         let mut bvh = Self { nodes: Vec::new(), order: (0..aabbs.len() as u32).collect() };
         if !aabbs.is_empty() {
@@ -86,14 +86,14 @@ impl Bvh {
         self.nodes[at].next = self.nodes.len() as u32;
     }
 
-    /// Its nodes, and the numbers of the boxes in the order of its leaves: for a walk elsewhere.
+    /// Its nodes, and the numbers of the boxes in the order of the leaves, for traversal in a kernel.
     #[cfg(feature = "gpu")]
     pub(crate) fn parts(&self) -> (&[Node], &[u32]) {
         (&self.nodes, &self.order)
     }
 
-    /// Calls `visit` with the number of every box in leaves that `enters` lets in, whose parents it let in too. It may
-    /// be called with boxes that `enters` itself would refuse.
+    /// Calls `visit` with the number of every box in leaves accepted by `enters`, as are all nodes above.
+    /// Boxes that `enters` would refuse may be among them.
     pub fn visit(&self, enters: impl Fn(&Aabb) -> bool, visit: impl FnMut(u32)) {
         let mut visit = visit;
         let mut at = 0;
@@ -108,15 +108,16 @@ impl Bvh {
         }
     }
 
-    /// Calls `visit` with the number of every box within `reach` of a point, and maybe with some beyond.
+    /// Calls `visit` with the number of every box within `reach` of a point, and possibly of some beyond.
     pub fn within(&self, p: Vec3, reach: f32, visit: impl FnMut(u32)) {
         self.visit(|aabb| aabb.distance2(p) <= reach * reach * (1.0 + SLACK), visit);
     }
 
-    /// The number of what is nearest to a point, the lowest of several; `distance2` measures what is in a box.
+    /// Number of the element nearest to a point, the lowest of several. `distance2` measures the content of a
+    /// box.
     pub fn nearest(&self, p: Vec3, distance2: impl Fn(u32) -> f32) -> Option<u32> {
         let mut best = (f32::INFINITY, u32::MAX);
-        // Halving leaves no more than 32 levels.
+        // Median splits give at most 32 levels.
         let (mut waiting, mut left) = ([0u32; 64], usize::from(!self.nodes.is_empty()));
         while left > 0 {
             left -= 1;
@@ -131,7 +132,7 @@ impl Bvh {
                     self.order[first..first + node.count as usize].iter().map(|&k| (distance2(k), k));
                 best = measured.fold(best, |best, this| if this < best { this } else { best });
             } else {
-                // The nearer half first: it is taken off the end.
+                // Push the nearer half last, so that it is popped first.
                 let halves = [at + 1, self.nodes[at + 1].next as usize];
                 let [a, b] = halves.map(|half| self.nodes[half].aabb.distance2(p));
                 let order = if a <= b { [halves[1], halves[0]] } else { halves };

@@ -1,4 +1,4 @@
-//! Files at hand, by digest: what the meshes of scenarios are looked up in.
+//! The mesh files of scenarios, by digest.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -12,20 +12,20 @@ pub fn digest(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
-/// A file that was read. What its numbers mean is for the scenario to say.
+/// A file that was read. The scenario states the units of its numbers.
 #[derive(Debug)]
 pub struct Stl {
     digest: String,
     triangles: Vec<[DVec3; 3]>,
-    /// In millimetres and in metres, once asked for.
+    /// Meshes in millimetres and in metres, built on demand.
     meshes: [OnceLock<Result<Mesh, MeshError>>; 2],
 }
 
 impl Stl {
-    /// The mesh that the file holds in these units; remembered.
+    /// The mesh of the file in these units, cached.
     ///
     /// # Errors
-    /// A size that cannot be meant in these units, or no triangle that has an area.
+    /// A size outside the limits for these units, or no triangle with an area.
     pub fn in_units(&self, units: Units) -> Result<Mesh, MeshError> {
         let mesh = &self.meshes[units as usize];
         mesh.get_or_init(|| Mesh::new(&self.triangles, &self.digest, units)).clone()
@@ -37,10 +37,10 @@ impl Stl {
 pub struct Meshes(Arc<BTreeMap<String, Arc<Stl>>>);
 
 impl Meshes {
-    /// Reads a file and keeps it under its digest, which comes back.
+    /// Reads a file and stores it under its digest, which is returned.
     ///
     /// # Errors
-    /// What is wrong with the file.
+    /// The fault of the file.
     pub fn insert(&mut self, bytes: &[u8]) -> Result<String, MeshError> {
         let digest = digest(bytes);
         if !self.0.contains_key(&digest) {
@@ -51,12 +51,12 @@ impl Meshes {
         Ok(digest)
     }
 
-    /// The file of a digest, when it is here.
+    /// The file of a digest, if present.
     pub fn get(&self, digest: &str) -> Option<Arc<Stl>> {
         self.0.get(digest).cloned()
     }
 
-    /// Triangles of all of them.
+    /// Total number of triangles.
     pub fn triangles(&self) -> u64 {
         self.0.values().map(|stl| stl.triangles.len() as u64).sum()
     }

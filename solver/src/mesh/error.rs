@@ -1,73 +1,73 @@
-//! Why a file is no mesh: each reason names what was found.
+//! Faults of mesh files, each with the values that were found.
 
 use super::{MAX_SIZE_M, MAX_TRIANGLES, MIN_SIZE_M, Units};
 
-/// Why a file is no mesh.
+/// Why a file cannot be read as a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
-    /// No byte at all.
+    /// The file is empty.
     #[error("the file is empty")]
     Empty,
-    /// Not STL, as far as can be told.
+    /// Neither binary nor ASCII STL.
     #[error("neither a binary STL ({}) nor an ASCII one (it is no text that begins with `solid`)", no_binary(*.announced, *.found))]
     NotStl {
-        /// Triangles that it announces when taken for binary; none when even the header is not whole.
+        /// Number of triangles in the header, read as binary; `None` when the header is incomplete.
         announced: Option<u32>,
-        /// Its length in bytes.
+        /// Length of the file in bytes.
         found: u64,
     },
-    /// Binary, and shorter than it says.
+    /// A binary file shorter than its header announces.
     #[error(
         "the file is cut short: a binary STL of {triangles} triangles takes {expected} bytes, found {found}"
     )]
     Truncated {
-        /// Triangles that it announces.
+        /// Announced triangles.
         triangles: u32,
-        /// Bytes that they take.
+        /// Bytes for these triangles.
         expected: u64,
-        /// Bytes that there are.
+        /// Bytes found.
         found: u64,
     },
-    /// Binary, and longer than it says.
+    /// A binary file longer than its header announces.
     #[error(
         "the file goes on after its end: a binary STL of {triangles} triangles takes {expected} bytes, found {found}"
     )]
     Surplus {
-        /// Triangles that it announces.
+        /// Announced triangles.
         triangles: u32,
-        /// Bytes that they take.
+        /// Bytes for these triangles.
         expected: u64,
-        /// Bytes that there are.
+        /// Bytes found.
         found: u64,
     },
-    /// ASCII, and something else stands where a word or a number must.
+    /// A syntax error of an ASCII file.
     #[error("line {line} of the ASCII STL: expected {expected}, found {found}")]
     Syntax {
         /// Line, from 1.
         line: usize,
-        /// What must stand there.
+        /// Expected token.
         expected: &'static str,
-        /// What stands there.
+        /// Token found.
         found: String,
     },
-    /// Sound, and without any triangle.
+    /// A valid file without triangles.
     #[error("the file holds no triangle")]
     NoTriangle,
-    /// More than any experiment needs.
+    /// More triangles than any experiment needs.
     #[error("the file holds {found} triangles, at most {MAX_TRIANGLES} are taken: export it more coarsely")]
     TooMany {
-        /// Triangles that there are.
+        /// Triangles found.
         found: usize,
     },
-    /// A coordinate that is not a number, or infinite.
+    /// A coordinate is not finite.
     #[error("triangle {triangle} has a corner at ({}, {}, {})", .corner[0], .corner[1], .corner[2])]
     NotFinite {
-        /// The triangle, from 1.
+        /// Number of the triangle, from 1.
         triangle: usize,
         /// The corner, in the file's units.
         corner: [f64; 3],
     },
-    /// So small or large that other units must be meant.
+    /// The size suggests other units.
     #[error(
         "read in {}, the mesh is {:.3e} × {:.3e} × {:.3e} m; its longest side must be from {MIN_SIZE_M} to {MAX_SIZE_M} m: are the units right?",
         name(*.units), .size_m[0], .size_m[1], .size_m[2]
@@ -75,13 +75,13 @@ pub enum MeshError {
     Size {
         /// Sides of its box, in metres.
         size_m: [f64; 3],
-        /// The units that it was read in.
+        /// Units that were assumed.
         units: Units,
     },
-    /// Nothing but points and lines.
+    /// All triangles are points or lines.
     #[error("none of the {triangles} triangles has an area")]
     AllDegenerate {
-        /// Triangles that there are.
+        /// Triangles found.
         triangles: usize,
     },
 }

@@ -1,7 +1,7 @@
-//! Triangles from CAD files, and the geometry that triangles need.
+//! Triangles from CAD files, and geometry of triangles.
 //!
-//! [`stl`] reads a file, [`Meshes`] keeps what was read by digest, [`Mesh`] is a file in metres with what there is to
-//! know about it. [`weld`], [`bvh`], [`nearest`] and [`winding`] serve all triangles, those of the experiments' own surfaces too.
+//! [`stl`] reads a file, [`Meshes`] stores files by digest, [`Mesh`] is a file in metres with its properties.
+//! [`weld`], [`bvh`], [`nearest`] and [`winding`] also serve the surfaces that experiments make.
 
 pub mod bvh;
 mod collection;
@@ -20,16 +20,16 @@ pub use collection::{Meshes, Stl, digest};
 pub use error::MeshError;
 use weld::weld;
 
-/// The most triangles that a file may have.
+/// Maximum number of triangles of a file.
 pub const MAX_TRIANGLES: usize = 200_000;
-/// The longest side of a mesh's box is at least this, in metres.
+/// Minimum of the longest side of a mesh's box, in metres.
 pub const MIN_SIZE_M: f64 = 1e-3;
-/// The longest side of a mesh's box is at most this, in metres.
+/// Maximum of the longest side of a mesh's box, in metres.
 pub const MAX_SIZE_M: f64 = 100.0;
-/// A triangle has no area when twice of it is at most this, in m².
+/// Twice the area up to which a triangle is degenerate, in m².
 pub const NO_AREA_M2: f64 = 1e-14;
 
-/// What the numbers of a file mean: STL does not say.
+/// Units of the numbers in a file, which STL does not state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Units {
@@ -49,35 +49,37 @@ impl Units {
     }
 }
 
-/// A file's triangles in metres, and what there is to know about them.
+/// The triangles of a file in metres, with their properties.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {
-    /// Corners in metres, welded: corners of neighbours are the same to the bit. Triangles whose corners fell together
-    /// are not here; those whose corners lie on a line are, since they close seams.
+    /// Corners in metres, welded: neighbours share corners to the bit. Triangles with coinciding corners are
+    /// dropped. Triangles with collinear corners stay, since they close seams.
     pub triangles: Arc<[[DVec3; 3]]>,
     /// Digest of the file, see [`digest`].
     pub digest: String,
-    /// The units that it was read in.
+    /// Units that were assumed for the file.
     pub units: Units,
-    /// Triangles of the file that have no area, and so act on nothing.
+    /// Degenerate triangles of the file. They have no area and no contact.
     pub degenerate: usize,
-    /// Edges where an odd number of triangles meet: rims and holes. The mesh is closed when there are none.
+    /// Edges with an odd number of triangles: rims and holes. A closed mesh has none.
     pub open_edges: usize,
-    /// Edges that an even number of triangles share of which not half run each way: neighbours that face opposite ways.
+    /// Edges with an even number of triangles, not half of them in each direction: neighbours that face
+    /// opposite ways.
     pub turned_edges: usize,
-    /// Volume enclosed, in m³: negative when the triangles face inwards, without meaning when the mesh is open or turned.
+    /// Enclosed volume in m³, negative when the triangles face inwards. Meaningless for an open or
+    /// misoriented mesh.
     pub signed_volume_m3: f64,
-    /// The corner of its box where all coordinates are least, in metres.
+    /// Corner of its box with the smallest coordinates, in metres.
     pub low: DVec3,
     /// The opposite corner, in metres.
     pub high: DVec3,
 }
 
 impl Mesh {
-    /// Triangles in a file's units, at least one.
+    /// A mesh from at least one triangle in a file's units.
     ///
     /// # Errors
-    /// A size that cannot be meant in these units, or no triangle that has an area.
+    /// A size outside the limits for these units, or no triangle with an area.
     fn new(triangles: &[[DVec3; 3]], digest: &str, units: Units) -> Result<Self, MeshError> {
         let found = triangles.len();
         let mut triangles: Vec<[DVec3; 3]> =
@@ -135,7 +137,7 @@ pub fn doubled_area([a, b, c]: &[DVec3; 3]) -> f64 {
     (b - a).cross(c - a).length()
 }
 
-/// How many edges are open, and how many turned.
+/// Numbers of open and of misoriented edges.
 fn edges(triangles: &[[u32; 3]]) -> (usize, usize) {
     let around = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
     let mut edges: Vec<(u32, u32, i32)> = triangles

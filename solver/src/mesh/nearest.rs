@@ -1,5 +1,4 @@
-//! The point of a triangle that is nearest to another point, by the Voronoi region of that point (Ericson 2005,
-//! section 5.1.5).
+//! The point of a triangle nearest to another point, by Voronoi regions (Ericson 2005, section 5.1.5).
 
 use glam::{DVec3, Vec3};
 
@@ -35,7 +34,7 @@ macro_rules! nearest {
             if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
                 return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
             }
-            // Inside: by the plane, which loses less than barycentric coordinates do on a long triangle.
+            // Inside: projection on the plane loses less than barycentric coordinates do on a sliver.
             let n = ab.cross(ac);
             p - n * (n.dot(ap) / n.dot(n))
         }
@@ -43,20 +42,20 @@ macro_rules! nearest {
 }
 
 nearest! {
-    /// The point of a triangle nearest to `p`. It is off by some 6e-8 of the triangle's length squared over its width:
-    /// 11 µm were met on one of 300 to 0.5 mm.
+    /// Point of a triangle nearest to `p`. Its error is about 6e-8 of the triangle's length squared over its
+    /// width: 11 µm were found on one of 300 mm by 0.5 mm.
     nearest_on_triangle, Vec3
 }
 
 nearest! {
-    /// As [`nearest_on_triangle`], for long and thin triangles too.
+    /// Like [`nearest_on_triangle`], also accurate for slivers.
     nearest_on_sliver, DVec3
 }
 
-/// How long for its width a triangle may be for [`nearest_on_triangle`].
+/// Ratio of length to width up to which [`nearest_on_triangle`] is accurate.
 const SLIVER_RATIO: f32 = 100.0;
 
-/// Whether a triangle is so long for its width that it needs [`nearest_on_sliver`].
+/// Whether a triangle is a sliver, which needs [`nearest_on_sliver`].
 pub fn is_sliver(&[a, b, c]: &[Vec3; 3]) -> bool {
     let longest2 = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
     longest2 > SLIVER_RATIO * (b - a).cross(c - a).length()
@@ -68,7 +67,8 @@ mod tests {
 
     #[test]
     fn a_long_triangle_keeps_its_nearest_point() {
-        // 300 mm long and from 0.5 mm to 50 µm wide, somewhere in space: over a point of it that point is the nearest.
+        // Slivers 300 mm long and 0.5 mm to 50 µm wide, anywhere in space. Above a point of the triangle,
+        // that point is the nearest.
         for k in 0..200u32 {
             let f = |m: u32| f64::from(k * m % 101) / 101.0 - 0.5;
             let along = DVec3::new(f(7), f(31), f(57)).normalize();

@@ -1,8 +1,8 @@
-//! STL files, binary and ASCII: triangles in the file's own units. Normals and attributes are passed over: the order of
-//! a triangle's corners says which way it faces.
+//! STL files, binary and ASCII: triangles in the file's own units. Normals and attributes are ignored: the
+//! order of the corners defines the orientation.
 //!
-//! A reader of our own, because the crates for it do not name faults: `stl_io` 0.11 takes every file that begins with
-//! "solid " for ASCII, which many binary ones do, and `nom_stl` 0.2 has an error that cannot be shown.
+//! The published crates do not report faults precisely. `stl_io` 0.11 takes every file that begins with
+//! "solid " for ASCII, and many binary files do. `nom_stl` 0.2 has an error that cannot be displayed.
 
 use glam::DVec3;
 
@@ -10,9 +10,9 @@ use super::{MAX_TRIANGLES, MeshError};
 
 /// Bytes before the first triangle of a binary file: 80 of free text, 4 of the number of triangles.
 const HEADER: usize = 84;
-/// Bytes of a triangle: normal and corners as 12 `f32`, and 2 that mean nothing.
+/// Bytes of a triangle: normal and corners as 12 `f32`, and 2 unused bytes.
 const RECORD: usize = 50;
-/// The most characters of a file that an error repeats.
+/// Maximum number of characters of a file that an error quotes.
 const MAX_QUOTED_CHARS: usize = 40;
 
 /// Length of a binary file of that many triangles, in bytes.
@@ -20,19 +20,19 @@ pub fn binary_length(triangles: u32) -> u64 {
     HEADER as u64 + RECORD as u64 * u64::from(triangles)
 }
 
-/// Reads the triangles of a file, at least one, all their corners finite.
+/// Reads the triangles of a file: at least one, with finite corners.
 ///
 /// # Errors
-/// What is wrong with the file.
+/// The fault of the file.
 pub fn read(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshError> {
     let found = bytes.len() as u64;
     let announced = bytes.get(HEADER - 4..HEADER).map(|count| le(count, u32::from_le_bytes));
     let triangles = match announced {
         _ if bytes.is_empty() => return Err(MeshError::Empty),
-        // The length tells: a header may begin with "solid", too.
+        // The length decides: the header of a binary file may also begin with "solid".
         Some(triangles) if binary_length(triangles) == found => binary(&bytes[HEADER..])?,
         _ if is_text(bytes) => ascii(bytes)?,
-        // A file of another kind announces any number, and most numbers are large.
+        // A file of another format shows a random number here, and most numbers are large.
         Some(triangles) if triangles as usize <= MAX_TRIANGLES => {
             let expected = binary_length(triangles);
             return Err(match found < expected {
@@ -53,7 +53,7 @@ pub fn read(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshError> {
     Ok(triangles)
 }
 
-/// A number of four bytes.
+/// A little-endian number of four bytes.
 fn le<T>(bytes: &[u8], of: fn([u8; 4]) -> T) -> T {
     of(bytes.try_into().expect("four bytes"))
 }
@@ -69,8 +69,8 @@ fn binary(records: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshError> {
     Ok(records.chunks_exact(RECORD).map(triangle).collect())
 }
 
-/// Whether a file that is no whole binary one is text: it begins as ASCII STL does, and has no zero byte, while the
-/// number of triangles of a binary file has one.
+/// Whether an incomplete or surplus file is text. It then begins as ASCII STL does and has no zero byte; the
+/// triangle count of a binary file has one.
 fn is_text(bytes: &[u8]) -> bool {
     bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))
         && !bytes.contains(&0)
@@ -102,12 +102,12 @@ fn ascii(bytes: &[u8]) -> Result<Vec<[DVec3; 3]>, MeshError> {
     }
 }
 
-/// Whether a word of the file is this one, in capitals or not.
+/// Whether a token is this keyword, in either case.
 fn is_keyword(word: &[u8], this: &str) -> bool {
     word.eq_ignore_ascii_case(this.as_bytes())
 }
 
-/// The words of a text, and the lines they stand in.
+/// The tokens of a text, with line numbers.
 struct Tokens<'a> {
     rest: &'a [u8],
     line: usize,
@@ -123,7 +123,7 @@ impl<'a> Tokens<'a> {
         Some(&rest[..end])
     }
 
-    /// Passes over a name: the rest of the line.
+    /// Skips a name: the rest of the line.
     fn skip_line(&mut self) {
         let end = self.rest.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(self.rest.len());
         self.rest = &self.rest[end..];
@@ -134,13 +134,13 @@ impl<'a> Tokens<'a> {
             let start: String = String::from_utf8_lossy(word).chars().take(MAX_QUOTED_CHARS).collect();
             format!("`{start}`")
         };
-        // A word with nothing behind it, not even the end of its line, was cut off.
+        // A token with nothing behind it, not even a line end, was cut off.
         let cut = if self.rest.is_empty() { ", where the file ends" } else { "" };
         let found = found.map_or_else(|| "the end of the file".to_owned(), |word| shown(word) + cut);
         MeshError::Syntax { line: self.line, expected, found }
     }
 
-    /// Takes the next word, which must be the one in backticks.
+    /// Takes the next token, which must be the one in backticks.
     fn expect(&mut self, expected: &'static str) -> Result<(), MeshError> {
         match self.next() {
             Some(word) if is_keyword(word, expected.trim_matches('`')) => Ok(()),
@@ -154,7 +154,7 @@ impl<'a> Tokens<'a> {
         number.ok_or_else(|| self.fault("a number", word))
     }
 
-    /// What follows `facet`. The normal may be anything: some programs write `nan` there.
+    /// The rest of a facet after `facet`. The normal may be anything: some programs write `nan`.
     fn facet(&mut self) -> Result<[DVec3; 3], MeshError> {
         self.expect("`normal`")?;
         for _ in 0..3 {

@@ -1,14 +1,15 @@
-//! Welding: corners that lie as good as on one spot become one, so that triangles know their neighbours.
+//! Welding: nearly coincident corners become one, so that triangles know their neighbours.
 
 use std::collections::HashMap;
 
 use glam::DVec3;
 
-/// Corners nearer than this are the same, in metres: a few roundings of `f32` coordinates a metre from the origin.
+/// Distance below which corners coincide, in metres: a few roundings of `f32` coordinates a metre from the
+/// origin.
 pub const WELD_M: f64 = 1e-7;
 
-/// Edge of the cells that corners are looked up in, in metres: wide enough that most look-ups see one cell, and
-/// no wider, for all corners of a cell are looked at.
+/// Edge of the lookup cells, in metres. Wide enough that most lookups touch one cell; no wider, since a
+/// lookup tests all corners of a cell.
 const CELL_M: f64 = 4.0 * WELD_M;
 
 /// Triangles as triples of numbered points.
@@ -16,14 +17,14 @@ const CELL_M: f64 = 4.0 * WELD_M;
 pub struct Welded {
     /// Points at least [`WELD_M`] apart, in metres, in the order of their first use.
     pub points: Vec<DVec3>,
-    /// Indices of each triangle's corners; two that fell together are equal.
+    /// Indices of the corners of each triangle. Welded corners have equal indices.
     pub triangles: Vec<[u32; 3]>,
 }
 
 /// Welds corners: each becomes the first point before it that is nearer than [`WELD_M`].
 pub fn weld(triangles: &[[DVec3; 3]]) -> Welded {
     let mut points: Vec<DVec3> = Vec::new();
-    // Each cell knows its last point, and each point the one before it in its cell.
+    // Each cell stores its last point, and each point its predecessor in the cell.
     let mut last: HashMap<[i64; 3], u32> = HashMap::new();
     let mut before: Vec<Option<u32>> = Vec::new();
     let mut number = |p: DVec3| {

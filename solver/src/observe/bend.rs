@@ -1,29 +1,32 @@
-//! How far a fillet is bent: the turning of its centre line's tangent from end to end (paper Fig. 7, section 3.4).
+//! Bend angle of a fillet: the rotation of its centre line's tangent from end to end (paper Fig. 7, section
+//! 3.4).
 //!
-//! The tangent of a cross-section is the mean direction of the material that lay along the length (x) before it was bent:
-//! from each sub-particle to the next in its row of the lattice. The angle between the mean tangents of the two outermost
-//! tenths of the length, thin tips apart, is 0° for a flat fillet however it lies, 180° for one that is folded double, and counts an S as what its
-//! ends differ by. A fillet bent evenly along its whole length reads a tenth to a quarter less than the arc between its tips.
+//! The tangent of a cross-section is the mean direction of the material that lay along the length (x) before
+//! bending: from each sub-particle to the next in its row of the lattice. The bend angle lies between the
+//! mean tangents of the two outermost tenths of the length, thin tips excluded.
+//!
+//! A flat fillet has 0° in any orientation, a folded one 180°. An S counts as the difference of its ends. An
+//! evenly bent fillet reads a tenth to a quarter less than the arc between its tips.
 
 use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-/// Share of the length, at each end, that an end's tangent is the mean over.
+/// Share of the length over which the tangent of an end is averaged.
 const END_SHARE: f64 = 0.1;
-/// A cross-section of fewer sub-particles than this share of the largest is a tip.
+/// Cross-sections with fewer sub-particles than this share of the largest belong to a tip.
 const MIN_SECTION_SHARE: f64 = 0.25;
 
-/// Reads how far bodies of one shape are bent.
+/// Measures the bend angle of bodies of one shape.
 #[derive(Clone, Debug)]
 pub struct BendGauge {
-    /// In the outermost tenths of the length: the lower of two neighbouring sub-particles of a row, each.
+    /// In the outermost tenths of the length: the first of each pair of neighbours in a row.
     ends: [Vec<usize>; 2],
 }
 
 impl BendGauge {
-    /// For bodies whose sub-particles lay at `reference` in metres, about any origin, their length along x and sorted by z, y, x
-    /// ([`crate::shape::lattice::MetaParticle::points`]).
+    /// For bodies with sub-particles at `reference` in metres, about any origin, with the length along x and
+    /// sorted by z, y, x ([`crate::shape::lattice::MetaParticle::points`]).
     pub fn new(reference: &[DVec3]) -> Self {
         let follows = |(i, pair): (usize, &[DVec3])| {
             let d = pair[1] - pair[0];
@@ -33,7 +36,7 @@ impl BendGauge {
         let along = without_tips(reference.windows(2).enumerate().filter_map(follows).collect());
         let low = along.iter().map(|(_, x)| *x).fold(f64::INFINITY, f64::min);
         let high = along.iter().map(|(_, x)| *x).fold(f64::NEG_INFINITY, f64::max);
-        // A little more than the share, so that rounding leaves no sub-particle of a lattice's layer out.
+        // A slightly larger share, so that rounding excludes no sub-particle of a lattice layer.
         let end = (END_SHARE + 1e-6) * (high - low);
         let those = |inside: &dyn Fn(f64) -> bool| {
             along.iter().filter(|(_, x)| inside(*x)).map(|(i, _)| *i).collect()
@@ -41,19 +44,20 @@ impl BendGauge {
         Self { ends: [those(&|x| x <= low + end), those(&|x| x >= high - end)] }
     }
 
-    /// The bend angle in degrees, 0 to 180, of a body in which the sub-particle after the `i`th lies by `step(i)` from it, in any unit. None where no
-    /// two sub-particles lie along the length, or an end has no direction.
+    /// Bend angle in degrees, 0 to 180. `step(i)` is the vector from the `i`th sub-particle to the next, in
+    /// any unit. `None` where no two sub-particles lie along the length, or an end has no direction.
     pub fn angle_deg(&self, step: impl Fn(usize) -> DVec3) -> Option<f64> {
         let tangent = |end: &[usize]| end.iter().map(|&i| step(i)).sum::<DVec3>().try_normalize();
         let [blunt, tail] = &self.ends;
         let (blunt, tail) = (tangent(blunt)?, tangent(tail)?);
-        // Sharper than the arc cosine near 0 and 180°.
+        // More accurate than the arc cosine near 0 and 180°.
         Some(blunt.cross(tail).length().atan2(blunt.dot(tail)).to_degrees())
     }
 }
 
-/// What lies between the outermost cross-sections that are at least [`MIN_SECTION_SHARE`] of the largest. Thinner ends are chains of
-/// single sub-particles, which hinge freely at every bond and tell nothing of the body.
+/// The part between the outermost cross-sections of at least [`MIN_SECTION_SHARE`] of the largest. Thinner
+/// ends are chains of single sub-particles. They hinge freely at every bond and do not show the bend of the
+/// body.
 fn without_tips(mut along: Vec<(usize, f64)>) -> Vec<(usize, f64)> {
     let section = |x: f64| (x * 1e7).round() as i64;
     let mut sizes: BTreeMap<i64, usize> = BTreeMap::new();
@@ -75,7 +79,7 @@ mod tests {
 
     use super::*;
 
-    /// The bend angle of one body, whose sub-particles lay at `reference` and now are at `current`, in the same order.
+    /// Bend angle of one body with sub-particles at `reference`, now at `current`, in the same order.
     fn bend_angle_deg(reference: &[DVec3], current: &[DVec3]) -> Option<f64> {
         BendGauge::new(reference).angle_deg(|i| current[i + 1] - current[i])
     }

@@ -1,22 +1,23 @@
-//! From the forces on two plates to stress over strain, and the modulus (paper sections 2.3.2 and 3.1, Fig. 6).
+//! Stress, strain and modulus from the forces on two plates (paper sections 2.3.2 and 3.1, Fig. 6).
 //!
-//! Strain counts from the first contact force: adhesion pulls the plates together at first, and the test begins where the stress
-//! crosses zero upwards for the last time before it is peak. Strains are relative to the lengths at that moment.
+//! Strain counts from the first contact force. Adhesion first pulls the plates together; the test begins at
+//! the last upward zero crossing of the stress before its peak. Strains are relative to the lengths at that
+//! moment.
 
 /// A compression test, sample by sample.
 #[derive(Clone, Debug, Default)]
 pub struct Compression {
     samples: Vec<CompressionSample>,
-    /// The sample with the peak stress, and the last before it that was not pressed.
+    /// Sample of the peak stress, and the last unloaded sample before it.
     peak: Option<(usize, usize)>,
-    /// The last sample that was not pressed.
+    /// Last sample without a positive stress.
     last_unloaded: usize,
 }
 
 /// One sample of a compression test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompressionSample {
-    /// Force that presses, over the area, in pascal; negative where the plates pull.
+    /// Compressive force over area, in pascal; negative where the plates pull.
     pub stress_pa: f64,
     /// Distance of the plates, in metres.
     pub height_m: f64,
@@ -47,7 +48,7 @@ pub struct StressStrain {
 }
 
 impl Compression {
-    /// Takes in a sample.
+    /// Records a sample.
     pub fn record(&mut self, sample: CompressionSample) {
         let k = self.samples.len();
         self.samples.push(sample);
@@ -58,7 +59,7 @@ impl Compression {
         }
     }
 
-    /// Where the stress crossed zero: the sample before, and the moment itself, read as straight between samples.
+    /// Zero crossing of the stress: the sample before, and the crossing itself by linear interpolation.
     fn first_contact(&self) -> Option<(usize, CompressionSample)> {
         let (_, last_unloaded) = self.peak?;
         let (before, after) = (self.samples[last_unloaded], self.samples.get(last_unloaded + 1)?);
@@ -66,7 +67,7 @@ impl Compression {
         Some((last_unloaded, before.lerp(after, share.clamp(0.0, 1.0))))
     }
 
-    /// Strain by the distance of the plates at the last sample; none before the first contact force.
+    /// Strain by the distance of the plates at the last sample; `None` before the first contact force.
     pub fn strain(&self) -> Option<f64> {
         let (_, start) = self.first_contact()?;
         Some(1.0 - self.samples.last()?.height_m / start.height_m)
@@ -85,8 +86,8 @@ impl Compression {
     }
 }
 
-/// Slope of the straight line through `(strain, stress)` that fits best between two strains, in pascal; none with fewer than
-/// three points between them, or all at one strain.
+/// Slope of the least-squares line through `(strain, stress)` between two strains, in pascal. `None` with
+/// fewer than three points, or with all points at one strain.
 pub fn modulus_pa(points: impl Iterator<Item = (f64, f64)>, from: f64, to: f64) -> Option<f64> {
     let inside: Vec<(f64, f64)> = points.filter(|(strain, _)| (from..=to).contains(strain)).collect();
     let n = inside.len() as f64;

@@ -1,7 +1,7 @@
-//! The responses of a hopper: how much came out, how fast, how steadily.
+//! The responses of a hopper: discharged mass, rate and steadiness.
 //!
-//! *Out* means past the gate plane, as a share of the filled mass. Rates and regime look at the curve *until
-//! 80 % is out* (or the run ends): the last fifth trickles out however the hopper works.
+//! *Out* means past the gate plane, as a share of the filled mass. Rates and regime use the curve *until 80 %
+//! is out* (or the run ends): the last fifth trickles out in any hopper.
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -10,29 +10,29 @@ use super::curve::Curve;
 use super::regime::{self, Regime, SPILL_S, WINDOW_S};
 use crate::result::EndReason;
 
-/// Judged by the paper at this belt time, in seconds; also the least that a regime can be told from.
+/// Belt time of the paper's evaluation, in seconds; also the minimum for a regime.
 const EVALUATION_TIME_S: f64 = 4.0;
 
-/// The share out until which rates are looked at.
+/// Share out up to which rates are evaluated.
 const FLOW_SHARE: f64 = 0.8;
 
-/// The share out at which a hopper counts as emptied: the last fillets straddle the gate.
+/// Share out at which a hopper counts as emptied: the last fillets straddle the gate.
 const EMPTIED_SHARE: f64 = 0.95;
 
-/// A mean rate is taken over at least this long, in seconds.
+/// Minimum duration of a mean rate, in seconds.
 const MIN_MEAN_S: f64 = 0.1;
 
-/// A `rate_variation` under this is called steady.
+/// Largest `rate_variation` of a steady discharge.
 const MAX_STEADY_VARIATION: f64 = 0.2;
 
-/// A discharge as it was sampled, and what it is held against.
+/// A sampled discharge with its reference values.
 #[derive(Clone, Copy, Debug)]
 pub struct Discharge<'a> {
-    /// Belt times of the samples, rising, from 0 (belt start) on, in seconds.
+    /// Belt times of the samples, increasing, from 0 (belt start) on, in seconds.
     pub t_s: &'a [f64],
     /// Mass that has passed the gate at those times, in kilograms.
     pub mass_kg: &'a [f64],
-    /// Why the run ended: an empty hopper stays empty, a jammed one was judged.
+    /// Reason of the end: an empty hopper stays empty, a jammed one is final.
     pub end_reason: EndReason,
     /// Mass of all fillets in the hopper at belt start, in kilograms.
     pub filled_kg: f64,
@@ -44,11 +44,12 @@ pub struct Discharge<'a> {
     pub hopper_width_m: f64,
     /// Height of the gate's lower edge above the belt, in metres.
     pub gate_opening_m: f64,
-    /// Greatest height above the belt of what is left in the hopper at the end, in metres; none when it is empty.
+    /// Maximum height above the belt of the fillets left in the hopper at the end, in metres; `None` when it
+    /// is empty.
     pub greatest_height_m: Option<f64>,
 }
 
-/// What a discharge comes to. None stands for "not reached" or "too little to tell".
+/// The responses of a discharge. `None` means "not reached" or "not enough data".
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DischargeResponses {
     /// Mass in the hopper at belt start.
@@ -74,9 +75,9 @@ pub struct DischargeResponses {
     pub steady: Option<bool>,
     /// Longest stretch with the rate, over 0.25 s, under 0.15 of the belt's capacity, until 80 % is out.
     pub longest_stoppage_s: Option<f64>,
-    /// The regime; none when the belt stands still or the bed has no volume, so that there is no capacity.
+    /// Regime; `None` without a belt capacity, when the belt stands still or the bed has no volume.
     pub regime: Option<Regime>,
-    /// Q_b, what the belt carries away when the opening is full.
+    /// Q_b: mass rate that the belt carries away with a full opening.
     pub belt_capacity_kg_s: f64,
     /// q, the lowest running 1 s mean of the rate over Q_b, from 0.5 s until 80 % is out.
     pub lowest_rate_ratio: Option<f64>,
@@ -86,7 +87,7 @@ pub struct DischargeResponses {
     pub linearity_until_s: f64,
     /// Filled mass over bed volume at rest; none when the bed has no volume.
     pub bulk_density_kg_m3: Option<f64>,
-    /// Greatest height of what is left: fillets that hang on a wall look like a jam.
+    /// Maximum height of the remaining fillets. Fillets that hang on a wall resemble a jam.
     pub greatest_height_m: Option<f64>,
 }
 
@@ -101,10 +102,10 @@ impl DischargeResponses {
 }
 
 impl Discharge<'_> {
-    /// Works the responses out.
+    /// Evaluates the responses.
     ///
     /// # Panics
-    /// When there are not as many masses as times.
+    /// When the numbers of masses and times differ.
     pub fn responses(&self) -> DischargeResponses {
         let curve = Curve::new(self.t_s, self.mass_kg);
         let out = |share: f64| self.time_of(&curve, share);
@@ -147,16 +148,16 @@ impl Discharge<'_> {
         }
     }
 
-    /// Until when rates are looked at, in seconds: when 80 % is out, or the curve ends.
+    /// End of the rate evaluation, in seconds: 80 % out, or the end of the curve.
     ///
     /// # Panics
-    /// When there are not as many masses as times.
+    /// When the numbers of masses and times differ.
     pub fn flowing_until_s(&self) -> f64 {
         let curve = Curve::new(self.t_s, self.mass_kg);
         self.time_of(&curve, FLOW_SHARE).unwrap_or(curve.end())
     }
 
-    /// When a share of the filled mass was out, if it was.
+    /// Time at which a share of the filled mass was out, if it was.
     fn time_of(&self, curve: &Curve<'_>, share: f64) -> Option<f64> {
         curve.time_of(share * self.filled_kg).filter(|_| self.filled_kg > 0.0)
     }
@@ -172,17 +173,17 @@ impl Discharge<'_> {
         curve.running_mean(0.0, end, WINDOW_S).iter().map(|rate| rate.1).reduce(f64::max)
     }
 
-    /// Whether the run shows enough to tell a regime: 80 % out, an empty or a jammed hopper, or 4 s of belt.
+    /// Whether the run is long enough for a regime: 80 % out, an empty or jammed hopper, or 4 s of belt time.
     fn judged(&self, curve: &Curve<'_>, flowed_out: bool) -> bool {
         let ended = matches!(self.end_reason, EndReason::Empty | EndReason::Jammed);
         flowed_out || ended || reached(curve, EVALUATION_TIME_S)
     }
 }
 
-/// Samples are taken at the step nearest to their time: they are early by less than this, in seconds.
+/// Samples are taken at the nearest step, and so less than this early, in seconds.
 const EARLY_S: f64 = 1e-3;
 
-/// Whether the curve goes on to `t`.
+/// Whether the curve extends to `t`.
 fn reached(curve: &Curve<'_>, t: f64) -> bool {
     curve.end() >= t - EARLY_S
 }

@@ -1,6 +1,7 @@
-//! From samples to what a run is asked for: rates, responses, regime.
+//! From samples to responses: rates, regime, settling, bend angle, modulus.
 //!
-//! Everything here is a pure function of samples, knows no engine, and so is tested on curves drawn by hand.
+//! All functions are pure functions of samples without access to the engine. They are tested on hand-made
+//! curves.
 
 mod bend;
 mod compression;

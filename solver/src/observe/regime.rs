@@ -2,28 +2,28 @@
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | Q_b | what the belt carries away when the opening is full: bulk density · belt speed · width · opening | kg/s |
+//! | Q_b | belt capacity with a full opening: bulk density · belt speed · width · opening | kg/s |
 //! | q | lowest running 1 s mean of the rate over Q_b, until 80 % is out | – |
 //!
-//! The reference is Q_b and never the opening spill (5–9 kg/s for 0.3 s), which no belt could carry on with.
+//! The reference is Q_b and not the opening spill (5–9 kg/s for 0.3 s), which no belt sustains.
 
 use serde::{Deserialize, Serialize};
 
 use super::curve::{Curve, RATE_WINDOW_S};
 
-/// The opening spill is over by now, in seconds.
+/// End of the opening spill, in seconds.
 pub(super) const SPILL_S: f64 = 0.5;
 
-/// The window of the running mean that regime, variation and peak are read from, in seconds.
+/// Window of the running mean for regime, variation and peak, in seconds.
 pub(super) const WINDOW_S: f64 = 1.0;
 
-/// A share of Q_b under which nothing worth the name flows.
+/// Share of Q_b below which a discharge counts as no flow.
 const NO_FLOW: f64 = 0.15;
 
-/// A share of Q_b under which flow is not constant.
+/// Share of Q_b from which flow counts as constant.
 const CONSTANT: f64 = 0.55;
 
-/// A discharge in one word.
+/// Regime of a discharge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Regime {
@@ -31,14 +31,14 @@ pub enum Regime {
     Constant,
     /// 0.15 ≤ q < 0.55: bridges form and break.
     Inconsistent,
-    /// q < 0.15: for a second at least, (almost) nothing came.
+    /// q < 0.15: (almost) no flow for at least a second.
     NoFlow,
-    /// The run ended before anything could be said.
+    /// The run ended before a regime could be determined.
     TooShort,
 }
 
 impl Regime {
-    /// The regime that q says.
+    /// The regime of a q.
     pub(super) fn of(lowest_rate_ratio: f64) -> Self {
         match lowest_rate_ratio {
             q if q < NO_FLOW => Self::NoFlow,
@@ -48,8 +48,8 @@ impl Regime {
     }
 }
 
-/// The lowest running 1 s mean of the rate from the end of the spill until `until`, in kg/s. A hopper that
-/// is out before a window fits there is judged by the last second, or by all there is.
+/// Lowest running 1 s mean of the rate from the end of the spill until `until`, in kg/s. A hopper that is out
+/// before a window fits is judged by its last second, or by its whole curve.
 pub(super) fn lowest_rate(curve: &Curve<'_>, until: f64) -> f64 {
     let from = SPILL_S.min(until - WINDOW_S).max(0.0);
     let window = WINDOW_S.min(until - from);
@@ -57,8 +57,8 @@ pub(super) fn lowest_rate(curve: &Curve<'_>, until: f64) -> f64 {
     rates.iter().map(|rate| rate.1).reduce(f64::min).unwrap_or(0.0)
 }
 
-/// The coefficient of variation (standard deviation over mean) of the running 1 s mean of the rate from the
-/// end of the spill until `until`; none when that is under 1.5 s, or nothing flowed.
+/// Coefficient of variation (standard deviation over mean) of the running 1 s mean of the rate, from the end
+/// of the spill until `until`. `None` for less than 1.5 s, or without flow.
 pub(super) fn variation(curve: &Curve<'_>, until: f64) -> Option<f64> {
     if until - SPILL_S < 1.5 * WINDOW_S {
         return None;
@@ -69,8 +69,8 @@ pub(super) fn variation(curve: &Curve<'_>, until: f64) -> Option<f64> {
     (mean > 0.0).then(|| square.sqrt() / mean)
 }
 
-/// The longest stretch until `until`, in seconds, that is covered by windows of [`RATE_WINDOW_S`] without
-/// interruption whose mean rate is under 0.15 Q_b; 0 when there is none, none when no window fits.
+/// Longest stoppage until `until`, in seconds: a stretch covered by windows of [`RATE_WINDOW_S`] with mean
+/// rates below 0.15 Q_b. 0 without a stoppage, `None` when no window fits.
 pub(super) fn longest_stoppage(curve: &Curve<'_>, until: f64, capacity: f64) -> Option<f64> {
     let rates = curve.running_mean(0.0, until, RATE_WINDOW_S);
     if rates.is_empty() {

@@ -1,15 +1,15 @@
-//! RestDetector: when hardly anything has moved for a while.
+//! Rest: almost no sub-particle has moved for a while.
 //!
-//! Decided by a count of sub-particles at fixed sample times, free of the order of summation, so that every backend decides
-//! alike. The greatest speed alone will not do: where fillets were driven into each other, single sub-particles
-//! go on trembling, since a stretched bond has no damping.
+//! The criterion counts sub-particles at fixed sample times, independent of the order of summation, so that
+//! all backends agree. The maximum speed alone does not work: where fillets were driven into each other
+//! single sub-particles keep trembling, since a stretched bond has no damping.
 
-/// What rests has been slow for this long, in seconds.
+/// Duration of slow motion that counts as rest, in seconds.
 pub const REST_DURATION_S: f64 = 0.1;
-/// Sub-particles that may still move at rest: one in this many.
+/// One sub-particle in this many may still move at rest.
 const MAX_MOVING_ONE_IN: usize = 1000;
 
-/// Since when all but a few sub-particles have been slow, as samples tell.
+/// Detects rest from samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RestDetector {
     since_s: Option<f64>,
@@ -17,16 +17,16 @@ pub struct RestDetector {
 }
 
 impl RestDetector {
-    /// Takes in a sample: `moving` of `count` sub-particles are faster than what counts as rest.
+    /// Records a sample: `moving` of `count` sub-particles are faster than the speed of rest.
     pub fn record(&mut self, now_s: f64, moving: usize, count: usize) {
         let slow = moving <= count / MAX_MOVING_ONE_IN;
         self.since_s = slow.then(|| self.since_s.unwrap_or(now_s));
         self.now_s = now_s;
     }
 
-    /// Since when they have been slow, if they have been for `for_s` seconds by now.
+    /// Start of the slow motion, if it has lasted for `for_s` seconds by now.
     pub fn since_s(&self, for_s: f64) -> Option<f64> {
-        // A share of the time step's rounding must not cost a sample.
+        // A rounding error of the time step must not cost a sample.
         self.since_s.filter(|since| self.now_s - since >= for_s * (1.0 - 1e-6))
     }
 }

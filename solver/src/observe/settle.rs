@@ -1,15 +1,15 @@
-//! How long a body takes to settle: until its kinetic energy has fallen under a share of what it hit with, for good.
+//! Settling time of a body: until its kinetic energy stays below a share of its energy at impact.
 
-/// What is left of the kinetic energy once a body has settled: the paper's "99 % of its initial kinetic energy" are lost
-/// (section 3.3).
+/// Share of the kinetic energy at which a body has settled: the paper's "99 % of its initial kinetic energy"
+/// lost (section 3.3).
 pub const SETTLED_SHARE: f64 = 0.01;
 
-/// A body's kinetic energy, watched from its first contact on.
+/// Times the settling of a body from its first contact on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettlingTimer {
     contact_s: f64,
     threshold_j: f64,
-    /// The last sample that was not under the threshold.
+    /// Last sample at or above the threshold.
     above: Option<(f64, f64)>,
     settled_s: Option<f64>,
 }
@@ -20,8 +20,7 @@ impl SettlingTimer {
         Self { contact_s, threshold_j: SETTLED_SHARE * energy_j, above: None, settled_s: None }
     }
 
-    /// Takes in a sample: kinetic energy at a time, both rising from sample to sample. What comes before the contact is
-    /// passed over.
+    /// Records a sample: kinetic energy at an increasing time. Samples before the contact are ignored.
     pub fn record(&mut self, now_s: f64, energy_j: f64) {
         if now_s < self.contact_s {
             return;
@@ -30,15 +29,15 @@ impl SettlingTimer {
             self.above = Some((now_s, energy_j));
             self.settled_s = None;
         } else if self.settled_s.is_none() {
-            // Read as straight between samples.
+            // Linear between samples.
             let crossed_s =
                 self.above.map_or(now_s, |(t, e)| t + (now_s - t) * (e - self.threshold_j) / (e - energy_j));
             self.settled_s = Some(crossed_s - self.contact_s);
         }
     }
 
-    /// Seconds from the first contact until the energy fell under the threshold, not to rise over it any more as far as was
-    /// seen; none when it has not.
+    /// Seconds from the first contact until the energy fell below the threshold, where it has stayed since;
+    /// `None` before.
     pub fn time_s(&self) -> Option<f64> {
         self.settled_s
     }

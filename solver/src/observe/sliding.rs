@@ -1,31 +1,32 @@
-//! When a body on a plate that is being tilted begins to slide for good (paper Fig. 8).
+//! Onset of sliding of a body on a plate while the plate is tilted (paper Fig. 8).
 //!
-//! Past the angle of friction θ_c a Coulomb block on a plate that tilts at the rate ω gains speed as v = g ω τ² / (2 cos θ_c), τ being
-//! the time since: any threshold is passed late, a speed of 1 cm/s by 0.6° at 3 °/s. But √v is straight in time, and so the onset lies
-//! as long before [`SLOW_M_S`] is passed as that lies before [`FAST_M_S`], which is four times as fast. What falls
-//! back under [`SLOW_M_S`] has not begun to slide for good.
+//! Past the angle of friction θ_c a Coulomb block on a plate tilted at the rate ω gains speed as v = g ω τ² /
+//! (2 cos θ_c), where τ is the time since. Any speed threshold is therefore passed late: 1 cm/s by 0.6° at 3
+//! °/s. But √v is linear in time. The onset thus precedes the passage of [`SLOW_M_S`] by as much as that
+//! precedes the passage of [`FAST_M_S`], which is four times as fast. A body that falls back below
+//! [`SLOW_M_S`] has not begun to slide for good.
 
-/// What is slower than this is no sliding, in m/s.
+/// Lower speed threshold, in m/s. Slower bodies do not slide.
 pub const SLOW_M_S: f64 = 0.01;
-/// What is faster than this slides, in m/s.
+/// Upper speed threshold, in m/s.
 pub const FAST_M_S: f64 = 4.0 * SLOW_M_S;
-/// What has been sliding for this long will not come to rest on a plate that is tilted on and on, in seconds.
+/// Duration of sliding after which it counts as final on a plate that keeps tilting, in seconds.
 const CONFIRM_AFTER_S: f64 = 0.25;
 
-/// A body's speed down the slope, watched while the plate is tilted.
+/// Detects the onset of sliding from the speed down the slope.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SlidingDetector {
     /// Time and speed of the last sample.
     last: Option<(f64, f64)>,
-    /// When the two speeds were passed, for good so far, in seconds.
+    /// Times at which the two thresholds were last passed upwards, in seconds.
     slow_s: Option<f64>,
     fast_s: Option<f64>,
 }
 
 impl SlidingDetector {
-    /// Takes in a sample: the speed down the slope, against the plate, in m/s.
+    /// Records a sample: the speed down the slope, relative to the plate, in m/s.
     pub fn record(&mut self, now_s: f64, speed_m_s: f64) {
-        // Read as straight between samples.
+        // Linear between samples.
         let passed_s = |speed: f64| match self.last {
             Some((t, v)) if v < speed => t + (now_s - t) * (speed - v) / (speed_m_s - v),
             _ => now_s,
@@ -41,12 +42,12 @@ impl SlidingDetector {
         self.last = Some((now_s, speed_m_s));
     }
 
-    /// When sliding set in, in seconds, if it has and has not ended since; not before 0.
+    /// Time of the onset in seconds, not before 0; `None` unless the body slides.
     pub fn onset_s(&self) -> Option<f64> {
         Some((2.0 * self.slow_s? - self.fast_s?).max(0.0))
     }
 
-    /// Whether it has been sliding for long enough.
+    /// Whether the body has been sliding for long enough.
     pub fn is_confirmed(&self) -> bool {
         let since = |(now_s, _): (f64, f64)| Some(now_s - self.fast_s?);
         self.last.and_then(since).is_some_and(|since| since >= CONFIRM_AFTER_S)
@@ -59,8 +60,9 @@ mod tests {
 
     const G: f64 = 9.81;
 
-    /// Tilt in degrees at which a block with these coefficients of static and sliding friction is seen to begin to slide, on a plate tilted at a rate in
-    /// degrees a second; its motion step by step, samples every 20 ms.
+    /// Tilt in degrees at the detected onset for a block with these coefficients of static and sliding
+    /// friction, on a plate tilted at a rate in degrees per second. The motion is integrated step by step and
+    /// sampled every 20 ms.
     fn found_deg(rate_deg_s: f64, holds: f64, slides: f64) -> Option<f64> {
         let (dt, mut v, mut sliding) = (1e-4, 0.0f64, SlidingDetector::default());
         for k in 0..(89.0 / rate_deg_s / dt) as u64 {
@@ -91,7 +93,7 @@ mod tests {
 
     #[test]
     fn a_block_that_breaks_loose_slides_from_there() {
-        // Static friction above that of sliding: it jumps to speed within a few samples.
+        // Static friction above sliding friction: the block gains speed within a few samples.
         let found = found_deg(3.0, 0.5, 0.4).expect("slides");
         assert!((found - 0.5f64.atan().to_degrees()).abs() < 0.1, "{found}");
     }

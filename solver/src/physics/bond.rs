@@ -1,6 +1,6 @@
 //! The bond between two sub-particles (paper eq. 6), in three formulations.
 //!
-//! k = S A, A = π R_b²;  F_n = k_n (L − 2R) n;  F_t ← turn(F_t) + k_t v_t δt
+//! k = S A, A = π R_b²;  F_n = k_n (L − 2R) n;  F_t ← rotate(F_t) + k_t v_t δt
 //!
 //! | symbol | unit | meaning |
 //! |---|---|---|
@@ -9,29 +9,32 @@
 //! | L | m | distance of the centres; the bond breaks beyond twice the contact radius |
 //! | v | m/s | v_j − v_i − (ω_i + ω_j) × n L/2, the relative velocity at the bond |
 //!
-//! *corotated*: the normal force from the length, free of drift; the shear force turns with the bond and
-//! with the pair's mean spin about n, keeping its magnitude. *as_published*: one raw vector accumulated in
-//! the global frame and never rotated_history, which can gain energy without bound. *finite_extension*: corotated,
-//! and a stretched bond stiffens as F_n = k_n e / (1 − (e/e_max)²), e = L − 2R, towards its breaking length.
-//! No bending or twisting moments ("torque feedback disabled"), but the shear force's own moment
-//! (n L/2) × F_t acts on both: without it energy grows and the fillet explodes.
+//! - *corotated*: the normal force follows from the length, free of drift. The shear force rotates with the
+//!   bond and with the pair's mean spin about n; its magnitude stays.
+//! - *as_published*: one raw vector, accumulated in the global frame and never rotated. Its energy can grow
+//!   without bound.
+//! - *finite_extension*: corotated. A stretched bond stiffens towards its breaking length as F_n = k_n e / (1
+//!   − (e/e_max)²), e = L − 2R.
+//!
+//! Bonds carry no bending or twisting moment ("torque feedback disabled"). The moment of the shear force, (n
+//! L/2) × F_t, acts on both sub-particles: without it energy grows and the fillet explodes.
 
 use glam::Vec3;
 
 use super::friction::rotated_history;
 
-/// How the bond force is formed.
+/// Formulation of the bond force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BondModel {
-    /// Total normal force, shear force that turns with the bond.
+    /// Normal force from the length; shear force rotated with the bond.
     Corotated,
     /// One vector accumulated in the global frame.
     AsPublished,
-    /// Corotated and stiffening towards the breaking length.
+    /// Corotated; stiffens towards the breaking length.
     FiniteExtension,
 }
 
-/// Share of e_max at which the stiffening of `FiniteExtension` is held, so that the force stays finite.
+/// Share of e_max at which the stiffening of `FiniteExtension` saturates. It keeps the force finite.
 pub const STRETCH_CLAMP: f32 = 0.97;
 
 /// The parameters of the bonds of a run, computed once from the scenario.
@@ -64,14 +67,14 @@ impl BondLaw {
 /// The force of a bond on i, in newton.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BondForce {
-    /// The whole force.
+    /// Total force.
     pub total: Vec3,
-    /// The part whose moment (n L/2) × shear acts on i.
+    /// Shear part. Its moment (n L/2) × shear acts on i.
     pub shear: Vec3,
 }
 
-/// The normal force of the total formulations at `length`, in newton; positive pulls i to j. `rest_length` is 2R,
-/// or the length of the lattice diagonal that the bond spans, in metres.
+/// Normal force of the formulations that depend on the length, in newton; positive pulls i to j.
+/// `rest_length` is 2R, or the length of the lattice diagonal spanned by the bond, in metres.
 pub fn normal(law: &BondLaw, rest_length: f32, length: f32) -> f32 {
     let e = length - rest_length;
     if law.model == BondModel::FiniteExtension && e > 0.0 {
@@ -82,8 +85,10 @@ pub fn normal(law: &BondLaw, rest_length: f32, length: f32) -> f32 {
     }
 }
 
-/// The force on i, or `None` when the bond breaks. `rest_length` and `length` are in m; `v` the relative velocity at the bond (j
-/// against i) in m/s; `spin` the pair's mean spin (ω_i + ω_j)/2 in rad/s; `stored` the remembered force.
+/// Force on i, or `None` when the bond breaks.
+///
+/// `rest_length` and `length` are in m. `v` is the relative velocity at the bond (j against i) in m/s, `spin`
+/// the mean spin of the pair, (ω_i + ω_j)/2, in rad/s. `stored` is the force history in N.
 #[expect(clippy::too_many_arguments, reason = "the quantities of the equation, in its order")]
 pub fn force(
     law: &BondLaw,

@@ -1,7 +1,7 @@
 //! One contact: normal force (Hertz or JKR) with its dashpot, and friction.
 //!
-//! n points from i to j, δ is the overlap, v the velocity of i relative to j at the contact point.
-//! The normal force on i is −(F + η_n v·n) n; its total, dashpot included, caps the friction.
+//! n points from i to j, δ is the overlap, v the velocity of i relative to j at the contact point. The normal
+//! force on i is −(F + η_n v·n) n. The friction cap uses this total, dashpot included.
 
 use glam::Vec3;
 
@@ -10,7 +10,7 @@ use super::hertz::Moduli;
 use super::jkr::{GAMMA_MIN, JkrScale};
 use super::{friction, hertz, jkr};
 
-/// The parameters of one kind of contact, computed once from the scenario.
+/// Parameters of the contacts between two materials, computed once from the scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactLaw {
     /// E*, in pascal.
@@ -19,7 +19,7 @@ pub struct ContactLaw {
     pub g_star: f32,
     /// R*, in metres.
     pub r_star: f32,
-    /// Adhesion; none below [`GAMMA_MIN`].
+    /// Adhesion; `None` below [`GAMMA_MIN`].
     pub jkr: Option<JkrScale>,
     /// 2√(5/6) |β|.
     pub damping: f32,
@@ -40,16 +40,16 @@ impl ContactLaw {
         }
     }
 
-    /// How far apart (in metres, ≥ 0) a contact that has formed still holds.
+    /// Gap up to which an adhesive contact holds once it has formed, in metres; 0 without adhesion.
     pub fn adhesion_range(&self) -> f32 {
         self.jkr.map_or(0.0, |scale| -scale.snap_overlap)
     }
 }
 
-/// What a contact remembers from step to step.
+/// Contact history: the state of a contact that persists from step to step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactHistory {
-    /// Whether the surfaces hold each other.
+    /// Whether the contact has formed and still holds.
     pub in_contact: bool,
     /// Tangential displacement ξ, in metres.
     pub xi: Vec3,
@@ -60,13 +60,20 @@ pub struct ContactHistory {
 pub struct ContactForce {
     /// Along n.
     pub normal: Vec3,
-    /// Across n; its moment is (n times the arm) × tangential.
+    /// Across n. Its moment on i is (n times the arm) × tangential.
     pub tangential: Vec3,
 }
 
-/// The force on i in newton, or `None` when the surfaces do not touch. `delta` is the overlap in m, `v` the velocity of i relative
-/// to j at the contact point in m/s, `spin` that of the patch where they touch in rad/s, `m_star` the equivalent mass in kg, `most`
-/// what dashpots may take between these two, `dt` the step in s.
+/// Force on i in newton, or `None` without contact.
+///
+/// | argument | unit | meaning |
+/// |---|---|---|
+/// | `delta` | m | overlap |
+/// | `v` | m/s | velocity of i relative to j at the contact point |
+/// | `spin` | rad/s | spin of the contact patch |
+/// | `m_star` | kg | equivalent mass |
+/// | `cap` | – | cap of the dashpots |
+/// | `dt` | s | time step |
 #[expect(clippy::too_many_arguments, reason = "the quantities of the equations, in their order")]
 pub fn force(
     law: &ContactLaw,
@@ -97,7 +104,7 @@ pub fn force(
     let v_n = v.dot(n);
     let v_t = v - n * v_n;
     let total = elastic + damping::constant(law.damping, k_n, m_star, cap.normal, dt) * v_n;
-    // At δ = 0 without adhesion the contact has no area and nothing to hold on to.
+    // At δ = 0 without adhesion the contact has no area, and so no tangential spring.
     let tangential = if a > 0.0 {
         let eta_t = damping::constant(law.damping, k_t, m_star, cap.tangential, dt);
         history.xi = friction::rotated_history(history.xi, n, spin.dot(n) * dt) + v_t * dt;

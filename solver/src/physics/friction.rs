@@ -10,25 +10,27 @@
 //! | F_n | N | total normal force, adhesion and dashpot included |
 //! | μ | – | coefficient of friction |
 //!
-//! Capping on the *total* normal force is what leaves the slide angle independent of γ (paper Fig. 8).
-//! ξ turns with the contact: with its plane, and about n with the patch where the two touch,
-//! whose spin is the mean of two alike, and that of what is rigid.
-//! No rolling friction: the shape of a fillet resists rolling (paper section 2.1).
+//! The cap uses the *total* normal force. The angle of sliding is therefore independent of γ (paper Fig. 8).
+//!
+//! ξ rotates with the contact plane, and about n with the contact patch. The spin of the patch is the mean of
+//! two sub-particles' spins, or the spin of a rigid surface.
+//!
+//! There is no rolling friction: the shape of a fillet resists rolling (paper section 2.1).
 
 use glam::Vec3;
 
-/// What is remembered across a contact or a bond, a step later: `v`, rotated_history about the unit vector `n` by the small angle `twist` in
-/// radians and into the plane across `n`, as long as it was.
+/// The history vector `v` of a contact or a bond, one step later: rotated about the unit vector `n` by the
+/// small angle `twist` in radians, then into the plane across `n`. Its length stays.
 pub fn rotated_history(v: Vec3, n: Vec3, twist: f32) -> Vec3 {
     let twisted = v + n.cross(v) * twist;
     let flat = twisted - n * twisted.dot(n);
     let before = v.dot(v);
     let after = flat.dot(flat);
-    // Below this the direction is rounding noise; the length lost is nothing a force would notice.
+    // Below this length the direction is rounding noise, and the loss of length has no effect on a force.
     if after <= 1e-30 { flat } else { flat * (before / after).sqrt() }
 }
 
-/// The force on i, in newton. Where it slips, `xi`, which is ξ, is cut to what the cap holds.
+/// Force on i, in newton. A contact that slips cuts ξ to the displacement that the cap supports.
 pub fn force(xi: &mut Vec3, v_t: Vec3, k_t: f32, eta_t: f32, cap: f32) -> Vec3 {
     let trial = -(*xi * k_t) - v_t * eta_t;
     let size2 = trial.dot(trial);

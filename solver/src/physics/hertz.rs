@@ -10,9 +10,9 @@
 //! | δ | m | overlap |
 //! | a | m | radius of the contact area |
 //!
-//! Equipment is steel, four orders of magnitude stiffer than tissue, and is taken as rigid.
+//! Equipment is steel, four orders of magnitude stiffer than tissue. It is modelled as rigid.
 
-/// The elastic constants of a kind of contact, in pascal.
+/// Equivalent elastic constants of two materials, in pascal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moduli {
     /// E*.
@@ -26,7 +26,7 @@ pub fn tissue_on_tissue(e: f64, nu: f64) -> Moduli {
     Moduli { youngs: e / (2.0 * (1.0 - nu * nu)), shear: e / (4.0 * (1.0 + nu) * (2.0 - nu)) }
 }
 
-/// Tissue (Young's modulus `e` in Pa, Poisson's ratio `nu`) against something rigid.
+/// Tissue (Young's modulus `e` in Pa, Poisson's ratio `nu`) against a rigid surface.
 pub fn tissue_on_rigid(e: f64, nu: f64) -> Moduli {
     Moduli { youngs: e / (1.0 - nu * nu), shear: e / (2.0 * (1.0 + nu) * (2.0 - nu)) }
 }

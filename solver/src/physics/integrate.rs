@@ -2,9 +2,9 @@
 //!
 //! v_{n+½} = v_{n−½} + (F/m + g) δt;  ω likewise with T/I, I = 2/5 m R²;  x_{n+1} = x_n + v_{n+½} δt
 //!
-//! Positions are whole multiples of a unit u (a power of two, about a nanometre), so that differences
-//! are exact wherever the particle is. What a step moves beyond whole units is carried to the next in a
-//! remainder: however slow a motion is, none of it is lost.
+//! Positions are integer multiples of a unit u (a power of two, about a nanometre). Differences are therefore
+//! exact everywhere. The fraction of a unit that a step leaves over is kept as a remainder for the next step:
+//! no motion is too slow to register.
 
 use glam::{IVec3, Vec3};
 
@@ -18,7 +18,8 @@ pub fn spin(omega: Vec3, torque: Vec3, inverse_inertia: f32, dt: f32) -> Vec3 {
     omega + torque * (inverse_inertia * dt)
 }
 
-/// Moves a position by `v dt`; `inverse_unit` is 1/u in 1/m, `remainder` what earlier steps left over, in units.
+/// New position after a displacement `v dt`. `inverse_unit` is 1/u in 1/m, `remainder` the fraction left by
+/// earlier steps, in units.
 pub fn position(x: IVec3, remainder: &mut Vec3, v: Vec3, dt: f32, inverse_unit: f32) -> IVec3 {
     let moved = v * (dt * inverse_unit) + *remainder;
     let whole = moved.round();

@@ -11,10 +11,11 @@
 //! | x | – | √a / s₀ |
 //! | D | – | δ R* / s₀⁴ |
 //!
-//! With a = s₀² x² the second equation is x⁴ − x = D, whose largest root is the stable branch, and
-//! F = 4πγR* (4/3 x⁶ − 2x³). The branch ends at D_c = −0.47247 (x_c = 4^{−1/3}), where displacement-controlled
-//! contact lets go; the greatest pull, 3πγR*, is at x³ = 3/4. A contact forms at δ ≥ 0.
-//! For γ → 0 the scale vanishes and [`super::contact`] uses plain Hertz instead.
+//! With a = s₀² x² the second equation becomes x⁴ − x = D. Its largest root is the stable branch, and F =
+//! 4πγR* (4/3 x⁶ − 2x³). The branch ends at D_c = −0.47247 (x_c = 4^{−1/3}), where a displacement-controlled
+//! contact snaps. The maximum pull-off force, 3πγR*, is at x³ = 3/4. A contact forms at δ ≥ 0.
+//!
+//! For γ → 0 the scale vanishes; [`super::contact`] then uses Hertz.
 
 /// D at which the neck snaps.
 pub const D_SNAP: f32 = -0.472_470_4;
@@ -25,17 +26,17 @@ pub const X_SNAP: f32 = 0.629_960_5;
 /// Half the second derivative of x⁴ − x at the snap, 6 x_c².
 pub const CURVATURE: f32 = 2.381_101_6;
 
-/// Surface energy below which plain Hertz is used, in J/m²: pull-off then is under 1e-9 N at R* = 2 mm.
+/// Surface energy below which Hertz is used, in J/m². Pull-off is then under 1e-9 N at R* = 2 mm.
 pub const GAMMA_MIN: f64 = 1e-7;
 
-/// What JKR needs to know of a kind of contact, computed once.
+/// JKR constants of a material pair, computed once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JkrScale {
     /// 4πγR*, in newton.
     pub force: f32,
-    /// s₀², in metres: a = s₀² x².
+    /// s₀², in metres, from a = s₀² x².
     pub area: f32,
-    /// R*/s₀⁴, in 1/m: D = δ times this.
+    /// R*/s₀⁴, in 1/m: D is δ times this.
     pub inverse_overlap: f32,
     /// Overlap at which the neck snaps, in metres (negative).
     pub snap_overlap: f32,
@@ -55,13 +56,14 @@ impl JkrScale {
     }
 }
 
-/// Largest root of x⁴ − x = D for D ≥ D_SNAP: three Newton steps from a guess that is close everywhere.
+/// Largest root of x⁴ − x = D for D ≥ D_SNAP: three Newton steps from a first guess that is close everywhere.
 pub fn root(d: f32) -> f32 {
     let from_snap = X_SNAP + ((d - D_SNAP).max(0.0) / CURVATURE).sqrt();
     let mut x = from_snap.min((d + from_snap).max(0.0).sqrt().sqrt());
     for _ in 0..3 {
         let x3 = x * x * x;
-        // At the snap itself the slope vanishes; the guess is exact there and the step is left out.
+        // The slope vanishes at the snap. The first guess is exact there, so the floor only disables the
+        // step.
         let slope = (4.0 * x3 - 1.0).max(1e-6);
         x = (x - (x * x3 - x - d) / slope).max(X_SNAP);
     }

@@ -1,59 +1,67 @@
 //! The largest stable time step, from stiffness, mass and damping.
 //!
-//! The stiffest thing in a run is a sub-particle inside the lattice, held on six sides by bonds and by the
-//! contacts between bonded neighbours. For a simple cubic lattice of spacing 2R the highest frequencies are,
-//! with K_n and K_t the stiffnesses of one side along and across,
+//! The stiffest element of a run is a sub-particle inside the lattice, held on six sides by bonds and by
+//! contacts with bonded neighbours. A simple cubic lattice of spacing 2R has these highest frequencies, where
+//! K_n and K_t are the normal and tangential stiffness of one side:
 //!
-//! - neighbours moving against each other: ω² = 4 (K_n + 2 K_t) / m,
-//! - all spinning alike, which shears every bond: ω² = 8 K_t R² / I = 20 K_t / m.
+//! - antiphase, neighbours moving against each other: ω² = 4 (K_n + 2 K_t) / m,
+//! - uniform spin, which shears every bond: ω² = 8 K_t R² / I = 20 K_t / m.
 //!
-//! With one type of sub-particle the twelve face diagonals bond as well and add at most 8 (k_n + 2 k_t) / m and 80 k_t / m.
-//! Where bonds are stiff one more mode decides: two sub-particles whose bond is about to break, which stiffens to k_b by then if
-//! its extension is finite, and no contact damps it: ω² = (4 (k_n + 2 k_t) + 2 (k_b − k_n)) / m. One that rolls on a surface never
-//! does: ω² = 3.5 K / m, where K is 2√2 times the K_t of contact between two.
+//! With one type of sub-particle the twelve face diagonals bond as well. They add at most 8 (k_n + 2 k_t) / m
+//! and 80 k_t / m.
 //!
-//! Leapfrog is stable for δt < 2/ω, and with dashpots taken at the old velocity while ω² δt²/4 + c δt / 2m < 1. A contact's dashpot
-//! takes no more than a share of a motion in a step ([`super::damping`]), so that those of the six of a lattice point by themselves make no step
-//! unstable. All are estimates of the linear lattice; contact
-//! stiffens with overlap and is taken at a stated overlap.
+//! Where bonds are stiff a third mode decides: two sub-particles whose bond is about to break. A bond of
+//! finite extension has stiffened to k_b by then, and no contact damps it: ω² = (4 (k_n + 2 k_t) + 2 (k_b −
+//! k_n)) / m. A sub-particle that rolls on a surface never decides: ω² = 3.5 K / m, where K is 2√2 times the
+//! contact K_t between two sub-particles.
+//!
+//! Leapfrog is stable for δt < 2/ω. With dashpots evaluated at the old velocity the condition is ω² δt²/4 + c
+//! δt / 2m < 1. The six dashpots of a lattice point alone never make a step unstable, since each takes a
+//! capped share of a motion ([`super::damping`]).
+//!
+//! All limits are estimates for the linear lattice. Contact stiffens with overlap; its stiffness is taken at
+//! [`REFERENCE_OVERLAP`].
 //!
 //! | symbol | unit | meaning |
 //! |---|---|---|
 //! | K | N/m | S A of the bond + 2E*a (normal) or 8G*a (tangential) of the contact |
 //! | m | kg | mass of a sub-particle |
 //! | I | kg m² | its moment of inertia, 2/5 m R² |
-//! | c | kg/s | the η of the contacts that act in the mode, summed as the K are |
+//! | c | kg/s | sum of η over the contacts that act in the mode, weighted as K |
 
 use super::bond::BondLaw;
 use super::contact::ContactLaw;
 use super::damping::{self, BODY_CAP, BONDED_CAP};
 
-/// Overlap at which contact stiffness is taken, as a share of R: that of sub-particles deep in a fillet that others press on. With
-/// steps for the usual overlap of neighbours, a few hundredths, single sub-particles keep trembling and the bed never comes to rest.
+/// Overlap at which the contact stiffness is taken, as a share of R: the overlap deep in a fillet that others
+/// press on. Steps for the usual overlap of neighbours, a few hundredths, leave single sub-particles
+/// trembling; the bed never comes to rest.
 pub const REFERENCE_OVERLAP: f64 = 1.0;
 
-/// Contacts with other bodies that a lattice point in a bed is held by, over those with its neighbours: what they add in stiffness.
-/// Found from the eigenvalues of whole beds (`tests/pressed.rs`) and not derived: it stands for their dashpots as well, which the
-/// overlap taken, as deep on all sides as it is on few, makes up for.
+/// Stiffness added by contacts with other bodies in a bed, relative to contacts with lattice neighbours.
+/// Fitted to the eigenvalues of whole beds (`tests/pressed.rs`), not derived. It also stands for the dashpots
+/// of these contacts. The reference overlap compensates, since it assumes on all sides a depth that occurs on
+/// few.
 pub const BED_STIFFNESS: f64 = 0.75;
 
-/// The most that `"auto"` takes of the damped limit: it decides where bonds are so stiff that contact hardly counts.
+/// Largest share of the damped limit that `"auto"` takes. It decides where stiff bonds dominate contact.
 pub const SAFETY: f64 = 0.9;
 
-/// What bounds the time step.
+/// Limits of the time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stability {
-    /// 2/ω_max without damping, in seconds, as estimated for neighbours that overlap by [`REFERENCE_OVERLAP`]: beyond it a bed pressed so
-    /// far diverges. Bodies that nothing presses may bear half as much again, and twice as much without contact in bonds.
+    /// 2/ω_max without damping, in seconds, for neighbours that overlap by [`REFERENCE_OVERLAP`]. Beyond it a
+    /// bed pressed so far diverges. Unpressed bodies may bear 1.5 times as much, and twice as much without
+    /// contact between bonded neighbours.
     pub undamped_s: f64,
-    /// The limit with damping, in seconds: between the two a run may diverge.
+    /// Limit with damping, in seconds. Between the two limits a run may diverge.
     pub damped_s: f64,
-    /// The step that `"auto"` takes where nothing else bounds it, in seconds: the limit where other bodies press as well, and at most
-    /// [`SAFETY`] of `damped_s`.
+    /// Step of `"auto"` where nothing else bounds it, in seconds: the limit with other bodies pressing, and
+    /// at most [`SAFETY`] of `damped_s`.
     pub auto_s: f64,
 }
 
-/// The bounds for sub-particles of `mass` in kg and `radius` in m; `diagonals` tells whether face diagonals bond.
+/// Limits for sub-particles of `mass` in kg and `radius` in m. `diagonals` is true when face diagonals bond.
 pub fn stability(
     mass: f64,
     radius: f64,
@@ -64,12 +72,12 @@ pub fn stability(
 ) -> Stability {
     let a = (f64::from(contact.r_star) * REFERENCE_OVERLAP * radius).sqrt();
     let (contact_n, contact_t) = (2.0 * f64::from(contact.e_star) * a, 8.0 * f64::from(contact.g_star) * a);
-    // Without contact in bonds it is other bodies alone that a pressed sub-particle touches.
+    // Without contact between bonded neighbours, a pressed sub-particle touches only other bodies.
     let cap = if contact_between_bonded { BONDED_CAP } else { BODY_CAP };
     let (k_n, k_t) = (f64::from(bond.k_n), f64::from(bond.k_t));
     let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
     let diagonal = 8.0 * (diagonal_n + 2.0 * diagonal_t);
-    // With as many contacts on each side of a lattice point.
+    // Stiffness of each mode for a number of contacts on each side of a lattice point.
     let antiphase =
         |contacts: f64| 4.0 * (k_n + 2.0 * k_t + contacts * (contact_n + 2.0 * contact_t)) + diagonal;
     let uniform_spin = |contacts: f64| 20.0 * (k_t + contacts * contact_t) + 80.0 * diagonal_t;
@@ -96,8 +104,8 @@ fn undamped(mass: f64, stiffness: f64) -> f64 {
     2.0 * (mass / stiffness).sqrt()
 }
 
-/// The longest stable step in seconds, with dashpots of `c` kg/s in a step of so many seconds: by bisection, since what is
-/// bounded grows with the step.
+/// Longest stable step in seconds, by bisection: the bounded expression grows with the step. `c(dt)` is the
+/// damping in kg/s.
 fn longest_stable(mass: f64, stiffness: f64, c: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, undamped(mass, stiffness));
     for _ in 0..50 {

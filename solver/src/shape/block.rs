@@ -1,4 +1,4 @@
-//! A block: a whole number of sub-particles along each of its sides.
+//! A block: an integer number of sub-particles along each side.
 
 use glam::{DVec3, IVec3};
 
@@ -26,7 +26,7 @@ impl Shape for Block {
         point.abs().cmplt(self.size_m() / 2.0).all()
     }
 
-    /// Spheres of its own radius stand flush with its sides: rounding decides nothing.
+    /// Spheres of the block's own radius are flush with its sides. An exact test would depend on rounding.
     fn contains_sphere(&self, centre: DVec3, _radius_m: f64) -> bool {
         self.contains(centre)
     }

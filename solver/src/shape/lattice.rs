@@ -1,8 +1,9 @@
-//! The lattice fill: a shape becomes a meta-particle of sub-particles on a simple cubic lattice, with bonds.
+//! The lattice fill: a shape becomes a meta-particle of bonded sub-particles on a simple cubic lattice.
 //!
-//! Lattice points stand 2R apart, symmetrically about the centre of the shape's box. With two types in a
-//! checkerboard only differing types bond: within √3 of the spacing exactly the six nearest neighbours (Fig. 2, 3).
-//! With one type all neighbours within reach bond, diagonals included: the stiff truss of Fig. 2a.
+//! Lattice points are 2R apart, symmetric about the centre of the shape's box. With two types in a
+//! checkerboard only unlike types bond: within √3 of the spacing exactly the six nearest neighbours (Fig. 2,
+//! 3). With one type all neighbours within the contact radius bond, diagonals included: the stiff truss of
+//! Fig. 2a.
 
 use std::collections::HashMap;
 
@@ -18,11 +19,11 @@ pub struct LatticeBond {
     pub i: u32,
     /// The higher index.
     pub j: u32,
-    /// 1 along an edge of the lattice, 2 on a face diagonal, 3 on a body diagonal: rest length is 2R √class.
+    /// 1 along a lattice edge, 2 on a face diagonal, 3 on a body diagonal. The rest length is 2R √class.
     pub class: u32,
 }
 
-/// A fillet as the engine sees it: points about their centre of mass, and bonds.
+/// A fillet as the engine represents it: points about their centre of mass, and bonds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MetaParticle {
     /// Centres of the sub-particles relative to their centre of mass, in metres, sorted by z, y, x.
@@ -31,18 +32,18 @@ pub struct MetaParticle {
     pub bonds: Vec<LatticeBond>,
     /// Volume of the surface, in m³.
     pub volume_m3: f64,
-    /// Greatest distance of a point from the centre of mass, in metres.
+    /// Maximum distance of a point from the centre of mass, in metres.
     pub bounding_radius_m: f64,
 }
 
-/// Highest bond class within reach: contact radii sum to 2R · ratio, lengths are 2R √class, and with two types only
-/// odd steps on the lattice join differing types.
+/// Highest bond class within the contact radius. Contact radii sum to 2R · ratio, lengths are 2R √class. With
+/// two types only odd lattice steps join unlike types.
 pub fn max_bond_class(types: u32, contact_radius_ratio: f64) -> u32 {
     if types == 1 && contact_radius_ratio >= 2f64.sqrt() { 2 } else { 1 }
 }
 
 impl MetaParticle {
-    /// The same, larger or smaller; sub-particles scale alike.
+    /// A scaled copy, sub-particles included.
     pub fn scaled(&self, scale: f64) -> Self {
         Self {
             points: self.points.iter().map(|&point| point * scale).collect(),
@@ -57,8 +58,8 @@ impl MetaParticle {
         Self::fill_counting_discarded(shape, radius, fill, reach).0
     }
 
-    /// As [`MetaParticle::fill`], and how many points inside were left out because they do not hang together with the
-    /// rest.
+    /// Like [`MetaParticle::fill`]; also returns the number of inner points discarded because they are not
+    /// connected to the rest.
     pub fn fill_counting_discarded(shape: &impl Shape, radius: f64, fill: Fill, reach: u32) -> (Self, usize) {
         let spacing = 2.0 * radius;
         let counts = shape.layers(spacing) + 2;
@@ -115,7 +116,8 @@ fn bonds(cells: &[IVec3], reach: u32) -> Vec<LatticeBond> {
     bonds
 }
 
-/// Which of `count` things hang together by these pairs: each has the lowest number of those that it hangs together with.
+/// Connected components of `count` elements joined by `pairs`. Each element gets the lowest index of its
+/// component.
 pub fn connected_components(count: usize, pairs: impl Iterator<Item = (u32, u32)>) -> Vec<usize> {
     let mut part: Vec<usize> = (0..count).collect();
     fn root(part: &mut [usize], mut i: usize) -> usize {
@@ -132,7 +134,7 @@ pub fn connected_components(count: usize, pairs: impl Iterator<Item = (u32, u32)
     (0..count).map(|i| root(&mut part, i)).collect()
 }
 
-/// Cells cut off from the rest by a coarse lattice would fall away as loose spheres: only the largest part stays.
+/// The largest connected part. Cells cut off by a coarse lattice would fall away as loose spheres.
 fn largest_component(cells: Vec<IVec3>) -> Vec<IVec3> {
     let roots = connected_components(cells.len(), bonds(&cells, 1).iter().map(|bond| (bond.i, bond.j)));
     let mut sizes: HashMap<usize, usize> = HashMap::new();

@@ -1,7 +1,8 @@
 //! The shapes of products and their lattices of bonded sub-particles.
 //!
-//! A [`Shape`] is what [`lattice`] fills: the fillet's [`teardrop`], a [`solid`] from a CAD file, a [`block`]. Fillet `i`
-//! of a scenario has shape `i mod (2 × sizes)`: each size of Table 1 and its mirror image in turn.
+//! A [`Shape`] is the input of [`lattice`]: the [`teardrop`] of a fillet, a [`solid`] from a CAD file, or a
+//! [`block`]. Fillet `i` of a scenario has shape `i mod (2 × sizes)`: each size of Table 1 and its mirror
+//! image in turn.
 
 pub mod block;
 pub mod lattice;
@@ -21,7 +22,7 @@ use lattice::MetaParticle;
 use solid::Solid;
 use teardrop::Teardrop;
 
-/// What a lattice can fill. Its own origin is the centre of its box, and so of the lattice.
+/// A shape that a lattice can fill. Its origin is the centre of its box and of the lattice.
 pub trait Shape {
     /// Sides of its box, in metres.
     fn size_m(&self) -> DVec3;
@@ -32,45 +33,45 @@ pub trait Shape {
     /// Its volume, in m³.
     fn volume_m3(&self) -> f64;
 
-    /// Layers of a lattice that its box takes along x, y and z.
+    /// Lattice layers in its box along x, y and z.
     fn layers(&self, spacing_m: f64) -> IVec3 {
         (self.size_m() / spacing_m).ceil().as_ivec3()
     }
 
-    /// Whether a sphere lies inside wholly. In 26 directions: enough to tell whether it pokes through a smooth surface
-    /// much larger than itself.
+    /// Whether a sphere lies wholly inside, tested in 26 directions. This resolves smooth surfaces much
+    /// larger than the sphere.
     fn contains_sphere(&self, centre: DVec3, radius_m: f64) -> bool {
         let steps = lattice::neighbour_steps().map(|step| step.as_dvec3().normalize());
         steps.flat_map(|step| [step, -step]).all(|d| self.contains(centre + d * radius_m))
     }
 }
 
-/// Why a mesh or a block is no product.
+/// Why a mesh or a block cannot be a product.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
-    /// Holes, or rims.
+    /// The mesh has holes or rims.
     #[error(
         "the mesh is open: {edges} of its edges belong to an odd number of triangles, and a product needs a closed surface"
     )]
     Open {
-        /// Such edges.
+        /// Number of open edges.
         edges: usize,
     },
-    /// Triangles that face opposite ways.
+    /// Triangles face opposite ways.
     #[error(
         "at {edges} edges of the mesh neighbours face opposite ways, which leaves open what is inside: let the CAD program unify the normals"
     )]
     InconsistentNormals {
-        /// Such edges.
+        /// Number of misoriented edges.
         edges: usize,
     },
-    /// Closed, and nothing in it.
+    /// A closed mesh without volume.
     #[error("the mesh encloses {volume_m3} m³, which is nothing: a sheet is no product")]
     NoVolume {
         /// The volume, in m³.
         volume_m3: f64,
     },
-    /// So fine a lattice that even looking at it would take too long.
+    /// The lattice has too many points to fill in reasonable time.
     #[error(
         "sub-particles of radius {radius_m} m make {cells:.1e} lattice points in the shape's box, at most {MAX_LATTICE_CELLS:.0e} are taken"
     )]
@@ -80,7 +81,7 @@ pub enum ShapeError {
         /// Lattice points in the box.
         cells: f64,
     },
-    /// So coarse a lattice that none of its points is inside.
+    /// The lattice is so coarse that no point lies inside.
     #[error("no sub-particle of radius {radius_m} m fits inside the shape, which is {} × {} × {} m", .size_m[0], .size_m[1], .size_m[2])]
     NoLatticePoint {
         /// Radius of the sub-particles, in metres.
@@ -88,25 +89,25 @@ pub enum ShapeError {
         /// Sides of its box, in metres.
         size_m: [f64; 3],
     },
-    /// Several bodies in one file, or bridges thinner than the lattice: what does not hang together would be lost.
+    /// The lattice is not connected: several bodies in one file, or bridges thinner than the lattice.
     #[error(
-        "the lattice falls into connected_components: {kept} sub-particles hang together, {discarded} are cut off from them; a product is one body, and a smaller radius keeps thin parts"
+        "the lattice falls into pieces: {kept} sub-particles hang together, {discarded} are cut off from them; a product is one body, and a smaller radius keeps thin parts"
     )]
     Disconnected {
-        /// Sub-particles of the largest piece.
+        /// Sub-particles of the largest component.
         kept: usize,
-        /// Sub-particles of all others.
+        /// Sub-particles of all other components.
         discarded: usize,
     },
 }
 
-/// The most lattice points in the box of a mesh or a block: seconds of work.
+/// Maximum number of lattice points in the box of a mesh or a block: seconds of work.
 pub(crate) const MAX_LATTICE_CELLS: f64 = 2e6;
 
-/// What a fill is cached_fill by: the shape, the radius, how it was filled and bonded.
+/// Key of the fill cache: shape, radius, fill rule and highest bond class.
 type FillKey = (ShapeKey, u64, Fill, u32);
 
-/// A shape to the bit.
+/// Exact identity of a shape.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum ShapeKey {
     /// Its sizes, and whether it is mirrored.
@@ -116,20 +117,20 @@ enum ShapeKey {
     Block([u32; 3]),
 }
 
-/// Points of cached_fill fills past which all are forgotten.
+/// Cached points beyond which the cache is emptied.
 const MAX_CACHED_POINTS: usize = 2_000_000;
 
-/// Fills seen before: validating a sweep asks for the same few thousands of times.
+/// Cache of fills: validating a sweep asks for the same few fills thousands of times.
 static FILL_CACHE: Mutex<Option<HashMap<FillKey, Arc<MetaParticle>>>> = Mutex::new(None);
 
-/// The meta-particles of a product, one a shape: that of its mesh, or each size and its mirror image. They are filled
-/// as they are and scaled afterwards.
+/// The meta-particles of a product, one per shape: its mesh, or each size and its mirror image. Shapes are
+/// filled at their own size and scaled afterwards.
 ///
 /// # Errors
-/// A mesh that is no product; see [`from_mesh`].
+/// A mesh that cannot be a product; see [`from_mesh`].
 ///
 /// # Panics
-/// When the product's mesh is not among `meshes`, or cannot be meant in its units.
+/// When the product's mesh is not among `meshes`, or its size does not fit its units.
 pub fn meta_particles(
     product: &Product,
     meshes: &Meshes,
@@ -158,10 +159,11 @@ pub fn meta_particles(
     Ok(filled.collect())
 }
 
-/// The meta-particle of a closed mesh, by sub-particles of a radius in metres; `reach` is [`lattice::max_bond_class`].
+/// The meta-particle of a closed mesh, with sub-particles of a radius in metres; `reach` is
+/// [`lattice::max_bond_class`].
 ///
 /// # Errors
-/// A mesh that encloses nothing; a lattice too fine to look at, too coarse to leave a sub-particle or to hang together.
+/// A mesh without volume; a lattice with too many points, no point, or several components.
 pub fn from_mesh(
     mesh: &Mesh,
     radius_m: f64,
@@ -175,14 +177,14 @@ pub fn from_mesh(
 /// A block of sub-particles of a radius in metres; `reach` is [`lattice::max_bond_class`].
 ///
 /// # Errors
-/// More sub-particles than anyone would wait for, or none.
+/// Too many sub-particles, or none.
 pub fn from_block(counts: [u32; 3], radius_m: f64, reach: u32) -> Result<Arc<MetaParticle>, ShapeError> {
     let key = (ShapeKey::Block(counts), radius_m.to_bits(), Fill::Centres, reach);
     cached_fill(key, || filled(&Block { counts, radius_m }, radius_m, Fill::Centres, reach))
 }
 
 fn filled(shape: &impl Shape, radius_m: f64, fill: Fill, reach: u32) -> Result<MetaParticle, ShapeError> {
-    // The fill looks a layer beyond either side.
+    // The fill covers one layer more on either side.
     let cells = (shape.layers(2.0 * radius_m).as_dvec3() + 2.0).element_product();
     if cells > MAX_LATTICE_CELLS {
         return Err(ShapeError::TooFine { radius_m, cells });
@@ -206,7 +208,7 @@ fn cached_fill<E>(
     let filled = Arc::new(fill()?);
     let mut fills = lock();
     let fills = fills.get_or_insert_default();
-    // A sweep over the radius could grow this for ever; starting over costs milliseconds.
+    // A sweep over the radius could grow the cache without bound. A refill costs milliseconds.
     if fills.values().map(|meta| meta.points.len()).sum::<usize>() > MAX_CACHED_POINTS {
         fills.clear();
     }

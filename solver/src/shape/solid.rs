@@ -1,9 +1,11 @@
-//! A closed mesh as a shape: what the triangles of a CAD file enclose.
+//! A closed mesh as a shape: the volume enclosed by the triangles of a CAD file.
 //!
-//! A point is inside when the mesh winds round it: along a ray towards +x, crossings from inside to outside are counted
-//! up, others down, and the sum is not zero. Bodies that overlap in one file so are one, a body within another is a
-//! hollow when it faces inwards. Whether the ray passes a triangle is decided edge by edge, by arithmetic that gives
-//! both triangles at an edge the same answer: a ray right through an edge or a corner is never lost nor counted twice.
+//! A point is inside when its winding number is not zero: along a ray towards +x, crossings outwards count
+//! +1, crossings inwards −1. Overlapping bodies in one file are therefore one. A body within another is a
+//! hollow when it faces inwards.
+//!
+//! The crossing test works edge by edge, with arithmetic that gives both triangles at an edge the same
+//! answer. A ray through an edge or a corner is never lost nor counted twice.
 
 use std::cell::Cell;
 
@@ -14,9 +16,10 @@ use crate::mesh::Mesh;
 use crate::mesh::bvh::{Aabb, Bvh};
 use crate::mesh::nearest::nearest_on_sliver;
 
-/// What lies this near to the surface lies on it, as a share of the longest side: some roundings of `f32`.
+/// Distance within which a point counts as on the surface, as a share of the longest side: a few roundings of
+/// `f32`.
 const SURFACE_TOLERANCE: f64 = 1e-6;
-/// A closed mesh of less volume than this share of its longest side cubed is a sheet.
+/// A closed mesh with less volume than this share of its longest side cubed is a sheet.
 const MIN_VOLUME_RATIO: f64 = 1e-9;
 
 /// A closed mesh, with the origin at the centre of its box.
@@ -31,10 +34,10 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// What a mesh encloses.
+    /// The solid enclosed by a mesh.
     ///
     /// # Errors
-    /// A mesh that encloses nothing.
+    /// A mesh without volume.
     pub fn new(mesh: &Mesh) -> Result<Self, ShapeError> {
         let (size_m, longest) = (mesh.size_m(), mesh.size_m().max_element());
         let volume_m3 = mesh.signed_volume_m3.abs();
@@ -61,7 +64,7 @@ impl Solid {
         })
     }
 
-    /// How often the mesh winds round a point.
+    /// Winding number of the mesh about a point.
     fn winding(&self, p: Vec3) -> i32 {
         let (low, high) = (p - self.tolerance, p + self.tolerance);
         let ahead = |aabb: &Aabb| {
@@ -101,9 +104,9 @@ fn crossing(triangle: &[Vec3; 3], p: Vec3) -> i32 {
     if x > p.x { winding } else { 0 }
 }
 
-/// What an edge adds to how often its triangle's shadow on the plane x = 0 winds round that of `p`: 1 or −1 when it passes
-/// `p` on the side of +y. From whichever end it is looked at, the lower corner is taken first: the answers of both of
-/// its triangles are opposite to the bit.
+/// Contribution of an edge to the winding number of its triangle about `p`, projected on the plane x = 0: ±1
+/// when it passes `p` on the side of +y, else 0. The lower corner comes first, whatever the direction of the
+/// edge. The answers of both of its triangles are therefore exact opposites.
 fn around(from: DVec3, to: DVec3, p: DVec3) -> i32 {
     let up = to.z > p.z;
     if (from.z > p.z) == up {
@@ -124,11 +127,11 @@ impl Shape for Solid {
     }
 
     fn layers(&self, spacing_m: f64) -> IVec3 {
-        // A box of whole layers must not get one more by the rounding of its corners.
+        // A box of whole layers must not gain one by the rounding of its corners.
         ((self.size_m - f64::from(self.tolerance)) / spacing_m).ceil().as_ivec3()
     }
 
-    /// The surface itself is inside, wherever the file's numbers were rounded to.
+    /// The surface itself counts as inside, whatever the rounding of the file's numbers.
     fn contains(&self, point: DVec3) -> bool {
         let p = point.as_vec3();
         self.winding(p) != 0 || self.is_near(p, self.tolerance)

@@ -1,10 +1,14 @@
 //! The surface of a fillet: an asymmetric teardrop inscribed in the box of Table 1.
 //!
-//! The paper's meshes are not public; its sizes are, and so is the mass: 191 fillets weigh 38.21 kg. With s from 0
-//! (blunt end) to 1 (tail) along the length L, the cross-section at s is two half ellipses that meet at y = 0, of
-//! half widths W/2 · p(s; ½, 0.6) for y > 0 and W/2 · p(s; ½, 1) for y < 0 and common half thickness T/2 · p(s; ½, 0.6),
-//! where p(s; a, b) = s^a (1 − s)^b scaled to a greatest value of 1. The surface touches all six sides of its box
-//! and fills 48.66 % of it, which makes 191 fillets at 940 kg/m³ weigh 38.35 kg.
+//! The paper's meshes are not public. Its sizes are, and so is the mass: 191 fillets weigh 38.21 kg.
+//!
+//! Let s run from 0 (blunt end) to 1 (tail) along the length L. The cross-section at s is two half ellipses
+//! that meet at y = 0. Their half widths are W/2 · p(s; ½, 0.6) for y > 0 and W/2 · p(s; ½, 1) for y < 0.
+//! Their common half thickness is T/2 · p(s; ½, 0.6). Here p(s; a, b) = s^a (1 − s)^b, scaled to a maximum of
+//! 1.
+//!
+//! The surface touches all six sides of its box and fills 48.66 % of it: 191 fillets at 940 kg/m³ weigh 38.35
+//! kg.
 
 use glam::DVec3;
 
@@ -17,7 +21,7 @@ const LEFT: (f64, f64) = (0.5, 1.0);
 /// Exponents of the thickness profile.
 const THICKNESS: (f64, f64) = (0.5, 0.6);
 
-/// A teardrop, its own axes being length x, width y, thickness z, with the origin at the centre of its box.
+/// A teardrop with its origin at the centre of its box: length along x, width along y, thickness along z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Teardrop {
     /// Length, width and thickness, in metres.
@@ -26,7 +30,7 @@ pub struct Teardrop {
     pub mirrored: bool,
 }
 
-/// s^a (1 − s)^b, scaled to a greatest value of 1.
+/// s^a (1 − s)^b, scaled to a maximum of 1.
 fn profile((a, b): (f64, f64), s: f64) -> f64 {
     let peak = a / (a + b);
     (s / peak).powf(a) * ((1.0 - s) / (1.0 - peak)).powf(b)

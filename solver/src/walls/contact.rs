@@ -1,4 +1,7 @@
-//! Contacts of a sub-particle with facets near it.
+//! Contacts of a sub-particle with the facets near it, on either CPU path.
+//!
+//! A surface cut into many facets must act like the surface itself: one contact, whose history moves on with
+//! it.
 
 use std::iter::successors;
 
@@ -8,19 +11,19 @@ use super::{NearestPoint, Walls};
 use crate::engine::frame::Frame;
 use crate::physics::contact::ContactHistory;
 
-/// A facet near a sub-particle.
+/// A facet near a sub-particle, with the history of their contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WallPair {
     /// Index into [`Walls::facets`].
     pub facet: u32,
-    /// What the contact remembers.
+    /// History of the contact.
     pub contact: ContactHistory,
     /// Force on the sub-particle in the last step, in newton.
     pub force: Vec3,
 }
 
-/// Shows the facets near a sub-particle that it may feel, by their numbers among those near, with how it points each; what the others
-/// remember is forgotten. Returns the distance of the nearest, in metres.
+/// Calls `apply` for each facet that acts on a sub-particle, with its index in `near` and its nearest point.
+/// Histories of the other facets are cleared. Returns the distance of the nearest facet, in metres.
 pub(crate) fn for_each_contact(
     radius: f32,
     frame: &Frame,
@@ -40,7 +43,7 @@ pub(crate) fn for_each_contact(
         nearest = nearest.min(point.distance);
         wall.force = Vec3::ZERO;
         let is_far = radius - point.distance < -walls.law(*facet).adhesion_range();
-        // A centre right on the plate has no side; it gets one in the next step.
+        // A centre exactly on a plate has no side. The next step moves it to one.
         if is_far || point.distance <= 0.0 || superseded_by(walls, points, k).is_some() {
             wall.contact = ContactHistory::default();
         } else {
@@ -50,17 +53,19 @@ pub(crate) fn for_each_contact(
     nearest
 }
 
-/// Where a facet that the sphere held on to now gives way to another, hands what their contact remembers on to the one
-/// that takes over: to the sphere it is one contact that moves along a surface, however that is cut. A facet that was
-/// stats beside it keeps its own memory. What has left the reach has nothing to hand on, whether or not neighbour_lists still hold
-/// it.
+/// Transfers the history of a facet that is now superseded to the facet that supersedes it. For the sphere
+/// both are one contact that moves along a surface, however the surface is cut.
+///
+/// A successor with a contact of its own keeps its own history. A contact out of range has no history to
+/// transfer, whether or not a list still holds it.
 fn transfer_history(radius: f32, walls: &Walls, points: &[(u32, NearestPoint)], near: &mut [WallPair]) {
     for k in 0..near.len() {
         let (facet, point) = points[k];
         if !near[k].contact.in_contact || radius - point.distance < -walls.law(facet).adhesion_range() {
             continue;
         }
-        // One that is stats: those that come before are ordered. Should rounding ever say otherwise, the memory is lost.
+        // The end of the chain acts, since facets are ordered. If rounding ever broke the order, the history
+        // would be lost.
         let chain = successors(Some(k), |&at| superseded_by(walls, points, at));
         let successor = chain.take(points.len()).last().unwrap_or(k);
         if successor != k {
@@ -72,7 +77,7 @@ fn transfer_history(radius: f32, walls: &Walls, points: &[(u32, NearestPoint)], 
     }
 }
 
-/// Which of the points of a sub-particle the `k`th gives way to.
+/// Index of the point that supersedes the `k`th point of a sub-particle, if any.
 fn superseded_by(walls: &Walls, points: &[(u32, NearestPoint)], k: usize) -> Option<usize> {
     let (facet, point) = &points[k];
     let others = points.iter().copied().filter(|(other, _)| other != facet);

@@ -1,4 +1,6 @@
-//! Surfaces as the CPU backend sees them: facets, posed anew every step.
+//! Surfaces during a run: facets in their pose of the current step, in fixed-point coordinates.
+//!
+//! Both CPU paths and the GPU backend use this geometry.
 
 pub mod contact;
 
@@ -18,7 +20,7 @@ pub struct Walls {
     facets: Vec<WallFacet>,
     /// Belt time of the last pose, in seconds.
     posed_at: f64,
-    /// How far any point of a surface may have moved since the neighbour_lists were built, in metres.
+    /// Upper bound on the motion of any point of a surface since the neighbour lists were built, in metres.
     travel_m: f64,
     /// The same since the run began, in metres.
     total_travel_m: f64,
@@ -29,18 +31,18 @@ pub(crate) struct WallSurface {
     motion: Motion,
     pub(crate) law: ContactLaw,
     presence: Presence,
-    /// Point that its facets are relative to, in metres, at t = 0.
+    /// Origin of its facets' coordinates, in metres, at t = 0.
     anchor: DVec3,
-    /// Farthest corner from the anchor, in metres.
+    /// Maximum distance of a corner from the anchor, in metres.
     reach: f64,
     pub(crate) pose: SurfacePose,
-    /// Its first facet; the bvh numbers them from there.
+    /// Its first facet. The tree numbers its facets from there.
     pub(crate) first: u32,
-    /// Finds its facets near a point relative to the anchor.
+    /// Tree over the boxes of its facets, relative to the anchor.
     pub(crate) bvh: Bvh,
 }
 
-/// Where a surface is in this step, in the numbers of the run.
+/// Pose of a surface in this step, in fixed-point coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePose {
     pub(crate) anchor: IVec3,
@@ -53,47 +55,48 @@ pub(crate) struct SurfacePose {
 pub(crate) struct WallFacet {
     pub(crate) surface: usize,
     pub(crate) facet: Facet,
-    /// Its box relative to the anchor, in metres: far sub-particles are passed over by it.
+    /// Bounding box relative to the anchor, in metres, to reject far sub-particles.
     pub(crate) aabb: Aabb,
 }
 
-/// The nearest point of a facet, seen from a sub-particle.
+/// The nearest point of a facet to a sub-particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearestPoint {
-    /// From the sub-particle's centre to the nearest point, in metres.
+    /// Vector from the centre of the sub-particle to the nearest point, in metres.
     pub to_wall: Vec3,
-    /// Its length, in metres.
+    /// Length of `to_wall`, in metres.
     pub distance: f32,
-    /// Velocity of the wall's material there, in m/s.
+    /// Velocity of the wall's material at the point, in m/s.
     pub velocity: Vec3,
     /// Spin of the wall, in rad/s.
     pub spin: Vec3,
-    /// The nearest point relative to the anchor, in the surface's own axes.
+    /// Position of the point relative to the anchor, in the axes of the surface.
     local: Vec3,
-    /// Whether the point lies on the rim of the facet and not under the sphere.
+    /// Whether the point lies on the rim of the facet, not under the sphere.
     on_rim: bool,
 }
 
-/// Points nearer than this are one, in metres: some roundings of `f32`, a metre from the anchor.
+/// Distance below which points coincide, in metres: a few roundings of `f32`, a metre from the anchor.
 pub(crate) const COINCIDENT_M: f32 = 1e-6;
 
-/// A point lies on a facet when it is nearer than this share of its distance from the sphere's centre: in `f32` the
-/// nearest point of a triangle can be off by more than [`COINCIDENT_M`] (see [`crate::mesh::nearest`]).
+/// A point lies on a facet when it is nearer than this share of its distance from the sphere's centre. In
+/// `f32` the nearest point of a triangle can be off by more than [`COINCIDENT_M`] (see
+/// [`crate::mesh::nearest`]).
 pub(crate) const EDGE_TOLERANCE: f32 = 0.01;
 
-/// Cosine of the angle, some 26°, within which two facets push the same way: more than neighbours turn on curves that
-/// CAD programs cut into facets, less than at creases that are meant.
+/// Cosine of the angle, about 26°, within which two facets push the same way. Neighbouring facets of a curve
+/// cut by a CAD program turn less; intended creases turn more.
 pub(crate) const ALIGNED_COSINE: f32 = 0.9;
 
 impl NearestPoint {
-    /// Whether two points of one sub-particle are on the same side of it.
+    /// Whether two points of one sub-particle push the same way.
     fn is_aligned_with(&self, other: &Self) -> bool {
         self.to_wall.dot(other.to_wall) > ALIGNED_COSINE * self.distance * other.distance
     }
 }
 
 impl SurfacePose {
-    /// A position relative to the anchor, in the surface's own axes, in metres.
+    /// A position relative to the anchor, in the axes of the surface, in metres.
     fn local(&self, x: IVec3, frame: &Frame) -> Vec3 {
         self.turn.transpose() * (x.wrapping_sub(self.anchor).as_vec3() * frame.unit_m)
     }
@@ -111,7 +114,8 @@ impl Walls {
         };
         for (k, surface) in scene.surfaces.iter().enumerate() {
             let corners = || surface.triangles.iter().flatten();
-            // Facets relative to a point in their midst keep more digits; what turns must be relative to its pivot.
+            // Coordinates relative to a central point keep more digits. A rotating surface must be relative
+            // to its pivot.
             let anchor = match surface.motion {
                 Motion::Moving { pivot, .. } => pivot,
                 _ => corners().sum::<DVec3>() / corners().count().max(1) as f64,
@@ -140,7 +144,7 @@ impl Walls {
         walls
     }
 
-    /// Brings every surface to where it is at belt time `t` in seconds (`None` before the start).
+    /// Moves every surface to its pose at belt time `t` in seconds (`None` before the start).
     pub fn pose(&mut self, t: Option<f64>, frame: &Frame) {
         let Some(now) = t else { return };
         let elapsed = if self.posed_at.is_finite() { now - self.posed_at } else { now };
@@ -160,30 +164,30 @@ impl Walls {
         self.total_travel_m += max_speed * elapsed;
     }
 
-    /// t = 0 is now: what was there only until the start goes.
+    /// Removes the surfaces that are present only until t = 0.
     pub fn remove_until_start(&mut self) {
         let surfaces = &self.surfaces;
         let gone = |facet: &WallFacet| surfaces[facet.surface].presence == Presence::UntilStart;
-        // Its facets stay in the list, so that the numbers of the others do not change, but without triangles.
+        // The facets stay in the list without triangles, so that the numbers of the others do not change.
         self.facets.iter_mut().filter(|facet| gone(facet)).for_each(|facet| facet.facet = Facet::default());
     }
 
-    /// How far any point of a surface may have moved since the neighbour_lists were built, in metres.
+    /// Upper bound on the motion of any point of a surface since the neighbour lists were built, in metres.
     pub fn travel_m(&self) -> f32 {
         self.travel_m as f32
     }
 
-    /// How far any point of a surface may have moved since the run began, in metres.
+    /// Upper bound on the motion of any point of a surface since the run began, in metres.
     pub fn total_travel_m(&self) -> f64 {
         self.total_travel_m
     }
 
-    /// The neighbour_lists were built for where the surfaces are now.
+    /// Resets the motion: the neighbour lists were built for the current poses.
     pub fn reset_travel(&mut self) {
         self.travel_m = 0.0;
     }
 
-    /// The facets that come within `reach` metres of a position, ascending.
+    /// Facets within `reach` metres of a position, ascending.
     pub fn facets_within(&self, x: IVec3, reach: f32, frame: &Frame) -> impl Iterator<Item = u32> {
         self.surfaces.iter().flat_map(move |surface| {
             let p = surface.pose.local(x, frame);
@@ -200,7 +204,7 @@ impl Walls {
         })
     }
 
-    /// The nearest point of a facet, seen from a position. Without triangles it is infinitely far.
+    /// Nearest point of a facet to a position. A facet without triangles is infinitely far.
     pub fn nearest_point(&self, facet: u32, x: IVec3, frame: &Frame) -> NearestPoint {
         let WallFacet { surface, facet, .. } = &self.facets[facet as usize];
         let pose = &self.surfaces[*surface].pose;
@@ -230,14 +234,16 @@ impl Walls {
         }
     }
 
-    /// The facet that a point gives way to, if it is no contact of its own: another facet of the same surface that comes
-    /// before it and either pushes nearly the same way, or has its point too, where the two meet at an edge. The first
-    /// rule makes one contact of a surface that many facets round off, hollow ones included, and of the two faces of
-    /// a thin sheet. `others` are the other points of the same sub-particle.
+    /// The facet that supersedes a nearest point, if the point is no contact of its own. `others` are the
+    /// other points of the same sub-particle.
     ///
-    /// The nearer facet comes first, and of those that point in one point the one with the lowest number, so that a
-    /// sphere on an edge does not hop between its sides by rounding. This orders all facets of a surface, so the first
-    /// of them gives way to none.
+    /// A superseding facet belongs to the same surface and precedes this one. Either it pushes nearly the
+    /// same way, or it contains the point, where the two meet at an edge. The first rule makes one contact of
+    /// a surface rounded by many facets, also of a hollow one, and of the two faces of a thin sheet.
+    ///
+    /// The nearer facet precedes. Of facets that share a point the one with the lowest number precedes, so
+    /// that a sphere on an edge does not jump between its sides by rounding. All facets of a surface are
+    /// thereby ordered, and the first one is never superseded.
     pub fn superseding_facet(
         &self,
         facet: u32,
@@ -246,7 +252,7 @@ impl Walls {
     ) -> Option<u32> {
         let surface = |facet: u32| self.facets[facet as usize].surface;
         let others = others.filter(|&(other, _)| surface(other) == surface(facet));
-        // The least distance of all that point in the point of this one: no more than COINCIDENT_M from its own.
+        // Smallest distance of all points that coincide with this one: at most COINCIDENT_M below its own.
         let rank = |of: &NearestPoint| {
             let points = others.clone().map(|(_, theirs)| theirs).chain([*point]);
             let here = points.filter(|theirs| theirs.local.distance(of.local) < COINCIDENT_M);
@@ -266,12 +272,12 @@ impl Walls {
         alike.or_else(at_the_edge).map(|(other, _)| other)
     }
 
-    /// The surfaces.
+    /// The surfaces, in their order.
     pub(crate) fn surfaces(&self) -> &[WallSurface] {
         &self.surfaces
     }
 
-    /// Greatest speed of any point of a surface from the start on, in m/s.
+    /// Maximum speed of any point of a surface after the start, in m/s.
     #[cfg(feature = "gpu")]
     pub(crate) fn max_speed(&self) -> f64 {
         self.surfaces.iter().map(|surface| surface.motion.max_speed(surface.reach)).fold(0.0, f64::max)
@@ -287,17 +293,17 @@ impl Walls {
         self.surfaces.len()
     }
 
-    /// The surface that a facet is part of.
+    /// The surface of a facet.
     pub fn surface_of(&self, facet: u32) -> usize {
         self.facets[facet as usize].surface
     }
 
-    /// The law of the contacts of a surface.
+    /// The contact law of a surface.
     pub fn law_of_surface(&self, surface: usize) -> &ContactLaw {
         &self.surfaces[surface].law
     }
 
-    /// The law of a facet's contacts.
+    /// The contact law of a facet.
     pub fn law(&self, facet: u32) -> &ContactLaw {
         &self.surfaces[self.facets[facet as usize].surface].law
     }

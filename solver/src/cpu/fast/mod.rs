@@ -53,23 +53,24 @@ use schedule::{PerThread, bodies_per_task, morton_order, permuted};
 use storage::body::Body;
 use storage::body_groups::{BodyGroup, body_groups};
 use storage::bond_set::BondSet;
-use storage::bounds::Aabb;
+use storage::bounds::FixedAabb;
 use storage::context::StepContext;
 use storage::laws::{LaneContactLaw, PairLaws};
 use storage::motion::SAFETY_FACTOR;
 use storage::pairs::BodyPairList;
 use storage::particles::BodyParticles;
 
-/// Distance beyond reach that lists cover, as a share of R: between two bodies, and between a body and itself.
+/// Verlet skins of the neighbour lists, as shares of R: between two bodies, and within a body.
 const SKIN_RATIOS: [f32; 2] = [0.4, 0.25];
 
-/// The same of candidates for as_range lists. Within a body it stays short of the lattice's face diagonal, 2√2 R.
+/// The same for the candidates of these lists. Within a body the cutoff must stay below the lattice's face
+/// diagonal, 2√2 R.
 const OUTER_SKIN_RATIOS: [f32; 2] = [2.0, 0.8];
 
-/// The same for facets.
+/// Verlet skin of the wall lists, as a share of R.
 const WALL_SKIN_RATIO: f32 = 0.7;
 
-/// Distance of bodies that makes them meet, beyond reach, as a share of R.
+/// Margin of the broad phase over bodies beyond the cutoff, as a share of R.
 const MARGIN_RATIO: f32 = 6.0;
 
 /// A run on the fast path.
@@ -82,27 +83,27 @@ pub struct FastRun {
     integrator: Integrator,
     instructions: InstructionSet,
     state: State,
-    /// Whether positions and velocities of the state are as_range of the bodies.
+    /// Whether positions and velocities of `state` are those of the bodies.
     state_is_current: bool,
     walls: Walls,
     bodies: Vec<Body>,
-    /// Sorted by their bodies.
+    /// Body pairs, sorted by their bodies.
     body_pairs: Vec<BodyPair>,
-    /// How many body_pairs each body is the first of.
+    /// Number of body pairs of which each body is the first.
     pair_counts: Vec<usize>,
-    /// Of each body_pair, where the loads of its pairs that are close stand among as_range of its first body.
+    /// For each body pair, the range of its close pairs' loads among those of its first body.
     loads: Vec<Range<u32>>,
-    /// Those of each body with itself and as_range after it.
+    /// Neighbour lists of each body: its pairs with itself and with bodies of higher index.
     pairs: Vec<BodyPairList>,
-    /// Whether others may meet since the body_pairs were drawn up.
+    /// Whether a body has left its margin since the body pairs were found.
     body_pairs_stale: bool,
     step: u64,
     start_step: Option<u64>,
     pub(super) fault: Option<String>,
-    /// Laws of surfaces, by their numbers.
+    /// Contact laws of the surfaces, by number.
     wall_laws: Vec<LaneContactLaw>,
     stages: Arc<StageTimers>,
-    /// The bodies as they are worked on: neighbours soon after each other, so that they are still in the cache.
+    /// Order in which bodies are worked on: neighbours in succession share the cache.
     order: Vec<u32>,
     scratch_per_thread: PerThread<(PairScratch, MotionScratch)>,
 }
@@ -114,7 +115,7 @@ impl FastRun {
             contact: LaneContactLaw::new(params.laws.tissue),
             bond: params.laws.bond,
             contact_between_bonded: params.laws.contact_between_bonded,
-            touch: 2.0 * params.radius,
+            contact_distance: 2.0 * params.radius,
             dt: params.dt,
         };
         let mut bodies = Vec::new();
@@ -126,7 +127,7 @@ impl FastRun {
         }
         let walls = Walls::new(scene, &state.frame);
         let search = SearchParams {
-            reach: 2.0 * params.radius + params.laws.adhesion_range(),
+            cutoff: 2.0 * params.radius + params.laws.adhesion_range(),
             skins: SKIN_RATIOS.map(|ratio| ratio * params.radius),
             outer_skins: OUTER_SKIN_RATIOS.map(|ratio| ratio * params.radius),
         };
@@ -206,11 +207,11 @@ impl FastRun {
             self.update_body_pairs();
         }
         timer.lap(Stage::Neighbours);
-        let max_overlap = self.meet();
+        let max_overlap = self.compute_contacts();
         let stats = self.move_bodies();
         self.state_is_current = false;
         self.body_pairs_stale = stats.left_margin;
-        // Bodies that other threads have worked on are far away: not without need.
+        // Data of bodies lies in the caches of other threads: read it only when needed.
         if stats.has_broken {
             for body in &self.bodies {
                 let first = body.range().start;
@@ -228,10 +229,10 @@ impl FastRun {
         }
     }
 
-    /// Finds the bodies that are near each other. Meetings that stay keep their pairs.
+    /// Finds the pairs of bodies near each other. Pairs that persist keep their lists.
     fn update_body_pairs(&mut self) {
-        let reach = self.search.reach + MARGIN_RATIO * self.params.radius;
-        let aabbs: Vec<Aabb> = self.bodies.iter().map(|body| body.bounds.whole).collect();
+        let reach = self.search.cutoff + MARGIN_RATIO * self.params.radius;
+        let aabbs: Vec<FixedAabb> = self.bodies.iter().map(|body| body.bounds.whole).collect();
         self.order = morton_order(&aabbs);
         let pairs = overlapping_bodies(&aabbs, reach, &self.state.frame);
         let mut old = std::mem::take(&mut self.body_pairs).into_iter().peekable();
@@ -255,15 +256,16 @@ impl FastRun {
         self.loads.resize(self.body_pairs.len(), 0..0);
     }
 
-    /// The first phase. Every body second_in itself at least, so body_pairs come in as many groups as there are bodies.
-    fn meet(&mut self) -> f32 {
+    /// Phase 1, contacts. Every body forms a pair with itself, so there are as many groups of pairs as
+    /// bodies.
+    fn compute_contacts(&mut self) -> f32 {
         let step = (self.step + 2) as u32;
         let Self { laws, search, state, bodies, body_pairs, loads, pairs, instructions, .. } = self;
         let Self { stages, scratch_per_thread, order, pair_counts, .. } = self;
         let (mut body_pairs, mut loads) = (&mut body_pairs[..], &mut loads[..]);
         let groups = pair_counts.iter().map(|&count| {
             let body_pairs = body_pairs.split_off_mut(..count).expect("as many as there are");
-            (body_pairs, loads.split_off_mut(..count).expect("as many as body_pairs"))
+            (body_pairs, loads.split_off_mut(..count).expect("as many as body pairs"))
         });
         let work = groups.zip(pairs).map(|((body_pairs, loads), pairs)| BodyContacts {
             body_pairs,
@@ -278,13 +280,13 @@ impl FastRun {
         let some = bodies_per_task(work.len());
         let work = work.par_chunks_mut(some).with_max_len(1).map(|some| {
             let (scratch, _) = &mut *scratch_per_thread.current();
-            let meet = |contacts| instructions.run(ContactPhase { contacts, search, scratch, stages });
-            some.iter_mut().map(meet).fold(0.0, f32::max)
+            let evaluate = |contacts| instructions.run(ContactPhase { contacts, search, scratch, stages });
+            some.iter_mut().map(evaluate).fold(0.0, f32::max)
         });
         work.reduce(|| 0.0, f32::max)
     }
 
-    /// The second phase.
+    /// Phase 2, motion.
     fn move_bodies(&mut self) -> BodyStats {
         let Self {
             laws,
@@ -313,7 +315,7 @@ impl FastRun {
             stages,
             wall_laws,
             radius: params.radius,
-            wall_reach: params.radius + params.laws.adhesion_range(),
+            wall_cutoff: params.radius + params.laws.adhesion_range(),
             wall_skin: *wall_skin,
         };
         let mut work = permuted(order, bodies.iter_mut().zip(&*pairs));

@@ -1,10 +1,10 @@
-//! Sub-particles that leave a run: what is left goes on under other numbers.
+//! Removal of sub-particles, and renumbering of the rest.
 
 use super::FastRun;
 use super::storage::particles::BodyParticles;
 
 impl FastRun {
-    /// Takes sub-particles out, by serial, ascending.
+    /// Removes sub-particles by serial, ascending.
     pub(in crate::cpu) fn remove(&mut self, serials: &[u32]) {
         self.state();
         let map = self.state.remove(serials);
@@ -46,7 +46,7 @@ impl FastRun {
             }
             true
         });
-        // With what pairs of body_pairs that are over have left there: lists are written afresh before they are looked at.
+        // The lists still hold pairs of removed body pairs. They are rebuilt before the next use.
         let mut numbers = numbers.iter();
         self.pairs.retain(|_| numbers.next().is_some_and(Option::is_some));
         self.body_pairs_stale = true;

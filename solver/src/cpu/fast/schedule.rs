@@ -4,31 +4,31 @@ use std::sync::{Mutex, MutexGuard};
 
 use glam::IVec3;
 
-use crate::cpu::fast::storage::bounds::Aabb;
+use crate::cpu::fast::storage::bounds::FixedAabb;
 
-/// Bodies that a thread takes at once, at least and at most: some cost far more than others, and what is left at the end must not be
-/// much; but of as_range that it takes at once, one fetches from memory what the next needs.
+/// Minimum and maximum number of bodies per task. Bodies differ in cost, which favours small tasks at the end
+/// of a phase. Within a task a body prefetches data for the next one, which favours large tasks.
 const BODIES_PER_TASK: [usize; 2] = [2, 16];
 
-/// How often a thread takes some in a phase, if there are that many.
+/// Number of tasks per thread and phase, given enough bodies.
 const TASKS_PER_THREAD: usize = 64;
 
-/// How often a thread must be able to take some before it takes several.
+/// Minimum number of tasks per thread before a task takes several bodies.
 const MIN_TASKS_PER_THREAD: usize = 4;
 
-/// How many of so many bodies a thread takes at once.
+/// Number of bodies per task.
 pub(crate) fn bodies_per_task(bodies: usize) -> usize {
     let [least, most] = BODIES_PER_TASK;
     let threads = rayon::current_num_threads();
-    // Where bodies are few every thread should have some.
+    // With few bodies every thread should get some.
     (bodies / (TASKS_PER_THREAD * threads))
         .clamp(least.min(bodies / (MIN_TASKS_PER_THREAD * threads)).max(1), most)
 }
 
-/// Bits of a coordinate that count along the curve.
+/// Bits per coordinate of the Morton code.
 const BITS: u32 = 10;
 
-/// One for every thread, kept from step to step.
+/// Scratch memory per thread, kept from step to step.
 #[derive(Debug)]
 pub(crate) struct PerThread<T>(Vec<Mutex<T>>);
 
@@ -39,20 +39,20 @@ impl<T> Default for PerThread<T> {
 }
 
 impl<T: Default> PerThread<T> {
-    /// Makes as_range that threads of this pool do not have yet.
+    /// Adds the elements that threads of this pool lack.
     pub(crate) fn resize_to_pool(&mut self) {
         self.0.resize_with(rayon::current_num_threads(), Mutex::default);
     }
 
-    /// That of the thread that asks, which is in the pool. Nobody else wants it.
+    /// Element of the current thread, which must be in the pool. No other thread takes it.
     pub(crate) fn current(&self) -> MutexGuard<'_, T> {
         let thread = rayon::current_thread_index().expect("bodies are worked on in the pool");
         self.0[thread].lock().expect("whoever had it has finished")
     }
 }
 
-/// Bodies in the order of Morton's curve through their middles: what they share with each other is still in the cache.
-pub(crate) fn morton_order(aabbs: &[Aabb]) -> Vec<u32> {
+/// Bodies in Morton order of their centres, so that neighbours in space share the cache.
+pub(crate) fn morton_order(aabbs: &[FixedAabb]) -> Vec<u32> {
     let middles: Vec<IVec3> = aabbs.iter().map(|aabb| (aabb.low >> 1) + (aabb.high >> 1)).collect();
     let low = middles.iter().copied().fold(IVec3::MAX, IVec3::min);
     let high = middles.iter().copied().fold(IVec3::MIN, IVec3::max);
@@ -67,7 +67,7 @@ pub(crate) fn morton_order(aabbs: &[Aabb]) -> Vec<u32> {
     order
 }
 
-/// What there is of each body, in another order.
+/// Elements of all bodies in the given order.
 pub(crate) fn permuted<T>(order: &[u32], of_each: impl Iterator<Item = T>) -> Vec<T> {
     let mut of_each: Vec<Option<T>> = of_each.map(Some).collect();
     order.iter().map(|&body| of_each[body as usize].take().expect("each comes once")).collect()
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn neighbours_come_soon_after_each_other() {
-        let at = |x, y, z| Aabb { low: IVec3::new(x, y, z), high: IVec3::new(x + 2, y + 2, z + 2) };
+        let at = |x, y, z| FixedAabb { low: IVec3::new(x, y, z), high: IVec3::new(x + 2, y + 2, z + 2) };
         let far = 1 << 20;
         let bodies = [at(0, 0, 0), at(far, far, far), at(1, 0, 0), at(far, far, far - 1), at(0, 0, far)];
         let order = morton_order(&bodies);

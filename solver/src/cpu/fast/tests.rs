@@ -1,4 +1,4 @@
-//! When pairs are looked up is nobody's business.
+//! The moment of a list's renewal changes no bit.
 
 use glam::DVec3;
 use serde_json::json;
@@ -22,7 +22,7 @@ fn fillets() -> Scene {
     prepare(&from_value(&hopper).expect("a scenario"), &Meshes::default()).scene
 }
 
-/// Single spheres in the same place, more than go together.
+/// Single spheres in the same place, more than fit in one group.
 fn spheres() -> Scene {
     let scene = fillets();
     let mut meta = (*scene.kinds[0].meta).clone();
@@ -41,7 +41,7 @@ fn spheres() -> Scene {
     Scene { bodies: bodies.collect(), kinds: vec![kind], ..scene }
 }
 
-/// After so many steps with skins so many times as thick, and how often pairs were looked up.
+/// State after `steps` with skins scaled by `skins`, and the number of list renewals.
 fn after(scene: &Scene, steps: u64, skins: f32) -> (State, usize) {
     let cpu = Cpu::new(2);
     let mut run = cpu.prepare(scene);

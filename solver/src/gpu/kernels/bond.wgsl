@@ -1,4 +1,4 @@
-// The bond: twin of physics/bond.rs.
+// The bond: twin of physics/bond.rs, which states the equations.
 
 struct BondForce {
     total: vec3<f32>,

@@ -1,8 +1,9 @@
-// The grid: every sub-particle joins the chain of its cell. Chains are in no command; who walks them sorts.
+// The cell list: twin of cpu/cell_list.rs. Every sub-particle joins the chain of its cell. Chains are
+// unordered; their readers sort.
 
-// Cells of the grid are numbered along x first, and the grid repeats itself beyond its edges.
+// Cells are numbered along x first, and the list wraps around at its edges.
 fn cell_of(scene: Scene, x: vec3<i32>) -> vec3<u32> {
-    // Positions from the lowest that there can be: cells below zero are no special case.
+    // Relative to the lowest possible position, so that no cell index is negative.
     return (bitcast<vec3<u32>>(x) ^ vec3(0x80000000u)) / scene.cell;
 }
 

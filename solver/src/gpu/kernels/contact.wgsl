@@ -1,4 +1,4 @@
-// One contact: twin of physics/contact.rs.
+// One contact: twin of physics/contact.rs, which states the equations.
 
 struct ContactHistory {
     xi: vec3<f32>,
@@ -8,7 +8,7 @@ struct ContactHistory {
 struct ContactForce {
     normal: vec3<f32>,
     tangential: vec3<f32>,
-    // False when the surfaces do not point.
+    // False without contact.
     acts: bool,
 }
 

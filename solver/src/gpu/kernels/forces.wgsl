@@ -1,17 +1,18 @@
-// The forces stage: twin of cpu/forces.rs. Every sub-particle gathers what its bonds, contacts and walls do to it.
+// The forces stage: twin of cpu/forces.rs. Every sub-particle gathers the loads of its bonds, contacts and
+// walls.
 
 struct Load {
     force: vec3<f32>,
     torque: vec3<f32>,
 }
 
-// What the stage has noticed.
+// Statistics of the stage.
 struct ForceStats {
     max_overlap: f32,
     bonds_broken: u32,
 }
 
-// Adds a force at the end of `arm`, of which only `across` has a moment.
+// Adds a force at the end of `arm`. Only its part `across` has a moment.
 fn add(load: ptr<function, Load>, force: vec3<f32>, arm: vec3<f32>, across: vec3<f32>) {
     (*load).force += force;
     (*load).torque += cross3(arm, across);
@@ -19,7 +20,7 @@ fn add(load: ptr<function, Load>, force: vec3<f32>, arm: vec3<f32>, across: vec3
 
 fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> ForceStats {
     let contact_distance = 2.0 * scene.radius;
-    let hold = 2.0 * scene.radius + scene.tissue_reach;
+    let hold = 2.0 * scene.radius + scene.tissue_adhesion_range;
     var stats = ForceStats(0.0, 0u);
     let base = i * dispatch.pair_capacity;
     let end = base + counts[i].pairs;
@@ -92,7 +93,7 @@ fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
         let law = law_of(scene, point.facet);
         var force = vec3(0.0);
         var history = ContactHistory(walls[k].xi, walls[k].state != 0u);
-        let is_far = scene.radius - point.distance < -reach_of(law);
+        let is_far = scene.radius - point.distance < -adhesion_range_of(law);
         if is_far || point.distance <= 0.0 || superseded_by(scene, begin, end, k) != NONE {
             history = ContactHistory(vec3(0.0), false);
         } else {

@@ -1,6 +1,6 @@
 // Fixed-point positions: twin of engine/frame.rs.
 
-// The difference that leads to the nearest periodic image, in units.
+// The difference to the nearest periodic image, in units.
 fn nearest_image(period_y: i32, y: i32) -> i32 {
     let half = period_y / 2;
     if y > half {
@@ -12,7 +12,7 @@ fn nearest_image(period_y: i32, y: i32) -> i32 {
     return y;
 }
 
-// A position brought back into the period.
+// The position, wrapped into the period.
 fn wrap(period_y: i32, x: vec3<i32>) -> vec3<i32> {
     if period_y == 0 {
         return x;

@@ -1,4 +1,4 @@
-// Friction: twin of physics/friction.rs.
+// Friction: twin of physics/friction.rs, which states the equations.
 
 fn rotated_history(v: vec3<f32>, n: vec3<f32>, twist: f32) -> vec3<f32> {
     let twisted = v + cross3(n, v) * twist;

@@ -1,4 +1,4 @@
-// Hertz: twin of physics/hertz.rs.
+// Hertz: twin of physics/hertz.rs, which states the equations.
 
 struct Elastic {
     force: f32,

@@ -1,4 +1,4 @@
-// One leapfrog step: twin of physics/integrate.rs.
+// One leapfrog step: twin of physics/integrate.rs, which states the equations.
 
 fn new_velocity(v: vec3<f32>, force: vec3<f32>, inverse_mass: f32, gravity: vec3<f32>, dt: f32) -> vec3<f32> {
     return v + (force * inverse_mass + gravity) * dt;
@@ -8,7 +8,7 @@ fn new_spin(omega: vec3<f32>, torque: vec3<f32>, inverse_inertia: f32, dt: f32) 
     return omega + torque * (inverse_inertia * dt);
 }
 
-// Halves go away from zero, as in Rust; WGSL's own `round` takes them to even numbers.
+// Rounds halves away from zero, as Rust does. WGSL's own `round` rounds them to even.
 fn rounded(x: vec3<f32>) -> vec3<f32> {
     let whole = trunc(x);
     return select(whole, whole + sign(x), abs(x - whole) >= vec3(0.5));

@@ -1,4 +1,4 @@
-// JKR: twin of physics/jkr.rs, where the equations stand.
+// JKR: twin of physics/jkr.rs, which states the equations.
 
 fn jkr_root(d: f32) -> f32 {
     let from_snap = X_SNAP + sqrt(max(d - D_SNAP, 0.0) / CURVATURE);

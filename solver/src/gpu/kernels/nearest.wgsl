@@ -1,5 +1,5 @@
-// The point of a triangle nearest to another point: twin of mesh/nearest.rs. REAL is f32 or, for triangles that are long
-// for their width, f64: both are made of this text.
+// The point of a triangle nearest to another point: twin of mesh/nearest.rs. REAL is f32 or, for slivers,
+// f64; both are generated from this text.
 
 fn dot_REAL(a: vec3<REAL>, b: vec3<REAL>) -> REAL {
     return a.x * b.x + a.y * b.y + a.z * b.z;

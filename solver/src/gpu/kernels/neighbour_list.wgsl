@@ -1,7 +1,8 @@
-// Neighbour lists with memory: twin of cpu/lists.rs. Rows are sorted by number; what bonds and in_contact pairs remember is
-// carried over from the rows before.
+// Neighbour lists with histories: twin of cpu/neighbour_list.rs. Rows are sorted by index. Histories of bonds
+// and contacts are carried over from the old rows.
 
-// Takes a number into the row that begins at `base` and holds `count`, unless it stands there; returns how many there would be.
+// Inserts an index into the row that starts at `base` with `count` entries, unless present. Returns the new
+// count, which may exceed the capacity.
 fn insert_pair(base: u32, count: u32, other: u32) -> u32 {
     var at = min(count, dispatch.pair_capacity);
     while at > 0u && new_pairs[base + at - 1u].other > other {
@@ -33,7 +34,8 @@ fn insert_wall(base: u32, count: u32, facet: u32) -> u32 {
     return count + 1u;
 }
 
-// Who is near in the 27 cells around `x`, which is where sub-particle `me` is or an image of that.
+// Inserts the neighbours in the 27 cells around `x`: the position of sub-particle `me`, or a periodic image
+// of it.
 fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> u32 {
     var count = already;
     let position = particles[me].position;
@@ -45,7 +47,7 @@ fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> 
             let other = next - 1u;
             next = chain[other];
             let d = between(scene.unit_m, scene.period_y, position, particles[other].position);
-            if other != me && dot3(d, d) <= scene.reach * scene.reach {
+            if other != me && dot3(d, d) <= scene.cutoff * scene.cutoff {
                 count = insert_pair(base, count, other - scene.first);
             }
         }
@@ -94,7 +96,7 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
         var at = tree.first_node;
         while at < tree.end_node {
             let node = nodes[scene.first_node + at];
-            if box_distance2(node.low, node.high, p) > scene.wall_reach * scene.wall_reach * 1.00001 {
+            if box_distance2(node.low, node.high, p) > scene.wall_cutoff * scene.wall_cutoff * 1.00001 {
                 at = tree.first_node + node.next;
                 continue;
             }
@@ -102,8 +104,8 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
             for (var k = 0u; k < (node.leaf & 7u); k++) {
                 let leaf = leaves[scene.first_leaf + tree.first_leaf + node.leaf / 8u + k];
                 let facet = facets[scene.first_facet + tree.first_facet + leaf];
-                let boxed = box_distance2(facet.low, facet.high, p) <= scene.wall_reach * scene.wall_reach;
-                if facet.triangles != 0u && boxed && length3(nearest_on_facet(scene, facet, p) - p) <= scene.wall_reach {
+                let boxed = box_distance2(facet.low, facet.high, p) <= scene.wall_cutoff * scene.wall_cutoff;
+                if facet.triangles != 0u && boxed && length3(nearest_on_facet(scene, facet, p) - p) <= scene.wall_cutoff {
                     count = insert_wall(base, count, tree.first_facet + leaf);
                 }
             }
@@ -124,7 +126,7 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
     return count;
 }
 
-// Takes the rows over as they are.
+// Copies the rows unchanged.
 fn copy_rows(i: u32) {
     let count = counts[i];
     new_counts[i] = count;
@@ -148,7 +150,7 @@ fn neighbour_list(
     }
     let run = scene_of[i];
     let scene = scenes[run];
-    // There are no poses for what comes after its last step: those are another run's.
+    // A run has no poses after its last step; the next ones belong to another run.
     if has_ended(scene, run) {
         copy_rows(i);
         return;
@@ -156,7 +158,7 @@ fn neighbour_list(
     let pair_count = build_pairs(scene, i);
     let wall_count = build_walls(scene, i);
     new_counts[i] = Count(min(pair_count, dispatch.pair_capacity), min(wall_count, dispatch.wall_capacity));
-    // Rows that were too short end the chunk; it is done again with longer ones.
+    // A row that is too short ends the chunk, which is repeated with longer rows.
     if pair_count > dispatch.pair_capacity {
         atomicMax(&reports[run].pairs, pair_count);
     }

@@ -1,9 +1,9 @@
-// A time step of one sub-particle: forces from the sub-particles as they are, motion into where they will be. Twin of
-// cpu/integrate.rs in what it does with the forces.
+// A time step of one sub-particle: forces from the current sub-particles, motion into the next ones. The
+// integration is the twin of cpu/integrate.rs.
 
 const DOMAIN_LIMIT: i32 = 1 << 30;
 
-// Moves it by one step. Whether all is well with it.
+// Moves the sub-particle by one step. Returns whether its motion is sound.
 fn integrate(scene: Scene, i: u32, load: Load, me: ptr<function, Particle>) -> bool {
     let inverse_mass = 1.0 / (*me).mass;
     let v = new_velocity((*me).velocity, load.force, inverse_mass, scene.gravity, scene.dt);
@@ -45,7 +45,8 @@ fn step(
     var load = Load(vec3(0.0), vec3(0.0));
     let stats = add_pair_forces(scene, i, me, &load);
     add_wall_forces(scene, i, me, &load);
-    // Numbers above zero are in the command of their bits. DampingCap are no greater than what stands there: looking is cheaper.
+    // Positive floats compare like their bits. A load is cheaper than an atomic maximum, and most values do
+    // not raise it.
     if stats.max_overlap > 0.0 && bitcast<u32>(stats.max_overlap) > atomicLoad(&reports[run].overlap) {
         atomicMax(&reports[run].overlap, bitcast<u32>(stats.max_overlap));
     }

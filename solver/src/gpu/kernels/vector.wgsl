@@ -1,9 +1,10 @@
-// Products of vectors, in the command of operations of glam. WGSL's own `dot`, `cross` and `length` leave it open.
+// Products of vectors, in glam's order of operations. WGSL leaves the order of its own `dot`, `cross` and
+// `length` open.
 
-// Zero. Kernels take it from a buffer, so that compilers do not know.
+// Always zero. Kernels read it from a buffer, so that compilers cannot know.
 var<private> zero_bits: u32;
 
-// The same vector, into which compilers cannot look. WGSL lets them regroup sums and products.
+// The same vector, opaque to compilers. WGSL lets them regroup sums and products.
 fn opaque(v: vec3<f32>) -> vec3<f32> {
     return bitcast<vec3<f32>>(bitcast<vec3<u32>>(v) ^ vec3(zero_bits));
 }
@@ -12,7 +13,7 @@ fn dot3(a: vec3<f32>, b: vec3<f32>) -> f32 {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-// What is added to one of these was seen to be added to a part of it first.
+// Opaque: a compiler was seen to add a later summand to a part of the product first.
 fn cross3(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return opaque(vec3(a.y * b.z - b.y * a.z, a.z * b.x - b.z * a.x, a.x * b.y - b.x * a.y));
 }
@@ -21,7 +22,7 @@ fn length3(a: vec3<f32>) -> f32 {
     return sqrt(dot3(a, a));
 }
 
-// Whether x is a number: told from its bits, since compilers may take all numbers for finite.
+// Whether x is finite, from its bits: compilers may assume that all numbers are.
 fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }

@@ -1,6 +1,7 @@
-// Facets near a sub-particle: twin of cpu/walls.rs, and of equipment/facet.rs for the nearest point.
+// Facets near a sub-particle: twin of walls/mod.rs and walls/contact.rs, and of equipment/facet.rs for the
+// nearest point.
 
-// A position relative to the anchor of a surface, in its own axes, in metres.
+// A position relative to the anchor of a surface, in the axes of the surface, in metres.
 fn wall_local(pose: Pose, unit_m: f32, x: vec3<i32>) -> vec3<f32> {
     let d = vec3<f32>(x - pose.anchor) * unit_m;
     return vec3(pose.turn_x.x, pose.turn_y.x, pose.turn_z.x) * d.x
@@ -41,7 +42,7 @@ fn nearest_on_facet(scene: Scene, facet: Facet, p: vec3<f32>) -> vec3<f32> {
     return best;
 }
 
-// How a sub-particle at `x` nearest_points a facet, which has triangles: rows hold no others.
+// Nearest point of a facet to a position. The facet has triangles: rows hold no others.
 fn wall_nearest_point(scene: Scene, facet_number: u32, x: vec3<i32>) -> NearestPoint {
     let facet = facets[scene.first_facet + facet_number];
     let pose = pose_of(scene, facet.surface);
@@ -73,15 +74,15 @@ fn law_of(scene: Scene, facet: u32) -> Law {
     return surfaces[scene.first_surface + surface_of(scene, facet)].law;
 }
 
-// How far apart (in metres, not below 0) a contact that has formed still holds.
-fn reach_of(law: Law) -> f32 {
+// Gap up to which an adhesive contact holds once it has formed, in metres; 0 without adhesion.
+fn adhesion_range_of(law: Law) -> f32 {
     if law.adheres != 0u {
         return -law.snap_overlap;
     }
     return 0.0;
 }
 
-// The least distance of all nearest_points of a surface, from `begin` up to `end`, that lie in the point of point `at`.
+// Smallest distance of all points of a surface, from `begin` up to `end`, that coincide with point `at`.
 fn rank(scene: Scene, begin: u32, end: u32, at: u32) -> f32 {
     let surface = surface_of(scene, nearest_points[at].facet);
     let local = nearest_points[at].local;
@@ -94,7 +95,7 @@ fn rank(scene: Scene, begin: u32, end: u32, at: u32) -> f32 {
     return least;
 }
 
-// Whether point `other` comes before point `at`.
+// Whether point `other` precedes point `at`.
 fn precedes(scene: Scene, begin: u32, end: u32, other: u32, at: u32) -> bool {
     let further = nearest_points[other].distance - nearest_points[at].distance;
     if further < -COINCIDENT_M {
@@ -117,7 +118,7 @@ fn contains_point(scene: Scene, facet: u32, point: NearestPoint) -> bool {
     return length3(q - point.local) < max(COINCIDENT_M, EDGE_TOLERANCE * point.distance);
 }
 
-// The point, from `begin` up to `end`, that point `at` gives way to, or NONE: see cpu/walls.rs for why.
+// The point, from `begin` up to `end`, that supersedes point `at`, or NONE: see walls/mod.rs.
 fn superseded_by(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
     let point = nearest_points[at];
     let surface = surface_of(scene, point.facet);
@@ -139,10 +140,11 @@ fn superseded_by(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
     return NONE;
 }
 
-// Hands what the contact with a facet that gives way remembers on to the one that takes over: see cpu/forces.rs.
+// Transfers the history of a facet that is now superseded to the facet that supersedes it: see
+// walls/contact.rs.
 fn transfer_history(scene: Scene, begin: u32, end: u32) {
     for (var k = begin; k < end; k++) {
-        let is_far = scene.radius - nearest_points[k].distance < -reach_of(law_of(scene, nearest_points[k].facet));
+        let is_far = scene.radius - nearest_points[k].distance < -adhesion_range_of(law_of(scene, nearest_points[k].facet));
         if walls[k].state == 0u || is_far {
             continue;
         }

@@ -18,44 +18,44 @@ use crate::cpu::fast::storage::pairs::{PairList, as_range};
 use crate::cpu::fast::storage::particles::slot_of;
 use crate::engine::frame::Frame;
 
-/// SearchSides bodies, or one and itself.
+/// Two bodies, or a body with itself.
 #[derive(Debug)]
 #[repr(align(64))]
 pub(crate) struct BodyPair {
-    /// Indices of the bodies, a ≤ b.
+    /// Indices of the bodies, in order.
     pub(crate) bodies: [u32; 2],
-    /// Where its pairs stand in the list of the first body, sorted.
+    /// Range of its pairs in the list of the first body, sorted.
     pub(crate) pairs: Range<u32>,
-    /// For how long the pairs are good.
+    /// Remaining validity of the pairs.
     pub(crate) skin_budget: SkinBudget,
     pub(crate) candidates: Box<Candidates>,
 }
 
-// There are a dozen times as many as bodies, and all are asked in every step whether they are due: a line of the cache each.
+// A run has about a dozen body pairs per body, and each is queried in every step: one cache line each.
 const _: () = assert!(size_of::<BodyPair>() == 64);
 
-/// Pairs that may be listed before the next search for such, and for how long they are good.
+/// Candidates for the neighbour list, and their validity.
 #[derive(Debug)]
 pub(crate) struct Candidates {
     pub(crate) pairs: Vec<[u32; 2]>,
     pub(crate) skin_budget: SkinBudget,
 }
 
-/// How two bodies may move against each other before something must be looked up again.
+/// Verlet skin of a list between two moving bodies: the relative motion that it still tolerates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinBudget {
-    /// Where they were against each other when it was looked up, in metres.
+    /// Relative position at the last search, in metres.
     separation: DVec3,
     path: f64,
-    /// How far they may move from there, in metres.
+    /// Tolerated relative motion since then, in metres.
     allowed: f64,
 }
 
 impl SkinBudget {
-    /// None.
+    /// An exhausted budget.
     const NONE: Self = Self { separation: DVec3::ZERO, path: 0.0, allowed: f64::NEG_INFINITY };
 
-    /// That of bodies that have moved so far, by a margin in metres.
+    /// A budget of `margin` metres from the current motions on.
     fn new([a, b]: [&BodyMotion; 2], margin: f32) -> Self {
         Self {
             separation: b.shift - a.shift,
@@ -66,7 +66,7 @@ impl SkinBudget {
 
     fn is_exhausted(&self, [a, b]: [&BodyMotion; 2]) -> bool {
         let left = self.allowed - (a.path + b.path - self.path);
-        // What is not a number is not safe.
+        // The negated comparison also catches NaN.
         !(left >= 0.0 && (b.shift - a.shift).distance_squared(self.separation) <= left * left)
     }
 }
@@ -77,17 +77,17 @@ impl BodyPair {
         Self { bodies, pairs: 0..0, skin_budget: SkinBudget::NONE, candidates }
     }
 
-    /// Where its pairs stand in the list of the first body.
+    /// Range of its pairs in the list of the first body.
     pub(crate) fn pairs(&self) -> Range<usize> {
         as_range(&self.pairs)
     }
 
-    /// Whether its pairs must be looked up.
+    /// Whether its pairs must be renewed.
     pub(crate) fn is_due(&self, bodies: &[Body]) -> bool {
         self.skin_budget.is_exhausted(self.bodies.map(|body| &bodies[body as usize].motion))
     }
 
-    /// DistanceScratch up the pairs that may touch: numbers of candidates.
+    /// Finds the close pairs, as indices of candidates.
     #[inline(always)]
     pub(crate) fn search<'a, S: LaneOps>(
         &mut self,
@@ -105,9 +105,10 @@ impl BodyPair {
         if candidates.skin_budget.is_exhausted(motions) {
             let gap = pair_search.search(simd, search, frame, [a, b], is_self);
             let outer_skin = search.outer_skins[usize::from(is_self)];
-            // Bodies without a pair may come nearer by what is between them; candidates must do for a list made at the last moment.
+            // Bodies without candidates may approach by the gap between them. Candidates must cover a list
+            // built at the last moment.
             let margin = match &pair_search.found[..] {
-                [] => outer_skin.max(gap - search.reach),
+                [] => outer_skin.max(gap - search.cutoff),
                 _ => outer_skin - skin,
             };
             candidates.skin_budget = SkinBudget::new(motions, margin);
@@ -120,11 +121,10 @@ impl BodyPair {
         *skin_budget = SkinBudget::new(motions, skin);
         let offsets = grown(offsets, candidates.pairs.len());
         pair_offsets(&candidates.pairs, [&a.points, &b.points], frame, offsets);
-        select_close(simd, offsets, (search.reach + skin) / frame.unit_m, close)
+        select_close(simd, offsets, (search.cutoff + skin) / frame.unit_m, close)
     }
 
-    /// Goes on where some sub-particles of its bodies were taken out: as_range that stay have other numbers, and are searched anew. Its pairs go to
-    /// the end of the list that they are in.
+    /// Renumbers its pairs after a removal and schedules a new search. Its pairs move to the end of the list.
     pub(crate) fn renumber(&mut self, locals: [&[u32]; 2], list: &mut PairList) {
         let is_self = self.bodies[0] == self.bodies[1];
         let mut renumbered: Vec<_> = list
@@ -132,11 +132,11 @@ impl BodyPair {
             .filter_map(|([i, j], [x, y, z, held])| {
                 let pair = [locals[0][slot_of(i) as usize], locals[1][slot_of(j) as usize]];
                 let [i, j] = (!pair.contains(&u32::MAX)).then(|| pair.map(slot_of))?;
-                // Of a body and itself the lower comes first.
+                // Within a body the lower slot comes first.
                 Some(if is_self && i > j { ([j, i], [-x, -y, -z, held]) } else { ([i, j], [x, y, z, held]) })
             })
             .collect();
-        // Where others have gone, blocks are filled anew, and slots have another order.
+        // Removals refill blocks, which changes the order of slots.
         renumbered.sort_unstable_by_key(|(pair, _)| *pair);
         let first = list.len();
         renumbered.into_iter().for_each(|(pair, memory)| list.push(pair, memory));

@@ -5,7 +5,7 @@ use crate::cpu::fast::instructions::set::LaneOps;
 use crate::cpu::fast::storage::particles::BodyParticles;
 use crate::engine::frame::Frame;
 
-/// Distances of pairs of two bodies, from the first to the second, in units of length.
+/// Offsets of pairs of two bodies, from the first to the second sub-particle, in units of length.
 #[inline(never)]
 pub(crate) fn pair_offsets(
     slots: &[[u32; 2]],
@@ -23,7 +23,7 @@ pub(crate) fn pair_offsets(
     }
 }
 
-/// Finds as_range that are no further offsets than `near` units of length, into `room`. `offsets` are their distances.
+/// Pairs with an offset of at most `near` units of length, collected in `room`.
 #[inline(always)]
 pub(crate) fn select_close<'a, S: LaneOps>(
     simd: S,
@@ -59,7 +59,7 @@ pub(crate) fn select_close<'a, S: LaneOps>(
     &close[..count]
 }
 
-/// PairScratch to pair_offsets at pairs: at their distances, from the first to the second, and at which of them are close.
+/// Scratch memory for offsets and close pairs.
 #[derive(Debug, Default)]
 pub(crate) struct DistanceScratch {
     pub(crate) offsets: Vec<[i32; 4]>,

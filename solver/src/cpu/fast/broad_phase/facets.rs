@@ -1,6 +1,6 @@
 //! Twin of [`Walls::nearest_point`], bit for bit: nearest points of a facet in lanes.
 //!
-//! A sub-particle may change between this path and the scalar one without a change of its bits.
+//! A sub-particle may therefore change between this path and the scalar one without a change of its bits.
 
 use glam::{Mat3, Vec3};
 use pulp::Simd;
@@ -13,21 +13,21 @@ use crate::cpu::fast::storage::pair_lanes::PairKinematics;
 use crate::engine::frame::Frame;
 use crate::walls::{SurfacePose, Walls};
 
-/// A facet of few triangles, in a step.
+/// A facet of few triangles, in its current pose.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SmallFacet<'a> {
     triangles: &'a [[Vec3; 3]],
     pose: &'a SurfacePose,
 }
 
-/// The nearest points of a facet, kinematics from sub-particles, as in [`crate::walls::NearestPoint`].
+/// Nearest points of a facet, like [`crate::walls::NearestPoint`].
 struct NearestPoints<S: Simd> {
     to_wall: F3<S>,
     distance: F<S>,
     velocity: F3<S>,
 }
 
-/// A chunk of sub-particles that pair_offsets at a facet.
+/// A chunk of sub-particles near a facet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ParticleLanes {
     /// Fixed-point position.
@@ -38,11 +38,11 @@ pub(crate) struct ParticleLanes {
     spin: Lanes3,
 }
 
-/// The way to a facet that is not near, in metres.
+/// Offset to a facet that is out of range, in metres.
 const FAR_AWAY: Vec3 = Vec3::splat(1e3);
 
 impl ParticleLanes {
-    /// From one after the other; positions as bits.
+    /// From quads; positions are passed as bits.
     #[inline(always)]
     pub(crate) fn of<S: LaneOps>(simd: S, position: &Quads, velocity: &Quads, spin: &Quads) -> Self {
         let [x, y, z, _] = ints(simd, position);
@@ -51,15 +51,15 @@ impl ParticleLanes {
 }
 
 impl<'a> SmallFacet<'a> {
-    /// A facet of a run; none if it must be looked at in another way.
+    /// A facet of a run, if it has few triangles and no sliver.
     pub(crate) fn of(walls: &'a Walls, facet: u32) -> Option<Self> {
         let facet = &walls.facets()[facet as usize];
         let surface = &walls.surfaces()[facet.surface];
         facet.facet.triangles_if_few().map(|triangles| Self { triangles, pose: &surface.pose })
     }
 
-    /// What two chunks of sub-particles see of it, and how far they are from it, in metres. Those that are further than `reach` see
-    /// it nowhere near; so do mask in whose centre it is, which have no side.
+    /// Kinematics of two chunks of sub-particles relative to the facet, and their distances in metres. Facets
+    /// beyond `reach` are moved far away. So are facets through a centre, which have no side.
     #[inline(always)]
     pub(crate) fn kinematics<S: Simd>(
         &self,
@@ -93,7 +93,7 @@ impl<'a> SmallFacet<'a> {
         (kinematics, distances)
     }
 
-    /// How far two chunks of sub-particles at fixed-point positions are from it, in metres.
+    /// Distances of two chunks of sub-particles at fixed-point positions, in metres.
     #[inline(always)]
     pub(crate) fn distances<S: Simd>(
         &self,
@@ -111,7 +111,7 @@ impl<'a> SmallFacet<'a> {
         [one, two]
     }
 
-    /// How positions, relative to the anchor in metres, are touched.
+    /// Nearest points to positions relative to the anchor, in metres.
     #[inline(always)]
     fn touches<S: Simd>(&self, simd: S, relative: F3<S>) -> NearestPoints<S> {
         let SurfacePose { turn, velocity, spin, .. } = *self.pose;
@@ -135,15 +135,15 @@ impl<'a> SmallFacet<'a> {
     }
 }
 
-/// A matrix times vectors.
+/// Matrix times vectors.
 #[inline(always)]
 fn rotated<S: Simd>(simd: S, by: Mat3, v: F3<S>) -> F3<S> {
     let [x, y, z] = v.parts();
     F3::splat(simd, by.x_axis) * x + F3::splat(simd, by.y_axis) * y + F3::splat(simd, by.z_axis) * z
 }
 
-/// [`crate::mesh::nearest::nearest_on_triangle`], of its regions from the last to the first: a point, a way from there, and how
-/// far along it, as a quotient.
+/// Twin of [`crate::mesh::nearest::nearest_on_triangle`]. Its regions are tested from last to first; each
+/// yields a point, a direction, and a quotient along the direction.
 #[inline(always)]
 fn nearest_on_triangle<S: Simd>(simd: S, p: F3<S>, &[a, b, c]: &[Vec3; 3]) -> F3<S> {
     let (ab, ac, bc) = (b - a, c - a, c - b);
@@ -182,7 +182,7 @@ fn nearest_on_triangle<S: Simd>(simd: S, p: F3<S>, &[a, b, c]: &[Vec3; 3]) -> F3
     found.from + found.way * (found.numerator / found.denominator)
 }
 
-/// BodyParticles along ways: `from` + `way` · `numerator` / `denominator`.
+/// Points along directions: `from` + `way` · `numerator` / `denominator`.
 struct Along<S: Simd> {
     from: F3<S>,
     way: F3<S>,
@@ -232,7 +232,7 @@ mod tests {
         let normal = facet.pose.turn * walls.facets()[0].facet.normal;
         let mut inside = 0;
         for _ in 0..20_000 {
-            // Over its middle, past its edges and beyond its corners.
+            // Above its interior, beyond its edges and beyond its corners.
             let local = u * draw(-0.5, 1.5) + v * draw(-0.5, 1.5) + DVec3::Z * draw(-0.01, 0.01);
             let pose = facet.pose;
             let x = pose.anchor

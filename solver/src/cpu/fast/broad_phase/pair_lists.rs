@@ -12,21 +12,21 @@ use crate::cpu::fast::storage::laws::PairLaws;
 use crate::cpu::fast::storage::pairs::{BodyPairList, PairList};
 use crate::engine::frame::Frame;
 
-/// The contacts of a body with itself and as_range after it.
+/// The contacts of a body with itself and with bodies of higher index.
 pub(crate) struct BodyContacts<'a> {
-    /// All body_pairs of which the body is the first.
+    /// All body pairs of which the body is the first.
     pub(crate) body_pairs: &'a mut [BodyPair],
-    /// Of each where the loads of its pairs that are close stand among all of the body's.
+    /// For each body pair, the range of its close pairs' loads among those of the body.
     pub(crate) loads: &'a mut [Range<u32>],
     pub(crate) bodies: &'a [Body],
     pub(crate) pairs: &'a mut BodyPairList,
     pub(crate) laws: &'a PairLaws,
     pub(crate) frame: &'a Frame,
-    /// Number of the step, from 2: so that what remembers nothing held in none.
+    /// Number of the step, from 2, so that an empty history holds in no step.
     pub(crate) step: u32,
 }
 
-/// SCRATCH
+/// Scratch memory of one thread for the renewal of lists.
 #[derive(Debug, Default)]
 pub(crate) struct SearchScratch {
     pair_search: PairSearch,
@@ -38,7 +38,7 @@ pub(crate) struct SearchScratch {
 }
 
 impl BodyContacts<'_> {
-    /// DistanceScratch up the pairs of as_range body_pairs that are due. What in_contact pairs remember stays.
+    /// Renews the pairs of all body pairs that are due. Contact histories persist.
     #[inline(always)]
     pub(crate) fn search<S: LaneOps>(&mut self, simd: S, search: &SearchParams, scratch: &mut SearchScratch) {
         let mut due = std::mem::take(&mut scratch.due);
@@ -50,7 +50,7 @@ impl BodyContacts<'_> {
         scratch.due = due;
     }
 
-    /// Writes the list afresh.
+    /// Rebuilds the list.
     #[inline(always)]
     fn rebuild_list<S: LaneOps>(
         &mut self,
@@ -61,10 +61,10 @@ impl BodyContacts<'_> {
     ) {
         let list = &mut self.pairs.list;
         spare.clear();
-        // Pairs of body_pairs that are not due, one after the other: they go over together.
+        // Pairs of consecutive body pairs that are not due. They are copied together.
         let mut stay = 0..0;
         for m in 0..self.body_pairs.len() {
-            // What the next will pair_offsets at comes meanwhile, all of it: a search takes longer than that.
+            // Prefetch the data of the next search. The current one takes longer than the fetch.
             if due[m]
                 && let Some(next) = due[m + 1..].iter().position(|&due| due)
             {
@@ -79,7 +79,7 @@ impl BodyContacts<'_> {
                 let sides = body_pair.bodies.map(|body| &self.bodies[body as usize]);
                 found = body_pair.search(simd, search, self.frame, sides, pair_search, distances);
             }
-            // A search that had nothing and found nothing, as half of them, leaves the list as it is.
+            // About half of the searches start empty and find nothing, which leaves the list unchanged.
             let is_new = due[m] && !(old.is_empty() && found.is_empty());
             if is_new || (!old.is_empty() && old.start != stay.end) {
                 spare.extend(list, stay);

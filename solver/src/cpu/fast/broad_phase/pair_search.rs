@@ -5,15 +5,15 @@ use glam::IVec3;
 use crate::cpu::fast::instructions::arrays::{LaneIndices, Lanes, Lanes3, WIDTH, grown, reduced};
 use crate::cpu::fast::instructions::set::LaneOps;
 use crate::cpu::fast::storage::body::Body;
-use crate::cpu::fast::storage::bounds::{Aabb, BodyBounds, LocalAabb};
+use crate::cpu::fast::storage::bounds::{BodyBounds, FixedAabb, LocalAabb};
 use crate::cpu::fast::storage::particles::BodyParticles;
 use crate::engine::frame::Frame;
 
-/// Blocks that are further from a body than this many skins beyond reach are passed over.
+/// Blocks farther from a body than this many skins beyond the cutoff are skipped.
 const FAR_SKINS: f32 = 1.5;
 
-/// Pairs of bodies whose boxes come within `reach` metres, and each with itself; sorted.
-pub(crate) fn overlapping_bodies(aabbs: &[Aabb], reach: f32, frame: &Frame) -> Vec<[u32; 2]> {
+/// Pairs of bodies with boxes within `reach` metres, and each body with itself; sorted.
+pub(crate) fn overlapping_bodies(aabbs: &[FixedAabb], reach: f32, frame: &Frame) -> Vec<[u32; 2]> {
     let mut order: Vec<u32> = (0..aabbs.len() as u32).collect();
     order.sort_by_key(|&body| (aabbs[body as usize].low.x, body));
     let mut pairs = Vec::new();
@@ -28,27 +28,27 @@ pub(crate) fn overlapping_bodies(aabbs: &[Aabb], reach: f32, frame: &Frame) -> V
     pairs
 }
 
-/// What a search for pairs needs to know.
+/// Parameters of the pair search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SearchParams {
-    /// Distance of centres within which a contact can hold, in metres.
-    pub(crate) reach: f32,
-    /// What lists cover beyond, in metres: between bodies, and within one.
+    /// Distance of centres up to which a contact can hold, in metres.
+    pub(crate) cutoff: f32,
+    /// Verlet skins of the lists, in metres: between bodies, and within a body.
     pub(crate) skins: [f32; 2],
-    /// How far beyond that the rarer search for candidates goes, in metres.
+    /// The same for candidates.
     pub(crate) outer_skins: [f32; 2],
 }
 
-/// SearchSides bodies, or one and itself, as they are searched: in metres from the lowest corner of the second.
+/// Two bodies, or a body with itself, in metres relative to the low corner of the second.
 #[derive(Clone, Copy, Debug)]
 struct SearchSides<'a> {
     points: [&'a BodyParticles; 2],
     at: [&'a BodyBounds; 2],
     from: IVec3,
     unit_m: f32,
-    /// Square of the distance within which pairs are wanted, in m².
+    /// Square of the search radius, in m².
     reach2: f32,
-    /// Half the period along y and all of it, in metres; 0 where there is none.
+    /// Half the period along y and the period, in metres; 0 without periodicity.
     period: [f32; 2],
     is_self: bool,
 }
@@ -71,13 +71,13 @@ impl<'a> SearchSides<'a> {
         self.period[1] != 0.0
     }
 
-    /// The box of the second.
+    /// Bounding box of the second body.
     fn second_box(&self) -> LocalAabb {
         let size = self.at[1].whole.high.wrapping_sub(self.from).as_vec3() * self.unit_m;
         [[0.0; 3], size.to_array()]
     }
 
-    /// A row of boxes of the first or of the second, in the order of slots, and how many there are.
+    /// A row of block boxes of one side, in the order of slots, and their number.
     #[inline(always)]
     fn row<S: LaneOps>(&self, simd: S, side: usize, g: usize) -> ([Lanes3; 2], usize) {
         let ([[x, y, z], [u, v, w]], count) = self.at[side].row(simd, g, self.from, self.unit_m);
@@ -86,7 +86,7 @@ impl<'a> SearchSides<'a> {
         ([lows, highs], count)
     }
 
-    /// A block of the first or of the second, in the order of slots.
+    /// A block of one side, in the order of slots.
     #[inline(always)]
     fn block<S: LaneOps>(&self, simd: S, side: usize, b: usize) -> Lanes3 {
         let [x, y, z] = self.points[side].in_metres(simd, b, self.from, self.unit_m);
@@ -94,24 +94,24 @@ impl<'a> SearchSides<'a> {
     }
 }
 
-/// Finds pairs that may touch.
+/// Searches the pairs of two bodies.
 #[derive(Debug, Default)]
 pub(crate) struct PairSearch {
-    /// Blocks of the second body that are near one of the first, and which slots of that one are near each.
+    /// Blocks of the second body near a block of the first, each with the slots of the first block near it.
     near_blocks: Vec<(usize, u16)>,
-    /// The boxes of the second body's blocks, by slot, and how many there are in each row.
+    /// Boxes of the second body's blocks, by slot, and their number per row.
     rows: Vec<([Lanes3; 2], usize)>,
-    /// The second body, as it is searched; empty until it is asked for.
+    /// Sub-particles of the second body, loaded on demand.
     theirs: Vec<Lanes3>,
-    /// What is found for each sub-particle of a block, with room to write whole registers.
+    /// Partners found for each sub-particle of a block, with room for writes of whole registers.
     seconds: Vec<u32>,
-    /// What the last search has found: pairs of slots, sorted.
+    /// Result of the last search: pairs of slots, sorted.
     pub(crate) found: Vec<[u32; 2]>,
 }
 
 impl PairSearch {
-    /// Finds the pairs of two bodies, or of one and itself, that come within reach and skin. Returns a distance, in metres, that
-    /// as_range which do not are not below.
+    /// Finds the pairs of two bodies, or of a body with itself, within cutoff and skin. Returns a lower bound
+    /// of the distance of all other pairs, in metres.
     #[inline(always)]
     pub(crate) fn search<S: LaneOps>(
         &mut self,
@@ -122,7 +122,7 @@ impl PairSearch {
         is_self: bool,
     ) -> f32 {
         let skin = search.outer_skins[usize::from(is_self)];
-        let (listed, far) = (search.reach + skin, search.reach + FAR_SKINS * skin);
+        let (listed, far) = (search.cutoff + skin, search.cutoff + FAR_SKINS * skin);
         self.found.clear();
         let at = [&a.bounds, &b.bounds];
         let gap = if is_self { 0.0 } else { at[0].whole.gap(&at[1].whole, frame) };
@@ -137,8 +137,9 @@ impl PairSearch {
         min_gap
     }
 
-    /// Pairs that come within reach, among blocks within `far` metres of the other body. Returns a distance that no other pair is
-    /// below; it is no more than the reach where any was looked at by itself.
+    /// Finds the pairs within the search radius, among blocks within `far` metres of the other body. Returns
+    /// a lower bound of the distance of all other pairs: at most the search radius, once any pair was tested
+    /// by itself.
     #[inline(always)]
     fn find<S: LaneOps>(&mut self, simd: S, far: f32, two: &SearchSides<'_>) -> f32 {
         self.theirs.clear();
@@ -162,12 +163,12 @@ impl PairSearch {
         reduced(min_gap2.0, |a, b| if b < a { b } else { a }).sqrt()
     }
 
-    /// The same of one block of the first body.
+    /// The same for one block of the first body.
     #[inline(always)]
     fn search_block<S: LaneOps>(&mut self, simd: S, a: usize, two: &SearchSides<'_>, min_gap2: &mut Lanes) {
         let SearchSides { at: [first, _], from, unit_m, reach2, is_self, .. } = *two;
         let is_periodic = two.is_periodic();
-        let (span, xa) = (first.span(a, from, unit_m), two.block(simd, 0, a));
+        let (span, xa) = (first.local_aabb(a, from, unit_m), two.block(simd, 0, a));
         self.near_blocks.clear();
         for (g, (row, count)) in self.rows.iter().enumerate() {
             let gaps = gaps2(&span, row, is_periodic, *count);
@@ -176,7 +177,7 @@ impl PairSearch {
                 let slot = boxes.trailing_zeros() as usize;
                 let b = g * WIDTH + slot;
                 boxes &= boxes - 1;
-                // Of a body and itself only pairs with i < j count, once.
+                // Within a body only pairs with i < j count.
                 if is_self && b < a {
                     continue;
                 }
@@ -198,7 +199,7 @@ impl PairSearch {
                 theirs.push(two.block(simd, 1, b));
             }
         }
-        // Of as_range that are looked at one by one it is not state_is_current how near they are.
+        // Tests of single pairs do not report their distance.
         min_gap2.0.iter_mut().for_each(|min_gap2| *min_gap2 = min_gap2.min(reach2));
         let room = (near_blocks.len() + 1) * WIDTH;
         let seconds = grown(seconds, room * WIDTH);
@@ -232,13 +233,13 @@ impl PairSearch {
     }
 }
 
-/// What stands in lanes, by slots.
+/// Lanes in the order of slots.
 #[inline(always)]
 fn in_slot_order<S: LaneOps>(simd: S, lanes: &Lanes) -> Lanes {
     simd.masked_permute(lanes, &LaneIndices::TRANSPOSED, u16::MAX)
 }
 
-/// Which of some squares of distances are no larger than `reach2`, a bit each; the least of the others goes into `min_gap2`.
+/// Bits of the squared distances of at most `reach2`. The minimum of the others goes into `min_gap2`.
 #[inline(always)]
 fn below_limit<S: LaneOps>(simd: S, distances2: &Lanes, reach2: f32, min_gap2: &mut Lanes) -> u16 {
     for k in 0..WIDTH {
@@ -270,8 +271,7 @@ fn distances2_from_point(block: &Lanes3, [x, y, z]: [f32; 3], [half, period]: [f
     distance2
 }
 
-/// Squares of the gaps between a box and others in m², of which there are so many: at other slots stands infinity. A periodic y counts
-/// nothing.
+/// Squared gaps between a box and `count` others in m², infinity beyond. A periodic y is ignored.
 #[inline(always)]
 fn gaps2([low, high]: &LocalAabb, [lows, highs]: &[Lanes3; 2], periodic_y: bool, count: usize) -> Lanes {
     let mut gap2 = Lanes::ZERO;
@@ -288,7 +288,7 @@ fn gaps2([low, high]: &LocalAabb, [lows, highs]: &[Lanes3; 2], periodic_y: bool,
     gap2
 }
 
-/// Adds the squares of how far the spans from `lows` to `highs` are beyond one.
+/// Adds the squared gaps along one axis.
 #[inline(always)]
 fn add_beyond2(to: &mut Lanes, [low, high]: [f32; 2], [lows, highs]: [&Lanes; 2]) {
     for k in 0..WIDTH {
@@ -320,7 +320,7 @@ mod tests {
         }
     }
 
-    /// All pairs of two bodies, by their slots, with their distances in metres; of one and itself once.
+    /// All pairs of two bodies, by slots, with distances in metres; pairs within a body once.
     fn all(frame: &Frame, [a, b]: [&BodyParticles; 2], is_self: bool) -> Vec<([u32; 2], f64)> {
         let mut all = Vec::new();
         for i in 0..a.count {
@@ -345,7 +345,8 @@ mod tests {
     fn what_comes_within_reach_is_found_in_order() {
         const REACH: f32 = 0.02;
         for periodic_y in [false, true] {
-            // Every block spans all of its body, so that each is near_blocks each of the other's: one row of them, and five.
+            // Every block spans its whole body, so that each is near each block of the other: one row of
+            // them, and five.
             let bodies = [(157, DVec3::new(0.02, 0.05, 0.0), 0.1), (1100, DVec3::new(0.0, 0.06, 0.01), 0.1)];
             let frame = frame(periodic_y);
             let bodies = random_bodies(frame, &bodies);
@@ -353,7 +354,7 @@ mod tests {
                 let points = [&bodies[a], &bodies[b]];
                 let at = points.map(BodyBounds::of);
                 let all = all(&frame, points, a == b);
-                // Where rounding decides, either will do.
+                // Either result is right where rounding decides.
                 let [surely, perhaps] = [-1e-6, 1e-6].map(|by| {
                     let near = all.iter().filter(|(_, d)| *d <= f64::from(REACH) + by);
                     near.map(|(pair, _)| *pair).collect::<Vec<_>>()
@@ -373,7 +374,7 @@ mod tests {
 
     #[test]
     fn what_is_not_found_is_no_nearer_than_told() {
-        // Apart by less than a block, by more, and one among the other.
+        // Gaps below and above a block's size, and one body inside the other.
         let near_blocks = |gap: f64| [(40, DVec3::ZERO, 0.04), (50, DVec3::X * (0.04 + gap), 0.04)];
         let within = [(16, DVec3::ZERO, 0.01), (16, DVec3::ZERO, 0.06)];
         for (bodies, reach) in [(near_blocks(0.01), 0.004), (near_blocks(0.03), 0.02), (within, 0.001)] {
@@ -385,10 +386,10 @@ mod tests {
             assert!(nearest > f64::from(reach), "nothing is to be found");
             let mut pair_search = PairSearch::default();
             let two = SearchSides::new(points, at.each_ref(), reach, &frame, false);
-            let state_is_current = InstructionSet::widest().run(Look(&mut pair_search, two));
+            let bound = InstructionSet::widest().run(Look(&mut pair_search, two));
             assert_eq!(pair_search.found, [[0; 2]; 0]);
-            assert!(f64::from(state_is_current) <= nearest + 1e-6, "{state_is_current} m, {nearest} m");
-            assert!(state_is_current >= reach, "{state_is_current} m are no use");
+            assert!(f64::from(bound) <= nearest + 1e-6, "{bound} m, {nearest} m");
+            assert!(bound >= reach, "{bound} m are no use");
         }
     }
 }

@@ -31,7 +31,7 @@ impl SimdTask for WallSearch<'_> {
     }
 }
 
-/// Which sub-particles of two blocks come within `reach` metres of a facet, as bits.
+/// Bits of the sub-particles of two blocks within `reach` metres of a facet.
 #[inline(always)]
 fn near_facet<S: LaneOps>(
     simd: S,
@@ -65,7 +65,7 @@ impl WallList {
         !(self.known && moved <= SAFETY_FACTOR * f64::from(context.wall_skin))
     }
 
-    /// DistanceScratch up the facets near each sub-particle. What in_contact pairs remember stays.
+    /// Renews the list of facets near each sub-particle. Contact histories persist.
     #[inline(always)]
     fn search<S: LaneOps>(
         &mut self,
@@ -76,8 +76,8 @@ impl WallList {
         at: &BodyBounds,
     ) {
         let StepContext { walls, frame, .. } = context;
-        let reach = context.wall_reach + context.wall_skin;
-        let (centre, half) = at.middle_of_all(frame.unit_m);
+        let reach = context.wall_cutoff + context.wall_skin;
+        let (centre, half) = at.body_centre(frame.unit_m);
         let near: Vec<u32> = walls.facets_within(centre, reach + half, frame).collect();
         let old = std::mem::take(self);
         self.known = true;
@@ -94,9 +94,9 @@ impl WallList {
         }
         let mut close = Vec::new();
         for first in (0..points.blocks()).step_by(2) {
-            // Of two blocks only what either's box is near; then which of their sub-particles are.
+            // For two blocks at a time: the facets near either box, then the sub-particles near each.
             let two = [first, (first + 1).min(points.blocks() - 1)];
-            let middles = two.map(|block| at.middle_of(block, frame.unit_m));
+            let middles = two.map(|block| at.block_centre(block, frame.unit_m));
             close.clear();
             for &facet in &near {
                 let reaches =
@@ -160,7 +160,7 @@ mod tests {
         let plate = |u: DVec3, v: DVec3| {
             Surface::parallelogram("plate", SurfaceKind::Equipment, (u + v) * -0.5, u, v)
         };
-        // SearchSides triangles; twenty in one plane; two that are long for their width.
+        // Two triangles; twenty in one plane; two slivers.
         let mut cut = plate(DVec3::X * 0.1, DVec3::Z * 0.1);
         let strips = (0..10).map(|k| DVec3::X * 0.1 * f64::from(k));
         let strip = |shift: DVec3| {
@@ -175,7 +175,7 @@ mod tests {
         let walls = Walls::new(&scene, &frame);
         let few: Vec<bool> = (0..3).map(|facet| SmallFacet::of(&walls, facet).is_some()).collect();
         assert_eq!(few, [true, false, false]);
-        // Three blocks, the last of 5: single it is both of two.
+        // Three blocks, the last one of 5: alone it is both of two.
         let points = &random_bodies(frame, &[(37, DVec3::ZERO, 0.05)])[0];
         for facet in 0..3 {
             let near =

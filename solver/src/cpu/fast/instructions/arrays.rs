@@ -6,10 +6,10 @@ use glam::IVec3;
 use pulp::bytemuck::Pod;
 use pulp::cast;
 
-/// Pairs that are worked on together: a multiple of the lanes of every instruction set.
+/// Elements per array: a multiple of the lanes of every instruction set.
 pub(crate) const WIDTH: usize = 16;
 
-/// One number of each of [`WIDTH`] pairs, in memory.
+/// One number per element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub(crate) struct Lanes(pub(crate) [f32; WIDTH]);
@@ -18,7 +18,7 @@ impl Lanes {
     /// All zero.
     pub(crate) const ZERO: Self = Self([0.0; WIDTH]);
 
-    /// The place of each lane in the order of quads (see [`transposed_lane`]).
+    /// Transposed position of each lane (see [`transposed_lane`]).
     pub(crate) const TRANSPOSED: Self = {
         let mut place = [0.0; WIDTH];
         let mut k = 0;
@@ -30,21 +30,22 @@ impl Lanes {
     };
 }
 
-/// A vector of each of [`WIDTH`] pairs, in memory.
+/// One vector per element.
 pub(crate) type Lanes3 = [Lanes; 3];
 
-/// One whole number of each of [`WIDTH`] sub-particles, in memory.
+/// One integer per element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(64))]
 pub(crate) struct Ints(pub(crate) [i32; WIDTH]);
 
-/// A whole number in each lane; as places in a window of two blocks, as_range under [`WIDTH`] are in the first.
+/// One index per element. As positions in a window of two blocks, indices below [`WIDTH`] are in the first
+/// block.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct LaneIndices(pub(crate) [u32; WIDTH]);
 
 impl LaneIndices {
-    /// Each lane its own number.
+    /// The identity permutation.
     pub(crate) const IDENTITY: Self = {
         let mut each = [0; WIDTH];
         let mut k = 0;
@@ -55,7 +56,7 @@ impl LaneIndices {
         Self(each)
     };
 
-    /// The lane whose numbers stand at each place (see [`transposed_lane`]).
+    /// The permutation of [`transposed_lane`].
     pub(crate) const TRANSPOSED: Self = {
         let mut each = [0; WIDTH];
         let mut k = 0;
@@ -67,7 +68,7 @@ impl LaneIndices {
     };
 }
 
-/// [`WIDTH`] numbers below 16, four bits each: as_range of even lanes in the lower half, as_range of odd lanes in the upper.
+/// [`WIDTH`] indices below 16, four bits each: even lanes in the lower half, odd lanes in the upper half.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PackedIndices(pub(crate) u64);
 
@@ -76,30 +77,30 @@ impl PackedIndices {
         32 * (lane % 2) + 4 * (lane / 2)
     }
 
-    /// The number of a lane, in the four lowest bits.
+    /// Index of a lane.
     pub(crate) fn of(self, lane: usize) -> u32 {
         (self.0 >> Self::shift(lane)) as u32 & 15
     }
 
-    /// Puts a number where there was 0.
+    /// Sets the index of a lane that was 0.
     pub(crate) fn put(&mut self, lane: usize, number: u32) {
         self.0 |= u64::from(number) << Self::shift(lane);
     }
 }
 
-/// Four numbers of each of [`WIDTH`] things, one thing after the other.
+/// Four numbers per element, element after element.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Quads(pub(crate) [[f32; 4]; WIDTH]);
 
-/// Where a lane's numbers stand among [`Quads`], and the lane whose numbers stand there: 4 × 4 places are transposed,
-/// since that is what registers of every width can do without crossing quarters.
+/// Position of a lane's numbers among [`Quads`], and its inverse. 4 × 4 positions are transposed: registers
+/// of every width can do this without crossing 128-bit quarters.
 #[inline(always)]
 pub(crate) const fn transposed_lane(lane: usize) -> usize {
     lane % 4 * 4 + lane / 4
 }
 
-/// The bits of lanes, at the places of [`transposed_lane`].
+/// Bits of lanes, moved to the positions of [`transposed_lane`].
 #[inline(always)]
 pub(crate) const fn transposed_bits(lanes: u16) -> u16 {
     let swap = (lanes ^ lanes >> 3) & 0x0a0a;
@@ -112,25 +113,26 @@ impl Quads {
     /// All zero.
     pub(crate) const ZERO: Self = Self([[0.0; 4]; WIDTH]);
 
-    /// The `b`th [`WIDTH`] of many.
+    /// The `b`th group of [`WIDTH`] elements.
     #[inline(always)]
     pub(crate) fn of<T: Pod>(many: &[[T; 4]], b: usize) -> Self {
         let these: [[T; 4]; WIDTH] = many[b * WIDTH..][..WIDTH].try_into().expect("as many as asked for");
-        // Whole, since what is copied in connected_components cannot be read at once in large ones.
+        // One wide copy. Narrow stores followed by wide loads would stall.
         Self(cast(these))
     }
 }
 
-/// SearchSides vectors of each of [`WIDTH`] things, one thing after the other, each with one more number.
+/// Two vectors per element, each padded by one number, element after element.
 pub(crate) type Octets = [[f32; 8]; WIDTH];
 
-/// The `b`th [`WIDTH`] of many.
+/// The `b`th group of [`WIDTH`] elements.
 #[inline(always)]
 pub(crate) fn octets(many: &[[f32; 8]], b: usize) -> &Octets {
     many[b * WIDTH..][..WIDTH].try_into().expect("as many as asked for")
 }
 
-/// So much of a vector, which may hold anything: what only grows need not be filled each time.
+/// The first `count` elements of a vector that only grows. Their content is arbitrary, which saves
+/// initialization.
 #[inline(always)]
 pub(crate) fn grown<T: Copy + Default>(of: &mut Vec<T>, count: usize) -> &mut [T] {
     if of.len() < count {
@@ -139,7 +141,7 @@ pub(crate) fn grown<T: Copy + Default>(of: &mut Vec<T>, count: usize) -> &mut [T
     &mut of[..count]
 }
 
-/// Positions side by side, in metres from one.
+/// Positions relative to `from`, in metres.
 #[inline(always)]
 pub(crate) fn in_metres(positions: &[Ints; 3], from: IVec3, unit_m: f32) -> Lanes3 {
     let mut metres = [Lanes::ZERO; 3];
@@ -151,7 +153,7 @@ pub(crate) fn in_metres(positions: &[Ints; 3], from: IVec3, unit_m: f32) -> Lane
     metres
 }
 
-/// All of a row put together, in halves, as registers do it.
+/// Reduction by halves, in the order of a register reduction.
 #[inline(always)]
 pub(crate) fn reduced<T: Copy>(mut of: [T; WIDTH], put: impl Fn(T, T) -> T) -> T {
     let mut half = WIDTH / 2;
@@ -164,7 +166,7 @@ pub(crate) fn reduced<T: Copy>(mut of: [T; WIDTH], put: impl Fn(T, T) -> T) -> T
     of[0]
 }
 
-/// The larger; the first where either is not a number.
+/// The larger number; the first one if either is NaN.
 #[inline(always)]
 pub(crate) fn larger(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }

@@ -12,16 +12,16 @@ use pulp::Simd;
 use super::arrays::{Lanes, Lanes3};
 use super::set::LaneOps;
 
-/// Numbers in the lanes of two registers: one chunk of pairs is a long chain of dependent operations, and the processor works
-/// on the other while it waits.
+/// Numbers in the lanes of two registers. One register is a long chain of dependent operations; the second
+/// one fills the latency.
 #[derive(Clone, Copy)]
 pub(crate) struct F<S: Simd>(S, [S::f32s; 2]);
 
-/// Truth in the lanes of two registers.
+/// Booleans in the lanes of two registers.
 #[derive(Clone, Copy)]
 pub(crate) struct Mask<S: Simd>(S, [S::m32s; 2]);
 
-/// Vectors in the lanes of registers.
+/// Vectors in the lanes of two registers.
 #[derive(Clone, Copy)]
 pub(crate) struct F3<S: Simd> {
     x: F<S>,
@@ -35,13 +35,13 @@ impl<S: Simd> F<S> {
         Self(simd, [simd.splat_f32s(value); 2])
     }
 
-    /// One number for either chunk.
+    /// One number for each of the two registers.
     #[inline(always)]
     pub(crate) fn splat_each(simd: S, values: [f32; 2]) -> Self {
         Self(simd, values.map(|value| simd.splat_f32s(value)))
     }
 
-    /// The `part`th registerful of lanes of two chunks.
+    /// The `part`th register of the lanes of two chunks.
     #[inline(always)]
     pub(crate) fn load(simd: S, [a, b]: [&Lanes; 2], part: usize) -> Self {
         Self(simd, [S::as_simd_f32s(&a.0).0[part], S::as_simd_f32s(&b.0).0[part]])
@@ -85,7 +85,7 @@ impl<S: Simd> F<S> {
         (-self).mul_add(factor, term)
     }
 
-    /// 1/√x of positive x, to two ten-thousandths.
+    /// Approximate 1/√x of a positive x, to 2e-4.
     #[inline(always)]
     pub(crate) fn approx_rsqrt(self) -> Self {
         let simd = self.0;
@@ -93,13 +93,13 @@ impl<S: Simd> F<S> {
             let halved = simd.wrapping_dyn_shr_u32s(simd.transmute_u32s_f32s(x), simd.splat_u32s(1));
             simd.transmute_f32s_u32s(simd.sub_u32s(simd.splat_u32s(0x5f37_59df), halved))
         });
-        // One step of third order from 3 %, which is what half the exponent gives.
+        // One third-order step from an error of 3 %, after the first guess from half the exponent.
         let h = (self * guess).neg_mul_add(guess, Self::splat(simd, 1.0));
         let step = Self::splat(simd, 0.375).mul_add(h, Self::splat(simd, 0.5));
         (guess * h).mul_add(step, guess)
     }
 
-    /// 1/x of positive x, to a quarter of a per cent.
+    /// Approximate 1/x of a positive x, to 2.5e-3.
     #[inline(always)]
     pub(crate) fn approx_recip(self) -> Self {
         let simd = self.0;
@@ -111,7 +111,7 @@ impl<S: Simd> F<S> {
         y.mul_add(h.mul_add(h, h), y)
     }
 
-    /// √x, rounded as every processor rounds it.
+    /// √x, correctly rounded.
     #[inline(always)]
     pub(crate) fn sqrt(self) -> Self {
         self.map(|x| self.0.sqrt_f32s(x))
@@ -127,25 +127,25 @@ impl<S: Simd> F<S> {
         self.zip(other, |a, b| self.0.min_f32s(a, b))
     }
 
-    /// Without its sign.
+    /// Absolute value.
     #[inline(always)]
     pub(crate) fn abs(self) -> Self {
         self.map(|x| self.0.abs_f32s(x))
     }
 
-    /// Whether at most as large.
+    /// Lanes with `self` ≤ `other`.
     #[inline(always)]
     pub(crate) fn le(self, other: Self) -> Mask<S> {
         self.compare(other, |a, b| self.0.less_than_or_equal_f32s(a, b))
     }
 
-    /// Whether smaller.
+    /// Lanes with `self` < `other`.
     #[inline(always)]
     pub(crate) fn lt(self, other: Self) -> Mask<S> {
         self.compare(other, |a, b| self.0.less_than_f32s(a, b))
     }
 
-    /// The greatest of the lanes.
+    /// Maximum over the lanes.
     #[inline(always)]
     pub(crate) fn max_lane(self) -> f32 {
         let [a, b] = self.1;
@@ -154,13 +154,13 @@ impl<S: Simd> F<S> {
 }
 
 impl<S: LaneOps> Mask<S> {
-    /// The `part`th registerful of lanes of two chunks of which bits say whether they are true.
+    /// The `part`th register of masks of two chunks, from bits.
     #[inline(always)]
     pub(crate) fn from_bits(simd: S, [a, b]: [u16; 2], part: usize) -> Self {
         Self(simd, [simd.mask_from_bits(a, part), simd.mask_from_bits(b, part)])
     }
 
-    /// Writes the bits of as_range lanes.
+    /// Writes the bits of this register.
     #[inline(always)]
     pub(crate) fn store(self, [a, b]: [&mut u16; 2], part: usize) {
         let (first, all) = (part * S::F32_LANES, ((1u32 << S::F32_LANES) - 1) as u16);
@@ -170,27 +170,27 @@ impl<S: LaneOps> Mask<S> {
 }
 
 impl<S: Simd> Mask<S> {
-    /// One or the other, lane by lane.
+    /// `yes` where the mask is set, else `no`.
     #[inline(always)]
     pub(crate) fn select(self, yes: F<S>, no: F<S>) -> F<S> {
         let Self(simd, [a, b]) = self;
         F(simd, [simd.select_f32s(a, yes.1[0], no.1[0]), simd.select_f32s(b, yes.1[1], no.1[1])])
     }
 
-    /// One or the other, lane by lane.
+    /// `yes` where the mask is set, else `no`.
     #[inline(always)]
     pub(crate) fn select3(self, yes: F3<S>, no: F3<S>) -> F3<S> {
         F3 { x: self.select(yes.x, no.x), y: self.select(yes.y, no.y), z: self.select(yes.z, no.z) }
     }
 
-    /// Where this is true and the other is not.
+    /// Lanes set here and not in the other mask.
     #[inline(always)]
     pub(crate) fn and_not(self, other: Self) -> Self {
         let Self(simd, [a, b]) = self;
         Self(simd, [simd.and_m32s(a, simd.not_m32s(other.1[0])), simd.and_m32s(b, simd.not_m32s(other.1[1]))])
     }
 
-    /// Whether any lane is true.
+    /// Whether any lane is set.
     #[inline(always)]
     pub(crate) fn any(self) -> bool {
         let [a, b] = self.1;
@@ -245,19 +245,19 @@ impl<S: Simd> F3<S> {
         self.mul_add(-factor, term)
     }
 
-    /// The square of the length, every product and sum rounded.
+    /// Square of the length without fused operations, as scalar code computes it.
     #[inline(always)]
     pub(crate) fn length2_unfused(self) -> F<S> {
         self.dot_unfused(self)
     }
 
-    /// As one by one, every product and sum rounded.
+    /// Dot product without fused operations, as scalar code computes it.
     #[inline(always)]
     pub(crate) fn dot_unfused(self, other: Self) -> F<S> {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
-    /// As one by one, every product and difference rounded.
+    /// Cross product without fused operations, as scalar code computes it.
     #[inline(always)]
     pub(crate) fn cross_unfused(self, other: Self) -> Self {
         Self {

@@ -1,7 +1,7 @@
-//! Instruction sets and lanes: the layer that knows registers.
+//! Instruction sets and lanes: the layer that knows registers, and no particles.
 //!
-//! [`arrays`] are what kernels read and write in memory, [`lanes`] the arithmetic on registers, [`set`] the choice of an
-//! instruction set and the moves between lanes. Nothing here knows particles.
+//! [`arrays`] are the operands of kernels in memory, [`lanes`] the arithmetic on registers. [`set`] selects
+//! the instruction set and defines the moves between lanes.
 
 pub(crate) mod arrays;
 pub(crate) mod lanes;

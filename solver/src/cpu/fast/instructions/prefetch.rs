@@ -1,27 +1,28 @@
-//! Software prefetch. Without it a core would wait for one cache line after the other.
+//! Software prefetch. Without it a core waits for one cache line after the other.
 
 use std::ops::Range;
 
-/// Parts in which a body fetches what the next one needs, while it works: memory can be asked for some twenty lines at a time.
+/// Number of parts in which a body prefetches the data of the next one. A core has about twenty line requests
+/// in flight.
 pub(crate) const PARTS: usize = 8;
 
-/// The `k`th of `n` parts of so many, nearly equal.
+/// Range of the `k`th of `n` nearly equal parts of `count` elements.
 #[inline(always)]
-pub(crate) fn span(count: usize, k: usize, n: usize) -> Range<usize> {
+pub(crate) fn part_range(count: usize, k: usize, n: usize) -> Range<usize> {
     k * count / n..(k + 1) * count / n
 }
 
-/// The same of some.
+/// The `k`th of `n` nearly equal parts of a slice.
 #[inline(always)]
 pub(crate) fn part<T>(of: &[T], k: usize, n: usize) -> &[T] {
-    &of[span(of.len(), k, n)]
+    &of[part_range(of.len(), k, n)]
 }
 
-/// Bytes that come from memory together.
+/// Size of a cache line, in bytes.
 #[cfg(target_arch = "x86_64")]
 const LINE: usize = 64;
 
-/// Asks for what will be wanted soon.
+/// Prefetches data for use soon, into all cache levels.
 #[inline(always)]
 pub(crate) fn to_l1<T>(wanted: &[T]) {
     #[cfg(target_arch = "x86_64")]
@@ -30,7 +31,7 @@ pub(crate) fn to_l1<T>(wanted: &[T]) {
     let _ = wanted;
 }
 
-/// Asks for what will be wanted later: it comes no nearer than the second level of the cache.
+/// Prefetches data for later use, into the second cache level.
 #[inline(always)]
 pub(crate) fn to_l2<T>(wanted: &[T]) {
     #[cfg(target_arch = "x86_64")]
@@ -42,9 +43,9 @@ pub(crate) fn to_l2<T>(wanted: &[T]) {
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 fn lines<const HINT: i32, T>(wanted: &[T]) {
-    // Every processor of this kind has it.
+    // Every x86-64 processor has SSE.
     let Some(sse) = pulp::core_arch::x86::Sse::try_new() else { return };
-    // From where its first line begins: short connected_components would else lose their last.
+    // From the start of the first line, so that short slices do not lose their last line.
     let into_line = wanted.as_ptr().addr() % LINE;
     let first = wanted.as_ptr().cast::<i8>().wrapping_sub(into_line);
     let end = if wanted.is_empty() { 0 } else { into_line + size_of_val(wanted) };

@@ -6,7 +6,7 @@ use pulp::{Scalar, Simd};
 
 use super::arrays::{Ints, LaneIndices, Lanes, Octets, PackedIndices, Quads, WIDTH, transposed_lane};
 
-/// An instruction set that this machine has.
+/// An instruction set of this machine.
 #[derive(Clone, Copy, Debug)]
 pub struct InstructionSet {
     level: Level,
@@ -24,11 +24,11 @@ enum Level {
     Scalar,
 }
 
-/// Work that is written once for all instruction sets.
+/// Work written once for all instruction sets.
 pub(crate) trait SimdTask {
     type Output;
 
-    /// Must be inlined, and all that it calls.
+    /// Must be inlined, with all functions that it calls.
     fn run<S: LaneOps>(self, simd: S) -> Self::Output;
 }
 
@@ -40,31 +40,31 @@ fn window_at<T: Copy>(window: [&[T; WIDTH]; 2], place: u32) -> T {
 
 /// An instruction set with the moves between lanes that kernels need.
 pub(crate) trait LaneOps: Simd {
-    /// What stands at these places of a window.
+    /// Elements of a window of two blocks, by index.
     #[inline(always)]
     fn permute(self, window: [&Lanes; 2], at: &LaneIndices) -> Lanes {
         Lanes(std::array::from_fn(|k| window_at(window.map(|of| &of.0), at.0[k])))
     }
 
-    /// What stands at these places of a window.
+    /// Elements of a window of two blocks, by index.
     #[inline(always)]
     fn permute_ints(self, window: [&Ints; 2], at: &LaneIndices) -> Ints {
         Ints(std::array::from_fn(|k| window_at(window.map(|of| &of.0), at.0[k])))
     }
 
-    /// The lanes of at most `limit`, as bits.
+    /// Bits of the lanes of at most `limit`.
     #[inline(always)]
     fn le_bits(self, values: &Lanes, limit: f32) -> u16 {
         values.0.iter().enumerate().fold(0, |bits, (k, value)| bits | u16::from(*value <= limit) << k)
     }
 
-    /// The nearest whole numbers. Numbers that none is near to give anything.
+    /// Nearest integers. Results outside the range of `i32` are arbitrary.
     #[inline(always)]
     fn round_to_int(self, numbers: &Lanes) -> Ints {
         Ints(numbers.0.map(|x| x.round_ties_even() as i32))
     }
 
-    /// The values whose lanes stand in the four lowest bits of `from`, and 0 where `takes` has no bit.
+    /// Permuted values; 0 where `takes` has no bit. Only the four lowest bits of an index count.
     #[inline(always)]
     fn masked_permute(self, values: &Lanes, from: &LaneIndices, takes: u16) -> Lanes {
         Lanes(std::array::from_fn(|k| {
@@ -72,14 +72,14 @@ pub(crate) trait LaneOps: Simd {
         }))
     }
 
-    /// The `part`th registerful of lanes of which bits say whether they are true.
+    /// The `part`th register of a mask, from bits.
     #[inline(always)]
     fn mask_from_bits(self, bits: u16, part: usize) -> Self::m32s {
         let lanes = self.splat_masked(1.0, bits);
         self.less_than_f32s(self.splat_f32s(0.0), Self::as_simd_f32s(&lanes.0).0[part])
     }
 
-    /// The lanes that are true, as the lowest bits.
+    /// The lanes of a mask, as the lowest bits.
     #[inline(always)]
     fn mask_to_bits(self, mask: Self::m32s) -> u16 {
         let mut lanes = Lanes([1.0; WIDTH]);
@@ -88,26 +88,26 @@ pub(crate) trait LaneOps: Simd {
         self.le_bits(&lanes, 0.5)
     }
 
-    /// The same numbers in lanes.
+    /// The same indices, one per lane.
     #[inline(always)]
     fn widen(self, places: &[u8; WIDTH]) -> LaneIndices {
         LaneIndices(std::array::from_fn(|k| places[k].into()))
     }
 
-    /// The same numbers in the four lowest bits of lanes, whose others may be anything.
+    /// The same indices in the four lowest bits of lanes. The other bits are arbitrary.
     #[inline(always)]
     fn unpack(self, places: PackedIndices) -> LaneIndices {
         LaneIndices(std::array::from_fn(|k| places.of(k)))
     }
 
-    /// A value where `takes` has a bit, else 0.
+    /// `value` where `takes` has a bit, else 0.
     #[inline(always)]
     fn splat_masked(self, value: f32, takes: u16) -> Lanes {
         let takes = |k: usize| 0u32.wrapping_sub(u32::from(takes >> k & 1));
         Lanes(std::array::from_fn(|k| f32::from_bits(value.to_bits() & takes(k))))
     }
 
-    /// The values that `takes` has a bit for, in front; what follows may be anything.
+    /// The values with a bit in `takes`, moved to the front. The rest is arbitrary.
     #[inline(always)]
     fn compress(self, values: &LaneIndices, takes: u16) -> LaneIndices {
         let (mut front, mut count) = ([0; WIDTH], 0);
@@ -118,37 +118,37 @@ pub(crate) trait LaneOps: Simd {
         LaneIndices(front)
     }
 
-    /// From four numbers each one after the other to lanes (see [`super::memory::transposed_lane`]).
+    /// Transposes quads to lanes (see [`super::arrays::transposed_lane`]).
     #[inline(always)]
     fn to_lanes(self, quads: &Quads) -> [Lanes; 4] {
         std::array::from_fn(|c| Lanes(std::array::from_fn(|lane| quads.0[transposed_lane(lane)][c])))
     }
 
-    /// From lanes to four numbers each one after the other.
+    /// Transposes lanes to quads.
     #[inline(always)]
     fn to_quads(self, lanes: [&Lanes; 4]) -> Quads {
         Quads(std::array::from_fn(|place| std::array::from_fn(|c| lanes[c].0[transposed_lane(place)])))
     }
 
-    /// The sums of eight numbers and eight others.
+    /// Sums of eight pairs of numbers.
     #[inline(always)]
     fn add8(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
         std::array::from_fn(|c| a[c] + b[c])
     }
 
-    /// Differences of the first four, sums of the last four.
+    /// Differences of the first four pairs, sums of the last four.
     #[inline(always)]
     fn subtract_add8(self, a: &[f32; 8], b: &[f32; 8]) -> [f32; 8] {
         std::array::from_fn(|c| if c < 4 { a[c] - b[c] } else { a[c] + b[c] })
     }
 
-    /// The first four numbers of each, and the last four.
+    /// The first and the last four numbers of each octet.
     #[inline(always)]
     fn split_octets(self, octets: &Octets) -> [Quads; 2] {
         std::array::from_fn(|half| Quads(octets.map(|octet| std::array::from_fn(|c| octet[4 * half + c]))))
     }
 
-    /// Four numbers of each, and four others after them.
+    /// Octets from their first and last four numbers.
     #[inline(always)]
     fn join_octets(self, [first, last]: [&Quads; 2]) -> Octets {
         std::array::from_fn(|k| std::array::from_fn(|c| if c < 4 { first.0[k][c] } else { last.0[k][c - 4] }))
@@ -161,7 +161,7 @@ impl LaneOps for Scalar {}
 impl LaneOps for pulp::aarch64::Neon {}
 
 impl InstructionSet {
-    /// All that this machine has, the widest first. The last, without vectors, runs anywhere.
+    /// The instruction sets of this machine, widest first. The last one is scalar and runs anywhere.
     pub fn available() -> Vec<Self> {
         let mut all = Vec::new();
         #[cfg(target_arch = "x86_64")]
@@ -178,7 +178,7 @@ impl InstructionSet {
         all
     }
 
-    /// The widest that this machine has.
+    /// The widest instruction set of this machine.
     pub fn widest() -> Self {
         Self::available()[0]
     }
@@ -188,7 +188,7 @@ impl InstructionSet {
         self.name
     }
 
-    /// Does a job with these instructions.
+    /// Runs a task with these instructions.
     #[inline(always)]
     pub(crate) fn run<J: SimdTask>(&self, job: J) -> J::Output {
         match self.level {
@@ -203,13 +203,13 @@ impl InstructionSet {
     }
 }
 
-/// Does a job in a function of its own, within another: so it has all registers to itself.
+/// Runs a task in a function of its own within another task, with all registers to itself.
 #[inline(always)]
 pub(crate) fn run_outlined<S: LaneOps, J: SimdTask>(simd: S, job: J) -> J::Output {
     simd.vectorize(Inlined { simd, job })
 }
 
-/// A job on its way into a function that may use an instruction set: closures would not be inlined for sure.
+/// A task on its way into a function with target features. A closure might not be inlined.
 struct Inlined<S, J> {
     simd: S,
     job: J,
@@ -228,7 +228,7 @@ impl<S: LaneOps, J: SimdTask> pulp::NullaryFnOnce for Inlined<S, J> {
 mod tests {
     use super::*;
 
-    /// What comes of some bits, and of places both ways.
+    /// Inputs for moves of bits and indices.
     struct Moves {
         bits: u16,
         bytes: [u8; WIDTH],
@@ -237,7 +237,7 @@ mod tests {
     }
 
     impl SimdTask for Moves {
-        /// The bits again, all others, the bytes and the places, the values that stand there, and a value where there are bits.
+        /// Bits and inverted bits, widened and unpacked indices, masked permutation and masked splat.
         type Output = ([u16; 2], [[u32; WIDTH]; 2], [[f32; WIDTH]; 2]);
 
         #[inline(always)]
@@ -255,7 +255,7 @@ mod tests {
         }
     }
 
-    /// Octets taken apart, put together again, and two of them added.
+    /// Octets split, joined and added.
     struct Octet(Octets);
 
     impl SimdTask for Octet {

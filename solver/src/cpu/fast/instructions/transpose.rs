@@ -5,14 +5,14 @@ use pulp::cast;
 use super::arrays::{Ints, Lanes3, Quads};
 use super::set::LaneOps;
 
-/// The first three numbers, in lanes.
+/// The first three numbers of each quad, in lanes.
 #[inline(always)]
 pub(crate) fn three<S: LaneOps>(simd: S, quads: &Quads) -> Lanes3 {
     let [x, y, z, _] = simd.to_lanes(quads);
     [x, y, z]
 }
 
-/// Bits of whole numbers, in lanes.
+/// Quads of integers, passed as the bits of floats, in lanes.
 #[inline(always)]
 pub(crate) fn ints<S: LaneOps>(simd: S, quads: &Quads) -> [Ints; 4] {
     let [x, y, z, r] = simd.to_lanes(quads);

@@ -8,7 +8,7 @@ use pulp::{Simd, cast};
 use super::arrays::{Ints, LaneIndices, Lanes, Octets, PackedIndices, Quads, WIDTH};
 use super::set::LaneOps;
 
-/// Rows of four registers become columns, within every quarter (or half) of a register.
+/// Transposes four registers within every 128-bit quarter (or half).
 macro_rules! transpose {
     ($simd:expr, $rows:expr, $type:ty, $half:ty, $lo:ident, $hi:ident, $lo2:ident, $hi2:ident) => {{
         let [a, b, c, d]: [$type; 4] = $rows;
@@ -41,13 +41,13 @@ fn transposed_in_512(simd: V4, rows: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
     .map(cast)
 }
 
-/// How far each lane's number is from the lowest bits in [`PackedIndices`].
+/// Shift of each lane's index in [`PackedIndices`].
 const SHIFTS: [u32; WIDTH] = [0, 0, 4, 4, 8, 8, 12, 12, 16, 16, 20, 20, 24, 24, 28, 28];
 
-/// What turns the signs of the first four numbers of eight.
+/// Sign bits of the first four numbers of eight.
 const FIRST_FOUR_SIGNS: [u32; 8] = [1 << 31, 1 << 31, 1 << 31, 1 << 31, 0, 0, 0, 0];
 
-/// Quarters of two registers in turn: the first two of each, and the last two.
+/// 128-bit quarters of two registers in turn: the first two of each, and the last two.
 const LOWER_HALVES: [u32; WIDTH] = [0, 1, 2, 3, 16, 17, 18, 19, 4, 5, 6, 7, 20, 21, 22, 23];
 const UPPER_HALVES: [u32; WIDTH] = [8, 9, 10, 11, 24, 25, 26, 27, 12, 13, 14, 15, 28, 29, 30, 31];
 
@@ -156,7 +156,7 @@ impl LaneOps for V4 {
     }
 }
 
-/// The numbers of four registers, one after the other, at these places.
+/// Numbers of four registers, by index.
 #[inline(always)]
 fn picked(simd: V3, [a, b, c, d]: [[f32; 8]; 4], at: [u32; 8]) -> [f32; 8] {
     let high = simd.avx._mm256_castsi256_ps(simd.avx2._mm256_slli_epi32::<27>(cast(at)));
@@ -164,11 +164,12 @@ fn picked(simd: V3, [a, b, c, d]: [[f32; 8]; 4], at: [u32; 8]) -> [f32; 8] {
     cast(simd.avx._mm256_blendv_ps(cast(low), cast(other), high))
 }
 
-/// The same of two registers.
+/// Numbers of two registers, by index.
 #[inline(always)]
 fn picked_from_two(simd: V3, [low, high]: [[f32; 8]; 2], at: [u32; 8]) -> [f32; 8] {
     let at: __m256i = cast(at);
-    // Of a place the three lowest bits say where in a register, the next in which: as signs they choose.
+    // Three index bits select within a register, the next bit selects the register. Shifted to the sign, it
+    // drives the blend.
     let upper = simd.avx._mm256_castsi256_ps(simd.avx2._mm256_slli_epi32::<28>(at));
     let low = simd.avx2._mm256_permutevar8x32_ps(cast(low), at);
     let high = simd.avx2._mm256_permutevar8x32_ps(cast(high), at);
@@ -292,7 +293,7 @@ impl LaneOps for V3 {
     }
 }
 
-/// Not with closures: what is in them is not built for the instruction set.
+/// Without closures: their bodies would not get the target features.
 #[inline(always)]
 fn transposed_in_256(simd: V3, [a, b, c, d]: [[f32; WIDTH]; 4]) -> [[f32; WIDTH]; 4] {
     let [[a, e], [b, f], [c, g], [d, h]]: [[[f32; 8]; 2]; 4] = [cast(a), cast(b), cast(c), cast(d)];

@@ -10,12 +10,12 @@ use crate::cpu::fast::storage::particles::{BodyParticles, ParticleBlock};
 use crate::cpu::integrate::{DOMAIN_LIMIT, Integrator};
 use crate::engine::frame::Frame;
 
-/// What moving them has shown.
+/// Extremes of the motion of a body.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MotionExtremes {
-    /// The greatest speed, in m/s.
+    /// Maximum speed, in m/s.
     pub(crate) max_speed: f32,
-    /// The first that is too fast, not a number or lost.
+    /// First sub-particle that is too fast, not finite or lost.
     pub(crate) runaway: Option<u32>,
 }
 
@@ -23,7 +23,7 @@ pub(crate) struct MotionExtremes {
 const ALL: Lanes = Lanes([1.0; WIDTH]);
 
 impl BodyParticles {
-    /// One step of all, which stand in `blocks`, of `mass` in kg each, by the loads that have been summed up; `motion` is that of them all.
+    /// Advances all sub-particles, in `blocks`, of `mass` in kg each, by the summed loads. Updates `motion`.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
     pub(crate) fn advance<S: LaneOps>(
@@ -61,7 +61,7 @@ impl BodyParticles {
                 for k in 0..WIDTH {
                     against.0[k] += (v[k] - mean) * (v[k] - mean);
                 }
-                // What only fills up stands still.
+                // Padding has no velocity.
                 sum[axis] = reduced(*v, |a, b| a + b);
             }
             for k in 0..WIDTH {
@@ -78,8 +78,8 @@ impl BodyParticles {
 }
 
 impl ParticleBlock {
-    /// One step, as [`Integrator::step`] does it for one sub-particle; `free` is 1 where one moves, else 0. Not 0 for as_range that are too
-    /// fast, not a number or lost.
+    /// One step, as in [`Integrator::step`]. `free` is 1 for lanes that move, else 0. Returns a non-zero
+    /// number for lanes that are too fast, not finite or lost.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
     fn advance<S: LaneOps>(
@@ -101,7 +101,7 @@ impl ParticleBlock {
             let (x, v, w) = (&mut position[axis].0, &mut velocity[axis].0, &mut spin[axis].0);
             let (r, f, t) = (&mut remainder[axis].0, &force[axis].0, &torque[axis].0);
             let (shift, push) = (integrator.dt * integrator.inverse_unit, integrator.dt);
-            // What does not move is multiplied by 0, not skipped.
+            // Lanes that do not move are multiplied by 0 instead of skipped.
             let mut moved = Lanes::ZERO;
             for k in 0..WIDTH {
                 v[k] += (f[k] * inverse_mass + gravity) * push * free.0[k];
@@ -127,7 +127,7 @@ impl ParticleBlock {
             }
         }
         for k in 0..WIDTH {
-            // Not `speed2 > limit2`: what is not a number is no speed either.
+            // The negated comparison would accept NaN.
             sound[k] &= u32::from(speed2[k] <= integrator.limit2);
         }
         sound.map(|sound| 1 - sound)

@@ -4,7 +4,7 @@ use std::slice;
 
 use crate::cpu::fast::broad_phase::wall_search::WallSearch;
 use crate::cpu::fast::instructions::prefetch;
-use crate::cpu::fast::instructions::prefetch::{PARTS, part, span};
+use crate::cpu::fast::instructions::prefetch::{PARTS, part, part_range};
 use crate::cpu::fast::instructions::set::{LaneOps, SimdTask, run_outlined};
 use crate::cpu::fast::narrow_phase::bonds;
 use crate::cpu::fast::narrow_phase::wall_contacts::WallScratch;
@@ -15,27 +15,27 @@ use crate::cpu::fast::storage::pairs::{BodyPairList, as_range};
 use crate::cpu::fast::storage::particles::ParticleBlock;
 use crate::cpu::stages::Stage;
 
-/// Sets of bonds that are on their way from memory while others are worked on.
+/// Number of bond sets prefetched ahead of the current one.
 const PREFETCH_SETS: usize = 4;
 
-/// PairScratch to work in.
+/// Scratch memory of one thread for the motion of a body.
 #[derive(Debug, Default)]
 pub(crate) struct MotionScratch {
     pub(crate) sums: LoadSums,
     pub(crate) wall_scratch: WallScratch,
-    /// The body's sub-particles.
+    /// Sub-particles of the body, transposed.
     blocks: Vec<ParticleBlock>,
 }
 
-/// What a body has stats in a step.
+/// Statistics of the step of a body.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct BodyStats {
     pub(crate) max_overlap: f32,
-    /// Whether one has moved so far that others may meet.
+    /// Whether a body has left its margin, so that the body pairs must be updated.
     pub(crate) left_margin: bool,
     /// Whether a bond has broken.
     pub(crate) has_broken: bool,
-    /// The first sub-particle that is too fast, not a number or lost, counted in the run.
+    /// First sub-particle of the run that is too fast, not finite or lost.
     pub(crate) runaway: Option<u32>,
 }
 
@@ -51,7 +51,8 @@ impl BodyStats {
 }
 
 impl Body {
-    /// One step of this body, once all body_pairs have worked out their loads; `pairs` are as_range of which it is the first.
+    /// One step of this body, after the contact phase of all bodies. `pairs` are those of which it is the
+    /// first body.
     #[inline(always)]
     pub(crate) fn step<S: LaneOps>(
         &mut self,
@@ -90,8 +91,8 @@ impl Body {
         }
     }
 
-    /// Adds what bonds do, two sets at a time, and meanwhile calls `prefetch_next` with the number of a part. Returns the greatest overlap where
-    /// a bond has broken, in metres.
+    /// Adds the loads of bonds, two sets at a time, and calls `prefetch_next` with the number of a part in
+    /// between. Returns the maximum overlap of pairs with a broken bond, in metres.
     #[inline(always)]
     fn add_bonds<S: LaneOps>(
         &mut self,
@@ -117,7 +118,7 @@ impl Body {
         max_overlap
     }
 
-    /// Adds what pairs do: `pairs` are as_range of which it is the first body.
+    /// Adds the loads of pairs. `pairs` are those of which it is the first body.
     #[inline(always)]
     fn add_pairs<S: LaneOps>(
         &self,
@@ -154,22 +155,22 @@ impl Body {
     }
 }
 
-/// The body that comes after.
+/// The next body of the task.
 pub(crate) struct NextBody<'a> {
     pub(crate) body: &'a Body,
     pub(crate) pairs: &'a BodyPairList,
 }
 
 impl NextBody<'_> {
-    /// Fetches the `k`th of [`PARTS`] parts from memory of what its step will want.
+    /// Prefetches the `k`th of [`PARTS`] parts of the data of its step.
     #[inline(always)]
     fn prefetch_part(&self, context: &StepContext<'_>, k: usize) {
         self.body.points.prefetch_part(k);
         self.body.bounds.prefetch_part(k);
         let BodyPairList { loads, self_loads, .. } = self.pairs;
-        loads.prefetch(span(loads.slots.len(), k, PARTS));
-        self_loads.prefetch(span(self_loads.count(), k, PARTS));
-        // What others have left for it: first where that stands.
+        loads.prefetch(part_range(loads.slots.len(), k, PARTS));
+        self_loads.prefetch(part_range(self_loads.count(), k, PARTS));
+        // Loads left by other bodies: first their ranges, then the loads.
         const HALF: usize = PARTS / 2;
         for &[m, first] in part(&self.body.second_in, k % HALF, HALF) {
             let loads = &context.loads[m as usize];
@@ -182,7 +183,7 @@ impl NextBody<'_> {
     }
 }
 
-/// A body's part of the second phase.
+/// The motion phase of a body.
 pub(crate) struct MoveBody<'a> {
     pub(crate) body: &'a mut Body,
     pub(crate) pairs: &'a BodyPairList,

@@ -8,13 +8,13 @@ use crate::cpu::fast::storage::pairs::PairList;
 use crate::cpu::fast::storage::particles::BodyParticles;
 use crate::engine::frame::Frame;
 
-/// Pairs that go through the kernel together: two chunks, of whatever body_pairs, in order.
+/// Number of pairs per kernel call: two chunks, of any body pairs, in order.
 pub(crate) const BATCH_SIZE: usize = 2 * WIDTH;
 
-/// Those pairs, one after the other.
+/// A batch of pairs, element after element.
 #[derive(Debug)]
 pub(crate) struct PairBatch {
-    /// Their numbers in the list.
+    /// Indices in the list.
     pub(crate) pairs: Vec<u32>,
     /// x_j − x_i, in units of length, as bits.
     pub(crate) offsets: [[f32; 4]; BATCH_SIZE],
@@ -25,7 +25,7 @@ pub(crate) struct PairBatch {
     pub(crate) sqrt_m_star: [f32; BATCH_SIZE],
 }
 
-/// The same in lanes.
+/// A batch in lanes.
 #[derive(Debug)]
 pub(crate) struct BatchLanes {
     pub(crate) counts: [usize; 2],
@@ -48,7 +48,7 @@ impl Default for PairBatch {
 }
 
 impl PairBatch {
-    /// All of them in lanes. Where there is no pair stands what was there before.
+    /// Transposes the batch. Lanes without a pair hold old values.
     #[inline(always)]
     pub(crate) fn lanes<S: LaneOps>(&self, simd: S, frame: &Frame, step: u32) -> BatchLanes {
         let count = self.pairs.len();
@@ -85,7 +85,7 @@ impl PairBatch {
             let_go.0[k] = if last.0[k].to_bits() == step - 1 { 0.0 } else { 1.0 };
         }
         let in_contact = simd.le_bits(&let_go, 0.0);
-        // What has let go has forgotten, also where nobody has looked since.
+        // A contact that has opened has no history, even if it was not evaluated since.
         let remembers = simd.splat_masked(f32::from_bits(u32::MAX), in_contact);
         for axis in &mut xi {
             for k in 0..WIDTH {
@@ -97,7 +97,7 @@ impl PairBatch {
 }
 
 impl ContactHistories {
-    /// What to remember of them: ξ, and the step where the contact holds.
+    /// Histories to store: ξ, and the number of the step for contacts that hold.
     #[inline(always)]
     pub(crate) fn memory<S: LaneOps>(&self, simd: S, step: u32) -> Quads {
         let [x, y, z] = &self.xi;
@@ -105,12 +105,12 @@ impl ContactHistories {
     }
 }
 
-/// Puts as many of `close` into a batch, which are pairs of two bodies, as there is room for; tells how many.
+/// Appends pairs of two bodies from `close` to a batch, up to its capacity. Returns their number.
 pub(crate) struct FillBatch<'a> {
     pub(crate) batch: &'a mut PairBatch,
     pub(crate) close: &'a [u32],
     pub(crate) list: &'a PairList,
-    /// Distances of all that are listed.
+    /// Offsets of all listed pairs.
     pub(crate) offsets: &'a [[i32; 4]],
     pub(crate) sides: [&'a BodyParticles; 2],
     /// √m* in kg^½.

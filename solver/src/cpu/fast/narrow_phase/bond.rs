@@ -8,7 +8,7 @@ use crate::cpu::fast::storage::laws::PairLaws;
 use crate::cpu::fast::storage::pair_lanes::BondHistoryMut;
 use crate::physics::bond::{BondModel, STRETCH_CLAMP};
 
-/// [`crate::physics::bond::force`]: the pull along n, and the force across it. What breaks is no longer intact.
+/// Pull along n, and the force across it. A bond that breaks is no longer intact.
 #[inline(always)]
 pub(crate) fn force<S: LaneOps>(
     simd: S,

@@ -22,7 +22,7 @@ impl BondSet {
         }
     }
 
-    /// What is kinematics of the pairs.
+    /// Kinematics of the pairs.
     #[inline(always)]
     fn kinematics<S: LaneOps>(&self, simd: S, frame: &Frame, blocks: &[ParticleBlock]) -> PairKinematics {
         let (me, at) = (&blocks[self.block as usize], &simd.widen(&self.at));
@@ -47,7 +47,7 @@ impl BondSet {
         kinematics
     }
 
-    /// Adds what acts on either side.
+    /// Adds the loads of both sides.
     #[inline(always)]
     fn add<S: LaneOps>(&self, simd: S, loads: &PairLoads, sums: &mut LoadSums) {
         let mine = &mut sums.blocks[self.block as usize];
@@ -74,7 +74,7 @@ impl BondSet {
         }
     }
 
-    /// The lower sub-particles of these lanes go into `broken`.
+    /// Appends the lower sub-particles of these lanes to `broken`.
     #[cold]
     fn record_broken(&self, lanes: u16, broken: &mut Vec<u32>) {
         let these = (0..WIDTH as u32).filter(|lane| lanes >> lane & 1 == 1);
@@ -82,8 +82,10 @@ impl BondSet {
     }
 }
 
-/// Adds what the bonds of two sets do, and the contacts of their pairs. Returns the greatest overlap of as_range whose bond has broken,
-/// in metres; the lower sub-particles of as_range that break now go into `broken`.
+/// Adds the loads of the bonds of two sets and of the contacts of their pairs.
+///
+/// Returns the maximum overlap of pairs with a broken bond, in metres. The lower sub-particles of bonds that
+/// break now go into `broken`.
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
 pub(crate) fn forces<S: LaneOps>(

@@ -12,16 +12,16 @@ use crate::cpu::fast::storage::laws::LaneContactLaw;
 use crate::cpu::fast::storage::pair_lanes::ContactHistoryMut;
 use crate::physics::damping::DampingCap;
 
-/// What contacts of one kind have in common.
+/// Parameters of the contacts in a register.
 #[derive(Clone, Copy)]
 pub(crate) struct ContactParams<'a, S: Simd> {
     pub(crate) law: &'a LaneContactLaw,
-    /// Length at which they touch, in metres.
-    pub(crate) touch: f32,
+    /// Distance at first contact, in metres.
+    pub(crate) contact_distance: f32,
     pub(crate) dt: f32,
     /// √m*, in kg^½.
     pub(crate) sqrt_m_star: F<S>,
-    /// The most that dashpots along n and across it can be, in kg/s.
+    /// Caps of the dashpots along n and across it, in kg/s.
     pub(crate) max_eta_n: F<S>,
     pub(crate) max_eta_t: F<S>,
 }
@@ -31,7 +31,7 @@ impl<'a, S: Simd> ContactParams<'a, S> {
     pub(crate) fn new(
         simd: S,
         law: &'a LaneContactLaw,
-        touch: f32,
+        contact_distance: f32,
         cap: DampingCap,
         dt: f32,
         sqrt_m_star: F<S>,
@@ -39,11 +39,11 @@ impl<'a, S: Simd> ContactParams<'a, S> {
         let m_star = sqrt_m_star * sqrt_m_star;
         let max_eta_n = m_star * F::splat(simd, cap.normal / dt);
         let max_eta_t = m_star * F::splat(simd, cap.tangential / dt);
-        Self { law, touch, dt, sqrt_m_star, max_eta_n, max_eta_t }
+        Self { law, contact_distance, dt, sqrt_m_star, max_eta_n, max_eta_t }
     }
 }
 
-/// [`crate::physics::contact::force`] on i: the push against n, the force across it, and the overlap where there is contact (else 0).
+/// Push on i against n, force across n, and overlap (0 without contact).
 #[inline(always)]
 pub(crate) fn force<S: LaneOps>(
     simd: S,
@@ -53,14 +53,15 @@ pub(crate) fn force<S: LaneOps>(
     [one, two]: [&mut ContactHistoryMut<'_>; 2],
     part: usize,
 ) -> (F<S>, F3<S>, F<S>) {
-    let LaneContactLaw { law, damping_n, damping_t, snap } = params.law;
+    let LaneContactLaw { law, damping_n, damping_t, snap_overlap } = params.law;
     let splat = |value| F::splat(simd, value);
     let (zero, none) = (splat(0.0), F3::zero(simd));
-    // Velocities here are as_range of j against i: what is felt on i has the opposite sign.
+    // Velocities are those of j relative to i, and so of opposite sign to the plain path.
     let PairLanes { v_n, v_t, .. } = *pairs;
-    let delta = splat(params.touch) - pairs.length;
-    // From in_contact on, or from where it snaps if it has formed, which is before.
-    let limit = Mask::from_bits(simd, [*one.in_contact, *two.in_contact], part).select(splat(*snap), zero);
+    let delta = splat(params.contact_distance) - pairs.length;
+    // A contact forms at zero overlap and holds down to the snap overlap.
+    let limit =
+        Mask::from_bits(simd, [*one.in_contact, *two.in_contact], part).select(splat(*snap_overlap), zero);
     let holds = touches & limit.le(delta);
     holds.store([one.in_contact, two.in_contact], part);
     if !holds.any() {

@@ -5,13 +5,13 @@ use pulp::Simd;
 use super::pair::PairLanes;
 use crate::cpu::fast::instructions::lanes::{F, F3};
 
-/// Squares of what is rotated_history below which it has no direction.
+/// Squared length below which a history has no direction.
 const NO_LENGTH2: f32 = 1e-30;
 
-/// Share that squares of what is rotated_history may lose in a step for the first terms of a root to be as good as all.
+/// Relative change of the squared length up to which a first-order root suffices.
 const MUCH_LONGER: f32 = 1e-4;
 
-/// Force on i, in newton, with v_t and ξ of j against i. Where a lane slips, ξ is cut to the Coulomb cap.
+/// Force on i in newton, with v_t and ξ of j relative to i. A lane that slips cuts ξ to the Coulomb cap.
 #[inline(always)]
 pub(crate) fn force<S: Simd>(
     simd: S,
@@ -34,7 +34,7 @@ pub(crate) fn force<S: Simd>(
     force
 }
 
-/// [`crate::physics::friction::rotated_history`], by the pairs' spin in this step.
+/// A history rotated by the pairs' spin in this step.
 #[inline(always)]
 pub(crate) fn rotated_history<S: Simd>(simd: S, pairs: &PairLanes<S>, v: F3<S>) -> F3<S> {
     let n = pairs.n;
@@ -42,7 +42,7 @@ pub(crate) fn rotated_history<S: Simd>(simd: S, pairs: &PairLanes<S>, v: F3<S>) 
     let twisted = (n * pairs.twist).cross_add(v, v);
     let flat = n.neg_mul_add(twisted.dot(n), twisted);
     let (before, after) = (v.dot(v), flat.dot(flat));
-    // √(before / after) by its first terms: in a step a pair turns by next to nothing.
+    // First order of √(before / after): a pair rotates very little in a step.
     let longer = (before - after) * after.approx_recip();
     let mut scale = longer.mul_add(splat(0.5), splat(1.0));
     let far = splat(MUCH_LONGER).lt(longer.abs());

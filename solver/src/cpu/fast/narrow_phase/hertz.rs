@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use crate::cpu::fast::instructions::lanes::{F, Mask};
 
-/// Force in newton, radius a of the contact area in metres and √a, at the overlaps `delta` of the lanes in `holds`.
+/// Force in newton, contact radius a in metres and √a, for the lanes in `holds`; 0 elsewhere.
 #[inline(always)]
 pub(crate) fn force<S: Simd>(
     simd: S,

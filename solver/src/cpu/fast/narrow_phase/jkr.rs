@@ -5,11 +5,11 @@ use pulp::Simd;
 use crate::cpu::fast::instructions::lanes::{F, Mask};
 use crate::physics::jkr::{D_SNAP, JkrScale, X_SNAP};
 
-/// Overlaps of JKR: √ of the shift that makes the guess of [`root`] close everywhere, and its coefficients.
+/// First guess of [`root`]: shift of the square root, and coefficients of the series.
 const GUESS_SHIFT: f32 = 1.2;
 const GUESS: [f32; 4] = [-0.595_899_9, 0.212_397_02, -0.163_381_2, 0.037_134_24];
 
-/// [`crate::physics::jkr::force`]: force, a and √a; all zero where no contact holds.
+/// Force, a and √a; 0 outside `holds`.
 #[inline(always)]
 pub(crate) fn force<S: Simd>(simd: S, scale: &JkrScale, delta: F<S>, holds: Mask<S>) -> (F<S>, F<S>, F<S>) {
     let splat = |value| F::splat(simd, value);
@@ -20,8 +20,9 @@ pub(crate) fn force<S: Simd>(simd: S, scale: &JkrScale, delta: F<S>, holds: Mask
     (force, splat(scale.area) * x2, splat(scale.area.sqrt()) * x)
 }
 
-/// [`crate::physics::jkr::root`]: with u² = D − D_c and w² = u + 1.2, x = w + a/w + b/w² + c/w³ + d/w⁴ is within 2e-5
-/// of it for every overlap, within 2e-4 where these roots are taken roughly; one step of Newton's does the rest.
+/// Largest root of x⁴ − x = D, with u² = D − D_c and w² = u + 1.2. The series x = w + a/w + b/w² + c/w³ +
+/// d/w⁴ is within 2e-5 for every overlap, and within 2e-4 with approximate roots. One Newton step does the
+/// rest.
 #[inline(always)]
 fn root<S: Simd>(simd: S, d: F<S>) -> F<S> {
     let splat = |value| F::splat(simd, value);
@@ -32,7 +33,7 @@ fn root<S: Simd>(simd: S, d: F<S>) -> F<S> {
     let [a, b, c, e] = GUESS.map(splat);
     let x = r.mul_add(r.mul_add(r.mul_add(r.mul_add(e, c), b), a), w);
     let x3 = x * x * x;
-    // Where the neck snaps the slope vanishes: there the guess must do.
+    // The slope vanishes at the snap, where the first guess must suffice.
     let slope = (splat(4.0) * x3 - splat(1.0)).max(splat(0.05));
     (x - x.mul_add(x3, -(x + d)) / slope).max(splat(X_SNAP))
 }
@@ -57,11 +58,11 @@ mod tests {
     fn the_root_of_jkr_is_found_for_every_overlap() {
         let mut buffer = Lanes::ZERO;
         for k in 0..40_000 {
-            // From just above the snap, densely, to overlaps a million times its own.
+            // From just above the snap, densely, to overlaps a million times the snap overlap.
             let d = D_SNAP + 1e-4 * 10f32.powf(10.0 * k as f32 / 40_000.0);
             root(Scalar::new(), F::splat(Scalar::new(), d)).store([&mut buffer, &mut Lanes::ZERO.clone()], 0);
             let off = (f64::from(buffer.0[0]) / exact_root(f64::from(d)) - 1.0).abs();
-            // Where the slope vanishes, a rounding of D is worth more.
+            // Where the slope vanishes, a rounding error of D has more effect.
             let allowed = if d < D_SNAP + 1e-2 { 2e-5 } else { 5e-7 };
             assert!(off < allowed, "D = {d}: {off:e}");
         }

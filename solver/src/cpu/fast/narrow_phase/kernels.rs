@@ -13,8 +13,8 @@ use crate::cpu::fast::storage::laws::{LaneContactLaw, PairLaws};
 use crate::cpu::fast::storage::pair_lanes::{BondHistoryMut, ContactHistories, PairKinematics, PairLoads};
 use crate::physics::damping::{BODY_CAP, BONDED_CAP, SURFACE_CAP};
 
-/// ContactHistories of pairs that no bond joins, in two chunks that have `counts` of them, with their √m* in kg^½. Returns their
-/// greatest overlap, in metres.
+/// Contacts of pairs without a bond, in two chunks of `counts` pairs, with √m* in kg^½. Returns the maximum
+/// overlap, in metres.
 #[inline(always)]
 pub(crate) fn contacts<S: LaneOps>(
     simd: S,
@@ -29,7 +29,8 @@ pub(crate) fn contacts<S: LaneOps>(
         let exists = F::load(simd, [&Lanes::TRANSPOSED; 2], part).lt(counts);
         let pairs = PairLanes::new(simd, laws.dt, kinematics, part);
         let sqrt_m_star = F::load(simd, [mass_a, mass_b], part);
-        let params = ContactParams::new(simd, &laws.contact, laws.touch, BODY_CAP, laws.dt, sqrt_m_star);
+        let params =
+            ContactParams::new(simd, &laws.contact, laws.contact_distance, BODY_CAP, laws.dt, sqrt_m_star);
         let (push, across, delta) = contact::force(simd, &params, &pairs, exists, [&mut one, &mut two], part);
         max_overlap = max_overlap.max(delta);
         pairs.n.neg_mul_add(push, across).store([&mut a.force, &mut b.force], part);
@@ -38,7 +39,8 @@ pub(crate) fn contacts<S: LaneOps>(
     max_overlap.max_lane()
 }
 
-/// ContactHistories of sub-particles of mass `sqrt_m_star`², in kilograms, with surfaces of one law, as [`PairLanes::at_surfaces`] sees them.
+/// Contacts of sub-particles of mass `sqrt_m_star`² in kg with surfaces of one law; kinematics as in
+/// [`PairLanes::at_surfaces`].
 #[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
 pub(crate) fn surfaces<S: LaneOps>(
@@ -52,7 +54,8 @@ pub(crate) fn surfaces<S: LaneOps>(
     [a, b]: &mut [PairLoads; 2],
 ) {
     let sqrt_m_star = F::splat(simd, sqrt_m_star);
-    let params = ContactParams::new(simd, law, 0.5 * laws.touch, SURFACE_CAP, laws.dt, sqrt_m_star);
+    let params =
+        ContactParams::new(simd, law, 0.5 * laws.contact_distance, SURFACE_CAP, laws.dt, sqrt_m_star);
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     let (mut one, mut two) = (one.as_mut(), two.as_mut());
     for part in 0..WIDTH / S::F32_LANES {
@@ -64,8 +67,8 @@ pub(crate) fn surfaces<S: LaneOps>(
     }
 }
 
-/// BondHistoryMut of two chunks, and the contacts of the same pairs. Returns the greatest overlap of as_range whose bond has broken, in
-/// metres.
+/// Bonds of two chunks, and contacts of the same pairs. Returns the maximum overlap of pairs with a broken
+/// bond, in metres.
 #[inline(always)]
 pub(crate) fn bonds<S: LaneOps>(
     simd: S,
@@ -77,8 +80,10 @@ pub(crate) fn bonds<S: LaneOps>(
 ) -> f32 {
     let zero = F::splat(simd, 0.0);
     let sqrt_m_star = F::splat(simd, sqrt_m_star);
-    let bonded_params = ContactParams::new(simd, &laws.contact, laws.touch, BONDED_CAP, laws.dt, sqrt_m_star);
-    let broken_params = ContactParams::new(simd, &laws.contact, laws.touch, BODY_CAP, laws.dt, sqrt_m_star);
+    let bonded_params =
+        ContactParams::new(simd, &laws.contact, laws.contact_distance, BONDED_CAP, laws.dt, sqrt_m_star);
+    let broken_params =
+        ContactParams::new(simd, &laws.contact, laws.contact_distance, BODY_CAP, laws.dt, sqrt_m_star);
     let mut max_overlap = zero;
     let free = [one.exists & !*one.intact, two.exists & !*two.intact];
     let touch = if laws.contact_between_bonded { [one.exists, two.exists] } else { free };

@@ -5,19 +5,19 @@ use pulp::Simd;
 use crate::cpu::fast::instructions::lanes::{F, F3};
 use crate::cpu::fast::storage::pair_lanes::PairKinematics;
 
-/// A registerful of pairs.
+/// A register of pairs.
 pub(crate) struct PairLanes<S: Simd> {
     pub(crate) n: F3<S>,
     pub(crate) length: F<S>,
     pub(crate) arm: F3<S>,
-    /// Velocity of j against i where they meet: along n, and across it.
+    /// Velocity of j relative to i at the contact point: along n, and across it.
     pub(crate) v_n: F<S>,
     pub(crate) v_t: F3<S>,
-    /// Angle that the pair turns by about n in this step.
+    /// Rotation of the pair about n in this step, in radians.
     pub(crate) twist: F<S>,
 }
 
-/// One over a length; of none, something.
+/// 1/length. For length 0 the value is arbitrary.
 #[inline(always)]
 fn inverse<S: Simd>(simd: S, length: F<S>) -> F<S> {
     F::splat(simd, 1.0) / length.max(F::splat(simd, 1e-15))
@@ -27,10 +27,10 @@ impl<S: Simd> PairLanes<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, dt: f32, [a, b]: &[PairKinematics; 2], part: usize) -> Self {
         let d = F3::load(simd, [&a.offset, &b.offset], part);
-        // Neighbours on the lattice begin at a distance of 2R: whether they touch is decided by the last digit, which should be
-        // that of the plain path. So the square is rounded as there, and so is its root.
+        // Lattice neighbours start at a distance of 2R. The last digit decides whether they touch and should
+        // match the plain path, so the square and its root are rounded as there.
         let length = d.length2_unfused().sqrt();
-        // SearchSides centres on one spot have no direction: d is zero then, and so is n.
+        // Coincident centres: d is zero, and so is n.
         let n = d * inverse(simd, length);
         let arm = d * F::splat(simd, 0.5);
         let spin = F3::load(simd, [&a.spin, &b.spin], part);
@@ -38,8 +38,8 @@ impl<S: Simd> PairLanes<S> {
         Self::from_contact(n, length, arm, v, spin, F::splat(simd, 0.5 * dt))
     }
 
-    /// Sub-particles at surfaces: `apart` leads to the nearest point, `velocity` is that of the surface there against the
-    /// sub-particle's, and `spin` twice the surface's.
+    /// Sub-particles at surfaces. `offset` leads to the nearest point, `velocity` is that of the surface
+    /// there relative to the sub-particle, `spin` twice the spin of the surface.
     #[inline(always)]
     pub(crate) fn at_surfaces(simd: S, dt: f32, [a, b]: &[PairKinematics; 2], part: usize) -> Self {
         let arm = F3::load(simd, [&a.offset, &b.offset], part);

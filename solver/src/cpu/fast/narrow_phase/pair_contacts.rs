@@ -13,22 +13,22 @@ use crate::cpu::fast::storage::pair_lanes::PairLoads;
 use crate::cpu::fast::storage::pairs::BodyPairList;
 use crate::cpu::stages::{Stage, StageTimers};
 
-/// Pairs that are further offsets than they touch by less than this share are left to the kernel, which rounds otherwise.
+/// Relative margin of the selection of close pairs. The kernel rounds differently and decides within it.
 const ROUNDING: f32 = 1e-5;
 
 /// Scratch memory of one thread for the contacts of a body.
 #[derive(Debug, Default)]
 pub(crate) struct PairScratch {
     pub(crate) search: SearchScratch,
-    /// One batch fills while the other waits. Narrow writes followed at once by a wide read would stall the
-    /// store buffer.
+    /// One batch fills while the other is evaluated. A wide load soon after narrow stores to the same memory
+    /// would stall.
     batches: [PairBatch; 2],
     /// Loads of pairs that are summed at once.
     loads: LoadList,
 }
 
 impl BodyContacts<'_> {
-    /// Works out the load of every pair that is close. Returns their greatest overlap, in metres.
+    /// Evaluates the loads of all close pairs. Returns the maximum overlap, in metres.
     #[inline(always)]
     pub(crate) fn forces<S: LaneOps>(&mut self, simd: S, scratch: &mut PairScratch) -> f32 {
         let PairScratch { batches, loads: summed, search: SearchScratch { distances, .. } } = scratch;
@@ -38,29 +38,30 @@ impl BodyContacts<'_> {
         loads.clear();
         self_loads.clear();
         let offsets = grown(&mut distances.offsets, list.len());
-        // DampingCap body_pairs have no pair.
+        // Most body pairs have no pairs.
         for body_pair in self.body_pairs.iter().filter(|it| !it.pairs.is_empty()) {
             let ([_, other], pairs) = (body_pair.bodies, body_pair.pairs());
             let sides = [&mine.points, &self.bodies[other as usize].points];
             pair_offsets(&list.slots[pairs.clone()], sides, self.frame, &mut offsets[pairs]);
         }
-        // What has touched holds a little further.
-        let reach = self.laws.touch + self.laws.contact.snap.abs();
+        // Contacts that have formed hold down to the snap overlap.
+        let reach = self.laws.contact_distance + self.laws.contact.snap_overlap.abs();
         let mut close =
             select_close(simd, offsets, reach * (1.0 + ROUNDING) / self.frame.unit_m, &mut distances.close);
         let (mut max_overlap, mut done) = (0.0f32, 0);
         for m in 0..self.body_pairs.len() {
             let body_pair = &self.body_pairs[m];
             if body_pair.pairs.is_empty() {
-                // Only where it is news: lines of the cache are shared with other threads.
+                // Write only changes: cache lines are shared with other threads.
                 if self.loads[m] != (0..0) {
                     self.loads[m] = 0..0;
                 }
                 continue;
             }
             let count = close.partition_point(|&pair| pair < body_pair.pairs.end);
-            // Single spheres that go together have several contacts each; a fillet hardly any with itself, which are no work to keep.
-            // Not by how many there are now: that goes by spheres that others know nothing of.
+            // Single spheres in a group have several contacts each, so their loads are summed at once. A
+            // fillet has hardly any with itself. The decision must not depend on the current number of
+            // contacts, which depends on unrelated spheres.
             let is_summed = body_pair.bodies[0] == body_pair.bodies[1] && mine.bonds.is_empty();
             if is_summed {
                 self.pairs.self_loads.begin(mine.points.positions.len(), &LoadArray::default());
@@ -75,7 +76,7 @@ impl BodyContacts<'_> {
             (these, close) = close.split_at(count);
             while !these.is_empty() {
                 let list = &self.pairs.list;
-                // The compiler would make one function of this and the kernels, which have no register to spare.
+                // Outlined: inlined together with the kernels the compiler would run out of registers.
                 let taken =
                     run_outlined(simd, FillBatch { batch, close: these, list, offsets, sides, sqrt_m_star });
                 these = &these[taken..];
@@ -104,7 +105,7 @@ impl BodyContacts<'_> {
     }
 }
 
-/// A body's part of the first phase.
+/// The contact phase of a body.
 pub(crate) struct ContactPhase<'a, 'b> {
     pub(crate) contacts: &'a mut BodyContacts<'b>,
     pub(crate) search: &'a SearchParams,
@@ -126,11 +127,11 @@ impl SimdTask for ContactPhase<'_, '_> {
     }
 }
 
-/// Works out the loads of a batch, and hands them out in its order. Returns the greatest overlap, in metres.
+/// Evaluates a batch and appends its loads in order. Returns the maximum overlap, in metres.
 struct EvaluateBatch<'a, 'b> {
     contacts: &'a mut BodyContacts<'b>,
     batch: &'a mut PairBatch,
-    /// PairScratch for what pairs self_loads a body do, if that is summed up at once.
+    /// Buffer for loads within a group, if these are summed at once.
     summed: Option<&'a mut LoadList>,
 }
 
@@ -150,7 +151,7 @@ impl SimdTask for EvaluateBatch<'_, '_> {
         let LoadList { loads, slots } = match summed {
             None => loads,
             Some(summed) => {
-                // What the batch before does, which is there by now.
+                // Loads of the previous batch, which are in memory by now.
                 run_outlined(simd, AddToBoth { sums: self_loads, loads: summed });
                 summed.clear();
                 summed

@@ -16,26 +16,26 @@ use crate::cpu::load::Load;
 use crate::physics::contact::ContactHistory;
 use crate::walls::contact::WallPair;
 
-/// A sub-particle that has one facet near it, of few triangles.
+/// A sub-particle with a single facet near it, of few triangles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SingleFacet {
     pub(crate) facet: u32,
-    /// Its row, and its pair.
+    /// Indices of its row and of its entry in the wall list.
     pub(crate) row: u32,
     pub(crate) pair: u32,
 }
 
-/// Sub-particles that touch one facet and nothing else, as many as lanes have room.
+/// Contacts with one facet, as many as two chunks hold.
 pub(crate) struct SingleFacetContacts<'a> {
     pub(crate) rows: &'a mut [WallListRow],
     pub(crate) pairs: &'a mut [WallPair],
     pub(crate) single: &'a [SingleFacet],
     pub(crate) facet: SmallFacet<'a>,
-    /// What they and the surfaces have moved at most, in metres.
+    /// Upper bound of the travel of body and surfaces, in metres.
     pub(crate) travelled: f64,
     pub(crate) context: &'a StepContext<'a>,
     pub(crate) points: &'a BodyParticles,
-    /// Mass of each, in kilograms.
+    /// Mass of each sub-particle, in kilograms.
     pub(crate) mass: f32,
     pub(crate) sums: &'a mut LoadSums,
 }

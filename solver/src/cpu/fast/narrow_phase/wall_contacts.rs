@@ -20,35 +20,35 @@ use crate::physics::contact::ContactHistory;
 use crate::walls::NearestPoint;
 use crate::walls::contact::{WallPair, for_each_contact};
 
-/// What a body's sub-particles feel of facets in a step.
+/// Scratch memory of one thread for contacts with facets.
 #[derive(Debug, Default)]
 pub(crate) struct WallScratch {
     single: Vec<SingleFacet>,
     points: Vec<(u32, NearestPoint)>,
     contacts: Vec<WallContact>,
-    /// Surfaces and numbers of as_range contacts, surface by surface.
+    /// Surface and index of each contact, sorted by surface.
     order: Vec<(u32, u32)>,
 }
 
-/// A facet that a sub-particle feels, and what comes of it.
+/// A facet that acts on a sub-particle, and its load.
 #[derive(Clone, Copy, Debug)]
 struct WallContact {
-    /// Its slot among the pairs.
+    /// Index in the wall list.
     pair: usize,
-    /// The sub-particle's number in the body.
+    /// Index of the sub-particle in the body.
     of: u32,
     surface: u32,
-    /// From the centre to the nearest point, in metres.
+    /// Vector from the centre to the nearest point, in metres.
     to_wall: Vec3,
-    /// Of the surface there against the sub-particle, in m/s.
+    /// Velocity of the surface there relative to the sub-particle, in m/s.
     velocity: Vec3,
-    /// Twice the surface's, in rad/s.
+    /// Twice the spin of the surface, in rad/s.
     spin: Vec3,
     load: Load,
 }
 
 impl WallScratch {
-    /// Works out the loads, as many at a time as lanes have room, of one surface at a time.
+    /// Evaluates the loads, two chunks at a time, surface by surface.
     #[inline(always)]
     fn evaluate<S: LaneOps>(
         &mut self,
@@ -116,7 +116,7 @@ fn get(lanes: &Lanes3, lane: usize) -> Vec3 {
 }
 
 impl WallList {
-    /// Adds what facets do to a body's sub-particles; `travelled` is what these and the surfaces have moved at most, in metres.
+    /// Adds the loads of facets. `travelled` bounds the travel of body and surfaces, in metres.
     #[inline(always)]
     pub(crate) fn forces<S: LaneOps>(
         &mut self,
@@ -167,7 +167,7 @@ impl WallList {
             row.postpone(travelled, nearest, context);
         }
         wall_scratch.evaluate(simd, context, mass, &mut self.pairs);
-        // In the order of rows, whatever was worked out together.
+        // Sum in the order of rows, independent of the order of evaluation.
         for WallContact { pair, of, load, .. } in &wall_scratch.contacts {
             self.pairs[*pair].force = load.force;
             sums.add(slot_of(*of), load);

@@ -21,23 +21,23 @@ pub(crate) struct Body {
     /// Mass of each of its sub-particles, in kilograms.
     pub(crate) mass: f32,
     pub(crate) bonds: Vec<BondSet>,
-    /// Pairs that were bonded at the start, by slots, sorted: as_range whose bond broke still stand among the bonds.
+    /// Pairs that were bonded at the start, by slots, sorted. Those with a broken bond stay in the bond sets.
     pub(crate) bonded_pairs: Vec<[u32; 2]>,
     pub(crate) walls: WallList,
     pub(crate) motion: BodyMotion,
-    /// Integral of the greatest speed, in metres.
+    /// Integral of the maximum speed, in metres.
     pub(crate) travelled: f64,
-    /// Its box and as_range of its blocks, since its last move.
+    /// Bounding boxes after the last move.
     pub(crate) bounds: BodyBounds,
     /// Lower sub-particles of bonds that broke in the last step.
     pub(crate) broken: Vec<u32>,
-    /// The body_pairs of which it is the second body, each with the first, in their order.
+    /// Body pairs of which it is the second body, each with its first body, in order.
     pub(crate) second_in: Vec<[u32; 2]>,
-    /// Where it was when it was last looked up which bodies meet.
+    /// Motion at the last update of the body pairs.
     pub(crate) pairing_motion: BodyMotion,
 }
 
-/// Pairs of sub-particles by their slots, the lower first, sorted.
+/// Pairs of sub-particles by slots, the lower first, sorted.
 fn slot_pairs(pairs: impl Iterator<Item = [u32; 2]>) -> Vec<[u32; 2]> {
     let sorted = |[i, j]: [u32; 2]| [i.min(j), i.max(j)];
     let mut placed: Vec<_> = pairs.map(|pair| sorted(pair.map(slot_of))).collect();
@@ -75,13 +75,13 @@ impl Body {
         self.range.clone()
     }
 
-    /// Takes pairs out that were bonded at the start: both sorted, by slots.
+    /// Removes pairs that were bonded at the start. Both lists are sorted by slots.
     pub(crate) fn exclude_bonded(&self, pairs: &mut Vec<[u32; 2]>) {
         let bonded_pairs = &self.bonded_pairs;
         let (mut kept, mut next) = (0, 0);
         for k in 0..pairs.len() {
             let pair = pairs[k];
-            // Nearly all are found, so that hardly any is passed over.
+            // Nearly all bonded pairs are found, so hardly any is skipped.
             while next < bonded_pairs.len() && sort_key(bonded_pairs[next]) < sort_key(pair) {
                 next += 1;
             }
@@ -93,7 +93,7 @@ impl Body {
         pairs.truncate(kept);
     }
 
-    /// Renumbers after sub-particles were taken out.
+    /// Renumbers after a removal.
     pub(crate) fn renumber(&mut self, range: Range<usize>, points: BodyParticles, locals: &[u32]) {
         self.range = range;
         self.points = points;
@@ -105,7 +105,7 @@ impl Body {
         self.walls.renumber(locals);
     }
 
-    /// Moves on in the state, as it is.
+    /// Moves to another range of the state, unchanged.
     pub(crate) fn set_range(&mut self, range: Range<usize>) {
         self.range = range;
     }

@@ -4,17 +4,17 @@ use std::ops::Range;
 
 use crate::engine::scene::{BodyKind, Scene};
 
-/// The most single spheres that go as one body.
+/// Maximum number of single spheres per group.
 const MAX_SPHERES_PER_GROUP: usize = 512;
 
-/// Sub-particles that go as one body, by their numbers in the run, and the kind that has their bonds and their mass.
+/// A body of the fast path: its range in the run, and the kind that gives bonds and mass.
 pub(crate) struct BodyGroup<'a> {
     pub(crate) range: Range<usize>,
     pub(crate) kind: &'a BodyKind,
 }
 
-/// The bodies of a scene. Single spheres that follow each other go together, as if they were a body without bonds: each by itself would
-/// have a block of its own.
+/// The bodies of a scene, with consecutive single spheres in groups. Alone, each sphere would occupy a whole
+/// block.
 pub(crate) fn body_groups(scene: &Scene) -> Vec<BodyGroup<'_>> {
     let mut body_groups: Vec<BodyGroup<'_>> = Vec::new();
     let mut from = 0;

@@ -7,19 +7,20 @@ use super::laws::PairLaws;
 use crate::cpu::fast::instructions::arrays::{Lanes, Lanes3, PackedIndices, WIDTH};
 use crate::shape::lattice::LatticeBond;
 
-/// BondHistoryMut of one class, at most one of each sub-particle of a block to a later one, and at most one to each of as_range.
+/// Bonds of one class between a block and a window of two blocks. A sub-particle has at most one bond on
+/// either side.
 #[derive(Clone, Debug)]
 pub(crate) struct BondSet {
-    /// The block of the lower sub-particles.
+    /// Block of the lower sub-particles.
     pub(crate) block: u32,
-    /// The blocks of the higher ones.
+    /// Window: the blocks of the higher sub-particles.
     pub(crate) window: [u32; 2],
-    /// Where in the window they stand; as_range under [`WIDTH`] are in its first block.
+    /// Index of each lane's partner in the window. Indices below [`WIDTH`] are in its first block.
     pub(crate) at: [u8; WIDTH],
-    /// For each place of the window, the lane that it is bonded to, and whether there is one.
+    /// For each element of the window, the lane of its partner, and whether it has one.
     pub(crate) back: [PackedIndices; 2],
     pub(crate) bonded: [u16; 2],
-    /// What it remembers: see [`BondHistoryMut`] and [`ContactHistoryMut`].
+    /// History: see [`super::pair_lanes::BondHistoryMut`] and [`super::pair_lanes::ContactHistoryMut`].
     pub(crate) rest: f32,
     pub(crate) exists: u16,
     pub(crate) intact: u16,
@@ -28,7 +29,7 @@ pub(crate) struct BondSet {
     pub(crate) xi: Lanes3,
 }
 
-// All that comes from memory for a set: what is not stored forces and slides fills one line.
+// Everything but the force and contact histories fits one cache line.
 const _: () = assert!(size_of::<BondSet>() == 448);
 
 impl BondSet {
@@ -48,7 +49,7 @@ impl BondSet {
         }
     }
 
-    /// The lane that a bond could take here, and its place in the window.
+    /// Lane for a bond in this set, and the index of its partner in the window.
     fn free_lane(&self, [i, j]: [u32; 2], rest: f32) -> Option<(usize, u32)> {
         let width = WIDTH as u32;
         let [low, high] = self.window;
@@ -74,7 +75,7 @@ impl BondSet {
         self.exists |= 1 << lane;
     }
 
-    /// Where a bond goes among the sets, which grow where it has no room.
+    /// A set with a free lane for a bond, created on demand, and the lane.
     fn find(sets: &mut Vec<Self>, pair: [u32; 2], rest: f32) -> (&mut Self, usize) {
         let [i, j] = pair;
         let found = sets.iter().enumerate().rev().find_map(|(s, set)| Some((s, set.free_lane(pair, rest)?)));
@@ -90,13 +91,13 @@ impl BondSet {
     /// The bonds of a body.
     pub(crate) fn all(bonds: &[LatticeBond], laws: &PairLaws) -> Vec<Self> {
         let mut sorted: Vec<&LatticeBond> = bonds.iter().collect();
-        // Those of one direction on the lattice are as far apart in number, or nearly: they go together.
+        // Bonds of one lattice direction have nearly equal index differences and go together.
         sorted.sort_by_key(|bond| (bond.i / WIDTH as u32, bond.class, bond.j - bond.i, bond.i));
         let mut sets: Vec<Self> = Vec::new();
         for of_block in sorted.chunk_by(|a, b| a.i / WIDTH as u32 == b.i / WIDTH as u32) {
             let mut of_this = Vec::new();
             for bond in of_block {
-                let rest = laws.touch * (bond.class as f32).sqrt();
+                let rest = laws.contact_distance * (bond.class as f32).sqrt();
                 let (set, lane) = Self::find(&mut of_this, [bond.i, bond.j], rest);
                 set.intact |= 1 << lane;
             }
@@ -105,7 +106,7 @@ impl BondSet {
         Self::padded_to_even(sets)
     }
 
-    /// With one that is empty where they are odd in number: they are worked on two by two.
+    /// Adds an empty set to an odd number: sets are evaluated two at a time.
     fn padded_to_even(mut sets: Vec<Self>) -> Vec<Self> {
         if !sets.len().is_multiple_of(2) {
             sets.push(Self::new(0, 0, 0.0));
@@ -113,7 +114,7 @@ impl BondSet {
         sets
     }
 
-    /// Pairs, by lane.
+    /// All pairs, by lane.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = (usize, [u32; 2])> {
         let there = |lane: &usize| self.exists >> lane & 1 == 1;
         (0..WIDTH).filter(there).map(|lane| {
@@ -124,12 +125,12 @@ impl BondSet {
         })
     }
 
-    /// The pairs whose bond holds.
+    /// Pairs with an intact bond.
     pub(crate) fn intact(&self) -> impl Iterator<Item = [u32; 2]> {
         self.pairs().filter(|&(lane, _)| self.intact >> lane & 1 == 1).map(|(_, pair)| pair)
     }
 
-    /// What is left of the bonds when sub-particles are renumbered; `u32::MAX` is gone.
+    /// The bonds after a renumbering; `u32::MAX` marks a removed sub-particle.
     pub(crate) fn renumbered(sets: &[Self], map: impl Fn(u32) -> u32) -> Vec<Self> {
         let mut kept: Vec<Self> = Vec::new();
         for old in sets {

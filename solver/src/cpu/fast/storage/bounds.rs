@@ -10,26 +10,26 @@ use crate::cpu::fast::instructions::set::LaneOps;
 use crate::cpu::fast::instructions::transpose::ints;
 use crate::engine::frame::Frame;
 
-/// A box around positions, both corners inside.
+/// Axis-aligned bounding box in fixed-point coordinates, corners inclusive.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Aabb {
+pub(crate) struct FixedAabb {
     pub(crate) low: IVec3,
     pub(crate) high: IVec3,
 }
 
-/// Lowest and highest corner of a box, in metres.
+/// Low and high corner of a box, in metres.
 pub(crate) type LocalAabb = [[f32; 3]; 2];
 
 /// The boxes of a body and of its blocks.
 #[derive(Debug, Default)]
 pub(crate) struct BodyBounds {
-    pub(crate) whole: Aabb,
+    pub(crate) whole: FixedAabb,
     blocks: usize,
-    /// The blocks' lowest and highest corners, up to whole rows; the fourth numbers mean nothing.
+    /// Corners of the blocks, padded to whole rows. The fourth number is unused.
     corners: [Vec<[i32; 4]>; 2],
 }
 
-/// More than positions lose as they are rounded, in metres.
+/// Upper bound of the rounding error of a position, in metres.
 const ROUNDING_M: f32 = 1e-6;
 
 impl BodyBounds {
@@ -39,7 +39,7 @@ impl BodyBounds {
         bounds
     }
 
-    /// Follows the sub-particles.
+    /// Updates the boxes.
     #[inline(always)]
     pub(crate) fn update(&mut self, points: &BodyParticles) {
         self.blocks = points.blocks();
@@ -54,10 +54,10 @@ impl BodyBounds {
                 high[c] = high[c].max(highest[c]);
             }
         }
-        self.whole = Aabb { low: corner(low), high: corner(high) };
+        self.whole = FixedAabb { low: corner(low), high: corner(high) };
     }
 
-    /// Fetches the `k`th of [`PARTS`] parts from memory.
+    /// Prefetches the `k`th of [`PARTS`] parts.
     #[inline(always)]
     pub(crate) fn prefetch_part(&self, k: usize) {
         let [lows, highs] = &self.corners;
@@ -65,12 +65,12 @@ impl BodyBounds {
         prefetch::to_l2(part(&highs[..self.blocks], k, PARTS));
     }
 
-    /// How many rows of [`WIDTH`] blocks there are.
+    /// Number of rows of [`WIDTH`] blocks.
     pub(crate) fn rows(&self) -> usize {
         self.blocks.div_ceil(WIDTH)
     }
 
-    /// The boxes of a row in lanes (see [`super::memory::transposed_lane`]), in metres from a position, and how many there are.
+    /// The boxes of a row in transposed lanes, relative to `from` in metres, and their number.
     #[inline(always)]
     pub(crate) fn row<S: LaneOps>(
         &self,
@@ -87,27 +87,27 @@ impl BodyBounds {
         ([lows, highs], (self.blocks - g * WIDTH).min(WIDTH))
     }
 
-    /// A block's box, in metres from a position.
+    /// Box of a block, relative to `from`, in metres.
     #[inline(always)]
-    pub(crate) fn span(&self, block: usize, from: IVec3, unit_m: f32) -> LocalAabb {
-        let Aabb { low, high } = self.aabb(block);
+    pub(crate) fn local_aabb(&self, block: usize, from: IVec3, unit_m: f32) -> LocalAabb {
+        let FixedAabb { low, high } = self.aabb(block);
         [low, high].map(|corner| (corner.wrapping_sub(from).as_vec3() * unit_m).to_array())
     }
 
     #[inline(always)]
-    fn aabb(&self, block: usize) -> Aabb {
+    fn aabb(&self, block: usize) -> FixedAabb {
         let [lows, highs] = &self.corners;
-        Aabb { low: corner(lows[block]), high: corner(highs[block]) }
+        FixedAabb { low: corner(lows[block]), high: corner(highs[block]) }
     }
 
-    /// The middle of the body's box, and how far its corners are from there in metres, at most.
-    pub(crate) fn middle_of_all(&self, unit_m: f32) -> (IVec3, f32) {
-        self.whole.middle(unit_m)
+    /// Centre of the body's box, and an upper bound of the distance of its corners in metres.
+    pub(crate) fn body_centre(&self, unit_m: f32) -> (IVec3, f32) {
+        self.whole.centre(unit_m)
     }
 
-    /// The same of a block's box.
-    pub(crate) fn middle_of(&self, block: usize, unit_m: f32) -> (IVec3, f32) {
-        self.aabb(block).middle(unit_m)
+    /// The same for the box of a block.
+    pub(crate) fn block_centre(&self, block: usize, unit_m: f32) -> (IVec3, f32) {
+        self.aabb(block).centre(unit_m)
     }
 }
 
@@ -116,14 +116,14 @@ fn corner([x, y, z, _]: [i32; 4]) -> IVec3 {
     IVec3::new(x, y, z)
 }
 
-impl Aabb {
-    /// The middle, and how far corners are from there in metres, at most.
-    fn middle(&self, unit_m: f32) -> (IVec3, f32) {
+impl FixedAabb {
+    /// Centre, and an upper bound of the distance of the corners in metres.
+    fn centre(&self, unit_m: f32) -> (IVec3, f32) {
         let size = self.high.wrapping_sub(self.low);
         (self.low.wrapping_add(size / 2), 0.5 * size.as_vec3().length() * unit_m + ROUNDING_M)
     }
 
-    /// Larger by `by` metres on all sides; without bounds in a direction that is periodic.
+    /// The box enlarged by `by` metres on all sides, and unbounded in a periodic direction.
     pub(crate) fn grown(&self, by: f32, frame: &Frame) -> Self {
         let by = IVec3::splat((by / frame.unit_m) as i32 + 2);
         let (mut low, mut high) = (self.low.saturating_sub(by), self.high.saturating_add(by));
@@ -133,7 +133,7 @@ impl Aabb {
         Self { low, high }
     }
 
-    /// Distance to another box in metres, at least; 0 where they overlap. A periodic direction counts nothing.
+    /// Lower bound of the distance to another box in metres; 0 on overlap. A periodic direction is ignored.
     #[inline(always)]
     pub(crate) fn gap(&self, other: &Self, frame: &Frame) -> f32 {
         let (low, high) = (self.low.max(other.low), self.high.min(other.high));
@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn boxes_follow_what_moves_and_nothing_else() {
         let frame = Frame::new(DVec3::splat(-0.1), DVec3::splat(0.1), false);
-        // What fills up the last block, of 8 in both, stays where it began.
+        // The padding of the last block, of 8 in both cases, keeps its position.
         for count in [40, 300] {
             let mut points = random_bodies(frame, &[(count, DVec3::ZERO, 0.05)]).remove(0);
             let mut at = BodyBounds::of(&points);
@@ -179,17 +179,17 @@ mod tests {
             }
             at.update(&points);
             let positions: Vec<IVec3> = (0..count).map(|k| points.particle(k).position).collect();
-            let around = |some: &[IVec3]| Aabb {
+            let around = |some: &[IVec3]| FixedAabb {
                 low: some.iter().copied().fold(IVec3::MAX, IVec3::min),
                 high: some.iter().copied().fold(IVec3::MIN, IVec3::max),
             };
             assert_eq!(at.whole, around(&positions));
-            let blocks: Vec<Aabb> = positions.chunks(WIDTH).map(around).collect();
+            let blocks: Vec<FixedAabb> = positions.chunks(WIDTH).map(around).collect();
             let from = at.whole.low;
-            let of = |aabb: &Aabb| [aabb.low, aabb.high].map(|x| (x - from).as_vec3().to_array());
+            let of = |aabb: &FixedAabb| [aabb.low, aabb.high].map(|x| (x - from).as_vec3().to_array());
             for (b, block) in blocks.iter().enumerate() {
                 assert_eq!(at.aabb(b), *block);
-                assert_eq!(at.span(b, from, 1.0), of(block));
+                assert_eq!(at.local_aabb(b, from, 1.0), of(block));
             }
             for instructions in InstructionSet::available() {
                 let rows = instructions.run(Rows(&at, from));

@@ -16,18 +16,18 @@ pub(crate) struct StepContext<'a> {
     pub(crate) integrator: &'a Integrator,
     pub(crate) frame: &'a Frame,
     pub(crate) walls: &'a Walls,
-    /// What the pairs of body_pairs do, by the number of the first body.
+    /// Lists and loads of each body.
     pub(crate) pairs: &'a [BodyPairList],
-    /// Of each meeting, where its loads stand among as_range of its first body.
+    /// For each body pair, the range of its loads among those of its first body.
     pub(crate) loads: &'a [Range<u32>],
-    /// How far a body may move before it must be looked up anew which bodies meet, in metres.
+    /// Distance that a body may move before the body pairs are updated, in metres.
     pub(crate) margin: f64,
     pub(crate) stages: &'a StageTimers,
-    /// Laws of surfaces, by their numbers.
+    /// Contact laws of the surfaces, by number.
     pub(crate) wall_laws: &'a [LaneContactLaw],
     pub(crate) radius: f32,
-    /// Distance of a centre from a facet self_loads which a contact can hold, in metres.
-    pub(crate) wall_reach: f32,
-    /// What wall lists cover beyond, in metres.
+    /// Distance of a centre from a facet up to which a contact can hold, in metres.
+    pub(crate) wall_cutoff: f32,
+    /// Verlet skin of the wall lists, in metres.
     pub(crate) wall_skin: f32,
 }

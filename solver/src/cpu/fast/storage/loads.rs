@@ -11,31 +11,31 @@ use crate::cpu::fast::instructions::prefetch;
 use crate::cpu::fast::instructions::set::{LaneOps, SimdTask, run_outlined};
 use crate::cpu::load::Load;
 
-/// What acts on many sub-particles or pairs, one after the other: a force, 0, a torque, 0.
+/// Loads of many sub-particles or pairs, element after element: force, 0, torque, 0.
 #[derive(Debug, Default)]
 pub(crate) struct LoadArray(Vec<[f32; 8]>);
 
-/// LoadArray of a block of sub-particles.
+/// Loads of a block of sub-particles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LoadBlock {
     pub(crate) force: Lanes3,
     pub(crate) torque: Lanes3,
 }
 
-/// LoadSums of the loads of a body's sub-particles.
+/// Sums of the loads of a body's sub-particles.
 #[derive(Debug, Default)]
 pub(crate) struct LoadSums {
-    /// What comes one at a time, by [`super::points::slot_of`].
+    /// Sum of single loads, by [`super::particles::slot_of`].
     single: LoadArray,
-    /// What comes in blocks.
+    /// Sum of the loads of whole blocks.
     pub(crate) blocks: Vec<LoadBlock>,
 }
 
-/// What acts on the firsts of pairs; on their seconds act the opposite force and the same torque.
+/// Loads on the first sub-particles of pairs. The opposite force and the same torque act on the second ones.
 #[derive(Debug, Default)]
 pub(crate) struct LoadList {
     pub(crate) loads: LoadArray,
-    /// Of the firsts and of the seconds.
+    /// Slots of the first and of the second sub-particle.
     pub(crate) slots: Vec<[u32; 2]>,
 }
 
@@ -45,7 +45,7 @@ impl LoadList {
         self.slots.clear();
     }
 
-    /// Fetches some from memory.
+    /// Prefetches the loads of some pairs.
     #[inline(always)]
     pub(crate) fn prefetch(&self, pairs: Range<usize>) {
         prefetch::to_l2(&self.slots[pairs.clone()]);
@@ -62,20 +62,20 @@ impl LoadArray {
         self.0.len()
     }
 
-    /// On so many: what is known of the first of them, and nothing yet on others.
+    /// Starts with known loads on the first elements, and none on the rest.
     pub(crate) fn begin(&mut self, count: usize, known: &Self) {
         self.0.clear();
         self.0.extend_from_slice(&known.0);
         self.0.resize(count, [0.0; 8]);
     }
 
-    /// Fetches some from memory.
+    /// Prefetches some loads.
     #[inline(always)]
     pub(crate) fn prefetch(&self, range: Range<usize>) {
         prefetch::to_l2(&self.0[range]);
     }
 
-    /// Takes in [`WIDTH`] more, from lanes.
+    /// Appends the loads of [`WIDTH`] pairs.
     #[inline(always)]
     pub(crate) fn push<S: LaneOps>(&mut self, simd: S, loads: &PairLoads) {
         let ([x, y, z], [p, q, r]) = (&loads.force, &loads.torque);
@@ -85,7 +85,7 @@ impl LoadArray {
     }
 }
 
-/// Adds what pairs of a body with itself do to both of their two.
+/// Adds loads within a body to both sub-particles of each pair.
 pub(crate) struct AddToBoth<'a> {
     pub(crate) sums: &'a mut LoadArray,
     pub(crate) loads: &'a LoadList,
@@ -105,7 +105,7 @@ impl SimdTask for AddToBoth<'_> {
     }
 }
 
-/// Adds what some pairs do to one of their two: to the firsts, or else to the seconds.
+/// Adds loads of pairs to one of their sub-particles: the first (`SIDE` 0) or the second.
 struct AddToSide<'a, const SIDE: usize> {
     sums: &'a mut LoadArray,
     loads: &'a LoadList,
@@ -126,27 +126,27 @@ impl<const SIDE: usize> SimdTask for AddToSide<'_, SIDE> {
 }
 
 impl LoadSums {
-    /// What is known, for so many blocks, and nothing else yet.
+    /// Starts with known loads, for a number of blocks.
     pub(crate) fn begin(&mut self, blocks: usize, known: &LoadArray) {
         self.single.begin(blocks * WIDTH, known);
         self.blocks.clear();
         self.blocks.resize(blocks, LoadBlock { force: [Lanes::ZERO; 3], torque: [Lanes::ZERO; 3] });
     }
 
-    /// Adds what acts on the firsts of all pairs.
+    /// Adds the loads of all pairs to their first sub-particles.
     #[inline(always)]
     pub(crate) fn add_to_firsts<S: LaneOps>(&mut self, simd: S, loads: &LoadList) {
         let pairs = 0..loads.slots.len();
         run_outlined(simd, AddToSide::<0> { sums: &mut self.single, loads, pairs });
     }
 
-    /// Adds what acts on the seconds of some pairs.
+    /// Adds the loads of some pairs to their second sub-particles.
     #[inline(always)]
     pub(crate) fn add_to_seconds<S: LaneOps>(&mut self, simd: S, loads: &LoadList, pairs: Range<usize>) {
         run_outlined(simd, AddToSide::<1> { sums: &mut self.single, loads, pairs });
     }
 
-    /// Adds what acts on the sub-particle at a slot.
+    /// Adds a load to the sub-particle at a slot.
     #[inline(always)]
     pub(crate) fn add(&mut self, slot: u32, load: &Load) {
         let [x, y, z] = load.force.to_array();
@@ -156,7 +156,7 @@ impl LoadSums {
         }
     }
 
-    /// All that acts on a block.
+    /// Total load of a block.
     #[inline(always)]
     pub(crate) fn of_block<S: LaneOps>(&self, simd: S, b: usize) -> LoadBlock {
         let mut all = self.blocks[b];

@@ -1,4 +1,4 @@
-//! Storage: the data of a run, one file a type. The phases read and write it; nothing here computes a force.
+//! Storage: the data of a run, one type per file. The phases read and write it; this layer computes no force.
 //!
 //! ```text
 //! body ── particles ── bounds            loads ◄── pair_lanes

@@ -1,8 +1,8 @@
-//! Input and output of the pair kernels: kinematics, loads and histories of [`WIDTH`] pairs.
+//! Input and output of the pair kernels, for one chunk of pairs: kinematics, loads and histories.
 
 use crate::cpu::fast::instructions::arrays::{Lanes, Lanes3};
 
-/// What is kinematics of [`WIDTH`] pairs before their forces are worked out.
+/// Kinematics of [`WIDTH`](crate::cpu::fast::instructions::arrays::WIDTH) pairs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PairKinematics {
     /// x_j − x_i, in metres.
@@ -13,39 +13,39 @@ pub(crate) struct PairKinematics {
     pub(crate) spin: Lanes3,
 }
 
-/// What comes out: force on i (j feels the opposite) and torque (both feel the same).
+/// Loads of one chunk of pairs: force on i (the opposite acts on j) and torque (the same on both).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PairLoads {
     pub(crate) force: Lanes3,
     pub(crate) torque: Lanes3,
 }
 
-/// What [`WIDTH`] contacts remember: see [`ContactHistoryMut`].
+/// Histories of one chunk of contacts; see [`ContactHistoryMut`].
 #[derive(Debug)]
 pub(crate) struct ContactHistories {
     pub(crate) in_contact: u16,
     pub(crate) xi: Lanes3,
 }
 
-/// What [`WIDTH`] bonds of one class remember, and their contacts.
+/// Histories of one chunk of bonds of one class, and of their contacts.
 #[derive(Debug)]
 pub(crate) struct BondHistoryMut<'a> {
-    /// Length at which they pull nothing, in metres.
+    /// Rest length, in metres.
     pub(crate) rest: f32,
-    /// Lanes that have a bond, or had one that broke; and as_range whose bond holds.
+    /// Lanes that have or had a bond, and lanes with an intact bond.
     pub(crate) exists: u16,
     pub(crate) intact: &'a mut u16,
-    /// Stored force, in newton.
+    /// Force history, in newton.
     pub(crate) stored: &'a mut Lanes3,
     pub(crate) contacts: ContactHistoryMut<'a>,
 }
 
-/// What [`WIDTH`] contacts remember, wherever that is kept.
+/// Histories of one chunk of contacts, wherever they are stored.
 #[derive(Debug)]
 pub(crate) struct ContactHistoryMut<'a> {
-    /// Which of them have formed, so that they hold down to the overlap where they snap.
+    /// Contacts that have formed, and so hold down to the snap overlap.
     pub(crate) in_contact: &'a mut u16,
-    /// ξ, in metres.
+    /// Tangential displacement ξ, in metres.
     pub(crate) xi: &'a mut Lanes3,
 }
 

@@ -4,34 +4,35 @@ use std::ops::Range;
 
 use super::loads::{LoadArray, LoadList};
 
-/// Pairs, meeting by meeting, and what they remember.
+/// Pairs with their contact histories, ordered by body pair.
 #[derive(Debug, Default)]
 pub(crate) struct PairList {
-    /// LaneIndices of sub-particles in their bodies (see [`super::points::slot_of`]).
+    /// Slots of the sub-particles in their bodies (see [`super::particles::slot_of`]).
     pub(crate) slots: Vec<[u32; 2]>,
-    /// ξ in metres, and the bits of the step in which the contact last held: if it was another than the last, it has let go.
+    /// ξ in metres, and the number of the step in which the contact last held, as bits. A contact that did
+    /// not hold in the last step has no history.
     pub(crate) memory: Vec<[f32; 4]>,
 }
 
-/// The pairs of a body with itself and as_range after it.
+/// The pairs of a body with itself and with bodies of higher index.
 #[derive(Debug, Default)]
 pub(crate) struct BodyPairList {
     pub(crate) list: PairList,
-    /// Whether body_pairs have come or gone since the list was written.
+    /// Whether body pairs were added or removed since the list was built.
     pub(crate) is_stale: bool,
-    /// What as_range that are close do in this step, but for as_range self_loads the body where these are summed up.
+    /// Loads of close pairs in this step, except those summed into `self_loads`.
     pub(crate) loads: LoadList,
-    /// What pairs self_loads the body do to each of its sub-particles, where it is single spheres that go together; else empty.
+    /// Loads within a group of single spheres, summed per sub-particle; else empty.
     pub(crate) self_loads: LoadArray,
 }
 
-/// In the order of this number pairs are sorted.
+/// Sort key of a pair.
 #[inline(always)]
 pub(crate) fn sort_key([i, j]: [u32; 2]) -> u64 {
     u64::from(i) << u32::BITS | u64::from(j)
 }
 
-/// What stands there, as slices have it.
+/// The range as `usize`.
 pub(crate) fn as_range(range: &Range<u32>) -> Range<usize> {
     range.start as usize..range.end as usize
 }
@@ -51,13 +52,13 @@ impl PairList {
         self.memory.push(memory);
     }
 
-    /// Takes over some of another list.
+    /// Appends a part of another list.
     pub(crate) fn extend(&mut self, other: &Self, range: Range<usize>) {
         self.slots.extend_from_slice(&other.slots[range.clone()]);
         self.memory.extend_from_slice(&other.memory[range]);
     }
 
-    /// Takes in as_range candidates that are close, sorted; what they remember if they stand in a part of another list.
+    /// Appends the close candidates, in order, with their histories from a part of another list.
     #[inline(never)]
     pub(crate) fn merge_close(
         &mut self,
@@ -81,12 +82,12 @@ impl PairList {
         }));
     }
 
-    /// Some pairs, with what they remember.
+    /// Some pairs, with their histories.
     pub(crate) fn all(&self, range: Range<usize>) -> impl Iterator<Item = ([u32; 2], [f32; 4])> {
         self.slots[range.clone()].iter().copied().zip(self.memory[range].iter().copied())
     }
 
-    /// Takes back what pairs remember; adds their slots to others.
+    /// Stores the histories of some pairs, and appends their slots to `to`.
     #[inline(never)]
     pub(crate) fn store_histories(&mut self, pairs: &[u32], memory: &[[f32; 4]], to: &mut Vec<[u32; 2]>) {
         let (slots, memories) = (&self.slots[..], &mut self.memory[..self.slots.len()]);

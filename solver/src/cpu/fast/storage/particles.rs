@@ -21,7 +21,7 @@ use crate::cpu::fast::instructions::transpose::ints;
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
 
-/// [`WIDTH`] sub-particles side by side.
+/// [`WIDTH`] sub-particles, transposed.
 #[derive(Clone, Debug)]
 pub(crate) struct ParticleBlock {
     /// Fixed-point position.
@@ -30,7 +30,7 @@ pub(crate) struct ParticleBlock {
     pub(crate) velocity: Lanes3,
     /// In rad/s.
     pub(crate) spin: Lanes3,
-    /// What positions have moved beyond whole units, in units.
+    /// Fraction of a unit that positions have moved beyond integer units, in units.
     pub(crate) remainder: Lanes3,
 }
 
@@ -43,31 +43,33 @@ impl ParticleBlock {
     };
 }
 
-/// The sub-particles of a body, in the order of [`slot_of`]. This is all that is kept of them, since what a step reads and writes
-/// should be short. Those that fill up the last block stay where the last sub-particle began.
+/// The sub-particles of a body, in the order of [`slot_of`]. Only these arrays are stored: a step should read
+/// and write little. Padding of the last block stays at the initial position of the last sub-particle.
 #[derive(Clone, Debug)]
 pub(crate) struct BodyParticles {
     pub(crate) count: usize,
-    /// Fixed-point positions; the fourth number has the bits of the remainder along x (see [`ParticleBlock::remainder`]).
+    /// Fixed-point positions. The fourth number holds the bits of the remainder along x (see
+    /// [`ParticleBlock::remainder`]).
     pub(crate) positions: Vec<[i32; 4]>,
-    /// Velocities, the remainder along y, spins, the remainder along z: side by side, since pairs pair_offsets for both.
+    /// Velocity, remainder along y, spin, remainder along z: adjacent, since pairs read velocity and spin
+    /// together.
     pub(crate) velocities: Vec<[f32; 8]>,
-    /// Lanes of each block that move: neither held nor only there to fill up.
+    /// Lanes of each block that move: neither clamped nor padding.
     pub(crate) moving: Vec<u16>,
-    /// 1 where a lane of the last block is a sub-particle, 0 where it only fills up.
+    /// 1 for the sub-particles of the last block, 0 for its padding.
     pub(crate) last_block_mask: Lanes,
 }
 
-/// Where there is no sub-particle, in metres.
+/// Position of padding in searches, in metres.
 const FAR_AWAY: f32 = 1e9;
 
-/// Where a sub-particle stands in [`BodyParticles`] and in sums, and which stands at a slot.
+/// Slot of the `k`th sub-particle in [`BodyParticles`] and in sums. The function is its own inverse.
 pub(crate) fn slot_of(k: u32) -> u32 {
     k / WIDTH as u32 * WIDTH as u32 + transposed_lane(k as usize % WIDTH) as u32
 }
 
 impl BodyParticles {
-    /// Some of the sub-particles of a state.
+    /// A range of sub-particles of a state.
     pub(crate) fn of(state: &State, range: Range<usize>) -> Self {
         let (count, first) = (range.len(), range.start);
         let blocks = count.div_ceil(WIDTH);
@@ -95,7 +97,7 @@ impl BodyParticles {
         points
     }
 
-    /// One of them, as states have it.
+    /// The `k`th sub-particle.
     #[inline(always)]
     pub(crate) fn particle(&self, k: usize) -> Particle {
         let slot = slot_of(k as u32) as usize;
@@ -104,7 +106,7 @@ impl BodyParticles {
         Particle { position: IVec3::new(x, y, z), velocity: Vec3::new(u, v, w), spin: Vec3::new(p, q, r) }
     }
 
-    /// Brings a state up to date.
+    /// Writes the sub-particles to a state.
     pub(crate) fn write_to(&self, particles: &mut [Particle], remainders: &mut [Vec3]) {
         for (k, (particle, remainder)) in particles.iter_mut().zip(remainders).enumerate() {
             *particle = self.particle(k);
@@ -114,25 +116,25 @@ impl BodyParticles {
         }
     }
 
-    /// Fetches the `k`th of [`PARTS`] parts from memory.
+    /// Prefetches the `k`th of [`PARTS`] parts.
     #[inline(always)]
     pub(crate) fn prefetch_part(&self, k: usize) {
         prefetch::to_l2(part(&self.positions, k, PARTS));
         prefetch::to_l2(part(&self.velocities, k, PARTS));
     }
 
-    /// The number of blocks.
+    /// Number of blocks.
     pub(crate) fn blocks(&self) -> usize {
         self.moving.len()
     }
 
-    /// Positions of a block, side by side; and the bits of remainders along x.
+    /// Positions of a block, transposed, and the bits of the remainders along x.
     #[inline(always)]
     pub(crate) fn positions_of<S: LaneOps>(&self, simd: S, b: usize) -> [Ints; 4] {
         ints(simd, &Quads::of(&self.positions, b))
     }
 
-    /// Positions of a block in metres from one, side by side; as_range that only fill up are [`FAR_AWAY`].
+    /// Positions of a block relative to `from` in metres, transposed. Padding is at [`FAR_AWAY`].
     #[inline(always)]
     pub(crate) fn in_metres<S: LaneOps>(&self, simd: S, b: usize, from: IVec3, unit_m: f32) -> Lanes3 {
         let [x, y, z, _] = self.positions_of(simd, b);
@@ -146,12 +148,12 @@ impl BodyParticles {
         metres
     }
 
-    /// The lowest and the highest corner of the box around a block; their fourth numbers mean nothing.
+    /// Low and high corner of the bounding box of a block. The fourth number is unused.
     #[inline(always)]
     pub(crate) fn corners(&self, b: usize) -> [[i32; 4]; 2] {
         let mut positions: [[i32; 4]; WIDTH] =
             self.positions[b * WIDTH..][..WIDTH].try_into().expect("a whole block");
-        // Those that only fill up become as the first.
+        // Padding takes the position of the first sub-particle.
         for k in (self.count - b * WIDTH).min(WIDTH)..WIDTH {
             positions[transposed_lane(k)] = positions[0];
         }
@@ -163,7 +165,7 @@ impl BodyParticles {
                 high[k] = high[k].max(row[k]);
             }
         }
-        // Every fourth number is along one axis.
+        // Every fourth number belongs to the same axis.
         for half in [8, 4] {
             for k in 0..half {
                 low[k] = low[k].min(low[k + half]);
@@ -174,7 +176,7 @@ impl BodyParticles {
         [[x, y, z, r], [u, v, w, s]]
     }
 
-    /// Writes all blocks down side by side.
+    /// Transposes all blocks.
     #[inline(always)]
     pub(crate) fn load_blocks<S: LaneOps>(&self, simd: S, blocks: &mut Vec<ParticleBlock>) {
         blocks.resize(self.blocks(), ParticleBlock::ZERO);
@@ -193,7 +195,7 @@ impl BodyParticles {
         }
     }
 
-    /// Takes a block back as it is now.
+    /// Stores a block after its motion.
     #[inline(always)]
     pub(crate) fn store_block<S: LaneOps>(&mut self, simd: S, b: usize, block: &ParticleBlock) {
         let [x, y, z] = &block.position;
@@ -207,7 +209,7 @@ impl BodyParticles {
     }
 }
 
-/// Bodies of so many points at random in a box of so many metres, around these middles.
+/// Bodies of so many sub-particles at random positions in boxes of a size in metres about these centres.
 #[cfg(test)]
 pub(crate) fn random_bodies(frame: Frame, bodies: &[(usize, DVec3, f64)]) -> Vec<BodyParticles> {
     let mut random = fastrand::Rng::with_seed(1);

@@ -9,34 +9,34 @@ use crate::walls::contact::WallPair;
 pub(crate) struct WallList {
     pub(crate) rows: Vec<WallListRow>,
     pub(crate) pairs: Vec<WallPair>,
-    /// Where the body was when they were looked up.
+    /// Motion of the body at the last search.
     pub(crate) searched_at: BodyMotion,
-    /// How far surfaces had moved by then at most, in metres.
+    /// Travel of the surfaces at the last search, in metres.
     pub(crate) searched_travel_m: f64,
     pub(crate) known: bool,
 }
 
-/// A sub-particle that has facets near it.
+/// A sub-particle with facets near it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WallListRow {
-    /// Its number in the body.
+    /// Its index in the body.
     pub(crate) of: u32,
-    /// Where its facets end among all.
+    /// End of its facets in the list.
     pub(crate) end: u32,
-    /// What body and surfaces must have travelled before it can touch any, in metres.
+    /// Travel of body and surfaces before it can touch a facet, in metres.
     pub(crate) due_at_m: f64,
 }
 
 impl WallListRow {
-    /// DistanceScratch again once the gap to the nearest facet may have closed.
+    /// Postpones the next evaluation until the gap to the nearest facet may have closed.
     #[inline(always)]
     pub(crate) fn postpone(&mut self, travelled: f64, nearest: f32, context: &StepContext<'_>) {
-        self.due_at_m = travelled + SAFETY_FACTOR * f64::from((nearest - context.wall_reach).max(0.0));
+        self.due_at_m = travelled + SAFETY_FACTOR * f64::from((nearest - context.wall_cutoff).max(0.0));
     }
 }
 
 impl WallList {
-    /// Renumbers sub-particles; as_range that map to `u32::MAX` are gone.
+    /// Renumbers sub-particles; `u32::MAX` marks removed ones.
     pub(crate) fn renumber(&mut self, locals: &[u32]) {
         let old = std::mem::take(self);
         let mut from = 0;
