@@ -1,4 +1,4 @@
-//! The same scenario and seed give the same bits: on one thread and on several, in one go and in connected_components, in a batch,
+//! The same scenario and seed give the same bits: on one thread and on several, in one go and in pieces, in a batch,
 //! and whoever else has left the scene.
 
 mod common;
@@ -56,11 +56,11 @@ fn pieces_and_batches_change_no_bit() {
     let scene = blocks();
     let mut whole = Bench::new(&scene);
     whole.steps(2000);
-    let mut connected_components = Bench::new(&scene);
+    let mut pieces = Bench::new(&scene);
     for steps in [1, 7, 500, 1492] {
-        connected_components.steps(steps);
+        pieces.steps(steps);
     }
-    assert_same(whole.state(), connected_components.state(), "connected_components");
+    assert_same(whole.state(), pieces.state(), "pieces");
 
     let cpu = common::backend(2);
     let (mut a, mut b) = (cpu.prepare(&scene), cpu.prepare(&scene));

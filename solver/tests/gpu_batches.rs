@@ -93,8 +93,8 @@ fn a_run_that_ends_within_a_chunk_keeps_what_touches_its_moving_surfaces() {
             both.plain.advance(&mut [(&mut both.plain_run, steps)]);
             both.assert_same();
         }
-        let stats = gpu.surface_forces(&mut both[0].gpu_run)[0].length();
-        assert!(stats > 0.0, "nothing nearest_points it");
+        let force = gpu.surface_forces(&mut both[0].gpu_run)[0].length();
+        assert!(force > 0.0, "nothing touches it");
     }
 }
 
@@ -178,7 +178,7 @@ fn a_batch_whose_rows_outgrow_the_device_is_cut() {
     let slots = u64::from(alone.wall_capacity());
     let particles = first.state(&mut alone).particles.len() as u64;
     assert!(slots > 12, "{slots} facets are no more than rows have room for at first");
-    // Rows of nearest_points are the largest; at first those of both runs fit.
+    // Rows of nearest points are the largest; at first those of both runs fit.
     let limit = particles * slots * size_of::<NearestPoint>() as u64 * 3 / 2;
     let gpu = open(device.limited(limit));
     let mut runs: Vec<_> = (0..2).map(|_| gpu.prepare(&scene)).collect();

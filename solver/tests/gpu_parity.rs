@@ -150,17 +150,17 @@ fn surfaces_of_many_facets_are_felt_alike() {
         both.plain.start(&mut both.plain_run);
         both.gpu.start(&mut both.gpu_run);
         both.stay_the_same(400, 50);
-        let stats = both.gpu.surface_forces(&mut both.gpu_run)[0].length();
+        let force = both.gpu.surface_forces(&mut both.gpu_run)[0].length();
         let wall_slots = both.gpu_run.wall_capacity();
-        println!("{stats:.3} N, {wall_slots} facets");
-        assert!(stats > 0.1, "nothing lies on it: {stats} N");
+        println!("{force:.3} N, {wall_slots} facets");
+        assert!(force > 0.1, "nothing lies on it: {force} N");
     }
 }
 
 #[test]
 fn a_periodic_domain_is_alike() {
     let Some(gpu) = gpu() else { return };
-    // The blocks point their own images across the seam; the second period is two cells of the grid wide.
+    // The blocks touch their own images across the seam; the second period is two cells of the grid wide.
     for period in [0.034, 0.0311] {
         let mut scene = blocks();
         scene.bodies.iter_mut().for_each(|body| body.position.y += 0.014);

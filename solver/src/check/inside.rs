@@ -93,10 +93,10 @@ impl Lattice {
     }
 }
 
-/// A surface, its triangles in a bvh.
+/// A surface, with a tree over its triangles.
 struct Sheet<'a> {
     surface: &'a Surface,
-    /// What the bvh's boxes are relative to, in metres.
+    /// What the boxes of the tree are relative to, in metres.
     anchor: DVec3,
     bvh: Bvh,
     /// Corners of its box, in metres.

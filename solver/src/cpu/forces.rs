@@ -128,7 +128,7 @@ fn add_pair_forces(
 }
 
 /// Adds the loads of the facets near a sub-particle.
-#[expect(clippy::too_many_arguments, reason = "what the path has at hand")]
+#[expect(clippy::too_many_arguments, reason = "the data of a sub-particle and its facets")]
 fn add_wall_forces(
     radius: f32,
     dt: f32,

@@ -62,8 +62,8 @@ pub fn tilt() -> (DQuat, DVec3) {
 pub fn tilted_plate() -> Vec<Triangle> {
     let (turn, at) = tilt();
     let plate = moved(&cut_plate(), |p| ((turn * p + at) * 1e3).as_vec3().as_dvec3() * 1e-3);
-    let connected_components = facets(&plate, at).len();
-    assert!(connected_components > 20, "{connected_components} facets");
+    let pieces = facets(&plate, at).len();
+    assert!(pieces > 20, "{pieces} facets");
     plate
 }
 

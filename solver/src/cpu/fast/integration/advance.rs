@@ -25,7 +25,7 @@ const ALL: Lanes = Lanes([1.0; WIDTH]);
 impl BodyParticles {
     /// Advances all sub-particles, in `blocks`, of `mass` in kg each, by the summed loads. Updates `motion`.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
+    #[expect(clippy::too_many_arguments, reason = "the data of a body and its scratch memory")]
     pub(crate) fn advance<S: LaneOps>(
         &mut self,
         simd: S,
@@ -81,7 +81,7 @@ impl ParticleBlock {
     /// One step, as in [`Integrator::step`]. `free` is 1 for lanes that move, else 0. Returns a non-zero
     /// number for lanes that are too fast, not finite or lost.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
+    #[expect(clippy::too_many_arguments, reason = "the data of a body and its scratch memory")]
     fn advance<S: LaneOps>(
         &mut self,
         simd: S,

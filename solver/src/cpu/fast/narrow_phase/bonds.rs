@@ -87,7 +87,7 @@ impl BondSet {
 /// Returns the maximum overlap of pairs with a broken bond, in metres. The lower sub-particles of bonds that
 /// break now go into `broken`.
 #[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
+#[expect(clippy::too_many_arguments, reason = "the data of a body and its scratch memory")]
 pub(crate) fn forces<S: LaneOps>(
     [one, two]: [&mut BondSet; 2],
     simd: S,

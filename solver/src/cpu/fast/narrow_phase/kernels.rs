@@ -42,7 +42,7 @@ pub(crate) fn contacts<S: LaneOps>(
 /// Contacts of sub-particles of mass `sqrt_m_star`² in kg with surfaces of one law; kinematics as in
 /// [`PairLanes::at_surfaces`].
 #[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "what a body has at hand")]
+#[expect(clippy::too_many_arguments, reason = "the data of a body and its scratch memory")]
 pub(crate) fn surfaces<S: LaneOps>(
     simd: S,
     law: &LaneContactLaw,

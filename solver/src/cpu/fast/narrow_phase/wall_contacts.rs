@@ -118,6 +118,7 @@ fn get(lanes: &Lanes3, lane: usize) -> Vec3 {
 impl WallList {
     /// Adds the loads of facets. `travelled` bounds the travel of body and surfaces, in metres.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the data of a body and its scratch memory")]
     pub(crate) fn forces<S: LaneOps>(
         &mut self,
         simd: S,
