@@ -1,20 +1,20 @@
 #!/bin/sh
-# Measures the GPU backend on a machine that has a graphics driver and nothing else: needs neither Rust nor this repository, but
-# this file and a `roost` binary built elsewhere (cargo build --release, on a system with no newer glibc). A minute or two on a GPU
-# as fast as is aimed at, and less than ten on one a tenth as fast.
+# Measures the GPU backend on a machine with a graphics driver. Needs neither Rust nor this repository: only this file and a
+# `roost` binary built elsewhere (cargo build --release, on a system with no newer glibc). Takes a minute or two on a fast GPU,
+# and less than ten on one a tenth as fast.
 #
-# usage: measure.sh path/to/roost [folder] [more for every command, such as --device NAME]
+# usage: measure.sh path/to/roost [folder] [options for every command, such as --device NAME]
 #
 # Writes into the folder:
 #   scenario.json  the paper's hopper, with 41,000 sub-particles
-#   parity.json    how far the adapter strays from the plain path
+#   parity.json    deviation of the adapter from the plain path
 #   bench.json     batches of 1, 4, 16 and 64 runs, at rest and in discharge
 #   run.json       the scenario from fill to end; its result in run/
-#   figures.txt    what is asked of a GPU, a line each
+#   figures.txt    the GPU figures of docs/performance.md, one per line
 #
-# SCENARIO, a file, SUBPARTICLES, STEPS, REPEATS and BATCHES make all of it smaller, to try it.
+# SCENARIO (a file), SUBPARTICLES, STEPS, REPEATS and BATCHES reduce the measurement, for a trial.
 set -eu
-[ $# -gt 0 ] || { echo "usage: $0 path/to/roost [folder] [more for every command]" >&2; exit 2; }
+[ $# -gt 0 ] || { echo "usage: $0 path/to/roost [folder] [options for every command]" >&2; exit 2; }
 roost=$1
 folder=${2:-.}
 [ $# -gt 2 ] && shift 2 || shift $#
@@ -22,7 +22,7 @@ mkdir -p "$folder"
 began=$(date +%s)
 say() { echo "$(($(date +%s) - began)) s: $1" >&2; }
 
-# First, since it says at once when there is no GPU. Where it strays too far the rest is measured all the same, and fails in the end.
+# First, since it reports a missing GPU at once. A deviation beyond the limit fails at the end, after all measurements.
 say "parity with the plain path"
 parity=0
 "$roost" bench parity "$@" >"$folder/parity.json" || parity=$?

@@ -5,9 +5,10 @@
     cargo build --release && solver/benches/lammps/compare.py target/release/roost
     solver/benches/lammps/layer.py folder && solver/benches/lammps/compare.py target/release/roost --layer folder --beds layer
 
-The two do not compute the same: LAMMPS has no contact between bonded neighbours and its bonds carry moments; its JKR contact
-is damped by a viscous law, Roost's from a restitution. So Roost is timed without that contact, and with it. LAMMPS computes in
-double precision, Roost forces in single and positions as whole numbers. Both take a hundred steps first, and then those timed.
+The two models differ. LAMMPS has no contact between bonded neighbours, and its bonds carry moments. Its JKR contact has a
+viscous damping law; Roost derives damping from a restitution. Roost is therefore timed with and without contact between bonded
+neighbours. LAMMPS computes in double precision; Roost has forces in single precision and positions as integers. Both run a
+hundred steps before the timed ones.
 """
 
 import argparse

@@ -47,8 +47,7 @@ pub struct OutOfDeviceMemory(pub String);
 /// The stages of a step, in order: move *surfaces*, update *neighbour lists* where they may be stale, gather
 /// *forces*, *integrate* motion.
 ///
-/// The bits of a run depend neither on the rest of the batch, nor on the number of threads, nor on how steps
-/// are cut into chunks.
+/// The bits of a run do not depend on the rest of the batch, the number of threads, or the chunks of steps.
 ///
 /// A backend whose device has too little memory unwinds with [`OutOfDeviceMemory`].
 /// [`crate::Computer::simulate`] catches it, so that code between the two needs no error path for devices.

@@ -1,7 +1,7 @@
 //! Triangles from CAD files, and geometry of triangles.
 //!
 //! [`stl`] reads a file, [`Meshes`] stores files by digest, [`Mesh`] is a file in metres with its properties.
-//! [`weld`], [`bvh`], [`nearest`] and [`winding`] also serve the surfaces that experiments make.
+//! [`mod@weld`], [`bvh`], [`nearest`] and [`mod@winding`] also serve the surfaces that experiments make.
 
 pub mod bvh;
 mod collection;

@@ -1,9 +1,9 @@
 //! Onset of sliding of a body on a plate while the plate is tilted (paper Fig. 8).
 //!
-//! Past the angle of friction θ_c a Coulomb block on a plate tilted at the rate ω gains speed as v = g ω τ² /
-//! (2 cos θ_c), where τ is the time since. Any speed threshold is therefore passed late: 1 cm/s by 0.6° at 3
-//! °/s. But √v is linear in time. The onset thus precedes the passage of [`SLOW_M_S`] by as much as that
-//! precedes the passage of [`FAST_M_S`], which is four times as fast. A body that falls back below
+//! Consider a Coulomb block on a plate tilted at the rate ω. Past the angle of friction θ_c its speed is v =
+//! g ω τ² / (2 cos θ_c), where τ is the time since. Any speed threshold is therefore passed late: 1 cm/s by
+//! 0.6° at 3 °/s. But √v is linear in time. The onset thus precedes the passage of [`SLOW_M_S`] by as much as
+//! that precedes the passage of [`FAST_M_S`], which is four times as fast. A body that falls back below
 //! [`SLOW_M_S`] has not begun to slide for good.
 
 /// Lower speed threshold, in m/s. Slower bodies do not slide.
@@ -61,7 +61,7 @@ mod tests {
     const G: f64 = 9.81;
 
     /// Tilt in degrees at the detected onset for a block with these coefficients of static and sliding
-    /// friction, on a plate tilted at a rate in degrees per second. The motion is integrated step by step and
+    /// friction. The plate tilts at a rate in degrees per second. The motion is integrated step by step and
     /// sampled every 20 ms.
     fn found_deg(rate_deg_s: f64, holds: f64, slides: f64) -> Option<f64> {
         let (dt, mut v, mut sliding) = (1e-4, 0.0f64, SlidingDetector::default());

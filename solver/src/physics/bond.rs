@@ -9,15 +9,14 @@
 //! | L | m | distance of the centres; the bond breaks beyond twice the contact radius |
 //! | v | m/s | v_j − v_i − (ω_i + ω_j) × n L/2, the relative velocity at the bond |
 //!
-//! - *corotated*: the normal force follows from the length, free of drift. The shear force rotates with the
-//!   bond and with the pair's mean spin about n; its magnitude stays.
-//! - *as_published*: one raw vector, accumulated in the global frame and never rotated. Its energy can grow
-//!   without bound.
-//! - *finite_extension*: corotated. A stretched bond stiffens towards its breaking length as F_n = k_n e / (1
-//!   − (e/e_max)²), e = L − 2R.
+//! | formulation | force |
+//! |---|---|
+//! | corotated | normal force from the length, free of drift; shear force rotated with the bond and with the pair's mean spin about n |
+//! | as_published | one raw vector in the global frame, never rotated; its energy can grow without bound |
+//! | finite_extension | corotated; a stretched bond stiffens as F_n = k_n e / (1 − (e/e_max)²), e = L − 2R |
 //!
-//! Bonds carry no bending or twisting moment ("torque feedback disabled"). The moment of the shear force, (n
-//! L/2) × F_t, acts on both sub-particles: without it energy grows and the fillet explodes.
+//! Bonds carry no bending or twisting moment ("torque feedback disabled"). The shear force has a moment about
+//! both centres, (n L/2) × F_t. Without it energy grows and the fillet explodes.
 
 use glam::Vec3;
 

@@ -12,9 +12,14 @@
 //! A tangential force also spins both sub-particles, which makes them more compliant: b = 1 + m R²/I = 7/2.
 //! Along n, b = 1.
 //!
-//! At the paper's step no contact of the paper comes near the normal cap. Adhesive sub-particles of 4 mm
-//! reach the tangential cap where neighbours overlap by R/3, where a surface overlaps by R/6, and with other
-//! bodies from first touch on (of 6 mm: from R/10).
+//! At the paper's step no contact of the paper comes near the normal cap. Adhesive contacts reach the
+//! tangential cap at these overlaps:
+//!
+//! | contact | 4 mm | 6 mm |
+//! |---|---|---|
+//! | lattice neighbours | R/3 | – |
+//! | surface | R/6 | – |
+//! | other bodies | first touch | R/10 |
 //!
 //! | symbol | unit | meaning |
 //! |---|---|---|

@@ -14,7 +14,7 @@ use crate::physics::contact::ContactHistory;
 /// A facet near a sub-particle, with the history of their contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WallPair {
-    /// Index into [`Walls::facets`].
+    /// Number of the facet in [`Walls`].
     pub facet: u32,
     /// History of the contact.
     pub contact: ContactHistory,

@@ -239,11 +239,11 @@ impl Walls {
     ///
     /// A superseding facet belongs to the same surface and precedes this one. Either it pushes nearly the
     /// same way, or it contains the point, where the two meet at an edge. The first rule makes one contact of
-    /// a surface rounded by many facets, also of a hollow one, and of the two faces of a thin sheet.
+    /// a surface rounded by many facets, hollow or not. It also makes one of the two faces of a thin sheet.
     ///
-    /// The nearer facet precedes. Of facets that share a point the one with the lowest number precedes, so
-    /// that a sphere on an edge does not jump between its sides by rounding. All facets of a surface are
-    /// thereby ordered, and the first one is never superseded.
+    /// The nearer facet precedes. Of facets that share a point the one with the lowest number precedes: a
+    /// sphere on an edge does not jump between its sides by rounding. All facets of a surface are thereby
+    /// ordered, and the first one is never superseded.
     pub fn superseding_facet(
         &self,
         facet: u32,

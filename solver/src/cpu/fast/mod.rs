@@ -2,23 +2,24 @@
 //!
 //! A step has two phases over all bodies.
 //!
-//! 1. *Contacts*: each body renews its neighbour lists where their skin may be used up ([`broad_phase`]), then evaluates
-//!    the contacts with itself and with bodies of higher index, each pair once ([`narrow_phase`]).
-//! 2. *Motion*: each body sums the loads of its pairs, bonds and facets, then moves ([`integration`]).
+//! 1. *Contacts*: each body renews its neighbour lists where their skin may be used up (`broad_phase`). It
+//!    then evaluates the contacts with itself and with bodies of higher index, each pair once
+//!    (`narrow_phase`).
+//! 2. *Motion*: each body sums the loads of its pairs, bonds and facets, then moves (`integration`).
 //!
 //! ```text
 //! instructions ◄── storage ◄── broad_phase ◄── narrow_phase ◄── integration ◄── FastRun
 //! ```
 //!
-//! An arrow points at the imported module; no folder imports another one to its right.
+//! An arrow points at the imported module. No folder imports another one to its right.
 //!
-//! Bits do not depend on the number of threads, the batch, the chunks of steps or the moment of a list's renewal: a body
-//! writes only its own data, and sums follow the order of ids. They do not depend on the instruction set either, since
-//! all sets fuse the same multiply-adds. They differ from the bits of the plain path; tests hold the two together within a
-//! tolerance.
+//! Bits depend neither on the number of threads nor on the batch, the chunks of steps or the moment of a
+//! list's renewal. A body writes only its own data, and sums follow the order of ids. Bits do not depend on
+//! the instruction set either, since all sets fuse the same multiply-adds. They differ from the bits of the
+//! plain path; tests hold the two together within a tolerance.
 //!
-//! Memory traffic is kept small. Sub-particles are stored as pairs read them and become blocks of 16 only while they
-//! move. A body prefetches the data of the next one while it is worked on.
+//! Memory traffic is kept small. Sub-particles are stored as pairs read them, and become blocks of 16 only
+//! while they move. A body prefetches the data of the next one while it is worked on.
 
 mod broad_phase;
 mod instructions;
