@@ -134,9 +134,9 @@ fn a_batch_is_as_large_as_the_memory() {
     let scenes: Vec<Scene> = [0.03, 0.04, 0.05, 0.06].map(|gate| prepare(&small_hopper(gate)).scene).into();
     let first = open(device.clone());
     let mut run = first.prepare(&scenes[0]);
-    let own = first.taken_bytes();
+    let own = first.used_bytes();
     first.advance(&mut [(&mut run, STEPS)]);
-    let advancing = first.taken_bytes() - own;
+    let advancing = first.used_bytes() - own;
     let (particles, triangles) = (first.state(&mut run).particles.len() as u64, 20);
     let usual = typical_run_bytes(particles, triangles);
     assert!((own + advancing..2 * (own + advancing)).contains(&usual), "{usual}, not {own} + {advancing}");
@@ -148,7 +148,7 @@ fn a_batch_is_as_large_as_the_memory() {
         let mut batch: Vec<_> = both.iter_mut().map(|both| (&mut both.gpu_run, STEPS)).collect();
         gpu.advance(&mut batch);
         assert_eq!(gpu.refusals(), 0, "more was wanted than there is");
-        let batch = (gpu.taken_bytes() - 4 * own) as f64 / advancing as f64;
+        let batch = (gpu.used_bytes() - 4 * own) as f64 / advancing as f64;
         assert_eq!(batch.round() as u32, at_once, "{batch}");
         for both in &mut both {
             both.plain.advance(&mut [(&mut both.plain_run, STEPS)]);
@@ -161,7 +161,7 @@ fn a_batch_is_as_large_as_the_memory() {
     let words_of_run = words(|| gpu.advance(&mut [(&mut runs[0], STEPS)]));
     assert!(words_of_run.contains("bytes of its memory are needed"), "{words_of_run}");
     runs.remove(0);
-    assert_eq!(gpu.taken_bytes(), 3 * own, "what was refused takes nothing");
+    assert_eq!(gpu.used_bytes(), 3 * own, "what was refused takes nothing");
     let done = gpu.advance(&mut [(&mut runs[0], STEPS)]);
     assert_eq!(done[0].steps, STEPS);
     let more: Vec<_> = (0..2).map(|_| gpu.prepare(&scenes[0])).collect();
@@ -197,11 +197,11 @@ fn a_run_whose_rows_find_no_room_goes_and_the_others_live_on() {
     let first = open(device.clone());
     let mut other = Both::new(&first, &blocks());
     let mut grows = first.prepare(&scene);
-    let own = first.taken_bytes();
+    let own = first.used_bytes();
     first.advance(&mut [(&mut other.gpu_run, 1), (&mut grows, 1)]);
-    let at_first = first.taken_bytes();
+    let at_first = first.used_bytes();
     first.advance(&mut [(&mut grows, 300)]);
-    let (grown, slots) = (first.taken_bytes(), grows.wall_capacity());
+    let (grown, slots) = (first.used_bytes(), grows.wall_capacity());
     println!("{own} bytes and {} to advance at first, {grown} with rows of {slots} facets", at_first - own);
     assert!(slots > 32, "{slots} facets are not many more than rows have room for at first");
     drop(grows);

@@ -45,13 +45,13 @@ impl Task {
     }
 
     pub(super) fn particles(&self) -> u64 {
-        u64::from(self.run.store.elements.particles)
+        u64::from(self.run.buffers.elements.particles)
     }
 
     /// Its element counts for a chunk.
     fn elements(&self) -> ElementCounts {
         let poses = if self.run.moves() { self.next() as u32 } else { 1 };
-        ElementCounts { poses: poses * self.run.store.elements.surfaces, ..self.run.store.elements }
+        ElementCounts { poses: poses * self.run.buffers.elements.surfaces, ..self.run.buffers.elements }
     }
 
     /// Records the result of a chunk.
@@ -61,7 +61,7 @@ impl Task {
         run.steps_done(steps);
         run.bonds_broken += u64::from(report.broken.0);
         self.done.steps += steps;
-        self.done.particle_steps += steps * u64::from(run.store.elements.particles);
+        self.done.particle_steps += steps * u64::from(run.buffers.elements.particles);
         self.done.max_overlap_m = self.done.max_overlap_m.max(f32::from_bits(report.overlap.0));
         if report.fault_step.0 != NONE {
             let limit = run.speed_limit;
@@ -77,14 +77,14 @@ pub(super) fn runs_that_fit<'a>(
     tasks: impl Iterator<Item = &'a Task>,
 ) -> usize {
     let left = device.memory.available().saturating_add(last.map_or(0, Arena::bytes));
-    let (mut sum, mut row_capacity, mut stores) = (ElementCounts::default(), RowCapacity::default(), 0);
+    let (mut sum, mut row_capacity, mut all_buffers) = (ElementCounts::default(), RowCapacity::default(), 0);
     let fits = |task: &Task| {
-        let store = &task.run.store;
+        let buffers = &task.run.buffers;
         sum = sum.each(task.elements(), u32::saturating_add);
-        row_capacity = row_capacity.max(store.row_capacity);
-        stores += bytes_of(store.elements.sizes(store.row_capacity));
+        row_capacity = row_capacity.max(buffers.row_capacity);
+        all_buffers += bytes_of(buffers.elements.sizes(buffers.row_capacity));
         // The rows of all runs become as long as the longest.
-        let longer = bytes_of(sum.sizes(row_capacity)).saturating_sub(stores);
+        let longer = bytes_of(sum.sizes(row_capacity)).saturating_sub(all_buffers);
         largest_buffer(&sum, row_capacity) <= device.largest_buffer
             && longer + arena_bytes(&sum, row_capacity) <= left
     };
@@ -106,17 +106,17 @@ pub(super) fn chunk(
         .fold(ElementCounts::default(), |sum, elements| sum.each(elements, |a, b| a + b));
     let inputs = inputs(tasks);
     let mut row_capacity =
-        tasks.iter().map(|task| task.run.store.row_capacity).fold(RowCapacity::default(), RowCapacity::max);
+        tasks.iter().map(|task| task.run.buffers.row_capacity).fold(RowCapacity::default(), RowCapacity::max);
     loop {
         // Free the batch buffers before rows become longer. The run buffers hold all data.
         arena.take_if(|arena| !arena.has(row_capacity));
-        tasks.iter_mut().try_for_each(|task| task.run.store.lengthen(device, row_capacity))?;
+        tasks.iter_mut().try_for_each(|task| task.run.buffers.lengthen(device, row_capacity))?;
         let interval = tasks.iter().map(|task| task.run.interval.min(task.run.max_interval())).min();
         let interval = interval.unwrap_or(1).clamp(1, longest);
         let arena = ensure_arena(device, pipelines, arena, sum, row_capacity)?;
-        let stores: Vec<&RunBuffers> = tasks.iter().map(|task| &task.run.store).collect();
+        let all_buffers: Vec<&RunBuffers> = tasks.iter().map(|task| &task.run.buffers).collect();
         let clock = Instant::now();
-        let reports = arena.advance(device, pipelines, &stores, &inputs, longest, interval);
+        let reports = arena.advance(device, pipelines, &all_buffers, &inputs, longest, interval);
         let took = clock.elapsed();
         let wanted = |of: fn(&Report) -> u32| reports.iter().map(of).max().unwrap_or(0);
         let (pairs, walls) = (wanted(|report| report.pairs.0), wanted(|report| report.walls.0));
@@ -125,7 +125,7 @@ pub(super) fn chunk(
         } else if reports.iter().any(|report| report.stale.0 != 0) {
             tasks.iter_mut().for_each(|task| task.run.interval = (interval / 2).max(1));
         } else {
-            arena.unload(device, &stores, longest, interval);
+            arena.unload(device, &all_buffers, longest, interval);
             for (task, report) in tasks.iter_mut().zip(&reports) {
                 let drift = f32::from_bits(report.drift.0);
                 task.run.interval =

@@ -152,7 +152,7 @@ impl Arena {
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        stores: &[&RunBuffers],
+        all_buffers: &[&RunBuffers],
         inputs: &BatchInputs,
     ) {
         let write = |buffer: &Buffer, bytes: &[u8]| device.queue.write_buffer(buffer, 0, bytes);
@@ -162,10 +162,10 @@ impl Arena {
         write(&self.reports, bytemuck::cast_slice(&vec![Report::fresh(); inputs.scenes.len()]));
         for part in RunBuffer::ALL {
             let mut at = 0;
-            for store in stores {
+            for buffers in all_buffers {
                 let to = &self.parts[part as usize];
-                copy(encoder, store.buffer(part), 0, to, at, store.bytes(part));
-                at += store.bytes(part);
+                copy(encoder, buffers.buffer(part), 0, to, at, buffers.bytes(part));
+                at += buffers.bytes(part);
             }
         }
     }
@@ -176,13 +176,13 @@ impl Arena {
         &self,
         device: &Device,
         pipelines: &Pipelines,
-        stores: &[&RunBuffers],
+        all_buffers: &[&RunBuffers],
         inputs: &BatchInputs,
         steps: u32,
         interval: u32,
     ) -> Vec<Report> {
         let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.load(device, &mut encoder, stores, inputs);
+        self.load(device, &mut encoder, all_buffers, inputs);
         let count = inputs.scene_of.len() as u32;
         let dispatch = |step| DispatchParams {
             step,
@@ -211,7 +211,7 @@ impl Arena {
     }
 
     /// Copies the changed data back to the runs.
-    pub(super) fn unload(&self, device: &Device, stores: &[&RunBuffers], steps: u32, interval: u32) {
+    pub(super) fn unload(&self, device: &Device, all_buffers: &[&RunBuffers], steps: u32, interval: u32) {
         let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let is_turned = steps.div_ceil(interval) % 2 == 1;
         for part in RunBuffer::CHANGING {
@@ -223,9 +223,9 @@ impl Arena {
                 _ => &self.parts[part as usize],
             };
             let mut at = 0;
-            for store in stores {
-                copy(&mut encoder, from, at, store.buffer(part), 0, store.bytes(part));
-                at += store.bytes(part);
+            for buffers in all_buffers {
+                copy(&mut encoder, from, at, buffers.buffer(part), 0, buffers.bytes(part));
+                at += buffers.bytes(part);
             }
         }
         device.queue.submit([encoder.finish()]);

@@ -93,9 +93,9 @@ impl Driver {
     ///
     /// # Panics
     /// When the device has failed.
-    pub(super) fn store(&self, draft: RunContents) -> Result<RunBuffers, OutOfDeviceMemory> {
+    pub(super) fn create_buffers(&self, contents: RunContents) -> Result<RunBuffers, OutOfDeviceMemory> {
         let (reply, answer) = channel();
-        self.command(Command::CreateBuffers(Box::new(draft), reply));
+        self.command(Command::CreateBuffers(Box::new(contents), reply));
         answer.recv().expect(DEVICE_FAILED)
     }
 
@@ -176,8 +176,8 @@ impl Batcher {
         for command in commands {
             match command {
                 Command::Advance(requests) => self.waiting.extend(requests),
-                Command::CreateBuffers(draft, reply) => {
-                    let made = catch_unwind(AssertUnwindSafe(|| self.store(&draft)));
+                Command::CreateBuffers(contents, reply) => {
+                    let made = catch_unwind(AssertUnwindSafe(|| self.create_buffers(&contents)));
                     let made = made.unwrap_or_else(|panic| {
                         // Mark before the receiver of `reply` learns of it.
                         self.device.mark_failed();
@@ -195,18 +195,18 @@ impl Batcher {
     }
 
     /// Creates the buffers of a run, if necessary in the place of the arena.
-    fn store(&mut self, draft: &RunContents) -> Result<RunBuffers, OutOfDeviceMemory> {
-        let made = RunBuffers::new(&self.device, draft);
+    fn create_buffers(&mut self, contents: &RunContents) -> Result<RunBuffers, OutOfDeviceMemory> {
+        let made = RunBuffers::new(&self.device, contents);
         if made.is_ok() || self.arena.is_none() {
             return made;
         }
         self.arena = None;
         self.device.wait();
-        RunBuffers::new(&self.device, draft)
+        RunBuffers::new(&self.device, contents)
     }
 
     /// Bytes of all run buffers.
-    fn stores(&self) -> u64 {
+    fn run_buffer_bytes(&self) -> u64 {
         self.device.memory.used().saturating_sub(self.arena.as_ref().map_or(0, Arena::bytes))
     }
 
@@ -226,8 +226,8 @@ impl Batcher {
         self.waiting.iter_mut().for_each(|request| request.task.max_steps = steps);
         let tasks = self.waiting.iter().map(|request| &request.task);
         let runs_that_fit = runs_that_fit(&self.device, self.arena.as_ref(), tasks);
-        let stores = self.stores();
-        self.memory_limit = self.memory_limit.filter(|(_, then)| stores >= *then);
+        let all_buffers = self.run_buffer_bytes();
+        self.memory_limit = self.memory_limit.filter(|(_, then)| all_buffers >= *then);
         let runs_that_fit =
             self.memory_limit.map_or(runs_that_fit, |(memory_limit, _)| runs_that_fit.min(memory_limit));
         let mut tasks: Vec<&mut Task> =
@@ -241,7 +241,9 @@ impl Batcher {
                 self.throughput = done.max(1) as f64 / took.as_secs_f64().max(1e-6);
                 self.waiting.rotate_left(runs_that_fit);
             }
-            Err(_) if runs_that_fit > 1 => self.memory_limit = Some((runs_that_fit / 2, self.stores())),
+            Err(_) if runs_that_fit > 1 => {
+                self.memory_limit = Some((runs_that_fit / 2, self.run_buffer_bytes()))
+            }
             Err(out_of_memory) => {
                 let Request { task, reply } = self.waiting.remove(0);
                 // Free its memory before the caller learns of it.

@@ -85,7 +85,7 @@ impl Gpu {
     }
 
     /// Device memory of all buffers, in bytes.
-    pub fn taken_bytes(&self) -> u64 {
+    pub fn used_bytes(&self) -> u64 {
         self.device.memory.used()
     }
 
@@ -113,7 +113,7 @@ impl Backend for Gpu {
     }
 
     fn prepare(&self, scene: &Scene) -> GpuRun {
-        let run = Run::new(&self.device, scene, |draft| self.driver.store(draft));
+        let run = Run::new(&self.device, scene, |contents| self.driver.create_buffers(contents));
         GpuRun::new(run.unwrap_or_else(|out_of_memory| unwind(out_of_memory)))
     }
 

@@ -36,14 +36,14 @@ impl GpuRun {
 
     /// Capacity of a row of facets. Rows grow when a sub-particle has more facets near it.
     pub fn wall_capacity(&mut self) -> u32 {
-        self.get().store.row_capacity.walls
+        self.get().buffers.row_capacity.walls
     }
 }
 
 /// Data of a run.
 #[derive(Debug)]
 pub(super) struct Run {
-    pub(super) store: RunBuffers,
+    pub(super) buffers: RunBuffers,
     /// Its parameters. A batch fills in the offsets of its buffers.
     pub(super) scene: Scene,
     /// Estimated steps between two rebuilds of its lists.
@@ -84,7 +84,7 @@ impl Run {
             poses: 0,
         };
         let run = Self {
-            store: make(RunContents { elements, geometry, rows })?,
+            buffers: make(RunContents { elements, geometry, rows })?,
             scene: own,
             interval: INITIAL_INTERVAL,
             fault: None,
@@ -119,8 +119,8 @@ impl Run {
         let own: Vec<PrivateState> = own
             .map(|(remainder, &broken)| PrivateState { remainder: remainder.to_array(), broken })
             .collect();
-        self.store.write(device, RunBuffer::Particles, &particles);
-        self.store.write(device, RunBuffer::PrivateState, &own);
+        self.buffers.write(device, RunBuffer::Particles, &particles);
+        self.buffers.write(device, RunBuffer::PrivateState, &own);
     }
 
     /// The state.
@@ -140,7 +140,7 @@ impl Run {
     fn read(&mut self, device: &Device) {
         if !self.is_read {
             let parts = [RunBuffer::Particles, RunBuffer::PrivateState, RunBuffer::Counts, RunBuffer::Walls];
-            let [particles, own, counts, walls] = self.store.read(device, parts);
+            let [particles, own, counts, walls] = self.buffers.read(device, parts);
             let particles: Vec<Particle> = pod_collect_to_vec(&particles);
             let own: Vec<PrivateState> = pod_collect_to_vec(&own);
             for (to, from) in self.state.particles.iter_mut().zip(&particles) {
@@ -161,7 +161,7 @@ impl Run {
     /// Force on each surface, summed in the order of the plain path.
     fn forces(&self, counts: &[Count], walls: &[WallPair]) -> Vec<DVec3> {
         let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
-        for (row, count) in walls.chunks(self.store.row_capacity.walls as usize).zip(counts) {
+        for (row, count) in walls.chunks(self.buffers.row_capacity.walls as usize).zip(counts) {
             for wall in &row[..count.walls as usize] {
                 forces[self.walls.surface_of(wall.facet)] -= Vec3::from(wall.force).as_dvec3();
             }
@@ -176,23 +176,23 @@ impl Run {
     }
 
     pub(super) fn bonds(&self, device: &Device) -> Vec<[u32; 2]> {
-        let rows = self.store.read_rows(device);
+        let rows = self.buffers.read_rows(device);
         rows.bonds().map(|[i, j]| [self.state.serials[i], self.state.serials[j]]).collect()
     }
 
     pub(super) fn start(&mut self, device: &Device) {
         self.start_step = Some(self.step);
         self.walls.remove_until_start();
-        self.store.write_geometry(device, &Geometry::new(&self.walls));
+        self.buffers.write_geometry(device, &Geometry::new(&self.walls));
     }
 
     pub(super) fn remove(&mut self, device: &Device, serials: &[u32]) {
         self.state(device);
-        let rows = self.store.read_rows(device);
+        let rows = self.buffers.read_rows(device);
         let map = self.state.remove(serials);
         let rows = rows.remove(&map);
         self.surface_forces = self.forces(&rows.counts, &rows.walls);
-        self.store.write_rows(device, &rows);
+        self.buffers.write_rows(device, &rows);
         self.write_state(device);
     }
 

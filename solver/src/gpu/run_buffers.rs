@@ -132,13 +132,13 @@ pub(super) struct RunBuffers {
 
 impl RunBuffers {
     /// Creates and fills the buffers.
-    pub(super) fn new(device: &Device, draft: &RunContents) -> Result<Self, OutOfDeviceMemory> {
-        let RunContents { elements, geometry, rows } = draft;
+    pub(super) fn new(device: &Device, contents: &RunContents) -> Result<Self, OutOfDeviceMemory> {
+        let RunContents { elements, geometry, rows } = contents;
         let buffers = buffers(device, elements.sizes(rows.row_capacity))?;
-        let mut store = Self { elements: *elements, row_capacity: rows.row_capacity, buffers };
-        store.write_geometry(device, geometry);
-        store.write_rows(device, rows);
-        Ok(store)
+        let mut buffers = Self { elements: *elements, row_capacity: rows.row_capacity, buffers };
+        buffers.write_geometry(device, geometry);
+        buffers.write_rows(device, rows);
+        Ok(buffers)
     }
 
     pub(super) fn buffer(&self, part: RunBuffer) -> &Buffer {

@@ -245,11 +245,11 @@ impl FastRun {
         self.pairs.resize_with(self.bodies.len(), BodyPairList::default);
         self.pairs.iter_mut().for_each(|pairs| pairs.is_stale = true);
         for body in &mut self.bodies {
-            body.second_in.clear();
+            body.pairs_as_second.clear();
             body.pairing_motion = body.motion;
         }
         for (m, BodyPair { bodies: [first, second], .. }) in (0u32..).zip(&self.body_pairs) {
-            self.bodies[*second as usize].second_in.push([m, *first]);
+            self.bodies[*second as usize].pairs_as_second.push([m, *first]);
         }
         let groups = self.body_pairs.chunk_by(|a, b| a.bodies[0] == b.bodies[0]);
         self.pair_counts = groups.map(<[BodyPair]>::len).collect();

@@ -139,7 +139,7 @@ impl BodyPair {
         // Removals refill blocks, which changes the order of slots.
         renumbered.sort_unstable_by_key(|(pair, _)| *pair);
         let first = list.len();
-        renumbered.into_iter().for_each(|(pair, memory)| list.push(pair, memory));
+        renumbered.into_iter().for_each(|(pair, histories)| list.push(pair, histories));
         *self = Self { pairs: first as u32..list.len() as u32, ..Self::new(self.bodies) };
     }
 }

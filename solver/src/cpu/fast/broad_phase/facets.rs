@@ -74,8 +74,8 @@ impl<'a> SmallFacet<'a> {
         let two = in_metres(&b.position, self.pose.anchor, frame.unit_m);
         let spin = F3::splat(simd, self.pose.spin * 2.0);
         for part in 0..WIDTH / S::F32_LANES {
-            let touches = self.touches(simd, F3::load(simd, [&one, &two], part));
-            let NearestPoints { to_wall, distance, velocity } = touches;
+            let points = self.nearest_points(simd, F3::load(simd, [&one, &two], part));
+            let NearestPoints { to_wall, distance, velocity } = points;
             let mine = F3::load(simd, [&a.velocity, &b.velocity], part);
             let my_spin = F3::load(simd, [&a.spin, &b.spin], part);
             let near = F::splat(simd, -reach).le(F::splat(simd, radius) - distance);
@@ -105,15 +105,15 @@ impl<'a> SmallFacet<'a> {
         let b = in_metres(positions[1], self.pose.anchor, frame.unit_m);
         let [mut one, mut two] = [Lanes::ZERO; 2];
         for part in 0..WIDTH / S::F32_LANES {
-            let touches = self.touches(simd, F3::load(simd, [&a, &b], part));
-            touches.distance.store([&mut one, &mut two], part);
+            let points = self.nearest_points(simd, F3::load(simd, [&a, &b], part));
+            points.distance.store([&mut one, &mut two], part);
         }
         [one, two]
     }
 
     /// Nearest points to positions relative to the anchor, in metres.
     #[inline(always)]
-    fn touches<S: Simd>(&self, simd: S, relative: F3<S>) -> NearestPoints<S> {
+    fn nearest_points<S: Simd>(&self, simd: S, relative: F3<S>) -> NearestPoints<S> {
         let SurfacePose { turn, velocity, spin, .. } = *self.pose;
         let p = rotated(simd, turn.transpose(), relative);
         let mut local = F3::zero(simd);

@@ -129,8 +129,8 @@ impl PairSearch {
         if gap > far {
             return gap;
         }
-        let two = SearchSides::new([&a.points, &b.points], at, listed, frame, is_self);
-        let min_gap = self.find(simd, far, &two);
+        let sides = SearchSides::new([&a.points, &b.points], at, listed, frame, is_self);
+        let min_gap = self.find(simd, far, &sides);
         if is_self {
             a.exclude_bonded(&mut self.found);
         }
@@ -141,22 +141,22 @@ impl PairSearch {
     /// a lower bound of the distance of all other pairs: at most the search radius, once any pair was tested
     /// by itself.
     #[inline(always)]
-    fn find<S: LaneOps>(&mut self, simd: S, far: f32, two: &SearchSides<'_>) -> f32 {
+    fn find<S: LaneOps>(&mut self, simd: S, far: f32, sides: &SearchSides<'_>) -> f32 {
         self.theirs.clear();
         self.rows.clear();
         let mut min_gap2 = Lanes([f32::INFINITY; WIDTH]);
-        let second_box = two.second_box();
-        for g in 0..two.at[0].rows() {
-            let (row, count) = two.row(simd, 0, g);
-            let gaps = gaps2(&second_box, &row, two.is_periodic(), count);
+        let second_box = sides.second_box();
+        for g in 0..sides.at[0].rows() {
+            let (row, count) = sides.row(simd, 0, g);
+            let gaps = gaps2(&second_box, &row, sides.is_periodic(), count);
             let mut near = below_limit(simd, &gaps, far * far, &mut min_gap2);
             if near != 0 && self.rows.is_empty() {
-                for g in 0..two.at[1].rows() {
-                    self.rows.push(two.row(simd, 1, g));
+                for g in 0..sides.at[1].rows() {
+                    self.rows.push(sides.row(simd, 1, g));
                 }
             }
             while near != 0 {
-                self.search_block(simd, g * WIDTH + near.trailing_zeros() as usize, two, &mut min_gap2);
+                self.search_block(simd, g * WIDTH + near.trailing_zeros() as usize, sides, &mut min_gap2);
                 near &= near - 1;
             }
         }
@@ -165,10 +165,10 @@ impl PairSearch {
 
     /// The same for one block of the first body.
     #[inline(always)]
-    fn search_block<S: LaneOps>(&mut self, simd: S, a: usize, two: &SearchSides<'_>, min_gap2: &mut Lanes) {
-        let SearchSides { at: [first, _], from, unit_m, reach2, is_self, .. } = *two;
-        let is_periodic = two.is_periodic();
-        let (span, xa) = (first.local_aabb(a, from, unit_m), two.block(simd, 0, a));
+    fn search_block<S: LaneOps>(&mut self, simd: S, a: usize, sides: &SearchSides<'_>, min_gap2: &mut Lanes) {
+        let SearchSides { at: [first, _], from, unit_m, reach2, is_self, .. } = *sides;
+        let is_periodic = sides.is_periodic();
+        let (span, xa) = (first.local_aabb(a, from, unit_m), sides.block(simd, 0, a));
         self.near_blocks.clear();
         for (g, (row, count)) in self.rows.iter().enumerate() {
             let gaps = gaps2(&span, row, is_periodic, *count);
@@ -195,8 +195,8 @@ impl PairSearch {
             return;
         }
         if theirs.is_empty() {
-            for b in 0..two.points[1].blocks() {
-                theirs.push(two.block(simd, 1, b));
+            for b in 0..sides.points[1].blocks() {
+                theirs.push(sides.block(simd, 1, b));
             }
         }
         // Tests of single pairs do not report their distance.
@@ -210,7 +210,7 @@ impl PairSearch {
                 let slot = near.trailing_zeros() as usize;
                 near &= near - 1;
                 let x = [xa[0].0[slot], xa[1].0[slot], xa[2].0[slot]];
-                let distances2 = distances2_from_point(xb, x, two.period);
+                let distances2 = distances2_from_point(xb, x, sides.period);
                 let later = if is_self && b == a { (!1u32 << slot) as u16 } else { u16::MAX };
                 let hits = simd.le_bits(&distances2, reach2) & later;
                 let mut hit = simd.compress(&LaneIndices::IDENTITY, hits);
@@ -314,9 +314,9 @@ mod tests {
 
         #[inline(always)]
         fn run<S: LaneOps>(self, simd: S) -> f32 {
-            let Self(pair_search, two) = self;
+            let Self(pair_search, sides) = self;
             pair_search.found.clear();
-            pair_search.find(simd, 1.5 * two.reach2.sqrt(), &two)
+            pair_search.find(simd, 1.5 * sides.reach2.sqrt(), &sides)
         }
     }
 
@@ -362,8 +362,8 @@ mod tests {
                 assert!(surely.len() > 200);
                 for instructions in InstructionSet::available() {
                     let mut pair_search = PairSearch::default();
-                    let two = SearchSides::new(points, at.each_ref(), REACH, &frame, a == b);
-                    instructions.run(Look(&mut pair_search, two));
+                    let sides = SearchSides::new(points, at.each_ref(), REACH, &frame, a == b);
+                    instructions.run(Look(&mut pair_search, sides));
                     assert!(pair_search.found.is_sorted(), "{}", instructions.name());
                     assert!(surely.iter().all(|pair| pair_search.found.binary_search(pair).is_ok()));
                     assert!(pair_search.found.iter().all(|pair| perhaps.binary_search(pair).is_ok()));
@@ -385,8 +385,8 @@ mod tests {
             let nearest = all(&frame, points, false).iter().map(|(_, d)| *d).fold(f64::INFINITY, f64::min);
             assert!(nearest > f64::from(reach), "nothing is to be found");
             let mut pair_search = PairSearch::default();
-            let two = SearchSides::new(points, at.each_ref(), reach, &frame, false);
-            let bound = InstructionSet::widest().run(Look(&mut pair_search, two));
+            let sides = SearchSides::new(points, at.each_ref(), reach, &frame, false);
+            let bound = InstructionSet::widest().run(Look(&mut pair_search, sides));
             assert_eq!(pair_search.found, [[0; 2]; 0]);
             assert!(f64::from(bound) <= nearest + 1e-6, "{bound} m, {nearest} m");
             assert!(bound >= reach, "{bound} m are no use");

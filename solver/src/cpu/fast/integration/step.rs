@@ -128,7 +128,7 @@ impl Body {
         MotionScratch { sums, .. }: &mut MotionScratch,
     ) {
         sums.add_to_firsts(simd, &pairs.loads);
-        for &[m, first] in &self.second_in {
+        for &[m, first] in &self.pairs_as_second {
             let loads = &context.loads[m as usize];
             if !loads.is_empty() {
                 sums.add_to_seconds(simd, &context.pairs[first as usize].loads, as_range(loads));
@@ -172,7 +172,7 @@ impl NextBody<'_> {
         self_loads.prefetch(part_range(self_loads.count(), k, PARTS));
         // Loads left by other bodies: first their ranges, then the loads.
         const HALF: usize = PARTS / 2;
-        for &[m, first] in part(&self.body.second_in, k % HALF, HALF) {
+        for &[m, first] in part(&self.body.pairs_as_second, k % HALF, HALF) {
             let loads = &context.loads[m as usize];
             if k < HALF {
                 prefetch::to_l2(slice::from_ref(loads));

@@ -20,7 +20,7 @@ pub(crate) struct PairBatch {
     pub(crate) offsets: [[f32; 4]; BATCH_SIZE],
     /// v_j − v_i and ω_i + ω_j.
     pub(crate) velocity: [[f32; 8]; BATCH_SIZE],
-    pub(crate) memory: [[f32; 4]; BATCH_SIZE],
+    pub(crate) histories: [[f32; 4]; BATCH_SIZE],
     /// √m* in kg^½.
     pub(crate) sqrt_m_star: [f32; BATCH_SIZE],
 }
@@ -31,7 +31,7 @@ pub(crate) struct BatchLanes {
     pub(crate) counts: [usize; 2],
     pub(crate) kinematics: [PairKinematics; 2],
     pub(crate) sqrt_m_star: [Lanes; 2],
-    pub(crate) memory: [ContactHistories; 2],
+    pub(crate) histories: [ContactHistories; 2],
 }
 
 impl Default for PairBatch {
@@ -41,7 +41,7 @@ impl Default for PairBatch {
             pairs: Vec::with_capacity(BATCH_SIZE),
             offsets: quads,
             velocity: [[0.0; 8]; BATCH_SIZE],
-            memory: quads,
+            histories: quads,
             sqrt_m_star: [0.0; BATCH_SIZE],
         }
     }
@@ -56,7 +56,7 @@ impl PairBatch {
             counts: [count.min(WIDTH), count.saturating_sub(WIDTH)],
             kinematics: [self.kinematics(simd, 0, frame), self.kinematics(simd, 1, frame)],
             sqrt_m_star: [self.sqrt_m_star(0), self.sqrt_m_star(1)],
-            memory: [self.contacts(simd, 0, step), self.contacts(simd, 1, step)],
+            histories: [self.contacts(simd, 0, step), self.contacts(simd, 1, step)],
         }
     }
 
@@ -79,7 +79,7 @@ impl PairBatch {
 
     #[inline(always)]
     fn contacts<S: LaneOps>(&self, simd: S, half: usize, step: u32) -> ContactHistories {
-        let [mut xi @ .., last] = simd.to_lanes(&Quads::of(&self.memory, half));
+        let [mut xi @ .., last] = simd.to_lanes(&Quads::of(&self.histories, half));
         let mut let_go = Lanes::ZERO;
         for k in 0..WIDTH {
             let_go.0[k] = if last.0[k].to_bits() == step - 1 { 0.0 } else { 1.0 };
@@ -99,7 +99,7 @@ impl PairBatch {
 impl ContactHistories {
     /// Histories to store: ξ, and the number of the step for contacts that hold.
     #[inline(always)]
-    pub(crate) fn memory<S: LaneOps>(&self, simd: S, step: u32) -> Quads {
+    pub(crate) fn to_stored<S: LaneOps>(&self, simd: S, step: u32) -> Quads {
         let [x, y, z] = &self.xi;
         simd.to_quads([x, y, z, &simd.splat_masked(f32::from_bits(step), self.in_contact)])
     }
@@ -128,13 +128,13 @@ impl SimdTask for FillBatch<'_> {
         batch.pairs.extend_from_slice(close);
         batch.sqrt_m_star[from..from + close.len()].fill(sqrt_m_star);
         let distances = batch.offsets[from..].iter_mut();
-        let distances = distances.zip(&mut batch.memory[from..]);
+        let distances = distances.zip(&mut batch.histories[from..]);
         let distances = distances.zip(&mut batch.velocity[from..]);
-        let (slots, memories) = (&list.slots[..offsets.len()], &list.memory[..offsets.len()]);
-        for (&pair, ((between, memory), velocity)) in close.iter().zip(distances) {
+        let (slots, stored) = (&list.slots[..offsets.len()], &list.histories[..offsets.len()]);
+        for (&pair, ((between, histories), velocity)) in close.iter().zip(distances) {
             let pair = pair as usize;
             *between = offsets[pair].map(|d| f32::from_bits(d as u32));
-            *memory = memories[pair];
+            *histories = stored[pair];
             let [i, j] = slots[pair];
             let (mine, theirs) = (&first.velocities[i as usize], &second.velocities[j as usize]);
             *velocity = simd.subtract_add8(theirs, mine);

@@ -11,7 +11,7 @@ use crate::cpu::fast::storage::particles::ParticleBlock;
 use crate::engine::frame::Frame;
 
 impl BondSet {
-    fn memory(&mut self) -> BondHistoryMut<'_> {
+    fn history_mut(&mut self) -> BondHistoryMut<'_> {
         let Self { rest, exists, intact, stored, in_contact, xi, .. } = self;
         BondHistoryMut {
             rest: *rest,
@@ -106,7 +106,7 @@ pub(crate) fn forces<S: LaneOps>(
         laws,
         sqrt_m_star,
         &kinematics,
-        &mut [one.memory(), two.memory()],
+        &mut [one.history_mut(), two.history_mut()],
         &mut pair_loads,
     );
     one.add(simd, &pair_loads[0], sums);

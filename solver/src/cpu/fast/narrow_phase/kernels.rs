@@ -19,7 +19,7 @@ use crate::physics::damping::{BODY_CAP, BONDED_CAP, SURFACE_CAP};
 pub(crate) fn contacts<S: LaneOps>(
     simd: S,
     laws: &PairLaws,
-    BatchLanes { counts, kinematics, sqrt_m_star: [mass_a, mass_b], memory: [one, two] }: &mut BatchLanes,
+    BatchLanes { counts, kinematics, sqrt_m_star: [mass_a, mass_b], histories: [one, two] }: &mut BatchLanes,
     [a, b]: &mut [PairLoads; 2],
 ) -> f32 {
     let mut max_overlap = F::splat(simd, 0.0);

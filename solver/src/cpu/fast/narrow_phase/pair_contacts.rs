@@ -159,8 +159,9 @@ impl SimdTask for EvaluateBatch<'_, '_> {
         };
         loads.push(simd, &pair_loads[0]);
         loads.push(simd, &pair_loads[1]);
-        let memory = [lanes.memory[0].memory(simd, *step).0, lanes.memory[1].memory(simd, *step).0];
-        list.store_histories(&batch.pairs, memory.as_flattened(), slots);
+        let histories =
+            [lanes.histories[0].to_stored(simd, *step).0, lanes.histories[1].to_stored(simd, *step).0];
+        list.store_histories(&batch.pairs, histories.as_flattened(), slots);
         batch.pairs.clear();
         max_overlap
     }

@@ -48,7 +48,7 @@ impl SimdTask for SingleFacetContacts<'_> {
         let Self { rows, pairs, single, facet, travelled, context, points, mass, sums } = self;
         let surface = context.walls.surface_of(single[0].facet);
         let law = &context.wall_laws[surface];
-        let [mut position, mut velocity, mut spin, mut memory] = [[Quads::ZERO; 2]; 4];
+        let [mut position, mut velocity, mut spin, mut histories] = [[Quads::ZERO; 2]; 4];
         let mut contact_bits = [0; 2];
         for (k, SingleFacet { row, pair, .. }) in single.iter().enumerate() {
             let (half, at) = (k / WIDTH, k % WIDTH);
@@ -58,7 +58,7 @@ impl SimdTask for SingleFacetContacts<'_> {
             velocity[half].0[at] = [u, v, w, y];
             spin[half].0[at] = [p, q, r, z];
             let ContactHistory { in_contact, xi } = pairs[*pair as usize].contact;
-            memory[half].0[at] = xi.extend(0.0).to_array();
+            histories[half].0[at] = xi.extend(0.0).to_array();
             contact_bits[half] |= u16::from(in_contact) << transposed_lane(at);
         }
         let seers = [
@@ -68,8 +68,8 @@ impl SimdTask for SingleFacetContacts<'_> {
         let reach = context.walls.law_of_surface(surface).adhesion_range();
         let (kinematics, distances) = facet.kinematics(simd, context.frame, [context.radius, reach], &seers);
         let mut contacts = [
-            ContactHistories { in_contact: contact_bits[0], xi: three(simd, &memory[0]) },
-            ContactHistories { in_contact: contact_bits[1], xi: three(simd, &memory[1]) },
+            ContactHistories { in_contact: contact_bits[0], xi: three(simd, &histories[0]) },
+            ContactHistories { in_contact: contact_bits[1], xi: three(simd, &histories[1]) },
         ];
         let mut loads = [PairLoads::ZERO; 2];
         let counts = [single.len().min(WIDTH), single.len().saturating_sub(WIDTH)];
@@ -88,16 +88,16 @@ impl SimdTask for SingleFacetContacts<'_> {
             let forces = simd.to_quads([x, y, z, &distances[half]]).0;
             let torques = simd.to_quads([p, q, r, &Lanes::ZERO]).0;
             let ContactHistories { in_contact, xi: [x, y, z] } = &contacts[half];
-            let memories = simd.to_quads([x, y, z, &simd.splat_masked(1.0, *in_contact)]).0;
+            let stored = simd.to_quads([x, y, z, &simd.splat_masked(1.0, *in_contact)]).0;
             let these = single.iter().skip(half * WIDTH).take(WIDTH);
-            for (((SingleFacet { row, pair, .. }, force), torque), memory) in
-                these.zip(&forces).zip(&torques).zip(&memories)
+            for (((SingleFacet { row, pair, .. }, force), torque), histories) in
+                these.zip(&forces).zip(&torques).zip(&stored)
             {
                 let (row, pair) = (&mut rows[*row as usize], &mut pairs[*pair as usize]);
                 let [x, y, z, distance] = *force;
                 let [p, q, r, _] = *torque;
                 let load = Load { force: Vec3::new(x, y, z), torque: Vec3::new(p, q, r) };
-                let [x, y, z, in_contact] = *memory;
+                let [x, y, z, in_contact] = *histories;
                 pair.contact = ContactHistory { in_contact: in_contact != 0.0, xi: Vec3::new(x, y, z) };
                 pair.force = load.force;
                 sums.add(slot_of(row.of), &load);

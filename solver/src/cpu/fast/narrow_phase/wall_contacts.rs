@@ -66,14 +66,14 @@ impl WallScratch {
             let law = &context.wall_laws[of_surface[0].0 as usize];
             for some in of_surface.chunks(2 * WIDTH) {
                 let mut kinematics = [PairKinematics::ZERO; 2];
-                let mut memory = [ContactHistories::new(), ContactHistories::new()];
+                let mut histories = [ContactHistories::new(), ContactHistories::new()];
                 let mut loads = [PairLoads::ZERO; 2];
                 for (k, &(_, number)) in some.iter().enumerate() {
                     let (half, lane) = (k / WIDTH, transposed_lane(k % WIDTH));
                     let WallContact { pair, to_wall, velocity, spin, .. } = &contacts[number as usize];
                     let ContactHistory { in_contact, xi } = pairs[*pair].contact;
-                    memory[half].in_contact |= u16::from(in_contact) << lane;
-                    set(&mut memory[half].xi, lane, xi);
+                    histories[half].in_contact |= u16::from(in_contact) << lane;
+                    set(&mut histories[half].xi, lane, xi);
                     set(&mut kinematics[half].offset, lane, *to_wall);
                     set(&mut kinematics[half].velocity, lane, *velocity);
                     set(&mut kinematics[half].spin, lane, *spin);
@@ -86,7 +86,7 @@ impl WallScratch {
                     sqrt_m_star,
                     counts,
                     &kinematics,
-                    &mut memory,
+                    &mut histories,
                     &mut loads,
                 );
                 for (k, &(_, number)) in some.iter().enumerate() {
@@ -94,9 +94,9 @@ impl WallScratch {
                     let contact = &mut contacts[number as usize];
                     contact.load =
                         Load { force: get(&loads[half].force, lane), torque: get(&loads[half].torque, lane) };
-                    let in_contact = memory[half].in_contact >> lane & 1 == 1;
+                    let in_contact = histories[half].in_contact >> lane & 1 == 1;
                     pairs[contact.pair].contact =
-                        ContactHistory { in_contact, xi: get(&memory[half].xi, lane) };
+                        ContactHistory { in_contact, xi: get(&histories[half].xi, lane) };
                 }
             }
         }

@@ -21,7 +21,7 @@ pub(crate) struct Body {
     /// Mass of each of its sub-particles, in kilograms.
     pub(crate) mass: f32,
     pub(crate) bonds: Vec<BondSet>,
-    /// Pairs that were bonded at the start, by slots, sorted. Those with a broken bond stay in the bond sets.
+    /// Pairs that were bonded at the start, by slots, sorted. Pairs with a broken bond stay in the bond sets.
     pub(crate) bonded_pairs: Vec<[u32; 2]>,
     pub(crate) walls: WallList,
     pub(crate) motion: BodyMotion,
@@ -32,7 +32,7 @@ pub(crate) struct Body {
     /// Lower sub-particles of bonds that broke in the last step.
     pub(crate) broken: Vec<u32>,
     /// Body pairs of which it is the second body, each with its first body, in order.
-    pub(crate) second_in: Vec<[u32; 2]>,
+    pub(crate) pairs_as_second: Vec<[u32; 2]>,
     /// Motion at the last update of the body pairs.
     pub(crate) pairing_motion: BodyMotion,
 }
@@ -65,7 +65,7 @@ impl Body {
             motion: BodyMotion::default(),
             travelled: 0.0,
             broken: Vec::new(),
-            second_in: Vec::new(),
+            pairs_as_second: Vec::new(),
             pairing_motion: BodyMotion::default(),
         }
     }

@@ -9,7 +9,7 @@ use crate::cpu::stages::StageTimers;
 use crate::engine::frame::Frame;
 use crate::walls::Walls;
 
-/// What is the same for all bodies in a step.
+/// Data shared by all bodies in a step.
 #[derive(Debug)]
 pub(crate) struct StepContext<'a> {
     pub(crate) laws: &'a PairLaws,

@@ -11,7 +11,7 @@ pub(crate) struct PairList {
     pub(crate) slots: Vec<[u32; 2]>,
     /// ξ in metres, and the number of the step in which the contact last held, as bits. A contact that did
     /// not hold in the last step has no history.
-    pub(crate) memory: Vec<[f32; 4]>,
+    pub(crate) histories: Vec<[f32; 4]>,
 }
 
 /// The pairs of a body with itself and with bodies of higher index.
@@ -44,18 +44,18 @@ impl PairList {
 
     pub(crate) fn clear(&mut self) {
         self.slots.clear();
-        self.memory.clear();
+        self.histories.clear();
     }
 
-    pub(crate) fn push(&mut self, slots: [u32; 2], memory: [f32; 4]) {
+    pub(crate) fn push(&mut self, slots: [u32; 2], histories: [f32; 4]) {
         self.slots.push(slots);
-        self.memory.push(memory);
+        self.histories.push(histories);
     }
 
     /// Appends a part of another list.
     pub(crate) fn extend(&mut self, other: &Self, range: Range<usize>) {
         self.slots.extend_from_slice(&other.slots[range.clone()]);
-        self.memory.extend_from_slice(&other.memory[range]);
+        self.histories.extend_from_slice(&other.histories[range]);
     }
 
     /// Appends the close candidates, in order, with their histories from a part of another list.
@@ -67,16 +67,16 @@ impl PairList {
         other: &Self,
         range: Range<usize>,
     ) {
-        let (slots, memory) = (&other.slots[range.clone()], &other.memory[range]);
+        let (slots, histories) = (&other.slots[range.clone()], &other.histories[range]);
         let first = self.len();
         self.slots.extend(close.iter().map(|&candidate| candidates[candidate as usize]));
         let mut k = 0;
-        self.memory.extend(self.slots[first..].iter().map(|&pair| {
+        self.histories.extend(self.slots[first..].iter().map(|&pair| {
             while k < slots.len() && sort_key(slots[k]) < sort_key(pair) {
                 k += 1;
             }
             let is_known = k < slots.len() && slots[k] == pair;
-            let before = if is_known { memory[k] } else { [0.0; 4] };
+            let before = if is_known { histories[k] } else { [0.0; 4] };
             k += usize::from(is_known);
             before
         }));
@@ -84,16 +84,16 @@ impl PairList {
 
     /// Some pairs, with their histories.
     pub(crate) fn all(&self, range: Range<usize>) -> impl Iterator<Item = ([u32; 2], [f32; 4])> {
-        self.slots[range.clone()].iter().copied().zip(self.memory[range].iter().copied())
+        self.slots[range.clone()].iter().copied().zip(self.histories[range].iter().copied())
     }
 
     /// Stores the histories of some pairs, and appends their slots to `to`.
     #[inline(never)]
-    pub(crate) fn store_histories(&mut self, pairs: &[u32], memory: &[[f32; 4]], to: &mut Vec<[u32; 2]>) {
-        let (slots, memories) = (&self.slots[..], &mut self.memory[..self.slots.len()]);
+    pub(crate) fn store_histories(&mut self, pairs: &[u32], histories: &[[f32; 4]], to: &mut Vec<[u32; 2]>) {
+        let (slots, stored) = (&self.slots[..], &mut self.histories[..self.slots.len()]);
         to.extend(pairs.iter().map(|&pair| slots[pair as usize]));
-        for (&pair, memory) in pairs.iter().zip(memory) {
-            memories[pair as usize] = *memory;
+        for (&pair, histories) in pairs.iter().zip(histories) {
+            stored[pair as usize] = *histories;
         }
     }
 }
