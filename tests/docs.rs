@@ -13,8 +13,8 @@ fn read(name: &str) -> String {
 
 /// Words in backticks that look like paths of this tree.
 fn paths(text: &str) -> Vec<&str> {
-    let words = text.split('`').skip(1).step_by(2);
-    words.filter(|word| word.ends_with('/') || word.ends_with(".rs") && word.contains('/')).collect()
+    let is_path = |word: &&str| word.ends_with('/') || word.ends_with(".rs") && word.contains('/');
+    text.split('`').skip(1).step_by(2).filter(is_path).collect()
 }
 
 #[test]
@@ -23,9 +23,8 @@ fn every_path_that_the_architecture_and_the_decisions_name_exists() {
     let mut count = 0;
     for name in records.chain(["ARCHITECTURE.md".to_owned()]) {
         let text = read(&name);
-        let paths = paths(&text);
-        count += paths.len();
-        let missing: Vec<_> = paths.into_iter().filter(|path| !root().join(path).exists()).collect();
+        count += paths(&text).len();
+        let missing: Vec<_> = paths(&text).into_iter().filter(|path| !root().join(path).exists()).collect();
         assert!(missing.is_empty(), "{name} names paths that do not exist: {missing:?}");
     }
     assert!(count > 50, "{count}");

@@ -376,27 +376,3 @@ async fn what_a_broken_off_upload_left_goes_at_the_next_start() {
     assert_eq!(store.mesh("whole").await.unwrap(), Some(mesh("whole")));
     store.close().await;
 }
-
-#[tokio::test]
-async fn a_database_of_a_newer_version_is_refused_by_name() {
-    let (store, dir) = store().await;
-    let path = dir.path().join("roost.db");
-    let newer = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
-                 VALUES (9999, 'from the future', 1, x'00', 0)";
-    let write = store
-        .writer
-        .write(move |tx| Box::pin(async move { Ok(sqlx::query(newer).execute(tx).await.map(drop)?) }));
-    write.await.unwrap();
-    store.close().await;
-    let refused = [
-        Store::open(&path, None).await.err(),
-        TokenFile::open(&path, true).await.err(),
-        TokenFile::open(&path, false).await.err(),
-        copy(&path, &dir.path().join("copy.db")).await.err(),
-    ];
-    for error in refused {
-        let error = error.expect("refused");
-        assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
-        assert!(error.to_string().contains("made by a newer roost (schema 9999"), "{error}");
-    }
-}

@@ -1,4 +1,4 @@
-//! Databases of earlier versions: what they hold stays what it was.
+//! Databases of other versions: those of earlier ones keep what they hold, those of later ones are refused.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use roost_api::time::Timestamp;
 use roost_api::worker::WorkerRegistration;
 use sqlx::{AssertSqlSafe, Connection};
 
-use super::{Claim, JobFilter, NewJob, Store, connect, options};
+use super::{Claim, JobFilter, NewJob, Store, StoreError, TokenFile, connect, copy, options};
 use crate::clock::Now;
 
 /// What a database of the version before owners holds is that of one owner, and the labels of sweeps stand once.
@@ -85,4 +85,30 @@ async fn a_database_from_before_owners_keeps_its_order_and_its_labels() {
     let claimed = store.claim(claim, now).await.unwrap().unwrap().attempts;
     assert_eq!(claimed.iter().map(|attempt| attempt.job_id).collect::<Vec<_>>(), expected);
     store.close().await;
+}
+
+/// Whoever opens it, a database that a newer program has migrated is left alone.
+#[tokio::test]
+async fn a_database_of_a_newer_version_is_refused_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("roost.db");
+    let store = Store::open(&path, None).await.unwrap();
+    let newer = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+                 VALUES (9999, 'from the future', 1, x'00', 0)";
+    let write = store
+        .writer
+        .write(move |tx| Box::pin(async move { Ok(sqlx::query(newer).execute(tx).await.map(drop)?) }));
+    write.await.unwrap();
+    store.close().await;
+    let refused = [
+        Store::open(&path, None).await.err(),
+        TokenFile::open(&path, true).await.err(),
+        TokenFile::open(&path, false).await.err(),
+        copy(&path, &dir.path().join("copy.db")).await.err(),
+    ];
+    for error in refused {
+        let error = error.expect("refused");
+        assert!(matches!(error, StoreError::Newer { found: 9999, .. }), "{error:?}");
+        assert!(error.to_string().contains("made by a newer roost (schema 9999"), "{error}");
+    }
 }
