@@ -8,17 +8,32 @@ use rustix::process::{Resource, getrlimit, setrlimit};
 /// File descriptors that are no connections: the database and its log on several connections, the lock, the runtime.
 const OTHER_DESCRIPTORS: u64 = 64;
 
-/// Lets the process open as many files as the system allows it: most systems start programs with 1,024 and allow far more.
-/// Returns that number, if there is a limit.
-pub(crate) fn raise_descriptors() -> Option<u64> {
+/// Lets the process open as many files as so many connections need, if the system allows it: most systems start programs with
+/// 1,024 and allow far more. No higher, since some system calls and child processes take time for each possible file.
+/// Returns the limit, if there is one.
+pub(crate) fn raise_descriptors(connections: usize) -> Option<u64> {
     let mut limit = getrlimit(Resource::Nofile);
     let soft = limit.current;
-    limit.current = limit.maximum;
+    limit.current = raised(soft, limit.maximum, descriptors_for(connections));
+    if limit.current == soft {
+        return soft;
+    }
     if let Err(error) = setrlimit(Resource::Nofile, limit) {
         tracing::warn!(%error, ?soft, "the limit of open files could not be raised");
         limit.current = soft;
     }
     limit.current
+}
+
+/// The limit of open files, raised to what is needed as far as the system allows it. None is no limit.
+fn raised(soft: Option<u64>, hard: Option<u64>, needed: u64) -> Option<u64> {
+    Some(soft?.max(hard.map_or(needed, |hard| needed.min(hard))))
+}
+
+/// File descriptors that are enough for so many connections.
+fn descriptors_for(connections: usize) -> u64 {
+    let connections = u64::try_from(connections).unwrap_or(u64::MAX);
+    connections.div_ceil(3).saturating_mul(4).saturating_add(OTHER_DESCRIPTORS + 4)
 }
 
 /// Connections that so many file descriptors are enough for: an answer may keep a file open beside its connection, though few do.
@@ -76,8 +91,9 @@ mod tests {
 
     #[test]
     fn a_process_knows_what_it_takes() {
-        let limit = raise_descriptors();
+        let limit = raise_descriptors(usize::MAX);
         assert_eq!(getrlimit(Resource::Nofile).maximum, limit, "all that is allowed");
+        assert_eq!(raise_descriptors(1), limit, "it is never lowered");
         let files: Vec<_> = (0..20).map(|_| tempfile::tempfile().unwrap()).collect();
         let block = vec![1_u8; 50_000_000];
         let usage = Usage::now();
@@ -87,6 +103,17 @@ mod tests {
         }
         assert_eq!(usage.max_descriptors, limit);
         drop((files, block));
+    }
+
+    #[test]
+    fn the_limit_is_raised_as_far_as_connections_need() {
+        let needed = descriptors_for(8192);
+        assert!(needed < 12_000 && connections_for(Some(needed)) >= 8192, "{needed}");
+        assert_eq!(raised(Some(1024), Some(1 << 20), needed), Some(needed));
+        assert_eq!(raised(Some(1024), None, needed), Some(needed));
+        assert_eq!(raised(Some(1024), Some(4096), needed), Some(4096));
+        assert_eq!(raised(Some(65_536), Some(1 << 20), needed), Some(65_536));
+        assert_eq!(raised(None, None, needed), None);
     }
 
     #[test]

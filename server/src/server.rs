@@ -160,7 +160,7 @@ fn listen(address: SocketAddr) -> io::Result<TcpListener> {
 
 /// The connections that the settings and the system allow.
 fn max_connections(config: &ServerConfig) -> usize {
-    let descriptors = process::raise_descriptors();
+    let descriptors = process::raise_descriptors(config.max_connections);
     let (wanted, possible) = (config.max_connections, process::connections_for(descriptors));
     if possible < wanted {
         tracing::warn!(
