@@ -7,6 +7,8 @@ mod support;
 use std::io::{Read, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpStream};
 use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use roost_api::API_VERSION;
@@ -74,7 +76,15 @@ fn raise_descriptors() -> usize {
 fn ten_thousand_half_requests_lock_nobody_out() {
     let _alone = undisturbed();
     // As many as the machine lets a test have.
-    let wanted = 10_000.min(raise_descriptors() - 500);
+    let wanted = 10_000.min(raise_descriptors().saturating_sub(500));
+    if wanted < 10_000 {
+        println!("{wanted} half requests instead of 10,000: the limit of open files allows no more");
+        assert!(
+            std::env::var_os("ROOST_FULL").is_none(),
+            "raise the limit of open files to 10,500 (ulimit -n)"
+        );
+    }
+    assert!(wanted > 1000, "raise the limit of open files (ulimit -n)");
     let home = Home::new();
     let server = home.serve();
     let address = address(&home);
@@ -149,6 +159,68 @@ fn ten_thousand_half_requests_lock_nobody_out() {
     let idle = HeartbeatRequest { attempts: Vec::new() };
     let beat = worker.heartbeat(me, &idle, Duration::from_secs(10));
     runtime.block_on(beat).expect("nothing was lost on a closed connection");
+}
+
+/// A client that asks for a file of more than a megabyte and has room for few bytes of it.
+fn slow_reader(address: SocketAddr) -> TcpStream {
+    use socket2::{Domain, Socket, Type};
+    let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+    // Small segments keep the server's own buffer small.
+    socket.set_tcp_mss(536).unwrap();
+    socket.set_recv_buffer_size(4096).unwrap();
+    socket.bind(&SocketAddr::from((Ipv4Addr::new(127, 1, 2, 1), 0)).into()).unwrap();
+    socket.connect(&address.into()).unwrap();
+    let mut stream = TcpStream::from(socket);
+    stream.write_all(b"GET /docs/swagger-ui-bundle.js HTTP/1.1\r\nhost: localhost\r\n\r\n").unwrap();
+    stream.set_nonblocking(true).unwrap();
+    stream
+}
+
+#[test]
+fn clients_that_read_slowly_lock_nobody_out() {
+    const LIMIT: usize = 64;
+    let _alone = undisturbed();
+    let home = Home::new();
+    let _server = home.serve_with(&["--max-connections", &LIMIT.to_string()]);
+    let address = address(&home);
+    let is_over = Arc::new(AtomicBool::new(false));
+    let reading = {
+        let is_over = is_over.clone();
+        std::thread::spawn(move || {
+            let mut readers: Vec<_> = (0..4 * LIMIT)
+                .map(|_| {
+                    // So that most of them are answered before the next one comes.
+                    std::thread::sleep(Duration::from_millis(2));
+                    slow_reader(address)
+                })
+                .collect();
+            while !is_over.load(Ordering::Relaxed) {
+                for reader in &mut readers {
+                    let _ = reader.read(&mut [0; 130]);
+                }
+                std::thread::sleep(Duration::from_millis(100));
+            }
+        })
+    };
+    let (mut slowest, mut most) = (Duration::ZERO, 0.0_f64);
+    let started = Instant::now();
+    while started.elapsed() < Duration::from_secs(4) {
+        let (answer, took) = ask(address, "/v1/jobs");
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+        slowest = slowest.max(took);
+        most = most.max(metric(address, "roost_connections"));
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    is_over.store(true, Ordering::Relaxed);
+    reading.join().unwrap();
+    println!(
+        "{} slow readers at {LIMIT} connections: at most {most} open, a new client was served within {slowest:?}",
+        4 * LIMIT
+    );
+    assert!(most <= (LIMIT + 16) as f64, "{most} connections");
+    assert!(slowest < Duration::from_secs(1), "{slowest:?}");
+    let cut_off = metric(address, r#"roost_connections_refused_total{reason="unread"}"#);
+    assert!(cut_off >= LIMIT as f64, "{cut_off}");
 }
 
 #[test]
@@ -288,6 +360,29 @@ fn the_limit_of_open_files_is_raised_and_connections_keep_to_it() {
     let found = (metric(address, "process_max_fds"), metric(address, "roost_connections_limit"));
     assert_eq!(found, (1024.0, 720.0));
     assert!(server.log().contains("fewer connections than wanted"), "{}", server.log());
+}
+
+#[test]
+fn the_limit_of_open_files_is_raised_no_further_than_connections_need() {
+    let home = Home::new();
+    let listen = home.address.trim_start_matches("http://");
+    let hard = raise_descriptors();
+    assert!(hard > 3000);
+    let mut command = Command::new("prlimit");
+    command.args([
+        &format!("--nofile=1024:{hard}"),
+        env!("CARGO_BIN_EXE_roost"),
+        "serve",
+        "--max-connections",
+        "1500",
+    ]);
+    command.args(["--listen", listen, "--data"]);
+    let _server = Process::start(command.arg(home.path("data")), home.path("serve.log"));
+    let address = address(&home);
+    until("the server answers", || TcpStream::connect(address).ok());
+    let max = metric(address, "process_max_fds");
+    assert!((2000.0..2200.0).contains(&max), "{max}");
+    assert_eq!(metric(address, "roost_connections_limit"), 1500.0);
 }
 
 #[test]

@@ -22,6 +22,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::access::Caller;
+use super::connections::StreamPlace;
 use super::extract::Segments;
 use super::problem::{ApiError, Kind};
 use super::{jobs, sweeps};
@@ -75,6 +76,7 @@ struct Following {
     subject: Subject,
     /// Who follows.
     caller: Caller,
+    _place: StreamPlace,
     /// The newest event that was sent.
     last: i64,
     /// Whether what there is now is still to be sent.
@@ -97,6 +99,15 @@ async fn streamed(
     caller: Option<Extension<Caller>>,
     headers: &HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>> + use<>>, ApiError> {
+    let caller = caller.map(|Extension(caller)| caller).unwrap_or_default();
+    let streams = app.connections.streams();
+    let place = streams.enter(&caller.0).ok_or_else(|| {
+        let max = streams.max();
+        let detail = format!(
+            "this token has {max} event streams open, the maximum: close one, or poll with `if-none-match`"
+        );
+        ApiError::new(Kind::TooManyRequests, detail)
+    })?;
     let (oldest, newest) = app.store.event_range().await?;
     let asked = match headers.get("last-event-id").map(|value| value.to_str().ok()?.parse::<i64>().ok()) {
         Some(None) => {
@@ -109,7 +120,8 @@ async fn streamed(
     let following = Following {
         app,
         subject,
-        caller: caller.map(|Extension(caller)| caller).unwrap_or_default(),
+        caller,
+        _place: place,
         last: asked.unwrap_or(newest),
         fresh: asked.is_none(),
         progress,

@@ -127,6 +127,77 @@ async fn a_request_beyond_the_places_for_answers_is_refused_and_the_operator_is_
 }
 
 #[tokio::test]
+async fn one_token_has_a_part_of_the_event_streams() {
+    let (farm, _dir) = Farm::with(|config| config.max_connections = 64).await;
+    let job = farm.submit(&envelope(1)).await;
+    let path = format!("/v1/jobs/{}", text(&job["id"]));
+    let mut streams = Vec::new();
+    for _ in 0..16 {
+        streams.push(Events::open(&farm, &path, None).await);
+    }
+    let problem = farm.get(&format!("{path}/events")).await.problem(429, "too-many-requests");
+    assert!(text(&problem["detail"]).contains("16 event streams"), "{problem}");
+    assert_eq!(farm.get("/v1/version").await.status, 200);
+    // One that ends makes room for another.
+    streams.pop();
+    let started = Instant::now();
+    let url = format!("http://{}{path}/events", farm.address);
+    while farm.http.get(&url).send().await.unwrap().status() != 200 {
+        assert!(started.elapsed() < PATIENCE, "still refused");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn workers_are_answered_when_others_take_all_their_places() {
+    let (farm, _dir) = Farm::with(|config| config.max_connections = 64).await;
+    let worker = farm.worker("cpu").await;
+    farm.submit(&envelope(1)).await;
+    // Bodies that never come.
+    let head = "POST /v1/jobs HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\n\r\n{";
+    let mut bodies = Vec::new();
+    for _ in 0..60 {
+        bodies.push(connect(&farm, head).await);
+    }
+    let started = Instant::now();
+    while farm.get("/v1/version").await.status != 503 {
+        assert!(started.elapsed() < PATIENCE, "never refused");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    let attempt = worker.claim_one().await;
+    worker.deliver(&attempt).await.expect(StatusCode::OK);
+    assert_eq!(farm.get("/v1/version").await.status, 503, "the bodies still take all places of others");
+    farm.stop().await;
+}
+
+#[tokio::test]
+async fn a_client_that_reads_slowly_is_closed_and_one_that_reads_steadily_is_not() {
+    let (farm, _dir) = Farm::with(|config| config.body_timeout = Duration::from_secs(1)).await;
+    // One that takes a few bytes now and then, and one that takes 400 kB a second, in pieces.
+    for (bytes, pause_ms, stays) in [(200, 200, false), (40_000, 100, true)] {
+        let socket = tokio::net::TcpSocket::new_v4().unwrap();
+        if !stays {
+            socket.set_recv_buffer_size(4096).unwrap();
+        }
+        let mut stream = socket.connect(farm.address).await.unwrap();
+        let ask = "GET /dashboard/plotly.min.js HTTP/1.1\r\nhost: localhost\r\n\r\n";
+        stream.write_all(ask.as_bytes()).await.unwrap();
+        stream.readable().await.unwrap();
+        let (started, mut buffer) = (Instant::now(), vec![0; bytes]);
+        let is_open = async || metric(&farm, "roost_connections").await > 1.0;
+        let longest = if stays { Duration::from_secs(3) } else { PATIENCE };
+        while started.elapsed() < longest && is_open().await {
+            // Data in the system's buffer is still there after the server has closed.
+            let _ = stream.read(&mut buffer).await;
+            tokio::time::sleep(Duration::from_millis(pause_ms)).await;
+        }
+        assert_eq!(is_open().await, stays, "{bytes} bytes every {pause_ms} ms");
+    }
+    farm.stop().await;
+}
+
+#[tokio::test]
 async fn a_body_that_trickles_in_is_answered_408() {
     let (farm, _dir) = Farm::with(|config| config.body_timeout = Duration::from_millis(300)).await;
     let worker = farm.worker("cpu").await;

@@ -1,12 +1,15 @@
 //! Serves connections: how many there may be at once, and how long a client may take to say what it wants.
 //!
-//! A client that sends half a request, or a body byte by byte, costs the server a file descriptor and some kilobytes. Three
+//! A client that sends half a request, or a body byte by byte, costs the server a file descriptor and some kilobytes. Four
 //! rules bound that cost. A request head must arrive within [`Timeouts::head`], which also ends connections that have been
-//! idle for so long. A request body must not pause for longer than [`Timeouts::body`]. And the number of connections has a
+//! idle for so long. A request body must not pause for longer than [`Timeouts::body`]. An answer must be read
+//! at a minimum rate: see [`paced`]. And the number of connections has a
 //! limit: see [`Connections`] for what happens there.
 //!
 //! There is no limit for each peer address, since all workers of a site may share one.
 
+mod paced;
+mod streams;
 mod table;
 
 use std::io;
@@ -33,6 +36,8 @@ use tower_http::timeout::TimeoutBody;
 
 use super::problem::{ApiError, Kind};
 use super::safety;
+use paced::Paced;
+pub(crate) use streams::StreamPlace;
 pub(crate) use table::Connections;
 use table::{Place, Turn};
 
@@ -42,12 +47,16 @@ const MAX_HEAD_BYTES: usize = 16 * 1024;
 /// After an error of `accept` the server waits this long: nearly all of them stay for a while.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
+/// A connection that was told to close gets so long for a request that came at that very moment.
+const CLOSE_GRACE: Duration = Duration::from_secs(1);
+
 /// How long a client may take.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timeouts {
     /// From the start of a connection, or the end of the last answer on it, to the end of the next request head.
     pub(crate) head: Duration,
-    /// From one part of a request body to the next, and for the peer to acknowledge what was sent to it.
+    /// From one part of a request body to the next, for the peer to acknowledge the bytes that were sent to it, and the time over which
+    /// its rate of reading is averaged.
     pub(crate) body: Duration,
 }
 
@@ -63,7 +72,10 @@ pub(crate) async fn serve(
     let mut tasks = JoinSet::new();
     loop {
         let accepted = tokio::select! {
-            accepted = listener.accept() => accepted,
+            accepted = async {
+                connections.settled().await;
+                listener.accept().await
+            } => accepted,
             () = stop.cancelled() => break,
         };
         // A task that has ended takes memory until it is joined.
@@ -101,6 +113,7 @@ async fn attend(
     stop: CancellationToken,
 ) {
     end_stalled(&stream, timeouts.body);
+    let stream = Paced::new(stream, place.clone(), timeouts.body);
     let service = service_fn(|mut request: Request<Incoming>| {
         // For the audit log.
         request.extensions_mut().insert(ConnectInfo(peer));
@@ -118,14 +131,21 @@ async fn attend(
     http.timer(TokioTimer::new()).header_read_timeout(timeouts.head).max_header_size(MAX_HEAD_BYTES);
     let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service));
     let mut leaves = pin!(place.leaves(&stop));
-    tokio::select! {
+    let is_displaced = tokio::select! {
         ended = connection.as_mut() => return note(ended),
-        () = leaves.as_mut() => {}
-    }
+        is_displaced = leaves.as_mut() => is_displaced,
+    };
     // Nothing was asked on it yet, or only half: there is nothing to finish.
-    if place.has_asked() {
-        connection.as_mut().graceful_shutdown();
+    if !place.has_asked() {
+        return;
+    }
+    connection.as_mut().graceful_shutdown();
+    if !is_displaced {
         note(connection.await);
+    } else if !place.is_unread()
+        && let Ok(ended) = tokio::time::timeout(CLOSE_GRACE, connection).await
+    {
+        note(ended);
     }
 }
 
@@ -167,7 +187,7 @@ fn busy(limit: usize) -> Response {
     response
 }
 
-/// The body of an answer; its connection answers until it is sent.
+/// The body of an answer; its connection answers until hyper has taken the last of it.
 struct Answer {
     body: Body,
     _turn: Option<Turn>,

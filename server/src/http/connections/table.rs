@@ -1,14 +1,18 @@
 //! The open connections: which of them closes when one more comes.
 //!
-//! A connection waits for a request head or answers a request. When all places are taken, a new connection gets the place of
-//! one that waits: first of those on which nothing was ever asked, the one that has waited longest; then of the others, the
-//! one that has been idle longest. So a flood of half requests displaces itself, and workers and pages keep their
-//! connections. Connections on which nothing was ever asked have only a part of the places, since an honest client asks at
-//! once and each of the others costs memory. Requests are answered on all but a few places, so that there always is a connection that waits; a request
-//! beyond that is answered with 503.
+//! A connection waits for a request head, answers a request, or writes the rest of an answer. When all places are taken, a new
+//! connection gets the place of another one. The first to go is the oldest on which nothing was ever asked, unless these are few and about to ask; then the one that has
+//! been idle longest; then the oldest whose client has still to read the end of an answer. So a flood of half requests or of
+//! slow readers displaces itself. A displaced connection closes within a second, and few at once may still have to: the number of
+//! open connections has a limit that no client can move.
+//!
+//! Connections on which nothing was ever asked have only a part of the places, since an honest client asks at once and each of
+//! the others costs memory. Requests are answered on all but a few places, so that there always is a connection that waits; a
+//! request beyond that is answered with 503. Workers have some of those last places to themselves, and the operator the rest.
 
 use std::collections::BTreeMap;
 use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -18,8 +22,16 @@ use prometheus_client::metrics::family::Family;
 use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 
-/// One place of this many is kept for connections that wait.
+use super::streams::Streams;
+
+/// One place of this many is kept for connections that wait, and for workers.
 const SPARE: usize = 16;
+
+/// One place of this many is kept for connections that wait, from workers too.
+const SPARE_OF_WORKERS: usize = 32;
+
+/// So many connections may always be on their way out.
+const ALWAYS_TOLD: usize = 16;
 
 /// Connections on which nothing was ever asked have one place of this many.
 const UNASKED: usize = 4;
@@ -39,17 +51,31 @@ pub(crate) struct Refused {
     reason: &'static str,
 }
 
+/// Whether workers ask for it: without them nothing goes on.
+fn is_of_workers(path: &str) -> bool {
+    matches!(path, "/v1/claims" | "/v1/workers")
+        || path.starts_with("/v1/workers/") && path.ends_with("/heartbeat")
+        || path.starts_with("/v1/jobs/") && path.contains("/attempts/")
+}
+
 /// A connection closed before anything was asked on it.
 const NO_REQUEST: Refused = Refused { reason: "no_request" };
 /// An idle connection closed.
 const IDLE: Refused = Refused { reason: "idle" };
+/// A connection closed before its client had read an answer to the end.
+const UNREAD: Refused = Refused { reason: "unread" };
 /// A request answered with 503.
 const BUSY: Refused = Refused { reason: "busy" };
+/// A connection closed at once, since no other could be.
+const FULL: Refused = Refused { reason: "full" };
 
 /// The open connections of a server.
 pub(crate) struct Connections {
     limit: usize,
     table: Mutex<Table>,
+    /// Wakes who waits for a displaced connection to close.
+    closed: Notify,
+    streams: Arc<Streams>,
     refused: Family<Refused, Counter>,
 }
 
@@ -57,10 +83,12 @@ pub(crate) struct Connections {
 struct Table {
     open: usize,
     answering: usize,
+    /// Those that were told to close, and have not yet.
+    told: usize,
     /// Those on which nothing was ever asked, among those that wait.
     unasked: usize,
-    /// Those that wait for a request head.
-    waiting: BTreeMap<Waiting, Arc<Notify>>,
+    /// Those that answer nothing and may be told to close.
+    waiting: BTreeMap<Waiting, Arc<Leave>>,
     /// Number of waits so far.
     waits: u64,
     logged_at: Option<Instant>,
@@ -69,8 +97,33 @@ struct Table {
 /// A connection that waits, in the order in which they give way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Waiting {
-    has_asked: bool,
+    rank: Rank,
     since: u64,
+}
+
+/// Why a connection waits; the first of them give way first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Rank {
+    /// Nothing was ever asked on it.
+    Unasked,
+    /// Its last answer is written.
+    Idle,
+    /// Its client has still to read some of an answer.
+    Unread,
+}
+
+/// How a connection is told to close.
+#[derive(Default)]
+struct Leave {
+    notify: Notify,
+    /// Changes only while the table is locked.
+    is_told: AtomicBool,
+}
+
+impl Leave {
+    fn is_told(&self) -> bool {
+        self.is_told.load(Ordering::Relaxed)
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -83,12 +136,12 @@ enum Standing {
 pub(super) struct Place {
     connections: Arc<Connections>,
     /// Tells it to close.
-    leave: Arc<Notify>,
+    leave: Arc<Leave>,
     /// Changes only while the table is locked.
     standing: Mutex<Standing>,
 }
 
-/// The right to answer a request, until the answer is sent.
+/// The right to answer a request, until the answer is at its end.
 pub(super) struct Turn(Arc<Place>);
 
 /// A request is one too many.
@@ -106,10 +159,12 @@ impl Connections {
     pub(crate) fn new(limit: usize) -> Self {
         let refused = Family::<Refused, Counter>::default();
         // So that the first one is an increase.
-        for reason in [NO_REQUEST, IDLE, BUSY] {
+        for reason in [NO_REQUEST, IDLE, UNREAD, BUSY, FULL] {
             drop(refused.get_or_create(&reason));
         }
-        Self { limit: limit.max(2), table: Mutex::default(), refused }
+        let limit = limit.max(2);
+        let (closed, streams) = (Notify::new(), Arc::new(Streams::new(limit)));
+        Self { limit, table: Mutex::default(), closed, streams, refused }
     }
 
     /// How many there may be.
@@ -127,20 +182,40 @@ impl Connections {
         &self.refused
     }
 
-    /// Requests that are answered at once.
-    fn most_answering(&self) -> usize {
-        self.limit - self.limit.div_ceil(SPARE)
+    /// The event streams among them.
+    pub(crate) fn streams(&self) -> &Arc<Streams> {
+        &self.streams
+    }
+
+    /// Requests that are answered at once, where one more asks for this path.
+    fn max_answering(&self, path: &str) -> usize {
+        if ALWAYS_ANSWERED.contains(&path) {
+            return self.limit;
+        }
+        self.limit - self.limit.div_ceil(if is_of_workers(path) { SPARE_OF_WORKERS } else { SPARE })
     }
 
     /// Connections that may be there without a request.
-    fn most_unasked(&self) -> usize {
+    fn max_unasked(&self) -> usize {
         (self.limit / UNASKED).max(ALWAYS_UNASKED)
     }
 
-    /// A place for one more connection; none when all of them answer requests.
+    /// Connections that may be open beyond the limit, since they were told to close.
+    fn max_told(&self) -> usize {
+        (self.limit / SPARE).max(ALWAYS_TOLD)
+    }
+
+    /// Returns when the displaced connections that are still open are few.
+    pub(super) async fn settled(&self) {
+        while locked(&self.table).told >= self.max_told() {
+            self.closed.notified().await;
+        }
+    }
+
+    /// A place for one more connection; none when no other can give way.
     pub(super) fn enter(self: &Arc<Self>) -> Option<Arc<Place>> {
         let mut table = locked(&self.table);
-        if table.open >= self.limit || table.unasked >= self.most_unasked() {
+        if table.open - table.told >= self.limit || table.unasked >= self.max_unasked() {
             let (limit, unasked) = (self.limit, table.unasked);
             let has_closed = self.close_one(&mut table, |open| {
                 tracing::warn!(
@@ -151,13 +226,13 @@ impl Connections {
                 );
             });
             if !has_closed {
-                self.refused.get_or_create(&BUSY).inc();
+                self.refused.get_or_create(&FULL).inc();
                 return None;
             }
         }
         table.open += 1;
-        let leave = Arc::new(Notify::new());
-        let standing = Mutex::new(Standing::Waiting(table.wait(false, leave.clone())));
+        let leave = Arc::<Leave>::default();
+        let standing = Mutex::new(Standing::Waiting(table.wait(Rank::Unasked, leave.clone())));
         Some(Arc::new(Place { connections: self.clone(), leave, standing }))
     }
 
@@ -174,33 +249,54 @@ impl Connections {
             table.logged_at = Some(Instant::now());
             log(table.open);
         }
-        let Some((waiting, leave)) = table.waiting.pop_first() else { return false };
-        table.unasked -= usize::from(!waiting.has_asked);
-        self.refused.get_or_create(if waiting.has_asked { &IDLE } else { &NO_REQUEST }).inc();
-        leave.notify_one();
+        if table.told >= self.max_told() {
+            return false;
+        }
+        let asked = Waiting { rank: Rank::Idle, since: 0 };
+        // The newest few are about to ask: without this a flood of idle or slow clients displaces each honest newcomer.
+        let asked =
+            (table.unasked <= self.limit / SPARE).then(|| table.waiting.range(asked..).next()).flatten();
+        let Some(waiting) = asked.or_else(|| table.waiting.first_key_value()).map(|(waiting, _)| *waiting)
+        else {
+            return false;
+        };
+        let Some(leave) = table.waiting.remove(&waiting) else { return false };
+        table.told += 1;
+        leave.is_told.store(true, Ordering::Relaxed);
+        table.unasked -= usize::from(waiting.rank == Rank::Unasked);
+        let reason = match waiting.rank {
+            Rank::Unasked => &NO_REQUEST,
+            Rank::Idle => &IDLE,
+            Rank::Unread => &UNREAD,
+        };
+        self.refused.get_or_create(reason).inc();
+        leave.notify.notify_one();
         true
     }
 }
 
 impl Table {
-    fn wait(&mut self, has_asked: bool, leave: Arc<Notify>) -> Waiting {
+    fn wait(&mut self, rank: Rank, leave: Arc<Leave>) -> Waiting {
         self.waits += 1;
-        let waiting = Waiting { has_asked, since: self.waits };
-        self.waiting.insert(waiting, leave);
-        self.unasked += usize::from(!has_asked);
+        let waiting = Waiting { rank, since: self.waits };
+        // Once told to close, it has no other place to give away.
+        if !leave.is_told() {
+            self.waiting.insert(waiting, leave);
+            self.unasked += usize::from(rank == Rank::Unasked);
+        }
         waiting
     }
 
     /// Notes that it waits no longer, unless it was told to leave before.
     fn forget(&mut self, waiting: Waiting) {
         if self.waiting.remove(&waiting).is_some() {
-            self.unasked -= usize::from(!waiting.has_asked);
+            self.unasked -= usize::from(waiting.rank == Rank::Unasked);
         }
     }
 }
 
 impl Place {
-    /// A request head has arrived. Drop what it returns when the answer is sent.
+    /// A request head has arrived. Drop the turn when the answer is at its end.
     pub(super) fn begin(self: &Arc<Self>, path: &str) -> Result<Turn, TooMany> {
         let connections = &self.connections;
         let mut table = locked(&connections.table);
@@ -210,23 +306,48 @@ impl Place {
             table.answering += 1;
             *standing = Standing::Answering;
         }
-        let limit = connections.most_answering();
-        if table.answering > limit && !ALWAYS_ANSWERED.contains(&path) {
+        let limit = connections.max_answering(path);
+        if table.answering > limit {
             connections.refused.get_or_create(&BUSY).inc();
             return Err(TooMany { limit });
         }
         Ok(Turn(self.clone()))
     }
 
-    /// Whether a request has ever arrived on it.
-    pub(super) fn has_asked(&self) -> bool {
-        let standing = *locked(&self.standing);
-        !matches!(standing, Standing::Waiting(Waiting { has_asked: false, .. }))
+    /// All of the answers so far has been written.
+    pub(super) fn note_written(&self) {
+        // Seldom true, and asked on every flush: the table is not locked for it.
+        if self.is_unread() {
+            let mut table = locked(&self.connections.table);
+            let mut standing = locked(&self.standing);
+            if let Standing::Waiting(waiting @ Waiting { rank: Rank::Unread, .. }) = *standing {
+                table.forget(waiting);
+                *standing = Standing::Waiting(table.wait(Rank::Idle, self.leave.clone()));
+            }
+        }
     }
 
-    /// Returns when the connection shall end.
-    pub(super) async fn leaves(&self, stop: &CancellationToken) {
-        stop.run_until_cancelled(self.leave.notified()).await;
+    /// Why it waits; none while it answers.
+    fn rank(&self) -> Option<Rank> {
+        match *locked(&self.standing) {
+            Standing::Waiting(waiting) => Some(waiting.rank),
+            Standing::Answering => None,
+        }
+    }
+
+    /// Whether a request has ever arrived on it.
+    pub(super) fn has_asked(&self) -> bool {
+        self.rank() != Some(Rank::Unasked)
+    }
+
+    /// Whether its client has still to read some of an answer that is at its end.
+    pub(super) fn is_unread(&self) -> bool {
+        self.rank() == Some(Rank::Unread)
+    }
+
+    /// Returns when the connection shall end, and whether another one takes its place.
+    pub(super) async fn leaves(&self, stop: &CancellationToken) -> bool {
+        stop.run_until_cancelled(self.leave.notify.notified()).await.is_some()
     }
 }
 
@@ -236,7 +357,7 @@ impl Drop for Turn {
         let mut table = locked(&place.connections.table);
         let mut standing = locked(&place.standing);
         table.answering -= 1;
-        *standing = Standing::Waiting(table.wait(true, place.leave.clone()));
+        *standing = Standing::Waiting(table.wait(Rank::Unread, place.leave.clone()));
     }
 }
 
@@ -244,6 +365,10 @@ impl Drop for Place {
     fn drop(&mut self) {
         let mut table = locked(&self.connections.table);
         table.open -= 1;
+        if self.leave.is_told() {
+            table.told -= 1;
+            self.connections.closed.notify_one();
+        }
         match *locked(&self.standing) {
             Standing::Waiting(waiting) => table.forget(waiting),
             // A request that was one too many.
@@ -253,75 +378,4 @@ impl Drop for Place {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn is_told(place: &Place) -> bool {
-        use futures_util::FutureExt;
-        place.leave.notified().now_or_never().is_some()
-    }
-
-    fn count(connections: &Connections, reason: &Refused) -> u64 {
-        connections.refused.get_or_create(reason).get()
-    }
-
-    /// A connection that has been asked something, and waits.
-    fn served(connections: &Arc<Connections>) -> Arc<Place> {
-        let place = connections.enter().unwrap();
-        drop(place.begin("/v1/jobs").ok().unwrap());
-        place
-    }
-
-    fn assert_is_empty(connections: &Connections) {
-        let table = locked(&connections.table);
-        assert_eq!((table.open, table.answering, table.unasked, table.waiting.len()), (0, 0, 0, 0));
-    }
-
-    #[test]
-    fn who_never_asked_gives_way_first_and_then_who_is_idle_longest() {
-        let connections = Arc::new(Connections::new(4));
-        let (first, second) = (served(&connections), served(&connections));
-        // It has been there for longer, and been idle for less long.
-        drop(first.begin("/v1/jobs").ok().unwrap());
-        let third = served(&connections);
-        let silent = connections.enter().unwrap();
-        let fifth = served(&connections);
-        assert!(is_told(&silent), "the newest of all, but it has asked for nothing");
-        let sixth = served(&connections);
-        assert!(is_told(&second) && !is_told(&first) && !is_told(&third), "idle for longest");
-        assert_eq!((count(&connections, &NO_REQUEST), count(&connections, &IDLE)), (1, 1));
-        assert_eq!(connections.open(), 6, "until those that were told have closed");
-        // One that was told may have been asked something at that very moment: that is answered.
-        drop(second.begin("/v1/jobs").ok().unwrap());
-        drop((first, second, third, silent, fifth, sixth));
-        assert_is_empty(&connections);
-    }
-
-    #[test]
-    fn those_that_never_asked_have_a_quarter_of_the_places() {
-        let connections = Arc::new(Connections::new(4000));
-        let regular: Vec<_> = (0..4).map(|_| served(&connections)).collect();
-        let silent: Vec<_> = (0..1020).map(|_| connections.enter().unwrap()).collect();
-        let told = silent.iter().take_while(|place| is_told(place)).count();
-        assert_eq!((told, locked(&connections.table).unasked), (20, 1000), "the older ones");
-        assert!(!regular.iter().any(|place| is_told(place)));
-        drop((regular, silent));
-        assert_is_empty(&connections);
-    }
-
-    #[test]
-    fn a_few_places_are_kept_for_connections_that_wait() {
-        let connections = Arc::new(Connections::new(32));
-        let places: Vec<_> = (0..32).map(|_| served(&connections)).collect();
-        let mut turns: Vec<_> = places[..30].iter().map(|place| place.begin("/").ok().unwrap()).collect();
-        assert_eq!(places[30].begin("/").err().map(|refused| refused.limit), Some(30));
-        turns.push(places[31].begin("/metrics").ok().expect("that is always answered"));
-        assert!(connections.enter().is_none(), "nobody waits, so nobody can give way");
-        assert_eq!(count(&connections, &BUSY), 2);
-        turns.pop();
-        let newest = connections.enter().expect("the one before waits now");
-        assert!(is_told(&places[31]));
-        drop((places, turns, newest));
-        assert_is_empty(&connections);
-    }
-}
+mod tests;

@@ -1,0 +1,122 @@
+//! The stream of a connection, which knows whether answers are written and how fast the client reads them.
+//!
+//! hyper gives up the body of an answer when it has taken the last part of it, which may be long before the client has read
+//! it. A client that reads some bytes a second would keep its connection for hours: the system's own timeout of a connection ends
+//! only those that acknowledge nothing.
+
+use std::io::{self, IoSlice};
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::TcpStream;
+use tokio::time::{Instant, Sleep, sleep};
+
+use super::table::Place;
+
+/// A client reads an answer at least this fast, on average over the time that it may pause for.
+const MIN_BYTES_PER_S: f64 = 4096.0;
+
+/// The system takes so many bytes that it cannot send yet. Were there no limit, megabytes would count as read.
+#[cfg(target_os = "linux")]
+const MAX_UNSENT_BYTES: u32 = 128 * 1024;
+
+/// A stream that fails when its peer reads too slowly.
+pub(super) struct Paced {
+    stream: TcpStream,
+    place: Arc<Place>,
+    /// The rate of reading is averaged over this.
+    window: Duration,
+    /// Present while something waits to be written.
+    blocked: Option<Blocked>,
+}
+
+/// The part of an answer that was written in this window.
+struct Blocked {
+    written: usize,
+    ends: Pin<Box<Sleep>>,
+}
+
+impl Paced {
+    pub(super) fn new(stream: TcpStream, place: Arc<Place>, window: Duration) -> Self {
+        #[cfg(target_os = "linux")]
+        if let Err(error) = socket2::SockRef::from(&stream).set_tcp_notsent_lowat(MAX_UNSENT_BYTES) {
+            tracing::debug!(%error, "a connection has no TCP_NOTSENT_LOWAT");
+        }
+        Self { stream, place, window, blocked: None }
+    }
+
+    fn pace(
+        &mut self,
+        context: &mut Context<'_>,
+        written: Poll<io::Result<usize>>,
+    ) -> Poll<io::Result<usize>> {
+        if let Poll::Ready(written) = written {
+            if let (Some(blocked), Ok(bytes)) = (&mut self.blocked, &written) {
+                blocked.written += bytes;
+            }
+            return Poll::Ready(written);
+        }
+        let window = self.window;
+        let blocked =
+            self.blocked.get_or_insert_with(|| Blocked { written: 0, ends: Box::pin(sleep(window)) });
+        while blocked.ends.as_mut().poll(context).is_ready() {
+            if (blocked.written as f64) < MIN_BYTES_PER_S * window.as_secs_f64() {
+                return Poll::Ready(Err(io::Error::new(
+                    io::ErrorKind::TimedOut,
+                    "the client reads too slowly",
+                )));
+            }
+            blocked.written = 0;
+            blocked.ends.as_mut().reset(Instant::now() + window);
+        }
+        Poll::Pending
+    }
+}
+
+impl AsyncRead for Paced {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_read(context, buffer)
+    }
+}
+
+impl AsyncWrite for Paced {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.stream).poll_write(context, bytes);
+        self.pace(context, written)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        parts: &[IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.stream).poll_write_vectored(context, parts);
+        self.pace(context, written)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+
+    /// hyper flushes when it has written all that it has.
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.blocked = None;
+        self.place.note_written();
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+}
