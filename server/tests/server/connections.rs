@@ -173,12 +173,14 @@ async fn workers_are_answered_when_others_take_all_their_places() {
 
 #[tokio::test]
 async fn a_client_that_reads_slowly_is_closed_and_one_that_reads_steadily_is_not() {
-    let (farm, _dir) = Farm::with(|config| config.body_timeout = Duration::from_secs(1)).await;
-    // One that takes a few bytes now and then, and one that takes 400 kB a second, in pieces.
-    for (bytes, pause_ms, stays) in [(200, 200, false), (40_000, 100, true)] {
+    let (farm, _dir) = Farm::with(|config| config.body_timeout = Duration::from_secs(2)).await;
+    // One that acknowledges bytes too often for the timeout of the system, and one that takes 200 kB a second.
+    for (bytes, pause_ms, stays) in [(300, 100, false), (20_000, 100, true)] {
         let socket = tokio::net::TcpSocket::new_v4().unwrap();
         if !stays {
             socket.set_recv_buffer_size(4096).unwrap();
+            // Small segments: one that does not fit the window would count as a client that reads nothing.
+            socket2::SockRef::from(&socket).set_tcp_mss(536).unwrap();
         }
         let mut stream = socket.connect(farm.address).await.unwrap();
         let ask = "GET /dashboard/plotly.min.js HTTP/1.1\r\nhost: localhost\r\n\r\n";
@@ -186,7 +188,7 @@ async fn a_client_that_reads_slowly_is_closed_and_one_that_reads_steadily_is_not
         stream.readable().await.unwrap();
         let (started, mut buffer) = (Instant::now(), vec![0; bytes]);
         let is_open = async || metric(&farm, "roost_connections").await > 1.0;
-        let longest = if stays { Duration::from_secs(3) } else { PATIENCE };
+        let longest = if stays { Duration::from_secs(5) } else { PATIENCE };
         while started.elapsed() < longest && is_open().await {
             // Data in the system's buffer is still there after the server has closed.
             let _ = stream.read(&mut buffer).await;

@@ -17,11 +17,12 @@ use tokio::time::{Instant, Sleep, sleep};
 use super::table::Place;
 
 /// A client reads an answer at least this fast, on average over the time that it may pause for.
-const MIN_BYTES_PER_S: f64 = 4096.0;
+const MIN_BYTES_PER_S: f64 = 2048.0;
 
 /// The system takes so many bytes that it cannot send yet. Were there no limit, megabytes would count as read.
+/// A client that reads four times as fast as it must passes in spite of the steps of up to about 100 kB that this leaves.
 #[cfg(target_os = "linux")]
-const MAX_UNSENT_BYTES: u32 = 128 * 1024;
+const MAX_UNSENT_BYTES: u32 = 32 * 1024;
 
 /// A stream that fails when its peer reads too slowly.
 pub(super) struct Paced {
@@ -118,5 +119,40 @@ impl AsyncWrite for Paced {
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::net::TcpListener;
+    use tokio::time::timeout;
+
+    use super::super::table::Connections;
+    use super::*;
+
+    /// How writing ends for a client that reads so many bytes every 50 ms; none while it goes on. The timeout of the system is not set here.
+    async fn written_to(bytes: usize) -> Option<io::Result<()>> {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let mut client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
+        let place = Arc::new(Connections::new(4)).enter().unwrap();
+        let (stream, _) = listener.accept().await.unwrap();
+        let mut stream = Paced::new(stream, place, Duration::from_secs(1));
+        let reading = tokio::spawn(async move {
+            let mut buffer = vec![0; bytes];
+            while client.read(&mut buffer).await.is_ok_and(|read| read > 0) {
+                tokio::time::sleep(Duration::from_millis(50)).await;
+            }
+        });
+        let written = timeout(Duration::from_secs(4), stream.write_all(&vec![1; 64 << 20])).await;
+        reading.abort();
+        written.ok()
+    }
+
+    #[tokio::test]
+    async fn a_client_reads_at_a_minimum_rate() {
+        let (slow, steady) = tokio::join!(written_to(10), written_to(50_000));
+        assert_eq!(slow.unwrap().unwrap_err().kind(), io::ErrorKind::TimedOut);
+        assert!(steady.is_none(), "{steady:?}");
     }
 }
