@@ -51,15 +51,28 @@ enum Action {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let is_first = matches!(args.action, Action::Create { .. });
+    let is_new = is_first && !args.data.exists();
     let mut tokens = roost_server::tokens_in(&args.data, is_first).await.map_err(copies::named)?;
     match args.action {
         Action::Create { scopes, name } => {
+            let was_open = tokens.list().await?.is_empty();
             let (view, secret) = tokens.create(&name, &scopes, Timestamp::now()).await?;
             if args.json {
                 ui::json(&json!({"token": secret, "view": view}))?;
             } else {
                 ui::say!("token {}; keep it now, it is shown this once:", view.id);
                 ui::println(format_args!("{secret}"))?;
+            }
+            if is_new {
+                ui::say!(
+                    "note: {} is a new data folder; a server uses it with `--data`",
+                    args.data.display()
+                );
+            }
+            if was_open {
+                ui::say!(
+                    "note: from now on every request needs a token, those of workers and of `roost up` too"
+                );
             }
         }
         Action::List => {

@@ -259,7 +259,12 @@ fn a_revoked_last_token_is_warned_of() {
         let made: Value = serde_json::from_str(&made).unwrap();
         made["view"]["id"].as_str().unwrap().to_owned()
     };
-    let (first, last) = (create(), create());
+    let made = run(&["token", "create", "--scope", "read", "--data", &data]);
+    assert!(said(&made).contains("is a new data folder"), "{}", said(&made));
+    assert!(said(&made).contains("every request needs a token"), "{}", said(&made));
+    let unnamed = stdout(&run(&["token", "list", "--json", "--data", &data]));
+    let unnamed: Value = serde_json::from_str(&unnamed).unwrap();
+    let (first, last) = (unnamed[0]["id"].as_str().unwrap().to_owned(), create());
     let revoke = |id: &str| said(&run(&["token", "revoke", id, "--data", &data]));
     assert!(!revoke(&first).contains("warning"));
     assert!(revoke(&last).contains("warning: no token is valid now"));

@@ -75,6 +75,9 @@ impl Server {
         // The address first: what cannot be listened on leaves no directory behind.
         let bind = async || listen(address).map_err(|source| ServerError::Bind { address, source });
         let listener = patiently(bind).await?;
+        if !config.data.join(DATABASE).exists() {
+            tracing::info!(data = %config.data.display(), "no database is here: making a new one");
+        }
         let lock = patiently(async || Ok(data::lock(&config.data)?)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
         let store = Store::open(&config.data.join(DATABASE), config.objects.as_ref()).await?;

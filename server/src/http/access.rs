@@ -147,7 +147,7 @@ impl Access {
     pub(super) fn admit(&self, secret: Option<&str>) -> Result<Caller, ApiError> {
         let Admission::Bearers(tokens) = self.admission() else { return Ok(Caller::default()) };
         let missing = || {
-            let detail = "send the header `authorization: Bearer TOKEN`; `roost token create` makes one";
+            let detail = "send the header `authorization: Bearer TOKEN`, or give the `roost` command `--token-file` or ROOST_TOKEN; `roost token create` makes one";
             ApiError::new(Kind::Unauthorized, detail)
         };
         let hash = blake3::hash(secret.ok_or_else(missing)?.as_bytes());
