@@ -20,6 +20,7 @@ mod heartbeats;
 mod job_control;
 mod jobs;
 mod meshes;
+mod migrations;
 mod objects;
 mod prune;
 mod results;
@@ -62,6 +63,7 @@ pub(crate) use extension::MoreOfSweep;
 pub(crate) use frames::StoredFrames;
 pub(crate) use heartbeats::Beat;
 pub(crate) use jobs::JobFilter;
+use migrations::migrator;
 pub(crate) use objects::Unstaged;
 pub(crate) use submissions::{Answered, Known, Submission};
 pub(crate) use submit::{NewJob, NewSweep};
@@ -292,16 +294,14 @@ async fn connect(options: SqliteConnectOptions) -> Result<(SqliteConnection, Str
     Ok((connection, version))
 }
 
-static MIGRATIONS: sqlx::migrate::Migrator = sqlx::migrate!("../migrations");
-
 async fn migrate(connection: &mut SqliteConnection) -> Result<(), StoreError> {
     refuse_newer(connection).await?;
-    Ok(MIGRATIONS.run(connection).await?)
+    Ok(migrator().run(connection).await?)
 }
 
 /// Refuses a database that a newer program has migrated: this one would misread it.
 async fn refuse_newer(connection: &mut SqliteConnection) -> Result<(), StoreError> {
-    let known = MIGRATIONS.iter().map(|migration| migration.version).max().unwrap_or(0);
+    let known = migrator().iter().map(|migration| migration.version).max().unwrap_or(0);
     let is_made = "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = '_sqlx_migrations')";
     if !sqlx::query_scalar(is_made).fetch_one(&mut *connection).await? {
         return Ok(());

@@ -8,6 +8,7 @@ use roost_api::time::Timestamp;
 use roost_api::worker::WorkerRegistration;
 use sqlx::{AssertSqlSafe, Connection};
 
+use super::migrations::migrator;
 use super::{Claim, JobFilter, NewJob, Store, StoreError, TokenFile, connect, copy, options};
 use crate::clock::Now;
 
@@ -16,7 +17,7 @@ use crate::clock::Now;
 async fn a_database_from_before_owners_keeps_its_order_and_its_labels() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("roost.db");
-    let mut before = sqlx::migrate!("../migrations");
+    let mut before = migrator();
     before.migrations.to_mut().retain(|migration| migration.version <= 10);
     let (mut database, _) = connect(options(&path)).await.unwrap();
     before.run(&mut database).await.unwrap();
