@@ -43,17 +43,17 @@ shared! {
         k_n: f32,
         /// k_t, in N/m.
         k_t: f32,
-        /// Normal strength, in N.
+        /// Length beyond which a bond breaks, in m.
         break_length: f32,
-        /// Shear strength, in N.
+        /// Normal force at which the bond yields, in N.
         normal_strength: f32,
-        /// Per-run parameters, and offsets of the run in the buffers of the batch.
+        /// Shear force at which the bond yields, in N.
         shear_strength: f32,
     }
 
-    /// Acceleration of gravity, in m/s².
+    /// Per-run parameters, and offsets of the run in the buffers of the batch.
     Scene {
-        /// In m/s².
+        /// Acceleration of gravity, in m/s².
         gravity: [f32; 3],
         /// Time step, in s.
         dt: f32,
