@@ -6,7 +6,6 @@ use anyhow::Result;
 use roost_api::job::AttemptOutcome;
 use roost_api::{Phase, Progress, RunResult};
 use roost_solver::{Limits, scenario};
-use roost_worker::meshes::MeshSource;
 use roost_worker::runner::{Place, Run, RunEnd, Stop};
 use serde_json::json;
 use tokio_util::sync::CancellationToken;
@@ -60,7 +59,8 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let named = meshes::resolve(&args.scenario, document).without_a_server();
     let bad = |faults: Vec<_>| input::faults(&args.scenario, &named.faults_and(faults));
     let scenario = scenario::from_value(&named.document).map_err(bad)?;
-    let estimate = roost_solver::check(&scenario, &named.meshes, &Limits::default()).map_err(bad)?;
+    let checked = roost_solver::check(&scenario, &named.meshes, &Limits::default()).map_err(bad)?;
+    let estimate = checked.estimate();
     for warning in &estimate.warnings {
         ui::say!("warning: {warning}");
     }
@@ -76,10 +76,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         estimate.steps,
         format::significant(estimate.timestep_s),
     );
-    let mut frames = args.frames.prepare(&scenario, &estimate)?;
+    let mut frames = args.frames.prepare(&scenario, estimate)?;
     let pictures = frames.as_ref().map(Frames::pictures);
-    let meshes = MeshSource::Given(named.meshes);
-    let run = Run::start_pictured(json!(scenario), meshes, place, None, pictures);
+    let run = Run::start_checked(checked, place, pictures);
     let end = watch(run, &shutdown, || frames.as_mut()?.warning()).await;
     let recorded = frames.as_mut().map(Frames::finish);
     let (result, exit) = match end {

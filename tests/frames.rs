@@ -80,7 +80,8 @@ fn all_files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 
 fn scene_of(scenario: &Value) -> Scene {
     let scenario = roost_solver::scenario::from_value(scenario).unwrap();
-    roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).scene
+    let checked = roost_solver::check(&scenario, &Default::default(), &roost_solver::Limits::NONE).unwrap();
+    checked.setup().scene().clone()
 }
 
 #[test]

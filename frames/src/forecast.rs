@@ -88,7 +88,8 @@ mod tests {
 
         let estimate =
             roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
-                .expect("a sound scenario");
+                .expect("a sound scenario")
+                .into_estimate();
         let forecast = forecast(&scenario, &estimate, &BOTH);
         for (foreseen, real) in [(forecast.web_bytes, packed), (forecast.vtk_bytes, files)] {
             let ratio = foreseen as f64 / real as f64;
@@ -106,7 +107,8 @@ mod tests {
             let scenario = roost_solver::scenario::from_value(&document).expect("a sound scenario");
             let estimate =
                 roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
-                    .expect("a sound scenario");
+                    .expect("a sound scenario")
+                    .into_estimate();
             forecast(&scenario, &estimate, &Options { interval_s: 0.1, ..BOTH }).frames
         };
         // Tilted to 20.1° at 2 °/s, after the fill.
@@ -125,7 +127,8 @@ mod tests {
         let (scenario, ..) = fillets(2);
         let estimate =
             roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
-                .expect("a sound scenario");
+                .expect("a sound scenario")
+                .into_estimate();
         let of = |vtk, web| forecast(&scenario, &estimate, &Options { vtk, web, ..BOTH });
         assert_eq!((of(true, false).web_bytes, of(false, true).vtk_bytes), (0, 0));
         assert_eq!(of(true, false).vtk_bytes, of(true, true).vtk_bytes);

@@ -4,7 +4,6 @@ use glam::{IVec3, Vec3};
 use roost_solver::engine::run::Snapshot;
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
-use roost_solver::experiments::prepare;
 use roost_solver::scenario::{Scenario, parse};
 
 /// A few coarse fillets over a hopper, and where they start.
@@ -14,7 +13,8 @@ pub(crate) fn fillets(count: u32) -> (Scenario, Scene, State) {
             "numerics": {{"timestep_s": "auto"}}}}"#
     );
     let scenario = parse(&text).expect("a sound scenario");
-    let scene = prepare(&scenario, &roost_solver::mesh::Meshes::default()).scene;
+    let checked = roost_solver::check(&scenario, &Default::default(), &roost_solver::Limits::NONE);
+    let scene = checked.expect("a scenario that can run").setup().scene().clone();
     let state = State::new(&scene);
     (scenario, scene, state)
 }

@@ -6,10 +6,10 @@ use roost_api::mesh::{MeshFormat, MeshView, is_digest};
 use roost_api::time::Timestamp;
 use roost_api::validate::MeshReport;
 use roost_api::{Estimate, Fault};
-use roost_solver::Limits;
 use roost_solver::mesh::stl::binary_length;
 use roost_solver::mesh::{Mesh, MeshError, Meshes, NO_AREA_M2, Units, doubled_area};
 use roost_solver::scenario::{MeshRef, Scenario, escape};
+use roost_solver::{Checked, Limits};
 use serde_json::{Value, json};
 
 use crate::document::fault;
@@ -84,7 +84,10 @@ pub(crate) fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Re
         is_missing.then(|| fault(&format!("{pointer}/digest"), json!(named.digest), detail, allowed))
     };
     let faults: Vec<_> = scenario.named_meshes().into_iter().filter_map(missing).collect();
-    if faults.is_empty() { roost_solver::check(scenario, meshes, limits) } else { Err(faults) }
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    roost_solver::check(scenario, meshes, limits).map(Checked::into_estimate)
 }
 
 /// What scenarios that were checked read of the meshes that they name, each mesh and unit once.

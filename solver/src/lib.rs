@@ -1,9 +1,9 @@
-//! The Roost DEM solver: a scenario goes in, responses and series come out.
+//! The Roost DEM solver: from a scenario to responses and series.
 //!
-//! The library knows no HTTP, no database and no wall clock beyond timing itself. The layers, from the
-//! top: [`scenario`] is what a user may ask for, [`experiments`] turns it into a scene of bodies and
-//! surfaces, [`engine`] owns the state and the order of the stages of a step, [`cpu`] and, with the feature of that name,
-//! `gpu` carry the stages out, [`observe`] reads the state into samples, and [`result`] is what comes back.
+//! The library knows no HTTP, no database and no wall clock beyond timing itself. [`scenario`] reads and completes a
+//! document, [`check()`] makes it [`Checked`], and [`simulate()`] runs it. [`experiments`] turns a scenario into a scene of
+//! bodies and surfaces, [`engine`] owns the state and the order of the stages of a step, [`cpu`] and, with the feature of
+//! that name, `gpu` compute the stages, [`observe`] evaluates samples, and [`result`] is the result document.
 
 mod check;
 pub mod cpu;
@@ -18,53 +18,50 @@ pub mod physics;
 pub mod result;
 pub mod scenario;
 pub mod shape;
+mod simulate;
 pub mod walls;
 
-pub use check::{Limits, check};
+pub use check::{Checked, Limits, check};
 pub use engine::OutOfDeviceMemory;
 pub use engine::run::Observer;
-use mesh::Meshes;
 use result::RunResult;
 pub use result::{Flow, Progress, SOLVER_REVISION, VERSION};
-use scenario::Scenario;
+pub use simulate::simulate_on;
 
-/// Where a run is computed.
+/// Options of the CPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CpuOptions {
     /// Threads; 0 means one per processor.
     pub threads: usize,
 }
 
-/// What computes runs. Clones share it.
+/// A device that computes runs. Clones share it.
 #[derive(Clone, Debug)]
 pub enum Computer {
     /// The CPU.
     Cpu(CpuOptions),
-    /// A graphics adapter; what threads simulate on it at a time is advanced together.
+    /// A graphics adapter. Runs of several threads advance as one batch.
     #[cfg(feature = "gpu")]
     Gpu(std::sync::Arc<gpu::Gpu>),
 }
 
 impl Computer {
-    /// As [`simulate`], on this.
+    /// As [`simulate`], on this device.
     ///
     /// # Errors
-    /// When the device has no room for it.
+    /// When the device has too little memory.
     ///
     /// # Panics
     /// When the device fails: see [`Self::has_failed`].
     pub fn simulate(
         &self,
-        scenario: &Scenario,
-        meshes: &Meshes,
+        checked: &Checked,
         observer: &mut dyn Observer,
     ) -> Result<RunResult, OutOfDeviceMemory> {
         match self {
-            Self::Cpu(options) => Ok(simulate(scenario, meshes, *options, observer)),
+            Self::Cpu(options) => Ok(simulate(checked, *options, observer)),
             #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => {
-                gpu::catch_out_of_memory(|| experiments::simulate(scenario, meshes, &**gpu, observer))
-            }
+            Self::Gpu(gpu) => gpu::catch_out_of_memory(|| simulate_on(&**gpu, checked, observer)),
         }
     }
 
@@ -87,13 +84,8 @@ impl Computer {
     }
 }
 
-/// Runs one scenario, whose meshes must be among `meshes`, on the CPU to its end. The observer is told the progress about ten times a second of wall time and
-/// at least once per output interval, and may cancel: what was sampled so far is then returned, without responses.
-pub fn simulate(
-    scenario: &Scenario,
-    meshes: &Meshes,
-    options: CpuOptions,
-    observer: &mut dyn Observer,
-) -> RunResult {
-    experiments::simulate(scenario, meshes, &cpu::Cpu::new(options.threads), observer)
+/// Runs a checked scenario on the CPU to its end. Progress is reported about ten times a second of wall time and at least
+/// once per output interval. The observer may cancel: the result then has the samples so far, and no responses.
+pub fn simulate(checked: &Checked, options: CpuOptions, observer: &mut dyn Observer) -> RunResult {
+    simulate_on(&cpu::Cpu::new(options.threads), checked, observer)
 }

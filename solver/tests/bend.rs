@@ -87,7 +87,8 @@ fn a_clamped_beam_hangs_as_its_bonds_say() {
             ],
         );
         let options = CpuOptions { threads: 1 };
-        let result = simulate(&scenario, &meshes, options, &mut |_: &Progress| Flow::Continue);
+        let checked = check(&scenario, &meshes, &Limits::NONE).expect("can run");
+        let result = simulate(&checked, options, &mut |_: &Progress| Flow::Continue);
         assert_eq!(result.end_reason, EndReason::Duration);
         // It swings about where it would hang, undamped: the mean over many swings, faded in and out.
         let tip = result.series("tip_deflection").expect("there");
@@ -160,7 +161,8 @@ fn off_a_ledge_a_fillet_bends_and_falls() {
     let energy = result.series("kinetic_energy").expect("there");
     assert!(bend.t_s[0] == 0.0 && energy.t_s[0] < -0.1, "{:?}", energy.t_s);
     let carried = energy.t_s.iter().zip(&energy.values).find(|(t, _)| **t > 0.15).expect("samples").1;
-    let estimate = check(&result.scenario, &Meshes::default(), &Limits::default()).expect("it ran");
+    let estimate =
+        check(&result.scenario, &Meshes::default(), &Limits::default()).expect("it ran").into_estimate();
     assert_close(*carried, 0.5 * estimate.mass_kg * 0.25 * 0.25, 0.1);
     let slower = run("off_ledge", &[("/bend/belt_speed_m_s", json!(0.125))]);
     let left = |result: &RunResult| *result.series("bend_angle").expect("there").t_s.last().expect("samples");

@@ -6,11 +6,10 @@ mod stl;
 
 use glam::DVec3;
 use roost_solver::equipment::{Motion, Presence, Surface, SurfaceKind};
-use roost_solver::experiments::prepare;
 use roost_solver::mesh::Meshes;
 use roost_solver::result::RunResult;
 use roost_solver::scenario::{self, Scenario};
-use roost_solver::{CpuOptions, Flow, Limits, Progress, check, simulate};
+use roost_solver::{Checked, CpuOptions, Flow, Limits, Progress, check, simulate};
 use serde_json::{Value, json};
 
 /// A small hopper whose surfaces are those of the list, or the parametric ones.
@@ -28,9 +27,12 @@ fn hopper(surfaces: Option<Vec<Value>>) -> Scenario {
     scenario::from_value(&document).expect("a sound scenario")
 }
 
+fn checked(scenario: &Scenario, meshes: &Meshes) -> Checked {
+    check(scenario, meshes, &Limits::default()).expect("a scenario that can run")
+}
+
 fn run(scenario: &Scenario, meshes: &Meshes) -> RunResult {
-    check(scenario, meshes, &Limits::default()).expect("a scenario that can run");
-    simulate(scenario, meshes, CpuOptions { threads: 2 }, &mut |_: &Progress| Flow::Continue)
+    simulate(&checked(scenario, meshes), CpuOptions { threads: 2 }, &mut |_: &Progress| Flow::Continue)
 }
 
 /// A surface as a user would name its file.
@@ -53,7 +55,7 @@ fn named(surface: &Surface, file: &[u8], meshes: &mut Meshes) -> Value {
 /// Every surface of the parametric hopper as a file of its own.
 fn drawn(write: impl Fn(&Surface) -> Vec<u8>) -> (Scenario, Meshes) {
     let mut meshes = Meshes::default();
-    let scene = prepare(&hopper(None), &Meshes::default()).scene;
+    let scene = checked(&hopper(None), &Meshes::default()).setup().scene().clone();
     let surfaces =
         scene.surfaces.iter().map(|surface| named(surface, &write(surface), &mut meshes)).collect();
     (hopper(Some(surfaces)), meshes)
@@ -74,7 +76,10 @@ fn a_hopper_from_binary_stl_is_off_by_the_rounding_of_its_corners_alone() {
     // Binary files hold f32: corners are off by up to 6e-8 of their distance from the origin, and so the runs are not
     // equal to the bit. Corners and curves stay close; the curve for as long as little has been multiplied by chaos.
     let (scenario, meshes) = drawn(|surface| stl::binary(&surface.triangles));
-    let (own, theirs) = (prepare(&hopper(None), &Meshes::default()).scene, prepare(&scenario, &meshes).scene);
+    let (own, theirs) = (
+        checked(&hopper(None), &Meshes::default()).setup().scene().clone(),
+        checked(&scenario, &meshes).setup().scene().clone(),
+    );
     let corners = |surfaces: &[Surface]| -> Vec<DVec3> {
         surfaces.iter().flat_map(|surface| surface.triangles.iter().flatten().copied()).collect()
     };
@@ -106,7 +111,7 @@ fn a_product_from_stl_falls_like_the_body_it_describes() {
         }))
         .expect("a sound scenario")
     };
-    let estimate = check(&of("mm"), &meshes, &Limits::default()).expect("a scenario that can run");
+    let estimate = checked(&of("mm"), &meshes).into_estimate();
     assert_eq!((estimate.subparticles, estimate.bonds), (8 * 6 * 4, 3 * 192 - 48 - 32 - 24));
     assert!((estimate.mass_kg / (940.0 * size.element_product()) - 1.0).abs() < 1e-6);
     let result = run(&of("mm"), &meshes);

@@ -4,17 +4,14 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use common::{assert_close, document};
+use common::{assert_close, document, kinds, scene_of};
 use roost_solver::engine::state::State;
-use roost_solver::experiments::{bounds_on_timestep, kinds, prepare};
+use roost_solver::experiments::bounds_on_timestep;
 use roost_solver::mesh::Meshes;
 use roost_solver::result::Estimate;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{Limits, check};
 use serde_json::{Value, json};
-
-/// Limits that nothing here exceeds.
-const NO_LIMITS: Limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
 
 /// A hopper scenario with these fields, by pointer, instead of the defaults.
 fn with(fields: &[(&str, Value)]) -> Scenario {
@@ -32,12 +29,13 @@ fn refused(scenario: &Scenario, limits: &Limits) -> Vec<String> {
 }
 
 fn accepted(scenario: &Scenario) -> Estimate {
-    check(scenario, &Meshes::default(), &NO_LIMITS).expect("accepted")
+    check(scenario, &Meshes::default(), &Limits::NONE).expect("accepted").into_estimate()
 }
 
 #[test]
 fn the_papers_hopper_is_accepted_and_weighs_what_the_paper_says() {
-    let estimate = check(&with(&[]), &Meshes::default(), &Limits::default()).expect("accepted");
+    let estimate =
+        check(&with(&[]), &Meshes::default(), &Limits::default()).expect("accepted").into_estimate();
     assert_eq!((estimate.fillets, estimate.warnings.len()), (191, 0), "{:?}", estimate.warnings);
     assert_close(estimate.mass_kg, 38.21, 0.01);
     assert_eq!(estimate.timestep_s, 5.75e-5);
@@ -55,7 +53,7 @@ fn the_estimate_is_what_is_built() {
         vec![("/product/count", json!(50)), ("/numerics/timestep_s", json!("auto"))],
     ] {
         let scenario = with(&fields);
-        let (estimate, scene) = (accepted(&scenario), prepare(&scenario, &Meshes::default()).scene);
+        let (estimate, scene) = (accepted(&scenario), scene_of(&scenario));
         let state = State::new(&scene);
         assert_eq!(estimate.fillets, scene.bodies.len() as u64);
         assert_eq!(estimate.subparticles, state.particles.len() as u64);
@@ -71,7 +69,7 @@ fn the_estimate_is_what_is_built() {
 #[test]
 fn fillets_that_cannot_fit_are_refused() {
     let few = ("/product/count", json!(50));
-    let one = |pointer: &str, value: Value| refused(&with(&[few.clone(), (pointer, value)]), &NO_LIMITS);
+    let one = |pointer: &str, value: Value| refused(&with(&[few.clone(), (pointer, value)]), &Limits::NONE);
     assert_eq!(one("/equipment/hopper_length_m", json!(0.08)), ["/equipment/hopper_length_m"]);
     assert_eq!(one("/equipment/hopper_width_m", json!(0.08)), ["/equipment/hopper_width_m"]);
     assert_eq!(one("/product/count", json!(800)), ["/product/count"]);
@@ -83,7 +81,7 @@ fn fillets_that_cannot_fit_are_refused() {
 #[test]
 fn a_radius_too_coarse_for_a_size_is_refused() {
     let coarse = [("/product/subparticle_radius_m", json!(0.02)), ("/product/fill", json!("whole_spheres"))];
-    let faults = check(&with(&coarse), &Meshes::default(), &NO_LIMITS).expect_err("refused");
+    let faults = check(&with(&coarse), &Meshes::default(), &Limits::NONE).expect_err("refused");
     assert_eq!(faults.len(), 3, "one for each size: {faults:?}");
     assert!(faults.iter().all(|fault| fault.pointer == "/product/subparticle_radius_m"));
     assert!(
@@ -96,12 +94,12 @@ fn a_radius_too_coarse_for_a_size_is_refused() {
 
 #[test]
 fn a_time_step_past_stability_is_refused_and_near_it_warned_of() {
-    let bounds = bounds_on_timestep(&with(&[]), &kinds(&with(&[]), &Meshes::default()));
+    let bounds = bounds_on_timestep(&with(&[]), &kinds(&with(&[])));
     assert!(bounds.auto_s < bounds.damped_s && bounds.damped_s < bounds.undamped_s);
     let step =
         |dt: f64, fields: &[(&str, Value)]| with(&[&[("/numerics/timestep_s", json!(dt))], fields].concat());
     let allow = [("/numerics/allow_unstable", json!(true))];
-    assert_eq!(refused(&step(1.01 * bounds.undamped_s, &[]), &NO_LIMITS), ["/numerics/timestep_s"]);
+    assert_eq!(refused(&step(1.01 * bounds.undamped_s, &[]), &Limits::NONE), ["/numerics/timestep_s"]);
     assert_eq!(accepted(&step(1.01 * bounds.undamped_s, &allow)).warnings.len(), 1);
     assert_eq!(accepted(&step(0.99 * bounds.undamped_s, &[])).warnings.len(), 1);
     assert_eq!(accepted(&step(1.01 * bounds.damped_s, &[])).warnings.len(), 1);

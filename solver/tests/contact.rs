@@ -9,11 +9,13 @@ use glam::{DVec3, Vec3};
 use roost_solver::engine::Backend;
 use roost_solver::engine::run::{Decision, ExperimentMonitor, RunPlan, Sample, run};
 use roost_solver::equipment::SurfaceKind;
+use roost_solver::observe::Recorder;
 use roost_solver::physics::contact::{self, ContactHistory};
 use roost_solver::physics::damping::{BODY_CAP, BONDED_CAP, SURFACE_CAP};
 use roost_solver::physics::{hertz, jkr};
 use roost_solver::result::EndReason;
 use roost_solver::{Flow, Progress};
+use serde_json::{Map, Value};
 
 /// E* of tissue on tissue, written out from eq. 2.
 fn e_star() -> f64 {
@@ -193,8 +195,9 @@ fn the_greatest_overlap_is_that_of_what_no_bond_joins() {
     assert_eq!(overlap(pair, vec![at(DVec3::ZERO, DVec3::ZERO)]), 0.0);
 }
 
-/// Remembers the greatest overlap that each look at a run tells.
-struct Overlaps(Vec<f32>);
+/// Records the maximum overlap of each sample.
+#[derive(Default)]
+struct Overlaps(Vec<f32>, Recorder);
 
 impl ExperimentMonitor for Overlaps {
     fn observe(&mut self, sample: &Sample<'_>) -> Decision {
@@ -202,8 +205,12 @@ impl ExperimentMonitor for Overlaps {
         if sample.belt_time_s.is_none() { Decision::Start } else { Decision::Continue { remove: vec![] } }
     }
 
-    fn discharged_kg(&self) -> f64 {
-        0.0
+    fn recorder(&self) -> &Recorder {
+        &self.1
+    }
+
+    fn responses(&self, _reason: EndReason) -> Map<String, Value> {
+        Map::new()
     }
 }
 
@@ -212,7 +219,7 @@ fn a_run_remembers_the_greatest_overlap_of_a_collision_long_past() {
     let bodies = [-1.0, 1.0].map(|side| at(DVec3::X * side * 1.01 * RADIUS, DVec3::X * -side * 0.25));
     let scene = scene(block([1, 1, 1]), bodies.to_vec(), 1e-5);
     let plan = RunPlan { sample_interval_s: 1e-3, longest_fill_s: 1.0, duration_s: 0.1 };
-    let mut overlaps = Overlaps(Vec::new());
+    let mut overlaps = Overlaps::default();
     let ended = run(&common::backend(1), &scene, plan, &mut overlaps, &mut |_: &Progress| Flow::Continue);
     assert_eq!(ended.reason, EndReason::Duration);
     let (v, m_star, r_star) = (0.5, MASS / 2.0, RADIUS / 2.0);

@@ -3,12 +3,11 @@
 
 mod common;
 
-use common::{Bench, assert_same, at, blocks, law, small_hopper};
+use common::{Bench, assert_same, at, blocks, checked, law, small_hopper};
 use glam::{DQuat, DVec3};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::Scene;
-use roost_solver::mesh::Meshes;
 use roost_solver::scenario::Scenario;
 use roost_solver::{CpuOptions, Flow, Progress, simulate};
 
@@ -18,9 +17,8 @@ fn hopper() -> Scenario {
 
 #[test]
 fn a_run_gives_the_same_bits_on_one_two_and_three_threads() {
-    let run = |threads| {
-        simulate(&hopper(), &Meshes::default(), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue)
-    };
+    let run =
+        |threads| simulate(&checked(&hopper()), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue);
     let one = run(1);
     assert!(one.response("discharged_kg").is_some_and(|mass| mass > 0.1), "{:?}", one.responses);
     for threads in [2, 3] {
@@ -36,12 +34,9 @@ fn a_run_gives_the_same_bits_on_one_two_and_three_threads() {
 #[test]
 fn another_seed_gives_another_run() {
     let run = |seed| {
-        simulate(
-            &Scenario { seed, ..hopper() },
-            &Meshes::default(),
-            CpuOptions { threads: 2 },
-            &mut |_: &Progress| Flow::Continue,
-        )
+        simulate(&checked(&Scenario { seed, ..hopper() }), CpuOptions { threads: 2 }, &mut |_: &Progress| {
+            Flow::Continue
+        })
     };
     assert_ne!(run(1).series, run(2).series);
 }
@@ -226,12 +221,11 @@ fn what_has_left_is_not_missed() {
 #[test]
 fn a_cancelled_run_keeps_its_samples_and_has_no_responses() {
     let mut looks = 0;
-    let result =
-        simulate(&hopper(), &Meshes::default(), CpuOptions { threads: 2 }, &mut |progress: &Progress| {
-            looks += 1;
-            assert!((0.0..=1.0).contains(&progress.fraction));
-            if progress.simulated_s > 0.1 { Flow::Cancel } else { Flow::Continue }
-        });
+    let result = simulate(&checked(&hopper()), CpuOptions { threads: 2 }, &mut |progress: &Progress| {
+        looks += 1;
+        assert!((0.0..=1.0).contains(&progress.fraction));
+        if progress.simulated_s > 0.1 { Flow::Cancel } else { Flow::Continue }
+    });
     assert_eq!(result.end_reason, roost_solver::result::EndReason::Cancelled);
     assert!(looks >= 5 && result.responses.is_empty());
     assert!(result.series("kinetic_energy").is_some_and(|series| series.values.len() >= 5));

@@ -1,14 +1,12 @@
-//! The hopper's director, shown states made by hand: when the bed rests, what has passed, what has left, when to stop.
+//! The hopper's monitor with states made by hand: when the bed rests, what has passed, what has left, when to stop.
 
 mod common;
 
-use common::{assert_close, document};
+use common::{assert_close, checked, document};
 use glam::DVec3;
-use roost_solver::engine::run::{Decision, Sample};
+use roost_solver::engine::run::{Decision, ExperimentMonitor, Sample};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
-use roost_solver::experiments::{Prepared, Watch, prepare};
-use roost_solver::mesh::Meshes;
 use roost_solver::observe::BendGauge;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Scenario};
@@ -18,7 +16,7 @@ use serde_json::{Value, json};
 struct Stage {
     scene: Scene,
     state: State,
-    watch: Box<dyn Watch>,
+    monitor: Box<dyn ExperimentMonitor>,
     simulated_s: f64,
     start_s: f64,
 }
@@ -28,11 +26,12 @@ impl Stage {
         let few = [("/product/count", json!(2)), ("/product/subparticle_radius_m", json!(0.008))];
         let scenario: Scenario =
             scenario::from_value(&document(&[&few[..], fields].concat())).expect("a sound scenario");
-        let Prepared { scene, watch, .. } = prepare(&scenario, &Meshes::default());
+        let checked = checked(&scenario);
+        let (scene, monitor) = (checked.setup().scene().clone(), checked.setup().monitor());
         let mut state = State::new(&scene);
         state.particles.iter_mut().for_each(|p| p.position.x = state.frame.encode(DVec3::X * -0.1).x);
         // By now the highest of them would have fallen.
-        Self { scene, state, watch, simulated_s: 1.0, start_s: 0.0 }
+        Self { scene, state, monitor, simulated_s: 1.0, start_s: 0.0 }
     }
 
     /// Started: 0.1 s at rest.
@@ -61,7 +60,7 @@ impl Stage {
 
     fn look(&mut self, belt_time_s: Option<f64>) -> Decision {
         let (simulated_s, state) = (self.simulated_s, &self.state);
-        self.watch.observe(&Sample {
+        self.monitor.observe(&Sample {
             simulated_s,
             belt_time_s,
             state,
@@ -133,13 +132,14 @@ fn mass_counts_once_when_its_centre_passes_the_gate() {
         stage.put(0..count, x);
         let decision = stage.process();
         let out = stage.mass(0..passed);
-        assert!((stage.watch.discharged_kg() - out).abs() < 1e-12, "{count} at {x} m: {out} kg");
+        assert!((stage.monitor.discharged_kg() - out).abs() < 1e-12, "{count} at {x} m: {out} kg");
         assert_eq!(decision == Decision::End(EndReason::Empty), passed == all);
     }
-    let responses = stage.watch.responses(EndReason::Empty);
+    let responses = stage.monitor.responses(EndReason::Empty);
     assert_close(responses["filled_kg"].as_f64().unwrap(), stage.mass(0..all), 1e-9);
     assert_close(responses["max_overlap_ratio"].as_f64().unwrap(), 0.05, 1e-6);
-    let series = stage.watch.series();
+    stage.monitor.finish();
+    let series = stage.monitor.recorder().series();
     assert_eq!(series[0].t_s.len(), 6);
     assert!(series[0].t_s.iter().enumerate().all(|(k, t)| (t - 0.02 * k as f64).abs() < 1e-12));
     // Energy from the fill on: five samples before the start, which is at 0 in both.
@@ -155,7 +155,7 @@ fn whole_fillets_leave_past_the_gate_and_strays_are_counted_as_escaped() {
     assert_eq!(stage.process(), GO_ON, "a part of it still hangs in the hopper");
     stage.put(n - 1..n, 0.26);
     assert_eq!(stage.process(), Decision::Continue { remove: (0..n as u32).collect() });
-    assert_eq!(stage.watch.responses(EndReason::Duration)["escaped_kg"], json!(0.0));
+    assert_eq!(stage.monitor.responses(EndReason::Duration)["escaped_kg"], json!(0.0));
     // One sub-particle of the second fillet far to the side: it goes alone, and counts as escaped.
     stage.put(n..n + 4, 0.01);
     stage.process();
@@ -164,7 +164,7 @@ fn whole_fillets_leave_past_the_gate_and_strays_are_counted_as_escaped() {
     stage.put(n..n + 4, -0.01);
     stage.put(0..n, 0.01);
     assert_eq!(stage.process(), Decision::Continue { remove: vec![all as u32 - 1] });
-    let responses = stage.watch.responses(EndReason::Duration);
+    let responses = stage.monitor.responses(EndReason::Duration);
     assert_close(responses["escaped_kg"].as_f64().unwrap(), stage.mass(all - 1..all), 1e-9);
     assert_close(responses["discharged_kg"].as_f64().unwrap(), stage.mass(0..n + 4), 1e-9);
 }
@@ -194,7 +194,7 @@ fn the_beds_volume_is_its_floor_times_its_surface() {
         p.position = stage.state.frame.encode(at);
     }
     while stage.fill() == GO_ON {}
-    let density = stage.watch.responses(EndReason::Duration)["bulk_density_kg_m3"].as_f64().unwrap();
+    let density = stage.monitor.responses(EndReason::Duration)["bulk_density_kg_m3"].as_f64().unwrap();
     assert_close(density, stage.mass(0..cells) / (0.3 * 0.32 * 0.108), 1e-6);
 }
 
@@ -220,7 +220,7 @@ impl Stage {
     }
 
     fn curl(&self, name: &str) -> Option<f64> {
-        self.watch.responses(EndReason::Duration)[name].as_f64()
+        self.monitor.responses(EndReason::Duration)[name].as_f64()
     }
 }
 

@@ -2,11 +2,10 @@
 
 mod common;
 
-use common::{assert_close, document, prepare, response, run_on};
+use common::{assert_close, checked, document, response, run_on, scene_of};
 use glam::DVec3;
-use roost_solver::engine::run::{Decision, Sample};
+use roost_solver::engine::run::{Decision, ExperimentMonitor, Sample};
 use roost_solver::engine::state::State;
-use roost_solver::experiments::Watch;
 use roost_solver::result::{EndReason, RunResult};
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Value, json};
@@ -34,7 +33,7 @@ fn curve(result: &RunResult, name: &str) -> Vec<f64> {
 }
 
 fn mass_kg(scenario: &Scenario) -> f64 {
-    let state = State::new(&prepare(scenario).scene);
+    let state = State::new(&scene_of(scenario));
     state.masses.iter().map(|&mass| f64::from(mass)).sum()
 }
 
@@ -129,7 +128,7 @@ fn fillets_stand_just_over_their_plates_turned_as_asked_for() {
         ("/drop/scatter_deg", json!(5)),
         ("/drop/speed_m_s", json!(0.01)),
     ];
-    let scene = prepare(&drop(&all)).scene;
+    let scene = scene_of(&drop(&all));
     let state = State::new(&scene);
     let mut seen = Vec::new();
     for (body, range) in state.body_ranges() {
@@ -158,17 +157,18 @@ fn fillets_stand_just_over_their_plates_turned_as_asked_for() {
     assert!(apart > plate + 2.0 * 30.0 * 0.002, "{apart} m, plates of {plate} m");
 }
 
-/// One fillet's director and state, to be shown and moved about by hand.
+/// One fillet's monitor and its state, changed by hand.
 struct Stage {
     state: State,
-    watch: Box<dyn Watch>,
+    monitor: Box<dyn ExperimentMonitor>,
     now_s: f64,
 }
 
 impl Stage {
     fn new(fields: &[(&str, Value)]) -> Self {
-        let prepared = prepare(&drop(fields));
-        Self { state: State::new(&prepared.scene), watch: prepared.watch, now_s: 0.0 }
+        let checked = checked(&drop(fields));
+        let setup = checked.setup();
+        Self { state: State::new(setup.scene()), monitor: setup.monitor(), now_s: 0.0 }
     }
 
     /// Shows all moving at a speed, in m/s, and goes on by 10 ms.
@@ -185,11 +185,11 @@ impl Stage {
             max_overlap_m: 9e-4,
             surface_forces: &[],
         };
-        self.watch.observe(&sample)
+        self.monitor.observe(&sample)
     }
 
     fn response(&self, name: &str) -> Value {
-        self.watch.responses(EndReason::Duration)[name].clone()
+        self.monitor.responses(EndReason::Duration)[name].clone()
     }
 }
 
@@ -205,7 +205,7 @@ fn settled_is_what_has_lost_99_percent_and_stays_so() {
         max_overlap_m: 0.0,
         surface_forces: &[],
     };
-    assert_eq!(stage.watch.observe(&before), Decision::Start, "t = 0 is the start");
+    assert_eq!(stage.monitor.observe(&before), Decision::Start, "t = 0 is the start");
     // 1 % of the energy of 2 m/s is that of 0.2 m/s.
     for (speed, settled) in [(2.0, 0.0), (0.5, 0.0), (0.19, 1.0), (0.3, 0.0), (0.1, 1.0), (0.19, 1.0)] {
         assert_eq!(stage.look(speed), GO_ON);
@@ -253,7 +253,7 @@ fn what_leaves_its_plate_is_escaped_and_not_broken() {
     stage.state.remove(&[0]);
     assert_eq!(stage.look(2.0), GO_ON);
     assert_close(stage.response("escaped_kg").as_f64().expect("a number"), mass, 1e-9);
-    let curves = stage.watch.curves();
+    let curves = stage.monitor.curves();
     assert_eq!(curves[0].values, [1.0 - 3.0 / (bonds / 2.0), 1.0]);
     assert_eq!(stage.response("lowest_bonds_intact_fraction"), json!(curves[0].values[0]));
     assert_close(

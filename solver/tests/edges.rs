@@ -4,9 +4,8 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use common::{Bench, at, block, document, law, scene};
+use common::{Bench, at, block, checked, document, law, scene, scene_of};
 use glam::DVec3;
-use roost_solver::experiments::prepare;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{CpuOptions, Flow, Limits, Progress, check, simulate};
@@ -36,9 +35,7 @@ fn the_belt_starts_when_the_bed_is_at_rest_however_often_one_looks() {
             ("/numerics/rest_speed_m_s", json!(rest_speed)),
         ]);
         let result =
-            simulate(&scenario, &Meshes::default(), CpuOptions { threads: 2 }, &mut |_: &Progress| {
-                Flow::Continue
-            });
+            simulate(&checked(&scenario), CpuOptions { threads: 2 }, &mut |_: &Progress| Flow::Continue);
         result.response("fill_duration_s").expect("it came to rest")
     };
     let usual = fill_s(0.02, 0.05);
@@ -84,7 +81,7 @@ fn what_barely_fits_is_stood_upright() {
         ("/equipment/hopper_length_m", json!(0.0281)),
     ]);
     check(&tight, &Meshes::default(), &Limits::default()).expect("fits");
-    let scene = prepare(&tight, &Meshes::default()).scene;
+    let scene = scene_of(&tight);
     assert!(scene.bodies.iter().all(|body| (body.orientation * DVec3::X).z.abs() > 0.99));
 }
 
@@ -120,7 +117,7 @@ fn the_automatic_step_of_a_stiff_truss_holds() {
         ("/bonds/shear_stiffness_n_m3", json!(6e7)),
         ("/numerics/timestep_s", json!("auto")),
     ]);
-    let mut bench = Bench::new(&prepare(&truss, &Meshes::default()).scene);
+    let mut bench = Bench::new(&scene_of(&truss));
     assert_eq!(bench.steps(3000), None);
     assert_eq!(bench.state().bonds_broken, 0);
 }

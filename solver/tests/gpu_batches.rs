@@ -11,7 +11,7 @@ mod stl;
 use std::f64::consts::TAU;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use common::{at, block, blocks, onto, plate, prepare, scene, small_hopper};
+use common::{at, block, blocks, onto, plate, scene, scene_of, small_hopper};
 use cut::{pipe, surface};
 use glam::DVec3;
 use parity::{Both, difference, gpu};
@@ -27,8 +27,7 @@ use roost_solver::gpu::{Device, Gpu, catch_out_of_memory, typical_run_bytes};
 fn a_batch_gives_the_bits_of_each_alone() {
     let Some(gpu) = gpu() else { return };
     // Eight hoppers with gates from 3 to 6.5 cm, each for another number of steps, half of them on the move.
-    let scenes: Vec<Scene> =
-        (0..8).map(|k| prepare(&small_hopper(0.03 + 0.005 * f64::from(k))).scene).collect();
+    let scenes: Vec<Scene> = (0..8).map(|k| scene_of(&small_hopper(0.03 + 0.005 * f64::from(k)))).collect();
     let lengths: [u64; 8] = [700, 350, 520, 90, 256, 257, 1, 600];
     let mut runs: Vec<_> = scenes.iter().map(|scene| gpu.prepare(scene)).collect();
     runs.iter_mut().step_by(2).for_each(|run| gpu.start(run));
@@ -131,7 +130,7 @@ const STEPS: u64 = 120;
 #[test]
 fn a_batch_is_as_large_as_the_memory() {
     let Some(device) = parity::device() else { return };
-    let scenes: Vec<Scene> = [0.03, 0.04, 0.05, 0.06].map(|gate| prepare(&small_hopper(gate)).scene).into();
+    let scenes: Vec<Scene> = [0.03, 0.04, 0.05, 0.06].map(|gate| scene_of(&small_hopper(gate))).into();
     let first = open(device.clone());
     let mut run = first.prepare(&scenes[0]);
     let own = first.used_bytes();

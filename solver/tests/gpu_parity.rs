@@ -10,20 +10,19 @@ mod stl;
 
 use std::f64::consts::TAU;
 
-use common::{at, blocks, bonds, law, onto, plate, prepare, small_hopper};
+use common::{at, blocks, bonds, checked, law, onto, plate, scene_of, small_hopper};
 use cut::{cap, cut_plate, pipe, surface, tilt, tilted_plate};
 use glam::{DQuat, DVec3};
 use parity::{Both, difference, gpu};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
-use roost_solver::experiments::simulate;
 use roost_solver::gpu::Gpu;
 use roost_solver::gpu::source::Source;
-use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::{BondLaw, BondModel};
 use roost_solver::result::RunResult;
 use roost_solver::scenario::{self, Scenario};
+use roost_solver::simulate_on;
 use roost_solver::{Flow, Progress};
 use serde_json::json;
 
@@ -86,7 +85,7 @@ fn what_is_held_and_what_moves_is_alike() {
 #[test]
 fn a_hopper_fills_and_discharges_alike() {
     let Some(gpu) = gpu() else { return };
-    let mut both = Both::new(&gpu, &prepare(&small_hopper(0.06)).scene);
+    let mut both = Both::new(&gpu, &scene_of(&small_hopper(0.06)));
     both.stay_the_same(600, 50);
     both.plain.start(&mut both.plain_run);
     both.gpu.start(&mut both.gpu_run);
@@ -216,8 +215,8 @@ fn every_experiment_has_the_result_of_the_plain_path() {
     let Some(gpu) = gpu() else { return };
     for scenario in experiments() {
         let mut keep_on = |_: &Progress| Flow::Continue;
-        let plain = simulate(&scenario, &Meshes::default(), &Cpu::plain(1), &mut keep_on);
-        let other = simulate(&scenario, &Meshes::default(), &gpu, &mut keep_on);
+        let plain = simulate_on(&Cpu::plain(1), &checked(&scenario), &mut keep_on);
+        let other = simulate_on(&gpu, &checked(&scenario), &mut keep_on);
         let name = json!(scenario)["experiment"].to_string();
         // `==` on floats would take -0 for 0; the text has every digit and the sign.
         let text = |result: &RunResult| json!([result.responses, result.series, result.curves]).to_string();

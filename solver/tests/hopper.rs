@@ -2,10 +2,8 @@
 
 mod common;
 
-use common::{response, run_on};
+use common::{checked, response, run_on, scene_of};
 use roost_solver::equipment::{Motion, Presence, Surface, SurfaceKind};
-use roost_solver::experiments::prepare;
-use roost_solver::mesh::Meshes;
 use roost_solver::result::{EndReason, RunResult, Series};
 use serde_json::{Value, json};
 
@@ -52,9 +50,7 @@ fn assert_near(found: f64, expected: f64, within: f64) {
 
 /// Mass of all fillets of a scenario, in kg.
 fn loaded(result: &RunResult) -> f64 {
-    roost_solver::check(&result.scenario, &Meshes::default(), &roost_solver::Limits::default())
-        .expect("accepted")
-        .mass_kg
+    checked(&result.scenario).estimate().mass_kg
 }
 
 #[test]
@@ -228,11 +224,11 @@ fn a_hopper_written_surface_by_surface_is_the_same_to_the_bit() {
             ("/numerics/duration_s", json!(0.1)),
         ];
         let parametric = run(&fields);
-        let scene = prepare(&parametric.scenario, &Meshes::default()).scene;
+        let scene = scene_of(&parametric.scenario);
         let surfaces: Vec<Value> = scene.surfaces.iter().map(written).collect();
         let own = [("/equipment/parametric", json!(false)), ("/equipment/surfaces", json!(surfaces))];
         let drawn_up = run(&[&fields[..], &own].concat());
-        let theirs = prepare(&drawn_up.scenario, &Meshes::default()).scene;
+        let theirs = scene_of(&drawn_up.scenario);
         assert_eq!(scene.surfaces, theirs.surfaces, "the same triangles in the same order");
         assert_eq!((scene.low, scene.high), (theirs.low, theirs.high));
         let text = |result: &RunResult| serde_json::to_string(&(&result.responses, &result.series)).unwrap();

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{assert_close, document, kinds, prepare};
+use common::{assert_close, document, kinds, scene_of};
 use roost_solver::engine::scene::Laws;
 use roost_solver::experiments::laws;
 use roost_solver::scenario::{self, Scenario};
@@ -56,12 +56,11 @@ fn every_field_goes_where_it_belongs() {
     assert!(laws.belt.jkr.is_none() && laws.equipment.jkr.is_some());
     assert!(laws.equipment.damping == 0.0 && laws.belt.damping > 1.0);
 
-    let scene = prepare(&with(&[
+    let scene = scene_of(&with(&[
         ("/product/count", json!(2)),
         ("/numerics/gravity_m_s2", json!(1.62)),
         ("/numerics/speed_limit_m_s", json!(7.0)),
-    ]))
-    .scene;
+    ]));
     assert_eq!((scene.gravity.z, scene.speed_limit_m_s, scene.timestep_s), (-1.62, 7.0, 5.75e-5));
 }
 

@@ -72,6 +72,12 @@ fn the_engine_imports_no_backend_and_no_experiment() {
 }
 
 #[test]
+fn the_scenario_imports_no_experiment() {
+    let never = ["experiments", "check", "engine", "observe", "cpu", "gpu"];
+    assert_eq!(forbidden("scenario", |import| !never.contains(&import)), [""; 0]);
+}
+
+#[test]
 fn observe_imports_only_results() {
     let own: BTreeSet<String> = files("observe")
         .iter()

@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    BLINK, Bench, E, MASS, NU, RADIUS, assert_force, at, block, document, hertz, law, plate, prepare,
-    push_in, scene, sphere, weighing,
+    BLINK, Bench, E, MASS, NU, RADIUS, assert_force, at, block, document, hertz, law, plate, push_in, scene,
+    scene_of, sphere, weighing,
 };
 use glam::DVec3;
 use roost_solver::equipment::{Surface, SurfaceKind};
@@ -102,7 +102,7 @@ fn the_surfaces_of_a_periodic_hopper_go_on_beyond_the_seam() {
         ("/product/count", json!(2)),
         ("/product/subparticle_radius_m", json!(0.02)),
     ];
-    let hopper = prepare(&scenario::from_value(&document(&fields)).expect("a sound scenario")).scene;
+    let hopper = scene_of(&scenario::from_value(&document(&fields)).expect("a sound scenario"));
     let half = 0.59 / 2.0;
     for surface in &hopper.surfaces {
         let y = || surface.triangles.iter().flatten().map(|corner| corner.y);

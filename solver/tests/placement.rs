@@ -8,10 +8,9 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::facet::facets;
-use roost_solver::experiments::prepare;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::field::{Field, Kind, Range};
-use roost_solver::scenario::fields::FIELDS;
+use roost_solver::scenario::fields::{FIELDS, experiments_of};
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{Limits, check};
 use serde_json::{Value, json};
@@ -79,7 +78,7 @@ impl Draw {
             pointer == "/seed" || sections.iter().any(|section| pointer.starts_with(section))
         };
         let drawn = |field: &&Field| {
-            drawn(field.pointer) && field.kind != Kind::Mesh && !field.unused_in.contains(&"hopper")
+            drawn(field.pointer) && field.kind != Kind::Mesh && experiments_of(field).contains(&"hopper")
         };
         for field in FIELDS.iter().filter(drawn) {
             if self.pick(2) == 0 {
@@ -98,11 +97,11 @@ fn no_scenario_makes_the_check_panic_and_what_it_accepts_is_placed_apart() {
         let Some(scenario) = draw.scenario() else { continue };
         sound += 1;
         let _culprit = Culprit(&scenario);
-        if let Ok(estimate) = check(&scenario, &Meshes::default(), &Limits::default())
-            && estimate.subparticles < 20_000
+        if let Ok(checked) = check(&scenario, &Meshes::default(), &Limits::default())
+            && checked.estimate().subparticles < 20_000
         {
             built += 1;
-            assert_placed_apart(&scenario, &prepare(&scenario, &Meshes::default()).scene);
+            assert_placed_apart(&scenario, checked.setup().scene());
         }
     }
     assert!(built > 150, "{built} of {sound} were built");

@@ -132,7 +132,7 @@ fn a_bed_of_fillets_is_stable_at_the_automatic_step() {
             "numerics": {"timestep_s": "auto", "gravity_m_s2": 9.81 * weight},
         });
         let scenario = scenario::from_value(&document).expect("a sound scenario");
-        let scene = common::prepare(&scenario).scene;
+        let scene = common::scene_of(&scenario);
         let mut bench = Bench::with(Cpu::new(2), &scene);
         assert_eq!(bench.steps((1.5 / scene.timestep_s) as u64), None);
         let bonds = bench.cpu.bonds(&mut bench.run);

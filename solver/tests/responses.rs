@@ -1,7 +1,9 @@
-//! The table of responses: every run of every experiment returns those of its list, and no others.
+//! The table of results: every run of every experiment returns its rows, and no others.
 
-use roost_solver::experiments::{prepare, response_names};
-use roost_solver::mesh::Meshes;
+mod common;
+
+use common::checked;
+use roost_solver::experiments::{ResponseType, outputs_of, response_names};
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Scenario, fields};
 use roost_solver::{CpuOptions, Flow, Progress, simulate};
@@ -25,42 +27,75 @@ fn scenarios() -> Vec<Scenario> {
         json!({"experiment": "scene", "scene": {"bodies": [{"position_m": [0, 0, 0.2]}], "surfaces": [plate]}}),
         json!({"experiment": "scene", "scene": {"bodies": [{"position_m": [0, 0, 9]}], "margin_m": 0.1}}),
     ];
-    documents.into_iter().map(small).collect()
+    let others = fields::EXPERIMENTS.iter().map(|name| json!({"experiment": name}));
+    let others = others.filter(|other| documents.iter().all(|one| one["experiment"] != other["experiment"]));
+    documents.iter().cloned().chain(others).map(small).collect()
 }
 
 fn small(mut document: Value) -> Scenario {
     let product = document.as_object_mut().unwrap().entry("product").or_insert(json!({}));
     product["subparticle_radius_m"] = json!(0.009);
-    if ["hopper", "drop"].iter().any(|one| document["experiment"] == *one) {
+    let experiment = document["experiment"].as_str().and_then(fields::declaration).expect("an experiment");
+    let takes = |pointer: &str| fields::find(pointer).is_some_and(|field| experiment.takes(field));
+    if takes("/product/count") {
         document["product"]["count"] = json!(2);
     }
     let numerics = document.as_object_mut().unwrap().entry("numerics").or_insert(json!({}));
     numerics["timestep_s"] = json!("auto");
-    if !["slide", "compress"].iter().any(|one| document["experiment"] == *one) {
+    if takes("/numerics/duration_s") {
         document["numerics"]["duration_s"] = json!(0.04);
     }
     scenario::from_value(&document).unwrap_or_else(|faults| panic!("{document}: {faults:?}"))
 }
 
 #[test]
-fn every_experiment_returns_the_responses_of_its_list_whatever_happens() {
+fn every_experiment_returns_the_rows_of_its_table_whatever_happens() {
     let mut ends = Vec::new();
     let mut seen = std::collections::BTreeSet::new();
     for scenario in scenarios() {
         let document = json!(scenario);
         let experiment = document["experiment"].as_str().unwrap().to_owned();
         let known = response_names(&scenario.experiment);
-        assert!(known.is_sorted() && !known.is_empty(), "{experiment}");
         let options = CpuOptions { threads: 1 };
-        let result = simulate(&scenario, &Meshes::default(), options, &mut |_: &Progress| Flow::Continue);
+        let result = simulate(&checked(&scenario), options, &mut |_: &Progress| Flow::Continue);
         let names: Vec<_> = result.responses.keys().map(String::as_str).collect();
         assert_eq!(names, known, "{experiment} that ended as {:?}", result.end_reason);
         ends.push(result.end_reason);
 
-        let watch = prepare(&scenario, &Meshes::default()).watch;
+        let outputs = outputs_of(&experiment).expect("results of every experiment");
+        assert!(
+            std::ptr::eq(outputs, roost_solver::experiments::outputs(&scenario.experiment)),
+            "{experiment}"
+        );
+        for row in outputs.responses {
+            let value = &result.responses[row.name];
+            let fits = match row.kind {
+                ResponseType::Number => value.is_number(),
+                ResponseType::Boolean => value.is_boolean(),
+                ResponseType::Word => value.is_string(),
+            };
+            assert!(fits || value.is_null(), "{experiment}: {} is {value}", row.name);
+            assert!(row.doc.ends_with('.') && !row.doc.contains('\n'), "{experiment}: {}", row.name);
+        }
+        let series = outputs.series.iter().map(|row| (row.name.replace("<name>", "floor"), row.unit));
+        let of_floor = |(name, _): &(String, &str)| {
+            document["scene"]["surfaces"] != json!([]) || !name.contains("floor")
+        };
+        let series: Vec<_> = series.filter(of_floor).collect();
+        let found: Vec<_> = result.series.iter().map(|one| (one.name.clone(), one.unit.as_str())).collect();
+        assert_eq!(found, series, "{experiment}");
+        let curves: Vec<_> = outputs.curves.iter().map(|row| (row.name, row.unit, row.over)).collect();
+        let found: Vec<_> = result
+            .curves
+            .iter()
+            .map(|one| (one.name.as_str(), one.unit.as_str(), one.over.as_str()))
+            .collect();
+        assert_eq!(found, curves, "{experiment}");
+
+        let monitor = checked(&scenario).setup().monitor();
         use EndReason::{Done, Duration, Empty, FillNotAtRest, Jammed, Unstable};
         for reason in [Duration, Empty, Jammed, Done, FillNotAtRest, Unstable] {
-            let responses = watch.responses(reason);
+            let responses = monitor.responses(reason);
             let names: Vec<_> = responses.keys().map(String::as_str).collect();
             assert_eq!(names, known, "{experiment} that ended as {reason:?} before it began");
         }

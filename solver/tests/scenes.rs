@@ -4,7 +4,7 @@ mod common;
 #[path = "common/stl.rs"]
 mod stl;
 
-use common::{assert_close, document, prepare, run_on};
+use common::{assert_close, document, run_on, scene_of};
 use glam::DVec3;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Motion, Presence, SurfaceKind};
@@ -46,7 +46,7 @@ fn places(result: &RunResult) -> Vec<DVec3> {
 }
 
 fn mass_kg(scenario: &Scenario) -> f64 {
-    State::new(&prepare(scenario).scene).masses.iter().map(|&mass| f64::from(mass)).sum()
+    State::new(&scene_of(scenario)).masses.iter().map(|&mass| f64::from(mass)).sum()
 }
 
 /// A plate of a metre about the origin, and what else is said of it.
@@ -88,7 +88,7 @@ fn a_body_falls_along_gravity_as_it_was_thrown() {
         );
     }
     assert_eq!(result.responses["bodies"], json!(2));
-    let kinds: Vec<usize> = prepare(&scenario).scene.bodies.iter().map(|body| body.kind).collect();
+    let kinds: Vec<usize> = scene_of(&scenario).bodies.iter().map(|body| body.kind).collect();
     assert_eq!(kinds, [1, 0]);
     assert_eq!(result.responses["time_to_rest_s"], Value::Null);
     // Upwards is against gravity.
@@ -295,8 +295,8 @@ fn a_mesh_does_what_the_same_plate_does() {
             ("/scene/surfaces", json!([surface])),
         ];
         let scenario = scenario::from_value(&document(&own)).expect("a sound scenario");
-        check(&scenario, &meshes, &Limits::default()).expect("can run");
-        simulate(&scenario, &meshes, CpuOptions { threads: 1 }, &mut |_: &Progress| Flow::Continue)
+        let checked = check(&scenario, &meshes, &Limits::default()).expect("can run");
+        simulate(&checked, CpuOptions { threads: 1 }, &mut |_: &Progress| Flow::Continue)
     };
     let flat = of(plate("table", json!({"position_m": [0, 0, -0.05]})));
     let mesh =

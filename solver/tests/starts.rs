@@ -7,10 +7,11 @@ mod stl;
 
 use std::time::{Duration, Instant};
 
-use common::{assert_close, document, prepare};
+use common::{assert_close, document};
 use glam::{DQuat, DVec3};
 use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
+use roost_solver::experiments::Setup;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Fault, Scenario};
 use roost_solver::{Limits, check};
@@ -49,7 +50,13 @@ impl Draw {
     }
 }
 
-/// Where the sub-particles of each body start.
+/// The scene of a scenario, which the check may refuse.
+fn built(scenario: &Scenario) -> Scene {
+    let setup = Setup::new(scenario, &Meshes::default()).expect("bodies that a lattice fills");
+    setup.scene().clone()
+}
+
+/// Positions of the sub-particles of each body at the start.
 fn points(scene: &Scene) -> Vec<Vec<DVec3>> {
     let state = State::new(scene);
     state.body_ranges().map(|(_, range)| range.map(|i| state.position(i)).collect()).collect()
@@ -66,7 +73,7 @@ fn bodies_are_inside_each_other_when_their_sub_particles_are() {
             {"shape": (draw.next() * 6.0) as u32, "position_m": place, "orientation_deg": draw.angles()},
         ]);
         let scenario = scene(&[("/scene/bodies", bodies)]);
-        let [a, b] = &points(&prepare(&scenario).scene)[..] else { panic!("two bodies") };
+        let [a, b] = &points(&built(&scenario))[..] else { panic!("two bodies") };
         let least = a.iter().flat_map(|a| b.iter().map(|b| a.distance(*b))).fold(f64::INFINITY, f64::min);
         let found = faults(&scenario);
         if (least / RADIUS_M - 1.9).abs() < 1e-4 {
@@ -105,7 +112,7 @@ fn a_body_is_in_a_surface_when_a_sub_particle_or_a_bond_is() {
                 ]),
             ),
         ]);
-        let scene = prepare(&scenario).scene;
+        let scene = built(&scenario);
         let points = &points(&scene)[0];
         let off = |p: DVec3| p.distance(DVec3::new(p.x.clamp(-half, half), p.y.clamp(-half, half), 0.0));
         let least = points.iter().map(|&p| off(p)).fold(f64::INFINITY, f64::min);
@@ -246,16 +253,16 @@ fn costs_are_those_of_what_is_built_and_run() {
         json!([{"shape": 4, "position_m": [0, 0, 0]}, {"position_m": [0, 0, 1]}]),
     )]);
     for (scenario, bodies) in [(drop(&[]), 7), (drop(&[("/product/shape", json!(3))]), 7), (free, 2)] {
-        let estimate = check(&scenario, &Meshes::default(), &Limits::default()).expect("accepted");
-        let prepared = prepare(&scenario);
-        let state = State::new(&prepared.scene);
-        assert_eq!((estimate.fillets, prepared.scene.bodies.len()), (bodies, bodies as usize));
+        let checked = check(&scenario, &Meshes::default(), &Limits::default()).expect("accepted");
+        let (estimate, setup) = (checked.estimate(), checked.setup());
+        let state = State::new(setup.scene());
+        assert_eq!((estimate.fillets, setup.scene().bodies.len()), (bodies, bodies as usize));
         assert_eq!(estimate.subparticles, state.particles.len() as u64);
         assert_eq!(estimate.bonds, state.bonds_at_start);
         assert_close(estimate.mass_kg, state.masses.iter().map(|&mass| f64::from(mass)).sum(), 1e-6);
         // Nothing is filled before: two seconds at the paper's step.
         assert_eq!(estimate.steps, (2.0f64 / 5.75e-5).ceil() as u64);
-        assert_eq!((prepared.plan.longest_fill_s, prepared.plan.duration_s), (0.0, 2.0));
+        assert_eq!((setup.plan().longest_fill_s, setup.plan().duration_s), (0.0, 2.0));
     }
     // What is too much is told at the field that makes it so.
     let few = Limits { max_subparticles: 100, max_steps: 100 };
@@ -330,9 +337,9 @@ fn only_the_shapes_that_are_there_must_fit() {
 
 #[test]
 fn orientation_is_yaw_then_pitch_then_roll() {
-    let turn = roost_solver::experiments::orientation([90.0, 90.0, 0.0]);
+    let turn = roost_solver::experiments::placement::orientation([90.0, 90.0, 0.0]);
     assert!((turn * DVec3::X).distance(DVec3::NEG_Z) < 1e-12, "pitch 90 points the tail down");
-    let turn = roost_solver::experiments::orientation([90.0, 0.0, 90.0]);
+    let turn = roost_solver::experiments::placement::orientation([90.0, 0.0, 90.0]);
     assert!((turn * DVec3::X).distance(DVec3::Y) < 1e-12 && (turn * DVec3::Y).distance(DVec3::Z) < 1e-12);
-    assert_eq!(roost_solver::experiments::orientation([0.0; 3]), DQuat::IDENTITY);
+    assert_eq!(roost_solver::experiments::placement::orientation([0.0; 3]), DQuat::IDENTITY);
 }

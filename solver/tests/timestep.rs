@@ -2,12 +2,11 @@
 
 mod common;
 
-use common::{Bench, G, MASS, RADIUS, at, block, law, plate, scene};
+use common::{Bench, G, MASS, RADIUS, at, block, kinds, law, plate, scene};
 use glam::DVec3;
 use roost_solver::engine::scene::{Laws, Scene};
 use roost_solver::equipment::SurfaceKind;
-use roost_solver::experiments::{bounds_on_timestep, kinds, laws, timestep_s};
-use roost_solver::mesh::Meshes;
+use roost_solver::experiments::{bounds_on_timestep, laws, timestep_s};
 use roost_solver::physics::bond::BondModel;
 use roost_solver::physics::timestep::stability;
 use roost_solver::scenario::{self, Scenario};
@@ -34,7 +33,7 @@ fn the_table_of_automatic_steps() {
     ];
     for (radius, expected) in table {
         let scenario = hopper(radius, "corotated");
-        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
+        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario));
         let found = [bounds.auto_s, bounds.damped_s, bounds.undamped_s].map(|s| (s * 1e6).round() as u32);
         assert_eq!(found, expected, "at {radius} m");
         assert_eq!(timestep_s(&scenario, &bounds), bounds.auto_s);
@@ -54,7 +53,7 @@ fn the_damped_bound_is_that_of_an_endless_lattice() {
         scenario.product.subparticle_density_kg_m3 = Some(2200.0);
         (scenario.bonds.normal_stiffness_n_m3, scenario.bonds.shear_stiffness_n_m3) = (normal, shear);
         scenario.contact.fillet_fillet.restitution = restitution;
-        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
+        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario));
         let off = bounds.damped_s / limit - 1.0;
         assert!(off.abs() < 0.01, "{row}: {} s, off by {off}", bounds.damped_s);
     }
@@ -69,7 +68,7 @@ fn the_automatic_step_keeps_clear_of_the_damped_bound() {
         (scenario.bonds.normal_stiffness_n_m3, scenario.bonds.shear_stiffness_n_m3) = (stiffness, stiffness);
         scenario.bonds.types = types;
         scenario.contact.fillet_fillet.restitution = restitution;
-        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
+        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario));
         let share = bounds.auto_s / bounds.damped_s;
         assert!((0.7..0.901).contains(&share), "{share} of the bound at {stiffness} N/m³, e = {restitution}");
     }
@@ -103,7 +102,7 @@ fn a_lattice_diverges_past_the_undamped_bound_and_not_below_it() {
 /// the bond has stored, and how many bonds broke.
 fn let_go(scenario: &Scenario, dt: f64) -> (f64, u64) {
     const STRETCH: f64 = 0.96;
-    let mut pair = kinds(scenario, &Meshes::default()).swap_remove(0);
+    let mut pair = kinds(scenario).swap_remove(0);
     pair.meta = block([2, 1, 1]).meta;
     let laws = Laws { contact_between_bonded: false, ..laws::laws(scenario) };
     let longest = f64::from(laws.bond.break_length) - 2.0 * RADIUS;
@@ -125,7 +124,7 @@ fn a_bond_about_to_break_holds_when_let_go_at_the_automatic_step() {
         let mut scenario = hopper(RADIUS, "finite_extension");
         (scenario.bonds.normal_stiffness_n_m3, scenario.bonds.shear_stiffness_n_m3) = (s_n, 0.6 * s_n);
         scenario.bonds.contact_radius_ratio = ratio;
-        let dt = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default())).auto_s;
+        let dt = bounds_on_timestep(&scenario, &kinds(&scenario)).auto_s;
         let (share, broken) = let_go(&scenario, dt);
         // Leapfrog's kinetic energy swings about the true one.
         assert!(share < 1.3 && broken == 0, "{s_n} N/m³, {ratio}: {share}, {broken} broken");
@@ -141,14 +140,14 @@ fn what_starts_fast_takes_shorter_steps() {
     for (speed, step) in [(20.0, Some(0.25 * 0.004 / 20.0)), (0.5, None)] {
         document["drop"]["speed_m_s"] = json!(speed);
         let scenario = scenario::from_value(&document).expect("a sound scenario");
-        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
+        let bounds = bounds_on_timestep(&scenario, &kinds(&scenario));
         assert_eq!(timestep_s(&scenario, &bounds), step.unwrap_or(bounds.auto_s), "at {speed} m/s");
     }
     let bodies = json!([{"position_m": [0, 0, 1]}, {"position_m": [0, 0, 2], "velocity_m_s": [0, 12, -16]}]);
     let document =
         json!({"experiment": "scene", "scene": {"bodies": bodies}, "numerics": {"timestep_s": "auto"}});
     let scenario = scenario::from_value(&document).expect("a sound scenario");
-    let bounds = bounds_on_timestep(&scenario, &kinds(&scenario, &Meshes::default()));
+    let bounds = bounds_on_timestep(&scenario, &kinds(&scenario));
     assert_eq!(timestep_s(&scenario, &bounds), 0.25 * 0.004 / 20.0);
 }
 
@@ -157,7 +156,7 @@ fn a_drop_at_the_automatic_step_comes_to_rest_whole() {
     for formulation in ["corotated", "as_published", "finite_extension"] {
         for radius in [0.004, 0.005, 0.006, 0.008] {
             let scenario = hopper(radius, formulation);
-            let kinds = kinds(&scenario, &Meshes::default());
+            let kinds = kinds(&scenario);
             let dt = bounds_on_timestep(&scenario, &kinds).auto_s;
             let mut scene = Scene {
                 radius_m: radius,

@@ -8,10 +8,8 @@ use std::time::Duration;
 
 use anyhow::Result;
 use roost_solver::engine::run::Snapshot;
-use roost_solver::mesh::Meshes;
 use roost_solver::result::{EndReason, Phase};
-use roost_solver::scenario::Scenario;
-use roost_solver::{CpuOptions, Flow, Observer, Progress, simulate};
+use roost_solver::{Checked, CpuOptions, Flow, Observer, Progress, simulate};
 
 use super::picture::{Picture, Shot, When};
 use super::record::{Record, this_machine};
@@ -24,10 +22,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 /// A simulation to be run.
 #[derive(Clone, Debug)]
 pub(super) struct Task {
-    pub(super) scenario: Scenario,
+    pub(super) checked: Checked,
     pub(super) digest: String,
     pub(super) shots: Vec<Shot>,
-    pub(super) subparticles: u64,
     /// What it costs, in whatever unit: shares of it count.
     pub(super) cost: f64,
 }
@@ -64,7 +61,7 @@ pub(super) fn work(
                 let share = free / waiting.len().max(1);
                 let Some(index) = waiting.next() else { break };
                 let task = &tasks[index];
-                let useful = (task.subparticles / SUBPARTICLES_A_THREAD) as usize;
+                let useful = (task.checked.estimate().subparticles / SUBPARTICLES_A_THREAD) as usize;
                 let threads = share.min(useful).max(1);
                 free -= threads;
                 running.push((index, threads));
@@ -101,7 +98,7 @@ fn run(index: usize, task: &Task, threads: usize, stopped: &AtomicBool, news: &S
     let solve = || {
         let mut watch =
             Onlooker { index, task, stopped, news, now: None, last: Vec::new(), pictures: Vec::new() };
-        let result = simulate(&task.scenario, &Meshes::default(), CpuOptions { threads }, &mut watch);
+        let result = simulate(&task.checked, CpuOptions { threads }, &mut watch);
         let pictures = watch.pictures.into_iter().chain(watch.last).map(Picture::of_what_is_seen);
         Record { result, machine: this_machine(), shots: task.shots.clone(), pictures: pictures.collect() }
     };
@@ -163,11 +160,17 @@ impl Observer for Onlooker<'_> {
 
 #[cfg(test)]
 mod tests {
-    use roost_solver::scenario::from_value;
+    use roost_solver::mesh::Meshes;
+    use roost_solver::scenario::{Scenario, from_value};
+    use roost_solver::{Limits, check};
     use serde_json::json;
 
     use super::super::picture::View;
     use super::*;
+
+    fn checked(scenario: &Scenario) -> Checked {
+        check(scenario, &Meshes::default(), &Limits::NONE).unwrap()
+    }
 
     fn task(seed: u64, shots: Vec<Shot>) -> Task {
         let scenario = from_value(&json!({
@@ -177,7 +180,7 @@ mod tests {
             "numerics": {"timestep_s": "auto", "duration_s": 0.2, "max_fill_s": 2.0},
         }))
         .unwrap();
-        Task { digest: scenario.digest(), scenario, shots, subparticles: 80, cost: 1.0 }
+        Task { digest: scenario.digest(), checked: checked(&scenario), shots, cost: 1.0 }
     }
 
     #[test]
@@ -208,11 +211,12 @@ mod tests {
     #[test]
     fn what_is_stopped_is_not_heard_of_and_what_waits_never_starts() {
         let mut long = task(1, Vec::new());
-        long.scenario = from_value(&json!({
+        let scenario = from_value(&json!({
             "experiment": "hopper", "product": {"count": 2, "subparticle_radius_m": 0.009},
             "equipment": {"hopper_width_m": 0.2}, "numerics": {"duration_s": 600.0, "stop": {"when_empty": false}},
         }))
         .unwrap();
+        long.checked = checked(&scenario);
         let (mut ended, mut begun) = (0, Vec::new());
         work(&[long, task(2, Vec::new())], &[0, 1], 1, &|| true, &mut |news| {
             match news {

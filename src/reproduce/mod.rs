@@ -181,7 +181,8 @@ fn outline(plan: &Plan, ended: &Ended) -> Table {
     let (mut counted, mut all_s) = (Vec::new(), 0.0);
     for (figure, used) in plan.figures.iter().zip(&plan.uses) {
         let there = used.iter().filter(|index| ended[**index].is_some()).count();
-        let most = used.iter().map(|index| plan.tasks[*index].subparticles).max().unwrap_or(0);
+        let most =
+            used.iter().map(|index| plan.tasks[*index].checked.estimate().subparticles).max().unwrap_or(0);
         let fresh: Vec<usize> = used
             .iter()
             .copied()

@@ -204,15 +204,9 @@ fn task(run: &Run) -> Result<Task, String> {
     let list =
         |faults: Vec<scenario::Fault>| faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
     let scenario = scenario::from_value(&run.scenario).map_err(list)?;
-    let limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
-    let estimate = check(&scenario, &Meshes::default(), &limits).map_err(list)?;
-    Ok(Task {
-        digest: scenario.digest(),
-        scenario,
-        shots: run.shots.clone(),
-        subparticles: estimate.subparticles,
-        cost: estimate.wall_s,
-    })
+    let checked = check(&scenario, &Meshes::default(), &Limits::NONE).map_err(list)?;
+    let estimate = checked.estimate();
+    Ok(Task { digest: scenario.digest(), shots: run.shots.clone(), cost: estimate.wall_s, checked })
 }
 
 #[cfg(test)]

@@ -3,10 +3,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use roost_solver::mesh::Meshes;
 use roost_solver::result::RunResult;
-use roost_solver::scenario::Scenario;
-use roost_solver::{Computer, CpuOptions, Observer, OutOfDeviceMemory};
+use roost_solver::{Checked, Computer, CpuOptions, Observer, OutOfDeviceMemory};
 
 use crate::room::{Coming, Room, Share};
 
@@ -183,11 +181,10 @@ impl Ready {
     /// Runs one scenario to its end, or says why there is no room for it.
     pub(crate) fn simulate(
         self,
-        scenario: &Scenario,
-        meshes: &Meshes,
+        checked: &Checked,
         observer: &mut dyn Observer,
     ) -> Result<RunResult, OutOfDeviceMemory> {
-        self.computer.simulate(scenario, meshes, observer)
+        self.computer.simulate(checked, observer)
     }
 }
 
@@ -223,6 +220,8 @@ fn usual_bytes(_size: Size) -> u64 {
 mod tests {
     use roost_solver::gpu::source::Source;
     use roost_solver::gpu::{Gpu, GpuOptions};
+    use roost_solver::mesh::Meshes;
+    use roost_solver::scenario::Scenario;
     use roost_solver::{Flow, Limits, Progress, check, scenario};
 
     use super::*;
@@ -241,13 +240,16 @@ mod tests {
         Some(Device::choose(&options).expect("`make needs` installs it"))
     }
 
-    fn small() -> Scenario {
+    fn small() -> Checked {
         let text = r#"{"experiment": "hopper", "product": {"count": 1, "subparticle_radius_m": 0.009},
             "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless"},
             "numerics": {"timestep_s": "auto", "duration_s": 0.05}}"#;
         let scenario = scenario::parse(text).expect("a sound scenario");
-        check(&scenario, &Meshes::default(), &Limits::default()).expect("one that can run");
-        scenario
+        checked(&scenario)
+    }
+
+    fn checked(scenario: &Scenario) -> Checked {
+        check(scenario, &Meshes::default(), &Limits::default()).expect("one that can run")
     }
 
     const SIZE: Size = Size { subparticles: 1000, triangles: 0 };
@@ -258,7 +260,7 @@ mod tests {
     }
 
     fn result(device: &Device) -> RunResult {
-        let result = ready(device).simulate(&small(), &Meshes::default(), &mut |_: &Progress| Flow::Continue);
+        let result = ready(device).simulate(&small(), &mut |_: &Progress| Flow::Continue);
         result.expect("room for it")
     }
 
@@ -284,7 +286,7 @@ mod tests {
         let broken = std::thread::scope(|scope| {
             let ready = ready(&device);
             let mut stumbles = |_: &Progress| panic!("an observer stumbles");
-            scope.spawn(move || ready.simulate(&small(), &Meshes::default(), &mut stumbles).is_ok()).join()
+            scope.spawn(move || ready.simulate(&small(), &mut stumbles).is_ok()).join()
         });
         assert!(broken.is_err());
         assert!(Arc::ptr_eq(&first, &adapter.computer().expect("it is open")), "nothing is wrong with it");
@@ -295,7 +297,7 @@ mod tests {
         *adapter.open.lock().expect("nobody panicked") = Arc::new(Computer::Gpu(Arc::new(gpu)));
         let late = ready(&device);
         lost.wgpu().0.destroy();
-        let fails = move || late.simulate(&small(), &Meshes::default(), &mut |_: &Progress| Flow::Continue);
+        let fails = move || late.simulate(&small(), &mut |_: &Progress| Flow::Continue);
         assert!(std::thread::spawn(fails).join().is_err());
         assert!(result(&device).response("discharged_kg").is_some());
         assert!(!adapter.computer().expect("it is open").has_failed());
@@ -307,15 +309,15 @@ mod tests {
         let options = device.0.clone().expect("an adapter").options.clone();
         let device = Device::choose(&DeviceOptions { memory_mib: Some(1), ..options }).expect("an adapter");
         let alone = result(&device);
-        let mut large = serde_json::json!(small());
+        let mut large = serde_json::json!(small().scenario());
         large["product"]["count"] = 40.into();
         large["equipment"]["hopper_width_m"] = 1.0.into();
-        let large = scenario::from_value(&large).expect("a sound scenario");
+        let large = checked(&scenario::from_value(&large).expect("a sound scenario"));
         let beside = std::thread::scope(|scope| {
             let small = scope.spawn(|| result(&device));
             let computer = device.0.as_ref().expect("an adapter").computer().expect("it is open");
             let mut keep_on = |_: &Progress| Flow::Continue;
-            let refused = computer.simulate(&large, &Meshes::default(), &mut keep_on);
+            let refused = computer.simulate(&large, &mut keep_on);
             let words = refused.map(|result| result.performance).expect_err("there is no room");
             assert!(words.to_string().starts_with("no room on the device: "), "{words}");
             assert!(!computer.has_failed());

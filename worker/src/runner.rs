@@ -11,9 +11,10 @@ use std::time::{Duration, Instant};
 use roost_api::job::AttemptOutcome;
 use roost_api::{Progress, RunResult, Series};
 use roost_solver::engine::run::Snapshot;
+use roost_solver::observe::Recorder;
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Fault};
-use roost_solver::{Flow, Limits, Observer, OutOfDeviceMemory};
+use roost_solver::{Checked, Flow, Limits, Observer, OutOfDeviceMemory};
 use serde_json::Value;
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
@@ -152,21 +153,21 @@ impl Run {
             let meshes = meshes.load(digests).await;
             let meshes =
                 meshes.map_err(|failure| RunEnd::failed(AttemptOutcome::Worker, failure.to_string()))?;
-            let check = move || {
-                let limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
-                let estimate = roost_solver::check(&scenario, &meshes, &limits);
-                estimate.map(|estimate| (scenario, meshes, estimate.subparticles))
-            };
+            let check = move || roost_solver::check(&scenario, &meshes, &Limits::NONE);
             let checked = tokio::task::spawn_blocking(check).await.map_err(broken)?;
-            let (scenario, meshes, subparticles) = checked.map_err(|faults| refused(&faults))?;
-            let size = Size { subparticles, triangles: meshes.triangles() };
-            let ready = place.device.ready(place.threads, size).await;
-            let ready = ready.map_err(|why| match why {
-                NotReady::NoRoomNow => RunEnd::failed(AttemptOutcome::Released, NO_ROOM_NOW),
-                NotReady::Failed(reason) => RunEnd::failed(AttemptOutcome::Worker, reason),
-            })?;
+            let solve = solver(place, checked.map_err(|faults| refused(&faults))?).await;
             drop(coming);
-            Ok(move |observer: &mut dyn Observer| ready.simulate(&scenario, &meshes, observer))
+            solve
+        })
+    }
+
+    /// Starts a scenario that has been checked. Must be called within a tokio runtime.
+    pub fn start_checked(checked: Checked, place: Place, pictures: Option<Pictures>) -> Self {
+        let coming = place.device.expect_run();
+        Self::start_with(None, pictures, async move {
+            let solve = solver(place, checked).await;
+            drop(coming);
+            solve
         })
     }
 
@@ -218,6 +219,21 @@ impl Run {
     pub async fn end(self) -> RunEnd {
         self.run.await.unwrap_or_else(broken)
     }
+}
+
+/// Waits until the device is ready for a scenario; what then simulates it.
+async fn solver(
+    place: Place,
+    checked: Checked,
+) -> Result<impl FnOnce(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory> + Send + 'static, RunEnd> {
+    let triangles = checked.setup().meshes.triangles();
+    let size = Size { subparticles: checked.estimate().subparticles, triangles };
+    let ready = place.device.ready(place.threads, size).await;
+    let ready = ready.map_err(|why| match why {
+        NotReady::NoRoomNow => RunEnd::failed(AttemptOutcome::Released, NO_ROOM_NOW),
+        NotReady::Failed(reason) => RunEnd::failed(AttemptOutcome::Worker, reason),
+    })?;
+    Ok(move |observer: &mut dyn Observer| ready.simulate(&checked, observer))
 }
 
 /// A run whose thread ended by itself.
@@ -284,13 +300,13 @@ impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
         }
     }
 
-    fn wants_series(&self) -> bool {
+    fn wants_samples(&self) -> bool {
         self.sampled_at.elapsed() >= SAMPLED_EVERY
     }
 
-    fn series(&mut self, series: Vec<Series>) {
+    fn samples(&mut self, recorder: &Recorder) {
         self.sampled_at = Instant::now();
-        *self.sampled.series() = series;
+        *self.sampled.series() = recorder.series();
     }
 }
 

@@ -1,26 +1,21 @@
-//! Checks what the field table cannot: whether the fillets fit, the step is stable, and what a run will cost.
+//! Checks beyond the field table: whether the fillets fit, whether the step is stable, and the cost of a run.
 
 mod cost;
-mod hopper;
-mod inside;
-mod scene;
+
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
 use crate::engine::scene::BodyKind;
-use crate::experiments::bend::clamp_fault;
-use crate::experiments::compress::lattice_fault;
 use crate::experiments::laws::laws;
-use crate::experiments::{bounds_on_timestep, timestep_s, try_kinds};
+use crate::experiments::{Setup, definition, timestep_s};
 use crate::mesh::Meshes;
 use crate::physics::timestep::Stability;
 use crate::result::Estimate;
-use crate::scenario::{Experiment, Fault, MeshRef, Scenario};
+use crate::scenario::{Fault, MeshRef, Scenario};
 use cost::Cost;
-use hopper::{fit_faults, surface_faults};
-use scene::scene_faults;
 
-/// What an operator allows a single scenario to cost.
+/// The limits of an operator for a single scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Sub-particles at the start of a run.
@@ -29,68 +24,75 @@ pub struct Limits {
     pub max_steps: u64,
 }
 
+impl Limits {
+    /// No limits.
+    pub const NONE: Self = Self { max_subparticles: u64::MAX, max_steps: u64::MAX };
+}
+
 impl Default for Limits {
     fn default() -> Self {
         Self { max_subparticles: 2_000_000, max_steps: 50_000_000 }
     }
 }
 
-/// Cells that placing and filling may make: a few seconds of work.
+/// Maximum count of cells for placing and filling: a few seconds of work.
 const MAX_LATTICE_CELLS: f64 = 1e7;
-/// Checks fit, stability and cost, without running anything; the scenario's meshes must be among `meshes`. Lattice fills
-/// are remembered, so that thousands of similar scenarios are checked in a second.
+
+/// A scenario that has passed the check, ready to run. Clones share its bodies and its scene.
+#[derive(Clone, Debug)]
+pub struct Checked {
+    setup: Arc<Setup>,
+    estimate: Estimate,
+}
+
+impl Checked {
+    /// The scenario.
+    pub fn scenario(&self) -> &Scenario {
+        &self.setup.scenario
+    }
+
+    /// The scenario with its bodies, meshes and scene.
+    pub fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// The cost of a run.
+    pub fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    /// The cost of a run, alone.
+    pub fn into_estimate(self) -> Estimate {
+        self.estimate
+    }
+}
+
+/// Checks fit, stability and cost without running anything. The scenario's meshes must be among `meshes`. Lattice fills
+/// are cached, so that thousands of similar scenarios are checked in a second.
 ///
 /// # Errors
 /// Every fault found, each naming its field.
-pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
-    let faults = mesh_faults(scenario, meshes);
-    if !faults.is_empty() {
-        return Err(faults);
-    }
-    let faults = size_faults(scenario);
-    if !faults.is_empty() {
-        return Err(faults);
-    }
-    let kinds = match try_kinds(scenario, meshes) {
-        Ok(kinds) => kinds,
-        Err(error) => {
-            if let Experiment::Compress { compress } = &scenario.experiment {
-                return Err(vec![lattice_fault(compress, &error)]);
-            }
-            let allowed = "a closed mesh that the lattice of sub-particles fills in one piece".to_owned();
-            let digest = scenario.product.mesh.as_ref().map(|mesh| mesh.digest.clone());
-            return Err(vec![fault("/product/mesh", digest, error.to_string(), allowed)]);
-        }
-    };
-    let mut faults = fill_faults(scenario, &kinds);
-    if !faults.is_empty() {
-        return Err(faults);
-    }
-    if let Experiment::Hopper { equipment } = &scenario.experiment {
-        faults.extend(fit_faults(scenario, equipment, meshes, &kinds));
-    }
+pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Checked, Vec<Fault>> {
+    none(mesh_faults(scenario, meshes))?;
+    none(size_faults(scenario))?;
+    let setup = Setup::new(scenario, meshes)?;
+    none(fill_faults(scenario, &setup.kinds))?;
+    let mut faults = setup.definition().fit_faults(&setup);
     let fits = faults.is_empty();
     faults.extend(reach_faults(scenario));
-    let bounds = bounds_on_timestep(scenario, &kinds);
+    let bounds = setup.bounds();
     let dt = timestep_s(scenario, &bounds);
     faults.extend(timestep_fault(scenario, &bounds, dt));
-    let cost = Cost::new(scenario, &kinds, dt);
-    let size_fault = cost.size_fault(scenario, limits);
-    // Where everything starts is looked at only when there is not too much of it, and room for it.
-    if size_fault.is_none() {
-        faults.extend(match &scenario.experiment {
-            Experiment::Hopper { equipment } if fits => surface_faults(scenario, equipment, meshes),
-            Experiment::Scene { scene } => scene_faults(scenario, scene, meshes),
-            Experiment::Bend { bend } => clamp_fault(scenario, bend, &kinds).into_iter().collect(),
-            _ => Vec::new(),
-        });
+    let cost = Cost::new(&setup, dt);
+    let size_fault = cost.size_fault(&setup, limits);
+    // The start is checked only in a scenario of a permitted size that fits.
+    if size_fault.is_none() && fits {
+        faults.extend(setup.definition().start_faults(&setup));
     }
     faults.extend(size_fault);
-    faults.extend(cost.steps_fault(scenario, limits));
-    faults.extend(cost.samples_fault(scenario));
-    if !faults.is_empty() {
-        return Err(faults);
-    }
+    faults.extend(cost.steps_fault(&setup, limits));
+    faults.extend(cost.samples_fault(&setup));
+    none(faults)?;
     let warning = || {
         let damped = bounds.damped_s;
         format!(
@@ -98,27 +100,32 @@ pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Es
         )
     };
     let warnings = (dt > bounds.damped_s).then(warning).into_iter().collect();
-    Ok(cost.estimate(scenario, bounds.undamped_s, warnings))
+    let estimate = cost.estimate(&setup, bounds.undamped_s, warnings);
+    Ok(Checked { setup: Arc::new(setup), estimate })
 }
 
-/// A time step past the estimate at which a bed diverges, unless that is what is wanted.
+fn none(faults: Vec<Fault>) -> Result<(), Vec<Fault>> {
+    if faults.is_empty() { Ok(()) } else { Err(faults) }
+}
+
+/// A time step past the estimate at which a bed diverges, unless `allow_unstable` permits it.
 fn timestep_fault(scenario: &Scenario, bounds: &Stability, dt: f64) -> Option<Fault> {
     let refused = dt > bounds.undamped_s && !scenario.numerics.allow_unstable;
     refused.then(|| {
-        fault(
+        Fault::at(
             "/numerics/timestep_s",
             dt,
-            "the time step is past the stability limit 2/ω_max; /numerics/allow_unstable runs it all the same".into(),
+            "the time step is past the stability limit 2/ω_max; /numerics/allow_unstable runs it all the same",
             format!("0 < timestep_s ≤ {:.3e} s, or \"auto\"", bounds.undamped_s),
         )
     })
 }
 
-/// Meshes that are not at hand, or cannot be meant in their units.
+/// Missing meshes, and meshes of an implausible size in their units.
 fn mesh_faults(scenario: &Scenario, meshes: &Meshes) -> Vec<Fault> {
     let faulty = |(pointer, named): (String, &MeshRef)| {
         let told = |name: &str, value: Value, detail: String, allowed: &str| {
-            Some(fault(&format!("{pointer}/{name}"), value, detail, allowed.to_owned()))
+            Some(Fault::at(&format!("{pointer}/{name}"), value, detail, allowed.to_owned()))
         };
         match meshes.get(&named.digest).map(|stl| stl.in_units(named.units)) {
             None => {
@@ -135,21 +142,13 @@ fn mesh_faults(scenario: &Scenario, meshes: &Meshes) -> Vec<Fault> {
     scenario.named_meshes().into_iter().filter_map(faulty).collect()
 }
 
-/// Radii so small against the fillets or the hopper that even looking at them would take too long.
+/// Radii so small against the fillets or the hopper that even the check would take too long.
 fn size_faults(scenario: &Scenario) -> Vec<Fault> {
     let product = &scenario.product;
     let radius = product.radius_m();
-    let cells = |size: &[f64; 3]| size.iter().map(|s| s / (2.0 * radius) + 2.0).product::<f64>();
-    // Each size is filled twice, as it is and mirrored.
-    let points: f64 = match &scenario.experiment {
-        Experiment::Compress { compress } => compress.lattice.map(f64::from).iter().product(),
-        // A mesh is looked at when it is filled.
-        _ if product.mesh.is_some() => 0.0,
-        _ => product.scaled_sizes_m().map(|size| 2.0 * cells(&size)).sum(),
-    };
-    let floor = scenario
-        .equipment()
-        .map_or(0.0, |equipment| equipment.hopper_length_m * equipment.hopper_width_m / (radius * radius));
+    let definition = definition(&scenario.experiment);
+    let points = definition.lattice_points(product);
+    let floor = definition.floor_cells(radius);
     [(points, "lattice points of the fillets' boxes"), (floor, "places on the hopper's floor")]
         .into_iter()
         .filter(|(number, _)| *number > MAX_LATTICE_CELLS)
@@ -157,7 +156,7 @@ fn size_faults(scenario: &Scenario) -> Vec<Fault> {
             let detail = format!("makes about {number:.1e} {what}");
             let allowed =
                 format!("a radius that makes at most {MAX_LATTICE_CELLS:.0e}, or smaller dimensions");
-            fault("/product/subparticle_radius_m", radius, detail, allowed)
+            Fault::at("/product/subparticle_radius_m", radius, detail, allowed)
         })
         .collect()
 }
@@ -174,7 +173,7 @@ fn reach_faults(scenario: &Scenario) -> Vec<Fault> {
     .into_iter()
     .filter(|(_, _, law)| f64::from(law.adhesion_range()) > radius)
     .map(|(name, pair, law)| {
-        fault(
+        Fault::at(
             &format!("/contact/{name}/surface_energy_j_m2"),
             pair.surface_energy_j_m2,
             format!("adhesive necks would reach {:.1e} m at this Young's modulus", law.adhesion_range()),
@@ -195,16 +194,19 @@ fn fill_faults(scenario: &Scenario, kinds: &[BodyKind]) -> Vec<Fault> {
         .into_iter()
         .map(|k| {
             let [length, width, thickness] = product.sizes_m[k];
-            fault(
+            Fault::at(
                 "/product/subparticle_radius_m",
                 product.subparticle_radius_m,
                 format!("no sub-particle fits inside size {k} of /product/sizes_m ({length} × {width} × {thickness} m)"),
-                "a smaller radius, a larger size, or fill \"centres\"".into(),
+                "a smaller radius, a larger size, or fill \"centres\"",
             )
         })
         .collect()
 }
 
-fn fault(pointer: &str, value: impl Into<serde_json::Value>, detail: String, allowed: String) -> Fault {
-    Fault::new(pointer, &value.into(), detail, Some(allowed))
+/// The scene of a scenario without meshes.
+#[cfg(test)]
+pub(crate) fn scene_of(scenario: &Scenario) -> crate::engine::scene::Scene {
+    let checked = check(scenario, &Meshes::default(), &Limits::NONE).expect("a scenario that can run");
+    checked.setup().scene().clone()
 }

@@ -4,11 +4,13 @@
 use std::time::Instant;
 
 use glam::DVec3;
+use serde_json::{Map, Value};
 
 use super::scene::Scene;
 use super::state::State;
 use super::{AdvanceReport, Backend};
-use crate::result::{EndReason, Flow, Instability, Performance, Phase, Progress, Series};
+use crate::observe::Recorder;
+use crate::result::{Curve, EndReason, Flow, Instability, Performance, Phase, Progress};
 
 /// Wall time between two calls of the progress callback, in seconds.
 const PROGRESS_INTERVAL_S: f64 = 0.1;
@@ -68,13 +70,13 @@ pub trait Observer {
     /// Takes a picture.
     fn snapshot(&mut self, _snapshot: &Snapshot<'_>) {}
 
-    /// Whether to report the series sampled so far.
-    fn wants_series(&self) -> bool {
+    /// Whether to report the recorded samples.
+    fn wants_samples(&self) -> bool {
         false
     }
 
-    /// Reports the series sampled so far.
-    fn series(&mut self, _series: Vec<Series>) {}
+    /// Reports all series recorded so far. Each call shows the samples of the call before it, with new samples appended.
+    fn samples(&mut self, _recorder: &Recorder) {}
 }
 
 impl<F: FnMut(&Progress) -> Flow> Observer for F {
@@ -99,15 +101,27 @@ pub enum Decision {
     Diverged(String),
 }
 
-/// The experiment's side of a run: observes samples and decides.
+/// The experiment's side of a run: observes samples, decides, and evaluates the results.
 pub trait ExperimentMonitor {
     /// Observes a sample and decides.
     fn observe(&mut self, sample: &Sample<'_>) -> Decision;
-    /// Mass discharged so far, in kilograms, for progress reports.
-    fn discharged_kg(&self) -> f64;
 
-    /// Series sampled so far, for observers.
-    fn series_so_far(&self) -> Vec<Series> {
+    /// The series recorded so far.
+    fn recorder(&self) -> &Recorder;
+
+    /// Mass discharged so far, in kilograms, for progress reports.
+    fn discharged_kg(&self) -> f64 {
+        0.0
+    }
+
+    /// Completes derived series after the last sample.
+    fn finish(&mut self) {}
+
+    /// The responses of a run that ended for `reason`.
+    fn responses(&self, reason: EndReason) -> Map<String, Value>;
+
+    /// Results over something other than time.
+    fn curves(&self) -> Vec<Curve> {
         Vec::new()
     }
 }
@@ -169,8 +183,8 @@ pub fn run<B: Backend>(
             Decision::Continue { remove } if remove.is_empty() => {}
             Decision::Continue { remove } => backend.remove(&mut run, &remove),
         }
-        if observer.wants_series() {
-            observer.series(monitor.series_so_far());
+        if observer.wants_samples() {
+            observer.samples(monitor.recorder());
         }
         if let Some(reason) = timeline.time_limit_reached() {
             break (reason, None);
@@ -195,6 +209,7 @@ pub fn run<B: Backend>(
             break (EndReason::Cancelled, None);
         }
     };
+    monitor.finish();
     let instability = fault.map(|reason| Instability {
         step: timeline.step,
         time_s: timeline.belt_time_s().unwrap_or(timeline.simulated_s() - plan.longest_fill_s),

@@ -1,22 +1,23 @@
-//! Where fillets start: in random orientation, stacked loosely above one another, touching nothing.
+//! Positions and orientations at the start, and the domain's edge.
 //!
-//! Each fillet gets a random orientation and is set down, at the best of several random places, on a height map of
+//! A pile is stacked loosely and touches nothing. Each fillet gets a random orientation and is set down, at the best of several random places, on a height map of
 //! what is there already. The stack is loose and collapses into the hopper when the run begins.
 
 use std::f64::consts::TAU;
 
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3, EulerRot};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::engine::scene::{BodyKind, Placement};
+use crate::engine::state::State;
 
 /// Places tried for each fillet.
 const PLACES: usize = 24;
 /// Orientations tried until one fits between the walls; a fillet that barely fits is then stood upright.
 const ORIENTATIONS: usize = 1000;
-/// Clearance between fillets, as a share of R.
-const GAP_RATIO: f64 = 0.05;
+/// Clearance between fillets, and over a plate, as a share of R.
+pub(super) const GAP_RATIO: f64 = 0.05;
 
 /// The floor space that fillets are dropped over.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +33,24 @@ pub struct Floor {
 /// A number from 0 to 1 (excluded), from the top 53 bits of the next word: the same on every platform.
 pub(super) fn uniform(rng: &mut ChaCha8Rng) -> f64 {
     (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// The orientation of intrinsic yaw (about z), pitch (about y) and roll (about x), in degrees.
+pub fn orientation([yaw, pitch, roll]: [f64; 3]) -> DQuat {
+    DQuat::from_euler(EulerRot::ZYX, yaw.to_radians(), pitch.to_radians(), roll.to_radians())
+}
+
+/// Height of the centre of mass over a plate z = 0 from which the lowest sub-particle is a gap away, in metres.
+pub(super) fn height_over_plate(kind: &BodyKind, orientation: DQuat, radius_m: f64) -> f64 {
+    let lowest = kind.meta.points.iter().map(|&point| (orientation * point).z).fold(f64::INFINITY, f64::min);
+    radius_m * (1.0 + GAP_RATIO) - lowest
+}
+
+/// Serials of the sub-particles outside a box.
+pub(super) fn outside(state: &State, low: DVec3, high: DVec3) -> Vec<u32> {
+    let inside = |x: DVec3| x.cmpge(low).all() && x.cmple(high).all();
+    let outside = (0..state.particles.len()).filter(|&i| !inside(state.position(i)));
+    outside.map(|i| state.serials[i]).collect()
 }
 
 /// A rotation drawn uniformly from all rotations (Shoemake 1992).
@@ -77,7 +96,6 @@ impl HeightMap {
 }
 
 /// Places `count` bodies, body `i` of kind `i mod kinds`, with velocity zero.
-///
 pub fn drop_in(kinds: &[BodyKind], count: usize, radius: f64, floor: Floor, seed: u64) -> Vec<Placement> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut map = HeightMap::new(floor, radius);

@@ -1,8 +1,8 @@
-//! From the surfaces of a scenario to the equipment of a scene: triangles put in their place, their motion, their material.
+//! From the surfaces of a scenario to the equipment of a scene: triangles, motion and material.
 
 use glam::DVec3;
 
-use super::orientation;
+use super::placement::orientation;
 use crate::equipment::{Motion, Presence, Surface, SurfaceKind};
 use crate::mesh::Meshes;
 use crate::scenario::{MotionKind, PresenceKind, SurfaceMaterial, SurfaceSpec};

@@ -10,9 +10,25 @@ const STEP_S: f64 = 0.01;
 /// Running mean of the mass rate at every sample, in kg/s, over [`RATE_WINDOW_S`] centred on the sample. The
 /// window is cut off at both ends of the curve.
 pub fn mass_rate(t_s: &[f64], mass_kg: &[f64]) -> Vec<f64> {
+    rates(t_s, mass_kg, 0).collect()
+}
+
+/// The mass rates from sample `from` on that later samples no longer change: the window lies within the curve.
+pub fn known_mass_rates<'a>(
+    t_s: &'a [f64],
+    mass_kg: &'a [f64],
+    from: usize,
+) -> impl Iterator<Item = f64> + 'a {
+    let end = t_s.last().copied().unwrap_or(0.0);
+    let known = t_s[from..].iter().take_while(move |t| *t + RATE_WINDOW_S / 2.0 <= end).count();
+    rates(t_s, mass_kg, from).take(known)
+}
+
+/// The mass rates from sample `from` on.
+fn rates<'a>(t_s: &'a [f64], mass_kg: &'a [f64], from: usize) -> impl Iterator<Item = f64> + 'a {
     let curve = Curve::new(t_s, mass_kg);
     let half = RATE_WINDOW_S / 2.0;
-    t_s.iter().map(|t| curve.mean_rate(curve.start().max(t - half), curve.end().min(t + half))).collect()
+    t_s[from..].iter().map(move |t| curve.mean_rate(curve.start().max(t - half), curve.end().min(t + half)))
 }
 
 /// A non-decreasing curve over increasing times.

@@ -7,6 +7,7 @@ mod bend;
 mod compression;
 mod curve;
 mod discharge;
+mod recorder;
 mod regime;
 mod rest;
 mod settle;
@@ -16,8 +17,9 @@ mod tests;
 
 pub use bend::BendGauge;
 pub use compression::{Compression, CompressionSample, StressStrain, modulus_pa};
-pub use curve::{RATE_WINDOW_S, mass_rate};
+pub use curve::{RATE_WINDOW_S, known_mass_rates, mass_rate};
 pub use discharge::{Discharge, DischargeResponses};
+pub use recorder::{Clock, Recorder, Recording, SeriesId};
 pub use regime::Regime;
 pub use rest::{REST_DURATION_S, RestDetector};
 pub use settle::{SETTLED_SHARE, SettlingTimer};

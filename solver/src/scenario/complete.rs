@@ -1,14 +1,13 @@
 //! From what an author wrote to the complete document: the walk over the field table that lists every fault
 //! and fills the defaults in.
 
-use std::sync::LazyLock;
-
 use serde_json::{Map, Value};
 
 use super::Fault;
 use super::field::{Field, Kind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section};
 use super::fields::{EXPERIMENTS, FIELDS, SECTIONS};
 use super::names::{escape, names_in, nearest};
+use super::own_fields::{OwnField, belongs, fields_of};
 use super::relations;
 
 /// Unknown names told one by one in each section; the rest is told as a number, so that an answer stays of
@@ -31,23 +30,6 @@ pub(super) fn complete(document: &Value) -> Result<Value, Vec<Fault>> {
     if faults.is_empty() { Ok(completed) } else { Err(faults) }
 }
 
-/// Whether a section, or a field in it, is there in this experiment. Where no experiment is named, everything is.
-fn belongs(section: &Section, experiment: Option<&str>) -> bool {
-    section.only_in.is_none_or(|only| experiment.is_none_or(|experiment| experiment == only))
-}
-
-/// The fields that are there in an experiment, those in lists apart.
-fn fields_of(experiment: Option<&str>) -> &'static [&'static Field] {
-    static ALL: LazyLock<Vec<(Option<&str>, Vec<&Field>)>> = LazyLock::new(|| {
-        let of = |experiment| {
-            let own = |field: &&Field| !field.pointer.contains('*') && field_belongs(field, experiment);
-            (experiment, FIELDS.iter().filter(own).collect())
-        };
-        EXPERIMENTS.iter().copied().map(Some).chain([None]).map(of).collect()
-    });
-    ALL.iter().find(|(known, _)| *known == experiment).map_or(&[], |(_, fields)| fields.as_slice())
-}
-
 /// What stands at a pointer whose names need no unescaping, as those of the table.
 fn look<'a>(document: &'a Value, pointer: &str) -> Option<&'a Value> {
     pointer.split('/').skip(1).try_fold(document, |value, name| match value {
@@ -57,21 +39,13 @@ fn look<'a>(document: &'a Value, pointer: &str) -> Option<&'a Value> {
     })
 }
 
-/// Whether the section of a field is there in this experiment.
-fn field_belongs(field: &Field, experiment: Option<&str>) -> bool {
-    let inside = |section: &&Section| {
-        field.pointer.strip_prefix(section.pointer).is_some_and(|rest| rest.starts_with('/'))
-    };
-    SECTIONS.iter().filter(inside).all(|section| belongs(section, experiment))
-}
-
 /// A section is an object of known names, or a list of such, and stands where it belongs.
 fn check_section(section: &Section, experiment: Option<&str>, document: &Value, faults: &mut Vec<Fault>) {
     let Some(written) = document.pointer(section.pointer) else { return };
     if !belongs(section, experiment) {
         // Its own sections are not told one by one.
         if section.pointer.matches('/').count() == 1 {
-            let only = section.only_in.unwrap_or_default();
+            let only = section.experiment.unwrap_or_default();
             let detail = format!("belongs to the experiment \"{only}\"");
             let allowed = experiment.map(|experiment| format!("nothing here in \"{experiment}\""));
             faults.push(Fault::new(section.pointer, written, detail, allowed));
@@ -120,9 +94,9 @@ fn check_names(section: &str, object: &Map<String, Value>, faults: &mut Vec<Faul
 /// Every field that is sound: as written, or by its default. What is at fault stays out.
 fn fill(document: &Value, experiment: Option<&str>, faults: &mut Vec<Fault>) -> Value {
     let mut completed = Value::Object(Map::new());
-    for field in fields_of(experiment) {
-        if let Some(value) = settle(field, field.pointer, document, experiment, &completed, faults) {
-            put(&mut completed, field.pointer, value);
+    for own in fields_of(experiment) {
+        if let Some(value) = settle(own, own.field.pointer, document, &completed, faults) {
+            put(&mut completed, own.field.pointer, value);
         }
     }
     for section in SECTIONS.iter().filter(|section| belongs(section, experiment)) {
@@ -138,7 +112,9 @@ fn fill(document: &Value, experiment: Option<&str>, faults: &mut Vec<Fault>) -> 
                 if !is_object {
                     continue;
                 }
-                if let Some(value) = settle(field, &pointer, document, experiment, &completed, faults) {
+                if let Some(value) =
+                    settle(&OwnField::new(field, None), &pointer, document, &completed, faults)
+                {
                     put(&mut item, name, value);
                 }
             }
@@ -152,20 +128,19 @@ fn fill(document: &Value, experiment: Option<&str>, faults: &mut Vec<Fault>) -> 
 
 /// The value of the field at `pointer`, as written or by its default; none when it is at fault.
 fn settle(
-    field: &Field,
+    own: &OwnField,
     pointer: &str,
     document: &Value,
-    experiment: Option<&str>,
     completed: &Value,
     faults: &mut Vec<Fault>,
 ) -> Option<Value> {
+    let field = own.field;
     match look(document, pointer) {
         Some(written) => {
             let value = accept(field, pointer, written, faults)?;
-            let idle = experiment.filter(|experiment| field.unused_in.contains(experiment));
-            let default = default(field, experiment, completed);
-            // Every default written out is a scenario as well; only what asks for something else is at fault.
-            if let Some(experiment) = idle.filter(|_| default.as_ref() != Some(&value)) {
+            let default = default(own, completed);
+            // A scenario with every default written out is sound; only another value is at fault.
+            if let Some(experiment) = own.refused_by.filter(|_| default.as_ref() != Some(&value)) {
                 let detail = format!("means nothing in the experiment \"{experiment}\"");
                 faults.push(Fault::new(pointer, written, detail, Some("nothing here".to_owned())));
                 return None;
@@ -180,20 +155,19 @@ fn settle(
             faults.push(Fault::new(pointer, &Value::Null, detail.to_owned(), Some(field.allowed())));
             None
         }
-        None => default(field, experiment, completed),
+        None => default(own, completed),
     }
 }
 
 /// What a silent author gets; none when the field it follows is at fault.
-fn default(field: &Field, experiment: Option<&str>, completed: &Value) -> Option<Value> {
+fn default(own: &OwnField, completed: &Value) -> Option<Value> {
+    let field = own.field;
     let given = |pointer: &str| look(completed, pointer).is_some_and(|value| !value.is_null());
     let wet = || look(completed, "/contact/condition").is_some_and(|condition| condition == "wet");
     if field.yields_to.is_some_and(given) {
         return Some(Value::Null);
     }
-    let elsewhere =
-        field.elsewhere.iter().find(|(name, _)| Some(*name) == experiment).map(|(_, preset)| *preset);
-    match field.wet.filter(|_| wet()).or(elsewhere).unwrap_or(field.default) {
+    match field.wet.filter(|_| wet()).unwrap_or(own.default) {
         Preset::SameAs(other) => look(completed, other).cloned(),
         preset => preset.value(),
     }

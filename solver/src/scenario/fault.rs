@@ -34,6 +34,16 @@ impl std::fmt::Display for Fault {
 const MAX_SHOWN: usize = 200;
 
 impl Fault {
+    /// A fault of the field at `pointer` with the allowed values.
+    pub fn at(
+        pointer: &str,
+        value: impl Into<Value>,
+        detail: impl Into<String>,
+        allowed: impl Into<String>,
+    ) -> Self {
+        Self::new(pointer, &value.into(), detail.into(), Some(allowed.into()))
+    }
+
     /// A fault of the field at `pointer`; a long value is cut short.
     pub fn new(pointer: &str, value: &Value, detail: String, allowed: Option<String>) -> Self {
         let text = value.to_string();

@@ -17,10 +17,10 @@ pub struct Field {
     pub default: Preset,
     /// The default under `"condition": "wet"`, where it differs.
     pub wet: Option<Preset>,
-    /// The defaults in experiments where they differ.
-    pub elsewhere: &'static [(&'static str, Preset)],
-    /// Experiments in which the field means nothing, and so must not be written.
-    pub unused_in: &'static [&'static str],
+    /// Whether the field belongs only to the experiments whose declaration names it. Other experiments refuse it.
+    pub by_name: bool,
+    /// The value in experiments that do not name the field, where it differs from the default.
+    pub otherwise: Option<Preset>,
     /// The field whose presence makes this one null: exactly one of the two is in use.
     pub yields_to: Option<&'static str>,
     /// Where the default comes from.
@@ -36,8 +36,8 @@ pub struct Section {
     pub pointer: &'static str,
     /// For a list: the pointer under which its items' fields stand in the table, `*` being the index.
     pub items: Option<&'static str>,
-    /// The experiment it belongs to; none belongs to all.
-    pub only_in: Option<&'static str>,
+    /// The experiment that the section belongs to; none belongs to all.
+    pub experiment: Option<&'static str>,
     /// What it holds, in one sentence.
     pub doc: &'static str,
 }

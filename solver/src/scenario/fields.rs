@@ -4,15 +4,18 @@
 //! of the paper, "assumed" is ours, "numerics" is a choice of computation that shall not change the physics.
 
 use super::SCHEMA;
+use super::declaration::Declaration;
 use super::field::{Field, Kind, Preset, Section, from_to};
-use super::row::{choice, field, integer};
-use super::sections::{
-    bend, bonds, compress, contact, drop, equipment, material, numerics, product, scene, slide, surface,
-};
+use super::row::{choice, field, integer, section};
+use super::sections::{DECLARATIONS, bonds, contact, material, numerics, product, surface};
 
 /// The sections of a scenario, in their order.
+pub const SECTIONS: &[Section] = &joined::<Section, { count(SECTION_PARTS) }>(SECTION_PARTS);
+
+const SECTION_PARTS: &[&[Section]] = &[PHYSICS, OWN_SECTIONS, NUMERICS];
+
 #[rustfmt::skip]
-pub const SECTIONS: &[Section] = &[
+const PHYSICS: &[Section] = &[
     section("/product", None, "The fillets: number, size, shape and sub-particles."),
     section("/material", None, "Elastic constants of the tissue."),
     section("/bonds", None, "The bonds between the sub-particles of a fillet."),
@@ -20,31 +23,12 @@ pub const SECTIONS: &[Section] = &[
     section("/contact/fillet_fillet", None, "Between sub-particles."),
     section("/contact/fillet_equipment", None, "Between sub-particles and walls, gate, plates."),
     section("/contact/fillet_belt", None, "Between sub-particles and the belt."),
-    section("/equipment", Some("hopper"), "Hopper, gate and belt. The dimensions of Fig. 5 are derived."),
-    list("/equipment/surfaces", "/scene/surfaces/*", Some("hopper"), "Further surfaces, as in `/scene/surfaces`."),
-    section("/drop", Some("drop"), "Fillets that hit a plate, each by itself."),
-    section("/bend", Some("bend"), "A fillet that bends under its own weight."),
-    section("/slide", Some("slide"), "A fillet on a plate that is tilted until it slides."),
-    section("/compress", Some("compress"), "A block of tissue between two plates."),
-    section("/scene", Some("scene"), "Bodies and surfaces, freely placed."),
-    list("/scene/bodies", "/scene/bodies/*", Some("scene"), "Fillets; a product's shape at a place."),
-    list("/scene/surfaces", "/scene/surfaces/*", Some("scene"), "Surfaces of triangles that move together."),
+];
+
+const NUMERICS: &[Section] = &[
     section("/numerics", None, "Time step, duration, sampling and stopping."),
     section("/numerics/stop", None, "Conditions that end a simulation before its duration."),
 ];
-
-const fn section(pointer: &'static str, only_in: Option<&'static str>, doc: &'static str) -> Section {
-    Section { pointer, items: None, only_in, doc }
-}
-
-const fn list(
-    pointer: &'static str,
-    items: &'static str,
-    only_in: Option<&'static str>,
-    doc: &'static str,
-) -> Section {
-    Section { pointer, items: Some(items), only_in, doc }
-}
 
 /// The pointer under which the table holds what stands at `pointer`: `/scene/bodies/*` for `/scene/bodies/3`.
 pub fn in_table(pointer: &str) -> String {
@@ -67,10 +51,32 @@ pub fn find(pointer: &str) -> Option<&'static Field> {
     FIELDS.iter().find(|field| field.pointer == pointer)
 }
 
-/// The words of `/experiment`.
-pub const EXPERIMENTS: &[&str] = &["hopper", "drop", "bend", "slide", "compress", "scene"];
+/// The declaration of an experiment by its word.
+pub fn declaration(experiment: &str) -> Option<&'static Declaration> {
+    DECLARATIONS.iter().copied().find(|declaration| declaration.name == experiment)
+}
 
-/// What the document says of itself.
+/// The words of the experiments that take a shared field.
+pub fn experiments_of(field: &Field) -> Vec<&'static str> {
+    DECLARATIONS
+        .iter()
+        .filter(|declaration| declaration.takes(field))
+        .map(|declaration| declaration.name)
+        .collect()
+}
+
+/// The words of `/experiment`.
+pub const EXPERIMENTS: &[&str] = &{
+    let mut names = [""; DECLARATIONS.len()];
+    let mut k = 0;
+    while k < names.len() {
+        names[k] = DECLARATIONS[k].name;
+        k += 1;
+    }
+    names
+};
+
+/// The head of the document.
 #[rustfmt::skip]
 const HEAD: &[Field] = &[
     choice("/schema", &[SCHEMA], "format",
@@ -86,27 +92,50 @@ const SEED: &[Field] = &[
         "Seed of everything drawn at random; at most 2⁵³ − 1, which every JSON reader keeps exact."),
 ];
 
-const PARTS: &[&[Field]] = &[
+/// The fields of the experiments' own sections.
+const OWN_FIELDS: &[Field] = {
+    const PARTS: [&[Field]; DECLARATIONS.len()] = {
+        let mut parts = [DECLARATIONS[0].fields; DECLARATIONS.len()];
+        let mut k = 0;
+        while k < parts.len() {
+            parts[k] = DECLARATIONS[k].fields;
+            k += 1;
+        }
+        parts
+    };
+    &joined::<Field, { count(&PARTS) }>(&PARTS)
+};
+
+/// The experiments' own sections.
+const OWN_SECTIONS: &[Section] = {
+    const PARTS: [&[Section]; DECLARATIONS.len()] = {
+        let mut parts = [DECLARATIONS[0].sections; DECLARATIONS.len()];
+        let mut k = 0;
+        while k < parts.len() {
+            parts[k] = DECLARATIONS[k].sections;
+            k += 1;
+        }
+        parts
+    };
+    &joined::<Section, { count(&PARTS) }>(&PARTS)
+};
+
+const FIELD_PARTS: &[&[Field]] = &[
     HEAD,
     product::FIELDS,
     material::FIELDS,
     bonds::FIELDS,
     contact::FIELDS,
-    equipment::FIELDS,
-    drop::FIELDS,
-    bend::FIELDS,
-    slide::FIELDS,
-    compress::FIELDS,
-    scene::FIELDS,
+    OWN_FIELDS,
     surface::FIELDS,
     numerics::FIELDS,
     SEED,
 ];
 
 /// Every field of a scenario. A field stands after those that its default reads.
-pub const FIELDS: &[Field] = &joined::<{ count(PARTS) }>(PARTS);
+pub const FIELDS: &[Field] = &joined::<Field, { count(FIELD_PARTS) }>(FIELD_PARTS);
 
-const fn count(parts: &[&[Field]]) -> usize {
+const fn count<T>(parts: &[&[T]]) -> usize {
     let (mut count, mut part) = (0, 0);
     while part < parts.len() {
         count += parts[part].len();
@@ -115,8 +144,8 @@ const fn count(parts: &[&[Field]]) -> usize {
     count
 }
 
-/// One after the other; `N` is how many they are.
-const fn joined<const N: usize>(parts: &[&[Field]]) -> [Field; N] {
+/// The parts, one after the other. `N` is the number of all their items.
+const fn joined<T: Copy, const N: usize>(parts: &[&[T]]) -> [T; N] {
     let mut all = [parts[0][0]; N];
     let (mut at, mut part) = (0, 0);
     while part < parts.len() {

@@ -8,11 +8,13 @@
 
 mod canonical;
 mod complete;
+mod declaration;
 mod fault;
 pub mod field;
 pub mod fields;
 mod json;
 mod names;
+mod own_fields;
 mod relations;
 mod row;
 mod schema;
@@ -21,13 +23,14 @@ mod sections;
 mod tests;
 mod types;
 
+pub use declaration::{AtMost, Declaration, ExperimentSection};
 pub use fault::{Fault, ScenarioError};
 pub use json::read_json;
 pub use names::{escape, nearest};
 pub use relations::MAX_SAMPLES;
 pub use schema::{field_tables_markdown, json_schema};
 pub use sections::*;
-pub use types::{Experiment, Scenario};
+pub use types::Scenario;
 
 /// The schema name that every scenario carries once it has been read.
 pub const SCHEMA: &str = "roost.scenario/1";

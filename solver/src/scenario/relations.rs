@@ -3,36 +3,17 @@
 use serde_json::Value;
 
 use super::Fault;
+use super::declaration::AtMost;
 use super::field::plain;
-use super::fields::{FIELDS, find};
+use super::fields::{FIELDS, SECTIONS, declaration, find};
+use super::sections::{DECLARATIONS, surface};
 
-/// A number that must not be greater than another, and what it would mean if it were.
-struct AtMost {
-    small: &'static str,
-    large: &'static str,
-    otherwise: &'static str,
-}
-
+/// Pairs of shared fields in ascending order.
 const ORDER: &[AtMost] = &[
-    AtMost {
-        small: "/equipment/gate_opening_m",
-        large: "/equipment/hopper_height_m",
-        otherwise: "the gate would open above the hopper",
-    },
     AtMost {
         small: "/numerics/output_interval_s",
         large: "/numerics/duration_s",
         otherwise: "the run would end before its first sample",
-    },
-    AtMost {
-        small: "/compress/modulus_from_strain",
-        large: "/compress/modulus_to_strain",
-        otherwise: "the window of strain would be empty",
-    },
-    AtMost {
-        small: "/compress/modulus_to_strain",
-        large: "/compress/max_strain",
-        otherwise: "the test would end before the window of strain does",
     },
     AtMost {
         small: "/numerics/timestep_s",
@@ -47,14 +28,14 @@ pub const MAX_SAMPLES: f64 = 100_000.0;
 /// Checks the fields of `completed` against each other. `document` tells which of two the author wrote, and
 /// so can change.
 pub(super) fn check(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
-    for order in ORDER {
+    for order in ORDER.iter().chain(DECLARATIONS.iter().flat_map(|declaration| declaration.order)) {
         check_order(order, document, completed, faults);
     }
     check_samples(document, completed, faults);
     check_alternatives(document, completed, faults);
     check_shapes(document, completed, faults);
-    for list in ["/equipment/surfaces", "/scene/surfaces"] {
-        check_surfaces(list, document, completed, faults);
+    for section in SECTIONS.iter().filter(|section| section.items == Some(surface::ITEMS)) {
+        check_surfaces(section.pointer, document, completed, faults);
     }
 }
 
@@ -88,11 +69,11 @@ fn check_order(order: &AtMost, document: &Value, completed: &Value, faults: &mut
 
 fn check_samples(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     let interval_at = "/numerics/output_interval_s";
-    let experiment = completed.get("experiment").and_then(Value::as_str).unwrap_or_default();
+    let experiment = completed.get("experiment").and_then(Value::as_str).and_then(declaration);
     let time = |name| {
         let pointer = format!("/numerics/{name}");
-        let idle = find(&pointer).is_some_and(|field| field.unused_in.contains(&experiment));
-        if idle { Some(0.0) } else { number(completed, &pointer) }
+        let is_taken = find(&pointer).is_none_or(|field| experiment.is_none_or(|one| one.takes(field)));
+        if is_taken { number(completed, &pointer) } else { Some(0.0) }
     };
     let (Some(interval), Some(fill), Some(process)) =
         (number(completed, interval_at), time("max_fill_s"), time("duration_s"))

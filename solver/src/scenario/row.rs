@@ -1,6 +1,6 @@
 //! Rows of the field table, written briefly, and what several of them share.
 
-use super::field::{Field, Kind, Preset, Range, from_to};
+use super::field::{Field, Kind, Preset, Range, Section, from_to};
 
 pub(super) const ORIGIN: Preset = Preset::Vector([0.0; 3]);
 pub(super) const PLACE: Range = from_to(-100.0, 100.0);
@@ -23,8 +23,8 @@ pub(super) const fn field(
         unit,
         default,
         wet: None,
-        elsewhere: &[],
-        unused_in: &[],
+        by_name: false,
+        otherwise: None,
         yields_to: None,
         source,
         doc,
@@ -103,17 +103,38 @@ pub(super) const fn vector(
     field(pointer, Kind::Vector(range), unit, default, source, doc)
 }
 
+/// An object of fields.
+pub(super) const fn section(
+    pointer: &'static str,
+    experiment: Option<&'static str>,
+    doc: &'static str,
+) -> Section {
+    Section { pointer, items: None, experiment, doc }
+}
+
+/// A list of objects, whose fields stand in the table under `items`.
+pub(super) const fn list(
+    pointer: &'static str,
+    items: &'static str,
+    experiment: Option<&'static str>,
+    doc: &'static str,
+) -> Section {
+    Section { pointer, items: Some(items), experiment, doc }
+}
+
 impl Field {
     pub(super) const fn wet(self, number: f64) -> Self {
         Self { wet: Some(Preset::Number(number)), ..self }
     }
 
-    pub(super) const fn elsewhere(self, elsewhere: &'static [(&'static str, Preset)]) -> Self {
-        Self { elsewhere, ..self }
+    /// Belongs only to the experiments that name it.
+    pub(super) const fn by_name(self) -> Self {
+        Self { by_name: true, ..self }
     }
 
-    pub(super) const fn unused_in(self, unused_in: &'static [&'static str]) -> Self {
-        Self { unused_in, ..self }
+    /// Belongs only to the experiments that name it, and holds `value` in the others.
+    pub(super) const fn by_name_or(self, value: Preset) -> Self {
+        Self { by_name: true, otherwise: Some(value), ..self }
     }
 
     pub(super) const fn yields_to(self, other: &'static str) -> Self {

@@ -5,8 +5,13 @@ use std::fmt::Write;
 use serde_json::{Map, Value, json};
 
 use super::SCHEMA;
+use super::declaration::Declaration;
 use super::field::{Field, Kind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section, plain};
-use super::fields::{FIELDS, SECTIONS};
+use super::fields::{FIELDS, SECTIONS, declaration, experiments_of};
+use super::sections::DECLARATIONS;
+
+/// The annotation that lists the experiments of a section or a field. Without it, all experiments have it.
+const EXPERIMENTS_KEY: &str = "x-experiments";
 
 /// The JSON Schema (2020-12) of a scenario.
 pub fn json_schema() -> Value {
@@ -25,8 +30,8 @@ fn object(section: &str, doc: &str) -> Value {
         properties.insert(field.name().to_owned(), property(field));
     }
     for section in SECTIONS.iter().filter(|section| inside(section.pointer)) {
-        let doc = match section.only_in {
-            Some(only) => format!("{} Only in the experiment `{only}`.", section.doc),
+        let doc = match section.experiment {
+            Some(only) => format!("{} Only in `{only}`.", section.doc),
             None => section.doc.to_owned(),
         };
         let schema = match section.items {
@@ -37,6 +42,9 @@ fn object(section: &str, doc: &str) -> Value {
             }
         };
         properties.insert(name(section.pointer), schema);
+        if let Some(only) = section.experiment {
+            properties[&name(section.pointer)][EXPERIMENTS_KEY] = json!([only]);
+        }
     }
     let required: Vec<&str> = FIELDS
         .iter()
@@ -86,6 +94,9 @@ fn property(field: &Field) -> Value {
             },
         }),
     };
+    if field.by_name {
+        property[EXPERIMENTS_KEY] = json!(experiments_of(field));
+    }
     property["title"] = json!(field.title());
     property["description"] = json!(description(field));
     if let Some(default) = field.default.value() {
@@ -123,11 +134,14 @@ fn description(field: &Field) -> String {
     if let Some(wet) = field.wet.and_then(|wet| wet.value()) {
         let _ = write!(text, " Default when wet: {wet}.");
     }
-    for (experiment, preset) in field.elsewhere {
-        let _ = write!(text, " Default in `{experiment}`: {}.", preset.value().unwrap_or_default());
+    for declaration in DECLARATIONS {
+        for (_, preset) in declaration.defaults.iter().filter(|(pointer, _)| *pointer == field.pointer) {
+            let default = preset.value().unwrap_or_default();
+            let _ = write!(text, " Default in `{}`: {default}.", declaration.name);
+        }
     }
-    if !field.unused_in.is_empty() {
-        let _ = write!(text, " Not in {}.", quoted(field.unused_in));
+    if field.by_name {
+        let _ = write!(text, " Only in {}.", quoted(&experiments_of(field)));
     }
     let _ = write!(text, " Source: {}.", field.source);
     text
@@ -141,14 +155,15 @@ fn quoted(words: &[&str]) -> String {
 /// source and meaning.
 pub fn field_tables_markdown(experiment: &str) -> String {
     let mut sections: Vec<(String, String)> = Vec::new();
-    for field in FIELDS.iter().filter(|field| !field.unused_in.contains(&experiment)) {
+    let Some(declaration) = declaration(experiment) else { return String::new() };
+    for field in FIELDS.iter().filter(|field| declaration.takes(field)) {
         let Some(pointer) = pointer_in(experiment, field.pointer) else { continue };
         let (section, name) = pointer.rsplit_once('/').unwrap_or_default();
         let at = sections.iter().position(|(known, _)| known == section).unwrap_or_else(|| {
             sections.push((section.to_owned(), String::new()));
             sections.len() - 1
         });
-        let _ = writeln!(sections[at].1, "{}", row(experiment, name, field));
+        let _ = writeln!(sections[at].1, "{}", row(declaration, name, field));
     }
     let mut page = String::new();
     for (section, rows) in sections {
@@ -164,9 +179,8 @@ pub fn field_tables_markdown(experiment: &str) -> String {
 }
 
 /// The row of a field in the table of its section.
-fn row(experiment: &str, name: &str, field: &Field) -> String {
-    let elsewhere = field.elsewhere.iter().find(|(name, _)| *name == experiment);
-    let default = match elsewhere.map_or(field.default, |(_, preset)| *preset) {
+fn row(declaration: &Declaration, name: &str, field: &Field) -> String {
+    let default = match declaration.default_of(field) {
         Preset::Required => "(required)".to_owned(),
         Preset::SameAs(other) => format!("as `{other}`"),
         Preset::Number(number) => format!("`{}` {}", plain(number), field.unit).trim_end().to_owned(),
@@ -186,7 +200,7 @@ fn row(experiment: &str, name: &str, field: &Field) -> String {
 /// The pointer under which the documents of an experiment write a field; none if the field's section belongs to another one.
 fn pointer_in(experiment: &str, pointer: &str) -> Option<String> {
     let rest_after = |prefix: &str| pointer.strip_prefix(prefix).filter(|rest| rest.starts_with('/'));
-    let belongs = |section: &Section| section.only_in.is_none_or(|only| only == experiment);
+    let belongs = |section: &Section| section.experiment.is_none_or(|only| only == experiment);
     let mut lists =
         SECTIONS.iter().filter_map(|section| Some((section, rest_after(section.items?)?))).peekable();
     if lists.peek().is_some() {

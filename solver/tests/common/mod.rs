@@ -9,7 +9,6 @@ use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{BodyKind, Laws, Placement, Scene};
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Surface, SurfaceKind};
-use roost_solver::experiments::Prepared;
 use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::{BondLaw, BondModel};
 use roost_solver::physics::contact::ContactLaw;
@@ -17,7 +16,7 @@ use roost_solver::physics::hertz;
 use roost_solver::result::{Curve, RunResult};
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
-use roost_solver::{CpuOptions, Flow, Progress, simulate};
+use roost_solver::{Checked, CpuOptions, Flow, Limits, Progress, check, simulate};
 use serde_json::{Value, json};
 
 pub const RADIUS: f64 = 0.004;
@@ -288,7 +287,7 @@ pub fn scenario(document: Value, fields: &[(&str, Value)]) -> Scenario {
 
 /// What comes of a scenario without meshes.
 pub fn run_on(threads: usize, scenario: &Scenario) -> RunResult {
-    simulate(scenario, &Meshes::default(), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue)
+    simulate(&checked(scenario), CpuOptions { threads }, &mut |_: &Progress| Flow::Continue)
 }
 
 /// A response, which must be there.
@@ -303,12 +302,20 @@ pub fn curve<'a>(result: &'a RunResult, name: &str) -> &'a Curve {
     result.curves.iter().find(|curve| curve.name == name).unwrap_or_else(|| panic!("{name}"))
 }
 
-/// The experiment of a scenario without meshes.
-pub fn prepare(scenario: &Scenario) -> Prepared {
-    roost_solver::experiments::prepare(scenario, &Meshes::default())
+/// A scenario without meshes, checked without limits.
+#[track_caller]
+pub fn checked(scenario: &Scenario) -> Checked {
+    check(scenario, &Meshes::default(), &Limits::NONE).expect("a scenario that can run")
+}
+
+/// The scene of a scenario without meshes.
+#[track_caller]
+pub fn scene_of(scenario: &Scenario) -> Scene {
+    checked(scenario).setup().scene().clone()
 }
 
 /// The kinds of bodies of a scenario without meshes.
+#[track_caller]
 pub fn kinds(scenario: &Scenario) -> Vec<BodyKind> {
-    roost_solver::experiments::kinds(scenario, &Meshes::default())
+    checked(scenario).setup().kinds.clone()
 }

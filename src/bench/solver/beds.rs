@@ -12,10 +12,10 @@ use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{BodyKind, Placement, Scene};
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Surface, SurfaceKind};
-use roost_solver::experiments::prepare;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
+use roost_solver::{Limits, check};
 use serde_json::{Value, json};
 
 use crate::exit::BadInput;
@@ -69,8 +69,8 @@ impl Bed {
         // Settling may take larger steps than what is timed.
         let quick = with(laws, "numerics", "timestep_s", json!("auto"));
         let start = match named {
-            Named::Loose => loose(&quick, subparticles),
-            Named::Bonded | Named::Hopper => fillets(&quick, subparticles),
+            Named::Loose => loose(&quick, subparticles)?,
+            Named::Bonded | Named::Hopper => fillets(&quick, subparticles)?,
         };
         let cpu = Cpu::new(threads);
         let mut run = cpu.prepare(&start);
@@ -78,7 +78,7 @@ impl Bed {
         if let Some(fault) = done.into_iter().find_map(|done| done.fault) {
             bail!("the bed {} diverged while it settled: {fault}", named.name());
         }
-        let timestep_s = prepare(laws, &Meshes::default()).scene.timestep_s;
+        let timestep_s = scene_of(laws)?.timestep_s;
         let bonds = cpu.bonds(&mut run);
         let scene = Scene { timestep_s, ..as_it_lies(&start, cpu.state(&mut run), &bonds) };
         let flows = named == Named::Hopper;
@@ -109,7 +109,7 @@ impl Bed {
             let [i, j] = [i.min(j) - 1, i.max(j) - 1].map(|number| number as u32);
             pairs.push(LatticeBond { i, j, class: 1 });
         }
-        let base = prepare(laws, &Meshes::default()).scene;
+        let base = scene_of(laws)?;
         let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min) - base.radius_m;
         let high = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) + base.radius_m;
         let name =
@@ -176,8 +176,8 @@ fn sphere_kg(laws: &Scenario) -> f64 {
 }
 
 /// Spheres on a grid, a little off it, over the floor of a box.
-fn loose(laws: &Scenario, count: u64) -> Scene {
-    let base = prepare(laws, &Meshes::default()).scene;
+fn loose(laws: &Scenario, count: u64) -> Result<Scene> {
+    let base = scene_of(laws)?;
     let radius = base.radius_m;
     // As deep as wide at 41,000, whatever their number.
     let side = BOX_R * radius * (count as f64 / 41_000.0).cbrt();
@@ -194,7 +194,7 @@ fn loose(laws: &Scenario, count: u64) -> Scene {
     let one = BodyKind { meta: meta(&[DVec3::ZERO], Vec::new()), subparticle_mass_kg: sphere_kg(laws) };
     let at = |position| Placement { kind: 0, position, orientation: DQuat::IDENTITY, velocity: DVec3::ZERO };
     let bodies = near_each_other(points).into_iter().map(at).collect();
-    Scene { kinds: vec![one], bodies, ..boxed(base, DVec3::ZERO, high) }
+    Ok(Scene { kinds: vec![one], bodies, ..boxed(base, DVec3::ZERO, high) })
 }
 
 /// Spheres in the order of cells of six by six by six, so that those that follow each other are near each other.
@@ -206,15 +206,22 @@ fn near_each_other(mut points: Vec<DVec3>) -> Vec<DVec3> {
 }
 
 /// As many fillets as make so many sub-particles, in a hopper as wide as they need.
-fn fillets(laws: &Scenario, subparticles: u64) -> Scene {
-    let whole = prepare(laws, &Meshes::default()).scene;
+fn fillets(laws: &Scenario, subparticles: u64) -> Result<Scene> {
+    let whole = scene_of(laws)?;
     let of_whole: usize = whole.bodies.iter().map(|body| whole.kinds[body.kind].meta.points.len()).sum();
     let count = f64::from(laws.product.count) * subparticles as f64 / of_whole as f64;
     let width = laws.equipment().map_or(0.59, |equipment| equipment.hopper_width_m) * count
         / f64::from(laws.product.count);
     let narrow = with(laws, "equipment", "hopper_width_m", json!(width.clamp(0.1, 10.0)));
     let few = with(&narrow, "product", "count", json!((count.round() as u64).max(1)));
-    prepare(&few, &Meshes::default()).scene
+    scene_of(&few)
+}
+
+/// The scene of a scenario without meshes.
+fn scene_of(scenario: &Scenario) -> Result<Scene> {
+    let checked = check(scenario, &Meshes::default(), &Limits::NONE)
+        .map_err(|faults| BadInput(faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")))?;
+    Ok(checked.setup().scene().clone())
 }
 
 /// A scenario with another value in a field.

@@ -1,8 +1,9 @@
 //! Table 1 and Fig. 1: the six shapes; Table 2: the parameters. Nothing is simulated: what a scenario takes by default is read.
 
-use roost_solver::experiments::kinds;
+use roost_solver::engine::scene::BodyKind;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
+use roost_solver::{Limits, check};
 use serde_json::{Value, json};
 
 use crate::reproduce::picture::{Picture, Shot, View, When};
@@ -35,12 +36,17 @@ const PAPER_RADIUS_M: f64 = 0.004;
 /// Sizes of Table 1, in millimetres.
 const SIZES_MM: [[f64; 3]; 3] = [[144.0, 72.0, 40.0], [172.0, 72.0, 32.0], [176.0, 72.0, 40.0]];
 
+/// The kinds of bodies of a scenario without meshes; none of one that cannot run.
+fn kinds(scenario: &Scenario) -> Option<Vec<BodyKind>> {
+    Some(check(scenario, &Meshes::default(), &Limits::NONE).ok()?.setup().kinds.clone())
+}
+
 /// What a fillet of so many's size takes at a sub-particle radius, surface to surface along length, width and thickness, in metres.
 pub(super) fn extent_m(size: usize, radius_m: f64) -> Option<[f64; 3]> {
     let document = json!({"experiment": "hopper", "product": {"subparticle_radius_m": radius_m}});
     let scenario = scenario::from_value(&document).ok()?;
     // Each size beside its mirror image.
-    let kinds = kinds(&scenario, &Meshes::default());
+    let kinds = kinds(&scenario)?;
     let points = &kinds.get(2 * size)?.meta.points;
     let low = points.iter().copied().reduce(|a, b| a.min(b))?;
     let high = points.iter().copied().reduce(|a, b| a.max(b))?;
@@ -50,7 +56,7 @@ pub(super) fn extent_m(size: usize, radius_m: f64) -> Option<[f64; 3]> {
 fn told_shapes(profile: &Profile) -> Told {
     const NAME: &str = "Table 1";
     let scenario = default_scenario();
-    let kinds = kinds(&scenario, &Meshes::default());
+    let kinds = kinds(&scenario).unwrap_or_default();
     let mut rows = Vec::new();
     let mut radii_m = vec![PAPER_RADIUS_M, profile.radius_m, profile.bed.radius_m];
     radii_m.dedup();
@@ -112,7 +118,7 @@ fn told_shapes(profile: &Profile) -> Told {
 /// All shapes from above, each size beside its mirror image.
 fn six_shapes(scenario: &Scenario) -> Illustration {
     let mut discs = Vec::new();
-    for (number, kind) in kinds(scenario, &Meshes::default()).iter().enumerate() {
+    for (number, kind) in kinds(scenario).unwrap_or_default().iter().enumerate() {
         let (column, line) = (number % 2, number / 2);
         // Sorted by z: the nearest to one who looks from above come last.
         discs.extend(kind.meta.points.iter().map(|point| {

@@ -120,7 +120,7 @@ mod tests {
     use roost_api::job::AttemptOutcome;
     use roost_api::lease::ResultDelivery;
     use roost_solver::mesh::Meshes;
-    use roost_solver::{CpuOptions, Flow, Progress, scenario, simulate};
+    use roost_solver::{CpuOptions, Flow, Limits, Progress, check, scenario, simulate};
     use serde_json::json;
 
     use super::*;
@@ -137,7 +137,8 @@ mod tests {
             "numerics": {"timestep_s": "auto", "duration_s": 0.05},
         });
         let scenario = scenario::from_value(&document).unwrap();
-        simulate(&scenario, &Meshes::default(), CpuOptions { threads: 1 }, &mut |_: &Progress| Flow::Cancel)
+        let checked = check(&scenario, &Meshes::default(), &Limits::NONE).unwrap();
+        simulate(&checked, CpuOptions { threads: 1 }, &mut |_: &Progress| Flow::Cancel)
     }
 
     /// A worker of a server with one delivery in its outbox.

@@ -3,12 +3,11 @@
 use glam::DVec3;
 use serde_json::json;
 
+use crate::check::scene_of;
 use crate::cpu::{Cpu, CpuRun};
 use crate::engine::Backend;
 use crate::engine::scene::{BodyKind, Scene};
 use crate::engine::state::State;
-use crate::experiments::prepare;
-use crate::mesh::Meshes;
 use crate::scenario::from_value;
 
 /// Twelve fillets that fall into a hopper.
@@ -19,7 +18,7 @@ fn fillets() -> Scene {
         "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2},
         "numerics": {"timestep_s": "auto"},
     });
-    prepare(&from_value(&hopper).expect("a scenario"), &Meshes::default()).scene
+    scene_of(&from_value(&hopper).expect("a scenario"))
 }
 
 /// Single spheres in the same place, more than fit in one group.

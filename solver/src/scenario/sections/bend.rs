@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::field::{Field, between, from_to};
-use crate::scenario::row::{choice, number};
+use crate::scenario::declaration::{Declaration, ExperimentSection};
+use crate::scenario::field::{Field, Preset, between, from_to};
+use crate::scenario::row::{choice, number, section};
 
 /// A fillet that bends under its own weight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,3 +48,25 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/bend/scatter_deg", "°", 0.0, from_to(0.0, 45.0), "assumed",
         "Yaw of the fillet is off by up to this much, drawn by `/seed`."),
 ];
+
+/// The experiment in documents.
+#[rustfmt::skip]
+pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
+    name: "bend",
+    sections: &[
+        section("/bend", Some("bend"), "A fillet that bends under its own weight."),
+    ],
+    fields: FIELDS,
+    takes: &[
+        "/product/sizes_m", "/product/shape", "/product/mesh", "/product/fill", "/numerics/duration_s",
+        "/numerics/stop/when_done", "/numerics/max_fill_s",
+    ],
+    defaults: &[
+        ("/product/shape", Preset::Integer(2)),
+        ("/numerics/duration_s", Preset::Number(5.0)),
+        ("/numerics/rest_speed_m_s", Preset::Number(0.02)),
+    ],
+    order: &[],
+};
+
+impl ExperimentSection for Bend {}

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::scenario::declaration::{AtMost, Declaration, ExperimentSection};
 use crate::scenario::field::{Field, Kind, Preset, above_to, from_to};
-use crate::scenario::row::{choice, field, number};
+use crate::scenario::row::{choice, field, number, section};
 
 /// A block of tissue between plates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,3 +50,33 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/compress/plates", &["rough", "frictionless"], "assumed",
         "Plates with the friction of the equipment, or without."),
 ];
+
+/// The experiment in documents.
+#[rustfmt::skip]
+pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
+    name: "compress",
+    sections: &[
+        section("/compress", Some("compress"), "A block of tissue between two plates."),
+    ],
+    fields: FIELDS,
+    takes: &[
+        "/numerics/stop/when_done",
+    ],
+    defaults: &[
+        ("/numerics/gravity_m_s2", Preset::Number(0.0)),
+    ],
+    order: &[
+        AtMost {
+            small: "/compress/modulus_from_strain",
+            large: "/compress/modulus_to_strain",
+            otherwise: "the window of strain would be empty",
+        },
+        AtMost {
+            small: "/compress/modulus_to_strain",
+            large: "/compress/max_strain",
+            otherwise: "the test would end before the window of strain does",
+        },
+    ],
+};
+
+impl ExperimentSection for Compress {}

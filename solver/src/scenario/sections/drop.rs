@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::field::{Field, from_to};
-use crate::scenario::row::{ANGLE, SCATTER, number};
+use crate::scenario::declaration::{Declaration, ExperimentSection};
+use crate::scenario::field::{Field, Preset, from_to};
+use crate::scenario::row::{ANGLE, SCATTER, number, section};
 
 /// Fillets that hit a plate: orientation, and speed at the plate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,3 +36,25 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/drop/scatter_deg", "°", 0.0, SCATTER, "assumed",
         "Yaw, pitch and roll of each fillet are off by up to this much, drawn by `/seed`."),
 ];
+
+/// The experiment in documents.
+#[rustfmt::skip]
+pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
+    name: "drop",
+    sections: &[
+        section("/drop", Some("drop"), "Fillets that hit a plate, each by itself."),
+    ],
+    fields: FIELDS,
+    takes: &[
+        "/product/count", "/product/sizes_m", "/product/shape", "/product/mesh", "/product/fill",
+        "/numerics/duration_s", "/numerics/stop/when_done",
+    ],
+    defaults: &[
+        ("/product/count", Preset::Integer(90)),
+        ("/numerics/duration_s", Preset::Number(2.0)),
+        ("/numerics/output_interval_s", Preset::Number(0.002)),
+    ],
+    order: &[],
+};
+
+impl ExperimentSection for Drop {}

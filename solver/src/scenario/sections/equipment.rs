@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::surface::SurfaceSpec;
+use crate::scenario::declaration::{AtMost, Declaration, ExperimentSection};
 use crate::scenario::field::{Field, from_to};
-use crate::scenario::row::{choice, flag, number};
+use crate::scenario::row::{choice, flag, list, number, section};
 
 /// Hopper, gate and belt. The dimensions of the paper's Fig. 5 are derived (see ARCHITECTURE.md).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,3 +68,33 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     flag("/equipment/parametric", true, "assumed",
         "Whether belt, walls, gate and shutter are made from the fields here; false leaves all of it to `surfaces`."),
 ];
+
+/// The experiment in documents.
+#[rustfmt::skip]
+pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
+    name: "hopper",
+    sections: &[
+        section("/equipment", Some("hopper"), "Hopper, gate and belt. The dimensions of Fig. 5 are derived."),
+        list("/equipment/surfaces", "/scene/surfaces/*", Some("hopper"), "Further surfaces, as in `/scene/surfaces`."),
+    ],
+    fields: FIELDS,
+    takes: &[
+        "/product/count", "/product/sizes_m", "/product/shape", "/product/mesh", "/product/fill",
+        "/numerics/duration_s", "/numerics/stop/when_empty", "/numerics/stop/when_jammed_s",
+        "/numerics/max_fill_s",
+    ],
+    defaults: &[],
+    order: &[
+        AtMost {
+            small: "/equipment/gate_opening_m",
+            large: "/equipment/hopper_height_m",
+            otherwise: "the gate would open above the hopper",
+        },
+    ],
+};
+
+impl ExperimentSection for Equipment {
+    fn surfaces(&self) -> (&'static str, &[SurfaceSpec]) {
+        ("/equipment/surfaces", &self.surfaces)
+    }
+}

@@ -68,30 +68,25 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Time step; `auto` picks the largest safe one from stiffness, mass, damping and the speed at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
         "Simulated time from t = 0: the start of the belt, or of the test.")
-        .elsewhere(&[("drop", Preset::Number(2.0)), ("bend", Preset::Number(5.0)), ("scene", Preset::Number(2.0))])
-        .unused_in(&["slide", "compress"]),
+        .by_name(),
     number("/numerics/output_interval_s", "s", 0.02, above_to(0.0, 0.1), "numerics",
-        "Interval between samples.")
-        .elsewhere(&[("drop", Preset::Number(0.002))]),
+        "Interval between samples."),
     flag("/numerics/stop/when_empty", true, "numerics",
         "Whether a run ends once every fillet has left.")
-        .unused_in(&["drop", "bend", "slide", "compress"]),
+        .by_name(),
     nullable("/numerics/stop/when_jammed_s", "s", TIME, "numerics",
         "A run ends once nothing has passed the gate for this long; null never.")
-        .unused_in(&["drop", "bend", "slide", "compress", "scene"]),
+        .by_name(),
     flag("/numerics/stop/when_done", true, "numerics",
         "Whether a run ends once what it measures is known: fillets at rest, or sliding, or the block compressed.")
-        .elsewhere(&[("scene", Preset::Flag(false))])
-        .unused_in(&["hopper"]),
+        .by_name(),
     number("/numerics/gravity_m_s2", "m/s²", 9.81, from_to(0.0, 100.0), "assumed",
-        "Acceleration of gravity, downwards; none in a compression test, where the block's weight would stand in the curve.")
-        .elsewhere(&[("compress", Preset::Number(0.0))]),
+        "Acceleration of gravity, downwards; none in a compression test, where the block's weight would stand in the curve."),
     number("/numerics/rest_speed_m_s", "m/s", 0.05, above_to(0.0, 1.0), "numerics",
-        "The bed is at rest, and the belt starts, once all but one in a thousand of its sub-particles are slower than this.")
-        .elsewhere(&[("bend", Preset::Number(0.02)), ("slide", Preset::Number(0.01))]),
+        "The bed is at rest, and the belt starts, once all but one in a thousand of its sub-particles are slower than this."),
     number("/numerics/max_fill_s", "s", 10.0, TIME, "numerics",
         "What has not come to rest before t = 0 after this long ends the run.")
-        .unused_in(&["drop", "compress", "scene"]),
+        .by_name(),
     number("/numerics/speed_limit_m_s", "m/s", 30.0, from_to(1.0, 10_000.0), "numerics",
         "A sub-particle faster than this makes the run `unstable`."),
     flag("/numerics/allow_unstable", false, "numerics",

@@ -57,7 +57,6 @@ pub enum Fill {
     WholeSpheres,
 }
 
-const ONE: Preset = Preset::Integer(1);
 const DENSITY: Range = from_to(10.0, 20_000.0);
 /// Length, width and thickness of the three sizes.
 const SIZES_M: &[[f64; 3]] = &[[0.144, 0.072, 0.040], [0.172, 0.072, 0.032], [0.176, 0.072, 0.040]];
@@ -68,25 +67,23 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     integer("/product/count", 191, from_to(1.0, 100_000.0), "section 2.4",
         "Number of fillets; fillet i has shape i mod (2 · sizes), each size and its mirror image in turn, unless \
          `shape` is given. A drop takes 15 of each of the six shapes (section 2.3.3).")
-        .elsewhere(&[("drop", Preset::Integer(90)), ("bend", ONE), ("slide", ONE), ("compress", ONE), ("scene", ONE)])
-        .unused_in(&["bend", "slide", "compress", "scene"]),
+        .by_name_or(Preset::Integer(1)),
     field("/product/sizes_m", Kind::Sizes(from_to(0.005, 2.0)), "m", Preset::Sizes(SIZES_M), "Table 1",
         "Length, width and thickness of each size.")
-        .unused_in(&["compress"]),
+        .by_name(),
     field("/product/shape", Kind::NullableInteger(from_to(0.0, 63.0)), "", Preset::Null, "Fig. 1",
         "The one shape that all fillets have: 2 · (number of the size, from 0), plus 1 for its mirror image; null takes each in turn.")
-        .elsewhere(&[("bend", Preset::Integer(2)), ("slide", Preset::Integer(2))])
-        .unused_in(&["compress", "scene"]),
+        .by_name(),
     field("/product/mesh", Kind::Mesh, "", Preset::Null, "section 2.2",
         "A closed mesh that all fillets have as their shape, in place of the teardrops of `sizes_m`.")
-        .unused_in(&["compress"]),
+        .by_name(),
     number("/product/scale", "", 1.0, from_to(0.05, 20.0), "Fig. 12",
         "Scale of fillets and sub-particles alike."),
     number("/product/subparticle_radius_m", "m", 0.004, from_to(5e-4, 0.05), "section 2.2",
         "Radius of a sub-particle; the lattice is twice that wide, and sub-particles grow as its inverse cube."),
     choice("/product/fill", &["centres", "whole_spheres"], "assumed",
         "Which lattice points become sub-particles: those whose centre, or whose whole sphere, lies in the shape.")
-        .unused_in(&["compress"]),
+        .by_name(),
     nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
         "Density of a sub-particle, instead of `density_kg_m3`; the paper's two densities cannot both hold."),
     field("/product/density_kg_m3", Kind::Nullable(DENSITY), "kg/m³", Preset::Number(940.0), "Table 2",

@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::surface::SurfaceSpec;
+use crate::scenario::declaration::{Declaration, ExperimentSection};
 use crate::scenario::field::{Field, Preset, above_to, from_to};
-use crate::scenario::row::{ANGLE, ORIGIN, PLACE, SPEED, integer, number, vector};
+use crate::scenario::row::{ANGLE, ORIGIN, PLACE, SPEED, integer, list, number, section, vector};
 
 /// Bodies and surfaces, freely placed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,3 +51,30 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     vector("/scene/bodies/*/velocity_m_s", "m/s", ORIGIN, SPEED, "assumed",
         "Velocity at the start."),
 ];
+
+/// The experiment in documents.
+#[rustfmt::skip]
+pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
+    name: "scene",
+    sections: &[
+        section("/scene", Some("scene"), "Bodies and surfaces, freely placed."),
+        list("/scene/bodies", "/scene/bodies/*", Some("scene"), "Fillets; a product's shape at a place."),
+        list("/scene/surfaces", "/scene/surfaces/*", Some("scene"), "Surfaces of triangles that move together."),
+    ],
+    fields: FIELDS,
+    takes: &[
+        "/product/sizes_m", "/product/mesh", "/product/fill", "/numerics/duration_s",
+        "/numerics/stop/when_empty", "/numerics/stop/when_done",
+    ],
+    defaults: &[
+        ("/numerics/duration_s", Preset::Number(2.0)),
+        ("/numerics/stop/when_done", Preset::Flag(false)),
+    ],
+    order: &[],
+};
+
+impl ExperimentSection for FreeScene {
+    fn surfaces(&self) -> (&'static str, &[SurfaceSpec]) {
+        ("/scene/surfaces", &self.surfaces)
+    }
+}

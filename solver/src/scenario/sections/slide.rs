@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::field::{Field, from_to};
-use crate::scenario::row::{ANGLE, SCATTER, number};
+use crate::scenario::declaration::{Declaration, ExperimentSection};
+use crate::scenario::field::{Field, Preset, from_to};
+use crate::scenario::row::{ANGLE, SCATTER, number, section};
 
 /// A fillet on a plate that is tilted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,3 +32,24 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/slide/scatter_deg", "°", 0.0, SCATTER, "assumed",
         "Yaw of the fillet is off by up to this much, drawn by `/seed`."),
 ];
+
+/// The experiment in documents.
+#[rustfmt::skip]
+pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
+    name: "slide",
+    sections: &[
+        section("/slide", Some("slide"), "A fillet on a plate that is tilted until it slides."),
+    ],
+    fields: FIELDS,
+    takes: &[
+        "/product/sizes_m", "/product/shape", "/product/mesh", "/product/fill", "/numerics/stop/when_done",
+        "/numerics/max_fill_s",
+    ],
+    defaults: &[
+        ("/product/shape", Preset::Integer(2)),
+        ("/numerics/rest_speed_m_s", Preset::Number(0.01)),
+    ],
+    order: &[],
+};
+
+impl ExperimentSection for Slide {}

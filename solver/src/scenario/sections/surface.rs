@@ -80,6 +80,9 @@ pub enum PresenceKind {
     UntilStart,
 }
 
+/// The pointer under which the table holds the fields of a surface, whatever list it is in.
+pub(in crate::scenario) const ITEMS: &str = "/scene/surfaces/*";
+
 /// Its fields in the table.
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[

@@ -7,6 +7,7 @@ mod table;
 
 use serde_json::{Value, json};
 
+use super::fields::{EXPERIMENTS, FIELDS, experiments_of};
 use super::{Fault, Scenario, from_value};
 
 /// The shortest scenario, read.
@@ -31,22 +32,25 @@ fn every_experiment() -> Vec<Value> {
         document(json!({"experiment": "scene",
             "scene": {"bodies": [{"position_m": [0, 0, 1]}], "surfaces": surface}})),
     ];
-    for name in ["drop", "bend", "slide", "compress"] {
+    for name in EXPERIMENTS.iter().filter(|name| !["hopper", "scene"].contains(name)) {
         documents.push(document(json!({"experiment": name})));
     }
     documents
 }
 
-/// The documents in which the field or section of this pointer of the table means something, with its pointer there.
-fn documents_with(pointer: &str, unused_in: &[&str]) -> Vec<(Value, String)> {
+/// The documents of the experiments that take the field or section of this pointer, with its pointer there.
+fn documents_with(pointer: &str) -> Vec<(Value, String)> {
     let lists = ["/equipment/surfaces", "/scene/surfaces"];
     let places = match pointer.strip_prefix("/scene/surfaces/*") {
         Some(rest) => lists.iter().map(|list| format!("{list}/0{rest}")).collect(),
         None => vec![pointer.replace("/*", "/0")],
     };
     let documents = every_experiment();
-    let used = |document: &&Value| !unused_in.iter().any(|name| document["experiment"] == *name);
-    let found = documents.iter().filter(used).flat_map(|document| {
+    let field = FIELDS.iter().find(|field| field.pointer == pointer);
+    let takes = |document: &&Value| {
+        field.is_none_or(|field| experiments_of(field).iter().any(|name| document["experiment"] == *name))
+    };
+    let found = documents.iter().filter(takes).flat_map(|document| {
         let there = places.iter().filter(|place| document.pointer(place).is_some());
         there.map(|place| {
             let mut document = document.clone();

@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 use super::{documents_with, every_experiment};
 use crate::scenario::field::{Kind, Preset, unit_suffix};
-use crate::scenario::fields::{EXPERIMENTS, FIELDS, SECTIONS, find, in_table};
-use crate::scenario::{Scenario, field_tables_markdown, from_value, json_schema};
+use crate::scenario::fields::{EXPERIMENTS, FIELDS, SECTIONS, experiments_of, find, in_table};
+use crate::scenario::{DECLARATIONS, Scenario, field_tables_markdown, from_value, json_schema};
 
 /// Pointers of all leaves as the table has them; a list of numbers is one.
 fn leaves(value: &Value, pointer: &str, found: &mut BTreeSet<String>) {
@@ -54,10 +54,25 @@ fn every_section_of_a_field_is_described() {
 }
 
 #[test]
+fn experiments_name_shared_fields_that_exist() {
+    let shared = |pointer: &str| find(pointer).filter(|field| field.pointer == pointer);
+    for declaration in DECLARATIONS {
+        for pointer in declaration.takes {
+            let field = shared(pointer).unwrap_or_else(|| panic!("{}: {pointer}", declaration.name));
+            assert!(field.by_name, "{}: every experiment has {pointer}", declaration.name);
+        }
+        for (pointer, _) in declaration.defaults {
+            let field = shared(pointer).unwrap_or_else(|| panic!("{}: {pointer}", declaration.name));
+            assert!(declaration.takes(field), "{} does not take {pointer}", declaration.name);
+        }
+    }
+}
+
+#[test]
 fn every_default_lies_in_its_own_range() {
     for field in FIELDS {
-        let elsewhere = field.elsewhere.iter().map(|(_, preset)| *preset);
-        for preset in [Some(field.default), field.wet].into_iter().flatten().chain(elsewhere) {
+        let own = DECLARATIONS.iter().map(|declaration| declaration.default_of(field));
+        for preset in [Some(field.default), field.wet].into_iter().flatten().chain(own) {
             let inside = match (field.kind, preset) {
                 (Kind::Number(range) | Kind::NumberOrAuto(range), Preset::Number(number)) => {
                     range.contains(number)
@@ -124,7 +139,7 @@ fn the_choices_of_the_table_are_the_variants_of_the_types() {
         if ["/schema", "/experiment"].contains(&field.pointer) {
             continue;
         }
-        let (mut document, pointer) = documents_with(field.pointer, field.unused_in).swap_remove(0);
+        let (mut document, pointer) = documents_with(field.pointer).swap_remove(0);
         for word in words {
             *document.pointer_mut(&pointer).unwrap() = json!(word);
             let scenario = from_value(&document).unwrap();
@@ -186,7 +201,7 @@ fn every_field_is_in_the_tables_of_an_experiment_that_takes_it_and_in_no_other()
         let experiments: Vec<&&str> = EXPERIMENTS.iter().filter(takes).collect();
         assert!(!experiments.is_empty(), "{} is in no table", field.pointer);
         assert!(
-            !experiments.iter().any(|name| field.unused_in.contains(*name)),
+            experiments.iter().all(|name| experiments_of(field).contains(name)),
             "{}: {experiments:?}",
             field.pointer
         );

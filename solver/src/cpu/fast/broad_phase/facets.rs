@@ -209,10 +209,9 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::check::scene_of;
     use crate::engine::scene::Scene;
     use crate::equipment::{Motion, Surface, SurfaceKind};
-    use crate::experiments::prepare;
-    use crate::mesh::Meshes;
     use crate::scenario::from_value;
 
     #[test]
@@ -222,7 +221,7 @@ mod tests {
             Motion::Moving { velocity: DVec3::X * 0.3, pivot: DVec3::new(0.3, 0.2, 0.1), spin: DVec3::ONE };
         let plate = Surface::parallelogram("plate", SurfaceKind::Equipment, DVec3::ZERO, u, v).moving(motion);
         let drop = from_value(&json!({"experiment": "drop"})).expect("a scenario");
-        let scene = Scene { surfaces: vec![plate], ..prepare(&drop, &Meshes::default()).scene };
+        let scene = Scene { surfaces: vec![plate], ..scene_of(&drop) };
         let frame = Frame::new(DVec3::splat(-0.5), DVec3::splat(0.5), false);
         let mut walls = Walls::new(&scene, &frame);
         walls.pose(Some(0.4), &frame);

@@ -133,12 +133,11 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::check::scene_of;
     use crate::cpu::fast::instructions::set::InstructionSet;
     use crate::cpu::fast::storage::particles::random_bodies;
     use crate::engine::scene::Scene;
     use crate::equipment::{Surface, SurfaceKind};
-    use crate::experiments::prepare;
-    use crate::mesh::Meshes;
     use crate::scenario::from_value;
 
     struct Near<'a>(&'a Walls, u32, &'a Frame, &'a BodyParticles, [usize; 2]);
@@ -170,7 +169,7 @@ mod tests {
         cut.triangles = strips.flat_map(strip).collect();
         let surfaces = vec![plate(DVec3::X * 0.1, DVec3::Y * 0.1), cut, plate(DVec3::X, DVec3::Y * 1e-4)];
         let drop = from_value(&json!({"experiment": "drop"})).expect("a scenario");
-        let scene = Scene { surfaces, ..prepare(&drop, &Meshes::default()).scene };
+        let scene = Scene { surfaces, ..scene_of(&drop) };
         let frame = Frame::new(DVec3::splat(-1.0), DVec3::splat(1.0), false);
         let walls = Walls::new(&scene, &frame);
         let few: Vec<bool> = (0..3).map(|facet| SmallFacet::of(&walls, facet).is_some()).collect();

@@ -44,15 +44,14 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::check::scene_of;
     use crate::engine::scene::Placement;
-    use crate::experiments::prepare;
-    use crate::mesh::Meshes;
     use crate::scenario::from_value;
 
     #[test]
     fn single_spheres_that_follow_each_other_go_together() {
         let drop = from_value(&json!({"experiment": "drop"})).expect("a scenario");
-        let scene = prepare(&drop, &Meshes::default()).scene;
+        let scene = scene_of(&drop);
         let fillet = scene.kinds[0].clone();
         let mut single = fillet.clone();
         let mut meta = (*single.meta).clone();

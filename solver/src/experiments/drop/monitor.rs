@@ -1,14 +1,17 @@
-//! Watching fillets hit their plates: which bonds hold, when each has settled, what has left the room over its plate.
+//! The monitor of a drop: broken bonds, settling, and parts that leave the space over their plate.
 
 use serde_json::{Map, Value};
 
-use super::Watch;
-use super::drop::{GAP_RATIO, Grid};
+use super::scene::Grid;
+use super::{BONDS_OF_EACH, PLATE_FORCE, SETTLE_TIME};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
-use crate::observe::{RestDetector, SettlingTimer};
-use crate::result::{Curve, EndReason, Series};
+use crate::experiments::CurveRow;
+use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
+use crate::experiments::placement::GAP_RATIO;
+use crate::observe::{Recorder, RestDetector, SeriesId, SettlingTimer};
+use crate::result::{Curve, EndReason};
 use crate::scenario::{Drop, Numerics, Scenario};
 
 /// The run is over once all have settled and have been at rest for this long, in seconds: what stands on its end and is about to
@@ -37,9 +40,9 @@ impl Fillet {
     }
 }
 
-/// The drop's director.
+/// The drop's monitor.
 #[derive(Debug)]
-pub(super) struct DropWatch {
+pub(super) struct DropMonitor {
     numerics: Numerics,
     grid: Grid,
     fillets: Vec<Fillet>,
@@ -47,13 +50,13 @@ pub(super) struct DropWatch {
     escaped_kg: f64,
     max_overlap_m: f32,
     radius_m: f64,
-    t_s: Vec<f64>,
-    kinetic_energy_j: Vec<f64>,
-    bonds_intact: Vec<f64>,
-    plate_force_n: Vec<f64>,
+    recorder: Recorder,
+    kinetic_energy: SeriesId,
+    bonds_intact: SeriesId,
+    plate_force: SeriesId,
 }
 
-impl DropWatch {
+impl DropMonitor {
     pub(super) fn new(scenario: &Scenario, drop: &Drop, scene: &Scene, grid: Grid) -> Self {
         // A free fall through the gap.
         let gap_m = GAP_RATIO * scene.radius_m;
@@ -79,6 +82,7 @@ impl DropWatch {
                 most_energy_j: ENERGY_MARGIN * given_j,
             }
         };
+        let mut recorder = Recorder::default();
         Self {
             numerics: scenario.numerics.clone(),
             grid,
@@ -87,15 +91,15 @@ impl DropWatch {
             escaped_kg: 0.0,
             max_overlap_m: 0.0,
             radius_m: scene.radius_m,
-            t_s: Vec::new(),
-            kinetic_energy_j: Vec::new(),
-            bonds_intact: Vec::new(),
-            plate_force_n: Vec::new(),
+            kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
+            bonds_intact: recorder.add_row(&BONDS_INTACT),
+            plate_force: recorder.add_row(&PLATE_FORCE),
+            recorder,
         }
     }
 
-    /// Looks at each fillet, and returns the serials of what has left the room over its plate; or what must not be.
-    fn look_at_fillets(&mut self, state: &State, now_s: f64) -> Result<Vec<u32>, String> {
+    /// Observes each fillet. Returns serials that have left the space over their plate, or the reason of a divergence.
+    fn observe_fillets(&mut self, state: &State, now_s: f64) -> Result<Vec<u32>, String> {
         let mut left = Vec::new();
         let mut diverged = None;
         for (number, range) in state.body_ranges() {
@@ -130,29 +134,28 @@ impl DropWatch {
     }
 }
 
-impl ExperimentMonitor for DropWatch {
+impl ExperimentMonitor for DropMonitor {
     fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         let Some(now_s) = sample.belt_time_s else { return Decision::Start };
         let state = sample.state;
         self.max_overlap_m = sample.max_overlap_m;
-        self.t_s.push(now_s);
-        self.kinetic_energy_j.push(state.kinetic_energy());
-        self.bonds_intact.push(state.bonds_intact_fraction());
-        self.plate_force_n.push(sample.surface_forces.iter().fold(0.0, |sum, force| sum - force.z));
+        self.recorder.begin_sample(sample.simulated_s, sample.belt_time_s);
+        self.recorder.record(self.kinetic_energy, state.kinetic_energy());
+        self.recorder.record(self.bonds_intact, state.bonds_intact_fraction());
+        let force_n = sample.surface_forces.iter().fold(0.0, |sum, force| sum - force.z);
+        self.recorder.record(self.plate_force, force_n);
         self.rest.record(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
-        match self.look_at_fillets(state, now_s) {
-            Err(seen) => Decision::Diverged(seen),
+        match self.observe_fillets(state, now_s) {
+            Err(reason) => Decision::Diverged(reason),
             Ok(_) if self.is_done() => Decision::End(EndReason::Done),
             Ok(remove) => Decision::Continue { remove },
         }
     }
 
-    fn discharged_kg(&self) -> f64 {
-        0.0
+    fn recorder(&self) -> &Recorder {
+        &self.recorder
     }
-}
 
-impl Watch for DropWatch {
     fn responses(&self, _reason: EndReason) -> Map<String, Value> {
         let intact = || self.fillets.iter().map(Fillet::bonds_intact_fraction);
         let settled: Vec<f64> = self.settle_times_s().flatten().collect();
@@ -160,48 +163,26 @@ impl Watch for DropWatch {
         let all = (settled.len() == count).then_some(&settled);
         let mut responses = Map::new();
         let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
-        add("bonds_intact_fraction", self.bonds_intact.last().copied().into());
+        add("bonds_intact_fraction", self.recorder.last(self.bonds_intact).into());
         add("lowest_bonds_intact_fraction", intact().reduce(f64::min).into());
         add("settle_time_s", all.map(|times| times.iter().sum::<f64>() / count as f64).into());
         add("longest_settle_time_s", all.and_then(|times| times.iter().copied().reduce(f64::max)).into());
         add("settled_fraction", (settled.len() as f64 / count as f64).into());
         add("max_overlap_ratio", (f64::from(self.max_overlap_m) / self.radius_m).into());
-        add("kinetic_energy_end_j", self.kinetic_energy_j.last().copied().into());
+        add("kinetic_energy_end_j", self.recorder.last(self.kinetic_energy).into());
         add("escaped_kg", self.escaped_kg.into());
         responses
     }
 
-    fn series(&self) -> Vec<Series> {
-        let series = |name: &str, unit: &str, values: &[f64]| Series {
-            name: name.into(),
-            unit: unit.into(),
-            t_s: self.t_s.clone(),
-            values: values.to_vec(),
-        };
-        vec![
-            series("kinetic_energy", "J", &self.kinetic_energy_j),
-            series("bonds_intact_fraction", "1", &self.bonds_intact),
-            series("plate_force", "N", &self.plate_force_n),
-        ]
-    }
-
-    // Per fillet, numbered from 0; those that have not settled have no time.
     fn curves(&self) -> Vec<Curve> {
-        let curve = |name: &str, unit: &str, of: &dyn Fn(&Fillet) -> Option<f64>| {
+        let curve = |row: &CurveRow, of: &dyn Fn(&Fillet) -> Option<f64>| {
             let values = self.fillets.iter().enumerate().filter_map(|(i, f)| Some((i as f64, of(f)?)));
             let (x, values) = values.unzip();
-            Curve {
-                name: name.into(),
-                unit: unit.into(),
-                over: "fillet".into(),
-                over_unit: "1".into(),
-                x,
-                values,
-            }
+            row.curve(x, values)
         };
         vec![
-            curve("bonds_intact_fraction", "1", &|fillet| Some(fillet.bonds_intact_fraction())),
-            curve("settle_time", "s", &|fillet| fillet.settling.time_s()),
+            curve(&BONDS_OF_EACH, &|fillet| Some(fillet.bonds_intact_fraction())),
+            curve(&SETTLE_TIME, &|fillet| fillet.settling.time_s()),
         ]
     }
 }

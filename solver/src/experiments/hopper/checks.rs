@@ -1,15 +1,14 @@
-//! Whether the fillets fit the hopper, and what else stands in it.
+//! Checks of the hopper: whether the fillets fit it, and whether its surfaces leave them room.
 
 use serde_json::json;
 
-use super::fault;
-use super::inside::{OVERLAP_RATIO, Other, clashes};
-use crate::engine::scene::{BodyKind, Scene};
+use crate::engine::scene::Scene;
 use crate::equipment::Surface;
-use crate::experiments::hopper::scene;
+use crate::experiments::Setup;
+use crate::experiments::clashes::{OVERLAP_RATIO, Obstacle, clashes};
 use crate::experiments::surfaces::extent;
 use crate::mesh::{Mesh, Meshes};
-use crate::scenario::{Equipment, Fault, Product, Scenario, SideWalls};
+use crate::scenario::{Equipment, Fault, Product, SideWalls};
 
 /// Length, width and thickness of every size of fillet there is, scaled, in metres, and where it stands.
 fn sizes(product: &Product, meshes: &Meshes) -> Vec<(String, [f64; 3])> {
@@ -24,17 +23,12 @@ fn sizes(product: &Product, meshes: &Meshes) -> Vec<(String, [f64; 3])> {
 }
 
 /// Fillets that fit the hopper in no orientation, or are too many for its volume.
-pub(super) fn fit_faults(
-    scenario: &Scenario,
-    equipment: &Equipment,
-    meshes: &Meshes,
-    kinds: &[BodyKind],
-) -> Vec<Fault> {
-    let product = &scenario.product;
+pub(super) fn fit_faults(setup: &Setup, equipment: &Equipment) -> Vec<Fault> {
+    let (product, kinds) = (&setup.scenario.product, &setup.kinds);
     let radius = product.radius_m();
     let mut faults = Vec::new();
     let periodic = equipment.side_walls == SideWalls::Periodic;
-    for (named, size) in sizes(product, meshes) {
+    for (named, size) in sizes(product, &setup.meshes) {
         // Upright, a fillet needs its two lesser dimensions; the greater of those must fit both ways, with some
         // room to turn or it would never be placed.
         let mut sorted = size;
@@ -43,7 +37,7 @@ pub(super) fn fit_faults(
             let needs = dimension + 4.0 * radius;
             if room < needs {
                 let detail = format!("fillets of {named} cannot fit between the walls");
-                faults.push(fault(pointer, room, detail, format!("at least {needs:.4} m")));
+                faults.push(Fault::at(pointer, room, detail, format!("at least {needs:.4} m")));
             }
         };
         must_fit("/equipment/hopper_length_m", equipment.hopper_length_m, sorted[1]);
@@ -58,7 +52,7 @@ pub(super) fn fit_faults(
     let mean = kinds.iter().map(|kind| kind.meta.volume_m3).sum::<f64>() / kinds.len() as f64;
     let most = (volume / mean) as u64;
     if u64::from(product.count) > most {
-        faults.push(fault(
+        faults.push(Fault::at(
             "/product/count",
             product.count,
             format!("the fillets alone take more than the hopper's {volume:.4} m³"),
@@ -76,7 +70,7 @@ fn seam_fault(scene: &Scene, index: usize, surface: &Surface) -> Option<Fault> {
     let is_near = ends.iter().any(|beyond| *beyond < reach);
     let goes_past = ends.iter().all(|beyond| *beyond <= -reach);
     (is_near && !goes_past).then(|| {
-        fault(
+        Fault::at(
             &format!("/equipment/surfaces/{index}"),
             json!(surface.name),
             format!(
@@ -94,24 +88,29 @@ fn seam_fault(scene: &Scene, index: usize, surface: &Surface) -> Option<Fault> {
 }
 
 /// A hopper of no surfaces, or with one in the way of the fill.
-pub(super) fn surface_faults(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Vec<Fault> {
+pub(super) fn surface_faults(setup: &Setup, equipment: &Equipment) -> Vec<Fault> {
     let pointer = "/equipment/surfaces";
     if equipment.surfaces.is_empty() {
         let nothing = || {
             let detail = "is empty, and so nothing would hold the fillets".to_owned();
-            fault(pointer, json!([]), detail, "a hopper's surfaces, or /equipment/parametric true".to_owned())
+            Fault::at(
+                pointer,
+                json!([]),
+                detail,
+                "a hopper's surfaces, or /equipment/parametric true".to_owned(),
+            )
         };
         return (!equipment.parametric).then(nothing).into_iter().collect();
     }
-    let scene = scene(scenario, equipment, meshes);
+    let scene = setup.scene();
     let built_in = scene.surfaces.len() - equipment.surfaces.len();
     let mut faults: Vec<Fault> = Vec::new();
     if scene.periodic_y {
         let own = scene.surfaces[built_in..].iter().enumerate();
-        faults.extend(own.filter_map(|(index, surface)| seam_fault(&scene, index, surface)));
+        faults.extend(own.filter_map(|(index, surface)| seam_fault(scene, index, surface)));
     }
-    for (fillet, other) in clashes(&scene) {
-        let Other::Surface(surface) = other else { continue };
+    for (fillet, other) in clashes(scene) {
+        let Obstacle::Surface(surface) = other else { continue };
         let Some(index) = surface.checked_sub(built_in) else { continue };
         let at = format!("{pointer}/{index}");
         if faults.iter().all(|fault| fault.pointer != at) {
@@ -122,7 +121,7 @@ pub(super) fn surface_faults(scenario: &Scenario, equipment: &Equipment, meshes:
             let allowed = format!(
                 "sub-particles at least {apart:.2e} m from it, where fillets are stacked over the floor"
             );
-            faults.push(fault(&at, json!(name), detail, allowed));
+            faults.push(Fault::at(&at, json!(name), detail, allowed));
         }
     }
     faults

@@ -1,7 +1,7 @@
-//! What would start inside something: bodies in each other, bodies in or through a surface.
+//! Bodies that would start inside each other, or inside or through a surface.
 //!
-//! Such a start is no scenario but a mistake: it would blow up, or a fillet would hang through a plate. Sub-particles may overlap by a
-//! tenth of R, since places are written with few digits. What is closed and faces outwards is solid; a closed container faces inwards.
+//! Such a run would blow up, or a fillet would hang through a plate. Sub-particles may overlap by a tenth of R, since
+//! positions are written with few digits. A closed surface that faces outwards is solid; a closed container faces inwards.
 
 use std::cell::OnceCell;
 use std::collections::HashSet;
@@ -20,15 +20,15 @@ pub(super) const OVERLAP_RATIO: f64 = 0.1;
 /// Seen from within, solid angles of a closed surface add up to the whole sphere to this share of it.
 const CLOSED: f64 = 1e-6;
 
-/// What a body starts inside of, by its number in the scene.
+/// The body or surface that a body starts inside, by its index in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Other {
+pub(super) enum Obstacle {
     Body(usize),
     Surface(usize),
 }
 
-/// Every body that starts inside another or a surface, with the first of each that it is in.
-pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Other)> {
+/// Every body that starts inside another body or a surface, with the first of each.
+pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Obstacle)> {
     let lattices: Vec<OnceCell<Lattice>> = vec![OnceCell::new(); scene.kinds.len()];
     let lattice =
         |kind: usize| lattices[kind].get_or_init(|| Lattice::new(&scene.kinds[kind], scene.radius_m));
@@ -46,8 +46,8 @@ pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Other)> {
             sheet.cuts(&points, body, scene) || points.first().is_some_and(|&p| sheet.encloses(p))
         };
         let crossed = sheets.iter().position(within);
-        found.extend(earlier.map(|other| (number, Other::Body(other))));
-        found.extend(crossed.map(|other| (number, Other::Surface(other))));
+        found.extend(earlier.map(|other| (number, Obstacle::Body(other))));
+        found.extend(crossed.map(|other| (number, Obstacle::Surface(other))));
     }
     found
 }

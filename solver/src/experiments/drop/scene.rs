@@ -1,28 +1,15 @@
-//! Fillets that hit a plate, each by itself (paper sections 2.3.3 and 3.3, Fig. 9 to 12): how many bonds hold, and how long
-//! it takes until 99 % of the kinetic energy are lost.
-//!
-//! Each fillet stands just above a plate of its own, turned as asked for, and moves down at the speed of the impact. The plates
-//! lie so far apart that nothing gets from one to another; what leaves the room over its plate leaves the simulation,
-//! counted as escaped and not as broken. Expected at Table 2: 99 % intact flat to 4 m/s and 85 % end on, settled after
-//! 0.1 to 0.35 s, later at larger scale; S_t ≫ S_n breaks bonds, and the published bond diverges at S_n 1e7, S_t 1e5.
-//!
-//! *Settled* is a matter of the kinetic energy alone, and for good: until it falls under 1 % of what it was at first contact and
-//! stays there. Gravity feeds it anew while a fillet topples over, so one dropped on end settles once it has come to lie.
+//! The scene of a drop: one plate per fillet, on a square grid.
 
 use glam::{DQuat, DVec3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::impact::DropWatch;
-use super::placement::uniform;
-use super::{Prepared, bounds_on_timestep, kind_of_each, kinds, laws, orientation, plan, timestep_s};
 use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::equipment::{Surface, SurfaceKind};
-use crate::mesh::Meshes;
-use crate::scenario::{Drop, Numerics, Scenario};
+use crate::experiments::Setup;
+use crate::experiments::placement::{height_over_plate, orientation, uniform};
+use crate::scenario::{Drop, Scenario};
 
-/// Clearance over the plate at the start, as a share of R.
-pub(super) const GAP_RATIO: f64 = 0.05;
 /// A fillet may slide for this long at the speed of its impact before it leaves its plate, in seconds.
 const SLIDING_S: f64 = 0.1;
 /// The plates are no farther apart than this, in metres, or positions would lose digits: at the default interval of samples
@@ -32,7 +19,7 @@ const WIDEST_GAP_M: f64 = 1.0;
 /// that many fillets, and a fillet falls alike to the bit however many others there are.
 const FEWEST_COLUMNS: u32 = 16;
 
-/// Where the fillets stand: one plate each, on a square grid about the origin.
+/// The plates of the fillets, on a square grid about the origin.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
     columns: u32,
@@ -44,7 +31,9 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    fn new(count: u32, bounding_radius_m: f64, radius_m: f64, drop: &Drop, numerics: &Numerics) -> Self {
+    pub(super) fn new(scenario: &Scenario, drop: &Drop, bounding_radius_m: f64) -> Self {
+        let (numerics, radius_m) = (&scenario.numerics, scenario.product.radius_m());
+        let count = scenario.product.count;
         let columns = f64::from(count).sqrt().ceil() as u32;
         // However it topples, a fillet ends within twice its reach.
         let room_m = 2.0 * (bounding_radius_m + radius_m) + SLIDING_S * drop.speed_m_s;
@@ -74,14 +63,19 @@ impl Grid {
     }
 }
 
-/// The experiment of a drop.
-pub(super) fn prepare(scenario: &Scenario, drop: &Drop, meshes: &Meshes) -> Prepared {
-    let kinds = kinds(scenario, meshes);
+/// The maximum bounding radius of the kinds, in metres.
+pub(super) fn bounding_radius_m(kinds: &[BodyKind]) -> f64 {
+    kinds.iter().map(|kind| kind.meta.bounding_radius_m).fold(0.0, f64::max)
+}
+
+/// The scene of a drop scenario.
+pub(super) fn scene(setup: &Setup, drop: &Drop) -> Scene {
+    let (scenario, kinds) = (&setup.scenario, &setup.kinds);
     let radius_m = scenario.product.radius_m();
-    let bounding_radius_m = kinds.iter().map(|kind| kind.meta.bounding_radius_m).fold(0.0, f64::max);
-    let grid = Grid::new(scenario.product.count, bounding_radius_m, radius_m, drop, &scenario.numerics);
+    let grid = Grid::new(scenario, drop, bounding_radius_m(kinds));
     let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);
-    let bodies: Vec<Placement> = kind_of_each(scenario, kinds.len())
+    let bodies: Vec<Placement> = setup
+        .kind_of_each()
         .into_iter()
         .enumerate()
         .map(|(i, kind)| {
@@ -98,32 +92,17 @@ pub(super) fn prepare(scenario: &Scenario, drop: &Drop, meshes: &Meshes) -> Prep
         Surface::parallelogram(&format!("plate {i}"), SurfaceKind::Equipment, corner, u, v)
     };
     let high = DVec3::splat(grid.half_m());
-    let scene = Scene {
-        radius_m,
+    Scene {
         surfaces: (0..bodies.len()).map(plate).collect(),
-        laws: laws::laws(scenario),
-        gravity: DVec3::NEG_Z * scenario.numerics.gravity_m_s2,
         low: -high,
         high,
-        periodic_y: false,
-        timestep_s: timestep_s(scenario, &bounds_on_timestep(scenario, &kinds)),
-        speed_limit_m_s: scenario.numerics.speed_limit_m_s,
-        kinds,
         bodies,
-        held: Vec::new(),
-    };
-    let watch = Box::new(DropWatch::new(scenario, drop, &scene, grid));
-    Prepared { plan: plan(scenario), watch, scene }
+        ..setup.empty_scene()
+    }
 }
 
 /// The orientation asked for, each angle off by up to the scatter.
 fn scattered(drop: &Drop, rng: &mut ChaCha8Rng) -> DQuat {
     let mut off = || drop.scatter_deg * (2.0 * uniform(rng) - 1.0);
     orientation([drop.yaw_deg + off(), drop.pitch_deg + off(), drop.roll_deg + off()])
-}
-
-/// Height of the centre of mass at which the lowest sub-particle just does not touch, in metres.
-pub(super) fn height_over_plate(kind: &BodyKind, orientation: DQuat, radius_m: f64) -> f64 {
-    let lowest = kind.meta.points.iter().map(|&point| (orientation * point).z).fold(f64::INFINITY, f64::min);
-    radius_m * (1.0 + GAP_RATIO) - lowest
 }

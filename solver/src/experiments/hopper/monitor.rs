@@ -1,15 +1,17 @@
-//! Watching a hopper: waits for rest, starts the belt, counts what passes the gate, lets go of what has left.
+//! The monitor of a hopper: waits for rest, starts the belt, counts the mass past the gate, removes fillets that have left.
 
 use serde_json::{Map, Value};
 
-use super::Watch;
 use super::curl::Curls;
-use super::hopper::{GONE_BEYOND_M, floor};
+use super::{DISCHARGED_MASS, GONE_BEYOND_M, MASS_RATE, floor};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
-use crate::observe::{Discharge, REST_DURATION_S, RestDetector, mass_rate};
-use crate::result::{EndReason, Series};
+use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
+use crate::observe::{
+    Discharge, REST_DURATION_S, Recorder, RestDetector, SeriesId, known_mass_rates, mass_rate,
+};
+use crate::result::EndReason;
 use crate::scenario::{Equipment, Numerics, Scenario};
 
 /// The bed's surface is the height that this share of the hopper's floor stays below.
@@ -23,9 +25,9 @@ struct Bed {
     fill_s: f64,
 }
 
-/// The hopper's director.
+/// The hopper's monitor.
 #[derive(Debug)]
-pub struct HopperWatch {
+pub(super) struct HopperMonitor {
     equipment: Equipment,
     numerics: Numerics,
     low_m: glam::DVec3,
@@ -41,13 +43,11 @@ pub struct HopperWatch {
     discharged_kg: f64,
     escaped_kg: f64,
     last_passage_s: f64,
-    /// Simulated times of all samples; belt time is known only once the belt has started.
-    simulated_s: Vec<f64>,
-    kinetic_energy_j: Vec<f64>,
-    bonds_intact: Vec<f64>,
-    /// Belt times and masses out, from the start on.
-    belt_s: Vec<f64>,
-    mass_kg: Vec<f64>,
+    recorder: Recorder,
+    mass: SeriesId,
+    rate: SeriesId,
+    bonds_intact: SeriesId,
+    kinetic_energy: SeriesId,
     curls: Curls,
     greatest_height_m: Option<f64>,
     max_overlap_m: f32,
@@ -55,11 +55,12 @@ pub struct HopperWatch {
     mass_at_start_kg: f64,
 }
 
-impl HopperWatch {
+impl HopperMonitor {
     /// For a scenario and the scene made from it.
-    pub fn new(scenario: &Scenario, equipment: &Equipment, scene: &Scene) -> Self {
+    pub(super) fn new(scenario: &Scenario, equipment: &Equipment, scene: &Scene) -> Self {
         let bodies = || scene.bodies.iter().map(|body| &scene.kinds[body.kind]);
         let subparticles: usize = bodies().map(|kind| kind.meta.points.len()).sum();
+        let mut recorder = Recorder::default();
         Self {
             equipment: equipment.clone(),
             numerics: scenario.numerics.clone(),
@@ -74,11 +75,11 @@ impl HopperWatch {
             discharged_kg: 0.0,
             escaped_kg: 0.0,
             last_passage_s: 0.0,
-            simulated_s: Vec::new(),
-            kinetic_energy_j: Vec::new(),
-            bonds_intact: Vec::new(),
-            belt_s: Vec::new(),
-            mass_kg: Vec::new(),
+            mass: recorder.add_row(&DISCHARGED_MASS),
+            rate: recorder.add_row(&MASS_RATE),
+            bonds_intact: recorder.add_row(&BONDS_INTACT),
+            kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
+            recorder,
             curls: Curls::new(scene),
             greatest_height_m: None,
             max_overlap_m: 0.0,
@@ -95,7 +96,7 @@ impl HopperWatch {
         now_s >= self.longest_fall_s && self.rest.since_s(REST_DURATION_S).is_some()
     }
 
-    fn count_what_passed(&mut self, state: &State, now_s: f64) {
+    fn count_passed(&mut self, state: &State, now_s: f64) {
         let before = self.unpassed;
         for (i, &serial) in state.serials.iter().enumerate() {
             let passed = &mut self.passed[serial as usize];
@@ -110,12 +111,12 @@ impl HopperWatch {
         }
     }
 
-    /// The sub-particles, by serial, of fillets wholly past the gate, and those that have strayed from the domain.
-    fn what_left(&mut self, state: &State) -> Vec<u32> {
+    /// Serials of sub-particles that leave: of fillets wholly past the gate, and those outside the domain.
+    fn leaving(&mut self, state: &State) -> Vec<u32> {
         let mut left = Vec::new();
         for (_, range) in state.body_ranges() {
             let gone = range.clone().all(|i| state.position(i).x > GONE_BEYOND_M);
-            left.extend(range.filter(|&i| gone || self.strayed(state.position(i))));
+            left.extend(range.filter(|&i| gone || self.is_outside(state.position(i))));
         }
         for &i in &left {
             if !std::mem::replace(&mut self.passed[state.serials[i] as usize], true) {
@@ -126,7 +127,7 @@ impl HopperWatch {
         left.into_iter().map(|i| state.serials[i]).collect()
     }
 
-    fn strayed(&self, x: glam::DVec3) -> bool {
+    fn is_outside(&self, x: glam::DVec3) -> bool {
         let (below, above) = (x.cmplt(self.low_m), x.cmpgt(self.high_m));
         below.x || below.z || above.x || above.z || (!self.periodic && (below.y || above.y))
     }
@@ -141,12 +142,61 @@ impl HopperWatch {
     }
 }
 
-impl Watch for HopperWatch {
+impl ExperimentMonitor for HopperMonitor {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
+        let state = sample.state;
+        self.max_overlap_m = sample.max_overlap_m;
+        self.recorder.begin_sample(sample.simulated_s, sample.belt_time_s);
+        self.recorder.record(self.kinetic_energy, state.kinetic_energy());
+        self.recorder.record(self.bonds_intact, state.bonds_intact_fraction());
+        let Some(now_s) = sample.belt_time_s else {
+            if state.particles.is_empty() {
+                // All fillets sank through the belt.
+                return Decision::End(EndReason::FillNotAtRest);
+            }
+            if self.at_rest(state, sample.simulated_s) {
+                let mass_kg = state.masses.iter().map(|&m| f64::from(m)).sum();
+                let volume_m3 = bed_volume(state, &self.equipment);
+                self.bed = Some(Bed { mass_kg, volume_m3, fill_s: sample.simulated_s });
+                return Decision::Start;
+            }
+            return Decision::Continue { remove: self.leaving(state) };
+        };
+        self.count_passed(state, now_s);
+        self.curls.note(state, now_s);
+        let remove = self.leaving(state);
+        self.recorder.record(self.mass, self.discharged_kg);
+        let known = self.recorder.values(self.rate).len();
+        let (t_s, mass_kg) = (self.recorder.belt_s(self.mass), self.recorder.values(self.mass));
+        let rates: Vec<f64> = known_mass_rates(t_s, mass_kg, known).collect();
+        self.recorder.record_derived(self.rate, self.mass, rates);
+        let inside = (0..state.particles.len()).map(|i| state.position(i)).filter(|x| x.x <= 0.0);
+        self.greatest_height_m = inside.map(|x| x.z + self.radius_m).reduce(f64::max);
+        match self.stop(now_s) {
+            Some(reason) => Decision::End(reason),
+            None => Decision::Continue { remove },
+        }
+    }
+
+    fn recorder(&self) -> &Recorder {
+        &self.recorder
+    }
+
+    fn discharged_kg(&self) -> f64 {
+        self.discharged_kg
+    }
+
+    fn finish(&mut self) {
+        let known = self.recorder.values(self.rate).len();
+        let rates = mass_rate(self.recorder.belt_s(self.mass), self.recorder.values(self.mass));
+        self.recorder.record_derived(self.rate, self.mass, rates.into_iter().skip(known));
+    }
+
     fn responses(&self, reason: EndReason) -> Map<String, Value> {
         let bed = self.bed.unwrap_or_default();
         let discharge = Discharge {
-            t_s: &self.belt_s,
-            mass_kg: &self.mass_kg,
+            t_s: self.recorder.belt_s(self.mass),
+            mass_kg: self.recorder.values(self.mass),
             end_reason: reason,
             filled_kg: bed.mass_kg,
             bed_volume_m3: bed.volume_m3,
@@ -163,70 +213,10 @@ impl Watch for HopperWatch {
         add("curl_angle_deg", curl.map(|(mean, _)| mean).into());
         add("largest_curl_angle_deg", curl.map(|(_, largest)| largest).into());
         add("fill_duration_s", self.bed.map(|bed| bed.fill_s).into());
-        add("bonds_intact_fraction", self.bonds_intact.last().copied().into());
-        add("kinetic_energy_end_j", self.kinetic_energy_j.last().copied().into());
+        add("bonds_intact_fraction", self.recorder.last(self.bonds_intact).into());
+        add("kinetic_energy_end_j", self.recorder.last(self.kinetic_energy).into());
         add("max_overlap_ratio", (f64::from(self.max_overlap_m) / self.radius_m).into());
         responses
-    }
-
-    // Energy and bonds from the fill on (t < 0), masses from belt start.
-    fn series(&self) -> Vec<Series> {
-        // A fill that never rested has no belt start; its times then end at 0.
-        let start = self.bed.map_or(self.simulated_s.last().copied().unwrap_or(0.0), |bed| bed.fill_s);
-        let all: Vec<f64> = self.simulated_s.iter().map(|t| t - start).collect();
-        let series = |name: &str, unit: &str, t_s: &[f64], values: &[f64]| Series {
-            name: name.into(),
-            unit: unit.into(),
-            t_s: t_s.to_vec(),
-            values: values.to_vec(),
-        };
-        vec![
-            series("discharged_mass", "kg", &self.belt_s, &self.mass_kg),
-            series("mass_rate", "kg/s", &self.belt_s, &mass_rate(&self.belt_s, &self.mass_kg)),
-            series("bonds_intact_fraction", "1", &all, &self.bonds_intact),
-            series("kinetic_energy", "J", &all, &self.kinetic_energy_j),
-        ]
-    }
-}
-
-impl ExperimentMonitor for HopperWatch {
-    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
-        let state = sample.state;
-        self.max_overlap_m = sample.max_overlap_m;
-        // The sample at belt start is looked at twice: as the last of the fill and as the first of the process.
-        if self.simulated_s.last() != Some(&sample.simulated_s) {
-            self.simulated_s.push(sample.simulated_s);
-            self.kinetic_energy_j.push(state.kinetic_energy());
-            self.bonds_intact.push(state.bonds_intact_fraction());
-        }
-        let Some(now_s) = sample.belt_time_s else {
-            if state.particles.is_empty() {
-                // All of it sank through the belt: there is nothing to start it for.
-                return Decision::End(EndReason::FillNotAtRest);
-            }
-            if self.at_rest(state, sample.simulated_s) {
-                let mass_kg = state.masses.iter().map(|&m| f64::from(m)).sum();
-                let volume_m3 = bed_volume(state, &self.equipment);
-                self.bed = Some(Bed { mass_kg, volume_m3, fill_s: sample.simulated_s });
-                return Decision::Start;
-            }
-            return Decision::Continue { remove: self.what_left(state) };
-        };
-        self.count_what_passed(state, now_s);
-        self.curls.note(state, now_s);
-        let remove = self.what_left(state);
-        self.belt_s.push(now_s);
-        self.mass_kg.push(self.discharged_kg);
-        let inside = (0..state.particles.len()).map(|i| state.position(i)).filter(|x| x.x <= 0.0);
-        self.greatest_height_m = inside.map(|x| x.z + self.radius_m).reduce(f64::max);
-        match self.stop(now_s) {
-            Some(reason) => Decision::End(reason),
-            None => Decision::Continue { remove },
-        }
-    }
-
-    fn discharged_kg(&self) -> f64 {
-        self.discharged_kg
     }
 }
 

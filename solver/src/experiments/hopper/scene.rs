@@ -1,23 +1,15 @@
-//! Bulk discharge of a hopper by a belt under a gate (paper sections 2.4 and 3.4, Fig. 5, 13, 14, Table 3).
-//!
-//! The gate plane is x = 0, the hopper lies at x < 0, the belt runs along +x at z = 0. Fillets are dropped in
-//! random orientation; when they have come to rest the belt starts, and that is t = 0. Expected at 6 cm: linear
-//! discharge, 33.2 kg in 4 s within 7 %. The hopper's dimensions are derived (ARCHITECTURE.md), and so the
-//! mass after 4 s is a consistency check and no validation.
+//! The hopper's scene: walls, gate, belt and the dropped fillets.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
-use super::discharge::HopperWatch;
-use super::placement::{Floor, drop_in};
-use super::surfaces::{extent, surfaces};
-use super::{Prepared, bounds_on_timestep, kinds, laws, plan, timestep_s};
+use super::{GONE_BEYOND_M, floor};
 use crate::engine::scene::Scene;
 use crate::equipment::{Motion, Surface, SurfaceKind};
-use crate::mesh::Meshes;
-use crate::scenario::{Equipment, Scenario, SideWalls};
+use crate::experiments::Setup;
+use crate::experiments::placement::drop_in;
+use crate::experiments::surfaces::{extent, surfaces};
+use crate::scenario::{Equipment, SideWalls};
 
-/// A fillet that has wholly passed this far beyond the gate leaves the simulation, in metres.
-pub const GONE_BEYOND_M: f64 = 0.25;
 /// The belt reaches this far to the sides of the hopper, in metres.
 const BELT_SIDE_M: f64 = 0.2;
 /// Room below the belt and around everything, in metres.
@@ -28,29 +20,12 @@ fn wall_top(scene_top: f64, equipment: &Equipment) -> f64 {
     equipment.hopper_height_m.max(scene_top + MARGIN_M)
 }
 
-/// The floor of the hopper.
-pub fn floor(equipment: &Equipment) -> Floor {
-    let half = equipment.hopper_width_m / 2.0;
-    Floor {
-        low: DVec2::new(-equipment.hopper_length_m, -half),
-        high: DVec2::new(0.0, half),
-        periodic_y: equipment.side_walls == SideWalls::Periodic,
-    }
-}
-
-/// The hopper's experiment.
-pub(super) fn prepare(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Prepared {
-    let scene = scene(scenario, equipment, meshes);
-    let watch = Box::new(HopperWatch::new(scenario, equipment, &scene));
-    Prepared { plan: plan(scenario), watch, scene }
-}
-
 /// The scene of a hopper scenario.
-pub fn scene(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Scene {
+pub(super) fn scene(setup: &Setup, equipment: &Equipment) -> Scene {
+    let (scenario, kinds) = (&setup.scenario, &setup.kinds);
     let radius = scenario.product.radius_m();
-    let kinds = kinds(scenario, meshes);
     let floor = floor(equipment);
-    let bodies = drop_in(&kinds, scenario.product.count as usize, radius, floor, scenario.seed);
+    let bodies = drop_in(kinds, scenario.product.count as usize, radius, floor, scenario.seed);
     let top = bodies
         .iter()
         .map(|body| body.position.z + kinds[body.kind].meta.bounding_radius_m)
@@ -60,31 +35,17 @@ pub fn scene(scenario: &Scenario, equipment: &Equipment, meshes: &Meshes) -> Sce
     let side = if floor.periodic_y { 0.0 } else { BELT_SIDE_M };
     let longest = kinds.iter().map(|kind| 2.0 * kind.meta.bounding_radius_m).fold(0.0, f64::max);
     let belt_end = GONE_BEYOND_M + longest + MARGIN_M;
-    let dt = timestep_s(scenario, &bounds_on_timestep(scenario, &kinds));
     let mut low = DVec3::new(floor.low.x - lean - MARGIN_M, floor.low.y - side, -MARGIN_M);
     let mut high = DVec3::new(belt_end + MARGIN_M, floor.high.y + side, top + MARGIN_M);
     let mut all = if equipment.parametric { built_in(equipment, top, lean, belt_end) } else { Vec::new() };
-    let further = surfaces(&equipment.surfaces, meshes);
+    let further = surfaces(&equipment.surfaces, &setup.meshes);
     if let Some((lowest, highest)) = extent(&further) {
-        // What lies on them has not strayed. A period stays as wide as the hopper.
+        // The domain covers them. A period stays as wide as the hopper.
         let periodic = |own: DVec3, grown: DVec3| if floor.periodic_y { grown.with_y(own.y) } else { grown };
         (low, high) = (periodic(low, low.min(lowest)), periodic(high, high.max(highest)));
     }
     all.extend(further);
-    Scene {
-        radius_m: radius,
-        surfaces: all,
-        laws: laws::laws(scenario),
-        gravity: DVec3::NEG_Z * scenario.numerics.gravity_m_s2,
-        low,
-        high,
-        periodic_y: floor.periodic_y,
-        timestep_s: dt,
-        speed_limit_m_s: scenario.numerics.speed_limit_m_s,
-        kinds,
-        bodies,
-        held: Vec::new(),
-    }
+    Scene { surfaces: all, low, high, periodic_y: floor.periodic_y, bodies, ..setup.empty_scene() }
 }
 
 /// The equipment that the scenario's fields make: walls up to `top`, the back wall leaning out by `lean` metres at that height, the belt running to

@@ -1,0 +1,74 @@
+//! A fillet that bends under its own weight (paper sections 2.3.2 and 3.2, Fig. 7): how far.
+//!
+//! Three ways to let it bend. *Over a bar*: it lies flat on a table, its centre of mass above the axis of a bar that is flush with
+//! it, and from t = 0 on the table sinks, until both ends hang. *Clamped*: likewise, but a share of its length at the blunt
+//! end is held. *Off a ledge*: it lies on a conveyor, which carries it over its end from t = 0 on. The table sinks slowly: let go at
+//! once, a fillet whips round the bar and flings itself off, or tears at the clamp. The bend angle is the turning of its centre line
+//! from end to end ([`crate::observe::BendGauge`]): 0° flat, 180° folded double.
+//!
+//! Expected over a bar: more than 120° for size 2 at Table 2, less with stiffer bonds wherever all of them hold.
+
+mod monitor;
+mod scene;
+
+use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, boolean, number, series};
+use super::{Definition, Outputs, Response, SeriesRow, Setup};
+use crate::engine::run::ExperimentMonitor;
+use crate::engine::scene::Scene;
+use crate::scenario::{Bend, Fault, Numerics, Scenario};
+
+/// The table sinks at this speed, in m/s.
+const SINKING_M_S: f64 = 0.1;
+
+#[rustfmt::skip]
+const RESPONSES: &[Response] = &[
+    number("bend_angle_deg", "°",
+        "Bend angle at the end: mean since it came to rest, or over the last second if it still swings. Of a fillet that has fallen \
+         off or torn: the maximum while it was on its support and whole.").headline(),
+    number("tip_deflection_m", "m",
+        "Distance of the tail's last layer of sub-particles below its start at the end, a mean like the angle; null unless \
+         `clamped`.").headline(),
+    number("time_to_rest_s", "s",
+        "Time from which it hangs still until the end; null when it did not, and on a conveyor that runs.").headline(),
+    number("bend_swing_deg", "°",
+        "Half the range of the angles whose mean is `bend_angle_deg`; null for a fillet that has fallen off or torn."),
+    number("largest_bend_angle_deg", "°", "Maximum while it was on its support and whole, swings included."),
+    boolean("fell_off", "Whether all of it fell below the axis of the bar or the roller."),
+    boolean("torn", "Whether no bonds lead from one of its ends to the other any more, or a part of it has left."),
+    BONDS_INTACT_FRACTION,
+];
+
+#[rustfmt::skip]
+const BEND_ANGLE: SeriesRow = series("bend_angle", "°",
+    "Bend angle while it was on its support and whole.").headline();
+#[rustfmt::skip]
+const TIP_DEFLECTION: SeriesRow = series("tip_deflection", "m",
+    "Distance of the tail's last layer below its start, while it was on its support and whole.").headline();
+
+pub(super) const OUTPUTS: Outputs = Outputs {
+    responses: RESPONSES,
+    series: &[BEND_ANGLE, TIP_DEFLECTION, KINETIC_ENERGY.headline(), BONDS_INTACT],
+    curves: &[],
+};
+
+impl Definition for Bend {
+    fn outputs(&self) -> &'static Outputs {
+        &OUTPUTS
+    }
+
+    fn scene(&self, setup: &Setup) -> Scene {
+        scene::scene(setup, self)
+    }
+
+    fn monitor(&self, scenario: &Scenario, scene: &Scene) -> Box<dyn ExperimentMonitor> {
+        Box::new(monitor::BendMonitor::new(scenario, self, scene))
+    }
+
+    fn longest_fill_s(&self, numerics: &Numerics) -> f64 {
+        numerics.max_fill_s
+    }
+
+    fn start_faults(&self, setup: &Setup) -> Vec<Fault> {
+        scene::clamp_fault(setup, self).into_iter().collect()
+    }
+}

@@ -1,0 +1,265 @@
+//! The table of results: what each experiment returns as responses, series and curves.
+//!
+//! The rows of an experiment stand with it; rows that several experiments share stand here. Documents, API, command
+//! and dashboard read this table.
+
+use super::{ALL, definition};
+use crate::observe::{Clock, Recorder, SeriesId};
+use crate::result::Curve;
+use crate::scenario::Experiment;
+
+/// Type of a response.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResponseType {
+    /// A number.
+    Number,
+    /// True or false.
+    Boolean,
+    /// A word.
+    Word,
+}
+
+impl ResponseType {
+    /// Its name.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Number => "number",
+            Self::Boolean => "boolean",
+            Self::Word => "word",
+        }
+    }
+}
+
+/// A response: a number, a word, or true or false. A response that was not reached is null.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Response {
+    /// Name, with its unit last.
+    pub name: &'static str,
+    /// Unit; empty without one.
+    pub unit: &'static str,
+    /// Type.
+    pub kind: ResponseType,
+    /// Meaning, in one sentence.
+    pub doc: &'static str,
+    /// Whether short tables show it.
+    pub headline: bool,
+}
+
+/// A quantity sampled over time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeriesRow {
+    /// Name.
+    pub name: &'static str,
+    /// Unit, `1` without one.
+    pub unit: &'static str,
+    /// Clock.
+    pub clock: Clock,
+    /// Meaning, in one sentence.
+    pub doc: &'static str,
+    /// Whether pictures of a result show it.
+    pub headline: bool,
+}
+
+/// A quantity over something other than time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurveRow {
+    /// Name.
+    pub name: &'static str,
+    /// Unit, `1` without one.
+    pub unit: &'static str,
+    /// Quantity along the curve, such as `strain`.
+    pub over: &'static str,
+    /// Unit of that quantity.
+    pub over_unit: &'static str,
+    /// Meaning, in one sentence.
+    pub doc: &'static str,
+    /// Whether pictures of a result show it.
+    pub headline: bool,
+}
+
+/// The results of an experiment. Tables and pictures keep this order.
+#[derive(Clone, Copy, Debug)]
+pub struct Outputs {
+    /// Every response that a run returns, whatever its options and its end. A cancelled run has none.
+    pub responses: &'static [Response],
+    /// Every series.
+    pub series: &'static [SeriesRow],
+    /// Every curve.
+    pub curves: &'static [CurveRow],
+}
+
+pub(super) const fn number(name: &'static str, unit: &'static str, doc: &'static str) -> Response {
+    Response { name, unit, kind: ResponseType::Number, doc, headline: false }
+}
+
+pub(super) const fn boolean(name: &'static str, doc: &'static str) -> Response {
+    Response { name, unit: "", kind: ResponseType::Boolean, doc, headline: false }
+}
+
+pub(super) const fn word(name: &'static str, doc: &'static str) -> Response {
+    Response { name, unit: "", kind: ResponseType::Word, doc, headline: false }
+}
+
+/// A series from t = 0 on.
+pub(super) const fn series(name: &'static str, unit: &'static str, doc: &'static str) -> SeriesRow {
+    SeriesRow { name, unit, clock: Clock::Belt, doc, headline: false }
+}
+
+pub(super) const fn curve(
+    name: &'static str,
+    unit: &'static str,
+    (over, over_unit): (&'static str, &'static str),
+    doc: &'static str,
+) -> CurveRow {
+    CurveRow { name, unit, over, over_unit, doc, headline: false }
+}
+
+impl Response {
+    pub(super) const fn headline(self) -> Self {
+        Self { headline: true, ..self }
+    }
+}
+
+impl SeriesRow {
+    pub(super) const fn headline(self) -> Self {
+        Self { headline: true, ..self }
+    }
+}
+
+impl CurveRow {
+    /// The curve with these points.
+    pub(super) fn curve(&self, x: Vec<f64>, values: Vec<f64>) -> Curve {
+        let [name, unit, over, over_unit] =
+            [self.name, self.unit, self.over, self.over_unit].map(str::to_owned);
+        Curve { name, unit, over, over_unit, x, values }
+    }
+
+    pub(super) const fn headline(self) -> Self {
+        Self { headline: true, ..self }
+    }
+}
+
+pub(super) const BONDS_INTACT_FRACTION: Response = number(
+    "bonds_intact_fraction",
+    "",
+    "Share of all bonds that have not broken. Bodies that leave take their bonds along unbroken.",
+);
+pub(super) const MAX_OVERLAP_RATIO: Response = number(
+    "max_overlap_ratio",
+    "",
+    "Maximum overlap of two sub-particles without a bond, over R, at any time. It exceeds 1 while fillets drop onto each \
+     other.",
+);
+pub(super) const KINETIC_ENERGY_END_J: Response =
+    number("kinetic_energy_end_j", "J", "Kinetic energy of all bodies at the end.");
+pub(super) const ESCAPED_KG: Response = number(
+    "escaped_kg",
+    "kg",
+    "Mass that left the domain by accident, such as fragments; 0 in a sound simulation.",
+);
+pub(super) const KINETIC_ENERGY: SeriesRow = SeriesRow {
+    clock: Clock::Simulated,
+    ..series(
+        "kinetic_energy",
+        "J",
+        "Kinetic energy of all bodies, translation and spin. A fill has negative times.",
+    )
+};
+pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
+    clock: Clock::Simulated,
+    ..series(
+        "bonds_intact_fraction",
+        "1",
+        "Share of all bonds that have not broken. A fill has negative times.",
+    )
+};
+
+impl Recorder {
+    /// Adds the series of a row.
+    pub(super) fn add_row(&mut self, row: &SeriesRow) -> SeriesId {
+        self.add(row.name, row.unit, row.clock)
+    }
+}
+
+/// The results of an experiment.
+pub fn outputs(experiment: &Experiment) -> &'static Outputs {
+    definition(experiment).outputs()
+}
+
+/// The results of an experiment by its word under `/experiment`.
+pub fn outputs_of(experiment: &str) -> Option<&'static Outputs> {
+    ALL.iter().find(|(name, _)| *name == experiment).map(|(_, outputs)| *outputs)
+}
+
+/// Names of the responses that a run of this experiment returns, sorted.
+pub fn response_names(experiment: &Experiment) -> Vec<&'static str> {
+    let mut names: Vec<_> = outputs(experiment).responses.iter().map(|response| response.name).collect();
+    names.sort_unstable();
+    names
+}
+
+/// A row of the table with the experiments that have it.
+#[derive(Clone, Debug)]
+pub struct Shared<T> {
+    /// The row.
+    pub row: T,
+    /// Words of the experiments.
+    pub experiments: Vec<&'static str>,
+}
+
+/// Rows of all experiments, equal ones once.
+fn merged<T: Copy + PartialEq + 'static>(rows: impl Fn(&Outputs) -> &'static [T]) -> Vec<Shared<T>> {
+    let mut merged: Vec<Shared<T>> = Vec::new();
+    for (experiment, outputs) in ALL {
+        for row in rows(outputs) {
+            match merged.iter_mut().find(|known| known.row == *row) {
+                Some(known) => known.experiments.push(experiment),
+                None => merged.push(Shared { row: *row, experiments: vec![experiment] }),
+            }
+        }
+    }
+    merged
+}
+
+/// The responses of all experiments.
+pub fn all_responses() -> Vec<Shared<Response>> {
+    merged(|outputs| outputs.responses)
+}
+
+/// The series of all experiments.
+pub fn all_series() -> Vec<Shared<SeriesRow>> {
+    merged(|outputs| outputs.series)
+}
+
+/// The curves of all experiments.
+pub fn all_curves() -> Vec<Shared<CurveRow>> {
+    merged(|outputs| outputs.curves)
+}
+
+/// The results of an experiment as Markdown tables.
+pub fn output_tables_markdown(experiment: &str) -> String {
+    let Some(outputs) = outputs_of(experiment) else { return String::new() };
+    let mut page = String::from("| response | unit | type | meaning |\n|---|---|---|---|\n");
+    for row in outputs.responses {
+        page += &line([&format!("`{}`", row.name), row.unit, row.kind.as_str(), row.doc]);
+    }
+    page += "\n| series | unit | over | meaning |\n|---|---|---|---|\n";
+    for row in outputs.series {
+        page += &line([&format!("`{}`", row.name), unit(row.unit), "belt time", row.doc]);
+    }
+    if !outputs.curves.is_empty() {
+        page += "\n| curve | unit | over | meaning |\n|---|---|---|---|\n";
+    }
+    for row in outputs.curves {
+        page += &line([&format!("`{}`", row.name), unit(row.unit), &format!("`{}`", row.over), row.doc]);
+    }
+    page
+}
+
+fn unit(unit: &str) -> &str {
+    if unit == "1" { "" } else { unit }
+}
+
+fn line(cells: [&str; 4]) -> String {
+    format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
+}

@@ -1,0 +1,125 @@
+//! Bodies and surfaces, freely placed: fillets on any piece of equipment.
+//!
+//! The run begins at t = 0 with everything as placed; surfaces move from there on. A sub-particle that goes farther than the margin
+//! beyond everything at the start leaves, and is counted as escaped. The monitor observes rest, bonds, and the force on each surface.
+
+mod checks;
+mod monitor;
+
+use glam::DVec3;
+use serde_json::Value;
+
+use super::outputs::{
+    BONDS_INTACT, BONDS_INTACT_FRACTION, ESCAPED_KG, KINETIC_ENERGY, KINETIC_ENERGY_END_J, MAX_OVERLAP_RATIO,
+    curve, number, series,
+};
+use super::placement::orientation;
+use super::surfaces::{extent, surfaces};
+use super::{CurveRow, Definition, Outputs, Response, Setup};
+use crate::engine::run::ExperimentMonitor;
+use crate::engine::scene::{Placement, Scene};
+use crate::scenario::{Fault, FreeScene, Scenario};
+
+#[rustfmt::skip]
+const RESPONSES: &[Response] = &[
+    number("time_to_rest_s", "s",
+        "Time from which all but one in a thousand sub-particles are slower than `rest_speed_m_s` until the end, for 0.1 s at least, \
+         or longer where gravity is weak; null when they have not.").headline(),
+    number("greatest_height_m", "m",
+        "Height of the highest sub-particle's top at the end, against the direction of gravity from the origin; null when nothing \
+         is left.").headline(),
+    number("bodies", "", "Bodies of which a part is in the simulation at the end."),
+    BONDS_INTACT_FRACTION,
+    KINETIC_ENERGY_END_J,
+    MAX_OVERLAP_RATIO,
+    ESCAPED_KG,
+];
+
+const OVER: (&str, &str) = ("body", "1");
+#[rustfmt::skip]
+const POSITIONS: [CurveRow; 3] = [
+    curve("position_x", "m", OVER, "Centre of mass of each body at the end along x, by its number from 0; bodies that have left are left out."),
+    curve("position_y", "m", OVER, "The same along y."),
+    curve("position_z", "m", OVER, "The same along z."),
+];
+
+#[rustfmt::skip]
+pub(super) const OUTPUTS: Outputs = Outputs {
+    responses: RESPONSES,
+    series: &[
+        KINETIC_ENERGY.headline(),
+        BONDS_INTACT.headline(),
+        series("force_<name>_x", "N",
+            "Force on the surface of that name along x, at the moment of the sample. A plate at rest bears the weight of what lies on \
+             it; a belt feels what it drags."),
+        series("force_<name>_y", "N", "The same along y."),
+        series("force_<name>_z", "N", "The same along z."),
+    ],
+    curves: &POSITIONS,
+};
+
+impl Definition for FreeScene {
+    fn outputs(&self) -> &'static Outputs {
+        &OUTPUTS
+    }
+
+    fn kind_of_each(&self, _scenario: &Scenario, _kinds: usize) -> Vec<usize> {
+        self.bodies.iter().map(|body| body.shape as usize).collect()
+    }
+
+    fn scene(&self, setup: &Setup) -> Scene {
+        let (kinds, radius_m) = (&setup.kinds, setup.scenario.product.radius_m());
+        let placed = setup.kind_of_each().into_iter().zip(&self.bodies);
+        let bodies: Vec<Placement> = placed
+            .map(|(kind, body)| Placement {
+                kind,
+                position: body.position_m.into(),
+                orientation: orientation(body.orientation_deg),
+                velocity: body.velocity_m_s.into(),
+            })
+            .collect();
+        let surfaces = surfaces(&self.surfaces, &setup.meshes);
+        let around = |body: &Placement| {
+            let reach = DVec3::splat(kinds[body.kind].meta.bounding_radius_m + radius_m);
+            (body.position - reach, body.position + reach)
+        };
+        let (low, high) = bodies
+            .iter()
+            .map(around)
+            .chain(extent(&surfaces))
+            .reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
+            .unwrap_or_default();
+        Scene {
+            surfaces,
+            gravity: self.down() * setup.scenario.numerics.gravity_m_s2,
+            low: low - self.margin_m,
+            high: high + self.margin_m,
+            bodies,
+            ..setup.empty_scene()
+        }
+    }
+
+    fn monitor(&self, scenario: &Scenario, scene: &Scene) -> Box<dyn ExperimentMonitor> {
+        Box::new(monitor::SceneMonitor::new(scenario, self, scene))
+    }
+
+    fn start_speed_m_s(&self) -> f64 {
+        let speeds = self.bodies.iter().map(|body| DVec3::from(body.velocity_m_s).length());
+        speeds.fold(0.0, f64::max)
+    }
+
+    fn size_field(&self, _scenario: &Scenario, bodies: u64) -> (&'static str, Value) {
+        ("/scene/bodies", bodies.into())
+    }
+
+    fn start_faults(&self, setup: &Setup) -> Vec<Fault> {
+        checks::faults(setup, self)
+    }
+}
+
+impl FreeScene {
+    /// Direction of gravity, of length 1.
+    fn down(&self) -> DVec3 {
+        DVec3::from(self.gravity_direction).normalize_or_zero()
+    }
+}

@@ -1,0 +1,155 @@
+//! The monitor of a free scene: rest, bonds, and the force on each surface.
+
+use glam::DVec3;
+use serde_json::{Map, Value};
+
+use super::POSITIONS;
+use crate::engine::run::{Decision, ExperimentMonitor, Sample};
+use crate::engine::scene::Scene;
+use crate::engine::state::State;
+use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
+use crate::observe::{Clock, REST_DURATION_S, Recorder, RestDetector, SeriesId};
+use crate::result::{Curve, EndReason};
+use crate::scenario::{FreeScene, Numerics, Scenario};
+
+/// The axes of forces and positions.
+const AXES: [(&str, DVec3); 3] = [("x", DVec3::X), ("y", DVec3::Y), ("z", DVec3::Z)];
+
+/// The monitor of a free scene.
+#[derive(Debug)]
+pub(super) struct SceneMonitor {
+    numerics: Numerics,
+    low_m: DVec3,
+    high_m: DVec3,
+    /// Against the direction of gravity, of length 1.
+    up: DVec3,
+    radius_m: f64,
+    /// Time below the speed of rest that counts as rest, in seconds.
+    rest_for_s: f64,
+    rest: RestDetector,
+    escaped_kg: f64,
+    max_overlap_m: f32,
+    greatest_height_m: Option<f64>,
+    /// Numbers of the bodies that are still there, and their centres of mass, in metres.
+    centres_m: Vec<(u32, DVec3)>,
+    recorder: Recorder,
+    kinetic_energy: SeriesId,
+    bonds_intact: SeriesId,
+    /// The force on each surface along each of [`AXES`].
+    forces: Vec<[SeriesId; 3]>,
+}
+
+impl SceneMonitor {
+    pub(super) fn new(scenario: &Scenario, free: &FreeScene, scene: &Scene) -> Self {
+        let numerics = scenario.numerics.clone();
+        // A body thrown up is slow for this long at its maximum height without being at rest.
+        let turning_s = 2.0 * numerics.rest_speed_m_s / numerics.gravity_m_s2;
+        let mut recorder = Recorder::default();
+        Self {
+            low_m: scene.low,
+            high_m: scene.high,
+            up: -free.down(),
+            radius_m: scene.radius_m,
+            rest_for_s: if turning_s.is_finite() {
+                REST_DURATION_S.max(1.5 * turning_s)
+            } else {
+                REST_DURATION_S
+            },
+            rest: RestDetector::default(),
+            escaped_kg: 0.0,
+            max_overlap_m: 0.0,
+            greatest_height_m: None,
+            centres_m: Vec::new(),
+            kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
+            bonds_intact: recorder.add_row(&BONDS_INTACT),
+            forces: scene
+                .surfaces
+                .iter()
+                .map(|surface| {
+                    let name = |axis| format!("force_{}_{axis}", surface.name);
+                    AXES.map(|(axis, _)| recorder.add(name(axis), "N", Clock::Belt))
+                })
+                .collect(),
+            recorder,
+            numerics,
+        }
+    }
+
+    fn is_inside(&self, x: DVec3) -> bool {
+        x.cmpge(self.low_m).all() && x.cmple(self.high_m).all()
+    }
+
+    /// Serials of the sub-particles that have gone beyond the margin.
+    fn leaving(&mut self, state: &State) -> Vec<u32> {
+        let mut left = Vec::new();
+        for i in 0..state.particles.len() {
+            if !self.is_inside(state.position(i)) {
+                self.escaped_kg += f64::from(state.masses[i]);
+                left.push(state.serials[i]);
+            }
+        }
+        left
+    }
+
+    fn record(&mut self, sample: &Sample<'_>, now_s: f64) {
+        let state = sample.state;
+        self.max_overlap_m = sample.max_overlap_m;
+        self.recorder.begin_sample(sample.simulated_s, sample.belt_time_s);
+        self.recorder.record(self.kinetic_energy, state.kinetic_energy());
+        self.recorder.record(self.bonds_intact, state.bonds_intact_fraction());
+        for (series, force) in self.forces.iter().zip(sample.surface_forces) {
+            for (id, (_, axis)) in series.iter().zip(AXES) {
+                self.recorder.record(*id, force.dot(axis));
+            }
+        }
+        let heights = (0..state.particles.len()).map(|i| state.position(i).dot(self.up) + self.radius_m);
+        self.greatest_height_m = heights.reduce(f64::max);
+        let centres = state.body_ranges().filter_map(|(body, range)| {
+            let inside = || range.clone().map(|i| state.position(i)).filter(|&x| self.is_inside(x));
+            // Those of one body weigh the same.
+            let count = inside().count();
+            (count > 0).then(|| (body, inside().sum::<DVec3>() / count as f64))
+        });
+        self.centres_m = centres.collect();
+        self.rest.record(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
+    }
+}
+
+impl ExperimentMonitor for SceneMonitor {
+    fn observe(&mut self, sample: &Sample<'_>) -> Decision {
+        let Some(now_s) = sample.belt_time_s else { return Decision::Start };
+        self.record(sample, now_s);
+        let stop = &self.numerics.stop;
+        if stop.when_empty && sample.state.particles.is_empty() {
+            return Decision::End(EndReason::Empty);
+        }
+        if stop.when_done && self.rest.since_s(self.rest_for_s).is_some() {
+            return Decision::End(EndReason::Done);
+        }
+        Decision::Continue { remove: self.leaving(sample.state) }
+    }
+
+    fn recorder(&self) -> &Recorder {
+        &self.recorder
+    }
+
+    fn responses(&self, _reason: EndReason) -> Map<String, Value> {
+        let mut responses = Map::new();
+        let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
+        add("bodies", self.centres_m.len().into());
+        add("escaped_kg", self.escaped_kg.into());
+        add("bonds_intact_fraction", self.recorder.last(self.bonds_intact).into());
+        let at_rest_s = self.rest.since_s(self.rest_for_s).filter(|_| !self.centres_m.is_empty());
+        add("time_to_rest_s", at_rest_s.into());
+        add("max_overlap_ratio", (f64::from(self.max_overlap_m) / self.radius_m).into());
+        add("kinetic_energy_end_j", self.recorder.last(self.kinetic_energy).into());
+        add("greatest_height_m", self.greatest_height_m.into());
+        responses
+    }
+
+    fn curves(&self) -> Vec<Curve> {
+        let bodies = || self.centres_m.iter().map(|(body, _)| f64::from(*body)).collect();
+        let along = |axis| self.centres_m.iter().map(|(_, centre)| centre.dot(axis)).collect();
+        POSITIONS.iter().zip(AXES).map(|(row, (_, axis))| row.curve(bodies(), along(axis))).collect()
+    }
+}
