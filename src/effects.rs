@@ -23,7 +23,7 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// Every response, not only the chief ones
+    /// Every response, not only the headline ones
     #[arg(long)]
     all: bool,
     /// Print JSON, with the mean at every level
@@ -32,24 +32,26 @@ pub(crate) struct Args {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let effects = args.server.client()?.sweep_effects(SweepId(args.id)).await?;
+    let (client, sweep) = (args.server.client()?, SweepId(args.id));
+    let effects = client.sweep_effects(sweep).await?;
     if args.json {
         ui::json(&json!(effects))?;
     } else if effects.responses.is_empty() {
         ui::say!("nothing has succeeded yet; `roost status {}` says how far it is", args.id);
     } else {
-        ui::print(format_args!("{}", table(&effects, args.all)))?;
+        let shown = if args.all { None } else { Some(results::headline(&client, sweep).await?) };
+        ui::print(format_args!("{}", table(&effects, shown.as_deref())))?;
     }
     Ok(Exit::Done)
 }
 
 /// One row a factor and response, the factor that matters most first.
-fn table(effects: &SweepEffects, all: bool) -> Table {
+fn table(effects: &SweepEffects, shown: Option<&[&str]>) -> Table {
     let stem = |of: &ResponseEffects| of.response.split('=').next().unwrap_or_default().to_owned();
-    let shown = results::shown(|name| effects.responses.iter().any(|of| stem(of) == name));
+    let is_shown = |of: &&ResponseEffects| shown.is_none_or(|shown| shown.contains(&stem(of).as_str()));
     let names = format::factors(&effects.sweep.factors);
     let mut table = Table::new(["response", "mean", "factor", "effect", "ρ", "p", "points"]);
-    for of in effects.responses.iter().filter(|of| all || shown.contains(&stem(of).as_str())) {
+    for of in effects.responses.iter().filter(is_shown) {
         let mut factors: Vec<_> = of.factors.iter().zip(&names).collect();
         let strength = |rank: Option<f64>| rank.map_or(-1.0, f64::abs);
         factors.sort_by(|(one, _), (other, _)| {

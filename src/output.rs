@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use roost_api::{RunResult, Series};
+use roost_solver::experiments::outputs;
 use serde_json::json;
 
 use crate::exit::BadInput;
@@ -86,38 +87,19 @@ fn column_name(series: &Series) -> String {
     }
 }
 
-/// What is drawn of an experiment's result, in this order; of others, all that was sampled.
-const CHIEF: [&str; 7] = [
-    "discharged_mass",
-    "mass_rate",
-    "bend_angle",
-    "sliding_speed",
-    "stress",
-    "settle_time",
-    "kinetic_energy",
-];
-/// The most panels of a picture.
-const MOST_PANELS: usize = 3;
-
-/// Panels of the chief quantities, over time or over whatever else.
+/// Panels of the headline series and curves, in the order of the table of results.
 fn panels(result: &RunResult) -> Vec<Panel> {
-    let over_time = result.series.iter().map(|series| {
-        let points = points(Some(series));
-        (series.name.as_str(), panel("time from t = 0 (s)".to_owned(), &series.name, &series.unit, points))
+    let outputs = outputs(&result.scenario.experiment);
+    let over_time = outputs.series.iter().filter(|row| row.headline).filter_map(|row| {
+        let points = points(Some(result.series(row.name)?));
+        Some(panel("time from t = 0 (s)".to_owned(), row.name, row.unit, points))
     });
-    let over_else = result.curves.iter().map(|curve| {
+    let over_else = outputs.curves.iter().filter(|row| row.headline).filter_map(|row| {
+        let curve = result.curves.iter().find(|curve| curve.name == row.name)?;
         let points = curve.x.iter().copied().zip(curve.values.iter().copied()).collect();
-        let over = label(&curve.over, &curve.over_unit);
-        (curve.name.as_str(), panel(over, &curve.name, &curve.unit, points))
+        Some(panel(label(row.over, row.over_unit), row.name, row.unit, points))
     });
-    let mut all: Vec<(&str, Panel)> = over_time.chain(over_else).collect();
-    let rank = |name: &str| CHIEF.iter().position(|chief| *chief == name).unwrap_or(CHIEF.len());
-    // The hopper's energy has nothing new to say beside its masses.
-    if all.iter().any(|(name, _)| rank(name) < 2) {
-        all.retain(|(name, _)| rank(name) < 2);
-    }
-    all.sort_by_key(|(name, _)| rank(name));
-    all.into_iter().map(|(_, panel)| panel).take(MOST_PANELS).collect()
+    over_time.chain(over_else).collect()
 }
 
 fn panel(x_label: String, name: &str, unit: &str, points: Vec<(f64, f64)>) -> Panel {

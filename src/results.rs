@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use roost_api::RunResult;
 use roost_api::ids::SweepId;
 use roost_api::table::{SweepPoints, SweepResults};
+use roost_solver::experiments::outputs_of;
 use roost_worker::client::{Client, ClientError};
 use serde_json::{Value, json};
 use uuid::Uuid;
@@ -17,24 +18,6 @@ use crate::target::{self, Target};
 use crate::ui;
 use crate::ui::{format, table::Table};
 use crate::{output, run};
-
-/// Responses shown in a terminal, those that the experiment has; JSON, CSV and Parquet have all.
-const SHOWN: [&str; 14] = [
-    "regime",
-    "discharged_kg",
-    "discharged_kg_at_4s",
-    "time_to_95_percent_s",
-    "mean_rate_kg_s",
-    "settle_time_s",
-    "bend_angle_deg",
-    "tip_deflection_m",
-    "critical_angle_deg",
-    "friction_angle_deg",
-    "modulus_pa",
-    "modulus_lattice_pa",
-    "time_to_rest_s",
-    "lowest_bonds_intact_fraction",
-];
 
 /// Print the results of a sweep or a job
 #[derive(Debug, clap::Args)]
@@ -132,8 +115,12 @@ async fn of_sweep(client: &Client, id: SweepId, format: Format, by: By) -> Resul
         }
         (Format::Json, By::Trial) => format!("{:#}\n", json!(client.sweep_results(id).await?)).into(),
         (Format::Json, By::Point) => format!("{:#}\n", json!(client.sweep_points(id).await?)).into(),
-        (Format::Table, By::Trial) => trials(&client.sweep_results(id).await?).to_string().into(),
-        (Format::Table, By::Point) => points(&client.sweep_points(id).await?).to_string().into(),
+        (Format::Table, By::Trial) => {
+            trials(&client.sweep_results(id).await?, &headline(client, id).await?).to_string().into()
+        }
+        (Format::Table, By::Point) => {
+            points(&client.sweep_points(id).await?, &headline(client, id).await?).to_string().into()
+        }
     })
 }
 
@@ -163,16 +150,17 @@ fn write(file: Option<&Path>, content: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// The chief ones of some responses; of none, those of a hopper.
-pub(crate) fn shown(has: impl Fn(&str) -> bool) -> Vec<&'static str> {
-    let shown: Vec<&str> = SHOWN.into_iter().filter(|name| has(name)).collect();
-    if shown.is_empty() { SHOWN[..5].to_vec() } else { shown }
+/// The headline responses of a sweep's experiment; JSON, CSV and Parquet have all responses.
+pub(crate) async fn headline(client: &Client, sweep: SweepId) -> Result<Vec<&'static str>> {
+    let spec = client.sweep_spec(sweep).await?;
+    let outputs = spec["base"]["experiment"].as_str().and_then(outputs_of);
+    let headline = outputs.into_iter().flat_map(|outputs| outputs.responses).filter(|row| row.headline);
+    Ok(headline.map(|row| row.name).collect())
 }
 
-/// One row a trial: levels, seed, state and the chief responses.
-fn trials(results: &SweepResults) -> Table {
+/// A row per trial: levels, seed, state and the headline responses.
+fn trials(results: &SweepResults, shown: &[&str]) -> Table {
     let factors = &results.sweep.factors;
-    let shown = shown(|name| results.trials.iter().any(|trial| trial.responses.contains_key(name)));
     let names = shown.iter().map(|name| (*name).to_owned());
     let head = format::factors(factors).into_iter();
     let mut table = Table::new(head.chain(["seed".to_owned(), "state".to_owned()]).chain(names));
@@ -189,10 +177,9 @@ fn trials(results: &SweepResults) -> Table {
     table
 }
 
-/// One row a design point: levels, how many trials succeeded, and the chief responses with their intervals.
-fn points(results: &SweepPoints) -> Table {
+/// A row per design point: levels, number of succeeded trials, and the headline responses with their intervals.
+fn points(results: &SweepPoints, shown: &[&str]) -> Table {
     let factors = &results.sweep.factors;
-    let shown = shown(|name| results.points.iter().any(|point| point.responses.contains_key(name)));
     let names = shown.iter().map(|name| (*name).to_owned());
     let head = ["point".to_owned()].into_iter().chain(format::factors(factors));
     let counts = ["done", "unstable"].map(str::to_owned);

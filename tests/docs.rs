@@ -239,25 +239,29 @@ fn the_server_needs_no_graphics_and_a_usual_build_no_cloud() {
     assert!(server.contains("roost-solver v") && !server.contains("wgpu"), "{server}");
 }
 
-/// Holds the generated part of a page to `text`; with `ROOST_WRITE=1` writes it instead.
-fn hold_generated(name: &str, text: &str) {
+/// Holds the part of a page that is generated from `source` to `text`; with `ROOST_WRITE=1` writes it instead.
+fn hold_generated(name: &str, source: &str, text: &str) {
     let page = read(name);
-    let (head, rest) = page.split_once("<!-- Generated").expect("the start of a generated part");
+    let start = format!("<!-- Generated from {source}");
+    let (head, rest) = page.split_once(&start).unwrap_or_else(|| panic!("{name} has no `{start}`"));
     let (mark, rest) = rest.split_once("-->\n").expect("the end of the mark");
-    let tail = rest.split_once("<!-- end of the generated part -->").expect("the end of a generated part").1;
-    let wanted = format!("{head}<!-- Generated{mark}-->\n\n{text}\n<!-- end of the generated part -->{tail}");
+    let end = "<!-- end of the generated part -->";
+    let tail = rest.split_once(end).unwrap_or_else(|| panic!("{name} has no `{end}`")).1;
+    let expected = format!("{head}{start}{mark}-->\n\n{text}\n{end}{tail}");
     if std::env::var_os("ROOST_WRITE").is_some() {
-        std::fs::write(root().join(name), wanted).expect("the page is written");
+        std::fs::write(root().join(name), expected).expect("the page is written");
     } else {
-        assert!(page == wanted, "{name} is out of date: run ROOST_WRITE=1 cargo test --test docs");
+        assert!(page == expected, "{name} is out of date: run ROOST_WRITE=1 cargo test --test docs");
     }
 }
 
 #[test]
-fn every_experiment_has_a_page_with_its_fields() {
+fn every_experiment_has_a_page_with_its_fields_and_results() {
     for experiment in roost_solver::scenario::fields::EXPERIMENTS {
         let table = roost_solver::scenario::field_tables_markdown(experiment);
-        hold_generated(&format!("docs/reference/{experiment}.md"), table.trim_end());
+        hold_generated(&format!("docs/reference/{experiment}.md"), "the field table", table.trim_end());
+        let tables = roost_solver::experiments::output_tables_markdown(experiment);
+        hold_generated(&format!("docs/reference/{experiment}.md"), "the table of results", tables.trim_end());
     }
 }
 
@@ -305,70 +309,7 @@ fn the_page_of_the_command_line_is_what_the_command_says() {
     let mut page = String::new();
     help(&[], &mut page);
     assert!(page.contains("## roost token create") && page.contains("## roost run"), "{page}");
-    hold_generated("docs/reference/command-line.md", page.trim_end());
-}
-
-/// The rows of a document's tables: the heading that each stands below (none in the beginning), and the name it explains.
-fn explained(document: &str) -> Vec<(&str, &str)> {
-    let mut heading = "";
-    let mut rows = Vec::new();
-    for line in document.lines() {
-        heading = line.strip_prefix("## ").unwrap_or(heading);
-        let name = line.strip_prefix("| `").and_then(|rest| rest.split_once("` |"));
-        rows.extend(name.map(|(name, _)| (heading, name)));
-    }
-    rows
-}
-
-/// What an experiment returns: names of its responses, and of series and curves of its smallest scenario.
-fn returned(experiment: &str) -> Vec<String> {
-    let section = match experiment {
-        "compress" => r#", "compress": {"lattice": [2, 2, 2]}"#,
-        "scene" => {
-            r#", "scene": {"bodies": [{"position_m": [0, 0, 1]}],
-                "surfaces": [{"name": "<name>", "plate_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}]}"#
-        }
-        _ => "",
-    };
-    let product = r#""product": {"subparticle_radius_m": 0.008}"#;
-    let text = format!(r#"{{"experiment": "{experiment}", {product}{section}}}"#);
-    let scenario = roost_solver::scenario::parse(&text).expect("a sound scenario");
-    let watch = roost_solver::experiments::prepare(&scenario, &roost_solver::mesh::Meshes::default()).watch;
-    let responses = roost_solver::experiments::response_names(&scenario.experiment).iter();
-    let series = watch.series().into_iter().map(|series| series.name);
-    let curves = watch.curves().into_iter().map(|curve| curve.name);
-    responses.map(|name| (*name).to_owned()).chain(series).chain(curves).collect()
-}
-
-#[test]
-fn every_response_is_explained_where_its_experiment_is_and_nothing_else() {
-    let document = read("docs/responses.md");
-    let rows = explained(&document);
-    let headings = |experiment: &str| match experiment {
-        "hopper" => vec!["Responses of the hopper", "Series of the hopper"],
-        "drop" => vec!["Drops"],
-        "bend" => vec!["Bending"],
-        "slide" => vec!["Sliding"],
-        "compress" => vec!["Compression"],
-        "scene" => vec!["Scenes"],
-        other => panic!("docs/responses.md says nothing of {other}"),
-    };
-    let mut of_all = Vec::new();
-    for experiment in roost_solver::scenario::fields::EXPERIMENTS {
-        let (headings, names) = (headings(experiment), returned(experiment));
-        assert!(names.len() > 8, "{experiment}: {names:?}");
-        let here = || rows.iter().filter(|(heading, _)| headings.contains(heading)).map(|(_, name)| *name);
-        let alike = rows.iter().filter(|(heading, _)| heading.is_empty()).map(|(_, name)| *name);
-        let known: Vec<&str> = alike.chain(here()).collect();
-        let missing: Vec<&String> = names.iter().filter(|name| !known.contains(&name.as_str())).collect();
-        assert!(missing.is_empty(), "docs/responses.md does not explain {missing:?} of {experiment}");
-        let unknown: Vec<&str> = here().filter(|name| !names.iter().any(|known| known == name)).collect();
-        assert!(unknown.is_empty(), "docs/responses.md explains {unknown:?}, which {experiment} has not");
-        of_all.extend(names);
-    }
-    for (_, name) in rows.iter().filter(|(heading, _)| heading.is_empty()) {
-        assert!(of_all.iter().any(|known| known == name), "no experiment has {name}");
-    }
+    hold_generated("docs/reference/command-line.md", "the command's own help", page.trim_end());
 }
 
 #[test]

@@ -10,6 +10,7 @@ pub mod ids;
 pub mod job;
 pub mod lease;
 pub mod mesh;
+pub mod outputs;
 pub mod page;
 pub mod printable;
 pub mod problem;

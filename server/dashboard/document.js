@@ -1,27 +1,27 @@
 // A sweep's document and the fields of its form: what the schema says of each field, and how text becomes a value, levels or a range.
 
 /** All fields of the schema, section by section. */
-export function fields(schema, at = "", found = [], only = null) {
+export function fields(schema, at = "", found = [], experiments = null) {
   for (const [name, property] of Object.entries(schema.properties)) {
     const pointer = `${at}/${name}`;
-    const here = /Only in the experiment `(\w+)`/.exec(property.description ?? "")?.[1] ?? only;
+    const here = property["x-experiments"] ?? experiments;
     if (property.type === "object" && property.properties && property.default === undefined) {
       fields(property, pointer, found, here);
       continue;
     }
-    found.push(field(pointer, property, { section: at, section_doc: schema.description, only: here }));
+    found.push(field(pointer, property, { section: at, section_doc: schema.description, experiments: here }));
   }
   return found;
 }
 
-function field(pointer, property, { section, section_doc, only }) {
+function field(pointer, property, { section, section_doc, experiments }) {
   const doc = property.description ?? "";
   const types = [property.type].flat();
   const words = property.enum ?? (types.includes("boolean") ? ["true", "false"] : []);
   const [low, high] = [property.minimum ?? property.exclusiveMinimum, property.maximum ?? property.exclusiveMaximum];
   const range = low !== undefined && high !== undefined ? `${property.exclusiveMinimum === undefined ? "" : "over "}${low} to ${property.exclusiveMaximum === undefined ? "" : "under "}${high}` : words.join(", ");
   return {
-    pointer, section, section_doc, only, doc, words, range, types, not_in: [.../Not in ((?:`\w+`(?:, | and )?)+)/.exec(doc)?.[1].matchAll(/`(\w+)`/g) ?? []].map(([, name]) => name),
+    pointer, section, section_doc, experiments, doc, words, range, types,
     title: property.title ?? titleOf(pointer), unit: /Unit: ([^\s]+)\. /.exec(`${doc} `)?.[1] ?? "",
     preset: property.default === undefined ? "" : typeof property.default === "object" && property.default !== null ? JSON.stringify(property.default) : String(property.default ?? "none"),
   };
@@ -32,7 +32,7 @@ const titleOf = (pointer) => {
   return words[0].toUpperCase() + words.slice(1);
 };
 
-export const isFor = (field, experiment) => (!field.only || field.only === experiment) && !field.not_in.includes(experiment);
+export const isFor = (field, experiment) => field.experiments?.includes(experiment) ?? true;
 
 /** Fields by section, in order: pairs of title, description and fields. */
 export function sections(all) {

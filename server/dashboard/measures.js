@@ -10,9 +10,9 @@ function ofShare(count, n) {
   return { n, count, mean: share, low: Math.max(0, middle - half), high: Math.min(1, middle + half) };
 }
 
-function ofNumber(name) {
+function ofNumber(name, unit) {
   return {
-    name, label: titled(name), is_share: false,
+    name, label: titled(name, unit), is_share: false,
     of: (row) => {
       const summary = row.responses[name];
       if (!summary || typeof summary.mean !== "number") return null;
@@ -33,8 +33,9 @@ function ofWord(name, word) {
   };
 }
 
-/** Measures of these design points, in the order of their names; `name=word` are called as in the table of effects. */
-export function measures(points) {
+/** Measures of these design points, in the order of their names; `name=word` are called as in the table of effects. Units are those of the table of results. */
+export function measures(points, outputs) {
+  const unit = (name) => outputs.responses.find((row) => row.name === name)?.unit;
   const [numbers, words] = [new Set(), new Set()];
   for (const row of points) {
     for (const [name, summary] of Object.entries(row.responses)) {
@@ -43,7 +44,7 @@ export function measures(points) {
     }
   }
   const shares = [...words].sort().map((pair) => ofWord(...pair.split(/=(.*)/s)));
-  return [...[...numbers].sort().map(ofNumber), ...shares];
+  return [...[...numbers].sort().map((name) => ofNumber(name, unit(name))), ...shares];
 }
 
 /** The first of these names that there is. */

@@ -5,6 +5,7 @@ import { fill, fillOnce, h } from "../dom.js";
 import { duration, factor, moment, number, short, titled } from "../format.js";
 import { level } from "../measures.js";
 import { action, facts, fault, state, table } from "../parts.js";
+import { outputsOf } from "../outputs.js";
 import { player } from "../playback/player.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
@@ -75,9 +76,10 @@ export async function show(main, id) {
     }
     if (job.attempt === 0 && !job.from_cache) return;
     const result = await read(`${at}/result`).catch((error) => (error.status === 404 ? null : Promise.reject(error)));
+    const outputs = result && (await outputsOf(result.scenario.experiment));
     if (!result || key !== keyOfResult()) return;
     for (const data of curvesOf(result)) drawCurve(data);
-    fill(rest, responses(result), machine(result), document_(result, job));
+    fill(rest, responses(result, outputs), machine(result), document_(result, job));
   }, failed);
 
   const keyOfFrames = () => (job.frames ? `frames ${job.attempt}` : "none");
@@ -108,11 +110,12 @@ function actions(job, at) {
   ];
 }
 
-function responses(result) {
+function responses(result, outputs) {
+  const row = (name) => outputs.responses.find((one) => one.name === name);
   const rows = Object.entries(result.responses);
   if (rows.length === 0) return h("p", { class: "dim" }, "No responses: the run did not end by itself.");
   return h("section", { class: "card wide" }, h("h2", {}, "Responses"), table(`The run ended: ${result.end_reason.replaceAll("_", " ")}`, [
-    { title: "Response", cell: ([name]) => titled(name) },
+    { title: "Response", cell: ([name]) => h("span", { title: row(name)?.meaning }, titled(name, row(name)?.unit)) },
     { title: "Value", is_number: true, cell: ([, value]) => (typeof value === "string" ? value.replaceAll("_", " ") : number(value, 5)) },
     { title: "Name", cell: ([name]) => h("code", {}, name) },
   ], rows));

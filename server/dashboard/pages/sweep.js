@@ -6,6 +6,7 @@ import { factor } from "../format.js";
 import { measures, preferred } from "../measures.js";
 import { asked, choice, fault, pathTo, remember, total } from "../parts.js";
 import { effectsPlot } from "../plots/effects.js";
+import { headline, outputsOf, seriesNames } from "../outputs.js";
 import { formOf, responsesOf } from "../plots/forms/forms.js";
 import { mapPlot } from "../plots/map.js";
 import { parallel } from "../plots/parallel.js";
@@ -30,6 +31,8 @@ const REST_MS = 3000, REST_TIMES = 8;
 export async function show(main, id) {
   const at = `/v1/sweeps/${id}`;
   let sweep = await read(at);
+  const { base } = await read(`${at}/spec`);
+  const outputs = await outputsOf(base.experiment), told = formOf(base.experiment), first = headline(outputs), names = seriesNames(outputs);
   const results = { points: [], trials: [], effects: [], curves: [] };
   const top = head(at, sweep, (now) => (followed(now), again(0)));
   const title = h("h1", {}, sweep.name), trouble = h("div"), controls = h("div", { class: "row card" });
@@ -54,25 +57,27 @@ export async function show(main, id) {
   }
 
   let own = null;
-  function drawForm(told, given, all) {
-    if (!told.plot || !(given.x || told.curve) || !preferred(all, told.measures.slice(0, 1))) return;
+  /** The response that the form of the experiment plots: its first number. */
+  const plotted = outputs.responses.filter((row) => row.headline && row.type === "number").map((row) => row.name).slice(0, 1);
+  function drawForm(given, all) {
+    if (!told.plot || !(given.x || told.curve) || !preferred(all, plotted)) return;
     if (!own) fill(form, (own = panel(told.title, { size: "tall-plot" })).card);
     const over = sweep.factors.includes(told.over) && chosen.x === null ? told.over : given.x;
-    own.draw(() => told.plot({ ...given, x: over, measure: preferred(all, told.measures.slice(0, 1)) }));
+    own.draw(() => told.plot({ ...given, x: over, measure: preferred(all, plotted) }));
   }
 
   /** Draws what there is; ends when the curves, which are read for it, are there. */
   async function draw() {
-    const all = measures(results.points), factors = sweep.factors, told = formOf(results.points);
+    const all = measures(results.points, outputs), factors = sweep.factors;
     const named = (name) => all.find((one) => one.name === name);
-    const measure = named(chosen.response) ?? preferred(all, told.measures) ?? all[0];
-    const mapped = named(chosen.map) ?? preferred(all, told.faults) ?? measure;
+    const measure = named(chosen.response) ?? preferred(all, first) ?? all[0];
+    const mapped = named(chosen.map) ?? preferred(all, told.map) ?? measure;
     const x = factors.includes(chosen.x) ? chosen.x : factors[0];
     const y = factors.includes(chosen.y) && chosen.y !== x ? chosen.y : factors.find((pointer) => pointer !== x);
     const options = all.map((one) => [one.name, one.label]), pointers = factors.map((pointer) => [pointer, factor(pointer, factors)]);
     if (!measure) {
       fill(controls, h("p", { class: "dim" }, "No results yet: plots come with the first job that succeeds."));
-      return series.draw(told.series, results.points);
+      return series.draw(names, results.points);
     }
     if (!controls.contains(document.activeElement)) {
       fill(controls, choice("Response", options, measure.name, choose("response")), y && choice("Map of", options, mapped.name, choose("map")),
@@ -85,9 +90,9 @@ export async function show(main, id) {
     effect.draw(() => x && effectsPlot({ effects: results.effects.find((one) => one.response === measure.name), factors, label: measure.label }));
     surface.draw(() => (y ? surfacePlot({ ...given, measure, y }) : null));
     coordinates.draw({ ...given, measure });
-    points.draw({ ...given, all });
-    drawForm(told, given, all);
-    return series.draw(told.series, results.points);
+    points.draw({ ...given, all, first });
+    drawForm(given, all);
+    return series.draw(names, results.points);
   }
 
   /** Curves over something else than time, which stand in result documents. */
@@ -109,11 +114,11 @@ export async function show(main, id) {
     if (document.hidden) return again(REST_MS);
     const began = performance.now(), mine = ++reads;
     const query = new URLSearchParams({ by: "point", limit: MOST_POINTS });
-    if (sweep.points > FEW_POINTS) query.set("responses", responsesOf([chosen.response, chosen.map]));
+    if (sweep.points > FEW_POINTS) query.set("responses", responsesOf(told, first, [chosen.response, chosen.map]));
     try {
       const [byPoint, effects, byTrial] = await Promise.all([read(`${at}/results?${query}`), read(`${at}/effects`),
         total(sweep.counts) <= MOST_DOTS ? read(`${at}/results`) : { trials: [] }]);
-      const { curve } = formOf(byPoint.points);
+      const { curve } = told;
       // Another read has begun since, which knows more.
       if (mine < reads) return;
       Object.assign(results, { points: byPoint.points, effects: effects.responses, trials: byTrial.trials, curves: curve ? await curvesOf(byTrial.trials, curve) : [] });

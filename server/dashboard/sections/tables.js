@@ -8,9 +8,6 @@ import { CLASSES, STATES, asked, choice, fault, inOrder, remember, state, table 
 
 /** Rows that are drawn at once. */
 const ROWS = 200;
-/** Responses that stand in the table until others are asked for. */
-const FIRST = ["regime=no_flow", "effective_throughput_kg_s", "mean_rate_kg_s", "discharged_kg", "lowest_rate_ratio", "bend_angle_deg", "critical_angle_deg", "modulus_pa", "settle_time_s", "bonds_intact_fraction"];
-
 /** Design points, sorted by any column. */
 export function pointsTable() {
   const place = h("div", { class: "wide tall" }), more = h("label", { class: "field" });
@@ -19,8 +16,8 @@ export function pointsTable() {
   const every = h("input", { type: "checkbox", onchange: () => ((is_all = every.checked), render()) });
   more.append(every, "every response");
   function render() {
-    const { points, factors, all, path } = given;
-    const shown = is_all ? all : all.filter((one) => FIRST.includes(one.name));
+    const { points, factors, all, first, path } = given;
+    const shown = is_all ? all : all.filter((one) => first.includes(one.name.split("=")[0]));
     const mean = (measure) => ({
       title: measure.label, is_number: true, value: (row) => measure.of(row)?.mean,
       cell: (row) => {

@@ -57,6 +57,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
         "parts.js",
         "session.js",
         "measures.js",
+        "outputs.js",
         "pages/sweeps.js",
         "pages/sweep.js",
         "pages/job.js",

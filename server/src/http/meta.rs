@@ -5,6 +5,7 @@ use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Json};
 use roost_api::API_VERSION;
+use roost_api::outputs::OutputTable;
 use roost_api::problem::Problem;
 use roost_api::version::VersionView;
 use roost_solver::SOLVER_REVISION;
@@ -72,6 +73,13 @@ pub(crate) async fn version(State(app): State<App>) -> Json<VersionView> {
     responses((status = 200, description = "JSON Schema", body = Object)))]
 pub(crate) async fn scenario_schema() -> Json<Value> {
     Json(json_schema())
+}
+
+/// The results of the experiments: responses, series and curves, each with unit, meaning and experiments.
+#[utoipa::path(get, path = "/v1/responses", tag = "documents", operation_id = "responses",
+    responses((status = 200, description = "The table of results", body = OutputTable)))]
+pub(crate) async fn responses() -> Json<OutputTable> {
+    Json(OutputTable::of_solver())
 }
 
 /// The JSON Schema of a sweep, that of its base within.

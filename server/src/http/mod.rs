@@ -110,6 +110,7 @@ fn routes(app: &App) -> OpenApiRouter<App> {
         .routes(routes!(validate::validate))
         .routes(routes!(meta::scenario_schema))
         .routes(routes!(meta::sweep_schema))
+        .routes(routes!(meta::responses))
         .routes(routes!(meta::version))
         .routes(routes!(prune::prune))
         .routes(routes!(workers::register, workers::list))

@@ -100,5 +100,11 @@ async fn a_server_says_how_it_is_and_what_it_is() {
     assert_eq!(version["sqlite"], "3.51.3");
     let schema = farm.get("/v1/schema/scenario").await.expect(StatusCode::OK);
     assert!(schema["properties"]["equipment"].is_object(), "{schema}");
+    let table = farm.get("/v1/responses").await.expect(StatusCode::OK);
+    let regime = table["responses"].as_array().unwrap().iter().find(|row| row["name"] == "regime").unwrap();
+    assert_eq!((&regime["type"], &regime["headline"]), (&json!("word"), &json!(true)));
+    assert_eq!((&regime["unit"], &regime["experiments"]), (&json!(""), &json!(["hopper"])));
+    assert_eq!(table["series"][0]["name"], "discharged_mass");
+    assert!(table["curves"].as_array().unwrap().iter().any(|row| row["over"] == "strain"), "{table}");
     farm.stop().await;
 }

@@ -170,6 +170,11 @@ impl Client {
         self.page(&format!("sweeps/{id}/jobs"), state, cursor, limit).await
     }
 
+    /// The document of a sweep, as submitted.
+    pub async fn sweep_spec(&self, id: SweepId) -> ClientResult<Value> {
+        self.get(&format!("sweeps/{id}/spec")).await
+    }
+
     /// The result table of a sweep.
     pub async fn sweep_results(&self, id: SweepId) -> ClientResult<SweepResults> {
         self.get(&format!("sweeps/{id}/results?format=json")).await
