@@ -1,12 +1,12 @@
-//! What comes back from a run: the result document `roost.result/1`.
+//! The result document `roost.result/1`, estimates and progress.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::scenario::Scenario;
 
-/// Changes whenever a result changes, be it a bit of the simulation or what a response, series or curve means: results of different
-/// revisions are never mixed silently, and what is kept of them is keyed by it.
+/// Changes with every change of a result: a bit of the simulation, or the meaning of a response, series or curve. Results
+/// of different revisions are never mixed, and stored results are keyed by it.
 pub const SOLVER_REVISION: u32 = 14;
 
 /// The version of the solver crate.
@@ -28,12 +28,12 @@ pub struct RunResult {
     pub responses: Map<String, Value>,
     /// Sampled quantities.
     pub series: Vec<Series>,
-    /// Quantities over something else than time, such as stress over strain.
+    /// Quantities over something other than time, such as stress over strain.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curves: Vec<Curve>,
-    /// What computed this.
+    /// The solver and its device.
     pub solver: SolverInfo,
-    /// What it cost.
+    /// The cost of the run.
     pub performance: Performance,
     /// The scenario as run, every default written out.
     pub scenario: Scenario,
@@ -63,9 +63,9 @@ pub enum EndReason {
     Empty,
     /// `numerics.stop.when_jammed_s`: nothing has passed the gate for that long.
     Jammed,
-    /// `numerics.stop.when_done`: what the run measures is known.
+    /// `numerics.stop.when_done`: the results are known.
     Done,
-    /// What was to rest before t = 0 never did.
+    /// The fillets did not come to rest before t = 0.
     FillNotAtRest,
     /// The physics diverged.
     Unstable,
@@ -80,7 +80,7 @@ pub struct Instability {
     pub step: u64,
     /// Belt time, in seconds.
     pub time_s: f64,
-    /// What was seen, in words.
+    /// The reason, in words.
     pub reason: String,
 }
 
@@ -97,24 +97,24 @@ pub struct Series {
     pub values: Vec<f64>,
 }
 
-/// A quantity over something else than time.
+/// A quantity over something other than time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     /// Name, such as `stress`.
     pub name: String,
     /// Unit, such as `Pa`.
     pub unit: String,
-    /// What it is taken over, such as `strain` or `fillet`.
+    /// The quantity along the curve, such as `strain` or `fillet`.
     pub over: String,
-    /// Unit of that.
+    /// Unit of that quantity.
     pub over_unit: String,
-    /// Where it was taken.
+    /// Values of that quantity.
     pub x: Vec<f64>,
     /// The values, as many.
     pub values: Vec<f64>,
 }
 
-/// What computed a result.
+/// The solver and device of a result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SolverInfo {
     /// Version of the solver crate.
@@ -131,7 +131,7 @@ pub struct SolverInfo {
     pub timestep_s: f64,
 }
 
-/// What a run cost.
+/// The cost of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Performance {
     /// Sub-particles at the start.
@@ -146,7 +146,7 @@ pub struct Performance {
     pub ns_per_particle_step: f64,
 }
 
-/// What a scenario will cost, known without running it.
+/// The cost of a scenario, estimated without running it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// Fillets.
@@ -167,11 +167,11 @@ pub struct Estimate {
     pub memory_bytes: u64,
     /// Rough wall time on two cores, in seconds.
     pub wall_s: f64,
-    /// What a user should know before running it.
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 
-/// How far a run has come.
+/// The progress of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
     /// Filling the hopper (t < 0) or running the belt.
@@ -202,11 +202,11 @@ pub enum Phase {
     Process,
 }
 
-/// What a progress callback answers.
+/// The answer of a progress callback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
-    /// Go on.
+    /// Continue the run.
     Continue,
-    /// End the run as soon as possible; what was sampled so far is returned.
+    /// End the run as soon as possible; the result has the samples so far.
     Cancel,
 }

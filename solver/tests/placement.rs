@@ -9,7 +9,7 @@ use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::equipment::facet::facets;
 use roost_solver::mesh::Meshes;
-use roost_solver::scenario::field::{Field, Kind, Range};
+use roost_solver::scenario::field::{Field, FieldKind, Range};
 use roost_solver::scenario::fields::{FIELDS, experiments_of};
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::{Limits, check};
@@ -38,7 +38,7 @@ impl Draw {
     }
 
     /// The range to draw a field from: the table's, or less where a whole range would take hours.
-    fn value(&mut self, pointer: &str, kind: Kind) -> Value {
+    fn value(&mut self, pointer: &str, kind: FieldKind) -> Value {
         let mut within = |low, high| self.number(Range { low, high, low_open: false, high_open: false });
         match pointer {
             "/product/count" => return json!(within(1.0, 15.0).round()),
@@ -56,16 +56,16 @@ impl Draw {
             _ => {}
         }
         match kind {
-            Kind::Number(range) => json!(self.number(range)),
-            Kind::Nullable(range) if self.pick(2) == 0 => json!(self.number(range)),
-            Kind::Nullable(_) => Value::Null,
-            Kind::NumberOrAuto(range) if self.pick(4) == 0 => json!(self.number(range)),
-            Kind::NumberOrAuto(_) => json!("auto"),
-            Kind::Integer(range) => json!(self.number(range).round()),
-            Kind::Choice(words) => json!(words[self.pick(words.len())]),
-            Kind::Flag => json!(self.pick(2) == 0),
-            Kind::NullableInteger(_) if self.pick(2) == 0 => json!(self.pick(2)),
-            Kind::NullableInteger(_) => Value::Null,
+            FieldKind::Number(range) => json!(self.number(range)),
+            FieldKind::Nullable(range) if self.pick(2) == 0 => json!(self.number(range)),
+            FieldKind::Nullable(_) => Value::Null,
+            FieldKind::NumberOrAuto(range) if self.pick(4) == 0 => json!(self.number(range)),
+            FieldKind::NumberOrAuto(_) => json!("auto"),
+            FieldKind::Integer(range) => json!(self.number(range).round()),
+            FieldKind::Choice(words) => json!(words[self.pick(words.len())]),
+            FieldKind::Flag => json!(self.pick(2) == 0),
+            FieldKind::NullableInteger(_) if self.pick(2) == 0 => json!(self.pick(2)),
+            FieldKind::NullableInteger(_) => Value::Null,
             other => unreachable!("{pointer}: {other:?} is not drawn"),
         }
     }
@@ -78,7 +78,7 @@ impl Draw {
             pointer == "/seed" || sections.iter().any(|section| pointer.starts_with(section))
         };
         let drawn = |field: &&Field| {
-            drawn(field.pointer) && field.kind != Kind::Mesh && experiments_of(field).contains(&"hopper")
+            drawn(field.pointer) && field.kind != FieldKind::Mesh && experiments_of(field).contains(&"hopper")
         };
         for field in FIELDS.iter().filter(drawn) {
             if self.pick(2) == 0 {

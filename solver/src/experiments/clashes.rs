@@ -52,12 +52,12 @@ pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Obstacle)> {
     found
 }
 
-/// Where the sub-particles of a body start, in metres.
+/// Positions of the sub-particles of a body at the start, in metres.
 fn points(body: &Placement, kind: &BodyKind) -> Vec<DVec3> {
     kind.meta.points.iter().map(|&point| body.position + body.orientation * point).collect()
 }
 
-/// The sub-particles of a kind by their cells: what is near a place is found without looking at all of them.
+/// The sub-particles of a kind by their cells, to find the ones near a point.
 #[derive(Clone)]
 struct Lattice {
     first: DVec3,
@@ -96,7 +96,7 @@ impl Lattice {
 /// A surface, with a tree over its triangles.
 struct Sheet<'a> {
     surface: &'a Surface,
-    /// What the boxes of the tree are relative to, in metres.
+    /// Origin of the boxes of the tree, in metres.
     anchor: DVec3,
     bvh: Bvh,
     /// Corners of its box, in metres.
@@ -115,7 +115,7 @@ impl<'a> Sheet<'a> {
         Self { surface, anchor, bvh: Bvh::new(&aabbs), low, high }
     }
 
-    /// Whether a point is inside what is closed and faces outwards.
+    /// Whether a point is inside a closed surface that faces outwards.
     fn encloses(&self, point: DVec3) -> bool {
         let boxed = self.low.cmple(point).all() && point.cmple(self.high).all();
         // An open surface, however small its hole, does not wind round a whole number of times; solids that overlap do so more
@@ -153,7 +153,7 @@ impl<'a> Sheet<'a> {
         if normal == DVec3::ZERO || near.any(|(&point, _)| distance(local(point)) < apart) {
             return normal != DVec3::ZERO;
         }
-        // Right between two layers of the lattice no sub-particle touches it, but bonds go through.
+        // Between two layers of the lattice no sub-particle touches it, but bonds go through it.
         scene.kinds[body.kind].meta.bonds.iter().any(|bond| {
             let (i, j) = (bond.i as usize, bond.j as usize);
             let crossing = || points[i].lerp(points[j], side[i] / (side[i] - side[j]));

@@ -1,7 +1,7 @@
 //! Positions and orientations at the start, and the domain's edge.
 //!
 //! A pile is stacked loosely and touches nothing. Each fillet gets a random orientation and is set down, at the best of several random places, on a height map of
-//! what is there already. The stack is loose and collapses into the hopper when the run begins.
+//! the fillets below it. The stack is loose and collapses into the hopper when the run begins.
 
 use std::f64::consts::TAU;
 
@@ -12,7 +12,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use crate::engine::scene::{BodyKind, Placement};
 use crate::engine::state::State;
 
-/// Places tried for each fillet.
+/// Positions tried for each fillet.
 const PLACES: usize = 24;
 /// Orientations tried until one fits between the walls; a fillet that barely fits is then stood upright.
 const ORIENTATIONS: usize = 1000;
@@ -60,7 +60,7 @@ fn rotation(rng: &mut ChaCha8Rng) -> DQuat {
     DQuat::from_xyzw(a * v.sin(), a * v.cos(), b * w.sin(), b * w.cos())
 }
 
-/// Heights of what has been placed, over the floor.
+/// Heights of the placed fillets over the floor.
 struct HeightMap {
     floor: Floor,
     cell: f64,

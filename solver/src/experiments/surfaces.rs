@@ -60,7 +60,7 @@ fn motion(spec: &SurfaceSpec, triangles: &[[DVec3; 3]]) -> Motion {
     }
 }
 
-/// The box around all corners, and around what turning surfaces turn about; none without surfaces.
+/// The box around all corners and all pivots of turning surfaces; none without surfaces.
 pub fn extent(surfaces: &[Surface]) -> Option<(DVec3, DVec3)> {
     let points = surfaces.iter().flat_map(|surface| {
         let pivot = match surface.motion {

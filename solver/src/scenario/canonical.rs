@@ -13,7 +13,7 @@ use serde_json::ser::{Formatter, Serializer};
 /// The canonical JSON of a value whose names are of the basic multilingual plane: others would be sorted otherwise.
 ///
 /// # Errors
-/// What is no JSON, such as a map whose keys are no text.
+/// A value that JSON cannot hold, such as a map whose keys are no text.
 pub(super) fn canonical(value: &impl Serialize) -> serde_json::Result<Vec<u8>> {
     let mut text = Vec::with_capacity(4096);
     let sorted: Value = serde_json::to_value(value)?;
@@ -21,7 +21,7 @@ pub(super) fn canonical(value: &impl Serialize) -> serde_json::Result<Vec<u8>> {
     Ok(text)
 }
 
-/// Every number is a double, as short as it can be said.
+/// Writes every number as the shortest double.
 struct Numbers;
 
 impl Formatter for Numbers {

@@ -1,17 +1,17 @@
-//! From what an author wrote to the complete document: the walk over the field table that lists every fault
-//! and fills the defaults in.
+//! From a written document to the complete one: a walk over the field table that lists every fault and fills in the
+//! defaults.
 
 use serde_json::{Map, Value};
 
 use super::Fault;
-use super::field::{Field, Kind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section};
+use super::field::{Field, FieldKind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section};
 use super::fields::{EXPERIMENTS, FIELDS, SECTIONS};
 use super::names::{escape, names_in, nearest};
 use super::own_fields::{OwnField, belongs, fields_of};
 use super::relations;
 
-/// Unknown names told one by one in each section; the rest is told as a number, so that an answer stays of
-/// the order of the document that caused it.
+/// Maximum number of unknown names per section that are listed. The others are counted, so that the answer is not
+/// much longer than the document.
 const MAX_UNKNOWN: usize = 50;
 
 /// The document with every default written out.
@@ -30,8 +30,8 @@ pub(super) fn complete(document: &Value) -> Result<Value, Vec<Fault>> {
     if faults.is_empty() { Ok(completed) } else { Err(faults) }
 }
 
-/// What stands at a pointer whose names need no unescaping, as those of the table.
-fn look<'a>(document: &'a Value, pointer: &str) -> Option<&'a Value> {
+/// The value at a pointer of the table, whose names need no unescaping.
+fn value_at<'a>(document: &'a Value, pointer: &str) -> Option<&'a Value> {
     pointer.split('/').skip(1).try_fold(document, |value, name| match value {
         Value::Object(fields) => fields.get(name),
         Value::Array(items) => items.get(name.parse::<usize>().ok()?),
@@ -39,11 +39,11 @@ fn look<'a>(document: &'a Value, pointer: &str) -> Option<&'a Value> {
     })
 }
 
-/// A section is an object of known names, or a list of such, and stands where it belongs.
+/// Checks that a section belongs to the experiment, and is an object of known names or a list of such objects.
 fn check_section(section: &Section, experiment: Option<&str>, document: &Value, faults: &mut Vec<Fault>) {
     let Some(written) = document.pointer(section.pointer) else { return };
     if !belongs(section, experiment) {
-        // Its own sections are not told one by one.
+        // The sections inside it are not listed as well.
         if section.pointer.matches('/').count() == 1 {
             let only = section.experiment.unwrap_or_default();
             let detail = format!("belongs to the experiment \"{only}\"");
@@ -73,7 +73,7 @@ fn check_section(section: &Section, experiment: Option<&str>, document: &Value, 
     }
 }
 
-/// Finds the names that no field bears.
+/// Lists the names that are no fields.
 fn check_names(section: &str, object: &Map<String, Value>, faults: &mut Vec<Fault>) {
     let known = names_in(section);
     let mut unknown = object.iter().filter(|(name, _)| !known.contains(&name.as_str()));
@@ -91,11 +91,11 @@ fn check_names(section: &str, object: &Map<String, Value>, faults: &mut Vec<Faul
     }
 }
 
-/// Every field that is sound: as written, or by its default. What is at fault stays out.
+/// Every sound field: as written, or by its default. Fields at fault are left out.
 fn fill(document: &Value, experiment: Option<&str>, faults: &mut Vec<Fault>) -> Value {
     let mut completed = Value::Object(Map::new());
     for own in fields_of(experiment) {
-        if let Some(value) = settle(own, own.field.pointer, document, &completed, faults) {
+        if let Some(value) = field_value(own, own.field.pointer, document, &completed, faults) {
             put(&mut completed, own.field.pointer, value);
         }
     }
@@ -113,7 +113,7 @@ fn fill(document: &Value, experiment: Option<&str>, faults: &mut Vec<Fault>) -> 
                     continue;
                 }
                 if let Some(value) =
-                    settle(&OwnField::new(field, None), &pointer, document, &completed, faults)
+                    field_value(&OwnField::new(field, None), &pointer, document, &completed, faults)
                 {
                     put(&mut item, name, value);
                 }
@@ -127,7 +127,7 @@ fn fill(document: &Value, experiment: Option<&str>, faults: &mut Vec<Fault>) -> 
 }
 
 /// The value of the field at `pointer`, as written or by its default; none when it is at fault.
-fn settle(
+fn field_value(
     own: &OwnField,
     pointer: &str,
     document: &Value,
@@ -135,7 +135,7 @@ fn settle(
     faults: &mut Vec<Fault>,
 ) -> Option<Value> {
     let field = own.field;
-    match look(document, pointer) {
+    match value_at(document, pointer) {
         Some(written) => {
             let value = accept(field, pointer, written, faults)?;
             let default = default(own, completed);
@@ -159,16 +159,16 @@ fn settle(
     }
 }
 
-/// What a silent author gets; none when the field it follows is at fault.
+/// The default of a field; none when the field that it copies is at fault.
 fn default(own: &OwnField, completed: &Value) -> Option<Value> {
     let field = own.field;
-    let given = |pointer: &str| look(completed, pointer).is_some_and(|value| !value.is_null());
-    let wet = || look(completed, "/contact/condition").is_some_and(|condition| condition == "wet");
+    let given = |pointer: &str| value_at(completed, pointer).is_some_and(|value| !value.is_null());
+    let wet = || value_at(completed, "/contact/condition").is_some_and(|condition| condition == "wet");
     if field.yields_to.is_some_and(given) {
         return Some(Value::Null);
     }
     match field.wet.filter(|_| wet()).unwrap_or(own.default) {
-        Preset::SameAs(other) => look(completed, other).cloned(),
+        Preset::SameAs(other) => value_at(completed, other).cloned(),
         preset => preset.value(),
     }
 }
@@ -180,20 +180,21 @@ fn accept(field: &Field, pointer: &str, written: &Value, faults: &mut Vec<Fault>
         None
     };
     match (field.kind, written) {
-        (Kind::Nullable(_) | Kind::NullableInteger(_) | Kind::Mesh | Kind::Plate(_), Value::Null) => {
-            Some(Value::Null)
-        }
-        (Kind::NumberOrAuto(_), Value::String(word)) if word == "auto" => Some(written.clone()),
         (
-            Kind::Number(range)
-            | Kind::Nullable(range)
-            | Kind::NumberOrAuto(range)
-            | Kind::Integer(range)
-            | Kind::NullableInteger(range),
+            FieldKind::Nullable(_) | FieldKind::NullableInteger(_) | FieldKind::Mesh | FieldKind::Plate(_),
+            Value::Null,
+        ) => Some(Value::Null),
+        (FieldKind::NumberOrAuto(_), Value::String(word)) if word == "auto" => Some(written.clone()),
+        (
+            FieldKind::Number(range)
+            | FieldKind::Nullable(range)
+            | FieldKind::NumberOrAuto(range)
+            | FieldKind::Integer(range)
+            | FieldKind::NullableInteger(range),
             Value::Number(number),
         ) => {
             let number = number.as_f64().unwrap_or(f64::NAN);
-            let whole = matches!(field.kind, Kind::Integer(_) | Kind::NullableInteger(_));
+            let whole = matches!(field.kind, FieldKind::Integer(_) | FieldKind::NullableInteger(_));
             if !range.contains(number) {
                 refuse("is out of range".to_owned())
             } else if !whole {
@@ -205,48 +206,50 @@ fn accept(field: &Field, pointer: &str, written: &Value, faults: &mut Vec<Fault>
                 Some(Value::from(number as u64))
             }
         }
-        (Kind::Choice(words), Value::String(word)) if words.contains(&word.as_str()) => Some(written.clone()),
-        (Kind::Choice(_), Value::String(_)) => refuse("is not among the choices".to_owned()),
-        (Kind::Flag, Value::Bool(_)) => Some(written.clone()),
-        (Kind::Text, Value::String(text)) if text.is_empty() => refuse("is empty".to_owned()),
-        (Kind::Text, Value::String(text)) if text.chars().count() > LONGEST_TEXT => {
+        (FieldKind::Choice(words), Value::String(word)) if words.contains(&word.as_str()) => {
+            Some(written.clone())
+        }
+        (FieldKind::Choice(_), Value::String(_)) => refuse("is not among the choices".to_owned()),
+        (FieldKind::Flag, Value::Bool(_)) => Some(written.clone()),
+        (FieldKind::Text, Value::String(text)) if text.is_empty() => refuse("is empty".to_owned()),
+        (FieldKind::Text, Value::String(text)) if text.chars().count() > LONGEST_TEXT => {
             refuse("is too long".to_owned())
         }
-        (Kind::Text, Value::String(_)) => Some(written.clone()),
-        (Kind::Sizes(_), Value::Array(sizes)) if !(1..=MAX_SIZES).contains(&sizes.len()) => {
+        (FieldKind::Text, Value::String(_)) => Some(written.clone()),
+        (FieldKind::Sizes(_), Value::Array(sizes)) if !(1..=MAX_SIZES).contains(&sizes.len()) => {
             refuse("has the wrong number of sizes".to_owned())
         }
-        (Kind::Sizes(range), Value::Array(_)) => {
-            Check { field, range, whole: false }.rows(pointer, written, None, faults)
+        (FieldKind::Sizes(range), Value::Array(_)) => {
+            Numbers { field, range, whole: false }.rows(pointer, written, None, faults)
         }
-        (Kind::Plate(range), Value::Array(_)) => {
-            Check { field, range, whole: false }.rows(pointer, written, Some(3), faults)
+        (FieldKind::Plate(range), Value::Array(_)) => {
+            Numbers { field, range, whole: false }.rows(pointer, written, Some(3), faults)
         }
-        (Kind::Vector(range), Value::Array(_)) => {
-            Check { field, range, whole: false }.row(pointer, written, faults)
+        (FieldKind::Vector(range), Value::Array(_)) => {
+            Numbers { field, range, whole: false }.row(pointer, written, faults)
         }
-        (Kind::Counts(range), Value::Array(_)) => {
-            Check { field, range, whole: true }.row(pointer, written, faults)
+        (FieldKind::Counts(range), Value::Array(_)) => {
+            Numbers { field, range, whole: true }.row(pointer, written, faults)
         }
-        (Kind::Mesh, Value::Object(mesh)) => accept_mesh(field, pointer, mesh, faults),
-        (Kind::Sizes(_) | Kind::Vector(_) | Kind::Counts(_) | Kind::Plate(_), _) => {
+        (FieldKind::Mesh, Value::Object(mesh)) => accept_mesh(field, pointer, mesh, faults),
+        (FieldKind::Sizes(_) | FieldKind::Vector(_) | FieldKind::Counts(_) | FieldKind::Plate(_), _) => {
             refuse(must_be("a list", written))
         }
-        (Kind::Mesh, _) => refuse(must_be("an object", written)),
-        (Kind::Choice(_) | Kind::Text, _) => refuse(must_be("a string", written)),
-        (Kind::Flag, _) => refuse(must_be("true or false", written)),
+        (FieldKind::Mesh, _) => refuse(must_be("an object", written)),
+        (FieldKind::Choice(_) | FieldKind::Text, _) => refuse(must_be("a string", written)),
+        (FieldKind::Flag, _) => refuse(must_be("true or false", written)),
         _ => refuse(must_be("a number", written)),
     }
 }
 
-/// Reads lists of numbers, and tells each wrong one at its place.
-struct Check<'a> {
+/// Reads lists of numbers, and reports each wrong number at its pointer.
+struct Numbers<'a> {
     field: &'a Field,
     range: Range,
     whole: bool,
 }
 
-impl Check<'_> {
+impl Numbers<'_> {
     /// Three numbers in the range.
     fn row(&self, pointer: &str, written: &Value, faults: &mut Vec<Fault>) -> Option<Value> {
         let mut refuse = |pointer: &str, value: &Value, detail: String| {
@@ -254,7 +257,7 @@ impl Check<'_> {
         };
         let Some(numbers @ [_, _, _]) = written.as_array().map(Vec::as_slice) else {
             let wanted = match self.field.kind {
-                Kind::Sizes(_) => "must be a list of length, width and thickness",
+                FieldKind::Sizes(_) => "must be a list of length, width and thickness",
                 _ => "must be a list of three numbers",
             };
             refuse(pointer, written, wanted.to_owned());

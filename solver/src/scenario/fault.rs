@@ -1,25 +1,25 @@
-//! What is wrong with a document, in a form that a program can show and a person can mend.
+//! Faults of a document, each with pointer, value, reason and allowed values.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// One thing wrong with a document, said so that its author can mend it.
+/// A fault of a document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fault {
     /// JSON pointer (RFC 6901) of the field at fault.
     pub pointer: String,
     /// The value found there; null when it is missing.
     pub value: Value,
-    /// What is wrong, in words.
+    /// The fault, in words.
     pub detail: String,
-    /// What is allowed: a range with its unit, or the choices.
+    /// The allowed values: a range with its unit, or the choices.
     pub allowed: Option<String>,
 }
 
 impl std::fmt::Display for Fault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}: {}", self.pointer, self.detail)?;
-        // Nothing is found where a field is missing, and of a null the detail speaks.
+        // A missing field has no value, and the detail names a null.
         if !self.value.is_null() {
             write!(f, " (found {})", self.value)?;
         }
@@ -30,7 +30,7 @@ impl std::fmt::Display for Fault {
     }
 }
 
-/// The most characters of JSON that a fault repeats.
+/// Maximum number of characters of JSON that a fault repeats.
 const MAX_SHOWN: usize = 200;
 
 impl Fault {
@@ -55,7 +55,7 @@ impl Fault {
     }
 }
 
-/// Why a text is no scenario.
+/// The reason why a text is no scenario.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ScenarioError {
     /// Not JSON at all.
@@ -65,7 +65,7 @@ pub enum ScenarioError {
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// What the parser says.
+        /// The message of the parser.
         message: String,
     },
     /// JSON, but not a scenario that can run: every fault found.

@@ -1,19 +1,19 @@
-//! The vocabulary of the field table: what one entry says, and what may stand in a field.
+//! The vocabulary of the field table: fields, sections, types, defaults and ranges.
 
 use std::fmt;
 
 use serde_json::{Value, json};
 
-/// One field of the scenario: everything that is known about it.
+/// A field of the scenario.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
     /// JSON pointer of the field; its last name ends in the unit.
     pub pointer: &'static str,
-    /// What may stand there.
-    pub kind: Kind,
-    /// Unit as one writes it; empty for what has none.
+    /// Allowed values.
+    pub kind: FieldKind,
+    /// Unit; empty without one.
     pub unit: &'static str,
-    /// What stands there when the author is silent.
+    /// The default.
     pub default: Preset,
     /// The default under `"condition": "wet"`, where it differs.
     pub wet: Option<Preset>,
@@ -21,11 +21,11 @@ pub struct Field {
     pub by_name: bool,
     /// The value in experiments that do not name the field, where it differs from the default.
     pub otherwise: Option<Preset>,
-    /// The field whose presence makes this one null: exactly one of the two is in use.
+    /// The field that makes this one null when it is given: exactly one of the two is in use.
     pub yields_to: Option<&'static str>,
-    /// Where the default comes from.
+    /// Source of the default.
     pub source: &'static str,
-    /// What the field means, in one sentence.
+    /// Meaning, in one sentence.
     pub doc: &'static str,
 }
 
@@ -34,17 +34,17 @@ pub struct Field {
 pub struct Section {
     /// JSON pointer.
     pub pointer: &'static str,
-    /// For a list: the pointer under which its items' fields stand in the table, `*` being the index.
+    /// For a list: the pointer of its items in the table, with `*` for the index.
     pub items: Option<&'static str>,
     /// The experiment that the section belongs to; none belongs to all.
     pub experiment: Option<&'static str>,
-    /// What it holds, in one sentence.
+    /// Content, in one sentence.
     pub doc: &'static str,
 }
 
-/// What may stand in a field.
+/// The allowed values of a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Kind {
+pub enum FieldKind {
     /// A number.
     Number(Range),
     /// A number, or null.
@@ -73,17 +73,17 @@ pub enum Kind {
     Plate(Range),
 }
 
-/// The most characters of a text.
+/// Maximum number of characters of a text.
 pub const LONGEST_TEXT: usize = 60;
-/// The most objects that a list section may hold.
+/// Maximum number of objects of a list section.
 pub const MAX_ITEMS: usize = 1000;
-/// The most sizes a list may hold.
+/// Maximum number of sizes.
 pub const MAX_SIZES: usize = 32;
 
-/// What stands in a field when its author is silent.
+/// A default value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Preset {
-    /// Nothing: the author must say.
+    /// No default: the document must have the field.
     Required,
     /// Null.
     Null,
@@ -101,7 +101,7 @@ pub enum Preset {
     Vector([f64; 3]),
     /// Three whole numbers.
     Counts([u64; 3]),
-    /// The value of another field, which stands earlier in the table.
+    /// The value of another field, earlier in the table.
     SameAs(&'static str),
 }
 
@@ -156,7 +156,7 @@ pub(super) fn plain(number: f64) -> String {
 }
 
 impl Preset {
-    /// The value itself; none where there is none, or where another field holds it.
+    /// The value; none without a default, or where another field holds it.
     pub fn value(&self) -> Option<Value> {
         match *self {
             Self::Required | Self::SameAs(_) => None,
@@ -190,36 +190,36 @@ impl Field {
         letters.into_iter().collect()
     }
 
-    /// What is allowed, in words, with the unit.
+    /// The allowed values in words, with the unit.
     pub fn allowed(&self) -> String {
         let range = |range: Range| match self.unit {
             "" => range.to_string(),
             unit => format!("{range} {unit}"),
         };
         match self.kind {
-            Kind::Number(within) => range(within),
-            Kind::Nullable(within) => format!("{}, or null", range(within)),
-            Kind::NumberOrAuto(within) => format!("{}, or \"auto\"", range(within)),
-            Kind::Integer(within) => format!("a whole number {}", range(within)),
-            Kind::Choice([only]) => format!("\"{only}\""),
-            Kind::Choice(words) => format!("one of \"{}\"", words.join("\", \"")),
-            Kind::Flag => "true or false".to_owned(),
-            Kind::NullableInteger(within) => format!("a whole number {}, or null", range(within)),
-            Kind::Vector(within) => format!("three numbers {}", range(within)),
-            Kind::Counts(within) => format!("three whole numbers {}", range(within)),
-            Kind::Text => format!("text of at most {LONGEST_TEXT} characters"),
-            Kind::Mesh => {
+            FieldKind::Number(within) => range(within),
+            FieldKind::Nullable(within) => format!("{}, or null", range(within)),
+            FieldKind::NumberOrAuto(within) => format!("{}, or \"auto\"", range(within)),
+            FieldKind::Integer(within) => format!("a whole number {}", range(within)),
+            FieldKind::Choice([only]) => format!("\"{only}\""),
+            FieldKind::Choice(words) => format!("one of \"{}\"", words.join("\", \"")),
+            FieldKind::Flag => "true or false".to_owned(),
+            FieldKind::NullableInteger(within) => format!("a whole number {}, or null", range(within)),
+            FieldKind::Vector(within) => format!("three numbers {}", range(within)),
+            FieldKind::Counts(within) => format!("three whole numbers {}", range(within)),
+            FieldKind::Text => format!("text of at most {LONGEST_TEXT} characters"),
+            FieldKind::Mesh => {
                 "{\"digest\": blake3 of the STL file in hex, \"units\": \"mm\" or \"m\"}, or null".to_owned()
             }
-            Kind::Plate(within) => {
+            FieldKind::Plate(within) => {
                 format!("a corner and two edges, each three numbers {}; or null", range(within))
             }
-            Kind::Sizes(within) => format!("1 to {MAX_SIZES} sizes of three numbers {}", range(within)),
+            FieldKind::Sizes(within) => format!("1 to {MAX_SIZES} sizes of three numbers {}", range(within)),
         }
     }
 }
 
-/// The ending that a name takes for its unit: `_kg_m3` for kg/m³.
+/// The suffix of a name for its unit: `_kg_m3` for kg/m³.
 pub fn unit_suffix(unit: &str) -> String {
     match unit {
         "" => String::new(),

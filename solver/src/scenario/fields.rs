@@ -5,7 +5,7 @@
 
 use super::SCHEMA;
 use super::declaration::Declaration;
-use super::field::{Field, Kind, Preset, Section, from_to};
+use super::field::{Field, FieldKind, Preset, Section, from_to};
 use super::row::{choice, field, integer, section};
 use super::sections::{DECLARATIONS, bonds, contact, material, numerics, product, surface};
 
@@ -30,7 +30,7 @@ const NUMERICS: &[Section] = &[
     section("/numerics/stop", None, "Conditions that end a simulation before its duration."),
 ];
 
-/// The pointer under which the table holds what stands at `pointer`: `/scene/bodies/*` for `/scene/bodies/3`.
+/// The pointer of the table for a pointer of a document: `/scene/bodies/*` for `/scene/bodies/3`.
 pub fn in_table(pointer: &str) -> String {
     for section in SECTIONS {
         let Some(items) = section.items else { continue };
@@ -81,7 +81,7 @@ pub const EXPERIMENTS: &[&str] = &{
 const HEAD: &[Field] = &[
     choice("/schema", &[SCHEMA], "format",
         "Name and version of this document's format."),
-    field("/experiment", Kind::Choice(EXPERIMENTS), "", Preset::Required, "section 2",
+    field("/experiment", FieldKind::Choice(EXPERIMENTS), "", Preset::Required, "section 2",
         "The family of scenarios: `hopper` is the bulk discharge of a hopper by a belt under a gate (section 2.4); `drop`, \
          `bend`, `slide` and `compress` are the paper's tests of single fillets (section 2.3); `scene` is whatever one places."),
 ];
@@ -132,7 +132,7 @@ const FIELD_PARTS: &[&[Field]] = &[
     SEED,
 ];
 
-/// Every field of a scenario. A field stands after those that its default reads.
+/// Every field of a scenario. A field comes after the fields that its default reads.
 pub const FIELDS: &[Field] = &joined::<Field, { count(FIELD_PARTS) }>(FIELD_PARTS);
 
 const fn count<T>(parts: &[&[T]]) -> usize {

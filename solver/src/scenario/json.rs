@@ -1,5 +1,5 @@
-//! JSON text to a value, strictly: a name that stands twice in one object is an error. `serde_json` alone
-//! would keep the last one silently, and a run with half of what its author wrote is worse than none.
+//! From JSON text to a value. A repeated name in an object is an error: `serde_json` alone would silently keep the last
+//! one, and a run without a part of the document is worse than none.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use super::ScenarioError;
 /// Reads JSON text into a value.
 ///
 /// # Errors
-/// The first thing that is not JSON (NaN and infinities included), or a repeated name, with line and column.
+/// The first syntax error (NaN and infinities included), or a repeated name, with line and column.
 pub fn read_json(text: &str) -> Result<Value, ScenarioError> {
     serde_json::from_str::<Strict>(text).map(|strict| strict.0).map_err(|error| {
         let (line, column) = (error.line(), error.column());

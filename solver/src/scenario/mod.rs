@@ -1,10 +1,9 @@
-//! What a user may ask for: the typed scenario, its defaults, limits and digest.
+//! The scenario: its document, field table, defaults, limits and digest.
 //!
 //! A scenario arrives as JSON. [`parse`] and [`from_value`] walk the field table ([`fields::FIELDS`]), which
 //! holds every name, type, unit, default, range, source and description once, list *every* fault with
-//! its JSON pointer, fill the defaults in, and only then build the typed [`Scenario`]. A `Scenario`
-//! therefore is complete: what it serialises to is "the scenario as run", and reading that again gives
-//! the same scenario.
+//! its JSON pointer, fill in the defaults, and only then build the typed [`Scenario`]. A `Scenario` is therefore
+//! complete: it serialises to "the scenario as run", and that document gives the same scenario again.
 
 mod canonical;
 mod complete;
@@ -38,7 +37,7 @@ pub const SCHEMA: &str = "roost.scenario/1";
 /// Reads a scenario from JSON text: one syntax error, or every fault at once, or the scenario.
 ///
 /// # Errors
-/// What is not JSON, or names a field twice, is one [`ScenarioError::Syntax`]; all else are faults.
+/// A syntax error or a repeated name is [`ScenarioError::Syntax`]; everything else is a list of faults.
 pub fn parse(text: &str) -> Result<Scenario, ScenarioError> {
     from_value(&read_json(text)?).map_err(ScenarioError::Faults)
 }
@@ -49,8 +48,7 @@ pub fn parse(text: &str) -> Result<Scenario, ScenarioError> {
 /// Every fault found.
 pub fn from_value(value: &serde_json::Value) -> Result<Scenario, Vec<Fault>> {
     let completed = complete::complete(value)?;
-    // The table and the types agree (a test holds them together), so this cannot fail; were it to, the
-    // author of the document gets to read why.
+    // This cannot fail, since a test holds the types to the table. If it did, the fault names the reason.
     serde_json::from_value(completed).map_err(|error| {
         vec![Fault {
             pointer: String::new(),

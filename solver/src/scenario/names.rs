@@ -1,11 +1,11 @@
-//! Names and pointers: which field an unknown name was meant to be, and how a name stands in a JSON pointer.
+//! Names and pointers: the field that an unknown name most likely means, and names in JSON pointers.
 
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
 use super::fields::{FIELDS, SECTIONS, in_table};
 
-/// A name longer than this resembles none, and comparing would take long.
+/// Maximum length of a name that is compared: longer names resemble none.
 const LONGEST: usize = 100;
 
 /// A name as a part of a JSON pointer (RFC 6901).
@@ -23,7 +23,7 @@ fn split(pointer: &str) -> (&str, &str) {
     pointer.rsplit_once('/').unwrap_or(("", pointer))
 }
 
-/// The names that may stand in a section.
+/// The names of a section's fields.
 pub(super) fn names_in(section: &str) -> &'static [&'static str] {
     // Asked for every section of every point of a sweep.
     static NAMES: LazyLock<HashMap<&str, Vec<&str>>> = LazyLock::new(|| {

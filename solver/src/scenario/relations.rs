@@ -1,4 +1,4 @@
-//! Faults between fields: each value is in its range, yet two of them do not go together.
+//! Faults between fields: each value is in its range, but two of them contradict each other.
 
 use serde_json::Value;
 
@@ -22,11 +22,10 @@ const ORDER: &[AtMost] = &[
     },
 ];
 
-/// The most samples of a run.
+/// Maximum number of samples of a run.
 pub const MAX_SAMPLES: f64 = 100_000.0;
 
-/// Checks the fields of `completed` against each other. `document` tells which of two the author wrote, and
-/// so can change.
+/// Checks the fields of `completed` against each other. `document` has the fields that the author wrote and can change.
 pub(super) fn check(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     for order in ORDER.iter().chain(DECLARATIONS.iter().flat_map(|declaration| declaration.order)) {
         check_order(order, document, completed, faults);
@@ -106,7 +105,7 @@ fn check_alternatives(document: &Value, completed: &Value, faults: &mut Vec<Faul
     }
 }
 
-/// Shapes that are named must be there, and a mesh and sizes exclude each other.
+/// Shapes that do not exist, and sizes beside a mesh.
 fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     let sizes = completed.pointer("/product/sizes_m").and_then(Value::as_array).map(Vec::len);
     let mesh = completed.pointer("/product/mesh").is_some_and(Value::is_object);
@@ -152,7 +151,7 @@ fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     }
 }
 
-/// What stands still has no velocity, and what does not turn no spin: most likely `motion` was forgotten.
+/// A fixed surface with a velocity, or a belt with a spin: most likely `motion` was forgotten.
 fn check_motion(surface: &Value, at: &dyn Fn(&str) -> String, faults: &mut Vec<Fault>) {
     let motion = surface.get("motion").and_then(Value::as_str).unwrap_or_default();
     let idle: &[_] = match motion {
@@ -172,7 +171,7 @@ fn check_motion(surface: &Value, at: &dyn Fn(&str) -> String, faults: &mut Vec<F
     }
 }
 
-/// A surface is a mesh or a plate with an area, and its name is its own.
+/// A surface must be a mesh or a plate with an area, with a name of its own.
 fn check_surfaces(list: &str, document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     let surfaces = completed.pointer(list).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     for (index, surface) in surfaces.iter().enumerate() {

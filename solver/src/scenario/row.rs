@@ -1,6 +1,6 @@
-//! Rows of the field table, written briefly, and what several of them share.
+//! Constructors of rows of the field table, and ranges that several rows share.
 
-use super::field::{Field, Kind, Preset, Range, Section, from_to};
+use super::field::{Field, FieldKind, Preset, Range, Section, from_to};
 
 pub(super) const ORIGIN: Preset = Preset::Vector([0.0; 3]);
 pub(super) const PLACE: Range = from_to(-100.0, 100.0);
@@ -11,7 +11,7 @@ pub(super) const FRICTION: Range = from_to(0.0, 5.0);
 
 pub(super) const fn field(
     pointer: &'static str,
-    kind: Kind,
+    kind: FieldKind,
     unit: &'static str,
     default: Preset,
     source: &'static str,
@@ -39,7 +39,7 @@ pub(super) const fn number(
     source: &'static str,
     doc: &'static str,
 ) -> Field {
-    field(pointer, Kind::Number(range), unit, Preset::Number(default), source, doc)
+    field(pointer, FieldKind::Number(range), unit, Preset::Number(default), source, doc)
 }
 
 pub(super) const fn nullable(
@@ -49,7 +49,7 @@ pub(super) const fn nullable(
     source: &'static str,
     doc: &'static str,
 ) -> Field {
-    field(pointer, Kind::Nullable(range), unit, Preset::Null, source, doc)
+    field(pointer, FieldKind::Nullable(range), unit, Preset::Null, source, doc)
 }
 
 pub(super) const fn integer(
@@ -59,7 +59,7 @@ pub(super) const fn integer(
     source: &'static str,
     doc: &'static str,
 ) -> Field {
-    field(pointer, Kind::Integer(range), "", Preset::Integer(default), source, doc)
+    field(pointer, FieldKind::Integer(range), "", Preset::Integer(default), source, doc)
 }
 
 /// The first word is the default.
@@ -69,7 +69,7 @@ pub(super) const fn choice(
     source: &'static str,
     doc: &'static str,
 ) -> Field {
-    field(pointer, Kind::Choice(words), "", Preset::Word(words[0]), source, doc)
+    field(pointer, FieldKind::Choice(words), "", Preset::Word(words[0]), source, doc)
 }
 
 pub(super) const fn flag(
@@ -78,7 +78,7 @@ pub(super) const fn flag(
     source: &'static str,
     doc: &'static str,
 ) -> Field {
-    field(pointer, Kind::Flag, "", Preset::Flag(default), source, doc)
+    field(pointer, FieldKind::Flag, "", Preset::Flag(default), source, doc)
 }
 
 pub(super) const fn same_as(
@@ -89,7 +89,7 @@ pub(super) const fn same_as(
     source: &'static str,
     doc: &'static str,
 ) -> Field {
-    field(pointer, Kind::Number(range), unit, Preset::SameAs(other), source, doc)
+    field(pointer, FieldKind::Number(range), unit, Preset::SameAs(other), source, doc)
 }
 
 pub(super) const fn vector(
@@ -100,7 +100,7 @@ pub(super) const fn vector(
     source: &'static str,
     doc: &'static str,
 ) -> Field {
-    field(pointer, Kind::Vector(range), unit, default, source, doc)
+    field(pointer, FieldKind::Vector(range), unit, default, source, doc)
 }
 
 /// An object of fields.
@@ -112,7 +112,7 @@ pub(super) const fn section(
     Section { pointer, items: None, experiment, doc }
 }
 
-/// A list of objects, whose fields stand in the table under `items`.
+/// A list of objects, with the pointer of their fields in the table.
 pub(super) const fn list(
     pointer: &'static str,
     items: &'static str,

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 
 use super::SCHEMA;
 use super::declaration::Declaration;
-use super::field::{Field, Kind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section, plain};
+use super::field::{Field, FieldKind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section, plain};
 use super::fields::{FIELDS, SECTIONS, declaration, experiments_of};
 use super::sections::DECLARATIONS;
 
@@ -60,31 +60,31 @@ fn object(section: &str, doc: &str) -> Value {
 
 fn property(field: &Field) -> Value {
     let mut property = match field.kind {
-        Kind::Number(range) => bounded("number", range),
-        Kind::Integer(range) => bounded("integer", range),
-        Kind::Nullable(range) => bounded(["number", "null"], range),
+        FieldKind::Number(range) => bounded("number", range),
+        FieldKind::Integer(range) => bounded("integer", range),
+        FieldKind::Nullable(range) => bounded(["number", "null"], range),
         // "auto" alone passes the pattern; bounds bind numbers only.
-        Kind::NumberOrAuto(range) => {
+        FieldKind::NumberOrAuto(range) => {
             let mut property = bounded(["number", "string"], range);
             property["pattern"] = json!("^auto$");
             property
         }
-        Kind::Choice([only]) => json!({"type": "string", "const": only}),
-        Kind::Choice(words) => json!({"type": "string", "enum": words}),
-        Kind::Flag => json!({"type": "boolean"}),
-        Kind::NullableInteger(range) => bounded(["integer", "null"], range),
-        Kind::Text => json!({"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}),
-        Kind::Vector(range) => triple("number", range),
-        Kind::Counts(range) => triple("integer", range),
-        Kind::Sizes(range) => {
+        FieldKind::Choice([only]) => json!({"type": "string", "const": only}),
+        FieldKind::Choice(words) => json!({"type": "string", "enum": words}),
+        FieldKind::Flag => json!({"type": "boolean"}),
+        FieldKind::NullableInteger(range) => bounded(["integer", "null"], range),
+        FieldKind::Text => json!({"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}),
+        FieldKind::Vector(range) => triple("number", range),
+        FieldKind::Counts(range) => triple("integer", range),
+        FieldKind::Sizes(range) => {
             let size = triple("number", range);
             json!({"type": "array", "minItems": 1, "maxItems": MAX_SIZES, "items": size})
         }
-        Kind::Plate(range) => {
+        FieldKind::Plate(range) => {
             let edge = triple("number", range);
             json!({"type": ["array", "null"], "minItems": 3, "maxItems": 3, "items": edge})
         }
-        Kind::Mesh => json!({
+        FieldKind::Mesh => json!({
             "type": ["object", "null"],
             "required": ["digest", "units"],
             "additionalProperties": false,

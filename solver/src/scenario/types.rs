@@ -12,7 +12,7 @@ pub struct Scenario {
     /// The experiment, with its own section.
     #[serde(flatten)]
     pub experiment: Experiment,
-    /// The fillets: how many, of what size, made of what sub-particles.
+    /// The fillets: number, size, shape and sub-particles.
     pub product: Product,
     /// Elastic constants of the tissue (Table 2).
     pub material: Material,

@@ -114,7 +114,7 @@ impl BendMonitor {
         Some((last().reduce(f64::max)? - last().reduce(f64::min)?) / 2.0)
     }
 
-    /// Whether all of it is below the axis of what it lay on.
+    /// Whether all of it is below the axis of its support.
     fn is_off(&self, state: &State) -> bool {
         let axis = -self.bend.bar_radius_m;
         let below = || (0..state.particles.len()).all(|i| state.position(i).z < axis);

@@ -44,7 +44,7 @@ pub(super) fn scene(setup: &Setup, bend: &Bend) -> Scene {
     }
 }
 
-/// Where the fillet starts: just above what it lies on, whose top is z = 0, and on a conveyor wholly.
+/// The placement of the fillet: just above its support, whose top is z = 0, and wholly on a conveyor.
 fn start(
     kind: &BodyKind,
     support: Support,
@@ -60,7 +60,7 @@ fn start(
     Placement { kind: 0, position, orientation, velocity: DVec3::ZERO }
 }
 
-/// What the fillet lies on: a table and the bar, a table alone, or the conveyor and the roller at its end.
+/// The support: a table and the bar, a table alone, or the conveyor and the roller at its end.
 fn surfaces(bend: &Bend, radius_m: f64, bounding_radius_m: f64) -> Vec<Surface> {
     let (radius, half) = (bend.bar_radius_m, bounding_radius_m + MARGIN_M);
     let axis = DVec3::NEG_Z * radius;

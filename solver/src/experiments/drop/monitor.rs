@@ -14,15 +14,15 @@ use crate::observe::{Recorder, RestDetector, SeriesId, SettlingTimer};
 use crate::result::{Curve, EndReason};
 use crate::scenario::{Drop, Numerics, Scenario};
 
-/// The run is over once all have settled and have been at rest for this long, in seconds: what stands on its end and is about to
-/// topple has moved by then.
+/// The run ends once all have settled and have been at rest for this long, in seconds. A fillet that stands on its end and
+/// is about to topple has moved by then.
 const REST_FOR_S: f64 = 0.25;
 
 /// A fillet with this many times the kinetic energy that it was given has not got it from the fall: the bonds have made
 /// it, as the published ones do at S_n 1e7, S_t 1e5, and the run is unstable however slow each sub-particle still is.
 const ENERGY_MARGIN: f64 = 2.0;
 
-/// What is known of one fillet.
+/// The state of one fillet.
 #[derive(Clone, Debug)]
 struct Fillet {
     bonds: u64,
@@ -30,7 +30,7 @@ struct Fillet {
     broken_and_gone: u64,
     broken: u64,
     settling: SettlingTimer,
-    /// More kinetic energy than this no passive body could have come to, in joule.
+    /// Maximum kinetic energy of a passive body, in joule.
     most_energy_j: f64,
 }
 
@@ -72,7 +72,7 @@ impl DropMonitor {
             let (points, bonds) = (kind.meta.points.len() as f64, kind.meta.bonds.len());
             let mass_kg = kind.subparticle_mass_kg * points;
             let energy_j = 0.5 * mass_kg * hits_at * hits_at;
-            // What it hits with, what it may still fall, and what necks that form may give.
+            // Kinetic energy at the impact, potential energy of the fall, and energy of necks that form.
             let given_j = energy_j + mass_kg * g * body.position.z + (points + bonds as f64) * neck_j;
             Fillet {
                 bonds: bonds as u64,

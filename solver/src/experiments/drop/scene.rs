@@ -37,7 +37,7 @@ impl Grid {
         let columns = f64::from(count).sqrt().ceil() as u32;
         // However it topples, a fillet ends within twice its reach.
         let room_m = 2.0 * (bounding_radius_m + radius_m) + SLIDING_S * drop.speed_m_s;
-        // What leaves two plates towards each other between samples does not meet.
+        // Parts that leave two plates towards each other between samples do not meet.
         let flight_m = numerics.speed_limit_m_s * numerics.output_interval_s;
         let pitch_m = 2.0 * room_m + (2.0 * flight_m).min(WIDEST_GAP_M) + 4.0 * radius_m;
         // In 64ths of a metre, which fixed-point positions hold exactly: all plates are alike to the bit.

@@ -10,7 +10,7 @@ use crate::experiments::surfaces::extent;
 use crate::mesh::{Mesh, Meshes};
 use crate::scenario::{Equipment, Fault, Product, SideWalls};
 
-/// Length, width and thickness of every size of fillet there is, scaled, in metres, and where it stands.
+/// Length, width and thickness of every size of fillet, scaled, in metres, with its name in the document.
 fn sizes(product: &Product, meshes: &Meshes) -> Vec<(String, [f64; 3])> {
     if let Some(named) = &product.mesh {
         let mesh = meshes.get(&named.digest).and_then(|stl| stl.in_units(named.units).ok());

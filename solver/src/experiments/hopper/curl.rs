@@ -1,4 +1,4 @@
-//! How far fillets curl as they come out under the gate: the "curling" and "draping" of section 3.4, as a number.
+//! Bend angles of fillets past the gate: the "curling" and "draping" of section 3.4.
 
 use glam::{DVec3, IVec3};
 
@@ -7,7 +7,7 @@ use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::observe::BendGauge;
 
-/// Fillets are looked at while their centre of mass lies at most this far past the gate, in metres.
+/// Maximum distance of a centre of mass past the gate, in metres.
 const PAST_GATE_M: f64 = 0.2;
 
 /// The bend angles of the fillets just past the gate, sample by sample.
@@ -15,7 +15,7 @@ const PAST_GATE_M: f64 = 0.2;
 pub(super) struct Curls {
     /// Of each kind of fillet: for its shape, and of how many sub-particles it is.
     gauges: Vec<(BendGauge, usize)>,
-    /// Of what kind each fillet is.
+    /// The kind of each fillet.
     kinds: Vec<usize>,
     samples: Vec<Curl>,
 }

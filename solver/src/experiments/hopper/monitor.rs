@@ -228,7 +228,7 @@ fn longest_fall(scene: &Scene) -> f64 {
 }
 
 /// Hopper area times the height that 95 % of its floor, in squares of a sub-particle's diameter, stay below; in m³. The area is
-/// that of the floor: what lies above a sloped back wall counts as if it stood upright.
+/// that of the floor: the part above a sloped back wall counts as if the wall stood upright.
 fn bed_volume(state: &State, equipment: &Equipment) -> f64 {
     let floor = floor(equipment);
     let (size, cell) = (floor.high - floor.low, 2.0 * f64::from(state.radius_m));

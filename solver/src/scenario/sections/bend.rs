@@ -10,7 +10,7 @@ use crate::scenario::row::{choice, number, section};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bend {
-    /// What it is held by.
+    /// Its support.
     pub support: Support,
     /// Radius of the bar or of the roller at the conveyor's end, in metres.
     pub bar_radius_m: f64,
@@ -18,11 +18,11 @@ pub struct Bend {
     pub belt_speed_m_s: f64,
     /// Share of the fillet's length that is held.
     pub clamped_share: f64,
-    /// Greatest random deviation of the yaw, in degrees.
+    /// Maximum random deviation of the yaw, in degrees.
     pub scatter_deg: f64,
 }
 
-/// What a bending fillet is held by.
+/// The support of a bending fillet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Support {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::scenario::declaration::{AtMost, Declaration, ExperimentSection};
-use crate::scenario::field::{Field, Kind, Preset, above_to, from_to};
+use crate::scenario::field::{Field, FieldKind, Preset, above_to, from_to};
 use crate::scenario::row::{choice, field, number, section};
 
 /// A block of tissue between plates.
@@ -37,7 +37,7 @@ pub enum Plates {
 /// Its fields in the table.
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
-    field("/compress/lattice", Kind::Counts(from_to(1.0, 200.0)), "", Preset::Counts([10, 10, 3]), "section 2.3.2",
+    field("/compress/lattice", FieldKind::Counts(from_to(1.0, 200.0)), "", Preset::Counts([10, 10, 3]), "section 2.3.2",
         "Sub-particles of the block along x, y and z; 10 × 10 × 3 of 1.75 mm radius are 35 × 35 × 10.5 mm."),
     number("/compress/strain_rate_1_s", "1/s", 0.05, above_to(0.0, 10.0), "assumed",
         "Rate of strain; the paper's 1 mm/min on 10 mm is 0.0017 1/s."),

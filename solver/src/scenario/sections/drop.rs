@@ -18,7 +18,7 @@ pub struct Drop {
     pub pitch_deg: f64,
     /// Third turn, about the fillet's length, in degrees.
     pub roll_deg: f64,
-    /// Greatest random deviation of each of the three, in degrees.
+    /// Maximum random deviation of each of the three, in degrees.
     pub scatter_deg: f64,
 }
 

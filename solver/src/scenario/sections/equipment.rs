@@ -7,7 +7,7 @@ use crate::scenario::declaration::{AtMost, Declaration, ExperimentSection};
 use crate::scenario::field::{Field, from_to};
 use crate::scenario::row::{choice, flag, list, number, section};
 
-/// Hopper, gate and belt. The dimensions of the paper's Fig. 5 are derived (see ARCHITECTURE.md).
+/// Hopper, gate and belt. The dimensions of the paper's Fig. 5 are derived.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Equipment {
@@ -41,7 +41,7 @@ pub enum SideWalls {
     Rough,
     /// Without friction: a slice of a wide hopper.
     Frictionless,
-    /// No walls: what leaves on one side enters on the other.
+    /// No walls: fillets that leave on one side enter on the other.
     Periodic,
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::field::{Field, Kind, Preset, Range, above_to, from_to};
+use crate::scenario::field::{Field, FieldKind, Preset, Range, above_to, from_to};
 use crate::scenario::row::{field, flag, nullable, number};
 
 /// Time step, duration, sampling and stopping.
@@ -15,13 +15,13 @@ pub struct Numerics {
     pub duration_s: f64,
     /// Interval between samples, in seconds.
     pub output_interval_s: f64,
-    /// What ends a run before its duration.
+    /// Conditions that end a run before its duration.
     pub stop: Stop,
     /// Acceleration of gravity, in m/s².
     pub gravity_m_s2: f64,
     /// The bed is at rest once all but one in a thousand of its sub-particles are slower than this, in m/s.
     pub rest_speed_m_s: f64,
-    /// A fill that has not come to rest after this long ends the run, in seconds.
+    /// Maximum duration of a fill, in seconds.
     pub max_fill_s: f64,
     /// A sub-particle faster than this makes the run `unstable`, in m/s.
     pub speed_limit_m_s: f64,
@@ -47,7 +47,7 @@ pub enum Auto {
     Auto,
 }
 
-/// What ends a run before its duration.
+/// Conditions that end a run before its duration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stop {
@@ -55,7 +55,7 @@ pub struct Stop {
     pub when_empty: bool,
     /// Stop once nothing has passed the gate for this long, in seconds; null never.
     pub when_jammed_s: Option<f64>,
-    /// Stop once what the run measures is known.
+    /// Stop once the results are known.
     pub when_done: bool,
 }
 
@@ -64,7 +64,7 @@ const TIME: Range = above_to(0.0, 600.0);
 /// Its fields in the table.
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
-    field("/numerics/timestep_s", Kind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
+    field("/numerics/timestep_s", FieldKind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
         "Time step; `auto` picks the largest safe one from stiffness, mass, damping and the speed at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
         "Simulated time from t = 0: the start of the belt, or of the test.")

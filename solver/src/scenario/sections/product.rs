@@ -1,9 +1,9 @@
-//! The fillets: how many, of what size, made of what sub-particles.
+//! The fillets: number, size, shape and sub-particles.
 
 use serde::{Deserialize, Serialize};
 
 use super::surface::MeshRef;
-use crate::scenario::field::{Field, Kind, Preset, Range, from_to};
+use crate::scenario::field::{Field, FieldKind, Preset, Range, from_to};
 use crate::scenario::row::{choice, field, integer, nullable, number};
 
 /// The fillets.
@@ -68,13 +68,13 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Number of fillets; fillet i has shape i mod (2 · sizes), each size and its mirror image in turn, unless \
          `shape` is given. A drop takes 15 of each of the six shapes (section 2.3.3).")
         .by_name_or(Preset::Integer(1)),
-    field("/product/sizes_m", Kind::Sizes(from_to(0.005, 2.0)), "m", Preset::Sizes(SIZES_M), "Table 1",
+    field("/product/sizes_m", FieldKind::Sizes(from_to(0.005, 2.0)), "m", Preset::Sizes(SIZES_M), "Table 1",
         "Length, width and thickness of each size.")
         .by_name(),
-    field("/product/shape", Kind::NullableInteger(from_to(0.0, 63.0)), "", Preset::Null, "Fig. 1",
+    field("/product/shape", FieldKind::NullableInteger(from_to(0.0, 63.0)), "", Preset::Null, "Fig. 1",
         "The one shape that all fillets have: 2 · (number of the size, from 0), plus 1 for its mirror image; null takes each in turn.")
         .by_name(),
-    field("/product/mesh", Kind::Mesh, "", Preset::Null, "section 2.2",
+    field("/product/mesh", FieldKind::Mesh, "", Preset::Null, "section 2.2",
         "A closed mesh that all fillets have as their shape, in place of the teardrops of `sizes_m`.")
         .by_name(),
     number("/product/scale", "", 1.0, from_to(0.05, 20.0), "Fig. 12",
@@ -86,7 +86,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         .by_name(),
     nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
         "Density of a sub-particle, instead of `density_kg_m3`; the paper's two densities cannot both hold."),
-    field("/product/density_kg_m3", Kind::Nullable(DENSITY), "kg/m³", Preset::Number(940.0), "Table 2",
+    field("/product/density_kg_m3", FieldKind::Nullable(DENSITY), "kg/m³", Preset::Number(940.0), "Table 2",
         "Density of a fillet, which sets its mass from its volume; null when `subparticle_density_kg_m3` is given.")
         .yields_to("/product/subparticle_density_kg_m3"),
 ];

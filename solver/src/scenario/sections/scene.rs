@@ -13,7 +13,7 @@ use crate::scenario::row::{ANGLE, ORIGIN, PLACE, SPEED, integer, list, number, s
 pub struct FreeScene {
     /// Direction of gravity, of any length.
     pub gravity_direction: [f64; 3],
-    /// What goes this far beyond all that is there at the start leaves, in metres.
+    /// Distance beyond everything at the start at which sub-particles leave, in metres.
     pub margin_m: f64,
     /// The bodies.
     pub bodies: Vec<BodySpec>,

@@ -12,11 +12,11 @@ use crate::scenario::row::{ANGLE, SCATTER, number, section};
 pub struct Slide {
     /// Rate of tilting, in degrees a second.
     pub tilt_rate_deg_s: f64,
-    /// Greatest tilt, in degrees.
+    /// Maximum tilt, in degrees.
     pub max_tilt_deg: f64,
     /// Heading of the fillet, in degrees; 0 points its length up the slope.
     pub yaw_deg: f64,
-    /// Greatest random deviation of the heading, in degrees.
+    /// Maximum random deviation of the heading, in degrees.
     pub scatter_deg: f64,
 }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 pub use crate::mesh::Units;
-use crate::scenario::field::{Field, Kind, Preset, from_to};
+use crate::scenario::field::{Field, FieldKind, Preset, from_to};
 use crate::scenario::row::{ANGLE, FRICTION, ORIGIN, PLACE, SPEED, choice, field, nullable, vector};
 
 /// A surface of a scene, or one added to the hopper's.
@@ -86,11 +86,11 @@ pub(in crate::scenario) const ITEMS: &str = "/scene/surfaces/*";
 /// Its fields in the table.
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
-    field("/scene/surfaces/*/name", Kind::Text, "", Preset::Required, "assumed",
+    field("/scene/surfaces/*/name", FieldKind::Text, "", Preset::Required, "assumed",
         "Name of the surface, in messages and series; each surface has its own."),
-    field("/scene/surfaces/*/mesh", Kind::Mesh, "", Preset::Null, "assumed",
+    field("/scene/surfaces/*/mesh", FieldKind::Mesh, "", Preset::Null, "assumed",
         "Its triangles, from CAD; of `mesh` and `plate_m` exactly one is given. What is closed and faces outwards is solid; a closed container faces inwards."),
-    field("/scene/surfaces/*/plate_m", Kind::Plate(PLACE), "m", Preset::Null, "assumed",
+    field("/scene/surfaces/*/plate_m", FieldKind::Plate(PLACE), "m", Preset::Null, "assumed",
         "A flat parallelogram: a corner and its two edges."),
     choice("/scene/surfaces/*/kind", &["equipment", "belt", "frictionless"], "Table 2",
         "Whose contact parameters it takes: `/contact/fillet_equipment`, `/contact/fillet_belt`, or the former without friction."),

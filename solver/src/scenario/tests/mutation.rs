@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::documents_with;
-use crate::scenario::field::{Field, Kind, Preset};
+use crate::scenario::field::{Field, FieldKind, Preset};
 use crate::scenario::fields::{FIELDS, SECTIONS, find};
 use crate::scenario::from_value;
 
@@ -37,22 +37,22 @@ fn pairs<'a, A, B>(ones: &'a [A], others: &'a [B]) -> impl Iterator<Item = (&'a 
 /// Whether a field takes a value, worked out apart from the code under test.
 fn sound(field: &Field, value: &Value) -> bool {
     match field.kind {
-        Kind::Number(range) => value.as_f64().is_some_and(|number| range.contains(number)),
-        Kind::Nullable(range) => {
+        FieldKind::Number(range) => value.as_f64().is_some_and(|number| range.contains(number)),
+        FieldKind::Nullable(range) => {
             value.is_null() || value.as_f64().is_some_and(|number| range.contains(number))
         }
-        Kind::NumberOrAuto(range) => {
+        FieldKind::NumberOrAuto(range) => {
             value == "auto" || value.as_f64().is_some_and(|number| range.contains(number))
         }
-        Kind::Integer(range) => value.as_u64().is_some_and(|number| range.contains(number as f64)),
-        Kind::Choice(words) => value.as_str().is_some_and(|word| words.contains(&word)),
-        Kind::Flag => value.is_boolean(),
-        Kind::NullableInteger(range) => {
+        FieldKind::Integer(range) => value.as_u64().is_some_and(|number| range.contains(number as f64)),
+        FieldKind::Choice(words) => value.as_str().is_some_and(|word| words.contains(&word)),
+        FieldKind::Flag => value.is_boolean(),
+        FieldKind::NullableInteger(range) => {
             value.is_null() || value.as_u64().is_some_and(|number| range.contains(number as f64))
         }
-        Kind::Text => value.as_str().is_some_and(|text| !text.is_empty()),
-        Kind::Mesh | Kind::Plate(_) => value.is_null(),
-        Kind::Sizes(_) | Kind::Vector(_) | Kind::Counts(_) => false,
+        FieldKind::Text => value.as_str().is_some_and(|text| !text.is_empty()),
+        FieldKind::Mesh | FieldKind::Plate(_) => value.is_null(),
+        FieldKind::Sizes(_) | FieldKind::Vector(_) | FieldKind::Counts(_) => false,
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde_json::{Value, json};
 
 use super::{documents_with, every_experiment};
-use crate::scenario::field::{Kind, Preset, unit_suffix};
+use crate::scenario::field::{FieldKind, Preset, unit_suffix};
 use crate::scenario::fields::{EXPERIMENTS, FIELDS, SECTIONS, experiments_of, find, in_table};
 use crate::scenario::{DECLARATIONS, Scenario, field_tables_markdown, from_value, json_schema};
 
@@ -74,29 +74,29 @@ fn every_default_lies_in_its_own_range() {
         let own = DECLARATIONS.iter().map(|declaration| declaration.default_of(field));
         for preset in [Some(field.default), field.wet].into_iter().flatten().chain(own) {
             let inside = match (field.kind, preset) {
-                (Kind::Number(range) | Kind::NumberOrAuto(range), Preset::Number(number)) => {
+                (FieldKind::Number(range) | FieldKind::NumberOrAuto(range), Preset::Number(number)) => {
                     range.contains(number)
                 }
-                (Kind::Nullable(range), Preset::Number(number)) => range.contains(number),
-                (Kind::Nullable(_), Preset::Null) => true,
-                (Kind::Integer(range), Preset::Integer(number)) => range.contains(number as f64),
-                (Kind::Choice(words), Preset::Word(word)) => words.contains(&word),
-                (Kind::Flag, Preset::Flag(_)) => true,
-                (Kind::Sizes(range), Preset::Sizes(sizes)) => {
+                (FieldKind::Nullable(range), Preset::Number(number)) => range.contains(number),
+                (FieldKind::Nullable(_), Preset::Null) => true,
+                (FieldKind::Integer(range), Preset::Integer(number)) => range.contains(number as f64),
+                (FieldKind::Choice(words), Preset::Word(word)) => words.contains(&word),
+                (FieldKind::Flag, Preset::Flag(_)) => true,
+                (FieldKind::Sizes(range), Preset::Sizes(sizes)) => {
                     sizes.iter().flatten().all(|edge| range.contains(*edge))
                 }
-                (Kind::Number(range), Preset::SameAs(other)) => {
-                    matches!(find(other).unwrap().kind, Kind::Number(same) if same == range)
+                (FieldKind::Number(range), Preset::SameAs(other)) => {
+                    matches!(find(other).unwrap().kind, FieldKind::Number(same) if same == range)
                 }
-                (Kind::NullableInteger(range), Preset::Integer(number)) => range.contains(number as f64),
-                (Kind::NullableInteger(_) | Kind::Mesh | Kind::Plate(_), Preset::Null) => true,
-                (Kind::Vector(range), Preset::Vector(vector)) => {
+                (FieldKind::NullableInteger(range), Preset::Integer(number)) => range.contains(number as f64),
+                (FieldKind::NullableInteger(_) | FieldKind::Mesh | FieldKind::Plate(_), Preset::Null) => true,
+                (FieldKind::Vector(range), Preset::Vector(vector)) => {
                     vector.iter().all(|number| range.contains(*number))
                 }
-                (Kind::Counts(range), Preset::Counts(counts)) => {
+                (FieldKind::Counts(range), Preset::Counts(counts)) => {
                     counts.iter().all(|count| range.contains(*count as f64))
                 }
-                (Kind::Choice(_) | Kind::Vector(_) | Kind::Text, Preset::Required) => true,
+                (FieldKind::Choice(_) | FieldKind::Vector(_) | FieldKind::Text, Preset::Required) => true,
                 _ => false,
             };
             assert!(inside, "{}: {preset:?}", field.pointer);
@@ -135,7 +135,7 @@ fn names_end_in_their_units_and_sentences_in_a_full_stop() {
 #[test]
 fn the_choices_of_the_table_are_the_variants_of_the_types() {
     for field in FIELDS {
-        let Kind::Choice(words) = field.kind else { continue };
+        let FieldKind::Choice(words) = field.kind else { continue };
         if ["/schema", "/experiment"].contains(&field.pointer) {
             continue;
         }
