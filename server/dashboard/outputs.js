@@ -14,3 +14,9 @@ export const headline = ({ responses }) => responses.filter((row) => row.headlin
 
 /** Names of series; those of single surfaces are named by the scenario. */
 export const seriesNames = ({ series }) => [...series].sort((a, b) => b.headline - a.headline).map((row) => row.name).filter((name) => !name.includes("<"));
+
+/** Units of the responses of all experiments, by name. */
+export async function units() {
+  const { responses } = await read("/v1/responses");
+  return new Map(responses.map((row) => [row.name, row.unit]));
+}

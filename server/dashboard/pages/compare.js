@@ -4,6 +4,7 @@ import { each, read } from "../api.js";
 import { fill, h } from "../dom.js";
 import { factor, number, short, titled } from "../format.js";
 import { level } from "../measures.js";
+import { units } from "../outputs.js";
 import { MOST_COMPARED, asked, fault, state, table } from "../parts.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
@@ -25,7 +26,7 @@ export async function show(main) {
     return;
   }
   try {
-    draw(place, named(await each(ids, load)));
+    draw(place, named(await each(ids, load)), await units());
   } catch (error) {
     fill(place, fault(error));
   }
@@ -52,7 +53,8 @@ function leaves(value, at = "", found = {}) {
   return found;
 }
 
-function draw(place, all) {
+/** Draws the jobs; `unit` has the units of responses by name. */
+function draw(place, all, unit) {
   const columns = (first, cell) => [first, ...all.map((one, i) => ({ title: one.name, is_number: true, cell: (name) => cell(one, name, i) }))];
   const done = all.filter((one) => one.result);
   const responses = [...new Set(done.flatMap((one) => Object.keys(one.result.responses)))].sort();
@@ -73,5 +75,5 @@ function draw(place, all) {
     ], all)),
     fields.length > 0 && h("section", { class: "card wide" }, table("Where the scenarios differ", columns({ title: "Field", cell: (pointer) => h("code", {}, pointer) }, (_, pointer, i) => scenarios[i][pointer] ?? "–"), fields)),
     h("div", { class: "grid" }, cards),
-    responses.length > 0 && h("section", { class: "card wide" }, table("Responses", columns({ title: "Response", cell: (name) => titled(name) }, (one, name) => told(one.result?.responses[name])), responses)));
+    responses.length > 0 && h("section", { class: "card wide" }, table("Responses", columns({ title: "Response", cell: (name) => titled(name, unit.get(name)) }, (one, name) => told(one.result?.responses[name])), responses)));
 }

@@ -4,9 +4,9 @@ import { each, follow, passes, read } from "../api.js";
 import { fill, h } from "../dom.js";
 import { factor } from "../format.js";
 import { measures, preferred } from "../measures.js";
+import { headline, outputsOf, seriesNames } from "../outputs.js";
 import { asked, choice, fault, pathTo, remember, total } from "../parts.js";
 import { effectsPlot } from "../plots/effects.js";
-import { headline, outputsOf, seriesNames } from "../outputs.js";
 import { formOf, responsesOf } from "../plots/forms/forms.js";
 import { mapPlot } from "../plots/map.js";
 import { parallel } from "../plots/parallel.js";
@@ -30,8 +30,7 @@ const REST_MS = 3000, REST_TIMES = 8;
 
 export async function show(main, id) {
   const at = `/v1/sweeps/${id}`;
-  let sweep = await read(at);
-  const { base } = await read(`${at}/spec`);
+  let [sweep, { base }] = await Promise.all([read(at), read(`${at}/spec`)]);
   const outputs = await outputsOf(base.experiment), told = formOf(base.experiment), first = headline(outputs), names = seriesNames(outputs);
   const results = { points: [], trials: [], effects: [], curves: [] };
   const top = head(at, sweep, (now) => (followed(now), again(0)));

@@ -2,7 +2,7 @@
 
 use roost_api::Fault;
 use roost_api::design::{DesignKind, Factor, Scale};
-use roost_solver::scenario::field::Kind;
+use roost_solver::scenario::field::FieldKind;
 use roost_solver::scenario::fields;
 use serde_json::{Value, json};
 
@@ -124,7 +124,7 @@ fn between(at: &str, factor: &Factor, low: f64, high: f64, faults: &mut Vec<Faul
             }
         }
     }
-    let is_integer = |kind| matches!(kind, Kind::Integer(_) | Kind::NullableInteger(_));
+    let is_integer = |kind| matches!(kind, FieldKind::Integer(_) | FieldKind::NullableInteger(_));
     let is_whole =
         fields.iter().any(|field| is_integer(field.kind)) || factor.fields().iter().any(|at| counts(at));
     (faults.len() == before).then_some(Between { low, high, scale, is_whole })
@@ -133,7 +133,7 @@ fn between(at: &str, factor: &Factor, low: f64, high: f64, faults: &mut Vec<Faul
 /// Whether a pointer leads to one of three whole numbers.
 fn counts(pointer: &str) -> bool {
     let parent = pointer.rsplit_once('/').and_then(|(parent, _)| fields::find(parent));
-    parent.is_some_and(|field| matches!(field.kind, Kind::Counts(_)))
+    parent.is_some_and(|field| matches!(field.kind, FieldKind::Counts(_)))
 }
 
 /// Looks for levels that stand there twice, or not at all.

@@ -4,7 +4,7 @@
 
 use roost_api::Fault;
 use roost_api::design::Factor;
-use roost_solver::scenario::field::{Field, Kind};
+use roost_solver::scenario::field::{Field, FieldKind};
 use roost_solver::scenario::fields;
 use serde_json::Value;
 
@@ -24,17 +24,26 @@ pub(super) fn same(one: &Value, other: &Value) -> bool {
 /// Whether a field could take a value, whatever stands in the others. Lists are for whole scenarios to judge.
 pub(super) fn fits(field: &Field, value: &Value) -> bool {
     match (field.kind, value) {
-        (Kind::Nullable(_) | Kind::NullableInteger(_), Value::Null) | (Kind::Flag, Value::Bool(_)) => true,
-        (Kind::NumberOrAuto(_), Value::String(word)) => word == "auto",
-        (Kind::Integer(range) | Kind::NullableInteger(range), Value::Number(number)) => {
+        (FieldKind::Nullable(_) | FieldKind::NullableInteger(_), Value::Null)
+        | (FieldKind::Flag, Value::Bool(_)) => true,
+        (FieldKind::NumberOrAuto(_), Value::String(word)) => word == "auto",
+        (FieldKind::Integer(range) | FieldKind::NullableInteger(range), Value::Number(number)) => {
             number.as_f64().is_some_and(|number| range.contains(number) && number.fract() == 0.0)
         }
-        (Kind::Number(range) | Kind::Nullable(range) | Kind::NumberOrAuto(range), Value::Number(number)) => {
-            number.as_f64().is_some_and(|number| range.contains(number))
-        }
-        (Kind::Choice(words), Value::String(word)) => words.contains(&word.as_str()),
-        (Kind::Sizes(_) | Kind::Vector(_) | Kind::Counts(_) | Kind::Plate(_) | Kind::Mesh, _) => true,
-        (Kind::Text, Value::String(_)) => true,
+        (
+            FieldKind::Number(range) | FieldKind::Nullable(range) | FieldKind::NumberOrAuto(range),
+            Value::Number(number),
+        ) => number.as_f64().is_some_and(|number| range.contains(number)),
+        (FieldKind::Choice(words), Value::String(word)) => words.contains(&word.as_str()),
+        (
+            FieldKind::Sizes(_)
+            | FieldKind::Vector(_)
+            | FieldKind::Counts(_)
+            | FieldKind::Plate(_)
+            | FieldKind::Mesh,
+            _,
+        ) => true,
+        (FieldKind::Text, Value::String(_)) => true,
         _ => false,
     }
 }

@@ -74,12 +74,12 @@ fn reader(table: &str) -> csv::Reader<&[u8]> {
 
 /// A cell: JSON where it is, a number as spreadsheets write them, else text. Nothing is null.
 fn cell(text: &str, factor: &str) -> Value {
-    use roost_solver::scenario::field::Kind;
+    use roost_solver::scenario::field::FieldKind;
     if text.is_empty() {
         return Value::Null;
     }
     // A text that looks like a number stays a text where a text belongs.
-    if matches!(fields::find(factor).map(|field| field.kind), Some(Kind::Text | Kind::Choice(_))) {
+    if matches!(fields::find(factor).map(|field| field.kind), Some(FieldKind::Text | FieldKind::Choice(_))) {
         return json!(text.trim_matches('"'));
     }
     let number = || text.parse::<f64>().ok().filter(|number| number.is_finite()).map(|number| json!(number));
