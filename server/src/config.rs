@@ -1,4 +1,4 @@
-//! What an operator can set.
+//! Settings of a server.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -12,45 +12,45 @@ use crate::store::Bucket;
 /// The settings of a server.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
-    /// Where to listen; port 0 lets the system choose. Without tokens, a loopback address.
+    /// Address to listen on; port 0 lets the system choose. Without tokens it must be a loopback address.
     pub listen: SocketAddr,
-    /// Everything the server keeps is in this directory.
+    /// The data directory.
     pub data: PathBuf,
-    /// Except the objects, where they are in a bucket.
+    /// Bucket for objects; without it they are in the data directory.
     pub objects: Option<Bucket>,
-    /// A lease lasts this long after a heartbeat.
+    /// Duration of a lease after a heartbeat.
     pub lease: Duration,
-    /// Workers are told to beat this often.
+    /// Interval between heartbeats of a worker.
     pub heartbeat: Duration,
-    /// A claim waits for work no longer than this.
+    /// Maximum time that a claim waits for work.
     pub max_claim_wait: Duration,
-    /// What a scenario may cost.
+    /// Limits of the cost of a scenario.
     pub limits: Limits,
-    /// When a job is tried again by itself.
+    /// When a failed job is retried automatically.
     pub retry: RetryPolicy,
-    /// Jobs that a sweep may make.
+    /// Maximum number of jobs of a sweep.
     pub max_jobs_per_sweep: u64,
-    /// Size of a request body.
+    /// Maximum size of a request body.
     pub max_body_bytes: usize,
-    /// Size of a result that a worker delivers.
+    /// Maximum size of a delivered result.
     pub max_result_bytes: usize,
-    /// Size of an STL file.
+    /// Maximum size of an STL file.
     pub max_mesh_bytes: usize,
-    /// Triangles of all meshes that one document names.
+    /// Maximum number of triangles of the meshes of one document.
     pub max_mesh_triangles: u64,
-    /// Bytes of the frames of one job.
+    /// Maximum size of the frames of a job.
     pub max_frames_bytes: u64,
-    /// Requests a second with one token, or of all without tokens; 0 is no limit.
+    /// Maximum of requests per second for each token, or in total without tokens; 0 is no limit.
     pub max_requests_per_s: u32,
-    /// Connections at once; fewer where the system lets the process open fewer files.
+    /// Maximum number of connections. The system's limit of open files may reduce it.
     pub max_connections: usize,
-    /// The head of a request arrives within this, and a connection that is idle for so long ends.
+    /// Maximum time for a request head to arrive, and for a connection to be idle.
     pub head_timeout: Duration,
-    /// The body of a request does not pause for longer than this.
+    /// Maximum pause of a request body.
     pub body_timeout: Duration,
-    /// Sweeps and single jobs that ended longer ago than this are deleted; none keeps them for ever.
+    /// Age after its end at which a sweep or single job is deleted; none keeps them.
     pub prune_after: Option<Duration>,
-    /// How long events and answers to submissions are remembered.
+    /// Age at which events and answers to submissions are deleted.
     pub memory: Duration,
 }
 

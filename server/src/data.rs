@@ -1,4 +1,4 @@
-//! The data directory: who holds it, and what may be done to it from outside a server.
+//! The data directory: its lock and permissions, and operations without a server: tokens, backup, restore.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -12,32 +12,32 @@ pub(crate) const DATABASE: &str = "roost.db";
 /// The file that a server holds locked.
 const LOCK: &str = "roost.lock";
 
-/// Why a data directory cannot be used so.
+/// Why an operation on a data directory failed.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// It cannot be read or written.
+    /// The directory cannot be read or written.
     #[error("cannot use the data directory {}", path.display())]
     Io {
         /// The directory.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// Somebody else uses it.
-    #[error("the data directory {} is in use by another server", .0.display())]
+    /// A server uses the directory.
+    #[error("the data directory {} is in use by another server: stop it first, or use another directory", .0.display())]
     InUse(PathBuf),
-    /// There is nothing to read.
-    #[error("there is no {DATABASE} in {}", .0.display())]
+    /// The directory has no database.
+    #[error("there is no {DATABASE} in {}: give a data directory that `roost serve` has used, or a backup", .0.display())]
     Nothing(PathBuf),
-    /// It would be overwritten.
-    #[error("there is a {DATABASE} in {} already: choose another folder, or move it away", .0.display())]
+    /// The directory already has a database.
+    #[error("{} already has a {DATABASE}: use another folder, or move the file away", .0.display())]
     Occupied(PathBuf),
     /// The database cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
 
-/// Takes hold of a data directory, for as long as the file lives. The directory and the files in it become readable by their owner alone.
+/// Locks a data directory for as long as the returned file lives. The directory and its files become private to their owner.
 pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
     let fail = |source| DataError::Io { path: data.to_owned(), source };
     std::fs::create_dir_all(data).and_then(|()| make_private(data)).map_err(fail)?;
@@ -50,8 +50,8 @@ pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
     }
 }
 
-/// Takes a data directory, and our files in it, away from everybody but their owner. Links are followed nowhere: their targets are
-/// somebody else's to shut.
+/// Makes a data directory, and Roost's files in it, private to their owner. Symbolic links are not followed: their targets may belong
+/// to others.
 #[cfg(unix)]
 fn make_private(folder: &Path) -> io::Result<()> {
     use std::fs::{Metadata, Permissions, set_permissions};
@@ -75,38 +75,38 @@ fn make_private(folder: &Path) -> io::Result<()> {
                 restrict(&entry.path(), &metadata, if metadata.is_dir() { 0o700 } else { 0o600 })?;
             }
         } else {
-            // The system makes `lost+found` where a file system is mounted.
+            // The root folder of a file system has `lost+found`.
             has_others |= name != "lost+found";
         }
     }
     if !has_others {
         return restrict(folder, &std::fs::metadata(folder)?, 0o700);
     }
-    // It may be somebody's home, or the folder of all temporary files: not ours to shut.
-    tracing::warn!(folder = %folder.display(), "the data directory holds other files too: its permissions are left as they are");
+    // The folder may be a home folder or /tmp.
+    tracing::warn!(folder = %folder.display(), "the data directory contains other files: its permissions are not changed");
     Ok(())
 }
 
-/// Elsewhere a new directory inherits the rights of the one around it.
+/// On other systems a new directory inherits the permissions of its parent.
 #[cfg(not(unix))]
 fn make_private(_folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Opens the access tokens of a data directory, whether a server runs on it or not. Where there is none yet, it is made or is an error.
+/// Opens the access tokens of a data directory, with or without a running server. `create` creates a missing database.
 pub async fn tokens_in(data: &Path, create: bool) -> Result<TokenFile, DataError> {
     if !create && !data.join(DATABASE).exists() {
         return Err(DataError::Nothing(data.to_owned()));
     }
     match lock(data) {
-        // Held until it is open: no server migrates the database meanwhile.
+        // Locked until the file is open: no server migrates the database meanwhile.
         Ok(_lock) => Ok(TokenFile::open(&data.join(DATABASE), true).await?),
         Err(DataError::InUse(_)) => Ok(TokenFile::open(&data.join(DATABASE), false).await?),
         Err(error) => Err(error),
     }
 }
 
-/// Copies everything in a data directory to another folder, as it is at one moment, while a server uses it or not.
+/// Copies a data directory to another folder as of one moment, with or without a running server.
 pub async fn backup(data: &Path, into: &Path) -> Result<Copied, DataError> {
     let (from, to) = (data.join(DATABASE), into.join(DATABASE));
     if !from.exists() {
@@ -122,7 +122,7 @@ pub async fn backup(data: &Path, into: &Path) -> Result<Copied, DataError> {
     Ok(copied)
 }
 
-/// Puts a backup into a data directory that has no database yet and that no server uses.
+/// Copies a backup to a data directory without a database and without a running server.
 pub async fn restore(from: &Path, data: &Path) -> Result<Copied, DataError> {
     if !from.join(DATABASE).exists() {
         return Err(DataError::Nothing(from.to_owned()));

@@ -1,22 +1,27 @@
 //! The Roost server: a durable queue of jobs, sweeps, and the HTTP API to both.
 //!
-//! `http` answers requests; `document`, `mesh` and `validation` read what was submitted, `queue` decides, `sweep`
-//! expands designs and sums results up with `stats` (all pure, the clock an argument); `store` keeps everything in one SQLite file, `kept` what was read of it for as long as it holds. axum is
-//! used in `http` only, sqlx in `store` only: a test looks.
+//! | module | task |
+//! |---|---|
+//! | `http` | answers requests; the only module with axum |
+//! | `state` | shared state of a running server: access, connections, caches, metrics, progress |
+//! | `document`, `mesh`, `validation` | read and check submissions, pure |
+//! | `queue`, `sweep` | decide on attempts; expand designs and summarize results, pure |
+//! | `store` | one SQLite file and the objects; the only module with sqlx |
+//! | `reaper` | background tasks |
+//!
+//! `server/tests/server/layout.rs` and `imports.rs` check these rules, and that modules have no import cycle.
 
-mod app;
 mod clock;
 mod config;
 mod data;
 mod document;
 mod http;
-mod kept;
 mod mesh;
 mod process;
 mod queue;
 mod reaper;
-mod samples;
 mod server;
+mod state;
 pub mod stats;
 mod store;
 mod sweep;

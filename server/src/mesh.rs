@@ -1,4 +1,4 @@
-//! Meshes, without IO: what there is to know about a file, and which ones a document names.
+//! Meshes without IO: properties of a file, and the meshes that a document names.
 
 use std::collections::BTreeSet;
 
@@ -14,11 +14,11 @@ use serde_json::{Value, json};
 
 use crate::document::fault;
 
-/// Reads a file: what there is to know about it, or why it is no mesh.
+/// Reads an STL file and measures the mesh.
 pub(crate) fn read(file: &[u8], now: Timestamp) -> Result<MeshView, MeshError> {
     let mut meshes = Meshes::default();
     let digest = meshes.insert(file)?;
-    let stl = meshes.get(&digest).expect("it has just been put there");
+    let stl = meshes.get(&digest).expect("inserted above");
     let mesh = stl.in_units(Units::Mm).or_else(|_| stl.in_units(Units::M))?;
     let in_file = |metres: [f64; 3]| metres.map(|metres| (metres / mesh.units.in_metres()) as f32);
     Ok(MeshView {
@@ -37,20 +37,20 @@ pub(crate) fn read(file: &[u8], now: Timestamp) -> Result<MeshView, MeshError> {
     })
 }
 
-/// Whether a sound file is binary: then its length is the one that it announces.
+/// Whether a valid file is binary: then its length follows from its triangle count.
 fn is_binary(file: &[u8]) -> bool {
-    let announced = file.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
-    announced.is_some_and(|triangles| binary_length(triangles) == file.len() as u64)
+    let count = file.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
+    count.is_some_and(|triangles| binary_length(triangles) == file.len() as u64)
 }
 
-/// Triangles in the file: those whose corners fell together are not in the mesh.
+/// Triangles in the file, including those with coinciding corners, which are not in the mesh.
 fn triangles(mesh: &Mesh) -> u64 {
     let areas = mesh.triangles.iter().filter(|triangle| doubled_area(triangle) > NO_AREA_M2).count();
     (areas + mesh.degenerate) as u64
 }
 
-/// Every text of a document that could be the digest of a mesh, with its pointer: what to have at hand before the document
-/// is checked.
+/// Every string of a document that may be the digest of a mesh, with its pointer: the meshes to read before the document is
+/// checked.
 pub(crate) fn digests_in(document: &Value) -> Vec<(String, String)> {
     let mut found = Vec::new();
     walk(document, &mut String::new(), &mut found);
@@ -75,12 +75,14 @@ fn walk(value: &Value, pointer: &mut String, found: &mut Vec<(String, String)>) 
     }
 }
 
-/// Checks a scenario against the meshes at hand and the limits; says first which meshes are not there.
+/// Checks a scenario with its meshes against the limits. Missing meshes are reported first.
 pub(crate) fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Estimate, Vec<Fault>> {
     let missing = |(pointer, named): (String, &MeshRef)| {
         let is_missing = meshes.get(&named.digest).is_none();
-        let (detail, allowed) =
-            ("there is no mesh of this digest here", "that of an STL file uploaded with POST /v1/meshes");
+        let (detail, allowed) = (
+            "there is no mesh with this digest",
+            "the digest of an STL file that was uploaded with POST /v1/meshes",
+        );
         is_missing.then(|| fault(&format!("{pointer}/digest"), json!(named.digest), detail, allowed))
     };
     let faults: Vec<_> = scenario.named_meshes().into_iter().filter_map(missing).collect();
@@ -90,15 +92,14 @@ pub(crate) fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Re
     roost_solver::check(scenario, meshes, limits).map(Checked::into_estimate)
 }
 
-/// What scenarios that were checked read of the meshes that they name, each mesh and unit once.
+/// Properties of the meshes of checked scenarios, each mesh and unit once.
 pub(crate) fn reports(scenarios: impl Iterator<Item = Scenario>, meshes: &Meshes) -> Vec<MeshReport> {
-    let mut told = BTreeSet::new();
+    let mut reported = BTreeSet::new();
     let mut reports = Vec::new();
     for scenario in scenarios {
         for (pointer, MeshRef { digest, units }) in scenario.named_meshes() {
-            let is_news = told.insert((digest.clone(), *units as u8));
-            let Some(Ok(mesh)) = meshes.get(digest).filter(|_| is_news).map(|stl| stl.in_units(*units))
-            else {
+            let is_new = reported.insert((digest.clone(), *units as u8));
+            let Some(Ok(mesh)) = meshes.get(digest).filter(|_| is_new).map(|stl| stl.in_units(*units)) else {
                 continue;
             };
             reports.push(MeshReport {

@@ -1,4 +1,4 @@
-//! A server from start to end: bind, run, stop.
+//! The life of a server: bind, run, stop.
 
 use std::fs::File;
 use std::io;
@@ -7,32 +7,32 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpSocket};
-use tokio::sync::{Notify, Semaphore};
+use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
-use crate::app::{App, AppState, ProgressBoard};
 use crate::clock::Clock;
 use crate::config::ServerConfig;
 use crate::data::{self, DATABASE, DataError};
 use crate::queue::lease_end;
+use crate::state::{Access, App, AppState, Connections, MeshCache, Metrics};
 use crate::store::{Store, StoreError};
 use crate::{http, process, reaper};
 
-/// Why a server did not start, or stopped.
+/// Why a server did not start, or ended.
 #[derive(Debug, thiserror::Error)]
 pub enum ServerError {
-    /// An address that others can reach.
+    /// Other machines can reach the address, and there is no access token.
     #[error(
-        "refusing to listen on {0} without access tokens, which others could reach: make one in the same `--data` with `roost token create \
-         --scope admin`, or listen on a loopback address such as 127.0.0.1"
+        "cannot listen on {0} without access tokens, since other machines can reach it: make a token in the same `--data` with \
+         `roost token create --scope admin`, or listen on a loopback address such as 127.0.0.1"
     )]
     NotLoopback(SocketAddr),
-    /// The address is taken or not ours.
+    /// The address is in use or does not belong to this machine.
     #[error("cannot listen on {address}")]
     Bind {
         /// The address.
         address: SocketAddr,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
     /// The data directory cannot be used.
@@ -42,43 +42,43 @@ pub enum ServerError {
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The task that writes to the database ended.
-    #[error("the database writer ended by itself; the log says more")]
+    #[error("the database writer ended unexpectedly: the log states the reason")]
     WriterEnded,
 }
 
-/// Requests under way at shutdown get this long.
-const GRACE: Duration = Duration::from_secs(3);
+/// Time for requests to finish at shutdown.
+const SHUTDOWN_GRACE: Duration = Duration::from_secs(3);
 
-/// Clients that may wait to be accepted; the system may keep fewer.
+/// Maximum of clients that wait to be accepted; the system may allow fewer.
 const BACKLOG: u32 = 4096;
 
-/// Tries, 50 ms apart, for what a server before this one may not have let go of.
-const PATIENCE: u32 = 20;
+/// Maximum of retries, 50 ms apart, while an earlier server still holds the address or the data directory.
+const MAX_RETRIES: u32 = 20;
 
-/// A server that listens but does not answer yet.
+/// A server that is bound to its address but does not answer requests yet.
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
     pub(crate) app: App,
-    /// Held while the server lives: two servers on one directory would both hand out its leases.
+    /// Held while the server lives: two servers on one directory would lease the same jobs.
     _lock: File,
 }
 
 impl Server {
-    /// Opens the data directory and the address. Attempts that ran when the server last stopped get a fresh lease.
+    /// Opens the data directory and the address. Attempts that ran when the server last stopped get a new lease.
     pub async fn bind(config: ServerConfig) -> Result<Self, ServerError> {
         let address = config.listen;
-        // Nothing is made where there cannot be tokens.
+        // Without a database there are no tokens: refuse before creating files.
         if !address.ip().is_loopback() && !config.data.join(DATABASE).exists() {
             return Err(ServerError::NotLoopback(address));
         }
-        // The address first: what cannot be listened on leaves no directory behind.
+        // The address first: a failure leaves no directory behind.
         let bind = async || listen(address).map_err(|source| ServerError::Bind { address, source });
-        let listener = patiently(bind).await?;
+        let listener = retry_in_use(bind).await?;
         if !config.data.join(DATABASE).exists() {
-            tracing::info!(data = %config.data.display(), "no database is here: making a new one");
+            tracing::info!(data = %config.data.display(), "no database found: creating a new one");
         }
-        let lock = patiently(async || Ok(data::lock(&config.data)?)).await?;
+        let lock = retry_in_use(async || Ok(data::lock(&config.data)?)).await?;
         let address = listener.local_addr().map_err(|source| ServerError::Bind { address, source })?;
         let store = Store::open(&config.data.join(DATABASE), config.objects.as_ref()).await?;
         let (tokens, is_loopback) = (store.tokens().await?, address.ip().is_loopback());
@@ -87,44 +87,45 @@ impl Server {
             return Err(ServerError::NotLoopback(address));
         }
         let (max_requests_per_s, max_result_bytes) = (config.max_requests_per_s, config.max_result_bytes);
-        let access = http::Access::new(max_requests_per_s, is_loopback, tokens);
+        let access = Access::new(max_requests_per_s, is_loopback, tokens);
         let newest_at_start = store.newest_record().await?;
         let clock = Clock::start();
         let running = store.start_afresh(lease_end(clock.lease_now(), config.lease)).await?;
         tracing::info!(%address, data = %config.data.display(), running, "listening");
         if access.is_open() {
-            tracing::warn!("no access token exists: everybody on this machine may do everything");
+            tracing::warn!("no access token exists: every user of this machine may do everything");
         }
-        let connections = Arc::new(http::Connections::new(max_connections(&config)));
-        let metrics = http::Metrics::new(&store, &connections);
+        let connections = Arc::new(Connections::new(max_connections(&config)));
+        let metrics = Metrics::new(&store, &connections);
         let app = Arc::new(AppState {
+            mesh_cache: MeshCache::new(config.max_mesh_triangles),
             config,
             store,
             clock,
             newest_at_start,
-            work: Notify::new(),
-            deliveries: Arc::new(Semaphore::new(http::places_for_deliveries(max_result_bytes))),
-            uploads: Arc::new(Semaphore::new(http::UPLOADS_AT_ONCE)),
-            views: Default::default(),
-            responses: Default::default(),
-            shelf: Default::default(),
+            work: Default::default(),
+            delivery_budget: Arc::new(Semaphore::new(http::delivery_budget_kib(max_result_bytes))),
+            upload_slots: Arc::new(Semaphore::new(http::MAX_UPLOADS)),
+            sweep_views: Default::default(),
+            sweep_responses: Default::default(),
             mesh_gate: Default::default(),
             connections,
             metrics,
             access,
+            refusal_limit: Default::default(),
             shutdown: CancellationToken::new(),
-            progress: ProgressBoard::default(),
+            progress: Default::default(),
         });
         Ok(Self { listener, address, app, _lock: lock })
     }
 
-    /// The address it listens on.
+    /// The address of the server.
     pub fn local_addr(&self) -> SocketAddr {
         self.address
     }
 
-    /// Answers requests until `shutdown` is cancelled, then returns within a few seconds: what waits is answered
-    /// at once, what is under way is finished, what has been accepted is on disk.
+    /// Answers requests until `shutdown` is cancelled, then returns within a few seconds: waiting requests are answered
+    /// at once, running requests are finished, and everything that was acknowledged is on disk.
     pub async fn run(self, shutdown: CancellationToken) -> Result<(), ServerError> {
         let app = self.app;
         let reaper = tokio::spawn(reaper::run(app.clone()));
@@ -135,13 +136,13 @@ impl Server {
             () = &mut serving => Ok(()),
             () = shutdown.cancelled() => {
                 stop.cancel();
-                // A client that neither reads nor closes must not keep the server.
-                let _ = tokio::time::timeout(GRACE, &mut serving).await;
+                // A client that neither reads nor closes must not delay the shutdown.
+                let _ = tokio::time::timeout(SHUTDOWN_GRACE, &mut serving).await;
                 Ok(())
             }
             () = app.store.ended() => {
                 stop.cancel();
-                let _ = tokio::time::timeout(GRACE, &mut serving).await;
+                let _ = tokio::time::timeout(SHUTDOWN_GRACE, &mut serving).await;
                 Err(ServerError::WriterEnded)
             }
         };
@@ -152,16 +153,16 @@ impl Server {
     }
 }
 
-/// Listens with a longer queue than the usual one of 1,024: a new client shall not wait behind a flood of others.
+/// Listens with a longer queue than the default of 1,024: a new client shall not wait behind a flood of others.
 fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
-    // Else the port of a server that has just ended stays taken for a minute.
+    // Without this, the port of a server that has just ended stays in use for a minute.
     socket.set_reuseaddr(true)?;
     socket.bind(address)?;
     socket.listen(BACKLOG)
 }
 
-/// The connections that the settings and the system allow.
+/// The number of connections that settings and system allow.
 fn max_connections(config: &ServerConfig) -> usize {
     let descriptors = process::raise_descriptors(config.max_connections);
     let (wanted, possible) = (config.max_connections, process::connections_for(descriptors));
@@ -170,15 +171,15 @@ fn max_connections(config: &ServerConfig) -> usize {
             wanted,
             possible,
             ?descriptors,
-            "fewer connections than wanted: the system allows too few open files"
+            "max_connections is reduced: raise the system's limit of open files (ulimit -n)"
         );
     }
     wanted.min(possible)
 }
 
-/// Tries again for a moment when something is still in use: a server that was killed just before is not quite gone.
-async fn patiently<T>(attempt: impl AsyncFn() -> Result<T, ServerError>) -> Result<T, ServerError> {
-    for _ in 0..PATIENCE {
+/// Retries for a moment while the address or the directory is in use: a server that was just killed may still hold them.
+async fn retry_in_use<T>(attempt: impl AsyncFn() -> Result<T, ServerError>) -> Result<T, ServerError> {
+    for _ in 0..MAX_RETRIES {
         match attempt().await {
             Err(ServerError::Data(DataError::InUse(_))) => {}
             Err(ServerError::Bind { source, .. }) if source.kind() == io::ErrorKind::AddrInUse => {}
@@ -194,7 +195,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn a_server_whose_writer_ended_ends() {
+    async fn server_ends_when_its_writer_has_ended() {
         let dir = tempfile::tempdir().unwrap();
         let listen = ([127, 0, 0, 1], 0).into();
         let config = ServerConfig { listen, data: dir.path().to_owned(), ..ServerConfig::default() };
@@ -202,7 +203,8 @@ mod tests {
         let app = server.app.clone();
         let running = tokio::spawn(server.run(CancellationToken::new()));
         app.store.close().await;
-        let ended = tokio::time::timeout(Duration::from_secs(20), running).await.expect("not half alive");
+        let ended =
+            tokio::time::timeout(Duration::from_secs(20), running).await.expect("the server has ended");
         assert!(matches!(ended.unwrap(), Err(ServerError::WriterEnded)));
     }
 }

@@ -1,6 +1,6 @@
-//! Validation without running or storing anything: every fault of a document, or what it would cost.
+//! Validation of a document without running it: all faults, or an estimate of its cost.
 //!
-//! Pure, so that `roost validate` says without a server what `POST /v1/validate` says with one.
+//! Pure, so that `roost validate` without a server gives the same answer as `POST /v1/validate`.
 
 use std::iter;
 
@@ -15,10 +15,10 @@ use crate::document::read_envelope;
 use crate::mesh;
 use crate::sweep::{self, SweepLimits};
 
-/// Checks a scenario, a job envelope or a sweep, whose meshes are at hand, and says what it would cost.
+/// Checks a scenario, a job envelope or a sweep with its meshes, and estimates its cost.
 ///
 /// # Errors
-/// Every fault found, with pointers into the document.
+/// All faults, with pointers into the document.
 pub fn validate(
     document: Value,
     meshes: &Meshes,
@@ -28,7 +28,7 @@ pub fn validate(
     if is_sweep(&document) {
         let names_meshes = !mesh::digests_in(&document).is_empty();
         let (_, expansion) = sweep::read(document, meshes, SweepLimits { max_jobs, scenario: *limits })?;
-        // Points are made anew only where there is something to say of them.
+        // Points can name other meshes than the base does.
         let points = names_meshes.then(|| expansion.points.iter()).into_iter().flatten();
         let scenarios = iter::once(expansion.base.clone()).chain(points.map(|point| point.scenario));
         return Ok(ValidationReport {
@@ -55,7 +55,7 @@ pub fn validate(
     })
 }
 
-/// A sweep says so, or has what only a sweep has.
+/// Whether a document is a sweep: by its schema, or by a field that only sweeps have.
 pub fn is_sweep(document: &Value) -> bool {
     document.get("schema").is_some_and(|schema| schema == SCHEMA)
         || ["base", "factors", "design"].iter().any(|name| document.get(name).is_some())

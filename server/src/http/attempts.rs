@@ -1,6 +1,7 @@
-//! What an attempt delivers: its result, or why there is none.
+//! Deliveries of attempts: a result, or a failure.
 
 use axum::Json;
+use axum::body::Bytes;
 use axum::extract::State;
 use roost_api::ids::JobId;
 use roost_api::job::AttemptOutcome;
@@ -12,22 +13,23 @@ use roost_solver::SOLVER_REVISION;
 use roost_solver::experiments::response_names;
 use roost_solver::result::{EndReason, SCHEMA};
 use roost_solver::scenario::escape;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
+use serde_json::value::RawValue;
 use utoipa::ToSchema;
 
-use super::aside::unless_short;
+use super::blocking::run_blocking_if_long;
 use super::delivery::Delivery;
-use super::problem::ApiError;
-use crate::app::App;
+use super::problem::{ApiError, ProblemKind};
 use crate::document::fault;
 use crate::queue::{JobChange, Verdict};
+use crate::state::App;
 use crate::store::StoredResult;
 
 /// The answer to a delivery.
 #[derive(Serialize, ToSchema)]
 pub(crate) struct Receipt {
-    /// Whether this delivery changed something; false when it repeats one that counted already.
+    /// Whether this delivery was recorded; false if it repeats a recorded one.
     pub(super) recorded: bool,
 }
 
@@ -36,78 +38,106 @@ pub(crate) struct Receipt {
     params(("id" = uuid::Uuid, Path, description = "The job"),
            ("n" = u32, Path, description = "Number of the attempt")),
     request_body = ResultDelivery,
-    responses((status = 200, description = "Recorded, now or before", body = Receipt),
+    responses((status = 200, description = "Recorded by this delivery or by an earlier one", body = Receipt),
               (status = 404, description = "No such job or attempt", body = Problem,
                content_type = "application/problem+json"),
               (status = 409, description = "The attempt is stale: nothing changed", body = Problem,
                content_type = "application/problem+json"),
-              (status = 422, description = "The result is not that of the job, its worker or its experiment", body = Problem,
+              (status = 422, description = "The result does not match the job, its worker or its experiment", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn result(
     State(app): State<App>,
-    Delivery { job: id, attempt, body, bytes, turn: _turn }: Delivery<ResultDelivery>,
+    Delivery { job: id, attempt, body, bytes, budget: _budget }: Delivery<ResultDelivery>,
 ) -> Result<Json<Receipt>, ApiError> {
     let ResultDelivery { worker_id, result } = body;
-    let stored = unless_short(bytes, move || prepared_result(result)).await??;
+    let length = bytes.len();
+    let stored = run_blocking_if_long(length, move || checked_result(&result, &bytes)).await??;
     let verdict = app.store.record_result(id, attempt, worker_id, stored, app.clock.now()).await??;
     Ok(Json(settle(&app, id, AttemptOutcome::Succeeded, &verdict)))
 }
 
-fn prepared_result(result: RunResult) -> Result<StoredResult, ApiError> {
-    let mut faults = result_faults(&result);
+fn checked_result(result: &RunResult, delivery: &Bytes) -> Result<StoredResult, ApiError> {
+    let mut faults = result_faults(result);
     if matches!(result.end_reason, EndReason::Unstable | EndReason::Cancelled) {
-        let detail = "an unstable or cancelled run has no result: report it as a failure";
-        faults.push(fault("/result/end_reason", json!(result.end_reason), detail, ""));
+        let detail = "the run was unstable or cancelled: report it as a failure";
+        faults.push(fault(
+            "/result/end_reason",
+            json!(result.end_reason),
+            detail,
+            "the end of a complete run",
+        ));
     }
     if !faults.is_empty() {
         return Err(ApiError::faults(faults));
     }
-    Ok(StoredResult::new(&result)?)
+    Ok(StoredResult::new(result, sent_result(delivery)?)?)
 }
 
-/// Reports why an attempt has no result. Repeating it is safe.
+/// The text of the result in a delivery, which is stored as it was sent.
+fn sent_result(delivery: &Bytes) -> Result<String, ApiError> {
+    #[derive(Deserialize)]
+    struct OnlyResult<'a> {
+        #[serde(borrow)]
+        result: &'a RawValue,
+    }
+    match serde_json::from_slice::<OnlyResult<'_>>(delivery) {
+        Ok(OnlyResult { result }) => Ok(result.get().to_owned()),
+        Err(error) => Err(ApiError::new(ProblemKind::Syntax, error.to_string())),
+    }
+}
+
+/// Reports that an attempt ended without a result. Repeating it is safe.
 #[utoipa::path(post, path = "/v1/jobs/{id}/attempts/{n}/failure", tag = "workers",
     operation_id = "report_failure",
     params(("id" = uuid::Uuid, Path, description = "The job"),
            ("n" = u32, Path, description = "Number of the attempt")),
     request_body = FailureReport,
-    responses((status = 200, description = "Recorded, now or before", body = Receipt),
+    responses((status = 200, description = "Recorded by this delivery or by an earlier one", body = Receipt),
               (status = 404, description = "No such job or attempt", body = Problem,
                content_type = "application/problem+json"),
               (status = 409, description = "The attempt is stale: nothing changed", body = Problem,
                content_type = "application/problem+json"),
-              (status = 422, description = "The report does not fit the job", body = Problem,
+              (status = 422, description = "The report does not match the job", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn failure(
     State(app): State<App>,
-    Delivery { job: id, attempt, body, bytes, turn: _turn }: Delivery<FailureReport>,
+    Delivery { job: id, attempt, body, bytes, budget: _budget }: Delivery<FailureReport>,
 ) -> Result<Json<Receipt>, ApiError> {
     let FailureReport { worker_id, outcome, message, result } = body;
-    let prepare = move || result.map(|result| prepared_partial(outcome, result)).transpose();
-    let partial = unless_short(bytes, prepare).await??;
+    let length = bytes.len();
+    let check = move || result.map(|result| checked_partial(outcome, result, &bytes)).transpose();
+    let partial = run_blocking_if_long(length, check).await??;
     let (policy, now) = (app.config.retry, app.clock.both());
     let recorded = app.store.record_failure(id, attempt, worker_id, outcome, message, partial, policy, now);
     let verdict = recorded.await??;
     Ok(Json(settle(&app, id, outcome, &verdict)))
 }
 
-/// What a cancelled run had come to is no response.
-fn prepared_partial(outcome: AttemptOutcome, mut result: RunResult) -> Result<StoredResult, ApiError> {
+/// Checks a partial result. Responses of a cancelled run are removed: they hold for complete runs only.
+fn checked_partial(
+    outcome: AttemptOutcome,
+    mut result: RunResult,
+    delivery: &Bytes,
+) -> Result<StoredResult, ApiError> {
     let faults = result_faults(&result);
     if !faults.is_empty() {
         return Err(ApiError::faults(faults));
     }
-    if outcome == AttemptOutcome::Cancelled {
-        result.responses.clear();
+    let has_responses = !result.responses.is_empty();
+    if outcome != AttemptOutcome::Cancelled || !has_responses {
+        return Ok(StoredResult::new(&result, sent_result(delivery)?)?);
     }
-    Ok(StoredResult::new(&result)?)
+    result.responses.clear();
+    let text = serde_json::to_string(&result)
+        .map_err(|error| ApiError::new(ProblemKind::Internal, error.to_string()))?;
+    Ok(StoredResult::new(&result, text)?)
 }
 
-/// What a delivery means for those who wait and watch.
+/// Updates metrics, progress and waiting claims after a delivery.
 fn settle(app: &App, job: JobId, outcome: AttemptOutcome, verdict: &Verdict) -> Receipt {
     if let Verdict::Record(change) = verdict {
         app.metrics.attempt_ended(outcome);
-        app.progress.forget(job);
+        app.progress.remove(job);
         if matches!(change, JobChange::Requeue { not_before: None, .. }) {
             app.work.notify_waiters();
         }
@@ -115,14 +145,14 @@ fn settle(app: &App, job: JobId, outcome: AttemptOutcome, verdict: &Verdict) -> 
     Receipt { recorded: matches!(verdict, Verdict::Record(_)) }
 }
 
-/// What must hold within a result, whatever the job.
+/// The faults of a result that hold for every job.
 fn result_faults(result: &RunResult) -> Vec<Fault> {
     let mut faults = Vec::new();
     if result.schema != SCHEMA {
         faults.push(fault("/result/schema", json!(result.schema), "unknown schema", SCHEMA));
     }
     if result.scenario.digest() != result.scenario_digest {
-        let detail = "not the digest of the scenario in the result";
+        let detail = "this is not the digest of `scenario` in the result";
         let found = json!(result.scenario_digest);
         faults.push(fault("/result/scenario_digest", found, detail, &result.scenario.digest()));
     }
@@ -131,18 +161,18 @@ fn result_faults(result: &RunResult) -> Vec<Fault> {
         if series.t_s.len() != series.values.len() {
             let at = format!("/result/series/{index}/values");
             let detail = format!("series `{}` has {} values", series.name, series.values.len());
-            let allowed = format!("as many as times: {}", series.t_s.len());
+            let allowed = format!("{}, the number of times", series.t_s.len());
             faults.push(fault(&at, json!(series.values.len()), &detail, &allowed));
         }
     }
     faults
 }
 
-/// Unknown responses that are listed one by one.
+/// Maximum of unknown responses in one answer.
 const MAX_LISTED: usize = 20;
 
-/// Responses that the experiment has not. Which ones an older revision had is not known here: a result of one that waited in an outbox
-/// is taken as it is, but for names of any length.
+/// Faults of responses that the experiment does not have. The responses of older revisions are unknown here: a result that waited
+/// in an outbox is accepted if its names are short.
 fn unknown_responses(result: &RunResult) -> Vec<Fault> {
     let is_of_this_revision = result.solver.revision == SOLVER_REVISION;
     let known = response_names(&result.scenario.experiment);

@@ -1,4 +1,4 @@
-//! Claims: a worker asks for jobs and waits for them.
+//! Claims: a worker asks for jobs, and waits until there are some.
 
 use std::time::Duration;
 
@@ -11,17 +11,17 @@ use tokio::time::{Instant, sleep, sleep_until};
 
 use super::extract::Body;
 use super::problem::ApiError;
-use crate::app::App;
 use crate::document::fault;
+use crate::state::App;
 use crate::store::Claim;
 
-/// Work that a worker may have once it holds nothing else is looked for so often: nothing rings when it is delivered.
-const LOOK_AGAIN: Duration = Duration::from_millis(200);
+/// Interval between two claims for a job that the worker may only hold alone: nothing notifies it when its other jobs end.
+const CLAIM_AGAIN: Duration = Duration::from_millis(200);
 
 /// Claims up to `max_jobs` jobs, waiting up to `wait_s` for the first.
 #[utoipa::path(post, path = "/v1/claims", tag = "workers", operation_id = "claim",
     request_body = ClaimRequest,
-    responses((status = 200, description = "The attempts; none when there was no work", body = ClaimReply),
+    responses((status = 200, description = "The claimed attempts; empty without work", body = ClaimReply),
               (status = 404, description = "The worker has not registered", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn claim(
@@ -40,17 +40,17 @@ pub(crate) async fn claim(
     };
     let mut is_first = true;
     loop {
-        // Listen before looking: work that comes in between must wake this claim too.
+        // Subscribe first: work that arrives during the claim must wake it too.
         let work = app.work.notified();
         tokio::pin!(work);
         work.as_mut().enable();
-        // Of many that are woken, one will find the work: the others need not trouble the writer.
+        // Of many woken claims few find work: the others only read.
         let mut held_back = false;
         if std::mem::take(&mut is_first) || app.store.has_work(claim, app.clock.both()).await? {
             let claimed = app.store.claim(claim, app.clock.both()).await??;
             if !claimed.attempts.is_empty() {
-                for given in &claimed.attempts {
-                    tracing::debug!(job = %given.job_id, attempt = given.attempt, "claimed");
+                for attempt in &claimed.attempts {
+                    tracing::debug!(job = %attempt.job_id, attempt = attempt.attempt, "claimed");
                 }
                 return Ok(Json(ClaimReply { attempts: claimed.attempts }));
             }
@@ -58,7 +58,7 @@ pub(crate) async fn claim(
         }
         tokio::select! {
             () = work => {}
-            () = sleep(LOOK_AGAIN), if held_back => {}
+            () = sleep(CLAIM_AGAIN), if held_back => {}
             () = sleep_until(deadline) => break,
             () = app.shutdown.cancelled() => break,
         }
@@ -70,11 +70,16 @@ fn check(request: &ClaimRequest) -> Result<(), ApiError> {
     let mut faults = Vec::new();
     if !(1..=MAX_CLAIMED_JOBS).contains(&request.max_jobs) {
         let allowed = format!("1 to {MAX_CLAIMED_JOBS}");
-        faults.push(fault("/max_jobs", json!(request.max_jobs), "not a number of jobs to claim", &allowed));
+        faults.push(fault(
+            "/max_jobs",
+            json!(request.max_jobs),
+            "the number of jobs is out of range",
+            &allowed,
+        ));
     }
     if !(0.0..=MAX_CLAIM_WAIT_S).contains(&request.wait_s) {
         let allowed = format!("0 to {MAX_CLAIM_WAIT_S} s");
-        faults.push(fault("/wait_s", json!(request.wait_s), "not a time to wait", &allowed));
+        faults.push(fault("/wait_s", json!(request.wait_s), "the waiting time is out of range", &allowed));
     }
     if faults.is_empty() { Ok(()) } else { Err(ApiError::faults(faults)) }
 }

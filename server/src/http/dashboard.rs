@@ -1,7 +1,7 @@
-//! The dashboard: pages of plain HTML and ES modules, embedded in the binary; they read the API like any other client.
+//! The dashboard: HTML and ES modules embedded in the binary. They use the API like any other client.
 //!
-//! Every page is the same shell; its module `server/dashboard/main.js` looks at the path. The policy lets a page load from this server alone, run no text
-//! as code, and be framed by nobody.
+//! Every page is the same HTML file, whose module `server/dashboard/main.js` selects the content by path. The content security
+//! policy lets a page load from this server only, evaluate no text as code, and be framed by no site.
 
 use std::sync::LazyLock;
 
@@ -11,15 +11,15 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 
-use super::problem::{ApiError, Kind};
+use super::etags::matches_etag;
+use super::problem::{ApiError, ProblemKind};
 use super::session;
-use super::tags::has_seen;
-use crate::app::App;
+use crate::state::App;
 
-/// Where pages are; all of them are the shell.
+/// Routes of the pages.
 pub(super) const PAGES: &[&str] = &["/", "/sweeps/{id}", "/jobs/{id}", "/workers", "/compare", "/submit"];
 
-/// The hash is that of nothing: plotly.js takes styles away by making their attribute empty.
+/// The hash is that of an empty style: plotly.js removes styles by setting empty attributes.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
                       style-src-attr 'unsafe-hashes' 'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='; \
                       img-src 'self' data: blob:; connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; \
@@ -29,10 +29,10 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
 struct Asset {
     name: &'static str,
     content_type: &'static str,
-    /// Packed with gzip, which every browser reads.
-    is_packed: bool,
+    /// Compressed with gzip, which every browser supports.
+    is_gzip: bool,
     bytes: &'static [u8],
-    tag: HeaderValue,
+    etag: HeaderValue,
 }
 
 /// Declares files of `server/dashboard/` by their path there.
@@ -89,7 +89,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
         "playback/player.js",
     ];
     let plotly = include_bytes!(concat!(env!("OUT_DIR"), "/plotly.min.js.gz"));
-    assets.push(Asset { is_packed: true, ..Asset::new("plotly.min.js", plotly) });
+    assets.push(Asset { is_gzip: true, ..Asset::new("plotly.min.js", plotly) });
     assets
 });
 
@@ -101,15 +101,15 @@ impl Asset {
             Some("svg") => "image/svg+xml",
             _ => "text/javascript; charset=utf-8",
         };
-        let tag = format!("\"{}\"", &blake3::hash(bytes).to_hex()[..32]);
-        let tag = HeaderValue::try_from(tag).expect("hexadecimal digits");
-        Self { name, content_type, is_packed: false, bytes, tag }
+        let etag = format!("\"{}\"", &blake3::hash(bytes).to_hex()[..32]);
+        let etag = HeaderValue::try_from(etag).expect("hexadecimal digits");
+        Self { name, content_type, is_gzip: false, bytes, etag }
     }
 
-    /// The file, or 304 to who has it. Browsers ask each time: a new server brings new files under the old names.
+    /// The file, or 304 if the browser has it. Browsers revalidate each time: a new server has new files under the same names.
     fn answer(&self, headers: &HeaderMap) -> Response {
-        let caching = [(header::ETAG, self.tag.clone()), (header::CACHE_CONTROL, fixed("no-cache"))];
-        if has_seen(headers, &self.tag) {
+        let caching = [(header::ETAG, self.etag.clone()), (header::CACHE_CONTROL, fixed("no-cache"))];
+        if matches_etag(headers, &self.etag) {
             return (StatusCode::NOT_MODIFIED, caching).into_response();
         }
         let safety = [
@@ -119,7 +119,7 @@ impl Asset {
             (header::REFERRER_POLICY, fixed("no-referrer")),
         ];
         let packing: &[(HeaderName, HeaderValue)] =
-            if self.is_packed { &[(header::CONTENT_ENCODING, fixed("gzip"))] } else { &[] };
+            if self.is_gzip { &[(header::CONTENT_ENCODING, fixed("gzip"))] } else { &[] };
         let mut response = (caching, safety, self.bytes).into_response();
         response.headers_mut().extend(packing.iter().cloned());
         response
@@ -144,6 +144,8 @@ async fn shell(headers: HeaderMap) -> Response {
 
 async fn file(Path(file): Path<String>, headers: HeaderMap) -> Result<Response, ApiError> {
     let asset = ASSETS.iter().find(|asset| asset.name == file);
-    let asset = asset.ok_or_else(|| ApiError::new(Kind::NotFound, "the dashboard has no such file"))?;
+    let asset = asset.ok_or_else(|| {
+        ApiError::new(ProblemKind::NotFound, "the dashboard has no such file: / is its first page")
+    })?;
     Ok(asset.answer(&headers))
 }

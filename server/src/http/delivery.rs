@@ -1,5 +1,6 @@
-//! Reading what attempts deliver: documents of attempts that exist, few long ones at a time or many short ones.
+//! The body of a delivery: a document of an attempt that exists. A memory budget limits concurrent deliveries.
 
+use axum::body::Bytes;
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::header::CONTENT_LENGTH;
 use roost_api::ids::JobId;
@@ -7,18 +8,18 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use tokio::sync::OwnedSemaphorePermit;
 
-use super::aside::{is_short, unless_short};
+use super::blocking::{is_short, run_blocking_if_long};
 use super::extract::{Segments, json_bytes, parsed};
 use super::problem::ApiError;
-use crate::app::App;
 use crate::document::read_document;
+use crate::state::App;
 
-/// Deliveries of the greatest length that are parsed and recorded at once: in memory each is several times its body.
-const AT_ONCE: usize = 2;
+/// Maximum of deliveries of the maximum length that are parsed and recorded at once: in memory each takes several times its body.
+const MAX_LONG_DELIVERIES: usize = 2;
 
-/// Places for deliveries, one a KiB: many short ones share a commit, a few long ones fill the memory that they may have.
-pub(crate) fn places(max_result_bytes: usize) -> usize {
-    AT_ONCE * kib(max_result_bytes) as usize
+/// Memory budget of deliveries, in KiB of their bodies: many short ones share a commit, a few long ones fill the budget.
+pub(crate) fn budget_kib(max_result_bytes: usize) -> usize {
+    MAX_LONG_DELIVERIES * kib(max_result_bytes) as usize
 }
 
 fn kib(bytes: usize) -> u32 {
@@ -30,10 +31,10 @@ pub(crate) struct Delivery<T> {
     pub(crate) job: JobId,
     pub(crate) attempt: u32,
     pub(crate) body: T,
-    /// Length of the body as it was sent.
-    pub(crate) bytes: usize,
-    /// Its places, held until it is recorded; the server never takes them away.
-    pub(crate) turn: Option<OwnedSemaphorePermit>,
+    /// The body as it was sent.
+    pub(crate) bytes: Bytes,
+    /// Its part of the memory budget, held until it is recorded.
+    pub(crate) budget: Option<OwnedSemaphorePermit>,
 }
 
 impl<T: DeserializeOwned + Serialize + Send + 'static> FromRequest<App> for Delivery<T> {
@@ -42,28 +43,27 @@ impl<T: DeserializeOwned + Serialize + Send + 'static> FromRequest<App> for Deli
     async fn from_request(request: Request, app: &App) -> Result<Self, ApiError> {
         let (mut parts, body) = request.into_parts();
         let Segments((job, attempt)) = Segments::from_request_parts(&mut parts, app).await?;
-        // Nobody sends megabytes to learn that there is no such attempt; what is short is looked up when it is recorded.
+        // Refuse a long delivery to an unknown attempt before its megabytes are sent. A short one is checked when it is recorded.
         let length = parts.headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse().ok());
         if !length.is_some_and(is_short) {
             app.store.find_attempt(job, attempt).await??;
         }
         let bytes = json_bytes(Request::from_parts(parts, body), app).await?;
-        // Only now, so that a slow sender keeps nobody else waiting.
-        let turn = app.deliveries.clone().acquire_many_owned(kib(bytes.len())).await.ok();
-        let length = bytes.len();
-        let body = unless_short(length, move || {
-            // Without a detour where there is nothing to complain of.
-            let sound =
-                bytes.trim_ascii_start().starts_with(b"{").then(|| serde_json::from_slice(&bytes).ok());
-            match sound.flatten() {
+        // Acquired after reading, so that a slow sender blocks nobody.
+        let budget = app.delivery_budget.clone().acquire_many_owned(kib(bytes.len())).await.ok();
+        let sent = bytes.clone();
+        let body = run_blocking_if_long(bytes.len(), move || {
+            // Only an invalid document is parsed again, to find all of its faults.
+            let valid = sent.trim_ascii_start().starts_with(b"{").then(|| serde_json::from_slice(&sent).ok());
+            match valid.flatten() {
                 Some(body) => Ok(body),
-                None => read_document(parsed(&bytes)?).map_err(ApiError::faults),
+                None => read_document(parsed(&sent)?).map_err(ApiError::faults),
             }
         });
         match body.await? {
-            Ok(body) => Ok(Self { job, attempt, body, bytes: length, turn }),
+            Ok(body) => Ok(Self { job, attempt, body, bytes, budget }),
             Err(fault) => {
-                // What is wrong with it matters only where it belongs.
+                // For an unknown attempt, 404 comes before the faults of the document.
                 app.store.find_attempt(job, attempt).await??;
                 Err(fault)
             }

@@ -1,4 +1,4 @@
-//! Reading requests: body, path and query, every failure a problem document.
+//! Extractors of body, path and query. Every failure is a problem document.
 
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
@@ -11,11 +11,11 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tower_http::timeout::TimeoutError;
 
-use super::aside::unless_short;
-use super::problem::{ApiError, Kind};
+use super::blocking::run_blocking_if_long;
+use super::problem::{ApiError, ProblemKind};
 use crate::document::read_document;
 
-/// A JSON body, not yet given a shape.
+/// A JSON body of any shape.
 pub(crate) struct Document(pub(crate) Value);
 
 /// A JSON body of a known shape.
@@ -27,7 +27,7 @@ pub(crate) struct Segments<T>(pub(crate) T);
 /// The query string.
 pub(crate) struct Params<T>(pub(crate) T);
 
-/// The size limit of the bodies of a route, which its layer also enforces: kept to be named in the answer.
+/// The size limit of request bodies of a route, for the error text. A layer enforces it.
 #[derive(Clone, Copy)]
 pub(crate) struct BodyLimit(pub(crate) usize);
 
@@ -36,7 +36,7 @@ impl<S: Send + Sync> FromRequest<S> for Document {
 
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
         let bytes = json_bytes(request, state).await?;
-        unless_short(bytes.len(), move || parsed(&bytes)).await?.map(Self)
+        run_blocking_if_long(bytes.len(), move || parsed(&bytes)).await?.map(Self)
     }
 }
 
@@ -47,33 +47,36 @@ impl<S: Send + Sync, T: DeserializeOwned + Serialize + Send + 'static> FromReque
         let bytes = json_bytes(request, state).await?;
         let length = bytes.len();
         let read = move || read_document(parsed(&bytes)?).map(Self).map_err(ApiError::faults);
-        unless_short(length, read).await?
+        run_blocking_if_long(length, read).await?
     }
 }
 
-/// The bytes of a body that is declared as JSON.
+/// The body of a request that declares JSON.
 pub(super) async fn json_bytes<S: Send + Sync>(request: Request, state: &S) -> Result<Bytes, ApiError> {
-    if !says_json(request.headers()) {
-        return Err(ApiError::new(Kind::NotJson, "send the header `content-type: application/json`"));
+    if !declares_json(request.headers()) {
+        return Err(ApiError::new(
+            ProblemKind::NotJson,
+            "the body must be JSON: send the header `content-type: application/json`",
+        ));
     }
     whole_body(request, state).await
 }
 
-/// The bytes of a body, up to the limit of the route.
+/// The body of a request, up to the limit of the route.
 pub(super) async fn whole_body<S: Send + Sync>(request: Request, state: &S) -> Result<Bytes, ApiError> {
     let limit = request.extensions().get::<BodyLimit>().map_or(0, |limit| limit.0);
-    Bytes::from_request(request, state).await.map_err(|error| unread(&error, limit))
+    Bytes::from_request(request, state).await.map_err(|error| unreadable(&error, limit))
 }
 
-/// The JSON value that the bytes spell, or where they do not.
+/// Parses JSON. An error states the line.
 pub(super) fn parsed(bytes: &[u8]) -> Result<Value, ApiError> {
     let text = str::from_utf8(bytes).map_err(|error| {
         let before = &bytes[..error.valid_up_to()];
         let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
-        ApiError::new(Kind::Syntax, format!("the body is not UTF-8 (line {line})"))
+        ApiError::new(ProblemKind::Syntax, format!("line {line} of the body is not UTF-8: send UTF-8"))
     })?;
     read_json(text).map_err(|error| match error {
-        ScenarioError::Syntax { .. } => ApiError::new(Kind::Syntax, error.to_string()),
+        ScenarioError::Syntax { .. } => ApiError::new(ProblemKind::Syntax, error.to_string()),
         ScenarioError::Faults(faults) => ApiError::faults(faults),
     })
 }
@@ -84,7 +87,7 @@ impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for Segment
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
         match Path::from_request_parts(parts, state).await {
             Ok(Path(value)) => Ok(Self(value)),
-            Err(rejection) => Err(ApiError::new(Kind::InvalidPath, rejection.body_text())),
+            Err(rejection) => Err(ApiError::new(ProblemKind::InvalidPath, rejection.body_text())),
         }
     }
 }
@@ -95,48 +98,53 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Params<T> {
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
         match Query::from_request_parts(parts, state).await {
             Ok(Query(value)) => Ok(Self(value)),
-            Err(rejection) => Err(ApiError::new(Kind::InvalidQuery, rejection.body_text())),
+            Err(rejection) => Err(ApiError::new(ProblemKind::InvalidQuery, rejection.body_text())),
         }
     }
 }
 
-/// Whether the body is declared as JSON. A page in a browser cannot send that elsewhere without asking first, which
-/// keeps strange pages from submitting to a server on this machine.
-fn says_json(headers: &HeaderMap) -> bool {
+/// Whether the body is declared as JSON. A foreign page cannot send this media type without a CORS preflight, so it cannot
+/// submit to a server on the same machine.
+fn declares_json(headers: &HeaderMap) -> bool {
     let media_type = media_type(headers);
     media_type == "application/json"
         || (media_type.starts_with("application/") && media_type.ends_with("+json"))
 }
 
-/// Refuses a body that is declared as neither the one nor the other. Like JSON, a page in a browser cannot send what is asked for
-/// elsewhere without asking first.
-pub(super) fn declared_as(headers: &HeaderMap, wanted: [&str; 2], refusal: Kind) -> Result<(), ApiError> {
+/// Refuses a body that is declared as none of these media types. A foreign page cannot send them without a CORS preflight.
+pub(super) fn check_media_type(
+    headers: &HeaderMap,
+    wanted: [&str; 2],
+    refusal: ProblemKind,
+) -> Result<(), ApiError> {
     if wanted.contains(&media_type(headers).as_str()) {
         return Ok(());
     }
-    let detail = format!("send the header `content-type: {}`, or `{}`", wanted[0], wanted[1]);
+    let detail = format!("the `content-type` is wrong: send `{}` or `{}`", wanted[0], wanted[1]);
     Err(ApiError::new(refusal, detail))
 }
 
-/// What the body is declared as, in small letters; empty when it is not.
+/// The declared media type in lower case; empty if none is declared.
 fn media_type(headers: &HeaderMap) -> String {
     let declared = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
     declared.unwrap_or_default().split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
 }
 
-fn unread(rejection: &BytesRejection, limit: usize) -> ApiError {
-    if rejection.status() == Kind::TooLarge.status() {
-        let detail = format!("the body is larger than {limit} bytes; the operator can set this limit");
-        return ApiError::new(Kind::TooLarge, detail);
+fn unreadable(rejection: &BytesRejection, limit: usize) -> ApiError {
+    if rejection.status() == ProblemKind::TooLarge.status() {
+        let detail = format!(
+            "the body is larger than {limit} bytes: send less, or ask the operator to raise the limit"
+        );
+        return ApiError::new(ProblemKind::TooLarge, detail);
     }
-    broken_off(rejection)
+    incomplete_body(rejection)
 }
 
-/// What a body is answered with that did not arrive whole.
-pub(super) fn broken_off(error: &(dyn std::error::Error + 'static)) -> ApiError {
+/// The answer to a body that did not arrive completely.
+pub(super) fn incomplete_body(error: &(dyn std::error::Error + 'static)) -> ApiError {
     let mut causes = std::iter::successors(Some(error), |error| error.source());
     if causes.any(|cause| cause.is::<TimeoutError>()) {
-        return ApiError::new(Kind::SlowBody, "nothing of the body arrived for too long: send it again");
+        return ApiError::new(ProblemKind::SlowBody, "the body paused for too long: send it again");
     }
-    ApiError::new(Kind::UnreadableBody, error.to_string())
+    ApiError::new(ProblemKind::UnreadableBody, error.to_string())
 }

@@ -1,4 +1,4 @@
-//! Frames of a job: a worker uploads them, a browser fetches as much of them as it needs.
+//! Frames of a job: a worker uploads them, a browser downloads the ranges that it needs.
 
 use axum::Json;
 use axum::body::Body;
@@ -14,33 +14,33 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::attempts::Receipt;
-use super::extract::{Params, Segments, broken_off, declared_as};
-use super::problem::{ApiError, Kind};
-use super::tags::has_seen;
-use crate::app::App;
+use super::etags::matches_etag;
+use super::extract::{Params, Segments, check_media_type, incomplete_body};
+use super::problem::{ApiError, ProblemKind};
+use crate::state::App;
 use crate::store::{StoredFrames, Unstaged};
 
-/// What a stream may be declared as.
+/// Media types of an upload.
 const MEDIA_TYPES: [&str; 2] = [MEDIA_TYPE, "application/octet-stream"];
 
-/// The most frames that may be counted: a number that JSON keeps in every language.
+/// Maximum number of frames: the largest integer that JSON preserves in every language.
 const MAX_COUNT: u64 = (1 << 53) - 1;
 
-/// What the reason for which frames end may be long.
-const MAX_REASON: usize = 500;
+/// Maximum length of `stopped`, in characters.
+const MAX_REASON_CHARS: usize = 500;
 
-/// What a worker says of the frames that it uploads.
+/// Query of an upload of frames.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct FramesQuery {
-    /// Who uploads them.
+    /// The worker that uploads them.
     #[param(value_type = uuid::Uuid)]
     worker_id: WorkerId,
-    /// Frames in the stream, 1 to 2^53 - 1.
+    /// Number of frames in the stream, 1 to 2^53 - 1.
     #[param(minimum = 1, maximum = 9_007_199_254_740_991u64)]
     count: u64,
-    /// Why they end before the run did.
+    /// Why recording stopped before the end of the run.
     stopped: Option<String>,
 }
 
@@ -50,14 +50,14 @@ pub(crate) struct FramesQuery {
            ("n" = u32, Path, description = "Number of the attempt"), FramesQuery),
     request_body(description = "A stream `roost.frames/1`",
                  content(("application/vnd.roost.frames"), ("application/octet-stream"))),
-    responses((status = 200, description = "Kept, now or before", body = Receipt),
+    responses((status = 200, description = "Stored by this request or by an earlier one", body = Receipt),
               (status = 404, description = "No such job or attempt", body = Problem,
                content_type = "application/problem+json"),
               (status = 409, description = "The attempt is stale: nothing changed", body = Problem,
                content_type = "application/problem+json"),
-              (status = 413, description = "Over the limit", body = Problem,
+              (status = 413, description = "The frames exceed the size limit", body = Problem,
                content_type = "application/problem+json"),
-              (status = 422, description = "No frames", body = Problem,
+              (status = 422, description = "The body is not a stream of frames", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn upload(
     State(app): State<App>,
@@ -66,18 +66,18 @@ pub(crate) async fn upload(
     request: Request,
 ) -> Result<Json<Receipt>, ApiError> {
     if !(1..=MAX_COUNT).contains(&query.count) {
-        let detail = format!("count {} is not within 1 to {MAX_COUNT}", query.count);
-        return Err(ApiError::new(Kind::InvalidQuery, detail));
+        let detail = format!("count {} is out of range: allowed is 1 to {MAX_COUNT}", query.count);
+        return Err(ApiError::new(ProblemKind::InvalidQuery, detail));
     }
-    declared_as(request.headers(), MEDIA_TYPES, Kind::NotFrames)?;
-    // Nobody sends megabytes to learn that they are not wanted.
+    check_media_type(request.headers(), MEDIA_TYPES, ProblemKind::NotFrames)?;
+    // Refuse a stale attempt before its megabytes are sent.
     app.store.may_write(job, attempt, query.worker_id).await??;
     let limit = app.config.max_frames_bytes;
     let too_large = || {
         let detail = format!(
-            "the frames are larger than {limit} bytes (max_frames_bytes, which the operator can set)"
+            "the frames are larger than {limit} bytes (max_frames_bytes, which the operator can set): record fewer"
         );
-        ApiError::new(Kind::TooLarge, detail)
+        ApiError::new(ProblemKind::TooLarge, detail)
     };
     let declared =
         request.headers().get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse().ok());
@@ -86,46 +86,46 @@ pub(crate) async fn upload(
     }
     let staged = app.store.stage(request.into_body().into_data_stream(), limit).await;
     let staged = staged.map_err(|unstaged| match unstaged {
-        Unstaged::Broken(error) => broken_off(&error),
+        Unstaged::Broken(error) => incomplete_body(&error),
         Unstaged::TooLong => too_large(),
         Unstaged::Store(error) => error.into(),
     })?;
     if staged.head != MAGIC {
         app.store.discard(staged).await;
         return Err(ApiError::new(
-            Kind::WrongResult,
-            "this is no stream of frames: it begins with other bytes",
+            ProblemKind::WrongResult,
+            "the body is not a stream `roost.frames/1`: its first bytes differ",
         ));
     }
-    let stopped = query.stopped.map(|why| why.chars().take(MAX_REASON).collect());
+    let stopped = query.stopped.map(|why| why.chars().take(MAX_REASON_CHARS).collect());
     let about = (query.count, stopped);
     let recorded = app.store.record_frames(job, attempt, query.worker_id, staged, about, app.clock.now());
     Ok(Json(Receipt { recorded: recorded.await?? }))
 }
 
-/// The frames of a job, or a part of them: the stream `roost.frames/1` of its newest attempt.
+/// Downloads the frames of a job, or a range of them: the stream `roost.frames/1` of its newest attempt.
 #[utoipa::path(get, path = "/v1/jobs/{id}/frames", tag = "results", operation_id = "job_frames",
     params(("id" = uuid::Uuid, Path, description = "The job"),
-           ("Range" = Option<String>, Header, description = "Only these bytes, such as `bytes=0-999`")),
-    responses((status = 200, description = "All of it", content(("application/vnd.roost.frames"))),
-              (status = 206, description = "The bytes asked for", content(("application/vnd.roost.frames"))),
-              (status = 304, description = "`if-none-match` names it: it is there already"),
+           ("Range" = Option<String>, Header, description = "Only this range, such as `bytes=0-999`")),
+    responses((status = 200, description = "The whole stream", content(("application/vnd.roost.frames"))),
+              (status = 206, description = "The requested range", content(("application/vnd.roost.frames"))),
+              (status = 304, description = "Unchanged: `if-none-match` has its `etag`"),
               (status = 404, description = "No such job, or no frames (yet)", body = Problem,
                content_type = "application/problem+json"),
-              (status = 416, description = "There are no such bytes", body = Problem,
+              (status = 416, description = "The range is outside the stream", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn frames(
     State(app): State<App>,
     Segments(id): Segments<JobId>,
-    asked: HeaderMap,
+    request: HeaderMap,
 ) -> Result<Response, ApiError> {
     let none = || {
-        let detail = "the job has no frames: it was not asked for any (frame_interval_s), or has not run yet";
-        ApiError::new(Kind::NotFound, detail)
+        let detail = "the job has no frames: it was submitted without frame_interval_s, or has not run yet";
+        ApiError::new(ProblemKind::NotFound, detail)
     };
     let StoredFrames { object, bytes, state } = app.store.frames(id).await??.ok_or_else(none)?;
     let etag = HeaderValue::try_from(format!("\"{object}\"")).map_err(|_| none())?;
-    // What has not succeeded may run again, and then has others.
+    // A job that has not succeeded may run again and record other frames.
     let caching =
         if state == JobState::Succeeded { "private, max-age=31536000, immutable" } else { "no-cache" };
     let about = [
@@ -133,25 +133,25 @@ pub(crate) async fn frames(
         (header::CACHE_CONTROL, HeaderValue::from_static(caching)),
         (header::ACCEPT_RANGES, HeaderValue::from_static("bytes")),
     ];
-    if has_seen(&asked, &etag) {
+    if matches_etag(&request, &etag) {
         return Ok((StatusCode::NOT_MODIFIED, about).into_response());
     }
-    let part = match part(&asked, &etag, bytes) {
-        Ok(part) => part,
+    let range = match requested_range(&request, &etag, bytes) {
+        Ok(range) => range,
         Err(Unsatisfiable) => {
-            let detail = format!("there are {bytes} bytes, and none of those that `range` asks for");
-            let mut response = ApiError::new(Kind::NoSuchRange, detail).into_response();
+            let detail = format!("`range` is outside the {bytes} bytes of the stream");
+            let mut response = ApiError::new(ProblemKind::NoSuchRange, detail).into_response();
             let all = HeaderValue::try_from(format!("bytes */{bytes}")).map_err(|_| none())?;
             response.headers_mut().insert(header::CONTENT_RANGE, all);
             return Ok(response);
         }
     };
-    let (first, last) = part.unwrap_or((0, bytes - 1));
+    let (first, last) = range.unwrap_or((0, bytes - 1));
     let Some(stream) = app.store.read_object(&object, first..last + 1).await? else {
-        tracing::error!(job = %id, object, "the frames of a job are not where they were");
+        tracing::error!(job = %id, object, "the object of recorded frames is missing");
         return Err(ApiError::new(
-            Kind::NotFound,
-            "the frames of this job are lost; the server's log says more",
+            ProblemKind::NotFound,
+            "the stored frames of this job are missing: the server's log states the object",
         ));
     };
     let mut response = (about, Body::from_stream(stream)).into_response();
@@ -159,7 +159,7 @@ pub(crate) async fn frames(
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
     headers.insert(header::CONTENT_LENGTH, (last + 1 - first).into());
     headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    if part.is_some() {
+    if range.is_some() {
         let range = HeaderValue::try_from(format!("bytes {first}-{last}/{bytes}")).map_err(|_| none())?;
         headers.insert(header::CONTENT_RANGE, range);
         *response.status_mut() = StatusCode::PARTIAL_CONTENT;
@@ -167,18 +167,22 @@ pub(crate) async fn frames(
     Ok(response)
 }
 
-/// A range that has nothing of the bytes there are.
+/// The range is outside the content.
 struct Unsatisfiable;
 
-/// The one range that is asked for, first and last byte; none means all, as do several at once and what cannot be read.
-fn part(asked: &HeaderMap, etag: &HeaderValue, bytes: u64) -> Result<Option<(u64, u64)>, Unsatisfiable> {
-    let of_another = asked.get(header::IF_RANGE).is_some_and(|seen| seen != etag);
-    let range = asked.get(header::RANGE).and_then(|value| value.to_str().ok()).filter(|_| !of_another);
+/// First and last byte of a requested range. None is the whole stream, as for several ranges or a malformed header.
+fn requested_range(
+    request: &HeaderMap,
+    etag: &HeaderValue,
+    bytes: u64,
+) -> Result<Option<(u64, u64)>, Unsatisfiable> {
+    let is_stale = request.get(header::IF_RANGE).is_some_and(|seen| seen != etag);
+    let range = request.get(header::RANGE).and_then(|value| value.to_str().ok()).filter(|_| !is_stale);
     let Some(Ok(ranges)) = range.map(parse_range_header) else { return Ok(None) };
     match ranges.validate(bytes).as_deref() {
         Ok([one]) => Ok(Some((*one.start(), *one.end()))),
         Ok(_) => Ok(None),
-        // More than there is from the end is all of it.
+        // A suffix longer than the content is the whole content.
         Err(RangeUnsatisfiableError::FileSuffixOutOfBounds) => Ok(None),
         Err(_) => Err(Unsatisfiable),
     }

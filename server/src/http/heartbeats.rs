@@ -1,4 +1,4 @@
-//! Heartbeats: one covers everything that a worker runs.
+//! Heartbeats: one covers all attempts of a worker.
 
 use axum::Json;
 use axum::extract::State;
@@ -9,12 +9,12 @@ use serde_json::json;
 
 use super::extract::{Body, Segments};
 use super::problem::ApiError;
-use crate::app::App;
 use crate::document::fault;
 use crate::queue::lease_end;
+use crate::state::App;
 use crate::store::Beat;
 
-/// Renews leases, notes progress and fresh samples, and says for each attempt what to do.
+/// Renews leases, takes progress and new samples, and answers a directive for each attempt.
 #[utoipa::path(post, path = "/v1/workers/{id}/heartbeat", tag = "workers", operation_id = "heartbeat",
     params(("id" = uuid::Uuid, Path, description = "The worker")),
     request_body = HeartbeatRequest,
@@ -33,8 +33,8 @@ pub(crate) async fn heartbeat(
         Some(fault(
             &at,
             json!(beat.samples[part].values.len()),
-            "another number of samples than of times",
-            "",
+            "`values` and `t_s` differ in length",
+            "one value per time",
         ))
     };
     let faults: Vec<_> = request.attempts.iter().enumerate().filter_map(uneven).collect();
@@ -56,7 +56,7 @@ pub(crate) async fn heartbeat(
             app.progress.set(beat.job_id, sweep, progress);
         }
         if !beat.samples.is_empty() {
-            answer.resend_samples = !app.progress.sample((beat.job_id, beat.attempt), sweep, beat.samples);
+            answer.resend_samples = !app.progress.append((beat.job_id, beat.attempt), sweep, beat.samples);
         }
     }
     Ok(Json(reply))

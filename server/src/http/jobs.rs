@@ -1,4 +1,4 @@
-//! Jobs: submit, look, cancel, retry.
+//! Jobs: submit, list, show, cancel, retry.
 
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, Uri, header};
@@ -11,26 +11,24 @@ use roost_api::problem::Problem;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::access::Caller;
-use super::aside::aside;
-use super::at_hand::at_hand;
+use super::blocking::run_blocking;
 use super::extract::{Document, Params, Segments};
 use super::page::{cursor, label, limit, limit_schema, page};
-use super::priority;
-use super::problem::{ApiError, Kind};
+use super::priority::check_priority;
+use super::problem::{ApiError, ProblemKind};
 use super::submissions::Reserved;
-use crate::app::App;
 use crate::document::read_envelope;
 use crate::queue::Refusal;
+use crate::state::{App, Caller};
 use crate::store::{JobFilter, NewJob};
 
-/// Submits one scenario.
+/// Submits one scenario as a job.
 #[utoipa::path(post, path = "/v1/jobs", tag = "jobs", operation_id = "submit_job",
     params(("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
-            description = "Sent again with the same key, it is made once")),
+            description = "A repeat with the same key creates nothing new")),
     request_body = JobEnvelope,
-    responses((status = 202, description = "Queued, or answered from the store", body = JobView),
-              (status = 422, description = "Every fault", body = Problem,
+    responses((status = 202, description = "The job: queued, or succeeded with a stored result", body = JobView),
+              (status = 422, description = "The document has faults; `errors` lists all of them", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn submit(
     State(app): State<App>,
@@ -40,14 +38,14 @@ pub(crate) async fn submit(
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<JobView>), ApiError> {
     let limits = app.config.limits;
     let _open = app.mesh_gate.read().await;
-    let meshes = at_hand(&app, &document).await?;
+    let meshes = app.mesh_cache.meshes_of(&document, &app.store).await?;
     let (envelope, scenario) =
-        aside(move || read_envelope(&meshes, &limits, document)).await?.map_err(ApiError::faults)?;
-    priority::allow(&caller, "/priority", envelope.priority)?;
+        run_blocking(move || read_envelope(&meshes, &limits, document)).await?.map_err(ApiError::faults)?;
+    check_priority(&caller, "/priority", envelope.priority)?;
     let id = JobId(reserved.id());
     let job = NewJob {
         id,
-        token: caller.0.as_ref().to_owned(),
+        token: caller.token.to_string(),
         scenario,
         priority: envelope.priority,
         labels: envelope.labels,
@@ -61,25 +59,25 @@ pub(crate) async fn submit(
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, format!("/v1/jobs/{id}"))], Json(view(&app, id).await?)))
 }
 
-/// Which jobs to list.
+/// Query of a list of jobs.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct JobQuery {
     /// Only jobs in this state.
     state: Option<JobState>,
-    /// Only jobs that failed so.
+    /// Only jobs of this failure class.
     failure: Option<FailureClass>,
-    /// Only jobs of this design point; of one sweep alone.
+    /// Only jobs of this design point. Allowed for the jobs of one sweep only.
     pub(super) point: Option<u32>,
     /// Only jobs with this label: `key` or `key=value`.
     #[serde(default, deserialize_with = "label")]
     #[param(value_type = Option<String>)]
     label: Option<(String, Option<String>)>,
-    /// `next_cursor` of the page before.
+    /// `next_cursor` of the previous page.
     #[param(value_type = Option<String>)]
     cursor: Option<i64>,
-    /// Rows of the page.
+    /// Maximum of rows of the page.
     #[param(schema_with = limit_schema)]
     limit: Option<u32>,
 }
@@ -109,20 +107,20 @@ pub(crate) async fn list(
     Params(query): Params<JobQuery>,
 ) -> Result<Response, ApiError> {
     if query.point.is_some() {
-        let detail = "point is the index of a design point of one sweep: ask /v1/sweeps/{id}/jobs";
-        return Err(ApiError::new(Kind::InvalidQuery, detail));
+        let detail = "point is allowed for the jobs of one sweep only: use /v1/sweeps/{id}/jobs";
+        return Err(ApiError::new(ProblemKind::InvalidQuery, detail));
     }
     list_filtered(&app, &uri, query.filter()?).await
 }
 
-/// Lists what the filter lets through, with the progress of what runs.
+/// Lists the jobs of a filter, with their progress.
 pub(super) async fn list_filtered(app: &App, uri: &Uri, filter: JobFilter) -> Result<Response, ApiError> {
     let (mut jobs, next) = app.store.jobs(filter).await?;
-    jobs.iter_mut().for_each(|job| app.progress.show(job));
+    jobs.iter_mut().for_each(|job| app.progress.add_to_job(job));
     Ok(page(uri, jobs, next))
 }
 
-/// One job.
+/// Shows a job.
 #[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "show_job",
     params(("id" = uuid::Uuid, Path, description = "The job")),
     responses((status = 200, description = "The job", body = JobView),
@@ -135,17 +133,17 @@ pub(crate) async fn show(
     view(&app, id).await.map(Json)
 }
 
-/// The job as it is now.
+/// The current view of a job.
 pub(super) async fn view(app: &App, id: JobId) -> Result<JobView, ApiError> {
     let mut job = app.store.job(id).await?.ok_or(Refusal::NoJob)?;
-    app.progress.show(&mut job);
+    app.progress.add_to_job(&mut job);
     Ok(job)
 }
 
-/// Cancels a job: at once when it is queued, with the next heartbeat when it runs.
+/// Cancels a job: immediately if it is queued, with the next heartbeat of its worker if it runs.
 #[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", operation_id = "cancel_job",
     params(("id" = uuid::Uuid, Path, description = "The job")),
-    responses((status = 200, description = "The job as it is now", body = JobView),
+    responses((status = 200, description = "The job after the change", body = JobView),
               (status = 404, description = "No such job", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn cancel(
@@ -156,19 +154,19 @@ pub(crate) async fn cancel(
     view(&app, id).await.map(Json)
 }
 
-/// What to retry.
+/// Query of a retry.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct RetryQuery {
-    /// Only what failed so.
+    /// Only jobs of this failure class.
     pub(super) class: Option<FailureClass>,
 }
 
 /// Queues a failed or cancelled job again.
 #[utoipa::path(post, path = "/v1/jobs/{id}/retry", tag = "jobs", operation_id = "retry_job",
     params(("id" = uuid::Uuid, Path, description = "The job"), RetryQuery),
-    responses((status = 200, description = "The job as it is now", body = JobView),
+    responses((status = 200, description = "The job after the change", body = JobView),
               (status = 404, description = "No such job", body = Problem,
                content_type = "application/problem+json"),
               (status = 409, description = "The job is neither failed nor cancelled", body = Problem,

@@ -1,4 +1,4 @@
-//! Meshes: upload, look, fetch the file.
+//! Meshes: upload, list, show, download.
 
 use axum::Json;
 use axum::body::Body;
@@ -14,15 +14,15 @@ use utoipa::openapi::schema::{ObjectBuilder, Type};
 use utoipa::openapi::{RefOr, Schema};
 use utoipa::{IntoParams, PartialSchema, ToSchema};
 
-use super::aside::aside;
+use super::blocking::run_blocking;
 use super::extract::{Params, Segments};
 use super::page::{cursor, limit, limit_schema, page};
-use super::problem::{ApiError, Kind};
+use super::problem::{ApiError, ProblemKind};
 use super::upload::Upload;
-use crate::app::App;
 use crate::mesh;
+use crate::state::App;
 
-/// The digest in a path.
+/// A mesh digest in a path.
 #[derive(Deserialize)]
 #[serde(try_from = "String")]
 pub(crate) struct Digest(String);
@@ -33,7 +33,7 @@ impl TryFrom<String> for Digest {
     fn try_from(text: String) -> Result<Self, String> {
         match is_digest(&text) {
             true => Ok(Self(text)),
-            false => Err(format!("`{text}` is no digest of 64 lower-case hexadecimal digits")),
+            false => Err(format!("`{text}` is not a digest: send 64 lower-case hexadecimal digits")),
         }
     }
 }
@@ -46,26 +46,26 @@ impl PartialSchema for Digest {
 
 impl ToSchema for Digest {}
 
-/// Takes an STL file in, once.
+/// Uploads an STL file. A file that was uploaded before is not stored again.
 #[utoipa::path(post, path = "/v1/meshes", tag = "meshes", operation_id = "upload_mesh",
     request_body(description = "The file", content(("model/stl"), ("application/octet-stream"))),
     responses((status = 201, description = "Stored", body = MeshView),
-              (status = 200, description = "It was there already", body = MeshView),
-              (status = 413, description = "Over the size limit", body = Problem,
+              (status = 200, description = "Already stored", body = MeshView),
+              (status = 413, description = "The file exceeds the size limit", body = Problem,
                content_type = "application/problem+json"),
-              (status = 422, description = "No sound STL file, and why", body = Problem,
+              (status = 422, description = "Not a valid STL file; `detail` states the reason", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn upload(
     State(app): State<App>,
-    Upload { file, turn: _turn }: Upload,
+    Upload { file, slot: _slot }: Upload,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<MeshView>), ApiError> {
     let now = app.clock.now();
-    let (file, read) = aside(move || {
+    let (file, read) = run_blocking(move || {
         let read = mesh::read(&file, now);
         (file, read)
     })
     .await?;
-    let mesh = read.map_err(|error| ApiError::new(Kind::InvalidMesh, error.to_string()))?;
+    let mesh = read.map_err(|error| ApiError::new(ProblemKind::InvalidMesh, error.to_string()))?;
     let location = [(header::LOCATION, format!("/v1/meshes/{}", mesh.digest))];
     if let Some(before) = app.store.mesh(&mesh.digest).await? {
         return Ok((StatusCode::OK, location, Json(before)));
@@ -76,15 +76,15 @@ pub(crate) async fn upload(
     Ok((status, location, Json(found(&app, &mesh.digest).await?)))
 }
 
-/// Which meshes to list.
+/// Query of a list of meshes.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct MeshQuery {
-    /// `next_cursor` of the page before.
+    /// `next_cursor` of the previous page.
     #[param(value_type = Option<String>)]
     cursor: Option<i64>,
-    /// Rows of the page.
+    /// Maximum of rows of the page.
     #[param(schema_with = limit_schema)]
     limit: Option<u32>,
 }
@@ -101,7 +101,7 @@ pub(crate) async fn list(
     Ok(page(&uri, meshes, next))
 }
 
-/// What is known of a mesh.
+/// Shows a mesh: size, triangles, and whether it is closed.
 #[utoipa::path(get, path = "/v1/meshes/{digest}", tag = "meshes", operation_id = "show_mesh",
     params(("digest" = inline(Digest), Path, description = "blake3 of the file")),
     responses((status = 200, description = "The mesh", body = MeshView),
@@ -116,14 +116,19 @@ pub(crate) async fn show(
 
 async fn found(app: &App, digest: &str) -> Result<MeshView, ApiError> {
     let mesh = app.store.mesh(digest).await?;
-    mesh.ok_or_else(|| ApiError::new(Kind::NotFound, format!("there is no mesh {digest}")))
+    mesh.ok_or_else(|| {
+        ApiError::new(
+            ProblemKind::NotFound,
+            format!("there is no mesh {digest}: upload it with POST /v1/meshes"),
+        )
+    })
 }
 
-/// The file of a mesh, as it was uploaded. It never changes, so that it may be kept for ever.
+/// Downloads the file of a mesh as it was uploaded. It never changes and may be cached for ever.
 #[utoipa::path(get, path = "/v1/meshes/{digest}/file", tag = "meshes", operation_id = "mesh_file",
     params(("digest" = inline(Digest), Path, description = "blake3 of the file")),
     responses((status = 200, description = "The file", content(("model/stl"))),
-              (status = 304, description = "`if-none-match` names it: it is there already"),
+              (status = 304, description = "Unchanged: `if-none-match` has its `etag`"),
               (status = 404, description = "No such mesh", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn file(
@@ -143,13 +148,13 @@ pub(crate) async fn file(
     let about = [
         (header::CONTENT_TYPE, MEDIA_TYPE.to_owned()),
         (header::CONTENT_LENGTH, mesh.bytes.to_string()),
-        // Whatever the bytes look like, no browser shall take them for a page.
+        // No browser shall interpret the bytes as a page.
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff".to_owned()),
     ];
-    // Part by part: however many fetch at once, little of it is in memory.
+    // Part by part, which bounds the memory of concurrent downloads.
     let parts = stream::try_unfold((app, digest, 0), |(app, digest, part)| async move {
         let data = app.store.mesh_part(&digest, part).await.inspect_err(|error| {
-            tracing::error!(error = error.as_dyn(), digest, "a file broke off");
+            tracing::error!(error = error.as_dyn(), digest, "the download of a mesh failed");
         })?;
         Ok::<_, crate::store::StoreError>(data.map(|data| (data, (app, digest, part + 1))))
     });

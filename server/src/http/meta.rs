@@ -1,4 +1,4 @@
-//! About the server itself: health, versions, schemas.
+//! The server itself: health, versions, schemas.
 
 use axum::extract::State;
 use axum::http::header;
@@ -14,51 +14,51 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::problem::{ApiError, Kind};
-use crate::app::App;
+use super::problem::{ApiError, ProblemKind};
+use crate::state::App;
 use crate::sweep;
 
-/// The OpenAPI document, written once.
+/// The OpenAPI document, serialized once.
 #[derive(Clone)]
 pub(crate) struct Spec(axum::body::Bytes);
 
 impl Spec {
-    /// Writes the document down.
+    /// Serializes the document.
     pub(crate) fn new(spec: &utoipa::openapi::OpenApi) -> Self {
         Self(spec.to_json().expect("the specification is JSON").into())
     }
 }
 
-/// That all is well.
+/// A healthy server.
 #[derive(Serialize, ToSchema)]
 pub(crate) struct Health {
     /// Always `ok`.
     status: &'static str,
 }
 
-/// Whether the process lives.
+/// Checks that the process is alive.
 #[utoipa::path(get, path = "/healthz", tag = "server", operation_id = "healthz",
-    responses((status = 200, description = "It does", body = Health)))]
+    responses((status = 200, description = "The process is alive", body = Health)))]
 pub(crate) async fn healthz() -> Json<Health> {
     Json(Health { status: "ok" })
 }
 
-/// Whether requests will be answered: the database reads and writes, and the server is not stopping.
+/// Checks that the database reads and writes, and that the server is not stopping.
 #[utoipa::path(get, path = "/readyz", tag = "server", operation_id = "readyz",
-    responses((status = 200, description = "They will", body = Health),
-              (status = 503, description = "Not now", body = Problem,
+    responses((status = 200, description = "The server is ready", body = Health),
+              (status = 503, description = "The server is not ready", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn readyz(State(app): State<App>) -> Result<Json<Health>, ApiError> {
     if app.shutdown.is_cancelled() {
-        return Err(ApiError::new(Kind::Unavailable, "the server is stopping"));
+        return Err(ApiError::new(ProblemKind::Unavailable, "the server is stopping: try again later"));
     }
-    app.store.ping().await.map_err(|error| ApiError::new(Kind::Unavailable, error.to_string()))?;
+    app.store.ping().await.map_err(|error| ApiError::new(ProblemKind::Unavailable, error.to_string()))?;
     Ok(Json(Health { status: "ok" }))
 }
 
-/// Versions.
+/// Shows versions of server, API, solver and database.
 #[utoipa::path(get, path = "/v1/version", tag = "server", operation_id = "version",
-    responses((status = 200, description = "What the server is made of", body = VersionView)))]
+    responses((status = 200, description = "The versions", body = VersionView)))]
 pub(crate) async fn version(State(app): State<App>) -> Json<VersionView> {
     Json(VersionView {
         server: env!("CARGO_PKG_VERSION").to_owned(),
@@ -68,28 +68,28 @@ pub(crate) async fn version(State(app): State<App>) -> Json<VersionView> {
     })
 }
 
-/// The JSON Schema of a scenario: every field with type, unit, default, range and source.
+/// Shows the JSON Schema of a scenario: every field with type, unit, default, range and source.
 #[utoipa::path(get, path = "/v1/schema/scenario", tag = "documents", operation_id = "scenario_schema",
     responses((status = 200, description = "JSON Schema", body = Object)))]
 pub(crate) async fn scenario_schema() -> Json<Value> {
     Json(json_schema())
 }
 
-/// The results of the experiments: responses, series and curves, each with unit, meaning and experiments.
+/// Shows the responses, series and curves of the experiments, each with unit, meaning and experiments.
 #[utoipa::path(get, path = "/v1/responses", tag = "documents", operation_id = "responses",
     responses((status = 200, description = "The table of results", body = OutputTable)))]
 pub(crate) async fn responses() -> Json<OutputTable> {
     Json(OutputTable::of_solver())
 }
 
-/// The JSON Schema of a sweep, that of its base within.
+/// Shows the JSON Schema of a sweep, which includes that of its base.
 #[utoipa::path(get, path = "/v1/schema/sweep", tag = "documents", operation_id = "sweep_schema",
     responses((status = 200, description = "JSON Schema", body = Object)))]
 pub(crate) async fn sweep_schema() -> Json<Value> {
     Json(sweep::json_schema())
 }
 
-/// This API, as OpenAPI 3.1.
+/// Shows this API as OpenAPI 3.1.
 #[utoipa::path(get, path = "/openapi.json", tag = "server", operation_id = "openapi",
     responses((status = 200, description = "The OpenAPI document", body = Object)))]
 pub(crate) async fn openapi(Extension(Spec(spec)): Extension<Spec>) -> Response {

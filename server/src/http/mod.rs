@@ -1,19 +1,19 @@
-//! The HTTP API: a file per resource, and here the whole route list.
+//! The HTTP API: a file per resource. This file has the list of routes.
 
 mod access;
-mod aside;
-mod at_hand;
 mod attempts;
 mod audit;
+mod blocking;
 mod claims;
-mod connections;
 mod dashboard;
 mod delivery;
+mod etags;
 mod events;
 mod extract;
 mod frames;
 mod heartbeats;
 mod jobs;
+mod listener;
 mod meshes;
 mod meta;
 mod metrics;
@@ -26,10 +26,10 @@ mod safety;
 mod series;
 mod session;
 mod spec;
+mod stored_result;
 mod submissions;
 mod sweeps;
 mod tables;
-mod tags;
 #[cfg(test)]
 mod tests;
 mod traces;
@@ -50,24 +50,21 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
-use crate::app::App;
-pub(crate) use access::Access;
-pub(crate) use connections::Connections;
-use connections::Timeouts;
-pub(crate) use delivery::places as places_for_deliveries;
+use crate::state::App;
+pub(crate) use delivery::budget_kib as delivery_budget_kib;
 use extract::BodyLimit;
-pub(crate) use metrics::Metrics;
-use problem::{ApiError, Kind};
-pub(crate) use upload::AT_ONCE as UPLOADS_AT_ONCE;
+use listener::Timeouts;
+use problem::{ApiError, ProblemKind};
+pub(crate) use upload::MAX_UPLOADS;
 
 /// Answers requests until `stop`, then finishes those under way.
 pub(crate) async fn serve(listener: TcpListener, app: App, stop: CancellationToken) {
     let timeouts = Timeouts { head: app.config.head_timeout, body: app.config.body_timeout };
     let connections = app.connections.clone();
-    connections::serve(listener, router(app), connections, timeouts, stop).await;
+    listener::serve(listener, router(app), connections, timeouts, stop).await;
 }
 
-/// What the API is called; its routes come from the handlers.
+/// Title and description of the API; handlers add the routes.
 #[derive(OpenApi)]
 #[openapi(info(
     title = "Roost",
@@ -82,7 +79,7 @@ fn routes(app: &App) -> OpenApiRouter<App> {
     let large = limited(app.config.max_result_bytes);
     let files = limited(app.config.max_mesh_bytes);
     let once = from_fn_with_state(app.clone(), submissions::once);
-    let made_once = OpenApiRouter::new()
+    let submissions = OpenApiRouter::new()
         .routes(routes!(jobs::submit))
         .routes(routes!(sweeps::submit))
         .routes(routes!(sweeps::extend))
@@ -125,7 +122,7 @@ fn routes(app: &App) -> OpenApiRouter<App> {
     let deliveries = OpenApiRouter::new()
         .routes(routes!(attempts::result))
         .routes(routes!(attempts::failure))
-        // Has a limit of its own, since it is not read into memory.
+        // Has its own limit, since it is streamed to disk.
         .routes(routes!(frames::upload))
         .layer(large);
     let meshes = OpenApiRouter::new()
@@ -133,10 +130,14 @@ fn routes(app: &App) -> OpenApiRouter<App> {
         .routes(routes!(meshes::show))
         .routes(routes!(meshes::file))
         .layer(files);
-    OpenApiRouter::with_openapi(Api::openapi()).merge(made_once).merge(users).merge(deliveries).merge(meshes)
+    OpenApiRouter::with_openapi(Api::openapi())
+        .merge(submissions)
+        .merge(users)
+        .merge(deliveries)
+        .merge(meshes)
 }
 
-/// The limit of request bodies, enforced and named.
+/// A layer that limits request bodies, and an extension with the limit for error texts.
 fn limited(bytes: usize) -> (DefaultBodyLimit, Extension<BodyLimit>) {
     (DefaultBodyLimit::max(bytes), Extension(BodyLimit(bytes)))
 }
@@ -144,30 +145,36 @@ fn limited(bytes: usize) -> (DefaultBodyLimit, Extension<BodyLimit>) {
 fn router(app: App) -> Router {
     let (router, mut spec) = routes(&app).split_for_parts();
     spec::complete(&mut spec);
-    // A reader of the specification, from within the binary: a page of it asks nobody else for anything.
+    // The page of the API documentation is embedded and loads nothing from other servers.
     let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
     router
         .merge(docs)
         .merge(dashboard::router())
         .fallback(unknown_path)
         .method_not_allowed_fallback(wrong_method)
-        .layer(from_fn_with_state(app.clone(), tags::tagged))
+        .layer(from_fn_with_state(app.clone(), etags::add_etag))
         .layer(from_fn_with_state(app.clone(), access::guard))
-        .layer(from_fn_with_state(app.clone(), metrics::measured))
+        .layer(from_fn_with_state(app.clone(), metrics::measure))
         .layer(Extension(meta::Spec::new(&spec)))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(from_fn(safety::complete))
-        .layer(from_fn(audit::numbered))
+        .layer(from_fn(audit::identify))
         .layer(traces::layer())
         .with_state(app)
 }
 
 async fn unknown_path(uri: Uri) -> ApiError {
-    ApiError::new(Kind::NotFound, format!("there is no path {}; /openapi.json lists them all", uri.path()))
+    ApiError::new(
+        ProblemKind::NotFound,
+        format!("there is no path {}: /openapi.json lists all paths", uri.path()),
+    )
 }
 
 async fn wrong_method(method: Method, uri: Uri) -> ApiError {
-    ApiError::new(Kind::MethodNotAllowed, format!("{} does not answer {method}; see `allow`", uri.path()))
+    ApiError::new(
+        ProblemKind::MethodNotAllowed,
+        format!("{} does not support {method}: the header `allow` lists its methods", uri.path()),
+    )
 }
 
 fn panicked(panic: Box<dyn std::any::Any + Send>) -> Response {
@@ -177,5 +184,6 @@ fn panicked(panic: Box<dyn std::any::Any + Send>) -> Response {
         .or_else(|| panic.downcast_ref::<&str>().copied())
         .unwrap_or("no message");
     tracing::error!(message, "a request handler panicked");
-    ApiError::new(Kind::Internal, "this is a bug; the server's log says more").into_response()
+    ApiError::new(ProblemKind::Internal, "this is a bug: please report it with the server's log")
+        .into_response()
 }

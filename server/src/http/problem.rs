@@ -1,4 +1,4 @@
-//! Error answers: one table of the kinds of problem, and the one place where errors become HTTP.
+//! Error answers: the table of problem kinds, and the conversion of errors to HTTP.
 
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -6,17 +6,18 @@ use roost_api::Fault;
 use roost_api::problem::{MEDIA_TYPE, Problem};
 
 use crate::queue::Refusal;
+use crate::state::{AccessError, MeshCacheError};
 use crate::store::{Hindrance, StoreError};
 
-/// Declares the kinds of problem: name in the `type` field, status, title.
+/// Declares the problem kinds: name in the `type` field, status, title.
 macro_rules! kinds {
     ($($(#[$doc:meta])* $name:ident = $slug:literal, $status:ident, $title:literal;)*) => {
-        /// A kind of problem.
+        /// The kind of a problem.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub(crate) enum Kind { $($(#[$doc])* $name),* }
+        pub(crate) enum ProblemKind { $($(#[$doc])* $name),* }
 
-        impl Kind {
-            /// Every kind; `api.md` lists them.
+        impl ProblemKind {
+            /// Every kind, as `api.md` lists them.
             pub(crate) const ALL: &'static [Self] = &[$(Self::$name),*];
 
             /// The `type` field.
@@ -29,7 +30,7 @@ macro_rules! kinds {
                 match self { $(Self::$name => StatusCode::$status),* }
             }
 
-            /// The kind in words.
+            /// The `title` field.
             pub(crate) fn title(self) -> &'static str {
                 match self { $(Self::$name => $title),* }
             }
@@ -38,61 +39,61 @@ macro_rules! kinds {
 }
 
 kinds! {
-    NotFound = "not-found", NOT_FOUND, "There is no such thing here";
-    MethodNotAllowed = "method-not-allowed", METHOD_NOT_ALLOWED, "The path does not know this method";
-    InvalidPath = "invalid-path", BAD_REQUEST, "The path holds something unreadable";
-    InvalidQuery = "invalid-query", BAD_REQUEST, "The query string is wrong";
+    NotFound = "not-found", NOT_FOUND, "Not found";
+    MethodNotAllowed = "method-not-allowed", METHOD_NOT_ALLOWED, "The path does not support this method";
+    InvalidPath = "invalid-path", BAD_REQUEST, "A part of the path is invalid";
+    InvalidQuery = "invalid-query", BAD_REQUEST, "The query string is invalid";
     Syntax = "syntax", BAD_REQUEST, "The body is not JSON";
-    UnreadableBody = "unreadable-body", BAD_REQUEST, "The body did not arrive whole";
-    SlowBody = "slow-body", REQUEST_TIMEOUT, "The body came too slowly";
-    InvalidKey = "invalid-idempotency-key", BAD_REQUEST, "The Idempotency-Key is unreadable";
-    Unauthorized = "unauthorized", UNAUTHORIZED, "A token is needed";
+    UnreadableBody = "unreadable-body", BAD_REQUEST, "The body is incomplete";
+    SlowBody = "slow-body", REQUEST_TIMEOUT, "The body arrived too slowly";
+    InvalidKey = "invalid-idempotency-key", BAD_REQUEST, "The Idempotency-Key is invalid";
+    Unauthorized = "unauthorized", UNAUTHORIZED, "A valid token is required";
     Forbidden = "forbidden", FORBIDDEN, "The token does not allow this";
-    CrossSite = "cross-site", FORBIDDEN, "A page of another site asked for this";
-    WrongHost = "wrong-host", MISDIRECTED_REQUEST, "Without tokens the server answers to loopback names only";
+    CrossSite = "cross-site", FORBIDDEN, "The request comes from a page of another site";
+    WrongHost = "wrong-host", MISDIRECTED_REQUEST, "A server without tokens accepts loopback names only";
     NotJson = "not-json", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as JSON";
     NotStl = "not-stl", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as STL";
     NotFrames = "not-frames", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as frames";
-    NoSuchRange = "no-such-range", RANGE_NOT_SATISFIABLE, "There are no such bytes";
-    TooLarge = "too-large", PAYLOAD_TOO_LARGE, "The body is over the size limit";
+    NoSuchRange = "no-such-range", RANGE_NOT_SATISFIABLE, "The range is outside the content";
+    TooLarge = "too-large", PAYLOAD_TOO_LARGE, "The body exceeds the size limit";
     InvalidDocument = "invalid-document", UNPROCESSABLE_ENTITY, "The document has faults";
-    InvalidMesh = "invalid-mesh", UNPROCESSABLE_ENTITY, "The file is no sound mesh";
-    KeyReused = "idempotency-key-reused", UNPROCESSABLE_ENTITY, "The Idempotency-Key stands for another request";
-    TooManyRequests = "too-many-requests", TOO_MANY_REQUESTS, "Asked too often";
-    WrongResult = "wrong-result", UNPROCESSABLE_ENTITY, "The delivery does not fit the job";
-    StaleAttempt = "stale-attempt", CONFLICT, "The attempt may not write any more";
-    WrongState = "wrong-state", CONFLICT, "The job is in another state";
-    WorkerRefused = "worker-refused", CONFLICT, "The worker does not go with this server";
+    InvalidMesh = "invalid-mesh", UNPROCESSABLE_ENTITY, "The file is not a valid mesh";
+    KeyReused = "idempotency-key-reused", UNPROCESSABLE_ENTITY, "The Idempotency-Key belongs to another request";
+    TooManyRequests = "too-many-requests", TOO_MANY_REQUESTS, "Too many requests";
+    WrongResult = "wrong-result", UNPROCESSABLE_ENTITY, "The delivery does not match the job";
+    StaleAttempt = "stale-attempt", CONFLICT, "The attempt has ended or was superseded";
+    WrongState = "wrong-state", CONFLICT, "The state does not allow this";
+    WorkerRefused = "worker-refused", CONFLICT, "The worker is incompatible with this server";
     ClockJumped = "clock-jumped", CONFLICT, "The server's clock has jumped";
-    Unavailable = "unavailable", SERVICE_UNAVAILABLE, "The server cannot answer now";
+    Unavailable = "unavailable", SERVICE_UNAVAILABLE, "The server is temporarily unavailable";
     StorageFull = "storage-full", INSUFFICIENT_STORAGE, "The server's disk is full";
-    Internal = "internal", INTERNAL_SERVER_ERROR, "The server made a mistake";
+    Internal = "internal", INTERNAL_SERVER_ERROR, "Internal server error";
 }
 
-/// An error answer on its way.
+/// An error answer.
 #[derive(Debug)]
 pub(crate) struct ApiError {
-    kind: Kind,
+    kind: ProblemKind,
     detail: String,
     faults: Vec<Fault>,
 }
 
 impl ApiError {
-    /// A problem of that kind; the detail says what to do about it.
-    pub(crate) fn new(kind: Kind, detail: impl Into<String>) -> Self {
+    /// A problem. The detail states what is wrong, what is allowed and what to do.
+    pub(crate) fn new(kind: ProblemKind, detail: impl Into<String>) -> Self {
         Self { kind, detail: detail.into(), faults: Vec::new() }
     }
 
     /// A document with faults.
     pub(crate) fn faults(faults: Vec<Fault>) -> Self {
-        Self::at(Kind::InvalidDocument, faults)
+        Self::at(ProblemKind::InvalidDocument, faults)
     }
 
-    /// A problem of that kind at some places of the document.
-    pub(crate) fn at(kind: Kind, faults: Vec<Fault>) -> Self {
+    /// A problem of some fields of a document.
+    pub(crate) fn at(kind: ProblemKind, faults: Vec<Fault>) -> Self {
         let detail = match faults.as_slice() {
             [only] => only.to_string(),
-            all => format!("{} faults; each is in `errors` with its JSON pointer", all.len()),
+            all => format!("{} faults: `errors` lists each with its JSON pointer", all.len()),
         };
         Self { kind, detail, faults }
     }
@@ -119,20 +120,44 @@ impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
         tracing::error!(error = error.as_dyn(), "the store failed");
         match (error.hindrance(), &error) {
-            (Some(Hindrance::Busy), _) => {
-                Self::new(Kind::Unavailable, "the database is held by another program; try again later")
-            }
+            (Some(Hindrance::Busy), _) => Self::new(
+                ProblemKind::Unavailable,
+                "another program has locked the database: try again later",
+            ),
             (Some(Hindrance::Full), _) => Self::new(
-                Kind::StorageFull,
-                "the disk of the server's data directory is full: nothing changed",
+                ProblemKind::StorageFull,
+                "the disk of the server's data directory is full: nothing changed; the operator must free space",
             ),
             (None, error) if error.is_stopping() => {
-                Self::new(Kind::Unavailable, "the server is stopping; try again later")
+                Self::new(ProblemKind::Unavailable, "the server is stopping: try again later")
             }
             _ => Self::new(
-                Kind::Internal,
-                "the database did not do what it should; the server's log says more",
+                ProblemKind::Internal,
+                "the database query failed: the server's log states the reason",
             ),
+        }
+    }
+}
+
+impl From<AccessError> for ApiError {
+    fn from(error: AccessError) -> Self {
+        let kind = match error {
+            AccessError::NoToken | AccessError::InvalidToken => ProblemKind::Unauthorized,
+            AccessError::MissingScope { .. } => ProblemKind::Forbidden,
+            AccessError::TooManyRequests { .. } => ProblemKind::TooManyRequests,
+        };
+        Self::new(kind, error.to_string())
+    }
+}
+
+impl From<MeshCacheError> for ApiError {
+    fn from(error: MeshCacheError) -> Self {
+        match error {
+            MeshCacheError::TooManyTriangles(fault) => Self::faults(vec![fault]),
+            MeshCacheError::Store(error) => error.into(),
+            MeshCacheError::Damaged(_) | MeshCacheError::Reader(_) => {
+                Self::new(ProblemKind::Internal, error.to_string())
+            }
         }
     }
 }
@@ -140,15 +165,17 @@ impl From<StoreError> for ApiError {
 impl From<Refusal> for ApiError {
     fn from(refusal: Refusal) -> Self {
         let kind = match refusal {
-            Refusal::NoJob | Refusal::NoSweep | Refusal::NoAttempt | Refusal::NoWorker => Kind::NotFound,
+            Refusal::NoJob | Refusal::NoSweep | Refusal::NoAttempt | Refusal::NoWorker => {
+                ProblemKind::NotFound
+            }
             Refusal::Superseded { .. }
             | Refusal::JobEnded { .. }
             | Refusal::AttemptEnded { .. }
-            | Refusal::OtherWorker => Kind::StaleAttempt,
-            Refusal::OtherScenario | Refusal::NotReportable { .. } => Kind::WrongResult,
-            Refusal::OtherRegistration => Kind::WorkerRefused,
-            Refusal::OtherSolver(faults) => return Self::at(Kind::WrongResult, faults),
-            Refusal::NotRetryable { .. } | Refusal::OtherClass { .. } => Kind::WrongState,
+            | Refusal::OtherWorker => ProblemKind::StaleAttempt,
+            Refusal::OtherScenario | Refusal::NotReportable { .. } => ProblemKind::WrongResult,
+            Refusal::OtherRegistration => ProblemKind::WorkerRefused,
+            Refusal::OtherSolver(faults) => return Self::at(ProblemKind::WrongResult, faults),
+            Refusal::NotRetryable { .. } | Refusal::OtherClass { .. } => ProblemKind::WrongState,
         };
         Self::new(kind, refusal.to_string())
     }

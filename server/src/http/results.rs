@@ -1,27 +1,28 @@
-//! Results: the document and the series of a job, the effects of a sweep.
+//! Results: document and series of a job, effects of a sweep.
 
 use axum::Json;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use roost_api::Series;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::problem::Problem;
 use roost_api::table::SweepEffects;
-use roost_api::{RunResult, Series};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
-use super::aside::aside;
+use super::blocking::run_blocking;
 use super::extract::{Params, Segments};
-use super::problem::{ApiError, Kind};
+use super::problem::{ApiError, ProblemKind};
+use super::stored_result::{StoredSeries, numbers, series_of};
 use super::sweeps::view;
-use super::tables::Rows;
-use crate::app::App;
+use super::tables::TableRows;
 use crate::queue::Refusal;
+use crate::state::App;
 use crate::sweep;
 
-/// How a table is written.
+/// The format of a table.
 #[derive(Clone, Copy, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Format {
@@ -32,7 +33,7 @@ pub(crate) enum Format {
     Csv,
 }
 
-/// How to write a table.
+/// Query of a table.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -43,11 +44,11 @@ pub(crate) struct FormatQuery {
     format: Format,
 }
 
-/// The result document of a job; of one that failed or was cancelled, what its last attempt left.
+/// Shows the result document of a job. For a failed or cancelled job it is the partial result of the last attempt.
 #[utoipa::path(get, path = "/v1/jobs/{id}/result", tag = "results", operation_id = "job_result",
     params(("id" = uuid::Uuid, Path, description = "The job")),
     responses((status = 200, description = "The result document `roost.result/1`", body = Object),
-              (status = 404, description = "No such job, or no result (yet)", body = Problem,
+              (status = 404, description = "No such job, or it has no result yet", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn result(
     State(app): State<App>,
@@ -64,21 +65,24 @@ async fn document(app: &App, id: JobId) -> Result<String, ApiError> {
 
 fn no_result(state: JobState) -> ApiError {
     let detail = match state {
-        JobState::Queued | JobState::Running => "its result comes when it has run",
-        JobState::Succeeded | JobState::Failed | JobState::Cancelled => "it left no result",
+        JobState::Queued | JobState::Running => "its result follows when it has succeeded",
+        JobState::Succeeded | JobState::Failed | JobState::Cancelled => "its last attempt left no result",
     };
-    ApiError::new(Kind::NotFound, format!("the job is {state}: {detail}"))
+    ApiError::new(ProblemKind::NotFound, format!("the job is {state}: {detail}"))
 }
 
-/// A series, and whether more of it is to come.
+/// A series as JSON.
 #[derive(Serialize)]
-struct Told<'a> {
-    #[serde(flatten)]
-    series: &'a Series,
+struct SeriesAnswer<'a, N: ?Sized> {
+    name: &'a str,
+    unit: &'a str,
+    t_s: &'a N,
+    values: &'a N,
+    /// Whether the job still runs and adds samples.
     partial: bool,
 }
 
-/// One series of a job's result; of a running job what there is so far.
+/// Shows one series of a job's result, or of a running job so far.
 #[utoipa::path(get, path = "/v1/jobs/{id}/series/{name}", tag = "results", operation_id = "job_series",
     params(("id" = uuid::Uuid, Path, description = "The job"),
            ("name" = String, Path, description = "Name of the series, such as `discharged_mass`"), FormatQuery),
@@ -92,46 +96,53 @@ pub(crate) async fn series(
     Params(query): Params<FormatQuery>,
 ) -> Result<Response, ApiError> {
     let stored = app.store.result(id).await?.ok_or(Refusal::NoJob)?;
-    let partial = stored.document.is_none();
-    let all = match stored.document {
-        Some(text) => {
-            let result: RunResult = serde_json::from_str(&text).map_err(|error| {
-                ApiError::new(Kind::Internal, format!("the stored result cannot be read: {error}"))
-            })?;
-            result.series
+    let Some(document) = stored.document else {
+        let running = stored.state == JobState::Running;
+        let all = if running { app.progress.series(id) } else { Vec::new() };
+        if all.is_empty() {
+            return Err(no_result(stored.state));
         }
-        None if stored.state == JobState::Running => app.progress.series(id),
-        None => Vec::new(),
+        let series = named(&name, &all, |series| &series.name)?;
+        let Series { name, unit, t_s, values } = series;
+        return Ok(match query.format {
+            Format::Json => Json(SeriesAnswer { name, unit, t_s, values, partial: true }).into_response(),
+            Format::Csv => csv(series_csv(name, unit, t_s, values)?),
+        });
     };
-    if all.is_empty() && partial {
-        return Err(no_result(stored.state));
-    }
-    let Some(series) = all.iter().find(|series| series.name == name) else {
-        let names: Vec<_> = all.iter().map(|series| series.name.as_str()).collect();
-        let detail = format!("the result has no series `{name}`; it has {}", names.join(", "));
-        return Err(ApiError::new(Kind::NotFound, detail));
-    };
+    let all = series_of(&document)?;
+    let StoredSeries { name, unit, t_s, values } = named(&name, &all, |series| &series.name)?;
     Ok(match query.format {
-        Format::Json => Json(Told { series, partial }).into_response(),
-        Format::Csv => csv(series_csv(series)?),
+        Format::Json => {
+            Json(SeriesAnswer { name, unit, t_s: *t_s, values: *values, partial: false }).into_response()
+        }
+        Format::Csv => csv(series_csv(name, unit, &numbers(t_s)?, &numbers(values)?)?),
     })
 }
 
-/// Two columns, the unit in the name of the second.
-fn series_csv(series: &Series) -> Result<String, ApiError> {
+/// The series of this name, or an error with the names that exist.
+fn named<'a, S>(name: &str, all: &'a [S], name_of: impl Fn(&S) -> &str) -> Result<&'a S, ApiError> {
+    all.iter().find(|series| name_of(series) == name).ok_or_else(|| {
+        let names: Vec<_> = all.iter().map(name_of).collect();
+        let detail = format!("the result has no series `{name}`: it has {}", names.join(", "));
+        ApiError::new(ProblemKind::NotFound, detail)
+    })
+}
+
+/// Two columns, with the unit in the name of the second.
+fn series_csv(name: &str, unit: &str, t_s: &[f64], values: &[f64]) -> Result<String, ApiError> {
     let write = || {
         let mut writer = csv::Writer::from_writer(Vec::new());
-        writer.write_record(["t_s", &format!("{} [{}]", series.name, series.unit)])?;
-        for (t_s, value) in series.t_s.iter().zip(&series.values) {
+        writer.write_record(["t_s", &format!("{name} [{unit}]")])?;
+        for (t_s, value) in t_s.iter().zip(values) {
             writer.serialize((t_s, value))?;
         }
         writer.into_inner().map_err(|error| csv::Error::from(error.into_error()))
     };
-    let bytes = write().map_err(|error| ApiError::new(Kind::Internal, error.to_string()))?;
+    let bytes = write().map_err(|error| ApiError::new(ProblemKind::Internal, error.to_string()))?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// How each factor of a sweep acts on each response: main effects and rank correlations.
+/// Computes the effect of each factor of a sweep on each response: main effects and rank correlations.
 #[utoipa::path(get, path = "/v1/sweeps/{id}/effects", tag = "results", operation_id = "sweep_effects",
     params(("id" = uuid::Uuid, Path, description = "The sweep")),
     responses((status = 200, description = "Effects by response and factor", body = SweepEffects),
@@ -143,12 +154,12 @@ pub(crate) async fn effects(
 ) -> Result<Json<SweepEffects>, ApiError> {
     let sweep = view(&app, id).await?;
     let factors = app.store.factors(id).await?.ok_or(Refusal::NoSweep)?;
-    let mut rows = Rows::of_points(app, &sweep)?;
+    let mut rows = TableRows::of_points(app, &sweep)?;
     let mut effects = sweep::Effects::of(factors);
     while let Some(points) = rows.next_points().await? {
         effects.add(points);
     }
-    let responses = aside(move || effects.responses()).await?;
+    let responses = run_blocking(move || effects.responses()).await?;
     Ok(Json(SweepEffects { sweep, responses }))
 }
 

@@ -1,4 +1,4 @@
-//! What every answer has, whoever made it: a problem document where it is an error, and headers that keep browsers from guessing.
+//! Properties of every answer: errors are problem documents, and headers keep browsers from interpreting data as pages.
 
 use axum::body::to_bytes;
 use axum::extract::Request;
@@ -7,42 +7,42 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use roost_api::problem::MEDIA_TYPE;
 
-use super::problem::{ApiError, Kind};
+use super::problem::{ApiError, ProblemKind};
 
-/// An answer of the API is data: a browser shall load and run nothing because of it.
+/// Answers of the API are data: a browser shall load and run nothing for them.
 const POLICY: HeaderValue = HeaderValue::from_static("default-src 'none'; frame-ancestors 'none'");
 
-/// The reader of the specification runs its own scripts and styles from this server.
-const READER_POLICY: HeaderValue = HeaderValue::from_static(
+/// The API documentation at `/docs` runs scripts and styles of this server.
+const DOCS_POLICY: HeaderValue = HeaderValue::from_static(
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self'; \
      base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
 );
 
-/// The longest text of a library's error that becomes the detail of a problem, in bytes.
-const LONGEST_DETAIL: usize = 1024;
+/// Maximum length of a library's error text in `detail`, in bytes.
+const MAX_DETAIL_BYTES: usize = 1024;
 
-/// Completes an answer on its way out.
+/// Middleware that completes every answer.
 pub(super) async fn complete(request: Request, next: Next) -> Response {
-    let is_reader = request.uri().path().starts_with("/docs");
+    let is_docs = request.uri().path().starts_with("/docs");
     let mut response = as_problem(next.run(request).await).await;
-    protect(&mut response, is_reader);
+    protect(&mut response, is_docs);
     response
 }
 
-/// Adds the headers that keep browsers from guessing, unless the answer has its own.
-pub(super) fn protect(response: &mut Response, is_reader: bool) {
-    // A browser takes the headers of a 304 over into the answer that it has: those are right as they are.
+/// Adds security headers, unless the answer has its own.
+pub(super) fn protect(response: &mut Response, is_docs: bool) {
+    // A browser merges the headers of a 304 into its cached answer, which has the right ones.
     if response.status() == StatusCode::NOT_MODIFIED {
         return;
     }
     let headers = response.headers_mut();
     headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.entry(header::REFERRER_POLICY).or_insert(HeaderValue::from_static("no-referrer"));
-    let policy = if is_reader { READER_POLICY } else { POLICY };
+    let policy = if is_docs { DOCS_POLICY } else { POLICY };
     headers.entry(header::CONTENT_SECURITY_POLICY).or_insert(policy);
 }
 
-/// Turns an error of a library, which answers in plain text or not at all, into a problem document.
+/// Converts an error of a library, with plain text or an empty body, to a problem document.
 async fn as_problem(response: Response) -> Response {
     let status = response.status();
     let is_problem =
@@ -51,7 +51,7 @@ async fn as_problem(response: Response) -> Response {
         return response;
     }
     let (mut parts, body) = response.into_parts();
-    let text = to_bytes(body, LONGEST_DETAIL).await.unwrap_or_default();
+    let text = to_bytes(body, MAX_DETAIL_BYTES).await.unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
     let detail =
         if text.trim().is_empty() { status.canonical_reason().unwrap_or("no detail") } else { text.trim() };
@@ -62,7 +62,7 @@ async fn as_problem(response: Response) -> Response {
     Response::from_parts(parts, body)
 }
 
-fn kind(status: StatusCode) -> Kind {
-    let same = Kind::ALL.iter().copied().find(|kind| kind.status() == status);
-    same.unwrap_or(if status.is_client_error() { Kind::InvalidPath } else { Kind::Internal })
+fn kind(status: StatusCode) -> ProblemKind {
+    let same = ProblemKind::ALL.iter().copied().find(|kind| kind.status() == status);
+    same.unwrap_or(if status.is_client_error() { ProblemKind::InvalidPath } else { ProblemKind::Internal })
 }

@@ -1,4 +1,4 @@
-//! Series of many jobs at once, thinned.
+//! One series of many jobs of a sweep, thinned.
 
 use axum::Json;
 use axum::extract::State;
@@ -12,36 +12,37 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
-use super::aside::aside;
+use super::blocking::run_blocking;
 use super::extract::{Params, Segments};
-use super::page::{Places, link_to_next, rows_schema};
-use super::problem::{ApiError, Kind};
+use super::page::{RowRange, link_to_next, rows_schema};
+use super::problem::{ApiError, ProblemKind};
+use super::stored_result::{numbers, series_of};
 use super::sweeps::view;
-use crate::app::App;
+use crate::state::App;
 use crate::store::{DOCUMENTS, Documented};
 
-/// Samples of each job unless asked for otherwise.
+/// Default number of samples of each job.
 const SAMPLES: usize = 200;
-/// The first and the last.
+/// Minimum of samples of each job: the first and the last.
 const MIN_SAMPLES: usize = 2;
-/// The most samples of each job.
+/// Maximum of samples of each job.
 const MAX_SAMPLES: usize = 1000;
-/// Jobs of a page unless asked for otherwise.
+/// Default number of jobs of a page.
 const JOBS: u32 = 50;
-/// Jobs of the longest page.
+/// Maximum number of jobs of a page.
 const MAX_JOBS: u32 = 200;
 
-/// How much of the series.
+/// Query of series.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct SeriesQuery {
-    /// Samples of each job at most.
+    /// Maximum of samples of each job.
     #[param(schema_with = samples_schema)]
     samples: Option<usize>,
-    /// `next_cursor` of the page before.
+    /// `next_cursor` of the previous page.
     cursor: Option<String>,
-    /// Jobs of the page.
+    /// Maximum of jobs of the page.
     #[param(schema_with = jobs_schema)]
     limit: Option<u32>,
 }
@@ -56,7 +57,7 @@ fn jobs_schema() -> Object {
     rows_schema(MAX_JOBS, Some(JOBS))
 }
 
-/// One series of many jobs of a sweep, each thinned to some samples, the first and the last among them.
+/// Shows one series of many jobs of a sweep. Each is thinned to some samples, including the first and the last.
 #[utoipa::path(get, path = "/v1/sweeps/{id}/series/{name}", tag = "results", operation_id = "sweep_series",
     params(("id" = uuid::Uuid, Path, description = "The sweep"),
            ("name" = String, Path, description = "Name of the series, such as `discharged_mass`"), SeriesQuery),
@@ -71,24 +72,24 @@ pub(crate) async fn of_sweep(
 ) -> Result<Response, ApiError> {
     let samples = query.samples.unwrap_or(SAMPLES);
     if !(MIN_SAMPLES..=MAX_SAMPLES).contains(&samples) {
-        let detail = format!("samples {samples} is not within {MIN_SAMPLES} to {MAX_SAMPLES}");
-        return Err(ApiError::new(Kind::InvalidQuery, detail));
+        let detail = format!("samples {samples} is out of range: allowed is {MIN_SAMPLES} to {MAX_SAMPLES}");
+        return Err(ApiError::new(ProblemKind::InvalidQuery, detail));
     }
     let sweep = view(&app, id).await?;
     let (limit, cursor) = (Some(query.limit.unwrap_or(JOBS)), query.cursor.as_deref());
-    let mut places = Places::new(sweep.points, sweep.replicates, cursor, limit, MAX_JOBS)?;
-    let next_cursor = places.next_cursor();
+    let mut rows = RowRange::new(sweep.points, sweep.replicates, cursor, limit, MAX_JOBS)?;
+    let next_cursor = rows.next_cursor();
     let mut answer = SweepSeries { name, unit: None, items: Vec::new(), next_cursor };
     let mut others = Vec::new();
-    while let Some((place, jobs)) = places.take(DOCUMENTS) {
+    while let Some((place, jobs)) = rows.take(DOCUMENTS) {
         let trials = app.store.documents_from(id, place, jobs).await?;
-        let partial = |trial: &Documented| app.progress.series(trial.job_id);
-        let trials = trials.into_iter().map(|trial| (partial(&trial), trial)).collect::<Vec<_>>();
+        let running = |trial: &Documented| app.progress.series(trial.job_id);
+        let trials = trials.into_iter().map(|trial| (running(&trial), trial)).collect::<Vec<_>>();
         let name = answer.name.clone();
-        let read = aside(move || {
+        let read = run_blocking(move || {
             trials
                 .into_iter()
-                .map(|(partial, trial)| of_job(&name, partial, trial, samples))
+                .map(|(running, trial)| of_job(&name, running, trial, samples))
                 .collect::<Vec<_>>()
         });
         for (unit, item, names) in read.await? {
@@ -100,8 +101,8 @@ pub(crate) async fn of_sweep(
         }
     }
     if answer.items.is_empty() && !others.is_empty() {
-        let detail = format!("the results have no series `{}`; they have {}", answer.name, others.join(", "));
-        return Err(ApiError::new(Kind::NotFound, detail));
+        let detail = format!("the results have no series `{}`: they have {}", answer.name, others.join(", "));
+        return Err(ApiError::new(ProblemKind::NotFound, detail));
     }
     let next = answer.next_cursor.clone();
     let mut response = Json(answer).into_response();
@@ -109,38 +110,41 @@ pub(crate) async fn of_sweep(
     Ok(response)
 }
 
-/// Of a result document only its series.
-#[derive(Deserialize)]
-struct OnlySeries {
-    series: Vec<Series>,
-}
-
-/// The series of that name of one job, its unit, and the names that there are instead.
+/// The series of one job with its unit; without it, the names of the series that the job has.
 fn of_job(
     name: &str,
     running: Vec<Series>,
     trial: Documented,
     samples: usize,
 ) -> (Option<String>, Option<JobSeries>, Vec<String>) {
-    let document = trial.document.as_deref().and_then(|text| serde_json::from_str::<OnlySeries>(text).ok());
-    let partial = document.is_none();
-    let all = document.map_or(running, |document| document.series);
-    let Some(series) = all.iter().find(|series| series.name == name) else {
-        return (None, None, all.into_iter().map(|series| series.name).collect());
-    };
-    let item = JobSeries {
+    let item = |partial, t_s: &[f64], values: &[f64]| JobSeries {
         job_id: trial.job_id,
         point: trial.place.0,
         replicate: trial.place.1,
         state: trial.state,
         partial,
-        t_s: thinned(&series.t_s, samples),
-        values: thinned(&series.values, samples),
+        t_s: thinned(t_s, samples),
+        values: thinned(values, samples),
     };
-    (Some(series.unit.clone()), Some(item), Vec::new())
+    let stored = trial.document.as_deref().and_then(|document| series_of(document).ok());
+    let Some(stored) = stored else {
+        return match running.iter().find(|series| series.name == name) {
+            Some(series) => {
+                (Some(series.unit.clone()), Some(item(true, &series.t_s, &series.values)), Vec::new())
+            }
+            None => (None, None, running.into_iter().map(|series| series.name).collect()),
+        };
+    };
+    let found = stored.iter().find(|series| series.name == name);
+    match found.and_then(|series| Some((series, numbers(series.t_s).ok()?, numbers(series.values).ok()?))) {
+        Some((series, t_s, values)) => {
+            (Some(series.unit.to_string()), Some(item(false, &t_s, &values)), Vec::new())
+        }
+        None => (None, None, stored.iter().map(|series| series.name.to_string()).collect()),
+    }
 }
 
-/// So many of the values at most, evenly spread, with the first and the last.
+/// At most this many of the values, evenly spread, including the first and the last.
 fn thinned(values: &[f64], samples: usize) -> Vec<f64> {
     if values.len() <= samples {
         return values.to_vec();
@@ -153,7 +157,7 @@ mod tests {
     use super::thinned;
 
     #[test]
-    fn thinning_keeps_both_ends_and_never_more_than_asked() {
+    fn thinning_keeps_both_ends_and_the_maximum() {
         let values: Vec<f64> = (0..101).map(f64::from).collect();
         assert_eq!(thinned(&values, 5), [0.0, 25.0, 50.0, 75.0, 100.0]);
         assert_eq!(thinned(&values, 2), [0.0, 100.0]);

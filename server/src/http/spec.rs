@@ -1,7 +1,7 @@
-//! The specification, completed: what many operations answer alike is said here, once, and not at each of them.
+//! The common parts of the OpenAPI document, added to every operation.
 //!
-//! Handlers name what is their own. What comes before and behind them (paths, queries and bodies that cannot be read, tokens and
-//! limits, tags, the store) answers in the same way everywhere, and follows from method, path and shape of an operation.
+//! Handlers document their own answers. Answers of extractors, access control, etags and the store follow from method, path
+//! and parameters of an operation.
 
 use axum::http::{Method, StatusCode, header};
 use roost_api::frames;
@@ -11,29 +11,29 @@ use utoipa::openapi::schema::{Object, Type};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{Content, Header, OpenApi, Ref, RefOr, Response};
 
-use super::problem::Kind;
-use super::{access, tags};
+use super::problem::ProblemKind;
+use super::{access, etags};
 
-/// What access tokens are called in the specification.
-const TOKEN: &str = "token";
+/// Name of the security scheme of access tokens.
+const TOKEN_SCHEME: &str = "token";
 
-/// Adds to every operation what it may answer beside what its handler says, and the scopes that it takes.
+/// Adds the common answers and the needed scopes to every operation.
 pub(crate) fn complete(spec: &mut OpenApi) {
     for (path, item) in &mut spec.paths.paths {
         let methods = [Method::GET, Method::POST, Method::PUT, Method::DELETE];
         let operations = [&mut item.get, &mut item.post, &mut item.put, &mut item.delete];
         for (method, operation) in methods.iter().zip(operations) {
             if let Some(operation) = operation {
-                answers(method, path, operation);
+                add_answers(method, path, operation);
                 operation.security = Some(scopes(method, path));
             }
         }
     }
     let bearer = SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer));
-    spec.components.get_or_insert_default().security_schemes.insert(TOKEN.to_owned(), bearer.into());
+    spec.components.get_or_insert_default().security_schemes.insert(TOKEN_SCHEME.to_owned(), bearer.into());
 }
 
-fn answers(method: &Method, path: &str, operation: &mut Operation) {
+fn add_answers(method: &Method, path: &str, operation: &mut Operation) {
     for kind in kinds(method, path, operation) {
         let responses = &mut operation.responses.responses;
         let RefOr::T(response) = responses.entry(kind.status().as_str().to_owned()).or_insert_with(problem)
@@ -54,11 +54,11 @@ fn answers(method: &Method, path: &str, operation: &mut Operation) {
     {
         let next = Header::builder()
             .schema(Some(Object::with_type(Type::String)))
-            .description(Some("The page after this one, as `<ADDRESS>; rel=\"next\"`; none after the last"));
+            .description(Some("The next page as `<ADDRESS>; rel=\"next\"`; absent on the last page"));
         page.headers.insert(header::LINK.as_str().to_owned(), next.build().into());
     }
-    if *method == Method::GET && tags::is_tagged(path) {
-        let unchanged = Response::new("Nothing has changed since the `etag` that `if-none-match` names");
+    if *method == Method::GET && etags::has_etag(path) {
+        let unchanged = Response::new("Unchanged since the `etag` in `if-none-match`");
         let status = StatusCode::NOT_MODIFIED.as_str().to_owned();
         operation.responses.responses.insert(status, unchanged.into());
     }
@@ -71,34 +71,39 @@ fn problem() -> RefOr<Response> {
     response.into()
 }
 
-/// The problems that a request may have before its handler sees it, and that its handler may meet in the store.
-fn kinds(method: &Method, path: &str, operation: &Operation) -> Vec<Kind> {
-    let mut kinds = vec![Kind::Unavailable, Kind::Internal];
-    if !access::needed(method, path).is_empty() {
-        kinds.extend([Kind::Unauthorized, Kind::Forbidden, Kind::TooManyRequests, Kind::WrongHost]);
+/// The problems that a request can cause before its handler runs, and those of the store.
+fn kinds(method: &Method, path: &str, operation: &Operation) -> Vec<ProblemKind> {
+    let mut kinds = vec![ProblemKind::Unavailable, ProblemKind::Internal];
+    if !access::scopes_of(method, path).is_empty() {
+        kinds.extend([
+            ProblemKind::Unauthorized,
+            ProblemKind::Forbidden,
+            ProblemKind::TooManyRequests,
+            ProblemKind::WrongHost,
+        ]);
         if *method != Method::GET {
-            kinds.push(Kind::CrossSite);
+            kinds.push(ProblemKind::CrossSite);
         }
     }
     for parameter in operation.parameters.iter().flatten() {
         let RefOr::T(parameter) = parameter else { continue };
         kinds.extend(match parameter.parameter_in {
-            ParameterIn::Path => Some(Kind::InvalidPath),
-            ParameterIn::Query => Some(Kind::InvalidQuery),
-            _ if parameter.name == "Idempotency-Key" => Some(Kind::InvalidKey),
-            _ => Some(Kind::InvalidQuery),
+            ParameterIn::Path => Some(ProblemKind::InvalidPath),
+            ParameterIn::Query => Some(ProblemKind::InvalidQuery),
+            _ if parameter.name == "Idempotency-Key" => Some(ProblemKind::InvalidKey),
+            _ => Some(ProblemKind::InvalidQuery),
         });
     }
     if let Some(RefOr::T(body)) = &operation.request_body {
-        kinds.extend([Kind::UnreadableBody, Kind::SlowBody, Kind::TooLarge]);
+        kinds.extend([ProblemKind::UnreadableBody, ProblemKind::SlowBody, ProblemKind::TooLarge]);
         match is_json(body) {
-            true => kinds.extend([Kind::Syntax, Kind::NotJson, Kind::InvalidDocument]),
-            false if body.content.contains_key(frames::MEDIA_TYPE) => kinds.push(Kind::NotFrames),
-            false => kinds.push(Kind::NotStl),
+            true => kinds.extend([ProblemKind::Syntax, ProblemKind::NotJson, ProblemKind::InvalidDocument]),
+            false if body.content.contains_key(frames::MEDIA_TYPE) => kinds.push(ProblemKind::NotFrames),
+            false => kinds.push(ProblemKind::NotStl),
         }
     }
     if *method != Method::GET {
-        kinds.push(Kind::StorageFull);
+        kinds.push(ProblemKind::StorageFull);
     }
     kinds
 }
@@ -107,8 +112,8 @@ fn is_json(body: &RequestBody) -> bool {
     body.content.keys().any(|media_type| media_type == "application/json")
 }
 
-/// One of these is needed once there are tokens.
+/// The scopes of which a request needs one, once the server has tokens.
 fn scopes(method: &Method, path: &str) -> Vec<SecurityRequirement> {
-    let scopes = access::needed(method, path).iter();
-    scopes.map(|scope| SecurityRequirement::new(TOKEN, [scope.as_str()])).collect()
+    let scopes = access::scopes_of(method, path).iter();
+    scopes.map(|scope| SecurityRequirement::new(TOKEN_SCHEME, [scope.as_str()])).collect()
 }

@@ -1,7 +1,7 @@
-//! `Idempotency-Key`: a submission that is sent again is made once, and answered as the first time.
+//! `Idempotency-Key`: a repeated submission creates nothing new and gets the first answer again.
 //!
-//! What a submission makes has its identifier reserved before it is made, in a transaction of its own: after a crash in between, or
-//! while the first is still being worked, a repeat goes on with the same identifier, and the store makes nothing twice.
+//! The identifier of the new object is reserved in a transaction of its own before the object is created. After a crash, or
+//! while the first request is still running, a repeat uses the same identifier, and the store creates nothing twice.
 
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequestParts, Request, State};
@@ -12,23 +12,22 @@ use axum::response::{IntoResponse, Response};
 use std::convert::Infallible;
 use uuid::Uuid;
 
-use super::access::Caller;
 use super::extract::whole_body;
-use super::problem::{ApiError, Kind};
-use crate::app::App;
+use super::problem::{ApiError, ProblemKind};
+use crate::state::{App, Caller};
 use crate::store::{Answered, Known, Submission};
 
 const KEY: HeaderName = HeaderName::from_static("idempotency-key");
 const REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
-/// Answers that are longer are not kept: none of ours is.
-const LONGEST_ANSWER: usize = 1024 * 1024;
+/// Maximum length of an answer, in bytes. Answers to submissions are shorter.
+const MAX_ANSWER_BYTES: usize = 1024 * 1024;
 
-/// The identifier of what this request makes, if one was reserved.
+/// The identifier that was reserved for the object of this request, if any.
 #[derive(Clone, Copy)]
 pub(crate) struct Reserved(Option<Uuid>);
 
 impl Reserved {
-    /// That identifier, or a new one.
+    /// The reserved identifier, or a new one.
     pub(crate) fn id(self) -> Uuid {
         self.0.unwrap_or_else(Uuid::now_v7)
     }
@@ -42,41 +41,41 @@ impl<S: Send + Sync> FromRequestParts<S> for Reserved {
     }
 }
 
-/// Looks a submission with a key up before it is made, and keeps its answer.
+/// Middleware of submissions: finds the stored answer of a repeated key, or stores the new answer.
 pub(crate) async fn once(State(app): State<App>, request: Request, next: Next) -> Response {
-    match worked(&app, request, next).await {
+    match answer_once(&app, request, next).await {
         Ok(response) => response,
         Err(error) => error.into_response(),
     }
 }
 
-async fn worked(app: &App, request: Request, next: Next) -> Result<Response, ApiError> {
+async fn answer_once(app: &App, request: Request, next: Next) -> Result<Response, ApiError> {
     let Some(key) = key(request.headers())? else { return Ok(next.run(request).await) };
-    let owner = request.extensions().get::<Caller>().map_or("", |caller| &caller.0).to_owned();
+    let owner = request.extensions().get::<Caller>().map_or("", |caller| &caller.token).to_owned();
     let (parts, body) = request.into_parts();
     let bytes = whole_body(Request::from_parts(parts.clone(), body), app).await?;
     let submission = Submission { owner, key, fingerprint: fingerprint(&parts, &bytes) };
     let reserved = match app.store.submission(submission.clone(), app.clock.now()).await? {
         Known::Reserved(id) => id,
-        Known::Answered(answered) => return Ok(replayed(answered)),
+        Known::Answered(answered) => return Ok(stored_answer(answered)),
         Known::Other => {
-            let detail = "this Idempotency-Key was used for another request: take a new one";
-            return Err(ApiError::new(Kind::KeyReused, detail));
+            let detail = "this Idempotency-Key was used for another request: send a new key";
+            return Err(ApiError::new(ProblemKind::KeyReused, detail));
         }
     };
     let mut request = Request::from_parts(parts, Body::from(bytes));
     request.extensions_mut().insert(Reserved(Some(reserved)));
     let response = next.run(request).await;
     if !response.status().is_success() {
-        // Nothing was made: what was wrong may be put right under the same key.
+        // Nothing was created: the corrected request may use the same key.
         if response.status().is_client_error() {
             app.store.drop_submission(submission).await?;
         }
         return Ok(response);
     }
     let (parts, body) = response.into_parts();
-    let text = axum::body::to_bytes(body, LONGEST_ANSWER).await;
-    let text = text.map_err(|error| ApiError::new(Kind::Internal, error.to_string()))?;
+    let text = axum::body::to_bytes(body, MAX_ANSWER_BYTES).await;
+    let text = text.map_err(|error| ApiError::new(ProblemKind::Internal, error.to_string()))?;
     let location = parts.headers.get(header::LOCATION).and_then(|value| value.to_str().ok());
     let answered = Answered {
         status: parts.status.as_u16(),
@@ -92,8 +91,9 @@ fn key(headers: &HeaderMap) -> Result<Option<String>, ApiError> {
     match value.to_str() {
         Ok(key) if (1..=255).contains(&key.len()) => Ok(Some(key.to_owned())),
         _ => {
-            let detail = "an Idempotency-Key is 1 to 255 visible ASCII characters, such as a UUID";
-            Err(ApiError::new(Kind::InvalidKey, detail))
+            let detail =
+                "an Idempotency-Key must have 1 to 255 visible ASCII characters: send a UUID, for example";
+            Err(ApiError::new(ProblemKind::InvalidKey, detail))
         }
     }
 }
@@ -105,7 +105,7 @@ fn fingerprint(parts: &Parts, body: &Bytes) -> String {
     hasher.update(body).finalize().to_hex().to_string()
 }
 
-fn replayed(answered: Answered) -> Response {
+fn stored_answer(answered: Answered) -> Response {
     let status = StatusCode::from_u16(answered.status).unwrap_or(StatusCode::OK);
     let mut response = (status, [(header::CONTENT_TYPE, "application/json")], answered.body).into_response();
     let headers = response.headers_mut();

@@ -1,4 +1,4 @@
-//! Sweeps: submit, look, cancel, retry, extend, delete.
+//! Sweeps: submit, list, show, cancel, retry, extend, delete.
 
 use std::time::Duration;
 
@@ -17,28 +17,26 @@ use serde_json::{Value, json};
 use utoipa::IntoParams;
 use uuid::Uuid;
 
-use super::access::Caller;
-use super::aside::{aside, to_its_end};
-use super::at_hand::at_hand;
 use super::audit::DryRun;
+use super::blocking::{run_blocking, run_detached};
 use super::extract::{Document, Params, Segments};
 use super::jobs::{JobQuery, RetryQuery, list_filtered};
 use super::page::{cursor, label, limit, limit_schema, page};
-use super::priority;
-use super::problem::{ApiError, Kind};
+use super::priority::check_priority;
+use super::problem::{ApiError, ProblemKind};
 use super::submissions::Reserved;
-use crate::app::App;
 use crate::queue::Refusal;
+use crate::state::{App, Caller};
 use crate::store::{JobFilter, MoreOfSweep, NewSweep, Subject};
 use crate::sweep::{self, SweepLimits};
 
-/// Submits a sweep: base × design × replicates, all or nothing.
+/// Submits a sweep: base × design × replicates. Either all of its jobs are queued or none.
 #[utoipa::path(post, path = "/v1/sweeps", tag = "sweeps", operation_id = "submit_sweep",
     params(("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
-            description = "Sent again with the same key, it is made once")),
+            description = "A repeat with the same key creates nothing new")),
     request_body = SweepSpec,
     responses((status = 201, description = "Expanded and queued", body = SweepView),
-              (status = 422, description = "Every fault", body = Problem,
+              (status = 422, description = "The document has faults; `errors` lists all of them", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn submit(
     State(app): State<App>,
@@ -46,23 +44,23 @@ pub(crate) async fn submit(
     reserved: Reserved,
     Document(document): Document,
 ) -> Result<(StatusCode, [(HeaderName, String); 1], Json<SweepView>), ApiError> {
-    let (id, to_make) = (SweepId(reserved.id()), app.clone());
-    to_its_end(async move { make(&to_make, id, caller, document).await }).await??;
+    let (id, state) = (SweepId(reserved.id()), app.clone());
+    run_detached(async move { create(&state, id, caller, document).await }).await??;
     let location = [(header::LOCATION, format!("/v1/sweeps/{id}"))];
     Ok((StatusCode::CREATED, location, Json(view(&app, id).await?)))
 }
 
-/// Expands and queues a sweep, whose meshes stay meanwhile. Many points take a while.
-async fn make(app: &App, id: SweepId, caller: Caller, document: Value) -> Result<(), ApiError> {
+/// Expands and queues a sweep. The lock prevents the deletion of its meshes meanwhile.
+async fn create(app: &App, id: SweepId, caller: Caller, document: Value) -> Result<(), ApiError> {
     let limits = limits(app);
-    let _open = app.mesh_gate.read().await;
-    let meshes = at_hand(app, &document).await?;
-    let sweep = aside(move || {
+    let _mesh_lock = app.mesh_gate.read().await;
+    let meshes = app.mesh_cache.meshes_of(&document, &app.store).await?;
+    let sweep = run_blocking(move || {
         let mut submitted = document.clone();
         let (spec, expansion) = sweep::read(document, &meshes, limits).map_err(ApiError::faults)?;
-        priority::allow(&caller, "/priority", spec.priority)?;
+        check_priority(&caller, "/priority", spec.priority)?;
         submitted["schema"] = json!(SCHEMA);
-        let token = caller.0.as_ref().to_owned();
+        let token = caller.token.to_string();
         NewSweep::new(id, token, &submitted, spec, expansion).map_err(ApiError::from)
     });
     app.store.insert_sweep(sweep.await??, app.clock.now()).await?;
@@ -74,7 +72,7 @@ fn limits(app: &App) -> SweepLimits {
     SweepLimits { max_jobs: app.config.max_jobs_per_sweep, scenario: app.config.limits }
 }
 
-/// Which sweeps to list.
+/// Query of a list of sweeps.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -83,10 +81,10 @@ pub(crate) struct SweepQuery {
     #[serde(default, deserialize_with = "label")]
     #[param(value_type = Option<String>)]
     label: Option<(String, Option<String>)>,
-    /// `next_cursor` of the page before.
+    /// `next_cursor` of the previous page.
     #[param(value_type = Option<String>)]
     cursor: Option<i64>,
-    /// Rows of the page.
+    /// Maximum of rows of the page.
     #[param(schema_with = limit_schema)]
     limit: Option<u32>,
 }
@@ -107,7 +105,7 @@ pub(crate) async fn list(
     Ok(page(&uri, sweeps, next))
 }
 
-/// One sweep with its counts.
+/// Shows a sweep with its job counts.
 #[utoipa::path(get, path = "/v1/sweeps/{id}", tag = "sweeps", operation_id = "show_sweep",
     params(("id" = uuid::Uuid, Path, description = "The sweep")),
     responses((status = 200, description = "The sweep", body = SweepView),
@@ -120,7 +118,7 @@ pub(crate) async fn show(
     view(&app, id).await.map(Json)
 }
 
-/// The sweep as it was submitted: to be changed and submitted anew.
+/// Shows the document of a sweep as it was submitted.
 #[utoipa::path(get, path = "/v1/sweeps/{id}/spec", tag = "sweeps", operation_id = "sweep_spec",
     params(("id" = uuid::Uuid, Path, description = "The sweep")),
     responses((status = 200, description = "The document `roost.sweep/1`", body = SweepSpec),
@@ -134,39 +132,43 @@ pub(crate) async fn spec(
     Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response())
 }
 
-/// The sweep as it is now. Its jobs are counted once for all who ask while nothing happens to them.
+/// The current view of a sweep. Its jobs are counted once per version.
 pub(super) async fn view(app: &App, id: SweepId) -> Result<SweepView, ApiError> {
     let version = version(app, id).await?;
-    if let Some(view) = app.views.get(id, &version) {
+    if let Some(view) = app.sweep_views.get(id, &version) {
         return Ok(view);
     }
     let mut sweep = app.store.sweep(id).await?.ok_or(Refusal::NoSweep)?;
     add_running(app, &mut sweep).await?;
-    app.views.put(id, version, sweep.clone());
+    app.sweep_views.insert(id, version, sweep.clone());
     Ok(sweep)
 }
 
-/// The sweep as it was at most so long ago, and whether it still is.
-pub(super) async fn lately(app: &App, id: SweepId, age: Duration) -> Result<(SweepView, bool), ApiError> {
-    let newest = app.views.get(id, &version(app, id).await?);
-    if let (None, Some(view)) = (&newest, app.views.within(id, age)) {
+/// A view that is at most this old, and whether it is the newest.
+pub(super) async fn recent_view(
+    app: &App,
+    id: SweepId,
+    age: Duration,
+) -> Result<(SweepView, bool), ApiError> {
+    let newest = app.sweep_views.get(id, &version(app, id).await?);
+    if let (None, Some(view)) = (&newest, app.sweep_views.get_recent(id, age)) {
         return Ok((view, false));
     }
     Ok((view(app, id).await?, true))
 }
 
-/// Another one whenever a view of the sweep may have changed.
+/// The version of a sweep: it changes whenever the view may have changed.
 pub(super) async fn version(app: &App, id: SweepId) -> Result<String, ApiError> {
     let subject = Subject::Sweep(id);
     let stored = app.store.version(subject).await?.ok_or(Refusal::NoSweep)?;
     Ok(format!("{stored}.{}", app.progress.version(subject)))
 }
 
-/// Adds what the running jobs have done to the share that is done.
+/// Adds the progress of running jobs to the completed fraction.
 async fn add_running(app: &App, sweep: &mut SweepView) -> Result<(), ApiError> {
     if sweep.counts.running > 0 {
         let running = app.store.running_jobs(sweep.id).await?;
-        let share = app.progress.done(&running) / sweep.counts.total() as f64;
+        let share = app.progress.completed(&running) / sweep.counts.total() as f64;
         sweep.fraction = (sweep.fraction + share).min(1.0);
     }
     Ok(())
@@ -188,10 +190,10 @@ pub(crate) async fn jobs(
     list_filtered(&app, &uri, JobFilter { sweep: Some(id), ..query.filter()? }).await
 }
 
-/// Cancels what of a sweep has not ended.
+/// Cancels the jobs of a sweep that have not ended.
 #[utoipa::path(post, path = "/v1/sweeps/{id}/cancel", tag = "sweeps", operation_id = "cancel_sweep",
     params(("id" = uuid::Uuid, Path, description = "The sweep")),
-    responses((status = 200, description = "The sweep as it is now", body = SweepView),
+    responses((status = 200, description = "The sweep after the change", body = SweepView),
               (status = 404, description = "No such sweep", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn cancel(
@@ -202,10 +204,10 @@ pub(crate) async fn cancel(
     view(&app, id).await.map(Json)
 }
 
-/// Queues the failed and cancelled jobs of a sweep again, or only those that failed as `class`.
+/// Queues the failed and cancelled jobs of a sweep again, or only those of the failure class `class`.
 #[utoipa::path(post, path = "/v1/sweeps/{id}/retry", tag = "sweeps", operation_id = "retry_sweep",
     params(("id" = uuid::Uuid, Path, description = "The sweep"), RetryQuery),
-    responses((status = 200, description = "The sweep as it is now", body = SweepView),
+    responses((status = 200, description = "The sweep after the change", body = SweepView),
               (status = 404, description = "No such sweep", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn retry(
@@ -219,19 +221,19 @@ pub(crate) async fn retry(
     view(&app, id).await.map(Json)
 }
 
-/// Extensions of one sweep that are asked for at once take turns so many times.
-const EXTEND_TRIES: u32 = 8;
+/// Maximum of attempts while other extensions of the same sweep are committed.
+const MAX_EXTEND_ATTEMPTS: u32 = 8;
 
-/// Adds points of the same design, or replicates of every point, to a sweep; what is there stays as it is.
+/// Adds design points or replicates to a sweep. Existing jobs do not change.
 #[utoipa::path(post, path = "/v1/sweeps/{id}/extend", tag = "sweeps", operation_id = "extend_sweep",
     params(("id" = uuid::Uuid, Path, description = "The sweep"),
            ("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
-            description = "Sent again with the same key, it is made once")),
+            description = "A repeat with the same key creates nothing new")),
     request_body = Extension,
-    responses((status = 200, description = "The sweep as it is now", body = SweepView),
+    responses((status = 200, description = "The sweep after the change", body = SweepView),
               (status = 404, description = "No such sweep", body = Problem,
                content_type = "application/problem+json"),
-              (status = 422, description = "Every fault, or why such a design cannot grow", body = Problem,
+              (status = 422, description = "The document has faults, or the design cannot be extended; `errors` lists all faults", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn extend(
     State(app): State<App>,
@@ -240,60 +242,62 @@ pub(crate) async fn extend(
     reserved: Reserved,
     Document(document): Document,
 ) -> Result<Json<SweepView>, ApiError> {
-    // A repeat under the same key goes on with the same one.
-    let (extension, to_grow) = (reserved.id(), app.clone());
-    to_its_end(async move { grow(&to_grow, id, extension, &caller, document).await }).await??;
+    // A repeat with the same key uses the same identifier.
+    let (extension, state) = (reserved.id(), app.clone());
+    run_detached(async move { extend_once(&state, id, extension, &caller, document).await }).await??;
     view(&app, id).await.map(Json)
 }
 
-/// Adds to a sweep and queues what is new; the meshes stay meanwhile.
-async fn grow(
+/// Extends a sweep and queues the new jobs. The lock prevents the deletion of its meshes meanwhile.
+async fn extend_once(
     app: &App,
     id: SweepId,
     extension: Uuid,
     caller: &Caller,
     document: Value,
 ) -> Result<(), ApiError> {
-    let _open = app.mesh_gate.read().await;
-    for _ in 0..EXTEND_TRIES {
+    let _mesh_lock = app.mesh_gate.read().await;
+    for _ in 0..MAX_EXTEND_ATTEMPTS {
         if app.store.is_extended(extension).await? {
             return Ok(());
         }
         let stored = app.store.stored_sweep(id).await?.ok_or(Refusal::NoSweep)?;
-        // The new jobs have the priority of the sweep, which may be one that only an admin may ask for.
-        priority::allow(caller, "", stored.spec.priority)?;
-        let meshes = at_hand(app, &json!([stored.spec.base, document])).await?;
-        let (limits, asked, body) = (limits(app), document.clone(), document.clone());
-        let grown =
-            aside(move || sweep::extend(&stored, asked, &meshes, limits).map(|growth| (stored, growth)));
-        let (stored, growth) = grown.await?.map_err(ApiError::faults)?;
+        // The new jobs get the priority of the sweep, which may be above the range of this token.
+        check_priority(caller, "", stored.spec.priority)?;
+        let meshes = app.mesh_cache.meshes_of(&json!([stored.spec.base, document]), &app.store).await?;
+        let (limits, request, body) = (limits(app), document.clone(), document.clone());
+        let extended = run_blocking(move || {
+            sweep::extend(&stored, request, &meshes, limits).map(|growth| (stored, growth))
+        });
+        let (stored, growth) = extended.await?.map_err(ApiError::faults)?;
         let has_more_replicates = growth.replicates > stored.replicates;
         let firsts = if has_more_replicates { app.store.first_scenarios(id).await? } else { Vec::new() };
-        let token = caller.0.as_ref().to_owned();
-        let more = aside(move || MoreOfSweep::new(id, (extension, &body), token, &stored, growth, firsts));
+        let token = caller.token.to_string();
+        let more =
+            run_blocking(move || MoreOfSweep::new(id, (extension, &body), token, &stored, growth, firsts));
         let more = more.await??;
         if app.store.extend_sweep(more, app.clock.now()).await? {
             app.work.notify_waiters();
             return Ok(());
         }
     }
-    Err(ApiError::new(Kind::Unavailable, "the sweep is being extended by others; try again"))
+    Err(ApiError::new(ProblemKind::Unavailable, "other requests are extending this sweep: try again"))
 }
 
-/// Whether to delete.
+/// Query of a deletion.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct DeleteQuery {
-    /// Only say what would go.
+    /// Only report what would be deleted.
     #[serde(default)]
     dry_run: bool,
 }
 
-/// Deletes a sweep with its points, jobs and results, or says what that would take away.
+/// Deletes a sweep with its points, jobs and results. With `dry_run`, only reports what would be deleted.
 #[utoipa::path(delete, path = "/v1/sweeps/{id}", tag = "sweeps", operation_id = "delete_sweep",
     params(("id" = uuid::Uuid, Path, description = "The sweep"), DeleteQuery),
-    responses((status = 200, description = "What is gone, or would be", body = Deletion),
+    responses((status = 200, description = "The deleted objects, or with `dry_run` those that would be", body = Deletion),
               (status = 404, description = "No such sweep", body = Problem,
                content_type = "application/problem+json"),
               (status = 409, description = "Some of its jobs have not ended", body = Problem,
@@ -306,14 +310,14 @@ pub(crate) async fn delete(
     let deletion = app.store.deletion(id).await?.ok_or(Refusal::NoSweep)?;
     let delete = || {
         let app = app.clone();
-        to_its_end(async move { app.store.delete_sweep(id, app.clock.now()).await })
+        run_detached(async move { app.store.delete_sweep(id, app.clock.now()).await })
     };
     if !query.dry_run && !delete().await?? {
         let unended = deletion.unended;
         let detail = format!(
-            "{unended} of its jobs have not ended: cancel the sweep first, and wait for those that run"
+            "{unended} of its jobs have not ended: cancel the sweep and wait until running jobs have stopped"
         );
-        return Err(ApiError::new(Kind::WrongState, detail));
+        return Err(ApiError::new(ProblemKind::WrongState, detail));
     }
     let dry_run = query.dry_run.then_some(axum::Extension(DryRun));
     Ok((dry_run, Json(Deletion { dry_run: query.dry_run, ..deletion })))

@@ -1,5 +1,5 @@
-//! The result table of a sweep, written piece by piece: a large one is never whole in memory, but
-//! for the values of a Parquet file.
+//! The result table of a sweep, written in chunks: a large table is never in memory as a whole, except for the values of a
+//! Parquet file.
 
 use std::sync::Arc;
 
@@ -16,23 +16,23 @@ use serde::{Deserialize, Serialize};
 use utoipa::openapi::schema::Object;
 use utoipa::{IntoParams, ToSchema};
 
-use super::aside::aside;
+use super::blocking::run_blocking;
 use super::extract::{Params, Segments};
-use super::page::{Places, link_to_next, rows_schema};
-use super::problem::{ApiError, Kind};
+use super::page::{RowRange, link_to_next, rows_schema};
+use super::problem::{ApiError, ProblemKind};
 use super::sweeps::view;
-use crate::app::App;
 use crate::queue::Refusal;
+use crate::state::App;
 use crate::store::Subject;
 use crate::sweep;
 
-/// Trials that are in memory at a time.
-const PIECE: u32 = 500;
+/// Maximum of trials in memory.
+const CHUNK: u32 = 500;
 
-/// Rows of the longest page, where pages are asked for.
+/// Maximum number of rows of a page.
 const MAX_ROWS: u32 = 5000;
 
-/// How the result table of a sweep is written.
+/// The format of a result table.
 #[derive(Clone, Copy, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum TableFormat {
@@ -45,35 +45,35 @@ pub(crate) enum TableFormat {
     Parquet,
 }
 
-/// What a row of the result table is.
+/// The meaning of a row of the result table.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum By {
     /// A trial.
     #[default]
     Trial,
-    /// A design point, its replicates summed up.
+    /// A design point: statistics over its replicates.
     Point,
 }
 
-/// How to write the result table of a sweep, and how much of it.
+/// Query of a result table.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct TableQuery {
-    /// `json` unless given.
+    /// Format; the default is `json`.
     #[serde(default)]
     #[param(inline)]
     format: TableFormat,
-    /// What a row is: `trial` unless given.
+    /// Meaning of a row; the default is `trial`.
     #[serde(default)]
     #[param(inline)]
     by: By,
-    /// Only these responses: names with commas between.
+    /// Only these responses: names separated by commas.
     responses: Option<String>,
-    /// `next_cursor` of the page before.
+    /// `next_cursor` of the previous page.
     cursor: Option<String>,
-    /// Rows of the page; all unless given.
+    /// Maximum of rows of the page; the default is all rows.
     #[param(schema_with = all_schema)]
     limit: Option<u32>,
 }
@@ -82,10 +82,10 @@ fn all_schema() -> Object {
     rows_schema(MAX_ROWS, None)
 }
 
-/// The result table of a sweep: one row a trial, or one a design point with mean, deviation and 95 % interval.
+/// Shows the result table of a sweep: a row per trial, or per design point with mean, deviation and 95 % interval.
 #[utoipa::path(get, path = "/v1/sweeps/{id}/results", tag = "results", operation_id = "sweep_results",
     params(("id" = uuid::Uuid, Path, description = "The sweep"), TableQuery),
-    responses((status = 200, description = "The table: `SweepResults`, or `SweepPoints` by point",
+    responses((status = 200, description = "The table: `SweepResults`, or `SweepPoints` for `by=point`",
                content((Object = "application/json"), (String = "text/csv"),
                        (String = "application/vnd.apache.parquet"))),
               (status = 404, description = "No such sweep", body = Problem,
@@ -99,15 +99,15 @@ pub(crate) async fn table(
     let sweep = view(&app, id).await?;
     let by_point = query.by == By::Point;
     let per_point = if by_point { 1 } else { sweep.replicates };
-    let places = Places::new(sweep.points, per_point, query.cursor.as_deref(), query.limit, MAX_ROWS)?;
-    let next_cursor = places.next_cursor();
-    let asked = query.responses.map(|names| names.split(',').map(str::to_owned).collect::<Vec<_>>());
-    // JSON carries its names itself.
-    let responses = match (query.format, &asked) {
+    let range = RowRange::new(sweep.points, per_point, query.cursor.as_deref(), query.limit, MAX_ROWS)?;
+    let next_cursor = range.next_cursor();
+    let selected = query.responses.map(|names| names.split(',').map(str::to_owned).collect::<Vec<_>>());
+    // JSON rows contain the names.
+    let responses = match (query.format, &selected) {
         (TableFormat::Json, _) => Vec::new(),
         (_, None) => responses(&app, id).await?.to_vec(),
         (_, Some(names)) => {
-            // What they have been shows in columns of points alone.
+            // Only columns of points depend on the types of responses.
             let known = if by_point { responses(&app, id).await? } else { Arc::default() };
             let of = |name: &String| known.iter().find(|response| response.name == *name).cloned();
             names
@@ -118,15 +118,19 @@ pub(crate) async fn table(
                 .collect()
         }
     };
-    let columns = Columns { factors: sweep.factors.clone(), responses, asked };
-    let rows = Rows { app, id, by_point, replicates: sweep.replicates, places };
+    let columns = Columns { factors: sweep.factors.clone(), responses, selected };
+    let rows = TableRows { app, id, by_point, replicates: sweep.replicates, range };
     let mut response = match query.format {
-        TableFormat::Json => {
-            written(json_head(&sweep, by_point)?, json_tail(next_cursor.as_deref()), rows, columns, json_rows)
-        }
+        TableFormat::Json => stream_table(
+            json_head(&sweep, by_point)?,
+            json_tail(next_cursor.as_deref()),
+            rows,
+            columns,
+            json_rows,
+        ),
         TableFormat::Csv => {
-            let header = columns.csv(&Piece::none(by_point), true)?;
-            written(header, Vec::new(), rows, columns, |columns, piece, _| columns.csv(piece, false))
+            let header = columns.csv(&Chunk::none(by_point), true)?;
+            stream_table(header, Vec::new(), rows, columns, |columns, chunk, _| columns.csv(chunk, false))
         }
         TableFormat::Parquet => parquet(rows, columns).await?,
     };
@@ -140,131 +144,131 @@ pub(crate) async fn table(
     Ok(response)
 }
 
-/// The responses that results of a sweep have. Every result is looked at: once for all pages while there is no other.
+/// The responses that results of a sweep have. Finding them reads every result, so they are cached per version.
 async fn responses(app: &App, id: SweepId) -> Result<Arc<Vec<sweep::Response>>, ApiError> {
     let version = app.store.version(Subject::Sweep(id)).await?.ok_or(Refusal::NoSweep)?;
-    if let Some(known) = app.responses.get(id, &version) {
+    if let Some(known) = app.sweep_responses.get(id, &version) {
         return Ok(known);
     }
     let found = Arc::new(app.store.responses(id).await?);
-    app.responses.put(id, version, found.clone());
+    app.sweep_responses.insert(id, version, found.clone());
     Ok(found)
 }
 
 /// Some rows of the table.
-enum Piece {
+enum Chunk {
     Trials(Vec<TrialRow>),
     Points(Vec<PointRow>),
 }
 
-impl Piece {
+impl Chunk {
     fn none(by_point: bool) -> Self {
         if by_point { Self::Points(Vec::new()) } else { Self::Trials(Vec::new()) }
     }
 }
 
-/// Rows that are still to be read.
-pub(super) struct Rows {
+/// The rows of a table that are still to be read.
+pub(super) struct TableRows {
     app: App,
     id: SweepId,
     by_point: bool,
     replicates: u32,
-    places: Places,
+    range: RowRange,
 }
 
-impl Rows {
+impl TableRows {
     /// Every design point of a sweep.
     pub(super) fn of_points(app: App, sweep: &SweepView) -> Result<Self, ApiError> {
-        let places = Places::new(sweep.points, 1, None, None, MAX_ROWS)?;
-        Ok(Self { app, id: sweep.id, by_point: true, replicates: sweep.replicates, places })
+        let range = RowRange::new(sweep.points, 1, None, None, MAX_ROWS)?;
+        Ok(Self { app, id: sweep.id, by_point: true, replicates: sweep.replicates, range })
     }
 
-    /// The next design points; none after the last.
+    /// The next chunk of design points; none after the last.
     pub(super) async fn next_points(&mut self) -> Result<Option<Vec<PointRow>>, ApiError> {
-        let Some(((first, _), points)) = self.places.take((PIECE / self.replicates.max(1)).max(1)) else {
+        let Some(((first, _), points)) = self.range.take((CHUNK / self.replicates.max(1)).max(1)) else {
             return Ok(None);
         };
         let trials = self.app.store.trials_of(self.id, first..first + points).await?;
-        aside(move || sweep::by_point(&trials)).await.map(Some)
+        run_blocking(move || sweep::by_point(&trials)).await.map(Some)
     }
 
-    /// The next piece; none after the last.
-    async fn next(&mut self) -> Result<Option<Piece>, ApiError> {
+    /// The next chunk; none after the last.
+    async fn next(&mut self) -> Result<Option<Chunk>, ApiError> {
         if self.by_point {
-            return Ok(self.next_points().await?.map(Piece::Points));
+            return Ok(self.next_points().await?.map(Chunk::Points));
         }
-        let Some((place, rows)) = self.places.take(PIECE) else { return Ok(None) };
-        Ok(Some(Piece::Trials(self.app.store.trials_from(self.id, place, rows).await?)))
+        let Some((place, rows)) = self.range.take(CHUNK) else { return Ok(None) };
+        Ok(Some(Chunk::Trials(self.app.store.trials_from(self.id, place, rows).await?)))
     }
 }
 
-/// What a row has.
+/// The columns of a table.
 struct Columns {
     factors: Vec<String>,
     responses: Vec<sweep::Response>,
-    /// Only these, if only some.
-    asked: Option<Vec<String>>,
+    /// Names of the selected responses; none selects all.
+    selected: Option<Vec<String>>,
 }
 
 impl Columns {
-    fn of(&self, piece: &Piece) -> Vec<sweep::Column> {
-        match piece {
-            Piece::Trials(trials) => sweep::of_trials(&self.factors, &self.responses, trials),
-            Piece::Points(points) => sweep::of_points(&self.factors, &self.responses, points),
+    fn of(&self, chunk: &Chunk) -> Vec<sweep::Column> {
+        match chunk {
+            Chunk::Trials(trials) => sweep::of_trials(&self.factors, &self.responses, trials),
+            Chunk::Points(points) => sweep::of_points(&self.factors, &self.responses, points),
         }
     }
 
-    fn csv(&self, piece: &Piece, with_header: bool) -> Result<Vec<u8>, ApiError> {
-        sweep::csv(&self.of(piece), with_header).map_err(|error| unwritten(&error))
+    fn csv(&self, chunk: &Chunk, with_header: bool) -> Result<Vec<u8>, ApiError> {
+        sweep::csv(&self.of(chunk), with_header).map_err(|error| unwritten(&error))
     }
 
-    /// Leaves only what was asked for.
-    fn narrow(&self, piece: &mut Piece) {
-        let Some(asked) = &self.asked else { return };
-        match piece {
-            Piece::Trials(trials) => {
-                trials.iter_mut().for_each(|trial| trial.responses.retain(|name, _| asked.contains(name)));
+    /// Removes responses that were not selected.
+    fn select(&self, chunk: &mut Chunk) {
+        let Some(selected) = &self.selected else { return };
+        match chunk {
+            Chunk::Trials(trials) => {
+                trials.iter_mut().for_each(|trial| trial.responses.retain(|name, _| selected.contains(name)));
             }
-            Piece::Points(points) => {
-                points.iter_mut().for_each(|point| point.responses.retain(|name, _| asked.contains(name)));
+            Chunk::Points(points) => {
+                points.iter_mut().for_each(|point| point.responses.retain(|name, _| selected.contains(name)));
             }
         }
     }
 }
 
-/// How a piece is written; whether it is the first.
-type Write = fn(&Columns, &Piece, bool) -> Result<Vec<u8>, ApiError>;
+/// Writes a chunk; the last argument is whether it is the first.
+type Write = fn(&Columns, &Chunk, bool) -> Result<Vec<u8>, ApiError>;
 
-/// The table as it is read: a head, piece after piece, a tail. When reading fails in between, the answer breaks off.
-fn written(head: Vec<u8>, tail: Vec<u8>, rows: Rows, columns: Columns, write: Write) -> Response {
+/// Streams a table: head, chunks, tail. If reading fails in between, the answer ends early.
+fn stream_table(head: Vec<u8>, tail: Vec<u8>, rows: TableRows, columns: Columns, write: Write) -> Response {
     let state = (Some(head), Some(tail), rows, columns, true);
-    let pieces = stream::try_unfold(state, move |(head, tail, mut rows, columns, is_first)| async move {
+    let chunks = stream::try_unfold(state, move |(head, tail, mut rows, columns, is_first)| async move {
         if let Some(head) = head {
             return Ok(Some((head, (None, tail, rows, columns, true))));
         }
-        let piece = rows.next().await.map_err(|error| broken(&error))?;
-        let Some(mut piece) = piece else {
+        let chunk = rows.next().await.map_err(|error| broken(&error))?;
+        let Some(mut chunk) = chunk else {
             return Ok(tail.map(|tail| (tail, (None, None, rows, columns, false))));
         };
-        let written = aside(move || {
-            columns.narrow(&mut piece);
-            let bytes = write(&columns, &piece, is_first);
+        let written = run_blocking(move || {
+            columns.select(&mut chunk);
+            let bytes = write(&columns, &chunk, is_first);
             (bytes, columns)
         });
         let (bytes, columns) = written.await.map_err(|error| broken(&error))?;
         let bytes = bytes.map_err(|error| broken(&error))?;
         Ok::<_, std::io::Error>(Some((bytes, (None, tail, rows, columns, false))))
     });
-    Body::from_stream(pieces).into_response()
+    Body::from_stream(chunks).into_response()
 }
 
 fn broken(error: &ApiError) -> std::io::Error {
-    tracing::error!(?error, "a table broke off");
-    std::io::Error::other("the table could not be read to its end")
+    tracing::error!(?error, "writing a table failed");
+    std::io::Error::other("the table could not be read completely")
 }
 
 fn unwritten(error: &dyn std::fmt::Display) -> ApiError {
-    ApiError::new(Kind::Internal, format!("the table cannot be written: {error}"))
+    ApiError::new(ProblemKind::Internal, format!("the table cannot be written: {error}"))
 }
 
 fn json_head(sweep: &SweepView, by_point: bool) -> Result<Vec<u8>, ApiError> {
@@ -278,11 +282,11 @@ fn json_tail(next_cursor: Option<&str>) -> Vec<u8> {
     format!(r#"],"next_cursor":{}}}"#, serde_json::json!(next_cursor)).into_bytes()
 }
 
-/// The rows of a list, without its brackets.
-fn json_rows(_: &Columns, piece: &Piece, is_first: bool) -> Result<Vec<u8>, ApiError> {
-    let mut list = match piece {
-        Piece::Trials(trials) => json(trials)?,
-        Piece::Points(points) => json(points)?,
+/// The rows as a JSON list without brackets.
+fn json_rows(_: &Columns, chunk: &Chunk, is_first: bool) -> Result<Vec<u8>, ApiError> {
+    let mut list = match chunk {
+        Chunk::Trials(trials) => json(trials)?,
+        Chunk::Points(points) => json(points)?,
     };
     list.pop();
     if !is_first && list.len() > 1 {
@@ -297,16 +301,16 @@ fn json(value: &impl Serialize) -> Result<Vec<u8>, ApiError> {
     serde_json::to_vec(value).map_err(|error| unwritten(&error))
 }
 
-/// Parquet goes by columns, and what each holds shows when all rows are read: of rows nothing is kept but the values.
-async fn parquet(mut rows: Rows, mut columns: Columns) -> Result<Response, ApiError> {
-    let mut all = columns.of(&Piece::none(rows.by_point));
-    while let Some(piece) = rows.next().await? {
-        let extended = aside(move || {
-            all.iter_mut().zip(columns.of(&piece)).for_each(|(column, more)| column.extend(more));
+/// Parquet stores columns, whose types are known after the last row. Only values stay in memory.
+async fn parquet(mut rows: TableRows, mut columns: Columns) -> Result<Response, ApiError> {
+    let mut all = columns.of(&Chunk::none(rows.by_point));
+    while let Some(chunk) = rows.next().await? {
+        let extended = run_blocking(move || {
+            all.iter_mut().zip(columns.of(&chunk)).for_each(|(column, more)| column.extend(more));
             (all, columns)
         });
         (all, columns) = extended.await?;
     }
-    let bytes = aside(move || sweep::to_parquet(all).map_err(|error| unwritten(&error)));
+    let bytes = run_blocking(move || sweep::to_parquet(all).map_err(|error| unwritten(&error)));
     Ok(bytes.await??.into_response())
 }

@@ -1,5 +1,4 @@
-//! A span for every request, named by its route, with the job, sweep or worker that its path names: for the log at `debug`, and for
-//! traces.
+//! A tracing span for every request: route, status, and the job, sweep or worker of its path.
 
 use std::time::Duration;
 
@@ -13,14 +12,14 @@ use tracing::field::Empty;
 
 use super::metrics::known_method;
 
-/// What the conventions of OpenTelemetry call a method that HTTP does not know; the span is then named `HTTP` and the route.
+/// Value of an unknown method in the conventions of OpenTelemetry; the span is then named `HTTP` and the route.
 const OTHER_METHOD: &str = "_OTHER";
 
-/// So many characters of a path, or of a segment of it, go into the span: the longest path with all its identifiers is shorter.
-const MAX_CHARS: usize = 160;
+/// Maximum length of a path in a span. The longest path of the API is shorter.
+const MAX_PATH_CHARS: usize = 160;
 
-/// What of a path goes into the span: by the segment before it.
-const NAMED: [(&str, &str); 4] =
+/// Span fields of identifiers in a path, by the segment before them.
+const ID_FIELDS: [(&str, &str); 4] =
     [("jobs", "job"), ("attempts", "attempt"), ("sweeps", "sweep"), ("workers", "worker")];
 
 type Traced = TraceLayer<
@@ -30,17 +29,17 @@ type Traced = TraceLayer<
     fn(&Response, Duration, &Span),
 >;
 
-/// Opens a span for each request and notes what was answered.
+/// Opens a span for each request and records the answer.
 pub(super) fn layer() -> Traced {
     TraceLayer::new_for_http()
-        .make_span_with(opened as fn(&Request) -> Span)
+        .make_span_with(open_span as fn(&Request) -> Span)
         .on_request(())
-        .on_response(answered as fn(&Response, Duration, &Span))
+        .on_response(record_answer as fn(&Response, Duration, &Span))
 }
 
-fn opened(request: &Request) -> Span {
-    let ((verb, method), path) = (names(request.method()), shortened(request.uri().path()));
-    // A route, never a path: there are too many of those.
+fn open_span(request: &Request) -> Span {
+    let ((verb, method), path) = (method_names(request.method()), shortened(request.uri().path()));
+    // The route, not the path: paths have too many values.
     let route = request.extensions().get::<MatchedPath>().map_or("unknown", MatchedPath::as_str);
     let span = tracing::debug_span!(
         "request",
@@ -59,7 +58,7 @@ fn opened(request: &Request) -> Span {
     if !span.is_disabled() {
         let mut before = "";
         for (pattern, segment) in route.split('/').zip(path.split('/')) {
-            let named = NAMED.iter().find(|(kind, _)| pattern.starts_with('{') && *kind == before);
+            let named = ID_FIELDS.iter().find(|(kind, _)| pattern.starts_with('{') && *kind == before);
             if let Some((_, name)) = named {
                 span.record(*name, segment);
             }
@@ -69,17 +68,17 @@ fn opened(request: &Request) -> Span {
     span
 }
 
-/// What a span is called for its method, and what its attribute says.
-fn names(method: &Method) -> (&'static str, &'static str) {
+/// The first word of the span name and the attribute of a method.
+fn method_names(method: &Method) -> (&'static str, &'static str) {
     known_method(method).map_or(("HTTP", OTHER_METHOD), |known| (known, known))
 }
 
-/// No more of a text than anybody reads.
+/// The start of a text, short enough for a span.
 fn shortened(text: &str) -> &str {
-    text.char_indices().nth(MAX_CHARS).map_or(text, |(end, _)| &text[..end])
+    text.char_indices().nth(MAX_PATH_CHARS).map_or(text, |(end, _)| &text[..end])
 }
 
-fn answered(response: &Response, after: Duration, span: &Span) {
+fn record_answer(response: &Response, after: Duration, span: &Span) {
     let status = response.status();
     span.record("http.response.status_code", status.as_u16());
     if status.is_server_error() && status != StatusCode::SERVICE_UNAVAILABLE {
@@ -93,17 +92,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_text_of_a_client_goes_into_a_span_at_any_length() {
-        assert_eq!(names(&Method::DELETE), ("DELETE", "DELETE"));
-        assert_eq!(names(&Method::from_bytes(&[b'X'; 60_000]).unwrap()), ("HTTP", "_OTHER"));
+    fn client_text_in_a_span_is_bounded() {
+        assert_eq!(method_names(&Method::DELETE), ("DELETE", "DELETE"));
+        assert_eq!(method_names(&Method::from_bytes(&[b'X'; 60_000]).unwrap()), ("HTTP", "_OTHER"));
         assert_eq!(
-            names(&Method::from_bytes(b"get").unwrap()),
+            method_names(&Method::from_bytes(b"get").unwrap()),
             ("HTTP", "_OTHER"),
-            "methods have capital letters"
+            "methods are case-sensitive"
         );
         let id = "01890000-0000-7000-8000-000000000000";
         let path = format!("/v1/jobs/{id}/attempts/4000000000/frames");
         assert_eq!(shortened(&path), path);
-        assert_eq!(shortened(&"/é".repeat(10_000)).chars().count(), MAX_CHARS);
+        assert_eq!(shortened(&"/é".repeat(10_000)).chars().count(), MAX_PATH_CHARS);
     }
 }

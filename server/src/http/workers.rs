@@ -1,4 +1,4 @@
-//! Workers: register, and who is there.
+//! Workers: register, list, drain.
 
 use axum::Json;
 use axum::extract::State;
@@ -15,15 +15,15 @@ use utoipa::IntoParams;
 
 use super::extract::{Body, Params, Segments};
 use super::page::{limit, limit_schema, page};
-use super::problem::{ApiError, Kind};
-use crate::app::App;
+use super::problem::{ApiError, ProblemKind};
 use crate::document::name_fault;
+use crate::state::App;
 
-/// Registers a worker process; a repeat is the same worker.
+/// Registers a worker process. Repeating it is safe.
 #[utoipa::path(post, path = "/v1/workers", tag = "workers", operation_id = "register_worker",
     request_body = WorkerRegistration,
-    responses((status = 200, description = "Welcome", body = WorkerWelcome),
-              (status = 409, description = "Another API version or solver revision, or an id that is registered with another solver", body = Problem,
+    responses((status = 200, description = "Registered", body = WorkerWelcome),
+              (status = 409, description = "The API version or the solver revision differs, or the id is registered with another solver", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn register(
     State(app): State<App>,
@@ -36,18 +36,18 @@ pub(crate) async fn register(
     }
     if worker.api_version != API_VERSION {
         let detail = format!(
-            "the worker speaks API {}, this server {API_VERSION}: install the same release on both",
+            "the worker uses API {}, the server {API_VERSION}: install the same release on both",
             worker.api_version
         );
-        return Err(ApiError::new(Kind::WorkerRefused, detail));
+        return Err(ApiError::new(ProblemKind::WorkerRefused, detail));
     }
     if worker.solver_revision != SOLVER_REVISION {
         let detail = format!(
-            "the worker has solver revision {}, this server {SOLVER_REVISION}; their results must not \
-             be mixed: install the same release on both",
+            "the worker has solver revision {}, the server {SOLVER_REVISION}, and their results must not be mixed: install the \
+             same release on both",
             worker.solver_revision
         );
-        return Err(ApiError::new(Kind::WorkerRefused, detail));
+        return Err(ApiError::new(ProblemKind::WorkerRefused, detail));
     }
     let (id, name, device) = (worker.worker_id, worker.name.clone(), worker.device.clone());
     app.store.register_worker(worker, app.clock.now()).await??;
@@ -58,10 +58,10 @@ pub(crate) async fn register(
     }))
 }
 
-/// Asks a worker to claim nothing more, finish what it runs, and end.
+/// Asks a worker to claim no more jobs, finish its attempts, and exit.
 #[utoipa::path(post, path = "/v1/workers/{id}/drain", tag = "workers", operation_id = "drain_worker",
     params(("id" = uuid::Uuid, Path, description = "The worker")),
-    responses((status = 202, description = "It will hear of it with its next heartbeat"),
+    responses((status = 202, description = "The worker learns it with its next heartbeat"),
               (status = 404, description = "No such worker", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn drain(
@@ -72,20 +72,20 @@ pub(crate) async fn drain(
     Ok(StatusCode::ACCEPTED)
 }
 
-/// Which workers to list.
+/// Query of a list of workers.
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(crate) struct WorkerQuery {
-    /// `next_cursor` of the page before.
+    /// `next_cursor` of the previous page.
     #[param(value_type = Option<String>)]
     cursor: Option<WorkerId>,
-    /// Rows of the page.
+    /// Maximum of rows of the page.
     #[param(schema_with = limit_schema)]
     limit: Option<u32>,
 }
 
-/// Lists workers, newest first: who, on what device, doing what.
+/// Lists workers, newest first, with device, jobs and progress.
 #[utoipa::path(get, path = "/v1/workers", tag = "workers", operation_id = "list_workers", params(WorkerQuery),
     responses((status = 200, description = "A page of workers", body = Page<WorkerView>)))]
 pub(crate) async fn list(
@@ -94,6 +94,6 @@ pub(crate) async fn list(
     Params(query): Params<WorkerQuery>,
 ) -> Result<Response, ApiError> {
     let (mut workers, next) = app.store.workers(query.cursor, limit(query.limit)?).await?;
-    workers.iter_mut().for_each(|worker| app.progress.show_runs(worker));
+    workers.iter_mut().for_each(|worker| app.progress.add_to_worker(worker));
     Ok(page(&uri, workers, next))
 }

@@ -27,9 +27,8 @@ pub(crate) struct StoredResult {
 }
 
 impl StoredResult {
-    /// Writes a result out.
-    pub(crate) fn new(result: &RunResult) -> Result<Self, StoreError> {
-        let body = to_json("result", result)?;
+    /// A result with its JSON text, which is stored as it is.
+    pub(crate) fn new(result: &RunResult, body: String) -> Result<Self, StoreError> {
         Ok(Self {
             origin: Origin {
                 scenario: result.scenario_digest.clone(),

@@ -13,6 +13,7 @@ mod events;
 mod farm;
 mod fences;
 mod frames;
+mod imports;
 mod layout;
 mod leases;
 mod lifecycle;

@@ -1,7 +1,7 @@
-//! Tags of what is polled: `etag` on every GET of something that changes, `304` when it has not.
+//! `etag` of answers that clients poll, and `304` for unchanged ones.
 //!
-//! A tag is made from versions, a step down an index each, and never from the body: a poll of what has not changed reads none of
-//! it. The tag is taken before the body is read, so that a change in between shows at the next poll.
+//! An etag is made from version numbers, each one index lookup, and never from the body: polling an unchanged object reads no
+//! body. It is made before the body is read, so that the next poll sees a change in between.
 
 use axum::RequestExt;
 use axum::extract::{MatchedPath, Path, Request, State};
@@ -11,10 +11,10 @@ use axum::response::{IntoResponse, Response};
 use std::collections::HashMap;
 
 use super::problem::ApiError;
-use crate::app::App;
+use crate::state::App;
 use crate::store::Subject;
 
-/// What a route shows; none for what is not polled or has a tag of its own.
+/// The subject of a route; none for routes without an etag or with an etag of their own.
 fn subject(path: &str, segments: &HashMap<String, String>) -> Option<Subject> {
     let rest = path.strip_prefix("/v1/")?;
     match rest {
@@ -28,14 +28,14 @@ fn subject(path: &str, segments: &HashMap<String, String>) -> Option<Subject> {
     }
 }
 
-/// Whether what this route answers has a tag.
-pub(super) fn is_tagged(path: &str) -> bool {
+/// Whether answers of a route have such an etag.
+pub(super) fn has_etag(path: &str) -> bool {
     let some = HashMap::from([("id".to_owned(), uuid::Uuid::nil().to_string())]);
     subject(path, &some).is_some()
 }
 
-/// Answers 304 to who has seen the newest, and tags what is answered otherwise.
-pub(crate) async fn tagged(State(app): State<App>, mut request: Request, next: Next) -> Response {
+/// Middleware: answers 304 if the client has the newest version, and adds the etag to other answers.
+pub(crate) async fn add_etag(State(app): State<App>, mut request: Request, next: Next) -> Response {
     if request.method() != Method::GET {
         return next.run(request).await;
     }
@@ -45,38 +45,38 @@ pub(crate) async fn tagged(State(app): State<App>, mut request: Request, next: N
     let segments = request.extract_parts::<Path<HashMap<String, String>>>().await;
     let segments = segments.map(|Path(segments)| segments).unwrap_or_default();
     let Some(subject) = subject(path.as_str(), &segments) else { return next.run(request).await };
-    let tag = match tag(&app, subject).await {
-        Ok(Some(tag)) => tag,
-        // It is not there, or no longer: that is what the answer says.
+    let etag = match etag_of(&app, subject).await {
+        Ok(Some(etag)) => etag,
+        // The object does not exist: the handler answers 404.
         Ok(None) => return next.run(request).await,
         Err(error) => return error.into_response(),
     };
-    if has_seen(request.headers(), &tag) {
-        return (StatusCode::NOT_MODIFIED, [(header::ETAG, tag)]).into_response();
+    if matches_etag(request.headers(), &etag) {
+        return (StatusCode::NOT_MODIFIED, [(header::ETAG, etag)]).into_response();
     }
     let mut response = next.run(request).await;
     if response.status() == StatusCode::OK {
-        response.headers_mut().insert(header::ETAG, tag);
-        // Ask again each time; the answer may be short.
+        response.headers_mut().insert(header::ETAG, etag);
+        // Clients shall revalidate each time.
         response.headers_mut().entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-cache"));
     }
     response
 }
 
-async fn tag(app: &App, subject: Subject) -> Result<Option<HeaderValue>, ApiError> {
+async fn etag_of(app: &App, subject: Subject) -> Result<Option<HeaderValue>, ApiError> {
     let Some(stored) = app.store.version(subject).await? else { return Ok(None) };
     let (start, progress) = (app.clock.started().0, app.progress.version(subject));
-    // Progress is counted anew from every start.
-    let tag = format!("\"{stored}.{progress}.{start:x}\"");
-    Ok(Some(HeaderValue::try_from(tag).expect("digits, signs and points")))
+    // Progress counts restart with the server.
+    let etag = format!("\"{stored}.{progress}.{start:x}\"");
+    Ok(Some(HeaderValue::try_from(etag).expect("digits, signs and points")))
 }
 
-/// Whether `if-none-match` names this tag.
-pub(super) fn has_seen(headers: &HeaderMap, tag: &HeaderValue) -> bool {
-    let tag = tag.to_str().unwrap_or_default();
+/// Whether `if-none-match` contains this etag.
+pub(super) fn matches_etag(headers: &HeaderMap, etag: &HeaderValue) -> bool {
+    let etag = etag.to_str().unwrap_or_default();
     let named = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
     named
         .flat_map(|value| value.split(','))
         .map(str::trim)
-        .any(|one| one == "*" || one.strip_prefix("W/").unwrap_or(one) == tag)
+        .any(|one| one == "*" || one.strip_prefix("W/").unwrap_or(one) == etag)
 }

@@ -1,8 +1,8 @@
-//! The stream of a connection, which knows whether answers are written and how fast the client reads them.
+//! The byte stream of a connection, with a minimum rate at which the client reads.
 //!
-//! hyper gives up the body of an answer when it has taken the last part of it, which may be long before the client has read
-//! it. A client that reads some bytes a second would keep its connection for hours: the system's own timeout of a connection ends
-//! only those that acknowledge nothing.
+//! hyper drops the body of an answer when it has taken its last part, possibly long before the client has read it. A client
+//! that reads some bytes per second would keep its connection for hours: the system's timeout only ends connections
+//! whose peer acknowledges nothing.
 
 use std::io::{self, IoSlice};
 use std::pin::Pin;
@@ -14,39 +14,39 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, Sleep, sleep};
 
-use super::table::Place;
+use crate::state::connections::ConnectionSlot;
 
-/// A client reads an answer at least this fast, on average over the time that it may pause for.
+/// Minimum rate at which a client reads an answer, on average over the body timeout.
 const MIN_BYTES_PER_S: f64 = 2048.0;
 
-/// The system takes so many bytes that it cannot send yet. Were there no limit, megabytes would count as read.
-/// A client that reads four times as fast as it must passes in spite of the steps of up to about 100 kB that this leaves.
+/// Maximum of bytes that the system takes before it can send them. Without it, megabytes would count as read.
+/// The remaining steps of about 100 kB let any client pass that reads four times faster than the minimum.
 #[cfg(target_os = "linux")]
 const MAX_UNSENT_BYTES: u32 = 32 * 1024;
 
 /// A stream that fails when its peer reads too slowly.
 pub(super) struct Paced {
     stream: TcpStream,
-    place: Arc<Place>,
-    /// The rate of reading is averaged over this.
+    slot: Arc<ConnectionSlot>,
+    /// Time over which the rate of reading is averaged.
     window: Duration,
-    /// Present while something waits to be written.
+    /// Present while bytes wait to be written.
     blocked: Option<Blocked>,
 }
 
-/// The part of an answer that was written in this window.
+/// Progress within one window.
 struct Blocked {
     written: usize,
     ends: Pin<Box<Sleep>>,
 }
 
 impl Paced {
-    pub(super) fn new(stream: TcpStream, place: Arc<Place>, window: Duration) -> Self {
+    pub(super) fn new(stream: TcpStream, slot: Arc<ConnectionSlot>, window: Duration) -> Self {
         #[cfg(target_os = "linux")]
         if let Err(error) = socket2::SockRef::from(&stream).set_tcp_notsent_lowat(MAX_UNSENT_BYTES) {
             tracing::debug!(%error, "a connection has no TCP_NOTSENT_LOWAT");
         }
-        Self { stream, place, window, blocked: None }
+        Self { stream, slot, window, blocked: None }
     }
 
     fn pace(
@@ -110,10 +110,10 @@ impl AsyncWrite for Paced {
         self.stream.is_write_vectored()
     }
 
-    /// hyper flushes when it has written all that it has.
+    /// hyper flushes when it has written everything.
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         self.blocked = None;
-        self.place.note_written();
+        self.slot.note_written();
         Pin::new(&mut self.stream).poll_flush(context)
     }
 
@@ -128,16 +128,16 @@ mod tests {
     use tokio::net::TcpListener;
     use tokio::time::timeout;
 
-    use super::super::table::Connections;
     use super::*;
+    use crate::state::Connections;
 
-    /// How writing ends for a client that reads so many bytes every 50 ms; none while it goes on. The timeout of the system is not set here.
+    /// The end of writing to a client that reads `bytes` every 50 ms; none if it goes on. The timeout of the system is not set here.
     async fn written_to(bytes: usize) -> Option<io::Result<()>> {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let mut client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
-        let place = Arc::new(Connections::new(4)).enter().unwrap();
+        let slot = Arc::new(Connections::new(4)).enter().unwrap();
         let (stream, _) = listener.accept().await.unwrap();
-        let mut stream = Paced::new(stream, place, Duration::from_secs(1));
+        let mut stream = Paced::new(stream, slot, Duration::from_secs(1));
         let reading = tokio::spawn(async move {
             let mut buffer = vec![0; bytes];
             while client.read(&mut buffer).await.is_ok_and(|read| read > 0) {
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_client_reads_at_a_minimum_rate() {
+    async fn slow_reader_is_cut_off_and_steady_reader_is_not() {
         let (slow, steady) = tokio::join!(written_to(10), written_to(50_000));
         assert_eq!(slow.unwrap().unwrap_err().kind(), io::ErrorKind::TimedOut);
         assert!(steady.is_none(), "{steady:?}");

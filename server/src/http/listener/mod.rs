@@ -1,16 +1,16 @@
-//! Serves connections: how many there may be at once, and how long a client may take to say what it wants.
+//! Accepts and serves connections, and bounds what slow clients cost.
 //!
 //! A client that sends half a request, or a body byte by byte, costs the server a file descriptor and some kilobytes. Four
-//! rules bound that cost. A request head must arrive within [`Timeouts::head`], which also ends connections that have been
-//! idle for so long. A request body must not pause for longer than [`Timeouts::body`]. An answer must be read
-//! at a minimum rate: see [`paced`]. And the number of connections has a
-//! limit: see [`Connections`] for what happens there.
+//! rules bound that cost:
 //!
-//! There is no limit for each peer address, since all workers of a site may share one.
+//! - A request head must arrive within [`Timeouts::head`]; idle connections end after the same time.
+//! - A request body must not pause for longer than [`Timeouts::body`].
+//! - A client must read an answer at a minimum rate, see [`paced`].
+//! - The number of connections is limited, see [`Connections`].
+//!
+//! Peer addresses have no limit of their own, since all workers of a site may share one.
 
 mod paced;
-mod streams;
-mod table;
 
 use std::io;
 use std::net::SocketAddr;
@@ -34,28 +34,26 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tower_http::timeout::TimeoutBody;
 
-use super::problem::{ApiError, Kind};
+use super::problem::{ApiError, ProblemKind};
 use super::safety;
+use crate::state::connections::{AnswerPermit, ConnectionSlot, Connections};
 use paced::Paced;
-pub(crate) use streams::StreamPlace;
-pub(crate) use table::Connections;
-use table::{Place, Turn};
 
-/// The longest request head accepted, in bytes. The longest that the dashboard or the command sends takes 5 kB.
+/// Maximum length of a request head, in bytes. The dashboard and the command send up to 5 kB.
 const MAX_HEAD_BYTES: usize = 16 * 1024;
 
-/// After an error of `accept` the server waits this long: nearly all of them stay for a while.
+/// Wait after an error of `accept`: nearly all such errors persist for a while.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
-/// A connection that was told to close gets so long for a request that came at that very moment.
+/// Time for a displaced connection to answer a request that arrived at that moment.
 const CLOSE_GRACE: Duration = Duration::from_secs(1);
 
-/// How long a client may take.
+/// Maximum times that a client may take.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timeouts {
     /// From the start of a connection, or the end of the last answer on it, to the end of the next request head.
     pub(crate) head: Duration,
-    /// From one part of a request body to the next, for the peer to acknowledge the bytes that were sent to it, and the time over which
+    /// From one part of a request body to the next, and until the peer acknowledges sent bytes. Also the time over which
     /// its rate of reading is averaged.
     pub(crate) body: Duration,
 }
@@ -73,23 +71,23 @@ pub(crate) async fn serve(
     loop {
         let accepted = tokio::select! {
             accepted = async {
-                connections.settled().await;
+                connections.wait_for_closing().await;
                 listener.accept().await
             } => accepted,
             () = stop.cancelled() => break,
         };
-        // A task that has ended takes memory until it is joined.
+        // Finished tasks take memory until they are joined.
         while tasks.try_join_next().is_some() {}
         match accepted {
             Ok((stream, peer)) => {
-                if let Some(place) = connections.enter() {
-                    tasks.spawn(attend((stream, peer), router.clone(), place, timeouts, stop.clone()));
+                if let Some(slot) = connections.enter() {
+                    tasks.spawn(attend((stream, peer), router.clone(), slot, timeouts, stop.clone()));
                 }
             }
             Err(error) if is_of_one_connection(&error) => {}
             Err(error) => {
-                // Without a file descriptor left, the place of a connection that waits is worth more to a new client.
-                connections.make_room(&error);
+                // The process may be out of file descriptors: free one for a new client.
+                connections.displace_one(&error);
                 let _ = stop.run_until_cancelled(tokio::time::sleep(ACCEPT_PAUSE)).await;
             }
         }
@@ -98,7 +96,7 @@ pub(crate) async fn serve(
     while tasks.join_next().await.is_some() {}
 }
 
-/// Whether the client gave up before it was accepted, which says nothing about the next one.
+/// Whether the error concerns this one client, which gave up before it was accepted.
 fn is_of_one_connection(error: &io::Error) -> bool {
     use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
     matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset)
@@ -108,54 +106,54 @@ fn is_of_one_connection(error: &io::Error) -> bool {
 async fn attend(
     (stream, peer): (TcpStream, SocketAddr),
     router: Arc<TowerToHyperService<Router>>,
-    place: Arc<Place>,
+    slot: Arc<ConnectionSlot>,
     timeouts: Timeouts,
     stop: CancellationToken,
 ) {
     end_stalled(&stream, timeouts.body);
-    let stream = Paced::new(stream, place.clone(), timeouts.body);
+    let stream = Paced::new(stream, slot.clone(), timeouts.body);
     let service = service_fn(|mut request: Request<Incoming>| {
         // For the audit log.
         request.extensions_mut().insert(ConnectInfo(peer));
-        let turn = place.begin(request.uri().path());
+        let permit = slot.begin(request.uri().path());
         let router = router.clone();
         async move {
-            let response = match &turn {
+            let response = match &permit {
                 Ok(_) => router.call(request.map(|body| patient(body, timeouts.body))).await,
                 Err(refused) => Ok(busy(refused.limit)),
             };
-            response.map(|response| response.map(|body| Answer { body, _turn: turn.ok() }))
+            response.map(|response| response.map(|body| Answer { body, _permit: permit.ok() }))
         }
     });
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(timeouts.head).max_header_size(MAX_HEAD_BYTES);
     let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service));
-    let mut leaves = pin!(place.leaves(&stop));
+    let mut close = pin!(slot.wait_for_close(&stop));
     let is_displaced = tokio::select! {
-        ended = connection.as_mut() => return note(ended),
-        is_displaced = leaves.as_mut() => is_displaced,
+        ended = connection.as_mut() => return log_early_end(ended),
+        is_displaced = close.as_mut() => is_displaced,
     };
-    // Nothing was asked on it yet, or only half: there is nothing to finish.
-    if !place.has_asked() {
+    // Without a whole request there is no answer to finish.
+    if !slot.has_had_request() {
         return;
     }
     connection.as_mut().graceful_shutdown();
     if !is_displaced {
-        note(connection.await);
-    } else if !place.is_unread()
+        log_early_end(connection.await);
+    } else if !slot.is_unread()
         && let Ok(ended) = tokio::time::timeout(CLOSE_GRACE, connection).await
     {
-        note(ended);
+        log_early_end(ended);
     }
 }
 
-fn note(ended: hyper::Result<()>) {
+fn log_early_end(ended: hyper::Result<()>) {
     if let Err(error) = ended {
         tracing::trace!(%error, "a connection ended early");
     }
 }
 
-/// Has the system end a connection whose peer acknowledges nothing, or reads nothing, for so long.
+/// Lets the system end a connection whose peer acknowledges nothing, or reads nothing, for this long.
 fn end_stalled(stream: &TcpStream, after: Duration) {
     #[cfg(target_os = "linux")]
     {
@@ -173,24 +171,24 @@ fn patient(body: Incoming, pause: Duration) -> Body {
     if body.is_end_stream() { Body::empty() } else { Body::new(TimeoutBody::new(pause, body)) }
 }
 
-/// The answer to a request that is one too many.
+/// The answer to a request above the limit.
 fn busy(limit: usize) -> Response {
     let detail = format!(
-        "the server answers {limit} requests already (from max_connections, which the operator can set); try again later"
+        "the server already answers {limit} requests (a part of max_connections, which the operator can set): try again later"
     );
-    let mut response = ApiError::new(Kind::Unavailable, detail).into_response();
+    let mut response = ApiError::new(ProblemKind::Unavailable, detail).into_response();
     let headers = response.headers_mut();
     headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
     headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
-    // It did not come through the router, which completes all others.
+    // Other answers get these headers in the router.
     safety::protect(&mut response, false);
     response
 }
 
-/// The body of an answer; its connection answers until hyper has taken the last of it.
+/// The body of an answer, which holds the permit until hyper has taken its last part.
 struct Answer {
     body: Body,
-    _turn: Option<Turn>,
+    _permit: Option<AnswerPermit>,
 }
 
 impl HttpBody for Answer {

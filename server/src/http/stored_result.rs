@@ -1,0 +1,44 @@
+//! Series of stored result documents, whose numbers are passed on as text.
+//!
+//! A document was checked when it was delivered. Parsing its numbers only to write them again would take most of the time of
+//! a request.
+
+use std::borrow::Cow;
+
+use serde::Deserialize;
+use serde_json::value::RawValue;
+
+use super::problem::{ApiError, ProblemKind};
+
+/// One series of a document.
+#[derive(Deserialize)]
+pub(super) struct StoredSeries<'a> {
+    #[serde(borrow)]
+    pub(super) name: Cow<'a, str>,
+    #[serde(borrow)]
+    pub(super) unit: Cow<'a, str>,
+    #[serde(borrow)]
+    pub(super) t_s: &'a RawValue,
+    #[serde(borrow)]
+    pub(super) values: &'a RawValue,
+}
+
+/// The series of a document.
+pub(super) fn series_of(document: &str) -> Result<Vec<StoredSeries<'_>>, ApiError> {
+    #[derive(Deserialize)]
+    struct OnlySeries<'a> {
+        #[serde(borrow)]
+        series: Vec<StoredSeries<'a>>,
+    }
+    let stored: OnlySeries<'_> = serde_json::from_str(document).map_err(|error| unreadable(&error))?;
+    Ok(stored.series)
+}
+
+/// Parses the times or the values of a series.
+pub(super) fn numbers(text: &RawValue) -> Result<Vec<f64>, ApiError> {
+    serde_json::from_str(text.get()).map_err(|error| unreadable(&error))
+}
+
+fn unreadable(error: &serde_json::Error) -> ApiError {
+    ApiError::new(ProblemKind::Internal, format!("the stored result cannot be read: {error}"))
+}

@@ -1,0 +1,74 @@
+//! The state of a running server, which every request handler shares.
+//!
+//! These modules know no HTTP: `http` imports `state`, never the reverse.
+
+mod access;
+pub(crate) mod audit;
+pub(crate) mod connections;
+mod mesh_cache;
+mod metrics;
+mod progress;
+mod samples;
+mod sweep_cache;
+
+use std::sync::Arc;
+
+use roost_api::prune::Pruning;
+use roost_api::sweep::SweepView;
+use roost_api::time::Timestamp;
+use tokio::sync::{Notify, RwLock, Semaphore};
+use tokio_util::sync::CancellationToken;
+
+use crate::clock::Clock;
+use crate::config::ServerConfig;
+use crate::store::{Store, StoreError};
+use crate::sweep::Response;
+pub(crate) use access::{Access, AccessError, Caller};
+pub(crate) use connections::Connections;
+pub(crate) use mesh_cache::{MeshCache, MeshCacheError};
+pub(crate) use metrics::{AnsweredRequest, MachineUsage, Metrics, RequestKind};
+pub(crate) use progress::ProgressBoard;
+pub(crate) use samples::Followed;
+pub(crate) use sweep_cache::SweepCache;
+
+/// A handle to the state.
+pub(crate) type App = Arc<AppState>;
+
+/// The state of a running server.
+pub(crate) struct AppState {
+    pub(crate) config: ServerConfig,
+    pub(crate) store: Store,
+    pub(crate) clock: Clock,
+    /// The newest time in the database when the server started.
+    pub(crate) newest_at_start: Option<Timestamp>,
+    /// Wakes claims that wait for work.
+    pub(crate) work: Notify,
+    /// Memory budget of deliveries that are being recorded, in KiB of their bodies.
+    pub(crate) delivery_budget: Arc<Semaphore>,
+    /// STL files that are read and stored at once.
+    pub(crate) upload_slots: Arc<Semaphore>,
+    /// Views of sweeps.
+    pub(crate) sweep_views: SweepCache<SweepView>,
+    /// Names and types of the responses of sweeps.
+    pub(crate) sweep_responses: SweepCache<Arc<Vec<Response>>>,
+    /// Meshes for the checks of submissions.
+    pub(crate) mesh_cache: MeshCache,
+    /// Submissions that may name a mesh hold this for reading; pruning holds it for writing while it deletes meshes.
+    pub(crate) mesh_gate: RwLock<()>,
+    pub(crate) connections: Arc<Connections>,
+    pub(crate) metrics: Metrics,
+    pub(crate) access: Access,
+    /// Limits the audit lines about refused requests.
+    pub(crate) refusal_limit: audit::RefusalLimit,
+    /// Ends everything that waits.
+    pub(crate) shutdown: CancellationToken,
+    /// Progress and samples of running jobs.
+    pub(crate) progress: ProgressBoard,
+}
+
+impl AppState {
+    /// Deletes what ended before `then`, and returns what was deleted.
+    pub(crate) async fn prune(&self, then: Timestamp) -> Result<Pruning, StoreError> {
+        self.store.prune(then, self.clock.now(), &self.mesh_gate).await
+    }
+}

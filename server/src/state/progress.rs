@@ -1,0 +1,159 @@
+//! Progress and samples of running jobs: in memory only, never written to the database.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use roost_api::ids::{JobId, SweepId};
+use roost_api::job::{JobState, JobView};
+use roost_api::lease::SeriesPart;
+use roost_api::worker::WorkerView;
+use roost_api::{Progress, Series};
+
+use super::samples::{Followed, MAX_OF_ALL, Samples};
+use crate::store::Subject;
+
+/// The newest progress and the samples of every running job, with a count of changes per job, per sweep and in total.
+#[derive(Default)]
+pub(crate) struct ProgressBoard(Mutex<Board>);
+
+#[derive(Default)]
+struct Board {
+    jobs: HashMap<JobId, JobProgress>,
+    sweeps: HashMap<SweepId, u64>,
+    samples: HashMap<JobId, Samples>,
+    /// Samples of all jobs.
+    sampled: usize,
+    changes: u64,
+}
+
+struct JobProgress {
+    progress: Progress,
+    sweep: Option<SweepId>,
+    changes: u64,
+}
+
+impl Board {
+    fn count(&mut self, sweep: Option<SweepId>) -> u64 {
+        self.changes += 1;
+        if let Some(sweep) = sweep {
+            self.sweeps.insert(sweep, self.changes);
+        }
+        self.changes
+    }
+}
+
+impl ProgressBoard {
+    fn lock(&self) -> MutexGuard<'_, Board> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Stores the progress of a job.
+    pub(crate) fn set(&self, job: JobId, sweep: Option<SweepId>, progress: Progress) {
+        let mut board = self.lock();
+        if board.jobs.get(&job).is_some_and(|known| known.progress == progress) {
+            return;
+        }
+        let changes = board.count(sweep);
+        board.jobs.insert(job, JobProgress { progress, sweep, changes });
+    }
+
+    /// Removes a job that no longer runs.
+    pub(crate) fn remove(&self, job: JobId) {
+        let mut board = self.lock();
+        let removed = board.samples.remove(&job);
+        board.sampled -= removed.map_or(0, |samples| samples.count());
+        if let Some(removed) = board.jobs.remove(&job) {
+            board.count(removed.sweep);
+        }
+    }
+
+    /// Appends new samples of an attempt; false if samples before them are missing.
+    pub(crate) fn append(
+        &self,
+        (job, attempt): (JobId, u32),
+        sweep: Option<SweepId>,
+        parts: Vec<SeriesPart>,
+    ) -> bool {
+        let mut board = self.lock();
+        let now = board.count(sweep);
+        let Board { samples, sampled, .. } = &mut *board;
+        let samples = samples.entry(job).or_default();
+        if samples.attempt() != attempt {
+            *sampled -= samples.count();
+            *samples = Samples::new(attempt);
+        }
+        let others = *sampled - samples.count();
+        let mut is_complete = true;
+        for part in parts {
+            // Every part is taken, even after one that has a gap.
+            is_complete &= samples.take(part, MAX_OF_ALL.saturating_sub(others + samples.count()), now);
+        }
+        *sampled = others + samples.count();
+        is_complete
+    }
+
+    /// The series of a running job so far.
+    pub(crate) fn series(&self, job: JobId) -> Vec<Series> {
+        self.lock().samples.get(&job).map(Samples::series).unwrap_or_default()
+    }
+
+    /// The samples of a running job that a follower has not received.
+    pub(crate) fn new_samples(&self, job: JobId, followed: &mut Vec<Followed>) -> Vec<SeriesPart> {
+        self.lock().samples.get(&job).map(|samples| samples.news(followed)).unwrap_or_default()
+    }
+
+    /// The jobs on the board.
+    pub(crate) fn jobs(&self) -> Vec<JobId> {
+        let board = self.lock();
+        board
+            .jobs
+            .keys()
+            .chain(board.samples.keys().filter(|job| !board.jobs.contains_key(*job)))
+            .copied()
+            .collect()
+    }
+
+    /// The sweep of a job, if it has one; the outer `None` is a job without progress.
+    pub(crate) fn sweep_of(&self, job: JobId) -> Option<Option<SweepId>> {
+        self.lock().jobs.get(&job).map(|known| known.sweep)
+    }
+
+    /// The count of changes of a subject. It starts anew with the server.
+    pub(crate) fn version(&self, subject: Subject) -> u64 {
+        let board = self.lock();
+        match subject {
+            Subject::Everything | Subject::Workers => board.changes,
+            Subject::Job(job) => {
+                let sampled = board.samples.get(&job).map_or(0, |samples| samples.changes);
+                board.jobs.get(&job).map_or(0, |known| known.changes).max(sampled)
+            }
+            Subject::Sweep(sweep) => board.sweeps.get(&sweep).copied().unwrap_or(0),
+            Subject::Meshes => 0,
+        }
+    }
+
+    /// Adds the progress to the view of a running job.
+    pub(crate) fn add_to_job(&self, job: &mut JobView) {
+        if job.state == JobState::Running {
+            job.progress = self.lock().jobs.get(&job.id).map(|known| known.progress.clone());
+        }
+    }
+
+    /// Adds the progress and the speed of its jobs to the view of a worker.
+    pub(crate) fn add_to_worker(&self, worker: &mut WorkerView) {
+        let board = self.lock();
+        let known = worker.running.iter().map(|job| board.jobs.get(job).map(|known| known.progress.clone()));
+        worker.progress = known.collect();
+        let moving = worker.progress.iter().flatten().filter(|progress| progress.wall_s > 0.0);
+        let speeds: Vec<f64> =
+            moving.map(|progress| progress.particle_steps as f64 / progress.wall_s).collect();
+        worker.particle_steps_per_s = (!speeds.is_empty()).then(|| speeds.iter().sum());
+    }
+
+    /// The sum of the completed fractions of these jobs.
+    pub(crate) fn completed(&self, jobs: &[JobId]) -> f64 {
+        let board = self.lock();
+        let known = jobs.iter().filter_map(|job| board.jobs.get(job));
+        known.map(|known| known.progress.fraction.clamp(0.0, 1.0)).sum()
+    }
+}
