@@ -1,9 +1,9 @@
-//! Embeds what the server carries beside its code: the migrations, and plotly.js for the dashboard, packed.
+//! Embeds what the server carries beside its code: the migrations, the files of the dashboard, and plotly.js from the crate that contains it.
 //!
-//! `sqlx::migrate!` would embed the migrations too, but it compiles SQLite a second time, for the macro: 55 s of the first build.
+//! `sqlx::migrate!` would embed the migrations too, but its macro compiles SQLite a second time: 55 s of the first build.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 use flate2::Compression;
@@ -12,26 +12,34 @@ use flate2::write::GzEncoder;
 fn main() {
     println!("cargo:rerun-if-changed=../migrations");
     println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=dashboard");
     let out = env::var("OUT_DIR").expect("cargo sets it");
-    fs::write(Path::new(&out).join("migrations.rs"), migrations()).expect("OUT_DIR can be written");
+    let root = Path::new(&env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).to_owned();
+    for (list, folder) in [("migrations.rs", "../migrations"), ("dashboard.rs", "dashboard")] {
+        fs::write(Path::new(&out).join(list), file_list(&root.join(folder))).expect("OUT_DIR can be written");
+    }
     let mut packed = GzEncoder::new(Vec::new(), Compression::best());
     packed.write_all(first_script(&plotly::Plot::offline_js_sources()).as_bytes()).expect("memory takes it");
     let packed = packed.finish().expect("memory takes it");
     fs::write(Path::new(&out).join("plotly.min.js.gz"), packed).expect("OUT_DIR can be written");
 }
 
-/// A Rust array of (file name, SQL text) of all migrations, in order.
-fn migrations() -> String {
-    let folder = fs::canonicalize("../migrations").expect("the folder of migrations exists");
-    let entries = fs::read_dir(folder).expect("the folder of migrations can be read");
-    let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry can be read").path()).collect();
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "sql"));
-    paths.sort();
-    let row = |path: &Path| {
-        let name = path.file_stem().expect("a migration has a name");
-        format!("({name:?}, include_str!({path:?})),\n")
+/// A Rust expression: name and content of every file below a folder.
+fn file_list(root: &Path) -> String {
+    let mut folders = vec![root.to_owned()];
+    let mut files: Vec<PathBuf> = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).expect("the folder can be read") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() { folders.push(path) } else { files.push(path) }
+        }
+    }
+    files.sort();
+    let entry = |path: &PathBuf| {
+        let name = path.strip_prefix(root).expect("below the folder").to_string_lossy().replace('\\', "/");
+        format!("({name:?}, include_bytes!({path:?}) as &[u8]),\n")
     };
-    format!("&[\n{}]", paths.iter().map(|path| row(path)).collect::<String>())
+    format!("&[\n{}]", files.iter().map(entry).collect::<String>())
 }
 
 /// The first script among the crate's: plotly.js, before MathJax.

@@ -3,6 +3,7 @@
 //! Every page is the same HTML file, whose module `server/dashboard/main.js` selects the content by path. The content security
 //! policy lets a page load from this server only, evaluate no text as code, and be framed by no site.
 
+use std::collections::HashMap;
 use std::sync::LazyLock;
 
 use axum::Router;
@@ -27,7 +28,6 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
 
 /// A file of the dashboard.
 struct Asset {
-    name: &'static str,
     content_type: &'static str,
     /// Compressed with gzip, which every browser supports.
     is_gzip: bool,
@@ -35,66 +35,22 @@ struct Asset {
     etag: HeaderValue,
 }
 
-/// Declares files of `server/dashboard/` by their path there.
-macro_rules! assets {
-    ($($name:literal),* $(,)?) => {
-        vec![$(Asset::new($name, include_bytes!(concat!("../../dashboard/", $name)))),*]
-    };
-}
+/// Name and content of every file of `server/dashboard/`; the build script writes the list.
+const FILES: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/dashboard.rs"));
 
-static SHELL: LazyLock<Asset> =
-    LazyLock::new(|| Asset::new("page.html", include_bytes!("../../dashboard/page.html")));
+/// The HTML file of all pages.
+const PAGE: &str = "page.html";
 
-static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
-    let mut assets = assets![
-        "style.css",
-        "mark.svg",
-        "main.js",
-        "document.js",
-        "dom.js",
-        "api.js",
-        "format.js",
-        "parts.js",
-        "session.js",
-        "measures.js",
-        "outputs.js",
-        "pages/sweeps.js",
-        "pages/sweep.js",
-        "pages/job.js",
-        "pages/workers.js",
-        "pages/compare.js",
-        "pages/submit.js",
-        "sections/curves.js",
-        "sections/extend.js",
-        "sections/head.js",
-        "sections/series.js",
-        "sections/tables.js",
-        "plots/plot.js",
-        "plots/response.js",
-        "plots/map.js",
-        "plots/effects.js",
-        "plots/curves.js",
-        "plots/parallel.js",
-        "plots/surface.js",
-        "plots/forms/forms.js",
-        "plots/forms/lines.js",
-        "plots/forms/drop.js",
-        "plots/forms/bend.js",
-        "plots/forms/slide.js",
-        "plots/forms/compress.js",
-        "playback/frames.js",
-        "playback/unpack.js",
-        "playback/scene.js",
-        "playback/camera.js",
-        "playback/player.js",
-    ];
+/// Every file by its name.
+static ASSETS: LazyLock<HashMap<&str, Asset>> = LazyLock::new(|| {
     let plotly = include_bytes!(concat!(env!("OUT_DIR"), "/plotly.min.js.gz"));
-    assets.push(Asset { is_gzip: true, ..Asset::new("plotly.min.js", plotly) });
-    assets
+    let plotly = ("plotly.min.js", Asset { is_gzip: true, ..Asset::new("plotly.min.js", plotly) });
+    let files = FILES.iter().map(|(name, bytes)| (*name, Asset::new(name, bytes)));
+    files.chain([plotly]).collect()
 });
 
 impl Asset {
-    fn new(name: &'static str, bytes: &'static [u8]) -> Self {
+    fn new(name: &str, bytes: &'static [u8]) -> Self {
         let content_type = match name.rsplit('.').next() {
             Some("html") => "text/html; charset=utf-8",
             Some("css") => "text/css; charset=utf-8",
@@ -103,7 +59,7 @@ impl Asset {
         };
         let etag = format!("\"{}\"", &blake3::hash(bytes).to_hex()[..32]);
         let etag = HeaderValue::try_from(etag).expect("hexadecimal digits");
-        Self { name, content_type, is_gzip: false, bytes, etag }
+        Self { content_type, is_gzip: false, bytes, etag }
     }
 
     /// The file, or 304 if the browser has it. Browsers revalidate each time: a new server has new files under the same names.
@@ -132,20 +88,20 @@ const fn fixed(value: &'static str) -> HeaderValue {
 
 /// Routes of pages and files.
 pub(super) fn router() -> Router<App> {
-    let pages = PAGES.iter().fold(Router::new(), |router, path| router.route(path, get(shell)));
+    let pages = PAGES.iter().fold(Router::new(), |router, path| router.route(path, get(page)));
     pages
         .route("/dashboard/session", post(session::begin).delete(session::end))
         .route("/dashboard/{*file}", get(file))
 }
 
-async fn shell(headers: HeaderMap) -> Response {
-    SHELL.answer(&headers)
+async fn page(headers: HeaderMap) -> Response {
+    ASSETS[PAGE].answer(&headers)
 }
 
-async fn file(Path(file): Path<String>, headers: HeaderMap) -> Result<Response, ApiError> {
-    let asset = ASSETS.iter().find(|asset| asset.name == file);
+async fn file(Path(name): Path<String>, headers: HeaderMap) -> Result<Response, ApiError> {
+    let asset = ASSETS.get(name.as_str()).filter(|_| name != PAGE);
     let asset = asset.ok_or_else(|| {
-        ApiError::new(ProblemKind::NotFound, "the dashboard has no such file: / is its first page")
+        ApiError::new(ProblemKind::NotFound, format!("the dashboard has no file {name}: its first page is /"))
     })?;
     Ok(asset.answer(&headers))
 }
