@@ -1,4 +1,4 @@
-//! Tokens, scopes and rates.
+//! Access tokens: scopes, rates, sessions, foreign pages.
 
 use std::time::{Duration, Instant};
 
@@ -8,17 +8,17 @@ use roost_api::token::Scope;
 use roost_server::{Server, ServerConfig, ServerError, tokens_in};
 use serde_json::{Value, json};
 
-use super::farm::*;
+use super::test_server::*;
 
 /// Status and body of a request with a token.
 async fn ask(
-    farm: &Farm,
+    server: &TestServer,
     method: Method,
     path: &str,
     token: Option<&str>,
     body: Option<&Value>,
 ) -> (u16, String) {
-    let mut request = farm.http.request(method, format!("http://{}{path}", farm.address));
+    let mut request = server.http.request(method, format!("http://{}{path}", server.address));
     if let Some(token) = token {
         request = request.bearer_auth(token);
     }
@@ -29,12 +29,12 @@ async fn ask(
     (response.status().as_u16(), response.text().await.unwrap())
 }
 
-async fn get(farm: &Farm, path: &str, token: Option<&str>) -> (u16, String) {
-    ask(farm, Method::GET, path, token, None).await
+async fn get(server: &TestServer, path: &str, token: Option<&str>) -> (u16, String) {
+    ask(server, Method::GET, path, token, None).await
 }
 
 #[tokio::test]
-async fn with_a_token_every_request_needs_one_and_each_scope_allows_its_own() {
+async fn every_request_needs_a_token_with_its_scope() {
     let dir = tempfile::tempdir().unwrap();
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let mut secrets = Vec::new();
@@ -42,9 +42,9 @@ async fn with_a_token_every_request_needs_one_and_each_scope_allows_its_own() {
         secrets.push(tokens.create(scope.as_str(), &[scope], Timestamp::now()).await.unwrap().1);
     }
     tokens.close().await.unwrap();
-    let farm = Farm::on(dir.path(), |_| {}).await;
+    let server = TestServer::on(dir.path(), |_| {}).await;
     for open in ["/healthz", "/readyz", "/openapi.json"] {
-        assert_eq!(get(&farm, open, None).await.0, 200, "{open}");
+        assert_eq!(get(&server, open, None).await.0, 200, "{open}");
     }
     let job = envelope(1);
     let worker = registration(&roost_api::ids::WorkerId::new().to_string(), "cpu");
@@ -59,35 +59,35 @@ async fn with_a_token_every_request_needs_one_and_each_scope_allows_its_own() {
         (Method::POST, drain.as_str(), None, [401, 404, 403, 403, 403]),
         (Method::POST, "/v1/validate", Some(&job), [401, 200, 200, 200, 403]),
     ] {
-        let mut answers = vec![ask(&farm, method.clone(), path, None, body).await.0];
+        let mut answers = vec![ask(&server, method.clone(), path, None, body).await.0];
         for secret in &secrets {
-            answers.push(ask(&farm, method.clone(), path, Some(secret), body).await.0);
+            answers.push(ask(&server, method.clone(), path, Some(secret), body).await.0);
         }
         assert_eq!(answers, expected, "{method} {path}");
     }
-    let (status, text) = get(&farm, "/v1/jobs", Some("roost_guessed")).await;
+    let (status, text) = get(&server, "/v1/jobs", Some("roost_guessed")).await;
     assert!(status == 401 && text.contains("/problems/unauthorized"), "{text}");
-    let (_, text) = get(&farm, "/v1/jobs", Some(&secrets[3])).await;
+    let (_, text) = get(&server, "/v1/jobs", Some(&secrets[3])).await;
     assert!(text.contains("/problems/forbidden") && text.contains("scope read"), "{text}");
-    assert_eq!(get(&farm, "/v1/nothing", None).await.0, 404);
-    farm.stop().await;
+    assert_eq!(get(&server, "/v1/nothing", None).await.0, 404);
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_running_server_follows_what_is_made_and_revoked() {
-    let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(1)).await;
-    assert_eq!(get(&farm, "/v1/jobs", None).await.0, 200, "open without tokens");
+async fn running_server_follows_created_and_revoked_tokens() {
+    let (server, dir) = TestServer::with(|config| config.lease = Duration::from_secs(1)).await;
+    assert_eq!(get(&server, "/v1/jobs", None).await.0, 200, "open without tokens");
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (view, secret) = tokens.create("", &[Scope::Read], Timestamp::now()).await.unwrap();
     let until = async |token: Option<&str>, status: u16| {
         let deadline = Instant::now() + Duration::from_secs(20);
-        while get(&farm, "/v1/jobs", token).await.0 != status {
+        while get(&server, "/v1/jobs", token).await.0 != status {
             assert!(Instant::now() < deadline, "still not {status}");
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
     until(None, 401).await;
-    assert_eq!(get(&farm, "/v1/jobs", Some(&secret)).await.0, 200);
+    assert_eq!(get(&server, "/v1/jobs", Some(&secret)).await.0, 200);
     let (_, other) = tokens.create("", &[Scope::Read], Timestamp::now()).await.unwrap();
     assert!(tokens.revoke(&view.id, Timestamp::now()).await.unwrap());
     assert!(!tokens.revoke(&view.id, Timestamp::now()).await.unwrap(), "once");
@@ -97,22 +97,22 @@ async fn a_running_server_follows_what_is_made_and_revoked() {
     assert!(listed[1].revoked_at.is_some() && listed[0].revoked_at.is_none());
     assert!(!format!("{listed:?}").contains(&secret[6..]), "no secret is kept");
     tokens.close().await.unwrap();
-    farm.stop().await;
+    server.stop().await;
     let database = std::fs::read(dir.path().join("roost.db")).unwrap();
     assert!(!database.windows(secret.len()).any(|bytes| bytes == secret.as_bytes()), "no secret is kept");
 }
 
-/// Asks until the answer has that status, which a change of tokens takes up to a second to bring.
-async fn until_answered(farm: &Farm, token: Option<&str>, status: u16) {
+/// Repeats a request until it has this status: token changes take effect within a second.
+async fn until_answered(server: &TestServer, token: Option<&str>, status: u16) {
     let deadline = Instant::now() + Duration::from_secs(20);
-    while get(farm, "/v1/jobs", token).await.0 != status {
+    while get(server, "/v1/jobs", token).await.0 != status {
         assert!(Instant::now() < deadline, "still not {status}");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
 
 #[tokio::test]
-async fn without_its_last_token_a_server_is_closed_and_stays_closed() {
+async fn server_without_its_last_token_stays_closed() {
     for listen in ["127.0.0.1:0", "0.0.0.0:0"] {
         let dir = tempfile::tempdir().unwrap();
         let mut tokens = tokens_in(dir.path(), true).await.unwrap();
@@ -121,22 +121,22 @@ async fn without_its_last_token_a_server_is_closed_and_stays_closed() {
             config.listen = listen.parse().unwrap();
             config.lease = Duration::from_secs(1);
         };
-        let farm = Farm::on(dir.path(), set).await;
-        let (_, job) = ask(&farm, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
+        let server = TestServer::on(dir.path(), set).await;
+        let (_, job) = ask(&server, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
         let job: Value = serde_json::from_str(&job).unwrap();
         let events = format!("/v1/jobs/{}/events", text(&job["id"]));
-        let url = format!("http://{}{events}", farm.address);
-        let mut stream = farm.http.get(url).bearer_auth(&secret).send().await.unwrap();
+        let url = format!("http://{}{events}", server.address);
+        let mut stream = server.http.get(url).bearer_auth(&secret).send().await.unwrap();
         assert!(stream.chunk().await.unwrap().is_some(), "it begins with the job");
 
         assert!(tokens.has_valid().await.unwrap());
         tokens.revoke(&view.id, Timestamp::now()).await.unwrap();
         assert!(!tokens.has_valid().await.unwrap());
         tokens.close().await.unwrap();
-        until_answered(&farm, Some(&secret), 401).await;
+        until_answered(&server, Some(&secret), 401).await;
         let ended = async { while stream.chunk().await.unwrap().is_some() {} };
         tokio::time::timeout(Duration::from_secs(10), ended).await.expect("the stream ends");
-        let closed = async |farm: &Farm| {
+        let closed = async |server: &TestServer| {
             let closed = [
                 (Method::GET, "/v1/jobs"),
                 (Method::GET, &events),
@@ -145,17 +145,17 @@ async fn without_its_last_token_a_server_is_closed_and_stays_closed() {
                 (Method::POST, "/dashboard/session"),
             ];
             for (method, path) in closed {
-                let request = farm.http.request(method.clone(), format!("http://{}{path}", farm.address));
+                let request = server.http.request(method.clone(), format!("http://{}{path}", server.address));
                 let answer = request.header("host", "localhost").send().await.unwrap();
                 assert_eq!(answer.status(), 401, "{listen}: {method} {path}");
             }
         };
-        closed(&farm).await;
-        farm.stop().await;
+        closed(&server).await;
+        server.stop().await;
         if listen.starts_with("127") {
-            let farm = Farm::on(dir.path(), set).await;
-            closed(&farm).await;
-            farm.stop().await;
+            let server = TestServer::on(dir.path(), set).await;
+            closed(&server).await;
+            server.stop().await;
         } else {
             let config = ServerConfig {
                 listen: listen.parse().unwrap(),
@@ -169,12 +169,12 @@ async fn without_its_last_token_a_server_is_closed_and_stays_closed() {
 }
 
 #[tokio::test]
-async fn the_scheme_of_a_token_has_no_case() {
+async fn authentication_scheme_ignores_case() {
     let dir = tempfile::tempdir().unwrap();
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (_, secret) = tokens.create("", &[Scope::Read], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
-    let farm = Farm::on(dir.path(), |_| {}).await;
+    let server = TestServer::on(dir.path(), |_| {}).await;
     for (sent, status) in [
         (format!("Bearer {secret}"), 200),
         (format!("bearer {secret}"), 200),
@@ -183,18 +183,18 @@ async fn the_scheme_of_a_token_has_no_case() {
         (format!("Bearer{secret}"), 401),
         (secret.clone(), 401),
     ] {
-        let request = farm.http.get(format!("http://{}/v1/jobs", farm.address));
+        let request = server.http.get(format!("http://{}/v1/jobs", server.address));
         assert_eq!(request.header("authorization", &sent).send().await.unwrap().status(), status, "{sent}");
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn an_open_server_refuses_a_foreign_origin_where_the_browser_names_no_site() {
-    let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(1)).await;
-    let own = format!("http://{}", farm.address);
+async fn open_server_refuses_a_foreign_origin() {
+    let (server, dir) = TestServer::with(|config| config.lease = Duration::from_secs(1)).await;
+    let own = format!("http://{}", server.address);
     let post = async |origin: &str, site: Option<&str>, token: Option<&str>| {
-        let request = farm.http.post(format!("{own}/v1/prune?older_than_s=0")).header("origin", origin);
+        let request = server.http.post(format!("{own}/v1/prune?older_than_s=0")).header("origin", origin);
         let request = site.iter().fold(request, |request, site| request.header("sec-fetch-site", *site));
         let answer =
             token.iter().fold(request, |request, token| request.bearer_auth(token)).send().await.unwrap();
@@ -209,7 +209,7 @@ async fn an_open_server_refuses_a_foreign_origin_where_the_browser_names_no_site
             "{foreign}: {text}"
         );
     }
-    let read = farm.http.get(format!("{own}/v1/jobs")).header("origin", "https://evil.example");
+    let read = server.http.get(format!("{own}/v1/jobs")).header("origin", "https://evil.example");
     assert_eq!(read.send().await.unwrap().status(), 403, "reading too");
     // A proxy sends `host: localhost`, so that the origin is another; the browser knows better.
     assert_eq!(post("https://roost.example", Some("same-origin"), None).await.0, 200);
@@ -217,13 +217,13 @@ async fn an_open_server_refuses_a_foreign_origin_where_the_browser_names_no_site
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (_, secret) = tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
-    until_answered(&farm, None, 401).await;
+    until_answered(&server, None, 401).await;
     assert_eq!(post("https://evil.example", None, Some(&secret)).await.0, 200, "no page has the token");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn other_addresses_take_a_token() {
+async fn public_address_needs_a_token() {
     let dir = tempfile::tempdir().unwrap();
     let config = ServerConfig {
         listen: "0.0.0.0:0".parse().unwrap(),
@@ -242,11 +242,11 @@ async fn other_addresses_take_a_token() {
 }
 
 #[tokio::test]
-async fn who_asks_too_often_is_told_the_limit_and_when_to_come_back() {
-    let (farm, _dir) = Farm::with(|config| config.max_requests_per_s = 5).await;
+async fn request_above_the_rate_gets_limit_and_retry_time() {
+    let (server, _dir) = TestServer::with(|config| config.max_requests_per_s = 5).await;
     let mut answers = Vec::new();
     for _ in 0..40 {
-        let response = farm.http.get(format!("http://{}/v1/version", farm.address)).send().await.unwrap();
+        let response = server.http.get(format!("http://{}/v1/version", server.address)).send().await.unwrap();
         let wait = response.headers().get("retry-after").map(|value| value.to_str().unwrap().to_owned());
         answers.push((response.status().as_u16(), wait, response.text().await.unwrap()));
     }
@@ -256,16 +256,16 @@ async fn who_asks_too_often_is_told_the_limit_and_when_to_come_back() {
     assert_eq!(wait.as_deref(), Some("1"));
     let problem: Value = serde_json::from_str(text).unwrap();
     assert_eq!(problem["type"], json!("/problems/too-many-requests"));
-    assert!(text.contains("max_requests_per_s") && text.contains("more than 5"), "{text}");
-    farm.stop().await;
+    assert!(text.contains("max_requests_per_s") && text.contains("exceeded 5"), "{text}");
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn pages_of_others_change_nothing_and_without_tokens_other_names_are_not_answered_to() {
-    let (farm, dir) = Farm::with(|config| config.lease = Duration::from_secs(1)).await;
-    let at = |path: &str| format!("http://{}{path}", farm.address);
+async fn foreign_pages_change_nothing_and_open_servers_refuse_foreign_hosts() {
+    let (server, dir) = TestServer::with(|config| config.lease = Duration::from_secs(1)).await;
+    let at = |path: &str| format!("http://{}{path}", server.address);
     let post = |site: Option<&str>| {
-        let request = farm.http.post(at("/v1/prune?older_than_s=0"));
+        let request = server.http.post(at("/v1/prune?older_than_s=0"));
         site.iter().fold(request, |request, site| request.header("sec-fetch-site", *site))
     };
     for (site, status) in [
@@ -280,11 +280,11 @@ async fn pages_of_others_change_nothing_and_without_tokens_other_names_are_not_a
         let text = answer.text().await.unwrap();
         assert!(status == 200 || text.contains("/problems/cross-site"), "{text}");
     }
-    let read = farm.http.get(at("/v1/jobs")).header("sec-fetch-site", "cross-site").send().await.unwrap();
+    let read = server.http.get(at("/v1/jobs")).header("sec-fetch-site", "cross-site").send().await.unwrap();
     assert_eq!(read.status(), 200, "a link to a page of ours");
 
     let named = async |host: &str, token: Option<&str>| {
-        let request = farm.http.get(at("/v1/jobs")).header("host", host);
+        let request = server.http.get(at("/v1/jobs")).header("host", host);
         let request = token.into_iter().fold(request, |request, token| request.bearer_auth(token));
         let answer = request.send().await.unwrap();
         (answer.status().as_u16(), answer.text().await.unwrap())
@@ -300,7 +300,7 @@ async fn pages_of_others_change_nothing_and_without_tokens_other_names_are_not_a
 
     let raw = async |request: &str| {
         use tokio::io::{AsyncReadExt, AsyncWriteExt};
-        let mut stream = tokio::net::TcpStream::connect(farm.address).await.unwrap();
+        let mut stream = tokio::net::TcpStream::connect(server.address).await.unwrap();
         stream.write_all(request.as_bytes()).await.unwrap();
         let mut answer = [0; 12];
         stream.read_exact(&mut answer).await.unwrap();
@@ -327,20 +327,20 @@ async fn pages_of_others_change_nothing_and_without_tokens_other_names_are_not_a
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     assert_eq!(post(Some("cross-site")).bearer_auth(&secret).send().await.unwrap().status(), 403);
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_stream_of_events_ends_with_the_token_that_it_was_asked_for_with() {
+async fn event_stream_ends_when_its_token_is_revoked() {
     let dir = tempfile::tempdir().unwrap();
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (view, secret) = tokens.create("", &[Scope::Submit], Timestamp::now()).await.unwrap();
     tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
-    let farm = Farm::on(dir.path(), |config| config.lease = Duration::from_secs(1)).await;
-    let (_, job) = ask(&farm, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
+    let server = TestServer::on(dir.path(), |config| config.lease = Duration::from_secs(1)).await;
+    let (_, job) = ask(&server, Method::POST, "/v1/jobs", Some(&secret), Some(&envelope(1))).await;
     let job: Value = serde_json::from_str(&job).unwrap();
-    let url = format!("http://{}/v1/jobs/{}/events", farm.address, text(&job["id"]));
-    let mut events = farm.http.get(url).bearer_auth(&secret).send().await.unwrap();
+    let url = format!("http://{}/v1/jobs/{}/events", server.address, text(&job["id"]));
+    let mut events = server.http.get(url).bearer_auth(&secret).send().await.unwrap();
     assert!(events.chunk().await.unwrap().is_some(), "it begins with what there is");
     let more = tokio::time::timeout(Duration::from_secs(1), events.chunk()).await;
     assert!(more.is_err(), "it goes on while the token is valid");
@@ -348,20 +348,21 @@ async fn a_stream_of_events_ends_with_the_token_that_it_was_asked_for_with() {
     tokens.close().await.unwrap();
     let ended = async { while events.chunk().await.unwrap().is_some() {} };
     tokio::time::timeout(Duration::from_secs(10), ended).await.expect("it ends");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_session_reads_with_its_cookie_and_changes_things_only_from_our_pages() {
+async fn session_cookie_reads_and_writes_need_the_page_header() {
     let dir = tempfile::tempdir().unwrap();
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let secret = tokens.create("page", &[Scope::Submit], Timestamp::now()).await.unwrap().1;
     let worker = tokens.create("worker", &[Scope::Worker], Timestamp::now()).await.unwrap().1;
     tokens.close().await.unwrap();
-    let farm = Farm::on(dir.path(), |_| {}).await;
-    let at = |path: &str| format!("http://{}{path}", farm.address);
-    let begin =
-        async |token: &str| farm.http.post(at("/dashboard/session")).bearer_auth(token).send().await.unwrap();
+    let server = TestServer::on(dir.path(), |_| {}).await;
+    let at = |path: &str| format!("http://{}{path}", server.address);
+    let begin = async |token: &str| {
+        server.http.post(at("/dashboard/session")).bearer_auth(token).send().await.unwrap()
+    };
     assert_eq!(begin("wrong").await.status(), 401);
     assert_eq!(begin(&worker).await.status(), 403, "it may not read");
     let begun = begin(&secret).await;
@@ -372,15 +373,15 @@ async fn a_session_reads_with_its_cookie_and_changes_things_only_from_our_pages(
         "{set}"
     );
     let cookie = format!("other=1; {}", set.split(';').next().unwrap());
-    let read = farm.http.get(at("/v1/jobs")).header("cookie", &cookie).send().await.unwrap();
+    let read = server.http.get(at("/v1/jobs")).header("cookie", &cookie).send().await.unwrap();
     assert_eq!(read.status(), 200);
-    let post = || farm.http.post(at("/v1/jobs")).header("cookie", &cookie).json(&envelope(1));
+    let post = || server.http.post(at("/v1/jobs")).header("cookie", &cookie).json(&envelope(1));
     assert_eq!(post().send().await.unwrap().status(), 401, "a page of somebody else");
     assert_eq!(post().header("x-roost-page", "dashboard").send().await.unwrap().status(), 202);
-    let ended = farm.http.delete(at("/dashboard/session")).send().await.unwrap();
+    let ended = server.http.delete(at("/dashboard/session")).send().await.unwrap();
     assert!(ended.headers()["set-cookie"].to_str().unwrap().starts_with("roost_session=; "));
-    let begun = farm.http.post(at("/dashboard/session")).bearer_auth(&secret);
+    let begun = server.http.post(at("/dashboard/session")).bearer_auth(&secret);
     let begun = begun.header("x-forwarded-proto", "https").send().await.unwrap();
     assert!(begun.headers()["set-cookie"].to_str().unwrap().ends_with("; Secure"));
-    farm.stop().await;
+    server.stop().await;
 }

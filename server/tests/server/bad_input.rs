@@ -1,13 +1,13 @@
-//! Bad input: always a problem document, every fault at once, nothing stored, never a panic.
+//! Invalid input is answered with a problem document that lists all faults, and stores nothing.
 
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 
-use super::farm::*;
+use super::test_server::*;
 
 const NO_JOB: &str = "01890000-0000-7000-8000-000000000000";
 
-/// The pointers at fault, in order.
+/// The pointers of the faults, in order.
 fn pointers(problem: &Value) -> Vec<&str> {
     let mut all: Vec<_> =
         problem["errors"].as_array().unwrap().iter().map(|fault| text(&fault["pointer"])).collect();
@@ -15,45 +15,45 @@ fn pointers(problem: &Value) -> Vec<&str> {
     all
 }
 
-async fn assert_nothing_stored(farm: &Farm) {
+async fn assert_nothing_stored(server: &TestServer) {
     for path in ["/v1/jobs", "/v1/sweeps"] {
-        assert_eq!(farm.get(path).await.expect(StatusCode::OK)["items"], json!([]), "{path}");
+        assert_eq!(server.get(path).await.expect(StatusCode::OK)["items"], json!([]), "{path}");
     }
 }
 
 #[tokio::test]
-async fn unknown_paths_methods_and_identifiers() {
-    let (farm, _dir) = Farm::start().await;
-    farm.get("/v1/chickens").await.problem(404, "not-found");
-    farm.get("/nothing").await.problem(404, "not-found");
-    let wrong = farm.send(Method::DELETE, "/v1/jobs", None).await;
+async fn unknown_paths_methods_and_identifiers_are_refused() {
+    let (server, _dir) = TestServer::start().await;
+    server.get("/v1/chickens").await.problem(404, "not-found");
+    server.get("/nothing").await.problem(404, "not-found");
+    let wrong = server.send(Method::DELETE, "/v1/jobs", None).await;
     let allow = wrong.allow.clone().unwrap();
     assert!(allow.contains("GET") && allow.contains("POST"), "{allow}");
     wrong.problem(405, "method-not-allowed");
     for path in ["/v1/jobs/7", "/v1/jobs/7/result", "/v1/sweeps/x", "/v1/sweeps/x/results", "/v1/jobs/%ff"] {
-        farm.get(path).await.problem(400, "invalid-path");
+        server.get(path).await.problem(400, "invalid-path");
     }
     let attempt = format!("/v1/jobs/{NO_JOB}/attempts/first/result");
-    farm.post(&attempt, &json!({})).await.problem(400, "invalid-path");
+    server.post(&attempt, &json!({})).await.problem(400, "invalid-path");
     for path in
         [format!("/v1/jobs/{NO_JOB}"), format!("/v1/jobs/{NO_JOB}/result"), format!("/v1/sweeps/{NO_JOB}")]
     {
-        farm.get(&path).await.problem(404, "not-found");
+        server.get(&path).await.problem(404, "not-found");
     }
     for path in ["jobs", "sweeps"] {
         for verb in ["cancel", "retry"] {
-            farm.post(&format!("/v1/{path}/{NO_JOB}/{verb}"), &json!({})).await.problem(404, "not-found");
+            server.post(&format!("/v1/{path}/{NO_JOB}/{verb}"), &json!({})).await.problem(404, "not-found");
         }
     }
     for path in ["jobs", "results"] {
-        farm.get(&format!("/v1/sweeps/{NO_JOB}/{path}")).await.problem(404, "not-found");
+        server.get(&format!("/v1/sweeps/{NO_JOB}/{path}")).await.problem(404, "not-found");
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn wrong_queries() {
-    let (farm, _dir) = Farm::start().await;
+async fn invalid_queries_are_refused() {
+    let (server, _dir) = TestServer::start().await;
     for query in [
         "state=ready",
         "limit=0",
@@ -64,61 +64,64 @@ async fn wrong_queries() {
         "colour=red",
         "label==x",
     ] {
-        let problem = farm.get(&format!("/v1/jobs?{query}")).await.problem(400, "invalid-query");
+        let problem = server.get(&format!("/v1/jobs?{query}")).await.problem(400, "invalid-query");
         assert!(!text(&problem["detail"]).is_empty(), "{query}");
     }
-    farm.get("/v1/sweeps?cursor=-1").await.problem(400, "invalid-query");
-    farm.get("/v1/workers?cursor=1").await.problem(400, "invalid-query");
-    farm.get(&format!("/v1/sweeps/{NO_JOB}/results?format=xlsx")).await.problem(400, "invalid-query");
-    farm.post(&format!("/v1/jobs/{NO_JOB}/retry?class=bad"), &json!({})).await.problem(400, "invalid-query");
-    farm.stop().await;
+    server.get("/v1/sweeps?cursor=-1").await.problem(400, "invalid-query");
+    server.get("/v1/workers?cursor=1").await.problem(400, "invalid-query");
+    server.get(&format!("/v1/sweeps/{NO_JOB}/results?format=xlsx")).await.problem(400, "invalid-query");
+    server
+        .post(&format!("/v1/jobs/{NO_JOB}/retry?class=bad"), &json!({}))
+        .await
+        .problem(400, "invalid-query");
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn what_is_not_json_is_one_syntax_error_with_its_place() {
-    let (farm, _dir) = Farm::start().await;
+async fn invalid_json_is_one_syntax_error_with_its_line() {
+    let (server, _dir) = TestServer::start().await;
     let json = "application/json";
-    let problem = farm.send_text("/v1/jobs", json, "{\"scenario\":\n  {\"seed\": NaN}}").await;
+    let problem = server.send_text("/v1/jobs", json, "{\"scenario\":\n  {\"seed\": NaN}}").await;
     let detail = problem.problem(400, "syntax")["detail"].clone();
     assert!(text(&detail).starts_with("line 2, column "), "{detail}");
     let deep = "[".repeat(100_000);
     for body in ["", "{", "{\"a\": 1} x", "{\"seed\": 1e999}", "{\"seed\": 1, \"seed\": 2}", deep.as_str()] {
-        farm.send_text("/v1/sweeps", json, body.to_owned()).await.problem(400, "syntax");
+        server.send_text("/v1/sweeps", json, body.to_owned()).await.problem(400, "syntax");
     }
-    farm.send_text("/v1/jobs", json, vec![0x7b, 0x22, 0xff, 0xfe]).await.problem(400, "syntax");
-    farm.send_text("/v1/jobs", "text/plain", "{}").await.problem(415, "not-json");
-    farm.send_text("/v1/jobs", "application/x-www-form-urlencoded", "{}").await.problem(415, "not-json");
-    assert_nothing_stored(&farm).await;
-    farm.stop().await;
+    server.send_text("/v1/jobs", json, vec![0x7b, 0x22, 0xff, 0xfe]).await.problem(400, "syntax");
+    server.send_text("/v1/jobs", "text/plain", "{}").await.problem(415, "not-json");
+    server.send_text("/v1/jobs", "application/x-www-form-urlencoded", "{}").await.problem(415, "not-json");
+    assert_nothing_stored(&server).await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_body_over_the_limit_is_refused_with_the_limit() {
-    let (farm, _dir) = Farm::with(|config| config.max_body_bytes = 2000).await;
+async fn body_above_the_limit_is_refused_with_the_limit() {
+    let (server, _dir) = TestServer::with(|config| config.max_body_bytes = 2000).await;
     let mut large = envelope(1);
     large["labels"] = json!({"note": "x".repeat(2000)});
-    let problem = farm.post("/v1/jobs", &large).await.problem(413, "too-large");
+    let problem = server.post("/v1/jobs", &large).await.problem(413, "too-large");
     assert!(text(&problem["detail"]).contains("2000 bytes"), "{problem}");
-    assert_nothing_stored(&farm).await;
+    assert_nothing_stored(&server).await;
 
     // Deliveries have a limit of their own: a result the server's user cannot shrink must arrive.
-    farm.submit(&envelope(1)).await;
-    let worker = farm.worker("cpu").await;
+    server.submit(&envelope(1)).await;
+    let worker = server.worker("cpu").await;
     let attempt = worker.claim_one().await;
     let mut result = result_of(&attempt["scenario"]);
     result.series[0].t_s = vec![0.5; 2000];
     result.series[0].values = vec![0.5; 2000];
     worker.deliver_result(&attempt, &result).await.expect(StatusCode::OK);
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_bad_scenario_lists_every_fault_of_scenario_and_envelope() {
-    let (farm, _dir) = Farm::start().await;
+async fn all_faults_of_scenario_and_envelope_are_listed() {
+    let (server, _dir) = TestServer::start().await;
     let bad = json!({"scenario": {"experiment": "hopper", "equipment": {"gate_openning_m": 0.06, "belt_speed_m_s": "fast"},
                                   "product": {"count": -3}},
                      "priority": "high", "lables": {}});
-    let problem = farm.post("/v1/jobs", &bad).await.problem(422, "invalid-document");
+    let problem = server.post("/v1/jobs", &bad).await.problem(422, "invalid-document");
     assert_eq!(
         pointers(&problem),
         [
@@ -135,25 +138,25 @@ async fn a_bad_scenario_lists_every_fault_of_scenario_and_envelope() {
     assert!(text(&of("/lables")["allowed"]).contains("labels"));
     assert_eq!(of("/scenario/product/count")["value"], -3);
     for body in [json!([]), json!("hopper"), json!(null), json!({}), json!({"scenario": 7})] {
-        farm.post("/v1/jobs", &body).await.problem(422, "invalid-document");
+        server.post("/v1/jobs", &body).await.problem(422, "invalid-document");
     }
     let wall = json!({"scenario": scenario(1), "max_wall_s": 0.0});
     assert_eq!(
-        pointers(&farm.post("/v1/jobs", &wall).await.problem(422, "invalid-document")),
+        pointers(&server.post("/v1/jobs", &wall).await.problem(422, "invalid-document")),
         ["/max_wall_s"]
     );
-    assert_nothing_stored(&farm).await;
-    farm.stop().await;
+    assert_nothing_stored(&server).await;
+    server.stop().await;
 }
 
-/// One thread answers here, so that what computes on it is heard of at once.
+/// The server has one thread: a computation on it would block all requests.
 #[tokio::test(flavor = "current_thread")]
-async fn a_costly_scenario_keeps_nobody_waiting() {
-    let (farm, _dir) = Farm::with(|config| config.limits.max_subparticles = u64::MAX).await;
+async fn costly_scenario_does_not_block_others() {
+    let (server, _dir) = TestServer::with(|config| config.limits.max_subparticles = u64::MAX).await;
     let mut costly = envelope(1);
     costly["scenario"]["product"] = json!({"count": 191, "subparticle_radius_m": 0.001});
     let started = std::time::Instant::now();
-    let submitted = farm.send(Method::POST, "/v1/jobs", Some(&costly));
+    let submitted = server.send(Method::POST, "/v1/jobs", Some(&costly));
     let mut submitted = Box::pin(submitted);
     let (mut last, mut gap) = (started, std::time::Duration::ZERO);
     let status = loop {
@@ -168,17 +171,17 @@ async fn a_costly_scenario_keeps_nobody_waiting() {
     let took = started.elapsed();
     gap = gap.max(last.elapsed());
     assert!(gap < took / 2, "{status}: others waited {gap:?} of {took:?}");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_scenario_that_cannot_run_or_costs_too_much_is_refused() {
-    let (farm, _dir) = Farm::with(|config| config.limits.max_subparticles = 10).await;
-    let problem = farm.post("/v1/jobs", &envelope(1)).await.problem(422, "invalid-document");
+async fn impossible_or_too_costly_scenario_is_refused() {
+    let (server, _dir) = TestServer::with(|config| config.limits.max_subparticles = 10).await;
+    let problem = server.post("/v1/jobs", &envelope(1)).await.problem(422, "invalid-document");
     assert_eq!(pointers(&problem), ["/scenario/product/count"]);
     assert!(text(&problem["errors"][0]["allowed"]).contains("10"));
-    assert_nothing_stored(&farm).await;
-    farm.stop().await;
+    assert_nothing_stored(&server).await;
+    server.stop().await;
 }
 
 fn sweep(change: impl FnOnce(&mut Value)) -> Value {
@@ -189,10 +192,10 @@ fn sweep(change: impl FnOnce(&mut Value)) -> Value {
 }
 
 #[tokio::test]
-async fn a_bad_sweep_lists_every_fault() {
-    let (farm, _dir) = Farm::with(|config| config.max_jobs_per_sweep = 100).await;
+async fn all_faults_of_a_sweep_are_listed() {
+    let (server, _dir) = TestServer::with(|config| config.max_jobs_per_sweep = 100).await;
     let faults = async |document: Value| {
-        let problem = farm.post("/v1/sweeps", &document).await.problem(422, "invalid-document");
+        let problem = server.post("/v1/sweeps", &document).await.problem(422, "invalid-document");
         pointers(&problem).into_iter().map(str::to_owned).collect::<Vec<_>>()
     };
     let base = sweep(|sweep| sweep["base"] = json!({"experiment": "hopper", "sed": 1, "material": 3}));
@@ -262,53 +265,53 @@ async fn a_bad_sweep_lists_every_fault() {
     });
     assert_eq!(faults(pointer).await, ["/factors/0/pointer", "/factors/1/levels/1"]);
     assert_eq!(faults(json!(["s", {}, {"kind": "grid"}, []])).await, [""]);
-    assert_nothing_stored(&farm).await;
-    farm.stop().await;
+    assert_nothing_stored(&server).await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_huge_sweep_is_refused_before_it_is_expanded() {
-    let (farm, _dir) = Farm::start().await;
+async fn huge_sweep_is_refused_before_expansion() {
+    let (server, _dir) = TestServer::start().await;
     let levels: Vec<_> = (0..1000).map(|n| 0.03 + f64::from(n) * 1e-5).collect();
     let huge = sweep(|sweep| {
         let names = ["gate_opening_m", "belt_speed_m_s", "hopper_width_m", "hopper_length_m"];
         let factors = names.map(|name| json!({"pointer": format!("/equipment/{name}"), "levels": levels}));
         sweep["factors"] = json!(factors);
     });
-    let problem = farm.post("/v1/sweeps", &huge).await.problem(422, "invalid-document");
+    let problem = server.post("/v1/sweeps", &huge).await.problem(422, "invalid-document");
     assert!(text(&problem["errors"][0]["allowed"]).contains("100000 jobs (max_jobs_per_sweep)"), "{problem}");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn bad_claims_registrations_and_deliveries() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
+async fn invalid_claims_registrations_and_deliveries_are_refused() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
     for (jobs, wait) in [(0, 0.0), (65, 0.0), (1, -1.0), (1, 1e300)] {
-        farm.post("/v1/claims", &worker.claim_request(jobs, wait)).await.problem(422, "invalid-document");
+        server.post("/v1/claims", &worker.claim_request(jobs, wait)).await.problem(422, "invalid-document");
     }
     let nameless = json!({"worker_id": "me", "backend": 1});
-    let problem = farm.post("/v1/workers", &nameless).await.problem(422, "invalid-document");
+    let problem = server.post("/v1/workers", &nameless).await.problem(422, "invalid-document");
     assert!(pointers(&problem).contains(&"/worker_id"), "{problem}");
-    farm.submit(&envelope(1)).await;
+    server.submit(&envelope(1)).await;
     let attempt = worker.claim_one().await;
     let path = format!("/v1/jobs/{}/attempts/1/result", text(&attempt["job_id"]));
     for (job, number) in [(NO_JOB, 1), (text(&attempt["job_id"]), 2)] {
         let nowhere = format!("/v1/jobs/{job}/attempts/{number}/result");
-        farm.send_text(&nowhere, "application/json", "not even read").await.problem(404, "not-found");
+        server.send_text(&nowhere, "application/json", "not even read").await.problem(404, "not-found");
     }
-    farm.send_text(&path, "application/json", "read").await.problem(400, "syntax");
-    farm.post(&path, &json!([worker.id, {}])).await.problem(422, "invalid-document");
+    server.send_text(&path, "application/json", "read").await.problem(400, "syntax");
+    server.post(&path, &json!([worker.id, {}])).await.problem(422, "invalid-document");
     let half = json!({"worker_id": worker.id, "result": {"schema": "roost.result/1"}});
-    farm.post(&path, &half).await.problem(422, "invalid-document");
-    assert_eq!(farm.job(&attempt["job_id"]).await["state"], "running");
-    farm.stop().await;
+    server.post(&path, &half).await.problem(422, "invalid-document");
+    assert_eq!(server.job(&attempt["job_id"]).await["state"], "running");
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn validation_tells_without_storing() {
-    let (farm, _dir) = Farm::start().await;
-    let validate = async |document: Value| farm.post("/v1/validate", &document).await;
+async fn validation_stores_nothing() {
+    let (server, _dir) = TestServer::start().await;
+    let validate = async |document: Value| server.post("/v1/validate", &document).await;
     let report = validate(scenario(1)).await.expect(StatusCode::OK);
     assert_eq!((&report["document"], &report["jobs"]), (&json!("scenario"), &json!(1)));
     assert_eq!(report["scenario"]["bonds"]["formulation"], "corotated");
@@ -323,6 +326,6 @@ async fn validation_tells_without_storing() {
     assert_eq!(pointers(&wrapped.problem(422, "invalid-document")), ["/scenario/seed"]);
     let swept = validate(sweep(|sweep| sweep["base"]["seed"] = json!(-1))).await;
     assert_eq!(pointers(&swept.problem(422, "invalid-document")), ["/base/seed"]);
-    assert_nothing_stored(&farm).await;
-    farm.stop().await;
+    assert_nothing_stored(&server).await;
+    server.stop().await;
 }

@@ -1,11 +1,11 @@
-//! The dashboard's pages and files: all that there are, under a strict policy, and each names only what there is.
+//! Pages and files of the dashboard: all are served with a strict policy, and refer only to served files.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use reqwest::header::{CONTENT_ENCODING, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
 
-use super::farm::*;
+use super::test_server::*;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("dashboard")
@@ -28,23 +28,23 @@ fn files() -> BTreeSet<String> {
     found
 }
 
-/// What stands between two marks, wherever it does.
+/// All texts between two marks.
 fn between<'a>(text: &'a str, open: &str, close: &str) -> Vec<&'a str> {
     text.split(open).skip(1).filter_map(|rest| rest.split(close).next()).collect()
 }
 
-async fn fetch(farm: &Farm, path: &str) -> reqwest::Response {
-    farm.http.get(format!("http://{}{path}", farm.address)).send().await.unwrap()
+async fn fetch(server: &TestServer, path: &str) -> reqwest::Response {
+    server.http.get(format!("http://{}{path}", server.address)).send().await.unwrap()
 }
 
 #[tokio::test]
-async fn every_page_is_the_shell_under_a_policy_without_inline_or_evaluated_code() {
-    let (farm, _dir) = Farm::start().await;
+async fn every_page_has_a_policy_without_inline_or_evaluated_code() {
+    let (server, _dir) = TestServer::start().await;
     let id = "01890000-0000-7000-8000-000000000000";
     for path in
         ["/", &format!("/sweeps/{id}"), &format!("/jobs/{id}"), "/workers", "/compare?jobs=", "/submit"]
     {
-        let page = fetch(&farm, path).await;
+        let page = fetch(&server, path).await;
         assert_eq!(page.status(), 200, "{path}");
         assert_eq!(page.headers()[CONTENT_TYPE], "text/html; charset=utf-8");
         let policy = page.headers()[CONTENT_SECURITY_POLICY].to_str().unwrap().to_owned();
@@ -63,19 +63,19 @@ async fn every_page_is_the_shell_under_a_policy_without_inline_or_evaluated_code
         );
         assert!(!text.contains("<style") && !text.contains(" style="), "style in the page");
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn every_file_is_served_and_names_only_files_that_are() {
-    let (farm, _dir) = Farm::start().await;
+async fn every_file_is_served_and_refers_only_to_served_files() {
+    let (server, _dir) = TestServer::start().await;
     let mut served = files();
     assert!(served.remove("page.html") && served.len() > 20);
     for name in &served {
-        let answer = fetch(&farm, &format!("/dashboard/{name}")).await;
+        let answer = fetch(&server, &format!("/dashboard/{name}")).await;
         assert_eq!(answer.status(), 200, "{name} is not in the list of `http/dashboard.rs`");
         let tag = answer.headers()[ETAG].clone();
-        let again = farm.http.get(format!("http://{}/dashboard/{name}", farm.address));
+        let again = server.http.get(format!("http://{}/dashboard/{name}", server.address));
         assert_eq!(again.header(IF_NONE_MATCH, tag).send().await.unwrap().status(), 304, "{name}");
     }
     // Made at build time; a route of its own.
@@ -96,8 +96,8 @@ async fn every_file_is_served_and_names_only_files_that_are() {
         }
     }
     assert!(named > 40, "{named} names: the check has lost them");
-    assert_eq!(farm.get("/dashboard/nothing.js").await.status, 404);
-    farm.stop().await;
+    assert_eq!(server.get("/dashboard/nothing.js").await.status, 404);
+    server.stop().await;
 }
 
 /// A path without `.` and `..`.
@@ -114,9 +114,9 @@ fn resolved(path: &Path) -> String {
 }
 
 #[tokio::test]
-async fn plotly_comes_packed_and_asks_nobody_else() {
-    let (farm, _dir) = Farm::start().await;
-    let answer = fetch(&farm, "/dashboard/plotly.min.js").await;
+async fn plotly_is_compressed_and_no_file_names_other_servers() {
+    let (server, _dir) = TestServer::start().await;
+    let answer = fetch(&server, "/dashboard/plotly.min.js").await;
     assert_eq!(answer.headers()[CONTENT_ENCODING], "gzip");
     let packed = answer.bytes().await.unwrap();
     assert!(
@@ -131,5 +131,5 @@ async fn plotly_comes_packed_and_asks_nobody_else() {
         let is_allowed = |text: &&str| text.contains("http://www.w3.org/2000/svg");
         assert!(outside.iter().all(is_allowed), "{name} names an address outside");
     }
-    farm.stop().await;
+    server.stop().await;
 }

@@ -1,4 +1,4 @@
-//! Sweeps that grow and go: extensions, tables in every format, effects, deletion.
+//! Extension and deletion of sweeps, tables in every format, effects.
 
 use std::time::{Duration, Instant};
 
@@ -6,14 +6,14 @@ use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use sqlx::Connection;
 
-use super::farm::*;
+use super::test_server::*;
 
 const GATE: &str = "/equipment/gate_opening_m";
 
-async fn submit(farm: &Farm, design: Value, factors: Value) -> (Value, String) {
+async fn submit(server: &TestServer, design: Value, factors: Value) -> (Value, String) {
     let sweep = json!({"name": "s", "base": scenario(10), "design": design, "factors": factors, "replicates": 2,
                        "labels": {"line": "north"}, "priority": 3});
-    let view = farm.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
+    let view = server.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
     let path = format!("/v1/sweeps/{}", text(&view["id"]));
     (view, path)
 }
@@ -31,8 +31,8 @@ async fn finish(worker: &Worker<'_>) {
 }
 
 /// Job, point, replicate and seed of every trial.
-async fn trials(farm: &Farm, path: &str) -> Vec<Value> {
-    let table = farm.get(&format!("{path}/results")).await.expect(StatusCode::OK);
+async fn trials(server: &TestServer, path: &str) -> Vec<Value> {
+    let table = server.get(&format!("{path}/results")).await.expect(StatusCode::OK);
     let of = |trial: &Value| {
         json!([
             trial["job_id"],
@@ -47,20 +47,20 @@ async fn trials(farm: &Farm, path: &str) -> Vec<Value> {
 }
 
 #[tokio::test]
-async fn a_sweep_grows_and_what_was_there_stays() {
-    let (farm, _dir) = Farm::start().await;
+async fn extension_leaves_existing_jobs_unchanged() {
+    let (server, _dir) = TestServer::start().await;
     let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}]);
-    let (view, path) = submit(&farm, json!({"kind": "sobol", "points": 4}), factors).await;
+    let (view, path) = submit(&server, json!({"kind": "sobol", "points": 4}), factors).await;
     assert_eq!((&view["design"], &view["points"]), (&json!("sobol"), &json!(4)));
-    let worker = farm.worker("cpu").await;
+    let worker = server.worker("cpu").await;
     finish(&worker).await;
-    let before = trials(&farm, &path).await;
+    let before = trials(&server, &path).await;
 
-    let grown = farm.post(&format!("{path}/extend"), &json!({"points": 3, "replicates": 1})).await;
+    let grown = server.post(&format!("{path}/extend"), &json!({"points": 3, "replicates": 1})).await;
     let grown = grown.expect(StatusCode::OK);
     assert_eq!((&grown["points"], &grown["replicates"]), (&json!(7), &json!(3)));
     assert_eq!((&grown["counts"]["succeeded"], &grown["counts"]["queued"]), (&json!(8), &json!(4 + 9)));
-    let after = trials(&farm, &path).await;
+    let after = trials(&server, &path).await;
     let kept: Vec<&Value> = after.iter().filter(|trial| before.contains(trial)).collect();
     assert_eq!(kept.len(), 8, "the same jobs, points, seeds and results");
     let new: Vec<Value> = after
@@ -72,7 +72,7 @@ async fn a_sweep_grows_and_what_was_there_stays() {
     let expected: Vec<Value> =
         (0..4).map(|point| json!([point, 2, 12])).chain((4..7).flat_map(seeds)).collect();
     assert_eq!(new, expected);
-    let job = farm.job(&after[after.len() - 1][0]).await;
+    let job = server.job(&after[after.len() - 1][0]).await;
     assert_eq!(
         (&job["priority"], &job["labels"]),
         (&json!(3), &json!({"line": "north"})),
@@ -83,81 +83,81 @@ async fn a_sweep_grows_and_what_was_there_stays() {
     assert_eq!(of_one(&after, 2), of_one(&before, 2));
 
     let hypercube = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}]);
-    let (_, path) = submit(&farm, json!({"kind": "latin_hypercube", "points": 4}), hypercube).await;
-    let refused = farm.post(&format!("{path}/extend"), &json!({"points": 3})).await;
+    let (_, path) = submit(&server, json!({"kind": "latin_hypercube", "points": 4}), hypercube).await;
+    let refused = server.post(&format!("{path}/extend"), &json!({"points": 3})).await;
     let problem = refused.problem(422, "invalid-document");
     assert!(text(&problem["errors"][0]["detail"]).contains("its own part"), "{problem}");
     let nowhere = "/v1/sweeps/01890000-0000-7000-8000-000000000000/extend";
-    farm.post(nowhere, &json!({"points": 3})).await.problem(404, "not-found");
-    farm.stop().await;
+    server.post(nowhere, &json!({"points": 3})).await.problem(404, "not-found");
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn extensions_at_the_same_time_all_count() {
-    let (farm, _dir) = Farm::start().await;
+async fn concurrent_extensions_all_take_effect() {
+    let (server, _dir) = TestServer::start().await;
     let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}]);
-    let (_, path) = submit(&farm, json!({"kind": "random", "points": 1}), factors).await;
+    let (_, path) = submit(&server, json!({"kind": "random", "points": 1}), factors).await;
     let route = format!("{path}/extend");
     let body = json!({"points": 1});
     let (a, b, c, d) = tokio::join!(
-        farm.post(&route, &body),
-        farm.post(&route, &body),
-        farm.post(&route, &body),
-        farm.post(&route, &body)
+        server.post(&route, &body),
+        server.post(&route, &body),
+        server.post(&route, &body),
+        server.post(&route, &body)
     );
     for answer in [a, b, c, d] {
         answer.expect(StatusCode::OK);
     }
-    let trials = trials(&farm, &path).await;
+    let trials = trials(&server, &path).await;
     let points: Vec<_> = trials.iter().map(|trial| trial[1].clone()).collect();
     assert_eq!(points, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]);
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn tables_come_by_trial_and_by_point_in_every_format() {
-    let (farm, _dir) = Farm::start().await;
+async fn tables_by_trial_and_by_point_in_every_format() {
+    let (server, _dir) = TestServer::start().await;
     let factors = json!([{"pointer": GATE, "levels": [0.05, 0.06, 0.07]}]);
-    let (_, path) = submit(&farm, json!({"kind": "one_at_a_time"}), factors).await;
-    finish(&farm.worker("cpu").await).await;
-    let points = farm.get(&format!("{path}/results?by=point")).await.expect(StatusCode::OK);
+    let (_, path) = submit(&server, json!({"kind": "one_at_a_time"}), factors).await;
+    finish(&server.worker("cpu").await).await;
+    let points = server.get(&format!("{path}/results?by=point")).await.expect(StatusCode::OK);
     let row = &points["points"][1];
     assert_eq!((&row["point"], &row["factors"][GATE]), (&json!(1), &json!(0.05)), "0.06 is the base's own");
     let mass = &row["responses"]["discharged_kg"];
     assert_eq!((&mass["n"], &mass["mean"]), (&json!(2), &json!(40.5)), "30 and the seed, of seeds 10 and 11");
     assert_eq!(row["responses"]["regime"], json!({"n": 2, "words": {"constant": 2}}));
-    let csv = farm.get(&format!("{path}/results?by=point&format=csv")).await;
+    let csv = server.get(&format!("{path}/results?by=point&format=csv")).await;
     assert!(csv.text.starts_with("point,/equipment/gate_opening_m,trials,"), "{}", csv.text);
     assert_eq!(csv.text.lines().count(), 4);
     for query in ["format=parquet", "format=parquet&by=point"] {
-        let file = farm.get(&format!("{path}/results?{query}")).await;
+        let file = server.get(&format!("{path}/results?{query}")).await;
         assert_eq!((file.status, file.media_type.as_str()), (200, "application/vnd.apache.parquet"));
         assert!(file.text.starts_with("PAR1") && file.text.ends_with("PAR1"));
     }
-    farm.get(&format!("{path}/results?by=day")).await.problem(400, "invalid-query");
+    server.get(&format!("{path}/results?by=day")).await.problem(400, "invalid-query");
 
-    let effects = farm.get(&format!("{path}/effects")).await.expect(StatusCode::OK);
+    let effects = server.get(&format!("{path}/effects")).await.expect(StatusCode::OK);
     let names: Vec<_> =
         effects["responses"].as_array().unwrap().iter().map(|of| text(&of["response"])).collect();
     assert_eq!(names, ["discharged_kg", "regime=constant"]);
     let effect = &effects["responses"][0]["factors"][0];
     assert_eq!((&effect["factor"], &effect["levels"][2]["level"]), (&json!(GATE), &json!(0.07)));
     assert_eq!(effect["effect"], Value::Null, "it is the same at every point");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_deleted_sweep_is_gone_and_nothing_else_is() {
-    let (farm, dir) = Farm::start().await;
+async fn deletion_removes_one_sweep_only() {
+    let (server, dir) = TestServer::start().await;
     let factors = json!([{"pointer": GATE, "levels": [0.05, 0.06]}]);
-    let (_, path) = submit(&farm, json!({"kind": "grid"}), factors.clone()).await;
-    let worker = farm.worker("cpu").await;
-    let dry = farm.send(Method::DELETE, &format!("{path}?dry_run=true"), None).await.expect(StatusCode::OK);
+    let (_, path) = submit(&server, json!({"kind": "grid"}), factors.clone()).await;
+    let worker = server.worker("cpu").await;
+    let dry = server.send(Method::DELETE, &format!("{path}?dry_run=true"), None).await.expect(StatusCode::OK);
     assert_eq!(
         dry,
         json!({"dry_run": true, "points": 2, "jobs": 4, "unended": 4, "attempts": 0, "results": 0, "frames_bytes": 0})
     );
-    let early = farm.send(Method::DELETE, &path, None).await.problem(409, "wrong-state");
+    let early = server.send(Method::DELETE, &path, None).await.problem(409, "wrong-state");
     assert!(text(&early["detail"]).contains("4 of its jobs have not ended"), "{early}");
 
     let attempts = worker.claim(3).await;
@@ -167,39 +167,39 @@ async fn a_deleted_sweep_is_gone_and_nothing_else_is() {
         .await
         .expect(StatusCode::OK);
     worker.deliver(&attempts[2]).await.expect(StatusCode::OK);
-    farm.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    server.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
     // Another sweep of the same scenarios is answered with the first one's results and outlives it.
-    let (other, other_path) = submit(&farm, json!({"kind": "grid"}), factors).await;
+    let (other, other_path) = submit(&server, json!({"kind": "grid"}), factors).await;
     assert_eq!(other["counts"]["succeeded"], 2);
 
-    let gone = farm.send(Method::DELETE, &path, None).await.expect(StatusCode::OK);
+    let gone = server.send(Method::DELETE, &path, None).await.expect(StatusCode::OK);
     assert_eq!(
         gone,
         json!({"dry_run": false, "points": 2, "jobs": 4, "unended": 0, "attempts": 3, "results": 2, "frames_bytes": 0})
     );
     for answer in [
-        farm.get(&path).await,
-        farm.get(&format!("{path}/results")).await,
-        farm.get(&format!("/v1/jobs/{}", text(&attempts[0]["job_id"]))).await,
-        farm.post(&format!("{path}/retry"), &json!({})).await,
-        farm.send(Method::DELETE, &path, None).await,
+        server.get(&path).await,
+        server.get(&format!("{path}/results")).await,
+        server.get(&format!("/v1/jobs/{}", text(&attempts[0]["job_id"]))).await,
+        server.post(&format!("{path}/retry"), &json!({})).await,
+        server.send(Method::DELETE, &path, None).await,
     ] {
         answer.problem(404, "not-found");
     }
-    assert_eq!(farm.get("/v1/sweeps").await.expect(StatusCode::OK)["items"].as_array().unwrap().len(), 1);
+    assert_eq!(server.get("/v1/sweeps").await.expect(StatusCode::OK)["items"].as_array().unwrap().len(), 1);
     finish(&worker).await;
-    let kept = trials(&farm, &other_path).await;
+    let kept = trials(&server, &other_path).await;
     assert_eq!(kept.len(), 4);
     for trial in &kept {
-        farm.get(&format!("/v1/jobs/{}/result", text(&trial[0]))).await.expect(StatusCode::OK);
+        server.get(&format!("/v1/jobs/{}/result", text(&trial[0]))).await.expect(StatusCode::OK);
     }
-    farm.stop().await;
-    let again = Farm::on(dir.path(), |_| {}).await;
+    server.stop().await;
+    let again = TestServer::on(dir.path(), |_| {}).await;
     assert_eq!(trials(&again, &other_path).await, kept);
     again.stop().await;
 }
 
-/// Rows that nothing names any more, and all rows of the tables that a sweep fills.
+/// Unnamed rows, and all rows of the tables that a sweep fills.
 async fn count(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
     let unnamed = "SELECT (SELECT count(*) FROM scenarios WHERE digest NOT IN (SELECT digest FROM jobs))
         + (SELECT count(*) FROM documents WHERE digest NOT IN (SELECT document FROM results)
@@ -213,21 +213,21 @@ async fn count(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
 }
 
 #[tokio::test]
-async fn a_deletion_leaves_nothing_behind_even_when_it_is_interrupted() {
-    let (farm, dir) = Farm::start().await;
+async fn interrupted_deletion_is_completed_at_the_next_start() {
+    let (server, dir) = TestServer::start().await;
     let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}]);
     // More jobs than are deleted in one piece.
-    let (_, path) = submit(&farm, json!({"kind": "random", "points": 400}), factors.clone()).await;
-    let worker = farm.worker("cpu").await;
+    let (_, path) = submit(&server, json!({"kind": "random", "points": 400}), factors.clone()).await;
+    let worker = server.worker("cpu").await;
     for attempt in &worker.claim(5).await {
         worker.deliver(attempt).await.expect(StatusCode::OK);
     }
-    farm.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
-    let (_, other) = submit(&farm, json!({"kind": "random", "points": 3}), factors).await;
+    server.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    let (_, other) = submit(&server, json!({"kind": "random", "points": 3}), factors).await;
     finish(&worker).await;
-    farm.send(Method::DELETE, &path, None).await.expect(StatusCode::OK);
-    farm.post(&format!("{other}/extend"), &json!({"points": 1})).await.expect(StatusCode::OK);
-    farm.stop().await;
+    server.send(Method::DELETE, &path, None).await.expect(StatusCode::OK);
+    server.post(&format!("{other}/extend"), &json!({"points": 1})).await.expect(StatusCode::OK);
+    server.stop().await;
 
     let file = dir.path().join("roost.db");
     let open = async || {
@@ -238,21 +238,21 @@ async fn a_deletion_leaves_nothing_behind_even_when_it_is_interrupted() {
     assert_eq!(count(&mut database).await.0, 0, "what only the first sweep named is gone");
     sqlx::query("UPDATE sweeps SET deleting = 1").execute(&mut database).await.unwrap();
     drop(database);
-    let again = Farm::on(dir.path(), |_| {}).await;
+    let again = TestServer::on(dir.path(), |_| {}).await;
     again.get(&other).await.problem(404, "not-found");
     again.stop().await;
     assert_eq!(count(&mut open().await).await, (0, 0), "the server goes on where the last one stopped");
 }
 
 #[tokio::test]
-async fn a_deletion_goes_on_when_who_asked_for_it_goes_away() {
-    let (farm, dir) = Farm::start().await;
+async fn deletion_continues_when_its_client_disconnects() {
+    let (server, dir) = TestServer::start().await;
     let sweep = json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": [], "replicates": 6000});
-    let sweep = farm.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
+    let sweep = server.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
     let path = format!("/v1/sweeps/{}", text(&sweep["id"]));
-    farm.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
-    let asking = tokio::spawn(farm.http.delete(format!("http://{}{path}", farm.address)).send());
-    while farm.get(&path).await.status != 404 {}
+    server.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    let asking = tokio::spawn(server.http.delete(format!("http://{}{path}", server.address)).send());
+    while server.get(&path).await.status != 404 {}
     asking.abort();
     assert!(asking.await.unwrap_err().is_cancelled(), "nobody waits for the answer");
     let file =
@@ -268,5 +268,5 @@ async fn a_deletion_goes_on_when_who_asked_for_it_goes_away() {
         assert!(Instant::now() < deadline, "{left} jobs are left");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    farm.stop().await;
+    server.stop().await;
 }

@@ -1,11 +1,11 @@
-//! The three descriptions of the API say the same: the router, `/openapi.json` and `api.md`.
+//! The router, `/openapi.json` and `api.md` describe the same API.
 
 use std::collections::BTreeSet;
 
 use reqwest::{Method, StatusCode};
 use serde_json::Value;
 
-use super::farm::*;
+use super::test_server::*;
 
 /// Headings such as `### POST /v1/jobs`.
 fn documented() -> BTreeSet<(String, String)> {
@@ -31,31 +31,31 @@ fn specified(spec: &Value) -> BTreeSet<(String, String)> {
 
 #[tokio::test]
 async fn the_specification_and_api_md_list_the_same_routes() {
-    let (farm, _dir) = Farm::start().await;
-    let spec = farm.get("/openapi.json").await.expect(StatusCode::OK);
+    let (server, _dir) = TestServer::start().await;
+    let spec = server.get("/openapi.json").await.expect(StatusCode::OK);
     assert!(text(&spec["openapi"]).starts_with("3.1"));
     let specified = specified(&spec);
     assert_eq!(documented(), specified);
     assert!(specified.len() > 20, "{specified:?}");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
 async fn every_documented_route_is_routed() {
-    let (farm, _dir) = Farm::start().await;
+    let (server, _dir) = TestServer::start().await;
     for (method, path) in documented() {
         let filled = path
             .replace("{id}", "01890000-0000-7000-8000-000000000000")
             .replace("{n}", "1")
             .replace("{digest}", &"0".repeat(64))
             .replace("{name}", "discharged_mass");
-        let answer = farm.send(Method::from_bytes(method.as_bytes()).unwrap(), &filled, None).await;
+        let answer = server.send(Method::from_bytes(method.as_bytes()).unwrap(), &filled, None).await;
         let routed = answer.status != 405 && !answer.text.contains("there is no path");
         assert!(routed, "{method} {path}: {} {}", answer.status, answer.text);
     }
-    let fallback = farm.get("/v1/nothing").await;
+    let fallback = server.get("/v1/nothing").await;
     assert!(fallback.text.contains("there is no path"), "what the check above looks for");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
@@ -70,8 +70,8 @@ async fn every_reference_in_the_specification_resolves() {
             _ => {}
         }
     }
-    let (farm, _dir) = Farm::start().await;
-    let spec = farm.get("/openapi.json").await.expect(StatusCode::OK);
+    let (server, _dir) = TestServer::start().await;
+    let spec = server.get("/openapi.json").await.expect(StatusCode::OK);
     let mut found = Vec::new();
     references(&spec, &mut found);
     assert!(found.len() > 20);
@@ -79,7 +79,7 @@ async fn every_reference_in_the_specification_resolves() {
         let pointer = reference.strip_prefix('#').unwrap();
         assert!(spec.pointer(pointer).is_some(), "{reference}");
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[test]

@@ -1,15 +1,15 @@
-//! Polling: what has not changed is not sent again, what has is.
+//! Etags: unchanged answers are 304.
 
 use std::time::Duration;
 
 use reqwest::StatusCode;
 use serde_json::json;
 
-use super::farm::*;
+use super::test_server::*;
 
-/// Status, tag and body of a poll.
-async fn poll(farm: &Farm, path: &str, seen: Option<&str>) -> (u16, String, String) {
-    let mut request = farm.http.get(format!("http://{}{path}", farm.address));
+/// Status, etag and body of a poll.
+async fn poll(server: &TestServer, path: &str, seen: Option<&str>) -> (u16, String, String) {
+    let mut request = server.http.get(format!("http://{}{path}", server.address));
     if let Some(tag) = seen {
         request = request.header("if-none-match", tag);
     }
@@ -19,13 +19,13 @@ async fn poll(farm: &Farm, path: &str, seen: Option<&str>) -> (u16, String, Stri
 }
 
 #[tokio::test]
-async fn what_is_polled_is_sent_when_it_has_changed_and_only_then() {
-    let (farm, dir) = Farm::start().await;
+async fn unchanged_answers_are_304() {
+    let (server, dir) = TestServer::start().await;
     let spec =
         json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": [], "replicates": 3});
-    let sweep = farm.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
-    let other = farm.submit(&envelope(50)).await;
-    let worker = farm.worker("cpu").await;
+    let sweep = server.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
+    let other = server.submit(&envelope(50)).await;
+    let worker = server.worker("cpu").await;
     let sweep = format!("/v1/sweeps/{}", text(&sweep["id"]));
     let mut attempts = worker.claim(3).await;
     let job = format!("/v1/jobs/{}", text(&attempts[0]["job_id"]));
@@ -42,15 +42,19 @@ async fn what_is_polled_is_sent_when_it_has_changed_and_only_then() {
     .map(str::to_owned);
     let mut tags = Vec::new();
     for path in &paths {
-        let (status, tag, _) = poll(&farm, path, None).await;
+        let (status, tag, _) = poll(&server, path, None).await;
         assert!(status == 200 && tag.len() > 4, "{path}: {status} {tag}");
-        assert_eq!(poll(&farm, path, Some(&tag)).await, (304, tag.clone(), String::new()), "{path}");
-        assert_eq!(poll(&farm, path, Some(&format!("\"x\", W/{tag}"))).await.0, 304, "{path}: among others");
+        assert_eq!(poll(&server, path, Some(&tag)).await, (304, tag.clone(), String::new()), "{path}");
+        assert_eq!(
+            poll(&server, path, Some(&format!("\"x\", W/{tag}"))).await.0,
+            304,
+            "{path}: among others"
+        );
         tags.push(tag);
     }
     let changed = async |tags: &mut Vec<String>, what: &str, expected: &[&str]| {
         for (path, tag) in paths.iter().zip(tags) {
-            let (status, newest, _) = poll(&farm, path, Some(tag)).await;
+            let (status, newest, _) = poll(&server, path, Some(tag)).await;
             let is_expected = expected.iter().any(|part| path == part);
             assert_eq!(status, if is_expected { 200 } else { 304 }, "{path} after {what}");
             *tag = newest;
@@ -74,61 +78,61 @@ async fn what_is_polled_is_sent_when_it_has_changed_and_only_then() {
     worker.deliver(&attempts.remove(0)).await.expect(StatusCode::OK);
     changed(&mut tags, "a result", &with(&["/v1/jobs", "/v1/sweeps", "/v1/workers"], Some(job))).await;
     let cancel = format!("/v1/jobs/{}/cancel", text(&other["id"]));
-    farm.post(&cancel, &json!({})).await.expect(StatusCode::OK);
+    server.post(&cancel, &json!({})).await.expect(StatusCode::OK);
     changed(&mut tags, "what happened elsewhere", &["/v1/jobs", "/v1/sweeps", "/v1/workers"]).await;
-    farm.submit(&envelope(60)).await;
+    server.submit(&envelope(60)).await;
     changed(&mut tags, "a submission", &["/v1/jobs", "/v1/sweeps"]).await;
-    assert_eq!(poll(&farm, "/v1/jobs", Some("*")).await.0, 304, "whatever it is");
+    assert_eq!(poll(&server, "/v1/jobs", Some("*")).await.0, 304, "whatever it is");
     for seen in [None, Some("*")] {
-        assert_eq!(poll(&farm, "/v1/jobs/01890000-0000-7000-8000-000000000000", seen).await.0, 404);
+        assert_eq!(poll(&server, "/v1/jobs/01890000-0000-7000-8000-000000000000", seen).await.0, 404);
     }
-    let tag = poll(&farm, &sweep, None).await.1;
-    farm.stop().await;
+    let tag = poll(&server, &sweep, None).await.1;
+    server.stop().await;
 
-    let farm = Farm::on(dir.path(), |_| {}).await;
-    assert_eq!(poll(&farm, &sweep, Some(&tag)).await.0, 200, "progress is counted anew after a restart");
-    farm.stop().await;
+    let server = TestServer::on(dir.path(), |_| {}).await;
+    assert_eq!(poll(&server, &sweep, Some(&tag)).await.0, 200, "progress is counted anew after a restart");
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn what_has_grown_or_gone_is_sent_again() {
-    let (farm, _dir) = Farm::start().await;
+async fn extension_and_deletion_change_the_etag() {
+    let (server, _dir) = TestServer::start().await;
     let sweep =
         |seed| json!({"name": "a", "base": scenario(seed), "design": {"kind": "grid"}, "factors": []});
-    let first = farm.post("/v1/sweeps", &sweep(1)).await.expect(StatusCode::CREATED);
-    let second = farm.post("/v1/sweeps", &sweep(2)).await.expect(StatusCode::CREATED);
+    let first = server.post("/v1/sweeps", &sweep(1)).await.expect(StatusCode::CREATED);
+    let second = server.post("/v1/sweeps", &sweep(2)).await.expect(StatusCode::CREATED);
     let path = |sweep: &serde_json::Value| format!("/v1/sweeps/{}", text(&sweep["id"]));
     let (first, second) = (path(&first), path(&second));
-    let (_, tag, _) = poll(&farm, &first, None).await;
-    farm.post(&format!("{first}/extend"), &json!({"replicates": 1})).await.expect(StatusCode::OK);
-    assert_eq!(poll(&farm, &first, Some(&tag)).await.0, 200, "it has grown");
+    let (_, tag, _) = poll(&server, &first, None).await;
+    server.post(&format!("{first}/extend"), &json!({"replicates": 1})).await.expect(StatusCode::OK);
+    assert_eq!(poll(&server, &first, Some(&tag)).await.0, 200, "it has grown");
     // The newest stays: what tells is not the last number.
-    farm.post("/v1/sweeps", &sweep(3)).await.expect(StatusCode::CREATED);
+    server.post("/v1/sweeps", &sweep(3)).await.expect(StatusCode::CREATED);
     for gone in [&first, &second] {
-        farm.post(&format!("{gone}/cancel"), &json!({})).await.expect(StatusCode::OK);
-        let (_, all, _) = poll(&farm, "/v1/sweeps", None).await;
-        let (_, tag, _) = poll(&farm, gone, None).await;
-        farm.send(reqwest::Method::DELETE, gone, None).await.expect(StatusCode::OK);
-        assert_eq!(poll(&farm, "/v1/sweeps", Some(&all)).await.0, 200, "one is gone");
-        assert_eq!(poll(&farm, gone, Some(&tag)).await.0, 404);
+        server.post(&format!("{gone}/cancel"), &json!({})).await.expect(StatusCode::OK);
+        let (_, all, _) = poll(&server, "/v1/sweeps", None).await;
+        let (_, tag, _) = poll(&server, gone, None).await;
+        server.send(reqwest::Method::DELETE, gone, None).await.expect(StatusCode::OK);
+        assert_eq!(poll(&server, "/v1/sweeps", Some(&all)).await.0, 200, "one is gone");
+        assert_eq!(poll(&server, gone, Some(&tag)).await.0, 404);
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn what_is_pruned_shows_in_listings() {
-    let (farm, _dir) = Farm::start().await;
-    let ended = farm.submit(&envelope(1)).await;
-    farm.submit(&envelope(2)).await;
+async fn pruning_changes_the_etag_of_listings() {
+    let (server, _dir) = TestServer::start().await;
+    let ended = server.submit(&envelope(1)).await;
+    server.submit(&envelope(2)).await;
     let path = format!("/v1/jobs/{}", text(&ended["id"]));
-    farm.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
-    let (_, job, _) = poll(&farm, &path, None).await;
-    let (_, all, _) = poll(&farm, "/v1/jobs", None).await;
+    server.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    let (_, job, _) = poll(&server, &path, None).await;
+    let (_, all, _) = poll(&server, "/v1/jobs", None).await;
     // What ended in this very millisecond stays.
     tokio::time::sleep(Duration::from_millis(5)).await;
-    let gone = farm.post("/v1/prune?older_than_s=0", &json!({})).await.expect(StatusCode::OK);
+    let gone = server.post("/v1/prune?older_than_s=0", &json!({})).await.expect(StatusCode::OK);
     assert_eq!(gone["jobs"], 1);
-    assert_eq!(poll(&farm, "/v1/jobs", Some(&all)).await.0, 200, "one is gone");
-    assert_eq!(poll(&farm, &path, Some(&job)).await.0, 404);
-    farm.stop().await;
+    assert_eq!(poll(&server, "/v1/jobs", Some(&all)).await.0, 200, "one is gone");
+    assert_eq!(poll(&server, &path, Some(&job)).await.0, 404);
+    server.stop().await;
 }

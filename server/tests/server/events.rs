@@ -1,11 +1,11 @@
-//! Event streams: what happens comes, resumes where it broke off, and keeps no server from stopping.
+//! Event streams: events, resumption, end.
 
 use std::time::Duration;
 
 use reqwest::{Response, StatusCode};
 use serde_json::{Value, json};
 
-use super::farm::*;
+use super::test_server::*;
 
 pub(crate) struct Event {
     pub name: String,
@@ -13,15 +13,15 @@ pub(crate) struct Event {
     pub data: Value,
 }
 
-/// A stream as a client reads it.
+/// An event stream as a client reads it.
 pub(crate) struct Events {
     response: Response,
     text: String,
 }
 
 impl Events {
-    pub(crate) async fn open(farm: &Farm, path: &str, last: Option<i64>) -> Self {
-        let mut request = farm.http.get(format!("http://{}{path}/events", farm.address));
+    pub(crate) async fn open(server: &TestServer, path: &str, last: Option<i64>) -> Self {
+        let mut request = server.http.get(format!("http://{}{path}/events", server.address));
         if let Some(last) = last {
             request = request.header("last-event-id", last);
         }
@@ -58,7 +58,7 @@ impl Events {
         }
     }
 
-    /// The next change, without what is said of progress.
+    /// The next `change` event; `progress` events are skipped.
     async fn change(&mut self) -> Event {
         loop {
             let event = self.next().await.expect("a change");
@@ -70,17 +70,17 @@ impl Events {
 }
 
 #[tokio::test]
-async fn a_stream_begins_with_now_and_resumes_after_any_event() {
-    let (farm, _dir) = Farm::start().await;
+async fn stream_starts_with_the_current_view_and_resumes_after_any_event() {
+    let (server, _dir) = TestServer::start().await;
     let spec =
         json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": [], "replicates": 2});
-    let sweep = farm.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
+    let sweep = server.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
     let path = format!("/v1/sweeps/{}", text(&sweep["id"]));
-    let mut events = Events::open(&farm, &path, None).await;
+    let mut events = Events::open(&server, &path, None).await;
     let now = events.next().await.unwrap();
     assert_eq!((now.name.as_str(), &now.data["counts"]["queued"]), ("sweep", &json!(2)));
 
-    let worker = farm.worker("cpu").await;
+    let worker = server.worker("cpu").await;
     let attempt = worker.claim_one().await;
     let claimed = events.change().await;
     assert_eq!((&claimed.data["job_id"], &claimed.data["state"]), (&attempt["job_id"], &json!("running")));
@@ -91,40 +91,40 @@ async fn a_stream_begins_with_now_and_resumes_after_any_event() {
 
     // Nobody listens while this happens; another sweep's news is not this one's.
     worker.deliver(&attempt).await.expect(StatusCode::OK);
-    let elsewhere = farm.submit(&envelope(77)).await;
+    let elsewhere = server.submit(&envelope(77)).await;
     let other = worker.claim(2).await;
-    let mut events = Events::open(&farm, &path, claimed.id).await;
+    let mut events = Events::open(&server, &path, claimed.id).await;
     let (first, second) = (events.change().await, events.change().await);
     assert_eq!((&first.data["state"], &second.data["state"]), (&json!("succeeded"), &json!("running")));
     assert!(other.len() == 2 && second.data["job_id"] != elsewhere["id"], "{}", second.data);
-    let mut again = Events::open(&farm, &path, first.id).await;
+    let mut again = Events::open(&server, &path, first.id).await;
     let repeated = again.change().await;
     assert_eq!((repeated.id, repeated.data), (second.id, second.data));
 
     // What cannot be resumed begins anew.
-    let mut unknown = Events::open(&farm, &path, Some(1_000_000)).await;
+    let mut unknown = Events::open(&server, &path, Some(1_000_000)).await;
     assert_eq!(unknown.next().await.unwrap().name, "sweep");
     let job = format!("/v1/jobs/{}", text(&attempt["job_id"]));
-    let mut of_job = Events::open(&farm, &job, None).await;
+    let mut of_job = Events::open(&server, &job, None).await;
     let now = of_job.next().await.unwrap();
     assert_eq!((now.name.as_str(), &now.data["state"]), ("job", &json!("succeeded")));
     drop((events, again, unknown, of_job));
-    farm.get("/v1/jobs/01890000-0000-7000-8000-000000000000/events").await.problem(404, "not-found");
-    farm.stop().await;
+    server.get("/v1/jobs/01890000-0000-7000-8000-000000000000/events").await.problem(404, "not-found");
+    server.stop().await;
 }
 
 #[tokio::test]
 async fn open_streams_end_with_the_server() {
-    let (farm, _dir) = Farm::start().await;
-    let job = farm.submit(&envelope(1)).await;
+    let (server, _dir) = TestServer::start().await;
+    let job = server.submit(&envelope(1)).await;
     let path = format!("/v1/jobs/{}", text(&job["id"]));
     let mut streams = Vec::new();
     for _ in 0..20 {
-        let mut events = Events::open(&farm, &path, None).await;
+        let mut events = Events::open(&server, &path, None).await;
         events.next().await.expect("the job as it is");
         streams.push(events);
     }
-    let took = farm.stop().await;
+    let took = server.stop().await;
     assert!(took < Duration::from_secs(2), "{took:?}");
     for mut events in streams {
         assert!(events.next().await.is_none(), "the end");
@@ -132,15 +132,15 @@ async fn open_streams_end_with_the_server() {
 }
 
 #[tokio::test]
-async fn a_sweeps_stream_tells_that_it_has_grown_and_ends_when_it_is_deleted() {
-    let (farm, _dir) = Farm::start().await;
+async fn stream_of_a_sweep_reports_extension_and_ends_with_deletion() {
+    let (server, _dir) = TestServer::start().await;
     let sweep = json!({"name": "one", "base": scenario(1), "design": {"kind": "grid"},
                        "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045]}]});
-    let view = farm.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
+    let view = server.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
     let path = format!("/v1/sweeps/{}", text(&view["id"]));
-    let mut events = Events::open(&farm, &path, None).await;
+    let mut events = Events::open(&server, &path, None).await;
     assert_eq!(events.next().await.unwrap().name, "sweep");
-    farm.post(&format!("{path}/extend"), &json!({"replicates": 2})).await.expect(StatusCode::OK);
+    server.post(&format!("{path}/extend"), &json!({"replicates": 2})).await.expect(StatusCode::OK);
     let grown = loop {
         let event = events.next().await.expect("the stream goes on");
         if event.name == "extended" {
@@ -148,29 +148,29 @@ async fn a_sweeps_stream_tells_that_it_has_grown_and_ends_when_it_is_deleted() {
         }
     };
     assert_eq!((&grown.data["replicates"], &grown.data["counts"]["queued"]), (&json!(3), &json!(3)));
-    farm.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
-    farm.send(reqwest::Method::DELETE, &path, None).await.expect(StatusCode::OK);
+    server.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
+    server.send(reqwest::Method::DELETE, &path, None).await.expect(StatusCode::OK);
     let mut last = None;
     while let Some(event) = events.next().await {
         last = Some(event);
     }
     let last = last.expect("something was told");
     assert_eq!((last.name.as_str(), &last.data["id"]), ("deleted", &view["id"]));
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn all_who_follow_a_sweep_hear_of_its_end() {
-    let (farm, _dir) = Farm::start().await;
+async fn all_followers_of_a_sweep_get_its_last_progress() {
+    let (server, _dir) = TestServer::start().await;
     let spec = json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": [], "replicates": 12});
-    let sweep = farm.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
+    let sweep = server.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
     let path = format!("/v1/sweeps/{}", text(&sweep["id"]));
     let mut streams = Vec::new();
     for _ in 0..4 {
-        streams.push(Events::open(&farm, &path, None).await);
+        streams.push(Events::open(&server, &path, None).await);
         tokio::time::sleep(Duration::from_millis(40)).await;
     }
-    let worker = farm.worker("cpu").await;
+    let worker = server.worker("cpu").await;
     for attempt in worker.claim(12).await {
         worker.deliver(&attempt).await.expect(StatusCode::OK);
         tokio::time::sleep(Duration::from_millis(30)).await;
@@ -187,6 +187,6 @@ async fn all_who_follow_a_sweep_hear_of_its_end() {
         };
         tokio::time::timeout(Duration::from_secs(10), told).await.expect("in time");
     }
-    assert_eq!(farm.get(&path).await.body["counts"]["succeeded"], 12);
-    farm.stop().await;
+    assert_eq!(server.get(&path).await.body["counts"]["succeeded"], 12);
+    server.stop().await;
 }

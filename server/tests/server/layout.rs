@@ -1,4 +1,4 @@
-//! The layers keep apart: axum in `http` only, sqlx in `store` only, no IO and no clock in what decides.
+//! The layers: axum in `http` only, sqlx in `store` only, neither IO nor clock in pure modules.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Lines of files for which `here` is true that use one of these words, with their file.
+/// Lines with one of these words in the files for which `here` is true.
 fn uses(words: &[&str], here: impl Fn(&str) -> bool) -> Vec<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
@@ -33,14 +33,14 @@ fn uses(words: &[&str], here: impl Fn(&str) -> bool) -> Vec<String> {
 }
 
 #[test]
-fn axum_and_sqlx_stay_where_they_belong() {
+fn axum_is_used_in_http_only_and_sqlx_in_store_only() {
     assert_eq!(uses(&["axum", "tower_http"], |file| !file.starts_with("http/")), [""; 0]);
     assert_eq!(uses(&["sqlx"], |file| !file.starts_with("store/")), [""; 0]);
     assert!(!uses(&["axum"], |file| file.starts_with("http/")).is_empty(), "what the check looks for");
 }
 
 #[test]
-fn what_decides_has_neither_io_nor_a_clock() {
+fn pure_modules_use_neither_io_nor_clock() {
     let pure = |file: &str| {
         ["queue/", "sweep/", "document/", "mesh.rs", "validation.rs"].iter().any(|at| file.starts_with(at))
     };

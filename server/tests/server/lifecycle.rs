@@ -1,25 +1,25 @@
-//! A job from submission to result, by every way it can end.
+//! The life of a job from submission to each of its ends.
 
 use reqwest::StatusCode;
 use roost_solver::result::{EndReason, Instability};
 use serde_json::{Value, json};
 
-use super::farm::*;
+use super::test_server::*;
 
 #[tokio::test]
-async fn a_job_is_submitted_run_and_answered() {
-    let (farm, _dir) = Farm::start().await;
+async fn job_is_submitted_run_and_answered() {
+    let (server, _dir) = TestServer::start().await;
     let mut envelope = envelope(1);
     envelope["labels"] = json!({"line": "north"});
-    let answer = farm.post("/v1/jobs", &envelope).await;
+    let answer = server.post("/v1/jobs", &envelope).await;
     let location = answer.location.clone().unwrap();
     let job = answer.expect(StatusCode::ACCEPTED);
     assert_eq!(location, format!("/v1/jobs/{}", text(&job["id"])));
     assert_eq!((&job["state"], &job["attempt"], &job["seed"]), (&json!("queued"), &json!(0), &json!(1)));
-    let no_result = farm.get(&format!("{location}/result")).await.problem(404, "not-found");
+    let no_result = server.get(&format!("{location}/result")).await.problem(404, "not-found");
     assert!(text(&no_result["detail"]).contains("queued"));
 
-    let worker = farm.worker("cpu").await;
+    let worker = server.worker("cpu").await;
     let attempt = worker.claim_one().await;
     assert_eq!(attempt["job_id"], job["id"]);
     assert_eq!(attempt["attempt"], 1);
@@ -27,65 +27,85 @@ async fn a_job_is_submitted_run_and_answered() {
     let directive = worker.beat(&attempt, progress(0.25)).await;
     assert_eq!(directive["directive"], "continue");
     assert!(text(&directive["lease_expires_at"]) > text(&job["submitted_at"]));
-    let running = farm.job(&job["id"]).await;
+    let running = server.job(&job["id"]).await;
     assert_eq!(running["state"], "running");
     assert_eq!(running["progress"]["fraction"], 0.25);
     assert_eq!(text(&running["worker_id"]), worker.id);
 
     let receipt = worker.deliver(&attempt).await.expect(StatusCode::OK);
     assert_eq!(receipt["recorded"], true);
-    let done = farm.job(&job["id"]).await;
+    let done = server.job(&job["id"]).await;
     assert_eq!((&done["state"], &done["from_cache"]), (&json!("succeeded"), &json!(false)));
     assert_eq!(done["responses"]["discharged_kg"], 31.0);
     assert_eq!(done["responses"]["time_to_99_percent_s"], Value::Null);
     assert_eq!(done["progress"], Value::Null);
-    let result = farm.get(&format!("{location}/result")).await.expect(StatusCode::OK);
+    let result = server.get(&format!("{location}/result")).await.expect(StatusCode::OK);
     assert_eq!(result, json!(result_of(&attempt["scenario"])), "carried unchanged");
 
-    let series = farm.get(&format!("{location}/series/discharged_mass")).await.expect(StatusCode::OK);
+    let series = server.get(&format!("{location}/series/discharged_mass")).await.expect(StatusCode::OK);
     let mut told = result["series"][0].clone();
     told["partial"] = json!(false);
     assert_eq!(series, told);
-    let csv = farm.get(&format!("{location}/series/discharged_mass?format=csv")).await;
+    let csv = server.get(&format!("{location}/series/discharged_mass?format=csv")).await;
     assert_eq!(csv.media_type, "text/csv; charset=utf-8");
     assert_eq!(csv.text, "t_s,discharged_mass [kg]\n0.0,0.0\n0.02,0.1\n0.04,0.3333333333333333\n");
-    let unknown = farm.get(&format!("{location}/series/mass")).await.problem(404, "not-found");
+    let unknown = server.get(&format!("{location}/series/mass")).await.problem(404, "not-found");
     assert!(text(&unknown["detail"]).contains("discharged_mass"));
 
-    let workers = farm.get("/v1/workers").await.expect(StatusCode::OK);
+    let workers = server.get("/v1/workers").await.expect(StatusCode::OK);
     assert_eq!(workers["items"][0]["succeeded"], 1);
     assert_eq!(workers["items"][0]["running"], json!([]));
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn the_same_physics_is_answered_from_the_store_unless_bypassed() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
-    farm.submit(&envelope(7)).await;
+async fn result_and_series_are_passed_on_as_they_were_sent() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let id = server.submit(&envelope(1)).await["id"].clone();
+    let attempt = worker.claim_one().await;
+    // The same numbers in another notation: a server that parses and writes them changes this text.
+    let result = json!(result_of(&attempt["scenario"])).to_string();
+    assert!(result.contains("[0.0,0.02,0.04]"));
+    let result = result.replace("[0.0,0.02,0.04]", "[0, 2e-2,0.0400]");
+    let body = format!(r#"{{ "result": {result}, "worker_id": "{}" }}"#, worker.id);
+    let path = format!("/v1/jobs/{}/attempts/1/result", text(&id));
+    server.send_text(&path, "application/json", body).await.expect(StatusCode::OK);
+    assert_eq!(server.get(&format!("/v1/jobs/{}/result", text(&id))).await.text, result);
+    let series = server.get(&format!("/v1/jobs/{}/series/discharged_mass", text(&id))).await;
+    assert!(series.text.contains(r#""t_s":[0, 2e-2,0.0400]"#), "{}", series.text);
+    assert_eq!(series.body["t_s"], json!([0, 0.02, 0.04]));
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn equal_scenario_gets_the_stored_result_unless_bypassed() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    server.submit(&envelope(7)).await;
     worker.deliver(&worker.claim_one().await).await.expect(StatusCode::OK);
 
     let mut written_out = envelope(7);
     written_out["scenario"]["material"] = json!({"poisson_ratio": 0.37});
-    let hit = farm.submit(&written_out).await;
+    let hit = server.submit(&written_out).await;
     assert_eq!(hit["state"], "succeeded");
     assert_eq!((&hit["from_cache"], &hit["attempt"]), (&json!(true), &json!(0)));
     assert_eq!(hit["responses"]["discharged_kg"], 37.0);
-    let result = farm.get(&format!("/v1/jobs/{}/result", text(&hit["id"]))).await.expect(StatusCode::OK);
+    let result = server.get(&format!("/v1/jobs/{}/result", text(&hit["id"]))).await.expect(StatusCode::OK);
     assert_eq!(result["scenario"]["seed"], 7);
 
-    assert_eq!(farm.submit(&envelope(8)).await["state"], "queued", "another seed is other physics");
+    assert_eq!(server.submit(&envelope(8)).await["state"], "queued", "another seed is other physics");
     let mut bypass = envelope(7);
     bypass["cache"] = json!("bypass");
-    assert_eq!(farm.submit(&bypass).await["state"], "queued");
-    farm.stop().await;
+    assert_eq!(server.submit(&bypass).await["state"], "queued");
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn an_unstable_run_fails_keeps_its_partial_result_and_is_not_cached() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
-    let job = farm.submit(&envelope(1)).await;
+async fn unstable_run_fails_with_a_partial_result_that_is_not_reused() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let job = server.submit(&envelope(1)).await;
     let attempt = worker.claim_one().await;
     let mut partial = result_of(&attempt["scenario"]);
     partial.end_reason = EndReason::Unstable;
@@ -94,98 +114,100 @@ async fn an_unstable_run_fails_keeps_its_partial_result_and_is_not_cached() {
     let refused = worker.deliver_result(&attempt, &partial).await.problem(422, "invalid-document");
     assert_eq!(refused["errors"][0]["pointer"], "/result/end_reason");
     worker.fail(&attempt, "unstable", Some(&partial)).await.expect(StatusCode::OK);
-    let failed = farm.job(&job["id"]).await;
+    let failed = server.job(&job["id"]).await;
     assert_eq!((&failed["state"], &failed["failure_class"]), (&json!("failed"), &json!("unstable")));
     assert_eq!(failed["failure_message"], "it was unstable");
     assert_eq!(failed["responses"], json!({}), "responses are for what succeeded");
-    let kept = farm.get(&format!("/v1/jobs/{}/result", text(&job["id"]))).await.expect(StatusCode::OK);
+    let kept = server.get(&format!("/v1/jobs/{}/result", text(&job["id"]))).await.expect(StatusCode::OK);
     assert_eq!(kept["instability"]["step"], 9);
 
-    assert_eq!(farm.submit(&envelope(1)).await["state"], "queued", "not cached");
-    farm.stop().await;
+    assert_eq!(server.submit(&envelope(1)).await["state"], "queued", "not cached");
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_failing_worker_is_tried_three_times_and_a_retry_starts_afresh() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
-    let job = farm.submit(&envelope(1)).await;
+async fn worker_failures_are_retried_three_times_and_a_retry_resets_the_count() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let job = server.submit(&envelope(1)).await;
     for (number, state) in [(1, "queued"), (2, "queued"), (3, "failed")] {
         let attempt = worker.claim_one().await;
         assert_eq!(attempt["attempt"], number);
         worker.fail(&attempt, "worker", None).await.expect(StatusCode::OK);
-        assert_eq!(farm.job(&job["id"]).await["state"], state);
+        assert_eq!(server.job(&job["id"]).await["state"], state);
     }
-    assert_eq!(farm.job(&job["id"]).await["failure_class"], "worker");
+    assert_eq!(server.job(&job["id"]).await["failure_class"], "worker");
 
     let path = format!("/v1/jobs/{}/retry", text(&job["id"]));
-    farm.post(&format!("{path}?class=lost"), &json!({})).await.problem(409, "wrong-state");
-    let again = farm.post(&format!("{path}?class=worker"), &json!({})).await.expect(StatusCode::OK);
+    server.post(&format!("{path}?class=lost"), &json!({})).await.problem(409, "wrong-state");
+    let again = server.post(&format!("{path}?class=worker"), &json!({})).await.expect(StatusCode::OK);
     assert_eq!((&again["state"], &again["failure_class"]), (&json!("queued"), &Value::Null));
-    farm.post(&path, &json!({})).await.problem(409, "wrong-state");
+    server.post(&path, &json!({})).await.problem(409, "wrong-state");
     let attempt = worker.claim_one().await;
     assert_eq!(attempt["attempt"], 4, "attempt numbers never come back");
     worker.fail(&attempt, "worker", None).await.expect(StatusCode::OK);
-    assert_eq!(farm.job(&job["id"]).await["state"], "queued", "the retry has three attempts of its own");
+    assert_eq!(server.job(&job["id"]).await["state"], "queued", "the retry has three attempts of its own");
     worker.deliver(&worker.claim_one().await).await.expect(StatusCode::OK);
-    assert_eq!(farm.job(&job["id"]).await["state"], "succeeded");
-    farm.post(&path, &json!({})).await.problem(409, "wrong-state");
-    farm.stop().await;
+    assert_eq!(server.job(&job["id"]).await["state"], "succeeded");
+    server.post(&path, &json!({})).await.problem(409, "wrong-state");
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_release_counts_against_nobody() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
-    let job = farm.submit(&envelope(1)).await;
+async fn released_attempt_is_no_failure() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let job = server.submit(&envelope(1)).await;
     for _ in 0..6 {
         let attempt = worker.claim_one().await;
         worker.fail(&attempt, "released", None).await.expect(StatusCode::OK);
-        assert_eq!(farm.job(&job["id"]).await["state"], "queued");
+        assert_eq!(server.job(&job["id"]).await["state"], "queued");
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn the_other_classes_fail_at_once() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
+async fn other_failure_classes_fail_at_once() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
     for (seed, class) in [(1, "invalid"), (2, "timeout")] {
-        let job = farm.submit(&envelope(seed)).await;
+        let job = server.submit(&envelope(seed)).await;
         worker.fail(&worker.claim_one().await, class, None).await.expect(StatusCode::OK);
-        let failed = farm.job(&job["id"]).await;
+        let failed = server.job(&job["id"]).await;
         assert_eq!((&failed["state"], &failed["failure_class"]), (&json!("failed"), &json!(class)));
         let path = format!("/v1/jobs/{}/result", text(&job["id"]));
-        assert!(text(&farm.get(&path).await.problem(404, "not-found")["detail"]).contains("left no result"));
+        assert!(
+            text(&server.get(&path).await.problem(404, "not-found")["detail"]).contains("left no result")
+        );
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
 async fn listings_are_filtered_and_paged() {
-    let (farm, _dir) = Farm::start().await;
+    let (server, _dir) = TestServer::start().await;
     for seed in 0..5 {
         let mut envelope = envelope(seed);
         envelope["labels"] = json!({"parity": if seed % 2 == 0 { "even" } else { "odd" }});
-        farm.submit(&envelope).await;
+        server.submit(&envelope).await;
     }
-    let worker = farm.worker("cpu").await;
+    let worker = server.worker("cpu").await;
     worker.claim_one().await;
     let seeds = |page: &Value| {
         let items = page["items"].as_array().unwrap();
         items.iter().map(|job| job["seed"].as_u64().unwrap()).collect::<Vec<_>>()
     };
-    let first = farm.get("/v1/jobs?limit=2").await.expect(StatusCode::OK);
+    let first = server.get("/v1/jobs?limit=2").await.expect(StatusCode::OK);
     assert_eq!(seeds(&first), [4, 3], "newest first");
     let next = format!("/v1/jobs?limit=3&cursor={}", text(&first["next_cursor"]));
-    let last = farm.get(&next).await.expect(StatusCode::OK);
+    let last = server.get(&next).await.expect(StatusCode::OK);
     assert_eq!(seeds(&last), [2, 1, 0]);
     assert_eq!(last["next_cursor"], Value::Null);
-    let running = farm.get("/v1/jobs?state=running").await.expect(StatusCode::OK);
+    let running = server.get("/v1/jobs?state=running").await.expect(StatusCode::OK);
     assert_eq!(seeds(&running), [0]);
-    let even = farm.get("/v1/jobs?label=parity=even&state=queued").await.expect(StatusCode::OK);
+    let even = server.get("/v1/jobs?label=parity=even&state=queued").await.expect(StatusCode::OK);
     assert_eq!(seeds(&even), [4, 2]);
-    assert_eq!(seeds(&farm.get("/v1/jobs?label=parity").await.expect(StatusCode::OK)).len(), 5);
-    assert_eq!(seeds(&farm.get("/v1/jobs?label=line").await.expect(StatusCode::OK)).len(), 0);
-    farm.stop().await;
+    assert_eq!(seeds(&server.get("/v1/jobs?label=parity").await.expect(StatusCode::OK)).len(), 5);
+    assert_eq!(seeds(&server.get("/v1/jobs?label=line").await.expect(StatusCode::OK)).len(), 0);
+    server.stop().await;
 }

@@ -1,4 +1,4 @@
-//! Limits of what is stored with a submission: labels, names, and the priority that a token may ask for.
+//! Limits of labels, names and priorities of submissions.
 
 use reqwest::{Method, StatusCode};
 use roost_api::ids::WorkerId;
@@ -7,9 +7,9 @@ use roost_api::token::Scope;
 use roost_server::tokens_in;
 use serde_json::{Map, Value, json};
 
-use super::farm::*;
+use super::test_server::*;
 
-/// So many labels.
+/// This many labels.
 fn labels(count: usize, value: &str) -> Value {
     (0..count).map(|index| (format!("key {index}"), json!(value))).collect::<Map<_, _>>().into()
 }
@@ -23,14 +23,14 @@ fn pointers(problem: &Value) -> Vec<&str> {
 }
 
 #[tokio::test]
-async fn labels_are_few_and_short_wherever_they_are_given() {
-    let (farm, _dir) = Farm::start().await;
+async fn labels_are_limited_in_number_and_length() {
+    let (server, _dir) = TestServer::start().await;
     let fits = labels(64, &"x".repeat(256));
     let (mut job, swept) = (envelope(1), sweep(2, &fits));
     job["labels"] = fits;
-    assert_eq!(farm.submit(&job).await["labels"], job["labels"]);
-    farm.post("/v1/sweeps", &swept).await.expect(StatusCode::CREATED);
-    farm.post("/v1/validate", &swept).await.expect(StatusCode::OK);
+    assert_eq!(server.submit(&job).await["labels"], job["labels"]);
+    server.post("/v1/sweeps", &swept).await.expect(StatusCode::CREATED);
+    server.post("/v1/validate", &swept).await.expect(StatusCode::OK);
 
     // 128 characters of two bytes and one of one.
     let long = format!("{}x", "é".repeat(128));
@@ -43,7 +43,7 @@ async fn labels_are_few_and_short_wherever_they_are_given() {
     for (path, document) in
         [("/v1/jobs", &job), ("/v1/validate", &job), ("/v1/sweeps", &swept), ("/v1/validate", &swept)]
     {
-        let answer = farm.post(path, document).await;
+        let answer = server.post(path, document).await;
         assert!(answer.text.len() < 5000, "{path}: {} bytes", answer.text.len());
         let problem = answer.problem(422, "invalid-document");
         assert_eq!(pointers(&problem), ["/labels", "/labels", "/labels/a~1b"], "{path}: {problem}");
@@ -56,12 +56,12 @@ async fn labels_are_few_and_short_wherever_they_are_given() {
             assert_eq!(fault["allowed"], json!("at most 256 bytes"), "{problem}");
         }
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn names_are_short_wherever_they_are_given() {
-    let (farm, _dir) = Farm::start().await;
+async fn names_are_limited_in_length() {
+    let (server, _dir) = TestServer::start().await;
     let (fits, long) = ("x".repeat(256), "x".repeat(257));
     let named = |name: &str| {
         let mut sweep = sweep(1, &json!({}));
@@ -69,15 +69,15 @@ async fn names_are_short_wherever_they_are_given() {
         sweep["needs"] = json!({"backend": name});
         sweep
     };
-    farm.post("/v1/sweeps", &named(&fits)).await.expect(StatusCode::CREATED);
+    server.post("/v1/sweeps", &named(&fits)).await.expect(StatusCode::CREATED);
     for path in ["/v1/sweeps", "/v1/validate"] {
-        let problem = farm.post(path, &named(&long)).await.problem(422, "invalid-document");
+        let problem = server.post(path, &named(&long)).await.problem(422, "invalid-document");
         assert_eq!(pointers(&problem), ["/name", "/needs/backend"], "{problem}");
         assert_eq!(problem["errors"][0]["allowed"], json!("at most 256 bytes"));
     }
     let mut job = envelope(1);
     job["needs"] = json!({"backend": long});
-    let problem = farm.post("/v1/jobs", &job).await.problem(422, "invalid-document");
+    let problem = server.post("/v1/jobs", &job).await.problem(422, "invalid-document");
     assert_eq!(pointers(&problem), ["/needs/backend"]);
 
     let worker = |name: &str| {
@@ -85,30 +85,30 @@ async fn names_are_short_wherever_they_are_given() {
         (worker["name"], worker["device"]) = (json!(name), json!(name));
         worker
     };
-    farm.post("/v1/workers", &worker(&fits)).await.expect(StatusCode::OK);
-    let problem = farm.post("/v1/workers", &worker(&long)).await.problem(422, "invalid-document");
+    server.post("/v1/workers", &worker(&fits)).await.expect(StatusCode::OK);
+    let problem = server.post("/v1/workers", &worker(&long)).await.problem(422, "invalid-document");
     assert_eq!(pointers(&problem), ["/name", "/backend", "/device"]);
-    let workers = farm.get("/v1/workers").await.expect(StatusCode::OK);
+    let workers = server.get("/v1/workers").await.expect(StatusCode::OK);
     assert_eq!(workers["items"].as_array().unwrap().len(), 1);
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn labels_of_a_sweep_are_stored_once_and_shown_and_found_at_each_of_its_jobs() {
-    let (farm, dir) = Farm::start().await;
+async fn labels_of_a_sweep_are_stored_once_and_apply_to_its_jobs() {
+    let (server, dir) = TestServer::start().await;
     let long = labels(64, &"x".repeat(256));
     let mut many = sweep(1, &long);
     many["replicates"] = json!(900);
-    let many = farm.post("/v1/sweeps", &many).await.expect(StatusCode::CREATED);
+    let many = server.post("/v1/sweeps", &many).await.expect(StatusCode::CREATED);
     let extend = format!("/v1/sweeps/{}/extend", text(&many["id"]));
-    farm.post(&extend, &json!({"replicates": 1})).await.expect(StatusCode::OK);
+    server.post(&extend, &json!({"replicates": 1})).await.expect(StatusCode::OK);
     let mut alone = envelope(5000);
     alone["labels"] = json!({"key 1": "mine"});
-    farm.submit(&alone).await;
-    farm.submit(&envelope(5001)).await;
+    server.submit(&alone).await;
+    server.submit(&envelope(5001)).await;
 
     let found = async |filter: &str| {
-        let page = farm.get(&format!("/v1/jobs?limit=500&label={filter}")).await.expect(StatusCode::OK);
+        let page = server.get(&format!("/v1/jobs?limit=500&label={filter}")).await.expect(StatusCode::OK);
         page["items"].as_array().unwrap().clone()
     };
     let all = found("key%201").await;
@@ -116,15 +116,15 @@ async fn labels_of_a_sweep_are_stored_once_and_shown_and_found_at_each_of_its_jo
     assert_eq!(found("key%201=mine").await.len(), 1);
     let swept = found(&format!("key%201={}", "x".repeat(256))).await;
     assert_eq!((swept.len(), &swept[0]["labels"]), (500, &long));
-    assert_eq!(farm.job(&swept[0]["id"]).await["labels"], long);
+    assert_eq!(server.job(&swept[0]["id"]).await["labels"], long);
     assert_eq!(found("elsewhere").await.len(), 0);
-    farm.stop().await;
+    server.stop().await;
     let bytes = std::fs::metadata(dir.path().join("roost.db")).unwrap().len();
     assert!(bytes < 4_000_000, "{bytes} bytes of 901 jobs with 17 kB of labels");
 }
 
 #[tokio::test]
-async fn a_token_that_submits_has_a_range_of_priorities_and_an_admin_none() {
+async fn priority_range_applies_to_submit_tokens_only() {
     let dir = tempfile::tempdir().unwrap();
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let mut secrets = Vec::new();
@@ -132,10 +132,10 @@ async fn a_token_that_submits_has_a_range_of_priorities_and_an_admin_none() {
         secrets.push(tokens.create("t", scopes, Timestamp::now()).await.unwrap().1);
     }
     tokens.close().await.unwrap();
-    let farm = Farm::on(dir.path(), |_| {}).await;
+    let server = TestServer::on(dir.path(), |_| {}).await;
     let [submits, admin] = [&secrets[0], &secrets[1]];
     let send = async |secret: &str, path: &str, body: &Value| {
-        let request = farm.http.request(Method::POST, format!("http://{}{path}", farm.address));
+        let request = server.http.request(Method::POST, format!("http://{}{path}", server.address));
         let response = request.bearer_auth(secret).json(body).send().await.unwrap();
         (response.status().as_u16(), response.json::<Value>().await.unwrap())
     };
@@ -163,14 +163,14 @@ async fn a_token_that_submits_has_a_range_of_priorities_and_an_admin_none() {
     assert_eq!((status, &problem["type"]), (403, &json!("/problems/forbidden")), "more of an admin's sweep");
     assert!(text(&problem["detail"]).contains("2147483647"), "{problem}");
     assert_eq!(send(admin, &extend, &json!({"replicates": 1})).await.0, 200);
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_server_without_tokens_takes_every_priority() {
-    let (farm, _dir) = Farm::start().await;
+async fn server_without_tokens_accepts_every_priority() {
+    let (server, _dir) = TestServer::start().await;
     let mut job = envelope(1);
     job["priority"] = json!(i32::MAX);
-    assert_eq!(farm.submit(&job).await["priority"], json!(i32::MAX));
-    farm.stop().await;
+    assert_eq!(server.submit(&job).await["priority"], json!(i32::MAX));
+    server.stop().await;
 }

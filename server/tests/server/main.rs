@@ -1,4 +1,4 @@
-//! The server from outside: real HTTP on loopback, a real SQLite file in a directory of its own.
+//! Black-box tests of the server: HTTP on loopback, a SQLite file in a temporary directory.
 
 mod access;
 mod bad_input;
@@ -9,8 +9,8 @@ mod contract;
 mod dashboard;
 mod designs;
 mod docs;
+mod etags;
 mod events;
-mod farm;
 mod fences;
 mod frames;
 mod imports;
@@ -19,9 +19,9 @@ mod leases;
 mod lifecycle;
 mod limits;
 mod meshes;
+mod metrics;
 mod origins;
 mod pages;
-mod readers;
 mod retries;
 mod safety;
 mod series;
@@ -31,6 +31,6 @@ mod stl;
 mod submissions;
 mod sweeps;
 mod tables;
-mod tags;
+mod test_server;
 mod turns;
 mod upgrade;

@@ -1,15 +1,15 @@
-//! What others read of the server: Prometheus its metrics, people its specification.
+//! Metrics for Prometheus, and the documentation page.
 
 use std::time::{Duration, Instant};
 
 use reqwest::{Method, StatusCode};
 use serde_json::json;
 
-use super::farm::*;
+use super::test_server::*;
 
-/// The number of a line of `/metrics`.
-async fn metric(farm: &Farm, name: &str) -> f64 {
-    let text = farm.get("/metrics").await.text;
+/// The value of a metric.
+async fn metric(server: &TestServer, name: &str) -> f64 {
+    let text = server.get("/metrics").await.text;
     number(&text, name)
 }
 
@@ -20,17 +20,17 @@ fn number(text: &str, name: &str) -> f64 {
 }
 
 #[tokio::test]
-async fn metrics_count_jobs_by_state_workers_and_requests_by_route() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
+async fn metrics_count_jobs_workers_and_requests() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
     for seed in 0..3 {
-        farm.submit(&envelope(seed)).await;
+        server.submit(&envelope(seed)).await;
     }
     let attempt = worker.claim_one().await;
     worker.deliver(&attempt).await.expect(StatusCode::OK);
     worker.claim_one().await;
-    farm.get("/v1/nothing").await.problem(404, "not-found");
-    let answer = farm.get("/metrics").await;
+    server.get("/v1/nothing").await.problem(404, "not-found");
+    let answer = server.get("/metrics").await;
     assert!(answer.media_type.starts_with("application/openmetrics-text"), "{}", answer.media_type);
     for line in [
         r#"roost_jobs{state="queued"} 1"#,
@@ -45,19 +45,19 @@ async fn metrics_count_jobs_by_state_workers_and_requests_by_route() {
     ] {
         assert!(answer.text.lines().any(|known| known == line), "{line}\n{}", answer.text);
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn metrics_count_attempts_by_outcome_once_each() {
-    let (farm, _dir) = Farm::with(|config| {
+async fn metrics_count_each_attempt_once() {
+    let (server, _dir) = TestServer::with(|config| {
         config.lease = Duration::from_millis(300);
         config.max_claim_wait = Duration::from_millis(10);
     })
     .await;
-    let worker = farm.worker("cpu").await;
+    let worker = server.worker("cpu").await;
     for seed in 0..4 {
-        farm.submit(&envelope(seed)).await;
+        server.submit(&envelope(seed)).await;
     }
     let attempts = worker.claim(4).await;
     // A repeat changes nothing, and is not counted.
@@ -71,8 +71,8 @@ async fn metrics_count_attempts_by_outcome_once_each() {
     worker.fail(&attempts[2], "released", None).await.expect(StatusCode::OK);
     worker.fail(&attempts[2], "invalid", None).await.problem(409, "stale-attempt");
     // The last one is heard of no more.
-    farm.wait_for(&attempts[3]["job_id"], "queued").await;
-    let text = farm.get("/metrics").await.text;
+    server.wait_for(&attempts[3]["job_id"], "queued").await;
+    let text = server.get("/metrics").await.text;
     for (outcome, count) in [
         ("succeeded", 1.0),
         ("unstable", 1.0),
@@ -86,17 +86,17 @@ async fn metrics_count_attempts_by_outcome_once_each() {
         let name = format!("roost_attempts_total{{outcome=\"{outcome}\"}}");
         assert_eq!(number(&text, &name), count, "{name}");
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn the_oldest_queued_job_counts_from_when_it_was_queued_last() {
-    let (farm, _dir) = Farm::start().await;
+async fn age_of_the_oldest_queued_job_counts_from_its_last_queueing() {
+    let (server, _dir) = TestServer::start().await;
     // Jobs are counted once a second: the number may be that of before.
     let age = async |what: &str, fits: &dyn Fn(f64) -> bool| {
         let deadline = Instant::now() + Duration::from_secs(20);
         loop {
-            let age = metric(&farm, "roost_oldest_queued_seconds").await;
+            let age = metric(&server, "roost_oldest_queued_seconds").await;
             if fits(age) {
                 return age;
             }
@@ -105,22 +105,22 @@ async fn the_oldest_queued_job_counts_from_when_it_was_queued_last() {
         }
     };
     age("nothing is queued", &|age| age == 0.0).await;
-    let job = farm.submit(&envelope(1)).await["id"].clone();
+    let job = server.submit(&envelope(1)).await["id"].clone();
     let queued = age("it waits", &|age| age > 2.0).await;
     for verb in ["cancel", "retry"] {
-        farm.post(&format!("/v1/jobs/{}/{verb}", text(&job)), &json!({})).await.expect(StatusCode::OK);
+        server.post(&format!("/v1/jobs/{}/{verb}", text(&job)), &json!({})).await.expect(StatusCode::OK);
     }
     age("it waits anew", &|age| age > 0.0 && age < queued).await;
-    farm.worker("cpu").await.claim_one().await;
+    server.worker("cpu").await.claim_one().await;
     age("it runs", &|age| age == 0.0).await;
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn metrics_tell_of_the_disk_the_process_and_the_build() {
-    let (farm, dir) = Farm::start().await;
-    farm.submit(&envelope(1)).await;
-    let text = farm.get("/metrics").await.text;
+async fn metrics_report_disk_process_and_build() {
+    let (server, dir) = TestServer::start().await;
+    server.submit(&envelope(1)).await;
+    let text = server.get("/metrics").await.text;
     let length = |name: &str| std::fs::metadata(dir.path().join(name)).unwrap().len() as f64;
     assert_eq!(number(&text, "roost_database_bytes"), length("roost.db"));
     // The server may write between the scrape and the look.
@@ -142,22 +142,22 @@ async fn metrics_tell_of_the_disk_the_process_and_the_build() {
         roost_solver::SOLVER_REVISION
     );
     assert!(text.lines().any(|line| line.starts_with(&build)), "{build}\n{text}");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn waiting_for_work_and_methods_without_a_route_are_not_among_the_answer_times() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
+async fn long_polls_and_unsupported_methods_are_not_in_answer_times() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
     let waited = worker.claim_request(1, 0.4);
-    farm.post("/v1/claims", &waited).await.expect(StatusCode::OK);
+    server.post("/v1/claims", &waited).await.expect(StatusCode::OK);
     let invented = Method::from_bytes(b"BREW").unwrap();
     for method in [Method::DELETE, Method::TRACE, invented] {
-        farm.send(method, "/v1/claims", None).await.problem(405, "method-not-allowed");
+        server.send(method, "/v1/claims", None).await.problem(405, "method-not-allowed");
     }
-    farm.send(Method::HEAD, "/v1/version", None).await;
-    farm.get("/v1/version").await.expect(StatusCode::OK);
-    let text = farm.get("/metrics").await.text;
+    server.send(Method::HEAD, "/v1/version", None).await;
+    server.get("/v1/version").await.expect(StatusCode::OK);
+    let text = server.get("/metrics").await.text;
     assert_eq!(number(&text, r#"roost_http_long_poll_seconds_count{route="/v1/claims"}"#), 1.0);
     assert!(number(&text, r#"roost_http_long_poll_seconds_sum{route="/v1/claims"}"#) >= 0.4);
     assert_eq!(number(&text, r#"roost_http_request_seconds_count{method="GET",route="/v1/version"}"#), 1.0);
@@ -167,23 +167,23 @@ async fn waiting_for_work_and_methods_without_a_route_are_not_among_the_answer_t
     }
     let counted = r#"roost_http_requests_total{method="other",route="/v1/claims",status="405"}"#;
     assert_eq!(number(&text, counted), 1.0);
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn the_reader_of_the_specification_asks_nobody_else() {
-    let (farm, _dir) = Farm::start().await;
-    let page = farm.get("/docs/").await;
+async fn documentation_page_loads_nothing_from_other_servers() {
+    let (server, _dir) = TestServer::start().await;
+    let page = server.get("/docs/").await;
     assert_eq!(page.status, 200, "{}", page.text);
-    let start = farm.get("/docs/swagger-initializer.js").await;
+    let start = server.get("/docs/swagger-initializer.js").await;
     assert!(start.text.contains("/openapi.json"), "{}", start.text);
     let mut assets = 0;
     for part in page.text.split(['"', '\'']).filter(|part| part.ends_with(".js") || part.ends_with(".css")) {
         assert!(!part.contains("//"), "from elsewhere: {part}");
         let path = part.trim_start_matches("./").trim_start_matches("/docs/");
-        assert_eq!(farm.get(&format!("/docs/{path}")).await.status, 200, "{part}");
+        assert_eq!(server.get(&format!("/docs/{path}")).await.status, 200, "{part}");
         assets += 1;
     }
     assert!(assets >= 3, "{}", page.text);
-    farm.stop().await;
+    server.stop().await;
 }

@@ -1,26 +1,26 @@
-//! Pages of listings: each names the next one, and the specification says what may be asked for.
+//! Pages of listings: links to the next page, and specified ranges.
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 
-use crate::farm::{Farm, envelope, scenario, text};
+use crate::test_server::{TestServer, envelope, scenario, text};
 use crate::stl::{binary, wall};
 
-/// A farm with three of everything that is listed; returns the sweep whose parts are listed as well.
-async fn with_three() -> (Farm, tempfile::TempDir, Value) {
-    let (farm, dir) = Farm::start().await;
+/// A server with three of each listed object; returns a sweep with jobs too.
+async fn with_three() -> (TestServer, tempfile::TempDir, Value) {
+    let (server, dir) = TestServer::start().await;
     let mut sweep = Value::Null;
     for number in 1..=3 {
-        farm.submit(&envelope(number)).await;
-        farm.worker("cpu").await;
+        server.submit(&envelope(number)).await;
+        server.worker("cpu").await;
         let document = json!({
             "name": "three", "base": scenario(100 * number), "design": {"kind": "grid"}, "factors": [], "replicates": 3,
         });
-        sweep = farm.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
+        sweep = server.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
         let file = binary(&wall(10.0, 10.0 * number as f32));
-        farm.send_text("/v1/meshes", "model/stl", file).await.expect(StatusCode::CREATED);
+        server.send_text("/v1/meshes", "model/stl", file).await.expect(StatusCode::CREATED);
     }
-    (farm, dir, sweep)
+    (server, dir, sweep)
 }
 
 /// The address in a `link` header.
@@ -32,9 +32,9 @@ fn next(link: &str) -> &str {
 
 #[tokio::test]
 async fn every_page_links_to_the_next_one() {
-    let (farm, _dir, sweep) = with_three().await;
+    let (server, _dir, sweep) = with_three().await;
     let sweep = format!("/v1/sweeps/{}", text(&sweep["id"]));
-    let worker = farm.worker("cpu").await;
+    let worker = server.worker("cpu").await;
     while let Some(attempt) = worker.claim(1).await.pop() {
         worker.deliver(&attempt).await.expect(StatusCode::OK);
     }
@@ -49,7 +49,7 @@ async fn every_page_links_to_the_next_one() {
     ] {
         let (mut address, mut seen, mut pages) = (path.clone(), Vec::<Value>::new(), 0);
         loop {
-            let page = farm.get(&address).await;
+            let page = server.get(&address).await;
             let link = page.link.clone();
             let page = page.expect(StatusCode::OK);
             let cursor = page["next_cursor"].as_str();
@@ -67,13 +67,13 @@ async fn every_page_links_to_the_next_one() {
         assert_eq!(seen.len(), total, "{path}");
         assert!(seen.iter().enumerate().all(|(place, row)| !seen[..place].contains(row)), "{path}: {seen:?}");
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn ranges_in_the_specification_are_those_that_hold() {
-    let (farm, _dir, sweep) = with_three().await;
-    let spec = farm.get("/openapi.json").await.expect(StatusCode::OK);
+async fn specified_ranges_are_enforced() {
+    let (server, _dir, sweep) = with_three().await;
+    let spec = server.get("/openapi.json").await.expect(StatusCode::OK);
     let mut ranges = 0;
     for (path, operations) in spec["paths"].as_object().unwrap() {
         let get = &operations["get"];
@@ -91,7 +91,7 @@ async fn ranges_in_the_specification_are_those_that_hold() {
             assert_ne!(parameter["required"], true, "{path} {name}");
             let path = path.replace("{id}", text(&sweep["id"])).replace("{name}", "discharged_mass");
             for (value, status) in [(low, 200), (high, 200), (low - 1, 400), (high + 1, 400)] {
-                let answer = farm.get(&format!("{path}?{name}={value}")).await;
+                let answer = server.get(&format!("{path}?{name}={value}")).await;
                 assert_eq!(answer.status, status, "{path}?{name}={value}: {}", answer.text);
             }
             ranges += 1;
@@ -99,7 +99,7 @@ async fn ranges_in_the_specification_are_those_that_hold() {
     }
     assert_eq!(ranges, 8, "`limit` of seven listings, and `samples`");
 
-    let worker = farm.worker("cpu").await;
+    let worker = server.worker("cpu").await;
     // What takes all that is queued comes last: a claim that finds nothing waits.
     for field in ["wait_s", "max_jobs"] {
         let schema = &spec["components"]["schemas"]["ClaimRequest"]["properties"][field];
@@ -107,7 +107,7 @@ async fn ranges_in_the_specification_are_those_that_hold() {
         for (value, status) in [(low, 200), (high, 200), (low - 1.0, 422), (high + 1.0, 422)] {
             let mut request = worker.claim_request(1, 0.0);
             request[field] = if field == "max_jobs" { json!(value as i64) } else { json!(value) };
-            let answer = farm.post("/v1/claims", &request).await;
+            let answer = server.post("/v1/claims", &request).await;
             assert_eq!(answer.status, status, "{field} {value}: {}", answer.text);
         }
     }
@@ -116,8 +116,8 @@ async fn ranges_in_the_specification_are_those_that_hold() {
         let parameter = &spec["paths"][path]["get"]["parameters"][0];
         assert_eq!(parameter["schema"]["pattern"], "^[0-9a-f]{64}$", "{parameter}");
         for (digest, status) in [("a".repeat(64), 404), ("A".repeat(64), 400), ("a".repeat(63), 400)] {
-            assert_eq!(farm.get(&path.replace("{digest}", &digest)).await.status, status, "{digest}");
+            assert_eq!(server.get(&path.replace("{digest}", &digest)).await.status, status, "{digest}");
         }
     }
-    farm.stop().await;
+    server.stop().await;
 }

@@ -1,13 +1,13 @@
-//! What every answer has: a problem document where it is an error, and headers that keep browsers from guessing.
+//! Properties of every answer: problem documents for errors, security headers, request ids.
 
 use reqwest::Method;
 use serde_json::Value;
 
-use super::farm::*;
+use super::test_server::*;
 
 #[tokio::test]
-async fn every_answer_is_safe_to_show_and_every_error_is_a_problem_document() {
-    let (farm, _dir) = Farm::start().await;
+async fn every_answer_has_security_headers_and_every_error_is_a_problem_document() {
+    let (server, _dir) = TestServer::start().await;
     for (method, path, status) in [
         ("GET", "/", 200),
         ("GET", "/healthz", 200),
@@ -31,9 +31,9 @@ async fn every_answer_is_safe_to_show_and_every_error_is_a_problem_document() {
         ("GET", "/nothing", 404),
         ("GET", "/%FF", 404),
     ] {
-        let url = format!("http://{}{path}", farm.address);
+        let url = format!("http://{}{path}", server.address);
         let answer =
-            farm.http.request(Method::from_bytes(method.as_bytes()).unwrap(), url).send().await.unwrap();
+            server.http.request(Method::from_bytes(method.as_bytes()).unwrap(), url).send().await.unwrap();
         let asked = format!("{method} {path}");
         assert_eq!(answer.status(), status, "{asked}");
         let header = |name: &str| {
@@ -55,14 +55,14 @@ async fn every_answer_is_safe_to_show_and_every_error_is_a_problem_document() {
             assert!(!text(&problem["detail"]).is_empty(), "{asked}");
         }
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn an_answer_that_is_not_modified_changes_no_policy() {
-    let (farm, _dir) = Farm::start().await;
+async fn not_modified_answer_has_no_policy() {
+    let (server, _dir) = TestServer::start().await;
     for path in ["/", "/v1/jobs"] {
-        let get = || farm.http.get(format!("http://{}{path}", farm.address));
+        let get = || server.http.get(format!("http://{}{path}", server.address));
         let first = get().send().await.unwrap();
         let tag = first.headers()["etag"].clone();
         assert!(first.headers().contains_key("content-security-policy"), "{path}");
@@ -73,18 +73,18 @@ async fn an_answer_that_is_not_modified_changes_no_policy() {
             "{path}: a browser would take it over"
         );
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn two_requests_have_two_ids_and_none_is_taken_from_the_caller() {
-    let (farm, _dir) = Farm::start().await;
+async fn request_ids_are_unique_and_not_from_the_client() {
+    let (server, _dir) = TestServer::start().await;
     let mut ids = Vec::new();
     for _ in 0..2 {
         let request =
-            farm.http.get(format!("http://{}/healthz", farm.address)).header("x-request-id", "mine");
+            server.http.get(format!("http://{}/healthz", server.address)).header("x-request-id", "mine");
         ids.push(request.send().await.unwrap().headers()["x-request-id"].to_str().unwrap().to_owned());
     }
     assert!(ids[0] != ids[1] && !ids.contains(&"mine".to_owned()), "{ids:?}");
-    farm.stop().await;
+    server.stop().await;
 }

@@ -1,39 +1,40 @@
-//! Series of running jobs, while they run, and of many jobs at once; how fast workers are.
+//! Series of running jobs and of sweeps; speed of workers.
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 
 use super::events::Events;
-use super::farm::*;
+use super::test_server::*;
 
 fn part(from: usize, values: &[f64]) -> Value {
     let t_s: Vec<f64> = (0..values.len()).map(|k| 0.02 * (from + k) as f64).collect();
     json!({"name": "discharged_mass", "unit": "kg", "from": from, "t_s": t_s, "values": values})
 }
 
-/// Beats with samples, and returns the row of the reply.
+/// Sends a heartbeat with samples and returns its row of the reply.
 async fn beat(worker: &Worker<'_>, attempt: &Value, samples: Value) -> Value {
     let beat = json!({"job_id": attempt["job_id"], "attempt": attempt["attempt"], "progress": progress(0.5),
                       "samples": samples});
     let path = format!("/v1/workers/{}/heartbeat", worker.id);
-    worker.farm.post(&path, &json!({"attempts": [beat]})).await.expect(StatusCode::OK)["attempts"][0].clone()
+    worker.server.post(&path, &json!({"attempts": [beat]})).await.expect(StatusCode::OK)["attempts"][0]
+        .clone()
 }
 
 #[tokio::test]
-async fn a_running_job_has_the_series_so_far_until_its_result_takes_their_place() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
-    let job = farm.submit(&envelope(1)).await;
+async fn running_job_shows_its_series_until_the_result_replaces_them() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let job = server.submit(&envelope(1)).await;
     let attempt = worker.claim_one().await;
     let path = format!("/v1/jobs/{}/series/discharged_mass", text(&job["id"]));
-    farm.get(&path).await.problem(404, "not-found");
-    let mut events = Events::open(&farm, &format!("/v1/jobs/{}", text(&job["id"])), None).await;
+    server.get(&path).await.problem(404, "not-found");
+    let mut events = Events::open(&server, &format!("/v1/jobs/{}", text(&job["id"])), None).await;
     assert_eq!(events.next().await.unwrap().name, "job");
 
     let row = beat(&worker, &attempt, json!([part(0, &[0.0, 1.0])])).await;
     assert_eq!(row["resend_samples"], false);
     assert_eq!(beat(&worker, &attempt, json!([part(2, &[2.0])])).await["resend_samples"], false);
-    let so_far = farm.get(&path).await.expect(StatusCode::OK);
+    let so_far = server.get(&path).await.expect(StatusCode::OK);
     assert_eq!((&so_far["values"], &so_far["partial"]), (&json!([0.0, 1.0, 2.0]), &json!(true)));
     assert_eq!(so_far["unit"], "kg");
     let mut heard: Vec<Value> = Vec::new();
@@ -46,80 +47,80 @@ async fn a_running_job_has_the_series_so_far_until_its_result_takes_their_place(
         }
     }
     assert_eq!(json!(heard), so_far["values"]);
-    let problem = farm.get(&format!("{}x", path)).await.problem(404, "not-found");
+    let problem = server.get(&format!("{}x", path)).await.problem(404, "not-found");
     assert!(text(&problem["detail"]).contains("discharged_mass"), "{problem}");
 
     assert_eq!(beat(&worker, &attempt, json!([part(9, &[9.0])])).await["resend_samples"], true, "a gap");
     let mut uneven = part(3, &[1.0]);
     uneven["t_s"] = json!([]);
     let bad = json!({"attempts": [{"job_id": attempt["job_id"], "attempt": 1, "progress": null, "samples": [uneven]}]});
-    let problem = farm.post(&format!("/v1/workers/{}/heartbeat", worker.id), &bad).await;
+    let problem = server.post(&format!("/v1/workers/{}/heartbeat", worker.id), &bad).await;
     let problem = problem.problem(422, "invalid-document");
     assert_eq!(problem["errors"][0]["pointer"], "/attempts/0/samples/0/values");
 
     worker.deliver(&attempt).await.expect(StatusCode::OK);
-    let whole = farm.get(&path).await.expect(StatusCode::OK);
+    let whole = server.get(&path).await.expect(StatusCode::OK);
     assert_eq!((&whole["values"], &whole["partial"]), (&json!([0.0, 0.1, 1.0 / 3.0]), &json!(false)));
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn samples_that_a_restart_has_lost_are_sent_again() {
-    let (farm, dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
-    let job = farm.submit(&envelope(1)).await;
+async fn samples_lost_in_a_restart_are_requested_again() {
+    let (server, dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let job = server.submit(&envelope(1)).await;
     let attempt = worker.claim_one().await;
     beat(&worker, &attempt, json!([part(0, &[0.0, 1.0])])).await;
     let id = worker.id.clone();
-    farm.stop().await;
-    let farm = Farm::on(dir.path(), |_| {}).await;
-    let worker = Worker { farm: &farm, id };
+    server.stop().await;
+    let server = TestServer::on(dir.path(), |_| {}).await;
+    let worker = Worker { server: &server, id };
     assert_eq!(beat(&worker, &attempt, json!([part(2, &[2.0])])).await["resend_samples"], true);
     assert_eq!(beat(&worker, &attempt, json!([part(0, &[0.0, 1.0, 2.0])])).await["resend_samples"], false);
     let path = format!("/v1/jobs/{}/series/discharged_mass", text(&job["id"]));
-    assert_eq!(farm.get(&path).await.expect(StatusCode::OK)["values"], json!([0.0, 1.0, 2.0]));
-    farm.stop().await;
+    assert_eq!(server.get(&path).await.expect(StatusCode::OK)["values"], json!([0.0, 1.0, 2.0]));
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn the_series_of_a_sweep_come_in_pages_and_thinned() {
-    let (farm, _dir) = Farm::start().await;
+async fn series_of_a_sweep_are_paged_and_thinned() {
+    let (server, _dir) = TestServer::start().await;
     let document = json!({"name": "gates", "base": scenario(10), "design": {"kind": "grid"}, "replicates": 2,
         "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045, 0.05]}]});
-    let view = farm.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
+    let view = server.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
     let path = format!("/v1/sweeps/{}/series/discharged_mass", text(&view["id"]));
-    let empty = farm.get(&path).await.expect(StatusCode::OK);
+    let empty = server.get(&path).await.expect(StatusCode::OK);
     assert_eq!((&empty["items"], &empty["unit"]), (&json!([]), &Value::Null));
-    let worker = farm.worker("cpu").await;
+    let worker = server.worker("cpu").await;
     let attempts = worker.claim(4).await;
     for attempt in &attempts[..2] {
         worker.deliver(attempt).await.expect(StatusCode::OK);
     }
     beat(&worker, &attempts[2], json!([part(0, &[5.0])])).await;
-    let page = farm.get(&format!("{path}?limit=3&samples=2")).await.expect(StatusCode::OK);
+    let page = server.get(&format!("{path}?limit=3&samples=2")).await.expect(StatusCode::OK);
     let told = |item: &Value| json!([item["point"], item["replicate"], item["partial"], item["values"]]);
     let items: Vec<_> = page["items"].as_array().unwrap().iter().map(told).collect();
     let ends = json!([0.0, 1.0 / 3.0]);
     let expected = [json!([0, 0, false, ends]), json!([0, 1, false, ends]), json!([1, 0, true, [5.0]])];
     assert_eq!((&items[..], &page["unit"]), (&expected[..], &json!("kg")));
-    let rest = farm.get(&format!("{path}?limit=3&cursor={}", text(&page["next_cursor"]))).await;
+    let rest = server.get(&format!("{path}?limit=3&cursor={}", text(&page["next_cursor"]))).await;
     let rest = rest.expect(StatusCode::OK);
     assert_eq!((&rest["items"], &rest["next_cursor"]), (&json!([]), &Value::Null));
-    farm.get(&format!("{path}?samples=1")).await.problem(400, "invalid-query");
-    farm.get(&format!("{path}?limit=201")).await.problem(400, "invalid-query");
-    let problem = farm.get(&path.replace("discharged_mass", "mass")).await.problem(404, "not-found");
+    server.get(&format!("{path}?samples=1")).await.problem(400, "invalid-query");
+    server.get(&format!("{path}?limit=201")).await.problem(400, "invalid-query");
+    let problem = server.get(&path.replace("discharged_mass", "mass")).await.problem(404, "not-found");
     assert!(text(&problem["detail"]).contains("discharged_mass"), "{problem}");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn workers_say_how_fast_they_are_and_how_far() {
-    let (farm, _dir) = Farm::start().await;
-    let worker = farm.worker("cpu").await;
-    farm.submit(&envelope(1)).await;
-    farm.submit(&envelope(2)).await;
+async fn workers_show_progress_and_speed() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    server.submit(&envelope(1)).await;
+    server.submit(&envelope(2)).await;
     let attempts = worker.claim(2).await;
-    let shown = async || farm.get("/v1/workers").await.expect(StatusCode::OK)["items"][0].clone();
+    let shown = async || server.get("/v1/workers").await.expect(StatusCode::OK)["items"][0].clone();
     assert_eq!(shown().await["particle_steps_per_s"], Value::Null);
     worker.beat(&attempts[1], progress(0.5)).await;
     let view = shown().await;
@@ -128,5 +129,5 @@ async fn workers_say_how_fast_they_are_and_how_far() {
     assert_eq!(view["particle_steps_per_s"], 100.0, "10 in 0.1 s");
     worker.beat(&attempts[0], progress(0.1)).await;
     assert_eq!(shown().await["particle_steps_per_s"], 200.0);
-    farm.stop().await;
+    server.stop().await;
 }

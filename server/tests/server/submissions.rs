@@ -1,11 +1,11 @@
-//! Idempotency keys: sent again, made once, answered as before.
+//! Idempotency keys: a repeat creates nothing and gets the first answer.
 
 use std::collections::HashSet;
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 
-use super::farm::*;
+use super::test_server::*;
 
 struct Sent {
     status: u16,
@@ -14,8 +14,8 @@ struct Sent {
     body: Value,
 }
 
-async fn send(farm: &Farm, path: &str, key: &str, body: &Value) -> Sent {
-    let request = farm.http.post(format!("http://{}{path}", farm.address));
+async fn send(server: &TestServer, path: &str, key: &str, body: &Value) -> Sent {
+    let request = server.http.post(format!("http://{}{path}", server.address));
     let response = request.header("Idempotency-Key", key).json(body).send().await.unwrap();
     let header = |name: &str| response.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
     Sent {
@@ -26,51 +26,51 @@ async fn send(farm: &Farm, path: &str, key: &str, body: &Value) -> Sent {
     }
 }
 
-async fn count(farm: &Farm, listing: &str) -> usize {
-    farm.get(listing).await.expect(StatusCode::OK)["items"].as_array().unwrap().len()
+async fn count(server: &TestServer, listing: &str) -> usize {
+    server.get(listing).await.expect(StatusCode::OK)["items"].as_array().unwrap().len()
 }
 
 #[tokio::test]
-async fn a_repeat_is_answered_as_the_first_time_and_makes_nothing() {
-    let (farm, dir) = Farm::start().await;
+async fn repeat_gets_the_first_answer_and_creates_nothing() {
+    let (server, dir) = TestServer::start().await;
     let sweep = json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": []});
     for (path, body, status) in [("/v1/jobs", envelope(1), 202), ("/v1/sweeps", sweep, 201)] {
-        let first = send(&farm, path, "one", &body).await;
+        let first = send(&server, path, "one", &body).await;
         assert_eq!((first.status, first.replayed), (if path == "/v1/jobs" { status } else { 422 }, false));
         let key = format!("key of {path}");
-        let first = send(&farm, path, &key, &body).await;
+        let first = send(&server, path, &key, &body).await;
         assert_eq!((first.status, first.replayed), (status, false), "{}", first.body);
-        let before = count(&farm, path).await;
+        let before = count(&server, path).await;
         // Whatever has become of it since.
-        farm.worker("cpu").await.claim(64).await;
-        let again = send(&farm, path, &key, &body).await;
+        server.worker("cpu").await.claim(64).await;
+        let again = send(&server, path, &key, &body).await;
         assert_eq!((again.status, again.replayed), (status, true));
         assert_eq!((&again.body, &again.location), (&first.body, &first.location));
-        assert_eq!(count(&farm, path).await, before);
+        assert_eq!(count(&server, path).await, before);
     }
-    farm.stop().await;
+    server.stop().await;
 
-    let farm = Farm::on(dir.path(), |_| {}).await;
-    let again = send(&farm, "/v1/jobs", "one", &envelope(1)).await;
+    let server = TestServer::on(dir.path(), |_| {}).await;
+    let again = send(&server, "/v1/jobs", "one", &envelope(1)).await;
     assert_eq!((again.status, again.replayed), (202, true), "a restart forgets nothing");
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_sweep_is_extended_once_under_one_key() {
-    let (farm, dir) = Farm::start().await;
+async fn sweep_is_extended_once_per_key() {
+    let (server, dir) = TestServer::start().await;
     let factors = json!([{"pointer": "/equipment/gate_opening_m", "levels": [0.05]}]);
     let sweep = json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": factors});
-    let sweep = farm.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
+    let sweep = server.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
     let path = format!("/v1/sweeps/{}", text(&sweep["id"]));
     let route = format!("{path}/extend");
     // A second time this level would be at fault: it is there already.
     let body = json!({"levels": {"/equipment/gate_opening_m": [0.06]}});
-    let first = send(&farm, &route, "more", &body).await;
+    let first = send(&server, &route, "more", &body).await;
     assert_eq!((first.status, &first.body["points"]), (200, &json!(2)), "{}", first.body);
-    let again = send(&farm, &route, "more", &body).await;
+    let again = send(&server, &route, "more", &body).await;
     assert_eq!((again.status, again.replayed, &again.body), (200, true, &first.body));
-    farm.stop().await;
+    server.stop().await;
 
     // The server died after it had extended the sweep and before it had noted its answer.
     use sqlx::Connection;
@@ -78,58 +78,58 @@ async fn a_sweep_is_extended_once_under_one_key() {
     let mut database = sqlx::SqliteConnection::connect(file.to_str().unwrap()).await.unwrap();
     sqlx::query("UPDATE submissions SET status = NULL, body = NULL").execute(&mut database).await.unwrap();
     database.close().await.unwrap();
-    let farm = Farm::on(dir.path(), |_| {}).await;
-    let again = send(&farm, &route, "more", &body).await;
+    let server = TestServer::on(dir.path(), |_| {}).await;
+    let again = send(&server, &route, "more", &body).await;
     assert_eq!(
         (again.status, again.replayed, &again.body["points"]),
         (200, false, &json!(2)),
         "{}",
         again.body
     );
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn another_request_under_the_same_key_is_refused() {
-    let (farm, _dir) = Farm::start().await;
-    assert_eq!(send(&farm, "/v1/jobs", "one", &envelope(1)).await.status, 202);
-    let other = send(&farm, "/v1/jobs", "one", &envelope(2)).await;
+async fn other_request_with_the_same_key_is_refused() {
+    let (server, _dir) = TestServer::start().await;
+    assert_eq!(send(&server, "/v1/jobs", "one", &envelope(1)).await.status, 202);
+    let other = send(&server, "/v1/jobs", "one", &envelope(2)).await;
     assert_eq!((other.status, &other.body["type"]), (422, &json!("/problems/idempotency-key-reused")));
-    assert_eq!(count(&farm, "/v1/jobs").await, 1);
+    assert_eq!(count(&server, "/v1/jobs").await, 1);
     for key in ["", &"x".repeat(256)] {
-        let refused = send(&farm, "/v1/jobs", key, &envelope(3)).await;
+        let refused = send(&server, "/v1/jobs", key, &envelope(3)).await;
         assert_eq!(
             (refused.status, &refused.body["type"]),
             (400, &json!("/problems/invalid-idempotency-key"))
         );
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn what_was_refused_may_be_put_right_under_its_key() {
-    let (farm, _dir) = Farm::start().await;
+async fn corrected_request_may_use_the_same_key() {
+    let (server, _dir) = TestServer::start().await;
     let mut wrong = envelope(1);
     wrong["priority"] = json!("high");
-    assert_eq!(send(&farm, "/v1/jobs", "one", &wrong).await.status, 422);
-    assert_eq!(send(&farm, "/v1/jobs", "one", &envelope(1)).await.status, 202);
-    farm.stop().await;
+    assert_eq!(send(&server, "/v1/jobs", "one", &wrong).await.status, 422);
+    assert_eq!(send(&server, "/v1/jobs", "one", &envelope(1)).await.status, 202);
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn many_at_once_make_one() {
-    let (farm, _dir) = Farm::start().await;
-    let sent = futures(&farm).await;
+async fn concurrent_repeats_create_one_job() {
+    let (server, _dir) = TestServer::start().await;
+    let sent = futures(&server).await;
     assert_eq!(sent.iter().map(|sent| sent.status).collect::<HashSet<_>>(), HashSet::from([202]));
     let made: HashSet<_> = sent.iter().map(|sent| sent.body["id"].to_string()).collect();
-    assert_eq!((made.len(), count(&farm, "/v1/jobs").await), (1, 1));
-    farm.stop().await;
+    assert_eq!((made.len(), count(&server, "/v1/jobs").await), (1, 1));
+    server.stop().await;
 }
 
-/// Eight of the same, side by side.
-async fn futures(farm: &Farm) -> Vec<Sent> {
+/// Eight concurrent copies of a request.
+async fn futures(server: &TestServer) -> Vec<Sent> {
     let body = envelope(1);
-    let one = || send(farm, "/v1/jobs", "one", &body);
+    let one = || send(server, "/v1/jobs", "one", &body);
     let (a, b, c, d, e, f, g, h) = tokio::join!(one(), one(), one(), one(), one(), one(), one(), one());
     vec![a, b, c, d, e, f, g, h]
 }

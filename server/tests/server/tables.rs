@@ -1,16 +1,16 @@
-//! Large sweeps: tables by pages and columns, counts and listings by failure class and point, the document itself.
+//! Sweeps: pages and columns of tables, filters by failure class and point, the submitted document.
 
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 
-use super::farm::*;
+use super::test_server::*;
 
-/// Three points of two replicates; of the last point one run is unstable and one is queued.
-async fn run(farm: &Farm) -> (Value, String) {
+/// Three points with two replicates; of the last point one run is unstable and one is queued.
+async fn run(server: &TestServer) -> (Value, String) {
     let document = json!({"name": "gates", "base": scenario(10), "design": {"kind": "grid"}, "replicates": 2,
         "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045, 0.05, 0.06]}]});
-    let view = farm.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
-    let worker = farm.worker("cpu").await;
+    let view = server.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
+    let worker = server.worker("cpu").await;
     let attempts = worker.claim(5).await;
     for attempt in &attempts[..4] {
         worker.deliver(attempt).await.expect(StatusCode::OK);
@@ -20,19 +20,19 @@ async fn run(farm: &Farm) -> (Value, String) {
 }
 
 #[tokio::test]
-async fn a_table_is_the_same_in_pages_and_whole() {
-    let (farm, _dir) = Farm::start().await;
-    let (_, path) = run(&farm).await;
+async fn pages_of_a_table_make_the_whole_table() {
+    let (server, _dir) = TestServer::start().await;
+    let (_, path) = run(&server).await;
     for (by, rows) in [("trial", "trials"), ("point", "points")] {
-        let whole = farm.get(&format!("{path}/results?by={by}")).await.expect(StatusCode::OK);
+        let whole = server.get(&format!("{path}/results?by={by}")).await.expect(StatusCode::OK);
         assert_eq!(whole["next_cursor"], Value::Null);
         let whole = whole[rows].as_array().unwrap();
         assert_eq!(whole.len(), if by == "trial" { 6 } else { 3 });
         for limit in [1, 2, 4] {
             let (mut paged, mut next) = (Vec::new(), format!("{path}/results?by={by}&limit={limit}"));
             loop {
-                let url = format!("http://{}{next}", farm.address);
-                let answer = farm.http.get(url).send().await.unwrap();
+                let url = format!("http://{}{next}", server.address);
+                let answer = server.http.get(url).send().await.unwrap();
                 let link = answer.headers().get("link").map(|link| link.to_str().unwrap().to_owned());
                 let page: Value = answer.json().await.unwrap();
                 paged.extend(page[rows].as_array().unwrap().clone());
@@ -47,39 +47,39 @@ async fn a_table_is_the_same_in_pages_and_whole() {
         }
     }
     for query in ["cursor=3", "cursor=a.b", "limit=0", "limit=5001", "by=row"] {
-        farm.get(&format!("{path}/results?{query}")).await.problem(400, "invalid-query");
+        server.get(&format!("{path}/results?{query}")).await.problem(400, "invalid-query");
     }
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_table_has_only_the_responses_that_were_asked_for() {
-    let (farm, _dir) = Farm::start().await;
-    let (_, path) = run(&farm).await;
-    let table = farm.get(&format!("{path}/results?responses=regime,nothing")).await.expect(StatusCode::OK);
+async fn table_has_only_selected_responses() {
+    let (server, _dir) = TestServer::start().await;
+    let (_, path) = run(&server).await;
+    let table = server.get(&format!("{path}/results?responses=regime,nothing")).await.expect(StatusCode::OK);
     assert_eq!(table["trials"][0]["responses"], json!({"regime": "constant"}));
     let table =
-        farm.get(&format!("{path}/results?by=point&responses=discharged_kg")).await.expect(StatusCode::OK);
+        server.get(&format!("{path}/results?by=point&responses=discharged_kg")).await.expect(StatusCode::OK);
     let names: Vec<_> = table["points"][0]["responses"].as_object().unwrap().keys().collect();
     assert_eq!(names, ["discharged_kg"]);
-    let csv = farm.get(&format!("{path}/results?format=csv&responses=regime,discharged_kg&limit=2")).await;
+    let csv = server.get(&format!("{path}/results?format=csv&responses=regime,discharged_kg&limit=2")).await;
     let lines: Vec<_> = csv.text.lines().collect();
     assert!(lines[0].ends_with("solver_revision,regime,discharged_kg"), "{}", csv.text);
     assert_eq!(lines.len(), 3);
-    let whole = farm.get(&format!("{path}/results?format=csv")).await.text;
+    let whole = server.get(&format!("{path}/results?format=csv")).await.text;
     assert!(whole.lines().next().unwrap().ends_with("discharged_kg,regime,time_to_99_percent_s"), "{whole}");
     assert_eq!(whole.lines().count(), 7);
-    farm.stop().await;
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn failures_are_counted_by_class_and_found_by_class_and_point() {
-    let (farm, _dir) = Farm::start().await;
-    let (_, path) = run(&farm).await;
-    let view = farm.get(&path).await.expect(StatusCode::OK);
+async fn failures_are_counted_and_filtered_by_class_and_point() {
+    let (server, _dir) = TestServer::start().await;
+    let (_, path) = run(&server).await;
+    let view = server.get(&path).await.expect(StatusCode::OK);
     assert_eq!(view["failures"], json!({"invalid": 0, "unstable": 1, "worker": 0, "lost": 0, "timeout": 0}));
     let found = async |path: String| {
-        let page = farm.get(&path).await.expect(StatusCode::OK);
+        let page = server.get(&path).await.expect(StatusCode::OK);
         let place = |job: &Value| (job["point"].as_u64().unwrap(), job["replicate"].as_u64().unwrap());
         page["items"].as_array().unwrap().iter().map(place).collect::<Vec<_>>()
     };
@@ -88,22 +88,22 @@ async fn failures_are_counted_by_class_and_found_by_class_and_point() {
     assert_eq!(found(format!("{path}/jobs?failure=lost")).await, []);
     assert_eq!(found(format!("{path}/jobs?point=1")).await, [(1, 1), (1, 0)]);
     assert_eq!(found(format!("{path}/jobs?point=2&state=failed")).await, [(2, 0)]);
-    farm.get("/v1/jobs?point=1").await.problem(400, "invalid-query");
-    farm.get(&format!("{path}/jobs?failure=bad")).await.problem(400, "invalid-query");
-    farm.stop().await;
+    server.get("/v1/jobs?point=1").await.problem(400, "invalid-query");
+    server.get(&format!("{path}/jobs?failure=bad")).await.problem(400, "invalid-query");
+    server.stop().await;
 }
 
 #[tokio::test]
-async fn a_sweep_can_be_submitted_again_as_it_was() {
-    let (farm, _dir) = Farm::start().await;
-    let (mut document, path) = run(&farm).await;
-    let spec = farm.get(&format!("{path}/spec")).await.expect(StatusCode::OK);
+async fn shown_sweep_document_can_be_submitted_again() {
+    let (server, _dir) = TestServer::start().await;
+    let (mut document, path) = run(&server).await;
+    let spec = server.get(&format!("{path}/spec")).await.expect(StatusCode::OK);
     document["schema"] = json!("roost.sweep/1");
     assert_eq!(spec, document, "as it was sent, no default written out");
-    farm.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
-    farm.post(&format!("{path}/extend"), &json!({"replicates": 1})).await.expect(StatusCode::OK);
-    farm.send(Method::POST, &format!("{path}/cancel"), None).await.expect(StatusCode::OK);
-    farm.send(Method::DELETE, &path, None).await.expect(StatusCode::OK);
-    farm.get(&format!("{path}/spec")).await.problem(404, "not-found");
-    farm.stop().await;
+    server.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
+    server.post(&format!("{path}/extend"), &json!({"replicates": 1})).await.expect(StatusCode::OK);
+    server.send(Method::POST, &format!("{path}/cancel"), None).await.expect(StatusCode::OK);
+    server.send(Method::DELETE, &path, None).await.expect(StatusCode::OK);
+    server.get(&format!("{path}/spec")).await.problem(404, "not-found");
+    server.stop().await;
 }

@@ -1,4 +1,4 @@
-//! A server of one test's own, and what a user and a worker say to it.
+//! A server for one test, and requests of users and workers.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -19,14 +19,14 @@ use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
 /// A running server.
-pub(crate) struct Farm {
+pub(crate) struct TestServer {
     pub address: SocketAddr,
     pub http: reqwest::Client,
     stop: CancellationToken,
     running: JoinHandle<Result<(), ServerError>>,
 }
 
-/// An answer: status, and the body as JSON (a string where it is not).
+/// An answer with its body as text and as JSON, which is null if it is not JSON.
 pub(crate) struct Answer {
     pub status: u16,
     pub media_type: String,
@@ -37,8 +37,8 @@ pub(crate) struct Answer {
     pub body: Value,
 }
 
-impl Farm {
-    /// A server with the usual settings.
+impl TestServer {
+    /// A server with default settings.
     pub(crate) async fn start() -> (Self, TempDir) {
         Self::with(|_| {}).await
     }
@@ -46,11 +46,11 @@ impl Farm {
     /// A server with some settings changed.
     pub(crate) async fn with(change: impl FnOnce(&mut ServerConfig)) -> (Self, TempDir) {
         let dir = tempfile::tempdir().unwrap();
-        let farm = Self::on(dir.path(), change).await;
-        (farm, dir)
+        let server = Self::on(dir.path(), change).await;
+        (server, dir)
     }
 
-    /// A server on a data directory that is already there.
+    /// A server on an existing data directory.
     pub(crate) async fn on(data: &Path, change: impl FnOnce(&mut ServerConfig)) -> Self {
         let mut config = ServerConfig { listen: ([127, 0, 0, 1], 0).into(), ..ServerConfig::default() };
         config.data = data.to_owned();
@@ -69,7 +69,7 @@ impl Farm {
         Self { address, http, stop, running }
     }
 
-    /// Stops the server and returns how long that took.
+    /// Stops the server and returns the duration.
     pub(crate) async fn stop(self) -> Duration {
         let before = Instant::now();
         self.stop.cancel();
@@ -85,7 +85,7 @@ impl Farm {
         read(request.send().await.unwrap()).await
     }
 
-    /// A body that is not what `json` would send.
+    /// Posts any body.
     pub(crate) async fn send_text(
         &self,
         path: &str,
@@ -111,7 +111,7 @@ impl Farm {
         self.send(Method::POST, path, Some(body)).await
     }
 
-    /// Submits a scenario that must be taken, and returns the job.
+    /// Submits a valid envelope and returns the job.
     pub(crate) async fn submit(&self, envelope: &Value) -> Value {
         self.post("/v1/jobs", envelope).await.expect(StatusCode::ACCEPTED)
     }
@@ -120,7 +120,7 @@ impl Farm {
         self.get(&format!("/v1/jobs/{}", text(id))).await.expect(StatusCode::OK)
     }
 
-    /// Waits until a job is in a state.
+    /// Waits until a job has a state.
     pub(crate) async fn wait_for(&self, id: &Value, state: &str) -> Value {
         let deadline = Instant::now() + Duration::from_secs(20);
         loop {
@@ -141,7 +141,7 @@ impl Farm {
 
     pub(crate) async fn register(&self, registration: &Value) -> Worker<'_> {
         self.post("/v1/workers", registration).await.expect(StatusCode::OK);
-        Worker { farm: self, id: text(&registration["worker_id"]).to_owned() }
+        Worker { server: self, id: text(&registration["worker_id"]).to_owned() }
     }
 }
 
@@ -155,14 +155,14 @@ async fn read(response: reqwest::Response) -> Answer {
 }
 
 impl Answer {
-    /// The body of an answer that has to have that status.
+    /// The body of an answer with this status.
     #[track_caller]
     pub(crate) fn expect(self, status: StatusCode) -> Value {
         assert_eq!(self.status, status.as_u16(), "{}", self.text);
         self.body
     }
 
-    /// A problem document of that status and kind.
+    /// The body of an answer with this status and problem kind.
     #[track_caller]
     pub(crate) fn problem(self, status: u16, kind: &str) -> Value {
         assert_eq!(self.status, status, "{}", self.text);
@@ -181,7 +181,7 @@ pub(crate) fn registration(id: &str, backend: &str) -> Value {
 
 /// A registered worker.
 pub(crate) struct Worker<'a> {
-    pub farm: &'a Farm,
+    pub server: &'a TestServer,
     pub id: String,
 }
 
@@ -190,33 +190,33 @@ impl Worker<'_> {
         json!({"request_id": Uuid::now_v7(), "worker_id": self.id, "max_jobs": max_jobs, "wait_s": wait_s})
     }
 
-    /// Claims up to so many jobs without waiting.
+    /// Claims up to `max_jobs` jobs without waiting.
     pub(crate) async fn claim(&self, max_jobs: u32) -> Vec<Value> {
         let request = self.claim_request(max_jobs, 0.0);
-        let reply = self.farm.post("/v1/claims", &request).await.expect(StatusCode::OK);
+        let reply = self.server.post("/v1/claims", &request).await.expect(StatusCode::OK);
         reply["attempts"].as_array().unwrap().clone()
     }
 
-    /// Claims the one job there is.
+    /// Claims the only queued job.
     pub(crate) async fn claim_one(&self) -> Value {
         let mut attempts = self.claim(1).await;
         assert_eq!(attempts.len(), 1, "nothing to claim");
         attempts.remove(0)
     }
 
-    /// Uploads frames of an attempt; returns the status and what was answered.
+    /// Uploads frames of an attempt; returns status and body.
     pub(crate) async fn upload_frames(&self, attempt: &Value, query: &str, stream: Vec<u8>) -> (u16, Value) {
-        let (job, number, farm) = (text(&attempt["job_id"]), &attempt["attempt"], self.farm);
+        let (job, number, server) = (text(&attempt["job_id"]), &attempt["attempt"], self.server);
         let path = format!("/v1/jobs/{job}/attempts/{number}/frames?worker_id={}{query}", self.id);
-        let answer = farm.put(&path, frames::MEDIA_TYPE, stream).await;
+        let answer = server.put(&path, frames::MEDIA_TYPE, stream).await;
         (answer.status, answer.body)
     }
 
-    /// Beats for one attempt and returns its row of the reply.
+    /// Sends a heartbeat for one attempt and returns its row of the reply.
     pub(crate) async fn beat(&self, attempt: &Value, progress: Value) -> Value {
         let beat = json!({"job_id": attempt["job_id"], "attempt": attempt["attempt"], "progress": progress});
         let path = format!("/v1/workers/{}/heartbeat", self.id);
-        let reply = self.farm.post(&path, &json!({"attempts": [beat]})).await.expect(StatusCode::OK);
+        let reply = self.server.post(&path, &json!({"attempts": [beat]})).await.expect(StatusCode::OK);
         reply["attempts"][0].clone()
     }
 
@@ -226,13 +226,13 @@ impl Worker<'_> {
 
     pub(crate) async fn deliver_result(&self, attempt: &Value, result: &RunResult) -> Answer {
         let body = json!({"worker_id": self.id, "result": result});
-        self.farm.post(&format!("{}/result", path(attempt)), &body).await
+        self.server.post(&format!("{}/result", path(attempt)), &body).await
     }
 
     pub(crate) async fn fail(&self, attempt: &Value, outcome: &str, partial: Option<&RunResult>) -> Answer {
         let body = json!({"worker_id": self.id, "outcome": outcome, "message": format!("it was {outcome}"),
                           "result": partial});
-        self.farm.post(&format!("{}/failure", path(attempt)), &body).await
+        self.server.post(&format!("{}/failure", path(attempt)), &body).await
     }
 }
 
@@ -255,7 +255,7 @@ pub(crate) fn envelope(seed: u64) -> Value {
     json!({"scenario": scenario(seed)})
 }
 
-/// A result document of a scenario with made-up numbers: what the transport must carry unchanged.
+/// A result document of a scenario with invented numbers.
 pub(crate) fn result_of(scenario: &Value) -> RunResult {
     let scenario: Scenario = serde_json::from_value(scenario.clone()).unwrap();
     let seed = scenario.seed as f64;
@@ -292,7 +292,7 @@ pub(crate) fn result_of(scenario: &Value) -> RunResult {
     }
 }
 
-/// Progress of a run that has come so far.
+/// Progress of a run at this fraction.
 pub(crate) fn progress(fraction: f64) -> Value {
     json!({"phase": "process", "time_s": 1.0, "simulated_s": 2.0, "fraction": fraction, "subparticles": 9,
            "particle_steps": 10, "wall_s": 0.1, "discharged_kg": 3.0})

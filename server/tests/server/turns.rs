@@ -1,4 +1,4 @@
-//! Turns between those who submit: by their tokens, whatever number of sweeps they make.
+//! Turns between owners, whatever the number of their sweeps.
 
 use std::collections::BTreeMap;
 
@@ -8,11 +8,11 @@ use roost_api::token::Scope;
 use roost_server::tokens_in;
 use serde_json::{Value, json};
 
-use super::farm::*;
+use super::test_server::*;
 
-/// A server with tokens for two who submit and one for workers.
+/// A server with two submit tokens and one worker token.
 struct Shared {
-    farm: Farm,
+    server: TestServer,
     a: String,
     b: String,
     workers: String,
@@ -29,29 +29,29 @@ impl Shared {
             secrets.push(tokens.create("t", &[scope], Timestamp::now()).await.unwrap().1);
         }
         tokens.close().await.unwrap();
-        let farm = Farm::on(dir.path(), |_| {}).await;
+        let server = TestServer::on(dir.path(), |_| {}).await;
         let worker = roost_api::ids::WorkerId::new().to_string();
         let (workers, b, a) = (secrets.pop().unwrap(), secrets.pop().unwrap(), secrets.pop().unwrap());
-        let shared = Self { farm, a, b, workers, worker, _dir: dir };
+        let shared = Self { server, a, b, workers, worker, _dir: dir };
         shared.send(&shared.workers, "/v1/workers", &registration(&shared.worker, "cpu")).await;
         shared
     }
 
     async fn send(&self, secret: &str, path: &str, body: &Value) -> Value {
-        let request = self.farm.http.request(Method::POST, format!("http://{}{path}", self.farm.address));
+        let request = self.server.http.request(Method::POST, format!("http://{}{path}", self.server.address));
         let response = request.bearer_auth(secret).json(body).send().await.unwrap();
         assert!(response.status().is_success(), "{path}: {}", response.text().await.unwrap());
         response.json().await.unwrap_or_default()
     }
 
-    /// Seeds from that one on: they say whose job it is.
+    /// Submits a sweep with seeds from this one on, which identify the owner.
     async fn sweep(&self, secret: &str, seed: u64, jobs: u64) -> Value {
         let sweep = json!({"name": "s", "base": scenario(seed), "design": {"kind": "grid"}, "factors": [],
                            "replicates": jobs, "cache": "bypass"});
         self.send(secret, "/v1/sweeps", &sweep).await
     }
 
-    /// Thousands of the seeds that a claim got.
+    /// The seeds of a claim, in thousands.
     async fn claim(&self, max_jobs: u64) -> Vec<u64> {
         let request = json!({"request_id": uuid::Uuid::now_v7(), "worker_id": self.worker, "max_jobs": max_jobs,
                              "wait_s": 0.0});
@@ -70,7 +70,7 @@ fn counted(claimed: &[u64]) -> BTreeMap<u64, usize> {
 }
 
 #[tokio::test]
-async fn one_large_sweep_and_twenty_small_ones_share_the_workers_evenly() {
+async fn owners_share_workers_evenly_whatever_their_sweeps() {
     let shared = Shared::start().await;
     shared.sweep(&shared.a, 10_000, 2000).await;
     for number in 0..20 {
@@ -84,11 +84,11 @@ async fn one_large_sweep_and_twenty_small_ones_share_the_workers_evenly() {
     let counts = counted(&claimed);
     assert_eq!(claimed.len(), 200);
     assert!((90..=110).contains(&counts[&1]), "of 200 claims: {counts:?}");
-    shared.farm.stop().await;
+    shared.server.stop().await;
 }
 
 #[tokio::test]
-async fn who_comes_late_neither_waits_nor_is_paid_back() {
+async fn late_owner_neither_waits_nor_catches_up() {
     let shared = Shared::start().await;
     shared.sweep(&shared.a, 10_000, 500).await;
     assert_eq!(counted(&shared.claim(64).await), BTreeMap::from([(1, 64)]));
@@ -103,11 +103,11 @@ async fn who_comes_late_neither_waits_nor_is_paid_back() {
         claimed.extend(shared.claim(1).await);
     }
     assert_eq!(counted(&claimed), BTreeMap::from([(1, 10), (2, 10)]));
-    shared.farm.stop().await;
+    shared.server.stop().await;
 }
 
 #[tokio::test]
-async fn what_is_retried_or_added_takes_turns_of_its_owner() {
+async fn retried_and_added_jobs_take_turns_of_their_owner() {
     let shared = Shared::start().await;
     let retried = shared.sweep(&shared.b, 20_000, 30).await;
     let path = |verb: &str| format!("/v1/sweeps/{}/{verb}", text(&retried["id"]));
@@ -122,5 +122,5 @@ async fn what_is_retried_or_added_takes_turns_of_its_owner() {
     // More of another's sweep are turns of who asks for more.
     shared.send(&shared.a, &extend, &json!({"replicates": 10})).await;
     assert_eq!(counted(&shared.claim(20).await), BTreeMap::from([(1, 5), (2, 15)]));
-    shared.farm.stop().await;
+    shared.server.stop().await;
 }

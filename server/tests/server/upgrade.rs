@@ -1,6 +1,6 @@
-//! Upgrades: a database that an earlier version left is read as that version read it, and goes on.
+//! Upgrades: a database of an earlier version gives the same answers, and its jobs continue.
 //!
-//! `server/testdata/upgrade/` holds databases as SQL and what the server of their version answered; `make.py` there made them.
+//! `server/testdata/upgrade/` has databases as SQL with the answers of their version; `make.py` there made them.
 
 use std::path::Path;
 
@@ -9,16 +9,16 @@ use serde_json::{Map, Value, json};
 use sqlx::Connection;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 
-use super::farm::*;
+use super::test_server::*;
 
-/// Version, database and answers.
+/// Version, database, answers.
 const STORED: [(&str, &str, &str); 1] = [(
     "0.1.0",
     include_str!("../../testdata/upgrade/0.1.0.sql"),
     include_str!("../../testdata/upgrade/0.1.0.json"),
 )];
 
-/// Puts a stored database into a data directory.
+/// Writes a stored database to a data directory.
 async fn restore(data: &Path, sql: &'static str) {
     let file = SqliteConnectOptions::new().filename(data.join("roost.db")).create_if_missing(true);
     let mut database = SqliteConnection::connect_with(&file.foreign_keys(false)).await.unwrap();
@@ -26,7 +26,7 @@ async fn restore(data: &Path, sql: &'static str) {
     database.close().await.unwrap();
 }
 
-/// Where an answer differs from a recorded one; fields that are new are no difference.
+/// Differences between an answer and a recorded one; new fields are allowed.
 fn differences(recorded: &Value, now: &Value, at: &str) -> Vec<String> {
     match (recorded, now) {
         (Value::Object(recorded), Value::Object(now)) => {
@@ -47,7 +47,7 @@ fn differences(recorded: &Value, now: &Value, at: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_difference_is_found() {
+fn difference_is_found() {
     let recorded = json!({"a": [1, {"b": null}], "c": "x"});
     assert_eq!(differences(&recorded, &json!({"a": [1, {"b": null, "new": 1}], "c": "x"}), ""), [""; 0]);
     let now = json!({"a": [2, {"b": 1}]});
@@ -59,27 +59,27 @@ fn a_difference_is_found() {
 }
 
 #[tokio::test]
-async fn a_stored_database_is_read_as_its_version_read_it() {
+async fn old_database_gives_the_answers_of_its_version() {
     for (version, sql, answers) in STORED {
         let dir = tempfile::tempdir().unwrap();
         restore(dir.path(), sql).await;
-        let farm = Farm::on(dir.path(), |_| {}).await;
+        let server = TestServer::on(dir.path(), |_| {}).await;
         let answers: Map<String, Value> = serde_json::from_str(answers).unwrap();
         assert!(answers.len() > 40, "{}", answers.len());
         for (path, recorded) in &answers {
-            let now = farm.get(path).await.expect(StatusCode::OK);
+            let now = server.get(path).await.expect(StatusCode::OK);
             assert_eq!(differences(recorded, &now, path), [""; 0], "{version}");
         }
-        farm.stop().await;
+        server.stop().await;
     }
 }
 
 #[tokio::test]
-async fn the_work_of_a_stored_database_goes_on() {
+async fn jobs_of_an_old_database_continue() {
     for (version, sql, answers) in STORED {
         let dir = tempfile::tempdir().unwrap();
         restore(dir.path(), sql).await;
-        let farm = Farm::on(dir.path(), |_| {}).await;
+        let server = TestServer::on(dir.path(), |_| {}).await;
         let answers: Map<String, Value> = serde_json::from_str(answers).unwrap();
         let jobs = answers["/v1/jobs?limit=500"]["items"].as_array().unwrap();
         let waiting: Vec<_> = jobs.iter().filter(|job| job["state"] == "queued").collect();
@@ -87,7 +87,7 @@ async fn the_work_of_a_stored_database_goes_on() {
         let registration = registration(&roost_api::ids::WorkerId::new().to_string(), "cpu");
         let mut registration = registration;
         registration["memory_mib"] = json!(4096);
-        let worker = farm.register(&registration).await;
+        let worker = server.register(&registration).await;
         let claimed = worker.claim(8).await;
         assert_eq!(claimed.len(), waiting.len(), "{version}");
         let priorities: Vec<_> = claimed
@@ -101,15 +101,15 @@ async fn the_work_of_a_stored_database_goes_on() {
         assert_eq!(priorities, [3, 3, 3, -2], "{version}");
         for attempt in &claimed {
             worker.deliver(attempt).await.expect(StatusCode::OK);
-            assert_eq!(farm.job(&attempt["job_id"]).await["state"], "succeeded", "{version}");
+            assert_eq!(server.job(&attempt["job_id"]).await["state"], "succeeded", "{version}");
         }
         // The sweep that was extended grows on, and counts anew what is queued.
         let sweep =
             answers["/v1/sweeps"]["items"].as_array().unwrap().iter().find(|it| it["name"] == "gate by belt");
         let sweep = text(&sweep.unwrap()["id"]);
-        let more = farm.post(&format!("/v1/sweeps/{sweep}/extend"), &json!({"replicates": 1})).await;
+        let more = server.post(&format!("/v1/sweeps/{sweep}/extend"), &json!({"replicates": 1})).await;
         assert!(more.status < 300, "{version}: {}", more.text);
         assert_eq!(worker.claim(8).await.len(), 2, "{version}");
-        farm.stop().await;
+        server.stop().await;
     }
 }

@@ -1,18 +1,18 @@
-//! Holds an answer to what the specification has for its operation.
+//! Checks an answer against the specification of its operation.
 
 use std::collections::HashMap;
 
 use jsonschema::Validator;
 use serde_json::{Value, json};
 
-/// What was answered.
-pub(super) struct Answered {
+/// An answer.
+pub(super) struct CheckedAnswer {
     pub status: u16,
     pub media_type: String,
     pub body: Vec<u8>,
 }
 
-/// Fields that the specification does not have are undocumented: no object may have them.
+/// Forbids fields that the specification does not document.
 fn closed(mut schema: Value) -> Value {
     match &mut schema {
         Value::Object(fields) => {
@@ -27,19 +27,19 @@ fn closed(mut schema: Value) -> Value {
     schema
 }
 
-/// Holds answers to the specification.
-pub(super) struct Judge {
+/// Checks answers against the specification.
+pub(super) struct AnswerChecker {
     components: Value,
     validators: HashMap<String, Validator>,
 }
 
-impl Judge {
+impl AnswerChecker {
     pub(super) fn new(spec: &Value) -> Self {
         Self { components: closed(spec["components"].clone()), validators: HashMap::new() }
     }
 
-    /// What is wrong with an answer.
-    pub(super) fn fault(&mut self, operation: &Value, answered: &Answered) -> Option<String> {
+    /// The faults of an answer.
+    pub(super) fn fault(&mut self, operation: &Value, answered: &CheckedAnswer) -> Option<String> {
         if answered.status >= 500 {
             return Some("the server's fault".to_owned());
         }
@@ -71,15 +71,15 @@ impl Judge {
 }
 
 #[test]
-fn an_answer_that_is_not_in_the_specification_is_noticed() {
+fn answer_outside_the_specification_is_found() {
     let spec = json!({"components": {"schemas": {"Thing": {"type": "object", "required": ["id"],
         "properties": {"id": {"type": "string", "format": "uuid"}}}}}});
     let operation = json!({"responses": {"204": {"description": "none"}, "200": {"description": "a thing",
         "content": {"application/json": {"schema": {"$ref": "#/components/schemas/Thing"}}}}}});
-    let mut judge = Judge::new(&spec);
+    let mut judge = AnswerChecker::new(&spec);
     let mut fault = |status, media_type: &str, body: Value| {
         let body = if body.is_null() { Vec::new() } else { body.to_string().into_bytes() };
-        judge.fault(&operation, &Answered { status, media_type: media_type.to_owned(), body })
+        judge.fault(&operation, &CheckedAnswer { status, media_type: media_type.to_owned(), body })
     };
     let id = "01890000-0000-7000-8000-000000000000";
     assert_eq!(fault(200, "application/json", json!({"id": id})), None);

@@ -1,21 +1,21 @@
-//! Values by the JSON Schemas of the specification: sound ones, odd ones, and sound ones with something wrong in them.
+//! Values by the JSON Schemas of the specification: valid values, arbitrary values, and valid values with one change.
 
 use std::collections::HashMap;
 
 use serde_json::{Map, Value, json};
 
-/// Deeper than anything that the API takes.
+/// Deeper than any document of the API.
 const DEEPEST: u32 = 6;
 
-/// Makes values, from one seed.
-pub(super) struct Maker {
+/// Generates values from one seed.
+pub(super) struct ValueGenerator {
     pub random: fastrand::Rng,
-    /// Values that mean something to the server, by name of field or parameter: without them every request would end as "not found".
+    /// Existing identifiers by name of field or parameter: without them every request would end as "not found".
     pub known: HashMap<&'static str, Vec<Value>>,
     components: Value,
 }
 
-impl Maker {
+impl ValueGenerator {
     pub(super) fn new(spec: &Value, seed: u64) -> Self {
         let components = json!({"components": spec["components"]});
         Self { random: fastrand::Rng::with_seed(seed), known: HashMap::new(), components }
@@ -25,7 +25,7 @@ impl Maker {
         self.random.u32(0..n) == 0
     }
 
-    /// A value for what is called so.
+    /// A value for a field or parameter of this name.
     pub(super) fn named(&mut self, name: &str, schema: &Value) -> Value {
         match self.known.get(name) {
             Some(known) if self.random.u32(0..8) > 0 => {
@@ -93,7 +93,7 @@ impl Maker {
         json!(self.random.choice(texts))
     }
 
-    /// A value that nobody expects.
+    /// An arbitrary value.
     pub(super) fn odd(&mut self) -> Value {
         let odd = [
             json!(null),
@@ -116,7 +116,7 @@ impl Maker {
         self.random.choice(odd).unwrap_or_default()
     }
 
-    /// Takes something out, puts something in, or makes something of another kind, somewhere in the value.
+    /// Removes, adds or replaces something somewhere in the value.
     pub(super) fn spoil(&mut self, value: &mut Value) {
         let further = !self.one_in(3);
         match value {

@@ -1,10 +1,9 @@
-//! The server keeps to its own specification: whatever is sent to whatever operation, the status, the media type and the body of
-//! the answer are those that `/openapi.json` has for it, and none is the server's fault.
+//! Every answer has a status, a media type and a body that `/openapi.json` documents for its operation, and none is 500.
 //!
-//! Requests are made from the specification, sound ones and spoilt ones. `ROOST_SEED` chooses others, `ROOST_ROUNDS` more of them.
+//! Valid and invalid requests are generated from the specification. `ROOST_SEED` selects others, `ROOST_ROUNDS` their number.
 
-mod judging;
-mod making;
+mod checking;
+mod generating;
 
 use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
@@ -13,12 +12,12 @@ use reqwest::{Method, Url};
 use roost_api::frames;
 use serde_json::{Value, json};
 
-use super::farm::*;
 use super::stl;
-use judging::{Answered, Judge};
-use making::Maker;
+use super::test_server::*;
+use checking::{AnswerChecker, CheckedAnswer};
+use generating::ValueGenerator;
 
-/// How often each operation is asked in the usual test.
+/// Default number of requests per operation.
 const ROUNDS: u64 = 40;
 
 /// One operation of the specification.
@@ -42,17 +41,17 @@ fn operations(spec: &Value) -> Vec<Operation> {
     paths.iter().flat_map(each).collect()
 }
 
-/// Sends requests that are made from the specification.
-struct Asker<'f> {
-    farm: &'f Farm,
-    maker: Maker,
+/// Sends generated requests.
+struct RequestSender<'f> {
+    server: &'f TestServer,
+    maker: ValueGenerator,
     tags: HashMap<Url, String>,
 }
 
-impl Asker<'_> {
-    async fn ask(&mut self, operation: &Operation) -> (String, Answered) {
-        let spoilt = self.maker.one_in(3);
-        let mut url = Url::parse(&format!("http://{}", self.farm.address)).unwrap();
+impl RequestSender<'_> {
+    async fn ask(&mut self, operation: &Operation) -> (String, CheckedAnswer) {
+        let is_invalid = self.maker.one_in(3);
+        let mut url = Url::parse(&format!("http://{}", self.server.address)).unwrap();
         let parameters = operation.about["parameters"].as_array().cloned().unwrap_or_default();
         let path = operation
             .path
@@ -62,14 +61,14 @@ impl Asker<'_> {
         let path: Vec<String> = path.collect();
         url.path_segments_mut().unwrap().extend(path);
         for parameter in parameters.iter().filter(|parameter| parameter["in"] == "query") {
-            let is_needed = parameter["required"] == true && !spoilt;
+            let is_needed = parameter["required"] == true && !is_invalid;
             if is_needed || self.maker.one_in(2) {
                 let value = self.maker.named(parameter["name"].as_str().unwrap(), &parameter["schema"]);
-                let value = if spoilt && self.maker.one_in(3) { self.maker.odd() } else { value };
+                let value = if is_invalid && self.maker.one_in(3) { self.maker.odd() } else { value };
                 url.query_pairs_mut().append_pair(parameter["name"].as_str().unwrap(), &plain(&value));
             }
         }
-        let mut request = self.farm.http.request(operation.method.clone(), url.clone());
+        let mut request = self.server.http.request(operation.method.clone(), url.clone());
         for parameter in parameters.iter().filter(|parameter| parameter["in"] == "header") {
             if self.maker.one_in(6) {
                 let value = plain(&self.maker.value(&parameter["schema"], 0));
@@ -83,7 +82,7 @@ impl Asker<'_> {
         if let Some(tag) = self.tags.get(&url).filter(|_| asks_for_news) {
             request = request.header("if-none-match", tag);
         }
-        let (media_type, body) = self.body(&operation.about["requestBody"]["content"], spoilt);
+        let (media_type, body) = self.body(&operation.about["requestBody"]["content"], is_invalid);
         if !media_type.is_empty() {
             request = request.header("content-type", media_type).body(body.clone());
         }
@@ -98,7 +97,7 @@ impl Asker<'_> {
         // A stream of events has no end.
         let is_stream = media_type == "text/event-stream";
         let body = if is_stream { Vec::new() } else { response.bytes().await.unwrap().to_vec() };
-        (said, Answered { status, media_type, body })
+        (said, CheckedAnswer { status, media_type, body })
     }
 
     fn segment(&mut self, operation: &Operation, segment: &str, parameters: &[Value]) -> String {
@@ -117,10 +116,10 @@ impl Asker<'_> {
         plain(&value)
     }
 
-    fn body(&mut self, content: &Value, spoilt: bool) -> (String, Vec<u8>) {
+    fn body(&mut self, content: &Value, is_invalid: bool) -> (String, Vec<u8>) {
         let Some(content) = content.as_object() else { return Default::default() };
         let (media_type, about) = self.maker.random.choice(content).unwrap();
-        let media_type = match spoilt && self.maker.one_in(8) {
+        let media_type = match is_invalid && self.maker.one_in(8) {
             true => "text/plain".to_owned(),
             false => media_type.clone(),
         };
@@ -129,7 +128,7 @@ impl Asker<'_> {
                 true => [&frames::MAGIC[..], &[self.maker.random.u8(..); 20]].concat(),
                 false => stl::binary(&stl::block([120.0, 60.0, 30.0], self.maker.random.usize(1..3))),
             };
-            if spoilt {
+            if is_invalid {
                 file.truncate(self.maker.random.usize(0..file.len()));
             }
             return (media_type, file);
@@ -140,11 +139,11 @@ impl Asker<'_> {
             true => self.maker.named("scenario", &about["schema"]),
             false => self.maker.value(&about["schema"], 0),
         };
-        if spoilt {
+        if is_invalid {
             self.maker.spoil(&mut value);
         }
         let mut text = value.to_string();
-        if spoilt && self.maker.one_in(10) {
+        if is_invalid && self.maker.one_in(10) {
             text.truncate((0..text.len() / 2).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0));
         }
         (media_type, text.into_bytes())
@@ -156,14 +155,15 @@ fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-/// Jobs in every state, a worker, a sweep and a mesh, and words that mean something.
-async fn inhabit(farm: &Farm, seed: u64) -> HashMap<&'static str, Vec<Value>> {
-    let mesh = farm.send_text("/v1/meshes", "model/stl", stl::binary(&stl::block([12.0, 6.0, 3.0], 1))).await;
-    let worker = farm.worker("cpu").await;
+/// Creates jobs in every state, a worker, a sweep and a mesh.
+async fn inhabit(server: &TestServer, seed: u64) -> HashMap<&'static str, Vec<Value>> {
+    let mesh =
+        server.send_text("/v1/meshes", "model/stl", stl::binary(&stl::block([12.0, 6.0, 3.0], 1))).await;
+    let worker = server.worker("cpu").await;
     let mut jobs = Vec::new();
     for next in 0..6 {
         let job = json!({"scenario": scenario(10 * seed + next), "priority": seed + 10, "cache": "bypass"});
-        jobs.push(farm.submit(&job).await["id"].clone());
+        jobs.push(server.submit(&job).await["id"].clone());
     }
     let attempts = worker.claim(4).await;
     let stream = frames::MAGIC.to_vec();
@@ -176,7 +176,7 @@ async fn inhabit(farm: &Farm, seed: u64) -> HashMap<&'static str, Vec<Value>> {
                        "factors": [{"pointer": "/equipment/belt_speed_m_s", "levels": [0.2, 0.3]}]});
     let mut sweeps = Vec::new();
     for _ in 0..3 {
-        sweeps.push(farm.post("/v1/sweeps", &sweep).await.expect(201.try_into().unwrap())["id"].clone());
+        sweeps.push(server.post("/v1/sweeps", &sweep).await.expect(201.try_into().unwrap())["id"].clone());
     }
     // The one that runs most often, so that there is something to beat for and to deliver.
     jobs.extend([&attempts[2]["job_id"], &attempts[2]["job_id"], &attempts[3]["job_id"]].map(Value::clone));
@@ -223,17 +223,18 @@ fn from_environment(name: &str, usual: u64) -> u64 {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn whatever_is_asked_the_answer_is_in_the_specification() {
-    let (farm, _dir) = Farm::with(|config| config.max_claim_wait = Duration::from_millis(5)).await;
-    let spec = farm.get("/openapi.json").await.expect(200.try_into().unwrap());
-    let maker = Maker::new(&spec, from_environment("ROOST_SEED", 1));
-    let (mut judge, mut asker) = (Judge::new(&spec), Asker { farm: &farm, maker, tags: HashMap::new() });
+async fn every_answer_matches_the_specification() {
+    let (server, _dir) = TestServer::with(|config| config.max_claim_wait = Duration::from_millis(5)).await;
+    let spec = server.get("/openapi.json").await.expect(200.try_into().unwrap());
+    let maker = ValueGenerator::new(&spec, from_environment("ROOST_SEED", 1));
+    let (mut judge, mut asker) =
+        (AnswerChecker::new(&spec), RequestSender { server: &server, maker, tags: HashMap::new() });
     let mut operations = operations(&spec);
     let mut seen = BTreeMap::<String, Vec<u16>>::new();
     for round in 0..from_environment("ROOST_ROUNDS", ROUNDS) {
         // What there was is cancelled, delivered and deleted by and by.
         if round % 5 == 0 {
-            asker.maker.known = inhabit(&farm, round).await;
+            asker.maker.known = inhabit(&server, round).await;
         }
         asker.maker.random.shuffle(&mut operations);
         for operation in &operations {
@@ -256,5 +257,5 @@ async fn whatever_is_asked_the_answer_is_in_the_specification() {
             "{name} took everything: {statuses:?}"
         );
     }
-    farm.stop().await;
+    server.stop().await;
 }
