@@ -139,8 +139,8 @@ fn every_change_and_every_refusal_is_one_line() {
     }
     let refused = |request: &str| log.iter().filter(|line| line["request"] == request).collect::<Vec<_>>();
     for (answered, token, path, reason) in [
-        (&guessed, json!(null), "/v1/jobs", "A token is needed"),
-        (&signed_in, json!(null), "/dashboard/session", "A token is needed"),
+        (&guessed, json!(null), "/v1/jobs", "A valid token is required"),
+        (&signed_in, json!(null), "/dashboard/session", "A valid token is required"),
         (&forbidden, json!(reader_id), "/v1/prune", "The token does not allow this"),
     ] {
         let lines = refused(&answered.request);

@@ -244,7 +244,7 @@ fn what_a_server_keeps_is_for_its_own_user_alone() {
     open(&shared, 0o755);
     open(&shared.join("notes.txt"), 0o644);
     let made = run(&["token", "create", "--scope", "read", "--data", &shared.display().to_string()]);
-    assert!(said(&made).contains("its permissions are left as they are"), "{}", said(&made));
+    assert!(said(&made).contains("its permissions are not changed"), "{}", said(&made));
     let found: std::collections::HashMap<_, _> = modes(&shared).into_iter().collect();
     assert_eq!((found[&shared], found[&shared.join("notes.txt")]), (0o755, 0o644), "{found:?}");
     assert_eq!(found[&shared.join("roost.db")], 0o600, "{found:?}");

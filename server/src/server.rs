@@ -23,7 +23,7 @@ use crate::{http, process, reaper};
 pub enum ServerError {
     /// Other machines can reach the address, and there is no access token.
     #[error(
-        "cannot listen on {0} without access tokens, since other machines can reach it: make a token in the same `--data` with \
+        "refusing to listen on {0} without access tokens, since other machines can reach it: make a token in the same `--data` with \
          `roost token create --scope admin`, or listen on a loopback address such as 127.0.0.1"
     )]
     NotLoopback(SocketAddr),

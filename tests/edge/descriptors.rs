@@ -50,7 +50,7 @@ fn the_limit_of_open_files_is_raised_and_connections_keep_to_it() {
     until("the server answers", || TcpStream::connect(address).ok());
     let found = (metric(address, "process_max_fds"), metric(address, "roost_connections_limit"));
     assert_eq!(found, (1024.0, 720.0));
-    assert!(server.log().contains("fewer connections than wanted"), "{}", server.log());
+    assert!(server.log().contains("max_connections is reduced"), "{}", server.log());
 }
 
 #[test]

@@ -86,7 +86,7 @@ fn a_clock_that_jumps_ahead_has_nothing_deleted() {
     server.wait();
     home.set_clock("serve", YEAR_S);
     let server = home.serve_with(&["--prune-after", "30d"]);
-    until("it says why", || server.log().contains("nothing old is deleted by itself").then_some(()));
+    until("it says why", || server.log().contains("automatic deletion is paused").then_some(()));
     assert!(home.job(&job).is_some());
     server.terminate();
     server.wait();

@@ -1,7 +1,6 @@
 //! Deliveries of attempts: a result, or a failure.
 
 use axum::Json;
-use axum::body::Bytes;
 use axum::extract::State;
 use roost_api::ids::JobId;
 use roost_api::job::AttemptOutcome;
@@ -13,14 +12,13 @@ use roost_solver::SOLVER_REVISION;
 use roost_solver::experiments::response_names;
 use roost_solver::result::{EndReason, SCHEMA};
 use roost_solver::scenario::escape;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::json;
-use serde_json::value::RawValue;
 use utoipa::ToSchema;
 
 use super::blocking::run_blocking_if_long;
 use super::delivery::Delivery;
-use super::problem::{ApiError, ProblemKind};
+use super::problem::ApiError;
 use crate::document::fault;
 use crate::queue::{JobChange, Verdict};
 use crate::state::App;
@@ -50,13 +48,12 @@ pub(crate) async fn result(
     Delivery { job: id, attempt, body, bytes, budget: _budget }: Delivery<ResultDelivery>,
 ) -> Result<Json<Receipt>, ApiError> {
     let ResultDelivery { worker_id, result } = body;
-    let length = bytes.len();
-    let stored = run_blocking_if_long(length, move || checked_result(&result, &bytes)).await??;
+    let stored = run_blocking_if_long(bytes, move || checked_result(&result)).await??;
     let verdict = app.store.record_result(id, attempt, worker_id, stored, app.clock.now()).await??;
     Ok(Json(settle(&app, id, AttemptOutcome::Succeeded, &verdict)))
 }
 
-fn checked_result(result: &RunResult, delivery: &Bytes) -> Result<StoredResult, ApiError> {
+fn checked_result(result: &RunResult) -> Result<StoredResult, ApiError> {
     let mut faults = result_faults(result);
     if matches!(result.end_reason, EndReason::Unstable | EndReason::Cancelled) {
         let detail = "the run was unstable or cancelled: report it as a failure";
@@ -70,20 +67,7 @@ fn checked_result(result: &RunResult, delivery: &Bytes) -> Result<StoredResult, 
     if !faults.is_empty() {
         return Err(ApiError::faults(faults));
     }
-    Ok(StoredResult::new(result, sent_result(delivery)?)?)
-}
-
-/// The text of the result in a delivery, which is stored as it was sent.
-fn sent_result(delivery: &Bytes) -> Result<String, ApiError> {
-    #[derive(Deserialize)]
-    struct OnlyResult<'a> {
-        #[serde(borrow)]
-        result: &'a RawValue,
-    }
-    match serde_json::from_slice::<OnlyResult<'_>>(delivery) {
-        Ok(OnlyResult { result }) => Ok(result.get().to_owned()),
-        Err(error) => Err(ApiError::new(ProblemKind::Syntax, error.to_string())),
-    }
+    Ok(StoredResult::new(result)?)
 }
 
 /// Reports that an attempt ended without a result. Repeating it is safe.
@@ -104,9 +88,8 @@ pub(crate) async fn failure(
     Delivery { job: id, attempt, body, bytes, budget: _budget }: Delivery<FailureReport>,
 ) -> Result<Json<Receipt>, ApiError> {
     let FailureReport { worker_id, outcome, message, result } = body;
-    let length = bytes.len();
-    let check = move || result.map(|result| checked_partial(outcome, result, &bytes)).transpose();
-    let partial = run_blocking_if_long(length, check).await??;
+    let check = move || result.map(|result| checked_partial(outcome, result)).transpose();
+    let partial = run_blocking_if_long(bytes, check).await??;
     let (policy, now) = (app.config.retry, app.clock.both());
     let recorded = app.store.record_failure(id, attempt, worker_id, outcome, message, partial, policy, now);
     let verdict = recorded.await??;
@@ -114,23 +97,15 @@ pub(crate) async fn failure(
 }
 
 /// Checks a partial result. Responses of a cancelled run are removed: they hold for complete runs only.
-fn checked_partial(
-    outcome: AttemptOutcome,
-    mut result: RunResult,
-    delivery: &Bytes,
-) -> Result<StoredResult, ApiError> {
+fn checked_partial(outcome: AttemptOutcome, mut result: RunResult) -> Result<StoredResult, ApiError> {
     let faults = result_faults(&result);
     if !faults.is_empty() {
         return Err(ApiError::faults(faults));
     }
-    let has_responses = !result.responses.is_empty();
-    if outcome != AttemptOutcome::Cancelled || !has_responses {
-        return Ok(StoredResult::new(&result, sent_result(delivery)?)?);
+    if outcome == AttemptOutcome::Cancelled {
+        result.responses.clear();
     }
-    result.responses.clear();
-    let text = serde_json::to_string(&result)
-        .map_err(|error| ApiError::new(ProblemKind::Internal, error.to_string()))?;
-    Ok(StoredResult::new(&result, text)?)
+    Ok(StoredResult::new(&result)?)
 }
 
 /// Updates metrics, progress and waiting claims after a delivery.

@@ -1,6 +1,5 @@
 //! The body of a delivery: a document of an attempt that exists. A memory budget limits concurrent deliveries.
 
-use axum::body::Bytes;
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::header::CONTENT_LENGTH;
 use roost_api::ids::JobId;
@@ -31,8 +30,8 @@ pub(crate) struct Delivery<T> {
     pub(crate) job: JobId,
     pub(crate) attempt: u32,
     pub(crate) body: T,
-    /// The body as it was sent.
-    pub(crate) bytes: Bytes,
+    /// Length of the body.
+    pub(crate) bytes: usize,
     /// Its part of the memory budget, held until it is recorded.
     pub(crate) budget: Option<OwnedSemaphorePermit>,
 }
@@ -51,17 +50,18 @@ impl<T: DeserializeOwned + Serialize + Send + 'static> FromRequest<App> for Deli
         let bytes = json_bytes(Request::from_parts(parts, body), app).await?;
         // Acquired after reading, so that a slow sender blocks nobody.
         let budget = app.delivery_budget.clone().acquire_many_owned(kib(bytes.len())).await.ok();
-        let sent = bytes.clone();
-        let body = run_blocking_if_long(bytes.len(), move || {
+        let length = bytes.len();
+        let body = run_blocking_if_long(length, move || {
             // Only an invalid document is parsed again, to find all of its faults.
-            let valid = sent.trim_ascii_start().starts_with(b"{").then(|| serde_json::from_slice(&sent).ok());
+            let valid =
+                bytes.trim_ascii_start().starts_with(b"{").then(|| serde_json::from_slice(&bytes).ok());
             match valid.flatten() {
                 Some(body) => Ok(body),
-                None => read_document(parsed(&sent)?).map_err(ApiError::faults),
+                None => read_document(parsed(&bytes)?).map_err(ApiError::faults),
             }
         });
         match body.await? {
-            Ok(body) => Ok(Self { job, attempt, body, bytes, budget }),
+            Ok(body) => Ok(Self { job, attempt, body, bytes: length, budget }),
             Err(fault) => {
                 // For an unknown attempt, 404 comes before the faults of the document.
                 app.store.find_attempt(job, attempt).await??;

@@ -42,3 +42,18 @@ pub(super) fn numbers(text: &RawValue) -> Result<Vec<f64>, ApiError> {
 fn unreadable(error: &serde_json::Error) -> ApiError {
     ApiError::new(ProblemKind::Internal, format!("the stored result cannot be read: {error}"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_passed_on_as_they_are_stored() {
+        let document = r#"{"schema": "x", "series": [{"name": "a\"b", "unit": "kg", "t_s": [0, 2e-2], "values": [1.50,2]}]}"#;
+        let all = series_of(document).unwrap();
+        let [series] = all.as_slice() else { panic!("{} series", all.len()) };
+        assert_eq!((series.name.as_ref(), series.unit.as_ref()), ("a\"b", "kg"));
+        assert_eq!((series.t_s.get(), series.values.get()), ("[0, 2e-2]", "[1.50,2]"));
+        assert_eq!(numbers(series.t_s).unwrap(), [0.0, 0.02]);
+    }
+}

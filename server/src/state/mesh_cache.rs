@@ -22,7 +22,7 @@ pub(crate) enum MeshCacheError {
     #[error("{0}")]
     TooManyTriangles(Fault),
     /// A stored file has another digest than when it was uploaded.
-    #[error("the stored file of mesh {0} is damaged: upload it again")]
+    #[error("the stored file of mesh {0} is damaged: the operator must restore a backup")]
     Damaged(String),
     /// The reader panicked.
     #[error("reading a mesh failed: {0}")]

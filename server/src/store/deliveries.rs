@@ -27,8 +27,9 @@ pub(crate) struct StoredResult {
 }
 
 impl StoredResult {
-    /// A result with its JSON text, which is stored as it is.
-    pub(crate) fn new(result: &RunResult, body: String) -> Result<Self, StoreError> {
+    /// Writes a result out.
+    pub(crate) fn new(result: &RunResult) -> Result<Self, StoreError> {
+        let body = to_json("result", result)?;
         Ok(Self {
             origin: Origin {
                 scenario: result.scenario_digest.clone(),

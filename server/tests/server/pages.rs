@@ -3,8 +3,8 @@
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 
-use crate::test_server::{TestServer, envelope, scenario, text};
 use crate::stl::{binary, wall};
+use crate::test_server::{TestServer, envelope, scenario, text};
 
 /// A server with three of each listed object; returns a sweep with jobs too.
 async fn with_three() -> (TestServer, tempfile::TempDir, Value) {
