@@ -51,7 +51,7 @@ async fn every_request_needs_a_token_with_its_scope() {
     let nobody = roost_api::ids::WorkerId::new();
     let drain = format!("/v1/workers/{nobody}/drain");
     for (method, path, body, expected) in [
-        // The answer to nobody, and to each of the four.
+        // The status without a token, and with each of the four.
         (Method::GET, "/v1/jobs", None, [401, 200, 200, 200, 403]),
         (Method::GET, "/v1/version", None, [401, 200, 200, 200, 200]),
         (Method::POST, "/v1/jobs", Some(&job), [401, 202, 202, 403, 403]),
@@ -95,15 +95,15 @@ async fn running_server_follows_created_and_revoked_tokens() {
     until(Some(&other), 200).await;
     let listed = tokens.list().await.unwrap();
     assert!(listed[1].revoked_at.is_some() && listed[0].revoked_at.is_none());
-    assert!(!format!("{listed:?}").contains(&secret[6..]), "no secret is kept");
+    assert!(!format!("{listed:?}").contains(&secret[6..]), "no secret is stored");
     tokens.close().await.unwrap();
     server.stop().await;
     let database = std::fs::read(dir.path().join("roost.db")).unwrap();
-    assert!(!database.windows(secret.len()).any(|bytes| bytes == secret.as_bytes()), "no secret is kept");
+    assert!(!database.windows(secret.len()).any(|bytes| bytes == secret.as_bytes()), "no secret is stored");
 }
 
 /// Repeats a request until it has this status: token changes take effect within a second.
-async fn until_answered(server: &TestServer, token: Option<&str>, status: u16) {
+async fn wait_for_status(server: &TestServer, token: Option<&str>, status: u16) {
     let deadline = Instant::now() + Duration::from_secs(20);
     while get(server, "/v1/jobs", token).await.0 != status {
         assert!(Instant::now() < deadline, "still not {status}");
@@ -127,13 +127,13 @@ async fn server_without_its_last_token_stays_closed() {
         let events = format!("/v1/jobs/{}/events", text(&job["id"]));
         let url = format!("http://{}{events}", server.address);
         let mut stream = server.http.get(url).bearer_auth(&secret).send().await.unwrap();
-        assert!(stream.chunk().await.unwrap().is_some(), "it begins with the job");
+        assert!(stream.chunk().await.unwrap().is_some(), "the first event is the job");
 
         assert!(tokens.has_valid().await.unwrap());
         tokens.revoke(&view.id, Timestamp::now()).await.unwrap();
         assert!(!tokens.has_valid().await.unwrap());
         tokens.close().await.unwrap();
-        until_answered(&server, Some(&secret), 401).await;
+        wait_for_status(&server, Some(&secret), 401).await;
         let ended = async { while stream.chunk().await.unwrap().is_some() {} };
         tokio::time::timeout(Duration::from_secs(10), ended).await.expect("the stream ends");
         let closed = async |server: &TestServer| {
@@ -162,7 +162,7 @@ async fn server_without_its_last_token_stays_closed() {
                 data: dir.path().to_owned(),
                 ..ServerConfig::default()
             };
-            let refused = Server::bind(config).await.err().expect("nobody could be admitted");
+            let refused = Server::bind(config).await.err().expect("no token could be valid");
             assert!(matches!(refused, ServerError::NotLoopback(_)), "{refused}");
         }
     }
@@ -211,13 +211,13 @@ async fn open_server_refuses_a_foreign_origin() {
     }
     let read = server.http.get(format!("{own}/v1/jobs")).header("origin", "https://evil.example");
     assert_eq!(read.send().await.unwrap().status(), 403, "reading too");
-    // A proxy sends `host: localhost`, so that the origin is another; the browser knows better.
+    // Behind a proxy that sends `host: localhost`, the origin differs, but `sec-fetch-site` is right.
     assert_eq!(post("https://roost.example", Some("same-origin"), None).await.0, 200);
 
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (_, secret) = tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
-    until_answered(&server, None, 401).await;
+    wait_for_status(&server, None, 401).await;
     assert_eq!(post("https://evil.example", None, Some(&secret)).await.0, 200, "no page has the token");
     server.stop().await;
 }
@@ -281,7 +281,7 @@ async fn foreign_pages_change_nothing_and_open_servers_refuse_foreign_hosts() {
         assert!(status == 200 || text.contains("/problems/cross-site"), "{text}");
     }
     let read = server.http.get(at("/v1/jobs")).header("sec-fetch-site", "cross-site").send().await.unwrap();
-    assert_eq!(read.status(), 200, "a link to a page of ours");
+    assert_eq!(read.status(), 200, "a link to an own page");
 
     let named = async |host: &str, token: Option<&str>| {
         let request = server.http.get(at("/v1/jobs")).header("host", host);
@@ -317,7 +317,7 @@ async fn foreign_pages_change_nothing_and_open_servers_refuse_foreign_hosts() {
         assert_eq!(raw(request).await, status, "{request}");
     }
 
-    // With a token it may be called anything, as behind a proxy.
+    // With a token any host name is accepted, as behind a proxy.
     let mut tokens = tokens_in(dir.path(), true).await.unwrap();
     let (_, secret) = tokens.create("", &[Scope::Admin], Timestamp::now()).await.unwrap();
     tokens.close().await.unwrap();
@@ -341,7 +341,7 @@ async fn event_stream_ends_when_its_token_is_revoked() {
     let job: Value = serde_json::from_str(&job).unwrap();
     let url = format!("http://{}/v1/jobs/{}/events", server.address, text(&job["id"]));
     let mut events = server.http.get(url).bearer_auth(&secret).send().await.unwrap();
-    assert!(events.chunk().await.unwrap().is_some(), "it begins with what there is");
+    assert!(events.chunk().await.unwrap().is_some(), "the first event is the current view");
     let more = tokio::time::timeout(Duration::from_secs(1), events.chunk()).await;
     assert!(more.is_err(), "it goes on while the token is valid");
     tokens.revoke(&view.id, Timestamp::now()).await.unwrap();
@@ -376,7 +376,7 @@ async fn session_cookie_reads_and_writes_need_the_page_header() {
     let read = server.http.get(at("/v1/jobs")).header("cookie", &cookie).send().await.unwrap();
     assert_eq!(read.status(), 200);
     let post = || server.http.post(at("/v1/jobs")).header("cookie", &cookie).json(&envelope(1));
-    assert_eq!(post().send().await.unwrap().status(), 401, "a page of somebody else");
+    assert_eq!(post().send().await.unwrap().status(), 401, "a foreign page");
     assert_eq!(post().header("x-roost-page", "dashboard").send().await.unwrap().status(), 202);
     let ended = server.http.delete(at("/dashboard/session")).send().await.unwrap();
     assert!(ended.headers()["set-cookie"].to_str().unwrap().starts_with("roost_session=; "));

@@ -104,7 +104,7 @@ async fn body_above_the_limit_is_refused_with_the_limit() {
     assert!(text(&problem["detail"]).contains("2000 bytes"), "{problem}");
     assert_nothing_stored(&server).await;
 
-    // Deliveries have a limit of their own: a result the server's user cannot shrink must arrive.
+    // Deliveries have a limit of their own: users cannot make a result smaller.
     server.submit(&envelope(1)).await;
     let worker = server.worker("cpu").await;
     let attempt = worker.claim_one().await;
@@ -227,7 +227,7 @@ async fn all_faults_of_a_sweep_are_listed() {
     assert_eq!(faults(duplicate).await, ["/factors/1/pointer"]);
     let levels = sweep(|sweep| sweep["factors"][0]["levels"] = json!([0.06, "wide", -1.0, 0.06]));
     let told = ["/factors/0/levels/1", "/factors/0/levels/2", "/factors/0/levels/3"];
-    assert_eq!(faults(levels).await, told, "two of no use, one listed twice");
+    assert_eq!(faults(levels).await, told, "two unusable, one listed twice");
     let same = sweep(|sweep| {
         sweep["factors"][0] = json!({"pointer": "/equipment/belt_speed_m_s", "levels": [1, 1.0]});
     });

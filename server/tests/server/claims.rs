@@ -29,7 +29,7 @@ async fn claims_go_by_priority_then_turns_then_design_point() {
     server.submit(&urgent).await;
     assert_eq!(seeds(&worker.claim(5).await), [900, 100, 200, 101, 201]);
 
-    // A late sweep neither waits for those before it nor pushes them aside.
+    // A late sweep neither waits for earlier ones nor delays them.
     server.post("/v1/sweeps", &replicates("c", 300, 4)).await.expect(StatusCode::CREATED);
     assert_eq!(seeds(&worker.claim(64).await), [300, 102, 202, 301, 103, 203, 302, 303]);
     assert_eq!(worker.claim(64).await.len(), 0);
@@ -85,7 +85,7 @@ async fn repeated_claim_returns_the_same_attempts() {
 
     let delivered = json!({"job_id": first[0].0, "attempt": 1, "scenario": third["scenario"]});
     worker.fail(&delivered, "released", None).await.expect(StatusCode::OK);
-    assert_eq!(claim().await, first[1..], "what has ended is not handed out again");
+    assert_eq!(claim().await, first[1..], "ended jobs are not claimed again");
     server.stop().await;
 }
 

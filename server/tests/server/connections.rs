@@ -23,10 +23,10 @@ async fn connect(server: &TestServer, text: &str) -> TcpStream {
 }
 
 /// All bytes until the server closes the connection.
-async fn rest(stream: &mut TcpStream) -> String {
+async fn read_to_end(stream: &mut TcpStream) -> String {
     let mut bytes = Vec::new();
     let read = tokio::time::timeout(PATIENCE, stream.read_to_end(&mut bytes)).await;
-    // A reset ends it as well.
+    // A reset also ends the connection.
     let _ = read.expect("the server closes it");
     String::from_utf8_lossy(&bytes).into_owned()
 }
@@ -46,8 +46,11 @@ async fn half_requests_and_idle_connections_are_closed_in_time() {
     let mut silent = connect(&server, "").await;
     let mut half = connect(&server, HALF).await;
     let mut idle = connect(&server, "GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n").await;
-    assert_eq!((rest(&mut silent).await, rest(&mut half).await), (String::new(), String::new()));
-    let answered = rest(&mut idle).await;
+    assert_eq!(
+        (read_to_end(&mut silent).await, read_to_end(&mut half).await),
+        (String::new(), String::new())
+    );
+    let answered = read_to_end(&mut idle).await;
     assert!(answered.starts_with("HTTP/1.1 200") && answered.ends_with(r#"{"status":"ok"}"#), "{answered}");
     let took = started.elapsed();
     assert!(took > timeout / 2 && took < timeout + Duration::from_secs(5), "{took:?}");
@@ -64,7 +67,7 @@ async fn long_poll_is_not_closed_as_idle() {
     assert_eq!(events.next().await.unwrap().name, "job");
     let request = worker.claim_request(1, 1.5);
     let reply = server.post("/v1/claims", &request).await.expect(StatusCode::OK);
-    assert_eq!(reply["attempts"], json!([]), "waited for seven times as long as for a head");
+    assert_eq!(reply["attempts"], json!([]), "still open after seven times the head timeout");
     server.post(&format!("/v1/jobs/{}/cancel", text(&job["id"])), &json!({})).await.expect(StatusCode::OK);
     assert_eq!(events.next().await.unwrap().name, "change", "still there");
     server.stop().await;
@@ -73,7 +76,7 @@ async fn long_poll_is_not_closed_as_idle() {
 #[tokio::test]
 async fn half_requests_are_displaced_by_new_clients() {
     let (server, _dir) = TestServer::with(|config| config.max_connections = 16).await;
-    // One that has been served before the flood keeps its connection.
+    // A client that was served before the flood keeps its connection.
     let served = "GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n";
     let mut regular = connect(&server, served).await;
     let mut buffer = [0; 1024];
@@ -85,15 +88,15 @@ async fn half_requests_are_displaced_by_new_clients() {
     for _ in 0..3 {
         let mut new =
             connect(&server, "GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").await;
-        assert!(rest(&mut new).await.starts_with("HTTP/1.1 200"));
+        assert!(read_to_end(&mut new).await.starts_with("HTTP/1.1 200"));
     }
     regular.write_all(served.as_bytes()).await.unwrap();
-    assert!(regular.read(&mut buffer).await.unwrap() > 0, "closed although others had asked for nothing");
+    assert!(regular.read(&mut buffer).await.unwrap() > 0, "closed before connections without a request");
     assert!(metric(&server, r#"roost_connections_refused_total{reason="no_request"}"#).await >= 45.0);
     assert_eq!(metric(&server, "roost_connections_limit").await, 16.0);
     let open = metric(&server, "roost_connections").await;
     assert!((2.0..=17.0).contains(&open), "{open}");
-    assert_eq!(rest(&mut flood[0]).await, "", "the oldest was closed");
+    assert_eq!(read_to_end(&mut flood[0]).await, "", "the oldest was closed");
     let took = server.stop().await;
     assert!(took < Duration::from_millis(2900), "half requests keep no server: {took:?}");
 }
@@ -106,7 +109,7 @@ async fn busy_server_refuses_requests_except_those_of_the_operator() {
     let polls: Vec<_> = (0..15)
         .map(|_| tokio::spawn(server.http.post(&url).json(&worker.claim_request(1, 30.0)).send()))
         .collect();
-    // The question itself is a sixteenth, as long as it is answered.
+    // The next request is the sixteenth.
     let started = Instant::now();
     let refused = loop {
         assert!(started.elapsed() < PATIENCE, "never refused");
@@ -122,7 +125,7 @@ async fn busy_server_refuses_requests_except_those_of_the_operator() {
     assert_eq!(server.get("/healthz").await.status, 200);
     server.stop().await;
     for poll in polls {
-        assert_eq!(poll.await.unwrap().unwrap().status(), StatusCode::OK, "those before were not disturbed");
+        assert_eq!(poll.await.unwrap().unwrap().status(), StatusCode::OK, "earlier requests are answered");
     }
 }
 
@@ -138,7 +141,7 @@ async fn event_streams_per_token_are_limited() {
     let problem = server.get(&format!("{path}/events")).await.problem(429, "too-many-requests");
     assert!(text(&problem["detail"]).contains("16 open event streams"), "{problem}");
     assert_eq!(server.get("/v1/version").await.status, 200);
-    // One that ends makes room for another.
+    // The end of a stream frees its slot.
     streams.pop();
     let started = Instant::now();
     let url = format!("http://{}{path}/events", server.address);
@@ -154,7 +157,7 @@ async fn workers_are_answered_by_a_busy_server() {
     let (server, _dir) = TestServer::with(|config| config.max_connections = 64).await;
     let worker = server.worker("cpu").await;
     server.submit(&envelope(1)).await;
-    // Bodies that never come.
+    // Requests without their bodies.
     let head = "POST /v1/jobs HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\n\r\n{";
     let mut bodies = Vec::new();
     for _ in 0..60 {
@@ -174,12 +177,12 @@ async fn workers_are_answered_by_a_busy_server() {
 #[tokio::test]
 async fn slow_reader_is_closed_and_steady_reader_is_not() {
     let (server, _dir) = TestServer::with(|config| config.body_timeout = Duration::from_secs(2)).await;
-    // One that acknowledges bytes too often for the timeout of the system, and one that takes 200 kB a second.
+    // One client acknowledges bytes too often for the timeout of the system; the other reads 200 kB per second.
     for (bytes, pause_ms, stays) in [(300, 100, false), (20_000, 100, true)] {
         let socket = tokio::net::TcpSocket::new_v4().unwrap();
         if !stays {
             socket.set_recv_buffer_size(4096).unwrap();
-            // Small segments: one that does not fit the window would count as a client that reads nothing.
+            // Small segments: a segment larger than the window would count as a client that reads nothing.
             socket2::SockRef::from(&socket).set_tcp_mss(536).unwrap();
         }
         let mut stream = socket.connect(server.address).await.unwrap();
@@ -190,7 +193,7 @@ async fn slow_reader_is_closed_and_steady_reader_is_not() {
         let is_open = async || metric(&server, "roost_connections").await > 1.0;
         let longest = if stays { Duration::from_secs(5) } else { PATIENCE };
         while started.elapsed() < longest && is_open().await {
-            // Data in the system's buffer is still there after the server has closed.
+            // The system's buffer still has data after the server has closed.
             let _ = stream.read(&mut buffer).await;
             tokio::time::sleep(Duration::from_millis(pause_ms)).await;
         }
@@ -216,12 +219,12 @@ async fn slow_body_is_answered_408() {
             "{method} {path} HTTP/1.1\r\nhost: localhost\r\ncontent-type: {media_type}\r\ncontent-length: 1000\r\n\r\n"
         );
         let mut stream = connect(&server, &head).await;
-        // As long as something comes, however little, it is waited for.
+        // Each byte restarts the timeout.
         for _ in 0..5 {
             stream.write_all(b"{").await.unwrap();
             tokio::time::sleep(Duration::from_millis(80)).await;
         }
-        let answer = rest(&mut stream).await;
+        let answer = read_to_end(&mut stream).await;
         assert!(answer.starts_with("HTTP/1.1 408"), "{path}: {answer}");
         assert!(answer.contains("/problems/slow-body"), "{answer}");
     }
@@ -237,7 +240,7 @@ async fn head_above_16_kib_is_refused() {
             "x".repeat(bytes)
         );
         let mut stream = connect(&server, &head).await;
-        let answer = rest(&mut stream).await;
+        let answer = read_to_end(&mut stream).await;
         assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{bytes}: {answer}");
     }
     server.stop().await;
@@ -246,7 +249,7 @@ async fn head_above_16_kib_is_refused() {
 #[tokio::test]
 async fn client_that_reads_nothing_is_closed() {
     let (server, _dir) = TestServer::with(|config| config.body_timeout = Duration::from_millis(500)).await;
-    // More than the buffers of the system hold.
+    // More than the buffers of the system take.
     let ask = "GET /dashboard/plotly.min.js HTTP/1.1\r\nhost: localhost\r\n\r\n".repeat(20);
     let stalled = connect(&server, &ask).await;
     let started = Instant::now();

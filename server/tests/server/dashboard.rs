@@ -29,7 +29,7 @@ fn files() -> BTreeSet<String> {
 }
 
 /// All texts between two marks.
-fn between<'a>(text: &'a str, open: &str, close: &str) -> Vec<&'a str> {
+fn texts_between<'a>(text: &'a str, open: &str, close: &str) -> Vec<&'a str> {
     text.split(open).skip(1).filter_map(|rest| rest.split(close).next()).collect()
 }
 
@@ -56,7 +56,7 @@ async fn every_page_has_a_policy_without_inline_or_evaluated_code() {
         assert!(!policy.contains("unsafe-inline") && !policy.contains("unsafe-eval"), "{policy}");
         let text = page.text().await.unwrap();
         assert!(text.starts_with("<!doctype html>") && text.contains(r#"lang="en""#));
-        let scripts = between(&text, "<script", "</script>");
+        let scripts = texts_between(&text, "<script", "</script>");
         assert!(
             !scripts.is_empty() && scripts.iter().all(|script| script.ends_with('>')),
             "code in the page"
@@ -78,7 +78,7 @@ async fn every_file_is_served_and_refers_only_to_served_files() {
         let again = server.http.get(format!("http://{}/dashboard/{name}", server.address));
         assert_eq!(again.header(IF_NONE_MATCH, tag).send().await.unwrap().status(), 304, "{name}");
     }
-    // Made at build time; a route of its own.
+    // Made at build time, and a route without a file.
     served.extend(["plotly.min.js", "session"].map(str::to_owned));
     let mut named = 0;
     for name in files() {
@@ -87,9 +87,9 @@ async fn every_file_is_served_and_refers_only_to_served_files() {
         let imports = text
             .lines()
             .filter(|line| line.starts_with("import "))
-            .flat_map(|line| between(line, "\"", "\""));
+            .flat_map(|line| texts_between(line, "\"", "\""));
         let imports = imports.filter(|path| path.starts_with('.')).map(|path| resolved(&at.join(path)));
-        let links = between(&text, "\"/dashboard/", "\"").into_iter().map(str::to_owned);
+        let links = texts_between(&text, "\"/dashboard/", "\"").into_iter().map(str::to_owned);
         for target in imports.chain(links).collect::<Vec<_>>() {
             assert!(served.contains(&target), "{name} names {target}, which is not served");
             named += 1;

@@ -76,7 +76,7 @@ async fn extension_leaves_existing_jobs_unchanged() {
     assert_eq!(
         (&job["priority"], &job["labels"]),
         (&json!(3), &json!({"line": "north"})),
-        "new jobs are like the old"
+        "new jobs have the fields of the old ones"
     );
     let of_one =
         |trials: &[Value], point| trials.iter().find(|trial| trial[1] == json!(point)).unwrap()[4].clone();
@@ -168,7 +168,7 @@ async fn deletion_removes_one_sweep_only() {
         .expect(StatusCode::OK);
     worker.deliver(&attempts[2]).await.expect(StatusCode::OK);
     server.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
-    // Another sweep of the same scenarios is answered with the first one's results and outlives it.
+    // Another sweep of the same scenarios uses the results of the first one and outlives it.
     let (other, other_path) = submit(&server, json!({"kind": "grid"}), factors).await;
     assert_eq!(other["counts"]["succeeded"], 2);
 
@@ -200,7 +200,7 @@ async fn deletion_removes_one_sweep_only() {
 }
 
 /// Unnamed rows, and all rows of the tables that a sweep fills.
-async fn count(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
+async fn row_counts(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
     let unnamed = "SELECT (SELECT count(*) FROM scenarios WHERE digest NOT IN (SELECT digest FROM jobs))
         + (SELECT count(*) FROM documents WHERE digest NOT IN (SELECT document FROM results)
            AND digest NOT IN (SELECT partial FROM attempts WHERE partial IS NOT NULL))";
@@ -216,7 +216,7 @@ async fn count(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
 async fn interrupted_deletion_is_completed_at_the_next_start() {
     let (server, dir) = TestServer::start().await;
     let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}]);
-    // More jobs than are deleted in one piece.
+    // More jobs than one transaction deletes.
     let (_, path) = submit(&server, json!({"kind": "random", "points": 400}), factors.clone()).await;
     let worker = server.worker("cpu").await;
     for attempt in &worker.claim(5).await {
@@ -235,13 +235,13 @@ async fn interrupted_deletion_is_completed_at_the_next_start() {
         sqlx::SqliteConnection::connect(file.to_str().unwrap()).await.unwrap()
     };
     let mut database = open().await;
-    assert_eq!(count(&mut database).await.0, 0, "what only the first sweep named is gone");
+    assert_eq!(row_counts(&mut database).await.0, 0, "files of the first sweep only are deleted");
     sqlx::query("UPDATE sweeps SET deleting = 1").execute(&mut database).await.unwrap();
     drop(database);
     let again = TestServer::on(dir.path(), |_| {}).await;
     again.get(&other).await.problem(404, "not-found");
     again.stop().await;
-    assert_eq!(count(&mut open().await).await, (0, 0), "the server goes on where the last one stopped");
+    assert_eq!(row_counts(&mut open().await).await, (0, 0), "the server goes on where the last one stopped");
 }
 
 #[tokio::test]
@@ -254,7 +254,7 @@ async fn deletion_continues_when_its_client_disconnects() {
     let asking = tokio::spawn(server.http.delete(format!("http://{}{path}", server.address)).send());
     while server.get(&path).await.status != 404 {}
     asking.abort();
-    assert!(asking.await.unwrap_err().is_cancelled(), "nobody waits for the answer");
+    assert!(asking.await.unwrap_err().is_cancelled(), "the client is gone");
     let file =
         sqlx::sqlite::SqliteConnectOptions::new().filename(dir.path().join("roost.db")).read_only(true);
     let mut database = sqlx::SqliteConnection::connect_with(&file).await.unwrap();

@@ -74,15 +74,15 @@ async fn unchanged_answers_are_304() {
     changed(&mut tags, "progress", &with(&["/v1/jobs", "/v1/sweeps", "/v1/workers"], Some(job))).await;
     tokio::time::sleep(Duration::from_millis(5)).await;
     worker.beat(&attempts[0], progress(0.3)).await;
-    changed(&mut tags, "a beat without progress", &["/v1/workers"]).await;
+    changed(&mut tags, "a heartbeat without progress", &["/v1/workers"]).await;
     worker.deliver(&attempts.remove(0)).await.expect(StatusCode::OK);
     changed(&mut tags, "a result", &with(&["/v1/jobs", "/v1/sweeps", "/v1/workers"], Some(job))).await;
     let cancel = format!("/v1/jobs/{}/cancel", text(&other["id"]));
     server.post(&cancel, &json!({})).await.expect(StatusCode::OK);
-    changed(&mut tags, "what happened elsewhere", &["/v1/jobs", "/v1/sweeps", "/v1/workers"]).await;
+    changed(&mut tags, "an event of another sweep", &["/v1/jobs", "/v1/sweeps", "/v1/workers"]).await;
     server.submit(&envelope(60)).await;
     changed(&mut tags, "a submission", &["/v1/jobs", "/v1/sweeps"]).await;
-    assert_eq!(poll(&server, "/v1/jobs", Some("*")).await.0, 304, "whatever it is");
+    assert_eq!(poll(&server, "/v1/jobs", Some("*")).await.0, 304, "whatever its content");
     for seen in [None, Some("*")] {
         assert_eq!(poll(&server, "/v1/jobs/01890000-0000-7000-8000-000000000000", seen).await.0, 404);
     }
@@ -106,7 +106,7 @@ async fn extension_and_deletion_change_the_etag() {
     let (_, tag, _) = poll(&server, &first, None).await;
     server.post(&format!("{first}/extend"), &json!({"replicates": 1})).await.expect(StatusCode::OK);
     assert_eq!(poll(&server, &first, Some(&tag)).await.0, 200, "it has grown");
-    // The newest stays: what tells is not the last number.
+    // The newest job stays: the version is more than its number.
     server.post("/v1/sweeps", &sweep(3)).await.expect(StatusCode::CREATED);
     for gone in [&first, &second] {
         server.post(&format!("{gone}/cancel"), &json!({})).await.expect(StatusCode::OK);
@@ -128,7 +128,7 @@ async fn pruning_changes_the_etag_of_listings() {
     server.post(&format!("{path}/cancel"), &json!({})).await.expect(StatusCode::OK);
     let (_, job, _) = poll(&server, &path, None).await;
     let (_, all, _) = poll(&server, "/v1/jobs", None).await;
-    // What ended in this very millisecond stays.
+    // Jobs that ended in this millisecond are not older than now.
     tokio::time::sleep(Duration::from_millis(5)).await;
     let gone = server.post("/v1/prune?older_than_s=0", &json!({})).await.expect(StatusCode::OK);
     assert_eq!(gone["jobs"], 1);

@@ -89,7 +89,7 @@ async fn stream_starts_with_the_current_view_and_resumes_after_any_event() {
     assert_eq!((shown.name.as_str(), shown.id), ("progress", None));
     drop(events);
 
-    // Nobody listens while this happens; another sweep's news is not this one's.
+    // These events happen without a client; those of another sweep do not belong to this one.
     worker.deliver(&attempt).await.expect(StatusCode::OK);
     let elsewhere = server.submit(&envelope(77)).await;
     let other = worker.claim(2).await;
@@ -101,7 +101,7 @@ async fn stream_starts_with_the_current_view_and_resumes_after_any_event() {
     let repeated = again.change().await;
     assert_eq!((repeated.id, repeated.data), (second.id, second.data));
 
-    // What cannot be resumed begins anew.
+    // A stream that cannot be resumed starts anew.
     let mut unknown = Events::open(&server, &path, Some(1_000_000)).await;
     assert_eq!(unknown.next().await.unwrap().name, "sweep");
     let job = format!("/v1/jobs/{}", text(&attempt["job_id"]));
@@ -154,7 +154,7 @@ async fn stream_of_a_sweep_reports_extension_and_ends_with_deletion() {
     while let Some(event) = events.next().await {
         last = Some(event);
     }
-    let last = last.expect("something was told");
+    let last = last.expect("events arrived");
     assert_eq!((last.name.as_str(), &last.data["id"]), ("deleted", &view["id"]));
     server.stop().await;
 }
@@ -176,7 +176,7 @@ async fn all_followers_of_a_sweep_get_its_last_progress() {
         tokio::time::sleep(Duration::from_millis(30)).await;
     }
     for events in &mut streams {
-        // Told as it was a moment ago, it is told again.
+        // An outdated progress event is followed by the newest one.
         let told = async {
             loop {
                 let event = events.next().await.expect("more to come");

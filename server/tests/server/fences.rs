@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::test_server::*;
 
 /// Lets the first attempt of a job expire and claims the job again: (first, second) attempt.
-async fn superseded(worker: &Worker<'_>) -> (Value, Value) {
+async fn superseded_attempt(worker: &Worker<'_>) -> (Value, Value) {
     let first = worker.claim_one().await;
     worker.beat(&first, progress(0.8)).await;
     worker.server.wait_for(&first["job_id"], "queued").await;
@@ -23,7 +23,7 @@ async fn superseded_attempt_can_neither_beat_nor_deliver_nor_fail() {
     let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(800)).await;
     let worker = server.worker("cpu").await;
     let job = server.submit(&envelope(1)).await;
-    let (first, second) = superseded(&worker).await;
+    let (first, second) = superseded_attempt(&worker).await;
 
     let row = worker.beat(&first, progress(0.9)).await;
     assert_eq!((&row["directive"], &row["lease_expires_at"]), (&json!("abandon"), &Value::Null));

@@ -18,7 +18,7 @@ fn stream(bytes: usize, mark: u8) -> Vec<u8> {
     stream
 }
 
-fn asking(seed: u64) -> Value {
+fn envelope_with_frames(seed: u64) -> Value {
     let mut job = envelope(seed);
     job["frame_interval_s"] = json!(0.05);
     job
@@ -48,12 +48,12 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 async fn frames_are_downloaded_whole_and_in_ranges() {
     let (server, dir) = TestServer::start().await;
     let worker = server.worker("cpu").await;
-    let job = server.submit(&asking(1)).await;
+    let job = server.submit(&envelope_with_frames(1)).await;
     let attempt = worker.claim_one().await;
     assert_eq!(attempt["frames"], json!({"interval_s": 0.05, "limit_bytes": 200_000_000}));
     server.get(&format!("/v1/jobs/{}/frames", text(&job["id"]))).await.problem(404, "not-found");
 
-    // More than one part is written at a time.
+    // More than one chunk is written.
     let bytes = stream(3_000_000, 0);
     let (status, receipt) =
         worker.upload_frames(&attempt, "&count=7&stopped=the%20disk", bytes.clone()).await;
@@ -87,14 +87,14 @@ async fn frames_are_downloaded_whole_and_in_ranges() {
     let (status, headers, _) = fetch(&server, &job["id"], &[("range", "bytes=3000000-")]).await;
     assert_eq!((status, &headers["content-range"]), (416, &"bytes */3000000".parse().unwrap()));
     let (status, _, got) = fetch(&server, &job["id"], &[("range", "bytes=-4000000")]).await;
-    assert_eq!((status, got.len()), (200, 3_000_000), "all of it, where that is less");
+    assert_eq!((status, got.len()), (200, 3_000_000), "the whole stream if it is shorter");
     let (status, _, got) =
         fetch(&server, &job["id"], &[("range", "bytes=0-9"), ("if-range", "\"another\"")]).await;
-    assert_eq!((status, got.len()), (200, 3_000_000), "a part of another stream would be of no use");
+    assert_eq!((status, got.len()), (200, 3_000_000), "a range of another stream is useless");
     assert_eq!(files(&dir.path().join("objects")).len(), 1, "the same bytes are one object");
 
-    // Answered from the store, it has the frames of the run that the result is of.
-    let again = server.submit(&asking(1)).await;
+    // A job with a stored result has the frames of that run.
+    let again = server.submit(&envelope_with_frames(1)).await;
     assert_eq!((&again["from_cache"], &again["frames"]["count"]), (&json!(true), &json!(7)));
     server.stop().await;
 }
@@ -108,7 +108,7 @@ async fn stored_result_without_frames_is_not_used_for_a_job_with_frames() {
     assert_eq!(attempt["frames"], Value::Null);
     worker.deliver(&attempt).await.expect(StatusCode::OK);
     assert_eq!(server.submit(&envelope(1)).await["state"], "succeeded");
-    assert_eq!(server.submit(&asking(1)).await["state"], "queued");
+    assert_eq!(server.submit(&envelope_with_frames(1)).await["state"], "queued");
     server.stop().await;
 }
 
@@ -120,7 +120,7 @@ async fn invalid_or_stale_upload_is_refused_and_leaves_no_file() {
     })
     .await;
     let worker = server.worker("cpu").await;
-    let job = server.submit(&asking(1)).await;
+    let job = server.submit(&envelope_with_frames(1)).await;
     let first = worker.claim_one().await;
     for (query, body, status, kind) in [
         ("&count=1", b"%PDF-1.7".to_vec(), 422, "wrong-result"),
@@ -174,8 +174,8 @@ async fn deleting_a_sweep_deletes_its_unshared_frames() {
         assert_eq!(worker.upload_frames(&attempt, "&count=1", stream(100, mark)).await.0, 200);
         worker.deliver(&attempt).await.expect(StatusCode::OK);
     }
-    // A job of its own, answered by the first of them.
-    let mut other = asking(1);
+    // A single job that uses the result of the first one.
+    let mut other = envelope_with_frames(1);
     other["scenario"]["equipment"] = json!({"gate_opening_m": 0.045});
     let other = server.submit(&other).await;
     assert_eq!(other["from_cache"], true);
@@ -193,22 +193,22 @@ async fn deleting_a_sweep_deletes_its_unshared_frames() {
 async fn stored_frames_are_used_only_for_the_same_interval() {
     let (server, _dir) = TestServer::with(|config| config.lease = Duration::from_millis(400)).await;
     let worker = server.worker("cpu").await;
-    let first = server.submit(&asking(1)).await;
+    let first = server.submit(&envelope_with_frames(1)).await;
     let lost = worker.claim_one().await;
     assert_eq!(worker.upload_frames(&lost, "&count=1", stream(20, 1)).await.0, 200);
     server.wait_for(&first["id"], "queued").await;
-    // The attempt that came to a result recorded none.
+    // The attempt with the result recorded no frames.
     let attempt = worker.claim_one().await;
     worker.deliver(&attempt).await.expect(StatusCode::OK);
-    assert_eq!(server.submit(&asking(1)).await["state"], "queued", "frames of another attempt");
+    assert_eq!(server.submit(&envelope_with_frames(1)).await["state"], "queued", "frames of another attempt");
     let attempt = worker.claim_one().await;
     assert_eq!(worker.upload_frames(&attempt, "&count=1", stream(20, 2)).await.0, 200);
     worker.deliver(&attempt).await.expect(StatusCode::OK);
-    let same = server.submit(&asking(1)).await;
+    let same = server.submit(&envelope_with_frames(1)).await;
     assert_eq!((&same["from_cache"], &same["frames"]["count"]), (&json!(true), &json!(1)));
     assert_eq!(fetch(&server, &same["id"], &[]).await.2, stream(20, 2));
     let closer = json!({"scenario": scenario(1), "frame_interval_s": 0.01});
-    assert_eq!(server.submit(&closer).await["state"], "queued", "frames closer together");
+    assert_eq!(server.submit(&closer).await["state"], "queued", "frames at a shorter interval");
     let without = server.submit(&envelope(1)).await;
     assert_eq!((&without["from_cache"], &without["frames"]), (&json!(true), &Value::Null), "nobody asked");
     server.stop().await;
@@ -218,13 +218,13 @@ async fn stored_frames_are_used_only_for_the_same_interval() {
 async fn pruning_deletes_frames() {
     let (server, dir) = TestServer::start().await;
     let worker = server.worker("cpu").await;
-    server.submit(&asking(1)).await;
+    server.submit(&envelope_with_frames(1)).await;
     let attempt = worker.claim_one().await;
     assert_eq!(worker.upload_frames(&attempt, "&count=1", stream(100, 0)).await.0, 200);
     worker.deliver(&attempt).await.expect(StatusCode::OK);
     let objects = || files(&dir.path().join("objects")).len();
     assert_eq!(objects(), 1);
-    // What ended in this very millisecond stays.
+    // Jobs that ended in this millisecond are not older than now.
     tokio::time::sleep(Duration::from_millis(5)).await;
     let gone = server.send(Method::POST, "/v1/prune?older_than_s=0", None).await.expect(StatusCode::OK);
     assert_eq!((&gone["jobs"], objects()), (&json!(1), 0), "{gone}");
@@ -239,7 +239,7 @@ async fn batched_and_repeated_claims_say_which_jobs_record_frames() {
     for seed in 1..5 {
         let (job, frames) = match seed % 2 {
             0 => (envelope(seed), Value::Null),
-            _ => (asking(seed), json!({"interval_s": 0.05, "limit_bytes": 1000})),
+            _ => (envelope_with_frames(seed), json!({"interval_s": 0.05, "limit_bytes": 1000})),
         };
         wanted.insert(text(&server.submit(&job).await["id"]).to_owned(), frames);
     }

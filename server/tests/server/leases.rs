@@ -21,7 +21,7 @@ async fn expired_lease_requeues_the_job_and_heartbeats_renew_a_lease() {
         tokio::time::sleep(lease / 10).await;
     }
     assert_eq!(alive.beat(&held, progress(0.5)).await["directive"], "continue");
-    assert_eq!(server.job(&kept["id"]).await["attempt"], 1, "beats renew the lease");
+    assert_eq!(server.job(&kept["id"]).await["attempt"], 1, "heartbeats renew the lease");
     assert_eq!(server.job(&lost["id"]).await["state"], "queued");
     let second = alive.claim_one().await;
     assert_eq!((&second["job_id"], &second["attempt"]), (&lost["id"], &json!(2)));
@@ -94,7 +94,7 @@ async fn restart_preserves_jobs_and_leases() {
 
     let server = TestServer::on(dir.path(), |config| config.lease = Duration::from_secs(3)).await;
     let worker = Worker { server: &server, id: worker_id };
-    tokio::time::sleep(Duration::from_millis(1000)).await; // long enough for expired leases to be looked for
+    tokio::time::sleep(Duration::from_millis(1000)).await; // long enough for the reaper to check leases
     assert_eq!(server.job(&running["id"]).await["state"], "running", "the lease starts anew with the server");
     assert_eq!(server.job(&queued["id"]).await, queued);
     assert_eq!(worker.beat(&attempt, progress(0.7)).await["directive"], "continue");

@@ -23,7 +23,7 @@ async fn job_is_submitted_run_and_answered() {
     let attempt = worker.claim_one().await;
     assert_eq!(attempt["job_id"], job["id"]);
     assert_eq!(attempt["attempt"], 1);
-    assert_eq!(attempt["scenario"]["material"]["poisson_ratio"], 0.37, "every default written out");
+    assert_eq!(attempt["scenario"]["material"]["poisson_ratio"], 0.37, "with all defaults");
     let directive = worker.beat(&attempt, progress(0.25)).await;
     assert_eq!(directive["directive"], "continue");
     assert!(text(&directive["lease_expires_at"]) > text(&job["submitted_at"]));
@@ -40,7 +40,7 @@ async fn job_is_submitted_run_and_answered() {
     assert_eq!(done["responses"]["time_to_99_percent_s"], Value::Null);
     assert_eq!(done["progress"], Value::Null);
     let result = server.get(&format!("{location}/result")).await.expect(StatusCode::OK);
-    assert_eq!(result, json!(result_of(&attempt["scenario"])), "carried unchanged");
+    assert_eq!(result, json!(result_of(&attempt["scenario"])), "passed on unchanged");
 
     let series = server.get(&format!("{location}/series/discharged_mass")).await.expect(StatusCode::OK);
     let mut told = result["series"][0].clone();
@@ -74,7 +74,7 @@ async fn equal_scenario_gets_the_stored_result_unless_bypassed() {
     let result = server.get(&format!("/v1/jobs/{}/result", text(&hit["id"]))).await.expect(StatusCode::OK);
     assert_eq!(result["scenario"]["seed"], 7);
 
-    assert_eq!(server.submit(&envelope(8)).await["state"], "queued", "another seed is other physics");
+    assert_eq!(server.submit(&envelope(8)).await["state"], "queued", "another seed is another scenario");
     let mut bypass = envelope(7);
     bypass["cache"] = json!("bypass");
     assert_eq!(server.submit(&bypass).await["state"], "queued");
@@ -97,7 +97,7 @@ async fn unstable_run_fails_with_a_partial_result_that_is_not_reused() {
     let failed = server.job(&job["id"]).await;
     assert_eq!((&failed["state"], &failed["failure_class"]), (&json!("failed"), &json!("unstable")));
     assert_eq!(failed["failure_message"], "it was unstable");
-    assert_eq!(failed["responses"], json!({}), "responses are for what succeeded");
+    assert_eq!(failed["responses"], json!({}), "only succeeded jobs have responses");
     let kept = server.get(&format!("/v1/jobs/{}/result", text(&job["id"]))).await.expect(StatusCode::OK);
     assert_eq!(kept["instability"]["step"], 9);
 
@@ -124,7 +124,7 @@ async fn worker_failures_are_retried_three_times_and_a_retry_resets_the_count() 
     assert_eq!((&again["state"], &again["failure_class"]), (&json!("queued"), &Value::Null));
     server.post(&path, &json!({})).await.problem(409, "wrong-state");
     let attempt = worker.claim_one().await;
-    assert_eq!(attempt["attempt"], 4, "attempt numbers never come back");
+    assert_eq!(attempt["attempt"], 4, "attempt numbers are never reused");
     worker.fail(&attempt, "worker", None).await.expect(StatusCode::OK);
     assert_eq!(server.job(&job["id"]).await["state"], "queued", "the retry has three attempts of its own");
     worker.deliver(&worker.claim_one().await).await.expect(StatusCode::OK);

@@ -160,7 +160,11 @@ async fn priority_range_applies_to_submit_tokens_only() {
     assert_eq!(status, 201, "{sweep}");
     let extend = format!("/v1/sweeps/{}/extend", text(&sweep["id"]));
     let (status, problem) = send(submits, &extend, &json!({"replicates": 1})).await;
-    assert_eq!((status, &problem["type"]), (403, &json!("/problems/forbidden")), "more of an admin's sweep");
+    assert_eq!(
+        (status, &problem["type"]),
+        (403, &json!("/problems/forbidden")),
+        "extending a sweep of an admin"
+    );
     assert!(text(&problem["detail"]).contains("2147483647"), "{problem}");
     assert_eq!(send(admin, &extend, &json!({"replicates": 1})).await.0, 200);
     server.stop().await;

@@ -42,7 +42,7 @@ async fn file_is_stored_once_and_downloaded_unchanged() {
     });
     assert_eq!(mesh, expected);
     let again = server.send_text("/v1/meshes", "application/octet-stream; x=y", file.clone()).await;
-    assert_eq!(again.expect(StatusCode::OK), mesh, "when it came first");
+    assert_eq!(again.expect(StatusCode::OK), mesh, "the first time");
     server.stop().await;
 
     let server = TestServer::on(dir.path(), |_| {}).await;
@@ -66,7 +66,7 @@ async fn file_is_stored_once_and_downloaded_unchanged() {
 #[tokio::test]
 async fn open_edges_and_degenerate_triangles_of_a_file_are_reported() {
     let (server, _dir) = TestServer::start().await;
-    // A wall with a triangle that has no area, in metres: in millimetres it would be a speck of 0.8 mm.
+    // A wall in metres with a triangle without an area: in millimetres its size would be 0.8 mm.
     let mut triangles = wall(0.5, 0.8);
     triangles.push([[0.0; 3], [0.0, 0.5, 0.0], [0.0, 0.25, 0.0]]);
     let mesh = upload(&server, ascii(&triangles)).await.expect(StatusCode::CREATED);
@@ -86,7 +86,7 @@ async fn open_edges_and_degenerate_triangles_of_a_file_are_reported() {
 #[tokio::test]
 async fn long_file_is_downloaded_completely() {
     let (server, _dir) = TestServer::start().await;
-    // Three parts and a bit.
+    // A little more than three parts.
     let file = binary(&block([100.0; 3], 75));
     assert!(file.len() > 3 * 1024 * 1024, "{}", file.len());
     let digest = digest_of(&server, file.clone()).await;
@@ -161,7 +161,7 @@ async fn stalled_uploads_do_not_block_others() {
         stream.write_all(head.as_bytes()).await.unwrap();
         stalled.push(stream);
     }
-    // They have arrived, or at least are before this one.
+    // Their heads have arrived before this request.
     tokio::time::sleep(std::time::Duration::from_millis(100)).await;
     let sent = upload(&server, binary(&block([10.0; 3], 1)));
     let answer = tokio::time::timeout(std::time::Duration::from_secs(20), sent).await.expect("an answer");
@@ -217,7 +217,7 @@ async fn submission_with_unknown_mesh_is_refused() {
     let worker = server.worker("cpu").await;
     assert_eq!(worker.claim_one().await["scenario"]["product"]["mesh"], mesh, "the worker sees the digest");
 
-    // 120 m long, were it in metres; and nothing so large is meant.
+    // In metres it would be 120 m long, above the limit.
     let mut wrong = with_mesh(&digest);
     wrong["product"]["mesh"]["units"] = json!("m");
     let problem = server.post("/v1/jobs", &json!({"scenario": wrong})).await.problem(422, "invalid-document");
@@ -251,7 +251,7 @@ async fn triangles_of_a_document_are_limited() {
     for length in [100.0, 110.0, 120.0] {
         digests.push(digest_of(&server, binary(&block([length, 60.0, 30.0], 1))).await);
     }
-    // One after the other there is room for all of them, over and over.
+    // One document at a time, the cache has room for all meshes.
     for digest in digests.iter().chain(&digests) {
         server.post("/v1/validate", &with_mesh(digest)).await.expect(StatusCode::OK);
     }

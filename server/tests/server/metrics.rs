@@ -60,7 +60,7 @@ async fn metrics_count_each_attempt_once() {
         server.submit(&envelope(seed)).await;
     }
     let attempts = worker.claim(4).await;
-    // A repeat changes nothing, and is not counted.
+    // A repeat changes nothing and is not counted.
     for _ in 0..2 {
         worker.deliver(&attempts[0]).await.expect(StatusCode::OK);
         worker
@@ -70,7 +70,7 @@ async fn metrics_count_each_attempt_once() {
     }
     worker.fail(&attempts[2], "released", None).await.expect(StatusCode::OK);
     worker.fail(&attempts[2], "invalid", None).await.problem(409, "stale-attempt");
-    // The last one is heard of no more.
+    // The last worker sends no more heartbeats.
     server.wait_for(&attempts[3]["job_id"], "queued").await;
     let text = server.get("/metrics").await.text;
     for (outcome, count) in [
@@ -92,7 +92,7 @@ async fn metrics_count_each_attempt_once() {
 #[tokio::test]
 async fn age_of_the_oldest_queued_job_counts_from_its_last_queueing() {
     let (server, _dir) = TestServer::start().await;
-    // Jobs are counted once a second: the number may be that of before.
+    // Jobs are counted once per second: the number may be old.
     let age = async |what: &str, fits: &dyn Fn(f64) -> bool| {
         let deadline = Instant::now() + Duration::from_secs(20);
         loop {
@@ -110,7 +110,7 @@ async fn age_of_the_oldest_queued_job_counts_from_its_last_queueing() {
     for verb in ["cancel", "retry"] {
         server.post(&format!("/v1/jobs/{}/{verb}", text(&job)), &json!({})).await.expect(StatusCode::OK);
     }
-    age("it waits anew", &|age| age > 0.0 && age < queued).await;
+    age("it pauses again", &|age| age > 0.0 && age < queued).await;
     server.worker("cpu").await.claim_one().await;
     age("it runs", &|age| age == 0.0).await;
     server.stop().await;
@@ -123,7 +123,7 @@ async fn metrics_report_disk_process_and_build() {
     let text = server.get("/metrics").await.text;
     let length = |name: &str| std::fs::metadata(dir.path().join(name)).unwrap().len() as f64;
     assert_eq!(number(&text, "roost_database_bytes"), length("roost.db"));
-    // The server may write between the scrape and the look.
+    // The server may write between the two readings.
     let wal_bytes = number(&text, "roost_database_wal_bytes");
     assert!(wal_bytes > 0.0 && wal_bytes <= length("roost.db-wal"), "{wal_bytes}");
     assert!(number(&text, "roost_disk_free_bytes") > 1e6);

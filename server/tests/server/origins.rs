@@ -63,7 +63,7 @@ async fn response_of_another_experiment_is_refused() {
     let job = server.submit(&envelope(1)).await;
     let attempt = worker.claim_one().await;
     let mut result = result_of(&attempt["scenario"]);
-    // One of another experiment, and one that is nobody's.
+    // A response of another experiment, and one of none.
     result.responses.insert("critical_angle_deg".to_owned(), json!(1.0));
     result.responses.insert("a/b".to_owned(), json!(2.0));
     let problem = worker.deliver_result(&attempt, &result).await.problem(422, "invalid-document");
@@ -119,7 +119,7 @@ async fn result_from_an_outbox_must_match_the_registration_that_ran_it() {
     let (before, address) = (before.id.clone(), dir.path().join("roost.db"));
     server.stop().await;
 
-    // The upgrade: the registration that ran it is one of an older revision, which named a response in another way.
+    // The upgrade: the registration of the attempt has an older revision with another response name.
     use sqlx::Connection;
     let mut database = sqlx::SqliteConnection::connect(address.to_str().unwrap()).await.unwrap();
     sqlx::query("UPDATE workers SET solver_revision = solver_revision - 1")
@@ -143,7 +143,7 @@ async fn result_from_an_outbox_must_match_the_registration_that_ran_it() {
         (&recorded["state"], &recorded["responses"]["renamed_since"]),
         (&json!("succeeded"), &json!(3.0))
     );
-    // What was computed by another revision answers nobody.
+    // Results of another revision are not reused.
     assert_eq!(server.submit(&envelope(1)).await["state"], "queued");
     server.stop().await;
 }

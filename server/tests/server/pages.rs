@@ -7,7 +7,7 @@ use crate::stl::{binary, wall};
 use crate::test_server::{TestServer, envelope, scenario, text};
 
 /// A server with three of each listed object; returns a sweep with jobs too.
-async fn with_three() -> (TestServer, tempfile::TempDir, Value) {
+async fn server_with_three_of_each() -> (TestServer, tempfile::TempDir, Value) {
     let (server, dir) = TestServer::start().await;
     let mut sweep = Value::Null;
     for number in 1..=3 {
@@ -24,7 +24,7 @@ async fn with_three() -> (TestServer, tempfile::TempDir, Value) {
 }
 
 /// The address in a `link` header.
-fn next(link: &str) -> &str {
+fn next_address(link: &str) -> &str {
     link.strip_prefix('<')
         .and_then(|link| link.strip_suffix(">; rel=\"next\""))
         .expect("a link to the next page")
@@ -32,7 +32,7 @@ fn next(link: &str) -> &str {
 
 #[tokio::test]
 async fn every_page_links_to_the_next_one() {
-    let (server, _dir, sweep) = with_three().await;
+    let (server, _dir, sweep) = server_with_three_of_each().await;
     let sweep = format!("/v1/sweeps/{}", text(&sweep["id"]));
     let worker = server.worker("cpu").await;
     while let Some(attempt) = worker.claim(1).await.pop() {
@@ -60,8 +60,8 @@ async fn every_page_links_to_the_next_one() {
             for kept in path.split(['?', '&']) {
                 assert!(link.contains(kept), "{link} asks for something else than {path}");
             }
-            assert!(next(&link).ends_with(&format!("&cursor={}", cursor.unwrap())), "{link}");
-            address = next(&link).to_owned();
+            assert!(next_address(&link).ends_with(&format!("&cursor={}", cursor.unwrap())), "{link}");
+            address = next_address(&link).to_owned();
         }
         assert!(pages > 1, "{path}");
         assert_eq!(seen.len(), total, "{path}");
@@ -72,7 +72,7 @@ async fn every_page_links_to_the_next_one() {
 
 #[tokio::test]
 async fn specified_ranges_are_enforced() {
-    let (server, _dir, sweep) = with_three().await;
+    let (server, _dir, sweep) = server_with_three_of_each().await;
     let spec = server.get("/openapi.json").await.expect(StatusCode::OK);
     let mut ranges = 0;
     for (path, operations) in spec["paths"].as_object().unwrap() {
@@ -100,7 +100,7 @@ async fn specified_ranges_are_enforced() {
     assert_eq!(ranges, 8, "`limit` of seven listings, and `samples`");
 
     let worker = server.worker("cpu").await;
-    // What takes all that is queued comes last: a claim that finds nothing waits.
+    // The claim comes last, since it takes all queued jobs: a claim without work waits.
     for field in ["wait_s", "max_jobs"] {
         let schema = &spec["components"]["schemas"]["ClaimRequest"]["properties"][field];
         let (low, high) = (schema["minimum"].as_f64().unwrap(), schema["maximum"].as_f64().unwrap());

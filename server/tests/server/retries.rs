@@ -26,7 +26,7 @@ async fn worker_failure_is_retried_after_a_pause() {
     assert!(resting["retry_at"].is_string(), "{resting}");
     assert_eq!(worker.claim(1).await.len(), 0, "not yet");
 
-    // One claim waits all the while, and is woken.
+    // One waiting claim is woken at the end of the pause.
     let request = worker.claim_request(1, 20.0);
     let reply = server.post("/v1/claims", &request).await.expect(StatusCode::OK);
     assert_eq!(reply["attempts"][0]["attempt"], 2, "{reply}");
@@ -67,11 +67,11 @@ async fn another_worker_is_preferred_after_a_failure() {
     let job = server.submit(&needy).await;
     let attempt = first.claim_one().await;
     first.fail(&attempt, "worker", None).await.expect(StatusCode::OK);
-    assert_eq!(first.claim(1).await.len(), 0, "the second shall have it");
+    assert_eq!(first.claim(1).await.len(), 0, "the second worker is preferred");
     let attempt = second.claim_one().await;
     second.fail(&attempt, "worker", None).await.expect(StatusCode::OK);
 
-    // Both have failed it, and the third has not what it needs: then any of the two.
+    // Both have failed the job and the third does not meet its needs: any of the two may claim it.
     assert_eq!(gpu.claim(1).await.len(), 0);
     let third = first.claim_one().await;
     assert_eq!((&third["job_id"], &third["attempt"]), (&job["id"], &json!(3)));
@@ -94,7 +94,7 @@ async fn sole_worker_retries_its_failed_job() {
     let attempt = third.claim_one().await;
     third.fail(&attempt, "worker", None).await.expect(StatusCode::OK);
     let deadline = Instant::now() + Duration::from_secs(20);
-    // The first says nothing more and counts as gone.
+    // The first worker sends no more heartbeats and counts as lost.
     while third.claim(1).await.is_empty() {
         assert!(Instant::now() < deadline, "waited for a worker that is gone");
         tokio::time::sleep(Duration::from_millis(50)).await;
@@ -113,10 +113,10 @@ async fn jobs_of_a_lost_batch_run_alone() {
     }
     server.submit(&envelope(3)).await;
     let only = lone.claim(64).await;
-    assert_eq!(only.len(), 1, "one of the lost, and nothing beside it");
+    assert_eq!(only.len(), 1, "one of the lost jobs, alone");
     assert_eq!(lone.claim(64).await.len(), 0, "nor later");
 
-    // A claim that waits gets the next one as soon as its worker is empty.
+    // A waiting claim gets the next job as soon as its worker has none.
     let request = lone.claim_request(64, 20.0);
     let (next, delivered) = tokio::join!(server.post("/v1/claims", &request), async {
         tokio::time::sleep(Duration::from_millis(100)).await;
@@ -191,7 +191,7 @@ async fn attempt_beyond_max_wall_s_times_out() {
     let job = server.submit(&brief).await;
     let attempt = worker.claim_one().await;
     let claimed = Instant::now();
-    // It beats and beats, as a worker does whose solver hangs.
+    // Heartbeats continue, as those of a worker whose solver hangs.
     let directive = loop {
         let row = worker.beat(&attempt, progress(0.5)).await;
         if row["directive"] != "continue" || claimed.elapsed() > Duration::from_secs(20) {

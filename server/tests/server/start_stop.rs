@@ -21,7 +21,7 @@ async fn public_address_without_tokens_is_refused() {
         assert!(matches!(error, ServerError::NotLoopback(_)), "{error}");
         assert!(error.to_string().contains("loopback"), "{error}");
     }
-    assert!(!dir.path().join("data").exists(), "refused before anything is made");
+    assert!(!dir.path().join("data").exists(), "refused before any file is created");
 }
 
 #[tokio::test]
@@ -34,7 +34,7 @@ async fn second_server_on_a_data_directory_is_refused() {
     };
     let error = Server::bind(config.clone()).await.err().unwrap();
     assert!(matches!(error, ServerError::Data(DataError::InUse(_))), "{error}");
-    // The next server may come while the one before it is going.
+    // The next server may start while the previous one stops.
     let (next, _) = tokio::join!(Server::bind(config), server.stop());
     next.expect("free again");
 }
@@ -51,7 +51,7 @@ async fn address_in_use_is_named() {
         format!("cannot listen on {}", server.address),
         "the source speaks for itself"
     );
-    assert!(!other.path().join("roost.lock").exists(), "refused before anything is made");
+    assert!(!other.path().join("roost.lock").exists(), "refused before any file is created");
     server.stop().await;
 }
 
@@ -72,9 +72,9 @@ async fn open_long_polls_do_not_delay_shutdown() {
     let url = format!("http://{}/v1/claims", server.address);
     let polls: Vec<_> =
         requests.iter().map(|request| tokio::spawn(server.http.post(&url).json(request).send())).collect();
-    // A client that opens a connection and says nothing.
+    // A client that opens a connection and sends nothing.
     let silent = tokio::net::TcpStream::connect(server.address).await.unwrap();
-    // A claim is a sign of life: once all three were seen again, the polls are open.
+    // A claim counts as a heartbeat: after all three, the polls are open.
     while seen().await.iter().any(|time| registered.contains(time)) {
         tokio::time::sleep(Duration::from_millis(5)).await;
     }

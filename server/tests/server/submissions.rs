@@ -41,7 +41,7 @@ async fn repeat_gets_the_first_answer_and_creates_nothing() {
         let first = send(&server, path, &key, &body).await;
         assert_eq!((first.status, first.replayed), (status, false), "{}", first.body);
         let before = count(&server, path).await;
-        // Whatever has become of it since.
+        // Even if the job has changed since.
         server.worker("cpu").await.claim(64).await;
         let again = send(&server, path, &key, &body).await;
         assert_eq!((again.status, again.replayed), (status, true));
@@ -64,7 +64,7 @@ async fn sweep_is_extended_once_per_key() {
     let sweep = server.post("/v1/sweeps", &sweep).await.expect(StatusCode::CREATED);
     let path = format!("/v1/sweeps/{}", text(&sweep["id"]));
     let route = format!("{path}/extend");
-    // A second time this level would be at fault: it is there already.
+    // A second extension by this level would be a fault: the level exists already.
     let body = json!({"levels": {"/equipment/gate_opening_m": [0.06]}});
     let first = send(&server, &route, "more", &body).await;
     assert_eq!((first.status, &first.body["points"]), (200, &json!(2)), "{}", first.body);
@@ -72,7 +72,7 @@ async fn sweep_is_extended_once_per_key() {
     assert_eq!((again.status, again.replayed, &again.body), (200, true, &first.body));
     server.stop().await;
 
-    // The server died after it had extended the sweep and before it had noted its answer.
+    // The server was killed after the extension and before it stored the answer.
     use sqlx::Connection;
     let file = dir.path().join("roost.db");
     let mut database = sqlx::SqliteConnection::connect(file.to_str().unwrap()).await.unwrap();
@@ -119,7 +119,7 @@ async fn corrected_request_may_use_the_same_key() {
 #[tokio::test]
 async fn concurrent_repeats_create_one_job() {
     let (server, _dir) = TestServer::start().await;
-    let sent = futures(&server).await;
+    let sent = eight_copies(&server).await;
     assert_eq!(sent.iter().map(|sent| sent.status).collect::<HashSet<_>>(), HashSet::from([202]));
     let made: HashSet<_> = sent.iter().map(|sent| sent.body["id"].to_string()).collect();
     assert_eq!((made.len(), count(&server, "/v1/jobs").await), (1, 1));
@@ -127,7 +127,7 @@ async fn concurrent_repeats_create_one_job() {
 }
 
 /// Eight concurrent copies of a request.
-async fn futures(server: &TestServer) -> Vec<Sent> {
+async fn eight_copies(server: &TestServer) -> Vec<Sent> {
     let body = envelope(1);
     let one = || send(server, "/v1/jobs", "one", &body);
     let (a, b, c, d, e, f, g, h) = tokio::join!(one(), one(), one(), one(), one(), one(), one(), one());

@@ -49,7 +49,7 @@ async fn sweep_is_expanded_run_and_shown_as_table() {
     ];
     assert_eq!(order, expected, "the last factor fastest, replicates from the base seed on");
     let belt = |attempt: &Value| attempt["scenario"]["contact"]["fillet_belt"]["static_friction"].clone();
-    assert_ne!(belt(&attempts[0]), belt(&attempts[2]), "wet chooses other defaults at every level");
+    assert_ne!(belt(&attempts[0]), belt(&attempts[2]), "wet selects other defaults at every level");
 
     worker.beat(&attempts[0], progress(0.5)).await;
     let running = server.get(&path).await.expect(StatusCode::OK);

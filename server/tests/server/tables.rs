@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::test_server::*;
 
 /// Three points with two replicates; of the last point one run is unstable and one is queued.
-async fn run(server: &TestServer) -> (Value, String) {
+async fn run_sweep(server: &TestServer) -> (Value, String) {
     let document = json!({"name": "gates", "base": scenario(10), "design": {"kind": "grid"}, "replicates": 2,
         "factors": [{"pointer": "/equipment/gate_opening_m", "levels": [0.045, 0.05, 0.06]}]});
     let view = server.post("/v1/sweeps", &document).await.expect(StatusCode::CREATED);
@@ -22,7 +22,7 @@ async fn run(server: &TestServer) -> (Value, String) {
 #[tokio::test]
 async fn pages_of_a_table_make_the_whole_table() {
     let (server, _dir) = TestServer::start().await;
-    let (_, path) = run(&server).await;
+    let (_, path) = run_sweep(&server).await;
     for (by, rows) in [("trial", "trials"), ("point", "points")] {
         let whole = server.get(&format!("{path}/results?by={by}")).await.expect(StatusCode::OK);
         assert_eq!(whole["next_cursor"], Value::Null);
@@ -55,7 +55,7 @@ async fn pages_of_a_table_make_the_whole_table() {
 #[tokio::test]
 async fn table_has_only_selected_responses() {
     let (server, _dir) = TestServer::start().await;
-    let (_, path) = run(&server).await;
+    let (_, path) = run_sweep(&server).await;
     let table = server.get(&format!("{path}/results?responses=regime,nothing")).await.expect(StatusCode::OK);
     assert_eq!(table["trials"][0]["responses"], json!({"regime": "constant"}));
     let table =
@@ -75,7 +75,7 @@ async fn table_has_only_selected_responses() {
 #[tokio::test]
 async fn failures_are_counted_and_filtered_by_class_and_point() {
     let (server, _dir) = TestServer::start().await;
-    let (_, path) = run(&server).await;
+    let (_, path) = run_sweep(&server).await;
     let view = server.get(&path).await.expect(StatusCode::OK);
     assert_eq!(view["failures"], json!({"invalid": 0, "unstable": 1, "worker": 0, "lost": 0, "timeout": 0}));
     let found = async |path: String| {
@@ -96,10 +96,10 @@ async fn failures_are_counted_and_filtered_by_class_and_point() {
 #[tokio::test]
 async fn shown_sweep_document_can_be_submitted_again() {
     let (server, _dir) = TestServer::start().await;
-    let (mut document, path) = run(&server).await;
+    let (mut document, path) = run_sweep(&server).await;
     let spec = server.get(&format!("{path}/spec")).await.expect(StatusCode::OK);
     document["schema"] = json!("roost.sweep/1");
-    assert_eq!(spec, document, "as it was sent, no default written out");
+    assert_eq!(spec, document, "as it was sent, without defaults");
     server.post("/v1/sweeps", &spec).await.expect(StatusCode::CREATED);
     server.post(&format!("{path}/extend"), &json!({"replicates": 1})).await.expect(StatusCode::OK);
     server.send(Method::POST, &format!("{path}/cancel"), None).await.expect(StatusCode::OK);

@@ -54,7 +54,7 @@ impl TestServer {
     pub(crate) async fn on(data: &Path, change: impl FnOnce(&mut ServerConfig)) -> Self {
         let mut config = ServerConfig { listen: ([127, 0, 0, 1], 0).into(), ..ServerConfig::default() };
         config.data = data.to_owned();
-        // Tests of pauses set their own.
+        // Tests of pauses set other values.
         config.retry.worker.first_pause = Duration::ZERO;
         config.retry.lost.first_pause = Duration::ZERO;
         change(&mut config);
@@ -62,7 +62,7 @@ impl TestServer {
         let address = server.local_addr();
         let stop = CancellationToken::new();
         let running = tokio::spawn(server.run(stop.clone()));
-        // Clients of other tests speak https, and are built together with this one.
+        // reqwest needs a crypto provider, since other crates of the build enable its TLS.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let http =
             reqwest::Client::builder().no_proxy().pool_idle_timeout(Duration::from_secs(5)).build().unwrap();

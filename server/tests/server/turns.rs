@@ -61,7 +61,7 @@ impl Shared {
     }
 }
 
-fn counted(claimed: &[u64]) -> BTreeMap<u64, usize> {
+fn counts(claimed: &[u64]) -> BTreeMap<u64, usize> {
     let mut counts = BTreeMap::new();
     for whose in claimed {
         *counts.entry(*whose).or_default() += 1;
@@ -76,12 +76,12 @@ async fn owners_share_workers_evenly_whatever_their_sweeps() {
     for number in 0..20 {
         shared.sweep(&shared.b, 20_000 + 50 * number, 50).await;
     }
-    // One by one, a few, and as many as a claim may take.
+    // One job per claim, a few, and the maximum.
     let mut claimed = Vec::new();
     for max_jobs in [1; 40].into_iter().chain([3; 10]).chain([64, 64, 2]) {
         claimed.extend(shared.claim(max_jobs).await);
     }
-    let counts = counted(&claimed);
+    let counts = counts(&claimed);
     assert_eq!(claimed.len(), 200);
     assert!((90..=110).contains(&counts[&1]), "of 200 claims: {counts:?}");
     shared.server.stop().await;
@@ -91,18 +91,18 @@ async fn owners_share_workers_evenly_whatever_their_sweeps() {
 async fn late_owner_neither_waits_nor_catches_up() {
     let shared = Shared::start().await;
     shared.sweep(&shared.a, 10_000, 500).await;
-    assert_eq!(counted(&shared.claim(64).await), BTreeMap::from([(1, 64)]));
+    assert_eq!(counts(&shared.claim(64).await), BTreeMap::from([(1, 64)]));
     shared.sweep(&shared.b, 20_000, 500).await;
-    assert_eq!(counted(&shared.claim(2).await), BTreeMap::from([(1, 1), (2, 1)]), "no waiting");
-    assert_eq!(counted(&shared.claim(20).await), BTreeMap::from([(1, 10), (2, 10)]), "nor paying back");
-    // Jobs that come one at a time take no more turns than those of a sweep.
+    assert_eq!(counts(&shared.claim(2).await), BTreeMap::from([(1, 1), (2, 1)]), "no waiting");
+    assert_eq!(counts(&shared.claim(20).await), BTreeMap::from([(1, 10), (2, 10)]), "nor catching up");
+    // Single jobs get no more turns than jobs of a sweep.
     let mut claimed = Vec::new();
     for seed in 0..20 {
         let job = json!({"scenario": scenario(20_900 + seed), "cache": "bypass"});
         shared.send(&shared.b, "/v1/jobs", &job).await;
         claimed.extend(shared.claim(1).await);
     }
-    assert_eq!(counted(&claimed), BTreeMap::from([(1, 10), (2, 10)]));
+    assert_eq!(counts(&claimed), BTreeMap::from([(1, 10), (2, 10)]));
     shared.server.stop().await;
 }
 
@@ -114,13 +114,13 @@ async fn retried_and_added_jobs_take_turns_of_their_owner() {
     shared.send(&shared.b, &path("cancel"), &json!({})).await;
     let added = shared.sweep(&shared.b, 20_100, 5).await;
     shared.sweep(&shared.a, 10_000, 200).await;
-    assert_eq!(counted(&shared.claim(10).await), BTreeMap::from([(1, 5), (2, 5)]));
-    // By whoever asks for it: the jobs are the owner's.
+    assert_eq!(counts(&shared.claim(10).await), BTreeMap::from([(1, 5), (2, 5)]));
+    // A retry by another token does not change the owner.
     shared.send(&shared.a, &path("retry"), &json!({})).await;
-    assert_eq!(counted(&shared.claim(20).await), BTreeMap::from([(1, 10), (2, 10)]));
+    assert_eq!(counts(&shared.claim(20).await), BTreeMap::from([(1, 10), (2, 10)]));
     let extend = format!("/v1/sweeps/{}/extend", text(&added["id"]));
-    // More of another's sweep are turns of who asks for more.
+    // An extension takes turns of the token that extends.
     shared.send(&shared.a, &extend, &json!({"replicates": 10})).await;
-    assert_eq!(counted(&shared.claim(20).await), BTreeMap::from([(1, 5), (2, 15)]));
+    assert_eq!(counts(&shared.claim(20).await), BTreeMap::from([(1, 5), (2, 15)]));
     shared.server.stop().await;
 }

@@ -83,7 +83,7 @@ async fn jobs_of_an_old_database_continue() {
         let answers: Map<String, Value> = serde_json::from_str(answers).unwrap();
         let jobs = answers["/v1/jobs?limit=500"]["items"].as_array().unwrap();
         let waiting: Vec<_> = jobs.iter().filter(|job| job["state"] == "queued").collect();
-        // By priority: a sweep of three points, then a single job.
+        // In the order of priority: a sweep of three points, then a single job.
         let registration = registration(&roost_api::ids::WorkerId::new().to_string(), "cpu");
         let mut registration = registration;
         registration["memory_mib"] = json!(4096);
@@ -103,7 +103,7 @@ async fn jobs_of_an_old_database_continue() {
             worker.deliver(attempt).await.expect(StatusCode::OK);
             assert_eq!(server.job(&attempt["job_id"]).await["state"], "succeeded", "{version}");
         }
-        // The sweep that was extended grows on, and counts anew what is queued.
+        // An extended sweep can be extended again and counts its queued jobs.
         let sweep =
             answers["/v1/sweeps"]["items"].as_array().unwrap().iter().find(|it| it["name"] == "gate by belt");
         let sweep = text(&sweep.unwrap()["id"]);

@@ -13,15 +13,15 @@ pub(super) struct CheckedAnswer {
 }
 
 /// Forbids fields that the specification does not document.
-fn closed(mut schema: Value) -> Value {
+fn without_other_fields(mut schema: Value) -> Value {
     match &mut schema {
         Value::Object(fields) => {
-            fields.values_mut().for_each(|value| *value = closed(value.take()));
+            fields.values_mut().for_each(|value| *value = without_other_fields(value.take()));
             if fields.contains_key("properties") && !fields.contains_key("additionalProperties") {
                 fields.insert("additionalProperties".to_owned(), json!(false));
             }
         }
-        Value::Array(items) => items.iter_mut().for_each(|value| *value = closed(value.take())),
+        Value::Array(items) => items.iter_mut().for_each(|value| *value = without_other_fields(value.take())),
         _ => {}
     }
     schema
@@ -35,7 +35,7 @@ pub(super) struct AnswerChecker {
 
 impl AnswerChecker {
     pub(super) fn new(spec: &Value) -> Self {
-        Self { components: closed(spec["components"].clone()), validators: HashMap::new() }
+        Self { components: without_other_fields(spec["components"].clone()), validators: HashMap::new() }
     }
 
     /// The faults of an answer.
@@ -62,7 +62,7 @@ impl AnswerChecker {
         };
         let schema = &media["schema"];
         let validator = self.validators.entry(schema.to_string()).or_insert_with(|| {
-            let mut root = closed(schema.clone());
+            let mut root = without_other_fields(schema.clone());
             root["components"] = self.components.clone();
             jsonschema::options().should_validate_formats(true).build(&root).unwrap()
         });

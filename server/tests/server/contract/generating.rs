@@ -26,7 +26,7 @@ impl ValueGenerator {
     }
 
     /// A value for a field or parameter of this name.
-    pub(super) fn named(&mut self, name: &str, schema: &Value) -> Value {
+    pub(super) fn value_of(&mut self, name: &str, schema: &Value) -> Value {
         match self.known.get(name) {
             Some(known) if self.random.u32(0..8) > 0 => {
                 self.random.choice(known).cloned().unwrap_or_default()
@@ -62,7 +62,7 @@ impl ValueGenerator {
             Some("number") => json!(f64::from(self.random.u32(0..50)) / 10.0),
             Some("boolean") => json!(self.random.bool()),
             Some("null") => Value::Null,
-            _ => self.odd(),
+            _ => self.arbitrary(),
         }
     }
 
@@ -72,7 +72,7 @@ impl ValueGenerator {
         for (name, schema) in schema["properties"].as_object().into_iter().flatten() {
             if required.iter().any(|required| required == name) || self.one_in(2) {
                 let value = match self.known.contains_key(name.as_str()) {
-                    true => self.named(name, schema),
+                    true => self.value_of(name, schema),
                     false => self.value(schema, depth + 1),
                 };
                 object.insert(name.clone(), value);
@@ -94,7 +94,7 @@ impl ValueGenerator {
     }
 
     /// An arbitrary value.
-    pub(super) fn odd(&mut self) -> Value {
+    pub(super) fn arbitrary(&mut self) -> Value {
         let odd = [
             json!(null),
             json!(true),
@@ -117,7 +117,7 @@ impl ValueGenerator {
     }
 
     /// Removes, adds or replaces something somewhere in the value.
-    pub(super) fn spoil(&mut self, value: &mut Value) {
+    pub(super) fn change(&mut self, value: &mut Value) {
         let further = !self.one_in(3);
         match value {
             Value::Object(fields) if further && !fields.is_empty() => {
@@ -126,14 +126,14 @@ impl ValueGenerator {
                 match self.random.u32(0..5) {
                     0 => drop(fields.remove(&name)),
                     1 => drop(fields.insert("unknown".to_owned(), json!(1))),
-                    _ => self.spoil(&mut fields[&name]),
+                    _ => self.change(&mut fields[&name]),
                 }
             }
             Value::Array(items) if further && !items.is_empty() => {
                 let at = self.random.usize(0..items.len());
-                self.spoil(&mut items[at]);
+                self.change(&mut items[at]);
             }
-            _ => *value = self.odd(),
+            _ => *value = self.arbitrary(),
         }
     }
 }

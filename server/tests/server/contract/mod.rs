@@ -63,21 +63,21 @@ impl RequestSender<'_> {
         for parameter in parameters.iter().filter(|parameter| parameter["in"] == "query") {
             let is_needed = parameter["required"] == true && !is_invalid;
             if is_needed || self.maker.one_in(2) {
-                let value = self.maker.named(parameter["name"].as_str().unwrap(), &parameter["schema"]);
-                let value = if is_invalid && self.maker.one_in(3) { self.maker.odd() } else { value };
-                url.query_pairs_mut().append_pair(parameter["name"].as_str().unwrap(), &plain(&value));
+                let value = self.maker.value_of(parameter["name"].as_str().unwrap(), &parameter["schema"]);
+                let value = if is_invalid && self.maker.one_in(3) { self.maker.arbitrary() } else { value };
+                url.query_pairs_mut().append_pair(parameter["name"].as_str().unwrap(), &text_of(&value));
             }
         }
         let mut request = self.server.http.request(operation.method.clone(), url.clone());
         for parameter in parameters.iter().filter(|parameter| parameter["in"] == "header") {
             if self.maker.one_in(6) {
-                let value = plain(&self.maker.value(&parameter["schema"], 0));
+                let value = text_of(&self.maker.value(&parameter["schema"], 0));
                 if let Ok(value) = reqwest::header::HeaderValue::from_bytes(value.as_bytes()) {
                     request = request.header(parameter["name"].as_str().unwrap(), value);
                 }
             }
         }
-        // Drawn whether or not it matters: what is asked depends on the seed alone.
+        // Always drawn, so that requests depend on the seed only.
         let asks_for_news = self.maker.random.bool();
         if let Some(tag) = self.tags.get(&url).filter(|_| asks_for_news) {
             request = request.header("if-none-match", tag);
@@ -94,7 +94,7 @@ impl RequestSender<'_> {
         if let Some(tag) = header("etag") {
             self.tags.insert(url, tag);
         }
-        // A stream of events has no end.
+        // Event streams do not end.
         let is_stream = media_type == "text/event-stream";
         let body = if is_stream { Vec::new() } else { response.bytes().await.unwrap().to_vec() };
         (said, CheckedAnswer { status, media_type, body })
@@ -106,14 +106,14 @@ impl RequestSender<'_> {
         };
         let parameter =
             parameters.iter().find(|parameter| parameter["name"] == name).expect("a documented segment");
-        // Identifiers are of what the path begins with.
+        // Identifiers belong to the first segment of the path.
         let pool = if name == "id" { operation.path.split('/').nth(2).unwrap() } else { name };
         let value = if self.maker.one_in(12) {
-            self.maker.odd()
+            self.maker.arbitrary()
         } else {
-            self.maker.named(pool, &parameter["schema"])
+            self.maker.value_of(pool, &parameter["schema"])
         };
-        plain(&value)
+        text_of(&value)
     }
 
     fn body(&mut self, content: &Value, is_invalid: bool) -> (String, Vec<u8>) {
@@ -133,14 +133,14 @@ impl RequestSender<'_> {
             }
             return (media_type, file);
         }
-        // Any object, says the schema: whatever can be submitted is meant.
+        // The schema allows any object; send a document that can be submitted.
         let is_open = about["schema"].get("$ref").is_none();
         let mut value = match is_open {
-            true => self.maker.named("scenario", &about["schema"]),
+            true => self.maker.value_of("scenario", &about["schema"]),
             false => self.maker.value(&about["schema"], 0),
         };
         if is_invalid {
-            self.maker.spoil(&mut value);
+            self.maker.change(&mut value);
         }
         let mut text = value.to_string();
         if is_invalid && self.maker.one_in(10) {
@@ -151,12 +151,12 @@ impl RequestSender<'_> {
 }
 
 /// A value in a path, a query or a header.
-fn plain(value: &Value) -> String {
+fn text_of(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
 /// Creates jobs in every state, a worker, a sweep and a mesh.
-async fn inhabit(server: &TestServer, seed: u64) -> HashMap<&'static str, Vec<Value>> {
+async fn create_objects(server: &TestServer, seed: u64) -> HashMap<&'static str, Vec<Value>> {
     let mesh =
         server.send_text("/v1/meshes", "model/stl", stl::binary(&stl::block([12.0, 6.0, 3.0], 1))).await;
     let worker = server.worker("cpu").await;
@@ -178,7 +178,7 @@ async fn inhabit(server: &TestServer, seed: u64) -> HashMap<&'static str, Vec<Va
     for _ in 0..3 {
         sweeps.push(server.post("/v1/sweeps", &sweep).await.expect(201.try_into().unwrap())["id"].clone());
     }
-    // The one that runs most often, so that there is something to beat for and to deliver.
+    // The job that runs most often, for heartbeats and deliveries.
     jobs.extend([&attempts[2]["job_id"], &attempts[2]["job_id"], &attempts[3]["job_id"]].map(Value::clone));
     HashMap::from([
         ("job_id", jobs.clone()),
@@ -205,7 +205,7 @@ async fn inhabit(server: &TestServer, seed: u64) -> HashMap<&'static str, Vec<Va
         ("table", vec![Value::Null]),
         ("points", vec![Value::Null]),
         ("progress", vec![Value::Null, progress(0.5)]),
-        // As the worker is registered: a repeat may not change them.
+        // As registered before: a repeat must not change them.
         ("backend", vec![json!("cpu")]),
         ("device", vec![json!("a test")]),
         ("api_version", vec![json!(roost_api::API_VERSION)]),
@@ -232,9 +232,9 @@ async fn every_answer_matches_the_specification() {
     let mut operations = operations(&spec);
     let mut seen = BTreeMap::<String, Vec<u16>>::new();
     for round in 0..from_environment("ROOST_ROUNDS", ROUNDS) {
-        // What there was is cancelled, delivered and deleted by and by.
+        // Jobs get cancelled, delivered and deleted over time.
         if round % 5 == 0 {
-            asker.maker.known = inhabit(&server, round).await;
+            asker.maker.known = create_objects(&server, round).await;
         }
         asker.maker.random.shuffle(&mut operations);
         for operation in &operations {
@@ -246,7 +246,7 @@ async fn every_answer_matches_the_specification() {
             seen.entry(format!("{} {}", operation.method, operation.path)).or_default().push(answered.status);
         }
     }
-    // Not all that is made is nonsense, and not all is sound.
+    // Some requests are valid, and some are not.
     for operation in &operations {
         let (name, needs) = (format!("{} {}", operation.method, operation.path), &operation.about);
         let statuses = &seen[&name];
