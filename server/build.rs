@@ -1,6 +1,7 @@
-//! Embeds what the server carries beside its code: the migrations, the files of the dashboard, and plotly.js from the crate that contains it.
+//! Embeds what the server carries beside its code: the migrations, the files of the dashboard, and plotly.js
+//! from the crate that contains it.
 //!
-//! `sqlx::migrate!` would embed the migrations too, but its macro compiles SQLite a second time: 55 s of the first build.
+//! `sqlx::migrate!` would embed the migrations too, but its macro compiles SQLite a second time.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use roost_api::time::Timestamp;
 
-/// Difference between wall clock and elapsed time above which the clock has jumped, in milliseconds. Smaller differences are
-/// regular corrections.
+/// Difference between wall clock and elapsed time above which the clock has jumped, in milliseconds. Smaller
+/// differences are regular corrections.
 const JUMP_MS: i64 = 300_000;
 
 /// One moment on both clocks.
@@ -17,7 +17,8 @@ pub(crate) struct Now {
     pub(crate) lease: Timestamp,
 }
 
-/// The clocks of one run of a server. Leases use monotonic time, so a change of the wall clock neither ends nor extends them.
+/// The clocks of one run of a server. Leases use monotonic time, so a change of the wall clock neither ends
+/// nor extends them.
 pub(crate) struct Clock {
     started_at: Timestamp,
     started: Instant,

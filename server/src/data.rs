@@ -37,7 +37,8 @@ pub enum DataError {
     Store(#[from] StoreError),
 }
 
-/// Locks a data directory for as long as the returned file lives. The directory and its files become private to their owner.
+/// Locks a data directory for as long as the returned file lives. The directory and its files become private
+/// to their owner.
 pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
     let fail = |source| DataError::Io { path: data.to_owned(), source };
     std::fs::create_dir_all(data).and_then(|()| make_private(data)).map_err(fail)?;
@@ -50,8 +51,8 @@ pub(crate) fn lock(data: &Path) -> Result<File, DataError> {
     }
 }
 
-/// Makes a data directory, and Roost's files in it, private to their owner. Symbolic links are not followed: their targets may belong
-/// to others.
+/// Makes a data directory, and Roost's files in it, private to their owner. Symbolic links are not followed:
+/// their targets may belong to others.
 #[cfg(unix)]
 fn make_private(folder: &Path) -> io::Result<()> {
     use std::fs::{Metadata, Permissions, set_permissions};
@@ -93,7 +94,8 @@ fn make_private(_folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Opens the access tokens of a data directory, with or without a running server. `create` creates a missing database.
+/// Opens the access tokens of a data directory, with or without a running server. `create` creates a missing
+/// database.
 pub async fn tokens_in(data: &Path, create: bool) -> Result<TokenFile, DataError> {
     if !create && !data.join(DATABASE).exists() {
         return Err(DataError::Nothing(data.to_owned()));

@@ -49,8 +49,8 @@ fn triangles(mesh: &Mesh) -> u64 {
     (areas + mesh.degenerate) as u64
 }
 
-/// Every string of a document that may be the digest of a mesh, with its pointer: the meshes to read before the document is
-/// checked.
+/// Every string of a document that may be the digest of a mesh, with its pointer: the meshes to read before
+/// the document is checked.
 pub(crate) fn digests_in(document: &Value) -> Vec<(String, String)> {
     let mut found = Vec::new();
     walk(document, &mut String::new(), &mut found);

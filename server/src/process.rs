@@ -5,12 +5,13 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use rustix::process::{Resource, getrlimit, setrlimit};
 
-/// File descriptors beside those of clients: the database and its log on several connections, the lock, the runtime.
+/// File descriptors beside those of clients: the database and its log on several connections, the lock, the
+/// runtime.
 const OTHER_DESCRIPTORS: u64 = 64;
 
-/// Raises the process's limit of open files to what this many connections need, as far as the system allows: most systems start
-/// programs with 1,024 and allow far more. Not higher, since some system calls take time for each possible file.
-/// Returns the new limit, if there is one.
+/// Raises the process's limit of open files to what this many connections need, as far as the system allows:
+/// most systems start programs with 1,024 and allow far more. Not higher, since some system calls take time
+/// for each possible file. Returns the new limit, if there is one.
 pub(crate) fn raise_descriptors(connections: usize) -> Option<u64> {
     let mut limit = getrlimit(Resource::Nofile);
     let soft = limit.current;
@@ -36,7 +37,8 @@ fn descriptors_for(connections: usize) -> u64 {
     connections.div_ceil(3).saturating_mul(4).saturating_add(OTHER_DESCRIPTORS + 4)
 }
 
-/// Connections that this many file descriptors allow. An answer may open a file beside its connection, though few do.
+/// Connections that this many file descriptors allow. An answer may open a file beside its connection, though
+/// few do.
 pub(crate) fn connections_for(descriptors: Option<u64>) -> usize {
     let connections = descriptors.map_or(u64::MAX, |all| all.saturating_sub(OTHER_DESCRIPTORS) / 4 * 3);
     usize::try_from(connections).unwrap_or(usize::MAX)

@@ -1,7 +1,8 @@
 //! The reaper: the background tasks of a server.
 //!
-//! One task ends expired leases, attempts beyond `max_wall_s`, and pauses before a retry, and removes the progress of ended jobs.
-//! The other deletes old events, answers, sweeps and jobs, and objects that nothing names.
+//! One task ends expired leases, attempts beyond `max_wall_s`, and pauses before a retry, and removes the
+//! progress of ended jobs. The other deletes old events, answers, sweeps and jobs, and objects that nothing
+//! names.
 
 use std::time::Duration;
 
@@ -15,7 +16,8 @@ use crate::store::StoreError;
 /// Interval of deletion.
 const DELETE_EVERY: Duration = Duration::from_secs(600);
 
-/// After a downtime longer than this the clock may be wrong, and the server deletes nothing until it has run for as long.
+/// After a downtime longer than this the clock may be wrong, and the server deletes nothing until it has run
+/// for as long.
 const DAY: Duration = Duration::from_secs(24 * 3600);
 
 /// Runs both tasks until the server shuts down.
@@ -97,8 +99,8 @@ fn clock_doubt(app: &App) -> Option<&'static str> {
 /// Deletes sweeps and jobs that ended longer ago than `age`.
 async fn prune(app: &App, age: Duration) {
     match app.prune(ago(app, age)).await {
-        Ok(gone) if !gone.is_empty() => {
-            let (sweeps, jobs, meshes) = (gone.sweeps.len(), gone.jobs, gone.meshes.len());
+        Ok(pruned) if !pruned.is_empty() => {
+            let (sweeps, jobs, meshes) = (pruned.sweeps.len(), pruned.jobs, pruned.meshes.len());
             tracing::info!(sweeps, jobs, meshes, "deleted old sweeps, jobs and meshes");
         }
         Ok(_) => {}

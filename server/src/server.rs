@@ -65,7 +65,8 @@ pub struct Server {
 }
 
 impl Server {
-    /// Opens the data directory and the address. Attempts that ran when the server last stopped get a new lease.
+    /// Opens the data directory and the address. Attempts that ran when the server last stopped get a new
+    /// lease.
     pub async fn bind(config: ServerConfig) -> Result<Self, ServerError> {
         let address = config.listen;
         // Without a database there are no tokens: refuse before creating files.
@@ -124,8 +125,8 @@ impl Server {
         self.address
     }
 
-    /// Answers requests until `shutdown` is cancelled, then returns within a few seconds: waiting requests are answered
-    /// at once, running requests are finished, and everything that was acknowledged is on disk.
+    /// Answers requests until `shutdown` is cancelled, then returns within a few seconds: waiting requests
+    /// are answered at once, running requests are finished, and everything that was acknowledged is on disk.
     pub async fn run(self, shutdown: CancellationToken) -> Result<(), ServerError> {
         let app = self.app;
         let reaper = tokio::spawn(reaper::run(app.clone()));
@@ -177,7 +178,8 @@ fn max_connections(config: &ServerConfig) -> usize {
     wanted.min(possible)
 }
 
-/// Retries for a moment while the address or the directory is in use: a server that was just killed may still hold them.
+/// Retries for a moment while the address or the directory is in use: a server that was just killed may still
+/// hold them.
 async fn retry_in_use<T>(attempt: impl AsyncFn() -> Result<T, ServerError>) -> Result<T, ServerError> {
     for _ in 0..MAX_RETRIES {
         match attempt().await {

@@ -1,11 +1,13 @@
 //! Access control of requests: token, scope, rate, and the site that a browser names.
 //!
 //! Every request needs `authorization: Bearer …` or the session of a dashboard page, except those for health,
-//! documentation and the dashboard's files. [`crate::state::Access`] holds the tokens; an open server needs none.
+//! documentation and the dashboard's files. [`crate::state::Access`] holds the tokens; an open server needs
+//! none.
 //!
-//! A browser on this machine reaches loopback addresses for any page it shows. Pages of other sites may therefore change
-//! nothing: the browser names the site in `sec-fetch-site` or `origin`. An open server also answers to loopback names
-//! alone, because a foreign page can point its own name at a loopback address (DNS rebinding).
+//! A browser on this machine reaches loopback addresses for any page it shows. Pages of other sites may
+//! therefore change nothing: the browser names the site in `sec-fetch-site` or `origin`. An open server also
+//! answers to loopback names alone, because a foreign page can point its own name at a loopback address (DNS
+//! rebinding).
 
 use std::net::IpAddr;
 
@@ -90,7 +92,8 @@ fn is_own(origin: &str, headers: &HeaderMap) -> bool {
     authority.zip(text(headers, "host")).is_some_and(|(authority, host)| authority.eq_ignore_ascii_case(host))
 }
 
-/// Whether a `host` header, with or without a port, is a loopback address or a name that always resolves to one.
+/// Whether a `host` header, with or without a port, is a loopback address or a name that always resolves to
+/// one.
 fn is_loopback(host: &str) -> bool {
     let name = match host.strip_prefix('[') {
         Some(rest) => rest.split(']').next(),

@@ -146,8 +146,8 @@ fn result_faults(result: &RunResult) -> Vec<Fault> {
 /// Maximum of unknown responses in one answer.
 const MAX_LISTED: usize = 20;
 
-/// Faults of responses that the experiment does not have. The responses of older revisions are unknown here: a result that waited
-/// in an outbox is accepted if its names are short.
+/// Faults of responses that the experiment does not have. The responses of older revisions are unknown here:
+/// a result that waited in an outbox is accepted if its names are short.
 fn unknown_responses(result: &RunResult) -> Vec<Fault> {
     let is_of_this_revision = result.solver.revision == SOLVER_REVISION;
     let known = response_names(&result.scenario.experiment);

@@ -1,7 +1,7 @@
 //! The audit log of requests: one line for each change, and one for each refused access.
 //!
-//! A line has the target `audit`. It names the action, the token (`open` on a server without tokens), the request by the
-//! answer's `x-request-id`, the peer, and the changed object.
+//! A line has the target `audit`. It names the action, the token (`open` on a server without tokens), the
+//! request by the answer's `x-request-id`, the peer, and the changed object.
 
 use std::net::SocketAddr;
 
@@ -22,7 +22,8 @@ const REQUEST_ID: &str = "x-request-id";
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RequestId(Uuid);
 
-/// Gives a request an identifier of its own. One that the client sends is ignored: it would put foreign text in the log.
+/// Gives a request an identifier of its own. One that the client sends is ignored: it would put foreign text
+/// in the log.
 pub(super) async fn identify(mut request: Request, next: Next) -> Response {
     let id = RequestId(Uuid::now_v7());
     request.extensions_mut().insert(id);
@@ -84,8 +85,8 @@ fn action(method: &Method, route: &str) -> Option<&'static str> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DryRun;
 
-/// An admitted request that may change something. Its line is written with the answer, or on drop when the client closes the
-/// connection first: the change may go on without the client.
+/// An admitted request that may change something. Its line is written with the answer, or on drop when the
+/// client closes the connection first: the change may go on without the client.
 pub(super) struct Pending(Option<(&'static str, RequestRecord, Caller)>);
 
 impl Pending {

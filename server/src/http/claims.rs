@@ -15,7 +15,8 @@ use crate::document::fault;
 use crate::state::App;
 use crate::store::Claim;
 
-/// Interval between two claims for a job that the worker may only hold alone: nothing notifies it when its other jobs end.
+/// Interval between two claims for a job that the worker may only hold alone: nothing notifies it when its
+/// other jobs end.
 const CLAIM_AGAIN: Duration = Duration::from_millis(200);
 
 /// Claims up to `max_jobs` jobs, waiting up to `wait_s` for the first.

@@ -1,7 +1,8 @@
 //! The dashboard: HTML and ES modules embedded in the binary. They use the API like any other client.
 //!
-//! Every page is the same HTML file, whose module `server/dashboard/main.js` selects the content by path. The content security
-//! policy lets a page load from this server only, evaluate no text as code, and be framed by no site.
+//! Every page is the same HTML file, whose module `server/dashboard/main.js` selects the content by path. The
+//! content security policy lets a page load from this server only, evaluate no text as code, and be framed by
+//! no site.
 
 use std::collections::HashMap;
 use std::sync::LazyLock;
@@ -62,7 +63,8 @@ impl Asset {
         Self { content_type, is_gzip: false, bytes, etag }
     }
 
-    /// The file, or 304 if the browser has it. Browsers revalidate each time: a new server has new files under the same names.
+    /// The file, or 304 if the browser has it. Browsers revalidate each time: a new server has new files
+    /// under the same names.
     fn answer(&self, headers: &HeaderMap) -> Response {
         let caching = [(header::ETAG, self.etag.clone()), (header::CACHE_CONTROL, fixed("no-cache"))];
         if matches_etag(headers, &self.etag) {

@@ -13,10 +13,12 @@ use super::problem::ApiError;
 use crate::document::read_document;
 use crate::state::App;
 
-/// Maximum of deliveries of the maximum length that are parsed and recorded at once: in memory each takes several times its body.
+/// Maximum of deliveries of the maximum length that are parsed and recorded at once: in memory each takes
+/// several times its body.
 const MAX_LONG_DELIVERIES: usize = 2;
 
-/// Memory budget of deliveries, in KiB of their bodies: many short ones share a commit, a few long ones fill the budget.
+/// Memory budget of deliveries, in KiB of their bodies: many short ones share a commit, a few long ones fill
+/// the budget.
 pub(crate) fn budget_kib(max_result_bytes: usize) -> usize {
     MAX_LONG_DELIVERIES * kib(max_result_bytes) as usize
 }
@@ -42,7 +44,8 @@ impl<T: DeserializeOwned + Serialize + Send + 'static> FromRequest<App> for Deli
     async fn from_request(request: Request, app: &App) -> Result<Self, ApiError> {
         let (mut parts, body) = request.into_parts();
         let Segments((job, attempt)) = Segments::from_request_parts(&mut parts, app).await?;
-        // Refuse a long delivery to an unknown attempt before its megabytes are sent. A short one is checked when it is recorded.
+        // Refuse a long delivery to an unknown attempt before its megabytes are sent. A short one is checked
+        // when it is recorded.
         let length = parts.headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse().ok());
         if !length.is_some_and(is_short) {
             app.store.find_attempt(job, attempt).await??;

@@ -1,7 +1,7 @@
 //! `etag` of answers that clients poll, and `304` for unchanged ones.
 //!
-//! An etag is made from version numbers, each one index lookup, and never from the body: polling an unchanged object reads no
-//! body. It is made before the body is read, so that the next poll sees a change in between.
+//! An etag is made from version numbers, each one index lookup, and never from the body: polling an unchanged
+//! object reads no body. It is made before the body is read, so that the next poll sees a change in between.
 
 use axum::RequestExt;
 use axum::extract::{MatchedPath, Path, Request, State};

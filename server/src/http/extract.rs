@@ -103,15 +103,16 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Params<T> {
     }
 }
 
-/// Whether the body is declared as JSON. A foreign page cannot send this media type without a CORS preflight, so it cannot
-/// submit to a server on the same machine.
+/// Whether the body is declared as JSON. A foreign page cannot send this media type without a CORS preflight,
+/// so it cannot submit to a server on the same machine.
 fn declares_json(headers: &HeaderMap) -> bool {
     let media_type = media_type(headers);
     media_type == "application/json"
         || (media_type.starts_with("application/") && media_type.ends_with("+json"))
 }
 
-/// Refuses a body that is declared as none of these media types. A foreign page cannot send them without a CORS preflight.
+/// Refuses a body that is declared as none of these media types. A foreign page cannot send them without a
+/// CORS preflight.
 pub(super) fn check_media_type(
     headers: &HeaderMap,
     wanted: [&str; 2],

@@ -170,13 +170,14 @@ pub(crate) async fn frames(
 /// The range is outside the content.
 struct Unsatisfiable;
 
-/// First and last byte of a requested range. None is the whole stream, as for several ranges or a malformed header.
+/// First and last byte of a requested range. None is the whole stream, as for several ranges or a malformed
+/// header.
 fn requested_range(
     request: &HeaderMap,
     etag: &HeaderValue,
     bytes: u64,
 ) -> Result<Option<(u64, u64)>, Unsatisfiable> {
-    let is_stale = request.get(header::IF_RANGE).is_some_and(|seen| seen != etag);
+    let is_stale = request.get(header::IF_RANGE).is_some_and(|expected| expected != etag);
     let range = request.get(header::RANGE).and_then(|value| value.to_str().ok()).filter(|_| !is_stale);
     let Some(Ok(ranges)) = range.map(parse_range_header) else { return Ok(None) };
     match ranges.validate(bytes).as_deref() {

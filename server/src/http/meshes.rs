@@ -3,7 +3,7 @@
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderName, StatusCode, Uri, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use roost_api::mesh::{MEDIA_TYPE, MeshView, digest_pattern, is_digest};
@@ -15,6 +15,7 @@ use utoipa::openapi::{RefOr, Schema};
 use utoipa::{IntoParams, PartialSchema, ToSchema};
 
 use super::blocking::run_blocking;
+use super::etags::matches_etag;
 use super::extract::{Params, Segments};
 use super::page::{cursor, limit, limit_schema, page};
 use super::problem::{ApiError, ProblemKind};
@@ -73,7 +74,7 @@ pub(crate) async fn upload(
     let is_new = app.store.insert_mesh(mesh.clone(), &file).await?;
     tracing::info!(digest = mesh.digest, bytes = mesh.bytes, triangles = mesh.triangles, "mesh uploaded");
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-    Ok((status, location, Json(found(&app, &mesh.digest).await?)))
+    Ok((status, location, Json(view(&app, &mesh.digest).await?)))
 }
 
 /// Query of a list of meshes.
@@ -111,10 +112,10 @@ pub(crate) async fn show(
     State(app): State<App>,
     Segments(Digest(digest)): Segments<Digest>,
 ) -> Result<Json<MeshView>, ApiError> {
-    found(&app, &digest).await.map(Json)
+    view(&app, &digest).await.map(Json)
 }
 
-async fn found(app: &App, digest: &str) -> Result<MeshView, ApiError> {
+async fn view(app: &App, digest: &str) -> Result<MeshView, ApiError> {
     let mesh = app.store.mesh(digest).await?;
     mesh.ok_or_else(|| {
         ApiError::new(
@@ -134,15 +135,16 @@ async fn found(app: &App, digest: &str) -> Result<MeshView, ApiError> {
 pub(crate) async fn file(
     State(app): State<App>,
     Segments(Digest(digest)): Segments<Digest>,
-    asked: HeaderMap,
+    request: HeaderMap,
 ) -> Result<Response, ApiError> {
-    let mesh = found(&app, &digest).await?;
-    let etag = format!("\"{digest}\"");
-    let is_known = |known: &str| known == "*" || known.contains(&etag);
-    let known = asked.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok()).is_some_and(is_known);
-    let caching =
-        [(header::ETAG, etag), (header::CACHE_CONTROL, "private, max-age=31536000, immutable".to_owned())];
-    if known {
+    let mesh = view(&app, &digest).await?;
+    let etag = HeaderValue::try_from(format!("\"{digest}\"")).expect("hexadecimal digits");
+    let is_unchanged = matches_etag(&request, &etag);
+    let caching = [
+        (header::ETAG, etag),
+        (header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=31536000, immutable")),
+    ];
+    if is_unchanged {
         return Ok((StatusCode::NOT_MODIFIED, caching).into_response());
     }
     let about = [

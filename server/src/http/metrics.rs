@@ -1,6 +1,7 @@
 //! `GET /metrics` for Prometheus, and the middleware that counts requests.
 //!
-//! Every label has few values, whatever clients send: methods and routes are those of the router, all others share one value.
+//! Every label has few values, whatever clients send: methods and routes are those of the router, all others
+//! share one value.
 
 use std::time::Instant;
 

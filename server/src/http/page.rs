@@ -16,8 +16,8 @@ const ROWS: u32 = 50;
 const MAX_ROWS: u32 = 500;
 
 /// Checks `limit`, or takes the default.
-pub(crate) fn limit(asked: Option<u32>) -> Result<u32, ApiError> {
-    match asked.unwrap_or(ROWS) {
+pub(crate) fn limit(requested: Option<u32>) -> Result<u32, ApiError> {
+    match requested.unwrap_or(ROWS) {
         rows @ 1..=MAX_ROWS => Ok(rows),
         rows => Err(ApiError::new(
             ProblemKind::InvalidQuery,
@@ -27,13 +27,13 @@ pub(crate) fn limit(asked: Option<u32>) -> Result<u32, ApiError> {
 }
 
 /// Checks `cursor`: those of this server are not negative.
-pub(crate) fn cursor(given: Option<i64>) -> Result<Option<i64>, ApiError> {
-    match given {
-        Some(wrong @ ..0) => Err(ApiError::new(
+pub(crate) fn cursor(requested: Option<i64>) -> Result<Option<i64>, ApiError> {
+    match requested {
+        Some(negative @ ..0) => Err(ApiError::new(
             ProblemKind::InvalidQuery,
-            format!("cursor {wrong} is invalid: send `next_cursor` of a page"),
+            format!("cursor {negative} is invalid: send `next_cursor` of a page"),
         )),
-        given => Ok(given),
+        valid => Ok(valid),
     }
 }
 
@@ -132,8 +132,8 @@ impl RowRange {
 /// Adds the header `link` to the next page: the same address with another cursor.
 pub(crate) fn link_to_next(response: &mut Response, uri: &Uri, cursor: Option<&str>) {
     let Some(cursor) = cursor else { return };
-    let asked = uri.query().unwrap_or_default().split('&');
-    let others = asked.filter(|part| !part.is_empty() && !part.starts_with("cursor="));
+    let parameters = uri.query().unwrap_or_default().split('&');
+    let others = parameters.filter(|part| !part.is_empty() && !part.starts_with("cursor="));
     let query: Vec<_> = others.map(str::to_owned).chain([format!("cursor={cursor}")]).collect();
     let link = format!("<{}?{}>; rel=\"next\"", uri.path(), query.join("&"));
     if let Ok(link) = HeaderValue::try_from(link) {

@@ -1,7 +1,7 @@
 //! The range of priorities that a caller may use.
 //!
-//! A priority outside the range is answered 403, not 422: the document is valid, and another token may submit it. Validation
-//! therefore does not report it.
+//! A priority outside the range is answered 403, not 422: the document is valid, and another token may submit
+//! it. Validation therefore does not report it.
 
 use roost_api::job::MAX_SUBMIT_PRIORITY;
 use roost_api::token::Scope;
@@ -11,7 +11,8 @@ use super::problem::{ApiError, ProblemKind};
 use crate::document::fault;
 use crate::state::Caller;
 
-/// Checks that the caller may use a priority, which is at `pointer` in the document. An open server has no limit.
+/// Checks that the caller may use a priority, which is at `pointer` in the document. An open server has no
+/// limit.
 pub(super) fn check_priority(caller: &Caller, pointer: &str, priority: i32) -> Result<(), ApiError> {
     let has_limit = !caller.is_unrestricted() && !caller.scopes.contains(&Scope::Admin);
     if !has_limit || priority.unsigned_abs() <= MAX_SUBMIT_PRIORITY {

@@ -1,4 +1,5 @@
-//! Properties of every answer: errors are problem documents, and headers keep browsers from interpreting data as pages.
+//! Properties of every answer: errors are problem documents, and headers keep browsers from interpreting data
+//! as pages.
 
 use axum::body::to_bytes;
 use axum::extract::Request;

@@ -80,7 +80,7 @@ pub(crate) async fn of_sweep(
     let mut rows = RowRange::new(sweep.points, sweep.replicates, cursor, limit, MAX_JOBS)?;
     let next_cursor = rows.next_cursor();
     let mut answer = SweepSeries { name, unit: None, items: Vec::new(), next_cursor };
-    let mut others = Vec::new();
+    let mut existing = Vec::new();
     while let Some((place, jobs)) = rows.take(DOCUMENTS) {
         let trials = app.store.documents_from(id, place, jobs).await?;
         let running = |trial: &Documented| app.progress.series(trial.job_id);
@@ -95,13 +95,14 @@ pub(crate) async fn of_sweep(
         for (unit, item, names) in read.await? {
             answer.unit = answer.unit.or(unit);
             answer.items.extend(item);
-            if others.is_empty() {
-                others = names;
+            if existing.is_empty() {
+                existing = names;
             }
         }
     }
-    if answer.items.is_empty() && !others.is_empty() {
-        let detail = format!("the results have no series `{}`: they have {}", answer.name, others.join(", "));
+    if answer.items.is_empty() && !existing.is_empty() {
+        let detail =
+            format!("the results have no series `{}`: they have {}", answer.name, existing.join(", "));
         return Err(ApiError::new(ProblemKind::NotFound, detail));
     }
     let next = answer.next_cursor.clone();

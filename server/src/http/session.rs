@@ -1,8 +1,9 @@
 //! The dashboard's session: an access token in a cookie that no script can read.
 //!
-//! Browsers send cookies automatically, so a foreign page could send requests in its user's name. `SameSite=Strict` keeps
-//! the cookie out of such requests. In addition, a request that changes something needs the header `x-roost-page` beside the
-//! cookie: foreign pages cannot send that header without a CORS preflight, which this server refuses.
+//! Browsers send cookies automatically, so a foreign page could send requests in its user's name.
+//! `SameSite=Strict` keeps the cookie out of such requests. In addition, a request that changes something
+//! needs the header `x-roost-page` beside the cookie: foreign pages cannot send that header without a CORS
+//! preflight, which this server refuses.
 
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};

@@ -1,7 +1,7 @@
 //! The common parts of the OpenAPI document, added to every operation.
 //!
-//! Handlers document their own answers. Answers of extractors, access control, etags and the store follow from method, path
-//! and parameters of an operation.
+//! Handlers document their own answers. Answers of extractors, access control, etags and the store follow
+//! from method, path and parameters of an operation.
 
 use axum::http::{Method, StatusCode, header};
 use roost_api::frames;

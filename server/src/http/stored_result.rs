@@ -1,7 +1,7 @@
 //! Series of stored result documents, whose numbers are passed on as text.
 //!
-//! A document was checked when it was delivered. Parsing its numbers only to write them again would take most of the time of
-//! a request.
+//! A document was checked when it was delivered. Parsing its numbers only to write them again would take most
+//! of the time of a request.
 
 use std::borrow::Cow;
 

@@ -1,7 +1,8 @@
 //! `Idempotency-Key`: a repeated submission creates nothing new and gets the first answer again.
 //!
-//! The identifier of the new object is reserved in a transaction of its own before the object is created. After a crash, or
-//! while the first request is still running, a repeat uses the same identifier, and the store creates nothing twice.
+//! The identifier of the new object is reserved in a transaction of its own before the object is created.
+//! After a crash, or while the first request is still running, a repeat uses the same identifier, and the
+//! store creates nothing twice.
 
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequestParts, Request, State};

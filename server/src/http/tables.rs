@@ -1,5 +1,5 @@
-//! The result table of a sweep, written in chunks: a large table is never in memory as a whole, except for the values of a
-//! Parquet file.
+//! The result table of a sweep, written in chunks: a large table is never in memory as a whole, except for
+//! the values of a Parquet file.
 
 use std::sync::Arc;
 

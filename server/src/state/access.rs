@@ -1,7 +1,8 @@
 //! Access tokens in effect: who may do what, and how often.
 //!
-//! A server is open only while no token has ever existed and its address is a loopback address. Afterwards every
-//! caller needs a valid token. Losing the last token closes the server; it never opens the server again.
+//! A server is open only while no token has ever existed and its address is a loopback address. Afterwards
+//! every caller needs a valid token. Losing the last token closes the server; it never opens the server
+//! again.
 
 use std::collections::HashMap;
 use std::num::NonZeroU32;

@@ -1,7 +1,7 @@
 //! The audit log: lines with the target `audit`, without what only an HTTP request has.
 //!
-//! Refusals are limited to some lines a second, so that a flood of strangers cannot fill the disk. The next line then
-//! states how many were left out.
+//! Refusals are limited to some lines a second, so that a flood of strangers cannot fill the disk. The next
+//! line then states how many were left out.
 
 use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -1,7 +1,7 @@
 //! Meshes that were read before, so that the submissions of one design read each file once.
 //!
-//! When the cache is full, it is cleared: reading a mesh again takes milliseconds. The meshes of one document are always
-//! returned together, which a cache that evicts single entries does not promise.
+//! When the cache is full, it is cleared: reading a mesh again takes milliseconds. The meshes of one document
+//! are always returned together, which a cache that evicts single entries does not promise.
 
 use std::collections::BTreeMap;
 

@@ -53,7 +53,8 @@ pub(crate) struct AppState {
     pub(crate) sweep_responses: SweepCache<Arc<Vec<Response>>>,
     /// Meshes for the checks of submissions.
     pub(crate) mesh_cache: MeshCache,
-    /// Submissions that may name a mesh hold this for reading; pruning holds it for writing while it deletes meshes.
+    /// Submissions that may name a mesh hold this for reading; pruning holds it for writing while it deletes
+    /// meshes.
     pub(crate) mesh_gate: RwLock<()>,
     pub(crate) connections: Arc<Connections>,
     pub(crate) metrics: Metrics,

@@ -12,7 +12,8 @@ use roost_api::{Progress, Series};
 use super::samples::{Followed, MAX_OF_ALL, Samples};
 use crate::store::Subject;
 
-/// The newest progress and the samples of every running job, with a count of changes per job, per sweep and in total.
+/// The newest progress and the samples of every running job, with a count of changes per job, per sweep and
+/// in total.
 #[derive(Default)]
 pub(crate) struct ProgressBoard(Mutex<Board>);
 

@@ -35,7 +35,8 @@ impl<T: Clone> SweepCache<T> {
         self.find(id, |entry| entry.computed.elapsed() < age)
     }
 
-    /// Stores a value that was computed after its version was read: it may be newer than the version, never older.
+    /// Stores a value that was computed after its version was read: it may be newer than the version, never
+    /// older.
     pub(crate) fn insert(&self, id: SweepId, version: String, value: T) {
         self.0.insert(id, Arc::new(Entry { version, computed: Instant::now(), value }));
     }

@@ -1,4 +1,5 @@
-//! The import rules of the server, read from its sources: no cycle between modules, and the layers in one direction.
+//! The import rules of the server, read from its sources: no cycle between modules, and the layers in one
+//! direction.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -109,7 +109,8 @@ async fn worker_cannot_register_another_solver() {
     server.stop().await;
 }
 
-/// A worker process exits with a result in its outbox. The next process registers anew and delivers it under the first id.
+/// A worker process exits with a result in its outbox. The next process registers anew and delivers it under
+/// the first id.
 #[tokio::test]
 async fn result_from_an_outbox_must_match_the_registration_that_ran_it() {
     let (server, dir) = TestServer::start().await;

@@ -1,6 +1,7 @@
 //! Upgrades: a database of an earlier version gives the same answers, and its jobs continue.
 //!
-//! `server/testdata/upgrade/` has databases as SQL with the answers of their version; `make.py` there made them.
+//! `server/testdata/upgrade/` has databases as SQL with the answers of their version; `make.py` there made
+//! them.
 
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Accepts and serves connections, and bounds what slow clients cost.
 //!
-//! A client that sends half a request, or a body byte by byte, costs the server a file descriptor and some kilobytes. Four
-//! rules bound that cost:
+//! A client that sends half a request, or a body byte by byte, costs the server a file descriptor and some
+//! kilobytes. Four rules bound that cost:
 //!
 //! - A request head must arrive within [`Timeouts::head`]; idle connections end after the same time.
 //! - A request body must not pause for longer than [`Timeouts::body`].
@@ -51,10 +51,11 @@ const CLOSE_GRACE: Duration = Duration::from_secs(1);
 /// Maximum times that a client may take.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timeouts {
-    /// From the start of a connection, or the end of the last answer on it, to the end of the next request head.
+    /// From the start of a connection, or the end of the last answer on it, to the end of the next request
+    /// head.
     pub(crate) head: Duration,
-    /// From one part of a request body to the next, and until the peer acknowledges sent bytes. Also the time over which
-    /// its rate of reading is averaged.
+    /// From one part of a request body to the next, and until the peer acknowledges sent bytes. Also the time
+    /// over which its rate of reading is averaged.
     pub(crate) body: Duration,
 }
 

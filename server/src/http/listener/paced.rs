@@ -1,8 +1,8 @@
 //! The byte stream of a connection, with a minimum rate at which the client reads.
 //!
-//! hyper drops the body of an answer when it has taken its last part, possibly long before the client has read it. A client
-//! that reads some bytes per second would keep its connection for hours: the system's timeout only ends connections
-//! whose peer acknowledges nothing.
+//! hyper drops the body of an answer when it has taken its last part, possibly long before the client has
+//! read it. A client that reads some bytes per second would keep its connection for hours: the system's
+//! timeout only ends connections whose peer acknowledges nothing.
 
 use std::io::{self, IoSlice};
 use std::pin::Pin;
@@ -131,7 +131,8 @@ mod tests {
     use super::*;
     use crate::state::Connections;
 
-    /// The end of writing to a client that reads `bytes` every 50 ms; none if it goes on. The timeout of the system is not set here.
+    /// The end of writing to a client that reads `bytes` every 50 ms; none if it goes on. The timeout of the
+    /// system is not set here.
     async fn written_to(bytes: usize) -> Option<io::Result<()>> {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let mut client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();

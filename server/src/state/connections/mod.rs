@@ -1,18 +1,20 @@
 //! The open connections: which of them closes when one more comes.
 //!
-//! A connection waits for a request head, answers a request, or writes the rest of an answer. When all slots are taken, a
-//! new connection displaces another one, in this order:
+//! A connection waits for a request head, answers a request, or writes the rest of an answer. When all slots
+//! are taken, a new connection displaces another one, in this order:
 //!
 //! 1. the oldest connection without any request, unless these are few and about to send one;
 //! 2. the connection that has been idle longest;
 //! 3. the oldest connection whose client has not read an answer to its end.
 //!
-//! A flood of half requests or of slow readers therefore displaces itself. A displaced connection closes within a second.
-//! The number of those that are still closing is limited, so no client can raise the number of open connections.
+//! A flood of half requests or of slow readers therefore displaces itself. A displaced connection closes
+//! within a second. The number of those that are still closing is limited, so no client can raise the number
+//! of open connections.
 //!
-//! Connections without a request have a part of the slots only: an honest client sends its request at once, and each of the
-//! others costs memory. A few slots never answer, so that a connection to displace always exists; a request beyond
-//! them is answered with 503. Some of those last slots are reserved for workers, and the rest for the operator.
+//! Connections without a request have a part of the slots only: an honest client sends its request at once,
+//! and each of the others costs memory. A few slots never answer, so that a connection to displace always
+//! exists; a request beyond them is answered with 503. Some of those last slots are reserved for workers, and
+//! the rest for the operator.
 
 mod streams;
 
@@ -265,7 +267,8 @@ impl Connections {
             return false;
         }
         let with_request = WaitKey { rank: Rank::Idle, since: 0 };
-        // The newest few are about to send a request. Otherwise a flood of idle or slow clients would displace every honest newcomer.
+        // The newest few are about to send a request. Otherwise a flood of idle or slow clients would
+        // displace every honest newcomer.
         let with_request = (table.without_request <= self.limit / RESERVED_SHARE)
             .then(|| table.waiting.range(with_request..).next())
             .flatten();

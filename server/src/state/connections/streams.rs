@@ -1,7 +1,7 @@
 //! The slots of event streams: each token has a part of them only.
 //!
-//! A stream lasts for as long as its client likes, and idles most of the time. Without a limit one token could take all slots
-//! of connections that answer.
+//! A stream lasts for as long as its client likes, and idles most of the time. Without a limit one token
+//! could take all slots of connections that answer.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};

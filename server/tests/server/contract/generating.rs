@@ -1,4 +1,5 @@
-//! Values by the JSON Schemas of the specification: valid values, arbitrary values, and valid values with one change.
+//! Values by the JSON Schemas of the specification: valid values, arbitrary values, and valid values with one
+//! change.
 
 use std::collections::HashMap;
 

@@ -1,6 +1,8 @@
-//! Every answer has a status, a media type and a body that `/openapi.json` documents for its operation, and none is 500.
+//! Every answer has a status, a media type and a body that `/openapi.json` documents for its operation, and
+//! none is 500.
 //!
-//! Valid and invalid requests are generated from the specification. `ROOST_SEED` selects others, `ROOST_ROUNDS` their number.
+//! Valid and invalid requests are generated from the specification. `ROOST_SEED` selects others,
+//! `ROOST_ROUNDS` their number.
 
 mod checking;
 mod generating;
