@@ -12,7 +12,7 @@ test: NEEDS += chromium:chromium
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
-.PHONY: demo test check deny book needs
+.PHONY: demo test check deny dashboard-check book needs
 
 MDBOOK := target/tools/bin/mdbook
 
@@ -26,7 +26,7 @@ test: NEEDS += promtool:prometheus
 test: needs
 	cargo test --workspace --no-fail-fast
 
-check: needs deny
+check: needs deny dashboard-check
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
 
@@ -42,6 +42,21 @@ deny: needs
 	if [ -x "$$cargo_deny" ]; then "$$cargo_deny" check bans licenses sources; \
 	elif [ -z "$$CI" ]; then echo "deny.toml is not checked: cargo-deny cannot be installed (cargo install cargo-deny --locked)"; \
 	else echo "deny.toml cannot be checked: cargo-deny cannot be installed" >&2; exit 1; fi
+
+# Types of the dashboard's modules, against the API's OpenAPI document. Where npm is missing, this says so and passes; with CI=1 it fails.
+DASHBOARD_TOOLS := target/tools/dashboard/node_modules/.bin
+dashboard-check:
+	@if ! [ -x $(DASHBOARD_TOOLS)/tsc ] || ! cmp -s .ci/dashboard/package-lock.json target/tools/dashboard/package-lock.json; then \
+		echo "installing TypeScript from npm into target/tools/dashboard"; \
+		mkdir -p target/tools/dashboard && cp .ci/dashboard/package*.json target/tools/dashboard/ && \
+		npm ci --prefix target/tools/dashboard --ignore-scripts --no-audit --no-fund --silent || rm -rf target/tools/dashboard; \
+	fi; \
+	if [ -x $(DASHBOARD_TOOLS)/tsc ]; then \
+		mkdir -p target/dashboard && cargo run --quiet -- openapi > target/dashboard/openapi.json && \
+		$(DASHBOARD_TOOLS)/openapi-typescript target/dashboard/openapi.json --empty-objects-unknown --output target/dashboard/openapi.d.ts && \
+		$(DASHBOARD_TOOLS)/tsc --project .ci/dashboard; \
+	elif [ -z "$$CI" ]; then echo "the types of the dashboard are not checked: TypeScript cannot be installed (it needs node and npm)"; \
+	else echo "the types of the dashboard cannot be checked: TypeScript cannot be installed (it needs node and npm)" >&2; exit 1; fi
 
 # The documents as a book, target/book/index.html. A warning is an error.
 book: $(MDBOOK)

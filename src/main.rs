@@ -16,6 +16,7 @@ mod frames;
 mod input;
 mod list;
 mod meshes;
+mod openapi;
 mod output;
 mod prune;
 mod reproduce;
@@ -87,6 +88,8 @@ enum Command {
     Backup(copies::Backup),
     Restore(copies::Restore),
     Completions(completions::Args),
+    #[command(hide = true)]
+    Openapi(openapi::Args),
 }
 
 impl Command {
@@ -136,6 +139,7 @@ impl Command {
             Self::Backup(args) => copies::backup(args).await,
             Self::Restore(args) => copies::restore(args).await,
             Self::Completions(args) => completions::execute(&args, Cli::command()),
+            Self::Openapi(args) => openapi::execute(&args),
             Self::Token(args) => token::execute(args).await,
             Self::Bench(args) => bench::execute(args).await,
             Self::Reproduce(args) => reproduce::execute(args).await,

@@ -29,6 +29,7 @@ mod validation;
 
 pub use config::ServerConfig;
 pub use data::{DataError, backup, restore, tokens_in};
+pub use http::openapi;
 pub use queue::{RetryPolicy, Tries};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};

@@ -50,11 +50,13 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
+use crate::config::ServerConfig;
 use crate::state::App;
 pub(crate) use delivery::budget_kib as delivery_budget_kib;
 use extract::BodyLimit;
 use listener::Timeouts;
 use problem::{ApiError, ProblemKind};
+use roost_api::table::{SweepPoints, SweepResults};
 pub(crate) use upload::MAX_UPLOADS;
 
 /// Answers requests until `stop`, then finishes those under way.
@@ -66,25 +68,36 @@ pub(crate) async fn serve(listener: TcpListener, app: App, stop: CancellationTok
 
 /// Title and description of the API; handlers add the routes.
 #[derive(OpenApi)]
-#[openapi(info(
-    title = "Roost",
-    description = "Distributed parameter sweeps of bonded-particle DEM simulations of soft food. \
+#[openapi(
+    info(
+        title = "Roost",
+        description = "Distributed parameter sweeps of bonded-particle DEM simulations of soft food. \
                    Every error is an `application/problem+json` document."
-))]
+    ),
+    components(schemas(SweepResults, SweepPoints))
+)]
 struct Api;
 
-/// Every route, with its documentation.
-fn routes(app: &App) -> OpenApiRouter<App> {
-    let small = limited(app.config.max_body_bytes);
-    let large = limited(app.config.max_result_bytes);
-    let files = limited(app.config.max_mesh_bytes);
-    let once = from_fn_with_state(app.clone(), submissions::once);
+/// The OpenAPI document of the HTTP API as JSON, made without a running server.
+pub fn openapi() -> String {
+    let (_, mut spec) = routes(&ServerConfig::default(), |router| router).split_for_parts();
+    spec::complete(&mut spec);
+    spec.to_json().expect("the document is JSON")
+}
+
+/// Every route, with its documentation; `made_once` adds the layer that answers a repeated submission like the first.
+fn routes(
+    config: &ServerConfig,
+    made_once: impl FnOnce(OpenApiRouter<App>) -> OpenApiRouter<App>,
+) -> OpenApiRouter<App> {
+    let small = limited(config.max_body_bytes);
+    let large = limited(config.max_result_bytes);
+    let files = limited(config.max_mesh_bytes);
     let submissions = OpenApiRouter::new()
         .routes(routes!(jobs::submit))
         .routes(routes!(sweeps::submit))
-        .routes(routes!(sweeps::extend))
-        .layer(once)
-        .layer(small);
+        .routes(routes!(sweeps::extend));
+    let submissions = made_once(submissions).layer(small);
     let users = OpenApiRouter::new()
         .routes(routes!(jobs::list))
         .routes(routes!(events::of_job))
@@ -143,7 +156,8 @@ fn limited(bytes: usize) -> (DefaultBodyLimit, Extension<BodyLimit>) {
 }
 
 fn router(app: App) -> Router {
-    let (router, mut spec) = routes(&app).split_for_parts();
+    let once = from_fn_with_state(app.clone(), submissions::once);
+    let (router, mut spec) = routes(&app.config, |router| router.layer(once)).split_for_parts();
     spec::complete(&mut spec);
     // The page of the API documentation is embedded and loads nothing from other servers.
     let docs = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));

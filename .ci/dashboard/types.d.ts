@@ -1,0 +1,92 @@
+// Types that the modules of the dashboard name in their comments. Those of the API come from its OpenAPI document.
+
+import type { components } from "../../target/dashboard/openapi";
+
+type Schemas = components["schemas"];
+
+declare global {
+  // The API.
+  type FailureClass = Schemas["FailureClass"];
+  type JobState = Schemas["JobState"];
+  type JobView = Omit<Schemas["JobView"], "progress"> & { progress?: Progress | null };
+  type PointRow = Schemas["PointRow"];
+  type ResponseEffects = Schemas["ResponseEffects"];
+  type SeriesPart = Schemas["SeriesPart"];
+  type StateCounts = Schemas["StateCounts"];
+  type SweepEffects = Schemas["SweepEffects"];
+  type SweepPoints = Schemas["SweepPoints"];
+  type SweepResults = Schemas["SweepResults"];
+  type SweepSeries = Schemas["SweepSeries"];
+  type JobSeries = Schemas["JobSeries"];
+  type SweepSpec = Schemas["SweepSpec"];
+  type SweepView = Schemas["SweepView"];
+  type TrialRow = Schemas["TrialRow"];
+  type ValidationReport = Omit<Schemas["ValidationReport"], "estimate"> & { estimate: Estimate };
+  type WorkerView = Omit<Schemas["WorkerView"], "progress"> & { progress?: (Progress | null)[] };
+  type ProblemDocument = Omit<Schemas["Problem"], "errors"> & { errors?: Fault[] };
+  type Page<Row> = { items: Row[]; next_cursor?: string | null };
+
+  // Documents of the solver, which OpenAPI calls objects.
+  type Fault = { pointer: string; detail: string; allowed?: string };
+  type Progress = {
+    phase: string; time_s: number; simulated_s: number; fraction: number; subparticles: number; particle_steps: number; wall_s: number; discharged_kg: number;
+  };
+  type Estimate = { subparticles: number; steps: number; memory_bytes: number; wall_s: number; warnings: string[] };
+  /** A quantity over belt time. */
+  type Series = { name: string; unit: string; t_s: number[]; values: number[] };
+  /** A quantity over another one. */
+  type Curve = { name: string; unit: string; over: string; over_unit: string; x: number[]; values: number[] };
+  type RunResult = {
+    end_reason: string; instability?: { step: number; time_s: number; reason: string } | null; responses: Record<string, unknown>; series: Series[]; curves?: Curve[];
+    solver: { backend: string; device: string; threads: number; revision: number; timestep_s: number };
+    performance: { steps: number; subparticles: number; particle_steps: number; wall_s: number; ns_per_particle_step: number };
+    scenario: Record<string, unknown>;
+  };
+  /** A part of the JSON schema of scenarios. */
+  type Schema = {
+    type?: string | string[]; title?: string; description?: string; properties: Record<string, Schema>; enum?: string[]; default?: unknown;
+    minimum?: number; exclusiveMinimum?: number; maximum?: number; exclusiveMaximum?: number;
+  };
+
+  // Elements and tables.
+  type Child = Node | string | number | boolean | null | undefined | Child[];
+  type Attributes = { [name: string]: string | number | boolean | null | undefined | Record<string, string> | ((event: any) => unknown) };
+  type Column<Row> = { title: string; cell: (row: Row) => Child; value?: (row: Row) => unknown; is_number?: boolean; is_text?: boolean };
+  type Sort = { by: number; down: boolean };
+  type Option = string | [value: string, title: string];
+
+  // Plots.
+  /** The value of a factor as it is shown and compared. */
+  type Level = number | string;
+  /** Mean over n trials with its 95 % interval; `count` of a share. */
+  type Interval = { n: number; mean: number; low: number | null; high: number | null; count?: number };
+  type Measure = { name: string; label: string; is_share: boolean; of: (row: PointRow) => Interval | null; ofTrial: (trial: TrialRow) => number | null };
+  type TrialCurve = { trial: TrialRow; curve: Curve | undefined };
+  /** Data of a sweep's plots; `path` leads from a design point to its jobs. */
+  type SweepData = { points: PointRow[]; trials: TrialRow[]; effects: ResponseEffects[]; curves: TrialCurve[]; factors: string[]; path: (row: PointRow) => string | null };
+  type PlotInput = SweepData & { measure: Measure; x: string };
+  type MapInput = PlotInput & { y: string };
+  /** Traces and layout as plotly.js takes them, and the table beneath the plot. */
+  type Plot = { traces: any[]; layout: any; table: () => Node | string };
+  type Line = { name: string; data: Series | Curve; path?: string };
+  type Replicate = Pick<JobSeries, "t_s" | "values" | "partial"> & { job_id?: string };
+  type Group = { name: string; replicates: Replicate[]; path?: string | null };
+
+  // Playback; docs/frames.md describes the stream.
+  type Vector = [number, number, number];
+  type Triangle = [Vector, Vector, Vector];
+  type FrameSurface = {
+    kind: string; presence: string; triangles_m: Triangle[];
+    motion: { kind: string; velocity_m_s?: number[]; spin_rad_s?: number[]; pivot_m?: number[] };
+  };
+  type FrameHeader = { low_m: number[]; high_m: number[]; radius_m: number; bodies: number[]; kinds: { subparticles: number }[]; surfaces: FrameSurface[] };
+  type FrameIndexEntry = { at: number; end: number; simulated_s: number; t_s: number };
+  type Frame = {
+    simulated_s: number; t_s: number; count: number; top_m_s: number; positions: Float32Array; speeds: Float32Array; bodies: Uint32Array; broken: Float32Array;
+  };
+
+  interface Window {
+    /** plotly.js has no types here. */
+    Plotly: any;
+  }
+}
