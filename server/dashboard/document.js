@@ -1,81 +1,133 @@
-// A sweep's document and the fields of its form: what the schema says of each field, and how text becomes a value, levels or a range.
+// @ts-check
+// The document of a sweep and the fields of its form: descriptions from the schema, and text to values, levels or ranges and back.
 
-/** All fields of the schema, section by section. */
-export function fields(schema, at = "", found = [], experiments = null) {
+/**
+ * A field of the form.
+ * @typedef {object} Field
+ * @property {string} pointer
+ * @property {string} section pointer of its section
+ * @property {string} [section_doc]
+ * @property {string | null} only the one experiment that has it, or null
+ * @property {string} doc
+ * @property {string[]} words its values, where it takes words
+ * @property {string} range the allowed values in words
+ * @property {(string | undefined)[]} types JSON types
+ * @property {string[]} not_in experiments that do not have it
+ * @property {string} title
+ * @property {string} unit
+ * @property {string} preset the default
+ */
+/** @typedef {NonNullable<SweepSpec["factors"]>[number]} Factor */
+/** @typedef {Record<string, unknown>} Json */
+
+/**
+ * All fields of the schema, section by section.
+ * @param {Schema} schema @param {string} section @param {Field[]} found @param {string | null} only @returns {Field[]}
+ */
+export function fields(schema, section = "", found = [], only = null) {
   for (const [name, property] of Object.entries(schema.properties)) {
-    const pointer = `${at}/${name}`;
-    const here = property["x-experiments"] ?? experiments;
-    if (property.type === "object" && property.properties && property.default === undefined) {
-      fields(property, pointer, found, here);
-      continue;
-    }
-    found.push(field(pointer, property, { section: at, section_doc: schema.description, experiments: here }));
+    const pointer = `${section}/${name}`;
+    const experiment = /Only in the experiment `(\w+)`/.exec(property.description ?? "")?.[1] ?? only;
+    if (property.type === "object" && property.properties && property.default === undefined) fields(property, pointer, found, experiment);
+    else found.push(field(pointer, property, section, schema.description, experiment));
   }
   return found;
 }
 
-function field(pointer, property, { section, section_doc, experiments }) {
+/**
+ * @param {string} pointer @param {Schema} property @param {string} section @param {string | undefined} section_doc @param {string | null} only
+ * @returns {Field}
+ */
+function field(pointer, property, section, section_doc, only) {
   const doc = property.description ?? "";
   const types = [property.type].flat();
   const words = property.enum ?? (types.includes("boolean") ? ["true", "false"] : []);
   const [low, high] = [property.minimum ?? property.exclusiveMinimum, property.maximum ?? property.exclusiveMaximum];
   const range = low !== undefined && high !== undefined ? `${property.exclusiveMinimum === undefined ? "" : "over "}${low} to ${property.exclusiveMaximum === undefined ? "" : "under "}${high}` : words.join(", ");
+  const preset = property.default;
   return {
-    pointer, section, section_doc, experiments, doc, words, range, types,
+    pointer, section, section_doc, only, doc, words, range, types, not_in: [.../Not in ((?:`\w+`(?:, | and )?)+)/.exec(doc)?.[1].matchAll(/`(\w+)`/g) ?? []].map(([, name]) => name),
     title: property.title ?? titleOf(pointer), unit: /Unit: ([^\s]+)\. /.exec(`${doc} `)?.[1] ?? "",
-    preset: property.default === undefined ? "" : typeof property.default === "object" && property.default !== null ? JSON.stringify(property.default) : String(property.default ?? "none"),
+    preset: preset === undefined ? "" : typeof preset === "object" && preset !== null ? JSON.stringify(preset) : String(preset ?? "none"),
   };
 }
 
+/** @param {string} pointer */
 const titleOf = (pointer) => {
-  const words = pointer.split("/").at(-1).replaceAll("_", " ");
+  const words = (pointer.split("/").at(-1) ?? "").replaceAll("_", " ");
   return words[0].toUpperCase() + words.slice(1);
 };
 
-export const isFor = (field, experiment) => field.experiments?.includes(experiment) ?? true;
+/**
+ * Whether an experiment has a field.
+ * @param {Field} field @param {string} experiment
+ */
+export const isFor = (field, experiment) => (!field.only || field.only === experiment) && !field.not_in.includes(experiment);
 
-/** Fields by section, in order: pairs of title, description and fields. */
+/**
+ * Fields by section: equipment and product first, numerics and general fields last.
+ * @param {Field[]} all
+ */
 export function sections(all) {
+  /** @type {Map<string, { title: string, doc: string | undefined, inside: Field[] }>} */
   const found = new Map();
   for (const field of all) {
-    if (!found.has(field.section)) found.set(field.section, [field.section.slice(1).replaceAll("/", ", ").replaceAll("_", " ") || "general", field.section ? field.section_doc : "", []]);
-    found.get(field.section)[2].push(field);
+    const section = found.get(field.section) ?? { title: field.section.slice(1).replaceAll("/", ", ").replaceAll("_", " ") || "general", doc: field.section ? field.section_doc : "", inside: [] };
+    section.inside.push(field);
+    found.set(field.section, section);
   }
-  // What the experiment is about comes first, numerics and the seed last.
-  const rank = ([title]) => (["equipment", "product"].includes(title) ? 0 : ["numerics", "general"].some((late) => title.startsWith(late)) ? 2 : 1);
-  return [...found.values()].sort((a, b) => rank(a) - rank(b));
+  const rank = (/** @type {string} */ title) => (["equipment", "product"].includes(title) ? 0 : ["numerics", "general"].some((late) => title.startsWith(late)) ? 2 : 1);
+  return [...found.values()].sort((a, b) => rank(a.title) - rank(b.title));
 }
 
-/** The fields that a factor varies: one, or several that take the same value. */
-export const pointersOf = (factor) => factor.pointers ?? [factor.pointer];
+/**
+ * The fields that a factor varies: one, or several that take the same value.
+ * @param {Factor} factor @returns {string[]}
+ */
+export const pointersOf = (factor) => factor.pointers ?? (factor.pointer ? [factor.pointer] : []);
+
+/** @param {SweepSpec} sweep @param {string} pointer */
 const factorOf = (sweep, pointer) => sweep.factors?.find((one) => pointersOf(one).includes(pointer));
 
-/** The other fields that take the same value as this one. */
+/**
+ * The other fields that take the same value as this one.
+ * @param {SweepSpec} sweep @param {string} pointer
+ */
 export const linkedTo = (sweep, pointer) => pointersOf(factorOf(sweep, pointer) ?? { pointers: [] }).filter((other) => other !== pointer);
-const told = (value) => (typeof value === "string" ? value : JSON.stringify(value));
 
+/** @param {unknown} value */
+const asText = (value) => (typeof value === "string" ? value : JSON.stringify(value));
+
+/** @param {unknown} value @returns {value is Json} */
 const isObject = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
 
-/** Why a form cannot show a document, if it cannot. What else is wrong with it the server says. */
-export function unreadable(sweep) {
-  if (!isObject(sweep)) return "a sweep is an object";
-  const odd = ["base", "design"].find((name) => !isObject(sweep[name]));
-  if (odd) return `its ${odd} is to be an object`;
-  const isFactor = (one) => isObject(one) && Array.isArray(one.pointers ?? []) && pointersOf(one).every((pointer) => typeof pointer === "string") && Array.isArray(one.levels ?? []);
-  if (Array.isArray(sweep.factors ?? []) && (sweep.factors ?? []).every(isFactor)) return null;
-  return "its factors are to be a list of objects, each with a pointer or several pointers";
+/**
+ * Why a form cannot show a document, or null. The server finds all other faults.
+ * @param {unknown} sweep
+ */
+export function whyUnreadable(sweep) {
+  if (!isObject(sweep)) return "it must be a JSON object";
+  const wrong = ["base", "design"].find((name) => !isObject(sweep[name]));
+  if (wrong) return `\`${wrong}\` must be a JSON object`;
+  const isFactor = (/** @type {unknown} */ one) => isObject(one) && Array.isArray(one.pointers ?? []) && pointersOf(/** @type {Factor} */ (one)).every((pointer) => typeof pointer === "string") && Array.isArray(one.levels ?? []);
+  const factors = sweep.factors ?? [];
+  return Array.isArray(factors) && factors.every(isFactor) ? null : "`factors` must be a list of objects, each with `pointer` or `pointers`";
 }
 
-/** The text that stands for a field in a sweep: its value, its levels or its range; nothing for the default. */
+/**
+ * The text of a field: its value, its levels or its range; empty for the default.
+ * @param {SweepSpec} sweep @param {Pick<Field, "pointer">} field
+ */
 export function readField(sweep, { pointer }) {
   const factor = factorOf(sweep, pointer);
-  if (factor && !factor.levels && factor.low === undefined) return "";
-  if (factor) return factor.levels ? factor.levels.map(told).join(", ") : `${factor.low} .. ${factor.high}${factor.scale === "log" ? " log" : ""}${factor.count ? ` in ${factor.count}` : ""}`;
-  const value = pointer.split("/").slice(1).reduce((inside, key) => inside?.[key], sweep.base);
-  return value === undefined ? "" : told(value);
+  if (factor && !factor.levels && (factor.low === undefined || factor.low === null)) return "";
+  if (factor) return factor.levels ? factor.levels.map(asText).join(", ") : `${factor.low} .. ${factor.high}${factor.scale === "log" ? " log" : ""}${factor.count ? ` in ${factor.count}` : ""}`;
+  const value = pointer.split("/").slice(1).reduce((/** @type {unknown} */ inside, key) => /** @type {Json | undefined} */ (inside)?.[key], sweep.base);
+  return value === undefined ? "" : asText(value);
 }
 
-function value(text, { types, words }) {
+/** @param {string} text @param {Pick<Field, "types" | "words">} field @returns {unknown} */
+function valueOf(text, { types, words }) {
   if (text === "true" || text === "false") return text === "true";
   if (text === "none" || text === "null") return null;
   if (words.includes(text)) return text;
@@ -83,44 +135,51 @@ function value(text, { types, words }) {
   const number = Number(text);
   if (!Number.isNaN(number)) return number;
   if (types.includes("string")) return text;
-  throw new Error(`“${text}” is no number`);
+  throw new Error(`“${text}” is not a number`);
 }
 
-/** The sweep with that text in a field, and in those that are linked to it. Documents are never changed in place. */
+/**
+ * A copy of the sweep with this text in a field and in the fields that are linked to it.
+ * @param {SweepSpec} sweep @param {Pick<Field, "pointer" | "types" | "words">} field @param {string} text @returns {SweepSpec}
+ */
 export function writeField(sweep, field, text) {
   const before = factorOf(sweep, field.pointer), pointers = before ? pointersOf(before) : [field.pointer];
-  const trimmed = text.trim(), varied = range(trimmed) ?? levels(trimmed, field);
+  const trimmed = text.trim(), varied = rangeOf(trimmed) ?? levelsOf(trimmed, field);
   const factors = sweep.factors ?? [], base = pointers.reduce(without, sweep.base);
   if (varied) {
-    const factor = { ...(before?.pointers ? { pointers } : { pointer: field.pointer }), ...varied };
+    const factor = /** @type {Factor} */ ({ ...(before?.pointers ? { pointers } : { pointer: field.pointer }), ...varied });
     return { ...sweep, base, factors: before ? factors.map((one) => (one === before ? factor : one)) : [...factors, factor] };
   }
-  const fixed = (base, pointer) => withValue(base, pointer.split("/").slice(1), value(trimmed, field));
+  const fixed = (/** @type {Json} */ base, /** @type {string} */ pointer) => withValue(base, pointer.split("/").slice(1), valueOf(trimmed, field));
   return { ...sweep, base: trimmed === "" ? base : pointers.reduce(fixed, base), factors: factors.filter((one) => one !== before) };
 }
 
-function range(text) {
+/** @param {string} text */
+function rangeOf(text) {
   const found = /^(\S+)\s*(?:\.\.|…)\s*(\S+?)(\s+log)?(?:\s+in\s+(\d+))?$/.exec(text);
   if (!found) return null;
   const [low, high] = [Number(found[1]), Number(found[2])];
-  if (Number.isNaN(low) || Number.isNaN(high)) throw new Error("a range is two numbers, such as 0.1 .. 0.4");
+  if (Number.isNaN(low) || Number.isNaN(high)) throw new Error("a range needs two numbers, such as 0.1 .. 0.4");
   return { low, high, ...(found[3] && { scale: "log" }), ...(found[4] && { count: Number(found[4]) }) };
 }
 
-function levels(text, field) {
+/** @param {string} text @param {Pick<Field, "types" | "words">} field */
+function levelsOf(text, field) {
   if (!text.includes(",") || /^[[{]/.test(text)) return null;
-  return { levels: text.split(",").map((part) => part.trim()).filter(Boolean).map((part) => value(part, field)) };
+  return { levels: text.split(",").map((part) => part.trim()).filter(Boolean).map((part) => valueOf(part, field)) };
 }
 
+/** @param {Json | undefined} inside @param {string[]} path @param {unknown} value @returns {Json} */
 function withValue(inside, [key, ...rest], value) {
-  return { ...inside, [key]: rest.length === 0 ? value : withValue(inside?.[key] ?? {}, rest, value) };
+  return { ...inside, [key]: rest.length === 0 ? value : withValue(/** @type {Json | undefined} */ (inside?.[key]), rest, value) };
 }
 
+/** @param {Json} inside @param {string} pointer @returns {Json} */
 function without(inside, pointer) {
   const [key, ...rest] = pointer.split("/").slice(1);
   if (inside?.[key] === undefined) return inside;
   const { [key]: old, ...others } = inside;
   if (rest.length === 0) return others;
-  const less = without(old, `/${rest.join("/")}`);
+  const less = without(/** @type {Json} */ (old), `/${rest.join("/")}`);
   return Object.keys(less).length === 0 ? others : { ...inside, [key]: less };
 }

@@ -1,8 +1,12 @@
-// Numbers, times and names as people read them.
+// @ts-check
+// Numbers, times and names for people.
 
 import { now } from "./api.js";
 
-/** A number in four digits. */
+/**
+ * A number with four significant digits; any other value as text.
+ * @param {unknown} value
+ */
 export function number(value, digits = 4) {
   if (value === null || value === undefined) return "–";
   if (typeof value !== "number") return String(value);
@@ -12,29 +16,41 @@ export function number(value, digits = 4) {
   return String(Number(value.toPrecision(digits)));
 }
 
-/** So many of something. */
-export const many = (count, word) => `${count.toLocaleString("en")} ${word}${count === 1 ? "" : "s"}`;
+/**
+ * A count and its noun: 1 job, 2 jobs.
+ * @param {number} count @param {string} noun
+ */
+export const plural = (count, noun) => `${count.toLocaleString("en")} ${noun}${count === 1 ? "" : "s"}`;
 
-/** Seconds in words: 42 s, 3 min 20 s, 2 h 10 min, 3 d 4 h. */
+/**
+ * Seconds in words: 42 s, 3 min 20 s, 2 h 10 min, 3 d 4 h.
+ * @param {number} seconds
+ */
 export function duration(seconds) {
   if (!Number.isFinite(seconds)) return "–";
   const s = Math.max(0, Math.round(seconds));
   if (s < 60) return `${s} s`;
-  const [units, sizes] = [["d", "h", "min", "s"], [86400, 3600, 60, 1]];
+  const units = ["d", "h", "min", "s"], sizes = [86400, 3600, 60, 1];
   const first = sizes.findIndex((size) => s >= size);
   const whole = Math.floor(s / sizes[first]);
   const rest = Math.floor((s % sizes[first]) / sizes[first + 1]);
   return `${whole} ${units[first]}${rest ? ` ${rest} ${units[first + 1]}` : ""}`;
 }
 
-/** How long ago. */
+/**
+ * Time since a timestamp.
+ * @param {string} at
+ */
 export function ago(at) {
   const seconds = (now() - Date.parse(at)) / 1000;
   return seconds < 2 ? "now" : `${duration(seconds)} ago`;
 }
 
-/** A moment in local time. */
-export function moment(at) {
+/**
+ * Date and time of day, in the viewer's time zone.
+ * @param {string | null | undefined} at
+ */
+export function dateTime(at) {
   return at ? new Date(at).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "medium" }) : "–";
 }
 
@@ -43,27 +59,39 @@ const UNITS = [
   ["_per_s", "1/s"], ["_pa", "Pa"], ["_kg", "kg"], ["_mib", "MiB"], ["_s", "s"], ["_m", "m"], ["_j", "J"], ["_n", "N"],
 ];
 
-/** The unit that a name ends in, and the rest of the name in words. */
-export function named(name) {
+/**
+ * The unit that a name ends in, and the rest of the name in words.
+ * @param {string} name
+ */
+function splitUnit(name) {
   const [suffix, unit] = UNITS.find(([suffix]) => name.endsWith(suffix)) ?? ["", ""];
   return { words: name.slice(0, name.length - suffix.length).replaceAll("_", " "), unit };
 }
 
-/** A name with its unit: `gate_opening_m` is "gate opening (m)". */
-export function titled(name, unit = named(name).unit) {
-  const words = unit === named(name).unit ? named(name).words : name.replaceAll("_", " ");
+/**
+ * The label of a name with its unit: `gate_opening_m` gives "gate opening (m)".
+ * @param {string} name @param {string | null} [unit]
+ */
+export function labelOf(name, unit = splitUnit(name).unit) {
+  const words = unit === splitUnit(name).unit ? splitUnit(name).words : name.replaceAll("_", " ");
   return unit && unit !== "1" ? `${words} (${unit})` : words;
 }
 
-/** A factor by its pointer: the last part, with the part before it where that alone would not tell. */
-export function factor(pointer, among = [pointer]) {
-  const parts = (text) => text.split("/").slice(1);
-  const last = parts(pointer).at(-1);
-  const is_shared = among.some((other) => other !== pointer && parts(other).at(-1) === last);
-  return is_shared ? `${parts(pointer).at(-2)?.replaceAll("_", " ")}: ${titled(last)}` : titled(last);
+/**
+ * The label of a factor: the last part of its pointer, after the part before it where two factors end alike.
+ * @param {string} pointer @param {string[]} [pointers] all factors
+ */
+export function factorLabel(pointer, pointers = [pointer]) {
+  const parts = (/** @type {string} */ text) => text.split("/").slice(1);
+  const last = parts(pointer).at(-1) ?? "";
+  const is_shared = pointers.some((other) => other !== pointer && parts(other).at(-1) === last);
+  return is_shared ? `${parts(pointer).at(-2)?.replaceAll("_", " ")}: ${labelOf(last)}` : labelOf(last);
 }
 
-/** The first and last digits of an identifier: UUIDv7 begin with their time. */
-export function short(id) {
+/**
+ * The first and last digits of an identifier. The first digits of a UUIDv7 are its time.
+ * @param {string} id
+ */
+export function shortId(id) {
   return `${id.slice(0, 8)}…${id.slice(-4)}`;
 }

@@ -1,8 +1,10 @@
-// Where every page begins: the theme, the mark in the navigation, and the page that belongs to the path.
+// @ts-check
+// Entry of every page: theme, navigation, and the module that belongs to the path.
 
 import { h } from "./dom.js";
-import { signOut } from "./session.js";
+import { addSignOut } from "./session.js";
 
+/** @type {[pattern: RegExp, module: string][]} */
 const PAGES = [
   [/^\/$/, "sweeps"],
   [/^\/sweeps\/([^/]+)$/, "sweep"],
@@ -12,8 +14,8 @@ const PAGES = [
   [/^\/submit$/, "submit"],
 ];
 
-function theme() {
-  const choice = document.getElementById("theme");
+function applyTheme() {
+  const choice = /** @type {HTMLSelectElement} */ (document.getElementById("theme"));
   const system = matchMedia("(prefers-color-scheme: dark)");
   const apply = () => {
     const is_dark = choice.value === "auto" ? system.matches : choice.value === "dark";
@@ -21,26 +23,30 @@ function theme() {
     dispatchEvent(new Event("theme"));
   };
   choice.value = new URLSearchParams(location.search).get("theme") ?? localStorage.getItem("theme") ?? "auto";
-  choice.addEventListener("change", () => (localStorage.setItem("theme", choice.value), apply()));
+  choice.addEventListener("change", () => {
+    localStorage.setItem("theme", choice.value);
+    apply();
+  });
   system.addEventListener("change", apply);
   apply();
 }
 
 async function start() {
-  theme();
-  signOut(document.querySelector("header"));
-  for (const link of document.querySelectorAll("nav a")) {
+  applyTheme();
+  addSignOut(/** @type {HTMLElement} */ (document.querySelector("header")));
+  const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll("nav a"));
+  for (const link of links) {
     const path = new URL(link.href).pathname;
-    const is_here = path === location.pathname || (path === "/" && location.pathname.startsWith("/sweeps/"));
-    if (is_here) link.setAttribute("aria-current", "page");
+    const is_current = path === location.pathname || (path === "/" && location.pathname.startsWith("/sweeps/"));
+    if (is_current) link.setAttribute("aria-current", "page");
   }
-  const main = document.getElementById("main");
-  const found = PAGES.map(([pattern, name]) => [pattern.exec(location.pathname), name]).find(([match]) => match);
+  const main = /** @type {HTMLElement} */ (document.getElementById("main"));
   try {
-    const page = await import(`./pages/${found[1]}.js`);
-    await page.show(main, ...found[0].slice(1));
+    const [pattern, module] = PAGES.find(([pattern]) => pattern.test(location.pathname)) ?? [];
+    const page = await import(`./pages/${module}.js`);
+    await page.show(main, ...(pattern?.exec(location.pathname) ?? []).slice(1));
   } catch (error) {
-    main.replaceChildren(h("h1", {}, "This page cannot be shown"), h("p", { class: "fault", role: "alert" }, error.message));
+    main.replaceChildren(h("h1", {}, "This page cannot be shown"), h("p", { class: "fault", role: "alert" }, /** @type {Error} */ (error).message));
     console.error(error);
   }
 }

@@ -1,41 +1,59 @@
-// What can be drawn of a design point: each response that is a number, and of each response in words the share of trials with each word.
+// @ts-check
+// Measures of design points: each numeric response, and for each response in words the share of trials with one word.
 
-import { number, titled } from "./format.js";
+import { labelOf, number } from "./format.js";
 
-/** Wilson's interval of a share: also at 0 and 1 it says how little a few seeds tell. */
-function ofShare(count, n) {
+/**
+ * A share with its 95 % interval after Wilson, which is wide for few trials even at 0 and 1.
+ * @param {number} count @param {number} n @returns {Interval}
+ */
+function shareInterval(count, n) {
   const z = 1.96, share = count / n, spread = 1 + (z * z) / n;
   const middle = (share + (z * z) / (2 * n)) / spread;
   const half = (z / spread) * Math.sqrt((share * (1 - share)) / n + (z * z) / (4 * n * n));
   return { n, count, mean: share, low: Math.max(0, middle - half), high: Math.min(1, middle + half) };
 }
 
-function ofNumber(name, unit) {
+/**
+ * @param {string} name
+ * @returns {Measure}
+ */
+function numericMeasure(name) {
   return {
-    name, label: titled(name, unit), is_share: false,
+    name, label: labelOf(name), is_share: false,
     of: (row) => {
       const summary = row.responses[name];
       if (!summary || typeof summary.mean !== "number") return null;
       return { n: summary.n, mean: summary.mean, low: summary.low_95 ?? null, high: summary.high_95 ?? null };
     },
-    ofTrial: (trial) => (typeof trial.responses[name] === "number" ? trial.responses[name] : null),
+    ofTrial: (trial) => {
+      const value = trial.responses[name];
+      return typeof value === "number" ? value : null;
+    },
   };
 }
 
-function ofWord(name, word) {
+/**
+ * @param {string} name @param {string} word
+ * @returns {Measure}
+ */
+function wordMeasure(name, word) {
   return {
     name: `${name}=${word}`, label: `share with ${name.replaceAll("_", " ")} ${word.replaceAll("_", " ")}`, is_share: true,
     of: (row) => {
       const summary = row.responses[name];
-      return summary?.words && summary.n > 0 ? ofShare(summary.words[word] ?? 0, summary.n) : null;
+      return summary?.words && summary.n > 0 ? shareInterval(summary.words[word] ?? 0, summary.n) : null;
     },
     ofTrial: () => null,
   };
 }
 
-/** Measures of these design points, in the order of their names; `name=word` are called as in the table of effects. Units are those of the table of results. */
-export function measures(points, outputs) {
-  const unit = (name) => outputs.responses.find((row) => row.name === name)?.unit;
+/**
+ * Measures of these design points by name, shares last. A share is named `name=word`, as in the table of effects.
+ * @param {PointRow[]} points
+ */
+export function measures(points) {
+  /** @type {[Set<string>, Set<string>]} */
   const [numbers, words] = [new Set(), new Set()];
   for (const row of points) {
     for (const [name, summary] of Object.entries(row.responses)) {
@@ -43,36 +61,52 @@ export function measures(points, outputs) {
       for (const word of Object.keys(summary.words ?? {})) words.add(`${name}=${word}`);
     }
   }
-  const shares = [...words].sort().map((pair) => ofWord(...pair.split(/=(.*)/s)));
-  return [...[...numbers].sort().map((name) => ofNumber(name, unit(name))), ...shares];
+  const shares = [...words].sort().map((pair) => wordMeasure(pair.slice(0, pair.indexOf("=")), pair.slice(pair.indexOf("=") + 1)));
+  return [...[...numbers].sort().map(numericMeasure), ...shares];
 }
 
-/** The first of these names that there is. */
+/**
+ * The measure with the first of these names that exists.
+ * @param {Measure[]} all @param {string[]} names
+ */
 export function preferred(all, names) {
   return names.map((name) => all.find((one) => one.name === name)).find(Boolean);
 }
 
-/** Values of a factor as they are shown and compared: numbers as numbers, anything else as a word. */
+/**
+ * The value of a factor as it is shown and compared: a number, or text for any other value.
+ * @param {unknown} value @returns {Level}
+ */
 export function level(value) {
   if (typeof value === "number") return value;
   return typeof value === "string" ? value : JSON.stringify(value);
 }
 
-/** The different values of a factor among points, ascending. */
+/**
+ * The different levels of a factor, ascending.
+ * @param {{ factors: Record<string, unknown> }[]} points @param {string} pointer
+ */
 export function levels(points, pointer) {
-  const found = [...new Set(points.map((row) => level(row.factors[pointer])))];
-  return found.sort((a, b) => (typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b))));
+  return [...new Set(points.map((row) => level(row.factors[pointer])))].sort(compareLevels);
 }
 
-/** Sorts values into groups by their level, or, where those are many numbers, into `count` ranges of equal length: each a key to sort by and a title. */
-export function grouped(values, most, count) {
-  const found = [...new Set(values.map(level))];
-  if (found.length <= most || found.some((value) => typeof value !== "number")) return (value) => ({ key: level(value), title: told(level(value)) });
-  const low = Math.min(...found), length = (Math.max(...found) - low) / count;
+/**
+ * Numbers by size, words by the alphabet.
+ * @param {Level | null} a @param {Level | null} b
+ */
+export const compareLevels = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b)));
+
+/**
+ * A function that gives the group of a value: its level, or one of `count` ranges of equal length where there are more than `max` numbers.
+ * @param {unknown[]} values @param {number} max @param {number} count
+ * @returns {(value: unknown) => { key: Level, title: string }}
+ */
+export function grouped(values, max, count) {
+  const found = [...new Set(values.map(level))], numbers = found.filter((value) => typeof value === "number");
+  if (found.length <= max || numbers.length < found.length) return (value) => ({ key: level(value), title: number(level(value), 3) });
+  const low = Math.min(...numbers), length = (Math.max(...numbers) - low) / count;
   return (value) => {
-    const i = Math.min(count - 1, Math.floor((value - low) / length));
-    return { key: i, title: `${told(low + i * length)} to ${told(low + (i + 1) * length)}` };
+    const i = Math.min(count - 1, Math.floor((Number(value) - low) / length));
+    return { key: i, title: `${number(low + i * length, 3)} to ${number(low + (i + 1) * length, 3)}` };
   };
 }
-
-const told = (value) => number(value, 3);

@@ -1,17 +1,33 @@
-// Parts that several pages share: states, progress bars, tables, faults.
+// @ts-check
+// Elements that several pages share: states, progress bars, tables, errors, and the choices in a page's address.
 
-import { h, say } from "./dom.js";
+import { announce, h } from "./dom.js";
 
+/** @type {JobState[]} */
 export const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
-/** Why jobs fail. */
-export const CLASSES = ["invalid", "unstable", "worker", "lost", "timeout"];
+/** @type {FailureClass[]} */
+export const FAILURE_CLASSES = ["invalid", "unstable", "worker", "lost", "timeout"];
+/** @type {JobState[]} */
+const ENDED = ["succeeded", "failed", "cancelled"];
 
-/** A state as a coloured dot and its word. */
+/**
+ * Whether a job in this state has ended.
+ * @param {JobState} state
+ */
+export const isEnded = (state) => ENDED.includes(state);
+
+/**
+ * A state as a coloured dot and its word.
+ * @param {JobState} word @param {string} [note]
+ */
 export function state(word, note) {
   return h("span", { class: `state ${word}` }, note ? `${word}: ${note}` : word);
 }
 
-/** The state of a sweep follows from its counts. */
+/**
+ * The state of a sweep, which follows from its counts.
+ * @param {StateCounts} counts @returns {JobState}
+ */
 export function stateOfSweep(counts) {
   if (counts.running > 0) return "running";
   if (counts.queued > 0) return "queued";
@@ -19,14 +35,19 @@ export function stateOfSweep(counts) {
   return counts.cancelled > 0 ? "cancelled" : "succeeded";
 }
 
+/** @param {StateCounts} counts */
 export const total = (counts) => STATES.reduce((sum, state) => sum + counts[state], 0);
 
-/** How far a sweep is: what has ended by its end, and what of the rest running jobs have done. */
+/**
+ * The progress bar of a sweep: a part for each way in which jobs ended, and one for the work of running jobs.
+ * @param {SweepView} sweep
+ */
 export function progress(sweep, is_large = false) {
   const all = Math.max(1, total(sweep.counts));
-  const ended = ["succeeded", "failed", "cancelled"].map((state) => [state, sweep.counts[state] / all]);
-  const underway = Math.max(0, sweep.fraction - ended.reduce((sum, [, share]) => sum + share, 0));
-  const parts = [...ended, ["running", underway]].filter(([, share]) => share > 0);
+  /** @type {[JobState, number][]} */
+  const ended = ENDED.map((state) => [state, sweep.counts[state] / all]);
+  const running = Math.max(0, sweep.fraction - ended.reduce((sum, [, share]) => sum + share, 0));
+  const parts = [...ended, /** @type {[JobState, number]} */ (["running", running])].filter(([, share]) => share > 0);
   const percent = Math.floor(100 * sweep.fraction);
   return h(
     "div",
@@ -36,12 +57,18 @@ export function progress(sweep, is_large = false) {
   );
 }
 
-/** Counts in words, those that are not zero. */
+/**
+ * The counts that are not zero, by state.
+ * @param {StateCounts} of
+ */
 export function counts(of) {
-  return STATES.filter((state) => of[state] > 0).map((word) => state(`${word}`, of[word].toLocaleString("en")));
+  return STATES.filter((word) => of[word] > 0).map((word) => state(word, of[word].toLocaleString("en")));
 }
 
-/** How many failed of each class, as links to those jobs. */
+/**
+ * The number of failed jobs of each class, as links to these jobs.
+ * @param {SweepView} sweep @param {string} path
+ */
 export function failures(sweep, path) {
   const classes = Object.entries(sweep.failures ?? {}).filter(([, count]) => count > 0);
   return classes.length > 0 && h("span", { class: "row counts" }, classes.map(([name, count]) =>
@@ -49,94 +76,118 @@ export function failures(sweep, path) {
 }
 
 /**
- * A table. Columns have `title`, `cell(row)` and, where they are numbers, `is_number`. With `sort` (`{by, down}`) and `sorted`
- * headings are buttons.
+ * A table. With `sort` and `sorted`, the headings of columns that have a `value` are buttons.
+ * @template Row
+ * @param {string} caption @param {Column<Row>[]} columns @param {Row[]} rows @param {{ sort?: Sort | null, sorted?: (sort: Sort) => unknown }} [options]
  */
 export function table(caption, columns, rows, { sort, sorted } = {}) {
-  const kind = (column) => (column.is_number ? "number" : column.is_text ? "text" : undefined);
-  const heading = (column, i) => {
-    if (!sorted || !column.value) return h("th", { scope: "col", class: kind(column) }, column.title);
-    const is_here = sort?.by === i;
-    const turn = () => sorted({ by: i, down: is_here ? !sort.down : false });
-    const order = is_here ? (sort.down ? "descending" : "ascending") : undefined;
-    const arrow = is_here ? (sort.down ? " ▾" : " ▴") : "";
-    return h("th", { scope: "col", class: kind(column), "aria-sort": order },
-      h("button", { id: `sort-${i}-${caption.length}`, onclick: turn }, column.title + arrow));
+  const alignment = (/** @type {Column<Row>} */ column) => (column.is_number ? "number" : column.is_text ? "text" : undefined);
+  const heading = (/** @type {Column<Row>} */ column, /** @type {number} */ i) => {
+    if (!sorted || !column.value) return h("th", { scope: "col", class: alignment(column) }, column.title);
+    const is_sorted = sort?.by === i, is_down = is_sorted && sort.down;
+    const order = is_sorted ? (is_down ? "descending" : "ascending") : undefined;
+    const arrow = is_sorted ? (is_down ? " ▾" : " ▴") : "";
+    return h("th", { scope: "col", class: alignment(column), "aria-sort": order },
+      h("button", { id: `sort-${i}-${caption.length}`, onclick: () => sorted({ by: i, down: is_sorted && !is_down }) }, column.title + arrow));
   };
   return h("table", {}, h("caption", {}, caption),
     h("thead", {}, h("tr", {}, columns.map(heading))),
-    h("tbody", {}, rows.map((row) => h("tr", {}, columns.map((column) => h("td", { class: kind(column) }, column.cell(row)))))));
+    h("tbody", {}, rows.map((row) => h("tr", {}, columns.map((column) => h("td", { class: alignment(column) }, column.cell(row)))))));
 }
 
-/** Rows in the order of a column. */
-export function inOrder(rows, columns, sort) {
-  const value = columns[sort?.by]?.value;
+/**
+ * Rows in the order of a column. Rows without a value come last in both directions.
+ * @template Row
+ * @param {Row[]} rows @param {Column<Row>[]} columns @param {Sort | null} sort
+ */
+export function sortRows(rows, columns, sort) {
+  const value = sort && columns[sort.by]?.value;
   if (!value) return rows;
-  const rank = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : String(a ?? "").localeCompare(String(b ?? "")));
   const sign = sort.down ? -1 : 1;
   return [...rows].sort((a, b) => {
     const [left, right] = [value(a), value(b)];
-    // What has no value comes last either way.
     if (left === null || left === undefined) return 1;
     if (right === null || right === undefined) return -1;
-    return sign * rank(left, right);
+    return sign * (typeof left === "number" && typeof right === "number" ? left - right : String(left).localeCompare(String(right)));
   });
 }
 
-/** More jobs than this cannot be told apart side by side. */
-export const MOST_COMPARED = 8;
+/** Jobs that can be compared at once. */
+export const MAX_COMPARED = 8;
 
-/** Where to see these jobs: one on its page, several side by side; nowhere if they are too many. */
-export function pathTo(ids) {
+/**
+ * The page of one job, or the comparison of several; null for none or more than `MAX_COMPARED`.
+ * @param {string[]} ids
+ */
+export function jobsPath(ids) {
   if (ids.length === 1) return `/jobs/${ids[0]}`;
-  return ids.length > 0 && ids.length <= MOST_COMPARED ? `/compare?jobs=${ids.join(",")}` : null;
+  return ids.length > 0 && ids.length <= MAX_COMPARED ? `/compare?jobs=${ids.join(",")}` : null;
 }
 
-/** A list of facts. */
+/**
+ * A list of names and values; null values are left out.
+ * @param {[name: string, value: Child][]} pairs
+ */
 export function facts(pairs) {
   return h("dl", { class: "facts" }, pairs.filter(([, value]) => value !== null && value !== undefined)
     .map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
 }
 
-/** A problem with all its faults. */
-export function fault(error) {
+/**
+ * An error, with the list of faults of a problem document.
+ * @param {Error & { errors?: Fault[] }} error
+ */
+export function errorBox(error) {
   const rows = (error.errors ?? []).map((one) => h("li", {}, h("code", {}, one.pointer), ` ${one.detail}`, one.allowed && ` (allowed: ${one.allowed})`));
-  // The message about a single fault names it already.
+  // The message names a single fault itself.
   return h("div", { class: "fault", role: "alert" }, error.message, rows.length > 1 && h("ul", {}, rows));
 }
 
-/** A button that does something on the server, and says how it went; `ask()` is what is asked before. */
+/**
+ * A button that runs `work` on the server and announces the outcome. `ask` gives the question to confirm first.
+ * @param {string} title @param {() => Promise<unknown>} work @param {{ is_main?: boolean, ask?: () => string }} [options]
+ */
 export function action(title, work, { is_main = false, ask } = {}) {
   const button = h("button", { type: "button", class: is_main ? "main" : undefined, onclick: async () => {
     if (ask && !confirm(ask())) return;
     button.disabled = true;
     try {
-      const told = await work();
-      say(typeof told === "string" ? told : `${title}: done`);
+      const message = await work();
+      announce(typeof message === "string" ? message : `${title}: done`);
     } catch (error) {
-      say(`${title}: ${error.message}`);
+      announce(`${title}: ${/** @type {Error} */ (error).message}`);
     }
     button.disabled = false;
   } }, title);
   return button;
 }
 
-/** A choice with its label; `options` are words or pairs of value and title. */
+/**
+ * A select element with its label.
+ * @param {string} label @param {Option[]} options @param {string} value @param {(value: string) => unknown} chosen
+ */
 export function choice(label, options, value, chosen) {
   const pairs = options.map((option) => (Array.isArray(option) ? option : [option, option]));
-  const select = h("select", { onchange: () => chosen(select.value) }, pairs.map(([value, title]) => h("option", { value }, title)));
+  const select = h("select", { onchange: () => void chosen(select.value) }, pairs.map(([value, title]) => h("option", { value }, title)));
   select.value = value;
   return h("label", { class: "field" }, label, select);
 }
 
-/** Keeps what was chosen in the address, so that the state can be sent to somebody. */
-export function remember(choices) {
+/**
+ * Writes choices into the page's address, so that a copied link shows the same view. Empty values are removed.
+ * @param {Record<string, string | number | null | undefined>} choices
+ */
+export function setParameters(choices) {
   const url = new URL(location.href);
   for (const [key, value] of Object.entries(choices)) {
     if (value === null || value === undefined || value === "") url.searchParams.delete(key);
-    else url.searchParams.set(key, value);
+    else url.searchParams.set(key, String(value));
   }
   history.replaceState(null, "", url);
 }
 
-export const asked = (key) => new URLSearchParams(location.search).get(key);
+/**
+ * A parameter of the page's address.
+ * @param {string} key
+ */
+export const parameter = (key) => new URLSearchParams(location.search).get(key);

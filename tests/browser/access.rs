@@ -1,4 +1,4 @@
-//! A server with tokens: the page asks for one, keeps it where no script sees it, and asks again when it is not valid any more.
+//! A server with tokens: the page asks for a token, hides it from scripts, and asks again after its revocation.
 
 use serde_json::json;
 
@@ -7,11 +7,11 @@ use super::support::{Home, scenario, stdout, until};
 use super::text;
 
 #[test]
-fn a_token_is_asked_for_and_again_when_it_is_revoked() {
+fn the_page_asks_again_for_a_token_after_its_revocation() {
     let home = Home::new();
     let _server = home.serve();
     let data = home.path("data").display().to_string();
-    // It has a dialog of its own.
+    // The page of a sweep has a dialog of its own.
     let sweep = json!({"name": "waits", "base": scenario(0.2), "design": {"kind": "grid"}});
     let sweep = home.answered(&["submit", &home.file("sweep.json", &sweep)]);
     let token = |name: &str| {
@@ -21,42 +21,42 @@ fn a_token_is_asked_for_and_again_when_it_is_revoked() {
     };
     let (first, second) = (token("first"), token("second"));
     let mut page = Page::new(&home.address);
-    // The server looks for tokens once a second.
+    // The server reads its tokens once a second.
     until("the server asks for tokens", || home.answers("/v1/sweeps", 401).then_some(()));
     page.open("/");
     page.until(
         "the page asks",
-        "document.querySelector('dialog[open] h2')?.textContent === 'This server asks for a token'",
+        "document.querySelector('dialog[open] h2')?.textContent === 'This server needs a token'",
     );
     assert!(page.audit().is_empty(), "{:?}", page.audit());
     page.write("Token", "nonsense");
-    page.press_named("Sign in");
-    page.until("it is refused", "document.querySelector('#sign-in-trouble').textContent");
+    page.click_named("Sign in");
+    page.until("it is refused", "document.querySelector('#sign-in-errors').textContent");
     page.write("Token", &first);
-    page.press_named("Sign in");
+    page.click_named("Sign in");
     page.until("sweeps are listed", "!document.querySelector('dialog') && find.rows('1 sweep,')");
     let seen: String =
         page.value("document.cookie + JSON.stringify(localStorage) + JSON.stringify(sessionStorage)");
     assert!(!seen.contains(&first), "scripts can read the token");
     page.open(&format!("/sweeps/{}", text(&sweep["id"])));
-    page.until("what can be done to the sweep", "find.control('Extend')");
+    page.until("the actions of the sweep", "find.control('Extend')");
 
     let id = stdout(&home.roost(&["token", "list", "--data", &data]));
     let id = id.lines().find(|line| line.contains("first")).unwrap().split_whitespace().next().unwrap();
     stdout(&home.roost(&["token", "revoke", "--data", &data, id]));
-    // The page polls; it need not be loaded anew.
+    // The page polls, so it asks without a reload.
     page.until(
         "it asks again",
-        "document.querySelector('dialog[open] h2')?.textContent === 'The token is not valid any more'",
+        "document.querySelector('dialog[open] h2')?.textContent === 'The token is no longer valid'",
     );
     page.write("Token", &second);
-    page.press_named("Sign in");
+    page.click_named("Sign in");
     page.until(
         "the sweep is there again",
         "!document.querySelector('dialog[open]') && find.control('Extend')",
     );
-    let complaints = page.complaints();
-    assert!(complaints.iter().all(|line| line.contains("401")), "{complaints:?}");
-    page.press_named("Sign out");
+    let errors = page.errors();
+    assert!(errors.iter().all(|line| line.contains("401")), "{errors:?}");
+    page.click_named("Sign out");
     page.until("nothing is shown without", "document.querySelector('dialog[open]')");
 }

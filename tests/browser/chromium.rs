@@ -1,4 +1,4 @@
-//! Chromium without a screen, spoken to by its DevTools protocol over two pipes: no driver, no port, and it ends when its pipes do.
+//! Headless Chromium, driven through the DevTools protocol over two pipes. It needs no driver and no port, and exits with its pipes.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -10,16 +10,16 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// No single answer takes longer.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Timeout of one call.
+const CALL_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Its pipes are file descriptors 3 and 4: what it reads and what it writes.
+/// Chromium reads commands from file descriptor 3 and writes answers to 4.
 const START: &str = r#"exec chromium "$@" 3<&0 4>&1 </dev/null >&2"#;
 
 const FLAGS: &[&str] = &[
     "--headless=new",
     "--remote-debugging-pipe",
-    // Tests run as root in containers, where Chromium's own sandbox cannot be.
+    // Chromium's sandbox does not work for root in containers.
     "--no-sandbox",
     "--disable-dev-shm-usage",
     "--no-first-run",
@@ -28,9 +28,9 @@ const FLAGS: &[&str] = &[
     "--disable-extensions",
     "--hide-scrollbars",
     "--force-color-profile=srgb",
-    // Nothing outside this machine has a name.
+    // No host outside this machine resolves.
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-    // WebGL on the processor.
+    // WebGL on the CPU.
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 ];
@@ -42,13 +42,13 @@ pub(crate) struct Browser {
     from: Receiver<Value>,
     session: Option<String>,
     calls: u64,
-    /// What came meanwhile that nobody had asked for.
+    /// Events that no caller has read yet.
     events: VecDeque<Value>,
     profile: TempDir,
 }
 
 impl Browser {
-    /// Starts one with an empty page of this size, in which `script` runs before any other.
+    /// Starts a browser with an empty page of this size, in pixels. `script` runs before the scripts of every page.
     pub(crate) fn start(width: u32, height: u32, script: &str) -> Self {
         let profile = tempfile::tempdir().unwrap();
         let log = File::create(profile.path().join("chromium.log")).unwrap();
@@ -62,11 +62,11 @@ impl Browser {
             .spawn()
             .unwrap();
         let (to, out) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
-        let (said, from) = channel();
+        let (sender, from) = channel();
         std::thread::spawn(move || {
             for message in BufReader::new(out).split(0).map_while(Result::ok) {
                 let message = serde_json::from_slice(&message).expect("Chromium speaks JSON");
-                if said.send(message).is_err() {
+                if sender.send(message).is_err() {
                     return;
                 }
             }
@@ -84,36 +84,36 @@ impl Browser {
         browser
     }
 
-    /// Gives the page this size.
+    /// Resizes the page, in pixels.
     pub(crate) fn resize(&mut self, width: u32, height: u32) {
         let size = json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": false});
         self.call("Emulation.setDeviceMetricsOverride", size);
     }
 
-    /// Calls a method and waits for its answer, which must not be an error.
+    /// Calls a method and waits for its answer; panics on an error.
     pub(crate) fn call(&mut self, method: &str, parameters: Value) -> Value {
         self.try_call(method, parameters).unwrap_or_else(|error| panic!("{method}: {error}"))
     }
 
-    /// The same, where an error is an answer: of a page that is being left, for instance.
+    /// Calls a method and returns its error, such as that of a page that is being left.
     pub(crate) fn try_call(&mut self, method: &str, parameters: Value) -> Result<Value, String> {
         let number = self.send(method, parameters);
-        let until = Instant::now() + PATIENCE;
+        let until = Instant::now() + CALL_TIMEOUT;
         loop {
-            let mut message = self.next(until).ok_or_else(|| self.trouble(method))?;
+            let mut message = self.next(until).ok_or_else(|| self.no_answer(method))?;
             if message["id"] == number {
                 return match message.get("error") {
                     Some(error) => Err(error.to_string()),
                     None => Ok(message["result"].take()),
                 };
             }
-            self.take(message);
+            self.receive(message);
         }
     }
 
-    /// Events of this method that came since they were last asked for: their parameters.
+    /// Parameters of the events of this method since the last call.
     pub(crate) fn events(&mut self, method: &str) -> Vec<Value> {
-        // An answer comes after all that happened before.
+        // The answer arrives after all earlier events.
         self.call("Runtime.evaluate", json!({"expression": "0"}));
         let (found, rest): (VecDeque<Value>, _) =
             self.events.drain(..).partition(|event| event["method"] == method);
@@ -121,8 +121,8 @@ impl Browser {
         found.into_iter().map(|mut event| event["params"].take()).collect()
     }
 
-    fn take(&mut self, message: Value) {
-        // A page that asks “are you sure?” waits, and all else with it.
+    fn receive(&mut self, message: Value) {
+        // A confirmation dialog blocks the page: accept it.
         if message["method"] == "Page.javascriptDialogOpening" {
             self.send("Page.handleJavaScriptDialog", json!({"accept": true}));
         }
@@ -138,7 +138,7 @@ impl Browser {
             message["sessionId"] = json!(session);
         }
         let written = write!(self.to, "{message}\0").and_then(|()| self.to.flush());
-        written.unwrap_or_else(|_| panic!("{}", self.trouble(method)));
+        written.unwrap_or_else(|_| panic!("{}", self.no_answer(method)));
         self.calls
     }
 
@@ -146,9 +146,9 @@ impl Browser {
         self.from.recv_timeout(until.saturating_duration_since(Instant::now())).ok()
     }
 
-    fn trouble(&self, method: &str) -> String {
+    fn no_answer(&self, method: &str) -> String {
         let log = std::fs::read_to_string(self.profile.path().join("chromium.log")).unwrap_or_default();
-        format!("chromium, which `make test` installs, does not answer {method}; it said:\n{log}")
+        format!("chromium, which `make test` installs, does not answer {method}; its log:\n{log}")
     }
 }
 

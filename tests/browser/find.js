@@ -1,10 +1,10 @@
-// Parts of a page as a person finds them; every page of a test has this before its own scripts.
+// Finds elements as a user does. Runs before the scripts of every page.
 
-// Pages that come over http from another machine do not have it.
+// Browsers do not offer this over http from another machine.
 delete Crypto.prototype.randomUUID;
 
 window.find = {
-  /** What a control is called, as a screen reader says it. */
+  /** The accessible name of a control. */
   name(element) {
     const labelledby = element.getAttribute("aria-labelledby")?.split(" ").map((id) => document.getElementById(id)?.textContent ?? "").join(" ");
     if (labelledby?.trim()) return labelledby.trim();
@@ -17,41 +17,41 @@ window.find = {
     }
     return "";
   },
-  /** Text of a label without what stands in its control. */
+  /** The text of a label without that of its control. */
   own(label, control) {
     const walk = (node) => (node === control ? "" : node.nodeType === Node.TEXT_NODE ? node.data : node.nodeName === "DATALIST" ? "" : [...node.childNodes].map(walk).join(" "));
     return walk(label).replace(/\s+/g, " ").trim();
   },
   isShown: (element) => element.checkVisibility({ visibilityProperty: true }) && element.getClientRects().length > 0,
-  /** The shown field whose label begins so; exactly so before others. */
+  /** The visible field with this label, or else with a label that begins so. */
   field(label) {
     const all = [...document.querySelectorAll("input, select, textarea")].filter(find.isShown);
     return all.find((one) => find.name(one) === label) ?? all.find((one) => find.name(one).startsWith(label));
   },
-  /** The shown button or link of that name. In front of others, of an open dialog. */
+  /** The visible button or link with this name, in the open dialog if there is one. */
   control(name) {
     const dialog = document.querySelector("dialog[open]");
     return [...(dialog ?? document).querySelectorAll("button, a, summary")].filter(find.isShown).find((one) => find.name(one) === name);
   },
-  /** The card of that heading. */
+  /** The card with this heading. */
   card: (title) => [...document.querySelectorAll("section")].find((one) => one.querySelector("h2")?.textContent === title),
-  /** The data of the plot in that card, once it is drawn. */
+  /** The data of the plot in a card, once it is drawn. */
   plot: (title) => {
     const plot = find.card(title)?.querySelector(".plot:not([hidden])");
     return plot?.data?.map(({ type, mode, name, x, y, z, error_y, customdata, fill }) => ({ type, mode, name, x, y, z, customdata, fill, up: error_y?.array, down: error_y?.arrayminus }));
   },
-  /** Rows of the table with a caption that begins so, cells as text. */
+  /** Rows of the table whose caption begins so, as text. */
   rows: (caption) => {
     const table = [...document.querySelectorAll("table")].find((one) => one.caption?.textContent.startsWith(caption));
     return table && [...table.tBodies[0].rows].map((row) => [...row.cells].map((cell) => cell.textContent));
   },
-  /** Where an element is: x, y, width, height. */
+  /** Scrolls to an element: x, y, width, height. */
   place(element) {
     element.scrollIntoView({ block: "center", behavior: "instant" });
     const { x, y, width, height } = element.getBoundingClientRect();
     return [x, y, width, height];
   },
-  /** Whether the pointer would meet it. */
+  /** Whether an element is enabled and not covered. */
   isFree(element) {
     if (!element || element.disabled) return false;
     const [x, y, width, height] = find.place(element), there = document.elementFromPoint(x + width / 2, y + height / 2);

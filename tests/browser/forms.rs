@@ -1,4 +1,4 @@
-//! Drops, bends, slides and compressions in their own plots, from results of a real worker.
+//! The plots of drop, bend, slide and compress, from results of a real worker.
 
 use serde_json::{Value, json};
 
@@ -12,8 +12,8 @@ const SPEED: &str = "/drop/speed_m_s";
 const STIFFNESS: &str = "/bonds/normal_stiffness_n_m3";
 const FRICTION: &str = "/contact/fillet_equipment/static_friction";
 
-/// A small sweep of each; returns them when all have ended.
-pub(crate) fn run(home: &Home) -> Vec<String> {
+/// Runs a small sweep of each experiment and returns their ids.
+pub(crate) fn run_sweeps(home: &Home) -> Vec<String> {
     let auto = json!({"timestep_s": "auto"});
     let levels = |pointer: &str, levels: &[f64]| json!([{"pointer": pointer, "levels": levels}]);
     let tests = [
@@ -43,9 +43,9 @@ pub(crate) fn run(home: &Home) -> Vec<String> {
         .collect()
 }
 
-/// Each in its form.
-pub(crate) fn show_what_the_api_says(home: &Home, page: &mut Page, sweeps: &[String]) {
-    let mut see = |sweep: &str, title: &str| -> (Vec<Value>, Vec<Value>) {
+/// Compares the plot of each experiment with the API.
+pub(crate) fn match_the_api(home: &Home, page: &mut Page, sweeps: &[String]) {
+    let mut open = |sweep: &str, title: &str| -> (Vec<Value>, Vec<Value>) {
         page.open(&format!("/sweeps/{sweep}"));
         page.until(&format!("{title} is drawn"), &format!("find.plot('{title}')"));
         let traces = page.value(&format!("find.plot('{title}')"));
@@ -54,16 +54,16 @@ pub(crate) fn show_what_the_api_says(home: &Home, page: &mut Page, sweeps: &[Str
             home.get(&format!("/v1/sweeps/{sweep}/results?by=point"))["points"].as_array().unwrap().clone(),
         )
     };
-    let (traces, points) = see(&sweeps[0], "Bonds intact over the speed of impact");
+    let (traces, points) = open(&sweeps[0], "Bonds intact over impact speed");
     means(&traces[0], &points, SPEED, "bonds_intact_fraction");
 
-    let (traces, points) = see(&sweeps[1], "How far it bends");
+    let (traces, points) = open(&sweeps[1], "Bend angle");
     means(&traces[0], &points, STIFFNESS, "bend_angle_deg");
-    // The drawn centre lines turn by the angle from end to end, within a step of them.
-    let hanging: Vec<&Value> =
+    // The tangent of a centre line turns by the bend angle from end to end, within one step.
+    let centre_lines: Vec<&Value> =
         traces.iter().filter(|trace| trace["x"].as_array().unwrap().len() > 20).collect();
-    assert_eq!(hanging.len(), 2);
-    for (line, row) in hanging.iter().zip(&points) {
+    assert_eq!(centre_lines.len(), 2);
+    for (line, row) in centre_lines.iter().zip(&points) {
         let at = |i: usize| (line["x"][i].as_f64().unwrap(), line["y"][i].as_f64().unwrap());
         let turn = |i: usize| (at(i + 1).1 - at(i).1).atan2(at(i + 1).0 - at(i).0).to_degrees();
         let last = line["x"].as_array().unwrap().len() - 2;
@@ -71,7 +71,7 @@ pub(crate) fn show_what_the_api_says(home: &Home, page: &mut Page, sweeps: &[Str
         assert!((turned / angle - 1.0).abs() < 0.06, "turns by {turned}°, not {angle}°");
     }
 
-    let (traces, points) = see(&sweeps[2], "Angle of sliding over friction");
+    let (traces, points) = open(&sweeps[2], "Angle of sliding over friction");
     means(&traces[0], &points, FRICTION, "critical_angle_deg");
     let ideal = traces.iter().find(|trace| trace["name"] == "atan μ").unwrap();
     for (i, friction) in ideal["x"].as_array().unwrap().iter().enumerate() {
@@ -79,7 +79,7 @@ pub(crate) fn show_what_the_api_says(home: &Home, page: &mut Page, sweeps: &[Str
         assert!((ideal["y"][i].as_f64().unwrap() - angle).abs() < 1e-9);
     }
 
-    let (traces, _) = see(&sweeps[3], "Stress over strain");
+    let (traces, _) = open(&sweeps[3], "Stress over strain");
     let mut curves = 0;
     for trace in &traces {
         let Some(path) = trace["customdata"][0].as_str() else { continue };
@@ -97,7 +97,7 @@ fn mean(row: &Value, response: &str) -> f64 {
     row["responses"][response]["mean"].as_f64().unwrap()
 }
 
-/// A line of means over a factor, with the intervals.
+/// Compares a line of means and intervals over a factor.
 fn means(trace: &Value, points: &[Value], factor: &str, response: &str) {
     let (x, y, up) = (numbers(&trace["x"]), numbers(&trace["y"]), numbers(&trace["up"]));
     assert_eq!(x.len(), points.len());

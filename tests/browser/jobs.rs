@@ -1,4 +1,4 @@
-//! Jobs that run, fail, are cancelled and run again, as their pages show it and do it.
+//! Running, failed, cancelled and retried jobs on their pages.
 
 use serde_json::json;
 
@@ -9,7 +9,7 @@ use super::text;
 const STATE: &str = "document.querySelector('main .state').textContent";
 
 #[test]
-fn jobs_are_cancelled_and_run_again_and_their_curves_grow() {
+fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
     let home = Home::new();
     let _server = home.serve();
     let mut page = Page::new(&home.address);
@@ -31,9 +31,9 @@ fn jobs_are_cancelled_and_run_again_and_their_curves_grow() {
     assert_eq!(home.get(&format!("/v1/jobs/{}", text(&running["id"])))["state"], "running");
 
     page.open(&format!("/sweeps/{id}"));
-    page.until("what can be done", "find.control('Cancel')");
-    // Who writes into a dialog is not disturbed by what happens.
-    page.press_named("Extend");
+    page.until("the actions", "find.control('Cancel')");
+    // An event leaves an open dialog and its text as they are.
+    page.click_named("Extend");
     page.write("More replicates of every point", "3");
     home.answered(&["cancel", text(&running["id"])]);
     page.until("one is cancelled", "document.querySelector('.counts').textContent.includes('cancelled: 1')");
@@ -41,28 +41,28 @@ fn jobs_are_cancelled_and_run_again_and_their_curves_grow() {
         "document.querySelector('dialog[open] input[name=replicates]')?.value ?? 'the dialog is gone'",
     );
     assert_eq!(written, "3");
-    page.press_named("Back");
-    page.press_named("Cancel");
+    page.click_named("Close");
+    page.click_named("Cancel");
     page.until("it is cancelled", &format!("{STATE} === 'cancelled'"));
     assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["counts"]["cancelled"], 2);
     page.until("it can run again", "find.control('Retry')");
-    page.press_named("Retry");
-    page.press_named("Retry");
+    page.click_named("Retry");
+    page.click_named("Retry");
     page.until("it runs again", &format!("{STATE} === 'running'"));
 
     let running = home.get(&format!("/v1/sweeps/{id}/jobs?state=running"))["items"][0].clone();
     page.open(&format!("/jobs/{}", text(&running["id"])));
-    page.until("what can be done", "find.control('Cancel')");
-    page.press_named("Cancel");
+    page.until("the actions", "find.control('Cancel')");
+    page.click_named("Cancel");
     page.until("the job is cancelled", &format!("{STATE} === 'cancelled'"));
     page.until("it can run again", "find.control('Retry')");
-    page.press_named("Retry");
+    page.click_named("Retry");
     page.until("the job waits or runs", &format!("['queued', 'running'].includes({STATE})"));
-    assert!(page.complaints().is_empty());
+    assert!(page.errors().is_empty());
 }
 
 #[test]
-fn failures_are_told_by_class_and_lead_to_their_jobs() {
+fn failures_by_class_link_to_their_jobs() {
     let home = Home::new();
     let _server = home.serve();
     let worker = home.work("bench");
@@ -79,22 +79,22 @@ fn failures_are_told_by_class_and_lead_to_their_jobs() {
         page.until("failures by class", "document.querySelector('a.failure')?.textContent === '2 unstable'");
     }
     assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["failures"]["unstable"], 2);
-    page.press("document.querySelector('a.failure')");
-    page.until("only what failed so", "find.rows('2 jobs')?.every((row) => row[1] === 'failed: unstable')");
-    page.choose("Failed as", "lost");
-    page.until("nothing failed otherwise", "find.rows('0 jobs')");
-    page.choose("Failed as", "");
+    page.click("document.querySelector('a.failure')");
+    page.until("only unstable jobs", "find.rows('2 jobs')?.every((row) => row[1] === 'failed: unstable')");
+    page.choose("Failure class", "lost");
+    page.until("no lost jobs", "find.rows('0 jobs')");
+    page.choose("Failure class", "");
     page.choose("State", "");
     page.write("Point", "0");
     page.until("jobs of one point", "find.rows('2 jobs')?.every((row) => row[2] === '0')");
 
-    // A job that is to run again has come to nothing yet.
+    // A retried job has no result yet.
     worker.kill();
     let failed = home.get(&format!("/v1/sweeps/{id}/jobs?state=failed"))["items"][0].clone();
     page.open(&format!("/jobs/{}", text(&failed["id"])));
-    page.until("what it came to", "find.card('What computed it')");
-    page.press_named("Retry");
+    page.until("the result", "find.card('Computation')");
+    page.click_named("Retry");
     page.until("it waits", &format!("{STATE} === 'queued'"));
-    page.until("there is no result", "!find.card('What computed it')");
-    assert!(page.complaints().is_empty());
+    page.until("there is no result", "!find.card('Computation')");
+    assert!(page.errors().is_empty());
 }

@@ -1,6 +1,6 @@
-//! The dashboard in a browser, as people have it: the real server, results of a real worker, Chromium without a screen.
+//! The dashboard in headless Chromium, with a real server and results of a real worker.
 //!
-//! What a plot shows is read from the page's own data, never from a picture, and held against what the API says.
+//! Tests read the data of a plot from the page, never from an image, and compare it with the API.
 
 #[path = "../support/mod.rs"]
 mod support;
@@ -20,14 +20,14 @@ mod visits;
 use page::Page;
 use support::Home;
 
-/// Pages in both themes: nothing without a name, out of order or hard to read, and nothing that the browser refused or failed at.
-fn look_at(page: &mut Page, paths: &[&str]) {
+/// Opens pages in both themes: no faults of accessibility and no errors in the browser's log.
+fn audit_pages(page: &mut Page, paths: &[&str]) {
     for path in paths {
         for theme in ["light", "dark"] {
             page.open(path);
             page.theme(theme);
             page.until("something is shown", "document.querySelector('main table, main textarea')");
-            // Plots draw themselves anew in the theme's colours.
+            // Plots are drawn again in the colours of the theme.
             page.until(
                 "plots are drawn",
                 "document.querySelectorAll('.plot:not([hidden]):not(.js-plotly-plot)').length === 0",
@@ -36,41 +36,41 @@ fn look_at(page: &mut Page, paths: &[&str]) {
             assert!(faults.is_empty(), "{path}, {theme}:\n{}", faults.join("\n"));
         }
     }
-    let complaints = page.complaints();
-    assert!(complaints.is_empty(), "{}", complaints.join("\n"));
+    let errors = page.errors();
+    assert!(errors.is_empty(), "{}", errors.join("\n"));
 }
 
 #[test]
-fn a_sweep_from_its_form_to_its_plots() {
+fn a_sweep_from_form_to_plots() {
     let home = Home::new();
     let _server = home.serve();
     let mut page = Page::new(&home.address);
-    let sweep = submit::by_the_form(&home, &mut page);
+    let sweep = submit::submit_by_form(&home, &mut page);
     let _worker = home.work("bench");
-    submit::gets_on_before_ones_eyes(&mut page);
-    plots::hold_what_the_api_says(&home, &mut page, &sweep);
-    plots::lead_to_jobs(&home, &mut page, &sweep);
-    submit::grows(&home, &mut page, &sweep);
-    submit::is_cloned(&home, &mut page, &sweep);
+    submit::progress_shows_without_reload(&mut page);
+    plots::match_the_api(&home, &mut page, &sweep);
+    plots::clicks_open_jobs(&home, &mut page, &sweep);
+    submit::extensions_show(&home, &mut page, &sweep);
+    submit::clone_fills_the_form(&home, &mut page, &sweep);
     let job = playback::plays(&home, &mut page, &sweep);
     let jobs = home.get(&format!("/v1/sweeps/{sweep}/jobs?limit=2"));
     let pair = format!("/compare?jobs={},{}", text(&jobs["items"][0]["id"]), text(&jobs["items"][1]["id"]));
     let paths = ["/", &format!("/sweeps/{sweep}"), &format!("/jobs/{job}"), "/workers", &pair, "/submit"];
-    look_at(&mut page, &paths);
+    audit_pages(&mut page, &paths);
 }
 
 #[test]
-fn tests_of_single_fillets_have_plots_of_their_own() {
+fn single_fillet_experiments_have_their_own_plots() {
     let home = Home::new();
     let _server = home.serve();
     let _worker = home.work("bench");
     let mut page = Page::new(&home.address);
-    let sweeps = forms::run(&home);
-    forms::show_what_the_api_says(&home, &mut page, &sweeps);
+    let sweeps = forms::run_sweeps(&home);
+    forms::match_the_api(&home, &mut page, &sweeps);
     let paths: Vec<String> = sweeps.iter().map(|id| format!("/sweeps/{id}")).collect();
-    look_at(&mut page, &paths.iter().map(String::as_str).collect::<Vec<_>>());
+    audit_pages(&mut page, &paths.iter().map(String::as_str).collect::<Vec<_>>());
 }
 
 fn text(value: &serde_json::Value) -> &str {
-    value.as_str().unwrap_or_else(|| panic!("{value} is no text"))
+    value.as_str().unwrap_or_else(|| panic!("{value} is not a string"))
 }

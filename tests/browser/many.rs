@@ -1,4 +1,4 @@
-//! A hundred thousand jobs: the page of their sweep opens at once, turns pages and filters.
+//! A sweep of a hundred thousand jobs: its page lists and filters them within two seconds.
 
 use std::time::Duration;
 
@@ -9,11 +9,11 @@ use super::support::Home;
 use super::text;
 
 const JOBS: u64 = 100_000;
-/// What the dashboard promises.
-const AT_ONCE: Duration = Duration::from_secs(2);
+/// The promised time.
+const PROMISED: Duration = Duration::from_secs(2);
 
 #[test]
-fn a_hundred_thousand_jobs_open_turn_and_filter_at_once() {
+fn a_hundred_thousand_jobs_list_and_filter_within_two_seconds() {
     let home = Home::new();
     let _server = home.serve();
     let mut page = Page::new(&home.address);
@@ -25,37 +25,37 @@ fn a_hundred_thousand_jobs_open_turn_and_filter_at_once() {
         &json!({"name": "many", "base": base, "design": design, "factors": factors, "replicates": 20}),
     );
     let sweep = home.answered(&["submit", &file]);
-    // Piece by piece: the command waits a minute for an answer, which is not long where much else is done.
+    // In parts: one request for all jobs could exceed the command's timeout of a minute on a busy machine.
     for _ in 0..4 {
         assert!(home.roost(&["extend", text(&sweep["id"]), "--replicates", "20"]).status.success());
     }
     let path = format!("/sweeps/{}", text(&sweep["id"]));
-    // What a browser keeps from earlier visits.
+    // Fills the browser's cache.
     page.open("/");
 
     page.open(&path);
     let first = "find.rows('100 jobs')?.[0][0]";
     page.until("jobs are listed", first);
     let took: f64 = page.value("performance.now()");
-    assert!(took < 1000.0 * AT_ONCE.as_secs_f64(), "the page took {took} ms");
+    assert!(took < 1000.0 * PROMISED.as_secs_f64(), "the page took {took} ms");
     println!("{JOBS} jobs: listed {took:.0} ms after the page was asked for");
     page.until("all are counted", "document.querySelector('main').innerText.includes('of 100,000 jobs')");
 
     let newest = page.until("the newest job", first);
     for (press, is_so) in [("Older", "!=="), ("Newer", "===")] {
         let (_, took) = page.timed(|page| {
-            page.press_named(press);
+            page.click_named(press);
             page.until("another page", &format!("{first} {is_so} {newest}"));
         });
-        assert!(took < AT_ONCE, "{press} took {took:?}");
+        assert!(took < PROMISED, "{press} took {took:?}");
     }
     let (_, took) = page.timed(|page| {
         page.write("Point", "123");
         page.until("jobs of one point", "find.rows('100 jobs')?.every((row) => row[2] === '123')");
     });
-    assert!(took < AT_ONCE, "the filter took {took:?}");
+    assert!(took < PROMISED, "the filter took {took:?}");
     page.choose("State", "running");
     page.until("none runs", "find.rows('0 jobs')");
-    let complaints = page.complaints();
-    assert!(complaints.is_empty(), "{complaints:?}");
+    let errors = page.errors();
+    assert!(errors.is_empty(), "{errors:?}");
 }

@@ -1,4 +1,4 @@
-//! What modules of the dashboard work out, where it needs no page: asked in the browser that runs them.
+//! Functions of the dashboard's modules, called in the browser.
 
 use serde_json::{Value, json};
 
@@ -6,7 +6,7 @@ use super::page::Page;
 use super::plots::numbers;
 use super::support::Home;
 
-/// A server and an open page that can import modules from it.
+/// A server and an open page that imports modules.
 fn opened() -> (Home, super::support::Process, Page) {
     let home = Home::new();
     let server = home.serve();
@@ -16,13 +16,13 @@ fn opened() -> (Home, super::support::Process, Page) {
 }
 
 #[test]
-fn a_mean_is_taken_of_all_trials_or_not_at_all() {
+fn a_mean_needs_a_value_of_every_trial() {
     let (_home, _server, mut page) = opened();
     let group = json!({"name": "a", "replicates": [
         {"t_s": [0.0, 1.0, 2.0], "values": [0.0, 2.0, 4.0], "partial": false},
         {"t_s": [0.0, 1.0, 2.0, 3.0], "values": [0.0, 1.0, 2.0, 3.0], "partial": false},
         {"t_s": [0.0], "values": [100.0], "partial": true}]});
-    let mut of = |name: &str| -> (Vec<f64>, Vec<f64>, Vec<String>) {
+    let mut band = |name: &str| -> (Vec<f64>, Vec<f64>, Vec<String>) {
         let plot = format!(
             "import('/dashboard/plots/curves.js').then(({{ bandPlot }}) => bandPlot([{group}], '{name}', 'kg'))
                 .then(({{ traces, table }}) => [traces[2].x, traces[2].y, [...table().tBodies[0].rows[0].cells].map((cell) => cell.textContent)])"
@@ -30,11 +30,11 @@ fn a_mean_is_taken_of_all_trials_or_not_at_all() {
         let [x, y, row]: [Value; 3] = page.value(&plot);
         (numbers(&x), numbers(&y), serde_json::from_value(row).unwrap())
     };
-    // What is out stays out; a rate is over with its run.
-    let (x, y, row) = of("discharged_mass");
+    // Discharged mass stays constant after a run; a rate ends with it.
+    let (x, y, row) = band("discharged_mass");
     assert_eq!((x, y), (vec![0.0, 1.0, 2.0, 3.0], vec![0.0, 1.5, 3.0, 3.5]));
     assert_eq!(row, ["a", "2", "3.5"], "each trial's last value, of those that have ended");
-    let (x, y, row) = of("mass_rate");
+    let (x, y, row) = band("mass_rate");
     assert_eq!((x, y), (vec![0.0, 1.0, 2.0], vec![0.0, 1.5, 3.0]));
     assert_eq!(row, ["a", "2", "3.5"]);
 }
@@ -65,12 +65,12 @@ fn linked_fields_stay_linked() {
 }
 
 #[test]
-fn what_fails_is_tried_again_and_made_once() {
+fn temporary_failures_are_retried_with_the_same_idempotency_key() {
     let (_home, _server, mut page) = opened();
     let tried = |error: &str, until: &str| {
         format!(
-            "import('/dashboard/api.js').then(({{ once }}) => new Promise((done) => {{ let n = 0; const told = [];
-                once(async () => {{ if (++n < 3) throw {error}; }}, (error) => (told.push(error?.message ?? null), ({until}) && done(told)), 0.01)('key'); }}))"
+            "import('/dashboard/api.js').then(({{ runLatest }}) => new Promise((done) => {{ let n = 0; const told = [];
+                runLatest(async () => {{ if (++n < 3) throw {error}; }}, (error) => (told.push(error?.message ?? null), ({until}) && done(told)), 0.01)('key'); }}))"
         )
     };
     let lost = "new Error('no answer')";
@@ -79,9 +79,9 @@ fn what_fails_is_tried_again_and_made_once() {
     let waited = "setTimeout(() => done(told), 200) && false";
     assert_eq!(page.value::<Value>(&tried(refused, waited)), json!(["no such job"]));
 
-    // An answer that was lost, the same again, one more of the same, and something else.
+    // A lost answer, its retry, the same body again, and two other bodies.
     let keys: Vec<String> = page.value(
-        "import('/dashboard/api.js').then(async ({ maker }) => { const keys = [], make = maker('/'), asked = window.fetch;
+        "import('/dashboard/api.js').then(async ({ idempotentPost }) => { const keys = [], make = idempotentPost('/'), asked = window.fetch;
             window.fetch = async (path, { headers }) => { keys.push(headers['idempotency-key']);
                 if (keys.length === 1 || keys.length === 4) throw new TypeError('lost'); return new Response('{}'); };
             for (const body of [1, 1, 1, 2, 3]) await make(body).catch(() => {});

@@ -1,4 +1,4 @@
-//! What a person does to a page and sees of it: parts are found by their labels and headings, pressed with the pointer, and read back.
+//! A page as a user operates it: elements are found by label or heading, clicked with the pointer, and read.
 
 use std::time::{Duration, Instant};
 
@@ -7,13 +7,13 @@ use serde_json::{Value, json};
 
 use super::chromium::Browser;
 
-/// Nothing that a page is to show takes longer, even on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(90);
+/// Timeout of `until`, long enough for a busy machine.
+const TIMEOUT: Duration = Duration::from_secs(90);
 
-/// How long the pointer rests before it presses.
+/// Time that the pointer rests before a click.
 const HOVER: Duration = Duration::from_millis(80);
 
-/// Finds parts of a page (`find`), and looks at it as a whole (`audit`).
+/// Defines `find` and `audit` in every page.
 const SCRIPT: &str = concat!(include_str!("find.js"), include_str!("audit.js"));
 
 /// A page of the dashboard at this address.
@@ -23,17 +23,17 @@ pub(crate) struct Page {
 }
 
 impl Page {
-    /// A browser that has opened nothing yet.
+    /// Starts a browser with an empty page.
     pub(crate) fn new(address: &str) -> Self {
         Self { browser: Browser::start(1280, 900, SCRIPT), address: address.to_owned() }
     }
 
-    /// Goes to a path and waits for nothing.
+    /// Navigates to a path without waiting.
     pub(crate) fn go(&mut self, path: &str) {
         self.browser.call("Page.navigate", json!({"url": format!("{}{path}", self.address)}));
     }
 
-    /// Opens a path and waits until it has its heading; says how long that took.
+    /// Opens a path, waits for its heading, and returns the time that took.
     pub(crate) fn open(&mut self, path: &str) -> Duration {
         let started = Instant::now();
         self.go(path);
@@ -41,43 +41,43 @@ impl Page {
         started.elapsed()
     }
 
-    /// The value of an expression on the page; what it throws fails the test.
+    /// Evaluates an expression on the page; panics when it throws.
     pub(crate) fn value<T: DeserializeOwned>(&mut self, expression: &str) -> T {
         let value = self.evaluate(expression).unwrap_or_else(|error| panic!("{expression}: {error}"));
         serde_json::from_value(value.clone())
             .unwrap_or_else(|error| panic!("{expression} is {value}: {error}"))
     }
 
-    /// Asks until an expression is true in JavaScript's sense, and returns its value. That it cannot be told yet is no failure.
+    /// Evaluates an expression until it is truthy, and returns its value. It may throw meanwhile.
     pub(crate) fn until(&mut self, what: &str, expression: &str) -> Value {
         let started = Instant::now();
-        // An element is there or not; it cannot be sent.
-        let asked = format!(
+        // An element cannot be sent: true takes its place.
+        let script = format!(
             "(async (value) => ((value = await value) instanceof Node ? true : value))({expression})"
         );
         loop {
-            let last = self.evaluate(&asked);
+            let last = self.evaluate(&script);
             if let Ok(value) = &last
                 && ![json!(null), json!(false), json!(0), json!("")].contains(value)
             {
                 return value.clone();
             }
-            if started.elapsed() > PATIENCE {
+            if started.elapsed() > TIMEOUT {
                 let seen: String = self.value("document.body.innerText");
-                panic!("waited in vain: {what}: {expression} is {last:?}\n{:?}\n{seen}", self.complaints());
+                panic!("timed out: {what}: {expression} is {last:?}\n{:?}\n{seen}", self.errors());
             }
             std::thread::sleep(Duration::from_millis(20));
         }
     }
 
-    /// Presses the middle of what an expression finds, with the pointer.
-    pub(crate) fn press(&mut self, element: &str) {
+    /// Clicks the middle of the element that an expression finds.
+    pub(crate) fn click(&mut self, element: &str) {
         let (x, y) = self.middle(element);
-        self.press_at(x, y);
+        self.click_at(x, y);
     }
 
-    /// Presses a place of the window, where the pointer rests a moment first: plots look what is under it.
-    pub(crate) fn press_at(&mut self, x: f64, y: f64) {
+    /// Clicks a place of the window. The pointer rests there first, so that plots find the point under it.
+    pub(crate) fn click_at(&mut self, x: f64, y: f64) {
         self.pointer("mouseMoved", false, x, y);
         std::thread::sleep(HOVER);
         for kind in ["mousePressed", "mouseReleased"] {
@@ -92,18 +92,18 @@ impl Page {
         }
     }
 
-    /// Does something, and says how long it took.
+    /// Runs `act` and measures the time that it takes.
     pub(crate) fn timed<T>(&mut self, act: impl FnOnce(&mut Self) -> T) -> (T, Duration) {
         let started = Instant::now();
         (act(self), started.elapsed())
     }
 
-    /// Presses the button or link that is called so.
-    pub(crate) fn press_named(&mut self, name: &str) {
-        self.press(&format!("find.control({})", json!(name)));
+    /// Clicks the button or link with this name.
+    pub(crate) fn click_named(&mut self, name: &str) {
+        self.click(&format!("find.control({})", json!(name)));
     }
 
-    /// Drags from one share of an element's box to another, each (across, down).
+    /// Drags between two places of an element, each as shares of its width and height.
     pub(crate) fn drag(&mut self, element: &str, from: (f64, f64), to: (f64, f64)) {
         let [x, y, width, height]: [f64; 4] = self.value(&format!("find.place({element})"));
         let at = |(across, down): (f64, f64)| (x + across * width, y + down * height);
@@ -119,14 +119,14 @@ impl Page {
         self.browser.call("Input.dispatchMouseEvent", event);
     }
 
-    /// The middle of an element, brought into view; it must not lie under another.
+    /// Scrolls to an element and returns its middle, once no other element covers it.
     fn middle(&mut self, element: &str) -> (f64, f64) {
-        self.until(&format!("{element} can be pressed"), &format!("find.isFree({element})"));
+        self.until(&format!("{element} can be clicked"), &format!("find.isFree({element})"));
         let [x, y, width, height]: [f64; 4] = self.value(&format!("find.place({element})"));
         (x + width / 2.0, y + height / 2.0)
     }
 
-    /// Writes into the field of this label, in place of what is there, and leaves it.
+    /// Replaces the text of the field with this label, and leaves the field.
     pub(crate) fn write(&mut self, label: &str, text: &str) {
         let found = format!("find.field({})", json!(label));
         self.until(&format!("there is a field {label}"), &format!("Boolean({found})"));
@@ -135,7 +135,7 @@ impl Page {
         self.value::<()>(&format!("({found}.blur(), null)"));
     }
 
-    /// Chooses an option of the list of this label: such lists open outside the page, where no pointer of ours comes.
+    /// Chooses an option of the select element with this label, by script: its list opens outside the page.
     pub(crate) fn choose(&mut self, label: &str, value: &str) {
         let found = format!("find.field({})", json!(label));
         self.until(
@@ -148,28 +148,28 @@ impl Page {
         ));
     }
 
-    /// Looks at labels, roles and contrast: a line for each fault.
+    /// Checks names, roles and contrast: a line for each fault.
     pub(crate) fn audit(&mut self) -> Vec<String> {
         self.value("audit()")
     }
 
-    /// Goes to a theme, as its menu does.
+    /// Chooses a theme.
     pub(crate) fn theme(&mut self, theme: &str) {
         self.choose("Theme", theme);
         self.until("the theme is there", &format!("document.documentElement.dataset.theme === '{theme}'"));
     }
 
-    /// Leaves the page, as for another tab or another page, or comes back to it as it was.
-    pub(crate) fn look_away(&mut self, is_away: bool) {
-        let event = if is_away { "pagehide" } else { "pageshow" };
+    /// Hides the page, as another tab does, or shows it again.
+    pub(crate) fn set_hidden(&mut self, is_hidden: bool) {
+        let event = if is_hidden { "pagehide" } else { "pageshow" };
         self.value::<()>(&format!(
-            "(Object.defineProperty(document, 'hidden', {{ value: {is_away}, configurable: true }}),
+            "(Object.defineProperty(document, 'hidden', {{ value: {is_hidden}, configurable: true }}),
               document.dispatchEvent(new Event('visibilitychange')), dispatchEvent(new Event('{event}')), null)"
         ));
     }
 
-    /// What was logged as wrong since this was last asked, on any page: faults of scripts, what the policy refused, requests that failed.
-    pub(crate) fn complaints(&mut self) -> Vec<String> {
+    /// Errors and warnings in the log since the last call, on any page: exceptions, refusals of the policy, failed requests.
+    pub(crate) fn errors(&mut self) -> Vec<String> {
         let mut all: Vec<String> = Vec::new();
         for event in self.browser.events("Runtime.exceptionThrown") {
             all.push(event["exceptionDetails"].to_string());

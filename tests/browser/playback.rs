@@ -1,4 +1,4 @@
-//! Playback of a job: frames move, scrub and turn; what is drawn is what the run had.
+//! Playback of a job: frames play, step and turn, with the sub-particles of the run.
 
 use std::time::Duration;
 
@@ -25,23 +25,23 @@ pub(crate) fn plays(home: &Home, page: &mut Page, sweep: &str) -> String {
     let subparticles: Value = page.value("Number(document.querySelector('canvas').dataset.subparticles)");
     assert_eq!(subparticles.as_u64(), result["performance"]["subparticles"].as_u64());
 
-    // Who changes the speed goes on from where the picture is.
+    // A change of speed continues from the same frame.
     page.choose("Speed", "0.1");
-    page.press_named("Play");
+    page.click_named("Play");
     std::thread::sleep(Duration::from_millis(1500));
     let (before, after): (u64, u64) = page.value(&format!(
         "new Promise((told) => {{ const before = {SHOWN}, speed = find.field('Speed'); speed.value = '1';
             speed.dispatchEvent(new Event('change')); setTimeout(() => told([before, {SHOWN}]), 100); }})"
     ));
     assert!(after < before + 15, "from frame {before} to {after} at once");
-    page.press_named("Pause");
+    page.click_named("Pause");
     page.value::<()>(&format!("(({line}.value = 0), {line}.dispatchEvent(new Event('input')), null)"));
     page.until("the first frame again", &format!("{SHOWN} === 0 || null"));
 
-    page.press_named("Play");
+    page.click_named("Play");
     let moved = page.until("it plays", &format!("{SHOWN} > 2 && {SHOWN}")).as_u64().unwrap();
     page.until("it plays on", &format!("{SHOWN} > {moved}"));
-    page.press_named("Pause");
+    page.click_named("Pause");
     let simulated: f64 = page.value("Number(document.querySelector('canvas').dataset.simulated_s)");
     assert!(simulated > 0.0);
     assert!(
@@ -49,7 +49,7 @@ pub(crate) fn plays(home: &Home, page: &mut Page, sweep: &str) -> String {
         "no frame time"
     );
 
-    // Keys, the time line, and what the picture is made of.
+    // Keys, the time line and the image.
     let before: u64 = page.value(SHOWN);
     page.value::<()>("(document.querySelector('canvas').focus(), null)");
     page.key(".");
@@ -66,14 +66,14 @@ pub(crate) fn plays(home: &Home, page: &mut Page, sweep: &str) -> String {
     assert_eq!(before, "speed");
     let (from, to) = ((0.5, 0.5), (0.7, 0.6));
     page.drag("document.querySelector('canvas')", from, to);
-    page.press_named("Play");
-    page.press_named("Pause");
+    page.click_named("Play");
+    page.click_named("Pause");
     let view: String = page.value("new URLSearchParams(location.search).get('view')");
     assert!(!view.starts_with("-1.10,0.35"), "the view has not turned: {view}");
     id
 }
 
-/// How many different colours the canvas has: it is drawn into a picture of the page's own, within the frame that it is drawn in.
+/// The number of different colours on the canvas, which is copied before the browser clears it.
 fn colours(page: &mut Page) -> usize {
     page.value(
         "new Promise((told) => { const canvas = document.querySelector('canvas'); dispatchEvent(new Event('resize'));

@@ -1,4 +1,4 @@
-//! Every plot of a sweep's page, its data held against results, effects and series of the API.
+//! Every plot of a sweep's page, compared with results, effects and series of the API.
 
 use std::collections::BTreeMap;
 
@@ -11,8 +11,8 @@ use super::text;
 
 const RESPONSE: &str = "mean_rate_kg_s";
 
-/// All plots of the page.
-pub(crate) fn hold_what_the_api_says(home: &Home, page: &mut Page, id: &str) {
+/// Compares all plots of the page with the API.
+pub(crate) fn match_the_api(home: &Home, page: &mut Page, id: &str) {
     page.open(&format!("/sweeps/{id}?response={RESPONSE}&map=regime%3Dconstant&x={GATE}&y={BELT}"));
     page.until("the last plot is drawn", "find.plot('Curves')");
     let results = home.get(&format!("/v1/sweeps/{id}/results?by=point"));
@@ -39,29 +39,29 @@ pub(crate) fn hold_what_the_api_says(home: &Home, page: &mut Page, id: &str) {
     }
 }
 
-/// A click on a trial opens its job, one on a line of the parallel coordinates the jobs of its design point.
-pub(crate) fn lead_to_jobs(home: &Home, page: &mut Page, id: &str) {
+/// A click on a trial opens its job; a click on a line of the parallel coordinates opens the jobs of its design point.
+pub(crate) fn clicks_open_jobs(home: &Home, page: &mut Page, id: &str) {
     let path = format!("/sweeps/{id}?response={RESPONSE}&x={GATE}&y={BELT}");
     page.open(&path);
     page.until(
         "trials are drawn",
         "find.card('Response against factor').querySelector('.scatterlayer .point')",
     );
-    stands_still(page, "find.card('Response against factor')");
-    // The trial that is farthest from any other mark; trials are the small ones.
+    wait_until_still(page, "find.card('Response against factor')");
+    // The trial that is farthest from all other marks; marks of trials are small.
     let alone = "(() => { const card = find.card('Response against factor'); card.scrollIntoView({ block: 'center', behavior: 'instant' });
         const all = [...card.querySelectorAll('.scatterlayer .point')].map((one) => one.getBoundingClientRect()).map((box) => [box.x + box.width / 2, box.y + box.height / 2, box.width]);
-        const room = ([x, y]) => Math.min(...all.map((other) => Math.hypot(other[0] - x, other[1] - y)).filter((far) => far > 0));
-        const [x, y] = all.filter(([, , width]) => width < 7).sort((a, b) => room(b) - room(a))[0]; return [x, y]; })()";
+        const distance = ([x, y]) => Math.min(...all.map((other) => Math.hypot(other[0] - x, other[1] - y)).filter((far) => far > 0));
+        const [x, y] = all.filter(([, , width]) => width < 7).sort((a, b) => distance(b) - distance(a))[0]; return [x, y]; })()";
     let (x, y): (f64, f64) = page.value(alone);
-    page.press_at(x, y);
+    page.click_at(x, y);
     let there =
         page.until("a job's page", "location.pathname.startsWith('/jobs/') && location.pathname.slice(6)");
     let job = home.get(&format!("/v1/jobs/{}", text(&there)));
     assert_eq!(job["sweep_id"], id);
     page.open(&path);
     page.until("lines are drawn", "document.querySelector('.coordinates path')");
-    stands_still(page, "document.querySelector('.coordinates')");
+    wait_until_still(page, "document.querySelector('.coordinates')");
     // A place on a line that no other line crosses.
     let free = "(() => { const figure = document.querySelector('.coordinates'); figure.scrollIntoView({ block: 'center', behavior: 'instant' });
         for (const line of figure.querySelectorAll('path')) for (let share = 0.05; share < 1; share += 0.05) {
@@ -69,8 +69,9 @@ pub(crate) fn lead_to_jobs(home: &Home, page: &mut Page, id: &str) {
             if (document.elementFromPoint(at.x, at.y) === line) return [at.x, at.y];
         } })()";
     let (x, y): (f64, f64) = page.value(free);
-    page.press_at(x, y);
-    let query = page.until("its jobs side by side", "location.pathname === '/compare' && location.search");
+    page.click_at(x, y);
+    let query =
+        page.until("the comparison of its jobs", "location.pathname === '/compare' && location.search");
     let point = |id: &str| home.get(&format!("/v1/jobs/{id}"))["point"].clone();
     let ids: Vec<&str> = text(&query).trim_start_matches("?jobs=").split(&[',', '%'][..]).collect();
     assert!(
@@ -79,8 +80,8 @@ pub(crate) fn lead_to_jobs(home: &Home, page: &mut Page, id: &str) {
     );
 }
 
-/// Waits until all is drawn and an element has not moved for a while: plots that come later push down what is below them.
-fn stands_still(page: &mut Page, element: &str) {
+/// Waits until all plots are drawn and an element has not moved for a second: later plots push it down.
+fn wait_until_still(page: &mut Page, element: &str) {
     let still = format!(
         "(() => {{ const top = {element}.getBoundingClientRect().top + scrollY, now = performance.now();
             if (window.stood?.top !== top) window.stood = {{ top, since: now }};
@@ -96,7 +97,7 @@ fn drawn(page: &mut Page, title: &str) -> Vec<Value> {
     page.value(&what)
 }
 
-/// Numbers of an array; NaN for what is none.
+/// Numbers of an array; NaN for other values.
 pub(crate) fn numbers(values: &Value) -> Vec<f64> {
     values
         .as_array()
@@ -189,7 +190,7 @@ fn effects(traces: &[Value], effects: &Value) {
     }
 }
 
-/// What is fitted by least squares leaves rests that are orthogonal to every term of the fit, whoever solves it.
+/// The residuals of a least-squares fit are orthogonal to each of its terms.
 fn surface(traces: &[Value], points: &[Value]) {
     let measured = pairs(&traces[1]["x"], &traces[1]["y"]);
     let mut expected: Vec<_> = points.iter().map(|row| (at(row, GATE), at(row, BELT))).collect();
@@ -205,7 +206,7 @@ fn surface(traces: &[Value], points: &[Value]) {
         close(*found, value, "a level on the surface's grid");
         i
     };
-    let rests: Vec<(f64, f64, f64)> = points
+    let residuals: Vec<(f64, f64, f64)> = points
         .iter()
         .map(|row| {
             let (x, y) = (at(row, GATE), at(row, BELT));
@@ -213,17 +214,17 @@ fn surface(traces: &[Value], points: &[Value]) {
             ((x - 0.055) / 0.01, (y - 0.25) / 0.1, summary(row).0 - fitted)
         })
         .collect();
-    let size: f64 = rests.iter().map(|(_, _, rest)| rest.abs()).sum();
+    let size: f64 = residuals.iter().map(|(_, _, residual)| residual.abs()).sum();
     let terms: [fn(f64, f64) -> f64; 6] =
         [|_, _| 1.0, |x, _| x, |_, y| y, |x, _| x * x, |x, y| x * y, |_, y| y * y];
     for term in terms {
-        let along: f64 = rests.iter().map(|(x, y, rest)| rest * term(*x, *y)).sum();
+        let along: f64 = residuals.iter().map(|(x, y, residual)| residual * term(*x, *y)).sum();
         assert!(along.abs() < 1e-9 * size.max(1.0), "{along} of {size}");
     }
-    assert!(size > 0.0, "a surface of six terms through nine measured points leaves something");
+    assert!(size > 0.0, "a surface of six terms through nine measured points leaves residuals");
 }
 
-/// Lines pass the axes where the values of their design point are; limits keep those that pass.
+/// Lines cross the axes at the values of their design point; limits select lines.
 fn coordinates(page: &mut Page, points: &[Value]) {
     let lines: Vec<String> = page
         .value("[...document.querySelectorAll('.coordinates path')].map((path) => path.getAttribute('d'))");
@@ -249,16 +250,16 @@ fn coordinates(page: &mut Page, points: &[Value]) {
     // The lower half of the second axis.
     page.drag("document.querySelectorAll('.coordinates .hit')[1]", (0.5, 0.99), (0.5, 0.6));
     assert_eq!(page.value::<usize>(count), points.iter().filter(|row| at(row, BELT) < 0.2).count());
-    page.press("document.querySelectorAll('.coordinates .hit')[1]");
+    page.click("document.querySelectorAll('.coordinates .hit')[1]");
     assert_eq!(page.value::<usize>(count), points.len());
-    // The same in numbers, for those who do not point.
-    page.press("find.card('Parallel coordinates').querySelector('summary')");
+    // The same limits entered as numbers.
+    page.click("find.card('Parallel coordinates').querySelector('summary')");
     let middle = (low + high) / 2.0;
     page.write("mean rate (kg/s): from", &middle.to_string());
     assert_eq!(page.value::<usize>(count), means.iter().filter(|mean| **mean >= middle).count());
 }
 
-/// Bands of the trials of each design point: least, greatest and mean at every time.
+/// Bands of the trials of each design point: minimum, maximum and mean at every time.
 fn curves(traces: &[Value], home: &Home, id: &str, series: &str) {
     let trials = home.get(&format!("/v1/sweeps/{id}/results"));
     let mut groups: BTreeMap<u64, Vec<BTreeMap<u64, f64>>> = BTreeMap::new();

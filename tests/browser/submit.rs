@@ -1,4 +1,4 @@
-//! From the form to a sweep that grows: faults are told where they were made, progress shows without a reload.
+//! From the form to a sweep and its extension: faults show at their fields, progress shows without a reload.
 
 use serde_json::{Value, json};
 
@@ -11,36 +11,38 @@ pub(crate) const BELT: &str = "/equipment/belt_speed_m_s";
 pub(crate) const POINTS: u64 = 9;
 
 #[test]
-fn what_is_no_sweep_is_refused_and_not_kept() {
+fn invalid_sweeps_are_refused_and_not_saved_as_draft() {
     let home = Home::new();
     let _server = home.serve();
     let mut page = Page::new(&home.address);
     page.open("/submit");
-    page.until("the form says what it would cost", "find.control('Submit 1 job')");
-    page.press_named("As JSON");
-    for (text, told) in
-        [("[1]", "no sweep"), ("{", "no JSON"), (r#"{"base": {}, "design": {}, "factors": [7]}"#, "factors")]
-    {
+    page.until("the form shows an estimate", "find.control('Submit 1 job')");
+    page.click_named("As JSON");
+    for (text, message) in [
+        ("[1]", "not a sweep"),
+        ("{", "not valid JSON"),
+        (r#"{"base": {}, "design": {}, "factors": [7]}"#, "factors"),
+    ] {
         page.write("The sweep as JSON", text);
-        page.until("it is refused", &format!("find.control('Submit 1 job') === undefined && document.querySelector('.fault').textContent.includes('{told}')"));
+        page.until("it is refused", &format!("find.control('Submit 1 job') === undefined && document.querySelector('.fault').textContent.includes('{message}')"));
     }
     page.open("/submit");
     page.until("the draft from before", "find.control('Submit 1 job')");
-    assert!(page.complaints().is_empty());
+    assert!(page.errors().is_empty());
 }
 
-/// Fills the form in and submits; returns the sweep, whose page is then open.
-pub(crate) fn by_the_form(home: &Home, page: &mut Page) -> String {
+/// Fills in the form and submits it. Returns the id of the sweep, whose page is then open.
+pub(crate) fn submit_by_form(home: &Home, page: &mut Page) -> String {
     page.open("/submit");
-    page.until("the form says what it would cost", "find.control('Submit 1 job')");
+    page.until("the form shows an estimate", "find.control('Submit 1 job')");
     page.write("Gate opening", "0.05, 7");
-    let told = page.until("the fault stands at its field", "find.field('Gate opening').ariaInvalid && find.field('Gate opening').closest('label').querySelector('.wrong').textContent");
-    assert!(text(&told).contains('7'), "{told}");
+    let fault = page.until("the fault shows at its field", "find.field('Gate opening').ariaInvalid && find.field('Gate opening').closest('label').querySelector('.wrong').textContent");
+    assert!(text(&fault).contains('7'), "{fault}");
     assert!(
         page.value::<bool>("find.control('Submit 1 job') === undefined"),
         "a faulty sweep can be submitted"
     );
-    page.press_named("numerics, stop");
+    page.click_named("numerics, stop");
     page.write("Name", "gate by belt");
     page.write("Replicates", "2");
     for (label, value) in [
@@ -57,9 +59,9 @@ pub(crate) fn by_the_form(home: &Home, page: &mut Page) -> String {
         page.write(label, value);
     }
     page.write("Frames every", "0.05");
-    page.until("the form says what it would cost", "find.control('Submit 18 jobs')");
-    assert!(page.complaints().iter().all(|line| line.contains("/v1/validate") && line.contains("422")));
-    page.press_named("Submit 18 jobs");
+    page.until("the form shows an estimate", "find.control('Submit 18 jobs')");
+    assert!(page.errors().iter().all(|line| line.contains("/v1/validate") && line.contains("422")));
+    page.click_named("Submit 18 jobs");
     let path = page.until(
         "the page of the sweep",
         "/^.sweeps.[0-9a-f-]{36}$/.test(location.pathname) && location.pathname",
@@ -72,8 +74,8 @@ pub(crate) fn by_the_form(home: &Home, page: &mut Page) -> String {
     id
 }
 
-/// Watches the open page of a sweep until it is done: progress comes in steps, and by itself.
-pub(crate) fn gets_on_before_ones_eyes(page: &mut Page) {
+/// Watches the page of a sweep until its end: progress shows in steps, without a reload.
+pub(crate) fn progress_shows_without_reload(page: &mut Page) {
     page.value::<()>("(window.seen = true, null)");
     let mut seen = vec![0];
     while *seen.last().unwrap() < 100 {
@@ -86,33 +88,33 @@ pub(crate) fn gets_on_before_ones_eyes(page: &mut Page) {
     assert!(seen.len() > 4, "{seen:?}");
     assert!(page.value::<bool>("window.seen"), "the page was loaded again");
     page.until("the last state", "document.querySelector('main .state').textContent === 'succeeded'");
-    // Plots come by themselves too.
+    // Plots update without a reload too.
     page.until(
         "every design point is drawn",
         &format!("find.rows('{POINTS} points')?.every((row) => row[3] === '2/2')"),
     );
 }
 
-/// Adds a replicate: another page of the same sweep hears of it.
-pub(crate) fn grows(home: &Home, page: &mut Page, id: &str) {
+/// Extends a sweep twice, on its page and by the command; the page shows both.
+pub(crate) fn extensions_show(home: &Home, page: &mut Page, id: &str) {
     page.open(&format!("/sweeps/{id}"));
-    page.until("what can be done to it", "find.control('Extend')");
-    page.press_named("Extend");
+    page.until("its actions", "find.control('Extend')");
+    page.click_named("Extend");
     page.write("More replicates of every point", "1");
-    page.press_named("Extend");
+    page.click_named("Extend");
     page.until("there are more jobs", "document.querySelector('.facts').textContent.includes('× 3')");
     page.until("they are done", "find.rows('9 points')?.every((row) => row[3] === '3/3')");
     assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["counts"]["succeeded"], 27);
-    // Somebody else adds one more.
+    // The command adds another replicate.
     let grown = home.roost(&["extend", id, "--replicates", "1"]);
     assert!(grown.status.success());
-    page.until("what others added shows", "document.querySelector('.facts').textContent.includes('× 4')");
+    page.until("the extension shows", "document.querySelector('.facts').textContent.includes('× 4')");
     page.until("all is done", "find.rows('9 points')?.every((row) => row[3] === '4/4')");
 }
 
-/// The form takes a sweep that is there as its draft.
-pub(crate) fn is_cloned(home: &Home, page: &mut Page, id: &str) {
-    page.press_named("Clone");
+/// The form takes an existing sweep as its draft.
+pub(crate) fn clone_fills_the_form(home: &Home, page: &mut Page, id: &str) {
+    page.click_named("Clone");
     page.until("the form has the levels", "find.field('Gate opening')?.value === '0.045, 0.055, 0.065'");
     let draft: Value = page.value("JSON.parse(document.querySelector('textarea').value)");
     let spec = home.get(&format!("/v1/sweeps/{id}/spec"));

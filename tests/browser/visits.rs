@@ -1,4 +1,4 @@
-//! Pages that are left and come back to, by people whose clocks may be wrong.
+//! Hidden pages, Swagger UI, and viewers with a wrong clock.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use super::support::{Home, scenario};
 use super::text;
 
 #[test]
-fn a_page_follows_while_it_is_seen() {
+fn a_hidden_page_stops_following_its_sweep() {
     let home = Home::new();
     let _server = home.serve();
     let mut page = Page::new(&home.address);
@@ -29,39 +29,39 @@ fn a_page_follows_while_it_is_seen() {
         std::thread::sleep(Duration::from_secs(1));
         page.value::<bool>(&shows(3))
     };
-    page.look_away(true);
-    assert!(!grow(&mut page), "a page that nobody sees keeps its stream");
-    page.look_away(false);
-    page.until("what happened meanwhile shows", &shows(3));
+    page.set_hidden(true);
+    assert!(!grow(&mut page), "a hidden page keeps its stream");
+    page.set_hidden(false);
+    page.until("the missed change shows", &shows(3));
     assert!(home.roost(&["extend", id, "--replicates", "1"]).status.success());
-    page.until("what happens shows again", &shows(4));
-    assert!(page.complaints().is_empty());
+    page.until("new changes show again", &shows(4));
+    assert!(page.errors().is_empty());
 }
 
 #[test]
-fn the_reader_of_the_specification_shows_it_under_its_policy() {
+fn swagger_ui_runs_under_the_content_security_policy() {
     let home = Home::new();
     let _server = home.serve();
     let mut page = Page::new(&home.address);
     page.go("/docs/");
     page.until("operations are listed", "document.querySelectorAll('.opblock').length > 30");
-    let complaints = page.complaints();
-    assert!(complaints.is_empty(), "{}", complaints.join("\n"));
+    let errors = page.errors();
+    assert!(errors.is_empty(), "{}", errors.join("\n"));
 }
 
 #[test]
-fn workers_are_there_whatever_the_viewers_clock_says() {
+fn workers_stay_connected_when_the_viewers_clock_is_wrong() {
     let home = Home::new();
     let _server = home.serve();
     let _worker = home.work("bench");
     let mut page = Page::new(&home.address);
     page.open("/workers");
-    let there = "find.rows('1 there')";
-    page.until("the worker is there", there);
+    let connected = "find.rows('1 connected')";
+    page.until("the worker is connected", connected);
     page.value::<()>("((Date.now = ((was) => () => was() + 3600e3)(Date.now)), null)");
-    // The page looks every five seconds.
+    // The page polls every five seconds.
     std::thread::sleep(Duration::from_secs(6));
-    page.until("the worker is there still", there);
-    let heard: String = page.value("find.rows('1 there')[0][11]");
-    assert!(heard == "now" || heard.contains(" s ago"), "last heard {heard}");
+    page.until("the worker is still connected", connected);
+    let heartbeat: String = page.value("find.rows('1 connected')[0][11]");
+    assert!(heartbeat == "now" || heartbeat.contains(" s ago"), "last heartbeat {heartbeat}");
 }

@@ -1,51 +1,54 @@
-// All sweeps, newest first: is it running, how far, what failed.
+// @ts-check
+// All sweeps, newest first, with state, progress and failures.
 
 import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
-import { ago, factor, many } from "../format.js";
-import { asked, counts, failures, fault, progress, remember, state, stateOfSweep, table, total } from "../parts.js";
+import { ago, factorLabel, plural } from "../format.js";
+import { parameter, counts, failures, errorBox, progress, setParameters, state, stateOfSweep, table, total } from "../parts.js";
 
+/** @type {Column<SweepView>[]} */
 const COLUMNS = [
   { title: "Sweep", is_text: true, cell: (sweep) => h("a", { href: `/sweeps/${sweep.id}` }, sweep.name) },
   { title: "State", cell: (sweep) => state(stateOfSweep(sweep.counts)) },
   { title: "Progress", cell: (sweep) => progress(sweep) },
   { title: "Done", is_number: true, cell: (sweep) => `${Math.floor(100 * sweep.fraction)} %` },
   { title: "Jobs", cell: (sweep) => h("span", { class: "row counts" }, counts(sweep.counts), failures(sweep, `/sweeps/${sweep.id}`)) },
-  { title: "All", is_number: true, cell: (sweep) => total(sweep.counts).toLocaleString("en") },
+  { title: "Total", is_number: true, cell: (sweep) => total(sweep.counts).toLocaleString("en") },
   { title: "Design", cell: (sweep) => `${sweep.design.replaceAll("_", " ")}, ${sweep.points.toLocaleString("en")} × ${sweep.replicates}` },
-  { title: "Factors", is_text: true, cell: (sweep) => sweep.factors.map((pointer) => factor(pointer, sweep.factors)).join(", ") },
+  { title: "Factors", is_text: true, cell: (sweep) => sweep.factors.map((pointer) => factorLabel(pointer, sweep.factors)).join(", ") },
   { title: "Submitted", cell: (sweep) => h("time", { datetime: sweep.submitted_at }, ago(sweep.submitted_at)) },
 ];
 
+/** @param {HTMLElement} main */
 export function show(main) {
   document.title = "Sweeps · Roost";
-  const list = h("div", { class: "wide" });
-  const trouble = h("div");
-  const label = h("input", { id: "label", type: "search", placeholder: "key or key=value", value: asked("label") ?? "", onchange: () => look() });
+  const rows = h("div", { class: "wide" }), errors = h("div");
+  const label = h("input", { id: "label", type: "search", placeholder: "key or key=value", value: parameter("label") ?? "", onchange: () => void list([null]) });
   main.append(
     h("div", { class: "row spread" }, h("h1", {}, "Sweeps"),
       h("div", { class: "row" }, h("label", { class: "field" }, "Label", label), h("a", { href: "/submit" }, "Submit a sweep"))),
-    trouble, h("section", { class: "card" }, list));
-  let cursors = [null], end = () => {};
-  const turn = (to) => ((cursors = to), look(true));
-  const look = (is_turn = false) => {
-    end();
-    if (!is_turn) cursors = [null];
-    remember({ label: label.value });
-    const query = new URLSearchParams({ limit: 50 });
+    errors, h("section", { class: "card" }, rows));
+  /** @type {(string | null)[]} */
+  let cursors = [null];
+  let stop = () => {};
+  const list = (/** @type {(string | null)[]} cursors up to the page */ to) => {
+    cursors = to;
+    stop();
+    setParameters({ label: label.value });
+    const query = new URLSearchParams({ limit: "50" }), cursor = cursors.at(-1);
     if (label.value) query.set("label", label.value);
-    if (cursors.at(-1)) query.set("cursor", cursors.at(-1));
-    end = poll(`/v1/sweeps?${query}`, 2, draw, (error) => fill(trouble, error ? fault(error) : []));
+    if (cursor) query.set("cursor", cursor);
+    stop = poll(`/v1/sweeps?${query}`, 2, draw, (error) => fill(errors, error ? errorBox(error) : []));
   };
-  const draw = (page) => {
+  const draw = (/** @type {Page<SweepView>} */ page) => {
     if (page.items.length === 0 && cursors.length === 1) {
-      fill(list, h("p", {}, "No sweeps yet. ", h("a", { href: "/submit" }, "Submit one"), ", or ", h("code", {}, "roost submit sweep.json"), "."));
+      fill(rows, label.value ? h("p", {}, "No sweep has this label.") : h("p", {}, "No sweeps yet. ", h("a", { href: "/submit" }, "Submit a sweep"), " here, or run ", h("code", {}, "roost submit sweep.json"), "."));
       return;
     }
-    fill(list, table(`${many(page.items.length, "sweep")}, newest first`, COLUMNS, page.items),
+    fill(rows, table(`${plural(page.items.length, "sweep")}, newest first`, COLUMNS, page.items),
       h("div", { class: "row" },
-        h("button", { id: "newer", disabled: cursors.length === 1, onclick: () => turn(cursors.slice(0, -1)) }, "Newer"),
-        h("button", { id: "older", disabled: !page.next_cursor, onclick: () => turn([...cursors, page.next_cursor]) }, "Older")));
+        h("button", { id: "newer", disabled: cursors.length === 1, onclick: () => list(cursors.slice(0, -1)) }, "Newer"),
+        h("button", { id: "older", disabled: !page.next_cursor, onclick: () => list([...cursors, page.next_cursor ?? null]) }, "Older")));
   };
-  look();
+  list(cursors);
 }

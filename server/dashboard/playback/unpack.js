@@ -1,23 +1,25 @@
-// A thread of its own that unpacks frames (docs/frames.md), so that the page stays smooth.
+// @ts-check
+// Thread that unpacks frames (docs/frames.md), so that the page stays responsive.
 
-let starts = null;
+/** First serial number of each body's sub-particles, and their total at the end. */
+let starts = new Uint32Array(1);
 
 onmessage = async ({ data }) => {
   if (data.counts) {
-    // Serials number the sub-particles of all bodies, body by body.
     starts = new Uint32Array(data.counts.length + 1);
-    data.counts.forEach((count, i) => (starts[i + 1] = starts[i] + count));
+    data.counts.forEach((/** @type {number} */ count, /** @type {number} */ i) => (starts[i + 1] = starts[i] + count));
     return;
   }
   try {
-    const frame = await unpacked(data.chunk);
-    postMessage({ id: data.id, frame }, [frame.positions.buffer, frame.speeds.buffer, frame.bodies.buffer, frame.broken.buffer]);
+    const frame = await unpack(data.chunk);
+    postMessage({ id: data.id, frame }, { transfer: [frame.positions.buffer, frame.speeds.buffer, frame.bodies.buffer, frame.broken.buffer] });
   } catch (error) {
-    postMessage({ id: data.id, error: error.message });
+    postMessage({ id: data.id, error: /** @type {Error} */ (error).message });
   }
 };
 
-async function unpacked(chunk) {
+/** @param {ArrayBuffer} chunk */
+async function unpack(chunk) {
   const head = new DataView(chunk);
   const size = head.getUint32(4, true);
   const packed = new Blob([new Uint8Array(chunk, 32, size - 24)]);
@@ -43,14 +45,21 @@ async function unpacked(chunk) {
   return { simulated_s: head.getFloat64(8, true), t_s: head.getFloat64(16, true), count: N, top_m_s: top, positions, speeds, bodies, broken };
 }
 
-/** The body of every sub-particle, and how many of that body's bonds have broken. */
+/**
+ * The body of each sub-particle, and the number of broken bonds of that body.
+ * @param {Uint32Array} numbers of the bodies @param {Uint32Array} brokenOf each body @param {Uint32Array} lost serials of lost sub-particles
+ * @param {number} N
+ */
 function owners(numbers, brokenOf, lost, N) {
   const bodies = new Uint32Array(N), broken = new Float32Array(N);
   let i = 0, gone = 0;
   for (let b = 0; b < numbers.length; b++) {
     for (let serial = starts[numbers[b]]; serial < starts[numbers[b] + 1]; serial++) {
       if (lost[gone] === serial) gone++;
-      else [bodies[i], broken[i]] = [numbers[b], brokenOf[b]], i++;
+      else {
+        [bodies[i], broken[i]] = [numbers[b], brokenOf[b]];
+        i++;
+      }
     }
   }
   return { bodies, broken };

@@ -1,43 +1,59 @@
-// Curves over time: of one job, or of a sweep by design point, with the band that its replicates span.
+// @ts-check
+// Curves: of one job as lines, or of a sweep as the mean of each design point in the band of its replicates.
 
-import { number, titled } from "../format.js";
+import { number, labelOf } from "../format.js";
 import { table } from "../parts.js";
-import { ofShares, series, sheer } from "./plot.js";
+import { series, shareRange, transparent } from "./plot.js";
 
-/** Series and curves of a result. */
+/**
+ * Series and curves of a result.
+ * @param {RunResult} result @returns {(Series | Curve)[]}
+ */
 export const curvesOf = (result) => [...result.series, ...(result.curves ?? [])];
 
-/** What a curve is known by: a name may stand over time and over something else. */
-export const curveKey = (data) => `${data.name} over ${data.over ?? "time"}`;
+/**
+ * Identifies a series or curve: the same quantity may be given over time and over another quantity.
+ * @param {Series | Curve} data
+ */
+export const curveKey = (data) => `${data.name} over ${"over" in data ? data.over : "time"}`;
 
-/** What is counted is drawn as dots: nothing lies between two fillets. */
+/** @param {Series | Curve} data */
+const abscissa = (data) => ("t_s" in data ? data.t_s : data.x);
+
+/** Curves over these are drawn as dots, since there is no value between two bodies. */
 const COUNTED = ["fillet", "body"];
 
-/** A series or curve of a result, as lines; `name` is for the legend. */
+/**
+ * The same series or curve of one or more jobs.
+ * @param {Line[]} lines @returns {Plot}
+ */
 export function linePlot(lines) {
   const first = lines[0]?.data;
   if (!first) return { traces: [], layout: {}, table: () => "" };
-  const across = first.t_s ? "belt time (s)" : titled(first.over, first.over_unit);
+  const across = "t_s" in first ? "belt time (s)" : labelOf(first.over, first.over_unit);
   return {
     traces: lines.map(({ name, data, path }, i) => ({
-      type: "scatter", mode: COUNTED.includes(data.over) ? "markers" : "lines", name, x: data.t_s ?? data.x, y: data.values, line: { color: series(i), width: 1.6 },
+      type: "scatter", mode: "over" in data && COUNTED.includes(data.over) ? "markers" : "lines", name, x: abscissa(data), y: data.values, line: { color: series(i), width: 1.6 },
       customdata: path && data.values.map(() => path), hovertemplate: `%{x:.4g}, %{y:.4g}<extra>${name}</extra>`,
     })),
-    layout: { showlegend: lines.length > 1, xaxis: { title: { text: across } }, yaxis: { title: { text: titled(first.name, first.unit) }, ...ofShares(first.name, lines.flatMap(({ data }) => data.values)) } },
-    table: () => table(titled(first.name, first.unit), [
-      { title: across, is_number: true, cell: (i) => number((first.t_s ?? first.x)[i]) },
-      ...lines.map(({ name, data }) => ({ title: name, is_number: true, cell: (i) => number(data.values[i]) })),
+    layout: { showlegend: lines.length > 1, xaxis: { title: { text: across } }, yaxis: { title: { text: labelOf(first.name, first.unit) }, ...shareRange(first.name, lines.flatMap(({ data }) => data.values)) } },
+    table: () => table(labelOf(first.name, first.unit), [
+      { title: across, is_number: true, cell: (i) => number(abscissa(first)[i]) },
+      ...lines.map(({ name, data }) => ({ title: name, is_number: true, cell: (/** @type {number} */ i) => number(data.values[i]) })),
     ], first.values.map((_, i) => i).slice(0, 400)),
   };
 }
 
-/** What stays as it is when a run has ended: nothing comes out any more, and nothing breaks. */
-const KEPT = ["discharged_mass", "bonds_intact_fraction"];
+/** Series that keep their last value when a run has ended. */
+const CONSTANT_AFTER_END = ["discharged_mass", "bonds_intact_fraction"];
 
-/** The value of a sampled curve at a time; before its first sample nothing, and after its last one nothing or, where it is kept, that. */
-function at({ t_s, values }, t, is_kept) {
+/**
+ * The value of a sampled curve at time t, interpolated. Null before the first sample; after the last one, null or, with `is_constant`, the last value.
+ * @param {Replicate} replicate @param {number} t @param {boolean} is_constant
+ */
+function valueAt({ t_s, values }, t, is_constant) {
   if (t_s.length === 0 || t < t_s[0]) return null;
-  if (t > t_s.at(-1)) return is_kept ? values.at(-1) : null;
+  if (t > t_s[t_s.length - 1]) return is_constant ? values[values.length - 1] : null;
   let low = 0, high = t_s.length - 1;
   while (high - low > 1) {
     const middle = (low + high) >> 1;
@@ -48,45 +64,61 @@ function at({ t_s, values }, t, is_kept) {
   return values[low] + share * (values[high] - values[low]);
 }
 
-/** Replicates that a mean is taken of: those that have ended; before any has, those that run. */
-function counted(replicates) {
+/**
+ * The replicates of a mean: those that have ended, or the running ones before any has ended.
+ * @param {Replicate[]} replicates
+ */
+function averaged(replicates) {
   const ended = replicates.filter((one) => !one.partial);
   return ended.length ? ended : replicates;
 }
 
+/** @param {number[]} values */
 const meanOf = (values) => values.reduce((a, b) => a + b, 0) / values.length;
 
-/** The mean of replicates on the longest one's times, with least and greatest, as long as every one has a value: a mean of fewer would leap where one ends. */
-function band(replicates, is_kept) {
-  const longest = replicates.reduce((longest, { t_s }) => ((t_s.at(-1) ?? -Infinity) > (longest.at(-1) ?? -Infinity) ? t_s : longest), []);
-  const there = longest.map((t) => ({ t, values: replicates.map((one) => at(one, t, is_kept && !one.partial)) })).filter(({ values }) => !values.includes(null));
+/**
+ * Mean, minimum and maximum of replicates at the times of the longest one, where all of them have a value. A mean of fewer would jump where one ends.
+ * @param {Replicate[]} replicates @param {boolean} is_constant
+ */
+function band(replicates, is_constant) {
+  /** @type {number[]} */
+  const none = [];
+  const longest = replicates.reduce((longest, { t_s }) => ((t_s.at(-1) ?? -Infinity) > (longest.at(-1) ?? -Infinity) ? t_s : longest), none);
+  const common = longest.map((t) => ({ t, values: replicates.map((one) => valueAt(one, t, is_constant && !one.partial)).filter((value) => value !== null) }))
+    .filter(({ values }) => values.length === replicates.length);
   return {
-    t_s: there.map(({ t }) => t), mean: there.map(({ values }) => meanOf(values)),
-    low: there.map(({ values }) => Math.min(...values)), high: there.map(({ values }) => Math.max(...values)),
+    t_s: common.map(({ t }) => t), mean: common.map(({ values }) => meanOf(values)),
+    low: common.map(({ values }) => Math.min(...values)), high: common.map(({ values }) => Math.max(...values)),
   };
 }
 
-/** How the end of a band is meant, in words. */
-export const endOf = (name) => (KEPT.includes(name) ? "what has ended keeps its last value" : "means end with the first trial that ends");
+/**
+ * Explains the end of a band.
+ * @param {string} name
+ */
+export const explainEnd = (name) => (CONSTANT_AFTER_END.includes(name) ? "ended trials keep their last value" : "means stop where the first trial ends");
 
-/** Groups (`name`, `path` that a click leads to, `replicates`: series) as mean lines in bands. */
+/**
+ * Groups of trials as mean lines in bands.
+ * @param {Group[]} groups @param {string} name @param {string | null | undefined} unit @returns {Plot}
+ */
 export function bandPlot(groups, name, unit) {
   const traces = groups.flatMap((group, i) => {
-    const trials = counted(group.replicates), { t_s, mean, low, high } = band(trials, KEPT.includes(name)), ink = series(i);
-    const edge = { type: "scatter", mode: "lines", x: t_s, line: { width: 0, color: ink }, hoverinfo: "skip", showlegend: false, legendgroup: group.name };
+    const trials = averaged(group.replicates), { t_s, mean, low, high } = band(trials, CONSTANT_AFTER_END.includes(name)), color = series(i);
+    const edge = { type: "scatter", mode: "lines", x: t_s, line: { width: 0, color }, hoverinfo: "skip", showlegend: false, legendgroup: group.name };
     return [
       { ...edge, y: low },
-      { ...edge, y: high, fill: "tonexty", fillcolor: sheer(ink, 0.16) },
-      { type: "scatter", mode: "lines", name: group.name, legendgroup: group.name, x: t_s, y: mean, line: { color: ink, width: 1.6, dash: ["solid", "dash", "dot"][Math.floor(i / 8) % 3] },
+      { ...edge, y: high, fill: "tonexty", fillcolor: transparent(color, 0.16) },
+      { type: "scatter", mode: "lines", name: group.name, legendgroup: group.name, x: t_s, y: mean, line: { color, width: 1.6, dash: ["solid", "dash", "dot"][Math.floor(i / 8) % 3] },
         customdata: group.path && t_s.map(() => group.path), hovertemplate: `%{x:.3g} s: %{y:.4g}<extra>${group.name}, ${trials.length} trials</extra>` },
     ];
   });
   return {
-    traces, layout: { xaxis: { title: { text: "belt time (s)" } }, yaxis: { title: { text: titled(name, unit) }, ...ofShares(name, traces.flatMap(({ y }) => y)) }, legend: { orientation: "v", x: 1.01, y: 1, font: { size: 10 } } },
-    table: () => table(`${titled(name, unit)}: the last value of each trial`, [
+    traces, layout: { xaxis: { title: { text: "belt time (s)" } }, yaxis: { title: { text: labelOf(name, unit) }, ...shareRange(name, traces.flatMap(({ y }) => y)) }, legend: { orientation: "v", x: 1.01, y: 1, font: { size: 10 } } },
+    table: () => table(`${labelOf(name, unit)}: the last value of each trial`, [
       { title: "Design point", cell: (group) => group.name },
-      { title: "Trials", is_number: true, cell: (group) => counted(group.replicates).length },
-      { title: "Mean", is_number: true, cell: (group) => number(meanOf(counted(group.replicates).map(({ values }) => values.at(-1)))) },
+      { title: "Trials", is_number: true, cell: (group) => averaged(group.replicates).length },
+      { title: "Mean", is_number: true, cell: (group) => number(meanOf(averaged(group.replicates).map(({ values }) => values[values.length - 1]))) },
     ], groups),
   };
 }

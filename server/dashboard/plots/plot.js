@@ -1,31 +1,46 @@
-// plotly.js as pages use it: loaded when first needed, in the colours of the theme, with a table beneath for who cannot see or point.
-// Only traces that are drawn as SVG: those of WebGL need code from text, which the policy refuses.
+// @ts-check
+// Cards with plots of plotly.js, which is loaded on first use. Each has the theme's colours and, for screen readers, a table beneath.
+// Use SVG traces only: WebGL traces compile code from text, which the content security policy refuses.
 
 import { h } from "../dom.js";
 
-let loading = null;
+/** @type {Promise<any> | undefined} */
+let loading;
 
 function plotly() {
   loading ??= new Promise((loaded, failed) => {
     const script = h("script", { src: "/dashboard/plotly.min.js", onload: () => loaded(window.Plotly) });
-    script.addEventListener("error", () => failed(new Error("plotly.js did not load")));
+    script.addEventListener("error", () => failed(new Error("plotly.js could not be loaded")));
     document.head.append(script);
   });
   return loading;
 }
 
-/** A colour of the theme. */
+/**
+ * A colour of the theme.
+ * @param {string} name
+ */
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-/** Colours of lines, one after the other. */
+/**
+ * The colour of line i; there are eight.
+ * @param {number} i
+ */
 export const series = (i) => colour(`c${i % 8}`);
 
-/** A colour with opacity, 0 to 1. */
-export const sheer = (hex, opacity) => `${hex}${Math.round(255 * opacity).toString(16).padStart(2, "0")}`;
+/**
+ * A colour with opacity, 0 to 1.
+ * @param {string} hex @param {number} opacity
+ */
+export const transparent = (hex, opacity) => `${hex}${Math.round(255 * opacity).toString(16).padStart(2, "0")}`;
 
-/** An axis of these values, unless they are shares that are all alike: plotly.js would give 1 an axis from 0 to 2. */
-export const ofShares = (name, values) => (name.endsWith("_fraction") && values.every((value) => value === values[0]) ? { range: [-0.03, 1.05] } : {});
+/**
+ * The axis range of shares that are all equal: plotly.js would draw 1 on an axis from 0 to 2.
+ * @param {string} name @param {unknown[]} values
+ */
+export const shareRange = (name, values) => (name.endsWith("_fraction") && values.every((value) => value === values[0]) ? { range: [-0.03, 1.05] } : {});
 
+/** @param {any} layout */
 function themed(layout) {
   const axis = { gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("dim"), automargin: true, title: { standoff: 8 } };
   const axes = Object.fromEntries(Object.entries({ xaxis: {}, yaxis: {}, ...layout }).filter(([key]) => /^[xy]axis/.test(key))
@@ -34,7 +49,7 @@ function themed(layout) {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "closest", showlegend: true,
     font: { color: colour("text"), family: "system-ui, sans-serif", size: 12 }, margin: { l: 56, r: 12, t: 30, b: 44 },
     modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("dim"), activecolor: colour("text") },
-    // Beneath, where it meets neither the axis nor the buttons.
+    // Below the plot, clear of the axis title and the buttons.
     legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", x: 0 },
     hoverlabel: { bgcolor: colour("raised"), bordercolor: colour("line"), font: { color: colour("text") }, align: "left" },
     ...layout, ...axes,
@@ -42,37 +57,48 @@ function themed(layout) {
 }
 
 /**
- * A card with a plot. `draw(make)` shows what `make()` returns, and makes it anew when the theme changes: `traces`, `layout`, `table`
- * (makes the table beneath). A click opens the `customdata` of a point, a path. With nothing to draw it says `empty`, or is not there.
+ * A card with a plot. `draw(make)` shows the plot that `make` returns, and makes it again when the theme changes. A click on a point opens the
+ * path in its `customdata`. Without traces the card shows `empty_text`, or is hidden where that is null.
+ * @param {string} title @param {{ controls?: Child[], size?: string, is_wide?: boolean, empty_text?: string | null }} [options]
  */
-export function panel(title, { controls = [], size = "", whole = false, empty: told = "Nothing to draw yet." } = {}) {
+export function panel(title, { controls = [], size = "", is_wide = false, empty_text = "No data yet." } = {}) {
   const plot = h("div", { class: `plot ${size}`, role: "img", "aria-label": title });
-  const empty = h("p", { class: "dim" }, told);
+  const empty = h("p", { class: "dim" }, empty_text);
   const beneath = h("div", { class: "tall" });
   const details = h("details", { class: "under" }, h("summary", {}, "As a table"), beneath);
-  const card = h("section", { class: whole ? "card whole" : "card" }, h("h2", {}, title), controls.length > 0 && h("div", { class: "row" }, controls), empty, plot, details);
-  let make = null, listens = false;
+  const card = h("section", { class: is_wide ? "card whole" : "card" }, h("h2", {}, title), controls.length > 0 && h("div", { class: "row" }, controls), empty, plot, details);
+  /** @type {(() => Plot | null | undefined) | undefined} */
+  let make;
+  let has_listeners = false;
   const render = async () => {
     const Plotly = await plotly();
-    const what = make?.();
-    const is_there = Boolean(what) && what.traces.length > 0;
-    empty.hidden = is_there;
-    card.hidden = !is_there && told === null;
-    plot.hidden = details.hidden = !is_there;
-    if (!is_there) return;
+    const drawn = make?.();
+    const is_empty = !drawn || drawn.traces.length === 0;
+    empty.hidden = !is_empty;
+    card.hidden = is_empty && empty_text === null;
+    plot.hidden = details.hidden = is_empty;
+    if (is_empty) return;
     const config = { displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"], toImageButtonOptions: { format: "svg", filename: title } };
-    await Plotly.react(plot, what.traces, themed(what.layout), config);
-    if (!listens) {
-      listens = true;
+    await Plotly.react(plot, drawn.traces, themed(drawn.layout), config);
+    if (!has_listeners) {
+      has_listeners = true;
       new ResizeObserver(() => plot.clientWidth > 0 && Plotly.Plots.resize(plot)).observe(plot);
-      plot.on("plotly_click", ({ points }) => points[0]?.customdata?.startsWith?.("/") && (location.href = points[0].customdata));
+      // plotly.js adds `on` to the element.
+      const clickable = /** @type {any} */ (plot);
+      clickable.on("plotly_click", (/** @type {any} */ { points }) => points[0]?.customdata?.startsWith?.("/") && (location.href = points[0].customdata));
     }
-    const table = () => details.open && beneath.replaceChildren(what.table());
+    const table = () => details.open && beneath.replaceChildren(drawn.table());
     details.ontoggle = table;
     table();
   };
   addEventListener("theme", () => make && render());
   plot.hidden = details.hidden = true;
-  card.hidden = told === null;
-  return { card, draw: (how) => ((make = how), render()) };
+  card.hidden = empty_text === null;
+  return {
+    card,
+    draw: (/** @type {() => Plot | null | undefined} */ next) => {
+      make = next;
+      return render();
+    },
+  };
 }

@@ -1,17 +1,22 @@
-// A response surface: the quadratic of least squares in two factors, as contours, under the points that it was fitted to.
+// @ts-check
+// A response surface: contours of a quadratic in two factors, fitted by least squares, and the points of the fit.
 
-import { factor, number } from "../format.js";
+import { factorLabel, number } from "../format.js";
 import { level } from "../measures.js";
 import { table } from "../parts.js";
 import { colour } from "./plot.js";
-import { told } from "./response.js";
+import { pointText } from "./response.js";
 
+/** @type {((x: number, y: number) => number)[]} */
 const TERMS = [() => 1, (x) => x, (_, y) => y, (x) => x * x, (x, y) => x * y, (_, y) => y * y];
-/** Cells along a side of the drawing. */
+/** Cells along a side of the plot. */
 const CELLS = 40;
 
-/** Solves A c = b by elimination with pivots; nothing where A is singular, as with too few levels. */
-function solved(A, b) {
+/**
+ * Solves A c = b by elimination with pivoting. Null where A is singular, as with too few levels.
+ * @param {number[][]} A @param {number[]} b
+ */
+function solve(A, b) {
   const rows = A.map((row, i) => [...row, b[i]]), n = b.length;
   for (let i = 0; i < n; i++) {
     const best = rows.slice(i).reduce((best, row, k) => (Math.abs(row[i]) > Math.abs(rows[best][i]) ? i + k : best), i);
@@ -26,28 +31,34 @@ function solved(A, b) {
   return rows.map((row, i) => row[n] / row[i]);
 }
 
-/** The quadratic through points [x, y, value] with factors scaled to −1 to 1, and its R². */
+/**
+ * The quadratic of least squares through points [x, y, value], with factors scaled to −1…1, and its R².
+ * @param {Vector[]} points
+ */
 export function quadratic(points) {
-  const scale = (i) => {
+  const scale = (/** @type {number} */ i) => {
     const values = points.map((point) => point[i]), low = Math.min(...values), span = Math.max(...values) - low;
-    return (value) => (span > 0 ? (2 * (value - low)) / span - 1 : 0);
+    return (/** @type {number} */ value) => (span > 0 ? (2 * (value - low)) / span - 1 : 0);
   };
   const [sx, sy] = [scale(0), scale(1)];
   const rows = points.map(([x, y]) => TERMS.map((term) => term(sx(x), sy(y))));
-  const sum = (of) => points.reduce((total, _, i) => total + of(i), 0) / points.length;
-  const c = points.length > TERMS.length ? solved(TERMS.map((_, j) => TERMS.map((_, k) => sum((i) => rows[i][j] * rows[i][k]))), TERMS.map((_, j) => sum((i) => rows[i][j] * points[i][2]))) : null;
+  const average = (/** @type {(i: number) => number} */ of) => points.reduce((total, _, i) => total + of(i), 0) / points.length;
+  const c = points.length > TERMS.length ? solve(TERMS.map((_, j) => TERMS.map((_, k) => average((i) => rows[i][j] * rows[i][k]))), TERMS.map((_, j) => average((i) => rows[i][j] * points[i][2]))) : null;
   if (!c) return null;
-  const at = (x, y) => TERMS.reduce((total, term, j) => total + c[j] * term(sx(x), sy(y)), 0);
-  const mean = sum((i) => points[i][2]), spread = sum((i) => (points[i][2] - mean) ** 2);
-  return { at, r2: spread > 0 ? 1 - sum((i) => (points[i][2] - at(points[i][0], points[i][1])) ** 2) / spread : 1 };
+  const at = (/** @type {number} */ x, /** @type {number} */ y) => TERMS.reduce((total, term, j) => total + c[j] * term(sx(x), sy(y)), 0);
+  const mean = average((i) => points[i][2]), spread = average((i) => (points[i][2] - mean) ** 2);
+  return { at, r2: spread > 0 ? 1 - average((i) => (points[i][2] - at(points[i][0], points[i][1])) ** 2) / spread : 1 };
 }
 
+/** @param {MapInput} input @returns {Plot | null} */
 export function surfacePlot({ points, factors, measure, x, y, path }) {
-  const rows = points.map((row) => ({ row, value: measure.of(row), x: level(row.factors[x]), y: level(row.factors[y]) }))
-    .filter((one) => one.value && typeof one.x === "number" && typeof one.y === "number");
+  const rows = points.flatMap((row) => {
+    const value = measure.of(row), [at, up] = [level(row.factors[x]), level(row.factors[y])];
+    return value && typeof at === "number" && typeof up === "number" ? [{ row, value, x: at, y: up }] : [];
+  });
   const fit = quadratic(rows.map((one) => [one.x, one.y, one.value.mean]));
   if (!fit) return null;
-  const along = (pick) => {
+  const along = (/** @type {(one: (typeof rows)[number]) => number} */ pick) => {
     const values = rows.map(pick), low = Math.min(...values), high = Math.max(...values);
     return Array.from({ length: CELLS + 1 }, (_, i) => low + ((high - low) * i) / CELLS);
   };
@@ -59,12 +70,12 @@ export function surfacePlot({ points, factors, measure, x, y, path }) {
       { type: "contour", x: across, y: up, z: up.map((b) => across.map((a) => fit.at(a, b))), zmin: low, zmax: high, colorscale: "Viridis", line: { width: 0.6 }, colorbar: { thickness: 12, title: { text: measure.label, side: "right" } },
         hovertemplate: `fitted %{z:.4g}<extra></extra>` },
       { type: "scatter", mode: "markers", x: rows.map((one) => one.x), y: rows.map((one) => one.y), marker: { size: 9, color: means, cmin: low, cmax: high, colorscale: "Viridis", line: { width: 1.5, color: colour("raised") } },
-        customdata: rows.map((one) => path(one.row)), text: rows.map((one) => told(one.row.factors, factors, `measured ${number(one.value.mean)}, fitted ${number(fit.at(one.x, one.y))}`)), hoverinfo: "text" },
+        customdata: rows.map((one) => path(one.row)), text: rows.map((one) => pointText(one.row.factors, factors, `measured ${number(one.value.mean)}, fitted ${number(fit.at(one.x, one.y))}`)), hoverinfo: "text" },
     ],
-    layout: { showlegend: false, xaxis: { title: { text: factor(x, factors) } }, yaxis: { title: { text: factor(y, factors) } },
+    layout: { showlegend: false, xaxis: { title: { text: factorLabel(x, factors) } }, yaxis: { title: { text: factorLabel(y, factors) } },
       annotations: [{ text: `quadratic, R² ${number(fit.r2, 3)}, ${rows.length} points`, xref: "paper", yref: "paper", x: 0, y: 1.01, yanchor: "bottom", showarrow: false, font: { color: colour("dim") } }] },
     table: () => table(`${measure.label}: measured and fitted (R² ${number(fit.r2, 3)})`, [
-      { title: factor(x, factors), is_number: true, cell: (one) => number(one.x) }, { title: factor(y, factors), is_number: true, cell: (one) => number(one.y) },
+      { title: factorLabel(x, factors), is_number: true, cell: (one) => number(one.x) }, { title: factorLabel(y, factors), is_number: true, cell: (one) => number(one.y) },
       { title: "Measured", is_number: true, cell: (one) => number(one.value.mean) }, { title: "Fitted", is_number: true, cell: (one) => number(fit.at(one.x, one.y)) },
     ], rows.slice(0, 500)),
   };

@@ -1,61 +1,79 @@
-// More of a sweep: what failed runs again, by class if wanted; more points, levels or replicates.
+// @ts-check
+// The dialogs that retry failed jobs and extend a sweep by points, levels or replicates.
 
-import { h, say } from "../dom.js";
-import { factor } from "../format.js";
-import { CLASSES, fault } from "../parts.js";
+import { h, announce } from "../dom.js";
+import { factorLabel } from "../format.js";
+import { FAILURE_CLASSES, errorBox } from "../parts.js";
 
 const BY_POINTS = ["random", "sobol"];
 const BY_LEVELS = ["grid", "one_at_a_time"];
 
-/** A button that opens a form. `opened()` gives what gets its data, and whoever refuses says why in it. */
-function dialog(title, inside, opened) {
-  const trouble = h("div");
-  let submit = null;
-  const send = async (event) => {
+/**
+ * A button and its dialog with a form. `open` prepares one use and returns the function that sends the data; an error shows in the form.
+ * @param {string} title @param {Child} inside @param {() => (data: FormData) => Promise<unknown>} open
+ * @returns {[HTMLButtonElement, HTMLDialogElement]}
+ */
+function dialog(title, inside, open) {
+  const errors = h("div");
+  /** @type {((data: FormData) => Promise<unknown>) | undefined} */
+  let submit;
+  const send = async (/** @type {Event} */ event) => {
     event.preventDefault();
     try {
-      await submit(new FormData(form));
+      await submit?.(new FormData(form));
       element.close();
-      say(`${title}: done`);
+      announce(`${title}: done`);
     } catch (error) {
-      trouble.replaceChildren(fault(error));
+      errors.replaceChildren(errorBox(/** @type {Error} */ (error)));
     }
   };
-  const form = h("form", { onsubmit: send }, h("h2", {}, title), inside, trouble,
-    h("div", { class: "row" }, h("button", { class: "main" }, title), h("button", { type: "button", onclick: () => element.close() }, "Back")));
+  const form = h("form", { onsubmit: send }, h("h2", {}, title), inside, errors,
+    h("div", { class: "row" }, h("button", { class: "main" }, title), h("button", { type: "button", onclick: () => void element.close() }, "Close")));
   const element = h("dialog", { "aria-label": title }, form);
-  return [h("button", { type: "button", onclick: () => (trouble.replaceChildren(), (submit = opened()), element.showModal()) }, title), element];
+  const show = () => {
+    errors.replaceChildren();
+    submit = open();
+    element.showModal();
+  };
+  return [h("button", { type: "button", onclick: show }, title), element];
 }
 
-/** Runs again what failed or was cancelled, which `count()` counts; `post` gets the query. */
+/**
+ * The dialog that retries failed and cancelled jobs.
+ * @param {() => number} count of these jobs @param {(query: string) => Promise<unknown>} post
+ */
 export function retry(count, post) {
   const all = h("option", { value: "" });
-  const inside = h("label", { class: "field" }, "Which",
-    h("select", { name: "class" }, all, CLASSES.map((name) => h("option", { value: name }, `failed: ${name}`))));
+  const inside = h("label", { class: "field" }, "Jobs",
+    h("select", { name: "class" }, all, FAILURE_CLASSES.map((name) => h("option", { value: name }, `failed: ${name}`))));
   return dialog("Retry", inside, () => {
-    all.textContent = `all ${count().toLocaleString("en")} that failed or were cancelled`;
+    all.textContent = `all ${count().toLocaleString("en")} failed or cancelled`;
     return (data) => post(data.get("class") ? `?class=${data.get("class")}` : "");
   });
 }
 
-/** Adds to a sweep what its design can take; `opened()` gives what gets the request. */
-export function extend(sweep, opened) {
-  const field = (name, label, attributes) => h("p", {}, h("label", { class: "field" }, label, h("input", { name, ...attributes })));
+/**
+ * The dialog that extends a sweep as its design allows. `open` returns the function that sends one request.
+ * @param {SweepView} sweep @param {() => (request: object) => Promise<unknown>} open
+ */
+export function extend(sweep, open) {
+  const field = (/** @type {string} */ name, /** @type {string} */ label, /** @type {Attributes} */ attributes) => h("p", {}, h("label", { class: "field" }, label, h("input", { name, ...attributes })));
   const whole = { type: "number", min: 1, step: 1 };
   const inside = [
     BY_POINTS.includes(sweep.design) && field("points", "More points of the same sequence", whole),
-    BY_LEVELS.includes(sweep.design) && sweep.factors.map((pointer) => field(pointer, `More levels of ${factor(pointer, sweep.factors)}`, { placeholder: "with commas between" })),
+    BY_LEVELS.includes(sweep.design) && sweep.factors.map((pointer) => field(pointer, `More levels of ${factorLabel(pointer, sweep.factors)}`, { placeholder: "separate with commas" })),
     field("replicates", "More replicates of every point", whole),
   ];
   return dialog("Extend", inside, () => {
-    const post = opened();
+    const post = open();
     return (data) => post(request(sweep, data));
   });
 }
 
+/** @param {SweepView} sweep @param {FormData} data */
 function request(sweep, data) {
-  const whole = (name) => (data.get(name) ? { [name]: Number(data.get(name)) } : {});
-  const read = (text) => text.split(",").map((part) => part.trim()).filter(Boolean).map((part) => (Number.isNaN(Number(part)) ? part : Number(part)));
-  const levels = Object.fromEntries(sweep.factors.map((pointer) => [pointer, read(data.get(pointer) ?? "")]).filter(([, values]) => values.length > 0));
+  const whole = (/** @type {string} */ name) => (data.get(name) ? { [name]: Number(data.get(name)) } : {});
+  const read = (/** @type {string} */ text) => text.split(",").map((part) => part.trim()).filter(Boolean).map((part) => (Number.isNaN(Number(part)) ? part : Number(part)));
+  const levels = Object.fromEntries(sweep.factors.map((pointer) => /** @type {const} */ ([pointer, read(String(data.get(pointer) ?? ""))])).filter(([, values]) => values.length > 0));
   return { ...whole("points"), ...whole("replicates"), ...(Object.keys(levels).length > 0 && { levels }) };
 }

@@ -1,64 +1,76 @@
-// The head of a sweep's page: how far it is and how fast, what failed and of what class, and what can be done to it.
+// @ts-check
+// The head of a sweep's page: progress, speed, failures by class, and actions.
 
-import { maker, post } from "../api.js";
+import { idempotentPost, post } from "../api.js";
 import { fill, h } from "../dom.js";
-import { duration, factor, many, moment } from "../format.js";
+import { duration, factorLabel, plural, dateTime } from "../format.js";
 import { action, counts, facts, failures, progress, state, stateOfSweep, total } from "../parts.js";
 import { extend, retry } from "./extend.js";
 
-/** Paces are told from what was seen in this time. */
-const SEEN_MS = 300e3;
+/** The speed is averaged over this time. */
+const WINDOW_MS = 300e3;
 
-/** `element` and `bar` of a sweep at a path; `changed` gets the sweep after something was done to it. */
+/**
+ * The head of a sweep; `changed` gets the sweep after an action.
+ * @param {string} at path of the sweep @param {SweepView} sweep @param {(sweep: SweepView) => void} changed
+ */
 export function head(at, sweep, changed) {
-  const element = h("div"), pace = paced(), can = actions(at, sweep, changed), bar = h("div", { class: "row" }, can.elements);
+  const element = h("div"), speed = speedometer(), buttons = actions(at, sweep, changed), bar = h("div", { class: "row" }, buttons.elements);
+  /** @param {SweepView} sweep */
   function draw(sweep) {
-    pace.seen(sweep);
-    can.show(sweep);
+    speed.add(sweep);
+    buttons.update(sweep);
     document.title = `${Math.floor(100 * sweep.fraction)} % ${sweep.name} · Roost`;
     fill(element, progress(sweep, true),
-      h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${many(total(sweep.counts), "job")}`),
-        h("span", { class: "row counts" }, counts(sweep.counts)), failures(sweep, `/sweeps/${sweep.id}`), pace.told(sweep)),
-      facts([["Design", `${sweep.design.replaceAll("_", " ")}: ${many(sweep.points, "point")} × ${sweep.replicates}`],
-        ["Factors", sweep.factors.map((pointer) => factor(pointer, sweep.factors)).join(", ") || null],
-        ["Submitted", moment(sweep.submitted_at)], ["Identifier", h("span", { class: "mono" }, sweep.id)]]));
+      h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${plural(total(sweep.counts), "job")}`),
+        h("span", { class: "row counts" }, counts(sweep.counts)), failures(sweep, `/sweeps/${sweep.id}`), speed.text(sweep)),
+      facts([["Design", `${sweep.design.replaceAll("_", " ")}: ${plural(sweep.points, "point")} × ${sweep.replicates}`],
+        ["Factors", sweep.factors.map((pointer) => factorLabel(pointer, sweep.factors)).join(", ") || null],
+        ["Submitted", dateTime(sweep.submitted_at)], ["Identifier", h("span", { class: "mono" }, sweep.id)]]));
   }
   return { element, bar, draw };
 }
 
-/** How fast a sweep gets on, from what was seen in the last minutes, and how long it will take at that. */
-function paced() {
-  const seen = [];
+/** Jobs per hour over the last minutes, and the time left at this speed. */
+function speedometer() {
+  /** @type {{ at: number, fraction: number }[]} */
+  const samples = [];
   return {
-    seen(sweep) {
-      seen.push({ at: Date.now(), fraction: sweep.fraction });
-      while (seen.length > 2 && Date.now() - seen[0].at > SEEN_MS) seen.shift();
+    /** @param {SweepView} sweep */
+    add(sweep) {
+      samples.push({ at: Date.now(), fraction: sweep.fraction });
+      while (samples.length > 2 && Date.now() - samples[0].at > WINDOW_MS) samples.shift();
     },
-    told(sweep) {
-      const first = seen[0], last = seen.at(-1), gained = last.fraction - first.fraction;
+    /** @param {SweepView} sweep */
+    text(sweep) {
+      const first = samples[0], last = samples[samples.length - 1], gained = last.fraction - first.fraction;
       if (gained <= 0 || last.at - first.at < 2000 || sweep.fraction >= 1) return null;
       const per_s = (1000 * gained) / (last.at - first.at);
-      return h("span", { class: "dim" }, `${(3600 * per_s * total(sweep.counts)).toPrecision(3)} jobs an hour, ${duration((1 - sweep.fraction) / per_s)} left`);
+      return h("span", { class: "dim" }, `${(3600 * per_s * total(sweep.counts)).toPrecision(3)} jobs per hour, ${duration((1 - sweep.fraction) / per_s)} left`);
     },
   };
 }
 
-/** What can be done to a sweep, each shown while it makes sense. Their elements stay: somebody may be writing into a dialog. */
+/**
+ * The actions on a sweep; those that apply are visible. Elements are made once, since a dialog may be open.
+ * @param {string} at @param {SweepView} first @param {(sweep: SweepView) => void} changed
+ */
 function actions(at, first, changed) {
   let counts = first.counts;
-  const under_way = () => counts.queued + counts.running, undone = () => counts.failed + counts.cancelled;
-  const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `Cancel ${many(under_way(), "job")}?` });
-  const [again, asks] = retry(undone, (wanted) => post(`${at}/retry${wanted}`).then(changed));
+  const unended = () => counts.queued + counts.running, failed = () => counts.failed + counts.cancelled;
+  const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `Cancel ${plural(unended(), "job")}?` });
+  const [again, dialog] = retry(failed, (query) => post(`${at}/retry${query}`).then(changed));
   const download = h("details", { class: "menu" }, h("summary", {}, "Download"), ["csv", "json", "parquet"].map((format) =>
     h("a", { href: `${at}/results?format=${format}`, download: `${first.name}.${format}`, class: "row" }, format)));
-  function show(sweep) {
+  /** @param {SweepView} sweep */
+  function update(sweep) {
     counts = sweep.counts;
-    cancel.hidden = under_way() === 0;
-    again.hidden = undone() === 0;
+    cancel.hidden = unended() === 0;
+    again.hidden = failed() === 0;
   }
   const more = extend(first, () => {
-    const made = maker(`${at}/extend`);
-    return (wanted) => made(wanted).then(changed);
+    const send = idempotentPost(`${at}/extend`);
+    return (request) => send(request).then(changed);
   });
-  return { elements: [cancel, again, asks, more, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], show };
+  return { elements: [cancel, again, dialog, more, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], update };
 }

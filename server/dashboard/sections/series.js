@@ -1,14 +1,19 @@
-// A series of many jobs of a sweep at once, running ones as far as they are.
+// @ts-check
+// One series of many jobs of a sweep, including running jobs.
 
-import { read } from "../api.js";
+import { readIfThere } from "../api.js";
 
-/** Curves are drawn of so many jobs: the first by design point. */
-const MOST_JOBS = 200;
-/** Samples of each: more than a plot has pixels between its grid lines. */
+/** Jobs whose series are read, the first by design point. */
+const MAX_JOBS = 200;
+/** Samples of each series. */
 const SAMPLES = 200;
 
-/** Trials (`job_id`, `point`, `t_s`, `values`) of a series by its name, its unit, and whether there are more jobs than that; nothing where no job has it. */
+/**
+ * The series of each trial, its unit, and whether there are more jobs; no trials where no job has it.
+ * @param {string} at path of the sweep @param {string} name
+ */
 export async function seriesOfSweep(at, name) {
-  const page = await read(`${at}/series/${name}?samples=${SAMPLES}&limit=${MOST_JOBS}`).catch((error) => (error.status === 404 ? { items: [] } : Promise.reject(error)));
-  return { trials: page.items.filter((trial) => trial.t_s.length > 0), unit: page.unit, more: Boolean(page.next_cursor) };
+  /** @type {SweepSeries | null} */
+  const page = await readIfThere(`${at}/series/${name}?samples=${SAMPLES}&limit=${MAX_JOBS}`);
+  return { trials: (page?.items ?? []).filter((trial) => trial.t_s.length > 0), unit: page?.unit, has_more: Boolean(page?.next_cursor) };
 }

@@ -1,26 +1,40 @@
-// Means of design points as lines over one factor: a line for each combination of the others.
+// @ts-check
+// Means of design points as lines over one factor: a line for each combination of levels of the other factors.
 
-import { factor, number } from "../../format.js";
-import { level } from "../../measures.js";
-import { told } from "../response.js";
+import { factorLabel, number } from "../../format.js";
+import { compareLevels, level } from "../../measures.js";
+import { series } from "../plot.js";
+import { measured, pointText } from "../response.js";
 
-/** Lines in ascending order of `x`, with how far their 95 % intervals reach up and down, what each point is and where a click on it leads. */
-export function lines({ points, factors, x, measure, path }) {
-  const others = factors.filter((pointer) => pointer !== x), found = new Map();
-  for (const row of points) {
-    const value = measure.of(row);
-    if (!value) continue;
-    const name = others.map((pointer) => `${factor(pointer, factors)} ${number(level(row.factors[pointer]))}`).join(", ") || "all";
-    if (!found.has(name)) found.set(name, []);
-    found.get(name).push({ row, value, at: level(row.factors[x]) });
-  }
-  return [...found].map(([name, all]) => {
-    const sorted = all.sort((a, b) => (typeof a.at === "number" ? a.at - b.at : String(a.at).localeCompare(String(b.at))));
-    const of = (pick) => sorted.map(pick);
+/** @typedef {ReturnType<typeof meanLines>[number]} MeanLine */
+
+/**
+ * Lines in ascending order of `x`: means, distances to both ends of the 95 % interval, and hover text and path of each point.
+ * @param {PlotInput} input
+ */
+export function meanLines({ points, factors, x, measure, path }) {
+  const others = factors.filter((pointer) => pointer !== x);
+  const rows = points.flatMap((row) => measured(row, measure)).map(({ row, value }) => ({ row, value, at: level(row.factors[x]),
+    name: others.map((pointer) => `${factorLabel(pointer, factors)} ${number(level(row.factors[pointer]))}`).join(", ") || "all" }));
+  return [...Map.groupBy(rows, ({ name }) => name)].map(([name, all]) => {
+    const sorted = all.sort((a, b) => compareLevels(a.at, b.at));
     return {
-      name, rows: of(({ row }) => row), x: of(({ at }) => at), mean: of(({ value }) => value.mean),
-      up: of(({ value }) => (value.high === null ? 0 : value.high - value.mean)), down: of(({ value }) => (value.low === null ? 0 : value.mean - value.low)),
-      path: of(({ row }) => path?.(row) ?? null), told: of(({ row, value }) => told(row.factors, factors, `${measure.label} ${number(value.mean)} of ${value.n}<br>point ${row.point}: click for its jobs`)),
+      name, rows: sorted.map(({ row }) => row), x: sorted.map(({ at }) => at), mean: sorted.map(({ value }) => value.mean),
+      up: sorted.map(({ value }) => (value.high === null ? 0 : value.high - value.mean)), down: sorted.map(({ value }) => (value.low === null ? 0 : value.mean - value.low)),
+      path: sorted.map(({ row }) => path(row)),
+      text: sorted.map(({ row, value }) => pointText(row.factors, factors, `${measure.label} ${number(value.mean)} of ${value.n}<br>point ${row.point}: click to open its jobs`)),
     };
   });
+}
+
+/**
+ * The trace of line i.
+ * @param {MeanLine} line @param {number} i @param {string} [name]
+ */
+export function lineTrace(line, i, name = line.name) {
+  const color = series(i);
+  return {
+    type: "scatter", mode: "lines+markers", name, x: line.x, y: line.mean, line: { color, width: 1.6 }, marker: { size: 8, color },
+    error_y: { type: "data", array: line.up, arrayminus: line.down, color, thickness: 1.2, width: 4 }, customdata: line.path, text: line.text, hoverinfo: "text",
+  };
 }
