@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use roost_api::Estimate;
 use roost_frames::{Options, Recorder, Report, forecast};
 use roost_solver::scenario::Scenario;
-use roost_worker::runner::Pictures;
+use roost_worker::runner::FrameObserver;
 use serde_json::{Value, json};
 
 use crate::exit::BadInput;
@@ -113,7 +113,7 @@ impl FrameArgs {
 
 impl Frames {
     /// For the run.
-    pub(crate) fn pictures(&self) -> Pictures {
+    pub(crate) fn pictures(&self) -> FrameObserver {
         self.recorder.clone()
     }
 

@@ -6,7 +6,7 @@ use anyhow::Result;
 use roost_api::job::AttemptOutcome;
 use roost_api::{Phase, Progress, RunResult};
 use roost_solver::{Limits, scenario};
-use roost_worker::runner::{Place, Run, RunEnd, Stop};
+use roost_worker::runner::{Resources, Run, RunEnd, Stop};
 use serde_json::json;
 use tokio_util::sync::CancellationToken;
 
@@ -67,7 +67,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     // Now, not after an hour of simulation.
     let device = args.device.choose()?;
     say_threads(args.threads, &device);
-    let place = Place::new(device, args.threads.into());
+    let resources = Resources::new(device, args.threads.into());
     output::prepare(&args.output)?;
     ui::say!(
         "{} fillets, {} sub-particles, {} steps of {} s at most",
@@ -78,7 +78,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     );
     let mut frames = args.frames.prepare(&scenario, estimate)?;
     let pictures = frames.as_ref().map(Frames::pictures);
-    let run = Run::start_checked(checked, place, pictures);
+    let run = Run::start_checked(checked, resources, pictures);
     let end = watch(run, &shutdown, || frames.as_mut()?.warning()).await;
     let recorded = frames.as_mut().map(Frames::finish);
     let (result, exit) = match end {

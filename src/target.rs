@@ -24,7 +24,7 @@ pub(crate) struct Server {
 
 impl Server {
     pub(crate) fn client(&self) -> Result<Client> {
-        Ok(Client::with(&self.server, &self.access.read()?)?)
+        Ok(Client::with_credentials(&self.server, &self.access.read()?)?)
     }
 }
 

@@ -76,7 +76,7 @@ impl WorkerArgs {
         say_threads(self.threads, &device);
         WorkerConfig {
             threads: self.threads.into(),
-            slots: self.slots.map_or_else(|| device.usual_slots(), usize::from),
+            slots: self.slots.map_or_else(|| device.default_slots(), usize::from),
             device,
             drain_grace: Duration::from_secs(self.grace),
             ..WorkerConfig::new(server, self.name.unwrap_or_else(host_name), state)

@@ -88,7 +88,7 @@ fn assert_says(command: &mut Command, code: i32, words: &[&str]) {
     let output = command.output().unwrap();
     let text = said(&output);
     assert_eq!(output.status.code(), Some(code), "{text}");
-    assert!(!text.contains("is no server address"), "{text}");
+    assert!(!text.contains("is not a server address"), "{text}");
     for word in words {
         assert!(text.contains(word), "no `{word}` in {text}");
     }

@@ -1,39 +1,40 @@
-//! Waiting between attempts to reach a server that is away: longer each time, and jittered, so that a
-//! thousand workers do not come back in the same instant.
+//! Waits between attempts to reach a server that does not answer. They grow exponentially, and jitter spreads the attempts of many
+//! workers.
 
 use std::time::Duration;
 
-const FIRST: Duration = Duration::from_millis(100);
-const LONGEST: Duration = Duration::from_secs(5);
+use backon::{BackoffBuilder, ExponentialBackoff, ExponentialBuilder};
 
-/// How long to wait next.
-#[derive(Clone, Debug)]
-pub struct Backoff {
-    ceiling: Duration,
-}
+/// Jitter adds up to the same again: the first wait is 50 to 100 ms, the longest 2.5 to 5 s.
+const WAITS: ExponentialBuilder = ExponentialBuilder::new()
+    .with_min_delay(Duration::from_millis(50))
+    .with_max_delay(Duration::from_millis(2500))
+    .with_jitter()
+    .without_max_times();
+
+/// The wait before the next attempt.
+#[derive(Debug)]
+pub struct Backoff(ExponentialBackoff);
 
 impl Default for Backoff {
     fn default() -> Self {
-        Self { ceiling: FIRST }
+        Self(WAITS.build())
     }
 }
 
 impl Backoff {
-    /// The next wait: between half and all of a ceiling that doubles with each call, up to five seconds.
-    pub fn next_wait(&mut self) -> Duration {
-        let wait = self.ceiling.mul_f64(0.5 + 0.5 * fastrand::f64());
-        self.ceiling = (self.ceiling * 2).min(LONGEST);
-        wait
-    }
-
-    /// Sleeps for [`Self::next_wait`].
+    /// Sleeps for the next wait. Dropping the future cancels the wait.
     pub async fn pause(&mut self) {
         tokio::time::sleep(self.next_wait()).await;
     }
 
-    /// Starts over, after a success.
+    /// Starts again with the shortest wait, after a success.
     pub fn reset(&mut self) {
         *self = Self::default();
+    }
+
+    fn next_wait(&mut self) -> Duration {
+        self.0.next().expect("the number of waits is unlimited")
     }
 }
 
@@ -42,13 +43,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn waits_grow_up_to_a_limit_and_start_over() {
+    fn waits_grow_up_to_a_limit_and_a_reset_starts_over() {
         let mut backoff = Backoff::default();
-        let first = backoff.next_wait();
-        assert!(first >= FIRST / 2 && first <= FIRST, "{first:?}");
-        let later = (0..20).map(|_| backoff.next_wait()).last().unwrap();
-        assert!(later >= LONGEST / 2 && later <= LONGEST, "{later:?}");
+        let first = backoff.next_wait().as_secs_f64();
+        assert!((0.05..=0.1).contains(&first), "{first} s");
+        let later = (0..10_000).map(|_| backoff.next_wait().as_secs_f64()).collect::<Vec<_>>();
+        assert!(later[10..].iter().all(|wait| (2.5..=5.0).contains(wait)));
+        assert_ne!(later[10], later[11], "no jitter");
         backoff.reset();
-        assert!(backoff.next_wait() <= FIRST);
+        assert!(backoff.next_wait().as_secs_f64() <= 0.1);
     }
 }

@@ -1,4 +1,4 @@
-//! What a worker needs to know before it starts.
+//! The settings of a worker.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -6,41 +6,41 @@ use std::time::Duration;
 use crate::client::Credentials;
 use crate::device::Device;
 
-/// Threads that compute where so many are asked for; 0 means one per processor. More than there are processors would only
-/// wait for each other: a thousand on two neither get anywhere nor hear that they are to stop.
-pub fn threads(asked: usize) -> usize {
+/// The number of threads to use: the requested one, at most one per processor. 0 requests one per processor. With many threads per processor
+/// a run makes no progress and does not notice a request to stop.
+pub fn threads(requested: usize) -> usize {
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    if asked == 0 { processors } else { asked.min(processors) }
+    if requested == 0 { processors } else { requested.min(processors) }
 }
 
-/// What a worker needs to know before it starts.
+/// The settings of a worker.
 #[derive(Clone, Debug)]
 pub struct WorkerConfig {
     /// Address of the server, such as `http://127.0.0.1:7373`.
     pub server: String,
-    /// What it shows to the server, and whom it trusts.
+    /// Access token, and authorities to trust.
     pub credentials: Credentials,
     /// A name for people, such as the host name.
     pub name: String,
     /// Threads to use in all; 0 means one per processor.
     pub threads: usize,
-    /// What runs are computed on.
+    /// The device that computes runs.
     pub device: Device,
-    /// Where finished results wait for the server; several workers may share it.
+    /// Folder of the outbox and the mesh cache; several workers may share it.
     pub state_dir: PathBuf,
-    /// What names the server in the state directory; none means its address. For a server whose address changes
-    /// from start to start, and which alone uses the directory.
+    /// Name of the server in the state directory; its address unless given. For a server whose address changes at each start, and which
+    /// alone uses the directory.
     pub outbox_key: Option<String>,
-    /// Jobs at once; they share the threads, or one batch on a GPU.
+    /// Jobs at once. They share the threads, or one batch on a GPU.
     pub slots: usize,
-    /// How long a draining worker lets its jobs finish before it hands them back.
+    /// Time that a stopping worker gives its jobs before it releases them.
     pub drain_grace: Duration,
-    /// How long one claim waits at the server for work to appear.
+    /// Time that a claim waits at the server for work.
     pub claim_wait: Duration,
 }
 
 impl WorkerConfig {
-    /// A worker with one slot on all processors that hands its job back at once when it is stopped.
+    /// A worker with one slot on all processors, which releases its job at once when it is stopped.
     pub fn new(server: impl Into<String>, name: impl Into<String>, state_dir: impl Into<PathBuf>) -> Self {
         Self {
             server: server.into(),
@@ -56,7 +56,7 @@ impl WorkerConfig {
         }
     }
 
-    /// Threads in all, as many as there are.
+    /// Threads of all jobs together.
     pub fn resolved_threads(&self) -> usize {
         threads(self.threads)
     }
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slots_share_the_threads_and_always_have_one() {
+    fn slots_share_threads_and_have_at_least_one() {
         let config = WorkerConfig { threads: 0, slots: 2, ..WorkerConfig::new("s", "n", "d") };
         let processors = config.resolved_threads();
         assert!(processors >= 1);

@@ -1,51 +1,49 @@
-//! What runs are computed on: the CPU, or a graphics adapter, which all runs of a worker share as far as its memory goes and which
-//! is opened anew after it has failed.
+//! The device that computes runs: the CPU, or a graphics adapter. All runs of a worker share the adapter and its memory; it is opened again
+//! after a failure.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use roost_solver::result::RunResult;
 use roost_solver::{Checked, Computer, CpuOptions, Observer, OutOfDeviceMemory};
 
-use crate::room::{Coming, Room, Share};
+use crate::memory_budget::{MemoryBudget, MemoryShare, PendingRun};
 
-/// Memory that runs share where nobody says how much it may be: half of what an adapter for such work usually has, since wgpu does not
-/// tell how much this one has.
-pub const USUAL_MEMORY_MIB: u32 = 4096;
+/// Default memory for runs on an adapter, in MiB: half of a common adapter's. wgpu does not report the memory of an adapter.
+pub const DEFAULT_MEMORY_MIB: u32 = 4096;
 
-/// Jobs at once on a GPU where nobody says how many, as far as there is memory for them. More would fill a large one better; but what a
-/// worker has claimed nobody else can take, and is lost together with it.
-const SLOTS_OF_A_GPU: usize = 16;
+/// Default of jobs at once on a GPU, as far as its memory allows. More would use a large GPU better, but other workers could not take these
+/// jobs, and all of them are lost together.
+const MAX_GPU_SLOTS: usize = 16;
 
-/// What somebody wants runs to be computed on.
+/// Choice of the device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DeviceOptions {
-    /// None takes a discrete GPU if there is one, else the CPU: how fast integrated ones are was not measured.
+    /// None takes a discrete GPU, or the CPU without one. The speed of integrated GPUs was not measured.
     pub backend: Option<BackendKind>,
     /// Part of the adapter's name; none takes the first.
     pub adapter: Option<String>,
-    /// Whether an adapter that is software counts as a GPU.
+    /// Whether a software adapter counts as a GPU.
     pub allow_software: bool,
-    /// MiB of the adapter's memory that runs may take: what is larger is refused. None lets runs share [`USUAL_MEMORY_MIB`], and tries what
-    /// is larger alone.
+    /// MiB of the adapter's memory for runs; a larger run is refused. None lets runs share [`DEFAULT_MEMORY_MIB`], and tries a larger run alone.
     pub memory_mib: Option<u32>,
 }
 
-/// How large a run is, as far as memory goes.
+/// The size of a run, which determines its memory.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Size {
+pub(crate) struct RunSize {
     pub(crate) subparticles: u64,
-    /// Of its meshes.
+    /// Triangles of its meshes.
     pub(crate) triangles: u64,
 }
 
 impl DeviceOptions {
-    /// Whether somebody asks for a GPU.
-    fn is_asked_for(&self) -> bool {
+    /// Whether these options request a GPU.
+    fn requests_gpu(&self) -> bool {
         self.backend == Some(BackendKind::Gpu) || self.adapter.is_some() || self.allow_software
     }
 }
 
-/// A way to compute.
+/// A backend of the solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BackendKind {
     /// On the processor.
@@ -54,7 +52,7 @@ pub enum BackendKind {
     Gpu,
 }
 
-/// What runs are computed on. Clones share it.
+/// The device that computes runs. Clones share it.
 #[derive(Clone, Debug, Default)]
 pub struct Device(Option<Arc<Adapter>>);
 
@@ -62,12 +60,12 @@ pub struct Device(Option<Arc<Adapter>>);
 struct Adapter {
     options: DeviceOptions,
     name: String,
-    room: Arc<Room>,
+    memory: Arc<MemoryBudget>,
     open: Mutex<Arc<Computer>>,
 }
 
 impl Adapter {
-    /// The adapter, opened anew if it has failed.
+    /// The open adapter; opens it again after a failure.
     fn computer(&self) -> Result<Arc<Computer>, String> {
         let mut current = self.open.lock().unwrap_or_else(PoisonError::into_inner);
         if current.has_failed() {
@@ -83,25 +81,25 @@ impl Device {
         Self::default()
     }
 
-    /// What the options ask for.
+    /// Opens the device that the options describe.
     ///
     /// # Errors
-    /// In words, when that is a GPU and none will do.
+    /// In words, when they request a GPU and none is suitable.
     pub fn choose(options: &DeviceOptions) -> Result<Self, String> {
-        let is_asked_for = options.is_asked_for();
+        let requests_gpu = options.requests_gpu();
         match options.backend {
-            Some(BackendKind::Cpu) if is_asked_for || options.memory_mib.is_some() => {
-                Err("an adapter is for the GPU backend".to_owned())
+            Some(BackendKind::Cpu) if requests_gpu || options.memory_mib.is_some() => {
+                Err("an adapter and its memory can only be set for the GPU backend".to_owned())
             }
             Some(BackendKind::Cpu) => Ok(Self::cpu()),
             _ => match open(options) {
                 Ok(computer) => Ok(Self(Some(Arc::new(Adapter {
                     options: options.clone(),
                     name: computer.device(),
-                    room: Arc::new(Room::new(options.memory_mib.unwrap_or(USUAL_MEMORY_MIB))),
+                    memory: Arc::new(MemoryBudget::new(options.memory_mib.unwrap_or(DEFAULT_MEMORY_MIB))),
                     open: Mutex::new(Arc::new(computer)),
                 })))),
-                Err(reason) if is_asked_for => Err(reason),
+                Err(reason) if requests_gpu => Err(reason),
                 Err(reason) => {
                     tracing::info!(%reason, "computing on the CPU");
                     Ok(Self::cpu())
@@ -120,65 +118,73 @@ impl Device {
         self.0.as_ref().map_or_else(roost_solver::cpu::device_name, |adapter| adapter.name.clone())
     }
 
-    /// Memory that it has for runs, in MiB: that of the machine, unless somebody says how much a GPU's may be. None where neither tells.
+    /// Memory for runs, in MiB: the configured memory of a GPU, or the memory of the machine. None where neither is known.
     pub(crate) fn memory_mib(&self) -> Option<u32> {
-        let told = self.0.as_ref().and_then(|adapter| adapter.options.memory_mib);
-        told.or_else(crate::memory::memory_mib)
+        let configured = self.0.as_ref().and_then(|adapter| adapter.options.memory_mib);
+        configured.or_else(crate::memory::memory_mib)
     }
 
-    /// Jobs at once where nobody says how many. On a GPU as many as its memory holds, up to some.
-    pub fn usual_slots(&self) -> usize {
-        if self.0.is_some() { SLOTS_OF_A_GPU } else { 1 }
+    /// Default of jobs at once: one on the CPU, on a GPU as many as its memory holds up to a limit.
+    pub fn default_slots(&self) -> usize {
+        if self.0.is_some() { MAX_GPU_SLOTS } else { 1 }
     }
 
-    /// Says that a run will make ready: until it has, or what comes back is dropped, there is no room for more.
-    pub(crate) fn expect_run(&self) -> Option<Coming> {
-        self.0.as_ref().map(|adapter| adapter.room.expect_one())
+    /// Announces a run: until it has its memory, or the returned value is dropped, no other run fits.
+    pub(crate) fn announce_run(&self) -> Option<PendingRun> {
+        self.0.as_ref().map(|adapter| adapter.memory.announce_run())
     }
 
-    /// How many more runs there is memory for; waits until there is some for one.
-    pub(crate) async fn room_for_more(&self) -> usize {
+    /// The number of further runs that fit into memory; waits until one fits.
+    pub(crate) async fn runs_that_fit(&self) -> usize {
         match &self.0 {
-            Some(adapter) => adapter.room.for_more().await,
+            Some(adapter) => adapter.memory.runs_that_fit().await,
             None => usize::MAX,
         }
     }
 
-    /// Makes ready to compute a run of that size: on so many threads where that is the CPU; on an adapter if it has memory for it.
+    /// Reserves the device for a run of this size: threads of the CPU, or memory of the adapter.
     ///
     /// # Errors
-    /// When other runs leave too little memory, or an adapter that had failed cannot be opened again.
-    pub(crate) async fn ready(&self, threads: usize, size: Size) -> Result<Ready, NotReady> {
+    /// When other runs leave too little memory, or the adapter has failed and cannot be opened again.
+    pub(crate) async fn reserve(
+        &self,
+        threads: usize,
+        size: RunSize,
+    ) -> Result<ReservedDevice, ReserveError> {
         let Some(adapter) = self.0.clone() else {
-            return Ok(Ready { computer: Arc::new(Computer::Cpu(CpuOptions { threads })), _share: None });
+            return Ok(ReservedDevice {
+                computer: Arc::new(Computer::Cpu(CpuOptions { threads })),
+                _share: None,
+            });
         };
-        let share = adapter.room.take(usual_bytes(size)).ok_or(NotReady::NoRoomNow)?;
+        let share = adapter.memory.take(typical_bytes(size)).ok_or(ReserveError::MemoryInUse)?;
         // Opening an adapter takes a while.
         let computer = tokio::task::spawn_blocking(move || adapter.computer()).await;
-        let computer = computer.unwrap_or_else(|error| Err(error.to_string())).map_err(NotReady::Failed)?;
-        Ok(Ready { computer, _share: Some(share) })
+        let computer =
+            computer.unwrap_or_else(|error| Err(error.to_string())).map_err(ReserveError::Failed)?;
+        Ok(ReservedDevice { computer, _share: Some(share) })
     }
 }
 
-/// Why nothing can be computed.
+/// Why a device cannot be reserved.
 #[derive(Debug)]
-pub(crate) enum NotReady {
-    /// Other runs have the memory.
-    NoRoomNow,
+pub(crate) enum ReserveError {
+    /// Other runs use the memory.
+    MemoryInUse,
     /// The adapter has failed, in words.
     Failed(String),
 }
 
-/// Ready to compute.
+/// A device with memory for one run.
 #[derive(Debug)]
-pub(crate) struct Ready {
+pub(crate) struct ReservedDevice {
     computer: Arc<Computer>,
-    /// What it has of the adapter's memory.
-    _share: Option<Share>,
+    /// Memory of the adapter.
+    _share: Option<MemoryShare>,
 }
 
-impl Ready {
-    /// Runs one scenario to its end, or says why there is no room for it.
+impl ReservedDevice {
+    /// Runs one scenario to its end; an error when its memory does not suffice.
     pub(crate) fn simulate(
         self,
         checked: &Checked,
@@ -194,7 +200,7 @@ fn open(options: &DeviceOptions) -> Result<Computer, String> {
     let options = GpuOptions {
         device: options.adapter.clone(),
         allow_software: options.allow_software,
-        only_discrete: !options.is_asked_for(),
+        only_discrete: !options.requests_gpu(),
         memory_bytes: options.memory_mib.map(|mib| u64::from(mib) << 20),
     };
     let gpu = Gpu::new(&options).map_err(|error| error.to_string())?;
@@ -207,12 +213,12 @@ fn open(_options: &DeviceOptions) -> Result<Computer, String> {
 }
 
 #[cfg(feature = "gpu")]
-fn usual_bytes(size: Size) -> u64 {
+fn typical_bytes(size: RunSize) -> u64 {
     roost_solver::gpu::typical_run_bytes(size.subparticles, size.triangles)
 }
 
 #[cfg(not(feature = "gpu"))]
-fn usual_bytes(_size: Size) -> u64 {
+fn typical_bytes(_size: RunSize) -> u64 {
     0
 }
 
@@ -226,7 +232,7 @@ mod tests {
 
     use super::*;
 
-    /// Mesa's software adapter; none where these tests may be left out.
+    /// Mesa's software adapter; none where ROOST_SKIP_GPU skips these tests.
     fn software() -> Option<Device> {
         if std::env::var_os("ROOST_SKIP_GPU").is_some() {
             eprintln!("left out: ROOST_SKIP_GPU is set");
@@ -252,20 +258,20 @@ mod tests {
         check(scenario, &Meshes::default(), &Limits::default()).expect("one that can run")
     }
 
-    const SIZE: Size = Size { subparticles: 1000, triangles: 0 };
+    const SIZE: RunSize = RunSize { subparticles: 1000, triangles: 0 };
 
-    fn ready(device: &Device) -> Ready {
+    fn reserve(device: &Device) -> ReservedDevice {
         let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
-        runtime.block_on(device.ready(1, SIZE)).expect("an adapter")
+        runtime.block_on(device.reserve(1, SIZE)).expect("an adapter")
     }
 
     fn result(device: &Device) -> RunResult {
-        let result = ready(device).simulate(&small(), &mut |_: &Progress| Flow::Continue);
+        let result = reserve(device).simulate(&small(), &mut |_: &Progress| Flow::Continue);
         result.expect("room for it")
     }
 
     #[test]
-    fn runs_at_a_time_share_an_adapter_and_give_what_each_gives_alone() {
+    fn concurrent_runs_share_an_adapter_and_give_equal_results() {
         let Some(device) = software() else { return };
         let alone = result(&device);
         assert_eq!((device.backend(), &alone.solver.device), ("gpu", &device.name()));
@@ -279,23 +285,23 @@ mod tests {
     }
 
     #[test]
-    fn an_adapter_that_was_lost_is_opened_anew_and_no_other() {
+    fn only_a_lost_adapter_is_opened_again() {
         let Some(device) = software() else { return };
         let adapter = device.0.clone().expect("an adapter");
         let first = adapter.computer().expect("it is open");
         let broken = std::thread::scope(|scope| {
-            let ready = ready(&device);
-            let mut stumbles = |_: &Progress| panic!("an observer stumbles");
-            scope.spawn(move || ready.simulate(&small(), &mut stumbles).is_ok()).join()
+            let reserved = reserve(&device);
+            let mut panics = |_: &Progress| panic!("an observer panics");
+            scope.spawn(move || reserved.simulate(&small(), &mut panics).is_ok()).join()
         });
         assert!(broken.is_err());
-        assert!(Arc::ptr_eq(&first, &adapter.computer().expect("it is open")), "nothing is wrong with it");
+        assert!(Arc::ptr_eq(&first, &adapter.computer().expect("it is open")), "it works");
         let options =
             GpuOptions { device: Some("llvmpipe".into()), allow_software: true, ..GpuOptions::default() };
         let lost = roost_solver::gpu::Device::open(&options).expect("an adapter");
         let gpu = Gpu::with(lost.clone(), &Source::kernels()).expect("kernels that compile");
         *adapter.open.lock().expect("nobody panicked") = Arc::new(Computer::Gpu(Arc::new(gpu)));
-        let late = ready(&device);
+        let late = reserve(&device);
         lost.wgpu().0.destroy();
         let fails = move || late.simulate(&small(), &mut |_: &Progress| Flow::Continue);
         assert!(std::thread::spawn(fails).join().is_err());
@@ -304,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_too_large_says_so_and_the_others_never_hear_of_it() {
+    fn a_run_that_exceeds_the_memory_fails_alone() {
         let Some(device) = software() else { return };
         let options = device.0.clone().expect("an adapter").options.clone();
         let device = Device::choose(&DeviceOptions { memory_mib: Some(1), ..options }).expect("an adapter");
@@ -327,13 +333,13 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_asked_for_is_not_taken() {
+    fn only_a_requested_adapter_is_used() {
         assert!(software().is_none_or(|device| device.backend() == "gpu"));
         let refused = |options| Device::choose(&options).expect_err("nothing of that kind");
         let options =
             DeviceOptions { adapter: Some("no such adapter".to_owned()), ..DeviceOptions::default() };
         assert!(refused(options.clone()).starts_with("no GPU: "));
         let options = DeviceOptions { backend: Some(BackendKind::Cpu), ..options };
-        assert_eq!(refused(options), "an adapter is for the GPU backend");
+        assert_eq!(refused(options), "an adapter and its memory can only be set for the GPU backend");
     }
 }

@@ -1,9 +1,14 @@
 //! The worker: claims jobs from a Roost server, runs the solver, delivers results.
 //!
-//! [`work`] is the whole of it. The pieces: [`client`] speaks the HTTP API (the `roost` command uses it too),
-//! [`runner`] runs one scenario on a thread of its own, on a [`device`], [`meshes`] keeps the files that scenarios name, [`outbox`] keeps finished work on disk until
-//! the server has it, and the private `lease` modules hold the leases in between. The worker decides nothing
-//! about the queue: which attempt is valid is the server's word, fenced by job + attempt.
+//! [`work`] runs a worker. Its parts:
+//!
+//! - [`client`]: the HTTP API, also for the `roost` command
+//! - [`runner`]: one simulation in a thread of its own, on a [`device`]
+//! - [`meshes`]: cache of STL files
+//! - [`outbox`]: finished results on disk until the server has confirmed them
+//! - `lease`: claims, heartbeats and deliveries
+//!
+//! The server alone decides which attempt of a job is valid: it fences every write by job and attempt number.
 
 pub mod backoff;
 pub mod client;
@@ -11,9 +16,9 @@ mod config;
 pub mod device;
 mod lease;
 mod memory;
+mod memory_budget;
 pub mod meshes;
 pub mod outbox;
-mod room;
 pub mod runner;
 
 pub use config::{WorkerConfig, threads};

@@ -1,7 +1,7 @@
-//! The meshes that jobs name, on disk: each file is fetched once, whatever the number of jobs that want it.
+//! Cache of meshes on disk: each file is fetched once for all jobs.
 //!
-//! A file is named by its digest, written beside and renamed into place, and held against its digest whenever it is read:
-//! one that was damaged is fetched again. The folder may be emptied at any time, and workers may share it.
+//! A file is named by its digest and renamed into place when it is complete. Every read checks the digest; a damaged file is fetched again.
+//! The folder may be emptied at any time, and several workers may share it.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -16,22 +16,22 @@ use crate::backoff::Backoff;
 use crate::client::{Client, ClientError};
 use crate::outbox::remove_abandoned;
 
-/// Tries to fetch a file, over about ten seconds: a server that restarts costs no attempt.
-const TRIES: u32 = 8;
+/// Attempts to fetch a file, over about ten seconds, so that a restart of the server fails no job.
+const MAX_TRIES: u32 = 8;
 
 /// Where the meshes of a run come from.
 #[derive(Clone, Debug)]
 pub enum MeshSource {
-    /// They are here.
+    /// In memory.
     Given(Meshes),
-    /// From a server, by way of the disk.
+    /// From a server, through the cache.
     Server(std::sync::Arc<MeshCache>),
 }
 
-/// Why a run has no meshes. None of it is the scenario's fault.
+/// Why the meshes of a run are missing. The scenario is not at fault.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshFailure {
-    /// The server did not give the file.
+    /// The server did not send the file.
     #[error("cannot fetch mesh {digest}: {source}")]
     Fetch {
         /// Its digest.
@@ -39,12 +39,12 @@ pub enum MeshFailure {
         /// Why not.
         source: ClientError,
     },
-    /// What the server gave is another file.
+    /// The server sent another file.
     #[error("cannot fetch mesh {0}: the server sent a file with another digest")]
-    OtherFile(String),
-    /// The file is no mesh, although the server took it for one.
+    WrongDigest(String),
+    /// The file is not a mesh, although the server accepted it.
     #[error("mesh {digest}: {source}")]
-    Unsound {
+    Invalid {
         /// Its digest.
         digest: String,
         /// What is wrong with it.
@@ -56,7 +56,7 @@ impl MeshSource {
     /// The meshes of these digests.
     ///
     /// # Errors
-    /// When one of them cannot be had. Whether those that are given suffice is for the check of the scenario to say.
+    /// When one of them cannot be fetched. The check of the scenario finds missing meshes of [`Self::Given`].
     pub async fn load(&self, digests: Vec<String>) -> Result<Meshes, MeshFailure> {
         match self {
             Self::Given(meshes) => Ok(meshes.clone()),
@@ -65,20 +65,20 @@ impl MeshSource {
     }
 }
 
-/// A folder of files from one or more servers.
+/// A folder of STL files from one or more servers.
 #[derive(Debug)]
 pub struct MeshCache {
     folder: PathBuf,
     client: Client,
-    /// Held while fetching, so that jobs which want the same file wait for it instead.
+    /// LeasedAttempts while fetching, so that jobs which want the same file wait for it instead.
     fetching: Mutex<()>,
 }
 
 impl MeshCache {
-    /// The cache in a worker's state directory, filled from the client's server.
+    /// Opens the cache in a worker's state directory, filled from the client's server.
     ///
     /// # Errors
-    /// When there can be no such folder.
+    /// When the folder cannot be created or read.
     pub fn open(state_dir: &Path, client: Client) -> io::Result<Self> {
         let folder = state_dir.join("meshes");
         fs::create_dir_all(&folder)?;
@@ -94,24 +94,24 @@ impl MeshCache {
                 None => {
                     let _turn = self.fetching.lock().await;
                     match self.read(&digest).await {
-                        Some(file) => file, // somebody else fetched it meanwhile
+                        Some(file) => file, // another job fetched it meanwhile
                         None => self.fetch(&digest).await?,
                     }
                 }
             };
-            let read = beside(move || meshes.insert(&file).map(|_| meshes)).await;
-            meshes = read.map_err(|source| MeshFailure::Unsound { digest, source })?;
+            let read = blocking(move || meshes.insert(&file).map(|_| meshes)).await;
+            meshes = read.map_err(|source| MeshFailure::Invalid { digest, source })?;
         }
         Ok(meshes)
     }
 
-    /// A file from the disk; none when it is not there, or is not what it should be.
+    /// A file of the cache; none when it is missing or damaged.
     async fn read(&self, wanted: &str) -> Option<Vec<u8>> {
         let (path, wanted) = (self.path(wanted), wanted.to_owned());
-        beside(move || match fs::read(&path) {
+        blocking(move || match fs::read(&path) {
             Ok(file) if digest(&file) == wanted => Some(file),
             Ok(_) => {
-                tracing::warn!(path = %path.display(), "a damaged file in the cache of meshes is fetched again");
+                tracing::warn!(path = %path.display(), "a file in the mesh cache is damaged; it is fetched again");
                 None
             }
             Err(error) => {
@@ -124,7 +124,7 @@ impl MeshCache {
         .await
     }
 
-    /// Fetches a file, and keeps it if the disk lets us.
+    /// Fetches a file, and stores it in the cache if the disk allows.
     async fn fetch(&self, wanted: &str) -> Result<Vec<u8>, MeshFailure> {
         let mut backoff = Backoff::default();
         let mut tries = 0;
@@ -135,21 +135,21 @@ impl MeshCache {
                 Err(failure) => failure,
             };
             let is_final = matches!(&failure, MeshFailure::Fetch { source, .. } if !source.is_transient());
-            if is_final || tries == TRIES {
+            if is_final || tries == MAX_TRIES {
                 return Err(failure);
             }
-            tracing::warn!(%failure, "trying again");
+            tracing::warn!(%failure, "cannot fetch a mesh; retrying");
             backoff.pause().await;
         };
         tracing::info!(digest = wanted, bytes = file.len(), "fetched a mesh");
         let path = self.path(wanted);
-        let (file, kept) = beside(move || {
-            let kept = keep(&path, &file);
-            (file, kept)
+        let (file, stored) = blocking(move || {
+            let stored = store(&path, &file);
+            (file, stored)
         })
         .await;
-        if let Err(error) = kept {
-            tracing::warn!(folder = %self.folder.display(), %error, "cannot keep a mesh; every job that wants it fetches it");
+        if let Err(error) = stored {
+            tracing::warn!(folder = %self.folder.display(), %error, "cannot store a mesh in the cache; every job fetches it");
         }
         Ok(file)
     }
@@ -160,12 +160,12 @@ impl MeshCache {
             .mesh_file(wanted)
             .await
             .map_err(|source| MeshFailure::Fetch { digest: wanted.to_owned(), source })?;
-        let (file, found) = beside(move || {
+        let (file, found) = blocking(move || {
             let found = digest(&file);
             (file, found)
         })
         .await;
-        if found == wanted { Ok(file) } else { Err(MeshFailure::OtherFile(wanted.to_owned())) }
+        if found == wanted { Ok(file) } else { Err(MeshFailure::WrongDigest(wanted.to_owned())) }
     }
 
     fn path(&self, digest: &str) -> PathBuf {
@@ -173,18 +173,18 @@ impl MeshCache {
     }
 }
 
-/// Writes a file so that it is whole or not there. No flush: its digest tells when it was lost after all.
-fn keep(path: &Path, file: &[u8]) -> io::Result<()> {
-    let beside = path.with_file_name(format!("{}.tmp", Uuid::now_v7()));
-    let written = fs::write(&beside, file).and_then(|()| fs::rename(&beside, path));
+/// Writes a file completely or not at all. It needs no fsync: a read would find a wrong digest.
+fn store(path: &Path, file: &[u8]) -> io::Result<()> {
+    let temporary = path.with_file_name(format!("{}.tmp", Uuid::now_v7()));
+    let written = fs::write(&temporary, file).and_then(|()| fs::rename(&temporary, path));
     written.inspect_err(|_| {
-        let _ = fs::remove_file(&beside);
+        let _ = fs::remove_file(&temporary);
     })
 }
 
-/// Work on files and large buffers, off the async threads.
-async fn beside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
-    spawn_blocking(work).await.expect("nothing in here panics")
+/// Runs work on files and large buffers outside the async threads.
+async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    spawn_blocking(work).await.expect("the work does not panic")
 }
 
 #[cfg(test)]

@@ -1,10 +1,16 @@
-//! Finished work on disk until the server has it: a crash of either side loses nothing.
+//! Finished results on disk until the server has confirmed them: a crash of either side loses nothing.
 //!
-//! One folder a server: what one server knows nothing of must wait for the other. In it, one file a delivery, named
-//! by job and attempt, written beside and renamed into place after an fsync, so that
-//! a file is whole or not there; beside it, a folder with its frames. Only the server's word removes one: 2xx (it has it), or 409 (another attempt
-//! counts). What it refuses because of the token (401, 403) waits for another; what the server refuses for another reason is set aside in `refused/`, where a person can look at it,
-//! and the attempt reported as failed: a job whose result nobody takes is not run over and over. Workers may share a directory: deliveries are safe to repeat.
+//! Each server has its own folder, with a file for each delivery, named by job and attempt, and beside it a folder with its frames. A file is
+//! renamed into place after an fsync, so that it is always complete. The answer of the server decides what happens to it:
+//!
+//! | answer | delivery |
+//! |---|---|
+//! | 2xx (recorded), 409 (stale attempt) | is removed |
+//! | 401, 403 (token) | waits for another token |
+//! | 400, 413, 422 (content) | moves to `refused/` for a person to inspect, and the attempt is reported as failed: the job does not run again and again |
+//! | any other | waits |
+//!
+//! Workers may share a directory, since deliveries are safe to repeat.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -19,47 +25,47 @@ use uuid::Uuid;
 
 use crate::client::{Client, ClientError};
 
-/// Half-written files older than this belong to nobody any more.
+/// No worker is still writing a temporary file older than this.
 const ABANDONED_AFTER: Duration = Duration::from_secs(24 * 3600);
 
-/// What an attempt has to tell the server.
+/// The outcome of an attempt, for the server.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Delivery {
     /// The job.
     pub job_id: JobId,
     /// Number of the attempt.
     pub attempt: u32,
-    /// What to deliver.
+    /// Result or failure.
     pub content: Content,
-    /// The frames that lie beside it, which go ahead.
+    /// Frames in the folder beside it, which are uploaded first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub frames: Option<Recorded>,
+    pub frames: Option<RecordedFrames>,
 }
 
-/// What a stream of frames beside a delivery holds.
+/// The stream of frames beside a delivery.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Recorded {
-    /// Frames.
+pub struct RecordedFrames {
+    /// Number of frames.
     pub count: u64,
-    /// Why they end before the run did.
+    /// Why recording stopped before the run ended.
     pub stopped: Option<String>,
 }
 
-/// Extension of the folder beside a delivery that its frames lie in.
-pub(crate) const FRAMES: &str = "frames";
+/// Extension of the folder with the frames of a delivery.
+pub(crate) const FRAMES_EXTENSION: &str = "frames";
 
-/// A result, or why there is none.
+/// A result, or the reason why there is none.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Content {
     /// The job's result.
     Result(ResultDelivery),
-    /// The attempt ended without it.
+    /// The attempt ended without a result.
     Failure(FailureReport),
 }
 
 impl Content {
-    /// Whose it is.
+    /// The worker of the attempt.
     pub fn worker_id(&self) -> WorkerId {
         match self {
             Self::Result(body) => body.worker_id,
@@ -68,38 +74,38 @@ impl Content {
     }
 }
 
-/// What became of a delivery.
+/// The server's answer to a delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fate {
-    /// The server has it.
+pub enum DeliveryOutcome {
+    /// The server has recorded it.
     Confirmed,
-    /// The server will never take it: the attempt is stale.
-    Refused,
+    /// The attempt is stale: the server will never record it.
+    Stale,
 }
 
 impl Delivery {
     /// Sends it once.
     ///
     /// # Errors
-    /// Any answer other than "I have it" (2xx) and "the attempt is stale" (409).
-    pub async fn send(&self, client: &Client) -> Result<Fate, ClientError> {
+    /// Any answer but 2xx and 409.
+    pub async fn send(&self, client: &Client) -> Result<DeliveryOutcome, ClientError> {
         let sent = match &self.content {
             Content::Result(body) => client.deliver_result(self.job_id, self.attempt, body).await,
             Content::Failure(body) => client.report_failure(self.job_id, self.attempt, body).await,
         };
         match sent {
-            Ok(()) => Ok(Fate::Confirmed),
+            Ok(()) => Ok(DeliveryOutcome::Confirmed),
             Err(error) if matches!(error.problem_status(), Some(409)) => {
-                tracing::warn!(job = %self.job_id, attempt = self.attempt, %error, "the server refused a delivery");
-                Ok(Fate::Refused)
+                tracing::warn!(job = %self.job_id, attempt = self.attempt, %error, "the server refused a stale delivery");
+                Ok(DeliveryOutcome::Stale)
             }
             Err(error) => Err(error),
         }
     }
 
-    /// What to tell the server in place of a delivery whose content it refuses: that the attempt failed, and why. None
-    /// when the refusal is not about the content, or there is nothing left to leave out.
-    pub fn instead(self, refusal: &ClientError) -> Option<Self> {
+    /// The failure to report in place of a delivery whose content the server refuses. None when the refusal is not about the content, or the
+    /// delivery has no result to leave out.
+    pub fn as_failure(self, refusal: &ClientError) -> Option<Self> {
         if !matches!(refusal.problem_status(), Some(400 | 413 | 422)) {
             return None;
         }
@@ -121,15 +127,14 @@ impl Delivery {
     }
 }
 
-/// A directory of deliveries.
+/// The folder of deliveries to one server.
 #[derive(Clone, Debug)]
 pub struct Outbox {
     folder: PathBuf,
 }
 
 impl Outbox {
-    /// Opens the outbox for one server in a worker's state directory, making it if need be. The key names the
-    /// server, such as its address.
+    /// Opens or creates the outbox of one server in a worker's state directory. The key names the server, such as its address.
     pub fn open(state_dir: &Path, key: &str) -> io::Result<Self> {
         let folder = state_dir.join("outbox").join(folder_name(key));
         fs::create_dir_all(folder.join("refused"))?;
@@ -138,24 +143,24 @@ impl Outbox {
         Ok(Self { folder })
     }
 
-    /// Writes a delivery so that it survives a crash from here on, and says where.
+    /// Writes a delivery that survives a crash, and returns its path.
     pub fn put(&self, delivery: &Delivery) -> io::Result<PathBuf> {
         let path = self.folder.join(format!("{}-{}.json", delivery.job_id, delivery.attempt));
-        let beside = self.folder.join(format!("{}.tmp", Uuid::now_v7()));
-        let mut file = File::create_new(&beside)?;
+        let temporary = self.folder.join(format!("{}.tmp", Uuid::now_v7()));
+        let mut file = File::create_new(&temporary)?;
         file.write_all(&serde_json::to_vec(delivery)?)?;
         file.sync_all()?;
-        fs::rename(&beside, &path)?;
+        fs::rename(&temporary, &path)?;
         self.sync_folder()?;
         Ok(path)
     }
 
-    /// Where the frames of an attempt lie: beside its delivery, before there is one.
+    /// The folder for the frames of an attempt; it may exist before the delivery does.
     pub fn frames_folder(&self, job_id: JobId, attempt: u32) -> PathBuf {
-        self.folder.join(format!("{job_id}-{attempt}.{FRAMES}"))
+        self.folder.join(format!("{job_id}-{attempt}.{FRAMES_EXTENSION}"))
     }
 
-    /// Where the deliveries that wait are, oldest job first. Only paths: results are large, and there may be many.
+    /// Paths of the waiting deliveries, oldest job first.
     pub fn waiting(&self) -> io::Result<Vec<PathBuf>> {
         let mut paths: Vec<_> = fs::read_dir(&self.folder)?
             .map(|entry| entry.map(|entry| entry.path()))
@@ -165,7 +170,7 @@ impl Outbox {
         Ok(paths)
     }
 
-    /// One delivery; none when a neighbour has delivered it meanwhile. A file that makes no sense is set aside.
+    /// Reads a delivery; none when another worker has delivered it meanwhile. Moves an unreadable file to `refused/`.
     pub fn read(&self, path: &Path) -> io::Result<Option<Delivery>> {
         let bytes = match fs::read(path) {
             Ok(bytes) => bytes,
@@ -175,25 +180,25 @@ impl Outbox {
         match serde_json::from_slice(&bytes) {
             Ok(delivery) => Ok(Some(delivery)),
             Err(error) => {
-                tracing::error!(path = %path.display(), %error, "set aside an unreadable delivery");
+                tracing::error!(path = %path.display(), %error, "moved an unreadable delivery to `refused`");
                 self.set_aside(path)?;
                 Ok(None)
             }
         }
     }
 
-    /// Forgets a delivery that the server has, or will never take.
+    /// Removes a delivery with its frames.
     pub fn remove(&self, path: &Path) -> io::Result<()> {
-        missing_is_fine(fs::remove_file(path))?;
-        missing_is_fine(fs::remove_dir_all(path.with_extension(FRAMES)))?;
+        ignore_missing(fs::remove_file(path))?;
+        ignore_missing(fs::remove_dir_all(path.with_extension(FRAMES_EXTENSION)))?;
         self.sync_folder()
     }
 
-    /// Moves a delivery out of the way, for a person to look at.
+    /// Moves a delivery to `refused/`, without its frames.
     pub fn set_aside(&self, path: &Path) -> io::Result<()> {
         let name = path.file_name().unwrap_or_default();
-        missing_is_fine(fs::rename(path, self.folder.join("refused").join(name)))?;
-        missing_is_fine(fs::remove_dir_all(path.with_extension(FRAMES)))?;
+        ignore_missing(fs::rename(path, self.folder.join("refused").join(name)))?;
+        ignore_missing(fs::remove_dir_all(path.with_extension(FRAMES_EXTENSION)))?;
         self.sync_folder()
     }
 
@@ -202,13 +207,13 @@ impl Outbox {
     }
 }
 
-/// A server's address as the name of a folder: no two addresses share one.
+/// The folder name of a server's address, unique to it.
 fn folder_name(key: &str) -> String {
     let address = key.strip_prefix("http://").unwrap_or(key).trim_end_matches('/');
     let mut name = String::with_capacity(address.len());
     for byte in address.bytes() {
         match byte {
-            b'.' if name.is_empty() => name.push_str("%2e"), // neither hidden nor `..`
+            b'.' if name.is_empty() => name.push_str("%2e"), // avoids hidden folders and `..`
             b'.' | b'-' | b'0'..=b'9' | b'a'..=b'z' => name.push(byte.into()),
             b'A'..=b'Z' => name.push(byte.to_ascii_lowercase().into()),
             b':' => name.push('_'),
@@ -218,18 +223,18 @@ fn folder_name(key: &str) -> String {
     name
 }
 
-fn missing_is_fine(outcome: io::Result<()>) -> io::Result<()> {
+fn ignore_missing(outcome: io::Result<()>) -> io::Result<()> {
     match outcome {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         outcome => outcome,
     }
 }
 
-/// Removes frames that no delivery waits with and that nobody is adding to any more.
+/// Removes frames without a delivery that no run is still recording.
 fn remove_abandoned_frames(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
-        let is_frames = path.extension().is_some_and(|extension| extension == FRAMES);
+        let is_frames = path.extension().is_some_and(|extension| extension == FRAMES_EXTENSION);
         if !is_frames || path.with_extension("json").exists() {
             continue;
         }
@@ -237,13 +242,13 @@ fn remove_abandoned_frames(folder: &Path) -> io::Result<()> {
         let newest = changed(&path.join(roost_frames::STREAM)).or_else(|| changed(&path));
         let age = newest.map(|then| SystemTime::now().duration_since(then).unwrap_or_default());
         if age.is_some_and(|age| age > ABANDONED_AFTER) {
-            missing_is_fine(fs::remove_dir_all(path))?;
+            ignore_missing(fs::remove_dir_all(path))?;
         }
     }
     Ok(())
 }
 
-/// Removes what nobody is writing any more.
+/// Removes temporary files that no worker is still writing.
 pub(crate) fn remove_abandoned(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
@@ -251,7 +256,7 @@ pub(crate) fn remove_abandoned(folder: &Path) -> io::Result<()> {
         let Ok(modified) = entry.metadata().and_then(|metadata| metadata.modified()) else { continue };
         let age = SystemTime::now().duration_since(modified).unwrap_or_default();
         if is_half_written && age > ABANDONED_AFTER {
-            missing_is_fine(fs::remove_file(entry.path()))?;
+            ignore_missing(fs::remove_file(entry.path()))?;
         }
     }
     Ok(())

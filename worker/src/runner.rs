@@ -1,7 +1,6 @@
-//! Runs one scenario on a thread of its own, once its meshes are there: progress comes out through a watch channel, a
-//! stop flag goes in.
+//! Runs one scenario in a thread of its own, after loading its meshes. A watch channel carries progress out; a flag stops the run.
 //!
-//! Whatever happens in the solver, a [`Run`] ends with exactly one [`RunEnd`]; a panic is one too.
+//! Every [`Run`] ends with exactly one [`RunEnd`], even when the solver panics.
 
 use std::any::Any;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -12,39 +11,38 @@ use roost_api::job::AttemptOutcome;
 use roost_api::{Progress, RunResult, Series};
 use roost_solver::engine::run::Snapshot;
 use roost_solver::observe::Recorder;
-use roost_solver::result::EndReason;
+use roost_solver::result::{EndReason, Instability};
 use roost_solver::scenario::{self, Fault};
 use roost_solver::{Checked, Flow, Limits, Observer, OutOfDeviceMemory};
 use serde_json::Value;
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
 
-use crate::device::{Device, NotReady, Size};
+use crate::device::{Device, ReserveError, RunSize};
 use crate::meshes::MeshSource;
 
-/// How often a run that has not begun looks whether it is to stop.
-const LOOK_AGAIN: Duration = Duration::from_millis(50);
+/// Interval at which a run that has not begun checks its stop flag.
+const STOP_POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-const HANDED_BACK: &str = "handed back by a worker that is stopping";
+const WORKER_STOPS: &str = "released: the worker is stopping";
 
-/// What a run that was claimed and found too little memory leaves in its place.
-const NO_ROOM_NOW: &str = "handed back: other runs of the worker have the memory";
+const MEMORY_IN_USE: &str = "released: other jobs of the worker use the memory of its device";
 
 /// How a run ended.
 #[derive(Debug)]
 pub enum RunEnd {
     /// With the job's result.
     Finished(RunResult),
-    /// Without it.
+    /// Without a result.
     Failed {
-        /// In which way.
+        /// The outcome of the attempt.
         outcome: AttemptOutcome,
-        /// In words.
+        /// The reason in words.
         message: String,
         /// The partial result, if the physics got that far.
         result: Option<RunResult>,
     },
-    /// Nobody wants to hear of it any more.
+    /// The attempt is stale, and the server needs no report.
     Abandoned,
 }
 
@@ -54,21 +52,21 @@ impl RunEnd {
     }
 }
 
-/// Why a run is to stop before its end.
+/// Why a run stops before its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Stop {
-    /// Somebody cancelled the job: keep the partial result.
+    /// The job was cancelled; its partial result is kept.
     Cancel = 1,
-    /// The worker drains: hand the attempt back.
+    /// The worker stops and releases the attempt.
     Release,
-    /// The attempt is stale: say nothing.
+    /// The attempt is stale: no report.
     Abandon,
-    /// It ran longer than it may.
+    /// The run exceeded its wall time.
     Timeout,
 }
 
-/// Set once by whoever is first; the solver looks at it with every progress report.
+/// A request to stop, which the solver checks with every progress report.
 #[derive(Clone, Debug, Default)]
 pub struct StopFlag(Arc<AtomicU8>);
 
@@ -82,49 +80,49 @@ impl StopFlag {
         }
     }
 
-    /// Why the run is to stop, if it is.
+    /// The reason to stop, if any.
     pub fn get(&self) -> Option<Stop> {
         [Stop::Cancel, Stop::Release, Stop::Abandon, Stop::Timeout]
             .into_iter()
             .find(|why| *why as u8 == self.0.load(Ordering::Relaxed))
     }
 
-    /// Waits until the run is to stop.
-    async fn raised(&self) -> Stop {
+    /// Waits for a request to stop.
+    async fn wait(&self) -> Stop {
         loop {
             if let Some(why) = self.get() {
                 return why;
             }
-            tokio::time::sleep(LOOK_AGAIN).await;
+            tokio::time::sleep(STOP_POLL_INTERVAL).await;
         }
     }
 }
 
-/// Who takes pictures of a run; shared, so that whoever hands it in can ask it what became of them.
-pub type Pictures = Arc<Mutex<dyn Observer + Send>>;
+/// Observer that records frames; shared, so that the caller can read its report after the run.
+pub type FrameObserver = Arc<Mutex<dyn Observer + Send>>;
 
-/// Where a run is computed.
+/// The device and threads of a run.
 #[derive(Clone, Debug)]
-pub struct Place {
-    /// On what.
+pub struct Resources {
+    /// The device.
     pub device: Device,
-    /// On how many threads where that is the CPU.
+    /// Threads on the CPU.
     threads: usize,
 }
 
-impl Place {
-    /// On a device, with that many [`threads`] where it is the CPU.
+impl Resources {
+    /// A device, and the requested number of [`threads`](crate::threads) on the CPU.
     pub fn new(device: Device, threads: usize) -> Self {
         Self { device, threads: crate::threads(threads) }
     }
 }
 
-/// A run under way.
+/// A started run.
 #[derive(Debug)]
 pub struct Run {
     /// The newest progress; none before the first report.
     pub progress: watch::Receiver<Option<Progress>>,
-    /// What it has sampled so far, about a second old.
+    /// Its samples so far, about a second old.
     pub samples: Sampled,
     /// Asks it to stop.
     pub stop: StopFlag,
@@ -132,47 +130,46 @@ pub struct Run {
 }
 
 impl Run {
-    /// Starts a scenario document, once its meshes are there. Must be called within a tokio runtime.
-    pub fn start(document: Value, meshes: MeshSource, place: Place, max_wall_s: Option<f64>) -> Self {
-        Self::start_pictured(document, meshes, place, max_wall_s, None)
+    /// Starts a scenario document. Must be called within a tokio runtime.
+    pub fn start(document: Value, meshes: MeshSource, resources: Resources, max_wall_s: Option<f64>) -> Self {
+        Self::start_observed(document, meshes, resources, max_wall_s, None)
     }
 
-    /// Starts a scenario document, once its meshes are there, of which somebody takes pictures, on the run's thread. Must be
-    /// called within a tokio runtime.
-    pub fn start_pictured(
+    /// The same with an observer of frames, which is called in the run's thread.
+    pub fn start_observed(
         document: Value,
         meshes: MeshSource,
-        place: Place,
+        resources: Resources,
         max_wall_s: Option<f64>,
-        pictures: Option<Pictures>,
+        frames: Option<FrameObserver>,
     ) -> Self {
-        let coming = place.device.expect_run();
-        Self::start_with(max_wall_s, pictures, async move {
-            let scenario = scenario::from_value(&document).map_err(|faults| refused(&faults))?;
+        let pending = resources.device.announce_run();
+        Self::start_with(max_wall_s, frames, async move {
+            let scenario = scenario::from_value(&document).map_err(|faults| invalid(&faults))?;
             let digests = scenario.meshes().into_iter().map(str::to_owned).collect();
             let meshes = meshes.load(digests).await;
             let meshes =
                 meshes.map_err(|failure| RunEnd::failed(AttemptOutcome::Worker, failure.to_string()))?;
             let check = move || roost_solver::check(&scenario, &meshes, &Limits::NONE);
-            let checked = tokio::task::spawn_blocking(check).await.map_err(broken)?;
-            let solve = solver(place, checked.map_err(|faults| refused(&faults))?).await;
-            drop(coming);
+            let checked = tokio::task::spawn_blocking(check).await.map_err(thread_ended)?;
+            let solve = solver(resources, checked.map_err(|faults| invalid(&faults))?).await;
+            drop(pending);
             solve
         })
     }
 
-    /// Starts a scenario that has been checked. Must be called within a tokio runtime.
-    pub fn start_checked(checked: Checked, place: Place, pictures: Option<Pictures>) -> Self {
-        let coming = place.device.expect_run();
-        Self::start_with(None, pictures, async move {
-            let solve = solver(place, checked).await;
-            drop(coming);
+    /// Starts a checked scenario. Must be called within a tokio runtime.
+    pub fn start_checked(checked: Checked, resources: Resources, frames: Option<FrameObserver>) -> Self {
+        let pending = resources.device.expect_run();
+        Self::start_with(None, frames, async move {
+            let solve = solver(resources, checked).await;
+            drop(pending);
             solve
         })
     }
 
-    /// Starts anything that, once prepared, reports progress and gives a result, as the solver does.
-    fn start_with<P, F>(max_wall_s: Option<f64>, pictures: Option<Pictures>, prepare: P) -> Self
+    /// Starts a function that reports progress and gives a result, after `prepare` has made it.
+    fn start_with<P, F>(max_wall_s: Option<f64>, frames: Option<FrameObserver>, prepare: P) -> Self
     where
         P: Future<Output = Result<F, RunEnd>> + Send + 'static,
         F: FnOnce(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory> + Send + 'static,
@@ -189,7 +186,7 @@ impl Run {
                     Ok(solve) => solve,
                     Err(end) => return end,
                 },
-                why = flag.raised() => return stopped(why),
+                why = flag.wait() => return stopped_early(why),
             };
             let solving = tokio::task::spawn_blocking(move || {
                 let started = Instant::now();
@@ -200,44 +197,44 @@ impl Run {
                     }
                     if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
                 };
-                let outcome = solve(&mut Watched { report, pictures, sampled, sampled_at: started });
-                judge(outcome, flag.get(), max_wall_s)
+                let outcome = solve(&mut RunObserver { report, frames, sampled, sampled_at: started });
+                classify(outcome, flag.get(), max_wall_s)
             });
-            solving.await.unwrap_or_else(broken)
+            solving.await.unwrap_or_else(thread_ended)
         });
         Self { progress, samples, stop, run }
     }
 
-    /// A run that never begins.
+    /// A run that never starts to compute.
     #[cfg(test)]
-    pub(crate) fn of_nothing() -> Self {
+    pub(crate) fn pending() -> Self {
         type Solve = fn(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory>;
         Self::start_with(None, None, std::future::pending::<Result<Solve, RunEnd>>())
     }
 
-    /// Waits for the end.
+    /// Waits for the end of the run.
     pub async fn end(self) -> RunEnd {
-        self.run.await.unwrap_or_else(broken)
+        self.run.await.unwrap_or_else(thread_ended)
     }
 }
 
-/// Waits until the device is ready for a scenario; what then simulates it.
+/// Waits for the device to have memory for a scenario; the function then simulates it.
 async fn solver(
-    place: Place,
+    resources: Resources,
     checked: Checked,
 ) -> Result<impl FnOnce(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory> + Send + 'static, RunEnd> {
     let triangles = checked.setup().meshes.triangles();
-    let size = Size { subparticles: checked.estimate().subparticles, triangles };
-    let ready = place.device.ready(place.threads, size).await;
-    let ready = ready.map_err(|why| match why {
-        NotReady::NoRoomNow => RunEnd::failed(AttemptOutcome::Released, NO_ROOM_NOW),
-        NotReady::Failed(reason) => RunEnd::failed(AttemptOutcome::Worker, reason),
+    let size = RunSize { subparticles: checked.estimate().subparticles, triangles };
+    let reserved = resources.device.reserve(resources.threads, size).await;
+    let reserved = reserved.map_err(|why| match why {
+        ReserveError::MemoryInUse => RunEnd::failed(AttemptOutcome::Released, MEMORY_IN_USE),
+        ReserveError::Failed(reason) => RunEnd::failed(AttemptOutcome::Worker, reason),
     })?;
-    Ok(move |observer: &mut dyn Observer| ready.simulate(&checked, observer))
+    Ok(move |observer: &mut dyn Observer| reserved.simulate(&checked, observer))
 }
 
-/// A run whose thread ended by itself.
-fn broken(error: JoinError) -> RunEnd {
+/// The end of a run whose thread panicked or was dropped.
+fn thread_ended(error: JoinError) -> RunEnd {
     if !error.is_panic() {
         return RunEnd::failed(AttemptOutcome::Worker, "the run's thread was dropped");
     }
@@ -245,63 +242,63 @@ fn broken(error: JoinError) -> RunEnd {
     RunEnd::failed(AttemptOutcome::Worker, message)
 }
 
-/// A run that was stopped before it began.
-fn stopped(why: Stop) -> RunEnd {
+/// The end of a run that was stopped before it began.
+fn stopped_early(why: Stop) -> RunEnd {
     match why {
         Stop::Abandon => RunEnd::Abandoned,
-        Stop::Release => RunEnd::failed(AttemptOutcome::Released, HANDED_BACK),
+        Stop::Release => RunEnd::failed(AttemptOutcome::Released, WORKER_STOPS),
         Stop::Cancel | Stop::Timeout => {
             RunEnd::failed(AttemptOutcome::Cancelled, "cancelled before it began")
         }
     }
 }
 
-/// A scenario that the solver would not run.
-fn refused(faults: &[Fault]) -> RunEnd {
+/// The end of a run with an invalid scenario.
+fn invalid(faults: &[Fault]) -> RunEnd {
     let faults: Vec<_> = faults.iter().map(Fault::to_string).collect();
     RunEnd::failed(AttemptOutcome::Invalid, faults.join("; "))
 }
 
-/// What a run has sampled so far.
+/// The samples of a run so far.
 #[derive(Clone, Debug, Default)]
 pub struct Sampled(Arc<Mutex<Vec<Series>>>);
 
 impl Sampled {
-    /// All of it.
+    /// All series.
     pub fn series(&self) -> MutexGuard<'_, Vec<Series>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Samples are looked at this often.
-const SAMPLED_EVERY: Duration = Duration::from_secs(1);
+/// Interval at which samples are copied.
+const SAMPLING_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Reports progress here, has pictures taken there, and keeps what was sampled for those who ask.
-struct Watched<F> {
+/// Passes progress and frames to their receivers, and keeps a copy of the samples.
+struct RunObserver<F> {
     report: F,
-    pictures: Option<Pictures>,
+    frames: Option<FrameObserver>,
     sampled: Sampled,
     sampled_at: Instant,
 }
 
-impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
+impl<F: FnMut(&Progress) -> Flow> Observer for RunObserver<F> {
     fn progress(&mut self, progress: &Progress) -> Flow {
         (self.report)(progress)
     }
 
     fn wants_snapshot(&self, simulated_s: f64) -> bool {
-        let pictures = self.pictures.as_ref().map(|pictures| pictures.lock());
-        pictures.is_some_and(|p| p.unwrap_or_else(PoisonError::into_inner).wants_snapshot(simulated_s))
+        let frames = self.frames.as_ref().map(|frames| frames.lock());
+        frames.is_some_and(|p| p.unwrap_or_else(PoisonError::into_inner).wants_snapshot(simulated_s))
     }
 
     fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
-        if let Some(pictures) = &self.pictures {
-            pictures.lock().unwrap_or_else(PoisonError::into_inner).snapshot(snapshot);
+        if let Some(frames) = &self.frames {
+            frames.lock().unwrap_or_else(PoisonError::into_inner).snapshot(snapshot);
         }
     }
 
     fn wants_samples(&self) -> bool {
-        self.sampled_at.elapsed() >= SAMPLED_EVERY
+        self.sampled_at.elapsed() >= SAMPLING_INTERVAL
     }
 
     fn samples(&mut self, recorder: &Recorder) {
@@ -310,30 +307,30 @@ impl<F: FnMut(&Progress) -> Flow> Observer for Watched<F> {
     }
 }
 
-/// What the solver's answer means, given what it had been asked. A run that came to its own end before it saw the
-/// flag has a result like any other.
-fn judge(
+/// Classifies the end of a run by its result and the reason to stop. A run that ended before it saw the flag has a normal result.
+fn classify(
     outcome: Result<RunResult, OutOfDeviceMemory>,
     stop: Option<Stop>,
     max_wall_s: Option<f64>,
 ) -> RunEnd {
     let result = match outcome {
         Ok(result) => result,
-        Err(no_room) => return RunEnd::failed(AttemptOutcome::Worker, no_room.to_string()),
+        Err(error) => return RunEnd::failed(AttemptOutcome::Worker, error.to_string()),
     };
     let (outcome, message) = match (result.end_reason, stop) {
         (_, Some(Stop::Abandon)) => return RunEnd::Abandoned,
         (EndReason::Unstable, _) => {
             let message = match &result.instability {
-                Some(seen) => {
-                    format!("{} at step {}, belt time {:.4} s", seen.reason, seen.step, seen.time_s)
+                Some(instability) => {
+                    let Instability { reason, step, time_s } = instability;
+                    format!("{reason} at step {step}, belt time {time_s:.4} s")
                 }
                 None => "the physics diverged".to_owned(),
             };
             (AttemptOutcome::Unstable, message)
         }
         (EndReason::Cancelled, Some(Stop::Release)) => {
-            return RunEnd::failed(AttemptOutcome::Released, HANDED_BACK);
+            return RunEnd::failed(AttemptOutcome::Released, WORKER_STOPS);
         }
         (EndReason::Cancelled, Some(Stop::Timeout)) => {
             let limit = max_wall_s.unwrap_or_default();

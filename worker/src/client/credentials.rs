@@ -1,4 +1,4 @@
-//! What a client shows to a server, and whom it believes to be that server.
+//! The credentials of a client: its access token and the authorities that it trusts.
 
 use std::sync::Once;
 
@@ -10,9 +10,9 @@ use super::{ClientError, ClientResult, reason};
 /// Access to a server.
 #[derive(Clone, Default)]
 pub struct Credentials {
-    /// Access token, shown with every call.
+    /// Access token of every call.
     pub token: Option<String>,
-    /// Certificates (PEM) of the authorities to trust in place of the system's.
+    /// Certificates (PEM) of the authorities to trust, in place of the system's.
     pub ca: Option<Vec<u8>>,
 }
 
@@ -28,16 +28,16 @@ impl std::fmt::Debug for Credentials {
 }
 
 impl Credentials {
-    /// Whether the authorities are certificates.
+    /// Checks that the authorities are certificates.
     ///
     /// # Errors
-    /// [`ClientError::Authorities`] with the reason where they are not.
+    /// [`ClientError::Authorities`] with the reason.
     pub fn check(&self) -> ClientResult<()> {
         self.ca.as_deref().map_or(Ok(()), |pem| authorities(pem).map(drop))
     }
 
-    /// Why no client can be made with these, although the address is one.
-    pub(super) fn refusal(&self, server: &str, error: &reqwest::Error) -> ClientError {
+    /// Why no client can be made for a valid address.
+    pub(super) fn error(&self, server: &str, error: &reqwest::Error) -> ClientError {
         let reason = reason::innermost(error).to_string();
         match self.ca {
             Some(_) => ClientError::Authorities(reason),
@@ -57,7 +57,7 @@ impl Credentials {
         Ok(match &self.ca {
             Some(pem) => builder.tls_certs_only(authorities(pem)?),
             None if is_encrypted => builder,
-            // The system's take a while to read, and a container may have none.
+            // The system's certificates are slow to read, and a container may have none.
             None => builder.tls_certs_only([]),
         })
     }
@@ -72,9 +72,9 @@ fn authorities(pem: &[u8]) -> ClientResult<Vec<Certificate>> {
     Ok(authorities)
 }
 
-/// Chooses the cryptography of every TLS connection of this process; must come before any client is made.
+/// Chooses the cryptography of every TLS connection of this process. Call it before the first client is made.
 pub fn prepare_tls() {
     static ONCE: Once = Once::new();
-    // Fails where it has been chosen before, which is as good.
+    // Fails where the process has chosen one already, which serves as well.
     ONCE.call_once(|| drop(rustls::crypto::ring::default_provider().install_default()));
 }

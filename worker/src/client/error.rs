@@ -1,4 +1,4 @@
-//! Everything that can go wrong between a client and the server, said so that a person can act on it.
+//! Errors between a client and the server, with advice.
 
 use std::io;
 
@@ -8,19 +8,19 @@ use roost_api::problem::Problem;
 
 use super::reason;
 
-/// Why a call did not give what was asked for.
+/// Why a call failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
-    /// The address is none.
-    #[error("`{0}` is no server address: write it like http://127.0.0.1:7373")]
+    /// The address is invalid.
+    #[error("`{0}` is not a server address: write it like http://127.0.0.1:7373")]
     Address(String),
     /// The token cannot be sent.
-    #[error("the access token has characters that no token has")]
+    #[error("the access token has invalid characters")]
     Token,
-    /// The file of authorities cannot be used; says why.
+    /// The file of authorities cannot be used, for this reason.
     #[error("the file of certificates to trust (--ca or ROOST_CA) cannot be used: {0}")]
     Authorities(String),
-    /// The system has no authorities to check the server's certificate by.
+    /// The system has no authorities to check the server's certificate.
     #[error(
         "cannot check the certificate of {server}: {reason}. Install the system's certificates (Debian: ca-certificates), \
          or name the file with the certificate of the server's authority with --ca FILE or ROOST_CA"
@@ -28,7 +28,7 @@ pub enum ClientError {
     NoAuthorities {
         /// Address of the server.
         server: String,
-        /// What was looked for in vain.
+        /// What is missing.
         reason: String,
     },
     /// The server sends its clients to another address.
@@ -39,7 +39,7 @@ pub enum ClientError {
         /// Where it redirects to.
         location: String,
     },
-    /// A file that was to be sent cannot be read, or one that came cannot be written.
+    /// A file to send cannot be read, or a received file cannot be written.
     #[error("cannot use {}: {reason}", path.display())]
     File {
         /// The file.
@@ -47,21 +47,21 @@ pub enum ClientError {
         /// Why.
         reason: String,
     },
-    /// Nothing answered, or not in time. Trying again may help.
+    /// No answer, or none in time. A retry may help.
     #[error("cannot reach {server}: {}", one_line(reason))]
     Unreachable {
         /// Address of the server.
         server: String,
         /// The innermost cause, such as `Connection refused`, and what to do about it where that is known.
         reason: String,
-        /// Whether it was that: nobody listens there.
+        /// Whether the connection was refused: no process listens there.
         is_refused: bool,
     },
     /// The server answered with a problem.
     #[error("{}", describe(.0))]
     Problem(Box<Problem>),
-    /// An error answer that is no problem document: something else answers there.
-    #[error("{server} answered {status} without saying why: {}{}", one_line(body), reason::of_answer(server, *status, body))]
+    /// An error answer without a problem document: another program answers there.
+    #[error("{server} answered {status} without a reason: {}{}", one_line(body), reason::explain_answer(server, *status, body))]
     Foreign {
         /// Address of the server.
         server: String,
@@ -70,8 +70,8 @@ pub enum ClientError {
         /// Start of the body.
         body: String,
     },
-    /// A success whose body is not what the API promises.
-    #[error("{server} sent an answer that this version does not understand: {}", one_line(reason))]
+    /// A success with an unexpected body.
+    #[error("{server} sent an answer that this version of roost cannot read: {}", one_line(reason))]
     Body {
         /// Address of the server.
         server: String,
@@ -81,7 +81,7 @@ pub enum ClientError {
 }
 
 impl ClientError {
-    /// Whether the same call may well succeed later: the server is away, overloaded or restarting.
+    /// Whether the same call may succeed later: the server does not answer, is overloaded or restarts.
     pub fn is_transient(&self) -> bool {
         match self {
             Self::Address(_)
@@ -96,16 +96,15 @@ impl ClientError {
         }
     }
 
-    /// Whether the server will not have who asks, whatever is asked: a token that has been revoked, or lacks a scope. What was
-    /// refused so may be taken from the next start, with another token.
-    pub fn is_about_access(&self) -> bool {
+    /// Whether the server refuses the token: it was revoked, or lacks a scope. The same call may succeed with another token.
+    pub fn is_access_refused(&self) -> bool {
         match self {
             Self::Foreign { status, .. } => matches!(status, 401 | 403),
             _ => matches!(self.problem_status(), Some(401 | 403)),
         }
     }
 
-    /// The HTTP status of the server's problem, if there was one.
+    /// The HTTP status of the server's problem, if any.
     pub fn problem_status(&self) -> Option<u16> {
         match self {
             Self::Problem(problem) => Some(problem.status),
@@ -122,7 +121,7 @@ impl ClientError {
         let is_refused = cause
             .downcast_ref()
             .is_some_and(|cause: &io::Error| cause.kind() == io::ErrorKind::ConnectionRefused);
-        Self::Unreachable { server, reason: reason::of(error), is_refused }
+        Self::Unreachable { server, reason: reason::explain(error), is_refused }
     }
 }
 
@@ -131,9 +130,9 @@ fn is_transient_status(status: u16) -> bool {
 }
 
 fn describe(problem: &Problem) -> String {
-    // The detail of a single fault is that fault: it would be there twice.
-    let says_it_all = problem.errors.iter().any(|fault| fault.to_string() == problem.detail);
-    let is_title = problem.detail.is_empty() || says_it_all;
+    // The detail repeats a single fault: omit it.
+    let is_fault = problem.errors.iter().any(|fault| fault.to_string() == problem.detail);
+    let is_title = problem.detail.is_empty() || is_fault;
     let mut text = one_line(if is_title { &problem.title } else { &problem.detail }).into_owned();
     for fault in &problem.errors {
         text.push_str("\n  ");
@@ -142,7 +141,7 @@ fn describe(problem: &Problem) -> String {
     text
 }
 
-/// A fault for people, in one line: where it is, what, and what would be allowed. An empty pointer is the document itself.
+/// A fault in one line: pointer, fault, and allowed values. An empty pointer is the document itself.
 pub fn fault_line(fault: &Fault) -> String {
     let text = if fault.pointer.is_empty() { format!("the document{fault}") } else { fault.to_string() };
     one_line(&text).into_owned()

@@ -1,6 +1,6 @@
-//! A typed client of the HTTP API: one method a route, for the worker and for the `roost` command.
+//! A typed client of the HTTP API, for the worker and the `roost` command: one method for each route.
 //!
-//! Nothing is retried in here: who may wait, and for how long, is the caller's business.
+//! It retries nothing; callers decide how long they wait.
 
 mod credentials;
 mod error;
@@ -34,19 +34,19 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tokio::io::AsyncWriteExt;
 
-use crate::outbox::Recorded;
+use crate::outbox::RecordedFrames;
 pub use credentials::{Credentials, prepare_tls};
 pub use error::{ClientError, fault_line};
 
-/// What every call gives.
+/// The outcome of a call.
 pub type ClientResult<T> = Result<T, ClientError>;
 
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
-/// A connection that was idle for so long is not used again. The server closes it after twice that: a request that crosses with
-/// the closing would be lost.
+/// A connection that was idle for this long is not used again. The server closes it after twice that time, and a request at that moment
+/// would be lost.
 pub const MAX_IDLE: Duration = Duration::from_secs(5);
-/// A large file over a slow line.
+/// Timeout of a large file over a slow connection.
 const FILE_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// A client of one server.
@@ -59,30 +59,30 @@ pub struct Client {
 impl Client {
     /// A client of the server at an address such as `http://127.0.0.1:7373`, without a token.
     pub fn new(server: &str) -> ClientResult<Self> {
-        Self::with(server, &Credentials::default())
+        Self::with_credentials(server, &Credentials::default())
     }
 
-    /// A client with credentials, of a server that may speak https.
-    pub fn with(server: &str, credentials: &Credentials) -> ClientResult<Self> {
+    /// A client with credentials, for http or https.
+    pub fn with_credentials(server: &str, credentials: &Credentials) -> ClientResult<Self> {
         let server = server.trim_end_matches('/').to_owned();
-        let refused = || ClientError::Address(server.clone());
-        let url = Url::parse(&server).map_err(|_| refused())?;
+        let invalid = || ClientError::Address(server.clone());
+        let url = Url::parse(&server).map_err(|_| invalid())?;
         let is_encrypted = url.scheme() == "https";
-        let host = url.host_str().filter(|_| is_encrypted || url.scheme() == "http").ok_or_else(refused)?;
+        let host = url.host_str().filter(|_| is_encrypted || url.scheme() == "http").ok_or_else(invalid)?;
         let mut builder = reqwest::Client::builder()
             .connect_timeout(CONNECT_TIMEOUT)
             .timeout(ANSWER_TIMEOUT)
-            // Followed, a POST would become a GET, and the certificate of the new address would be checked by no authority.
+            // A redirect would turn POST into GET, and its address might have an unchecked certificate.
             .redirect(Policy::none())
             .pool_idle_timeout(MAX_IDLE)
             .user_agent(concat!("roost/", env!("CARGO_PKG_VERSION")));
-        // A proxy named in the environment knows nothing of this machine's own addresses.
+        // A proxy of the environment cannot reach loopback addresses.
         let ip = host.trim_matches(['[', ']']).parse::<IpAddr>();
         if host == "localhost" || ip.is_ok_and(|ip| ip.is_loopback()) {
             builder = builder.no_proxy();
         }
         let http = credentials.apply(builder, is_encrypted)?.build();
-        let http = http.map_err(|error| credentials.refusal(&server, &error))?;
+        let http = http.map_err(|error| credentials.error(&server, &error))?;
         Ok(Self { http, server })
     }
 
@@ -113,7 +113,7 @@ impl Client {
         self.get(&format!("jobs/{id}/result")).await
     }
 
-    /// Writes the frames of a job that has some into a file.
+    /// Downloads the frames of a job into a file.
     pub async fn download_frames(&self, id: JobId, into: &Path) -> ClientResult<()> {
         let unwritten =
             |error: std::io::Error| ClientError::File { path: into.to_owned(), reason: error.to_string() };
@@ -133,14 +133,14 @@ impl Client {
         self.fetch(self.request(Method::POST, &format!("jobs/{id}/cancel"))).await
     }
 
-    /// Queues a failed or cancelled job again; `class` narrows it to one that failed so.
+    /// Queues a failed or cancelled job again, if it failed with this class.
     pub async fn retry_job(&self, id: JobId, class: Option<FailureClass>) -> ClientResult<JobView> {
         self.retry(&format!("jobs/{id}/retry"), class).await
     }
 
     // --- sweeps ---------------------------------------------------------------------------------
 
-    /// Submits any document to `jobs` or `sweeps`, so that the server names its faults.
+    /// Submits any document to `jobs` or `sweeps`; the server names its faults.
     pub async fn submit_document<T: DeserializeOwned>(
         &self,
         route: &str,
@@ -185,7 +185,7 @@ impl Client {
         self.get(&format!("sweeps/{id}/results?by=point")).await
     }
 
-    /// The result table of a sweep as a file in a `format` such as `csv` or `parquet`, a row `by` `trial` or `point`.
+    /// The result table of a sweep as a file. `format` is `csv` or `parquet`; a row is a `trial` or a `point`.
     pub async fn sweep_table(&self, id: SweepId, format: &str, by: &str) -> ClientResult<Vec<u8>> {
         let request = self.request(Method::GET, &format!("sweeps/{id}/results"));
         let request = request.query(&[("format", format), ("by", by)]).timeout(FILE_TIMEOUT);
@@ -194,7 +194,7 @@ impl Client {
         Ok(file.into())
     }
 
-    /// How the factors of a sweep act on each response.
+    /// The effects of a sweep's factors on each response.
     pub async fn sweep_effects(&self, id: SweepId) -> ClientResult<SweepEffects> {
         self.get(&format!("sweeps/{id}/effects")).await
     }
@@ -204,31 +204,31 @@ impl Client {
         self.post(&format!("sweeps/{id}/extend"), more).await
     }
 
-    /// Deletes a sweep, or says what that would take away.
+    /// Deletes a sweep; a dry run only counts.
     pub async fn delete_sweep(&self, id: SweepId, dry_run: bool) -> ClientResult<Deletion> {
         let request = self.request(Method::DELETE, &format!("sweeps/{id}"));
         self.fetch(request.query(&[("dry_run", dry_run)])).await
     }
 
-    /// Deletes what ended longer ago than `age`, or says what that would be.
+    /// Deletes sweeps and jobs that ended longer ago than `age`; a dry run only lists them.
     pub async fn prune(&self, age: Duration, dry_run: bool) -> ClientResult<Pruning> {
         let request = self.request(Method::POST, "prune").query(&[("dry_run", dry_run)]);
         self.fetch(request.query(&[("older_than_s", age.as_secs_f64())]).timeout(FILE_TIMEOUT)).await
     }
 
-    /// Cancels what is left of a sweep.
+    /// Cancels the queued and running jobs of a sweep.
     pub async fn cancel_sweep(&self, id: SweepId) -> ClientResult<SweepView> {
         self.fetch(self.request(Method::POST, &format!("sweeps/{id}/cancel"))).await
     }
 
-    /// Queues what of a sweep failed or was cancelled again; `class` narrows it to what failed so.
+    /// Queues the failed and cancelled jobs of a sweep again, or those that failed with this class.
     pub async fn retry_sweep(&self, id: SweepId, class: Option<FailureClass>) -> ClientResult<SweepView> {
         self.retry(&format!("sweeps/{id}/retry"), class).await
     }
 
     // --- meshes ---------------------------------------------------------------------------------
 
-    /// What the server knows of a mesh.
+    /// The description of a mesh.
     pub async fn mesh(&self, digest: &str) -> ClientResult<MeshView> {
         self.get(&format!("meshes/{digest}")).await
     }
@@ -239,7 +239,7 @@ impl Client {
         self.fetch(request.body(file).timeout(FILE_TIMEOUT)).await
     }
 
-    /// The STL file of a mesh; whether it is the right one is for the caller to see.
+    /// The STL file of a mesh; the caller checks its digest.
     pub async fn mesh_file(&self, digest: &str) -> ClientResult<Vec<u8>> {
         let request = self.request(Method::GET, &format!("meshes/{digest}/file"));
         let response = self.send(request.timeout(FILE_TIMEOUT)).await?;
@@ -247,9 +247,9 @@ impl Client {
         Ok(file.into())
     }
 
-    // --- the worker's side ----------------------------------------------------------------------
+    // --- workers --------------------------------------------------------------------------------
 
-    /// Introduces a worker; repeating it is safe.
+    /// Registers a worker; repeating it is safe.
     pub async fn register(&self, worker: &WorkerRegistration) -> ClientResult<WorkerWelcome> {
         self.post("workers", worker).await
     }
@@ -259,19 +259,19 @@ impl Client {
         self.page("workers", None, cursor, limit).await
     }
 
-    /// Asks a worker to claim nothing more, finish what it runs, and end.
+    /// Asks a worker to finish its jobs, claim no more, and exit.
     pub async fn drain(&self, worker: WorkerId) -> ClientResult<()> {
         self.send(self.request(Method::POST, &format!("workers/{worker}/drain"))).await.map(drop)
     }
 
-    /// Asks for work, waiting at the server for as long as the request says.
+    /// Claims jobs; the server waits for work as long as the request says.
     pub async fn claim(&self, claim: &ClaimRequest) -> ClientResult<ClaimReply> {
         let wait = Duration::try_from_secs_f64(claim.wait_s).unwrap_or_default();
         let request = self.request(Method::POST, "claims").json(claim).timeout(wait + CONNECT_TIMEOUT * 2);
         self.fetch(request).await
     }
 
-    /// A sign of life for everything a worker runs.
+    /// Sends the heartbeat of a worker.
     pub async fn heartbeat(
         &self,
         worker: WorkerId,
@@ -294,7 +294,7 @@ impl Client {
         job: JobId,
         attempt: u32,
         worker: WorkerId,
-        recorded: &Recorded,
+        recorded: &RecordedFrames,
         stream: &Path,
     ) -> ClientResult<()> {
         let unread =
@@ -310,8 +310,8 @@ impl Client {
         self.send(request.body(file).timeout(FILE_TIMEOUT)).await.map(drop)
     }
 
-    /// Whether something answers at the server's address.
-    pub async fn is_there(&self) -> bool {
+    /// Whether a server answers at the address.
+    pub async fn is_reachable(&self) -> bool {
         let answer = self.http.get(format!("{}/healthz", self.server)).timeout(CONNECT_TIMEOUT).send().await;
         answer.is_ok_and(|response| response.status().is_success())
     }
@@ -322,7 +322,7 @@ impl Client {
         self.send(request.json(body)).await.map(drop)
     }
 
-    // --- how ------------------------------------------------------------------------------------
+    // --- requests---------------------------------------------------------------------------------
 
     async fn get<T: DeserializeOwned>(&self, route: &str) -> ClientResult<T> {
         self.fetch(self.request(Method::GET, route)).await
@@ -363,7 +363,7 @@ impl Client {
         response.json().await.map_err(|error| ClientError::transport(&self.server, &error))
     }
 
-    /// Sends, and turns every error answer into an error.
+    /// Sends a request; turns every error answer into an error.
     async fn send(&self, request: RequestBuilder) -> ClientResult<reqwest::Response> {
         let transport = |error: reqwest::Error| ClientError::transport(&self.server, &error);
         let response = request.send().await.map_err(transport)?;

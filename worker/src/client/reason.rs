@@ -1,16 +1,16 @@
-//! Why a server cannot be reached, in words that say what to do: errors of TLS name neither the option nor the mistake.
+//! Why a server cannot be reached, with advice: errors of TLS alone name neither the option nor the mistake.
 
 use std::error::Error;
 use std::io;
 
 use rustls::CertificateError;
 
-/// What to do about a certificate of an authority that is not trusted.
+/// Advice for a certificate of an unknown authority.
 const NAME_AUTHORITY: &str =
     "name the file with the certificate (PEM) of the server's authority with --ca FILE or ROOST_CA";
 
-/// The innermost cause; where it is one of TLS, with what to do about it.
-pub(super) fn of(error: &reqwest::Error) -> String {
+/// The innermost cause, with advice for errors of TLS.
+pub(super) fn explain(error: &reqwest::Error) -> String {
     if error.is_timeout() {
         return "no answer in time".to_owned();
     }
@@ -23,8 +23,8 @@ pub(super) fn of(error: &reqwest::Error) -> String {
     innermost(error).to_string()
 }
 
-/// What to do about an answer that no Roost server gives: ports that want TLS say so in words of their own.
-pub(super) fn of_answer(server: &str, status: u16, body: &str) -> &'static str {
+/// Advice for an answer of another program, such as a port that needs TLS.
+pub(super) fn explain_answer(server: &str, status: u16, body: &str) -> &'static str {
     let body = body.to_lowercase();
     let wants_tls = body.contains("https") || body.contains("ssl-enabled");
     if status == 400 && wants_tls && server.starts_with("http://") {
@@ -68,7 +68,7 @@ fn of_tls(error: &rustls::Error) -> String {
     }
 }
 
-/// What to do about a certificate that is refused, where that is known.
+/// Advice for a refused certificate.
 fn of_certificate(reason: &CertificateError) -> &'static str {
     match reason {
         CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. } => {

@@ -1,5 +1,4 @@
-//! What callers are told when the other side answers badly. The answers are canned here because a real server
-//! gives them only on its worst days; everything else is tested against the real one.
+//! Errors of the client, against canned answers that a real server rarely gives. Other tests use a real server.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
@@ -11,14 +10,14 @@ use tokio::net::TcpListener;
 
 use super::*;
 
-/// A server that gives every request one and the same answer; returns its address.
+/// Starts a server that gives every request the same answer; returns its address.
 pub(crate) async fn answering(status: &str, content_type: &str, body: &str) -> String {
     let (content_type, body) = (content_type.to_owned(), body.to_owned());
     let answer = (status.to_owned(), body);
     answering_by(&content_type, move |_| answer.clone()).await
 }
 
-/// A server whose answer (status and body) depends on the request; returns its address.
+/// Starts a server whose answer (status and body) depends on the request; returns its address.
 pub(crate) async fn answering_by(
     content_type: &str,
     answer: impl Fn(&str) -> (String, String) + Clone + Send + 'static,
@@ -26,7 +25,7 @@ pub(crate) async fn answering_by(
     answering_after(content_type, move |request| (Duration::ZERO, answer(request))).await
 }
 
-/// A server whose answer depends on the request, as does the time that it takes; returns its address.
+/// Starts a server whose answer and delay depend on the request; returns its address.
 pub(crate) async fn answering_after(
     content_type: &str,
     answer: impl Fn(&str) -> (Duration, (String, String)) + Clone + Send + 'static,
@@ -52,7 +51,7 @@ pub(crate) async fn answering_after(
     address
 }
 
-/// Reads one request whole: closing with unread bytes would reset the connection.
+/// Reads one whole request: unread bytes would reset the connection on close.
 async fn read_request(stream: &mut tokio::net::TcpStream) -> String {
     let mut seen = Vec::new();
     let mut buffer = [0; 4096];
@@ -87,11 +86,11 @@ async fn a_problem_lists_its_faults() {
 }
 
 #[tokio::test]
-async fn what_is_no_roost_server_is_named_and_may_be_tried_again() {
+async fn answers_of_other_programs_are_transient_errors() {
     let server = answering("404 Not Found", "text/html", "<h1>nginx</h1>").await;
     let error = Client::new(&server).unwrap().job(JobId::new()).await.unwrap_err();
     assert!(error.is_transient() && error.problem_status().is_none(), "{error:?}");
-    assert!(error.to_string().contains("answered 404 without saying why: <h1>nginx</h1>"), "{error}");
+    assert!(error.to_string().contains("answered 404 without a reason: <h1>nginx</h1>"), "{error}");
 
     let server = answering("200 OK", "application/json", "[]").await;
     let error = Client::new(&server).unwrap().job(JobId::new()).await.unwrap_err();
@@ -99,7 +98,7 @@ async fn what_is_no_roost_server_is_named_and_may_be_tried_again() {
 }
 
 #[tokio::test]
-async fn nobody_there_is_one_line_with_the_reason() {
+async fn an_unreachable_server_is_an_error_in_one_line() {
     let port = TcpListener::bind("127.0.0.1:0").await.unwrap().local_addr().unwrap().port();
     let client = Client::new(&format!("http://127.0.0.1:{port}/")).unwrap();
     let error = client.job(JobId::new()).await.unwrap_err();
@@ -109,15 +108,15 @@ async fn nobody_there_is_one_line_with_the_reason() {
 }
 
 #[test]
-fn an_address_must_be_one() {
+fn invalid_addresses_are_refused() {
     for text in ["127.0.0.1:7373", "localhost:7373", "ftp://a", "http://", ""] {
         assert!(matches!(Client::new(text), Err(ClientError::Address(_))), "{text}");
     }
     assert_eq!(Client::new("http://[::1]:7373/").unwrap().server(), "http://[::1]:7373");
 }
 
-/// A server that keeps every connection open for ever; returns its address and how many connections there were.
-async fn keeping() -> (String, Arc<AtomicUsize>) {
+/// Starts a server that never closes a connection; returns its address and the number of connections.
+async fn start_keep_alive_server() -> (String, Arc<AtomicUsize>) {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = format!("http://{}", listener.local_addr().unwrap());
     let connections = Arc::<AtomicUsize>::default();
@@ -137,14 +136,14 @@ async fn keeping() -> (String, Arc<AtomicUsize>) {
 }
 
 #[tokio::test]
-async fn a_connection_that_was_idle_for_long_is_not_used_again() {
-    let (server, connections) = keeping().await;
+async fn a_long_idle_connection_is_not_used_again() {
+    let (server, connections) = start_keep_alive_server().await;
     let client = Client::new(&server).unwrap();
-    let made = async || {
+    let count_after_call = async || {
         client.drain(WorkerId::new()).await.unwrap();
         connections.load(SeqCst)
     };
-    assert_eq!((made().await, made().await), (1, 1), "used again at once");
+    assert_eq!((count_after_call().await, count_after_call().await), (1, 1), "used again at once");
     tokio::time::sleep(MAX_IDLE + Duration::from_millis(300)).await;
-    assert_eq!(made().await, 2, "the server may be closing the first one");
+    assert_eq!(count_after_call().await, 2, "the server may be closing the first one");
 }

@@ -1,4 +1,4 @@
-//! Claims work whenever a slot is free, and sees every claimed attempt through to the outbox.
+//! Claims jobs while slots are free, and brings every claimed attempt to the outbox.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,20 +13,20 @@ use tracing::field::Empty;
 use tracing::{Instrument, Span};
 use uuid::Uuid;
 
+use super::attempts::AttemptKey;
 use super::deliver;
 use super::frames::Recording;
-use super::held::Key;
 use super::session::Session;
 use crate::backoff::Backoff;
 use crate::client::ClientError;
 use crate::meshes::MeshSource;
 use crate::outbox::{Content, Delivery};
-use crate::runner::{Place, Run, RunEnd};
+use crate::runner::{Resources, Run, RunEnd};
 
-/// How long a stopping worker waits to hear whether its last claim had got something.
-const LAST_WORD: Duration = Duration::from_secs(1);
+/// Time that a stopping worker waits for the answer to its last claim.
+const LAST_CLAIM: Duration = Duration::from_secs(1);
 
-/// Claims until told to stop, as many as there are slots and memory for; the runs go on in `runs`.
+/// Claims jobs until a stop, as many as slots and memory allow. The runs continue in `runs`.
 pub(super) async fn run(session: &Arc<Session>, runs: &TaskTracker) {
     let slots = Arc::new(Semaphore::new(session.config.slots.max(1)));
     loop {
@@ -35,22 +35,22 @@ pub(super) async fn run(session: &Arc<Session>, runs: &TaskTracker) {
             () = session.stop_claiming.cancelled() => return,
             permit = slots.clone().acquire_owned() => permit.expect("the semaphore is never closed"),
         };
-        let more = tokio::select! {
+        let fitting = tokio::select! {
             biased;
             () = session.stop_claiming.cancelled() => return,
-            more = session.config.device.room_for_more() => more,
+            fitting = session.config.device.runs_that_fit() => fitting,
         };
-        let free = more.min(1 + slots.available_permits());
+        let free = fitting.min(1 + slots.available_permits());
         let Some(reply) = claim(session, free).await else { return };
         let mut permit = Some(permit);
         for attempt in reply.attempts {
             let permit = permit.take().or_else(|| slots.clone().try_acquire_owned().ok());
-            begin(session, runs, attempt, permit);
+            start(session, runs, attempt, permit);
         }
     }
 }
 
-/// One claim, repeated under the same request id until it is answered; none when it is time to stop.
+/// One claim, repeated with the same request id until it is answered; none after a stop.
 async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
     let mut request = ClaimRequest {
         request_id: Uuid::now_v7(),
@@ -63,11 +63,11 @@ async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
         let answer = tokio::select! {
             biased;
             () = session.stop_claiming.cancelled() => {
-                // The claim on its way may have got something: ask once more, and hand it back.
+                // The open claim may have got jobs: repeat it once, and release them.
                 (request.max_jobs, request.wait_s) = (1, 0.0);
-                let last = tokio::time::timeout(LAST_WORD, session.client.claim(&request)).await;
+                let last = tokio::time::timeout(LAST_CLAIM, session.client.claim(&request)).await;
                 if let Ok(Ok(reply)) = last {
-                    hand_back(session, reply).await;
+                    release(session, reply).await;
                 }
                 return None;
             }
@@ -80,23 +80,23 @@ async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
     }
 }
 
-/// Does what can be done about a failed claim, unless it is time to stop.
+/// Waits or registers again after a failed claim; returns at once after a stop.
 async fn recover(session: &Session, error: &ClientError, backoff: &mut Backoff) {
-    let act = async {
+    let recovery = async {
         if error.problem_status() == Some(404) {
             return session.register_again().await;
         }
         if error.is_transient() {
-            tracing::debug!(%error, "claim failed; trying again");
+            tracing::debug!(%error, "claim failed; retrying");
         } else {
-            tracing::error!(%error, "the server refuses the claim; trying again");
+            tracing::error!(%error, "the server refuses the claim; retrying");
         }
         backoff.pause().await;
     };
-    session.stop_claiming.run_until_cancelled(act).await;
+    session.stop_claiming.run_until_cancelled(recovery).await;
 }
 
-async fn hand_back(session: &Session, reply: ClaimReply) {
+async fn release(session: &Session, reply: ClaimReply) {
     for ClaimedAttempt { job_id, attempt, .. } in reply.attempts {
         let report = FailureReport {
             worker_id: session.worker_id,
@@ -105,12 +105,12 @@ async fn hand_back(session: &Session, reply: ClaimReply) {
             result: None,
         };
         let delivery = Delivery { job_id, attempt, content: Content::Failure(report), frames: None };
-        deliver::post(session, delivery).await;
+        deliver::store(session, delivery).await;
     }
 }
 
-/// Starts one attempt. It is held before anything is awaited: a drain right after a claim must find it.
-fn begin(
+/// Starts one attempt. It is inserted before the first await, so that a drain right after the claim finds it.
+fn start(
     session: &Arc<Session>,
     runs: &TaskTracker,
     claimed: ClaimedAttempt,
@@ -119,32 +119,32 @@ fn begin(
     let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, frames, .. } = claimed;
     tracing::info!(job = %job_id, attempt, "running");
     let meshes = MeshSource::Server(session.meshes.clone());
-    let place = Place::new(session.config.device.clone(), session.config.threads_per_slot());
+    let resources = Resources::new(session.config.device.clone(), session.config.threads_per_slot());
     let folder = session.outbox.frames_folder(job_id, attempt);
     let recording = frames.and_then(|order| Recording::start(folder, &scenario, order));
-    let pictures = recording.as_ref().map(Recording::pictures);
-    let run = Run::start_pictured(scenario, meshes, place, max_wall_s, pictures);
-    session.held.insert((job_id, attempt), &run);
+    let observer = recording.as_ref().map(Recording::observer);
+    let run = Run::start_observed(scenario, meshes, resources, max_wall_s, observer);
+    session.attempts.insert((job_id, attempt), &run);
     let span = tracing::debug_span!("attempt", job = %job_id, attempt, outcome = Empty);
-    let ending = see_through(session.clone(), (job_id, attempt), run, recording, permit);
+    let ending = finish(session.clone(), (job_id, attempt), run, recording, permit);
     runs.spawn(ending.instrument(span));
 }
 
-/// Puts what comes of a run in the outbox. A free slot is given back as soon as the run ends.
-async fn see_through(
+/// Waits for the end of a run and puts its result into the outbox. The slot is free as soon as the run ends.
+async fn finish(
     session: Arc<Session>,
-    (job_id, attempt): Key,
+    (job_id, attempt): AttemptKey,
     run: Run,
     recording: Option<Recording>,
     permit: Option<OwnedSemaphorePermit>,
 ) {
     let end = run.end().await;
     drop(permit);
-    // What is run again, or belongs to nobody, needs no pictures.
-    let is_over =
+    // The frames of a released or abandoned attempt are discarded.
+    let has_frames =
         !matches!(end, RunEnd::Abandoned | RunEnd::Failed { outcome: AttemptOutcome::Released, .. });
     let frames = tokio::task::spawn_blocking(move || match recording {
-        Some(recording) if is_over => recording.finish(),
+        Some(recording) if has_frames => recording.finish(),
         Some(recording) => {
             recording.discard();
             None
@@ -167,10 +167,10 @@ async fn see_through(
         RunEnd::Abandoned => {
             Span::current().record("outcome", "abandoned");
             tracing::warn!(job = %job_id, attempt, "abandoned: the server gave the job to another attempt");
-            return session.held.remove((job_id, attempt));
+            return session.attempts.remove((job_id, attempt));
         }
     };
-    deliver::post(&session, Delivery { job_id, attempt, content, frames }).await;
+    deliver::store(&session, Delivery { job_id, attempt, content, frames }).await;
 }
 
 #[cfg(test)]
@@ -183,7 +183,7 @@ mod tests {
     use crate::WorkerConfig;
 
     #[tokio::test]
-    async fn a_drain_right_after_a_claim_finds_the_run() {
+    async fn a_drain_right_after_a_claim_stops_the_run() {
         let folder = tempfile::tempdir().unwrap();
         let config = WorkerConfig::new("http://127.0.0.1:1", "worker", folder.path());
         let session = Arc::new(Session::open(config, &CancellationToken::new()).unwrap());
@@ -191,8 +191,8 @@ mod tests {
             "job_id": JobId::new(), "attempt": 1, "scenario": {}, "lease_expires_at": "2030-01-01T00:00:00Z",
         }))
         .unwrap();
-        // One thread and no await: nothing that was spawned has run yet.
-        begin(&session, &TaskTracker::new(), claimed, None);
-        assert_eq!(session.held.beats().len(), 1);
+        // One thread and no await: no spawned task has run yet.
+        start(&session, &TaskTracker::new(), claimed, None);
+        assert_eq!(session.attempts.beats().len(), 1);
     }
 }

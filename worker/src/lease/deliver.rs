@@ -1,4 +1,4 @@
-//! Brings the outbox to the server, for as long as that takes.
+//! Delivers the outbox to the server.
 
 use std::collections::VecDeque;
 use std::io;
@@ -11,21 +11,20 @@ use super::session::Session;
 use crate::backoff::Backoff;
 use crate::outbox::Delivery;
 
-/// Puts a delivery in the outbox and rings for the postman. A disk that will not take it does not lose it: then it
-/// goes straight to the server, or waits in memory until one of the two does.
-pub(super) async fn post(session: &Session, mut delivery: Delivery) {
+/// Stores a delivery in the outbox and wakes [`run`]. Where the disk cannot be written, sends it directly; repeats both until one succeeds.
+pub(super) async fn store(session: &Session, mut delivery: Delivery) {
     let mut backoff = Backoff::default();
     loop {
         let (outbox, copy) = (session.outbox.clone(), delivery.clone());
         match on_disk(move || outbox.put(&copy)).await {
-            Ok(_) => return session.mail.notify_one(),
+            Ok(_) => return session.outbox_changed.notify_one(),
             Err(error) => {
                 tracing::error!(%error, folder = %session.config.state_dir.display(), "cannot write to the outbox");
                 let key = (delivery.job_id, delivery.attempt);
                 match delivery.send(&session.client).await {
-                    Ok(_) => return session.held.remove(key),
+                    Ok(_) => return session.attempts.remove(key),
                     Err(refusal) => {
-                        if let Some(report) = delivery.clone().instead(&refusal) {
+                        if let Some(report) = delivery.clone().as_failure(&refusal) {
                             delivery = report;
                         }
                     }
@@ -36,18 +35,18 @@ pub(super) async fn post(session: &Session, mut delivery: Delivery) {
     }
 }
 
-/// Delivers whatever comes; when the runs are over, until nothing waits.
+/// Delivers until the runs are over and the outbox is empty.
 pub(super) async fn run(session: &Session, runs_over: &CancellationToken) {
     let mut backoff = Backoff::default();
     loop {
-        // Asked before the outbox is read: what the last run left is in it by then.
+        // Read before the outbox: the delivery of the last run is in it by then.
         let is_last = runs_over.is_cancelled();
         match deliver_waiting(session).await {
             Ok(true) if is_last => return,
             Ok(true) => {
                 backoff.reset();
                 tokio::select! {
-                    () = session.mail.notified() => {}
+                    () = session.outbox_changed.notified() => {}
                     () = runs_over.cancelled() => {}
                 }
             }
@@ -60,16 +59,16 @@ pub(super) async fn run(session: &Session, runs_over: &CancellationToken) {
     }
 }
 
-/// Tries every waiting delivery once; says whether the outbox is empty now.
+/// Sends every waiting delivery once; returns whether the outbox is empty then.
 pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
     let outbox = session.outbox.clone();
-    let (mut is_empty, mut has_complained) = (true, false);
+    let (mut is_empty, mut has_warned) = (true, false);
     let mut paths = VecDeque::from(on_disk(move || outbox.waiting()).await?);
     while let Some(path) = paths.pop_front() {
         let (outbox, from) = (session.outbox.clone(), path.clone());
         let Some(delivery) = on_disk(move || outbox.read(&from)).await? else { continue };
         let key = (delivery.job_id, delivery.attempt);
-        if !frames::send_ahead(session, &delivery, &path).await {
+        if !frames::upload(session, &delivery, &path).await {
             is_empty = false;
             continue;
         }
@@ -80,22 +79,22 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
                 on_disk(move || outbox.remove(&path)).await?;
             }
             Err(error) if error.is_transient() => {
-                tracing::debug!(%error, "delivery failed; it waits in the outbox");
+                tracing::debug!(%error, "delivery failed; the outbox keeps it");
                 is_empty = false;
                 continue;
             }
-            Err(error) if error.is_about_access() => {
-                if !std::mem::replace(&mut has_complained, true) {
-                    tracing::warn!(%error, "the server does not take this worker's token; deliveries wait in the outbox");
+            Err(error) if error.is_access_refused() => {
+                if !std::mem::replace(&mut has_warned, true) {
+                    tracing::warn!(%error, "the server refuses the token of this worker; deliveries wait in the outbox");
                 }
                 is_empty = false;
                 continue;
             }
             Err(error) => {
-                tracing::error!(job = %delivery.job_id, %error, "set aside a delivery that the server refuses");
+                tracing::error!(job = %delivery.job_id, %error, "the server refuses a delivery; moved it to `refused`");
                 let outbox = session.outbox.clone();
                 on_disk(move || outbox.set_aside(&path)).await?;
-                if let Some(report) = delivery.clone().instead(&error) {
+                if let Some(report) = delivery.clone().as_failure(&error) {
                     let outbox = session.outbox.clone();
                     paths.push_front(on_disk(move || outbox.put(&report)).await?);
                     continue;
@@ -103,12 +102,12 @@ pub(super) async fn deliver_waiting(session: &Session) -> io::Result<bool> {
             }
         }
         session.uploads.forget(key);
-        session.held.remove(key);
+        session.attempts.remove(key);
     }
     Ok(is_empty)
 }
 
-/// File work off the async threads: an fsync can take a while.
+/// Runs file work outside the async threads, since an fsync can be slow.
 async fn on_disk<T: Send + 'static>(work: impl FnOnce() -> io::Result<T> + Send + 'static) -> io::Result<T> {
     tokio::task::spawn_blocking(work).await.map_err(io::Error::other)?
 }
@@ -128,7 +127,7 @@ mod tests {
     use crate::client::tests::{answering, answering_by};
     use crate::outbox::Content;
 
-    /// A result as small as they come.
+    /// A small result.
     fn result() -> roost_api::RunResult {
         let document = json!({
             "experiment": "hopper",
@@ -141,23 +140,23 @@ mod tests {
         simulate(&checked, CpuOptions { threads: 1 }, &mut |_: &Progress| Flow::Cancel)
     }
 
-    /// A worker of a server with one delivery in its outbox.
-    async fn holding(server: &str, content: Content) -> (Session, tempfile::TempDir) {
+    /// A session with one delivery in its outbox.
+    async fn session_with(server: &str, content: Content) -> (Session, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let config = WorkerConfig::new(server, "worker", folder.path());
         let session = Session::open(config, &CancellationToken::new()).unwrap();
         let delivery = Delivery { job_id: roost_api::ids::JobId::new(), attempt: 2, content, frames: None };
-        post(&session, delivery).await;
+        store(&session, delivery).await;
         (session, folder)
     }
 
-    /// Delivers to a server that refuses whatever carries a result; returns the reports that it took.
+    /// Delivers to a server that refuses every result; returns the reports that it accepts.
     async fn reports_after_refusal(
         status: &'static str,
         content: Content,
     ) -> (Vec<String>, tempfile::TempDir) {
-        let taken = Arc::new(Mutex::new(Vec::new()));
-        let reports = taken.clone();
+        let accepted = Arc::new(Mutex::new(Vec::new()));
+        let reports = accepted.clone();
         let server = answering_by("application/problem+json", move |request| {
             let (head, body) = request.split_once("\r\n\r\n").unwrap();
             if head.contains("/failure http") && !body.contains("series") {
@@ -170,15 +169,15 @@ mod tests {
             (status.to_owned(), problem)
         })
         .await;
-        let (session, folder) = holding(&server, content).await;
+        let (session, folder) = session_with(&server, content).await;
         assert!(deliver_waiting(&session).await.unwrap(), "the outbox is empty");
         assert!(session.outbox.waiting().unwrap().is_empty());
-        let reports = taken.lock().unwrap().clone();
+        let reports = accepted.lock().unwrap().clone();
         (reports, folder)
     }
 
     #[tokio::test]
-    async fn a_result_that_nobody_takes_is_the_attempts_failure() {
+    async fn a_refused_result_becomes_a_failure_report() {
         let worker_id = roost_api::ids::WorkerId::new();
         for status in ["413 Payload Too Large", "400 Bad Request", "422 Unprocessable Entity"] {
             let delivery = ResultDelivery { worker_id, result: result() };
@@ -190,7 +189,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_result_waits_for_a_token_that_is_taken() {
+    async fn a_result_waits_for_a_valid_token() {
         for (status, content_type) in [
             ("401 Unauthorized", "application/problem+json"),
             ("403 Forbidden", "application/problem+json"),
@@ -204,14 +203,14 @@ mod tests {
             };
             let server = answering(status, content_type, &body).await;
             let delivery = ResultDelivery { worker_id: roost_api::ids::WorkerId::new(), result: result() };
-            let (session, _folder) = holding(&server, Content::Result(delivery)).await;
+            let (session, _folder) = session_with(&server, Content::Result(delivery)).await;
             assert!(!deliver_waiting(&session).await.unwrap(), "{status}: it waits");
             assert_eq!(session.outbox.waiting().unwrap().len(), 1, "{status} {content_type}");
         }
     }
 
     #[tokio::test]
-    async fn a_partial_result_that_nobody_takes_leaves_the_failure_as_it_was() {
+    async fn a_refused_partial_result_keeps_the_outcome() {
         let report = roost_api::lease::FailureReport {
             worker_id: roost_api::ids::WorkerId::new(),
             outcome: AttemptOutcome::Timeout,

@@ -1,5 +1,4 @@
-//! Frames of a run: recorded beside the outbox while it runs, uploaded before the result that they belong to. They may fail; the
-//! result goes all the same.
+//! Frames of a run: recorded in the outbox, and uploaded before its result. The result is delivered even if they fail.
 
 use std::collections::HashMap;
 use std::fs;
@@ -12,15 +11,15 @@ use roost_frames::{Options, Recorder, STREAM};
 use roost_solver::scenario::{self, Timestep};
 use serde_json::Value;
 
-use super::held::Key;
+use super::attempts::AttemptKey;
 use super::session::Session;
-use crate::outbox::{Delivery, Recorded};
-use crate::runner::Pictures;
+use crate::outbox::{Delivery, RecordedFrames};
+use crate::runner::FrameObserver;
 
-/// So often an upload may fail while the server takes everything else.
-const TRIES: u32 = 5;
+/// Failures of an upload, while the server answers, before the result goes without frames.
+const MAX_TRIES: u32 = 5;
 
-/// The frames of a run under way.
+/// The frames of a running job.
 #[derive(Debug)]
 pub(super) struct Recording {
     recorder: Arc<Mutex<Recorder>>,
@@ -28,32 +27,32 @@ pub(super) struct Recording {
 }
 
 impl Recording {
-    /// Begins to record; none when that cannot be, and the run then goes without.
+    /// Starts to record; none when the recorder cannot start, and the job the job runs without frames.
     pub(super) fn start(folder: PathBuf, scenario: &Value, order: FramesOrder) -> Option<Self> {
-        // Of a scenario that cannot be read the run will say so.
+        // The run reports an invalid scenario.
         let scenario = scenario::from_value(scenario).ok()?;
         let timestep_s = match scenario.numerics.timestep_s {
             Timestep::Fixed(timestep_s) => timestep_s,
-            Timestep::Auto(_) => 0.0, // never longer than samples are apart, which is all that counts here
+            Timestep::Auto(_) => 0.0, // an automatic step is never longer than the sample interval, which decides here
         };
         let FramesOrder { interval_s, limit_bytes } = order;
         let options = Options { interval_s, vtk: false, web: true, limit_bytes };
         match Recorder::create(&folder, &scenario, timestep_s, options) {
             Ok(recorder) => Some(Self { recorder: Arc::new(Mutex::new(recorder)), folder }),
             Err(error) => {
-                tracing::warn!(%error, folder = %folder.display(), "runs without frames");
+                tracing::warn!(%error, folder = %folder.display(), "the job runs without frames");
                 None
             }
         }
     }
 
-    /// For the run.
-    pub(super) fn pictures(&self) -> Pictures {
+    /// The observer for the run.
+    pub(super) fn observer(&self) -> FrameObserver {
         self.recorder.clone()
     }
 
-    /// Brings the stream to its end; none when there is no frame in it.
-    pub(super) fn finish(self) -> Option<Recorded> {
+    /// Ends the stream; none when it has no frame.
+    pub(super) fn finish(self) -> Option<RecordedFrames> {
         let report = self.recorder.lock().unwrap_or_else(PoisonError::into_inner).finish();
         if let Some(why) = &report.stopped {
             tracing::warn!(why, "frames end before the run");
@@ -62,73 +61,74 @@ impl Recording {
             self.discard();
             return None;
         }
-        Some(Recorded { count: report.frames, stopped: report.stopped })
+        Some(RecordedFrames { count: report.frames, stopped: report.stopped })
     }
 
-    /// Forgets it.
+    /// Removes the recording.
     pub(super) fn discard(self) {
         let _ = fs::remove_dir_all(self.folder);
     }
 }
 
-/// Uploads that need not be tried again: how often they have failed, or that they are done.
+/// The number of failures of each upload.
 #[derive(Debug, Default)]
 pub(super) struct Uploads {
-    failed: Mutex<HashMap<Key, u32>>,
-    given_up: AtomicBool,
+    /// [`MAX_TRIES`] once an upload is done.
+    failures: Mutex<HashMap<AttemptKey, u32>>,
+    has_given_up: AtomicBool,
 }
 
 impl Uploads {
     /// Whether an upload is done or has failed too often.
-    fn is_over(&self, key: Key) -> bool {
-        self.given_up.load(Relaxed) || self.lock().get(&key).is_some_and(|failed| *failed >= TRIES)
+    fn is_over(&self, key: AttemptKey) -> bool {
+        self.has_given_up.load(Relaxed) || self.lock().get(&key).is_some_and(|failed| *failed >= MAX_TRIES)
     }
 
-    /// From now on everything goes without its frames.
+    /// Delivers all further results without frames.
     pub(super) fn give_up(&self) {
-        self.given_up.store(true, Relaxed);
+        self.has_given_up.store(true, Relaxed);
     }
 
-    fn done(&self, key: Key) {
-        self.lock().insert(key, TRIES);
+    fn done(&self, key: AttemptKey) {
+        self.lock().insert(key, MAX_TRIES);
     }
 
-    fn failed(&self, key: Key) {
+    fn failed(&self, key: AttemptKey) {
         *self.lock().entry(key).or_default() += 1;
     }
 
-    /// The delivery is through.
-    pub(super) fn forget(&self, key: Key) {
+    /// Forgets an attempt after its delivery.
+    pub(super) fn forget(&self, key: AttemptKey) {
         self.lock().remove(&key);
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<Key, u32>> {
-        self.failed.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<AttemptKey, u32>> {
+        self.failures.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Uploads what lies beside a delivery; says whether the delivery may go.
-pub(super) async fn send_ahead(session: &Session, delivery: &Delivery, path: &Path) -> bool {
+/// Uploads the frames of a delivery; returns whether the delivery may follow.
+pub(super) async fn upload(session: &Session, delivery: &Delivery, path: &Path) -> bool {
     let key = (delivery.job_id, delivery.attempt);
     let Some(recorded) = delivery.frames.as_ref().filter(|_| !session.uploads.is_over(key)) else {
         return true;
     };
-    let stream = path.with_extension(crate::outbox::FRAMES).join(STREAM);
+    let stream = path.with_extension(crate::outbox::FRAMES_EXTENSION).join(STREAM);
     let sent = session.client.upload_frames(key.0, key.1, delivery.content.worker_id(), recorded, &stream);
     match sent.await {
         Ok(()) => session.uploads.done(key),
         Err(error) if error.is_transient() => {
-            // Where the server is away, nothing counts against the frames.
-            if session.client.is_there().await {
+            // Count no failure while the server does not answer.
+            if session.client.is_reachable().await {
                 session.uploads.failed(key);
             }
             tracing::debug!(%error, "frames were not uploaded");
             return session.uploads.is_over(key);
         }
-        // Of a token the delivery will speak; it is not the frames' fault.
-        Err(error) if error.is_about_access() => return true,
+        // The delivery reports a refused token.
+        Err(error) if error.is_access_refused() => return true,
         Err(error) => {
-            tracing::warn!(job = %key.0, attempt = key.1, %error, "the result goes without its frames");
+            tracing::warn!(job = %key.0, attempt = key.1, %error, "the result is delivered without its frames");
             session.uploads.done(key);
         }
     }

@@ -1,7 +1,6 @@
-//! One heartbeat covers everything the worker holds; the reply says what to do with each.
+//! One heartbeat covers all attempts of the worker; the reply has a directive for each.
 //!
-//! A server that is away changes nothing here: the runs go on, the beats go on, and the attempts stay
-//! valid until the server says otherwise.
+//! While the server does not answer, runs and heartbeats continue, and the attempts stay valid.
 
 use std::convert::Infallible;
 
@@ -11,23 +10,23 @@ use tokio::time::{Instant, MissedTickBehavior, interval_at};
 
 use super::session::{Session, seconds};
 
-/// Beats for as long as it is polled.
+/// Sends heartbeats until it is dropped.
 pub(super) async fn run(session: &Session, welcome: &WorkerWelcome) -> Infallible {
     let every = seconds(welcome.heartbeat_s);
-    // An unanswered beat must leave time for another within the lease.
+    // An unanswered heartbeat leaves time for another within the lease.
     let timeout = seconds(welcome.lease_s / 3.0);
     let mut clock = interval_at(Instant::now() + every, every);
     clock.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut is_away = false;
+    let mut is_unreachable = false;
     loop {
         clock.tick().await;
-        let beat = HeartbeatRequest { attempts: session.held.beats() };
+        let beat = HeartbeatRequest { attempts: session.attempts.beats() };
         match session.client.heartbeat(session.worker_id, &beat, timeout).await {
             Ok(reply) => {
-                if std::mem::take(&mut is_away) {
-                    tracing::info!("the server is back");
+                if std::mem::take(&mut is_unreachable) {
+                    tracing::info!("the server answers again");
                 }
-                session.held.obey(&reply.attempts);
+                session.attempts.apply(&reply.attempts);
                 if reply.drain && !session.stop_claiming.is_cancelled() {
                     tracing::info!("the server asks this worker to drain");
                     session.stop_claiming.cancel();
@@ -35,8 +34,8 @@ pub(super) async fn run(session: &Session, welcome: &WorkerWelcome) -> Infallibl
             }
             Err(error) if error.problem_status() == Some(404) => session.register_again().await,
             Err(error) => {
-                if !std::mem::replace(&mut is_away, true) {
-                    tracing::warn!(%error, "heartbeat failed; running on");
+                if !std::mem::replace(&mut is_unreachable, true) {
+                    tracing::warn!(%error, "heartbeat failed; the runs continue");
                 }
             }
         }

@@ -1,12 +1,11 @@
-//! A worker's life: register, empty the outbox, then three loops beside each other (claim, heartbeat,
-//! deliver) until it is told to stop; then drain.
+//! The life of a worker: it registers and empties its outbox. Then three loops (claim, heartbeat, deliver) run until a stop; then it drains.
 
+mod attempts;
 mod claim;
 mod deliver;
 mod frames;
 mod heartbeat;
-mod held;
-mod news;
+mod new_samples;
 mod session;
 #[cfg(test)]
 mod tests;
@@ -24,10 +23,10 @@ use crate::WorkerConfig;
 use crate::client::ClientError;
 use session::Session;
 
-/// How long a stopping worker tries to deliver; what is left stays in the outbox for the next start.
+/// Time that a stopping worker tries to deliver. The rest stays in the outbox for the next start.
 const LAST_DELIVERIES: Duration = Duration::from_secs(2);
 
-/// Why a worker could not work.
+/// Why a worker ended with an error.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
     /// The state directory cannot be used.
@@ -35,22 +34,22 @@ pub enum WorkerError {
     StateDir {
         /// The directory.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         source: io::Error,
     },
-    /// The server's address or its answer to the registration.
+    /// The server's address is invalid, or the registration failed.
     #[error(transparent)]
     Client(#[from] ClientError),
-    /// The server would not have this worker any more.
+    /// The server refuses this worker.
     #[error("the server refuses this worker: {0}")]
     Refused(String),
 }
 
-/// Works until `shutdown` is cancelled or the server asks the worker to drain. A server that is away is
-/// waited for, before the first job and in the middle of one.
+/// Runs a worker until `shutdown` is cancelled or the server asks it to drain. It waits for a server that does not answer, before the first
+/// job and during one.
 ///
 /// # Errors
-/// When the state directory cannot be used, the address is none, or the server refuses the worker.
+/// When the state directory cannot be used, the address is invalid, or the server refuses the worker.
 pub async fn work(config: WorkerConfig, shutdown: CancellationToken) -> Result<(), WorkerError> {
     let session = Arc::new(Session::open(config, &shutdown)?);
     let welcome = tokio::select! {
@@ -64,7 +63,7 @@ pub async fn work(config: WorkerConfig, shutdown: CancellationToken) -> Result<(
         }
     }
 
-    // Beats and deliveries outlive the claims and the runs: an attempt is the worker's until the server has what came of it.
+    // Heartbeats and deliveries continue after the last run: the worker holds an attempt until the server has its result.
     let (grace_over, runs_over) = (CancellationToken::new(), CancellationToken::new());
     let grace = tokio::spawn({
         let (grace_over, grace) = (grace_over.clone(), session.config.drain_grace);
@@ -97,20 +96,19 @@ pub async fn work(config: WorkerConfig, shutdown: CancellationToken) -> Result<(
     }
 }
 
-/// Lets the runs end: as long as they like when the server asked to drain, for the grace when a signal did; then hands
-/// back what still runs.
+/// Waits for the runs to end: without limit when the server asked to drain, for the grace after a signal. Then releases the rest.
 async fn drain(session: &Session, runs: &TaskTracker, grace_over: &CancellationToken) {
     runs.close();
     tokio::select! {
         () = runs.wait() => return,
         () = grace_over.cancelled() => {}
     }
-    session.held.release_all();
+    session.attempts.release_all();
     runs.wait().await;
 }
 
-/// Lets what came of the runs reach the server: for as long as that takes when the server asked to drain, within the grace
-/// and a moment when a signal did; then tries once more, without the frames.
+/// Delivers all results: without limit when the server asked to drain, within the grace and [`LAST_DELIVERIES`] after a signal. Then tries
+/// once more, without the frames.
 async fn deliver_all(session: &Session, mut deliveries: JoinHandle<()>, grace_over: &CancellationToken) {
     let time_is_up = async {
         // A server that refuses the worker may refuse its deliveries as well.
@@ -124,7 +122,7 @@ async fn deliver_all(session: &Session, mut deliveries: JoinHandle<()>, grace_ov
         () = time_is_up => {}
     }
     deliveries.abort();
-    // Better a result without its frames than a run that is done again.
+    // A result without frames is better than a repeated run.
     session.uploads.give_up();
     let _ = tokio::time::timeout(LAST_DELIVERIES, deliver::deliver_waiting(session)).await;
 }

@@ -1,4 +1,4 @@
-//! One worker process as the server sees it: its id, its registration, and what its loops share.
+//! One worker process: its id, its registration, and the state that its loops share.
 
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -11,27 +11,27 @@ use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 
 use super::WorkerError;
+use super::attempts::LeasedAttempts;
 use super::frames::Uploads;
-use super::held::Held;
 use crate::WorkerConfig;
 use crate::backoff::Backoff;
 use crate::client::{Client, ClientError};
 use crate::meshes::MeshCache;
 use crate::outbox::Outbox;
 
-/// What the loops of a worker share.
+/// The state that the loops of a worker share.
 #[derive(Debug)]
 pub(super) struct Session {
     pub(super) client: Client,
     pub(super) config: WorkerConfig,
     pub(super) worker_id: WorkerId,
-    pub(super) held: Held,
+    pub(super) attempts: LeasedAttempts,
     pub(super) outbox: Outbox,
     pub(super) uploads: Uploads,
     pub(super) meshes: Arc<MeshCache>,
-    /// Rung when the outbox has something new.
-    pub(super) mail: Notify,
-    /// Nothing more is claimed once this is cancelled: by a signal, by the server, or by a refusal.
+    /// Notified of each new delivery in the outbox.
+    pub(super) outbox_changed: Notify,
+    /// Cancelled by a signal, by the server or by a refusal: no more jobs are claimed.
     pub(super) stop_claiming: CancellationToken,
     refusal: OnceLock<String>,
 }
@@ -41,26 +41,26 @@ impl Session {
         let key = config.outbox_key.as_ref().unwrap_or(&config.server);
         let unusable = |source| WorkerError::StateDir { path: config.state_dir.clone(), source };
         let outbox = Outbox::open(&config.state_dir, key).map_err(unusable)?;
-        let client = Client::with(&config.server, &config.credentials)?;
+        let client = Client::with_credentials(&config.server, &config.credentials)?;
         let meshes = MeshCache::open(&config.state_dir, client.clone()).map_err(unusable)?;
         Ok(Self {
             client,
             worker_id: WorkerId::new(),
-            held: Held::default(),
+            attempts: LeasedAttempts::default(),
             outbox,
             uploads: Uploads::default(),
             meshes: Arc::new(meshes),
-            mail: Notify::new(),
+            outbox_changed: Notify::new(),
             stop_claiming: shutdown.child_token(),
             refusal: OnceLock::new(),
             config,
         })
     }
 
-    /// Introduces the worker, again and again while the server is away.
+    /// Registers the worker; retries while the server does not answer.
     pub(super) async fn register(&self) -> Result<WorkerWelcome, ClientError> {
         let mut backoff = Backoff::default();
-        let mut has_complained = false;
+        let mut has_warned = false;
         loop {
             match self.client.register(&self.registration()).await {
                 Ok(welcome) => {
@@ -68,9 +68,9 @@ impl Session {
                     return Ok(welcome);
                 }
                 Err(error) if error.is_transient() => {
-                    if !has_complained {
+                    if !has_warned {
                         tracing::warn!(%error, "waiting for the server");
-                        has_complained = true;
+                        has_warned = true;
                     }
                     backoff.pause().await;
                 }
@@ -79,22 +79,22 @@ impl Session {
         }
     }
 
-    /// After a server that does not know this worker any more: introduce it again, same id, same attempts.
+    /// Registers the worker again, under the same id and with the same attempts, after the server has forgotten it.
     pub(super) async fn register_again(&self) {
-        tracing::warn!("the server does not know this worker any more: registering again");
+        tracing::warn!("the server does not know this worker; registering again");
         if let Err(error) = self.register().await {
             self.refused(&error);
         }
     }
 
-    /// The server will not have this worker: finish what runs, claim nothing more.
+    /// Notes that the server refuses this worker: it finishes its runs and claims no more.
     pub(super) fn refused(&self, error: &ClientError) {
         tracing::error!(%error, "the server refuses this worker");
         let _ = self.refusal.set(error.to_string());
         self.stop_claiming.cancel();
     }
 
-    /// Why the server will not have this worker, if so.
+    /// Why the server refuses this worker, if it does.
     pub(super) fn refusal(&self) -> Option<&String> {
         self.refusal.get()
     }
@@ -113,7 +113,7 @@ impl Session {
     }
 }
 
-/// Seconds from the wire as a duration, within sense.
+/// Seconds of an answer as a duration of at least 20 ms; 2 s where they are invalid.
 pub(super) fn seconds(value: f64) -> Duration {
     Duration::try_from_secs_f64(value).unwrap_or(Duration::from_secs(2)).max(Duration::from_millis(20))
 }

@@ -1,4 +1,4 @@
-//! How a worker ends while the frames of its last run are on a slow way.
+//! The end of a worker during a slow upload of frames.
 
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -9,8 +9,8 @@ use serde_json::json;
 use super::*;
 use crate::client::tests::answering_after;
 
-/// A worker that has one short run with frames, whose upload takes so long. It is told to drain by the server, or by a
-/// signal as soon as it uploads. Returns what was answered, in order, and what is left in its outbox.
+/// Runs a worker with one short job whose upload of frames takes this long. The server asks it to drain, or a signal stops it during the
+/// upload. Returns the answered requests in order and the number of deliveries left in the outbox.
 async fn last_run(upload: Duration, by_signal: bool) -> (Vec<&'static str>, usize) {
     let shutdown = CancellationToken::new();
     let answered: Arc<Mutex<Vec<&'static str>>> = Arc::default();
@@ -55,10 +55,10 @@ async fn last_run(upload: Duration, by_signal: bool) -> (Vec<&'static str>, usiz
 }
 
 #[tokio::test]
-async fn a_worker_that_drains_uploads_its_frames_and_beats_until_the_server_has_the_result() {
+async fn a_draining_worker_uploads_frames_and_sends_heartbeats_until_the_result_is_recorded() {
     let (answered, left) = last_run(LAST_DELIVERIES + Duration::from_secs(1), false).await;
     assert_eq!(left, 0, "{answered:?}");
-    assert_eq!(answered.iter().filter(|what| **what == "frames").count(), 1, "one upload, in peace");
+    assert_eq!(answered.iter().filter(|what| **what == "frames").count(), 1, "one complete upload");
     let at = |what| {
         answered.iter().position(|seen| *seen == what).unwrap_or_else(|| panic!("no {what}: {answered:?}"))
     };
@@ -67,7 +67,7 @@ async fn a_worker_that_drains_uploads_its_frames_and_beats_until_the_server_has_
 }
 
 #[tokio::test]
-async fn a_worker_that_must_end_sends_the_result_without_its_frames() {
+async fn a_stopped_worker_delivers_its_result_without_frames() {
     let since = Instant::now();
     let (answered, left) = last_run(Duration::from_secs(600), true).await;
     assert_eq!((left, answered.last()), (0, Some(&"result")), "{answered:?}");

@@ -1,4 +1,4 @@
-//! What the outbox keeps, what it lets go, and on whose word.
+//! The outbox: stored, removed and refused deliveries.
 
 use roost_api::ids::WorkerId;
 
@@ -24,7 +24,7 @@ fn outbox() -> (tempfile::TempDir, Outbox) {
 }
 
 #[test]
-fn a_delivery_outlives_its_process_until_it_is_removed() {
+fn a_delivery_survives_a_restart_until_it_is_removed() {
     let (folder, outbox) = outbox();
     let first = delivery(1);
     let path = outbox.put(&first).unwrap();
@@ -37,12 +37,12 @@ fn a_delivery_outlives_its_process_until_it_is_removed() {
     assert_eq!(found.iter().map(|delivery| delivery.attempt).collect::<Vec<_>>(), [1, 7]);
     assert_eq!(found[0].job_id, first.job_id);
     outbox.remove(&path).unwrap();
-    outbox.remove(&path).expect("a neighbour may have been faster");
+    outbox.remove(&path).expect("another worker may have removed it");
     assert_eq!(outbox.waiting().unwrap().len(), 1);
 }
 
 #[test]
-fn putting_the_same_attempt_twice_keeps_one() {
+fn an_attempt_has_one_delivery() {
     let (_folder, outbox) = outbox();
     let same = delivery(1);
     outbox.put(&same).unwrap();
@@ -57,7 +57,7 @@ fn servers_do_not_share_their_deliveries() {
         [SERVER, "http://127.0.0.1:7374", "http://[::1]:7373", "http://a:1/b", "http://a:1_b", "../up", ".."];
     for address in addresses {
         let outbox = Outbox::open(folder.path(), address).unwrap();
-        assert!(outbox.waiting().unwrap().is_empty(), "{address} sees another's");
+        assert!(outbox.waiting().unwrap().is_empty(), "{address} shows deliveries to another server");
         let path = outbox.put(&delivery(1)).unwrap();
         assert!(path.starts_with(folder.path().join("outbox")) && !path.to_string_lossy().contains("/.."));
     }
@@ -66,7 +66,7 @@ fn servers_do_not_share_their_deliveries() {
 }
 
 #[test]
-fn half_written_and_unreadable_files_stop_nobody() {
+fn incomplete_and_unreadable_files_are_skipped() {
     let (folder, outbox) = outbox();
     outbox.put(&delivery(3)).unwrap();
     let inside = folder.path().join("outbox/127.0.0.1_7373");
@@ -74,7 +74,7 @@ fn half_written_and_unreadable_files_stop_nobody() {
     fs::write(inside.join("broken-1.json"), "{\"job_id\":").unwrap();
     assert!(outbox.read(&inside.join("broken-1.json")).unwrap().is_none());
     assert!(inside.join("refused/broken-1.json").exists());
-    assert!(outbox.read(&inside.join("delivered-by-a-neighbour-1.json")).unwrap().is_none());
+    assert!(outbox.read(&inside.join("delivered-by-another-worker-1.json")).unwrap().is_none());
     assert_eq!(outbox.waiting().unwrap().len(), 1);
 
     let old = File::options().write(true).open(inside.join("killed-here.tmp")).unwrap();
@@ -86,20 +86,20 @@ fn half_written_and_unreadable_files_stop_nobody() {
 }
 
 #[tokio::test]
-async fn only_the_servers_word_settles_a_delivery() {
+async fn only_2xx_and_409_of_the_server_settle_a_delivery() {
     let problem =
         |status: u16| format!(r#"{{"type":"/problems/x","title":"x","status":{status},"detail":"because"}}"#);
     let cases = [
-        ("200 OK", "{}".to_owned(), Some(Fate::Confirmed)),
-        ("409 Conflict", problem(409), Some(Fate::Refused)),
+        ("200 OK", "{}".to_owned(), Some(DeliveryOutcome::Confirmed)),
+        ("409 Conflict", problem(409), Some(DeliveryOutcome::Stale)),
         ("422 Unprocessable Entity", problem(422), None),
         ("500 Internal Server Error", problem(500), None),
         ("404 Not Found", problem(404), None),
-        ("409 Conflict", "a proxy's own opinion".to_owned(), None),
+        ("409 Conflict", "an answer of a proxy".to_owned(), None),
     ];
     for (status, body, expected) in cases {
         let server = answering(status, "application/problem+json", &body).await;
-        let fate = delivery(1).send(&Client::new(&server).unwrap()).await;
-        assert_eq!(fate.ok(), expected, "{status} {body}");
+        let outcome = delivery(1).send(&Client::new(&server).unwrap()).await;
+        assert_eq!(outcome.ok(), expected, "{status} {body}");
     }
 }

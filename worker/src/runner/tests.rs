@@ -1,4 +1,4 @@
-//! Every way a run can end, told apart.
+//! Every way in which a run ends.
 
 use std::sync::atomic::AtomicU32;
 
@@ -8,8 +8,8 @@ use serde_json::json;
 
 use super::*;
 
-/// One fillet of coarse sub-particles in a small hopper: a real run of well under a second.
-fn small() -> Value {
+/// One fillet of coarse sub-particles in a small hopper, which runs for less than a second.
+fn small_scenario() -> Value {
     json!({
         "experiment": "hopper",
         "product": {"count": 1, "subparticle_radius_m": 0.009},
@@ -18,16 +18,16 @@ fn small() -> Value {
     })
 }
 
-/// The same on a belt so slow that the fillets stay: there is work for minutes.
-fn long() -> Value {
-    let mut document = small();
+/// The same on a slow belt, which runs for minutes.
+fn long_scenario() -> Value {
+    let mut document = small_scenario();
     document["equipment"]["belt_speed_m_s"] = json!(0.001);
     document["numerics"] = json!({"timestep_s": 1e-4, "duration_s": 600, "stop": {"when_empty": false}});
     document
 }
 
 fn start(document: Value, max_wall_s: Option<f64>) -> Run {
-    Run::start(document, MeshSource::Given(Meshes::default()), Place::new(Device::cpu(), 1), max_wall_s)
+    Run::start(document, MeshSource::Given(Meshes::default()), Resources::new(Device::cpu(), 1), max_wall_s)
 }
 
 async fn end_of(document: Value, max_wall_s: Option<f64>) -> RunEnd {
@@ -35,15 +35,15 @@ async fn end_of(document: Value, max_wall_s: Option<f64>) -> RunEnd {
 }
 
 #[tokio::test]
-async fn a_scenario_runs_to_its_result_and_reports_progress() {
-    let mut run = start(small(), None);
+async fn a_run_reports_progress_and_ends_with_a_result() {
+    let mut run = start(small_scenario(), None);
     run.progress.changed().await.unwrap();
     assert!(run.progress.borrow().is_some());
     let RunEnd::Finished(result) = run.end().await else { panic!("no result") };
     assert!(result.series("discharged_mass").is_some_and(|series| series.t_s.len() > 5));
 }
 
-/// Asks for every other picture, and counts.
+/// Requests every other frame, and counts.
 #[derive(Default)]
 struct Camera {
     asked: AtomicU32,
@@ -52,7 +52,7 @@ struct Camera {
 
 impl Observer for Camera {
     fn progress(&mut self, _progress: &Progress) -> Flow {
-        panic!("progress is told to the run alone")
+        panic!("progress goes to the run alone")
     }
 
     fn wants_snapshot(&self, _simulated_s: f64) -> bool {
@@ -66,12 +66,12 @@ impl Observer for Camera {
 }
 
 #[tokio::test]
-async fn pictures_are_taken_where_they_are_wanted() {
+async fn requested_frames_are_recorded() {
     let camera = Arc::new(Mutex::new(Camera::default()));
-    let end = Run::start_pictured(
-        small(),
+    let end = Run::start_observed(
+        small_scenario(),
         MeshSource::Given(Meshes::default()),
-        Place::new(Device::cpu(), 1),
+        Resources::new(Device::cpu(), 1),
         None,
         Some(camera.clone()),
     )
@@ -79,15 +79,15 @@ async fn pictures_are_taken_where_they_are_wanted() {
     .await;
     let RunEnd::Finished(_) = end else { panic!("no result") };
     let camera = camera.lock().unwrap();
-    // Where the belt starts it is asked twice, of which the second counts.
+    // At the start of the belt it is asked twice; the second answer counts.
     let wanted = camera.asked.load(Ordering::Relaxed).div_ceil(2);
     assert!([0, 1].contains(&(wanted - camera.taken.len() as u32)), "{wanted}, {:?}", camera.taken);
     assert!(camera.taken.len() > 5 && camera.taken.is_sorted_by(|a, b| a < b), "{:?}", camera.taken);
 }
 
 #[tokio::test]
-async fn a_bad_scenario_is_invalid_and_names_every_fault() {
-    let mut document = small();
+async fn an_invalid_scenario_fails_with_every_fault() {
+    let mut document = small_scenario();
     document["product"]["count"] = json!(-1);
     document["equipment"]["gate_opening_m"] = json!("wide");
     let RunEnd::Failed { outcome, message, result } = end_of(document, None).await else { panic!("it ran") };
@@ -96,8 +96,8 @@ async fn a_bad_scenario_is_invalid_and_names_every_fault() {
 }
 
 #[tokio::test]
-async fn past_its_wall_time_a_run_keeps_what_it_has() {
-    let RunEnd::Failed { outcome, message, result } = end_of(long(), Some(0.3)).await else {
+async fn a_timeout_keeps_the_partial_result() {
+    let RunEnd::Failed { outcome, message, result } = end_of(long_scenario(), Some(0.3)).await else {
         panic!("no limit")
     };
     assert_eq!(outcome, AttemptOutcome::Timeout);
@@ -112,21 +112,21 @@ async fn each_reason_to_stop_has_its_own_end() {
         (Stop::Release, Some((AttemptOutcome::Released, false))),
         (Stop::Abandon, None),
     ] {
-        let mut run = start(long(), None);
+        let mut run = start(long_scenario(), None);
         run.progress.changed().await.unwrap();
         run.stop.set(why);
-        let seen = match run.end().await {
+        let actual = match run.end().await {
             RunEnd::Failed { outcome, result, .. } => Some((outcome, result.is_some())),
             RunEnd::Abandoned => None,
             RunEnd::Finished(_) => panic!("{why:?} did not stop it"),
         };
-        assert_eq!(seen, expected, "{why:?}");
+        assert_eq!(actual, expected, "{why:?}");
     }
 }
 
 #[tokio::test]
 async fn a_diverging_run_is_unstable_with_its_partial_result() {
-    let mut document = small();
+    let mut document = small_scenario();
     document["numerics"]["timestep_s"] = json!(0.02);
     document["numerics"]["allow_unstable"] = json!(true);
     let RunEnd::Failed { outcome, message, result } = end_of(document, None).await else { panic!("stable?") };
@@ -136,7 +136,7 @@ async fn a_diverging_run_is_unstable_with_its_partial_result() {
 }
 
 #[tokio::test]
-async fn a_panic_is_the_workers_failure_and_says_what_happened() {
+async fn a_panic_fails_the_attempt_with_its_message() {
     let progress = Progress {
         phase: Phase::Fill,
         time_s: 0.0,
@@ -158,7 +158,7 @@ async fn a_panic_is_the_workers_failure_and_says_what_happened() {
 }
 
 #[test]
-fn the_first_reason_stays_but_abandon_beats_all() {
+fn the_first_reason_to_stop_stays_unless_abandoned() {
     let flag = StopFlag::default();
     assert_eq!(flag.get(), None);
     flag.set(Stop::Release);
@@ -170,7 +170,7 @@ fn the_first_reason_stays_but_abandon_beats_all() {
 }
 
 #[tokio::test]
-async fn what_waits_for_its_meshes_can_be_stopped() {
+async fn a_run_that_waits_for_meshes_can_be_stopped() {
     type Solve = fn(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory>;
     for (why, expected) in [
         (Stop::Cancel, Some(AttemptOutcome::Cancelled)),
@@ -180,11 +180,11 @@ async fn what_waits_for_its_meshes_can_be_stopped() {
         let run = Run::start_with(None, None, std::future::pending::<Result<Solve, RunEnd>>());
         run.stop.set(why);
         let end = tokio::time::timeout(Duration::from_secs(20), run.end()).await.expect("an end");
-        let seen = match end {
+        let actual = match end {
             RunEnd::Failed { outcome, result: None, .. } => Some(outcome),
             RunEnd::Abandoned => None,
             other => panic!("{other:?}"),
         };
-        assert_eq!(seen, expected, "{why:?}");
+        assert_eq!(actual, expected, "{why:?}");
     }
 }
