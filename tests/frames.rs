@@ -92,7 +92,7 @@ fn both_formats_show_what_the_result_tells() {
     let result: Value =
         serde_json::from_slice(&fs::read(home.path("both-out/result.json")).unwrap()).unwrap();
     let mut reader = stream(&folder);
-    assert!(reader.is_whole());
+    assert!(reader.is_complete());
     assert_eq!(json!(reader.header().scenario_digest), result["scenario_digest"]);
     let frames = frames(&mut reader);
     assert_eq!(summary["frames"]["frames"], json!(frames.len()));
@@ -188,7 +188,7 @@ fn a_killed_run_leaves_every_frame_up_to_the_last_whole_one() {
     child.wait().unwrap();
 
     let mut reader = stream(&folder);
-    assert!(!reader.is_whole());
+    assert!(!reader.is_complete());
     let frames = frames(&mut reader);
     assert!(frames.len() >= 5 && frames.iter().all(|frame| frame.bodies.len() == 2), "{}", frames.len());
     let listed = collection(&folder);
@@ -207,7 +207,7 @@ fn an_unstable_run_keeps_its_frames() {
     let (folder, summary, _) = record(&home, &diverging, "unstable", &["--frame-format", "web"]);
     assert_eq!(summary["end_reason"], "unstable");
     let mut reader = stream(&folder);
-    assert!(reader.is_whole() && !reader.index().is_empty());
+    assert!(reader.is_complete() && !reader.index().is_empty());
     assert_eq!(frames(&mut reader)[0].bodies.len(), 2);
     assert!(!folder.join("frames.pvd").exists(), "only what was asked for");
 }
@@ -277,5 +277,5 @@ fn a_run_whose_frames_cannot_be_written_goes_on_and_says_so() {
     let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(summary["end_reason"], "cancelled", "it was still running");
     assert!(summary["frames"]["stopped"].is_string());
-    assert!(stream(&folder).is_whole());
+    assert!(stream(&folder).is_complete());
 }

@@ -62,7 +62,7 @@ fn the_frames_of_a_job_are_those_of_the_same_run_here() {
     assert!(there == here, "the same bits make the same pictures: {} and {} bytes", there.len(), here.len());
     let reader = Reader::open(File::open(&file).unwrap()).unwrap();
     assert_eq!((reader.index().len() as u64, there.len() as u64), (told.count, told.bytes));
-    assert_eq!((reader.is_whole(), told.stopped), (true, None));
+    assert_eq!((reader.is_complete(), told.stopped), (true, None));
     // Nothing is left at the worker.
     let left = || walk(&home.path("worker")).into_iter().filter(|name| name.contains("frames")).count();
     until("the worker has tidied up", || (left() == 0).then_some(()));
@@ -94,7 +94,7 @@ fn frames_that_pass_the_limit_end_with_a_reason_and_the_job_succeeds() {
     assert!(frames.stopped.as_ref().is_some_and(|why| why.contains("limit of 1000000 bytes")), "{frames:?}");
     let url = format!("{}/v1/jobs/{}/frames", home.address, job.id);
     let bytes = home.ask(|_| async move { plain().get(url).send().await.unwrap().bytes().await.unwrap() });
-    assert!(Reader::open(Cursor::new(bytes.to_vec())).unwrap().is_whole());
+    assert!(Reader::open(Cursor::new(bytes.to_vec())).unwrap().is_complete());
 }
 
 #[test]

@@ -1,8 +1,7 @@
-//! Pictures of a run, taken while it runs: files for ParaView and a compact stream for the web.
+//! Frames of a run, recorded while it runs: files for ParaView and a compact stream for the web.
 //!
-//! [`Recorder`] is the observer that `roost run --frames` hands to the solver: [`schedule`] says which samples become
-//! frames, [`vtk`] and [`web`] what a frame looks like on disk, [`forecast()`] what all of it will weigh. The formats
-//! know nothing of folders; the recorder alone opens files. `docs/frames.md` is for whoever reads the files.
+//! [`Recorder`] is the solver's observer. [`schedule`] selects the samples that become frames, [`vtk`] and [`web`] encode them, and
+//! [`forecast()`] predicts their size. Only the recorder opens files. `docs/frames.md` describes both formats.
 
 mod forecast;
 mod recorder;

@@ -1,7 +1,7 @@
-//! The observer that writes frames while a run goes on.
+//! The observer that writes frames during a run.
 //!
-//! Whatever happens to the files, the run goes on: when they would pass their limit or cannot be written, the recorder
-//! stops, keeps what it has in order, and says why.
+//! Errors of files never stop the run: at the size limit, or when a file cannot be written, the recorder stops, leaves valid files, and reports
+//! the reason.
 
 mod paraview;
 mod stream;
@@ -18,11 +18,11 @@ use roost_solver::{Flow, Observer, Progress};
 
 use crate::schedule::Schedule;
 use crate::web::first_shape;
-use paraview::{COLLECTION, FOLDER, Files, LEGEND};
+use paraview::{COLLECTION, FOLDER, LEGEND, ParaviewFiles};
 pub use stream::STREAM;
 use stream::Stream;
 
-/// What to record.
+/// Settings of a recorder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Simulated time between frames, in seconds; rounded to whole samples.
@@ -31,14 +31,14 @@ pub struct Options {
     pub vtk: bool,
     /// Whether to write the stream for the web.
     pub web: bool,
-    /// Bytes that all files together may have.
+    /// Maximum size of all files together, in bytes.
     pub limit_bytes: u64,
 }
 
-/// What has been recorded.
+/// The recorded frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
     /// Bytes of all files.
     pub bytes: u64,
@@ -48,28 +48,28 @@ pub struct Report {
     pub files: Vec<PathBuf>,
 }
 
-/// Takes pictures of one run.
+/// Records the frames of one run.
 #[derive(Debug)]
 pub struct Recorder {
     folder: PathBuf,
     scenario: Scenario,
     schedule: Schedule,
     limit_bytes: u64,
-    paraview: Option<Files>,
+    paraview: Option<ParaviewFiles>,
     stream: Option<Stream>,
     frames: u64,
     stopped: Option<String>,
 }
 
 impl Recorder {
-    /// A recorder that writes into a folder, which is made if need be. Frames of an earlier run in it are removed.
+    /// A recorder that writes into a folder, which it creates if missing. It removes the frames of an earlier run.
     ///
     /// # Errors
-    /// When the folder cannot be made or written.
+    /// When the folder cannot be created or written.
     pub fn create(folder: &Path, scenario: &Scenario, timestep_s: f64, options: Options) -> io::Result<Self> {
         fs::create_dir_all(folder)?;
         clear(folder)?;
-        let files = || Files::create(folder, first_shape(scenario));
+        let files = || ParaviewFiles::create(folder, first_shape(scenario));
         Ok(Self {
             folder: folder.to_owned(),
             scenario: scenario.clone(),
@@ -82,17 +82,17 @@ impl Recorder {
         })
     }
 
-    /// Which samples become frames.
+    /// The samples that become frames.
     pub fn schedule(&self) -> &Schedule {
         &self.schedule
     }
 
-    /// Why recording has stopped before the run has, if it has.
+    /// Why recording stopped before the run, if it did.
     pub fn stopped(&self) -> Option<&str> {
         self.stopped.as_deref()
     }
 
-    /// Brings the files to their end.
+    /// Completes the files.
     pub fn finish(&mut self) -> Report {
         if let Some(Err(error)) = self.stream.as_mut().map(Stream::finish) {
             self.stopped.get_or_insert(format!("the index of {STREAM} cannot be written: {error}"));
@@ -108,10 +108,10 @@ impl Recorder {
     }
 
     fn size(&self) -> u64 {
-        self.paraview.as_ref().map_or(0, Files::size) + self.stream.as_ref().map_or(0, Stream::size)
+        self.paraview.as_ref().map_or(0, ParaviewFiles::size) + self.stream.as_ref().map_or(0, Stream::size)
     }
 
-    /// Makes a frame in memory, and writes it if all of it fits.
+    /// Encodes a frame in memory, and writes it if it stays below the limit.
     fn record(&mut self, snapshot: &Snapshot<'_>) -> Result<(), String> {
         let no_vtk = |error: &dyn std::fmt::Display| format!("files for ParaView cannot be written: {error}");
         let no_stream = |error: &dyn std::fmt::Display| format!("{STREAM} cannot be written: {error}");
@@ -122,7 +122,7 @@ impl Recorder {
 
         let more = files.as_ref().map_or(0, |files| files.size()) + packed.as_ref().map_or(0, |p| p.size());
         if self.size() + more > self.limit_bytes {
-            return Err(format!("the next frame would pass the limit of {} bytes", self.limit_bytes));
+            return Err(format!("the next frame would exceed the limit of {} bytes", self.limit_bytes));
         }
         if let Some((stream, packed)) = self.stream.as_mut().zip(packed) {
             stream.write(&packed).map_err(|error| no_stream(&error))?;
@@ -152,7 +152,7 @@ impl Observer for Recorder {
     }
 }
 
-/// Removes the files that an earlier recorder left in a folder, and nothing else.
+/// Removes the files of an earlier recorder from a folder, and no others.
 fn clear(folder: &Path) -> io::Result<()> {
     let is_frame = |name: &str| {
         let stem = name.strip_suffix(".vtp").unwrap_or_default();

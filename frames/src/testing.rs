@@ -1,4 +1,4 @@
-//! A few fillets for the tests.
+//! Sample states for the tests.
 
 use glam::{IVec3, Vec3};
 use roost_solver::engine::run::Snapshot;
@@ -6,21 +6,26 @@ use roost_solver::engine::scene::Scene;
 use roost_solver::engine::state::State;
 use roost_solver::scenario::{Scenario, parse};
 
-/// A few coarse fillets over a hopper, and where they start.
-pub(crate) fn fillets(count: u32) -> (Scenario, Scene, State) {
+/// A hopper with coarse fillets, and their initial state.
+pub(crate) fn hopper_with_fillets(count: u32) -> (Scenario, Scene, State) {
     let text = format!(
         r#"{{"experiment": "hopper", "product": {{"count": {count}, "subparticle_radius_m": 0.009}},
             "numerics": {{"timestep_s": "auto"}}}}"#
     );
-    let scenario = parse(&text).expect("a sound scenario");
+<<<<<<< HEAD
+    let scenario = parse(&text).expect("a valid scenario");
     let checked = roost_solver::check(&scenario, &Default::default(), &roost_solver::Limits::NONE);
     let scene = checked.expect("a scenario that can run").setup().scene().clone();
+=======
+    let scenario = parse(&text).expect("a valid scenario");
+    let scene = prepare(&scenario, &roost_solver::mesh::Meshes::default()).scene;
+>>>>>>> c5e67f6 (frames: name body kinds, index entries and encoded frames, state units and shapes)
     let state = State::new(&scene);
     (scenario, scene, state)
 }
 
-/// Makes it move and break, each sub-particle in its own way.
-pub(crate) fn shake(state: &mut State) {
+/// Gives each sub-particle its own displacement, velocity, spin and number of broken bonds.
+pub(crate) fn disturb(state: &mut State) {
     for (i, p) in state.particles.iter_mut().enumerate() {
         p.position += IVec3::new(i as i32 * 917, -(i as i32) * 3001, (i as i32 % 7) * 40_000);
         p.velocity = Vec3::new(0.01 * (i % 5) as f32, -0.3, i as f32 * 1e-3);
@@ -29,7 +34,7 @@ pub(crate) fn shake(state: &mut State) {
     }
 }
 
-/// The bonds that all hold, as the engine tells them.
+/// All bonds of a scene, as pairs of serials.
 pub(crate) fn bonds(scene: &Scene) -> Vec<[u32; 2]> {
     let mut first = 0;
     let mut bonds = Vec::new();
@@ -41,8 +46,8 @@ pub(crate) fn bonds(scene: &Scene) -> Vec<[u32; 2]> {
     bonds
 }
 
-/// A moment of a run.
-pub(crate) fn moment<'a>(
+/// A snapshot of a run.
+pub(crate) fn snapshot_at<'a>(
     scene: &'a Scene,
     state: &'a State,
     bonds: &'a [[u32; 2]],

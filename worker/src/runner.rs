@@ -160,7 +160,7 @@ impl Run {
 
     /// Starts a checked scenario. Must be called within a tokio runtime.
     pub fn start_checked(checked: Checked, resources: Resources, frames: Option<FrameObserver>) -> Self {
-        let pending = resources.device.expect_run();
+        let pending = resources.device.announce_run();
         Self::start_with(None, frames, async move {
             let solve = solver(resources, checked).await;
             drop(pending);

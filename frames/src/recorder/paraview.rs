@@ -1,4 +1,4 @@
-//! The files for ParaView in their folder.
+//! The files for ParaView in a folder.
 
 use std::fs;
 use std::io;
@@ -9,80 +9,80 @@ use roost_solver::equipment::Motion;
 
 use crate::vtk;
 
-/// The file to open.
+/// The file to open in ParaView.
 pub(super) const COLLECTION: &str = "frames.pvd";
-/// The folder of the files that it names.
+/// The folder of the frames.
 pub(super) const FOLDER: &str = "vtk";
-/// Names of the surfaces, beside them.
+/// Names of the surfaces.
 pub(super) const LEGEND: &str = "vtk/surfaces.json";
 
-/// Files of all frames so far.
+/// The files of all frames so far.
 #[derive(Debug)]
-pub(super) struct Files {
+pub(super) struct ParaviewFiles {
     folder: PathBuf,
-    /// The shape that is the first kind of the scene.
+    /// Number of the first shape of the scene.
     first_shape: u32,
-    scenes: Vec<vtk::Scene>,
+    entries: Vec<vtk::CollectionEntry>,
     size: u64,
 }
 
 /// The files of one frame.
 #[derive(Debug)]
-pub(super) struct Frame {
+pub(super) struct FrameFiles {
     particles: Vec<u8>,
-    /// None where the surfaces stand as in the frame before: most equipment stands still, and one file will do.
+    /// None where the surfaces have not moved since the frame before, whose file serves again.
     surfaces: Option<Vec<u8>>,
 }
 
-impl Frame {
+impl FrameFiles {
     pub(super) fn size(&self) -> u64 {
         (self.particles.len() + self.surfaces.as_ref().map_or(0, Vec::len)) as u64
     }
 }
 
-impl Files {
+impl ParaviewFiles {
     pub(super) fn create(folder: &Path, first_shape: u32) -> io::Result<Self> {
         fs::create_dir_all(folder.join(FOLDER))?;
-        let files = Self { folder: folder.to_owned(), first_shape, scenes: Vec::new(), size: 0 };
+        let files = Self { folder: folder.to_owned(), first_shape, entries: Vec::new(), size: 0 };
         files.write_collection()?;
         Ok(files)
     }
 
-    /// Bytes of all files but the few of the collection and the names.
+    /// Bytes of all frames, without the collection and the names of surfaces.
     pub(super) fn size(&self) -> u64 {
         self.size
     }
 
-    /// Makes the files of a frame in memory.
-    pub(super) fn make(&self, snapshot: &Snapshot<'_>) -> Frame {
+    /// Encodes the files of a frame in memory.
+    pub(super) fn make(&self, snapshot: &Snapshot<'_>) -> FrameFiles {
         let surfaces = || vtk::surfaces(snapshot.scene, snapshot.belt_time_s);
-        Frame {
+        FrameFiles {
             particles: vtk::particles(snapshot, self.first_shape),
-            surfaces: (!self.stands_still(snapshot)).then(surfaces),
+            surfaces: (!self.is_unmoved(snapshot)).then(surfaces),
         }
     }
 
-    fn stands_still(&self, snapshot: &Snapshot<'_>) -> bool {
+    fn is_unmoved(&self, snapshot: &Snapshot<'_>) -> bool {
         let moves = || {
             let motions = snapshot.scene.surfaces.iter().map(|surface| surface.motion);
             motions.into_iter().any(|motion| matches!(motion, Motion::Moving { .. }))
         };
-        match self.scenes.last().map(|last| (last.belt_time_s, snapshot.belt_time_s)) {
+        match self.entries.last().map(|last| (last.belt_time_s, snapshot.belt_time_s)) {
             Some((None, None)) => true,
             Some((Some(_), Some(_))) => !moves(),
             _ => false,
         }
     }
 
-    pub(super) fn write(&mut self, snapshot: &Snapshot<'_>, frame: &Frame) -> io::Result<()> {
-        let number = self.scenes.len();
-        let name = |what: &str| format!("{FOLDER}/{what}_{number:06}.vtp");
+    pub(super) fn write(&mut self, snapshot: &Snapshot<'_>, frame: &FrameFiles) -> io::Result<()> {
+        let number = self.entries.len();
+        let name = |kind: &str| format!("{FOLDER}/{kind}_{number:06}.vtp");
         if number == 0 {
             fs::write(self.folder.join(LEGEND), vtk::legend(snapshot.scene))?;
         }
         let particles = name("particles");
         fs::write(self.folder.join(&particles), &frame.particles)?;
-        let surfaces = match (&frame.surfaces, self.scenes.last()) {
+        let surfaces = match (&frame.surfaces, self.entries.last()) {
             (None, Some(last)) => last.surfaces.clone(),
             (bytes, _) => {
                 let surfaces = name("surfaces");
@@ -91,15 +91,15 @@ impl Files {
             }
         };
         let (simulated_s, belt_time_s) = (snapshot.simulated_s, snapshot.belt_time_s);
-        self.scenes.push(vtk::Scene { simulated_s, belt_time_s, particles, surfaces });
+        self.entries.push(vtk::CollectionEntry { simulated_s, belt_time_s, particles, surfaces });
         self.size += frame.size();
         self.write_collection()
     }
 
-    /// Written anew after every frame, under another name first: whenever the run is killed, there is a whole one.
+    /// Writes the collection and renames it into place, so that it is complete whenever the run is killed.
     fn write_collection(&self) -> io::Result<()> {
         let (path, part) = (self.folder.join(COLLECTION), self.folder.join(format!("{COLLECTION}.part")));
-        fs::write(&part, vtk::collection(&self.scenes))?;
+        fs::write(&part, vtk::collection(&self.entries))?;
         fs::rename(part, path)
     }
 }

@@ -1,4 +1,4 @@
-//! The stream for the web as a file that is being written.
+//! The stream for the web as a file.
 
 use std::fs::{self, File};
 use std::io;
@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use roost_solver::engine::run::Snapshot;
 use roost_solver::scenario::Scenario;
 
-use crate::web::{Error, Header, Packed, Writer};
+use crate::web::{Error, Header, PackedFrame, Writer};
 
 /// Name of the file of the stream for the web.
 pub const STREAM: &str = "run.roostframes";
 
-/// A stream in a file; its header waits for a first picture, which brings the scene.
+/// A stream in a file. The first snapshot brings the scene for its header.
 #[derive(Debug)]
 pub(super) struct Stream {
     path: PathBuf,
@@ -22,8 +22,8 @@ pub(super) struct Stream {
 #[derive(Debug)]
 enum State {
     Empty(File),
-    Begun(Writer<File>),
-    /// Ended, or given up after a fault: perhaps half of a frame is there, and an index after it would only mislead.
+    Open(Writer<File>),
+    /// Complete, or failed: an incomplete frame may be in the file, and an index after it would be wrong.
     Closed,
 }
 
@@ -33,31 +33,31 @@ impl Stream {
         Ok(Self { state: State::Empty(File::create(&path)?), path })
     }
 
-    /// Bytes of the file, if there are no more frames.
+    /// Bytes of the file, if no frame follows.
     pub(super) fn size(&self) -> u64 {
         match &self.state {
-            State::Begun(writer) => writer.size(),
+            State::Open(writer) => writer.size(),
             _ => fs::metadata(&self.path).map_or(0, |file| file.len()),
         }
     }
 
-    /// Makes a frame in memory, after writing the header if it is the first.
+    /// Encodes a frame in memory; writes the header before the first.
     pub(super) fn make(
         &mut self,
         scenario: &Scenario,
         interval_s: f64,
         snapshot: &Snapshot<'_>,
-    ) -> Result<Packed, Error> {
+    ) -> Result<PackedFrame, Error> {
         self.state = match std::mem::replace(&mut self.state, State::Closed) {
             State::Empty(file) => {
-                State::Begun(Writer::new(file, &Header::new(scenario, snapshot.scene, interval_s)?)?)
+                State::Open(Writer::new(file, &Header::new(scenario, snapshot.scene, interval_s)?)?)
             }
             state => state,
         };
         self.writer()?.pack(snapshot)
     }
 
-    pub(super) fn write(&mut self, frame: &Packed) -> Result<(), Error> {
+    pub(super) fn write(&mut self, frame: &PackedFrame) -> Result<(), Error> {
         let written = self.writer()?.append(frame);
         if written.is_err() {
             self.state = State::Closed;
@@ -68,15 +68,15 @@ impl Stream {
     /// Writes the index.
     pub(super) fn finish(&mut self) -> Result<(), Error> {
         match std::mem::replace(&mut self.state, State::Closed) {
-            State::Begun(writer) => writer.finish().map(drop),
+            State::Open(writer) => writer.finish().map(drop),
             _ => Ok(()),
         }
     }
 
     fn writer(&mut self) -> Result<&mut Writer<File>, Error> {
         match &mut self.state {
-            State::Begun(writer) => Ok(writer),
-            _ => Err(Error::Io(io::Error::other("it is closed"))),
+            State::Open(writer) => Ok(writer),
+            _ => Err(Error::Io(io::Error::other("the stream is closed"))),
         }
     }
 }

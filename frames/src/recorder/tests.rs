@@ -1,27 +1,27 @@
-//! A recorder and its folder: what is counted, what is kept, what is left alone.
+//! The recorder: sizes, limits and removal of old files.
 
 use std::fs::File;
 
 use super::*;
-use crate::testing::{bonds, fillets, moment};
+use crate::testing::{bonds, hopper_with_fillets, snapshot_at};
 
 const ALL: Options = Options { interval_s: 0.06, vtk: true, web: true, limit_bytes: u64::MAX };
 
-/// Takes so many frames of fillets that stand still; what became of them, and the bytes that are really there.
+/// Records frames of fillets at rest; returns the report and the actual size of the files.
 fn record(folder: &Path, options: Options, frames: u32) -> (Report, u64) {
-    let (scenario, scene, state) = fillets(2);
+    let (scenario, scene, state) = hopper_with_fillets(2);
     let bonds = bonds(&scene);
     let mut recorder = Recorder::create(folder, &scenario, 1e-4, options).expect("a folder");
     for k in 0..frames {
         let simulated_s = 0.06 * f64::from(k);
         if recorder.wants_snapshot(simulated_s) {
-            recorder.snapshot(&moment(&scene, &state, &bonds, simulated_s, None));
+            recorder.snapshot(&snapshot_at(&scene, &state, &bonds, simulated_s, None));
         }
     }
     (recorder.finish(), size(folder))
 }
 
-/// Bytes of everything below a folder that is counted: not the names of surfaces and the collection.
+/// Bytes below a folder, without the collection and the names of surfaces.
 fn size(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     let counted = entries.filter(|path| !path.ends_with(LEGEND) && !path.ends_with(COLLECTION));
@@ -29,7 +29,7 @@ fn size(folder: &Path) -> u64 {
 }
 
 #[test]
-fn bytes_are_counted_as_they_are() {
+fn reported_size_is_the_size_of_the_files() {
     let folder = tempfile::tempdir().expect("a folder");
     let (report, size) = record(folder.path(), ALL, 4);
     assert_eq!((report.frames, report.stopped), (4, None));
@@ -42,7 +42,7 @@ fn bytes_are_counted_as_they_are() {
 }
 
 #[test]
-fn past_the_limit_there_are_no_more_frames_and_the_files_are_in_order() {
+fn recording_stops_at_the_limit_with_valid_files() {
     let folder = tempfile::tempdir().expect("a folder");
     let (all, _) = record(folder.path(), ALL, 6);
     let limit = all.bytes - 1;
@@ -53,18 +53,18 @@ fn past_the_limit_there_are_no_more_frames_and_the_files_are_in_order() {
     assert!(why.contains("0.300 s") && why.contains(&limit.to_string()), "{why}");
     let stream = File::open(folder.path().join(STREAM)).expect("a stream");
     let stream = crate::web::Reader::open(stream).expect("a stream");
-    assert!(stream.is_whole() && stream.index().len() == 5);
+    assert!(stream.is_complete() && stream.index().len() == 5);
     assert!(!folder.path().join("vtk/particles_000005.vtp").exists(), "of an earlier run");
 }
 
 #[test]
-fn a_folder_that_goes_away_stops_the_frames_and_no_run() {
-    let (scenario, scene, state) = fillets(1);
+fn a_removed_folder_stops_recording_but_not_the_run() {
+    let (scenario, scene, state) = hopper_with_fillets(1);
     let folder = tempfile::tempdir().expect("a folder");
     let mut recorder = Recorder::create(folder.path(), &scenario, 1e-4, ALL).expect("a folder");
-    recorder.snapshot(&moment(&scene, &state, &[], 0.0, None));
+    recorder.snapshot(&snapshot_at(&scene, &state, &[], 0.0, None));
     fs::remove_dir_all(folder.path().join(FOLDER)).expect("removed");
-    recorder.snapshot(&moment(&scene, &state, &[], 0.06, None));
+    recorder.snapshot(&snapshot_at(&scene, &state, &[], 0.06, None));
     assert!(recorder.stopped().is_some_and(|why| why.contains("ParaView")), "{:?}", recorder.stopped());
     assert!(!recorder.wants_snapshot(0.12));
     assert_eq!(recorder.finish().frames, 1);

@@ -1,8 +1,8 @@
-//! Polygonal data as an XML file of VTK: every array inline, compressed in blocks and written in base64.
+//! Polygonal data as a VTK XML file (<https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>).
 //!
-//! The format is told in <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>. Of an array in base64 come the sizes of
-//! its blocks first, as n + 3 numbers of 64 bits: n, bytes of a block, bytes of the last one where it is shorter (else 0), and bytes of
-//! each of the n when compressed. After them, in base64 of its own, come the blocks.
+//! Every array is inline: compressed in blocks, and written in base64. First come n + 3 numbers of 64 bits: the number n of blocks, the bytes
+//! of a block, the bytes of the last block if it is shorter (else 0), and the compressed bytes of each block. The blocks follow in a second
+//! base64 text.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -12,17 +12,17 @@ use base64::prelude::BASE64_STANDARD;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 
-/// Bytes of a block before compression; VTK's own choice.
+/// Bytes of a block before compression; VTK's default.
 const BLOCK: usize = 1 << 15;
 
-/// Points, cells of one kind between them, and what each of them carries.
+/// Points, cells of one kind, and their arrays.
 #[derive(Debug, Default)]
 pub(super) struct PolyData {
     /// x, y, z of each point.
     pub(super) points: Vec<f32>,
-    pub(super) of_points: Vec<Array>,
+    pub(super) point_data: Vec<Array>,
     pub(super) cells: Cells,
-    pub(super) of_cells: Vec<Array>,
+    pub(super) cell_data: Vec<Array>,
 }
 
 /// Cells by their corners, each an index of a point.
@@ -77,7 +77,7 @@ impl Numbers {
         }
     }
 
-    /// Least byte first.
+    /// Little-endian bytes.
     fn bytes(&self) -> Vec<u8> {
         match self {
             Self::Float32(numbers) => numbers.iter().flat_map(|number| number.to_le_bytes()).collect(),
@@ -87,12 +87,12 @@ impl Numbers {
     }
 }
 
-/// A number of each point or cell.
+/// An array with a number for each point or cell.
 pub(super) fn scalars(name: &'static str, numbers: impl Into<Numbers>) -> Array {
     Array { name, components: 1, numbers: numbers.into() }
 }
 
-/// A vector of each point or cell.
+/// An array with a vector for each point or cell.
 pub(super) fn vectors(name: &'static str, numbers: Vec<f32>) -> Array {
     Array { name, components: 3, numbers: numbers.into() }
 }
@@ -117,8 +117,8 @@ impl PolyData {
             "<Piece NumberOfPoints=\"{}\" NumberOf{tag}=\"{count}\">",
             self.points.len() / 3
         ));
-        file.attributes("PointData", &self.of_points);
-        file.attributes("CellData", &self.of_cells);
+        file.attributes("PointData", &self.point_data);
+        file.attributes("CellData", &self.cell_data);
         file.section("Points", "", &[vectors("Points", self.points)]);
         let corners = [("connectivity", connectivity), ("offsets", offsets)];
         let corners = corners.map(|(name, numbers)| scalars(name, Numbers::UInt64(numbers)));
@@ -128,24 +128,24 @@ impl PolyData {
     }
 }
 
-/// A file in the making.
+/// The text of a file.
 #[derive(Default)]
 struct Text(String);
 
 impl Text {
     fn line(&mut self, line: impl std::fmt::Display) {
-        writeln!(self.0, "{line}").expect("a string takes all");
+        writeln!(self.0, "{line}").expect("a string accepts all text");
     }
 
-    /// What points or cells carry; ParaView first colours by the first scalars.
+    /// The arrays of points or cells. ParaView colours by the first scalars at first.
     fn attributes(&mut self, tag: &str, arrays: &[Array]) {
-        let mut chief = String::new();
+        let mut active = String::new();
         for (kind, components) in [("Scalars", 1), ("Vectors", 3)] {
             if let Some(array) = arrays.iter().find(|array| array.components == components) {
-                write!(chief, " {kind}=\"{}\"", array.name).expect("a string takes all");
+                write!(active, " {kind}=\"{}\"", array.name).expect("a string accepts all text");
             }
         }
-        self.section(tag, &chief, arrays);
+        self.section(tag, &active, arrays);
     }
 
     fn section(&mut self, tag: &str, attributes: &str, arrays: &[Array]) {
@@ -156,7 +156,7 @@ impl Text {
                 self.0,
                 "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">"
             )
-            .expect("a string takes all");
+            .expect("a string accepts all text");
             self.blocks(&numbers.bytes());
             self.line("</DataArray>");
         }
@@ -168,9 +168,12 @@ impl Text {
         let mut packed = Vec::new();
         for block in bytes.chunks(BLOCK) {
             let start = packed.len();
-            // Fast, and nearly as small as it gets: most of a frame is digits that nothing predicts.
+            // Slower compression gains little: most bytes of a frame are random digits.
             let mut encoder = ZlibEncoder::new(&mut packed, Compression::fast());
-            encoder.write_all(block).and_then(|()| encoder.finish().map(drop)).expect("memory takes all");
+            encoder
+                .write_all(block)
+                .and_then(|()| encoder.finish().map(drop))
+                .expect("memory accepts all bytes");
             sizes.push((packed.len() - start) as u64);
             sizes[0] += 1;
         }

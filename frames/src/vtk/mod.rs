@@ -1,7 +1,5 @@
-//! Files that ParaView opens: fillets and equipment of every frame as polygonal data, and a collection of them all.
-//!
-//! [`particles`] gives the sub-particles and the bonds that hold, [`surfaces`] the equipment where it is, and
-//! [`collection`] the one file to open. What ParaView shows of them is told in `docs/frames.md`.
+//! Files for ParaView: [`particles`] writes sub-particles and intact bonds, [`surfaces`] the equipment, and [`collection`] the list of all
+//! frames. `docs/frames.md` describes their arrays.
 
 mod collection;
 mod file;
@@ -13,6 +11,6 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 
-pub use collection::{Scene, collection};
+pub use collection::{CollectionEntry, collection};
 pub use particles::particles;
 pub use surfaces::{legend, surfaces};

@@ -1,4 +1,4 @@
-//! The equipment as triangles where they are at a moment.
+//! The equipment as triangles at their position.
 
 use glam::DVec3;
 use roost_solver::engine::scene::Scene;
@@ -7,10 +7,10 @@ use roost_solver::equipment::{Motion, Presence, Surface};
 use serde_json::json;
 
 use super::file::{Cells, PolyData, scalars, vectors};
-use crate::web::kind_name;
+use crate::web::surface_kind_name;
 
-/// A `.vtp` file of the surfaces that are there at a belt time in seconds (`None` before the start), each triangle with
-/// the number of its surface and the velocity of its material.
+/// A `.vtp` file of the surfaces at a belt time, in seconds (`None` before the start). Each triangle has the number of its surface and the
+/// velocity of its material.
 pub fn surfaces(scene: &Scene, belt_time_s: Option<f64>) -> Vec<u8> {
     let (mut points, mut numbers, mut velocities) = (Vec::new(), Vec::new(), Vec::new());
     for (number, surface) in (0u32..).zip(&scene.surfaces) {
@@ -31,18 +31,18 @@ pub fn surfaces(scene: &Scene, belt_time_s: Option<f64>) -> Vec<u8> {
         }
     }
     let cells = Cells::Triangles((0..points.len() as u64 / 3).collect());
-    let of_cells = vec![scalars("surface", numbers), vectors("velocity_m_s", velocities)];
-    PolyData { points, of_points: Vec::new(), cells, of_cells }.into_file()
+    let cell_data = vec![scalars("surface", numbers), vectors("velocity_m_s", velocities)];
+    PolyData { points, point_data: Vec::new(), cells, cell_data }.into_file()
 }
 
-/// Where a point of a surface is: x = pivot + shift + turn · (x₀ − pivot).
+/// The position of a point of a surface: x = pivot + shift + turn · (x₀ − pivot).
 fn posed(pose: &Pose, pivot: DVec3, point: DVec3) -> DVec3 {
     pivot + pose.shift + pose.turn * (point - pivot)
 }
 
-/// Names and kinds of the surfaces by their number, as JSON: VTK files have numbers only.
+/// Names and kinds of the surfaces by number, as JSON: VTK files have no text.
 pub fn legend(scene: &Scene) -> String {
-    let entry = |(number, surface): (usize, &Surface)| json!({"surface": number, "name": surface.name, "kind": kind_name(surface.kind)});
+    let entry = |(number, surface): (usize, &Surface)| json!({"surface": number, "name": surface.name, "kind": surface_kind_name(surface.kind)});
     let all: Vec<_> = scene.surfaces.iter().enumerate().map(entry).collect();
     format!("{:#}\n", json!(all))
 }

@@ -1,4 +1,4 @@
-//! What ParaView will find in the files, read back.
+//! The ParaView files, read back.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -6,25 +6,25 @@ use glam::DVec3;
 use roost_solver::engine::scene::Scene;
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
 
-use super::file::{Cells, PolyData as Made, scalars};
+use super::file::{Cells, PolyData as Written, scalars};
 use super::reading::{PolyData, read};
 use super::*;
-use crate::testing::{bonds, fillets, moment, shake};
+use crate::testing::{bonds, disturb, hopper_with_fillets, snapshot_at};
 
 fn points(data: &PolyData) -> Vec<DVec3> {
     data.points.chunks_exact(3).map(DVec3::from_slice).collect()
 }
 
 #[test]
-fn particles_are_those_of_the_state() {
-    let (_, scene, mut state) = fillets(3);
-    shake(&mut state);
+fn particles_match_the_state() {
+    let (_, scene, mut state) = hopper_with_fillets(3);
+    disturb(&mut state);
     let all = bonds(&scene);
     // Without the first fillet: serials and indices differ.
     let first = scene.kinds[scene.bodies[0].kind].meta.points.len() as u32;
     state.remove(&(0..first).collect::<Vec<_>>());
     let held: Vec<[u32; 2]> = all.into_iter().filter(|bond| bond[0] >= first).skip(1).collect();
-    let piece = read(&particles(&moment(&scene, &state, &held, 0.0, None), 4));
+    let piece = read(&particles(&snapshot_at(&scene, &state, &held, 0.0, None), 4));
 
     let count = state.particles.len();
     assert_eq!(points(&piece).len(), count);
@@ -53,16 +53,16 @@ fn particles_are_those_of_the_state() {
 }
 
 #[test]
-fn bonds_across_the_seam_are_left_out() {
-    let (_, mut scene, _) = fillets(1);
+fn bonds_across_the_periodic_boundary_are_left_out() {
+    let (_, mut scene, _) = hopper_with_fillets(1);
     scene.periodic_y = true;
-    // A period of which the fillet's middle is the seam.
+    // A period whose boundary is the middle of the fillet, below.
     let middle = scene.bodies[0].position.y;
     (scene.low.y, scene.high.y) = (middle - 0.5, middle - 0.5 + 1.0);
     let bonds = bonds(&scene);
     let drawn = |scene: &Scene| {
         let state = roost_solver::engine::state::State::new(scene);
-        let piece = read(&particles(&moment(scene, &state, &bonds, 0.0, None), 0));
+        let piece = read(&particles(&snapshot_at(scene, &state, &bonds, 0.0, None), 0));
         let at = points(&piece);
         assert!(
             PolyData::numbers(&piece.of_cells, "stretch").iter().all(|stretch| (stretch - 1.0).abs() < 1e-4)
@@ -70,7 +70,7 @@ fn bonds_across_the_seam_are_left_out() {
         assert!(piece.lines.iter().all(|b| (at[b[0] as usize].y - at[b[1] as usize].y).abs() < 0.02));
         piece.lines.len()
     };
-    assert_eq!(drawn(&scene), bonds.len(), "the seam is elsewhere");
+    assert_eq!(drawn(&scene), bonds.len(), "the boundary is elsewhere");
     (scene.low.y, scene.high.y) = (middle, middle + 1.0);
     let left = drawn(&scene);
     assert!(left < bonds.len() && left > bonds.len() / 2, "{left} of {}", bonds.len());
@@ -78,7 +78,7 @@ fn bonds_across_the_seam_are_left_out() {
 
 /// A plate that turns about its lower edge and rises, a belt, and a shutter.
 fn equipment() -> Scene {
-    let (_, mut scene, _) = fillets(1);
+    let (_, mut scene, _) = hopper_with_fillets(1);
     let plate = |name: &str, kind, corner| Surface::parallelogram(name, kind, corner, DVec3::Y, DVec3::Z);
     let pivot = DVec3::new(1.0, 0.0, 2.0);
     let motion = Motion::Moving { velocity: DVec3::Z * 0.5, pivot, spin: DVec3::Y * FRAC_PI_2 };
@@ -91,7 +91,7 @@ fn equipment() -> Scene {
 }
 
 #[test]
-fn surfaces_are_where_they_have_moved_to() {
+fn surfaces_are_at_their_moved_position() {
     let scene = equipment();
     let before = read(&surfaces(&scene, None));
     assert_eq!(PolyData::numbers(&before.of_cells, "surface"), [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]);
@@ -109,7 +109,7 @@ fn surfaces_are_where_they_have_moved_to() {
     assert!((at[0] - DVec3::new(1.0, 0.0, 2.5)).length() < 1e-6, "the pivot only rises: {}", at[0]);
     assert_eq!(at[6..9], points(&before)[6..9], "a belt stays");
     let velocities = PolyData::numbers(&after.of_cells, "velocity_m_s");
-    // The first triangle's middle is 2/3 of a third … of the plate: (0 + 0 + 1)/3 from the axis, now along x.
+    // The centroid of the first triangle is (0 + 0 + 1)/3 from the axis, now along x.
     let expected = [0.0, 0.0, 0.5 - FRAC_PI_2 / 3.0];
     assert!(velocities[..3].iter().zip(expected).all(|(v, e)| (v - e).abs() < 1e-6), "{velocities:?}");
     assert_eq!(velocities[6..9], [0.0, 0.25, 0.0]);
@@ -118,11 +118,11 @@ fn surfaces_are_where_they_have_moved_to() {
 }
 
 #[test]
-fn an_empty_scene_says_that_it_has_no_points() {
-    let (_, mut scene, mut state) = fillets(1);
+fn an_empty_scene_has_no_points() {
+    let (_, mut scene, mut state) = hopper_with_fillets(1);
     state.remove(&state.serials.clone());
     scene.surfaces.clear();
-    let files = [particles(&moment(&scene, &state, &[], 0.0, None), 0), surfaces(&scene, None)];
+    let files = [particles(&snapshot_at(&scene, &state, &[], 0.0, None), 0), surfaces(&scene, None)];
     for bytes in files {
         assert!(String::from_utf8_lossy(&bytes).contains("NumberOfPoints=\"0\""));
         assert!(points(&read(&bytes)).is_empty());
@@ -130,17 +130,19 @@ fn an_empty_scene_says_that_it_has_no_points() {
 }
 
 #[test]
-fn arrays_are_whole_at_and_about_the_ends_of_their_blocks() {
-    const NUMBERS_A_BLOCK: u32 = (1 << 15) / 4;
-    for count in [0, 1, NUMBERS_A_BLOCK - 1, NUMBERS_A_BLOCK, NUMBERS_A_BLOCK + 1, 2 * NUMBERS_A_BLOCK] {
+fn arrays_are_complete_at_block_boundaries() {
+    const NUMBERS_PER_BLOCK: u32 = (1 << 15) / 4;
+    for count in
+        [0, 1, NUMBERS_PER_BLOCK - 1, NUMBERS_PER_BLOCK, NUMBERS_PER_BLOCK + 1, 2 * NUMBERS_PER_BLOCK]
+    {
         let numbers: Vec<u32> = (0..count).map(|k| k.wrapping_mul(2_654_435_761)).collect();
-        let made = Made {
+        let written = Written {
             points: vec![0.5; 3 * count as usize],
-            of_points: vec![scalars("hash", numbers.clone())],
+            point_data: vec![scalars("hash", numbers.clone())],
             cells: Cells::Lines(Vec::new()),
-            of_cells: Vec::new(),
+            cell_data: Vec::new(),
         };
-        let data = read(&made.into_file());
+        let data = read(&written.into_file());
         assert_eq!(
             PolyData::numbers(&data.of_points, "hash"),
             numbers.iter().map(|k| f64::from(*k)).collect::<Vec<_>>()

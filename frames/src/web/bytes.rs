@@ -1,10 +1,10 @@
-//! Chunks and numbers out of bytes that nobody vouches for.
+//! Chunks and numbers from untrusted bytes.
 
 use std::io::{Read, Seek};
 
 use super::{CHUNK_HEAD, Error};
 
-/// Tag and length of the chunk at `offset`, where `input` stands; none when it is not all there.
+/// Tag and length of the chunk at `offset`, the position of `input`; none when the chunk is incomplete.
 pub(super) fn chunk_head(
     input: &mut (impl Read + Seek),
     offset: u64,
@@ -20,26 +20,25 @@ pub(super) fn chunk_head(
     Ok((u64::from(size) <= length - offset - CHUNK_HEAD).then_some((tag, size)))
 }
 
-/// So many bytes, which are there.
+/// The next `size` bytes, which exist.
 pub(super) fn content(input: &mut impl Read, size: u32) -> Result<Vec<u8>, Error> {
     let mut bytes = vec![0; size as usize];
     input.read_exact(&mut bytes)?;
     Ok(bytes)
 }
 
-/// Numbers one after another, least byte first; as many as there are bytes for.
-pub(super) struct Numbers<'a>(pub(super) &'a [u8]);
+/// Reads little-endian numbers from a slice.
+pub(super) struct ByteReader<'a>(pub(super) &'a [u8]);
 
-impl<'a> Numbers<'a> {
-    /// The numbers in the first `size` bytes, and what follows them.
+impl<'a> ByteReader<'a> {
+    /// A reader of the first `size` bytes, and the rest.
     pub(super) fn split(bytes: &'a [u8], size: usize) -> Result<(Self, &'a [u8]), Error> {
         let (head, rest) = bytes.split_at_checked(size).ok_or(Error::Damaged("a frame is too short"))?;
         Ok((Self(head), rest))
     }
 
     fn next<const N: usize>(&mut self) -> [u8; N] {
-        let (number, rest) =
-            self.0.split_first_chunk().expect("the sizes of heads are those of their numbers");
+        let (number, rest) = self.0.split_first_chunk().expect("a head has the size of its numbers");
         self.0 = rest;
         *number
     }

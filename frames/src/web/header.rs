@@ -1,4 +1,4 @@
-//! The header: what stays the same in all frames.
+//! The header, which holds for all frames.
 
 use glam::DVec3;
 use roost_solver::SOLVER_REVISION;
@@ -7,20 +7,20 @@ use roost_solver::equipment::{self, Presence, SurfaceKind};
 use roost_solver::scenario::Scenario;
 use serde::{Deserialize, Serialize};
 
-use super::{Error, MOST_SUBPARTICLES, SCHEMA};
+use super::{Error, MAX_SUBPARTICLES, SCHEMA};
 
-/// What stays the same in all frames.
+/// Description of the run, which holds for all frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// Always [`SCHEMA`].
     pub schema: String,
-    /// blake3 of the canonical JSON of the scenario, in hex: that of its result.
+    /// BLAKE3 of the canonical JSON of the scenario in hex, as in its result.
     pub scenario_digest: String,
     /// The experiment's name, such as `hopper`.
     pub experiment: String,
-    /// Revision of the physics that made the frames.
+    /// Revision of the solver.
     pub solver_revision: u32,
-    /// Time between frames, in seconds: whole samples, to the nearest time step.
+    /// Time between frames in seconds, a whole number of samples.
     pub frame_interval_s: f64,
     /// Radius of every sub-particle, in metres.
     pub radius_m: f64,
@@ -28,19 +28,19 @@ pub struct Header {
     pub low_m: [f64; 3],
     /// Upper corner of the domain, in metres.
     pub high_m: [f64; 3],
-    /// Whether what leaves the domain in y comes in again on the other side.
+    /// Whether the domain is periodic in y.
     pub periodic_y: bool,
-    /// The shapes that bodies have.
-    pub kinds: Vec<Kind>,
-    /// The kind of each body, an index into `kinds`; a body's number is its place here.
+    /// The shapes of bodies.
+    pub kinds: Vec<BodyKind>,
+    /// The kind of each body as an index into `kinds`. The index in this list is the body's number.
     pub bodies: Vec<u32>,
     /// The equipment.
     pub surfaces: Vec<Surface>,
 }
 
-/// A shape that bodies have.
+/// A shape of bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Kind {
+pub struct BodyKind {
     /// Number of the shape: 2 · (number of the size), plus 1 for the mirror image.
     pub shape: u32,
     /// Sub-particles of one body.
@@ -56,28 +56,28 @@ pub struct Surface {
     pub kind: String,
     /// `always`, or `until_start`: gone once t ≥ 0.
     pub presence: String,
-    /// How it moves from t = 0 on.
+    /// Its motion from t = 0 on.
     pub motion: Motion,
-    /// Corners where it is at t = 0, in metres.
+    /// Corners of its triangles at t = 0, in metres.
     pub triangles_m: Vec<[[f64; 3]; 3]>,
 }
 
-/// How a surface moves from t = 0 on.
+/// The motion of a surface from t = 0 on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Motion {
-    /// Not at all.
+    /// No motion.
     Fixed,
-    /// The surface stays where it is and its material runs along it.
+    /// The surface does not move, but its material does.
     Belt {
         /// Velocity of the material, in m/s.
         velocity_m_s: [f64; 3],
     },
-    /// At t a point x is at pivot + velocity · t + turn · (x − pivot), turned about the spin's axis by |spin| · t.
+    /// At time t a point x is at pivot + velocity · t + turn · (x − pivot), where `turn` rotates about the axis of the spin by |spin| · t.
     Moving {
         /// Velocity of the pivot, in m/s.
         velocity_m_s: [f64; 3],
-        /// Where the pivot is at t = 0, in metres.
+        /// The pivot at t = 0, in metres.
         pivot_m: [f64; 3],
         /// Angular velocity, in rad/s.
         spin_rad_s: [f64; 3],
@@ -85,10 +85,10 @@ pub enum Motion {
 }
 
 impl Header {
-    /// The header of a run of a scenario, as the scene that was made of it.
+    /// The header of a run of a scenario and its scene.
     ///
     /// # Errors
-    /// When it has more sub-particles than a stream may have.
+    /// When the scene exceeds the maximum of sub-particles.
     pub fn new(scenario: &Scenario, scene: &Scene, frame_interval_s: f64) -> Result<Self, Error> {
         let first_shape = first_shape(scenario);
         let kinds = scene.kinds.iter().zip(first_shape..);
@@ -103,7 +103,7 @@ impl Header {
             high_m: scene.high.to_array(),
             periodic_y: scene.periodic_y,
             kinds: kinds
-                .map(|(kind, shape)| Kind { shape, subparticles: kind.meta.points.len() as u32 })
+                .map(|(kind, shape)| BodyKind { shape, subparticles: kind.meta.points.len() as u32 })
                 .collect(),
             bodies: scene.bodies.iter().map(|body| body.kind as u32).collect(),
             surfaces: scene.surfaces.iter().map(surface).collect(),
@@ -112,14 +112,14 @@ impl Header {
         Ok(header)
     }
 
-    /// The serial of the first sub-particle of each body, and the number of all sub-particles at the end.
+    /// The serial of each body's first sub-particle, and the total of sub-particles at the end.
     pub(super) fn first_serials(&self) -> Result<Vec<u32>, Error> {
         let mut next = 0u64;
         let mut serials = vec![0];
         for &kind in &self.bodies {
-            let kind = self.kinds.get(kind as usize).ok_or(Error::Damaged("a body is of no kind"))?;
+            let kind = self.kinds.get(kind as usize).ok_or(Error::Damaged("a body has an unknown kind"))?;
             next += u64::from(kind.subparticles);
-            if next > MOST_SUBPARTICLES {
+            if next > MAX_SUBPARTICLES {
                 return Err(Error::TooMany(next));
             }
             serials.push(next as u32);
@@ -128,7 +128,7 @@ impl Header {
     }
 }
 
-/// The shape of the first kind of a scene: where a scenario asks for one shape alone, there is no other kind.
+/// The shape of the first kind of a scene. A scenario with one chosen shape has no other kind.
 pub(crate) fn first_shape(scenario: &Scenario) -> u32 {
     scenario.product.shape.unwrap_or(0)
 }
@@ -141,7 +141,7 @@ fn experiment(scenario: &Scenario) -> String {
 fn surface(surface: &equipment::Surface) -> Surface {
     Surface {
         name: surface.name.clone(),
-        kind: kind_name(surface.kind).to_owned(),
+        kind: surface_kind_name(surface.kind).to_owned(),
         presence: match surface.presence {
             Presence::Always => "always".to_owned(),
             Presence::UntilStart => "until_start".to_owned(),
@@ -159,8 +159,8 @@ fn surface(surface: &equipment::Surface) -> Surface {
     }
 }
 
-/// The name of what a surface is made of.
-pub(crate) fn kind_name(kind: SurfaceKind) -> &'static str {
+/// The name of a surface's kind.
+pub(crate) fn surface_kind_name(kind: SurfaceKind) -> &'static str {
     match kind {
         SurfaceKind::Equipment => "equipment",
         SurfaceKind::Belt => "belt",

@@ -1,40 +1,39 @@
-//! Numbers made small: quantised, told as differences, bytes of one weight side by side.
+//! Compact encoding of positions and speeds: quantised, as differences, with low and high bytes apart.
 //!
-//! Sub-particles stand in the order of a lattice, so that each is mostly a step of 2R from the one before: high bytes
-//! of the differences are few and alike, and zlib halves them; at rest a quarter is saved, in free fall two thirds.
+//! Sub-particles are in the order of their lattice, so that most are 2R from the one before, and the high bytes of differences compress well.
+//! Zlib saves a quarter at rest and two thirds in free fall.
 
-/// Steps from one side of the box to the other.
+/// Steps across the box.
 const STEPS: f64 = 65535.0;
-/// Steps from rest to the greatest speed.
+/// Steps from rest to the maximum speed.
 const SPEED_STEPS: f32 = 255.0;
 
-/// The nearest of 65,536 places from `low` to `high`; half a step is at most lost.
+/// The nearest of 65,536 steps from `low` to `high`; the error is at most half a step.
 pub(super) fn quantise(x: f64, low: f64, high: f64) -> u16 {
     ((x - low) / (high - low) * STEPS).round() as u16
 }
 
-/// Where a place is.
+/// The coordinate of a step.
 pub(super) fn restore(place: u16, low: f64, high: f64) -> f64 {
     low + f64::from(place) / STEPS * (high - low)
 }
 
-/// Greatest distance along an axis between a coordinate and its place.
+/// Maximum error of a quantised coordinate.
 pub(super) fn error(low: f64, high: f64) -> f64 {
     (high - low) / STEPS / 2.0
 }
 
-/// A speed on a scale of square roots, so that slow ones are told apart in the presence of fast ones.
+/// A speed on a square-root scale, which resolves slow speeds beside fast ones.
 pub(super) fn quantise_speed(speed: f32, top: f32) -> u8 {
     if top > 0.0 { (SPEED_STEPS * (speed / top).sqrt()).round() as u8 } else { 0 }
 }
 
-/// The speed of a step of that scale.
+/// The speed of a step.
 pub(super) fn restore_speed(step: u8, top: f32) -> f32 {
     top * (f32::from(step) / SPEED_STEPS).powi(2)
 }
 
-/// Appends an axis: differences from one place to the next, small ones near zero whatever their sign, first all low
-/// bytes, then all high bytes.
+/// Appends an axis: differences in zigzag encoding, first all low bytes, then all high bytes.
 pub(super) fn pack_places(places: &[u16], out: &mut Vec<u8>) {
     let mut last = 0u16;
     let differences: Vec<u16> = places
@@ -48,7 +47,7 @@ pub(super) fn pack_places(places: &[u16], out: &mut Vec<u8>) {
     out.extend(differences.iter().map(|d| d.to_le_bytes()[1]));
 }
 
-/// Reads back an axis of low and high bytes.
+/// Decodes an axis.
 pub(super) fn unpack_places(low: &[u8], high: &[u8]) -> Vec<u16> {
     let mut last = 0u16;
     let places = low.iter().zip(high).map(|(&low, &high)| {
@@ -65,7 +64,7 @@ pub(super) fn pack_speeds(speeds: &[u8], out: &mut Vec<u8>) {
     out.extend(speeds.iter().map(|&speed| speed.wrapping_sub(std::mem::replace(&mut last, speed))));
 }
 
-/// Reads back speeds.
+/// Decodes speeds.
 pub(super) fn unpack_speeds(bytes: &[u8]) -> impl Iterator<Item = u8> + '_ {
     bytes.iter().scan(0u8, |last, &difference| {
         *last = last.wrapping_add(difference);
@@ -78,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_come_back_whatever_the_differences() {
+    fn encoded_places_and_speeds_decode_to_the_same() {
         let places = [0, 65535, 0, 32768, 32767, 1, 1, 40000, 65535, 65534];
         let mut bytes = Vec::new();
         pack_places(&places, &mut bytes);
@@ -94,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn no_coordinate_is_farther_from_its_place_than_half_a_step() {
+    fn quantisation_error_is_at_most_half_a_step() {
         let (low, high) = (-0.4, 1.7);
         for k in 0..=1000 {
             let x = low + (high - low) * f64::from(k) / 1000.0;
@@ -105,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_and_fast_speeds_are_told_apart() {
+    fn slow_and_fast_speeds_are_resolved() {
         for (speed, top) in [(0.0, 4.0), (4.0, 4.0), (0.001, 4.0), (0.5, 4.0), (2e-5, 2e-5)] {
             let back = restore_speed(quantise_speed(speed, top), top);
             // Half a step of the root is (√speed ± √top / 510)².

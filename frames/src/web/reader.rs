@@ -1,23 +1,23 @@
-//! Reads a stream of frames, whole or broken off, and trusts none of its numbers.
+//! Reads a stream of frames, complete or not, and checks all its numbers.
 //!
-//! What is made room for is bounded by the bytes that are there, or by what the header's bodies can need.
+//! Memory is bounded by the bytes of the file and by the bodies in the header.
 
 use std::io::{Read, Seek, SeekFrom};
 
 use flate2::read::ZlibDecoder;
 use glam::DVec3;
 
-use super::bytes::{Numbers, chunk_head, content};
+use super::bytes::{ByteReader, chunk_head, content};
 use super::pack::{error, restore, restore_speed, unpack_places, unpack_speeds};
 use super::{
     BODY_HEAD, CHUNK_HEAD, ENTRY, Error, FRAME, FRAME_HEAD, HEADER, Header, INDEX, LAST, LAST_CHUNK, MAGIC,
-    MOST_HEADER_BYTES, SCHEMA,
+    MAX_HEADER_BYTES, SCHEMA,
 };
 
-/// Where a frame is in the stream, and when it was taken.
+/// Place and time of a frame in the stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Entry {
-    /// Bytes before its chunk.
+pub struct IndexEntry {
+    /// Offset of its chunk, in bytes.
     pub offset: u64,
     /// Simulated time since the run began, in seconds.
     pub simulated_s: f64,
@@ -32,15 +32,15 @@ pub struct Frame {
     pub simulated_s: f64,
     /// Belt time in seconds; `None` before the start.
     pub belt_time_s: Option<f64>,
-    /// The bodies that are there, by number, ascending.
+    /// The bodies in the frame, ascending by number.
     pub bodies: Vec<Body>,
-    /// Serials of the sub-particles that are there: body by body, in the order of their lattice.
+    /// Serials of the sub-particles in the frame: body by body, in the order of their lattice.
     pub serials: Vec<u32>,
     /// Their centres, in metres.
     pub positions: Vec<DVec3>,
     /// Their speeds, in m/s.
     pub speeds: Vec<f32>,
-    /// Greatest error of a position along each axis, in metres.
+    /// Maximum error of a position along each axis, in metres.
     pub error_m: DVec3,
 }
 
@@ -49,28 +49,28 @@ pub struct Frame {
 pub struct Body {
     /// Its number.
     pub number: u32,
-    /// Bonds of it broken so far.
+    /// Its broken bonds.
     pub bonds_broken: u32,
-    /// Sub-particles of it that are there.
+    /// Its sub-particles in the frame.
     pub subparticles: u32,
 }
 
-/// A stream that is being read.
+/// Reader of a stream.
 #[derive(Debug)]
 pub struct Reader<R> {
     input: R,
     length: u64,
     header: Header,
     first_serials: Vec<u32>,
-    index: Vec<Entry>,
-    whole: bool,
+    index: Vec<IndexEntry>,
+    is_complete: bool,
 }
 
 impl<R: Read + Seek> Reader<R> {
-    /// Opens a stream: reads its header and its index, or looks for frames where the index is missing.
+    /// Opens a stream: reads its header and its index, or searches for frames where the index is missing.
     ///
     /// # Errors
-    /// When it is no such stream, its header is not all there, or reading fails.
+    /// When it is not a stream of frames, its header is incomplete, or reading fails.
     pub fn open(mut input: R) -> Result<Self, Error> {
         let length = input.seek(SeekFrom::End(0))?;
         input.rewind()?;
@@ -80,61 +80,61 @@ impl<R: Read + Seek> Reader<R> {
             return Err(Error::NotFrames);
         }
         let (tag, size) =
-            chunk_head(&mut input, 8, length)?.ok_or(Error::Damaged("the header is not all there"))?;
-        if tag != HEADER || size > MOST_HEADER_BYTES {
-            return Err(Error::Damaged("there is no header"));
+            chunk_head(&mut input, 8, length)?.ok_or(Error::Damaged("the header is incomplete"))?;
+        if tag != HEADER || size > MAX_HEADER_BYTES {
+            return Err(Error::Damaged("the header is missing"));
         }
         let header = read_header(&content(&mut input, size)?)?;
         let first_serials = header.first_serials()?;
-        let mut reader = Self { input, length, header, first_serials, index: Vec::new(), whole: true };
+        let mut reader = Self { input, length, header, first_serials, index: Vec::new(), is_complete: true };
         let first = MAGIC.len() as u64 + CHUNK_HEAD + u64::from(size);
         match reader.index_at_end(first)? {
             Some(index) => reader.index = index,
             None => {
                 reader.index = reader.scan(first)?;
-                reader.whole = false;
+                reader.is_complete = false;
             }
         }
         Ok(reader)
     }
 
-    /// What stays the same in all frames.
+    /// The header.
     pub fn header(&self) -> &Header {
         &self.header
     }
 
-    /// The frames that are there.
-    pub fn index(&self) -> &[Entry] {
+    /// The frames in the stream.
+    pub fn index(&self) -> &[IndexEntry] {
         &self.index
     }
 
-    /// Whether the stream was brought to its end. If not, frames up to the last whole one are there.
-    pub fn is_whole(&self) -> bool {
-        self.whole
+    /// Whether the stream has an index at its end. An incomplete stream has all frames up to the last complete one.
+    pub fn is_complete(&self) -> bool {
+        self.is_complete
     }
 
-    /// When belt time began, in seconds of simulated time; `None` if no frame is that late.
+    /// Simulated time at the start of the belt, in seconds; `None` if no frame is that late.
     pub fn start_s(&self) -> Option<f64> {
         self.index.iter().find_map(|entry| Some(entry.simulated_s - entry.belt_time_s?))
     }
 
-    /// The frame of a number, from 0.
+    /// Reads a frame by its number, from 0.
     ///
     /// # Errors
-    /// When there is no such frame, it is damaged, or reading fails.
+    /// When the frame does not exist or is damaged, or reading fails.
     pub fn frame(&mut self, number: usize) -> Result<Frame, Error> {
         let frames = self.index.len();
         let offset = self.index.get(number).ok_or(Error::NoFrame { number, frames })?.offset;
         self.input.seek(SeekFrom::Start(offset))?;
         let head = chunk_head(&mut self.input, offset, self.length)?;
         let Some((FRAME, size)) = head.filter(|(_, size)| *size as usize >= FRAME_HEAD) else {
-            return Err(Error::Damaged("there is no frame where the index says"));
+            return Err(Error::Damaged("the index names a place without a frame"));
         };
         let content = content(&mut self.input, size)?;
-        let (mut head, packed) = Numbers::split(&content, FRAME_HEAD)?;
+        let (mut head, packed) = ByteReader::split(&content, FRAME_HEAD)?;
         let (simulated_s, belt_time_s) = (head.f64(), belt_time(head.f64()));
         let [subparticles, unpacked] = [head.u32(), head.u32()];
-        // What every body and every sub-particle would take.
+        // The maximum size, with all bodies and sub-particles.
         let bodies = self.header.bodies.len() as u64;
         let most = BODY_HEAD as u64 + 8 * bodies + 11 * u64::from(*self.first_serials.last().unwrap_or(&0));
         if u64::from(unpacked) > most {
@@ -155,7 +155,7 @@ impl<R: Read + Seek> Reader<R> {
         count: usize,
         body: &[u8],
     ) -> Result<Frame, Error> {
-        let (mut head, lists) = Numbers::split(body, BODY_HEAD)?;
+        let (mut head, lists) = ByteReader::split(body, BODY_HEAD)?;
         let low = DVec3::new(head.f64(), head.f64(), head.f64());
         let high = DVec3::new(head.f64(), head.f64(), head.f64());
         let top = head.f32();
@@ -169,7 +169,7 @@ impl<R: Read + Seek> Reader<R> {
         let (numbers, rest) = lists.split_at(4 * bodies);
         let (broken, rest) = rest.split_at(4 * bodies);
         let (gone, rest) = rest.split_at(4 * missing);
-        let (bodies, serials) = self.who_is_there(words(numbers), words(broken), words(gone))?;
+        let (bodies, serials) = self.bodies_present(words(numbers), words(broken), words(gone))?;
         if serials.len() != here {
             return Err(Error::Damaged("bodies and sub-particles of a frame do not go together"));
         }
@@ -189,8 +189,8 @@ impl<R: Read + Seek> Reader<R> {
         })
     }
 
-    /// Bodies, and serials of their sub-particles, from what a frame says.
-    fn who_is_there(
+    /// The bodies in a frame, and the serials of their sub-particles.
+    fn bodies_present(
         &self,
         numbers: impl Iterator<Item = u32>,
         broken: impl Iterator<Item = u32>,
@@ -204,7 +204,7 @@ impl<R: Read + Seek> Reader<R> {
             let (Some((&first, &end)), false) =
                 (range, bodies.last().is_some_and(|last| last.number >= number))
             else {
-                return Err(Error::Damaged("the bodies of a frame are not those of the header, ascending"));
+                return Err(Error::Damaged("the bodies of a frame are not ascending bodies of the header"));
             };
             let before = serials.len();
             serials.extend((first..end).filter(|serial| missing.next_if_eq(serial).is_none()));
@@ -212,18 +212,20 @@ impl<R: Read + Seek> Reader<R> {
         }
         match missing.next() {
             None => Ok((bodies, serials)),
-            Some(_) => Err(Error::Damaged("what a frame misses is not of its bodies, ascending")),
+            Some(_) => Err(Error::Damaged(
+                "the missing sub-particles of a frame are not ascending ones of its bodies",
+            )),
         }
     }
 
-    /// The index, if the stream ends with one.
-    fn index_at_end(&mut self, first: u64) -> Result<Option<Vec<Entry>>, Error> {
+    /// The index at the end of the stream, if it has one.
+    fn index_at_end(&mut self, first: u64) -> Result<Option<Vec<IndexEntry>>, Error> {
         let Some(last) = self.length.checked_sub(LAST_CHUNK).filter(|last| *last >= first) else {
             return Ok(None);
         };
         self.input.seek(SeekFrom::Start(last))?;
         let Some((LAST, 8)) = chunk_head(&mut self.input, last, self.length)? else { return Ok(None) };
-        let at = Numbers(&content(&mut self.input, 8)?).u64();
+        let at = ByteReader(&content(&mut self.input, 8)?).u64();
         if at < first || at > last {
             return Ok(None);
         }
@@ -231,15 +233,15 @@ impl<R: Read + Seek> Reader<R> {
         let Some((INDEX, size)) = chunk_head(&mut self.input, at, last)? else { return Ok(None) };
         let content = content(&mut self.input, size)?;
         let entries = content.chunks_exact(ENTRY).map(|entry| {
-            let mut entry = Numbers(entry);
+            let mut entry = ByteReader(entry);
             let (offset, simulated_s) = (entry.u64(), entry.f64());
-            Entry { offset, simulated_s, belt_time_s: belt_time(entry.f64()) }
+            IndexEntry { offset, simulated_s, belt_time_s: belt_time(entry.f64()) }
         });
         Ok(Some(entries.collect()))
     }
 
-    /// Walks from chunk to chunk as far as they are whole.
-    fn scan(&mut self, first: u64) -> Result<Vec<Entry>, Error> {
+    /// Walks over all complete chunks.
+    fn scan(&mut self, first: u64) -> Result<Vec<IndexEntry>, Error> {
         let (mut index, mut offset) = (Vec::new(), first);
         loop {
             self.input.seek(SeekFrom::Start(offset))?;
@@ -248,9 +250,9 @@ impl<R: Read + Seek> Reader<R> {
             };
             if tag == FRAME && size as usize >= FRAME_HEAD {
                 let head = content(&mut self.input, FRAME_HEAD as u32)?;
-                let mut head = Numbers(&head);
+                let mut head = ByteReader(&head);
                 let (simulated_s, belt_time_s) = (head.f64(), belt_time(head.f64()));
-                index.push(Entry { offset, simulated_s, belt_time_s });
+                index.push(IndexEntry { offset, simulated_s, belt_time_s });
             }
             offset += CHUNK_HEAD + u64::from(size);
         }
@@ -258,7 +260,7 @@ impl<R: Read + Seek> Reader<R> {
 }
 
 fn read_header(bytes: &[u8]) -> Result<Header, Error> {
-    /// The schema comes first: another version may have other fields.
+    /// The schema is read first, since another schema may have other fields.
     #[derive(serde::Deserialize)]
     struct Version {
         schema: String,
@@ -272,5 +274,5 @@ fn belt_time(seconds: f64) -> Option<f64> {
 }
 
 fn words(bytes: &[u8]) -> impl Iterator<Item = u32> + '_ {
-    bytes.chunks_exact(4).map(|word| Numbers(word).u32())
+    bytes.chunks_exact(4).map(|word| ByteReader(word).u32())
 }

@@ -1,4 +1,4 @@
-//! Streams come back as they were written, whole or broken off, and nothing that is read can do harm.
+//! Streams decode to what was written, complete or not, and damaged ones are harmless.
 
 use std::io::{Cursor, Read, Write};
 
@@ -8,30 +8,31 @@ use roost_solver::engine::state::State;
 use roost_solver::scenario::Scenario;
 
 use super::*;
-use crate::testing::{fillets, moment, shake};
+use crate::testing::{disturb, hopper_with_fillets, snapshot_at};
 
-fn write(scenario: &Scenario, scene: &Scene, moments: &[(f64, Option<f64>, &State)]) -> Vec<u8> {
+fn write(scenario: &Scenario, scene: &Scene, snapshots: &[(f64, Option<f64>, &State)]) -> Vec<u8> {
     let header = Header::new(scenario, scene, 0.06).expect("few sub-particles");
-    let mut writer = Writer::new(Vec::new(), &header).expect("memory takes all");
-    for &(simulated_s, belt_time_s, state) in moments {
-        let packed =
-            writer.pack(&moment(scene, state, &[], simulated_s, belt_time_s)).expect("memory takes all");
-        writer.append(&packed).expect("memory takes all");
+    let mut writer = Writer::new(Vec::new(), &header).expect("memory accepts all bytes");
+    for &(simulated_s, belt_time_s, state) in snapshots {
+        let packed = writer
+            .pack(&snapshot_at(scene, state, &[], simulated_s, belt_time_s))
+            .expect("memory accepts all bytes");
+        writer.append(&packed).expect("memory accepts all bytes");
     }
-    writer.finish().expect("memory takes all")
+    writer.finish().expect("memory accepts all bytes")
 }
 
 /// Three frames: all at rest, shaken, and without the first fillet and one sub-particle of the last.
 fn three_frames() -> (Scene, [State; 3], Vec<u8>) {
-    let (scenario, scene, at_rest) = fillets(3);
+    let (scenario, scene, at_rest) = hopper_with_fillets(3);
     let mut shaken = at_rest.clone();
-    shake(&mut shaken);
+    disturb(&mut shaken);
     let mut fewer = shaken.clone();
     let first = fewer.bodies.iter().filter(|&&body| body == 0).count() as u32;
     let last = *fewer.serials.last().expect("there are some");
     fewer.remove(&(0..first).chain([last - 3]).collect::<Vec<_>>());
-    let moments = [(0.0, None, &at_rest), (0.5, Some(0.0), &shaken), (0.75, Some(0.25), &fewer)];
-    let bytes = write(&scenario, &scene, &moments);
+    let snapshots = [(0.0, None, &at_rest), (0.5, Some(0.0), &shaken), (0.75, Some(0.25), &fewer)];
+    let bytes = write(&scenario, &scene, &snapshots);
     (scene, [at_rest, shaken, fewer], bytes)
 }
 
@@ -40,17 +41,17 @@ fn open(bytes: &[u8]) -> Result<Reader<Cursor<&[u8]>>, Error> {
 }
 
 #[test]
-fn frames_come_back_within_their_error() {
+fn decoded_frames_are_within_their_error() {
     let (scene, states, bytes) = three_frames();
     let mut reader = open(&bytes).expect("a stream");
-    assert!(reader.is_whole());
+    assert!(reader.is_complete());
     assert_eq!(reader.start_s(), Some(0.5));
     let times: Vec<_> = reader.index().iter().map(|entry| (entry.simulated_s, entry.belt_time_s)).collect();
     assert_eq!(times, [(0.0, None), (0.5, Some(0.0)), (0.75, Some(0.25))]);
     assert_eq!(reader.header().surfaces.len(), scene.surfaces.len());
     assert_eq!(reader.header().bodies, [0, 1, 2]);
 
-    // Any of them first: each stands by itself.
+    // In any order: each frame is decoded alone.
     for k in [2, 0, 1] {
         let (state, frame) = (&states[k], reader.frame(k).expect("a frame"));
         assert_eq!(frame.serials, state.serials);
@@ -69,7 +70,7 @@ fn frames_come_back_within_their_error() {
 }
 
 #[test]
-fn bodies_and_strays_that_have_left_are_in_no_later_frame() {
+fn removed_bodies_and_sub_particles_are_in_no_later_frame() {
     let (_, [_, shaken, fewer], bytes) = three_frames();
     let mut reader = open(&bytes).expect("a stream");
     let numbers = |frame: &Frame| frame.bodies.iter().map(|body| body.number).collect::<Vec<_>>();
@@ -84,9 +85,9 @@ fn bodies_and_strays_that_have_left_are_in_no_later_frame() {
 }
 
 #[test]
-fn what_is_outside_the_domain_is_where_it_is() {
+fn sub_particles_outside_the_domain_keep_their_position() {
     for far in [DVec3::new(0.3, 0.0, 1.0), DVec3::new(-0.2, -0.4, 0.0)] {
-        let (scenario, scene, mut state) = fillets(1);
+        let (scenario, scene, mut state) = hopper_with_fillets(1);
         let far = far + if far.x > 0.0 { scene.high } else { scene.low };
         state.particles[5].position = state.frame.encode(far);
         let bytes = write(&scenario, &scene, &[(0.0, None, &state)]);
@@ -101,7 +102,7 @@ fn what_is_outside_the_domain_is_where_it_is() {
 
 #[test]
 fn a_frame_may_be_empty() {
-    let (scenario, scene, mut state) = fillets(1);
+    let (scenario, scene, mut state) = hopper_with_fillets(1);
     state.remove(&state.serials.clone());
     let bytes = write(&scenario, &scene, &[(0.0, None, &state)]);
     let frame = open(&bytes).expect("a stream").frame(0).expect("a frame");
@@ -109,7 +110,7 @@ fn a_frame_may_be_empty() {
 }
 
 #[test]
-fn wherever_it_breaks_off_the_whole_frames_before_are_there() {
+fn a_truncated_stream_keeps_its_complete_frames() {
     let (_, states, bytes) = three_frames();
     let whole = open(&bytes).expect("a stream");
     let ends: Vec<u64> = whole.index().iter().skip(1).map(|entry| entry.offset).collect();
@@ -120,7 +121,7 @@ fn wherever_it_breaks_off_the_whole_frames_before_are_there() {
         match open(&bytes[..cut]) {
             Err(error) => assert!((cut as u64) < first, "{cut}: {error}"),
             Ok(mut reader) => {
-                assert!(cut as u64 >= first && !reader.is_whole(), "{cut}");
+                assert!(cut as u64 >= first && !reader.is_complete(), "{cut}");
                 assert_eq!(reader.index().len(), there, "{cut}");
                 if let Some(last) = there.checked_sub(1).filter(|_| cut % 97 == 0) {
                     assert_eq!(reader.frame(last).expect("a frame").serials, states[last].serials, "{cut}");
@@ -131,9 +132,9 @@ fn wherever_it_breaks_off_the_whole_frames_before_are_there() {
     }
 }
 
-/// By the tables of `docs/frames.md` alone, without the reader.
+/// Decodes by the tables of `docs/frames.md`, without the reader.
 #[test]
-fn every_byte_is_where_the_document_says() {
+fn bytes_are_as_documented() {
     let (scene, [_, shaken, fewer], bytes) = three_frames();
     let u32_at = |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..][..4].try_into().expect("four"));
     let u64_at = |bytes: &[u8], at: usize| u64::from_le_bytes(bytes[at..][..8].try_into().expect("eight"));
@@ -181,7 +182,7 @@ fn every_byte_is_where_the_document_says() {
     assert!((top * (first / 255.0).powi(2) - speed).abs() < 0.005 * top, "{speed} of {top}");
 }
 
-/// A stream with another header, and without the end that says where the index is: offsets have moved.
+/// A stream with another header and without its last chunk, since offsets have changed.
 fn with_header(bytes: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let size = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
     let mut document = serde_json::from_slice(&bytes[16..16 + size]).expect("JSON");
@@ -195,7 +196,7 @@ fn with_header(bytes: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8>
 }
 
 #[test]
-fn absurd_numbers_are_refused_before_room_is_made_for_them() {
+fn impossible_sizes_are_refused_before_allocation() {
     let (.., bytes) = three_frames();
     let offset = open(&bytes).expect("a stream").index()[1].offset as usize;
     let patched = |at: usize, with: &[u8]| {
@@ -217,7 +218,7 @@ fn absurd_numbers_are_refused_before_room_is_made_for_them() {
     for at in [0u64, 3, u64::MAX, end as u64] {
         let bytes = patched(end, &at.to_le_bytes());
         let reader = open(&bytes).expect("found by walking");
-        assert!(!reader.is_whole() && reader.index().len() == 3, "an index at {at}");
+        assert!(!reader.is_complete() && reader.index().len() == 3, "an index at {at}");
     }
 
     let many = with_header(&bytes, |header| header["kinds"][0]["subparticles"] = u32::MAX.into());
@@ -230,7 +231,7 @@ fn absurd_numbers_are_refused_before_room_is_made_for_them() {
     assert!(frame(&fewer).is_err(), "bodies that the header does not know");
 }
 
-/// The last frame as a stream of its own, unpacked, changed and packed again.
+/// Decompresses the last frame, changes it and compresses it again.
 fn repacked(change: impl Fn(&mut Vec<u8>)) -> Result<Frame, Error> {
     let (.., bytes) = three_frames();
     let index = open(&bytes).expect("a stream").index().to_vec();
@@ -242,8 +243,8 @@ fn repacked(change: impl Fn(&mut Vec<u8>)) -> Result<Frame, Error> {
         .expect("zlib");
     change(&mut body);
     let mut zlib = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
-    zlib.write_all(&body).expect("memory takes all");
-    let packed = zlib.finish().expect("memory takes all");
+    zlib.write_all(&body).expect("memory accepts all bytes");
+    let packed = zlib.finish().expect("memory accepts all bytes");
     let mut changed = bytes[..first].to_vec();
     changed.extend(FRAME);
     changed.extend((packed.len() as u32 + 24).to_le_bytes());
@@ -254,30 +255,30 @@ fn repacked(change: impl Fn(&mut Vec<u8>)) -> Result<Frame, Error> {
 }
 
 #[test]
-fn what_is_packed_is_not_believed_either() {
-    let said = |result: Result<Frame, Error>| match result {
+fn inconsistent_frame_bodies_are_refused() {
+    let fault = |result: Result<Frame, Error>| match result {
         Err(Error::Damaged(what)) => what,
         other => panic!("{other:?}"),
     };
     assert!(repacked(|_| ()).is_ok_and(|frame| frame.bodies.len() == 2));
     let bomb = repacked(|body| body.resize(50_000_000, 0));
-    assert!(said(bomb).contains("longer than its bodies"), "50 MB of zeros in 50 kB");
-    assert!(said(repacked(|body| body.truncate(40))).contains("too short"));
+    assert!(fault(bomb).contains("longer than its bodies"), "50 MB of zeros in 50 kB");
+    assert!(fault(repacked(|body| body.truncate(40))).contains("too short"));
     let mut cases: Vec<(usize, u32, &str)> =
         vec![(64, 3, "ascending"), (64, 2, "ascending"), (68, 9, "header")];
-    cases.extend([(80, 0, "misses"), (52, 3, "length"), (60, 7, "length")]);
+    cases.extend([(80, 0, "missing"), (52, 3, "length"), (60, 7, "length")]);
     for (at, value, expected) in cases {
-        let text = said(repacked(|body| body[at..at + 4].copy_from_slice(&value.to_le_bytes())));
+        let text = fault(repacked(|body| body[at..at + 4].copy_from_slice(&value.to_le_bytes())));
         assert!(text.contains(expected), "{value} at {at}: {text}");
     }
     for (at, value) in [(0, f64::NAN), (24, f64::INFINITY), (24, -1e9)] {
-        let text = said(repacked(|body| body[at..at + 8].copy_from_slice(&value.to_le_bytes())));
+        let text = fault(repacked(|body| body[at..at + 8].copy_from_slice(&value.to_le_bytes())));
         assert!(text.contains("box"), "{value} at {at}: {text}");
     }
 }
 
 #[test]
-fn no_flipped_byte_is_worse_than_an_error() {
+fn flipped_bytes_give_at_most_an_error() {
     let (.., bytes) = three_frames();
     let (mut opened, mut refused) = (0, 0);
     // A linear congruential generator: the same flips every time.
@@ -306,6 +307,6 @@ fn no_flipped_byte_is_worse_than_an_error() {
 }
 
 #[test]
-fn the_same_moments_make_the_same_bytes() {
+fn equal_snapshots_give_equal_bytes() {
     assert_eq!(three_frames().2, three_frames().2);
 }

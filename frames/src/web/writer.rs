@@ -1,4 +1,4 @@
-//! Writes a stream of frames to anything that takes bytes.
+//! Writes a stream of frames.
 
 use std::io::Write;
 
@@ -10,12 +10,11 @@ use roost_solver::engine::state::State;
 
 use super::pack::{pack_places, pack_speeds, quantise, quantise_speed};
 use super::{
-    CHUNK_HEAD, ENTRY, Entry, Error, FRAME, FRAME_HEAD, HEADER, Header, INDEX, LAST, LAST_CHUNK, MAGIC,
-    MOST_HEADER_BYTES,
+    CHUNK_HEAD, ENTRY, Error, FRAME, FRAME_HEAD, HEADER, Header, INDEX, IndexEntry, LAST, LAST_CHUNK, MAGIC,
+    MAX_HEADER_BYTES,
 };
 
-/// A stream that is being written. After every frame all of it has been handed on, so that what is there when the
-/// process is killed can be read up to the last whole frame.
+/// Writer of a stream. It flushes after every frame: the stream of a killed process is readable up to its last complete frame.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,
@@ -23,29 +22,29 @@ pub struct Writer<W> {
     low: DVec3,
     high: DVec3,
     first_serials: Vec<u32>,
-    index: Vec<Entry>,
+    index: Vec<IndexEntry>,
 }
 
-/// A frame as it will stand in the stream.
+/// An encoded frame.
 #[derive(Debug)]
-pub struct Packed {
+pub struct PackedFrame {
     bytes: Vec<u8>,
     simulated_s: f64,
     belt_time_s: Option<f64>,
 }
 
-impl Packed {
-    /// Bytes that it will add to the stream, its entry in the index included.
+impl PackedFrame {
+    /// Bytes that it adds to the stream, with its entry in the index.
     pub fn size(&self) -> u64 {
         (self.bytes.len() + ENTRY) as u64
     }
 }
 
 impl<W: Write> Writer<W> {
-    /// Begins a stream with its header.
+    /// Starts a stream with its header.
     ///
     /// # Errors
-    /// When `out` does not take it.
+    /// When the header is too long or `out` cannot be written.
     pub fn new(out: W, header: &Header) -> Result<Self, Error> {
         let mut writer = Self {
             out,
@@ -56,7 +55,7 @@ impl<W: Write> Writer<W> {
             index: Vec::new(),
         };
         let text = serde_json::to_vec(header)?;
-        if text.len() > MOST_HEADER_BYTES as usize {
+        if text.len() > MAX_HEADER_BYTES as usize {
             return Err(Error::HeaderTooLong(text.len()));
         }
         let mut bytes = MAGIC.to_vec();
@@ -65,16 +64,16 @@ impl<W: Write> Writer<W> {
         Ok(writer)
     }
 
-    /// Bytes that the stream will have if it ends now.
+    /// Bytes of the stream if it ends now.
     pub fn size(&self) -> u64 {
         self.written + CHUNK_HEAD + (self.index.len() * ENTRY) as u64 + LAST_CHUNK
     }
 
-    /// Makes a frame of a moment.
+    /// Encodes a snapshot.
     ///
     /// # Errors
-    /// None that a sound run can cause: packing happens in memory.
-    pub fn pack(&self, snapshot: &Snapshot<'_>) -> Result<Packed, Error> {
+    /// None in practice: the encoding happens in memory.
+    pub fn pack(&self, snapshot: &Snapshot<'_>) -> Result<PackedFrame, Error> {
         let state = snapshot.state;
         let body = self.body(state);
         let mut content = Vec::new();
@@ -86,25 +85,25 @@ impl<W: Write> Writer<W> {
         let mut zlib = ZlibEncoder::new(content, Compression::default());
         zlib.write_all(&body)?;
         let bytes = chunk(FRAME, &zlib.finish()?);
-        Ok(Packed { bytes, simulated_s: snapshot.simulated_s, belt_time_s: snapshot.belt_time_s })
+        Ok(PackedFrame { bytes, simulated_s: snapshot.simulated_s, belt_time_s: snapshot.belt_time_s })
     }
 
     /// Appends a frame.
     ///
     /// # Errors
-    /// When the stream does not take it.
-    pub fn append(&mut self, frame: &Packed) -> Result<(), Error> {
-        let Packed { simulated_s, belt_time_s, .. } = *frame;
+    /// When the stream cannot be written.
+    pub fn append(&mut self, frame: &PackedFrame) -> Result<(), Error> {
+        let PackedFrame { simulated_s, belt_time_s, .. } = *frame;
         let offset = self.written;
         self.put(&frame.bytes)?;
-        self.index.push(Entry { offset, simulated_s, belt_time_s });
+        self.index.push(IndexEntry { offset, simulated_s, belt_time_s });
         Ok(())
     }
 
-    /// Ends the stream with its index; returns what it was written to.
+    /// Ends the stream with its index; returns the underlying writer.
     ///
     /// # Errors
-    /// When the stream does not take it.
+    /// When the stream cannot be written.
     pub fn finish(mut self) -> Result<W, Error> {
         let at = self.written;
         let mut entries = Vec::with_capacity(self.index.len() * ENTRY);
@@ -126,10 +125,10 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// A frame before zlib.
+    /// The body of a frame before compression.
     fn body(&self, state: &State) -> Vec<u8> {
         let positions: Vec<DVec3> = (0..state.particles.len()).map(|i| state.position(i)).collect();
-        // The domain's box, so that what rests stays on its places from frame to frame; more where something is outside.
+        // The box of the domain, so that sub-particles at rest keep their quantised position; enlarged where one is outside.
         let low = positions.iter().copied().fold(self.low, DVec3::min);
         let high = positions.iter().copied().fold(self.high, DVec3::max);
         let top = state.particles.iter().map(|p| p.velocity.length()).fold(0.0, f32::max);
@@ -164,7 +163,7 @@ impl<W: Write> Writer<W> {
     }
 }
 
-/// A chunk: its tag, the length of its content, its content.
+/// A chunk: tag, length of the content, content.
 fn chunk(tag: [u8; 4], content: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(CHUNK_HEAD as usize + content.len());
     bytes.extend(tag);
