@@ -1,4 +1,4 @@
-//! What event streams carry.
+//! Events of event streams.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -7,20 +7,20 @@ use crate::ids::JobId;
 use crate::job::{FailureClass, JobState};
 use crate::time::Timestamp;
 
-/// Something happened to a job.
+/// A change of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct JobEvent {
-    /// Which.
+    /// The job.
     pub job_id: JobId,
-    /// Its state since.
+    /// Its new state.
     pub state: JobState,
     /// Number of its newest attempt.
     pub attempt: u32,
-    /// Whether a cancel is on its way.
+    /// Whether its cancellation was requested and is not complete.
     pub cancelling: bool,
-    /// Why it failed, if it has.
+    /// Why it failed, if it did.
     pub failure_class: Option<FailureClass>,
-    /// When.
+    /// Time of the change.
     #[schema(value_type = String, format = DateTime)]
     pub at: Timestamp,
 }

@@ -1,4 +1,4 @@
-//! Frames of a job: the stream `roost.frames/1`, recorded by a worker and kept by the server.
+//! Frames of a job: the stream `roost.frames/1`, recorded by a worker and stored by the server.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -6,25 +6,25 @@ use utoipa::ToSchema;
 /// Media type of a stream of frames.
 pub const MEDIA_TYPE: &str = "application/vnd.roost.frames";
 
-/// The bytes that every stream of frames begins with.
+/// The first bytes of every stream of frames.
 pub const MAGIC: [u8; 8] = *b"ROOSTF\r\n";
 
-/// What there is of frames.
+/// The stored frames of a job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct FramesView {
     /// Bytes of the stream.
     pub bytes: u64,
-    /// Frames in it.
+    /// Number of frames.
     pub count: u64,
-    /// Why they end before the run did, if they do.
+    /// Why recording stopped before the end of the job, if it did.
     pub stopped: Option<String>,
 }
 
-/// What a worker is asked to record.
+/// The frames that a worker records.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct FramesOrder {
-    /// Simulated time from frame to frame, in seconds.
+    /// Simulated time between frames, in seconds.
     pub interval_s: f64,
-    /// Bytes that the stream may have.
+    /// Maximum size of the stream, in bytes.
     pub limit_bytes: u64,
 }

@@ -1,4 +1,4 @@
-//! Typed identifiers: UUIDv7, so that they sort by creation.
+//! Typed identifiers: UUIDv7, which sort by time of creation.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -12,7 +12,7 @@ macro_rules! id {
         pub struct $name(pub Uuid);
 
         impl $name {
-            /// A new identifier that sorts after those made before.
+            /// A new identifier, which sorts after earlier ones.
             #[expect(clippy::new_without_default, reason = "a default that differs each time misleads")]
             pub fn new() -> Self {
                 Self(Uuid::now_v7())

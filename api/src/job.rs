@@ -24,17 +24,16 @@ use crate::frames::FramesView;
 use crate::ids::{JobId, SweepId, WorkerId};
 use crate::time::Timestamp;
 
-/// Labels that a document has at most.
+/// Maximum of labels in a document.
 pub const MAX_LABELS: usize = 64;
 
-/// The longest name, and the longest key or value of a label, in bytes of UTF-8.
+/// Maximum length of a name, and of a key or value of a label, in bytes of UTF-8.
 pub const MAX_NAME_BYTES: usize = 256;
 
-/// The largest magnitude of a priority that a token with the scope `submit` may ask for. Claims look at each priority that queued jobs
-/// have, so their number is bounded too.
+/// Maximum magnitude of a priority with a token of the scope `submit`. It bounds the number of priorities, each of which a claim reads.
 pub const MAX_SUBMIT_PRIORITY: u32 = 100;
 
-/// Declares an enum of words that are the same in JSON, SQL and text.
+/// Declares an enum whose words are the same in JSON, SQL and text.
 macro_rules! words {
     ($(#[doc = $doc:literal])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $word:literal),* $(,)? }) => {
         $(#[doc = $doc])*
@@ -53,7 +52,7 @@ macro_rules! words {
             }
         }
 
-        // Not derived: utoipa does not see words that come out of a macro, and would tell the variants' names.
+        // Not derived: utoipa would write the names of variants, since it does not see the words of a macro.
         impl utoipa::PartialSchema for $name {
             fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
                 let doc = [$($doc),*].map(str::trim).join(" ");
@@ -88,40 +87,40 @@ macro_rules! words {
 pub(crate) use words;
 
 words!(
-    /// The state of a job; the diagram stands above.
+    /// The state of a job.
     JobState {
-        /// Waits for a worker.
+        /// Waiting for a worker.
         Queued = "queued",
-        /// An attempt holds its lease.
+        /// Leased to an attempt.
         Running = "running",
         /// Its result is recorded.
         Succeeded = "succeeded",
-        /// It failed and will not be tried again by itself.
+        /// Failed, without another automatic attempt.
         Failed = "failed",
-        /// Somebody cancelled it.
+        /// Cancelled by a user.
         Cancelled = "cancelled",
     }
 );
 
 impl JobState {
-    /// Whether the job will not change any more by itself.
+    /// Whether the job has ended; only a retry changes its state again.
     pub fn is_ended(self) -> bool {
         matches!(self, Self::Succeeded | Self::Failed | Self::Cancelled)
     }
 }
 
 words!(
-    /// Why a job failed: users rerun by class.
+    /// Why a job failed. Retries can select a class.
     FailureClass {
         /// The solver refused the scenario.
         Invalid = "invalid",
-        /// The physics diverged; the partial result is kept.
+        /// The simulation diverged; the partial result is kept.
         Unstable = "unstable",
-        /// The worker could not run it; tried again elsewhere.
+        /// The worker could not run it; another worker retries it.
         Worker = "worker",
-        /// The lease expired; tried again.
+        /// The lease expired; it is retried.
         Lost = "lost",
-        /// It ran longer than `max_wall_s`.
+        /// The wall time exceeded `max_wall_s`.
         Timeout = "timeout",
     }
 );
@@ -137,67 +136,67 @@ words!(
         Unstable = "unstable",
         /// See [`FailureClass::Worker`].
         Worker = "worker",
-        /// See [`FailureClass::Lost`]: decided by the server, never reported.
+        /// See [`FailureClass::Lost`]: set by the server, never reported by a worker.
         Lost = "lost",
         /// See [`FailureClass::Timeout`].
         Timeout = "timeout",
-        /// Handed back unharmed by a worker that drains: back to the queue, counted against nobody.
+        /// Released by a worker that stops: the job returns to the queue, and the attempt does not count as a failure.
         Released = "released",
-        /// Ended at the server's request.
+        /// Cancelled at the server's request.
         Cancelled = "cancelled",
     }
 );
 
 words!(
-    /// Whether a result of the same physics may be taken from the store.
+    /// Whether a cached result of an equal scenario may be used.
     Cache {
-        /// It may.
+        /// Use a cached result.
         Use = "use",
-        /// Run it all the same.
+        /// Always run the simulation.
         Bypass = "bypass",
     }
 );
 
-/// What a job needs of a worker.
+/// Requirements of a job on its worker.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Needs {
     /// Name of the backend, such as `cpu`, of at most 256 bytes; any when null.
     #[schema(max_length = 256)]
     pub backend: Option<String>,
-    /// Memory of its device, in MiB; any when null.
+    /// Memory of the device, in MiB; any when null.
     pub memory_mib: Option<u32>,
 }
 
-/// A job as submitted: an envelope, so that the digest covers the physics alone.
+/// A submitted job. The scenario is a field of its own, so that its digest covers the physics alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JobEnvelope {
     /// The scenario document.
     #[schema(value_type = Object)]
     pub scenario: Value,
-    /// Higher is claimed first; outside -100 to 100 it takes a token with the scope `admin`.
+    /// Jobs of higher priority are claimed first. Values outside -100 to 100 need a token with the scope `admin`.
     #[serde(default)]
     pub priority: i32,
     /// Free labels, at most 64 with keys and values of at most 256 bytes.
     #[serde(default)]
     #[schema(schema_with = labels_schema)]
     pub labels: BTreeMap<String, String>,
-    /// What the job needs of a worker.
+    /// Requirements on the worker.
     #[serde(default)]
     pub needs: Needs,
-    /// Longest wall time of an attempt, in seconds.
+    /// Maximum wall time of an attempt, in seconds.
     #[serde(default)]
     pub max_wall_s: Option<f64>,
-    /// Simulated time from frame to frame that are recorded, in seconds; without it none are.
+    /// Simulated time between recorded frames, in seconds; no frames unless given.
     #[serde(default)]
     pub frame_interval_s: Option<f64>,
-    /// Whether the result may come from the store.
+    /// Whether a cached result may be used.
     #[serde(default = "default_cache")]
     pub cache: Cache,
 }
 
-/// The schema of labels. JSON Schema counts characters: what it allows may still have too many bytes.
+/// The schema of labels. JSON Schema limits characters, not bytes: the server checks bytes as well.
 pub(crate) fn labels_schema() -> Object {
     let text = || ObjectBuilder::new().schema_type(Type::String).max_length(Some(MAX_NAME_BYTES));
     let doc =
@@ -223,7 +222,7 @@ pub struct JobView {
     pub id: JobId,
     /// Its state.
     pub state: JobState,
-    /// A running job whose cancel is on its way.
+    /// Whether its cancellation was requested and is not complete.
     pub cancelling: bool,
     /// The sweep it belongs to.
     pub sweep_id: Option<SweepId>,
@@ -238,7 +237,7 @@ pub struct JobView {
     pub seed: u64,
     /// Digest of its scenario.
     pub scenario_digest: String,
-    /// Higher is claimed first.
+    /// Jobs of higher priority are claimed first.
     pub priority: i32,
     /// Its labels, or those of its sweep.
     pub labels: BTreeMap<String, String>,
@@ -246,21 +245,21 @@ pub struct JobView {
     pub attempt: u32,
     /// The worker of its newest attempt.
     pub worker_id: Option<WorkerId>,
-    /// How far the running attempt has come.
+    /// Progress of the running attempt.
     #[schema(value_type = Option<Object>)]
     pub progress: Option<Progress>,
-    /// A queued job that has failed before: not to be claimed before then.
+    /// Earliest time of the next attempt of a failed job that is queued again.
     #[schema(value_type = Option<String>, format = DateTime)]
     pub retry_at: Option<Timestamp>,
-    /// Whether it runs alone, since it was lost together with others.
+    /// Whether it runs alone on a worker, because it was lost together with other jobs.
     pub alone: bool,
     /// Why it failed.
     pub failure_class: Option<FailureClass>,
     /// Why it failed, in words.
     pub failure_message: Option<String>,
-    /// Whether the result came from the store without an attempt.
+    /// Whether the result is a cached one, without an attempt.
     pub from_cache: bool,
-    /// Frames of its newest attempt, if it recorded some.
+    /// Frames of its newest attempt, if any.
     pub frames: Option<FramesView>,
     /// Scalar results, once succeeded.
     #[schema(value_type = Object)]

@@ -12,24 +12,24 @@ use crate::ids::{JobId, WorkerId};
 use crate::job::AttemptOutcome;
 use crate::time::Timestamp;
 
-/// Jobs that one claim takes at most: a batch of a device, not the whole queue.
+/// Maximum of jobs in one claim: enough for a batch of a device.
 pub const MAX_CLAIMED_JOBS: u32 = 64;
 
-/// The longest time that a claim may ask to wait, in seconds.
+/// Maximum time that a claim may wait, in seconds.
 pub const MAX_CLAIM_WAIT_S: f64 = 86_400.0;
 
-/// A worker asks for work.
+/// A worker's request for jobs.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ClaimRequest {
-    /// A repeat with the same id, after a lost reply, returns the same attempts.
+    /// Identifier of the claim: a repeat after a lost reply returns the same attempts.
     pub request_id: Uuid,
-    /// Who asks.
+    /// The worker.
     pub worker_id: WorkerId,
-    /// At most this many jobs.
+    /// Maximum of jobs.
     #[schema(schema_with = max_jobs)]
     pub max_jobs: u32,
-    /// Wait this long for work before answering with none, in seconds.
+    /// Time that the server waits for work before it answers without any, in seconds.
     #[schema(schema_with = wait_s)]
     pub wait_s: f64,
 }
@@ -39,7 +39,7 @@ fn max_jobs() -> Object {
         .schema_type(Type::Integer)
         .minimum(Some(1))
         .maximum(Some(MAX_CLAIMED_JOBS))
-        .description(Some("At most this many jobs."))
+        .description(Some("Maximum of jobs."))
         .build()
 }
 
@@ -48,11 +48,11 @@ fn wait_s() -> Object {
         .schema_type(Type::Number)
         .minimum(Some(0))
         .maximum(Some(MAX_CLAIM_WAIT_S))
-        .description(Some("Wait this long for work before answering with none, in seconds."))
+        .description(Some("Time that the server waits for work before it answers without any, in seconds."))
         .build()
 }
 
-/// What a claim got.
+/// The answer to a claim.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub struct ClaimReply {
     /// The attempts now leased to the worker; empty when there is no work.
@@ -66,28 +66,28 @@ pub struct ClaimedAttempt {
     pub job_id: JobId,
     /// Number of the attempt, from 1; it fences every write.
     pub attempt: u32,
-    /// The scenario as run, every default written out.
+    /// The scenario with all defaults.
     #[schema(value_type = Object)]
     pub scenario: Value,
-    /// Longest wall time, in seconds.
+    /// Maximum wall time, in seconds.
     pub max_wall_s: Option<f64>,
-    /// The frames that it is to record, if any.
+    /// The frames to record, if any.
     #[serde(default)]
     pub frames: Option<FramesOrder>,
-    /// When the lease ends unless renewed.
+    /// End of the lease, unless it is renewed.
     #[schema(value_type = String, format = DateTime)]
     pub lease_expires_at: Timestamp,
 }
 
-/// One heartbeat covers everything a worker runs.
+/// The heartbeat of a worker, for all its attempts.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeartbeatRequest {
-    /// Every attempt the worker holds.
+    /// Every attempt that the worker holds.
     pub attempts: Vec<AttemptBeat>,
 }
 
-/// A sign of life of one attempt.
+/// The heartbeat of one attempt.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AttemptBeat {
@@ -95,15 +95,15 @@ pub struct AttemptBeat {
     pub job_id: JobId,
     /// Number of the attempt.
     pub attempt: u32,
-    /// How far it has come.
+    /// Its progress.
     #[schema(value_type = Option<Object>)]
     pub progress: Option<Progress>,
-    /// What it has sampled since, or some of it.
+    /// New samples; some of them where there are many.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub samples: Vec<SeriesPart>,
 }
 
-/// Samples of one series, one after the other.
+/// Consecutive samples of one series.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeriesPart {
@@ -111,7 +111,7 @@ pub struct SeriesPart {
     pub name: String,
     /// Its unit.
     pub unit: String,
-    /// Samples before these; what was there from here on is replaced.
+    /// Number of samples before these. These replace all samples from there on.
     pub from: u64,
     /// Belt times, in seconds.
     pub t_s: Vec<f64>,
@@ -122,42 +122,42 @@ pub struct SeriesPart {
 /// The answer to a heartbeat.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub struct HeartbeatReply {
-    /// One row an attempt, in the order of the request.
+    /// A directive for each attempt, in the order of the request.
     pub attempts: Vec<AttemptDirective>,
-    /// The worker shall claim nothing more.
+    /// Whether the worker must claim no more jobs.
     pub drain: bool,
 }
 
-/// What the worker shall do with one attempt.
+/// The server's directive for one attempt.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub struct AttemptDirective {
     /// The job.
     pub job_id: JobId,
     /// Number of the attempt.
     pub attempt: u32,
-    /// What to do.
+    /// The directive.
     pub directive: Directive,
-    /// When the lease now ends; null unless `continue`.
+    /// End of the renewed lease; null unless `continue`.
     #[schema(value_type = Option<String>, format = DateTime)]
     pub lease_expires_at: Option<Timestamp>,
-    /// The samples that came before these are not there: send all of them again.
+    /// Whether earlier samples are missing, so that the worker must send all samples again.
     #[serde(default)]
     pub resend_samples: bool,
 }
 
-/// What the worker shall do with one attempt.
+/// A directive for one attempt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Directive {
-    /// Go on: the lease is renewed.
+    /// Continue: the lease is renewed.
     Continue,
     /// Stop and report `cancelled` with the partial series.
     Cancel,
-    /// Stop and say nothing: the attempt is stale.
+    /// Stop without a report: the attempt is stale.
     Abandon,
 }
 
-/// A finished attempt delivers its result. Repeating it is safe.
+/// The result of an attempt. Repeating the delivery is safe.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ResultDelivery {
@@ -168,15 +168,15 @@ pub struct ResultDelivery {
     pub result: RunResult,
 }
 
-/// An attempt ended without the job's result. Repeating it is safe.
+/// The report of an attempt that ended without a result. Repeating it is safe.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FailureReport {
     /// The worker that ran it.
     pub worker_id: WorkerId,
-    /// How it ended: `invalid`, `unstable`, `worker`, `timeout`, `released` or `cancelled`.
+    /// Outcome: `invalid`, `unstable`, `worker`, `timeout`, `released` or `cancelled`.
     pub outcome: AttemptOutcome,
-    /// What happened, in words.
+    /// The reason in words.
     pub message: String,
     /// The partial result of an unstable, cancelled or timed out run.
     #[serde(default)]

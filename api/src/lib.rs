@@ -1,7 +1,7 @@
-//! Wire types of the Roost HTTP API: what server, worker and client say to each other, and no IO.
+//! Wire types of the HTTP API, without IO: a file for each resource.
 //!
-//! One file a resource. Every type serialises to the JSON that `api.md` and `/openapi.json` describe.
-//! Clients ignore response fields that they do not know; requests refuse them.
+//! Every type serialises to the JSON that `api.md` and `/openapi.json` describe. Clients ignore unknown fields of responses; the server refuses
+//! unknown fields of requests.
 
 pub mod design;
 pub mod event;

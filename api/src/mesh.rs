@@ -6,66 +6,64 @@ use utoipa::ToSchema;
 use crate::job::words;
 use crate::time::Timestamp;
 
-/// What a file is sent as, up and down.
+/// Media type of an STL file.
 pub const MEDIA_TYPE: &str = "model/stl";
 
-/// The most bytes of a file, unless an operator sets another limit: 200,000 triangles as ASCII take less.
+/// Default of the maximum size of a file, in bytes: enough for 200,000 triangles as ASCII.
 pub const MAX_BYTES: usize = 64 * 1024 * 1024;
 
 words!(
-    /// How the triangles of a file are written.
+    /// Format of an STL file.
     MeshFormat {
-        /// 50 bytes a triangle.
+        /// Binary, 50 bytes per triangle.
         Binary = "binary",
-        /// Words.
+        /// Text.
         Ascii = "ascii",
     }
 );
 
-/// A file as the API shows it. Its numbers have no unit: a scenario says what they mean. Lengths are in single precision, as
-/// binary files have them.
+/// A mesh as the API shows it. Its lengths have the unit that a scenario states, in single precision as in binary files.
 ///
-/// What welding finds (`degenerate` and the edges) is that of the file read in millimetres, or in metres where its size cannot be
-/// meant in millimetres.
+/// `degenerate` and the counts of edges hold after welding in millimetres, or in metres where the size is too small for millimetres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct MeshView {
-    /// blake3 of the file, in hexadecimal.
+    /// BLAKE3 of the file, in hexadecimal.
     pub digest: String,
-    /// Its length.
+    /// Size of the file, in bytes.
     pub bytes: u64,
-    /// How it is written.
+    /// Its format.
     pub format: MeshFormat,
-    /// Triangles in it.
+    /// Number of triangles.
     pub triangles: u64,
-    /// Those without an area, which act on nothing.
+    /// Triangles without an area, which have no effect.
     pub degenerate: u64,
-    /// Whether it encloses a volume: it has no open edge.
+    /// Whether it encloses a volume, without open edges.
     pub closed: bool,
-    /// Edges where an odd number of triangles meet: rims and holes.
+    /// Edges of an odd number of triangles, as at holes.
     pub open_edges: u64,
-    /// Edges between triangles that face opposite ways.
+    /// Edges between triangles of opposite orientation.
     pub turned_edges: u64,
-    /// The least x, y and z.
+    /// Minimum x, y and z.
     pub low: [f32; 3],
-    /// The greatest x, y and z.
+    /// Maximum x, y and z.
     pub high: [f32; 3],
-    /// Sides of its box.
+    /// Size of its bounding box in x, y and z.
     pub size: [f32; 3],
     /// When it was uploaded.
     #[schema(value_type = String, format = DateTime)]
     pub uploaded_at: Timestamp,
 }
 
-/// Letters of a digest: those of 32 bytes.
-const DIGEST_LETTERS: usize = 64;
+/// Hexadecimal digits of a digest of 32 bytes.
+const DIGEST_DIGITS: usize = 64;
 
-/// What a digest looks like, as a regular expression of JSON Schema.
+/// The regular expression of a digest, for JSON Schema.
 pub fn digest_pattern() -> String {
-    format!("^[0-9a-f]{{{DIGEST_LETTERS}}}$")
+    format!("^[0-9a-f]{{{DIGEST_DIGITS}}}$")
 }
 
-/// Whether a text could be the digest of a mesh.
+/// Whether a text has the form of a digest.
 pub fn is_digest(text: &str) -> bool {
-    text.len() == DIGEST_LETTERS
+    text.len() == DIGEST_DIGITS
         && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
 }

@@ -1,4 +1,4 @@
-//! Cursor pages.
+//! Pages of a listing, by cursor.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

@@ -1,7 +1,7 @@
-//! Text of strangers (names, labels, messages) made safe to show: control characters drive a terminal, and characters of direction
-//! make a text read as another.
+//! Escapes untrusted text (names, labels, messages) for a terminal: control characters would control it, and direction marks would disguise the
+//! text.
 //!
-//! Escapes are those of JSON, so that a JSON document stays the same document.
+//! Escapes are those of JSON, so that a JSON document keeps its meaning.
 
 use std::borrow::Cow;
 use std::fmt::Write;
@@ -11,19 +11,19 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     escaped(text, is_unsafe)
 }
 
-/// The text with its line ends and tabs, which must be ours: a stranger's would begin a line that reads as ours.
+/// The text with its line ends and tabs, which must come from Roost: untrusted ones could imitate a line of output.
 pub fn lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| is_unsafe(c) && !matches!(c, '\n' | '\t'))
 }
 
-/// Control characters (C0, DEL, C1), and what is invisible, breaks lines or changes the direction of what follows.
+/// Control characters (C0, DEL, C1), invisible characters, line separators and direction marks.
 fn is_unsafe(c: char) -> bool {
     c.is_control()
         || matches!(c,
             '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{feff}'
-            | '\u{200b}'..='\u{200f}' // zero width, marks of direction
-            | '\u{2028}'..='\u{202e}' // separators of lines and paragraphs, embeddings and overrides of direction
-            | '\u{2060}'..='\u{206f}' // invisible operators, isolates of direction
+            | '\u{200b}'..='\u{200f}' // zero width, direction marks
+            | '\u{2028}'..='\u{202e}' // line and paragraph separators, direction embeddings and overrides
+            | '\u{2060}'..='\u{206f}' // invisible operators, direction isolates
             | '\u{fff9}'..='\u{fffb}' // annotations
             | '\u{e0000}'..='\u{e007f}' // tags
         )
@@ -42,7 +42,7 @@ fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
             '\t' => safe.push_str("\\t"),
             c => {
                 for unit in c.encode_utf16(&mut [0; 2]) {
-                    write!(safe, "\\u{unit:04x}").expect("a string takes all");
+                    write!(safe, "\\u{unit:04x}").expect("a string accepts all text");
                 }
             }
         }
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_drives_a_terminal_or_turns_the_text_is_escaped() {
+    fn control_characters_and_direction_marks_are_escaped() {
         assert_eq!(one_line("a\u{1b}]0;owned\u{7}b"), "a\\u001b]0;owned\\u0007b");
         assert_eq!(one_line("a\r\n\tb\u{7f}\u{9b}31m"), "a\\r\\n\\tb\\u007f\\u009b31m");
         assert_eq!(one_line("\u{202e}gpj.exe\u{2066}\u{200b}"), "\\u202egpj.exe\\u2066\\u200b");

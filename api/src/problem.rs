@@ -10,16 +10,16 @@ pub const MEDIA_TYPE: &str = "application/problem+json";
 /// An error answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Problem {
-    /// A stable name of the kind of problem, such as `/problems/invalid-scenario`.
+    /// Stable name of the problem type, such as `/problems/invalid-scenario`.
     #[serde(rename = "type")]
     pub kind: String,
-    /// The kind in words.
+    /// The problem type in words.
     pub title: String,
     /// The HTTP status.
     pub status: u16,
-    /// What happened this time, and what to do about it.
+    /// The cause, and what to do.
     pub detail: String,
-    /// Every fault of the document, when it was the document.
+    /// Every fault of the document, if it is invalid.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schema(value_type = Vec<Object>)]
     pub errors: Vec<Fault>,

@@ -11,47 +11,47 @@ use crate::ids::SweepId;
 use crate::job::{Cache, FailureClass, JobState, Needs};
 use crate::time::Timestamp;
 
-/// The schema name that every sweep carries once it has been read.
+/// The schema of a sweep.
 pub const SCHEMA: &str = "roost.sweep/1";
 
-/// A sweep as submitted. Replicate r of every point runs with seed `base.seed + r`.
+/// A submitted sweep. Replicate r of every design point runs with the seed `base.seed + r`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SweepSpec {
-    /// `roost.sweep/1`; may be left out.
+    /// `roost.sweep/1`, or left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub schema: Option<String>,
     /// A name for people, of at most 256 bytes.
     #[schema(max_length = 256)]
     pub name: String,
-    /// The scenario that every point starts from.
+    /// The scenario that the factors vary.
     #[schema(value_type = Object)]
     pub base: Value,
-    /// How values are combined to points.
+    /// How levels are combined to design points.
     pub design: Design,
-    /// What is varied. May be left out with `csv`: each column is then a factor.
+    /// The factors. May be left out with `csv`: each column is then a factor.
     #[serde(default)]
     pub factors: Vec<Factor>,
-    /// Runs per design point, with seeds of their own.
+    /// Jobs per design point, each with its own seed.
     #[serde(default = "one")]
     pub replicates: u32,
-    /// Higher is claimed first; outside -100 to 100 it takes a token with the scope `admin`.
+    /// Jobs of higher priority are claimed first. Values outside -100 to 100 need a token with the scope `admin`.
     #[serde(default)]
     pub priority: i32,
     /// Free labels, at most 64 with keys and values of at most 256 bytes.
     #[serde(default)]
     #[schema(schema_with = crate::job::labels_schema)]
     pub labels: BTreeMap<String, String>,
-    /// What its jobs need of a worker.
+    /// Requirements of its jobs on the worker.
     #[serde(default)]
     pub needs: Needs,
-    /// Longest wall time of an attempt, in seconds.
+    /// Maximum wall time of an attempt, in seconds.
     #[serde(default)]
     pub max_wall_s: Option<f64>,
-    /// Simulated time from frame to frame that its jobs record, in seconds; without it none are.
+    /// Simulated time between recorded frames, in seconds; no frames unless given.
     #[serde(default)]
     pub frame_interval_s: Option<f64>,
-    /// Whether results may come from the store.
+    /// Whether cached results may be used.
     #[serde(default = "crate::job::default_cache")]
     pub cache: Cache,
 }
@@ -60,7 +60,7 @@ fn one() -> u32 {
     1
 }
 
-/// How many jobs are in each state.
+/// Number of jobs in each state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct StateCounts {
     /// Waiting.
@@ -76,7 +76,7 @@ pub struct StateCounts {
 }
 
 impl StateCounts {
-    /// The number of those in a state.
+    /// The number of jobs in a state.
     pub fn of(&mut self, state: JobState) -> &mut u64 {
         match state {
             JobState::Queued => &mut self.queued,
@@ -103,23 +103,23 @@ impl StateCounts {
     }
 }
 
-/// How many jobs have failed in each way.
+/// Number of failed jobs of each class.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct FailureCounts {
-    /// Refused by the solver.
+    /// The solver refused the scenario.
     pub invalid: u64,
-    /// Diverged.
+    /// The simulation diverged.
     pub unstable: u64,
-    /// Not run by any worker.
+    /// No worker could run them.
     pub worker: u64,
-    /// Lost with their workers.
+    /// Their leases expired.
     pub lost: u64,
     /// Stopped after `max_wall_s`.
     pub timeout: u64,
 }
 
 impl FailureCounts {
-    /// The number of those of a class.
+    /// The number of failed jobs of a class.
     pub fn of(&mut self, class: FailureClass) -> &mut u64 {
         match class {
             FailureClass::Invalid => &mut self.invalid,
@@ -138,41 +138,41 @@ pub struct SweepView {
     pub id: SweepId,
     /// Its name.
     pub name: String,
-    /// How its points were made.
+    /// Kind of its design.
     pub design: DesignKind,
-    /// Design points.
+    /// Number of design points.
     pub points: u32,
-    /// Replicates of each point.
+    /// Replicates of each design point.
     pub replicates: u32,
-    /// Names of its factors: the pointer of each one's first field.
+    /// Names of its factors, each the pointer of the factor's first field.
     pub factors: Vec<String>,
     /// Its jobs by state.
     pub counts: StateCounts,
-    /// Those that failed, by class.
+    /// Its failed jobs by class.
     #[serde(default)]
     pub failures: FailureCounts,
-    /// Estimated share that is done, running jobs included, 0 to 1.
+    /// Estimated share of the work that is done, with running jobs, 0 to 1.
     pub fraction: f64,
     /// When it was submitted.
     #[schema(value_type = String, format = DateTime)]
     pub submitted_at: Timestamp,
 }
 
-/// What a deletion takes away, or would take away.
+/// What the deletion of a sweep removes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Deletion {
-    /// Whether nothing has been deleted yet.
+    /// Whether this is a dry run, which deletes nothing.
     pub dry_run: bool,
     /// Design points.
     pub points: u64,
     /// Jobs.
     pub jobs: u64,
-    /// Those of them that have not ended: while there are any, nothing is deleted.
+    /// Jobs that have not ended. While there are any, nothing is deleted.
     pub unended: u64,
-    /// Attempts of those jobs.
+    /// Attempts of the jobs.
     pub attempts: u64,
-    /// Their results, which can then answer no other submission.
+    /// Results, which no later submission can use.
     pub results: u64,
-    /// Bytes of their frames.
+    /// Size of the frames, in bytes.
     pub frames_bytes: u64,
 }

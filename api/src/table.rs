@@ -1,4 +1,4 @@
-//! Results of a sweep: the table of its trials, the same by design point, and the effects of its factors.
+//! Results of a sweep: by trial, by design point, as series, and as effects of factors.
 
 use std::collections::BTreeMap;
 
@@ -28,9 +28,9 @@ pub struct TrialRow {
     pub state: JobState,
     /// Why it failed.
     pub failure_class: Option<FailureClass>,
-    /// Backend that made the result.
+    /// Backend of the result.
     pub backend: Option<String>,
-    /// Solver revision that made the result.
+    /// Solver revision of the result.
     pub solver_revision: Option<u32>,
     /// Scalar results.
     #[schema(value_type = Object)]
@@ -42,7 +42,7 @@ pub struct TrialRow {
 pub struct SweepResults {
     /// The sweep.
     pub sweep: SweepView,
-    /// One row a trial, by point and replicate.
+    /// A row for each trial, by design point and replicate.
     pub trials: Vec<TrialRow>,
     /// Pass as `cursor` to get the rows after these; null when these are the last.
     #[serde(default)]
@@ -54,14 +54,14 @@ pub struct SweepResults {
 pub struct SweepPoints {
     /// The sweep.
     pub sweep: SweepView,
-    /// One row a design point, by index.
+    /// A row for each design point, by index.
     pub points: Vec<PointRow>,
     /// Pass as `cursor` to get the rows after these; null when these are the last.
     #[serde(default)]
     pub next_cursor: Option<String>,
 }
 
-/// What the replicates of one design point came to.
+/// The results of one design point over its replicates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PointRow {
     /// Design point.
@@ -71,30 +71,30 @@ pub struct PointRow {
     pub factors: Map<String, Value>,
     /// Its trials by state.
     pub counts: StateCounts,
-    /// How many of the failed ones were unstable: they are in no mean.
+    /// Number of unstable trials, which no mean includes.
     pub unstable: u64,
-    /// Responses by name, of the trials that succeeded.
+    /// Responses of the successful trials, by name.
     pub responses: BTreeMap<String, Summary>,
 }
 
 /// One response over the replicates of a design point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Summary {
-    /// Trials that have a value; null is none.
+    /// Number of trials with a value; null is no value.
     pub n: u64,
-    /// Mean, of numbers.
+    /// Mean of a numeric response.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mean: Option<f64>,
-    /// Standard deviation with n − 1; of two numbers or more.
+    /// Standard deviation with n − 1, from two values on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub standard_deviation: Option<f64>,
-    /// Lower end of the 95 % interval of the mean (Student); of two numbers or more.
+    /// Lower end of the 95 % interval of the mean (Student's t), from two values on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low_95: Option<f64>,
     /// Its upper end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high_95: Option<f64>,
-    /// How often each word was the answer, of words.
+    /// Number of trials with each word, of a response in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub words: Option<BTreeMap<String, u64>>,
 }
@@ -106,13 +106,13 @@ pub struct SweepSeries {
     pub name: String,
     /// Its unit; null while no job has it.
     pub unit: Option<String>,
-    /// One entry a job that has it, by point and replicate.
+    /// An entry for each job that has the series, by design point and replicate.
     pub items: Vec<JobSeries>,
     /// Pass as `cursor` to get the jobs after these; null when these are the last.
     pub next_cursor: Option<String>,
 }
 
-/// The series of one job, thinned.
+/// The series of one job, with a limited number of samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct JobSeries {
     /// The job.
@@ -123,7 +123,7 @@ pub struct JobSeries {
     pub replicate: u32,
     /// State of the job.
     pub state: JobState,
-    /// Whether the job runs, and more is to come.
+    /// Whether the job is still running.
     pub partial: bool,
     /// Belt times, in seconds.
     pub t_s: Vec<f64>,
@@ -131,54 +131,53 @@ pub struct JobSeries {
     pub values: Vec<f64>,
 }
 
-/// How the factors of a sweep act on each response.
+/// The effects of a sweep's factors on each response.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SweepEffects {
     /// The sweep.
     pub sweep: SweepView,
-    /// One entry a response, by name; of words, one for each word that was an answer, called `name=word`, whose value is
-    /// the share of trials that had it.
+    /// An entry for each numeric response by name. A response in words has an entry `name=word` for each word: the share of trials with it.
     pub responses: Vec<ResponseEffects>,
 }
 
-/// How the factors act on one response. A design point counts once, with the mean of its replicates.
+/// The effects of all factors on one response. Each design point counts once, with the mean of its replicates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ResponseEffects {
     /// Name of the response.
     pub response: String,
-    /// Design points that have a value.
+    /// Number of design points with a value.
     pub points: u64,
     /// Mean over them.
     pub mean: f64,
-    /// One entry a factor, in the order of the sweep.
+    /// An entry for each factor, in the order of the sweep.
     pub factors: Vec<FactorEffect>,
 }
 
-/// How one factor acts on one response.
+/// The effect of one factor on one response.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct FactorEffect {
     /// Name of the factor.
     pub factor: String,
-    /// Main effect: the change of the response from the lowest to the highest value of the factor along the straight line of
-    /// least squares; over logarithms where the scale is one. Of numbers that vary.
+    /// Main effect: the change of the response over the range of the factor, along the straight line of least squares (over logarithms on a log
+    /// scale). Null for factors that are not numbers or do not vary.
     pub effect: Option<f64>,
-    /// Rank correlation of factor and response (Spearman), −1 to 1. Of numbers that vary.
+    /// Rank correlation of factor and response (Spearman), −1 to 1. Null for factors that are not numbers or do not vary.
     pub rank_correlation: Option<f64>,
-    /// How likely a rank correlation as far from zero is by chance (Student's t, both sides); of three points or more.
+    /// Two-sided p-value of the rank correlation (Student's t), from three design points on.
     pub p_value: Option<f64>,
-    /// Means at each value of the factor, where there are no more than twelve.
+    /// Mean response at each level, for up to twelve levels.
     pub levels: Vec<LevelEffect>,
 }
 
-/// The response at one value of a factor.
+/// The response at one level of a factor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct LevelEffect {
-    /// The value.
+    /// The level.
     pub level: Value,
-    /// Design points that have it.
+    /// Number of design points with this level.
     pub points: u64,
-    /// Mean response over them.
+    /// Mean response over these points.
     pub mean: f64,
-    /// That, less the mean over all points.
+    /// This mean minus the mean over all points.
     pub effect: f64,
 }

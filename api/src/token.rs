@@ -1,4 +1,4 @@
-//! Access tokens: who may do what.
+//! Access tokens and their scopes.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -15,19 +15,19 @@ words!(
         Submit = "submit",
         /// Read.
         Read = "read",
-        /// What a worker does: register, claim, beat, deliver, fetch meshes.
+        /// Register, claim, send heartbeats, deliver results, fetch meshes.
         Worker = "worker",
     }
 );
 
 impl Scope {
-    /// Whether who has this may do what takes `needed`.
+    /// Whether this scope allows requests that need the scope `needed`.
     pub fn covers(self, needed: Self) -> bool {
         self == needed || self == Self::Admin || (self == Self::Submit && needed == Self::Read)
     }
 }
 
-/// A token as its list shows it; the secret is shown once, when it is made.
+/// A token as the list shows it. The secret is shown once, when the token is created.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct TokenView {
     /// Its identifier, for revoking.
@@ -36,7 +36,7 @@ pub struct TokenView {
     pub name: String,
     /// What it allows.
     pub scopes: Vec<Scope>,
-    /// When it was made.
+    /// When it was created.
     #[schema(value_type = String, format = DateTime)]
     pub created_at: Timestamp,
     /// When it was revoked.
@@ -49,7 +49,7 @@ mod tests {
     use super::Scope::{Admin, Read, Submit, Worker};
 
     #[test]
-    fn scopes_cover_what_they_say() {
+    fn scopes_cover_narrower_scopes() {
         let all = [Admin, Submit, Read, Worker];
         let covered = |scope: super::Scope| all.map(|needed| scope.covers(needed));
         assert_eq!(covered(Admin), [true; 4]);

@@ -1,49 +1,49 @@
-//! Validation without running: what `POST /v1/validate` and `roost validate` answer.
+//! The report of `POST /v1/validate` and `roost validate`.
 
 use roost_solver::mesh::Units;
 use roost_solver::result::Estimate;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// What a valid document would cost.
+/// The cost of a valid document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ValidationReport {
     /// `scenario` or `sweep`.
     pub document: String,
-    /// Jobs it makes.
+    /// Number of jobs.
     pub jobs: u64,
     /// Cost of the scenario, or of the base scenario of the sweep.
     #[schema(value_type = Object)]
     pub estimate: Estimate,
-    /// Forecast wall time of all jobs on two cores, one after the other, in seconds; what the store answers takes none of it.
+    /// Predicted wall time of all jobs on two cores, one after another, in seconds. Cached results take no time.
     pub wall_s: f64,
-    /// The scenario as it would run, every default written out.
+    /// The scenario with all defaults.
     #[schema(value_type = Object)]
     pub scenario: serde_json::Value,
-    /// The meshes that it names, each once; those of a sweep's levels too.
+    /// The meshes that the document names, also in levels, each once.
     pub meshes: Vec<MeshReport>,
 }
 
 /// A mesh as a scenario reads it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct MeshReport {
-    /// Where a scenario names it (first).
+    /// Pointer of the first field that names it.
     pub pointer: String,
     /// Digest of the file.
     pub digest: String,
-    /// What the scenario says that its numbers are: `mm` or `m`.
+    /// Unit of its numbers by the scenario: `mm` or `m`.
     #[schema(value_type = String)]
     pub units: Units,
-    /// Triangles in it.
+    /// Number of triangles.
     pub triangles: u64,
-    /// Those without an area, which act on nothing.
+    /// Triangles without an area, which have no effect.
     pub degenerate: u64,
-    /// Sides of its box, in metres.
+    /// Size of its bounding box in x, y and z, in metres.
     pub size_m: [f64; 3],
-    /// Whether it encloses a volume: it has no open edge.
+    /// Whether it encloses a volume, without open edges.
     pub closed: bool,
-    /// Edges where an odd number of triangles meet: rims and holes.
+    /// Edges of an odd number of triangles, as at holes.
     pub open_edges: u64,
-    /// Edges between triangles that face opposite ways.
+    /// Edges between triangles of opposite orientation.
     pub turned_edges: u64,
 }

@@ -1,4 +1,4 @@
-//! Workers: who is there, on what device, doing what.
+//! Workers and their devices.
 
 use roost_solver::result::Progress;
 use serde::{Deserialize, Serialize};
@@ -7,38 +7,38 @@ use utoipa::ToSchema;
 use crate::ids::{JobId, WorkerId};
 use crate::time::Timestamp;
 
-/// A worker introduces itself.
+/// The registration of a worker.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorkerRegistration {
-    /// A fresh id for each process.
+    /// Identifier of the process.
     pub worker_id: WorkerId,
     /// A name for people, such as the host name; at most 256 bytes.
     #[schema(max_length = 256)]
     pub name: String,
-    /// [`crate::API_VERSION`] it speaks.
+    /// Version of the API, such as `v1`.
     pub api_version: String,
     /// `SOLVER_REVISION` of its solver.
     pub solver_revision: u32,
-    /// Backend it runs, such as `cpu`; its results say the same.
+    /// Its backend, such as `cpu`, as in its results.
     #[schema(max_length = 256)]
     pub backend: String,
-    /// Device in words; its results say the same.
+    /// Its device in words, as in its results.
     #[schema(max_length = 256)]
     pub device: String,
     /// Threads it uses.
     pub threads: u32,
-    /// Memory of its device, in MiB; without it, jobs that need memory go elsewhere.
+    /// Memory of its device, in MiB. Without it, the worker gets no jobs that require memory.
     #[serde(default)]
     pub memory_mib: Option<u32>,
 }
 
-/// What a registered worker needs to know.
+/// The answer to a registration.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub struct WorkerWelcome {
-    /// Beat this often, in seconds.
+    /// Interval of heartbeats, in seconds.
     pub heartbeat_s: f64,
-    /// Leases last this long after a beat, in seconds.
+    /// Length of a lease after a heartbeat, in seconds.
     pub lease_s: f64,
 }
 
@@ -49,9 +49,9 @@ pub struct WorkerView {
     pub id: WorkerId,
     /// Its name.
     pub name: String,
-    /// Backend it runs.
+    /// Its backend.
     pub backend: String,
-    /// Device in words.
+    /// Its device in words.
     pub device: String,
     /// Threads it uses.
     pub threads: u32,
@@ -59,25 +59,25 @@ pub struct WorkerView {
     pub memory_mib: Option<u32>,
     /// `SOLVER_REVISION` of its solver.
     pub solver_revision: u32,
-    /// Whether it was asked to claim nothing more.
+    /// Whether it was asked to finish its jobs and claim no more.
     pub draining: bool,
-    /// Jobs it holds leases for.
+    /// Jobs that it holds leases of.
     pub running: Vec<JobId>,
-    /// How far each has come, in the same order; null where it has not said yet.
+    /// Progress of these jobs in the same order; null before the first report.
     #[serde(default)]
     #[schema(value_type = Vec<Option<Object>>)]
     pub progress: Vec<Option<Progress>>,
-    /// Sub-particle updates a second of wall time, all of them together, each averaged since it began; null while none has said.
+    /// Sub-particle updates per second of wall time: the sum over its jobs, each averaged since its start. Null before the first report.
     #[serde(default)]
     pub particle_steps_per_s: Option<f64>,
-    /// Attempts it has brought to a result.
+    /// Number of its attempts with a result.
     pub succeeded: u64,
-    /// Attempts of its that failed as `worker`.
+    /// Number of its attempts that failed with the class `worker`.
     pub failed: u64,
     /// When it registered.
     #[schema(value_type = String, format = DateTime)]
     pub registered_at: Timestamp,
-    /// When it was last heard of.
+    /// Time of its last heartbeat.
     #[schema(value_type = String, format = DateTime)]
     pub last_seen_at: Timestamp,
 }
