@@ -58,7 +58,8 @@ struct Cli {
         env = "ROOST_LOG_FORMAT",
         default_value = "text",
         value_name = "FORMAT",
-        hide_short_help = true
+        hide_short_help = true,
+        display_order = 900
     )]
     log_format: telemetry::LogFormat,
 }
