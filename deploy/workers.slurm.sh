@@ -7,15 +7,15 @@
 #SBATCH --signal=B:TERM@60
 #SBATCH --requeue
 #
-# Workers of a Roost server on a cluster: every task of the array is one.
+# Workers of a Roost server on a Slurm cluster: each task of the array is one worker.
 #
 #   ROOST_SERVER=http://head:7373 sbatch --export=ALL,ROOST_SERVER deploy/workers.slurm.sh
 #
-# Slurm sends SIGTERM a minute before the time limit, and on scancel or preemption. The worker then claims nothing more, lets its jobs
-# run for ROOST_GRACE_S seconds, and hands back what has not finished; other workers run it again. Slurm kills what is left after its
-# KillWait, 30 s by default: keep ROOST_GRACE_S at least 8 s below `scontrol show config | grep KillWait`. A killed worker loses its
-# leases: its jobs return to the queue too, but each costs one of a job's attempts.
-# The state directory keeps finished results that the server does not have yet. It must outlive the task.
+# Slurm sends SIGTERM a minute before the time limit, and on scancel or preemption. The worker then claims no more jobs, lets its jobs
+# run for ROOST_GRACE_S seconds, and releases unfinished jobs to other workers. Slurm kills the task after its KillWait, 30 s by default:
+# keep ROOST_GRACE_S at least 8 s below `scontrol show config | grep KillWait`. The jobs of a killed worker return to the queue when their
+# leases end, and each has lost one attempt.
+# The state directory keeps finished results until the server has confirmed them. It must outlive the task.
 set -euo pipefail
 
 : "${ROOST_SERVER:?set it to the address of the server, such as http://head:7373}"
@@ -29,5 +29,5 @@ if [[ -r $token_file ]]; then
     arguments+=(--token-file "$token_file")
 fi
 
-# In place of the shell: B:TERM reaches the batch process alone, and that is the worker itself.
+# Replaces the shell: B:TERM signals the batch process only, which must be the worker.
 exec roost "${arguments[@]}"

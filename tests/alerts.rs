@@ -198,7 +198,7 @@ fn a_real_prometheus_sees_an_alert_of_a_real_server_fire() {
         alerts.iter().find(named).cloned()
     };
     let fired = until("jobs without a worker are told", || fires("RoostNoWorkers"));
-    assert_eq!(fired["annotations"]["summary"], "1 jobs are queued, and no worker has been heard of");
+    assert_eq!(fired["annotations"]["summary"], "1 jobs are queued, and no worker is connected");
     assert_eq!(fires("RoostDown"), None);
     server.terminate();
     server.wait();

@@ -87,12 +87,8 @@ mod tests {
 
         let estimate =
             roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
-<<<<<<< HEAD
                 .expect("a valid scenario")
                 .into_estimate();
-=======
-                .expect("a valid scenario");
->>>>>>> c5e67f6 (frames: name body kinds, index entries and encoded frames, state units and shapes)
         let forecast = forecast(&scenario, &estimate, &BOTH);
         for (predicted, actual) in [(forecast.web_bytes, packed), (forecast.vtk_bytes, files)] {
             let ratio = predicted as f64 / actual as f64;
@@ -110,12 +106,8 @@ mod tests {
             let scenario = roost_solver::scenario::from_value(&document).expect("a valid scenario");
             let estimate =
                 roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
-<<<<<<< HEAD
                     .expect("a valid scenario")
                     .into_estimate();
-=======
-                    .expect("a valid scenario");
->>>>>>> c5e67f6 (frames: name body kinds, index entries and encoded frames, state units and shapes)
             forecast(&scenario, &estimate, &Options { interval_s: 0.1, ..BOTH }).frames
         };
         // Tilted to 20.1° at 2 °/s, after the fill.
@@ -134,12 +126,8 @@ mod tests {
         let (scenario, ..) = hopper_with_fillets(2);
         let estimate =
             roost_solver::check(&scenario, &roost_solver::mesh::Meshes::default(), &Limits::default())
-<<<<<<< HEAD
                 .expect("a valid scenario")
                 .into_estimate();
-=======
-                .expect("a valid scenario");
->>>>>>> c5e67f6 (frames: name body kinds, index entries and encoded frames, state units and shapes)
         let of = |vtk, web| forecast(&scenario, &estimate, &Options { vtk, web, ..BOTH });
         assert_eq!((of(true, false).web_bytes, of(false, true).vtk_bytes), (0, 0));
         assert_eq!(of(true, false).vtk_bytes, of(true, true).vtk_bytes);

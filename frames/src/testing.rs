@@ -12,14 +12,9 @@ pub(crate) fn hopper_with_fillets(count: u32) -> (Scenario, Scene, State) {
         r#"{{"experiment": "hopper", "product": {{"count": {count}, "subparticle_radius_m": 0.009}},
             "numerics": {{"timestep_s": "auto"}}}}"#
     );
-<<<<<<< HEAD
     let scenario = parse(&text).expect("a valid scenario");
     let checked = roost_solver::check(&scenario, &Default::default(), &roost_solver::Limits::NONE);
     let scene = checked.expect("a scenario that can run").setup().scene().clone();
-=======
-    let scenario = parse(&text).expect("a valid scenario");
-    let scene = prepare(&scenario, &roost_solver::mesh::Meshes::default()).scene;
->>>>>>> c5e67f6 (frames: name body kinds, index entries and encoded frames, state units and shapes)
     let state = State::new(&scene);
     (scenario, scene, state)
 }
