@@ -88,7 +88,7 @@ function draw(place, all) {
   fill(place,
     h("section", { class: "card wide" }, table("Jobs", [
       { title: "Job", cell: (one) => h("a", { href: `/jobs/${one.job.id}` }, one.name) }, { title: "State", cell: (one) => state(one.job.state) },
-      { title: "Ended", cell: (one) => one.result?.end_reason.replaceAll("_", " ") ?? "–" }, { title: "Backend", cell: (one) => one.result?.solver.backend ?? "–" },
+      { title: "End reason", cell: (one) => one.result?.end_reason.replaceAll("_", " ") ?? "–" }, { title: "Backend", cell: (one) => one.result?.solver.backend ?? "–" },
     ], all)),
     fields.length > 0 && h("section", { class: "card wide" }, table("Differences between the scenarios", columns({ title: "Field", cell: (pointer) => h("code", {}, pointer) }, (i, pointer) => scenarios[i][pointer] ?? "–"), fields)),
     h("div", { class: "grid" }, cards),

@@ -121,7 +121,7 @@ function actions(job, at) {
 function responses(result) {
   const rows = Object.entries(result.responses);
   if (rows.length === 0) return h("p", { class: "dim" }, "No responses: the simulation was stopped before its end.");
-  return h("section", { class: "card wide" }, h("h2", {}, "Responses"), table(`End of the simulation: ${result.end_reason.replaceAll("_", " ")}`, [
+  return h("section", { class: "card wide" }, h("h2", {}, "Responses"), table(`End reason: ${result.end_reason.replaceAll("_", " ")}`, [
     { title: "Response", cell: ([name]) => labelOf(name) },
     { title: "Value", is_number: true, cell: ([, value]) => (typeof value === "string" ? value.replaceAll("_", " ") : number(value, 5)) },
     { title: "Name", cell: ([name]) => h("code", {}, name) },
