@@ -89,3 +89,12 @@ fn every_curl_example_is_of_a_documented_route() {
     let examples = text.matches("curl ").count();
     assert!(examples >= documented.len(), "{examples} examples for {} routes", documented.len());
 }
+
+#[tokio::test]
+async fn the_document_made_without_a_server_is_the_served_one() {
+    let (farm, _dir) = Farm::start().await;
+    let served = farm.get("/openapi.json").await.expect(StatusCode::OK);
+    let made: serde_json::Value = serde_json::from_str(&roost_server::openapi()).expect("JSON");
+    assert!(made == served, "they differ");
+    farm.stop().await;
+}
