@@ -158,7 +158,7 @@ pub struct SweepView {
     pub submitted_at: Timestamp,
 }
 
-/// What the deletion of a sweep removes.
+/// The data that the deletion of a sweep removes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Deletion {
     /// Whether this is a dry run, which deletes nothing.

@@ -7,7 +7,7 @@ use crate::job::words;
 use crate::time::Timestamp;
 
 words!(
-    /// What a token allows.
+    /// A scope of a token.
     Scope {
         /// Everything.
         Admin = "admin",
@@ -34,7 +34,7 @@ pub struct TokenView {
     pub id: String,
     /// A name for people.
     pub name: String,
-    /// What it allows.
+    /// Its scopes.
     pub scopes: Vec<Scope>,
     /// When it was created.
     #[schema(value_type = String, format = DateTime)]

@@ -69,14 +69,14 @@ fn temporary_failures_are_retried_with_the_same_idempotency_key() {
     let (_home, _server, mut page) = opened();
     let tried = |error: &str, until: &str| {
         format!(
-            "import('/dashboard/api.js').then(({{ runLatest }}) => new Promise((done) => {{ let n = 0; const told = [];
-                runLatest(async () => {{ if (++n < 3) throw {error}; }}, (error) => (told.push(error?.message ?? null), ({until}) && done(told)), 0.01)('key'); }}))"
+            "import('/dashboard/api.js').then(({{ runLatest }}) => new Promise((done) => {{ let n = 0; const errors = [];
+                runLatest(async () => {{ if (++n < 3) throw {error}; }}, (error) => (errors.push(error?.message ?? null), ({until}) && done(errors)), 0.01)('key'); }}))"
         )
     };
     let lost = "new Error('no answer')";
     assert_eq!(page.value::<Value>(&tried(lost, "!error")), json!(["no answer", "no answer", null]));
     let refused = "Object.assign(new Error('no such job'), { status: 404 })";
-    let waited = "setTimeout(() => done(told), 200) && false";
+    let waited = "setTimeout(() => done(errors), 200) && false";
     assert_eq!(page.value::<Value>(&tried(refused, waited)), json!(["no such job"]));
 
     // A lost answer, its retry, the same body again, and two other bodies.

@@ -30,8 +30,8 @@ pub(crate) fn plays(home: &Home, page: &mut Page, sweep: &str) -> String {
     page.click_named("Play");
     std::thread::sleep(Duration::from_millis(1500));
     let (before, after): (u64, u64) = page.value(&format!(
-        "new Promise((told) => {{ const before = {SHOWN}, speed = find.field('Speed'); speed.value = '1';
-            speed.dispatchEvent(new Event('change')); setTimeout(() => told([before, {SHOWN}]), 100); }})"
+        "new Promise((done) => {{ const before = {SHOWN}, speed = find.field('Speed'); speed.value = '1';
+            speed.dispatchEvent(new Event('change')); setTimeout(() => done([before, {SHOWN}]), 100); }})"
     ));
     assert!(after < before + 15, "from frame {before} to {after} at once");
     page.click_named("Pause");
@@ -76,10 +76,10 @@ pub(crate) fn plays(home: &Home, page: &mut Page, sweep: &str) -> String {
 /// The number of different colours on the canvas, which is copied before the browser clears it.
 fn colours(page: &mut Page) -> usize {
     page.value(
-        "new Promise((told) => { const canvas = document.querySelector('canvas'); dispatchEvent(new Event('resize'));
+        "new Promise((done) => { const canvas = document.querySelector('canvas'); dispatchEvent(new Event('resize'));
             requestAnimationFrame(() => { canvas.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowLeft' }));
             requestAnimationFrame(() => { const small = new OffscreenCanvas(64, 48), paper = small.getContext('2d');
             paper.drawImage(canvas, 0, 0, 64, 48); const bytes = new Uint32Array(paper.getImageData(0, 0, 64, 48).data.buffer);
-            told(new Set(bytes).size); }); }); })",
+            done(new Set(bytes).size); }); }); })",
     )
 }

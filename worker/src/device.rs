@@ -267,7 +267,7 @@ mod tests {
 
     fn result(device: &Device) -> RunResult {
         let result = reserve(device).simulate(&small(), &mut |_: &Progress| Flow::Continue);
-        result.expect("room for it")
+        result.expect("enough memory")
     }
 
     #[test]
@@ -300,7 +300,7 @@ mod tests {
             GpuOptions { device: Some("llvmpipe".into()), allow_software: true, ..GpuOptions::default() };
         let lost = roost_solver::gpu::Device::open(&options).expect("an adapter");
         let gpu = Gpu::with(lost.clone(), &Source::kernels()).expect("kernels that compile");
-        *adapter.open.lock().expect("nobody panicked") = Arc::new(Computer::Gpu(Arc::new(gpu)));
+        *adapter.open.lock().expect("no panic") = Arc::new(Computer::Gpu(Arc::new(gpu)));
         let late = reserve(&device);
         lost.wgpu().0.destroy();
         let fails = move || late.simulate(&small(), &mut |_: &Progress| Flow::Continue);
@@ -324,7 +324,7 @@ mod tests {
             let computer = device.0.as_ref().expect("an adapter").computer().expect("it is open");
             let mut keep_on = |_: &Progress| Flow::Continue;
             let refused = computer.simulate(&large, &mut keep_on);
-            let words = refused.map(|result| result.performance).expect_err("there is no room");
+            let words = refused.map(|result| result.performance).expect_err("too little memory");
             assert!(words.to_string().starts_with("no room on the device: "), "{words}");
             assert!(!computer.has_failed());
             small.join().expect("a result")

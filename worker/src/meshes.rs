@@ -47,7 +47,7 @@ pub enum MeshFailure {
     Invalid {
         /// Its digest.
         digest: String,
-        /// What is wrong with it.
+        /// Its fault.
         source: MeshError,
     },
 }

@@ -28,7 +28,7 @@ pub enum ClientError {
     NoAuthorities {
         /// Address of the server.
         server: String,
-        /// What is missing.
+        /// The missing certificates, in words.
         reason: String,
     },
     /// The server sends its clients to another address.
@@ -75,7 +75,7 @@ pub enum ClientError {
     Body {
         /// Address of the server.
         server: String,
-        /// What was wrong with it.
+        /// The fault of the body.
         reason: String,
     },
 }

@@ -55,7 +55,7 @@ fn of_tls(error: &rustls::Error) -> String {
         rustls::Error::InvalidMessage(_) => {
             "the answer is not TLS; if the port speaks plain HTTP, write the address with http://".to_owned()
         }
-        // A bad signature is that of an authority of the same name and another key, such as one that was made anew.
+        // A bad signature comes from an authority with the same name and another key, such as a recreated one.
         rustls::Error::InvalidCertificate(
             CertificateError::UnknownIssuer | CertificateError::BadSignature,
         ) => {
