@@ -220,6 +220,7 @@ fn the_worker_of_the_api_has_the_revision_of_the_solver() {
 fn ci_calls_the_test_command_of_the_readme() {
     assert!(read(".ci/run").contains("make test"));
     assert!(read(".ci/run").contains("CI=1 make deny"), "dependencies that may not be are looked for in CI");
+    assert!(read(".ci/run").contains("CI=1 make dashboard-check"), "CI checks the types of the dashboard");
 }
 
 #[test]
