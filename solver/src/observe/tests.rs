@@ -1,6 +1,6 @@
 //! Curves drawn by hand, with answers known in advance.
 
-use super::{Discharge, DischargeResponses, RATE_WINDOW_S, Regime, mass_rate};
+use super::{Discharge, DischargeResponses, RATE_WINDOW_S, Regime, known_mass_rates, mass_rate};
 use crate::result::EndReason;
 
 /// Filled mass of every test, in kilograms; the capacity of its belt is 10 kg/s.
@@ -313,6 +313,18 @@ fn the_rate_is_the_slope_and_smears_a_step_over_its_window() {
     close(rates[100], 8.0);
     assert_eq!(mass_rate(&[0.0], &[0.0]), [0.0]);
     assert!(mass_rate(&[], &[]).is_empty());
+}
+
+#[test]
+fn a_known_rate_is_the_rate_of_the_whole_curve() {
+    let sampled = sample(2.0, |t| t * t);
+    let all = mass_rate(&sampled.t_s, &sampled.mass_kg);
+    for n in 0..=all.len() {
+        let known: Vec<f64> = known_mass_rates(&sampled.t_s[..n], &sampled.mass_kg[..n], 0).collect();
+        assert_eq!(known, all[..known.len()], "of {n} samples");
+        // Half a window of 0.25 s is six samples and a quarter.
+        assert!(known.len() + 7 >= n && (known.is_empty() || known.len() + 6 < n), "{} of {n}", known.len());
+    }
 }
 
 #[test]
