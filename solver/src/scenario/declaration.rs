@@ -12,7 +12,7 @@ pub struct Declaration {
     pub sections: &'static [Section],
     /// The fields of its own sections.
     pub fields: &'static [Field],
-    /// Pointers of the shared fields that it takes. It must name every field with [`Field::by_name`] that it reads.
+    /// Pointers of the shared fields that it takes. It must name every field marked `by_name` that it reads.
     pub takes: &'static [&'static str],
     /// Defaults of shared fields that differ from the table.
     pub defaults: &'static [(&'static str, Preset)],
