@@ -1,168 +1,101 @@
-//! Reading documents: giving JSON its shape, with every fault found at once. Pure.
+//! Reading documents: one walk over a document lists every fault, then serde builds the type. Pure.
 //!
-//! serde stops at the first fault. Here the value at fault is taken out, or something acceptable is put in its
-//! place, and the rest is tried again, until what is left has no more to say. `found` says one fault in words.
+//! `shape` holds the walk; scenarios have their own, over the field table of the solver.
 
-mod found;
 mod limits;
+mod shape;
 #[cfg(test)]
 mod tests;
 
+use std::sync::LazyLock;
+
 use roost_api::Fault;
+use roost_api::design::Extension;
 use roost_api::job::JobEnvelope;
+use roost_api::lease::{ClaimRequest, FailureReport, HeartbeatRequest, ResultDelivery};
+use roost_api::sweep::SweepSpec;
+use roost_api::worker::WorkerRegistration;
 use roost_solver::Limits;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
-use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
+use serde_path_to_error::{Path, Segment};
 
 use crate::mesh;
-use found::{Found, kind};
 pub(crate) use limits::{label_faults, name_fault};
+use shape::{Place, Shape};
 
-/// A document with more faults than this is another kind of document.
-const MAX_FAULTS: usize = 50;
+/// A type of document that the API reads.
+pub(crate) trait DocumentType: DeserializeOwned + Send + 'static {
+    /// Its shape, compiled once.
+    fn shape() -> &'static Shape;
+}
+
+macro_rules! document_types {
+    ($($type:ty),* $(,)?) => {$(
+        impl DocumentType for $type {
+            fn shape() -> &'static Shape {
+                static SHAPE: LazyLock<Shape> = LazyLock::new(Shape::of::<$type>);
+                &SHAPE
+            }
+        }
+    )*};
+}
+
+document_types!(
+    ClaimRequest,
+    Extension,
+    FailureReport,
+    HeartbeatRequest,
+    JobEnvelope,
+    ResultDelivery,
+    SweepSpec,
+    WorkerRegistration,
+);
 
 /// Reads a document, or lists its faults.
-pub(crate) fn read_document<T: DeserializeOwned + Serialize>(value: Value) -> Result<T, Vec<Fault>> {
+pub(crate) fn read_document<T: DocumentType>(value: Value) -> Result<T, Vec<Fault>> {
     match read_leniently(value) {
         (Some(document), faults) if faults.is_empty() => Ok(document),
         (_, faults) => Err(faults),
     }
 }
 
-/// Lists the faults of a document and reads it all the same, with something acceptable where they are, so that
-/// what else is wrong with it can be told as well.
-pub(crate) fn read_leniently<T: DeserializeOwned + Serialize>(mut value: Value) -> (Option<T>, Vec<Fault>) {
-    if !value.is_object() {
-        let detail = format!("{} is no document", kind(&value));
-        return (None, vec![fault("", value, &detail, "an object")]);
-    }
-    let mut faults: Vec<Fault> = Vec::new();
-    // A repair may show a fault inside itself: more turns than faults.
-    for _ in 0..4 * MAX_FAULTS {
-        let found = match read::<T>(&value) {
-            Ok(document) => {
-                let complete = serde_json::to_value(&document).unwrap_or_default();
-                lists_for_objects("", &value, &complete, &mut faults);
-                return (Some(document), faults);
-            }
-            Err(found) => found,
-        };
-        // What is wrong with a repair is no news.
-        if !faults.iter().any(|fault| inside(&found.pointer, &fault.pointer)) {
-            let there = value.pointer(&found.pointer).cloned().unwrap_or_default();
-            let words =
-                found.words.clone().or_else(|| found.is_word().then(|| words_at::<T>(&value, &found))?);
-            faults.push(found.fault(there, words));
-        }
-        let repaired = if found.missing || in_list(&value, &found.pointer) {
-            stand_in::<T>(&mut value, &found.pointer)
-        } else {
-            remove(&mut value, &found.pointer)
-        };
-        if !repaired || faults.len() >= MAX_FAULTS {
-            break;
+/// Lists the faults of a document and reads it with placeholders in their places, so that its content can be
+/// checked as well.
+pub(crate) fn read_leniently<T: DocumentType>(value: Value) -> (Option<T>, Vec<Fault>) {
+    let mut faults = Vec::new();
+    let settled = T::shape().settle(value, &Place::Root, &mut faults);
+    let Some(settled) = settled else { return (None, faults) };
+    match serde_path_to_error::deserialize(&settled) {
+        Ok(document) => (Some(document), faults),
+        // Parts that the schema leaves open, such as a result, have one fault at a time.
+        Err(error) => {
+            let pointer = pointer(error.path());
+            let value = settled.pointer(&pointer).unwrap_or(&Value::Null);
+            faults.push(Fault::new(&pointer, value, error.inner().to_string(), None));
+            (None, faults)
         }
     }
-    (None, faults)
 }
 
-fn read<T: DeserializeOwned>(value: &Value) -> Result<T, Found> {
-    serde_path_to_error::deserialize(value).map_err(|error| Found::new(&error))
+fn pointer(path: &Path) -> String {
+    path.iter()
+        .map(|segment| match segment {
+            Segment::Seq { index } => format!("/{index}"),
+            Segment::Map { key } => format!("/{}", scenario::escape(key)),
+            Segment::Enum { .. } | Segment::Unknown => String::new(),
+        })
+        .collect()
 }
 
-/// serde takes a list for an object, its items in the order of the fields; nobody means that.
-fn lists_for_objects(at: &str, submitted: &Value, complete: &Value, faults: &mut Vec<Fault>) {
-    match (submitted, complete) {
-        (Value::Array(_), Value::Object(_)) => {
-            faults.push(fault(at, submitted.clone(), "a list cannot stand here", "an object"));
-        }
-        (Value::Object(fields), Value::Object(all)) => {
-            for (name, value) in fields {
-                let at = format!("{at}/{}", scenario::escape(name));
-                lists_for_objects(&at, value, all.get(name).unwrap_or(&Value::Null), faults);
-            }
-        }
-        (Value::Array(items), Value::Array(all)) => {
-            for (index, (item, read)) in
-                items.iter().zip(all).enumerate().filter(|(_, (item, _))| !item.is_number())
-            {
-                lists_for_objects(&format!("{at}/{index}"), item, read, faults);
-            }
-        }
-        _ => {}
-    }
-}
-
-/// Puts something acceptable at a pointer, if there is such a thing.
-fn stand_in<T: DeserializeOwned>(value: &mut Value, pointer: &str) -> bool {
-    let id = "00000000-0000-0000-0000-000000000000";
-    // From the last to the first: an object before a list, which would pass for one.
-    let mut candidates = vec![json!(id), json!([]), json!({}), json!(0), json!(""), json!(null)];
-    while let Some(candidate) = candidates.pop() {
-        if !put(value, pointer, candidate) {
-            return false;
-        }
-        let Err(found) = read::<T>(value) else { return true };
-        if !inside(&found.pointer, pointer) {
-            return true;
-        }
-        if found.missing && found.pointer != pointer && stand_in::<T>(value, &found.pointer) {
-            return true;
-        }
-        candidates.extend(found.words.and_then(|words| words.first().map(|word| json!(word))));
-    }
-    false
-}
-
-/// The words that may stand at the place of a fault.
-fn words_at<T: DeserializeOwned>(value: &Value, found: &Found) -> Option<Vec<String>> {
-    let mut value = value.clone();
-    put(&mut value, &found.pointer, json!(""));
-    read::<T>(&value).err()?.words
-}
-
-/// Whether `pointer` is `place` or lies inside it.
-pub(crate) fn inside(pointer: &str, place: &str) -> bool {
+/// Whether `pointer` names `place` or a part of it.
+pub(crate) fn is_within(pointer: &str, place: &str) -> bool {
     pointer.strip_prefix(place).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
 }
 
-fn in_list(value: &Value, pointer: &str) -> bool {
-    pointer.rsplit_once('/').and_then(|(parent, _)| value.pointer(parent)).is_some_and(Value::is_array)
-}
-
-fn put(value: &mut Value, pointer: &str, new: Value) -> bool {
-    let Some((parent, last)) = pointer.rsplit_once('/') else { return false };
-    match value.pointer_mut(parent) {
-        Some(Value::Object(fields)) => {
-            fields.insert(unescaped(last), new);
-            true
-        }
-        Some(Value::Array(items)) => match last.parse().ok().and_then(|index: usize| items.get_mut(index)) {
-            Some(item) => {
-                *item = new;
-                true
-            }
-            None => false,
-        },
-        _ => false,
-    }
-}
-
-/// Takes the value at a pointer out of the object around it.
-fn remove(value: &mut Value, pointer: &str) -> bool {
-    let Some((parent, last)) = pointer.rsplit_once('/') else { return false };
-    let fields = value.pointer_mut(parent).and_then(Value::as_object_mut);
-    fields.is_some_and(|fields| fields.remove(&unescaped(last)).is_some())
-}
-
-fn unescaped(segment: &str) -> String {
-    segment.replace("~1", "/").replace("~0", "~")
-}
-
-/// Reads an envelope and the scenario in it: the faults of both, at once.
+/// Reads an envelope with its scenario, or lists the faults of both.
 pub(crate) fn read_envelope(
     meshes: &Meshes,
     limits: &Limits,
@@ -194,17 +127,17 @@ pub(crate) fn prefixed(prefix: &str, faults: Vec<Fault>) -> Vec<Fault> {
     faults.into_iter().map(within).collect()
 }
 
-/// A fault of our own finding; a long value is cut short.
+/// A fault; a long value is cut short.
 pub(crate) fn fault(pointer: &str, value: Value, detail: &str, allowed: &str) -> Fault {
     let allowed = Some(allowed.to_owned()).filter(|allowed| !allowed.is_empty());
     Fault::new(pointer, &value, detail.to_owned(), allowed)
 }
 
-/// Faults of what jobs and sweeps share.
+/// Faults of the fields that jobs and sweeps share.
 pub(crate) fn running_faults(max_wall_s: Option<f64>, frame_interval_s: Option<f64>) -> Vec<Fault> {
     let times = [
-        ("/max_wall_s", max_wall_s, "not a time to run for"),
-        ("/frame_interval_s", frame_interval_s, "not a time from frame to frame"),
+        ("/max_wall_s", max_wall_s, "must be more than 0 s"),
+        ("/frame_interval_s", frame_interval_s, "must be more than 0 s"),
     ];
     let wrong = |(at, seconds, detail): (&str, Option<f64>, &str)| {
         let seconds = seconds.filter(|seconds| *seconds <= 0.0)?;

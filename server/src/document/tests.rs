@@ -1,4 +1,4 @@
-//! Documents with many faults, and what is told of each.
+//! Documents with many faults, and the text of each.
 
 use roost_api::sweep::SweepSpec;
 
@@ -9,19 +9,19 @@ fn faults(document: Value) -> Vec<Fault> {
 }
 
 #[test]
-fn every_fault_of_an_envelope_is_told_with_its_pointer() {
+fn every_fault_of_an_envelope_has_its_pointer() {
     let found = faults(json!({"scenario": {}, "priority": "high", "lables": {}, "needs": {"gpu": 1}}));
     let mut pointers: Vec<_> = found.iter().map(|fault| fault.pointer.as_str()).collect();
     pointers.sort_unstable();
     assert_eq!(pointers, ["/lables", "/needs/gpu", "/priority"]);
     let label = found.iter().find(|fault| fault.pointer == "/lables").unwrap();
-    assert!(label.detail.contains("did you mean `labels`"), "{label:?}");
+    assert!(label.detail.contains("did you mean labels"), "{label:?}");
     let priority = found.iter().find(|fault| fault.pointer == "/priority").unwrap();
     assert_eq!(priority.value, json!("high"));
 }
 
 #[test]
-fn a_missing_field_is_told_and_not_invented() {
+fn a_missing_field_is_a_fault() {
     let found = faults(json!({"priority": 1}));
     assert_eq!(found.len(), 1);
     assert_eq!(found[0].pointer, "/scenario");
@@ -44,7 +44,7 @@ fn of<'a>(faults: &'a [Fault], pointer: &str) -> &'a Fault {
 }
 
 #[test]
-fn lists_are_no_documents() {
+fn a_list_in_place_of_an_object_is_a_fault() {
     let found = faults(json!([{}, 1, {}, {}, null, "use"]));
     assert_eq!((found.len(), found[0].pointer.as_str()), (1, ""));
     assert_eq!(found[0].allowed.as_deref(), Some("an object"));
@@ -54,15 +54,15 @@ fn lists_are_no_documents() {
 }
 
 #[test]
-fn faults_speak_of_json_not_of_types() {
+fn faults_name_json_types_not_rust_types() {
     let document = json!({"scenario": {}, "priority": "high", "needs": 3, "max_wall_s": {}, "labels": [],
                           "cache": "never"});
     let found = faults(document);
     let allowed = |pointer| of(&found, pointer).allowed.clone().unwrap_or_default();
     assert_eq!(allowed("/priority"), "a whole number from -2147483648 to 2147483647");
-    assert_eq!(of(&found, "/priority").detail, "a text cannot stand here");
+    assert_eq!(of(&found, "/priority").detail, "must be a whole number, not a string");
     assert_eq!(allowed("/needs"), "an object");
-    assert_eq!(allowed("/max_wall_s"), "a number");
+    assert_eq!(allowed("/max_wall_s"), "a number or null");
     assert_eq!(allowed("/labels"), "an object");
     assert_eq!(allowed("/cache"), "use, bypass");
     assert_eq!(
@@ -70,14 +70,14 @@ fn faults_speak_of_json_not_of_types() {
         Some("use, bypass")
     );
     let far = faults(json!({"scenario": {}, "priority": 3_000_000_000_u64}));
-    assert_eq!(far[0].detail, "out of range");
+    assert_eq!(far[0].detail, "is out of range");
     for fault in &found {
         assert!(!fault.detail.contains("expected") && !fault.detail.contains("struct"), "{fault}");
     }
 }
 
 #[test]
-fn every_shape_fault_of_a_sweep_is_told() {
+fn every_fault_in_the_shape_of_a_sweep_is_listed() {
     let sweep = json!({"name": "s", "base": {}, "design": {"kind": "spiral"}, "replicates": -1,
                        "factors": [3, {"pointer": 1, "levels": {}}, {"pointr": "/seed", "levels": [1]}]});
     let (spec, found) = read_leniently::<SweepSpec>(sweep);
@@ -92,7 +92,7 @@ fn every_shape_fault_of_a_sweep_is_told() {
         "/replicates",
     ];
     assert_eq!(pointers, all);
-    assert_eq!(of(&found, "/design/kind").detail, "no such choice");
+    assert_eq!(of(&found, "/design/kind").detail, "is not among the choices");
     assert_eq!(
         of(&found, "/design/kind").allowed.as_deref(),
         Some("grid, one_at_a_time, random, latin_hypercube, sobol, box_behnken, list, csv")
@@ -104,4 +104,55 @@ fn every_shape_fault_of_a_sweep_is_told() {
     let extra = json!({"name": "s", "base": {}, "factors": [], "design": {"kind": "grid", "extra": 1}});
     let (_, found) = read_leniently::<SweepSpec>(extra);
     assert_eq!((found.len(), found[0].pointer.as_str()), (1, "/design/extra"));
+}
+
+/// Reads the placeholder of a whole document.
+fn read_placeholder<T: DocumentType>() {
+    let placeholder = T::shape().placeholder();
+    let read = serde_json::from_value::<T>(placeholder.clone());
+    assert!(read.is_ok(), "{:?}: {placeholder}", read.err());
+}
+
+#[test]
+fn placeholders_of_all_documents_can_be_read() {
+    read_placeholder::<ClaimRequest>();
+    read_placeholder::<Extension>();
+    read_placeholder::<HeartbeatRequest>();
+    read_placeholder::<JobEnvelope>();
+    read_placeholder::<SweepSpec>();
+    read_placeholder::<WorkerRegistration>();
+}
+
+#[test]
+fn numbers_outside_the_range_of_their_type_are_faults() {
+    let id = "00000000-0000-0000-0000-000000000000";
+    let request = json!({"request_id": id, "worker_id": "here", "max_jobs": 65, "wait_s": -1});
+    let found = read_document::<ClaimRequest>(request).expect_err("three faults");
+    assert_eq!(found.len(), 3, "{found:?}");
+    assert_eq!(of(&found, "/max_jobs").allowed.as_deref(), Some("a whole number from 1 to 64"));
+    assert_eq!(of(&found, "/wait_s").allowed.as_deref(), Some("a number from 0 to 86400"));
+    assert_eq!(of(&found, "/worker_id").detail, "must be a UUID, not a string");
+}
+
+#[test]
+fn a_fault_deep_in_a_list_has_its_pointer() {
+    let id = "00000000-0000-0000-0000-000000000000";
+    let part = json!({"name": "mass", "unit": "kg", "from": 0, "t_s": [0.0, "soon"], "values": [1.0, null]});
+    let beat = json!({"job_id": id, "attempt": 1.5, "progress": null, "samples": [part]});
+    let found = read_document::<HeartbeatRequest>(json!({"attempts": [beat]})).expect_err("three faults");
+    let mut pointers: Vec<_> = found.iter().map(|fault| fault.pointer.as_str()).collect();
+    pointers.sort_unstable();
+    assert_eq!(
+        pointers,
+        ["/attempts/0/attempt", "/attempts/0/samples/0/t_s/1", "/attempts/0/samples/0/values/1"]
+    );
+    assert_eq!(of(&found, "/attempts/0/attempt").detail, "must be a whole number");
+}
+
+#[test]
+fn a_fault_in_an_open_part_has_its_pointer() {
+    let id = "00000000-0000-0000-0000-000000000000";
+    let found = read_document::<ResultDelivery>(json!({"worker_id": id, "result": {"schema": 3}}))
+        .expect_err("a result without its fields");
+    assert_eq!((found.len(), found[0].pointer.as_str()), (1, "/result/schema"));
 }

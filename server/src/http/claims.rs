@@ -4,14 +4,12 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::extract::State;
-use roost_api::lease::{ClaimReply, ClaimRequest, MAX_CLAIM_WAIT_S, MAX_CLAIMED_JOBS};
+use roost_api::lease::{ClaimReply, ClaimRequest};
 use roost_api::problem::Problem;
-use serde_json::json;
 use tokio::time::{Instant, sleep, sleep_until};
 
 use super::extract::Body;
 use super::problem::ApiError;
-use crate::document::fault;
 use crate::state::App;
 use crate::store::Claim;
 
@@ -29,7 +27,6 @@ pub(crate) async fn claim(
     State(app): State<App>,
     Body(request): Body<ClaimRequest>,
 ) -> Result<Json<ClaimReply>, ApiError> {
-    check(&request)?;
     let wait = Duration::from_secs_f64(request.wait_s.min(app.config.max_claim_wait.as_secs_f64()));
     let deadline = Instant::now() + wait;
     let claim = Claim {
@@ -65,22 +62,4 @@ pub(crate) async fn claim(
         }
     }
     Ok(Json(ClaimReply { attempts: Vec::new() }))
-}
-
-fn check(request: &ClaimRequest) -> Result<(), ApiError> {
-    let mut faults = Vec::new();
-    if !(1..=MAX_CLAIMED_JOBS).contains(&request.max_jobs) {
-        let allowed = format!("1 to {MAX_CLAIMED_JOBS}");
-        faults.push(fault(
-            "/max_jobs",
-            json!(request.max_jobs),
-            "the number of jobs is out of range",
-            &allowed,
-        ));
-    }
-    if !(0.0..=MAX_CLAIM_WAIT_S).contains(&request.wait_s) {
-        let allowed = format!("0 to {MAX_CLAIM_WAIT_S} s");
-        faults.push(fault("/wait_s", json!(request.wait_s), "the waiting time is out of range", &allowed));
-    }
-    if faults.is_empty() { Ok(()) } else { Err(ApiError::faults(faults)) }
 }

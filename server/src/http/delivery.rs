@@ -3,14 +3,12 @@
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::header::CONTENT_LENGTH;
 use roost_api::ids::JobId;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use tokio::sync::OwnedSemaphorePermit;
 
 use super::blocking::{is_short, run_blocking_if_long};
 use super::extract::{Segments, json_bytes, parsed};
 use super::problem::ApiError;
-use crate::document::read_document;
+use crate::document::{DocumentType, read_document};
 use crate::state::App;
 
 /// Maximum of deliveries of the maximum length that are parsed and recorded at once: in memory each takes
@@ -38,7 +36,7 @@ pub(crate) struct Delivery<T> {
     pub(crate) budget: Option<OwnedSemaphorePermit>,
 }
 
-impl<T: DeserializeOwned + Serialize + Send + 'static> FromRequest<App> for Delivery<T> {
+impl<T: DocumentType> FromRequest<App> for Delivery<T> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, ApiError> {

@@ -6,14 +6,13 @@ use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
 use roost_solver::scenario::{ScenarioError, read_json};
-use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tower_http::timeout::TimeoutError;
 
 use super::blocking::run_blocking_if_long;
 use super::problem::{ApiError, ProblemKind};
-use crate::document::read_document;
+use crate::document::{DocumentType, read_document};
 
 /// A JSON body of any shape.
 pub(crate) struct Document(pub(crate) Value);
@@ -40,7 +39,7 @@ impl<S: Send + Sync> FromRequest<S> for Document {
     }
 }
 
-impl<S: Send + Sync, T: DeserializeOwned + Serialize + Send + 'static> FromRequest<S> for Body<T> {
+impl<S: Send + Sync, T: DocumentType> FromRequest<S> for Body<T> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {

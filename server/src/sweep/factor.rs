@@ -6,7 +6,7 @@
 
 use serde_json::{Map, Value};
 
-pub(super) use crate::document::inside;
+pub(super) use crate::document::is_within;
 
 /// The segments of a JSON pointer, unescaped; `None` unless it starts with `/`.
 pub(super) fn segments(pointer: &str) -> Option<Vec<String>> {
@@ -16,7 +16,7 @@ pub(super) fn segments(pointer: &str) -> Option<Vec<String>> {
 
 /// Whether two pointers name the same field or one lies inside the other.
 pub(super) fn overlap(one: &str, other: &str) -> bool {
-    inside(one, other) || inside(other, one)
+    is_within(one, other) || is_within(other, one)
 }
 
 /// Sets the field at `pointer` of `submitted`, which exists in `complete`, to `level`.

@@ -170,7 +170,7 @@ impl Points {
     /// The factor whose field a fault lies in, its value in the row, and the rest of the pointer inside that.
     fn blamed<'a, 'f>(&self, row: &'a Row, pointer: &'f str) -> Option<(usize, &'a Value, &'f str)> {
         self.factors.iter().zip(row).enumerate().find_map(|(index, (input, value))| {
-            let field = input.fields.iter().find(|field| factor::inside(pointer, field))?;
+            let field = input.fields.iter().find(|field| factor::is_within(pointer, field))?;
             Some((index, value.as_ref()?, &pointer[field.len()..]))
         })
     }

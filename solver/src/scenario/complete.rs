@@ -3,7 +3,7 @@
 
 use serde_json::{Map, Value};
 
-use super::Fault;
+use super::fault::{Fault, must_be, unknown_field};
 use super::field::{Field, FieldKind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section};
 use super::fields::{EXPERIMENTS, FIELDS, SECTIONS};
 use super::names::{escape, names_in, nearest};
@@ -79,11 +79,7 @@ fn check_names(section: &str, object: &Map<String, Value>, faults: &mut Vec<Faul
     let mut unknown = object.iter().filter(|(name, _)| !known.contains(&name.as_str()));
     for (name, value) in unknown.by_ref().take(MAX_UNKNOWN) {
         let pointer = format!("{section}/{}", escape(name));
-        let (detail, allowed) = match nearest(&pointer) {
-            Some(near) => (format!("is not a known field: did you mean {near}?"), None),
-            None => ("is not a known field".to_owned(), Some(known.join(", "))),
-        };
-        faults.push(Fault::new(&pointer, value, detail, allowed));
+        faults.push(unknown_field(&pointer, value, nearest(&pointer), known));
     }
     let rest = unknown.count();
     if rest > 0 {
@@ -347,16 +343,4 @@ fn put(document: &mut Value, pointer: &str, value: Value) {
         place = &mut place[name];
     }
     *place = value;
-}
-
-fn must_be(wanted: &str, found: &Value) -> String {
-    let found = match found {
-        Value::Null => "null",
-        Value::Bool(_) => "true or false",
-        Value::Number(_) => "a number",
-        Value::String(_) => "a string",
-        Value::Array(_) => "a list",
-        Value::Object(_) => "an object",
-    };
-    format!("must be {wanted}, not {found}")
 }

@@ -55,6 +55,28 @@ impl Fault {
     }
 }
 
+/// The fault of a field that the schema does not have; `nearest` is the field that its author may have meant.
+pub fn unknown_field(pointer: &str, value: &Value, nearest: Option<&str>, known: &[&str]) -> Fault {
+    let (detail, allowed) = match nearest {
+        Some(nearest) => (format!("is not a known field: did you mean {nearest}?"), None),
+        None => ("is not a known field".to_owned(), Some(known.join(", "))),
+    };
+    Fault::new(pointer, value, detail, allowed)
+}
+
+/// The detail of a value of the wrong type.
+pub fn must_be(wanted: &str, found: &Value) -> String {
+    let found = match found {
+        Value::Null => "null",
+        Value::Bool(_) => "true or false",
+        Value::Number(_) => "a number",
+        Value::String(_) => "a string",
+        Value::Array(_) => "a list",
+        Value::Object(_) => "an object",
+    };
+    format!("must be {wanted}, not {found}")
+}
+
 /// The reason why a text is no scenario.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ScenarioError {

@@ -23,9 +23,9 @@ mod tests;
 mod types;
 
 pub use declaration::{AtMost, Declaration, ExperimentSection};
-pub use fault::{Fault, ScenarioError};
+pub use fault::{Fault, ScenarioError, must_be, unknown_field};
 pub use json::read_json;
-pub use names::{escape, nearest};
+pub use names::{escape, most_similar, nearest};
 pub use relations::MAX_SAMPLES;
 pub use schema::{field_tables_markdown, json_schema};
 pub use sections::*;

@@ -36,15 +36,32 @@ pub(super) fn names_in(section: &str) -> &'static [&'static str] {
     NAMES.get(in_table(section).as_str()).map_or(&[], Vec::as_slice)
 }
 
+/// How similar two names are, from 0 to 1. Edits catch slips of the finger; shared letter pairs catch a left-out unit
+/// or prefix.
+fn similarity(name: &str, known: &str) -> f64 {
+    strsim::normalized_damerau_levenshtein(name, known).max(strsim::sorensen_dice(name, known))
+}
+
+/// The least similarity of names that are suggested.
+const SIMILAR: f64 = 0.5;
+
+/// The known name that is most similar to `name`; none when no name is.
+pub fn most_similar<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    if name.len() > LONGEST {
+        return None;
+    }
+    known
+        .map(|known| (similarity(name, known), known))
+        .filter(|(similarity, _)| *similarity >= SIMILAR)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, known)| known)
+}
+
 /// The pointer of the field or section that `pointer` most likely means: its own neighbours first, then the
 /// same or a similar name elsewhere. None when nothing is similar.
 pub fn nearest(pointer: &str) -> Option<&'static str> {
     let pointer = in_table(pointer);
     let (section, name) = split(&pointer);
-    let similarity = |known: &str| {
-        // Edits catch slips of the finger; shared letter pairs catch a left-out unit or prefix.
-        strsim::normalized_damerau_levenshtein(name, known).max(strsim::sorensen_dice(name, known))
-    };
     let neighbour = |known: &'static str| split(known).0 == section;
     if name.len() > LONGEST {
         return None;
@@ -52,8 +69,8 @@ pub fn nearest(pointer: &str) -> Option<&'static str> {
     // Reversed, since the last of equals wins.
     pointers()
         .rev()
-        .map(|known| (similarity(split(known).1), neighbour(known), known))
-        .filter(|(similarity, ..)| *similarity >= 0.5)
+        .map(|known| (similarity(name, split(known).1), neighbour(known), known))
+        .filter(|(similarity, ..)| *similarity >= SIMILAR)
         .max_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
         .map(|(.., known)| known)
 }

@@ -123,5 +123,5 @@ fn some_designs_take_replicates_alone_and_say_why() {
     refused(&cube, json!({}), "", "nothing to add");
     refused(&cube, json!({"replicates": 0}), "/replicates", "nothing to add");
     refused(&cube, json!({"replicates": 500}), "", "at most 1000 jobs");
-    refused(&cube, json!({"replicats": 1}), "/replicats", "did you mean `replicates`");
+    refused(&cube, json!({"replicats": 1}), "/replicats", "did you mean replicates");
 }
