@@ -12,7 +12,7 @@ use super::drafts::{Drafts, Shared};
 use super::rows::{Columns, from_json};
 use super::submit::queue;
 use super::{Store, StoreError};
-use crate::sweep::{Growth, Stored, Trial, factors, replicate};
+use crate::sweep::{AddedPoints, StoredSweep, Trial, factors, replicate};
 
 /// What is about to be added to a sweep.
 pub(crate) struct MoreOfSweep {
@@ -35,13 +35,14 @@ impl MoreOfSweep {
         id: SweepId,
         (extension, body): (Uuid, &Value),
         token: String,
-        stored: &Stored,
-        growth: Growth,
+        stored: &StoredSweep,
+        added: AddedPoints,
         firsts: Vec<(u32, Scenario)>,
     ) -> Result<Self, StoreError> {
-        let (there, added) = (stored.matrix.len() as u32, growth.points.len() as u32);
-        let more = stored.replicates..growth.replicates;
-        let jobs = firsts.len() as u64 * more.len() as u64 + u64::from(added) * u64::from(growth.replicates);
+        let replicates = added.replicates;
+        let (old_points, new_points) = (stored.points.len() as u32, added.points.len() as u32);
+        let more = stored.replicates..replicates;
+        let jobs = firsts.len() as u64 * more.len() as u64 + u64::from(new_points) * u64::from(replicates);
         let repeated = firsts.into_iter().flat_map(move |(point, first)| {
             let trial = move |number| Trial {
                 point,
@@ -51,13 +52,13 @@ impl MoreOfSweep {
             };
             more.clone().map(trial)
         });
-        let trials = repeated.chain(growth.points.into_trials(there, growth.replicates));
+        let trials = repeated.chain(added.points.into_trials(old_points, replicates));
         Ok(Self {
             id,
             extension,
             body: body.to_string(),
-            before: (there, stored.replicates),
-            after: (there + added, growth.replicates),
+            before: (old_points, stored.replicates),
+            after: (old_points + new_points, replicates),
             drafts: Drafts::new(id, jobs, trials)?,
             shared: Shared::of(&stored.spec, token)?,
         })
@@ -66,7 +67,7 @@ impl MoreOfSweep {
 
 impl Store {
     /// What an extension of a sweep goes on from.
-    pub(crate) async fn stored_sweep(&self, id: SweepId) -> Result<Option<Stored>, StoreError> {
+    pub(crate) async fn stored_sweep(&self, id: SweepId) -> Result<Option<StoredSweep>, StoreError> {
         let row = sqlx::query("SELECT spec, replicates FROM sweeps WHERE id = ? AND deleting = 0")
             .bind(id.to_string())
             .fetch_optional(&self.readers)
@@ -77,10 +78,10 @@ impl Store {
             .fetch_all(&self.readers)
             .await?;
         let text: String = row.column("spec")?;
-        Ok(Some(Stored {
+        Ok(Some(StoredSweep {
             spec: from_json("spec", &text)?,
             replicates: row.number("replicates")?,
-            matrix: points.iter().map(|row| row.json("levels")).collect::<Result<_, _>>()?,
+            points: points.iter().map(|row| row.json("levels")).collect::<Result<_, _>>()?,
         }))
     }
 

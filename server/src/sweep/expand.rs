@@ -1,4 +1,4 @@
-//! From the specification to the design points: every one validated, every fault listed.
+//! From the specification to the design points: every point is validated, every fault listed.
 
 use roost_api::Fault;
 use roost_api::sweep::{SCHEMA, SweepSpec};
@@ -6,8 +6,9 @@ use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, fields};
 use serde_json::{Value, json};
 
+use super::levels::position;
 use super::points::Points;
-use super::{Expansion, SweepLimits, levels, matrix, plan, rows};
+use super::{Expansion, SweepLimits, levels, plan};
 use crate::document::{fault, label_faults, name_fault, prefixed, running_faults};
 use crate::mesh;
 
@@ -20,11 +21,12 @@ pub(crate) fn expand(
     let mut faults = Vec::new();
     let base = scenario::from_value(&spec.base).map_err(|found| faults.extend(prefixed("/base", found))).ok();
     let complete = base.as_ref().map(|base| json!(base));
-    check_words(spec, &mut faults);
+    check_envelope(spec, &mut faults);
     let plan = plan::plan(spec, complete.as_ref(), &mut faults);
     check_replicates(spec.replicates, &mut faults);
     if let Some(plan) = &plan {
-        let jobs = matrix::size(plan).and_then(|points| points.checked_mul(spec.replicates.into()));
+        let points = plan.design.points(plan).count;
+        let jobs = points.and_then(|points| points.checked_mul(spec.replicates.into()));
         check_jobs("/factors", jobs, limits, &mut faults);
     }
     if let Some(base) = &base {
@@ -36,15 +38,15 @@ pub(crate) fn expand(
     let (Some(base), Some(plan), true) = (base, plan, faults.is_empty()) else { return Err(faults) };
 
     let estimate = mesh::check(&base, meshes, &limits.scenario).map_err(|found| prefixed("/base", found))?;
-    let points = Points::new(&spec.base, &base, &plan, matrix::rows(&plan));
+    let points = Points::new(&spec.base, &base, &plan.factors, plan.design.points(&plan).rows.collect());
     let placed = |row: usize, factor: usize, value: &Value| place_in_spec(spec, row, factor, value);
     let once_s = points.check((meshes, &limits.scenario), 0, "/base", &placed)?;
     let wall_s = once_s * f64::from(spec.replicates);
-    let factors = plan.factors.iter().map(|input| input.name().to_owned()).collect();
+    let factors = plan.factors.iter().map(|factor| factor.name().to_owned()).collect();
     Ok(Expansion { factors, points, replicates: spec.replicates, base, estimate, wall_s })
 }
 
-fn check_words(spec: &SweepSpec, faults: &mut Vec<Fault>) {
+fn check_envelope(spec: &SweepSpec, faults: &mut Vec<Fault>) {
     if let Some(schema) = spec.schema.as_deref().filter(|schema| *schema != SCHEMA) {
         faults.push(fault("/schema", json!(schema), "unknown schema", SCHEMA));
     }
@@ -59,11 +61,11 @@ fn check_words(spec: &SweepSpec, faults: &mut Vec<Fault>) {
 
 fn check_replicates(replicates: u32, faults: &mut Vec<Fault>) {
     if replicates == 0 {
-        faults.push(fault("/replicates", json!(0), "a point runs at least once", "1 or more"));
+        faults.push(fault("/replicates", json!(0), "a point has at least one replicate", "1 or more"));
     }
 }
 
-/// Looks whether so many jobs are allowed.
+/// Checks the number of jobs; `None` is past 2⁶⁴.
 pub(super) fn check_jobs(at: &str, jobs: Option<u64>, limits: SweepLimits, faults: &mut Vec<Fault>) {
     if jobs.is_none_or(|jobs| jobs > limits.max_jobs) {
         let detail = match jobs {
@@ -75,7 +77,7 @@ pub(super) fn check_jobs(at: &str, jobs: Option<u64>, limits: SweepLimits, fault
     }
 }
 
-/// Looks whether the last of so many replicates has a seed that a scenario may have.
+/// Checks the seed of the last replicate.
 pub(super) fn check_seeds(at: &str, asked: u32, base_seed: u64, replicates: u32, faults: &mut Vec<Fault>) {
     let last = base_seed.saturating_add(u64::from(replicates.max(1)) - 1);
     let Some(seed) = fields::find("/seed") else { return };
@@ -86,7 +88,7 @@ pub(super) fn check_seeds(at: &str, asked: u32, base_seed: u64, replicates: u32,
     }
 }
 
-/// Where in a specification the value of a factor stands at a point.
+/// The place in a specification that gives the value of a factor at a point.
 fn place_in_spec(spec: &SweepSpec, row: usize, index: usize, value: &Value) -> String {
     if spec.design.rows.is_some() {
         return format!("/design/rows/{row}/{index}");
@@ -95,7 +97,7 @@ fn place_in_spec(spec: &SweepSpec, row: usize, index: usize, value: &Value) -> S
         return "/design/table".to_owned();
     }
     let levels = spec.factors.get(index).and_then(|factor| factor.levels.as_ref());
-    match levels.and_then(|levels| rows::place(value, levels)) {
+    match levels.and_then(|levels| position(value, levels)) {
         Some(level) => format!("/factors/{index}/levels/{level}"),
         None => format!("/factors/{index}"),
     }

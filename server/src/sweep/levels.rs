@@ -1,6 +1,6 @@
-//! Levels by themselves: whether two are the same, and whether a field could take one in any scenario.
+//! Single levels: whether two are the same, and whether a field accepts one in any scenario.
 //!
-//! A sweep whose points cannot be made, because something else is wrong with it, still hears of its levels.
+//! The faults of levels are thus listed even where other faults prevent the points from being made.
 
 use roost_api::Fault;
 use roost_api::design::Factor;
@@ -21,7 +21,12 @@ pub(super) fn same(one: &Value, other: &Value) -> bool {
     }
 }
 
-/// Whether a field could take a value, whatever stands in the others. Lists are for whole scenarios to judge.
+/// The position of a value in a list of levels.
+pub(super) fn position(value: &Value, levels: &[Value]) -> Option<usize> {
+    levels.iter().position(|other| same(other, value))
+}
+
+/// Whether a field accepts a value, whatever the other fields hold. Lists are checked with the whole scenario.
 pub(super) fn fits(field: &Field, value: &Value) -> bool {
     match (field.kind, value) {
         (FieldKind::Nullable(_) | FieldKind::NullableInteger(_), Value::Null)
@@ -48,7 +53,7 @@ pub(super) fn fits(field: &Field, value: &Value) -> bool {
     }
 }
 
-/// Finds levels that no scenario could take.
+/// Finds levels that their fields never accept.
 pub(super) fn check(factors: &[Factor], faults: &mut Vec<Fault>) {
     for (index, factor) in factors.iter().enumerate() {
         for field in factor.fields().into_iter().filter_map(fields::find) {

@@ -1,21 +1,20 @@
 //! Sweeps, without IO: from the specification to design points and trials, and from trials to tables and effects.
 //!
-//! `plan` reads factors and design, `names` what factors point at, `inputs` what values they take, `rows` lists of points; `matrix` combines values to points, with
-//! the numbers of `draw` and `values`; `factor` puts a level into a scenario, `levels` judges one by itself; `points`
-//! makes scenarios of rows; `expand` validates a sweep and lists every fault, `extend` does so for what is added. `summary` and `effects` say what came out.
+//! - `plan` reads factors (`factor_pointers`, `factor_values`, `levels`, `values`) and the design.
+//! - `designs` has a file per kind of design, behind one trait; `points` makes scenarios of their rows (`pointer`).
+//! - `expand` validates a sweep and lists every fault; `extend` does the same for an extension.
+//! - `summary`, `effects` and `table` evaluate trials.
 
-mod draw;
+mod designs;
 mod effects;
 mod expand;
 mod extend;
-mod factor;
-mod inputs;
+mod factor_pointers;
+mod factor_values;
 mod levels;
-mod matrix;
-mod names;
 mod plan;
+mod pointer;
 mod points;
-mod rows;
 mod schema;
 mod summary;
 mod table;
@@ -34,7 +33,7 @@ use serde_json::Value;
 use crate::document::read_leniently;
 pub(crate) use effects::Effects;
 use expand::expand;
-pub(crate) use extend::{Growth, Stored, extend, replicate};
+pub(crate) use extend::{AddedPoints, StoredSweep, extend, replicate};
 pub(crate) use plan::factors;
 pub(crate) use points::{Points, Trial};
 pub(crate) use schema::json_schema;
@@ -42,7 +41,7 @@ pub(crate) use summary::by_point;
 pub(crate) use table::{Column, Response, csv, of_points, of_trials};
 pub(crate) use to_parquet::to_parquet;
 
-/// Reads a sweep and expands it: the faults of its shape and those of its content, at once.
+/// Reads a sweep and expands it, or lists the faults of its shape and its content.
 pub(crate) fn read(
     document: Value,
     meshes: &Meshes,
@@ -54,16 +53,16 @@ pub(crate) fn read(
         Ok(expansion) if faults.is_empty() => Ok((spec, expansion)),
         Ok(_) => Err(faults),
         Err(found) => {
-            // What stands in for a value at fault has no faults of its own.
-            let told: Vec<_> = faults.iter().map(|fault| fault.pointer.clone()).collect();
-            let news = |fault: &Fault| !told.iter().any(|told| factor::overlap(&fault.pointer, told));
-            faults.extend(found.into_iter().filter(news));
+            // A placeholder has no faults of its own.
+            let listed: Vec<_> = faults.iter().map(|fault| fault.pointer.clone()).collect();
+            let is_new = |fault: &Fault| !listed.iter().any(|other| pointer::overlap(&fault.pointer, other));
+            faults.extend(found.into_iter().filter(is_new));
             Err(faults)
         }
     }
 }
 
-/// What an operator allows a sweep to be.
+/// Limits of sweeps, set by the operator.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SweepLimits {
     /// Jobs of one sweep.
@@ -72,20 +71,20 @@ pub(crate) struct SweepLimits {
     pub scenario: Limits,
 }
 
-/// A sweep written out.
+/// An expanded sweep.
 #[derive(Clone, Debug)]
 pub(crate) struct Expansion {
     /// Pointers of the factors, in the order of the specification.
     pub factors: Vec<String>,
-    /// The design points; their indices are for ever.
+    /// The design points; their indices never change.
     pub points: Points,
-    /// Runs per point.
+    /// Replicates per point.
     pub replicates: u32,
     /// The base scenario, complete.
     pub base: Scenario,
     /// Its cost.
     pub estimate: Estimate,
-    /// The time of all jobs, one after the other, forecast as that of the base.
+    /// The estimated time of all jobs, one after the other.
     pub wall_s: f64,
 }
 

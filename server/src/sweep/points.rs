@@ -1,7 +1,7 @@
-//! Design points: rows of the matrix, each made into a scenario when it is wanted.
+//! Design points: rows of the design, each made into a scenario when it is needed.
 //!
-//! A row takes some hundred bytes, a complete scenario thousands. So all rows are looked at first, and of a sweep that is sound
-//! nothing but rows is kept: scenarios are made anew, point by point, while those before them are stored.
+//! A row takes some hundred bytes, a complete scenario thousands. All points are checked first, and only the rows are kept.
+//! Scenarios are then made again in batches, while earlier batches are stored.
 
 use std::collections::BTreeSet;
 
@@ -11,17 +11,17 @@ use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Map, Value, json};
 
+use super::designs::Row;
 use super::extend::replicate;
-use super::factor;
-use super::matrix::Row;
-use super::plan::{Input, Plan};
+use super::plan::PlannedFactor;
+use super::pointer;
 use crate::mesh;
 
-/// Past so many faults the rest says nothing new.
+/// Faults that are listed: more have the same reasons.
 const MAX_FAULTS: usize = 100;
 
 /// Points whose scenarios are made together.
-const AT_ONCE: usize = 250;
+const BATCH: usize = 250;
 
 /// A design point.
 #[derive(Clone, Debug)]
@@ -32,37 +32,37 @@ pub(crate) struct Point {
     pub scenario: Scenario,
 }
 
-/// A run of a design point.
+/// A replicate of a design point.
 #[derive(Clone, Debug)]
 pub(crate) struct Trial {
     /// Index of the point.
     pub point: u32,
-    /// Number of the run.
+    /// Number of the replicate.
     pub replicate: u32,
-    /// With the seed of that run.
+    /// The scenario with the seed of the replicate.
     pub scenario: Scenario,
-    /// Levels of the point, with the first of its runs alone.
+    /// Levels of the point, with its first trial only.
     pub levels: Option<Map<String, Value>>,
 }
 
-/// Design points, as the values that make them.
+/// Design points, as the rows that make them.
 #[derive(Clone, Debug)]
 pub(crate) struct Points {
     /// The base as submitted.
     base: Value,
     /// The base, complete.
     complete: Value,
-    factors: Vec<Input>,
+    factors: Vec<PlannedFactor>,
     rows: Vec<Row>,
 }
 
-/// Where in the document the value of a factor stands in a row of the matrix.
-pub(super) type Placed<'a> = &'a dyn Fn(usize, usize, &Value) -> String;
+/// The place in the document that gives the value of a factor in a row.
+pub(super) type Place<'a> = &'a dyn Fn(usize, usize, &Value) -> String;
 
 impl Points {
     /// Points of a base as submitted and complete.
-    pub(super) fn new(base: &Value, scenario: &Scenario, plan: &Plan, rows: Vec<Row>) -> Self {
-        Self { base: base.clone(), complete: json!(scenario), factors: plan.factors.clone(), rows }
+    pub(super) fn new(base: &Value, scenario: &Scenario, factors: &[PlannedFactor], rows: Vec<Row>) -> Self {
+        Self { base: base.clone(), complete: json!(scenario), factors: factors.to_vec(), rows }
     }
 
     /// How many there are.
@@ -72,14 +72,14 @@ impl Points {
 
     /// Makes every point, one after the other.
     pub(crate) fn iter(&self) -> impl Iterator<Item = Point> {
-        self.rows.iter().map(|row| self.point(row).expect("points are made of rows that were looked at"))
+        self.rows.iter().map(|row| self.point(row).expect("rows were checked"))
     }
 
     /// Makes every trial, point by point, the first of which has the index `first`. Replicate r has seed `base.seed + r`.
     pub(crate) fn into_trials(self, first: u32, replicates: u32) -> impl Iterator<Item = Trial> {
-        (0..self.rows.len()).step_by(AT_ONCE).flat_map(move |from| {
-            let rows = &self.rows[from..self.rows.len().min(from + AT_ONCE)];
-            let made = rows.par_iter().map(|row| self.point(row).expect("rows were looked at"));
+        (0..self.rows.len()).step_by(BATCH).flat_map(move |from| {
+            let rows = &self.rows[from..self.rows.len().min(from + BATCH)];
+            let made = rows.par_iter().map(|row| self.point(row).expect("rows were checked"));
             let made: Vec<Point> = made.collect();
             made.into_iter().zip(first + from as u32..).flat_map(
                 move |(Point { levels, scenario }, point)| {
@@ -95,43 +95,43 @@ impl Points {
         })
     }
 
-    /// Looks at every point, the first of which has the index `first`: the seconds that all take together, or every fault.
-    /// What no value is to blame for lies under `rest`.
+    /// Checks every point; the first has the index `first`. Returns the seconds that all take together, or every fault.
+    /// Faults outside all factors have pointers under `base_at`.
     pub(super) fn check(
         &self,
         (meshes, limits): (&Meshes, &roost_solver::Limits),
         first: usize,
-        rest: &str,
-        placed: Placed,
+        base_at: &str,
+        place_of: Place,
     ) -> Result<f64, Vec<Fault>> {
-        let look = |row: &Row| {
+        let check = |row: &Row| {
             let Point { levels, scenario } = self.point(row)?;
             mesh::check(&scenario, meshes, limits)
                 .map(|estimate| estimate.wall_s)
                 .map_err(|found| (levels, found))
         };
-        let looked: Vec<_> = self.rows.par_iter().map(look).collect();
+        let checked: Vec<_> = self.rows.par_iter().map(check).collect();
         let (mut wall_s, mut faults, mut seen) = (0.0, Vec::new(), BTreeSet::new());
-        for (index, (row, looked)) in self.rows.iter().zip(looked).enumerate() {
-            let (levels, found) = match looked {
+        for (index, (row, checked)) in self.rows.iter().zip(checked).enumerate() {
+            let (levels, found) = match checked {
                 Ok(point_s) => {
                     wall_s += point_s;
                     continue;
                 }
-                Err(wrong) => wrong,
+                Err(found) => found,
             };
             for found in found {
-                let (pointer, told) = match self.blamed(row, &found.pointer) {
+                let (pointer, row_key) = match self.factor_at(row, &found.pointer) {
                     Some((factor, value, inner)) => {
-                        let place = placed(index, factor, value);
+                        let place = place_of(index, factor, value);
                         // A table is one text: its faults differ by their rows.
-                        let told = if place.ends_with("/table") { Some(index) } else { None };
-                        let inner = if told.is_some() { "" } else { inner };
-                        (format!("{place}{inner}"), told)
+                        let row_key = if place.ends_with("/table") { Some(index) } else { None };
+                        let inner = if row_key.is_some() { "" } else { inner };
+                        (format!("{place}{inner}"), row_key)
                     }
-                    None => (format!("{rest}{}", found.pointer), None),
+                    None => (format!("{base_at}{}", found.pointer), None),
                 };
-                if faults.len() < MAX_FAULTS && seen.insert((pointer.clone(), told)) {
+                if faults.len() < MAX_FAULTS && seen.insert((pointer.clone(), row_key)) {
                     let (point, levels) = (first + index, Value::Object(levels.clone()));
                     let detail = format!("{} (design point {point}: {levels})", found.detail);
                     faults.push(Fault { pointer, detail, ..found });
@@ -141,36 +141,36 @@ impl Points {
         if faults.is_empty() { Ok(wall_s) } else { Err(faults) }
     }
 
-    /// The point of a row, or its levels and what is wrong with them.
+    /// The point of a row, or its levels and their faults.
     fn point(&self, row: &Row) -> Result<Point, (Map<String, Value>, Vec<Fault>)> {
         let mut document = self.base.clone();
         let mut levels = Map::new();
-        for (input, value) in self.factors.iter().zip(row) {
+        for (factor, value) in self.factors.iter().zip(row) {
             let Some(value) = value else { continue };
-            for field in &input.fields {
-                factor::set(&mut document, &self.complete, field, value);
+            for field in &factor.fields {
+                pointer::set(&mut document, &self.complete, field, value);
             }
-            levels.insert(input.name().to_owned(), value.clone());
+            levels.insert(factor.name().to_owned(), value.clone());
         }
         let scenario = match scenario::from_value(&document) {
             Ok(scenario) => scenario,
             Err(found) => return Err((levels, found)),
         };
-        // What stays as in the base may follow defaults that other factors choose: the scenario knows.
+        // A factor that stays as in the base may follow a default that another factor chooses.
         if levels.len() < self.factors.len() {
             let complete = json!(scenario);
-            for input in &self.factors {
-                let value = || complete.pointer(input.name()).cloned().unwrap_or_default();
-                levels.entry(input.name()).or_insert_with(value);
+            for factor in &self.factors {
+                let value = || complete.pointer(factor.name()).cloned().unwrap_or_default();
+                levels.entry(factor.name()).or_insert_with(value);
             }
         }
         Ok(Point { levels, scenario })
     }
 
-    /// The factor whose field a fault lies in, its value in the row, and the rest of the pointer inside that.
-    fn blamed<'a, 'f>(&self, row: &'a Row, pointer: &'f str) -> Option<(usize, &'a Value, &'f str)> {
-        self.factors.iter().zip(row).enumerate().find_map(|(index, (input, value))| {
-            let field = input.fields.iter().find(|field| factor::is_within(pointer, field))?;
+    /// The factor whose field holds a pointer, its value in the row, and the rest of the pointer within the value.
+    fn factor_at<'a, 'f>(&self, row: &'a Row, pointer: &'f str) -> Option<(usize, &'a Value, &'f str)> {
+        self.factors.iter().zip(row).enumerate().find_map(|(index, (factor, value))| {
+            let field = factor.fields.iter().find(|field| pointer::is_within(pointer, field))?;
             Some((index, value.as_ref()?, &pointer[field.len()..]))
         })
     }

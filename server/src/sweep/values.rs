@@ -1,51 +1,50 @@
-//! The values of a factor: from a share of its range to a number that people can read.
+//! The values of a factor.
 
 use roost_api::design::Scale;
 use serde_json::{Value, json};
 
-/// What values a factor takes.
+/// The values that a factor takes.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Values {
-    /// These.
+pub(super) enum FactorValues {
+    /// Listed levels.
     Levels(Vec<Value>),
-    /// The numbers between two.
-    Between(Between),
-    /// Those that the rows of a list give it.
-    Listed,
+    /// The numbers of a range.
+    Range(NumberRange),
+    /// The values in the rows of the design.
+    Rows,
 }
 
 /// The numbers from `low` to `high`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Between {
+pub(super) struct NumberRange {
     pub(super) low: f64,
     pub(super) high: f64,
     pub(super) scale: Scale,
-    /// Whole numbers only; both ends are.
+    /// Only whole numbers; both ends are whole.
     pub(super) is_whole: bool,
 }
 
-impl Values {
-    /// The value at a number from 0 to 1 (excluded) that was drawn; every level, and every whole number on a linear scale, has an
-    /// equal part of it.
-    pub(super) fn drawn(&self, unit: f64) -> Value {
+impl FactorValues {
+    /// The value at a share of 0 to 1 (excluded). Every level, and every whole number on a linear scale, has an equal part.
+    pub(super) fn at(&self, share: f64) -> Value {
         match self {
             Self::Levels(levels) => {
-                let index = (unit * levels.len() as f64) as usize;
+                let index = (share * levels.len() as f64) as usize;
                 levels[index.min(levels.len() - 1)].clone()
             }
-            Self::Between(between) if between.is_whole => {
-                let wider = Between { high: between.high + 1.0, ..*between };
-                json!(wider.number(unit).floor().min(between.high) as i64)
+            Self::Range(range) if range.is_whole => {
+                let wider = NumberRange { high: range.high + 1.0, ..*range };
+                json!(wider.number(share).floor().min(range.high) as i64)
             }
-            Self::Between(between) => json!(between.number(unit)),
-            Self::Listed => Value::Null,
+            Self::Range(range) => json!(range.number(share)),
+            Self::Rows => Value::Null,
         }
     }
 }
 
-impl Between {
-    /// So many values from the lowest to the highest, at equal distances; whole numbers may coincide.
-    pub(super) fn spread(&self, count: u32) -> Vec<Value> {
+impl NumberRange {
+    /// This many values from the lowest to the highest, at equal distances; whole numbers may coincide.
+    pub(super) fn levels(&self, count: u32) -> Vec<Value> {
         let value = |index| {
             let number = self.number(f64::from(index) / f64::from(count.max(2) - 1));
             if self.is_whole { json!(number.round() as i64) } else { json!(number) }
@@ -53,8 +52,8 @@ impl Between {
         (0..count).map(value).collect()
     }
 
-    /// The number at a share of the way, to twelve digits: 0.25 and not 0.25000000000000006, and the same on all machines
-    /// whatever their logarithms do with the last bit.
+    /// The number at a share of the range, to twelve digits: 0.25 and not 0.25000000000000006. The rounding also makes it the
+    /// same on all machines, whose logarithms differ in the last bit.
     fn number(&self, share: f64) -> f64 {
         let number = match self.scale {
             Scale::Linear => self.low + share * (self.high - self.low),

@@ -135,7 +135,7 @@ async fn all_faults_of_scenario_and_envelope_are_listed() {
     let errors = problem["errors"].as_array().unwrap();
     let of = |pointer: &str| errors.iter().find(|fault| fault["pointer"] == pointer).unwrap();
     assert!(text(&of("/scenario/equipment/gate_openning_m")["detail"]).contains("gate_opening_m"));
-    assert!(text(&of("/lables")["allowed"]).contains("labels"));
+    assert!(text(&of("/lables")["detail"]).contains("did you mean labels"));
     assert_eq!(of("/scenario/product/count")["value"], -3);
     for body in [json!([]), json!("hopper"), json!(null), json!({}), json!({"scenario": 7})] {
         server.post("/v1/jobs", &body).await.problem(422, "invalid-document");

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::sweep::{draw, matrix as matrices};
+use crate::sweep::designs::testing::{digits, edges, latin_hypercube, random, sobol};
 
 fn numbers(values: &Value) -> Vec<f64> {
     values.as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
@@ -29,11 +29,11 @@ fn discrepancy(points: &[Vec<f64>]) -> f64 {
 }
 
 fn drawn(kind: &str, seed: u64) -> Vec<Vec<f64>> {
-    let columns: Vec<_> = (0..3).map(|factor| draw::latin_hypercube(64, factor, seed)).collect();
+    let columns: Vec<_> = (0..3).map(|factor| latin_hypercube(64, factor, seed)).collect();
     (0..64)
         .map(|point| match kind {
-            "sobol" => (0..3).map(|factor| draw::sobol(point, factor, seed)).collect(),
-            "random" => draw::random(point, seed).take(3).collect(),
+            "sobol" => (0..3).map(|factor| sobol(point, factor, seed)).collect(),
+            "random" => random(point, seed).take(3).collect(),
             _ => columns.iter().map(|column| column[point as usize]).collect(),
         })
         .collect()
@@ -77,9 +77,8 @@ fn every_power_of_two_of_sobol_points_fills_equal_boxes_equally() {
             for shape in 0..=power {
                 let boxes: BTreeSet<(u32, u32)> = (0..n)
                     .map(|point| {
-                        let cell = |factor, bits: u32| {
-                            (draw::sobol(point, factor, seed) * f64::from(1 << bits)) as u32
-                        };
+                        let cell =
+                            |factor, bits: u32| (sobol(point, factor, seed) * f64::from(1 << bits)) as u32;
                         (cell(0, shape), cell(1, power - shape))
                     })
                     .collect();
@@ -87,19 +86,19 @@ fn every_power_of_two_of_sobol_points_fills_equal_boxes_equally() {
             }
         }
     }
-    assert_ne!(draw::sobol(3, 0, 1), draw::sobol(3, 0, 2), "seeds scramble");
-    assert_ne!(draw::sobol(3, 0, 1), draw::sobol(3, 0, 1 | 1 << 40), "all bits of them");
+    assert_ne!(sobol(3, 0, 1), sobol(3, 0, 2), "seeds scramble");
+    assert_ne!(sobol(3, 0, 1), sobol(3, 0, 1 | 1 << 40), "all bits of them");
 }
 
 #[test]
 fn each_part_of_a_latin_hypercube_holds_one_point() {
     for factor in 0..5 {
-        let column = draw::latin_hypercube(100, factor, 7);
+        let column = latin_hypercube(100, factor, 7);
         let parts: BTreeSet<u32> = column.iter().map(|x| (x * 100.0) as u32).collect();
         assert_eq!(parts.len(), 100);
-        assert_eq!(column, draw::latin_hypercube(100, factor, 7), "reproducible");
-        assert_ne!(column, draw::latin_hypercube(100, factor, 8));
-        assert_ne!(column, draw::latin_hypercube(100, factor + 1, 7), "each factor in an order of its own");
+        assert_eq!(column, latin_hypercube(100, factor, 7), "reproducible");
+        assert_ne!(column, latin_hypercube(100, factor, 8));
+        assert_ne!(column, latin_hypercube(100, factor + 1, 7), "each factor in an order of its own");
     }
 }
 
@@ -137,7 +136,7 @@ fn box_behnken_designs_are_those_of_the_tables() {
         [0, 1, -1],
         [0, 1, 1],
     ];
-    assert_eq!(matrices::edges(3), three.map(Vec::from));
+    assert_eq!(edges(3), three.map(Vec::from));
     // Box and Behnken 1960, tables for four to seven factors.
     let tables = [
         "± ± 0 0 \n 0 0 ± ± \n ± 0 0 ± \n 0 ± ± 0 \n ± 0 ± 0 \n 0 ± 0 ±",
@@ -148,7 +147,7 @@ fn box_behnken_designs_are_those_of_the_tables() {
          0 ± ± 0 0 ± 0",
     ];
     for (factors, (table, size)) in (4..).zip(tables.into_iter().zip([24, 40, 48, 56])) {
-        let points = matrices::edges(factors);
+        let points = edges(factors);
         assert_eq!(points, published(table), "{factors} factors");
         assert_eq!(points.len(), size);
         // What makes them good for quadratic models: no factor leans to a side, no two go together.
@@ -176,7 +175,7 @@ fn a_box_behnken_sweep_takes_low_middle_and_high() {
 
 #[test]
 fn a_grid_counts_with_the_last_factor_fastest() {
-    let digits: Vec<_> = (0..6).map(|index| matrices::digits(&[2, 3], index)).collect();
+    let digits: Vec<_> = (0..6).map(|index| digits(&[2, 3], index)).collect();
     assert_eq!(digits, [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]);
     let alone = matrix(&spec(json!([])));
     assert_eq!(json!(alone), json!([[]]), "replicates alone are one point");
@@ -269,4 +268,17 @@ fn lists_and_tables_give_the_points_themselves() {
     assert_eq!(json!(read), rows, "columns in any order");
     let headed = matrix(&of_design(json!({"kind": "csv", "table": table}), json!([])));
     assert_eq!(headed[1], [json!("wet"), json!(0.06)], "without factors every column is one");
+}
+
+#[test]
+fn drawn_points_keep_their_bits() {
+    let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}, {"pointer": COUNT, "low": 3, "high": 6},
+                         {"pointer": BELT, "low": 0.01, "high": 1.0, "scale": "log"},
+                         {"pointer": "/contact/condition", "levels": ["dry", "wet"]}]);
+    let digest = |kind: &str| {
+        let points = matrix(&of_design(json!({"kind": kind, "points": 64, "seed": 3}), factors.clone()));
+        blake3::hash(json!(points).to_string().as_bytes()).to_hex()[..16].to_owned()
+    };
+    let digests = ["random", "latin_hypercube", "sobol"].map(digest);
+    assert_eq!(digests, ["e66f0874ff654772", "6bcbcaaeb47b8a13", "016a6fa311770d42"]);
 }

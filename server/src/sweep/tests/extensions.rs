@@ -3,25 +3,25 @@
 use super::*;
 
 /// A sweep as the store would have it.
-fn stored(spec: SweepSpec) -> Stored {
+fn stored(spec: SweepSpec) -> StoredSweep {
     let expansion = expand(&spec, &Meshes::default(), LIMITS).unwrap();
-    let matrix = expansion.points.iter().map(|point| point.levels).collect();
-    Stored { replicates: spec.replicates, spec, matrix }
+    let points = expansion.points.iter().map(|point| point.levels).collect();
+    StoredSweep { replicates: spec.replicates, spec, points }
 }
 
 /// The levels of what an extension adds, a row a point; the sweep grows by them.
-fn grow(stored: &mut Stored, extension: Value) -> Vec<Vec<Value>> {
-    let growth =
+fn grow(stored: &mut StoredSweep, extension: Value) -> Vec<Vec<Value>> {
+    let added =
         extend(stored, extension, &Meshes::default(), LIMITS).unwrap_or_else(|faults| panic!("{faults:#?}"));
-    stored.replicates = growth.replicates;
-    stored.matrix.extend(growth.points.iter().map(|point| point.levels));
+    stored.replicates = added.replicates;
+    stored.points.extend(added.points.iter().map(|point| point.levels));
     let names: Vec<String> = factors(&stored.spec).iter().map(|factor| factor.name().to_owned()).collect();
     let row = |point: Point| names.iter().map(|name| point.levels[name].clone()).collect();
-    growth.points.iter().map(row).collect()
+    added.points.iter().map(row).collect()
 }
 
 #[track_caller]
-fn refused(stored: &Stored, extension: Value, pointer: &str, word: &str) {
+fn refused(stored: &StoredSweep, extension: Value, pointer: &str, word: &str) {
     let found = extend(stored, extension, &Meshes::default(), LIMITS).expect_err("an extension at fault");
     let holds = found.iter().any(|fault| fault.pointer == pointer && fault.to_string().contains(word));
     assert!(holds, "{pointer}: {word}\n{found:#?}");
@@ -57,7 +57,7 @@ fn a_grid_grows_by_the_combinations_with_a_new_level() {
     let added = grow(&mut sweep, json!({"levels": {BELT: [0.3], GATE: [0.08]}}));
     let expected = json!([[0.05, 0.3], [0.06, 0.3], [0.07, 0.3], [0.08, 0.1], [0.08, 0.2], [0.08, 0.3]]);
     assert_eq!(json!(added), expected, "levels of earlier extensions count");
-    assert_eq!(sweep.matrix.len(), 12);
+    assert_eq!(sweep.points.len(), 12);
     refused(&sweep, json!({"levels": {GATE: [0.08]}}), "/levels/~1equipment~1gate_opening_m/0", "already");
     refused(&sweep, json!({"levels": {"/x": [1]}}), "/levels/~1x", "no such factor");
     refused(

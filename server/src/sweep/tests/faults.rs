@@ -21,7 +21,7 @@ fn what_is_wrong_with_a_design_is_told() {
     holds(
         &told(json!({"kind": "grid", "seed": 3}), gate.clone()),
         "/design/seed",
-        "grid takes no such field",
+        "grid does not take this field",
     );
     holds(&told(json!({"kind": "random", "points": 3}), json!([])), "/factors", "nothing is varied");
     holds(&told(json!({"kind": "sobol"}), gate.clone()), "/design/points", "needs this field");
@@ -36,7 +36,11 @@ fn what_is_wrong_with_a_design_is_told() {
     let list = told(json!({"kind": "list", "rows": [[0.05, 1], [0.05], [0.05]]}), json!([{"pointer": GATE}]));
     holds(&list, "/design/rows/0", "2 values for 1 factors");
     holds(&list, "/design/rows", "row 2 is the same as row 1");
-    holds(&told(json!({"kind": "list", "rows": [[0.05]]}), gate.clone()), "/factors/0/low", "the rows say");
+    holds(
+        &told(json!({"kind": "list", "rows": [[0.05]]}), gate.clone()),
+        "/factors/0/low",
+        "the rows of a list",
+    );
     holds(
         &told(json!({"kind": "list", "rows": [[0.05], ["x"]]}), json!([{"pointer": GATE}])),
         "/design/rows/1/0",
@@ -58,7 +62,7 @@ fn what_is_wrong_with_a_factor_is_told() {
     holds(&of(json!({"pointer": GATE})), "/factors/0/levels", "needs values");
     holds(&of(json!({"levels": [1]})), "/factors/0/pointer", "needs a field");
     holds(&of(json!({"pointer": GATE, "pointers": [BELT], "levels": [1]})), "/factors/0/pointers", "already");
-    holds(&of(json!({"pointer": GATE, "low": 0.05})), "/factors/0/high", "`low` stands without");
+    holds(&of(json!({"pointer": GATE, "low": 0.05})), "/factors/0/high", "`low` needs");
     holds(&of(json!({"pointer": GATE, "low": 0.07, "high": 0.05})), "/factors/0/high", "not above");
     holds(&of(json!({"pointer": GATE, "low": 0.05, "high": 1e9})), "/factors/0/high", "not a value of");
     holds(&of(json!({"pointer": COUNT, "low": 1.5, "high": 4})), "/factors/0/low", "not a value of");
@@ -69,7 +73,11 @@ fn what_is_wrong_with_a_factor_is_told() {
     );
     let log = json!({"pointer": "/scene/gravity", "low": -1.0, "high": 1.0, "scale": "log"});
     holds(&of(log), "/factors/0/low", "logarithmic");
-    holds(&of(json!({"pointer": GATE, "low": 0.05, "high": 0.07, "count": 3})), "/factors/0/count", "no use");
+    holds(
+        &of(json!({"pointer": GATE, "low": 0.05, "high": 0.07, "count": 3})),
+        "/factors/0/count",
+        "does not take",
+    );
     holds(&of(json!({"pointer": GATE, "levels": [0.05], "low": 0.05})), "/factors/0/low", "`levels` already");
     let linked = json!({"pointers": [BELT, BELT], "levels": [0.1]});
     holds(&of(linked), "/factors/0/pointers/1", "factor 0 varies the same field");

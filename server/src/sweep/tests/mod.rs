@@ -49,20 +49,20 @@ const COUNT: &str = "/product/count";
 fn a_level_goes_into_the_document_as_submitted() {
     let complete = json!({"a": {"b": {"c": 1, "d": 2}}, "list": [[1, 2], [3, 4]]});
     let mut document = json!({"a": {"x": 0}});
-    factor::set(&mut document, &complete, "/a/b/c", &json!(7));
+    pointer::set(&mut document, &complete, "/a/b/c", &json!(7));
     assert_eq!(document, json!({"a": {"x": 0, "b": {"c": 7}}}), "siblings keep following the defaults");
-    factor::set(&mut document, &complete, "/list/1/0", &json!(9));
+    pointer::set(&mut document, &complete, "/list/1/0", &json!(9));
     assert_eq!(document["list"], json!([[1, 2], [9, 4]]), "an array is made whole first");
 }
 
 #[test]
 fn pointers_overlap_by_segments() {
-    assert!(factor::overlap("/a/b", "/a"));
-    assert!(factor::overlap("/a", "/a"));
-    assert!(!factor::overlap("/a/bc", "/a/b"));
-    assert_eq!(factor::segments("/a~1b/~0").unwrap(), ["a/b", "~"]);
-    assert_eq!(factor::segments("a"), None);
-    assert_eq!(factor::segments(""), None);
+    assert!(pointer::overlap("/a/b", "/a"));
+    assert!(pointer::overlap("/a", "/a"));
+    assert!(!pointer::overlap("/a/bc", "/a/b"));
+    assert_eq!(pointer::segments("/a~1b/~0").unwrap(), ["a/b", "~"]);
+    assert_eq!(pointer::segments("a"), None);
+    assert_eq!(pointer::segments(""), None);
 }
 
 #[test]

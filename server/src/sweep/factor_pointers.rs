@@ -1,14 +1,14 @@
-//! What factors point at: fields of the scenario, each varied by one factor alone.
+//! The pointers of factors: fields of the scenario, each varied by only one factor.
 
 use roost_api::Fault;
 use roost_api::design::Factor;
 use roost_solver::scenario;
 use serde_json::{Value, json};
 
-use super::factor;
+use super::pointer as pointers;
 use crate::document::fault;
 
-/// Checks the pointers of all factors; whether their fields exist only where the complete base is known.
+/// Checks the pointers of all factors. Whether their fields exist is checked where the complete base is known.
 pub(super) fn check(factors: &[Factor], complete: Option<&Value>, faults: &mut Vec<Fault>) {
     let mut earlier: Vec<(usize, &str)> = Vec::new();
     for (index, factor) in factors.iter().enumerate() {
@@ -47,7 +47,7 @@ pub(super) fn check(factors: &[Factor], complete: Option<&Value>, faults: &mut V
         for (at, pointer) in one.chain(linked) {
             field(&at, pointer, complete, faults);
             let same = |(_, other): &&(usize, &str)| {
-                factor::segments(other).is_some() && factor::overlap(other, pointer)
+                pointers::segments(other).is_some() && pointers::overlap(other, pointer)
             };
             if let Some((other, _)) = earlier.iter().find(same) {
                 faults.push(fault(&at, json!(pointer), &format!("factor {other} varies the same field"), ""));
@@ -60,10 +60,10 @@ pub(super) fn check(factors: &[Factor], complete: Option<&Value>, faults: &mut V
 const EXAMPLE: &str = "a JSON pointer into the scenario, such as /equipment/gate_opening_m";
 
 fn field(at: &str, pointer: &str, complete: Option<&Value>, faults: &mut Vec<Fault>) {
-    if factor::segments(pointer).is_none() {
+    if pointers::segments(pointer).is_none() {
         faults.push(fault(at, json!(pointer), "not a JSON pointer", EXAMPLE));
     } else if pointer == "/seed" || pointer == "/schema" {
-        let detail = format!("`{pointer}` cannot be a factor; more seeds are what `replicates` is for");
+        let detail = format!("`{pointer}` cannot be a factor; use `replicates` for more seeds");
         faults.push(fault(at, json!(pointer), &detail, ""));
     } else if complete.is_some_and(|complete| complete.pointer(pointer).is_none()) {
         let hint = scenario::nearest(pointer)
@@ -73,7 +73,7 @@ fn field(at: &str, pointer: &str, complete: Option<&Value>, faults: &mut Vec<Fau
     }
 }
 
-/// A pointer of the field table, with the places in lists that were asked for.
+/// A pointer of the field table with the list indices of the pointer that was asked for.
 fn with_indices(nearest: &str, asked: &str) -> String {
     let mut indices = asked.split('/').filter(|segment| segment.parse::<usize>().is_ok());
     let segments = nearest.split('/').map(|segment| match segment {

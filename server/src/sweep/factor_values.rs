@@ -1,4 +1,4 @@
-//! What values a factor takes: its levels, or the numbers of its range, as far as they fit its fields and the design.
+//! Reading the values of a factor: its levels, or the numbers of its range, checked against its fields and the design.
 
 use roost_api::Fault;
 use roost_api::design::{DesignKind, Factor, Scale};
@@ -6,13 +6,18 @@ use roost_solver::scenario::field::FieldKind;
 use roost_solver::scenario::fields;
 use serde_json::{Value, json};
 
-use super::levels::{self, same};
-use super::rows;
-use super::values::{Between, Values};
+use super::designs::ValueSource;
+use super::levels::{self, position, same};
+use super::values::{FactorValues, NumberRange};
 use crate::document::fault;
 
-/// The values of a factor in a design of that kind; none when they are at fault.
-pub(super) fn values(at: &str, factor: &Factor, kind: DesignKind, faults: &mut Vec<Fault>) -> Option<Values> {
+/// The values of a factor in a design of some kind; none when they are at fault.
+pub(super) fn read(
+    at: &str,
+    factor: &Factor,
+    (kind, source): (DesignKind, ValueSource),
+    faults: &mut Vec<Fault>,
+) -> Option<FactorValues> {
     let before = faults.len();
     let numbers = [
         ("low", factor.low.map(|low| json!(low))),
@@ -22,13 +27,13 @@ pub(super) fn values(at: &str, factor: &Factor, kind: DesignKind, faults: &mut V
     ];
     let given: Vec<(&str, Value)> =
         numbers.into_iter().filter_map(|(name, value)| value.map(|value| (name, value))).collect();
-    if matches!(kind, DesignKind::List | DesignKind::Csv) {
+    if source == ValueSource::Rows {
         let levels = factor.levels.as_ref().map(|levels| ("levels", json!(levels)));
         for (name, value) in given.into_iter().chain(levels) {
-            let detail = format!("in a {kind} the rows say which values a factor takes");
+            let detail = format!("the rows of a {kind} give the values of its factors");
             faults.push(fault(&format!("{at}/{name}"), value, &detail, "`pointer` or `pointers` alone"));
         }
-        return Some(Values::Listed);
+        return Some(FactorValues::Rows);
     }
     if let Some(levels) = &factor.levels {
         for (name, value) in given {
@@ -40,30 +45,28 @@ pub(super) fn values(at: &str, factor: &Factor, kind: DesignKind, faults: &mut V
             ));
         }
         check_levels(&format!("{at}/levels"), levels, faults);
-        if kind == DesignKind::BoxBehnken && levels.len() != 3 {
-            let detail = format!("{} levels of a Box-Behnken design", levels.len());
-            faults.push(fault(
-                &format!("{at}/levels"),
-                json!(levels),
-                &detail,
-                "three: low, middle and high; or `low` and `high`",
-            ));
+        if let ValueSource::Levels { count, is_fixed: true } = source
+            && levels.len() != count as usize
+        {
+            let detail = format!("{} levels in a design of the kind {kind}", levels.len());
+            let allowed = format!("{count} levels, or `low` and `high`");
+            faults.push(fault(&format!("{at}/levels"), json!(levels), &detail, &allowed));
         }
-        return (faults.len() == before).then(|| Values::Levels(levels.clone()));
+        return (faults.len() == before).then(|| FactorValues::Levels(levels.clone()));
     }
     let (Some(low), Some(high)) = (factor.low, factor.high) else {
         let (name, detail) = match (factor.low, factor.high) {
-            (Some(_), None) => ("high", "`low` stands without `high`"),
-            (None, Some(_)) => ("low", "`high` stands without `low`"),
+            (Some(_), None) => ("high", "`low` needs `high`"),
+            (None, Some(_)) => ("low", "`high` needs `low`"),
             _ => ("levels", "a factor needs values"),
         };
         faults.push(fault(&format!("{at}/{name}"), Value::Null, detail, "`levels`, or `low` and `high`"));
         return None;
     };
-    let between = between(at, factor, low, high, faults)?;
-    let by_levels = matches!(kind, DesignKind::Grid | DesignKind::OneAtATime);
-    if let Some(count) = factor.count.filter(|_| !by_levels) {
-        let detail = format!("{kind} has no use for a number of levels");
+    let range = number_range(at, factor, low, high, faults)?;
+    let takes_count = matches!(source, ValueSource::Levels { is_fixed: false, .. });
+    if let Some(count) = factor.count.filter(|_| !takes_count) {
+        let detail = format!("{kind} does not take a number of levels");
         faults.push(fault(
             &format!("{at}/count"),
             json!(count),
@@ -82,25 +85,28 @@ pub(super) fn values(at: &str, factor: &Factor, kind: DesignKind, faults: &mut V
     if faults.len() > before {
         return None;
     }
-    let count = match kind {
-        DesignKind::Grid | DesignKind::OneAtATime => factor.count.unwrap_or(2),
-        DesignKind::BoxBehnken => 3,
-        _ => return Some(Values::Between(between)),
-    };
-    let levels = between.spread(count);
+    let ValueSource::Levels { count, .. } = source else { return Some(FactorValues::Range(range)) };
+    let count = factor.count.unwrap_or(count);
+    let levels = range.levels(count);
     if levels.windows(2).any(|pair| same(&pair[0], &pair[1])) {
         let detail =
             format!("there are no {count} different whole numbers at equal distances from {low} to {high}");
         faults.push(fault(at, json!(factor), &detail, "a wider range, or `levels`"));
         return None;
     }
-    Some(Values::Levels(levels))
+    Some(FactorValues::Levels(levels))
 }
 
-/// The most levels that a range is cut into.
+/// Maximum number of levels of a range.
 const MAX_COUNT: u32 = 1000;
 
-fn between(at: &str, factor: &Factor, low: f64, high: f64, faults: &mut Vec<Fault>) -> Option<Between> {
+fn number_range(
+    at: &str,
+    factor: &Factor,
+    low: f64,
+    high: f64,
+    faults: &mut Vec<Fault>,
+) -> Option<NumberRange> {
     let before = faults.len();
     let scale = factor.scale.unwrap_or(Scale::Linear);
     if low >= high {
@@ -112,7 +118,7 @@ fn between(at: &str, factor: &Factor, low: f64, high: f64, faults: &mut Vec<Faul
         ));
     }
     if scale == Scale::Log && low <= 0.0 {
-        let detail = "a logarithmic scale has no such number";
+        let detail = "a logarithmic scale has positive numbers only";
         faults.push(fault(&format!("{at}/low"), json!(low), detail, "more than 0, or a linear scale"));
     }
     let fields: Vec<_> = factor.fields().into_iter().filter_map(fields::find).collect();
@@ -125,25 +131,25 @@ fn between(at: &str, factor: &Factor, low: f64, high: f64, faults: &mut Vec<Faul
         }
     }
     let is_integer = |kind| matches!(kind, FieldKind::Integer(_) | FieldKind::NullableInteger(_));
-    let is_whole =
-        fields.iter().any(|field| is_integer(field.kind)) || factor.fields().iter().any(|at| counts(at));
-    (faults.len() == before).then_some(Between { low, high, scale, is_whole })
+    let is_whole = fields.iter().any(|field| is_integer(field.kind))
+        || factor.fields().iter().any(|field| is_count(field));
+    (faults.len() == before).then_some(NumberRange { low, high, scale, is_whole })
 }
 
-/// Whether a pointer leads to one of three whole numbers.
-fn counts(pointer: &str) -> bool {
+/// Whether a pointer names one number of a list of counts.
+fn is_count(pointer: &str) -> bool {
     let parent = pointer.rsplit_once('/').and_then(|(parent, _)| fields::find(parent));
     parent.is_some_and(|field| matches!(field.kind, FieldKind::Counts(_)))
 }
 
-/// Looks for levels that stand there twice, or not at all.
+/// Finds an empty list of levels, and levels that are listed twice.
 pub(super) fn check_levels(at: &str, levels: &[Value], faults: &mut Vec<Fault>) {
     if levels.is_empty() {
         faults.push(fault(at, json!([]), "a factor needs levels", "at least one value"));
     }
     for (index, value) in levels.iter().enumerate() {
-        if rows::place(value, &levels[..index]).is_some() {
-            let detail = "the level is listed twice; more runs of a point are what `replicates` is for";
+        if position(value, &levels[..index]).is_some() {
+            let detail = "the level is listed twice; use `replicates` to repeat a point";
             faults.push(fault(&format!("{at}/{index}"), value.clone(), detail, ""));
         }
     }

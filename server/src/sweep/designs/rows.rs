@@ -1,17 +1,18 @@
-//! Points that are given as rows: lists of values, and CSV files with the same.
+//! Listed points: rows of values, and CSV files of rows.
 
 use roost_api::Fault;
 use roost_solver::scenario::fields;
 use serde_json::{Value, json};
 
-use super::levels::same;
+use super::{Addition, names};
 use crate::document::fault;
+use crate::sweep::plan::PlannedFactor;
 
-/// The most faults told of rows: they tend to have the same reason.
+/// Faults that are listed of rows: they tend to have the same reason.
 const MAX_FAULTS: usize = 10;
 
-/// The factors that a table names in its first line.
-pub(super) fn headings(table: &str) -> Vec<String> {
+/// The headings of a table: its factors.
+pub(in crate::sweep) fn headings(table: &str) -> Vec<String> {
     let headings = reader(table).headers().cloned();
     headings.map(|line| line.iter().map(str::to_owned).collect()).unwrap_or_default()
 }
@@ -72,13 +73,13 @@ fn reader(table: &str) -> csv::Reader<&[u8]> {
     csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(table.as_bytes())
 }
 
-/// A cell: JSON where it is, a number as spreadsheets write them, else text. Nothing is null.
+/// A cell: JSON, else a number as spreadsheets write it, else text. An empty cell is null.
 fn cell(text: &str, factor: &str) -> Value {
     use roost_solver::scenario::field::FieldKind;
     if text.is_empty() {
         return Value::Null;
     }
-    // A text that looks like a number stays a text where a text belongs.
+    // A field of text keeps text that looks like a number.
     if matches!(fields::find(factor).map(|field| field.kind), Some(FieldKind::Text | FieldKind::Choice(_))) {
         return json!(text.trim_matches('"'));
     }
@@ -86,10 +87,10 @@ fn cell(text: &str, factor: &str) -> Value {
     serde_json::from_str(text).ok().or_else(number).unwrap_or_else(|| json!(text))
 }
 
-/// Looks for rows that do not fit the factors, or stand there twice.
+/// Finds rows with too few or too many values.
 pub(super) fn check(at: &str, rows: &[Vec<Value>], factors: usize, faults: &mut Vec<Fault>) {
     if rows.is_empty() {
-        faults.push(fault(at, json!([]), "there is no row", "at least one row"));
+        faults.push(fault(at, json!([]), "the list has no row", "at least one row"));
     }
     let odd = rows.iter().enumerate().filter(|(_, row)| row.len() != factors);
     for (index, row) in odd.take(MAX_FAULTS) {
@@ -98,17 +99,17 @@ pub(super) fn check(at: &str, rows: &[Vec<Value>], factors: usize, faults: &mut 
     }
 }
 
-/// Says which rows repeat an earlier one, or one of the points that are there already.
-pub(super) fn repeats(at: &str, rows: &[Vec<Value>], earlier: &[Vec<Value>], faults: &mut Vec<Fault>) {
+/// Finds rows that repeat an earlier row or an existing point.
+pub(super) fn check_repeats(at: &str, rows: &[Vec<Value>], earlier: &[Vec<Value>], faults: &mut Vec<Fault>) {
     let mut seen: std::collections::HashMap<String, usize> = std::collections::HashMap::new();
     for row in earlier {
         seen.entry(key(row)).or_insert(usize::MAX);
     }
-    let mut told = 0;
+    let mut repeats = 0;
     for (index, row) in rows.iter().enumerate() {
         match seen.entry(key(row)) {
             std::collections::hash_map::Entry::Vacant(entry) => drop(entry.insert(index)),
-            std::collections::hash_map::Entry::Occupied(entry) if told < MAX_FAULTS => {
+            std::collections::hash_map::Entry::Occupied(entry) if repeats < MAX_FAULTS => {
                 let first = match *entry.get() {
                     usize::MAX => "is a point of the sweep already".to_owned(),
                     first => format!("is the same as row {first}"),
@@ -116,7 +117,7 @@ pub(super) fn repeats(at: &str, rows: &[Vec<Value>], earlier: &[Vec<Value>], fau
                 let detail =
                     format!("row {index} {first}; more runs of a point are what `replicates` is for");
                 faults.push(fault(at, json!(row), &detail, "every point once"));
-                told += 1;
+                repeats += 1;
             }
             std::collections::hash_map::Entry::Occupied(_) => {}
         }
@@ -132,7 +133,33 @@ fn key(row: &[Value]) -> String {
     row.iter().map(plain).collect::<Vec<_>>().join("\u{1f}")
 }
 
-/// Whether a value is among others.
-pub(super) fn place(value: &Value, among: &[Value]) -> Option<usize> {
-    among.iter().position(|other| same(other, value))
+/// Fields of an extension.
+pub(super) const EXTENSION_FIELDS: &[&str] = &["rows", "table"];
+
+/// The rows that an extension adds.
+pub(super) fn added(
+    factors: &[PlannedFactor],
+    addition: &Addition<'_>,
+    faults: &mut Vec<Fault>,
+) -> Vec<Vec<Value>> {
+    let names = names(factors);
+    let existing: Vec<Vec<Value>> = addition
+        .points
+        .iter()
+        .map(|point| names.iter().map(|name| point.get(name).cloned().unwrap_or_default()).collect())
+        .collect();
+    let (at, added) = match (&addition.extension.rows, &addition.extension.table) {
+        (Some(_), Some(table)) => {
+            faults.push(fault("/table", json!(table.len()), "there are `rows` already", "one of the two"));
+            return Vec::new();
+        }
+        (Some(rows), None) => ("/rows", rows.clone()),
+        (None, Some(table)) => ("/table", of_table("/table", table, &names, faults)),
+        (None, None) => return Vec::new(),
+    };
+    if faults.is_empty() {
+        check(at, &added, names.len(), faults);
+        check_repeats(at, &added, &existing, faults);
+    }
+    added
 }

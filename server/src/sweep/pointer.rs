@@ -1,8 +1,8 @@
-//! Putting a level where a factor points.
+//! JSON pointers of factors: their segments, and setting a level at a pointer.
 //!
 //! Levels go into the scenario *as submitted*, before defaults are filled in: `/contact/condition` chooses
-//! defaults, and must do so at every level. What the submitted document leaves out on the way to the field
-//! is made as it is in the complete scenario.
+//! defaults, and must do so at every level. Objects and lists on the way that the submitted document leaves out are
+//! made as they are in the complete scenario.
 
 use serde_json::{Map, Value};
 

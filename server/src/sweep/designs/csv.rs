@@ -1,0 +1,47 @@
+//! CSV: the points in `table`, the text of a CSV file.
+
+use roost_api::Fault;
+use roost_api::design::Design as DesignSpec;
+
+use super::{Addition, Design, Parameters, PointRows, ValueSource, rows};
+use crate::sweep::plan::Plan;
+
+#[derive(Debug)]
+pub(super) struct Csv;
+
+impl Design for Csv {
+    fn fields(&self) -> &'static [&'static str] {
+        &["table"]
+    }
+
+    fn values(&self) -> ValueSource {
+        ValueSource::Rows
+    }
+
+    fn read(&self, spec: &DesignSpec, factors: &[String], faults: &mut Vec<Fault>) -> Option<Parameters> {
+        let before = faults.len();
+        let rows = rows::of_table("/design/table", spec.table.as_ref()?, factors, faults);
+        if faults.len() == before {
+            rows::check("/design/table", &rows, factors.len(), faults);
+            rows::check_repeats("/design/table", &rows, &[], faults);
+        }
+        Some(Parameters { rows, ..Parameters::default() })
+    }
+
+    fn points<'a>(&self, plan: &'a Plan) -> PointRows<'a> {
+        PointRows::listed(plan.parameters.rows.clone())
+    }
+
+    fn extension_fields(&self) -> Result<&'static [&'static str], &'static str> {
+        Ok(rows::EXTENSION_FIELDS)
+    }
+
+    fn extend<'a>(
+        &self,
+        plan: &'a mut Plan,
+        addition: &Addition<'_>,
+        faults: &mut Vec<Fault>,
+    ) -> PointRows<'a> {
+        PointRows::listed(rows::added(&plan.factors, addition, faults))
+    }
+}

@@ -1,0 +1,44 @@
+//! List: the points in `rows`.
+
+use roost_api::Fault;
+use roost_api::design::Design as DesignSpec;
+
+use super::{Addition, Design, Parameters, PointRows, ValueSource, rows};
+use crate::sweep::plan::Plan;
+
+#[derive(Debug)]
+pub(super) struct List;
+
+impl Design for List {
+    fn fields(&self) -> &'static [&'static str] {
+        &["rows"]
+    }
+
+    fn values(&self) -> ValueSource {
+        ValueSource::Rows
+    }
+
+    fn read(&self, spec: &DesignSpec, factors: &[String], faults: &mut Vec<Fault>) -> Option<Parameters> {
+        let rows = spec.rows.clone()?;
+        rows::check("/design/rows", &rows, factors.len(), faults);
+        rows::check_repeats("/design/rows", &rows, &[], faults);
+        Some(Parameters { rows, ..Parameters::default() })
+    }
+
+    fn points<'a>(&self, plan: &'a Plan) -> PointRows<'a> {
+        PointRows::listed(plan.parameters.rows.clone())
+    }
+
+    fn extension_fields(&self) -> Result<&'static [&'static str], &'static str> {
+        Ok(rows::EXTENSION_FIELDS)
+    }
+
+    fn extend<'a>(
+        &self,
+        plan: &'a mut Plan,
+        addition: &Addition<'_>,
+        faults: &mut Vec<Fault>,
+    ) -> PointRows<'a> {
+        PointRows::listed(rows::added(&plan.factors, addition, faults))
+    }
+}
