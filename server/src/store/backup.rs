@@ -68,5 +68,5 @@ async fn named(copy: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
     if !knows {
         return Ok(Vec::new());
     }
-    Ok(sqlx::query_scalar("SELECT DISTINCT object FROM frames").fetch_all(copy).await?)
+    Ok(sqlx::query_scalar("SELECT DISTINCT object_digest FROM frames").fetch_all(copy).await?)
 }

@@ -24,29 +24,29 @@ pub(super) const CANDIDATES: &str = "
              AND priority = heads.priority AND owner > heads.owner ORDER BY owner LIMIT 1),
             (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL
              AND priority < heads.priority ORDER BY priority DESC, owner LIMIT 1)))
-    SELECT heads.priority, heads.owner, found.turn, found.seq, found.alone
+    SELECT heads.priority, heads.owner, found.queue_position, found.seq, found.alone
     FROM heads CROSS JOIN workers me CROSS JOIN jobs found ON found.seq IN (
         SELECT j.seq FROM jobs j
         WHERE j.state = 'queued' AND j.not_before IS NULL
           AND j.priority = heads.priority AND j.owner = heads.owner
           AND (j.needs_backend IS NULL OR j.needs_backend = me.backend)
           AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= me.memory_mib)
-          AND (j.attempt = j.forgiven
+          AND (j.attempt = j.attempts_before_retry
                OR NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id AND f.worker_id = ?1
-                              AND f.outcome = 'worker' AND f.number > j.forgiven)
+                              AND f.outcome = 'worker' AND f.number > j.attempts_before_retry)
                OR NOT EXISTS (SELECT 1 FROM workers other
                               WHERE other.last_seen_at BETWEEN ?2 AND ?3 AND other.draining = 0
                               AND (j.needs_backend IS NULL OR j.needs_backend = other.backend)
                               AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= other.memory_mib)
                               AND NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id
                                               AND f.worker_id = other.id AND f.outcome = 'worker'
-                                              AND f.number > j.forgiven)))
-        ORDER BY j.turn, j.seq LIMIT ?4)
+                                              AND f.number > j.attempts_before_retry)))
+        ORDER BY j.queue_position, j.seq LIMIT ?4)
     WHERE me.id = ?1 AND me.draining = 0";
 
 /// The rounds that the owners of some priorities have come to.
 pub(super) const ROUNDS: &str =
-    "SELECT priority, owner, round FROM turns WHERE priority IN (SELECT value FROM json_each(?))";
+    "SELECT priority, owner, round FROM fair_share WHERE priority IN (SELECT value FROM json_each(?))";
 
 /// The first jobs that suit a worker: as many of each line as are wanted, and no line of a lower priority than it takes to have them.
 pub(super) async fn candidates(
@@ -75,7 +75,7 @@ pub(super) async fn candidates(
         }
         if let Some((_, jobs)) = lines.last_mut() {
             jobs.push((
-                row.column("turn")?,
+                row.column("queue_position")?,
                 Candidate { seq: row.column("seq")?, alone: row.column("alone")? },
             ));
             found += 1;

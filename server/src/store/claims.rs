@@ -29,16 +29,17 @@ pub(super) const TAKE: &str = "
         lease_expires_at = took.value ->> 'until', started_at = took.value ->> 'at',
         deadline = took.value ->> 'until' + CAST(max_wall_s * 1000 AS INTEGER)
     FROM json_each(?) AS took WHERE jobs.seq = took.value ->> 'seq'
-    RETURNING id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, turn, seq,
-              (SELECT body FROM scenarios WHERE scenarios.digest = jobs.digest) AS scenario;
+    RETURNING id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, queue_position, seq,
+              (SELECT body FROM scenarios WHERE scenarios.digest = jobs.scenario_digest) AS scenario;
     INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at)
     SELECT j.id, j.attempt, j.worker_id, took.value ->> 'request', took.value ->> 'at'
     FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq';
-    INSERT INTO turns (priority, owner, turn, round)
-    SELECT j.priority, j.owner, max(j.turn), max(took.value ->> 'round')
+    INSERT INTO fair_share (priority, owner, queue_position, round)
+    SELECT j.priority, j.owner, max(j.queue_position), max(took.value ->> 'round')
     FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq'
     GROUP BY j.priority, j.owner
-    ON CONFLICT (priority, owner) DO UPDATE SET turn = max(turn, excluded.turn), round = max(round, excluded.round)";
+    ON CONFLICT (priority, owner) DO UPDATE SET
+        queue_position = max(queue_position, excluded.queue_position), round = max(round, excluded.round)";
 
 /// Renews what a request has claimed and still holds.
 pub(super) const REPEAT: &str = "
@@ -46,8 +47,8 @@ pub(super) const REPEAT: &str = "
     FROM attempts a
     WHERE a.request_id = ? AND a.worker_id = ? AND a.outcome IS NULL
       AND jobs.id = a.job_id AND jobs.attempt = a.number AND jobs.state = 'running'
-    RETURNING id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, turn, seq,
-              (SELECT body FROM scenarios WHERE scenarios.digest = jobs.digest) AS scenario";
+    RETURNING id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, queue_position, seq,
+              (SELECT body FROM scenarios WHERE scenarios.digest = jobs.scenario_digest) AS scenario";
 
 /// Notes that workers were heard of; asks what each is and holds, whether it has failed, and whether its request is a repeat.
 pub(super) const ARRIVE: &str = "
@@ -207,7 +208,7 @@ async fn repeat(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Vec
     let mut ordered = Vec::with_capacity(rows.len());
     for row in rows {
         let priority: i64 = row.column("priority")?;
-        ordered.push(((-priority, row.column::<i64>("turn")?, row.column::<i64>("seq")?), row));
+        ordered.push(((-priority, row.column::<i64>("queue_position")?, row.column::<i64>("seq")?), row));
     }
     // `RETURNING` has no order.
     ordered.sort_by_key(|(key, _)| *key);

@@ -100,7 +100,7 @@ impl Store {
             .write(move |tx| {
                 Box::pin(async move {
                     let jobs: Vec<(String, String)> = sqlx::query_as(
-                        "SELECT id, digest FROM jobs WHERE sweep_id IS NULL AND ended_at < ? LIMIT ?",
+                        "SELECT id, scenario_digest FROM jobs WHERE sweep_id IS NULL AND ended_at < ? LIMIT ?",
                     )
                     .bind(then.0)
                     .bind(PIECE)
@@ -152,7 +152,7 @@ pub(super) async fn finish(connection: &mut SqliteConnection) -> Result<(), Stor
 /// objects that these jobs named.
 async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<(bool, Vec<String>), StoreError> {
     let jobs: Vec<(String, String)> =
-        sqlx::query_as("SELECT id, digest FROM jobs WHERE sweep_id = ? LIMIT ?")
+        sqlx::query_as("SELECT id, scenario_digest FROM jobs WHERE sweep_id = ? LIMIT ?")
             .bind(id)
             .bind(PIECE)
             .fetch_all(&mut *tx)
@@ -162,7 +162,7 @@ async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<(bool, Vec<String>
         return Ok((true, objects));
     }
     for sql in [
-        "DELETE FROM points WHERE sweep_id = ?",
+        "DELETE FROM design_points WHERE sweep_id = ?",
         "DELETE FROM extensions WHERE sweep_id = ?",
         "DELETE FROM sweeps WHERE id = ?",
     ] {
@@ -179,15 +179,15 @@ async fn delete_jobs(
     let mut objects = Vec::new();
     for (job, digest) in jobs {
         let documents: Vec<String> = sqlx::query_scalar(
-            "SELECT document FROM results WHERE job_id = ?
-             UNION SELECT partial FROM attempts WHERE job_id = ? AND partial IS NOT NULL",
+            "SELECT document_digest FROM results WHERE job_id = ?
+             UNION SELECT partial_digest FROM attempts WHERE job_id = ? AND partial_digest IS NOT NULL",
         )
         .bind(job)
         .bind(job)
         .fetch_all(&mut *tx)
         .await?;
         let object: Option<String> =
-            sqlx::query_scalar("DELETE FROM frames WHERE job_id = ? RETURNING object")
+            sqlx::query_scalar("DELETE FROM frames WHERE job_id = ? RETURNING object_digest")
                 .bind(job)
                 .fetch_optional(&mut *tx)
                 .await?;
@@ -202,15 +202,15 @@ async fn delete_jobs(
         for document in documents {
             sqlx::query(
                 "DELETE FROM documents WHERE digest = ?
-                 AND NOT EXISTS (SELECT 1 FROM results WHERE document = documents.digest)
-                 AND NOT EXISTS (SELECT 1 FROM attempts WHERE partial = documents.digest)",
+                 AND NOT EXISTS (SELECT 1 FROM results WHERE document_digest = documents.digest)
+                 AND NOT EXISTS (SELECT 1 FROM attempts WHERE partial_digest = documents.digest)",
             )
             .bind(document)
             .execute(&mut *tx)
             .await?;
         }
         sqlx::query(
-            "DELETE FROM scenarios WHERE digest = ? AND NOT EXISTS (SELECT 1 FROM jobs WHERE digest = scenarios.digest)",
+            "DELETE FROM scenarios WHERE digest = ? AND NOT EXISTS (SELECT 1 FROM jobs WHERE scenario_digest = scenarios.digest)",
         )
         .bind(digest)
         .execute(&mut *tx)

@@ -207,7 +207,7 @@ pub(super) const RECORD: &str = "
     INSERT INTO documents (digest, body)
     SELECT r.value ->> 'document', CAST(substr(?, r.value ->> 'from', r.value ->> 'bytes') AS TEXT)
     FROM json_each(?) AS r WHERE true ON CONFLICT (digest) DO NOTHING;
-    INSERT INTO results (job_id, attempt, digest, solver_revision, backend, responses, document, recorded_at)
+    INSERT INTO results (job_id, attempt, scenario_digest, solver_revision, backend, responses, document_digest, recorded_at)
     SELECT r.value ->> 'job', r.value ->> 'attempt', r.value ->> 'digest', r.value ->> 'revision',
            r.value ->> 'backend', r.value ->> 'responses', r.value ->> 'document', r.value ->> 'at'
     FROM json_each(?) AS r";

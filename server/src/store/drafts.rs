@@ -132,7 +132,7 @@ impl Drafts {
             let next = tokio::task::spawn_blocking(move || self.next());
             insert_points(tx, &piece).await?;
             insert_jobs(tx, &piece, shared, place, now).await?;
-            place.turn += piece.len() as i64;
+            place.position += piece.len() as i64;
             queued += piece.len() as u64;
             self = next.await.map_err(|error| {
                 tracing::error!(%error, "jobs of a sweep were not written out");
@@ -148,18 +148,18 @@ impl Drafts {
 pub(super) struct Place {
     owner: Owner,
     /// Of the first of them.
-    turn: i64,
+    position: i64,
 }
 
 /// Where new jobs begin: whose they are, and the turn that this owner's jobs of their priority have come to.
 pub(super) async fn place(tx: &mut SqliteConnection, shared: &Shared) -> Result<Place, StoreError> {
-    let sql = "INSERT INTO owners (token) VALUES (?) ON CONFLICT (token) DO NOTHING";
+    let sql = "INSERT INTO owners (token_id) VALUES (?) ON CONFLICT (token_id) DO NOTHING";
     sqlx::query(sql).bind(&shared.token).execute(&mut *tx).await?;
-    let sql = "SELECT id, coalesce((SELECT turn FROM turns WHERE priority = ? AND owner = owners.id), 0)
-               FROM owners WHERE token = ?";
-    let (owner, turn) =
+    let sql = "SELECT id, coalesce((SELECT queue_position FROM fair_share WHERE priority = ? AND owner = owners.id), 0)
+               FROM owners WHERE token_id = ?";
+    let (owner, position) =
         sqlx::query_as(sql).bind(shared.priority).bind(&shared.token).fetch_one(&mut *tx).await?;
-    Ok(Place { owner, turn })
+    Ok(Place { owner, position })
 }
 
 /// Adds the design points of which these are the first jobs.
@@ -167,7 +167,7 @@ async fn insert_points(tx: &mut SqliteConnection, drafts: &[Draft]) -> Result<()
     let points: Vec<_> =
         drafts.iter().filter_map(|draft| Some((draft.place?, draft.levels.as_ref()?))).collect();
     for rows in points.chunks(ROWS) {
-        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO points (sweep_id, idx, levels) ");
+        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO design_points (sweep_id, point, levels) ");
         query.push_values(rows, |mut row, ((sweep, point, _), levels)| {
             row.push_bind(sweep.to_string()).push_bind(*point).push_bind(*levels);
         });
@@ -192,7 +192,7 @@ pub(super) async fn insert_jobs(
         query.push(" ON CONFLICT (digest) DO NOTHING").build().execute(&mut *tx).await?;
 
         let mut query = QueryBuilder::<Sqlite>::new(
-            "INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, owner, turn, labels,
+            "INSERT INTO jobs (id, sweep_id, point, replicate, scenario_digest, seed, priority, owner, queue_position, labels,
              needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, submitted_at) ",
         );
         query.push_values(rows.iter().enumerate(), |mut row, (index, draft)| {
@@ -204,7 +204,7 @@ pub(super) async fn insert_jobs(
                 .push_bind(draft.seed)
                 .push_bind(shared.priority)
                 .push_bind(place.owner)
-                .push_bind(place.turn + (chunk * ROWS + index) as i64)
+                .push_bind(place.position + (chunk * ROWS + index) as i64)
                 .push_bind(&shared.labels)
                 .push_bind(&shared.needs.backend)
                 .push_bind(shared.needs.memory_mib)

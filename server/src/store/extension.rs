@@ -73,7 +73,7 @@ impl Store {
             .fetch_optional(&self.readers)
             .await?;
         let Some(row) = row else { return Ok(None) };
-        let points = sqlx::query("SELECT levels FROM points WHERE sweep_id = ? ORDER BY idx")
+        let points = sqlx::query("SELECT levels FROM design_points WHERE sweep_id = ? ORDER BY point")
             .bind(id.to_string())
             .fetch_all(&self.readers)
             .await?;
@@ -110,7 +110,7 @@ impl Store {
     /// The scenario of each point's first replicate, as it was queued.
     pub(crate) async fn first_scenarios(&self, id: SweepId) -> Result<Vec<(u32, Scenario)>, StoreError> {
         let rows = sqlx::query(
-            "SELECT j.point, s.body FROM jobs j JOIN scenarios s ON s.digest = j.digest
+            "SELECT j.point, s.body FROM jobs j JOIN scenarios s ON s.digest = j.scenario_digest
              WHERE j.sweep_id = ? AND j.replicate = 0 ORDER BY j.point",
         )
         .bind(id.to_string())
@@ -147,7 +147,7 @@ async fn extend_sweep(
         return Ok(false);
     }
     sqlx::query(
-        "INSERT INTO extensions (id, sweep_id, body, points, replicates, extended_at)
+        "INSERT INTO extensions (id, sweep_id, body, points_before, replicates_before, extended_at)
          VALUES (?, ?, ?, ?, ?, ?)",
     )
     .bind(extension.to_string())

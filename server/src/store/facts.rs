@@ -13,9 +13,9 @@ use crate::queue::{AttemptFacts, JobChange, JobFacts, Origin, Refusal, Standing,
 
 /// The columns of [`JobFacts`]; the counts look at the few attempts of one job.
 pub(super) const JOB_FACTS: &str = "j.id, j.state, j.cancelling, j.attempt, j.failure_class,
-    (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.forgiven AND f.outcome = 'worker')
+    (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = 'worker')
         AS worker_failures,
-    (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.forgiven AND f.outcome = 'lost')
+    (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = 'lost')
         AS lost";
 
 pub(super) fn job_facts(row: &SqliteRow) -> Result<JobFacts, StoreError> {
@@ -57,7 +57,7 @@ pub(super) async fn fenced(
     }
     let asked: Vec<_> = written.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
     let sql = format!(
-        "SELECT asked.key AS place, {JOB_FACTS}, j.digest, a.worker_id AS claimed_by, a.outcome,
+        "SELECT asked.key AS place, {JOB_FACTS}, j.scenario_digest, a.worker_id AS claimed_by, a.outcome,
                 w.solver_revision, w.backend, w.device
          FROM json_each(?) AS asked CROSS JOIN jobs j ON j.id = asked.value ->> 'job'
          LEFT JOIN attempts a ON a.job_id = j.id AND a.number = asked.value ->> 'attempt'
@@ -73,7 +73,7 @@ pub(super) async fn fenced(
                 let job = job_facts(row)?;
                 let attempt = AttemptFacts { number, worker_id, outcome: row.parsed_opt("outcome")? };
                 let origin = Origin {
-                    scenario: row.column("digest")?,
+                    scenario: row.column("scenario_digest")?,
                     revision: row.number("solver_revision")?,
                     backend: row.column("backend")?,
                     device: row.column("device")?,
@@ -131,7 +131,7 @@ pub(super) async fn end(tx: &mut SqliteConnection, endings: &[Ending<'_>]) -> Re
 
 pub(super) const END: &str = "
     UPDATE attempts SET outcome = e.value ->> 'outcome', message = e.value ->> 'message',
-                        partial = e.value ->> 'partial', ended_at = e.value ->> 'at'
+                        partial_digest = e.value ->> 'partial', ended_at = e.value ->> 'at'
     FROM json_each(?) AS e
     WHERE attempts.job_id = e.value ->> 'job' AND attempts.number = e.value ->> 'attempt';
     UPDATE jobs SET state = e.value ->> 'state', not_before = e.value ->> 'not_before',

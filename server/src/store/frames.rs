@@ -22,7 +22,7 @@ const AT_ONCE: usize = 1000;
 
 /// Those of some objects that no row names.
 pub(super) const UNNAMED: &str = "SELECT value FROM json_each(?)
-    WHERE NOT EXISTS (SELECT 1 FROM frames WHERE object = value)";
+    WHERE NOT EXISTS (SELECT 1 FROM frames WHERE object_digest = value)";
 
 /// The frames of a job.
 pub(crate) struct StoredFrames {
@@ -79,12 +79,12 @@ impl Store {
                         return Ok(Err(refusal));
                     }
                     let noted = sqlx::query(
-                        "INSERT INTO frames (job_id, attempt, object, bytes, count, stopped, recorded_at)
+                        "INSERT INTO frames (job_id, attempt, object_digest, bytes, count, stop_reason, recorded_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?)
-                         ON CONFLICT (job_id) DO UPDATE SET attempt = excluded.attempt, object = excluded.object,
-                             bytes = excluded.bytes, count = excluded.count, stopped = excluded.stopped,
+                         ON CONFLICT (job_id) DO UPDATE SET attempt = excluded.attempt, object_digest = excluded.object_digest,
+                             bytes = excluded.bytes, count = excluded.count, stop_reason = excluded.stop_reason,
                              recorded_at = excluded.recorded_at
-                         WHERE (frames.attempt, frames.object) <> (excluded.attempt, excluded.object)",
+                         WHERE (frames.attempt, frames.object_digest) <> (excluded.attempt, excluded.object_digest)",
                     )
                     .bind(job.to_string())
                     .bind(attempt)
@@ -107,14 +107,14 @@ impl Store {
         id: JobId,
     ) -> Result<Result<Option<StoredFrames>, Refusal>, StoreError> {
         let row = sqlx::query(
-            "SELECT j.state, f.object, f.bytes FROM jobs j
+            "SELECT j.state, f.object_digest, f.bytes FROM jobs j
              LEFT JOIN frames f ON f.job_id = j.id AND f.attempt = j.attempt WHERE j.id = ?",
         )
         .bind(id.to_string())
         .fetch_optional(&self.readers)
         .await?;
         let Some(row) = row else { return Ok(Err(Refusal::NoJob)) };
-        let Some(object) = row.column("object")? else { return Ok(Ok(None)) };
+        let Some(object) = row.column("object_digest")? else { return Ok(Ok(None)) };
         Ok(Ok(Some(StoredFrames { object, bytes: row.number("bytes")?, state: row.parsed("state")? })))
     }
 
@@ -142,7 +142,7 @@ impl Store {
             for object in unnamed {
                 // Asked again while nothing can be given its name: a row may have named it meanwhile.
                 let _shut = self.objects.shut().await;
-                let sql = "SELECT EXISTS (SELECT 1 FROM frames WHERE object = ?)";
+                let sql = "SELECT EXISTS (SELECT 1 FROM frames WHERE object_digest = ?)";
                 let is_named: bool = sqlx::query_scalar(sql).bind(&object).fetch_one(&self.readers).await?;
                 if !is_named && self.objects.remove(&object).await? {
                     removed += 1;
@@ -171,6 +171,6 @@ async fn may_write(
 /// What a row of a job says of its frames.
 pub(super) fn frames_view(row: &SqliteRow) -> Result<Option<FramesView>, StoreError> {
     let Some(bytes) = row.number_opt("frames_bytes")? else { return Ok(None) };
-    let (count, stopped) = (row.number("frames_count")?, row.column("frames_stopped")?);
+    let (count, stopped) = (row.number("frames_count")?, row.column("frames_stop_reason")?);
     Ok(Some(FramesView { bytes, count, stopped }))
 }

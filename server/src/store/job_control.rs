@@ -153,11 +153,11 @@ async fn requeue(
     class: Option<FailureClass>,
 ) -> Result<u64, StoreError> {
     let done = sqlx::query(
-        "UPDATE jobs SET state = 'queued', forgiven = attempt, failure_class = NULL, failure_message = NULL,
+        "UPDATE jobs SET state = 'queued', attempts_before_retry = attempt, failure_class = NULL, failure_message = NULL,
                          ended_at = NULL,
-                         turn = again.place + coalesce((SELECT turn FROM turns WHERE turns.priority = jobs.priority
-                                                         AND turns.owner = jobs.owner), 0)
-         FROM (SELECT seq, row_number() OVER (PARTITION BY owner ORDER BY turn, seq) - 1 AS place FROM jobs
+                         queue_position = again.place + coalesce((SELECT queue_position FROM fair_share
+                             WHERE fair_share.priority = jobs.priority AND fair_share.owner = jobs.owner), 0)
+         FROM (SELECT seq, row_number() OVER (PARTITION BY owner ORDER BY queue_position, seq) - 1 AS place FROM jobs
                WHERE state = ? AND failure_class IS ? AND (id = ? OR sweep_id = ?)) AS again
          WHERE jobs.seq = again.seq",
     )

@@ -28,10 +28,10 @@ pub(crate) struct JobFilter {
     pub limit: u32,
 }
 
-const VIEW: &str = "SELECT j.*, coalesce(s.labels, j.labels) AS shown_labels, p.levels, r.responses, f.bytes AS frames_bytes, f.count AS frames_count, f.stopped AS frames_stopped
+const VIEW: &str = "SELECT j.*, coalesce(s.labels, j.labels) AS shown_labels, p.levels, r.responses, f.bytes AS frames_bytes, f.count AS frames_count, f.stop_reason AS frames_stop_reason
     FROM jobs j
     LEFT JOIN sweeps s ON s.id = j.sweep_id
-    LEFT JOIN points p ON p.sweep_id = j.sweep_id AND p.idx = j.point
+    LEFT JOIN design_points p ON p.sweep_id = j.sweep_id AND p.point = j.point
     LEFT JOIN results r ON r.job_id = j.id
     LEFT JOIN frames f ON f.job_id = j.id AND f.attempt = j.attempt ";
 
@@ -123,7 +123,7 @@ fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
         replicate: row.number_opt("replicate")?,
         factors: row.json("levels")?,
         seed: row.number("seed")?,
-        scenario_digest: row.column("digest")?,
+        scenario_digest: row.column("scenario_digest")?,
         priority: row.column("priority")?,
         labels: row.json("shown_labels")?,
         attempt: row.number("attempt")?,

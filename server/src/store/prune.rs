@@ -108,7 +108,7 @@ pub(super) const SINGLE_JOBS: &str = "SELECT count(*) FROM jobs WHERE sweep_id I
 const NAMED: &str = "
     SELECT DISTINCT text.atom FROM scenarios s CROSS JOIN json_tree(s.body) text
     WHERE instr(s.body, '\"digest\"') > 0 AND text.type = 'text' AND length(text.atom) = 64
-      AND EXISTS (SELECT 1 FROM jobs j WHERE j.digest = s.digest
+      AND EXISTS (SELECT 1 FROM jobs j WHERE j.scenario_digest = s.digest
                   AND CASE WHEN j.sweep_id IS NULL THEN j.ended_at IS NULL OR j.ended_at >= ?1
                            ELSE j.sweep_id NOT IN (SELECT value FROM json_each(?2)) END)
     UNION

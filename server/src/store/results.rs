@@ -22,7 +22,7 @@ impl Store {
              LEFT JOIN results r ON r.job_id = j.id
              LEFT JOIN attempts a ON a.job_id = j.id AND a.number = j.attempt
                                   AND j.state IN ('failed', 'cancelled')
-             LEFT JOIN documents d ON d.digest = coalesce(r.document, a.partial)
+             LEFT JOIN documents d ON d.digest = coalesce(r.document_digest, a.partial_digest)
              WHERE j.id = ?",
         )
         .bind(id.to_string())

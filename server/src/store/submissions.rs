@@ -46,10 +46,10 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let sql = "INSERT INTO submissions (owner, key, fingerprint, reserved, created_at)
+                    let sql = "INSERT INTO submissions (token_id, key, fingerprint, resource_id, created_at)
                                VALUES (?, ?, ?, ?, ?)
-                               ON CONFLICT (owner, key) DO UPDATE SET key = excluded.key
-                               RETURNING fingerprint, reserved, status, location, body";
+                               ON CONFLICT (token_id, key) DO UPDATE SET key = excluded.key
+                               RETURNING fingerprint, resource_id, status, location, body";
                     let row = sqlx::query(sql)
                         .bind(submission.owner)
                         .bind(submission.key)
@@ -62,7 +62,7 @@ impl Store {
                         return Ok(Known::Other);
                     }
                     Ok(match row.number_opt("status")? {
-                        None => Known::Reserved(row.parsed("reserved")?),
+                        None => Known::Reserved(row.parsed("resource_id")?),
                         Some(status) => Known::Answered(Answered {
                             status,
                             location: row.column("location")?,
@@ -84,7 +84,7 @@ impl Store {
             .write(move |tx| {
                 Box::pin(async move {
                     let sql = "UPDATE submissions SET status = ?, location = ?, body = ?
-                               WHERE owner = ? AND key = ? AND fingerprint = ? AND status IS NULL";
+                               WHERE token_id = ? AND key = ? AND fingerprint = ? AND status IS NULL";
                     sqlx::query(sql)
                         .bind(answered.status)
                         .bind(answered.location)
@@ -105,7 +105,7 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let sql = "DELETE FROM submissions WHERE owner = ? AND key = ? AND status IS NULL";
+                    let sql = "DELETE FROM submissions WHERE token_id = ? AND key = ? AND status IS NULL";
                     sqlx::query(sql).bind(submission.owner).bind(submission.key).execute(&mut *tx).await?;
                     Ok(())
                 })

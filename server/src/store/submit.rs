@@ -177,9 +177,9 @@ async fn answer_from_cache(
     }
     let answered = sqlx::query(AssertSqlSafe(format!(
         "INSERT INTO results
-         SELECT jobs.id, 0, old.digest, old.solver_revision, old.backend, old.responses, old.document, ?
+         SELECT jobs.id, 0, old.scenario_digest, old.solver_revision, old.backend, old.responses, old.document_digest, ?
          FROM jobs JOIN results AS old ON old.job_id =
-             (SELECT job_id FROM results WHERE digest = jobs.digest AND solver_revision = ?
+             (SELECT job_id FROM results WHERE scenario_digest = jobs.scenario_digest AND solver_revision = ?
               AND (jobs.frame_interval_s IS NULL OR EXISTS (SELECT 1 FROM {FRAMES_AS_ASKED}))
               LIMIT 1)
          WHERE jobs.seq > ?"
@@ -201,9 +201,9 @@ async fn answer_from_cache(
         .await?;
         sqlx::query(AssertSqlSafe(format!(
             "INSERT INTO frames
-             SELECT jobs.id, 0, old.object, old.bytes, old.count, old.stopped, ?
+             SELECT jobs.id, 0, old.object_digest, old.bytes, old.count, old.stop_reason, ?
              FROM jobs JOIN frames AS old ON old.job_id =
-                 (SELECT job_id FROM results WHERE digest = jobs.digest AND solver_revision = ?
+                 (SELECT job_id FROM results WHERE scenario_digest = jobs.scenario_digest AND solver_revision = ?
                   AND EXISTS (SELECT 1 FROM {FRAMES_AS_ASKED}) LIMIT 1)
              WHERE jobs.seq > ? AND jobs.from_cache = 1"
         )))
@@ -226,8 +226,8 @@ mod tests {
     use crate::sweep::{SweepLimits, read};
 
     async fn numbers(store: &Store) -> (i64, i64, i64, i64, i64) {
-        let sql = "SELECT (SELECT count(*) FROM sweeps), (SELECT count(*) FROM points), count(*),
-                   count(DISTINCT seed), coalesce(max(turn) - min(turn), 0) FROM jobs";
+        let sql = "SELECT (SELECT count(*) FROM sweeps), (SELECT count(*) FROM design_points), count(*),
+                   count(DISTINCT seed), coalesce(max(queue_position) - min(queue_position), 0) FROM jobs";
         sqlx::query_as(sql).fetch_one(&store.readers).await.unwrap()
     }
 

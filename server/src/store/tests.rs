@@ -45,9 +45,9 @@ async fn a_claim_walks_its_index_and_sorts_nothing() {
         "{told}"
     );
     let told = plan(&store, ROUNDS).await;
-    assert!(told.contains("SEARCH turns USING PRIMARY KEY (priority=?)"), "{told}");
+    assert!(told.contains("SEARCH fair_share USING PRIMARY KEY (priority=?)"), "{told}");
 
-    let sorted = plan(&store, "SELECT seq FROM jobs WHERE state = 'queued' ORDER BY turn, priority").await;
+    let sorted = plan(&store, "SELECT seq FROM jobs WHERE state = 'queued' ORDER BY queue_position, priority").await;
     assert!(sorted.contains("TEMP B-TREE"), "what the check above looks for: {sorted}");
     store.close().await;
 }
@@ -90,18 +90,18 @@ async fn what_runs_often_is_indexed() {
         ("SELECT * FROM jobs j WHERE j.seq < 9 AND j.failure_class = ? ORDER BY j.seq DESC", "jobs_failed"),
         (format!("SELECT j.id FROM jobs j {}", super::trials::FROM).as_str(), "jobs_by_point"),
         ("SELECT * FROM jobs j WHERE +j.seq < 9 AND j.sweep_id = 'a' AND j.point = 3", "jobs_by_point"),
-        ("SELECT 1 FROM frames WHERE object = 'a'", "frames_by_object"),
+        ("SELECT 1 FROM frames WHERE object_digest = 'a'", "frames_by_object"),
         (super::frames::UNNAMED, "frames_by_object"),
         ("SELECT * FROM jobs WHERE sweep_id = 'a' AND seq < 9 ORDER BY seq DESC", "jobs_of_sweep"),
         (
             "SELECT * FROM jobs WHERE state = ? AND ended_at IS NOT NULL AND seq < 9 ORDER BY seq DESC",
             "jobs_ended",
         ),
-        ("SELECT 1 FROM jobs WHERE digest = 'a'", "jobs_by_digest"),
-        ("SELECT 1 FROM results WHERE document = 'a'", "results_by_document"),
-        ("SELECT 1 FROM attempts WHERE partial = 'a'", "attempts_by_partial"),
-        ("SELECT id, digest FROM jobs WHERE sweep_id = 'a' LIMIT 500", "jobs_"),
-        ("SELECT 1 FROM results WHERE digest = 'a' AND solver_revision = 1", "results_by_digest"),
+        ("SELECT 1 FROM jobs WHERE scenario_digest = 'a'", "jobs_by_digest"),
+        ("SELECT 1 FROM results WHERE document_digest = 'a'", "results_by_document"),
+        ("SELECT 1 FROM attempts WHERE partial_digest = 'a'", "attempts_by_partial"),
+        ("SELECT id, scenario_digest FROM jobs WHERE sweep_id = 'a' LIMIT 500", "jobs_"),
+        ("SELECT 1 FROM results WHERE scenario_digest = 'a' AND solver_revision = 1", "results_by_digest"),
     ] {
         let told = plan(&store, sql).await;
         assert!(told.contains(index) && !told.contains("TEMP B-TREE"), "{sql}\n{told}");
@@ -194,7 +194,7 @@ async fn insert_turn(store: &Store, priority: i64, turn: i64) -> Result<(), Stor
         .writer
         .write(move |tx| {
             Box::pin(async move {
-                let sql = "INSERT INTO turns (priority, owner, turn, round) VALUES (?, 0, ?, 0)";
+                let sql = "INSERT INTO fair_share (priority, owner, queue_position, round) VALUES (?, 0, ?, 0)";
                 sqlx::query(sql).bind(priority).bind(turn).execute(&mut *tx).await?;
                 // Fails after the first write where the turn is odd.
                 if turn % 2 == 1 {
@@ -220,7 +220,7 @@ async fn pieces_of_a_group_fail_alone() {
         assert_eq!(write.await.unwrap().is_ok(), number % 2 == 0, "{number}");
     }
     let kept: Vec<i64> =
-        sqlx::query_scalar("SELECT turn FROM turns ORDER BY turn").fetch_all(&store.readers).await.unwrap();
+        sqlx::query_scalar("SELECT queue_position FROM fair_share ORDER BY queue_position").fetch_all(&store.readers).await.unwrap();
     assert_eq!(kept, (0..50).step_by(2).collect::<Vec<_>>());
     store.close().await;
     assert!(matches!(insert_turn(&store, 1, 2).await, Err(StoreError::WriterGone)));
@@ -235,7 +235,7 @@ async fn design_points_and_results_never_change() {
                 sqlx::raw_sql(
                     "INSERT INTO sweeps (id, name, spec, factors, labels, points, replicates, submitted_at)
                      VALUES ('s', 'n', '{}', '[]', '{}', 1, 1, 0);
-                     INSERT INTO points VALUES ('s', 0, '{}');",
+                     INSERT INTO design_points VALUES ('s', 0, '{}');",
                 )
                 .execute(&mut *tx)
                 .await?;
@@ -244,10 +244,10 @@ async fn design_points_and_results_never_change() {
             })
         })
     };
-    let error = attempt("UPDATE points SET levels = '[]'").await.unwrap_err();
+    let error = attempt("UPDATE design_points SET levels = '[]'").await.unwrap_err();
     let error = format!("{error:?}");
     assert!(error.contains("a design point never changes"), "{error}");
-    let error = attempt("INSERT INTO points VALUES ('t', 0, '{}')").await.unwrap_err();
+    let error = attempt("INSERT INTO design_points VALUES ('t', 0, '{}')").await.unwrap_err();
     let error = format!("{error:?}");
     assert!(error.contains("FOREIGN KEY"), "{error}");
     store.close().await;
@@ -262,7 +262,7 @@ async fn a_lease_counts_by_its_own_clock_and_ends_at_the_time_people_read() {
             Box::pin(async move {
                 sqlx::raw_sql(
                     "INSERT INTO scenarios (digest, body) VALUES ('d', '{}');
-                     INSERT INTO jobs (id, digest, seed, priority, turn, labels, cache, submitted_at, state,
+                     INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, labels, cache, submitted_at, state,
                                        attempt, cancelling, lease_expires_at)
                      VALUES ('01890000-0000-7000-8000-000000000000', 'd', 1, 0, 0, '{}', 'use', 0, 'running',
                              1, 1, 100);",
@@ -321,9 +321,9 @@ async fn versions_do_not_come_back_when_events_are_forgotten_or_meshes_go() {
     write(format!(
         "INSERT INTO sweeps (id, name, spec, factors, labels, points, replicates, submitted_at)
          VALUES ('{sweep}', 'n', '{{}}', '[]', '{{}}', 1, 1, 0);
-         INSERT INTO points VALUES ('{sweep}', 0, '{{}}');
+         INSERT INTO design_points VALUES ('{sweep}', 0, '{{}}');
          INSERT INTO scenarios VALUES ('d', '{{}}');
-         INSERT INTO jobs (id, sweep_id, point, replicate, digest, seed, priority, turn, labels, cache, submitted_at)
+         INSERT INTO jobs (id, sweep_id, point, replicate, scenario_digest, seed, priority, queue_position, labels, cache, submitted_at)
          VALUES ('{job}', '{sweep}', 0, 0, 'd', 1, 0, 1, '{{}}', 'use', 0);"
     ))
     .await;

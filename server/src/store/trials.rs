@@ -28,7 +28,7 @@ pub(crate) struct Documented {
 const COLUMNS: &str = "SELECT j.id, j.point, j.replicate, j.seed, j.state, j.failure_class, p.levels,
         r.backend, r.solver_revision, r.responses
     FROM jobs j
-    JOIN points p ON p.sweep_id = j.sweep_id AND p.idx = j.point
+    JOIN design_points p ON p.sweep_id = j.sweep_id AND p.point = j.point
     LEFT JOIN results r ON r.job_id = j.id";
 
 /// Where trials are, one after the other: down an index, and nothing is sorted.
@@ -83,7 +83,7 @@ impl Store {
              LEFT JOIN results r ON r.job_id = j.id
              LEFT JOIN attempts a ON a.job_id = j.id AND a.number = j.attempt
                                   AND j.state IN ('failed', 'cancelled')
-             LEFT JOIN documents d ON d.digest = coalesce(r.document, a.partial) {FROM}"
+             LEFT JOIN documents d ON d.digest = coalesce(r.document_digest, a.partial_digest) {FROM}"
         );
         let rows = sqlx::query(AssertSqlSafe(sql))
             .bind(id.to_string())

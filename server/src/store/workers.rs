@@ -172,7 +172,7 @@ mod tests {
     async fn fail_a_job(store: &Store, worker: WorkerId) {
         let sql = format!(
             "INSERT INTO scenarios (digest, body) VALUES ('d', '{{}}');
-             INSERT INTO jobs (id, digest, seed, priority, turn, labels, cache, submitted_at, attempt)
+             INSERT INTO jobs (id, scenario_digest, seed, priority, queue_position, labels, cache, submitted_at, attempt)
              VALUES ('{job}', 'd', 1, 0, 0, '{{}}', 'use', 0, 1);
              INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at, outcome, ended_at)
              VALUES ('{job}', 1, '{worker}', 'r', 0, 'worker', 0);",

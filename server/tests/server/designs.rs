@@ -201,11 +201,11 @@ async fn deletion_removes_one_sweep_only() {
 
 /// Unnamed rows, and all rows of the tables that a sweep fills.
 async fn row_counts(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
-    let unnamed = "SELECT (SELECT count(*) FROM scenarios WHERE digest NOT IN (SELECT digest FROM jobs))
-        + (SELECT count(*) FROM documents WHERE digest NOT IN (SELECT document FROM results)
-           AND digest NOT IN (SELECT partial FROM attempts WHERE partial IS NOT NULL))";
+    let unnamed = "SELECT (SELECT count(*) FROM scenarios WHERE digest NOT IN (SELECT scenario_digest FROM jobs))
+        + (SELECT count(*) FROM documents WHERE digest NOT IN (SELECT document_digest FROM results)
+           AND digest NOT IN (SELECT partial_digest FROM attempts WHERE partial_digest IS NOT NULL))";
     let all =
-        "SELECT (SELECT count(*) FROM sweeps) + (SELECT count(*) FROM points) + (SELECT count(*) FROM jobs)
+        "SELECT (SELECT count(*) FROM sweeps) + (SELECT count(*) FROM design_points) + (SELECT count(*) FROM jobs)
         + (SELECT count(*) FROM attempts) + (SELECT count(*) FROM results)
         + (SELECT count(*) FROM scenarios) + (SELECT count(*) FROM documents)";
     let unnamed: i64 = sqlx::query_scalar(unnamed).fetch_one(&mut *database).await.unwrap();

@@ -72,7 +72,7 @@ pub(super) struct World<'s> {
 impl<'s> World<'s> {
     /// An empty store and two workers.
     pub(super) async fn new(store: &'s Store, seed: u64) -> Self {
-        let clear = "DELETE FROM results; DELETE FROM attempts; DELETE FROM jobs; DELETE FROM workers; DELETE FROM turns;
+        let clear = "DELETE FROM results; DELETE FROM attempts; DELETE FROM jobs; DELETE FROM workers; DELETE FROM fair_share;
                      DELETE FROM documents; DELETE FROM scenarios";
         store
             .writer

@@ -117,7 +117,7 @@ impl World<'_> {
 
     /// What may be claimed, as the jobs of one owner and priority follow each other, and the number of each.
     async fn queue(&self) -> Vec<(JobId, i64)> {
-        let sql = "SELECT id, seq FROM jobs WHERE state = 'queued' AND not_before IS NULL ORDER BY turn, seq";
+        let sql = "SELECT id, seq FROM jobs WHERE state = 'queued' AND not_before IS NULL ORDER BY queue_position, seq";
         let rows: Vec<(String, i64)> = sqlx::query_as(sql).fetch_all(&self.store.readers).await.unwrap();
         rows.iter().map(|(id, seq)| (id.parse().unwrap(), *seq)).collect()
     }
