@@ -58,8 +58,8 @@ pub(crate) async fn restore(args: Restore) -> Result<Exit> {
     report(&roost_server::restore(&args.folder, &args.common.data).await?, args.common.json)
 }
 
-fn report(copied: &roost_server::Copied, as_json: bool) -> Result<Exit> {
-    let roost_server::Copied { bytes, jobs, results, absent_objects } = *copied;
+fn report(copied: &roost_server::BackupReport, as_json: bool) -> Result<Exit> {
+    let roost_server::BackupReport { bytes, jobs, results, absent_objects } = *copied;
     if as_json {
         let copied =
             json!({"bytes": bytes, "jobs": jobs, "results": results, "absent_objects": absent_objects});

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use roost_server::{Bucket, Limits, RetryPolicy, Server, ServerConfig, Tries};
+use roost_server::{Bucket, Limits, RetryLimit, RetryPolicy, Server, ServerConfig};
 
 use crate::exit::Exit;
 use crate::signals;
@@ -80,8 +80,8 @@ impl ServerArgs {
     pub(crate) fn config(self) -> ServerConfig {
         let mut retry = RetryPolicy::default();
         let first_pause = Duration::from_secs_f64(self.retry_pause_s);
-        retry.worker = Tries { attempts: self.worker_attempts, first_pause, ..retry.worker };
-        retry.lost = Tries { attempts: self.lost_attempts, first_pause: first_pause / 2, ..retry.lost };
+        retry.worker = RetryLimit { attempts: self.worker_attempts, first_pause, ..retry.worker };
+        retry.lost = RetryLimit { attempts: self.lost_attempts, first_pause: first_pause / 2, ..retry.lost };
         ServerConfig {
             listen: self.listen,
             data: self.data,

@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::store::{Copied, OBJECTS, StoreError, TokenFile, copy};
+use crate::store::{BackupReport, OBJECTS, StoreError, TokenFile, copy};
 
 /// The database in a data directory, and in a backup.
 pub(crate) const DATABASE: &str = "roost.db";
@@ -109,7 +109,7 @@ pub async fn tokens_in(data: &Path, create: bool) -> Result<TokenFile, DataError
 }
 
 /// Copies a data directory to another folder as of one moment, with or without a running server.
-pub async fn backup(data: &Path, into: &Path) -> Result<Copied, DataError> {
+pub async fn backup(data: &Path, into: &Path) -> Result<BackupReport, DataError> {
     let (from, to) = (data.join(DATABASE), into.join(DATABASE));
     if !from.exists() {
         return Err(DataError::Nothing(data.to_owned()));
@@ -125,7 +125,7 @@ pub async fn backup(data: &Path, into: &Path) -> Result<Copied, DataError> {
 }
 
 /// Copies a backup to a data directory without a database and without a running server.
-pub async fn restore(from: &Path, data: &Path) -> Result<Copied, DataError> {
+pub async fn restore(from: &Path, data: &Path) -> Result<BackupReport, DataError> {
     if !from.join(DATABASE).exists() {
         return Err(DataError::Nothing(from.to_owned()));
     }

@@ -109,7 +109,7 @@ async fn prune(app: &App, age: Duration) {
 }
 
 async fn tick(app: &App) -> Result<(), StoreError> {
-    let passed = app.store.pass_time(app.config.retry, app.clock.both()).await?;
+    let passed = app.store.expire(app.config.retry, app.clock.both()).await?;
     for (place, (job, change)) in passed.changes.iter().enumerate() {
         tracing::warn!(%job, ?change, "an attempt timed out or lost its lease");
         app.progress.remove(*job);

@@ -91,7 +91,7 @@ impl Server {
         let access = Access::new(max_requests_per_s, is_loopback, tokens);
         let newest_at_start = store.newest_record().await?;
         let clock = Clock::start();
-        let running = store.start_afresh(lease_end(clock.lease_now(), config.lease)).await?;
+        let running = store.renew_all_leases(lease_end(clock.lease_now(), config.lease)).await?;
         tracing::info!(%address, data = %config.data.display(), running, "listening");
         if access.is_open() {
             tracing::warn!("no access token exists: every user of this machine may do everything");

@@ -22,7 +22,7 @@ use super::problem::ApiError;
 use crate::document::fault;
 use crate::queue::{JobChange, Verdict};
 use crate::state::App;
-use crate::store::StoredResult;
+use crate::store::EncodedResult;
 
 /// The answer to a delivery.
 #[derive(Serialize, ToSchema)]
@@ -53,7 +53,7 @@ pub(crate) async fn result(
     Ok(Json(settle(&app, id, AttemptOutcome::Succeeded, &verdict)))
 }
 
-fn checked_result(result: &RunResult) -> Result<StoredResult, ApiError> {
+fn checked_result(result: &RunResult) -> Result<EncodedResult, ApiError> {
     let mut faults = result_faults(result);
     if matches!(result.end_reason, EndReason::Unstable | EndReason::Cancelled) {
         let detail = "the run was unstable or cancelled: report it as a failure";
@@ -67,7 +67,7 @@ fn checked_result(result: &RunResult) -> Result<StoredResult, ApiError> {
     if !faults.is_empty() {
         return Err(ApiError::faults(faults));
     }
-    Ok(StoredResult::new(result)?)
+    Ok(EncodedResult::new(result)?)
 }
 
 /// Reports that an attempt ended without a result. Repeating it is safe.
@@ -97,7 +97,7 @@ pub(crate) async fn failure(
 }
 
 /// Checks a partial result. Responses of a cancelled run are removed: they hold for complete runs only.
-fn checked_partial(outcome: AttemptOutcome, mut result: RunResult) -> Result<StoredResult, ApiError> {
+fn checked_partial(outcome: AttemptOutcome, mut result: RunResult) -> Result<EncodedResult, ApiError> {
     let faults = result_faults(&result);
     if !faults.is_empty() {
         return Err(ApiError::faults(faults));
@@ -105,7 +105,7 @@ fn checked_partial(outcome: AttemptOutcome, mut result: RunResult) -> Result<Sto
     if outcome == AttemptOutcome::Cancelled {
         result.responses.clear();
     }
-    Ok(StoredResult::new(&result)?)
+    Ok(EncodedResult::new(&result)?)
 }
 
 /// Updates metrics, progress and waiting claims after a delivery.

@@ -18,7 +18,7 @@ use super::etags::matches_etag;
 use super::extract::{Params, Segments, check_media_type, incomplete_body};
 use super::problem::{ApiError, ProblemKind};
 use crate::state::App;
-use crate::store::{StoredFrames, Unstaged};
+use crate::store::{StoredFrames, StageError};
 
 /// Media types of an upload.
 const MEDIA_TYPES: [&str; 2] = [MEDIA_TYPE, "application/octet-stream"];
@@ -86,9 +86,9 @@ pub(crate) async fn upload(
     }
     let staged = app.store.stage(request.into_body().into_data_stream(), limit).await;
     let staged = staged.map_err(|unstaged| match unstaged {
-        Unstaged::Broken(error) => incomplete_body(&error),
-        Unstaged::TooLong => too_large(),
-        Unstaged::Store(error) => error.into(),
+        StageError::Broken(error) => incomplete_body(&error),
+        StageError::TooLong => too_large(),
+        StageError::Store(error) => error.into(),
     })?;
     if staged.head != MAGIC {
         app.store.discard(staged).await;

@@ -7,7 +7,7 @@ use roost_api::problem::{MEDIA_TYPE, Problem};
 
 use crate::queue::Refusal;
 use crate::state::{AccessError, MeshCacheError};
-use crate::store::{Hindrance, StoreError};
+use crate::store::{Unavailable, StoreError};
 
 /// Declares the problem kinds: name in the `type` field, status, title.
 macro_rules! kinds {
@@ -119,12 +119,12 @@ impl IntoResponse for ApiError {
 impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
         tracing::error!(error = error.as_dyn(), "the store failed");
-        match (error.hindrance(), &error) {
-            (Some(Hindrance::Busy), _) => Self::new(
+        match (error.unavailable(), &error) {
+            (Some(Unavailable::Busy), _) => Self::new(
                 ProblemKind::Unavailable,
                 "another program has locked the database: try again later",
             ),
-            (Some(Hindrance::Full), _) => Self::new(
+            (Some(Unavailable::Full), _) => Self::new(
                 ProblemKind::StorageFull,
                 "the disk of the server's data directory is full: nothing changed; the operator must free space",
             ),

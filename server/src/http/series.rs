@@ -19,7 +19,7 @@ use super::problem::{ApiError, ProblemKind};
 use super::stored_result::{numbers, series_of};
 use super::sweeps::view;
 use crate::state::App;
-use crate::store::{DOCUMENTS, Documented};
+use crate::store::{MAX_DOCUMENTS, TrialDocument};
 
 /// Default number of samples of each job.
 const SAMPLES: usize = 200;
@@ -81,9 +81,9 @@ pub(crate) async fn of_sweep(
     let next_cursor = rows.next_cursor();
     let mut answer = SweepSeries { name, unit: None, items: Vec::new(), next_cursor };
     let mut existing = Vec::new();
-    while let Some((place, jobs)) = rows.take(DOCUMENTS) {
+    while let Some((place, jobs)) = rows.take(MAX_DOCUMENTS) {
         let trials = app.store.documents_from(id, place, jobs).await?;
-        let running = |trial: &Documented| app.progress.series(trial.job_id);
+        let running = |trial: &TrialDocument| app.progress.series(trial.job_id);
         let trials = trials.into_iter().map(|trial| (running(&trial), trial)).collect::<Vec<_>>();
         let name = answer.name.clone();
         let read = run_blocking(move || {
@@ -115,7 +115,7 @@ pub(crate) async fn of_sweep(
 fn of_job(
     name: &str,
     running: Vec<Series>,
-    trial: Documented,
+    trial: TrialDocument,
     samples: usize,
 ) -> (Option<String>, Option<JobSeries>, Vec<String>) {
     let item = |partial, t_s: &[f64], values: &[f64]| JobSeries {

@@ -16,7 +16,7 @@ use uuid::Uuid;
 use super::extract::whole_body;
 use super::problem::{ApiError, ProblemKind};
 use crate::state::{App, Caller};
-use crate::store::{Answered, Known, Submission};
+use crate::store::{StoredResponse, Submission, SubmissionState};
 
 const KEY: HeaderName = HeaderName::from_static("idempotency-key");
 const REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
@@ -57,9 +57,9 @@ async fn answer_once(app: &App, request: Request, next: Next) -> Result<Response
     let bytes = whole_body(Request::from_parts(parts.clone(), body), app).await?;
     let submission = Submission { owner, key, fingerprint: fingerprint(&parts, &bytes) };
     let reserved = match app.store.submission(submission.clone(), app.clock.now()).await? {
-        Known::Reserved(id) => id,
-        Known::Answered(answered) => return Ok(stored_answer(answered)),
-        Known::Other => {
+        SubmissionState::Reserved(id) => id,
+        SubmissionState::Answered(answered) => return Ok(stored_answer(answered)),
+        SubmissionState::Other => {
             let detail = "this Idempotency-Key was used for another request: send a new key";
             return Err(ApiError::new(ProblemKind::KeyReused, detail));
         }
@@ -78,7 +78,7 @@ async fn answer_once(app: &App, request: Request, next: Next) -> Result<Response
     let text = axum::body::to_bytes(body, MAX_ANSWER_BYTES).await;
     let text = text.map_err(|error| ApiError::new(ProblemKind::Internal, error.to_string()))?;
     let location = parts.headers.get(header::LOCATION).and_then(|value| value.to_str().ok());
-    let answered = Answered {
+    let answered = StoredResponse {
         status: parts.status.as_u16(),
         location: location.map(str::to_owned),
         body: String::from_utf8_lossy(&text).into_owned(),
@@ -106,7 +106,7 @@ fn fingerprint(parts: &Parts, body: &Bytes) -> String {
     hasher.update(body).finalize().to_hex().to_string()
 }
 
-fn stored_answer(answered: Answered) -> Response {
+fn stored_answer(answered: StoredResponse) -> Response {
     let status = StatusCode::from_u16(answered.status).unwrap_or(StatusCode::OK);
     let mut response = (status, [(header::CONTENT_TYPE, "application/json")], answered.body).into_response();
     let headers = response.headers_mut();

@@ -27,7 +27,7 @@ use super::problem::{ApiError, ProblemKind};
 use super::submissions::Reserved;
 use crate::queue::Refusal;
 use crate::state::{App, Caller};
-use crate::store::{JobFilter, MoreOfSweep, NewSweep, Subject};
+use crate::store::{JobFilter, NewExtension, NewSweep, Subject};
 use crate::sweep::{self, SweepLimits};
 
 /// Submits a sweep: base × design × replicates. Either all of its jobs are queued or none.
@@ -274,7 +274,7 @@ async fn extend_once(
         let firsts = if has_more_replicates { app.store.first_scenarios(id).await? } else { Vec::new() };
         let token = caller.token.to_string();
         let more =
-            run_blocking(move || MoreOfSweep::new(id, (extension, &body), token, &stored, growth, firsts));
+            run_blocking(move || NewExtension::new(id, (extension, &body), token, &stored, growth, firsts));
         let more = more.await??;
         if app.store.extend_sweep(more, app.clock.now()).await? {
             app.work.notify_waiters();

@@ -1,17 +1,17 @@
-//! What the owner of a job may do to it: cancel and retry.
+//! Cancel and retry by a user.
 
 use roost_api::job::{FailureClass, JobState};
 
 use super::Refusal;
 
-/// What a cancel does, by the state of the job.
+/// The effect of a cancel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CancelEffect {
     /// The job is cancelled at once.
     Cancel,
-    /// The worker hears of it with its next beat.
-    Ask,
-    /// The job has ended: what was recorded before the cancel stays.
+    /// The worker is told in the reply to its next heartbeat.
+    Request,
+    /// The job has ended; its result stays.
     Nothing,
 }
 
@@ -19,12 +19,12 @@ pub(crate) enum CancelEffect {
 pub(crate) fn on_cancel(state: JobState) -> CancelEffect {
     match state {
         JobState::Queued => CancelEffect::Cancel,
-        JobState::Running => CancelEffect::Ask,
+        JobState::Running => CancelEffect::Request,
         JobState::Succeeded | JobState::Failed | JobState::Cancelled => CancelEffect::Nothing,
     }
 }
 
-/// Decides on a retry; `wanted` narrows it to jobs that failed so.
+/// Decides on a retry. With `wanted`, only jobs with this class of failure are retried.
 pub(crate) fn on_retry(
     state: JobState,
     failure_class: Option<FailureClass>,

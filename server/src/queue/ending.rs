@@ -1,47 +1,47 @@
-//! How an attempt ends by its worker's report, and what that does to the job.
+//! The effect of a worker's report on attempt and job.
 
 use roost_api::job::{AttemptOutcome, FailureClass};
 use roost_api::time::Timestamp;
 
-use super::{JobChange, JobFacts, Refusal, RetryPolicy, Standing};
+use super::{FenceState, JobChange, JobSnapshot, Refusal, RetryPolicy};
 
-/// The answer to a report.
+/// The decision on a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// It counts: the job changes so.
+    /// It is recorded, and changes the job.
     Record(JobChange),
-    /// It counted already: nothing changes.
+    /// It repeats a recorded report, and changes nothing.
     Repeat,
 }
 
-/// Decides on a delivered result. One that arrives while a cancel is on its way wins: the work is done.
-pub(crate) fn on_result(standing: Standing) -> Result<Verdict, Refusal> {
-    match standing {
-        Standing::Holds => Ok(Verdict::Record(JobChange::Succeed)),
-        Standing::Ended(AttemptOutcome::Succeeded) => Ok(Verdict::Repeat),
-        Standing::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
-        Standing::Stale(refusal) => Err(refusal),
+/// Decides on a delivered result. It wins over a cancel that the worker has not confirmed: the work is done.
+pub(crate) fn on_result(fence: FenceState) -> Result<Verdict, Refusal> {
+    match fence {
+        FenceState::Current => Ok(Verdict::Record(JobChange::Succeed)),
+        FenceState::Ended(AttemptOutcome::Succeeded) => Ok(Verdict::Repeat),
+        FenceState::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
+        FenceState::Stale(refusal) => Err(refusal),
     }
 }
 
 /// Decides on a failure reported at `now` on the clock of leases.
 pub(crate) fn on_failure(
-    job: &JobFacts,
-    standing: Standing,
+    job: &JobSnapshot,
+    fence: FenceState,
     outcome: AttemptOutcome,
     policy: RetryPolicy,
     now: Timestamp,
 ) -> Result<Verdict, Refusal> {
-    match standing {
-        Standing::Holds => change_on(job, outcome, policy, now).map(Verdict::Record),
-        Standing::Ended(before) if before == outcome => Ok(Verdict::Repeat),
-        Standing::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
-        Standing::Stale(refusal) => Err(refusal),
+    match fence {
+        FenceState::Current => change_on(job, outcome, policy, now).map(Verdict::Record),
+        FenceState::Ended(before) if before == outcome => Ok(Verdict::Repeat),
+        FenceState::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
+        FenceState::Stale(refusal) => Err(refusal),
     }
 }
 
 fn change_on(
-    job: &JobFacts,
+    job: &JobSnapshot,
     outcome: AttemptOutcome,
     policy: RetryPolicy,
     now: Timestamp,
@@ -53,11 +53,11 @@ fn change_on(
         AttemptOutcome::Worker | AttemptOutcome::Released if job.cancelling => JobChange::Cancel,
         AttemptOutcome::Worker => policy
             .worker
-            .again(job, job.worker_failures + 1, false, now)
+            .requeue(job, job.worker_failures + 1, false, now)
             .unwrap_or(JobChange::Fail(FailureClass::Worker)),
         AttemptOutcome::Released => JobChange::Requeue { not_before: None, alone: false },
         AttemptOutcome::Cancelled if job.cancelling => JobChange::Cancel,
-        // Nobody asked for it, and success and loss are not a worker's to report here.
+        // No cancel was requested, and success and loss are not failures that a worker reports.
         AttemptOutcome::Cancelled | AttemptOutcome::Succeeded | AttemptOutcome::Lost => {
             return Err(Refusal::NotReportable { outcome });
         }

@@ -1,33 +1,33 @@
-//! The fence: may a write of this attempt still count?
+//! The fence: whether a write of an attempt still counts.
 //!
-//! An attempt is stale only when a newer one was claimed or the job has ended. One whose lease expired but
-//! whose job nobody has claimed since may still beat and deliver: its work is good.
+//! An attempt is stale only when a newer one was claimed or the job has ended. If its lease expired but nobody has claimed
+//! the job since, it may still send heartbeats and results.
 
 use roost_api::ids::WorkerId;
 use roost_api::job::{AttemptOutcome, JobState};
 
-use super::{AttemptFacts, JobFacts, Refusal};
+use super::{AttemptSnapshot, JobSnapshot, Refusal};
 
-/// Where an attempt stands.
+/// Whether an attempt may write.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Standing {
-    /// It may write. Its lease may have expired, and the job then waits in the queue.
-    Holds,
-    /// It has ended by its own report: only a repeat of that report is answered.
+pub(crate) enum FenceState {
+    /// It may write. Its lease may have expired; the job is then in the queue.
+    Current,
+    /// It has ended by its own report. Only a repeat of that report is accepted.
     Ended(AttemptOutcome),
     /// It may not write.
     Stale(Refusal),
 }
 
-/// Where `attempt` of `job` stands when `worker` writes to it.
-pub(crate) fn standing(job: &JobFacts, attempt: &AttemptFacts, worker: WorkerId) -> Standing {
+/// Checks a write of `worker` to `attempt` of `job`.
+pub(crate) fn fence(job: &JobSnapshot, attempt: &AttemptSnapshot, worker: WorkerId) -> FenceState {
     if attempt.worker_id != worker {
-        return Standing::Stale(Refusal::OtherWorker);
+        return FenceState::Stale(Refusal::OtherWorker);
     }
     match attempt.outcome {
-        Some(outcome) if outcome != AttemptOutcome::Lost => Standing::Ended(outcome),
-        _ if attempt.number < job.attempt => Standing::Stale(Refusal::Superseded { newest: job.attempt }),
-        _ if matches!(job.state, JobState::Queued | JobState::Running) => Standing::Holds,
-        _ => Standing::Stale(Refusal::JobEnded { state: job.state }),
+        Some(outcome) if outcome != AttemptOutcome::Lost => FenceState::Ended(outcome),
+        _ if attempt.number < job.attempt => FenceState::Stale(Refusal::Superseded { newest: job.attempt }),
+        _ if matches!(job.state, JobState::Queued | JobState::Running) => FenceState::Current,
+        _ => FenceState::Stale(Refusal::JobEnded { state: job.state }),
     }
 }

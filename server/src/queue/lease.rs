@@ -1,37 +1,37 @@
-//! Leases: what a beat renews, and what becomes of a job whose lease or time ran out.
+//! Leases: the effect of heartbeats, of expired leases and of deadlines.
 
 use roost_api::job::{FailureClass, JobState};
 use roost_api::time::Timestamp;
 
-use super::{JobChange, JobFacts, RetryPolicy, Standing};
+use super::{FenceState, JobChange, JobSnapshot, RetryPolicy};
 
-/// What a beat of one attempt does.
+/// The effect of a heartbeat on one attempt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum BeatEffect {
-    /// The lease now ends then; a job that was back in the queue runs again.
+    /// The lease is renewed. A job that was back in the queue runs again.
     Renew {
         /// When the lease ends.
         until: Timestamp,
-        /// The worker shall stop and report `cancelled`.
+        /// Whether the worker is to stop and report `cancelled`.
         cancel: bool,
     },
-    /// Nothing changes; the worker shall stop and say nothing.
+    /// Nothing changes. The worker is to stop without a report.
     Abandon,
 }
 
-/// Decides on a beat of an attempt that stands so.
-pub(crate) fn on_beat(job: &JobFacts, standing: Standing, until: Timestamp) -> BeatEffect {
-    match standing {
-        Standing::Holds => BeatEffect::Renew { until, cancel: job.cancelling },
-        Standing::Ended(_) | Standing::Stale(_) => BeatEffect::Abandon,
+/// Decides on a heartbeat.
+pub(crate) fn on_beat(job: &JobSnapshot, fence: FenceState, until: Timestamp) -> BeatEffect {
+    match fence {
+        FenceState::Current => BeatEffect::Renew { until, cancel: job.cancelling },
+        FenceState::Ended(_) | FenceState::Stale(_) => BeatEffect::Abandon,
     }
 }
 
-/// Decides on a running job at `now`: nothing while its lease lasts. One whose worker held others as well runs alone next time.
+/// Decides on a running job at `now`; none while its lease lasts. If its worker held other jobs too, it runs alone next time.
 pub(crate) fn on_lease_expired(
-    job: &JobFacts,
+    job: &JobSnapshot,
     lease_expires_at: Timestamp,
-    had_company: bool,
+    had_others: bool,
     policy: RetryPolicy,
     now: Timestamp,
 ) -> Option<JobChange> {
@@ -41,13 +41,13 @@ pub(crate) fn on_lease_expired(
     Some(if job.cancelling {
         JobChange::Cancel
     } else {
-        let again = policy.lost.again(job, job.lost + 1, had_company, now);
-        again.unwrap_or(JobChange::Fail(FailureClass::Lost))
+        let requeue = policy.lost.requeue(job, job.lost + 1, had_others, now);
+        requeue.unwrap_or(JobChange::Fail(FailureClass::Lost))
     })
 }
 
-/// Decides on a running job at `now` whose worker should have stopped it at the deadline, and has not said so.
-pub(crate) fn on_deadline(job: &JobFacts, deadline: Timestamp, now: Timestamp) -> Option<JobChange> {
+/// Decides on a running job at `now` whose worker has not reported by the deadline.
+pub(crate) fn on_deadline(job: &JobSnapshot, deadline: Timestamp, now: Timestamp) -> Option<JobChange> {
     if job.state != JobState::Running || deadline > now {
         return None;
     }

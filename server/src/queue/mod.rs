@@ -1,20 +1,28 @@
 //! Decisions of the queue: synchronous, without IO, the clock an argument.
 //!
-//! The store reads the facts, asks here, and carries the answer out in the same transaction. `fence` says
-//! whether a write of an attempt may count, `origin` whether a result is of its job and worker, `lease` what a beat and an expired lease mean, `ending` what
-//! a delivery or a failure does to the job, `retry` when it is tried again, `turns` whose job is next, `batch` what a claim gets, `control`
-//! what its owner may do to it.
+//! The store reads snapshots, calls a decision, and applies it in the same transaction.
+//!
+//! | module | decision |
+//! |---|---|
+//! | `fence` | whether a write of an attempt still counts |
+//! | `provenance` | whether a result belongs to its job and worker |
+//! | `lease` | the effect of a heartbeat, an expired lease, a passed deadline |
+//! | `ending` | the effect of a result or a failure report |
+//! | `retry` | whether and when a job is tried again |
+//! | `fair_share` | the order of the queue |
+//! | `allocation` | the jobs of each claim |
+//! | `control` | the effect of a cancel or a retry by a user |
 
-mod batch;
+mod allocation;
 mod control;
 mod ending;
+mod fair_share;
 mod fence;
 mod lease;
-mod origin;
+mod provenance;
 mod retry;
 #[cfg(test)]
 mod tests;
-mod turns;
 
 use std::time::Duration;
 
@@ -23,23 +31,23 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::time::Timestamp;
 
-pub(crate) use batch::{Holding, Share, Wanted, share};
+pub(crate) use allocation::{Allocation, Demand, WorkerLoad, allocate};
 pub(crate) use control::{CancelEffect, on_cancel, on_retry};
 pub(crate) use ending::{Verdict, on_failure, on_result};
-pub(crate) use fence::{Standing, standing};
+pub(crate) use fair_share::{EligibleJob, Owner, OwnerQueue, Rounds};
+pub(crate) use fence::{FenceState, fence};
 pub(crate) use lease::{BeatEffect, on_beat, on_deadline, on_lease_expired};
-pub(crate) use origin::Origin;
-pub use retry::{RetryPolicy, Tries};
-pub(crate) use turns::{Candidate, Line, Owner, Rounds};
+pub(crate) use provenance::Provenance;
+pub use retry::{RetryLimit, RetryPolicy};
 
-/// What the queue knows of a job when it decides.
+/// The state of a job that decisions depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct JobFacts {
-    /// Which it is.
+pub(crate) struct JobSnapshot {
+    /// Its identifier.
     pub id: JobId,
     /// Its state.
     pub state: JobState,
-    /// Whether a cancel is on its way.
+    /// Whether a cancel was requested and its worker has not confirmed it.
     pub cancelling: bool,
     /// Number of its newest attempt; 0 before the first.
     pub attempt: u32,
@@ -47,40 +55,40 @@ pub(crate) struct JobFacts {
     pub worker_failures: u32,
     /// Attempts since the last retry that ended as `lost`.
     pub lost: u32,
-    /// Why it failed.
+    /// Class of its failure.
     pub failure_class: Option<FailureClass>,
 }
 
-/// What the queue knows of an attempt when it decides.
+/// The state of an attempt that decisions depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct AttemptFacts {
+pub(crate) struct AttemptSnapshot {
     /// Its number.
     pub number: u32,
-    /// Who claimed it.
+    /// The worker that claimed it.
     pub worker_id: WorkerId,
     /// How it ended, if it has.
     pub outcome: Option<AttemptOutcome>,
 }
 
-/// What happens to a job.
+/// A change of the state of a job.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum JobChange {
     /// Back to the queue.
     Requeue {
-        /// Not to be claimed before then, on the clock of leases.
+        /// Earliest time of the next claim, on the clock of leases.
         not_before: Option<Timestamp>,
-        /// From now on it runs alone.
+        /// Whether it runs alone from now on.
         alone: bool,
     },
     /// Its result is recorded.
     Succeed,
-    /// It fails for good.
+    /// It fails without a retry.
     Fail(FailureClass),
     /// It is cancelled.
     Cancel,
 }
 
-/// Why a request to change a job is refused. Nothing has changed.
+/// The reason why a change of a job is refused. A refusal changes nothing.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum Refusal {
     /// No such job.
@@ -93,7 +101,7 @@ pub(crate) enum Refusal {
     #[error("the job has no attempt with this number")]
     NoAttempt,
     /// No such worker.
-    #[error("the worker is not known here: register with POST /v1/workers first")]
+    #[error("the worker is not registered: register with POST /v1/workers first")]
     NoWorker,
     /// A repeated registration of another solver.
     #[error(
@@ -118,36 +126,36 @@ pub(crate) enum Refusal {
         /// How it ended.
         outcome: AttemptOutcome,
     },
-    /// Somebody else's attempt.
+    /// Another worker's attempt.
     #[error("the attempt belongs to another worker")]
     OtherWorker,
     /// A result of another scenario than the job's.
-    #[error("the result is of another scenario than the job's: its digest differs")]
+    #[error("the digest of the result's scenario differs from the job's")]
     OtherScenario,
-    /// A result of another solver than its worker registered: what differs.
-    #[error("the result is not of the solver that its worker registered")]
+    /// A result of another solver than its worker registered, with the differences.
+    #[error("the result comes from another solver than the one its worker registered")]
     OtherSolver(Vec<Fault>),
-    /// A failure report with an outcome that is not a worker's to report.
-    #[error("`{outcome}` cannot be reported as a failure here")]
+    /// A failure report with an outcome that workers do not report.
+    #[error("a worker cannot report `{outcome}` as a failure")]
     NotReportable {
-        /// What was reported.
+        /// The reported outcome.
         outcome: AttemptOutcome,
     },
-    /// Only what failed or was cancelled can be retried.
+    /// Only a failed or cancelled job can be retried.
     #[error("the job is {state}: only a failed or cancelled job can be retried")]
     NotRetryable {
         /// Its state.
         state: JobState,
     },
-    /// The job failed for another reason than the one named.
+    /// The job failed with another class than the requested one.
     #[error("the job did not fail as {wanted}")]
     OtherClass {
-        /// The class that was asked for.
+        /// The requested class.
         wanted: FailureClass,
     },
 }
 
-/// When a lease taken or renewed now ends.
+/// The end of a lease that is taken or renewed now.
 pub(crate) fn lease_end(now: Timestamp, lease: Duration) -> Timestamp {
     now.plus_ms(i64::try_from(lease.as_millis()).unwrap_or(i64::MAX))
 }

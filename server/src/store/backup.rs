@@ -3,13 +3,13 @@
 use std::fs::{self, File};
 use std::path::Path;
 
-use sqlx::{Connection, SqliteConnection};
+use sqlx::{AssertSqlSafe, Connection, SqliteConnection};
 
 use super::{OBJECTS, StoreError, connect, objects, options, refuse_newer};
 
 /// What a copy holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Copied {
+pub struct BackupReport {
     /// Bytes of the file, and of the objects beside it.
     pub bytes: u64,
     /// Jobs in it.
@@ -22,7 +22,7 @@ pub struct Copied {
 
 /// Copies a database, as it is at one moment, to a file that is not there yet. Whoever writes to it goes on meanwhile.
 /// The objects that it names come first to stand beside it, those that are there.
-pub(crate) async fn copy(from: &Path, to: &Path) -> Result<Copied, StoreError> {
+pub(crate) async fn copy(from: &Path, to: &Path) -> Result<BackupReport, StoreError> {
     let beside = to.with_extension("part");
     let _ = fs::remove_file(&beside); // what a copy that broke off has left
     let (mut source, _) = connect(options(from).create_if_missing(false)).await?;
@@ -39,11 +39,11 @@ pub(crate) async fn copy(from: &Path, to: &Path) -> Result<Copied, StoreError> {
     if let Some(folder) = to.parent() {
         sync(folder).map_err(sqlx::Error::Io)?;
     }
-    Ok(Copied { bytes: copied.bytes + beside_it, absent_objects, ..copied })
+    Ok(BackupReport { bytes: copied.bytes + beside_it, absent_objects, ..copied })
 }
 
 /// Whether a file is a sound database of ours, what it holds and which objects it names.
-async fn inspect(path: &Path) -> Result<(Copied, Vec<String>), StoreError> {
+async fn inspect(path: &Path) -> Result<(BackupReport, Vec<String>), StoreError> {
     let (mut copy, _) = connect(options(path).create_if_missing(false)).await?;
     let verdict: String = sqlx::query_scalar("PRAGMA quick_check").fetch_one(&mut copy).await?;
     if verdict != "ok" {
@@ -58,15 +58,14 @@ async fn inspect(path: &Path) -> Result<(Copied, Vec<String>), StoreError> {
     // Leaves one file: no log beside it.
     copy.close().await?;
     let bytes = fs::metadata(path).map_err(sqlx::Error::Io)?.len();
-    Ok((Copied { bytes, jobs, results, absent_objects: 0 }, objects))
+    Ok((BackupReport { bytes, jobs, results, absent_objects: 0 }, objects))
 }
 
-/// The objects that a database names; one that has not been brought to this version may know none.
+/// The objects that a database names. A database of an earlier version has another name for the column, or no frames.
 async fn named(copy: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
-    let sql = "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = 'frames')";
-    let knows: bool = sqlx::query_scalar(sql).fetch_one(&mut *copy).await?;
-    if !knows {
-        return Ok(Vec::new());
-    }
-    Ok(sqlx::query_scalar("SELECT DISTINCT object_digest FROM frames").fetch_all(copy).await?)
+    let sql = "SELECT name FROM pragma_table_info('frames') WHERE name IN ('object', 'object_digest')";
+    let column: Option<String> = sqlx::query_scalar(sql).fetch_optional(&mut *copy).await?;
+    let Some(column) = column else { return Ok(Vec::new()) };
+    let sql = format!("SELECT DISTINCT {column} FROM frames");
+    Ok(sqlx::query_scalar(AssertSqlSafe(sql)).fetch_all(copy).await?)
 }

@@ -17,7 +17,7 @@ pub struct Bucket {
 
 /// Why a text names no bucket that can be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum NoBucket {
+pub enum BucketError {
     /// It is none.
     #[error("give a bucket and where in it, as s3://BUCKET or s3://BUCKET/PREFIX")]
     NotS3,
@@ -28,20 +28,20 @@ pub enum NoBucket {
 
 /// From `s3://BUCKET` or `s3://BUCKET/PREFIX`.
 impl FromStr for Bucket {
-    type Err = NoBucket;
+    type Err = BucketError;
 
-    fn from_str(text: &str) -> Result<Self, NoBucket> {
-        let (name, prefix) = match text.strip_prefix("s3://").ok_or(NoBucket::NotS3)?.split_once('/') {
+    fn from_str(text: &str) -> Result<Self, BucketError> {
+        let (name, prefix) = match text.strip_prefix("s3://").ok_or(BucketError::NotS3)?.split_once('/') {
             Some((name, prefix)) => (name, prefix.trim_matches('/')),
             None => (text.trim_start_matches("s3://"), ""),
         };
         let is_plain =
             |text: &str| text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte));
         if name.is_empty() || !is_plain(name) || !prefix.split('/').all(is_plain) || prefix.contains("//") {
-            return Err(NoBucket::NotS3);
+            return Err(BucketError::NotS3);
         }
         if !cfg!(feature = "s3") {
-            return Err(NoBucket::NotBuilt);
+            return Err(BucketError::NotBuilt);
         }
         Ok(Self { name: name.to_owned(), prefix: prefix.to_owned() })
     }
@@ -71,7 +71,7 @@ impl Bucket {
     /// There is none in such a build.
     #[cfg(not(feature = "s3"))]
     pub(super) fn open(&self) -> Result<Arc<dyn ObjectStore>, StoreError> {
-        Err(self.unusable(NoBucket::NotBuilt))
+        Err(self.unusable(BucketError::NotBuilt))
     }
 
     pub(super) fn unusable(&self, why: impl fmt::Display) -> StoreError {
@@ -91,7 +91,8 @@ mod tests {
             ("s3://roost-1.eu/line/north/", "s3://roost-1.eu/line/north"),
         ] {
             let read: Result<Bucket, _> = text.parse();
-            let expected = if cfg!(feature = "s3") { Ok(shown.to_owned()) } else { Err(NoBucket::NotBuilt) };
+            let expected =
+                if cfg!(feature = "s3") { Ok(shown.to_owned()) } else { Err(BucketError::NotBuilt) };
             assert_eq!(read.map(|bucket| bucket.to_string()), expected, "{text}");
         }
         for wrong in [
@@ -104,7 +105,7 @@ mod tests {
             "s3://roost/a?b",
             "s3://roost/a//b",
         ] {
-            assert_eq!(wrong.parse::<Bucket>(), Err(NoBucket::NotS3), "{wrong}");
+            assert_eq!(wrong.parse::<Bucket>(), Err(BucketError::NotS3), "{wrong}");
         }
     }
 }

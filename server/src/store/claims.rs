@@ -1,4 +1,4 @@
-//! Claims: jobs become attempts, those of many workers in one go.
+//! Claims: jobs become attempts, in batches of many workers.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -12,17 +12,17 @@ use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use uuid::Uuid;
 
-use super::candidates::{CANDIDATES, candidates, rounds};
-use super::rows::{Columns, to_json};
-use super::together::{self, Collector};
+use super::batcher::{Batcher, waves};
+use super::columns::{Columns, to_json};
+use super::eligible_jobs::{ELIGIBLE_JOBS, candidates, rounds};
 use super::workers::around;
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
-use crate::queue::{Holding, Refusal, Share, Wanted, lease_end, share};
+use crate::queue::{Allocation, Demand, Refusal, WorkerLoad, allocate, lease_end};
 
-/// Takes jobs for workers, writes down who runs them from now on, and how far their owners have come; no attempt outlives its
-/// `max_wall_s` by more than a lease.
+/// Starts attempts of jobs, and advances the fair share of their owners. The deadline of an attempt is `max_wall_s` after its first
+/// lease.
 pub(super) const TAKE: &str = "
     UPDATE jobs
     SET state = 'running', attempt = attempt + 1, worker_id = took.value ->> 'worker',
@@ -41,7 +41,7 @@ pub(super) const TAKE: &str = "
     ON CONFLICT (priority, owner) DO UPDATE SET
         queue_position = max(queue_position, excluded.queue_position), round = max(round, excluded.round)";
 
-/// Renews what a request has claimed and still holds.
+/// Renews the leases of attempts that a request claimed and that still run.
 pub(super) const REPEAT: &str = "
     UPDATE jobs SET lease_expires_at = ?
     FROM attempts a
@@ -50,7 +50,8 @@ pub(super) const REPEAT: &str = "
     RETURNING id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, queue_position, seq,
               (SELECT body FROM scenarios WHERE scenarios.digest = jobs.scenario_digest) AS scenario";
 
-/// Notes that workers were heard of; asks what each is and holds, whether it has failed, and whether its request is a repeat.
+/// Records that workers were seen. Returns the device and load of each, whether it has failed jobs, and whether its request is a
+/// repeat.
 pub(super) const ARRIVE: &str = "
     UPDATE workers SET last_seen_at = asked.value ->> 'at'
     FROM json_each(?) AS asked WHERE workers.id = asked.value ->> 'worker';
@@ -72,50 +73,49 @@ pub(crate) struct Claim {
     pub(crate) max_frames_bytes: u64,
 }
 
-/// What it got.
+/// The answer to a claim.
 #[derive(Debug, Default)]
 pub(crate) struct Claimed {
     pub(crate) attempts: Vec<ClaimedAttempt>,
-    /// There is work for it, which it may have once it holds nothing else.
+    /// Whether a job waits until the worker is idle.
     pub(crate) held_back: bool,
 }
 
-/// A claim at its time.
-pub(super) type Asked = (Claim, Now);
+/// A claim and its time.
+pub(super) type TimedClaim = (Claim, Now);
 
-/// What a claim got, as it is stored.
+/// The rows of claimed jobs.
 #[derive(Default)]
-pub(super) struct Got {
+pub(super) struct ClaimedRows {
     rows: Vec<SqliteRow>,
     held_back: bool,
 }
 
-/// Claims that are worked together.
-const GROUP: usize = 64;
+/// Claims in one batch.
+const MAX_BATCH: usize = 64;
 
-/// Where claims wait for each other.
-pub(super) type Collected = Collector<Asked, Result<Got, Refusal>>;
+pub(super) type ClaimBatcher = Batcher<TimedClaim, Result<ClaimedRows, Refusal>>;
 
-pub(super) fn collect(writer: Arc<Writer>) -> Collected {
-    Collector::start(writer, GROUP, Duration::ZERO, |tx, group| Box::pin(claim_all(tx, group)))
+pub(super) fn batcher(writer: Arc<Writer>) -> ClaimBatcher {
+    Batcher::start(writer, MAX_BATCH, Duration::ZERO, |tx, batch| Box::pin(claim_all(tx, batch)))
 }
 
 impl Store {
     /// Claims up to `max_jobs` jobs for the worker, or repeats what the same request claimed before.
     pub(crate) async fn claim(&self, claim: Claim, now: Now) -> Result<Result<Claimed, Refusal>, StoreError> {
-        // Documents are read once others need not wait for it.
-        let got = match self.claims.ask((claim, now)).await? {
-            Ok(got) => got,
+        // Scenarios are parsed outside the batch, so that other claims do not wait.
+        let claimed = match self.claims.submit((claim, now)).await? {
+            Ok(claimed) => claimed,
             Err(refusal) => return Ok(Err(refusal)),
         };
-        let attempts = got.rows.iter().map(|row| attempt(row, claim)).collect::<Result<_, _>>()?;
-        Ok(Ok(Claimed { attempts, held_back: got.held_back }))
+        let attempts = claimed.rows.iter().map(|row| attempt(row, claim)).collect::<Result<_, _>>()?;
+        Ok(Ok(Claimed { attempts, held_back: claimed.held_back }))
     }
 
-    /// Whether a claim would find a job, without troubling the writer.
+    /// Whether a claim would find a job. Uses a reader.
     pub(crate) async fn has_work(&self, claim: Claim, now: Now) -> Result<bool, StoreError> {
         let (since, until) = around(now.wall, claim.lease);
-        let found = sqlx::query(CANDIDATES)
+        let found = sqlx::query(ELIGIBLE_JOBS)
             .bind(claim.worker.to_string())
             .bind(since.0)
             .bind(until.0)
@@ -126,78 +126,80 @@ impl Store {
     }
 }
 
-/// Works claims as if one after the other; those of one worker are.
+/// Allocates jobs to claims as if one after the other. Several claims of one worker are in different waves.
 async fn claim_all(
     tx: &mut SqliteConnection,
-    group: &[Arc<Asked>],
-) -> Result<Vec<Result<Got, Refusal>>, StoreError> {
-    let mut answers: Vec<_> = group.iter().map(|_| Err(Refusal::NoWorker)).collect();
-    for places in together::rounds(group.iter().map(|asked| asked.0.worker)) {
-        let round: Vec<Asked> = places.iter().map(|place| *group[*place]).collect();
-        for (place, answer) in places.into_iter().zip(claim_round(tx, &round).await?) {
-            answers[place] = answer;
+    batch: &[Arc<TimedClaim>],
+) -> Result<Vec<Result<ClaimedRows, Refusal>>, StoreError> {
+    let mut answers: Vec<_> = batch.iter().map(|_| Err(Refusal::NoWorker)).collect();
+    for wave in waves(batch.iter().map(|claim| claim.0.worker)) {
+        let claims: Vec<TimedClaim> = wave.iter().map(|index| *batch[*index]).collect();
+        for (index, answer) in wave.into_iter().zip(claim_wave(tx, &claims).await?) {
+            answers[index] = answer;
         }
     }
     Ok(answers)
 }
 
-/// What decides which jobs suit a worker: who has failed some is of a kind of its own.
+/// Workers that can run the same jobs. A worker that has failed jobs is a class of its own.
 #[derive(PartialEq)]
-struct Kind {
+struct WorkerClass {
     backend: String,
     memory_mib: Option<i64>,
     failed: Option<WorkerId>,
 }
 
-/// Works claims of as many workers.
-async fn claim_round(
+/// Allocates jobs to claims of different workers.
+async fn claim_wave(
     tx: &mut SqliteConnection,
-    round: &[Asked],
-) -> Result<Vec<Result<Got, Refusal>>, StoreError> {
-    let arriving =
-        |(claim, now): &Asked| json!({"worker": claim.worker, "request": claim.request_id, "at": now.wall.0});
-    let arriving = to_json("claims", &round.iter().map(arriving).collect::<Vec<_>>())?;
+    claims: &[TimedClaim],
+) -> Result<Vec<Result<ClaimedRows, Refusal>>, StoreError> {
+    let arriving = |(claim, now): &TimedClaim| json!({"worker": claim.worker, "request": claim.request_id, "at": now.wall.0});
+    let arriving = to_json("claims", &claims.iter().map(arriving).collect::<Vec<_>>())?;
     let rows = sqlx::query(ARRIVE).bind(&arriving).bind(&arriving).fetch_all(&mut *tx).await?;
-    let mut answers: Vec<_> = round.iter().map(|_| Err(Refusal::NoWorker)).collect();
-    let (mut kinds, mut wanting) = (Vec::<(Kind, Asked)>::new(), Vec::new());
+    let mut answers: Vec<_> = claims.iter().map(|_| Err(Refusal::NoWorker)).collect();
+    let (mut classes, mut demands) = (Vec::<(WorkerClass, TimedClaim)>::new(), Vec::new());
     for row in &rows {
         let place = row.number::<u32>("place")? as usize;
-        let Some(asked @ (claim, now)) = round.get(place).copied() else { continue };
-        answers[place] = Ok(Got::default());
+        let Some(timed @ (claim, now)) = claims.get(place).copied() else { continue };
+        answers[place] = Ok(ClaimedRows::default());
         if row.column("repeated")? {
-            answers[place] = Ok(Got { rows: repeat(tx, claim, now).await?, held_back: false });
+            answers[place] = Ok(ClaimedRows { rows: repeat(tx, claim, now).await?, held_back: false });
         } else if !row.column("draining")? {
             let failed = row.column::<bool>("has_failed")?.then_some(claim.worker);
-            let kind =
-                Kind { backend: row.column("backend")?, memory_mib: row.column("memory_mib")?, failed };
-            let known = kinds.iter().position(|(other, _)| *other == kind);
-            let list = known.unwrap_or(kinds.len());
+            let class = WorkerClass {
+                backend: row.column("backend")?,
+                memory_mib: row.column("memory_mib")?,
+                failed,
+            };
+            let known = classes.iter().position(|(other, _)| *other == class);
+            let list = known.unwrap_or(classes.len());
             if known.is_none() {
-                kinds.push((kind, asked));
+                classes.push((class, timed));
             }
-            let holding = Holding { jobs: row.number("jobs")?, alone: row.column("alone")? };
-            wanting.push((place, Wanted { list, holding, most: claim.max_jobs as usize }));
+            let load = WorkerLoad { jobs: row.number("jobs")?, alone: row.column("alone")? };
+            demands.push((place, Demand { list, load, max_jobs: claim.max_jobs as usize }));
         }
     }
-    // In the order in which they asked, which is not always that of the rows.
-    wanting.sort_by_key(|(place, _)| *place);
-    let total: usize = wanting.iter().map(|(_, wanted)| wanted.most).sum();
+    // In the order of the claims, which the rows need not have.
+    demands.sort_by_key(|(place, _)| *place);
+    let total: usize = demands.iter().map(|(_, demand)| demand.max_jobs).sum();
     let mut lists = Vec::new();
-    for (_, (claim, now)) in &kinds {
+    for (_, (claim, now)) in &classes {
         lists.push(candidates(tx, *claim, *now, total).await?);
     }
-    let wanted: Vec<_> = wanting.iter().map(|(_, wanted)| *wanted).collect();
-    let shares = share(&wanted, &lists, &mut rounds(tx, &lists).await?);
-    let shares: Vec<_> = wanting.iter().map(|(place, _)| *place).zip(shares).collect();
-    let mut taken = take(tx, round, &shares).await?;
-    for (place, share) in shares {
-        let rows = share.jobs.iter().filter_map(|next| taken.remove(&next.job.seq)).collect();
-        answers[place] = Ok(Got { rows, held_back: share.held_back });
+    let wanted: Vec<_> = demands.iter().map(|(_, demand)| *demand).collect();
+    let allocations = allocate(&wanted, &lists, &mut rounds(tx, &lists).await?);
+    let allocations: Vec<_> = demands.iter().map(|(place, _)| *place).zip(allocations).collect();
+    let mut taken = start_attempts(tx, claims, &allocations).await?;
+    for (place, allocation) in allocations {
+        let rows = allocation.jobs.iter().filter_map(|next| taken.remove(&next.job.seq)).collect();
+        answers[place] = Ok(ClaimedRows { rows, held_back: allocation.held_back });
     }
     Ok(answers)
 }
 
-/// What the same request claimed before and still holds, by priority, turn and age.
+/// The running attempts that the same request claimed before, by priority, position and age.
 async fn repeat(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Vec<SqliteRow>, StoreError> {
     let rows = sqlx::query(REPEAT)
         .bind(lease_end(now.lease, claim.lease).0)
@@ -215,17 +217,17 @@ async fn repeat(tx: &mut SqliteConnection, claim: Claim, now: Now) -> Result<Vec
     Ok(ordered.into_iter().map(|(_, row)| row).collect())
 }
 
-/// Makes attempts of what each place of the round gets; the rows by number of the job.
-async fn take(
+/// Starts the attempts of allocated jobs, and returns their rows by job number.
+async fn start_attempts(
     tx: &mut SqliteConnection,
-    round: &[Asked],
-    shares: &[(usize, Share)],
+    claims: &[TimedClaim],
+    allocations: &[(usize, Allocation)],
 ) -> Result<HashMap<i64, SqliteRow>, StoreError> {
     let mut taken = Vec::new();
-    for (place, share) in shares {
-        let (claim, now) = &round[*place];
+    for (place, allocation) in allocations {
+        let (claim, now) = &claims[*place];
         let until = lease_end(now.lease, claim.lease).0;
-        taken.extend(share.jobs.iter().map(|next| {
+        taken.extend(allocation.jobs.iter().map(|next| {
             json!({"seq": next.job.seq, "round": next.round, "worker": claim.worker, "request": claim.request_id,
                    "at": now.wall.0, "until": until})
         }));
@@ -238,7 +240,7 @@ async fn take(
     rows.into_iter().map(|row| Ok((row.column("seq")?, row))).collect()
 }
 
-/// A claimed row as the worker gets it.
+/// The answer for one claimed row.
 fn attempt(row: &SqliteRow, claim: Claim) -> Result<ClaimedAttempt, StoreError> {
     let interval_s: Option<f64> = row.column("frame_interval_s")?;
     let limit_bytes = claim.max_frames_bytes;

@@ -6,7 +6,7 @@ use roost_api::sweep::Deletion;
 use roost_api::time::Timestamp;
 use sqlx::{Connection, SqliteConnection};
 
-use super::rows::Columns;
+use super::columns::Columns;
 use super::{Store, StoreError};
 
 /// Jobs of one piece.
@@ -86,7 +86,7 @@ impl Store {
                 .writer
                 .write(move |tx| Box::pin(async move { piece(tx, &id.to_string()).await }))
                 .await?;
-            self.remove_unnamed(&objects).await?;
+            self.remove_unreferenced(&objects).await?;
         }
         Ok(marked)
     }
@@ -114,7 +114,7 @@ impl Store {
                 })
             })
             .await?;
-        self.remove_unnamed(&objects).await?;
+        self.remove_unreferenced(&objects).await?;
         Ok(gone)
     }
 }

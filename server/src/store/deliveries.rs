@@ -1,4 +1,4 @@
-//! Deliveries of attempts: the result, or why there is none. Both are fenced, and safe to repeat.
+//! Deliveries of attempts: a result or a failure report. Both are fenced, and safe to repeat.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,28 +10,28 @@ use roost_api::time::Timestamp;
 use serde_json::json;
 use sqlx::SqliteConnection;
 
-use super::facts::{Ending, Written, end, fenced};
-use super::rows::to_json;
-use super::together::{Collector, rounds};
+use super::batcher::{Batcher, waves};
+use super::columns::to_json;
+use super::transitions::{AttemptEnd, AttemptRef, end_attempts, fence_attempts};
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
-use crate::queue::{JobChange, Origin, Refusal, RetryPolicy, Verdict, on_failure, on_result};
+use crate::queue::{JobChange, Provenance, Refusal, RetryPolicy, Verdict, on_failure, on_result};
 
-/// A result written out and hashed, which for a long one takes a while: done before any transaction.
-pub(crate) struct StoredResult {
-    origin: Origin,
+/// A result as text with its digest. Long results take a while to encode, so that it happens before any transaction.
+pub(crate) struct EncodedResult {
+    provenance: Provenance,
     responses: String,
     digest: String,
     body: String,
 }
 
-impl StoredResult {
-    /// Writes a result out.
+impl EncodedResult {
+    /// Encodes a result.
     pub(crate) fn new(result: &RunResult) -> Result<Self, StoreError> {
         let body = to_json("result", result)?;
         Ok(Self {
-            origin: Origin {
+            provenance: Provenance {
                 scenario: result.scenario_digest.clone(),
                 revision: result.solver.revision,
                 backend: result.solver.backend.clone(),
@@ -45,34 +45,33 @@ impl StoredResult {
 }
 
 #[cfg(test)]
-impl StoredResult {
-    /// Something that stands for a result of that origin.
-    pub(super) fn stand_in(origin: Origin, mark: &str) -> Self {
-        Self { origin, responses: "{}".to_owned(), digest: mark.to_owned(), body: "{}".to_owned() }
+impl EncodedResult {
+    /// A result of that provenance for tests.
+    pub(super) fn sample(provenance: Provenance, digest: &str) -> Self {
+        Self { provenance, responses: "{}".to_owned(), digest: digest.to_owned(), body: "{}".to_owned() }
     }
 }
 
-/// Results that are written together: a bound on how long others wait for the writer.
-const GROUP: usize = 64;
+/// Results in one batch. It bounds the time that others wait for the writer.
+const MAX_BATCH: usize = 64;
 
 /// The result of an attempt.
 pub(super) struct Delivered {
-    written: Written,
-    result: StoredResult,
+    attempt: AttemptRef,
+    result: EncodedResult,
     now: Timestamp,
 }
 
 type Answer = Result<Verdict, Refusal>;
 
-/// Where results wait for each other.
-pub(super) type Collected = Collector<Delivered, Answer>;
+pub(super) type ResultBatcher = Batcher<Delivered, Answer>;
 
-pub(super) fn collect(writer: Arc<Writer>) -> Collected {
-    Collector::start(writer, GROUP, Duration::ZERO, |tx, group| Box::pin(record_all(tx, group)))
+pub(super) fn batcher(writer: Arc<Writer>) -> ResultBatcher {
+    Batcher::start(writer, MAX_BATCH, Duration::ZERO, |tx, batch| Box::pin(record_all(tx, batch)))
 }
 
 impl Store {
-    /// Whether there is such an attempt.
+    /// Whether an attempt exists.
     pub(crate) async fn find_attempt(
         &self,
         job: JobId,
@@ -99,13 +98,13 @@ impl Store {
         job: JobId,
         attempt: u32,
         worker: WorkerId,
-        result: StoredResult,
+        result: EncodedResult,
         now: Timestamp,
     ) -> Result<Result<Verdict, Refusal>, StoreError> {
-        self.results.ask(Delivered { written: Written { job, attempt, worker }, result, now }).await
+        self.results.submit(Delivered { attempt: AttemptRef { job, attempt, worker }, result, now }).await
     }
 
-    /// Records why an attempt has no result, with what it came to.
+    /// Records the failure of an attempt, with its partial result.
     #[expect(clippy::too_many_arguments, reason = "a report as it arrives, and the clock")]
     pub(crate) async fn record_failure(
         &self,
@@ -114,26 +113,26 @@ impl Store {
         worker: WorkerId,
         outcome: AttemptOutcome,
         message: String,
-        partial: Option<StoredResult>,
+        partial: Option<EncodedResult>,
         policy: RetryPolicy,
         now: Now,
     ) -> Result<Result<Verdict, Refusal>, StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let written = Written { job, attempt, worker };
-                    let fenced = match fenced(tx, &[written]).await?.pop() {
+                    let written_to = AttemptRef { job, attempt, worker };
+                    let fenced = match fence_attempts(tx, &[written_to]).await?.pop() {
                         Some(Ok(fenced)) => fenced,
                         Some(Err(refusal)) => return Ok(Err(refusal)),
                         None => return Ok(Err(Refusal::NoJob)),
                     };
-                    let verdict = match on_failure(&fenced.job, fenced.standing, outcome, policy, now.lease) {
+                    let verdict = match on_failure(&fenced.job, fenced.fence, outcome, policy, now.lease) {
                         Ok(verdict) => verdict,
                         Err(refusal) => return Ok(Err(refusal)),
                     };
                     let Verdict::Record(change) = &verdict else { return Ok(Ok(verdict)) };
                     if let Some(Err(refusal)) =
-                        partial.as_ref().map(|partial| partial.origin.check(&fenced.origin))
+                        partial.as_ref().map(|partial| partial.provenance.check(&fenced.provenance))
                     {
                         return Ok(Err(refusal));
                     }
@@ -145,7 +144,8 @@ impl Store {
                         None => None,
                     };
                     let (message, partial, at) = (Some(message.as_str()), document.as_deref(), now.wall);
-                    end(tx, &[Ending { job, attempt, outcome, change, message, partial, at }]).await?;
+                    end_attempts(tx, &[AttemptEnd { job, attempt, outcome, change, message, partial, at }])
+                        .await?;
                     Ok(Ok(verdict))
                 })
             })
@@ -153,22 +153,22 @@ impl Store {
     }
 }
 
-/// Records results: those of one job one after the other, all others together.
-async fn record_all(tx: &mut SqliteConnection, group: &[Arc<Delivered>]) -> Result<Vec<Answer>, StoreError> {
-    let mut answers: Vec<Answer> = group.iter().map(|_| Err(Refusal::NoJob)).collect();
-    for places in rounds(group.iter().map(|delivered| delivered.written.job)) {
-        let written: Vec<_> = places.iter().map(|place| group[*place].written).collect();
+/// Records results. Several results of one job are recorded in order.
+async fn record_all(tx: &mut SqliteConnection, batch: &[Arc<Delivered>]) -> Result<Vec<Answer>, StoreError> {
+    let mut answers: Vec<Answer> = batch.iter().map(|_| Err(Refusal::NoJob)).collect();
+    for wave in waves(batch.iter().map(|delivered| delivered.attempt.job)) {
+        let attempts: Vec<_> = wave.iter().map(|index| batch[*index].attempt).collect();
         let mut accepted = Vec::new();
-        for (place, fenced) in places.into_iter().zip(fenced(tx, &written).await?) {
-            let delivered = group[place].as_ref();
-            answers[place] = fenced.and_then(|fenced| {
-                let verdict = on_result(fenced.standing)?;
+        for (index, fenced) in wave.into_iter().zip(fence_attempts(tx, &attempts).await?) {
+            let delivered = batch[index].as_ref();
+            answers[index] = fenced.and_then(|fenced| {
+                let verdict = on_result(fenced.fence)?;
                 if matches!(verdict, Verdict::Record(_)) {
-                    delivered.result.origin.check(&fenced.origin)?;
+                    delivered.result.provenance.check(&fenced.provenance)?;
                 }
                 Ok(verdict)
             });
-            if let Ok(Verdict::Record(change)) = &answers[place] {
+            if let Ok(Verdict::Record(change)) = &answers[index] {
                 accepted.push((delivered, change.clone()));
             }
         }
@@ -177,32 +177,32 @@ async fn record_all(tx: &mut SqliteConnection, group: &[Arc<Delivered>]) -> Resu
     Ok(answers)
 }
 
-/// Writes results down that were accepted, each of another job.
+/// Stores accepted results of different jobs.
 async fn record(tx: &mut SqliteConnection, accepted: &[(&Delivered, JobChange)]) -> Result<(), StoreError> {
     if accepted.is_empty() {
         return Ok(());
     }
-    // All texts in one: as strings in JSON they would be written out with every quote escaped, and read back again.
+    // All texts in one blob: as JSON strings, every quote would be escaped and unescaped again.
     let mut bodies =
         Vec::with_capacity(accepted.iter().map(|(delivered, _)| delivered.result.body.len()).sum());
     let (mut rows, mut endings) = (Vec::new(), Vec::new());
-    for (Delivered { written: Written { job, attempt, .. }, result, now }, change) in accepted {
+    for (Delivered { attempt: AttemptRef { job, attempt, .. }, result, now }, change) in accepted {
         let (job, attempt, at) = (*job, *attempt, *now);
         rows.push(json!({
-            "job": job, "attempt": attempt, "digest": result.origin.scenario,
-            "revision": result.origin.revision, "backend": result.origin.backend, "responses": result.responses, "document": result.digest, "at": at.0,
+            "job": job, "attempt": attempt, "digest": result.provenance.scenario,
+            "revision": result.provenance.revision, "backend": result.provenance.backend, "responses": result.responses, "document": result.digest, "at": at.0,
             "from": bodies.len() + 1, "bytes": result.body.len(),
         }));
         bodies.extend_from_slice(result.body.as_bytes());
         let outcome = AttemptOutcome::Succeeded;
-        endings.push(Ending { job, attempt, outcome, change, message: None, partial: None, at });
+        endings.push(AttemptEnd { job, attempt, outcome, change, message: None, partial: None, at });
     }
     let rows = to_json("results", &rows)?;
     sqlx::query(RECORD).bind(bodies).bind(&rows).bind(&rows).execute(&mut *tx).await?;
-    end(tx, &endings).await
+    end_attempts(tx, &endings).await
 }
 
-/// Of bytes, `substr` finds a part without counting letters.
+/// Stores documents and results. `substr` of a blob counts bytes, not characters.
 pub(super) const RECORD: &str = "
     INSERT INTO documents (digest, body)
     SELECT r.value ->> 'document', CAST(substr(?, r.value ->> 'from', r.value ->> 'bytes') AS TEXT)

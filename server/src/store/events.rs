@@ -3,7 +3,7 @@
 use roost_api::event::JobEvent;
 use roost_api::time::Timestamp;
 
-use super::rows::Columns;
+use super::columns::Columns;
 use super::versions::Subject;
 use super::{Store, StoreError};
 

@@ -8,14 +8,14 @@ use serde_json::Value;
 use sqlx::SqliteConnection;
 use uuid::Uuid;
 
-use super::drafts::{Drafts, Shared};
-use super::rows::{Columns, from_json};
+use super::columns::{Columns, from_json};
+use super::job_rows::{JobBatches, JobOptions};
 use super::submit::queue;
 use super::{Store, StoreError};
 use crate::sweep::{AddedPoints, StoredSweep, Trial, factors, replicate};
 
 /// What is about to be added to a sweep.
-pub(crate) struct MoreOfSweep {
+pub(crate) struct NewExtension {
     id: SweepId,
     /// Of the extension: it is made once.
     extension: Uuid,
@@ -24,11 +24,11 @@ pub(crate) struct MoreOfSweep {
     before: (u32, u32),
     /// The same afterwards.
     after: (u32, u32),
-    drafts: Drafts,
-    shared: Shared,
+    batches: JobBatches,
+    options: JobOptions,
 }
 
-impl MoreOfSweep {
+impl NewExtension {
     /// Writes out the first jobs of what a sweep grows by, which a token asked for in `body`; `firsts` are the scenarios of its points, where they get
     /// more replicates.
     pub(crate) fn new(
@@ -59,8 +59,8 @@ impl MoreOfSweep {
             body: body.to_string(),
             before: (old_points, stored.replicates),
             after: (old_points + new_points, replicates),
-            drafts: Drafts::new(id, jobs, trials)?,
-            shared: Shared::of(&stored.spec, token)?,
+            batches: JobBatches::new(id, jobs, trials)?,
+            options: JobOptions::of(&stored.spec, token)?,
         })
     }
 }
@@ -102,8 +102,8 @@ impl Store {
     }
 
     /// Adds points and replicates to a sweep. False when it has grown meanwhile: then nothing is changed.
-    pub(crate) async fn extend_sweep(&self, more: MoreOfSweep, now: Timestamp) -> Result<bool, StoreError> {
-        let is_large = more.drafts.is_large();
+    pub(crate) async fn extend_sweep(&self, more: NewExtension, now: Timestamp) -> Result<bool, StoreError> {
+        let is_large = more.batches.is_large();
         self.writer.write_as(is_large, move |tx| Box::pin(extend_sweep(tx, more, now))).await
     }
 
@@ -127,10 +127,10 @@ impl Store {
 
 async fn extend_sweep(
     tx: &mut SqliteConnection,
-    more: MoreOfSweep,
+    more: NewExtension,
     now: Timestamp,
 ) -> Result<bool, StoreError> {
-    let MoreOfSweep { id, extension, body, before, after, drafts, shared } = more;
+    let NewExtension { id, extension, body, before, after, batches, options } = more;
     let grown = sqlx::query(
         "UPDATE sweeps SET points = ?, replicates = ?
          WHERE id = ? AND points = ? AND replicates = ? AND deleting = 0",
@@ -158,6 +158,6 @@ async fn extend_sweep(
     .bind(now.0)
     .execute(&mut *tx)
     .await?;
-    queue(tx, drafts, &shared, now).await?;
+    queue(tx, batches, &options, now).await?;
     Ok(true)
 }

@@ -1,4 +1,4 @@
-//! Frames of jobs: the stream is an object, its row says whose it is.
+//! Frames of jobs: each stream is an object, named by a row.
 
 use std::ops::Range;
 
@@ -11,31 +11,31 @@ use roost_api::time::Timestamp;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 
-use super::facts::{Fenced, Written, fenced};
-use super::objects::{Reading, Staged, Unstaged};
-use super::rows::{Columns, to_json};
+use super::columns::{Columns, to_json};
+use super::objects::{Reading, StageError, Staged};
+use super::transitions::{AttemptRef, FencedAttempt, fence_attempts};
 use super::{Store, StoreError};
-use crate::queue::{Refusal, Standing};
+use crate::queue::{FenceState, Refusal};
 
-/// Objects that are looked up at once.
-const AT_ONCE: usize = 1000;
+/// Objects that are looked up with one query.
+const BATCH: usize = 1000;
 
-/// Those of some objects that no row names.
-pub(super) const UNNAMED: &str = "SELECT value FROM json_each(?)
+/// The objects of a list that no row names.
+pub(super) const UNREFERENCED: &str = "SELECT value FROM json_each(?)
     WHERE NOT EXISTS (SELECT 1 FROM frames WHERE object_digest = value)";
 
 /// The frames of a job.
 pub(crate) struct StoredFrames {
     /// blake3 of the stream.
     pub(crate) object: String,
-    /// Its bytes.
+    /// Its length in bytes.
     pub(crate) bytes: u64,
-    /// State of the job: of one that has succeeded they never change.
+    /// State of the job. The frames of a job that has succeeded never change.
     pub(crate) state: JobState,
 }
 
 impl Store {
-    /// Whether an attempt may still write, without troubling the writer.
+    /// Whether an attempt may still write. Uses a reader.
     pub(crate) async fn may_write(
         &self,
         job: JobId,
@@ -46,21 +46,21 @@ impl Store {
         may_write(&mut reader, job, attempt, worker).await
     }
 
-    /// Takes a stream in as it arrives; nobody can see it yet.
+    /// Stores a stream as it arrives, without a name yet.
     pub(crate) async fn stage<E>(
         &self,
         bytes: impl Stream<Item = Result<Bytes, E>> + Unpin,
         limit: u64,
-    ) -> Result<Staged, Unstaged<E>> {
+    ) -> Result<Staged, StageError<E>> {
         self.objects.stage(bytes, limit).await
     }
 
-    /// Forgets a stream that was taken in.
+    /// Removes a staged stream.
     pub(crate) async fn discard(&self, staged: Staged) {
         self.objects.discard(staged).await;
     }
 
-    /// Notes a stream as the frames of an attempt; false when it is that already.
+    /// Records a stream as the frames of an attempt; false when it was recorded before.
     pub(crate) async fn record_frames(
         &self,
         job: JobId,
@@ -71,14 +71,14 @@ impl Store {
         now: Timestamp,
     ) -> Result<Result<bool, Refusal>, StoreError> {
         let (object, bytes) = (staged.digest.clone(), staged.bytes);
-        let _open = self.objects.keep(staged).await?;
+        let _guard = self.objects.publish(staged).await?;
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
                     if let Err(refusal) = may_write(tx, job, attempt, worker).await? {
                         return Ok(Err(refusal));
                     }
-                    let noted = sqlx::query(
+                    let recorded = sqlx::query(
                         "INSERT INTO frames (job_id, attempt, object_digest, bytes, count, stop_reason, recorded_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?)
                          ON CONFLICT (job_id) DO UPDATE SET attempt = excluded.attempt, object_digest = excluded.object_digest,
@@ -95,13 +95,13 @@ impl Store {
                     .bind(now.0)
                     .execute(&mut *tx)
                     .await?;
-                    Ok(Ok(noted.rows_affected() > 0))
+                    Ok(Ok(recorded.rows_affected() > 0))
                 })
             })
             .await
     }
 
-    /// The frames of a job's newest attempt; no job, or none of them.
+    /// The frames of a job's newest attempt, if it has any.
     pub(crate) async fn frames(
         &self,
         id: JobId,
@@ -118,7 +118,7 @@ impl Store {
         Ok(Ok(Some(StoredFrames { object, bytes: row.number("bytes")?, state: row.parsed("state")? })))
     }
 
-    /// A part of a stream; none when it is not there any more.
+    /// A part of a stream; none when the object is gone.
     pub(crate) async fn read_object(
         &self,
         object: &str,
@@ -127,24 +127,27 @@ impl Store {
         self.objects.read(object, part).await
     }
 
-    /// Removes the objects that have lain there since before then and that no row names.
-    pub(crate) async fn sweep_objects(&self, then: Timestamp) -> Result<u64, StoreError> {
-        let old = self.objects.older_than(then.0).await?;
-        self.remove_unnamed(&old).await
+    /// Removes the objects older than `before` that no row names.
+    pub(crate) async fn sweep_objects(&self, before: Timestamp) -> Result<u64, StoreError> {
+        let old = self.objects.older_than(before.0).await?;
+        self.remove_unreferenced(&old).await
     }
 
-    /// Removes those of these objects that no row names.
-    pub(super) async fn remove_unnamed(&self, objects: &[String]) -> Result<u64, StoreError> {
+    /// Removes the objects of a list that no row names.
+    pub(super) async fn remove_unreferenced(&self, objects: &[String]) -> Result<u64, StoreError> {
         let mut removed = 0;
-        for some in objects.chunks(AT_ONCE) {
-            let unnamed: Vec<String> =
-                sqlx::query_scalar(UNNAMED).bind(to_json("objects", &some)?).fetch_all(&self.readers).await?;
-            for object in unnamed {
-                // Asked again while nothing can be given its name: a row may have named it meanwhile.
-                let _shut = self.objects.shut().await;
+        for some in objects.chunks(BATCH) {
+            let unreferenced: Vec<String> = sqlx::query_scalar(UNREFERENCED)
+                .bind(to_json("objects", &some)?)
+                .fetch_all(&self.readers)
+                .await?;
+            for object in unreferenced {
+                // Checked again under the lock: a row may have named it meanwhile.
+                let _lock = self.objects.lock_removal().await;
                 let sql = "SELECT EXISTS (SELECT 1 FROM frames WHERE object_digest = ?)";
-                let is_named: bool = sqlx::query_scalar(sql).bind(&object).fetch_one(&self.readers).await?;
-                if !is_named && self.objects.remove(&object).await? {
+                let is_referenced: bool =
+                    sqlx::query_scalar(sql).bind(&object).fetch_one(&self.readers).await?;
+                if !is_referenced && self.objects.remove(&object).await? {
                     removed += 1;
                 }
             }
@@ -153,22 +156,22 @@ impl Store {
     }
 }
 
-/// Looks whether an attempt may write: while it holds its job, or could.
+/// Whether an attempt may write.
 async fn may_write(
     connection: &mut SqliteConnection,
     job: JobId,
     attempt: u32,
     worker: WorkerId,
 ) -> Result<Result<(), Refusal>, StoreError> {
-    let found = fenced(connection, &[Written { job, attempt, worker }]).await?.pop();
-    Ok(found.unwrap_or(Err(Refusal::NoJob)).and_then(|Fenced { standing, .. }| match standing {
-        Standing::Holds => Ok(()),
-        Standing::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
-        Standing::Stale(refusal) => Err(refusal),
+    let found = fence_attempts(connection, &[AttemptRef { job, attempt, worker }]).await?.pop();
+    Ok(found.unwrap_or(Err(Refusal::NoJob)).and_then(|FencedAttempt { fence, .. }| match fence {
+        FenceState::Current => Ok(()),
+        FenceState::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
+        FenceState::Stale(refusal) => Err(refusal),
     }))
 }
 
-/// What a row of a job says of its frames.
+/// The frames of a row of a job.
 pub(super) fn frames_view(row: &SqliteRow) -> Result<Option<FramesView>, StoreError> {
     let Some(bytes) = row.number_opt("frames_bytes")? else { return Ok(None) };
     let (count, stopped) = (row.number("frames_count")?, row.column("frames_stop_reason")?);

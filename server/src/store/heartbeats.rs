@@ -1,7 +1,7 @@
-//! Heartbeats: one a worker, a row an attempt, and those of many workers in one go.
+//! Heartbeats: one request per worker with an entry per attempt, in batches of many workers.
 //!
-//! Thousands of workers beat every other second. What arrives within some milliseconds is looked up, decided on and written
-//! together, so that a beat costs the database next to nothing; an answer may be late by that much.
+//! Thousands of workers send a heartbeat every two seconds. Those that arrive within some milliseconds are looked up, decided on and
+//! written together. This delays an answer by as many milliseconds, and makes the cost of a heartbeat small.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -13,21 +13,19 @@ use roost_api::time::Timestamp;
 use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 
-use super::facts::{Fenced, Written, fenced};
-use super::rows::{Columns, to_json};
-use super::together::Collector;
+use super::batcher::Batcher;
+use super::columns::{Columns, to_json};
+use super::transitions::{AttemptRef, FencedAttempt, fence_attempts};
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::queue::{BeatEffect, Refusal, on_beat};
 
-/// One group is worked in this time, and what arrives meanwhile makes the next.
-///
-/// Not in stories of the simulation, where beats come one by one and nobody waits with them.
-const WINDOW: Duration = Duration::from_millis(if cfg!(test) { 0 } else { 20 });
-/// Workers whose beats are worked together.
-const GROUP: usize = 256;
+/// Minimum time from batch to batch. Zero in tests: the simulation sends heartbeats one by one.
+const INTERVAL: Duration = Duration::from_millis(if cfg!(test) { 0 } else { 20 });
+/// Workers in one batch.
+const MAX_BATCH: usize = 256;
 
-/// A sign of life of one attempt.
+/// The heartbeat of one attempt.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Beat {
     /// The job.
@@ -36,7 +34,7 @@ pub(crate) struct Beat {
     pub attempt: u32,
 }
 
-/// The beats of one worker.
+/// The heartbeat of one worker.
 #[derive(Debug)]
 pub(super) struct Beats {
     worker: WorkerId,
@@ -47,15 +45,14 @@ pub(super) struct Beats {
 
 type Answer = Result<HeartbeatReply, Refusal>;
 
-/// Where beats wait for each other.
-pub(super) type Collected = Collector<Beats, Answer>;
+pub(super) type BeatBatcher = Batcher<Beats, Answer>;
 
-pub(super) fn collect(writer: Arc<Writer>) -> Collected {
-    Collector::start(writer, GROUP, WINDOW, |tx, group| Box::pin(renew_all(tx, group)))
+pub(super) fn batcher(writer: Arc<Writer>) -> BeatBatcher {
+    Batcher::start(writer, MAX_BATCH, INTERVAL, |tx, batch| Box::pin(renew_all(tx, batch)))
 }
 
 impl Store {
-    /// Renews the leases of a worker's attempts until `until`; the rows of the reply are in the order of the beats.
+    /// Renews the leases of a worker's attempts until `until`. The reply has the order of the beats.
     pub(crate) async fn heartbeat(
         &self,
         worker: WorkerId,
@@ -63,21 +60,21 @@ impl Store {
         now: Timestamp,
         until: Timestamp,
     ) -> Result<Answer, StoreError> {
-        self.beats.ask(Beats { worker, beats, now, until }).await
+        self.beats.submit(Beats { worker, beats, now, until }).await
     }
 }
 
-/// Renews what the workers hold; the answers are in their order.
-async fn renew_all(tx: &mut SqliteConnection, group: &[Arc<Beats>]) -> Result<Vec<Answer>, StoreError> {
-    let draining = seen(tx, group).await?;
-    let effects = effects(tx, group).await?;
+/// Renews the leases of a batch of workers, and answers in their order.
+async fn renew_all(tx: &mut SqliteConnection, batch: &[Arc<Beats>]) -> Result<Vec<Answer>, StoreError> {
+    let draining = mark_seen(tx, batch).await?;
+    let effects = effects(tx, batch).await?;
     let mut renewed: Vec<Value> = Vec::new();
     let mut next = effects.into_iter();
-    let mut answers = Vec::with_capacity(group.len());
-    for beats in group {
+    let mut answers = Vec::with_capacity(batch.len());
+    for beats in batch {
         let mut attempts = Vec::with_capacity(beats.beats.len());
         for (beat, effect) in beats.beats.iter().zip(next.by_ref()) {
-            // Whom nobody knows holds nothing, but its rows have effects like all.
+            // An unregistered worker holds nothing, but its entries have effects too.
             let known = draining.contains_key(&beats.worker);
             if let BeatEffect::Renew { until, .. } = effect
                 && known
@@ -98,7 +95,7 @@ async fn renew_all(tx: &mut SqliteConnection, group: &[Arc<Beats>]) -> Result<Ve
     Ok(answers)
 }
 
-/// What was back in the queue, with a pause or to run alone, was never lost; nor was its attempt.
+/// Renews leases. A job that was back in the queue was never lost, nor was its attempt: its pause and `alone` go.
 pub(super) const RENEW: &str = "
     UPDATE jobs SET alone = CASE state WHEN 'queued' THEN 0 ELSE alone END, state = 'running', not_before = NULL,
                     worker_id = beat.value ->> 'worker', lease_expires_at = beat.value ->> 'until'
@@ -108,30 +105,30 @@ pub(super) const RENEW: &str = "
     WHERE attempts.job_id = beat.value ->> 'job' AND attempts.number = beat.value ->> 'attempt'
       AND attempts.outcome IS NOT NULL";
 
-/// Notes that the workers were heard of; says of each that is known whether it drains.
-async fn seen(
+/// Records that the workers were seen, and returns whether each registered one is draining.
+async fn mark_seen(
     tx: &mut SqliteConnection,
-    group: &[Arc<Beats>],
+    batch: &[Arc<Beats>],
 ) -> Result<HashMap<WorkerId, bool>, StoreError> {
-    let workers: Vec<_> = group.iter().map(|beats| json!({"id": beats.worker, "at": beats.now.0})).collect();
-    // Also to an earlier time: that of a clock which was set back.
+    let workers: Vec<_> = batch.iter().map(|beats| json!({"id": beats.worker, "at": beats.now.0})).collect();
+    // The time may be earlier than the stored one, when the clock was set back.
     let sql = "UPDATE workers SET last_seen_at = seen.value ->> 'at' FROM json_each(?) AS seen
                WHERE workers.id = seen.value ->> 'id' RETURNING workers.id, draining";
     let rows = sqlx::query(sql).bind(to_json("workers", &workers)?).fetch_all(&mut *tx).await?;
     rows.iter().map(|row| Ok((row.parsed("id")?, row.column("draining")?))).collect()
 }
 
-/// What every beat of the group does, one after the other.
-async fn effects(tx: &mut SqliteConnection, group: &[Arc<Beats>]) -> Result<Vec<BeatEffect>, StoreError> {
-    let all = group.iter().flat_map(|beats| beats.beats.iter().map(move |beat| (beats, beat)));
-    let (written, until): (Vec<_>, Vec<_>) = all
+/// The effect of every beat of the batch, in order.
+async fn effects(tx: &mut SqliteConnection, batch: &[Arc<Beats>]) -> Result<Vec<BeatEffect>, StoreError> {
+    let all = batch.iter().flat_map(|beats| beats.beats.iter().map(move |beat| (beats, beat)));
+    let (attempts, until): (Vec<_>, Vec<_>) = all
         .map(|(beats, beat)| {
-            (Written { job: beat.job_id, attempt: beat.attempt, worker: beats.worker }, beats.until)
+            (AttemptRef { job: beat.job_id, attempt: beat.attempt, worker: beats.worker }, beats.until)
         })
         .unzip();
-    let fenced = fenced(tx, &written).await?;
-    let effect = |(fenced, until): (Result<Fenced, Refusal>, Timestamp)| match fenced {
-        Ok(fenced) => on_beat(&fenced.job, fenced.standing, until),
+    let fenced = fence_attempts(tx, &attempts).await?;
+    let effect = |(fenced, until): (Result<FencedAttempt, Refusal>, Timestamp)| match fenced {
+        Ok(fenced) => on_beat(&fenced.job, fenced.fence, until),
         Err(_) => BeatEffect::Abandon,
     };
     Ok(fenced.into_iter().zip(until).map(effect).collect())

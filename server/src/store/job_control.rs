@@ -5,7 +5,7 @@ use roost_api::job::{FailureClass, JobState};
 use roost_api::time::Timestamp;
 use sqlx::SqliteConnection;
 
-use super::rows::Columns;
+use super::columns::Columns;
 use super::{Store, StoreError};
 use crate::queue::{CancelEffect, Refusal, on_cancel, on_retry};
 
@@ -128,7 +128,7 @@ async fn cancel(
                  WHERE state = ? AND (id = ? OR sweep_id = ?)",
             )
             .bind(now.0),
-            CancelEffect::Ask => {
+            CancelEffect::Request => {
                 sqlx::query("UPDATE jobs SET cancelling = 1 WHERE state = ? AND (id = ? OR sweep_id = ?)")
             }
             CancelEffect::Nothing => continue,

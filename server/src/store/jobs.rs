@@ -5,8 +5,8 @@ use roost_api::job::{FailureClass, JobState, JobView};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Sqlite};
 
+use super::columns::Columns;
 use super::frames::frames_view;
-use super::rows::Columns;
 use super::{Store, StoreError};
 
 /// Which jobs to list.

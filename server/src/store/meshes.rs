@@ -6,7 +6,7 @@ use roost_api::mesh::MeshView;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 
-use super::rows::{Columns, to_json};
+use super::columns::{Columns, to_json};
 use super::{Store, StoreError};
 
 /// Length of every part of a file but the last.

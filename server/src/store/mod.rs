@@ -3,28 +3,28 @@
 //! A method is one question or one transaction. Transactions read the facts, let `queue` decide, and carry the
 //! decision out; they take `now` as an argument. sqlx is used nowhere else.
 
-mod attempts;
 mod backup;
+mod batcher;
 mod bucket;
-mod candidates;
 mod checkpoint;
 mod claims;
+mod columns;
 mod deletion;
 mod deliveries;
-mod drafts;
+mod eligible_jobs;
 mod events;
+mod expiry;
 mod extension;
-mod facts;
 mod frames;
 mod heartbeats;
 mod job_control;
+mod job_rows;
 mod jobs;
 mod meshes;
 mod migrations;
 mod objects;
 mod prune;
 mod results;
-mod rows;
 #[cfg(test)]
 mod simulation;
 mod submissions;
@@ -32,8 +32,8 @@ mod submit;
 mod sweeps;
 #[cfg(test)]
 mod tests;
-mod together;
 mod tokens;
+mod transitions;
 mod trials;
 #[cfg(test)]
 mod upgrades;
@@ -54,23 +54,23 @@ use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use tokio::sync::Mutex;
 use tokio::task::JoinHandle;
 
-pub use backup::Copied;
+pub use backup::BackupReport;
 pub(crate) use backup::copy;
-pub use bucket::{Bucket, NoBucket};
+pub use bucket::{Bucket, BucketError};
 pub(crate) use claims::Claim;
-pub(crate) use deliveries::StoredResult;
-pub(crate) use extension::MoreOfSweep;
+pub(crate) use deliveries::EncodedResult;
+pub(crate) use extension::NewExtension;
 pub(crate) use frames::StoredFrames;
 pub(crate) use heartbeats::Beat;
 pub(crate) use jobs::JobFilter;
 use migrations::migrator;
-pub(crate) use objects::Unstaged;
-pub(crate) use submissions::{Answered, Known, Submission};
+pub(crate) use objects::StageError;
+pub(crate) use submissions::{StoredResponse, Submission, SubmissionState};
 pub(crate) use submit::{NewJob, NewSweep};
 pub(crate) use tokens::Token;
 pub use tokens::TokenFile;
-pub(crate) use trials::{DOCUMENTS, Documented};
-pub(crate) use versions::{Census, Subject};
+pub(crate) use trials::{MAX_DOCUMENTS, TrialDocument};
+pub(crate) use versions::{QueueCounts, Subject};
 use writer::Writer;
 
 /// The first SQLite without the WAL-reset corruption (3.7.0 to 3.51.2).
@@ -145,7 +145,7 @@ pub enum StoreError {
 
 /// What hinders a database that is sound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Hindrance {
+pub(crate) enum Unavailable {
     /// Somebody else holds it.
     Busy,
     /// The disk is full.
@@ -154,19 +154,19 @@ pub(crate) enum Hindrance {
 
 impl StoreError {
     /// What to wait for or to clear away, if that is all.
-    pub(crate) fn hindrance(&self) -> Option<Hindrance> {
+    pub(crate) fn unavailable(&self) -> Option<Unavailable> {
         let error = match self {
             Self::Sql(error) => error,
             Self::Commit(error) => error.as_ref(),
-            Self::Shared(error) => return error.hindrance(),
-            Self::Object(error) => return is_full(error).then_some(Hindrance::Full),
-            Self::Folder(error) => return is_full(error).then_some(Hindrance::Full),
+            Self::Shared(error) => return error.unavailable(),
+            Self::Object(error) => return is_full(error).then_some(Unavailable::Full),
+            Self::Folder(error) => return is_full(error).then_some(Unavailable::Full),
             _ => return None,
         };
         let code: i32 = error.as_database_error()?.code()?.parse().ok()?;
         match code & 0xff {
-            SQLITE_BUSY => Some(Hindrance::Busy),
-            SQLITE_FULL => Some(Hindrance::Full),
+            SQLITE_BUSY => Some(Unavailable::Busy),
+            SQLITE_FULL => Some(Unavailable::Full),
             _ => None,
         }
     }
@@ -204,9 +204,9 @@ pub(crate) struct Store {
     writer: Arc<Writer>,
     /// Ends after the writer.
     checkpoints: Mutex<Option<JoinHandle<()>>>,
-    beats: heartbeats::Collected,
-    claims: claims::Collected,
-    results: deliveries::Collected,
+    beats: heartbeats::BeatBatcher,
+    claims: claims::ClaimBatcher,
+    results: deliveries::ResultBatcher,
     versions: versions::Cache,
     readers: SqlitePool,
     objects: objects::Objects,
@@ -232,9 +232,9 @@ impl Store {
         let writer = Arc::new(Writer::start(connection));
         let copying = checkpoint::run(copier, writer.counter(), writer.end());
         let checkpoints = Mutex::new(Some(tokio::spawn(copying)));
-        let beats = heartbeats::collect(writer.clone());
-        let claims = claims::collect(writer.clone());
-        let results = deliveries::collect(writer.clone());
+        let beats = heartbeats::batcher(writer.clone());
+        let claims = claims::batcher(writer.clone());
+        let results = deliveries::batcher(writer.clone());
         let versions = versions::Cache::default();
         Ok(Self { writer, checkpoints, beats, claims, results, versions, readers, objects, sqlite_version })
     }

@@ -13,7 +13,7 @@ use bytes::Bytes;
 use futures_util::stream::BoxStream;
 use futures_util::{Stream, StreamExt, TryStreamExt};
 use object_store::local::LocalFileSystem;
-use object_store::path::Path as Place;
+use object_store::path::Path as ObjectPath;
 use object_store::{GetOptions, ObjectStore, ObjectStoreExt, WriteMultipart};
 use tokio::sync::{RwLock, RwLockReadGuard, RwLockWriteGuard};
 use uuid::Uuid;
@@ -43,7 +43,7 @@ pub(super) struct Objects {
 /// An upload that is whole but has no name yet.
 #[derive(Debug)]
 pub(crate) struct Staged {
-    place: Place,
+    place: ObjectPath,
     /// blake3 of its bytes.
     pub(crate) digest: String,
     /// How many they are.
@@ -54,7 +54,7 @@ pub(crate) struct Staged {
 
 /// Why an upload was not taken in.
 #[derive(Debug)]
-pub(crate) enum Unstaged<E> {
+pub(crate) enum StageError<E> {
     /// It broke off.
     Broken(E),
     /// It is over the limit.
@@ -89,7 +89,7 @@ impl Objects {
     async fn in_bucket(bucket: &Bucket) -> Result<Self, StoreError> {
         let files = bucket.open()?;
         let broken: Vec<_> = files
-            .list(Some(&Place::from(UPLOADS)))
+            .list(Some(&ObjectPath::from(UPLOADS)))
             .try_collect()
             .await
             .map_err(|source| bucket.unusable(source))?;
@@ -104,21 +104,21 @@ impl Objects {
         &self,
         mut bytes: impl Stream<Item = Result<Bytes, E>> + Unpin,
         limit: u64,
-    ) -> Result<Staged, Unstaged<E>> {
-        let store = |error: object_store::Error| Unstaged::Store(error.into());
-        let place = Place::from(format!("{UPLOADS}/{}", Uuid::now_v7()));
+    ) -> Result<Staged, StageError<E>> {
+        let store = |error: object_store::Error| StageError::Store(error.into());
+        let place = ObjectPath::from(format!("{UPLOADS}/{}", Uuid::now_v7()));
         let upload = self.files.put_multipart(&place).await.map_err(store)?;
         let mut writing = WriteMultipart::new_with_chunk_size(upload, self.part_bytes);
         let (mut hash, mut length, mut head) = (blake3::Hasher::new(), 0, Vec::new());
         let ended = loop {
             let chunk = match bytes.next().await {
                 None => break Ok(()),
-                Some(Err(error)) => break Err(Unstaged::Broken(error)),
+                Some(Err(error)) => break Err(StageError::Broken(error)),
                 Some(Ok(chunk)) => chunk,
             };
             length += chunk.len() as u64;
             if length > limit {
-                break Err(Unstaged::TooLong);
+                break Err(StageError::TooLong);
             }
             hash.update(&chunk);
             head.extend(chunk.iter().take(HEAD_BYTES - head.len()));
@@ -141,9 +141,9 @@ impl Objects {
     }
 
     /// Gives an upload its name. No object is removed while the guard lives, in which time a row must name it.
-    pub(super) async fn keep(&self, staged: Staged) -> Result<RwLockReadGuard<'_, ()>, StoreError> {
+    pub(super) async fn publish(&self, staged: Staged) -> Result<RwLockReadGuard<'_, ()>, StoreError> {
         let open = self.gate.read().await;
-        self.files.rename(&staged.place, &place_of(&staged.digest)).await?;
+        self.files.rename(&staged.place, &path_of(&staged.digest)).await?;
         Ok(open)
     }
 
@@ -157,7 +157,7 @@ impl Objects {
     /// Reads a part of an object; none when it is not there.
     pub(super) async fn read(&self, digest: &str, part: Range<u64>) -> Result<Option<Reading>, StoreError> {
         let options = GetOptions { range: Some(part.into()), ..GetOptions::default() };
-        match self.files.get_opts(&place_of(digest), options).await {
+        match self.files.get_opts(&path_of(digest), options).await {
             Ok(found) => Ok(Some(found.into_stream().map_err(StoreError::from).boxed())),
             Err(object_store::Error::NotFound { .. }) => Ok(None),
             Err(error) => Err(error.into()),
@@ -165,13 +165,13 @@ impl Objects {
     }
 
     /// Nothing gets a name while the guard lives, in which time it can be asked whether an object has one.
-    pub(super) async fn shut(&self) -> RwLockWriteGuard<'_, ()> {
+    pub(super) async fn lock_removal(&self) -> RwLockWriteGuard<'_, ()> {
         self.gate.write().await
     }
 
     /// Removes an object; false when it is not there.
     pub(super) async fn remove(&self, digest: &str) -> Result<bool, StoreError> {
-        match self.files.delete(&place_of(digest)).await {
+        match self.files.delete(&path_of(digest)).await {
             Ok(()) => Ok(true),
             Err(object_store::Error::NotFound { .. }) => Ok(false),
             Err(error) => Err(error.into()),
@@ -183,15 +183,15 @@ impl Objects {
         let old = self.files.list(None).try_filter_map(|file| async move {
             let is_old = file.last_modified.timestamp_millis() < then_ms;
             let name = file.location.filename().map(str::to_owned);
-            Ok(name.filter(|name| is_old && file.location == place_of(name)))
+            Ok(name.filter(|name| is_old && file.location == path_of(name)))
         });
         Ok(old.try_collect().await?)
     }
 }
 
 /// Where an object lies: thousands in one folder are slow to look through.
-fn place_of(digest: &str) -> Place {
-    Place::from(format!("{}/{digest}", digest.get(..2).unwrap_or_default()))
+fn path_of(digest: &str) -> ObjectPath {
+    ObjectPath::from(format!("{}/{digest}", digest.get(..2).unwrap_or_default()))
 }
 
 /// Copies those objects of a folder that are named to another folder; what is not there is passed over. Returns the bytes that were
@@ -199,7 +199,7 @@ fn place_of(digest: &str) -> Place {
 pub(super) fn copy(from: &Path, to: &Path, named: &[String]) -> io::Result<(u64, u64)> {
     let (mut bytes, mut absent) = (0, 0);
     for digest in named {
-        let place = place_of(digest).to_string();
+        let place = path_of(digest).to_string();
         let (source, target) = (from.join(&place), to.join(&place));
         if target.exists() {
             continue;

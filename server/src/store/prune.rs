@@ -9,7 +9,7 @@ use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use tokio::sync::RwLock;
 
-use super::rows::{Columns, to_json};
+use super::columns::{Columns, to_json};
 use super::{Store, StoreError};
 
 /// Each is the end of an index, or of the table.

@@ -3,7 +3,7 @@
 use roost_api::ids::JobId;
 use roost_api::job::JobState;
 
-use super::rows::Columns;
+use super::columns::Columns;
 use super::{Store, StoreError};
 
 /// What a job has to show.

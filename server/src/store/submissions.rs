@@ -3,7 +3,7 @@
 use roost_api::time::Timestamp;
 use uuid::Uuid;
 
-use super::rows::Columns;
+use super::columns::Columns;
 use super::{Store, StoreError};
 
 /// Who submits what under which key.
@@ -19,7 +19,7 @@ pub(crate) struct Submission {
 
 /// The answer that was given before.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Answered {
+pub(crate) struct StoredResponse {
     pub status: u16,
     pub location: Option<String>,
     pub body: String,
@@ -27,11 +27,11 @@ pub(crate) struct Answered {
 
 /// What is known of a submission.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Known {
+pub(crate) enum SubmissionState {
     /// Not answered yet: what it makes has this identifier.
     Reserved(Uuid),
     /// Answered.
-    Answered(Answered),
+    Answered(StoredResponse),
     /// The key was used for something else.
     Other,
 }
@@ -42,7 +42,7 @@ impl Store {
         &self,
         submission: Submission,
         now: Timestamp,
-    ) -> Result<Known, StoreError> {
+    ) -> Result<SubmissionState, StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
@@ -59,11 +59,11 @@ impl Store {
                         .fetch_one(&mut *tx)
                         .await?;
                     if row.column::<String>("fingerprint")? != submission.fingerprint {
-                        return Ok(Known::Other);
+                        return Ok(SubmissionState::Other);
                     }
                     Ok(match row.number_opt("status")? {
-                        None => Known::Reserved(row.parsed("resource_id")?),
-                        Some(status) => Known::Answered(Answered {
+                        None => SubmissionState::Reserved(row.parsed("resource_id")?),
+                        Some(status) => SubmissionState::Answered(StoredResponse {
                             status,
                             location: row.column("location")?,
                             body: row.column("body")?,
@@ -78,7 +78,7 @@ impl Store {
     pub(crate) async fn answer_submission(
         &self,
         submission: Submission,
-        answered: Answered,
+        answered: StoredResponse,
     ) -> Result<(), StoreError> {
         self.writer
             .write(move |tx| {

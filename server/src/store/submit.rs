@@ -12,8 +12,8 @@ use roost_solver::scenario::Scenario;
 use serde_json::Value;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
-use super::drafts::{Draft, Drafts, Shared, insert_jobs, place};
-use super::rows::to_json;
+use super::columns::to_json;
+use super::job_rows::{JobBatches, JobOptions, JobRow, insert_jobs, queue_start};
 use super::{Store, StoreError};
 use crate::sweep::Expansion;
 
@@ -49,8 +49,8 @@ pub(crate) struct NewSweep {
     labels: String,
     points: usize,
     replicates: u32,
-    drafts: Drafts,
-    shared: Shared,
+    batches: JobBatches,
+    options: JobOptions,
 }
 
 impl NewSweep {
@@ -71,8 +71,8 @@ impl NewSweep {
             labels: to_json("labels", &spec.labels)?,
             points: expansion.points.len(),
             replicates,
-            drafts: Drafts::new(id, jobs, expansion.points.into_trials(0, replicates))?,
-            shared: Shared::of(&spec, token)?,
+            batches: JobBatches::new(id, jobs, expansion.points.into_trials(0, replicates))?,
+            options: JobOptions::of(&spec, token)?,
             name: spec.name,
         })
     }
@@ -81,8 +81,8 @@ impl NewSweep {
 impl Store {
     /// Stores a job that is not there yet, answered from the store where that is allowed.
     pub(crate) async fn insert_job(&self, job: NewJob, now: Timestamp) -> Result<(), StoreError> {
-        let draft = Draft::single(&job.scenario, job.id)?;
-        let shared = Shared {
+        let row = JobRow::single(&job.scenario, job.id)?;
+        let options = JobOptions {
             token: job.token,
             priority: job.priority,
             labels: to_json("labels", &job.labels)?,
@@ -100,9 +100,9 @@ impl Store {
                         return Ok(());
                     }
                     let newest = newest(tx).await?;
-                    let place = place(tx, &shared).await?;
-                    insert_jobs(tx, &[draft], &shared, place, now).await?;
-                    answer_from_cache(tx, newest, &shared, now).await
+                    let start = queue_start(tx, &options).await?;
+                    insert_jobs(tx, &[row], &options, start, now).await?;
+                    answer_from_cache(tx, newest, &options, now).await
                 })
             })
             .await
@@ -110,13 +110,13 @@ impl Store {
 
     /// Stores a sweep that is not there yet, its design points and its jobs, all or nothing.
     pub(crate) async fn insert_sweep(&self, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
-        let is_large = sweep.drafts.is_large();
+        let is_large = sweep.batches.is_large();
         self.writer.write_as(is_large, move |tx| Box::pin(insert_sweep(tx, sweep, now))).await
     }
 }
 
 async fn insert_sweep(tx: &mut SqliteConnection, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
-    let NewSweep { id, name, text, design, factors, labels, points, replicates, drafts, shared } = sweep;
+    let NewSweep { id, name, text, design, factors, labels, points, replicates, batches, options } = sweep;
     if is_there(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
         return Ok(());
     }
@@ -135,19 +135,19 @@ async fn insert_sweep(tx: &mut SqliteConnection, sweep: NewSweep, now: Timestamp
     .bind(now.0)
     .execute(&mut *tx)
     .await?;
-    queue(tx, drafts, &shared, now).await
+    queue(tx, batches, &options, now).await
 }
 
 /// Queues the jobs of a sweep, answered from the store where that is allowed.
 pub(super) async fn queue(
     tx: &mut SqliteConnection,
-    drafts: Drafts,
-    shared: &Shared,
+    batches: JobBatches,
+    options: &JobOptions,
     now: Timestamp,
 ) -> Result<(), StoreError> {
     let newest = newest(tx).await?;
-    drafts.insert(tx, shared, now).await?;
-    answer_from_cache(tx, newest, shared, now).await
+    batches.insert(tx, options, now).await?;
+    answer_from_cache(tx, newest, options, now).await
 }
 
 /// The number of the job that came last.
@@ -169,10 +169,10 @@ const FRAMES_AS_ASKED: &str = "frames f JOIN jobs recorded ON recorded.id = f.jo
 async fn answer_from_cache(
     tx: &mut SqliteConnection,
     newest: i64,
-    shared: &Shared,
+    options: &JobOptions,
     now: Timestamp,
 ) -> Result<(), StoreError> {
-    if shared.cache != Cache::Use {
+    if options.cache != Cache::Use {
         return Ok(());
     }
     let answered = sqlx::query(AssertSqlSafe(format!(
@@ -245,9 +245,9 @@ mod tests {
             NewSweep::new(SweepId::new(), String::new(), &document, spec, expansion).unwrap()
         };
         let (broken, cut_off) = (sweep(), expanded().1.points.into_trials(0, 1200).take(1700));
-        let drafts = Drafts::new(broken.id, 2400, cut_off).unwrap();
-        assert!(drafts.is_large());
-        let lost = store.insert_sweep(NewSweep { drafts, ..broken }, Timestamp(0)).await;
+        let batches = JobBatches::new(broken.id, 2400, cut_off).unwrap();
+        assert!(batches.is_large());
+        let lost = store.insert_sweep(NewSweep { batches, ..broken }, Timestamp(0)).await;
         assert!(matches!(lost, Err(StoreError::Unfinished { queued: 1700, jobs: 2400 })), "{lost:?}");
         assert_eq!(numbers(&store).await, (0, 0, 0, 0, 0));
 

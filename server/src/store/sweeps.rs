@@ -7,8 +7,8 @@ use roost_api::sweep::{FailureCounts, StateCounts, SweepView};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Sqlite};
 
+use super::columns::{Columns, to_json};
 use super::jobs::push_label;
-use super::rows::{Columns, to_json};
 use super::{Store, StoreError};
 
 /// Without the specification, which may be long, and without those that are being deleted.

@@ -7,7 +7,7 @@ use roost_api::mesh::{MeshFormat, MeshView};
 use roost_api::time::Timestamp;
 use sqlx::{AssertSqlSafe, Row};
 
-use super::candidates::{CANDIDATES, ROUNDS};
+use super::eligible_jobs::{ELIGIBLE_JOBS, ROUNDS};
 use super::*;
 use crate::clock::Now;
 
@@ -28,7 +28,7 @@ async fn plan(store: &Store, sql: &str) -> String {
 #[tokio::test]
 async fn a_claim_walks_its_index_and_sorts_nothing() {
     let (store, _dir) = store().await;
-    let told = plan(&store, CANDIDATES).await;
+    let told = plan(&store, ELIGIBLE_JOBS).await;
     for step in [
         // One after the other as they are asked for, and a step into the index for each.
         "CO-ROUTINE heads",
@@ -47,7 +47,8 @@ async fn a_claim_walks_its_index_and_sorts_nothing() {
     let told = plan(&store, ROUNDS).await;
     assert!(told.contains("SEARCH fair_share USING PRIMARY KEY (priority=?)"), "{told}");
 
-    let sorted = plan(&store, "SELECT seq FROM jobs WHERE state = 'queued' ORDER BY queue_position, priority").await;
+    let sorted =
+        plan(&store, "SELECT seq FROM jobs WHERE state = 'queued' ORDER BY queue_position, priority").await;
     assert!(sorted.contains("TEMP B-TREE"), "what the check above looks for: {sorted}");
     store.close().await;
 }
@@ -63,8 +64,8 @@ async fn what_runs_often_is_indexed() {
         ),
         (super::versions::JOB, "events_of_job"),
         (super::versions::SWEEP, "events_of_sweep"),
-        (super::versions::CENSUS, "SCAN jobs USING INDEX jobs_to_claim"),
-        (super::versions::CENSUS, "USING INDEX jobs_ended"),
+        (super::versions::QUEUE_COUNTS, "SCAN jobs USING INDEX jobs_to_claim"),
+        (super::versions::QUEUE_COUNTS, "USING INDEX jobs_ended"),
         (super::versions::QUEUED_AT, "events_of_job"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= 5", "jobs_by_lease"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= 5", "jobs_by_deadline"),
@@ -91,7 +92,7 @@ async fn what_runs_often_is_indexed() {
         (format!("SELECT j.id FROM jobs j {}", super::trials::FROM).as_str(), "jobs_by_point"),
         ("SELECT * FROM jobs j WHERE +j.seq < 9 AND j.sweep_id = 'a' AND j.point = 3", "jobs_by_point"),
         ("SELECT 1 FROM frames WHERE object_digest = 'a'", "frames_by_object"),
-        (super::frames::UNNAMED, "frames_by_object"),
+        (super::frames::UNREFERENCED, "frames_by_object"),
         ("SELECT * FROM jobs WHERE sweep_id = 'a' AND seq < 9 ORDER BY seq DESC", "jobs_of_sweep"),
         (
             "SELECT * FROM jobs WHERE state = ? AND ended_at IS NOT NULL AND seq < 9 ORDER BY seq DESC",
@@ -113,9 +114,14 @@ async fn what_runs_often_is_indexed() {
 async fn what_is_asked_together_reads_nothing_but_what_is_asked() {
     let (store, _dir) = store().await;
     let json = |line: &&str| line.contains("VIRTUAL TABLE");
-    for sql in
-        [claims::ARRIVE, claims::TAKE, claims::REPEAT, facts::END, deliveries::RECORD, heartbeats::RENEW]
-    {
+    for sql in [
+        claims::ARRIVE,
+        claims::TAKE,
+        claims::REPEAT,
+        transitions::END,
+        deliveries::RECORD,
+        heartbeats::RENEW,
+    ] {
         for statement in sql.split(';') {
             let told = plan(&store, statement).await;
             let scans = told.lines().filter(|line| line.contains("SCAN") && !json(line));
@@ -194,7 +200,8 @@ async fn insert_turn(store: &Store, priority: i64, turn: i64) -> Result<(), Stor
         .writer
         .write(move |tx| {
             Box::pin(async move {
-                let sql = "INSERT INTO fair_share (priority, owner, queue_position, round) VALUES (?, 0, ?, 0)";
+                let sql =
+                    "INSERT INTO fair_share (priority, owner, queue_position, round) VALUES (?, 0, ?, 0)";
                 sqlx::query(sql).bind(priority).bind(turn).execute(&mut *tx).await?;
                 // Fails after the first write where the turn is odd.
                 if turn % 2 == 1 {
@@ -219,8 +226,10 @@ async fn pieces_of_a_group_fail_alone() {
     for (number, write) in writes.into_iter().enumerate() {
         assert_eq!(write.await.unwrap().is_ok(), number % 2 == 0, "{number}");
     }
-    let kept: Vec<i64> =
-        sqlx::query_scalar("SELECT queue_position FROM fair_share ORDER BY queue_position").fetch_all(&store.readers).await.unwrap();
+    let kept: Vec<i64> = sqlx::query_scalar("SELECT queue_position FROM fair_share ORDER BY queue_position")
+        .fetch_all(&store.readers)
+        .await
+        .unwrap();
     assert_eq!(kept, (0..50).step_by(2).collect::<Vec<_>>());
     store.close().await;
     assert!(matches!(insert_turn(&store, 1, 2).await, Err(StoreError::WriterGone)));
@@ -275,7 +284,7 @@ async fn a_lease_counts_by_its_own_clock_and_ends_at_the_time_people_read() {
         .await
         .unwrap();
     let now = Now { wall: Timestamp(7000), lease: Timestamp(100) };
-    assert_eq!(store.pass_time(Default::default(), now).await.unwrap().changes.len(), 1);
+    assert_eq!(store.expire(Default::default(), now).await.unwrap().changes.len(), 1);
     let ended: i64 = sqlx::query_scalar("SELECT ended_at FROM jobs").fetch_one(&store.readers).await.unwrap();
     assert_eq!(ended, 7000);
     store.close().await;

@@ -8,7 +8,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Connection, SqliteConnection};
 use uuid::Uuid;
 
-use super::rows::{Columns, corrupt, to_json};
+use super::columns::{Columns, corrupt, to_json};
 use super::{Store, StoreError, connect, options};
 
 /// A token that exists.

@@ -6,20 +6,20 @@ use roost_api::table::TrialRow;
 use sqlx::AssertSqlSafe;
 use sqlx::sqlite::SqliteRow;
 
-use super::rows::Columns;
+use super::columns::Columns;
 use super::{Store, StoreError};
 use crate::sweep::Response;
 
 /// A trial's place in the table: design point and replicate.
-pub(crate) type Place = (u32, u32);
+pub(crate) type TrialIndex = (u32, u32);
 
 /// Result documents that are in memory at a time.
-pub(crate) const DOCUMENTS: u32 = 16;
+pub(crate) const MAX_DOCUMENTS: u32 = 16;
 
 /// A trial with its result document.
-pub(crate) struct Documented {
+pub(crate) struct TrialDocument {
     pub(crate) job_id: JobId,
-    pub(crate) place: Place,
+    pub(crate) place: TrialIndex,
     pub(crate) state: JobState,
     /// Its result, or what its newest attempt left of one, as JSON text.
     pub(crate) document: Option<String>,
@@ -40,7 +40,7 @@ impl Store {
     pub(crate) async fn trials_from(
         &self,
         id: SweepId,
-        (point, replicate): Place,
+        (point, replicate): TrialIndex,
         limit: u32,
     ) -> Result<Vec<TrialRow>, StoreError> {
         let rows = sqlx::query(AssertSqlSafe(format!("{COLUMNS} {FROM}")))
@@ -75,9 +75,9 @@ impl Store {
     pub(crate) async fn documents_from(
         &self,
         id: SweepId,
-        (point, replicate): Place,
+        (point, replicate): TrialIndex,
         limit: u32,
-    ) -> Result<Vec<Documented>, StoreError> {
+    ) -> Result<Vec<TrialDocument>, StoreError> {
         let sql = format!(
             "SELECT j.id, j.point, j.replicate, j.state, d.body FROM jobs j
              LEFT JOIN results r ON r.job_id = j.id
@@ -89,12 +89,12 @@ impl Store {
             .bind(id.to_string())
             .bind(point)
             .bind(replicate)
-            .bind(limit.min(DOCUMENTS))
+            .bind(limit.min(MAX_DOCUMENTS))
             .fetch_all(&self.readers)
             .await?;
         rows.iter()
             .map(|row| {
-                Ok(Documented {
+                Ok(TrialDocument {
                     job_id: row.parsed("id")?,
                     place: (row.number("point")?, row.number("replicate")?),
                     state: row.parsed("state")?,

@@ -8,7 +8,7 @@ use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::time::Timestamp;
 
-use super::rows::Columns;
+use super::columns::Columns;
 use super::workers::around;
 use super::{Store, StoreError};
 
@@ -76,7 +76,7 @@ impl Store {
 }
 
 /// What there is to do, and who is there to do it.
-pub(crate) struct Census {
+pub(crate) struct QueueCounts {
     /// Jobs by state.
     pub(crate) jobs: Vec<(JobState, i64)>,
     /// Since when the first submitted of the queued jobs has been queued; a job that pauses does not count.
@@ -87,8 +87,12 @@ pub(crate) struct Census {
 
 impl Store {
     /// Counts jobs and workers.
-    pub(crate) async fn census(&self, now: Timestamp, lease: Duration) -> Result<Census, StoreError> {
-        let rows = sqlx::query(CENSUS).fetch_all(&self.readers).await?;
+    pub(crate) async fn queue_counts(
+        &self,
+        now: Timestamp,
+        lease: Duration,
+    ) -> Result<QueueCounts, StoreError> {
+        let rows = sqlx::query(QUEUE_COUNTS).fetch_all(&self.readers).await?;
         let jobs = rows.iter().map(|row| Ok((row.parsed("state")?, row.column("jobs")?)));
         let jobs = jobs.collect::<Result<_, StoreError>>()?;
         let mut oldest: Option<i64> = None;
@@ -103,12 +107,12 @@ impl Store {
             .bind(until.0)
             .fetch_one(&self.readers)
             .await?;
-        Ok(Census { jobs, oldest_queued_at: oldest_queued_at.map(Timestamp), workers })
+        Ok(QueueCounts { jobs, oldest_queued_at: oldest_queued_at.map(Timestamp), workers })
     }
 }
 
 /// By the partial indexes: no row of a job is read. `oldest` is the queued job that was submitted first.
-pub(super) const CENSUS: &str = "
+pub(super) const QUEUE_COUNTS: &str = "
     SELECT 'queued' AS state, count(*) + (SELECT count(*) FROM jobs WHERE not_before IS NOT NULL) AS jobs,
            min(seq) AS oldest FROM jobs WHERE state = 'queued' AND not_before IS NULL
     UNION ALL SELECT 'running', count(*), NULL FROM jobs WHERE state = 'running' AND lease_expires_at > 0

@@ -7,7 +7,7 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::time::Timestamp;
 use roost_api::worker::{WorkerRegistration, WorkerView};
 
-use super::rows::Columns;
+use super::columns::Columns;
 use super::{Store, StoreError};
 use crate::queue::Refusal;
 

@@ -201,7 +201,8 @@ async fn deletion_removes_one_sweep_only() {
 
 /// Unnamed rows, and all rows of the tables that a sweep fills.
 async fn row_counts(database: &mut sqlx::SqliteConnection) -> (i64, i64) {
-    let unnamed = "SELECT (SELECT count(*) FROM scenarios WHERE digest NOT IN (SELECT scenario_digest FROM jobs))
+    let unnamed =
+        "SELECT (SELECT count(*) FROM scenarios WHERE digest NOT IN (SELECT scenario_digest FROM jobs))
         + (SELECT count(*) FROM documents WHERE digest NOT IN (SELECT document_digest FROM results)
            AND digest NOT IN (SELECT partial_digest FROM attempts WHERE partial_digest IS NOT NULL))";
     let all =

@@ -11,7 +11,7 @@ fn long() -> Bytes {
     (0..2 * BUCKET_PART_BYTES + 12_345).map(|place| (place % 251) as u8).collect()
 }
 
-async fn stage(objects: &Objects, bytes: &Bytes, limit: usize) -> Result<Staged, Unstaged<io::Error>> {
+async fn stage(objects: &Objects, bytes: &Bytes, limit: usize) -> Result<Staged, StageError<io::Error>> {
     let pieces: Vec<_> = bytes.chunks(1_000_003).map(|piece| Ok(bytes.slice_ref(piece))).collect();
     objects.stage(stream::iter(pieces), limit as u64).await
 }
@@ -31,7 +31,7 @@ async fn goes_through(objects: Objects, again: impl AsyncFnOnce() -> Objects) {
         assert!(bytes.starts_with(&staged.head) && staged.head.len() == bytes.len().min(HEAD_BYTES));
         digests.push(staged.digest.clone());
         assert_eq!(read(&objects, &staged.digest, 0..1).await, None, "nobody sees it before it has its name");
-        drop(objects.keep(staged).await.unwrap());
+        drop(objects.publish(staged).await.unwrap());
     }
     assert_eq!(read(&objects, &digests[0], 0..long.len() as u64).await.unwrap(), long);
     let (from, to) = (BUCKET_PART_BYTES as u64 - 3, BUCKET_PART_BYTES as u64 + 4);
@@ -40,8 +40,8 @@ async fn goes_through(objects: Objects, again: impl AsyncFnOnce() -> Objects) {
 
     // The same again is the same object; what is too long or not wanted leaves none.
     let again_short = stage(&objects, &short, 5).await.expect("within the limit");
-    drop(objects.keep(again_short).await.unwrap());
-    assert!(matches!(stage(&objects, &long, long.len() - 1).await, Err(Unstaged::TooLong)));
+    drop(objects.publish(again_short).await.unwrap());
+    assert!(matches!(stage(&objects, &long, long.len() - 1).await, Err(StageError::TooLong)));
     let unwanted = stage(&objects, &Bytes::from_static(b"unwanted"), 8).await.expect("within the limit");
     objects.discard(unwanted).await;
     let left_behind =

@@ -252,7 +252,7 @@ impl Model {
     }
 
     /// Ends leases and deadlines; returns the jobs that were touched.
-    pub(super) fn pass_time(&mut self, now: i64) -> Vec<JobId> {
+    pub(super) fn expire(&mut self, now: i64) -> Vec<JobId> {
         let mut touched = Vec::new();
         let expired: Vec<JobId> = self.running(|job| job.lease_ends <= now);
         // Who had company is known before any of them ends.

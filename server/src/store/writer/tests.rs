@@ -6,7 +6,7 @@ use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
 
 use super::*;
-use crate::store::Hindrance;
+use crate::store::Unavailable;
 
 #[tokio::test]
 async fn a_busy_database_is_told_and_the_writer_goes_on() {
@@ -17,7 +17,7 @@ async fn a_busy_database_is_told_and_the_writer_goes_on() {
     let writer = Writer::start(options.connect().await.unwrap());
     sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
     let error = writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap_err();
-    assert_eq!(error.hindrance(), Some(Hindrance::Busy), "{error:?}");
+    assert_eq!(error.unavailable(), Some(Unavailable::Busy), "{error:?}");
     sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
     writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap();
     writer.close().await;
@@ -40,7 +40,7 @@ async fn a_full_disk_is_told_and_the_writer_goes_on() {
             .await
     };
     let error = insert(1_000_000).await.unwrap_err();
-    assert_eq!(error.hindrance(), Some(Hindrance::Full), "{error:?}");
+    assert_eq!(error.unavailable(), Some(Unavailable::Full), "{error:?}");
     insert(10).await.unwrap();
     writer.close().await;
 }

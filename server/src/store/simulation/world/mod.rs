@@ -18,7 +18,7 @@ use workers::Asking;
 
 use super::model::{Job, LEASE_MS, LOST_ATTEMPTS, Model, WORKER_ATTEMPTS};
 use crate::clock::Now;
-use crate::queue::{RetryPolicy, Tries};
+use crate::queue::{RetryLimit, RetryPolicy};
 use crate::store::{NewJob, Store};
 
 /// What a story's jobs simulate: few, so that some are answered from the store.
@@ -80,10 +80,10 @@ impl<'s> World<'s> {
             .await
             .unwrap();
         let mut random = fastrand::Rng::with_seed(seed);
-        let tries = |attempts| Tries {
+        let tries = |attempts| RetryLimit {
             attempts,
             first_pause: Duration::from_millis(if seed.is_multiple_of(2) { 0 } else { 3000 }),
-            longest_pause: LEASE,
+            max_pause: LEASE,
         };
         let start = Timestamp(random.i64(1_000_000_000..2_000_000_000));
         let mut world = Self {
@@ -207,10 +207,10 @@ impl<'s> World<'s> {
         let passed = self.random.i64(0..=longest_ms);
         let later = |then: Timestamp| Timestamp(then.0 + passed);
         self.now = Now { wall: later(self.now.wall), lease: later(self.now.lease) };
-        let ended = self.store.pass_time(self.policy, self.now).await.unwrap().changes;
+        let ended = self.store.expire(self.policy, self.now).await.unwrap().changes;
         self.story.push(format!("{passed} ms pass: {ended:?}"));
         let ended: BTreeSet<JobId> = ended.into_iter().map(|(id, _)| id).collect();
-        assert_eq!(ended, self.model.pass_time(self.now.lease.0).into_iter().collect());
+        assert_eq!(ended, self.model.expire(self.now.lease.0).into_iter().collect());
     }
 
     async fn cancel(&mut self) {
@@ -238,7 +238,7 @@ impl<'s> World<'s> {
     async fn restart(&mut self) {
         self.now.lease = self.now.wall;
         self.story.push("the server starts anew".to_owned());
-        self.store.start_afresh(Timestamp(self.now.lease.0 + LEASE_MS)).await.unwrap();
+        self.store.renew_all_leases(Timestamp(self.now.lease.0 + LEASE_MS)).await.unwrap();
         self.model.restart(self.now.lease.0);
     }
 

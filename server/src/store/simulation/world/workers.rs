@@ -9,9 +9,9 @@ use uuid::Uuid;
 
 use super::super::model::{Answer, Job, LEASE_MS, Waiting};
 use super::{DEVICE, LEASE, Report, SCENARIOS, Worker, World};
-use crate::queue::{Origin, Refusal, Verdict};
+use crate::queue::{Provenance, Refusal, Verdict};
 use crate::store::claims::Claim;
-use crate::store::{Beat, StoredResult};
+use crate::store::{Beat, EncodedResult};
 
 /// A claim on its way.
 pub(super) struct Asking {
@@ -221,13 +221,13 @@ impl World<'_> {
         let result = |report: &Report| {
             let which = self.digests.iter().find(|(id, _)| *id == report.job).unwrap().1;
             let worker = self.workers.iter().find(|worker| worker.id == report.worker).unwrap();
-            let origin = Origin {
+            let provenance = Provenance {
                 scenario: SCENARIOS[which].1.clone(),
                 revision: SOLVER_REVISION + u32::from(report.forged),
                 backend: worker.backend.to_owned(),
                 device: DEVICE.to_owned(),
             };
-            StoredResult::stand_in(origin, &format!("{}-{}", report.job, report.attempt))
+            EncodedResult::sample(provenance, &format!("{}-{}", report.job, report.attempt))
         };
         let answers = join_all(reports.iter().map(async |report| {
             let Report { job, attempt, worker, outcome, .. } = *report;

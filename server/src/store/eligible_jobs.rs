@@ -5,16 +5,16 @@ use sqlx::SqliteConnection;
 
 use super::StoreError;
 use super::claims::Claim;
-use super::rows::{Columns, to_json};
+use super::columns::{Columns, to_json};
 use super::workers::around;
 use crate::clock::Now;
-use crate::queue::{Candidate, Line, Rounds};
+use crate::queue::{EligibleJob, OwnerQueue, Rounds};
 
 /// At most ?4 jobs that suit worker ?1 of every line, the lines by priority. Whatever the length of the queue, `heads` finds each line
 /// by one step into `jobs_to_claim`, and each list walks that index from there to its limit; a test looks at the plan. Rows come as
 /// they are asked for: a reader that has enough looks at no further line. A job that the worker has failed before goes to another one
 /// that has what it needs and was heard of between ?2 and ?3, if there is one.
-pub(super) const CANDIDATES: &str = "
+pub(super) const ELIGIBLE_JOBS: &str = "
     WITH RECURSIVE heads (priority, owner) AS (
         SELECT * FROM (SELECT priority, owner FROM jobs WHERE state = 'queued' AND not_before IS NULL
                        ORDER BY priority DESC, owner LIMIT 1)
@@ -54,15 +54,15 @@ pub(super) async fn candidates(
     claim: Claim,
     now: Now,
     wanted: usize,
-) -> Result<Vec<Line>, StoreError> {
+) -> Result<Vec<OwnerQueue>, StoreError> {
     let (since, until) = around(now.wall, claim.lease);
-    let mut rows = sqlx::query(CANDIDATES)
+    let mut rows = sqlx::query(ELIGIBLE_JOBS)
         .bind(claim.worker.to_string())
         .bind(since.0)
         .bind(until.0)
         .bind(i64::try_from(wanted).unwrap_or(i64::MAX))
         .fetch(&mut *tx);
-    let mut lines: Vec<(Line, Vec<(i64, Candidate)>)> = Vec::new();
+    let mut lines: Vec<(OwnerQueue, Vec<(i64, EligibleJob)>)> = Vec::new();
     let mut found = 0;
     while let Some(row) = rows.try_next().await? {
         let (priority, owner) = (row.column("priority")?, row.column("owner")?);
@@ -71,25 +71,28 @@ pub(super) async fn candidates(
             break;
         }
         if last != Some((priority, owner)) {
-            lines.push((Line { priority, owner, jobs: Default::default() }, Vec::new()));
+            lines.push((OwnerQueue { priority, owner, jobs: Default::default() }, Vec::new()));
         }
         if let Some((_, jobs)) = lines.last_mut() {
             jobs.push((
                 row.column("queue_position")?,
-                Candidate { seq: row.column("seq")?, alone: row.column("alone")? },
+                EligibleJob { seq: row.column("seq")?, alone: row.column("alone")? },
             ));
             found += 1;
         }
     }
-    let in_order = |(line, mut jobs): (Line, Vec<(i64, Candidate)>)| {
+    let in_order = |(line, mut jobs): (OwnerQueue, Vec<(i64, EligibleJob)>)| {
         jobs.sort_by_key(|(turn, job)| (*turn, job.seq));
-        Line { jobs: jobs.into_iter().map(|(_, job)| job).collect(), ..line }
+        OwnerQueue { jobs: jobs.into_iter().map(|(_, job)| job).collect(), ..line }
     };
     Ok(lines.into_iter().map(in_order).collect())
 }
 
 /// The rounds that the owners of these lines, and those beside them, have come to.
-pub(super) async fn rounds(tx: &mut SqliteConnection, lines: &[Vec<Line>]) -> Result<Rounds, StoreError> {
+pub(super) async fn rounds(
+    tx: &mut SqliteConnection,
+    lines: &[Vec<OwnerQueue>],
+) -> Result<Rounds, StoreError> {
     let mut priorities: Vec<i32> = lines.iter().flatten().map(|line| line.priority).collect();
     priorities.sort_unstable();
     priorities.dedup();
@@ -98,7 +101,7 @@ pub(super) async fn rounds(tx: &mut SqliteConnection, lines: &[Vec<Line>]) -> Re
         return Ok(rounds);
     }
     for row in sqlx::query(ROUNDS).bind(to_json("priorities", &priorities)?).fetch_all(&mut *tx).await? {
-        rounds.note(row.column("priority")?, row.column("owner")?, row.column("round")?);
+        rounds.record(row.column("priority")?, row.column("owner")?, row.column("round")?);
     }
     Ok(rounds)
 }

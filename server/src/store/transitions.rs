@@ -1,4 +1,4 @@
-//! The facts that `queue` decides on, and the changes it decides.
+//! Snapshots that `queue` decides on, and the transitions that it decides.
 
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, JobState};
@@ -8,18 +8,18 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::StoreError;
-use super::rows::{Columns, to_json};
-use crate::queue::{AttemptFacts, JobChange, JobFacts, Origin, Refusal, Standing, standing};
+use super::columns::{Columns, to_json};
+use crate::queue::{AttemptSnapshot, FenceState, JobChange, JobSnapshot, Provenance, Refusal, fence};
 
-/// The columns of [`JobFacts`]; the counts look at the few attempts of one job.
-pub(super) const JOB_FACTS: &str = "j.id, j.state, j.cancelling, j.attempt, j.failure_class,
+/// The columns of a [`JobSnapshot`]. The counts read only the few attempts of one job.
+pub(super) const JOB_COLUMNS: &str = "j.id, j.state, j.cancelling, j.attempt, j.failure_class,
     (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = 'worker')
         AS worker_failures,
     (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = 'lost')
         AS lost";
 
-pub(super) fn job_facts(row: &SqliteRow) -> Result<JobFacts, StoreError> {
-    Ok(JobFacts {
+pub(super) fn job_snapshot(row: &SqliteRow) -> Result<JobSnapshot, StoreError> {
+    Ok(JobSnapshot {
         id: row.parsed("id")?,
         state: row.parsed("state")?,
         cancelling: row.column("cancelling")?,
@@ -30,34 +30,34 @@ pub(super) fn job_facts(row: &SqliteRow) -> Result<JobFacts, StoreError> {
     })
 }
 
-/// An attempt that a worker writes to.
+/// An attempt, and the worker that writes to it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Written {
+pub(super) struct AttemptRef {
     pub(super) job: JobId,
     pub(super) attempt: u32,
     pub(super) worker: WorkerId,
 }
 
-/// A job with one of its attempts, and where that attempt stands when its worker writes to it.
-pub(super) struct Fenced {
-    pub(super) job: JobFacts,
-    /// Of every result of the attempt.
-    pub(super) origin: Origin,
-    pub(super) standing: Standing,
+/// A job, and whether one of its attempts may write.
+pub(super) struct FencedAttempt {
+    pub(super) job: JobSnapshot,
+    /// Provenance that results of the attempt must have.
+    pub(super) provenance: Provenance,
+    pub(super) fence: FenceState,
 }
 
-/// Looks up attempts that are written to; the answers are in their order.
-pub(super) async fn fenced(
+/// Checks writes to attempts, and answers in their order.
+pub(super) async fn fence_attempts(
     tx: &mut SqliteConnection,
-    written: &[Written],
-) -> Result<Vec<Result<Fenced, Refusal>>, StoreError> {
-    let mut found: Vec<_> = written.iter().map(|_| Err(Refusal::NoJob)).collect();
-    if written.is_empty() {
+    attempts: &[AttemptRef],
+) -> Result<Vec<Result<FencedAttempt, Refusal>>, StoreError> {
+    let mut found: Vec<_> = attempts.iter().map(|_| Err(Refusal::NoJob)).collect();
+    if attempts.is_empty() {
         return Ok(found);
     }
-    let asked: Vec<_> = written.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
+    let asked: Vec<_> = attempts.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
     let sql = format!(
-        "SELECT asked.key AS place, {JOB_FACTS}, j.scenario_digest, a.worker_id AS claimed_by, a.outcome,
+        "SELECT asked.key AS place, {JOB_COLUMNS}, j.scenario_digest, a.worker_id AS claimed_by, a.outcome,
                 w.solver_revision, w.backend, w.device
          FROM json_each(?) AS asked CROSS JOIN jobs j ON j.id = asked.value ->> 'job'
          LEFT JOIN attempts a ON a.job_id = j.id AND a.number = asked.value ->> 'attempt'
@@ -66,38 +66,38 @@ pub(super) async fn fenced(
     let rows = sqlx::query(AssertSqlSafe(sql)).bind(to_json("attempts", &asked)?).fetch_all(&mut *tx).await?;
     for row in &rows {
         let place = row.number::<u32>("place")? as usize;
-        let Some(Written { attempt: number, worker, .. }) = written.get(place).copied() else { continue };
+        let Some(AttemptRef { attempt: number, worker, .. }) = attempts.get(place).copied() else { continue };
         found[place] = match row.parsed_opt("claimed_by")? {
             None => Err(Refusal::NoAttempt),
             Some(worker_id) => {
-                let job = job_facts(row)?;
-                let attempt = AttemptFacts { number, worker_id, outcome: row.parsed_opt("outcome")? };
-                let origin = Origin {
+                let job = job_snapshot(row)?;
+                let attempt = AttemptSnapshot { number, worker_id, outcome: row.parsed_opt("outcome")? };
+                let provenance = Provenance {
                     scenario: row.column("scenario_digest")?,
                     revision: row.number("solver_revision")?,
                     backend: row.column("backend")?,
                     device: row.column("device")?,
                 };
-                Ok(Fenced { origin, standing: standing(&job, &attempt, worker), job })
+                Ok(FencedAttempt { provenance, fence: fence(&job, &attempt, worker), job })
             }
         };
     }
     Ok(found)
 }
 
-/// How an attempt ended, and what that does to its job.
-pub(super) struct Ending<'a> {
+/// The end of an attempt, and the change of its job.
+pub(super) struct AttemptEnd<'a> {
     pub(super) job: JobId,
     pub(super) attempt: u32,
     pub(super) outcome: AttemptOutcome,
     pub(super) change: &'a JobChange,
     pub(super) message: Option<&'a str>,
-    /// Digest of what it came to.
+    /// Digest of its partial result.
     pub(super) partial: Option<&'a str>,
     pub(super) at: Timestamp,
 }
 
-impl Ending<'_> {
+impl AttemptEnd<'_> {
     fn to_value(&self) -> Value {
         let (state, class) = match self.change {
             JobChange::Requeue { .. } => (JobState::Queued, None),
@@ -118,12 +118,15 @@ impl Ending<'_> {
     }
 }
 
-/// Carries endings out, each of another job.
-pub(super) async fn end(tx: &mut SqliteConnection, endings: &[Ending<'_>]) -> Result<(), StoreError> {
+/// Ends attempts of different jobs.
+pub(super) async fn end_attempts(
+    tx: &mut SqliteConnection,
+    endings: &[AttemptEnd<'_>],
+) -> Result<(), StoreError> {
     if endings.is_empty() {
         return Ok(());
     }
-    let endings: Vec<_> = endings.iter().map(Ending::to_value).collect();
+    let endings: Vec<_> = endings.iter().map(AttemptEnd::to_value).collect();
     let endings = to_json("endings", &endings)?;
     sqlx::query(END).bind(&endings).bind(&endings).execute(&mut *tx).await?;
     Ok(())

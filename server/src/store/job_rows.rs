@@ -13,7 +13,7 @@ use roost_solver::scenario::Scenario;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 
 use super::StoreError;
-use super::rows::to_json;
+use super::columns::to_json;
 use crate::queue::Owner;
 use crate::sweep::Trial;
 
@@ -30,7 +30,7 @@ static WRITERS: LazyLock<ThreadPool> = LazyLock::new(|| {
 });
 
 /// A row of `jobs` before it has a state.
-pub(super) struct Draft {
+pub(super) struct JobRow {
     pub(super) id: JobId,
     digest: String,
     body: String,
@@ -40,7 +40,7 @@ pub(super) struct Draft {
     levels: Option<String>,
 }
 
-impl Draft {
+impl JobRow {
     /// A job of no sweep.
     pub(super) fn single(scenario: &Scenario, id: JobId) -> Result<Self, StoreError> {
         let seed = scenario.seed as i64; // at most 2^53 - 1
@@ -56,7 +56,7 @@ impl Draft {
 }
 
 /// What the jobs of one submission share.
-pub(super) struct Shared {
+pub(super) struct JobOptions {
     /// The token that asks for them, or nothing.
     pub(super) token: String,
     pub(super) priority: i32,
@@ -68,7 +68,7 @@ pub(super) struct Shared {
     pub(super) cache: Cache,
 }
 
-impl Shared {
+impl JobOptions {
     /// What the jobs of a sweep share that a token asks for.
     pub(super) fn of(spec: &SweepSpec, token: String) -> Result<Self, StoreError> {
         Ok(Self {
@@ -87,14 +87,14 @@ impl Shared {
 type Trials = Box<dyn Iterator<Item = Trial> + Send>;
 
 /// The jobs of a sweep that are to be queued: a piece that is written out, and what is not yet.
-pub(super) struct Drafts {
+pub(super) struct JobBatches {
     sweep: SweepId,
-    piece: Vec<Draft>,
+    piece: Vec<JobRow>,
     rest: Trials,
     jobs: u64,
 }
 
-impl Drafts {
+impl JobBatches {
     /// So many jobs, of which the first piece is written out.
     pub(super) fn new(
         sweep: SweepId,
@@ -113,7 +113,7 @@ impl Drafts {
     fn next(mut self) -> Result<Self, StoreError> {
         self.piece = WRITERS.install(|| {
             let trials: Vec<Trial> = self.rest.by_ref().take(PIECE).collect();
-            trials.par_iter().map(|trial| Draft::of(trial, self.sweep)).collect::<Result<_, _>>()
+            trials.par_iter().map(|trial| JobRow::of(trial, self.sweep)).collect::<Result<_, _>>()
         })?;
         Ok(self)
     }
@@ -122,16 +122,16 @@ impl Drafts {
     pub(super) async fn insert(
         mut self,
         tx: &mut SqliteConnection,
-        shared: &Shared,
+        options: &JobOptions,
         now: Timestamp,
     ) -> Result<(), StoreError> {
-        let (jobs, mut place) = (self.jobs, place(tx, shared).await?);
+        let (jobs, mut place) = (self.jobs, queue_start(tx, options).await?);
         let mut queued = 0;
         while !self.piece.is_empty() {
             let piece = std::mem::take(&mut self.piece);
             let next = tokio::task::spawn_blocking(move || self.next());
             insert_points(tx, &piece).await?;
-            insert_jobs(tx, &piece, shared, place, now).await?;
+            insert_jobs(tx, &piece, options, place, now).await?;
             place.position += piece.len() as i64;
             queued += piece.len() as u64;
             self = next.await.map_err(|error| {
@@ -145,25 +145,28 @@ impl Drafts {
 
 /// Where jobs stand in the queue.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct QueueStart {
     owner: Owner,
     /// Of the first of them.
     position: i64,
 }
 
 /// Where new jobs begin: whose they are, and the turn that this owner's jobs of their priority have come to.
-pub(super) async fn place(tx: &mut SqliteConnection, shared: &Shared) -> Result<Place, StoreError> {
+pub(super) async fn queue_start(
+    tx: &mut SqliteConnection,
+    options: &JobOptions,
+) -> Result<QueueStart, StoreError> {
     let sql = "INSERT INTO owners (token_id) VALUES (?) ON CONFLICT (token_id) DO NOTHING";
-    sqlx::query(sql).bind(&shared.token).execute(&mut *tx).await?;
+    sqlx::query(sql).bind(&options.token).execute(&mut *tx).await?;
     let sql = "SELECT id, coalesce((SELECT queue_position FROM fair_share WHERE priority = ? AND owner = owners.id), 0)
                FROM owners WHERE token_id = ?";
     let (owner, position) =
-        sqlx::query_as(sql).bind(shared.priority).bind(&shared.token).fetch_one(&mut *tx).await?;
-    Ok(Place { owner, position })
+        sqlx::query_as(sql).bind(options.priority).bind(&options.token).fetch_one(&mut *tx).await?;
+    Ok(QueueStart { owner, position })
 }
 
 /// Adds the design points of which these are the first jobs.
-async fn insert_points(tx: &mut SqliteConnection, drafts: &[Draft]) -> Result<(), StoreError> {
+async fn insert_points(tx: &mut SqliteConnection, drafts: &[JobRow]) -> Result<(), StoreError> {
     let points: Vec<_> =
         drafts.iter().filter_map(|draft| Some((draft.place?, draft.levels.as_ref()?))).collect();
     for rows in points.chunks(ROWS) {
@@ -179,9 +182,9 @@ async fn insert_points(tx: &mut SqliteConnection, drafts: &[Draft]) -> Result<()
 /// Queues jobs, the first of which stands there.
 pub(super) async fn insert_jobs(
     tx: &mut SqliteConnection,
-    drafts: &[Draft],
-    shared: &Shared,
-    place: Place,
+    drafts: &[JobRow],
+    options: &JobOptions,
+    place: QueueStart,
     now: Timestamp,
 ) -> Result<(), StoreError> {
     for (chunk, rows) in drafts.chunks(ROWS).enumerate() {
@@ -202,15 +205,15 @@ pub(super) async fn insert_jobs(
                 .push_bind(draft.place.map(|(_, _, replicate)| replicate))
                 .push_bind(&draft.digest)
                 .push_bind(draft.seed)
-                .push_bind(shared.priority)
+                .push_bind(options.priority)
                 .push_bind(place.owner)
                 .push_bind(place.position + (chunk * ROWS + index) as i64)
-                .push_bind(&shared.labels)
-                .push_bind(&shared.needs.backend)
-                .push_bind(shared.needs.memory_mib)
-                .push_bind(shared.max_wall_s)
-                .push_bind(shared.frame_interval_s)
-                .push_bind(shared.cache.as_str())
+                .push_bind(&options.labels)
+                .push_bind(&options.needs.backend)
+                .push_bind(options.needs.memory_mib)
+                .push_bind(options.max_wall_s)
+                .push_bind(options.frame_interval_s)
+                .push_bind(options.cache.as_str())
                 .push_bind(now.0);
         });
         query.build().execute(&mut *tx).await?;

@@ -8,15 +8,15 @@ use roost_api::time::Timestamp;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
-use super::facts::{Ending, JOB_FACTS, end, job_facts};
-use super::rows::{Columns, to_json};
+use super::columns::{Columns, to_json};
+use super::transitions::{AttemptEnd, JOB_COLUMNS, end_attempts, job_snapshot};
 use super::{Store, StoreError};
 use crate::clock::Now;
 use crate::queue::{JobChange, RetryPolicy, on_deadline, on_lease_expired};
 
 /// What the passing of time has done.
 #[derive(Debug, Default, PartialEq)]
-pub(crate) struct Passed {
+pub(crate) struct Expired {
     /// Attempts that were ended, with what became of their jobs.
     pub changes: Vec<(JobId, JobChange)>,
     /// How many of these, from the first on, were lost; the others were past their deadline.
@@ -27,7 +27,7 @@ pub(crate) struct Passed {
 
 impl Store {
     /// Ends every lease and every pause that has run out, and every attempt past its deadline.
-    pub(crate) async fn pass_time(&self, policy: RetryPolicy, now: Now) -> Result<Passed, StoreError> {
+    pub(crate) async fn expire(&self, policy: RetryPolicy, now: Now) -> Result<Expired, StoreError> {
         // Most of the time there is nothing, and the writer need not hear of it.
         let any: bool = sqlx::query_scalar(
             "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= ?1)
@@ -38,7 +38,7 @@ impl Store {
         .fetch_one(&self.readers)
         .await?;
         if !any {
-            return Ok(Passed::default());
+            return Ok(Expired::default());
         }
         self.writer
             .write(move |tx| {
@@ -50,7 +50,7 @@ impl Store {
                         .bind(now.lease.0)
                         .execute(&mut *tx)
                         .await?;
-                    Ok(Passed { changes, lost, rested: rested.rows_affected() })
+                    Ok(Expired { changes, lost, rested: rested.rows_affected() })
                 })
             })
             .await
@@ -70,7 +70,7 @@ impl Store {
 
     /// Gives every running attempt a fresh lease, so that a restart of the server costs no run, and lets no pause outlive the
     /// clock it was counted by. Returns how many attempts run.
-    pub(crate) async fn start_afresh(&self, until: Timestamp) -> Result<u64, StoreError> {
+    pub(crate) async fn renew_all_leases(&self, until: Timestamp) -> Result<u64, StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
@@ -98,7 +98,7 @@ async fn expire_leases(
     now: Now,
 ) -> Result<Vec<(JobId, JobChange)>, StoreError> {
     let sql = format!(
-        "SELECT j.lease_expires_at, {JOB_FACTS},
+        "SELECT j.lease_expires_at, {JOB_COLUMNS},
                 EXISTS (SELECT 1 FROM attempts c WHERE c.worker_id = j.worker_id AND c.job_id <> j.id
                         AND c.outcome IS NULL)
              OR EXISTS (SELECT 1 FROM attempts c WHERE c.worker_id = j.worker_id AND c.job_id <> j.id
@@ -108,7 +108,7 @@ async fn expire_leases(
     let rows = sqlx::query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
     let message = "the lease expired: nothing was heard of the worker";
     let decide = |row: &SqliteRow| {
-        let (job, expiry) = (job_facts(row)?, row.moment("lease_expires_at")?);
+        let (job, expiry) = (job_snapshot(row)?, row.moment("lease_expires_at")?);
         Ok(on_lease_expired(&job, expiry, row.column("company")?, policy, now.lease))
     };
     end_all(tx, &rows, decide, AttemptOutcome::Lost, message, now).await
@@ -117,10 +117,10 @@ async fn expire_leases(
 /// Ends attempts whose worker should have stopped them long ago.
 async fn end_overdue(tx: &mut SqliteConnection, now: Now) -> Result<Vec<(JobId, JobChange)>, StoreError> {
     let sql =
-        format!("SELECT j.deadline, {JOB_FACTS} FROM jobs j WHERE j.state = 'running' AND j.deadline <= ?");
+        format!("SELECT j.deadline, {JOB_COLUMNS} FROM jobs j WHERE j.state = 'running' AND j.deadline <= ?");
     let rows = sqlx::query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
     let message = "past max_wall_s, and its worker has not stopped it";
-    let decide = |row: &SqliteRow| Ok(on_deadline(&job_facts(row)?, row.moment("deadline")?, now.lease));
+    let decide = |row: &SqliteRow| Ok(on_deadline(&job_snapshot(row)?, row.moment("deadline")?, now.lease));
     end_all(tx, &rows, decide, AttemptOutcome::Timeout, message, now).await
 }
 
@@ -135,14 +135,14 @@ async fn end_all(
     let mut decided = Vec::new();
     for row in rows {
         if let Some(change) = decide(row)? {
-            decided.push((job_facts(row)?, change));
+            decided.push((job_snapshot(row)?, change));
         }
     }
     let mut endings = Vec::new();
     for (job, change) in &decided {
         let (job, attempt, message, at) = (job.id, job.attempt, Some(message), now.wall);
-        endings.push(Ending { job, attempt, outcome, change, message, partial: None, at });
+        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial: None, at });
     }
-    end(tx, &endings).await?;
+    end_attempts(tx, &endings).await?;
     Ok(decided.into_iter().map(|(job, change)| (job.id, change)).collect())
 }
