@@ -117,7 +117,7 @@ async fn tick(app: &App) -> Result<(), StoreError> {
         app.metrics.attempt_ended(if is_lost { AttemptOutcome::Lost } else { AttemptOutcome::Timeout });
     }
     let requeued = |change: &JobChange| matches!(change, JobChange::Requeue { not_before: None, .. });
-    if passed.rested > 0 || passed.changes.iter().any(|(_, change)| requeued(change)) {
+    if passed.resumed > 0 || passed.changes.iter().any(|(_, change)| requeued(change)) {
         app.work.notify_waiters();
     }
     // Changes by `roost token` take effect within a second.

@@ -1,4 +1,4 @@
-"""Makes the numbers that designs, effects and intervals are tested against, with SciPy (pip install scipy):
+"""Computes reference numbers for the tests of designs, effects and intervals, with SciPy (pip install scipy):
 
     python make.py > scipy.json
 
@@ -11,10 +11,10 @@ import numpy as np
 from scipy import stats
 from scipy.stats import qmc
 
-# The Sobol sequence without scrambling: what the directions make of it, before any hash.
+# The Sobol sequence without scrambling.
 sobol = qmc.Sobol(d=8, scramble=False).random_base2(4).tolist()
 
-# How even drawn designs are: centred L2 discrepancies of 64 points in 3 factors under 400 seeds.
+# Centred L2 discrepancies of drawn designs: 64 points in 3 factors under 400 seeds.
 seeds = range(400)
 discrepancies = {
     "sobol": [qmc.discrepancy(qmc.Sobol(d=3, scramble=True, rng=s).random_base2(6)) for s in seeds],
@@ -33,7 +33,7 @@ z = np.round(c + rng.random(20), 1)
 
 
 def effect(x, y):
-    """Least squares over the range, and Spearman's correlation with its chance."""
+    """Least squares over the range, and Spearman's correlation with its p-value."""
     fit, rank = stats.linregress(x, y), stats.spearmanr(x, y)
     return {"effect": fit.slope * (max(x) - min(x)), "rank_correlation": rank.statistic, "p_value": rank.pvalue}
 

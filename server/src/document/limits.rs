@@ -1,6 +1,4 @@
-//! Limits of what is stored beside the scenario: labels and names.
-//!
-//! They are measured in bytes, since what they bound is what is kept and shown again and again.
+//! Limits of labels and names, in bytes: they bound the size of stored rows and of answers.
 
 use std::collections::BTreeMap;
 
@@ -11,10 +9,10 @@ use serde_json::json;
 
 use super::fault;
 
-/// Labels too long that are listed one by one: a document with more is another kind of document.
+/// Maximum number of faults for long keys, and for long values.
 const MAX_LISTED: usize = 20;
 
-/// Labels that are too many or too long. A key that is too long makes no pointer: it is named as a value at `/labels`.
+/// Faults of labels that are too many or too long. The fault of a long key points at `/labels`.
 pub(crate) fn label_faults(labels: &BTreeMap<String, String>) -> Vec<Fault> {
     let mut faults = Vec::new();
     if labels.len() > MAX_LABELS {
@@ -30,13 +28,13 @@ pub(crate) fn label_faults(labels: &BTreeMap<String, String>) -> Vec<Fault> {
     faults
 }
 
-/// A name that is too long.
+/// The fault of a name that is too long.
 pub(crate) fn name_fault(pointer: &str, name: &str) -> Option<Fault> {
     too_long(pointer, "name", name)
 }
 
-fn too_long(pointer: &str, what: &str, text: &str) -> Option<Fault> {
-    let detail = || format!("a {what} of {} bytes", text.len());
+fn too_long(pointer: &str, noun: &str, text: &str) -> Option<Fault> {
+    let detail = || format!("the {noun} has {} bytes", text.len());
     let allowed = || format!("at most {MAX_NAME_BYTES} bytes");
     (text.len() > MAX_NAME_BYTES).then(|| fault(pointer, json!(text), &detail(), &allowed()))
 }

@@ -55,7 +55,7 @@ async fn answer_once(app: &App, request: Request, next: Next) -> Result<Response
     let owner = request.extensions().get::<Caller>().map_or("", |caller| &caller.token).to_owned();
     let (parts, body) = request.into_parts();
     let bytes = whole_body(Request::from_parts(parts.clone(), body), app).await?;
-    let submission = Submission { owner, key, fingerprint: fingerprint(&parts, &bytes) };
+    let submission = Submission { token_id: owner, key, fingerprint: fingerprint(&parts, &bytes) };
     let reserved = match app.store.submission(submission.clone(), app.clock.now()).await? {
         SubmissionState::Reserved(id) => id,
         SubmissionState::Answered(answered) => return Ok(stored_answer(answered)),

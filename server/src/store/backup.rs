@@ -1,4 +1,4 @@
-//! Copies of the database, and their way back.
+//! Backups of the database and its objects.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -7,42 +7,42 @@ use sqlx::{AssertSqlSafe, Connection, SqliteConnection};
 
 use super::{OBJECTS, StoreError, connect, objects, options, refuse_newer};
 
-/// What a copy holds.
+/// The contents of a backup.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BackupReport {
-    /// Bytes of the file, and of the objects beside it.
+    /// Bytes of the file and its objects.
     pub bytes: u64,
     /// Jobs in it.
     pub jobs: u64,
     /// Results in it.
     pub results: u64,
-    /// Objects that it names and that were not in the folder: in a bucket, or gone meanwhile.
+    /// Objects that it names but the folder did not have: they are in a bucket, or were deleted meanwhile.
     pub absent_objects: u64,
 }
 
-/// Copies a database, as it is at one moment, to a file that is not there yet. Whoever writes to it goes on meanwhile.
-/// The objects that it names come first to stand beside it, those that are there.
+/// Copies a snapshot of a database to a new file, and the objects that it names. The server may write meanwhile. The objects are copied
+/// before the file gets its name.
 pub(crate) async fn copy(from: &Path, to: &Path) -> Result<BackupReport, StoreError> {
-    let beside = to.with_extension("part");
-    let _ = fs::remove_file(&beside); // what a copy that broke off has left
+    let partial = to.with_extension("part");
+    let _ = fs::remove_file(&partial); // of an interrupted backup
     let (mut source, _) = connect(options(from).create_if_missing(false)).await?;
     refuse_newer(&mut source).await?;
-    sqlx::query("VACUUM INTO ?").bind(beside.display().to_string()).execute(&mut source).await?;
+    sqlx::query("VACUUM INTO ?").bind(partial.display().to_string()).execute(&mut source).await?;
     source.close().await?;
-    let (copied, objects) = inspect(&beside).await?;
-    let (there, here) = (from.with_file_name(OBJECTS), to.with_file_name(OBJECTS));
-    let copying = tokio::task::spawn_blocking(move || objects::copy(&there, &here, &objects));
-    let (beside_it, absent_objects) = copying.await.map_err(std::io::Error::other)??;
-    // SQLite does not flush what it vacuums into.
+    let (copied, objects) = inspect(&partial).await?;
+    let (from_objects, to_objects) = (from.with_file_name(OBJECTS), to.with_file_name(OBJECTS));
+    let copying = tokio::task::spawn_blocking(move || objects::copy(&from_objects, &to_objects, &objects));
+    let (object_bytes, absent_objects) = copying.await.map_err(std::io::Error::other)??;
+    // SQLite does not flush the target of VACUUM INTO.
     let sync = |path: &Path| File::open(path).and_then(|file| file.sync_all());
-    sync(&beside).and_then(|()| fs::rename(&beside, to)).map_err(sqlx::Error::Io)?;
+    sync(&partial).and_then(|()| fs::rename(&partial, to)).map_err(sqlx::Error::Io)?;
     if let Some(folder) = to.parent() {
         sync(folder).map_err(sqlx::Error::Io)?;
     }
-    Ok(BackupReport { bytes: copied.bytes + beside_it, absent_objects, ..copied })
+    Ok(BackupReport { bytes: copied.bytes + object_bytes, absent_objects, ..copied })
 }
 
-/// Whether a file is a sound database of ours, what it holds and which objects it names.
+/// Checks a copied database. Returns its contents and the objects that it names.
 async fn inspect(path: &Path) -> Result<(BackupReport, Vec<String>), StoreError> {
     let (mut copy, _) = connect(options(path).create_if_missing(false)).await?;
     let verdict: String = sqlx::query_scalar("PRAGMA quick_check").fetch_one(&mut copy).await?;
@@ -55,7 +55,7 @@ async fn inspect(path: &Path) -> Result<(BackupReport, Vec<String>), StoreError>
     let jobs = count(&mut copy, "SELECT count(*) FROM jobs").await?;
     let results = count(&mut copy, "SELECT count(*) FROM results").await?;
     let objects = named(&mut copy).await?;
-    // Leaves one file: no log beside it.
+    // Removes the log beside the file.
     copy.close().await?;
     let bytes = fs::metadata(path).map_err(sqlx::Error::Io)?.len();
     Ok((BackupReport { bytes, jobs, results, absent_objects: 0 }, objects))

@@ -1,4 +1,4 @@
-//! Objects in a bucket of S3, or of what speaks as S3 does, in place of the folder.
+//! Objects in a bucket of S3, or of a compatible service, in place of the folder.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,20 +8,20 @@ use object_store::ObjectStore;
 
 use super::StoreError;
 
-/// Where in a bucket the objects of one server lie. No other server may use the same place: each removes what it does not know.
+/// Bucket and prefix of the objects of one server. No other server may use the same prefix: each removes objects that it does not know.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bucket {
     name: String,
     prefix: String,
 }
 
-/// Why a text names no bucket that can be used.
+/// The reason why an address is not a usable bucket.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BucketError {
-    /// It is none.
-    #[error("give a bucket and where in it, as s3://BUCKET or s3://BUCKET/PREFIX")]
+    /// It is not the address of a bucket.
+    #[error("give a bucket as s3://BUCKET or s3://BUCKET/PREFIX")]
     NotS3,
-    /// This build cannot speak to any.
+    /// This build has no support for buckets.
     #[error("buckets need a build with the feature `s3`: cargo build --release --features s3")]
     NotBuilt,
 }
@@ -55,7 +55,7 @@ impl fmt::Display for Bucket {
 }
 
 impl Bucket {
-    /// Opens it as the environment says: credentials, region, endpoint.
+    /// Opens it with credentials, region and endpoint from the environment.
     #[cfg(feature = "s3")]
     pub(super) fn open(&self) -> Result<Arc<dyn ObjectStore>, StoreError> {
         use object_store::aws::AmazonS3Builder;

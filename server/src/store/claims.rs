@@ -15,7 +15,7 @@ use uuid::Uuid;
 use super::batcher::{Batcher, waves};
 use super::columns::{Columns, to_json};
 use super::eligible_jobs::{ELIGIBLE_JOBS, candidates, rounds};
-use super::workers::around;
+use super::workers::online_window;
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
@@ -114,7 +114,7 @@ impl Store {
 
     /// Whether a claim would find a job. Uses a reader.
     pub(crate) async fn has_work(&self, claim: Claim, now: Now) -> Result<bool, StoreError> {
-        let (since, until) = around(now.wall, claim.lease);
+        let (since, until) = online_window(now.wall, claim.lease);
         let found = sqlx::query(ELIGIBLE_JOBS)
             .bind(claim.worker.to_string())
             .bind(since.0)

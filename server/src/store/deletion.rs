@@ -1,5 +1,5 @@
-//! Deleting sweeps: first the sweep is gone for everybody, in one transaction, then its rows go in pieces, so that a large one
-//! keeps no heartbeat waiting; objects that no row names any more follow. What a server did not come to is done when the next one starts.
+//! Deleting sweeps. One transaction hides the sweep. Its rows are then deleted in batches, so that heartbeats do not wait for a large
+//! sweep, and then the objects that no row names. The next start finishes a deletion that was interrupted.
 
 use roost_api::ids::SweepId;
 use roost_api::sweep::Deletion;
@@ -9,11 +9,11 @@ use sqlx::{Connection, SqliteConnection};
 use super::columns::Columns;
 use super::{Store, StoreError};
 
-/// Jobs of one piece.
-const PIECE: i64 = 500;
+/// Jobs of one batch.
+const BATCH: i64 = 500;
 
 impl Store {
-    /// What deleting a sweep would take away.
+    /// What a deletion of a sweep would remove.
     pub(crate) async fn deletion(&self, id: SweepId) -> Result<Option<Deletion>, StoreError> {
         let row = sqlx::query(
             "SELECT points,
@@ -40,16 +40,16 @@ impl Store {
         }))
     }
 
-    /// Deletes a sweep; false when some of its jobs have not ended, and then nothing is changed.
+    /// Deletes a sweep. Returns false, and changes nothing, when some of its jobs have not ended.
     pub(crate) async fn delete_sweep(&self, id: SweepId, now: Timestamp) -> Result<bool, StoreError> {
         self.delete_sweep_ended_before(id, Timestamp(i64::MAX), now).await
     }
 
-    /// Deletes a sweep all of whose jobs ended before then; false when they have not, and then nothing is changed.
+    /// Deletes a sweep whose jobs all ended before `before`. Otherwise returns false, and changes nothing.
     pub(super) async fn delete_sweep_ended_before(
         &self,
         id: SweepId,
-        then: Timestamp,
+        before: Timestamp,
         now: Timestamp,
     ) -> Result<bool, StoreError> {
         let marked = self
@@ -62,7 +62,7 @@ impl Store {
                                          AND (ended_at IS NULL OR ended_at >= ?))",
                     )
                     .bind(id.to_string())
-                    .bind(then.0)
+                    .bind(before.0)
                     .execute(&mut *tx)
                     .await?;
                     if marked.rows_affected() == 0 {
@@ -84,7 +84,7 @@ impl Store {
             let objects;
             (more, objects) = self
                 .writer
-                .write(move |tx| Box::pin(async move { piece(tx, &id.to_string()).await }))
+                .write(move |tx| Box::pin(async move { delete_batch(tx, &id.to_string()).await }))
                 .await?;
             self.remove_unreferenced(&objects).await?;
         }
@@ -93,8 +93,8 @@ impl Store {
 }
 
 impl Store {
-    /// Deletes some jobs of no sweep that ended before then; returns how many.
-    pub(super) async fn delete_single_jobs(&self, then: Timestamp) -> Result<u64, StoreError> {
+    /// Deletes a batch of single jobs that ended before `before`; returns how many.
+    pub(super) async fn delete_single_jobs(&self, before: Timestamp) -> Result<u64, StoreError> {
         let (gone, objects) = self
             .writer
             .write(move |tx| {
@@ -102,8 +102,8 @@ impl Store {
                     let jobs: Vec<(String, String)> = sqlx::query_as(
                         "SELECT id, scenario_digest FROM jobs WHERE sweep_id IS NULL AND ended_at < ? LIMIT ?",
                     )
-                    .bind(then.0)
-                    .bind(PIECE)
+                    .bind(before.0)
+                    .bind(BATCH)
                     .fetch_all(&mut *tx)
                     .await?;
                     let objects = delete_jobs(tx, &jobs).await?;
@@ -119,7 +119,7 @@ impl Store {
     }
 }
 
-/// Lets listings know that something has gone, as the row of a deleted sweep does.
+/// Changes the version of listings, as the row of a deleted sweep does.
 async fn count_deletion(tx: &mut SqliteConnection) -> Result<(), StoreError> {
     for sql in [
         "INSERT INTO sqlite_sequence (name, seq)
@@ -131,34 +131,34 @@ async fn count_deletion(tx: &mut SqliteConnection) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Goes on with deletions that a server did not finish.
+/// Finishes deletions that an earlier server process began.
 pub(super) async fn finish(connection: &mut SqliteConnection) -> Result<(), StoreError> {
     let left: Vec<String> =
         sqlx::query_scalar("SELECT id FROM sweeps WHERE deleting = 1").fetch_all(&mut *connection).await?;
     for id in left {
-        // Objects that no row names any more are found later.
+        // The sweep of objects removes the unreferenced ones later.
         let mut more = true;
         while more {
-            // Otherwise each statement would be on disk before the next.
+            // One flush for all statements.
             let mut tx = connection.begin().await?;
-            more = piece(&mut tx, &id).await?.0;
+            more = delete_batch(&mut tx, &id).await?.0;
             tx.commit().await?;
         }
     }
     Ok(())
 }
 
-/// Deletes some jobs with all that hangs on them, and the sweep after the last. Returns whether there is more to do, and the
-/// objects that these jobs named.
-async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<(bool, Vec<String>), StoreError> {
+/// Deletes a batch of jobs with their rows, and the sweep after the last batch. Returns whether there is more to do, and the objects
+/// that these jobs named.
+async fn delete_batch(tx: &mut SqliteConnection, id: &str) -> Result<(bool, Vec<String>), StoreError> {
     let jobs: Vec<(String, String)> =
         sqlx::query_as("SELECT id, scenario_digest FROM jobs WHERE sweep_id = ? LIMIT ?")
             .bind(id)
-            .bind(PIECE)
+            .bind(BATCH)
             .fetch_all(&mut *tx)
             .await?;
     let objects = delete_jobs(tx, &jobs).await?;
-    if jobs.len() as i64 == PIECE {
+    if jobs.len() as i64 == BATCH {
         return Ok((true, objects));
     }
     for sql in [
@@ -171,7 +171,7 @@ async fn piece(tx: &mut SqliteConnection, id: &str) -> Result<(bool, Vec<String>
     Ok((false, objects))
 }
 
-/// Deletes jobs, each with the digest of its scenario, and all that hangs on them. Returns the objects that they named.
+/// Deletes jobs and their rows. Each comes with its scenario's digest. Returns the objects that they named.
 async fn delete_jobs(
     tx: &mut SqliteConnection,
     jobs: &[(String, String)],

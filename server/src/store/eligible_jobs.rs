@@ -1,4 +1,4 @@
-//! What suits a worker: the jobs of one owner at one priority make a line, and of each line the first come.
+//! Eligible jobs: the first queued jobs of each owner that a worker can run.
 
 use futures_util::TryStreamExt;
 use sqlx::SqliteConnection;
@@ -6,14 +6,14 @@ use sqlx::SqliteConnection;
 use super::StoreError;
 use super::claims::Claim;
 use super::columns::{Columns, to_json};
-use super::workers::around;
+use super::workers::online_window;
 use crate::clock::Now;
 use crate::queue::{EligibleJob, OwnerQueue, Rounds};
 
-/// At most ?4 jobs that suit worker ?1 of every line, the lines by priority. Whatever the length of the queue, `heads` finds each line
-/// by one step into `jobs_to_claim`, and each list walks that index from there to its limit; a test looks at the plan. Rows come as
-/// they are asked for: a reader that has enough looks at no further line. A job that the worker has failed before goes to another one
-/// that has what it needs and was heard of between ?2 and ?3, if there is one.
+/// At most ?4 jobs of every owner queue that worker ?1 can run, by priority. `heads` finds each owner queue by one step into the index
+/// `jobs_to_claim`, whatever the length of the queue, and each list walks that index from there to its limit; a test checks the query
+/// plan. Rows come lazily: a reader that has enough reads no further owner queue. A job that the worker has failed is left to another
+/// suitable worker that was seen between ?2 and ?3, if there is one.
 pub(super) const ELIGIBLE_JOBS: &str = "
     WITH RECURSIVE heads (priority, owner) AS (
         SELECT * FROM (SELECT priority, owner FROM jobs WHERE state = 'queued' AND not_before IS NULL
@@ -44,36 +44,36 @@ pub(super) const ELIGIBLE_JOBS: &str = "
         ORDER BY j.queue_position, j.seq LIMIT ?4)
     WHERE me.id = ?1 AND me.draining = 0";
 
-/// The rounds that the owners of some priorities have come to.
+/// The rounds of the owners of some priorities.
 pub(super) const ROUNDS: &str =
     "SELECT priority, owner, round FROM fair_share WHERE priority IN (SELECT value FROM json_each(?))";
 
-/// The first jobs that suit a worker: as many of each line as are wanted, and no line of a lower priority than it takes to have them.
+/// The first jobs that a worker can run: up to `max` of each owner queue. Priorities below those that suffice are not read.
 pub(super) async fn candidates(
     tx: &mut SqliteConnection,
     claim: Claim,
     now: Now,
-    wanted: usize,
+    max: usize,
 ) -> Result<Vec<OwnerQueue>, StoreError> {
-    let (since, until) = around(now.wall, claim.lease);
+    let (since, until) = online_window(now.wall, claim.lease);
     let mut rows = sqlx::query(ELIGIBLE_JOBS)
         .bind(claim.worker.to_string())
         .bind(since.0)
         .bind(until.0)
-        .bind(i64::try_from(wanted).unwrap_or(i64::MAX))
+        .bind(i64::try_from(max).unwrap_or(i64::MAX))
         .fetch(&mut *tx);
-    let mut lines: Vec<(OwnerQueue, Vec<(i64, EligibleJob)>)> = Vec::new();
+    let mut queues: Vec<(OwnerQueue, Vec<(i64, EligibleJob)>)> = Vec::new();
     let mut found = 0;
     while let Some(row) = rows.try_next().await? {
         let (priority, owner) = (row.column("priority")?, row.column("owner")?);
-        let last = lines.last().map(|(line, _)| (line.priority, line.owner));
-        if last.is_some_and(|(before, _)| before > priority && found >= wanted) {
+        let last = queues.last().map(|(queue, _)| (queue.priority, queue.owner));
+        if last.is_some_and(|(before, _)| before > priority && found >= max) {
             break;
         }
         if last != Some((priority, owner)) {
-            lines.push((OwnerQueue { priority, owner, jobs: Default::default() }, Vec::new()));
+            queues.push((OwnerQueue { priority, owner, jobs: Default::default() }, Vec::new()));
         }
-        if let Some((_, jobs)) = lines.last_mut() {
+        if let Some((_, jobs)) = queues.last_mut() {
             jobs.push((
                 row.column("queue_position")?,
                 EligibleJob { seq: row.column("seq")?, alone: row.column("alone")? },
@@ -81,19 +81,19 @@ pub(super) async fn candidates(
             found += 1;
         }
     }
-    let in_order = |(line, mut jobs): (OwnerQueue, Vec<(i64, EligibleJob)>)| {
-        jobs.sort_by_key(|(turn, job)| (*turn, job.seq));
-        OwnerQueue { jobs: jobs.into_iter().map(|(_, job)| job).collect(), ..line }
+    let in_order = |(queue, mut jobs): (OwnerQueue, Vec<(i64, EligibleJob)>)| {
+        jobs.sort_by_key(|(position, job)| (*position, job.seq));
+        OwnerQueue { jobs: jobs.into_iter().map(|(_, job)| job).collect(), ..queue }
     };
-    Ok(lines.into_iter().map(in_order).collect())
+    Ok(queues.into_iter().map(in_order).collect())
 }
 
-/// The rounds that the owners of these lines, and those beside them, have come to.
+/// The rounds of all owners at the priorities of these queues.
 pub(super) async fn rounds(
     tx: &mut SqliteConnection,
-    lines: &[Vec<OwnerQueue>],
+    queues: &[Vec<OwnerQueue>],
 ) -> Result<Rounds, StoreError> {
-    let mut priorities: Vec<i32> = lines.iter().flatten().map(|line| line.priority).collect();
+    let mut priorities: Vec<i32> = queues.iter().flatten().map(|queue| queue.priority).collect();
     priorities.sort_unstable();
     priorities.dedup();
     let mut rounds = Rounds::default();

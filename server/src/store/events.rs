@@ -1,4 +1,4 @@
-//! What happened to jobs, in order.
+//! Events of jobs, in order.
 
 use roost_api::event::JobEvent;
 use roost_api::time::Timestamp;
@@ -7,11 +7,11 @@ use super::columns::Columns;
 use super::versions::Subject;
 use super::{Store, StoreError};
 
-/// Events of one look.
+/// Events of one query.
 const BATCH: i64 = 500;
 
 impl Store {
-    /// What happened to a job or a sweep after an event, oldest first; at most some hundred at a time.
+    /// The events of a job or a sweep after an event, oldest first, one batch at a time.
     pub(crate) async fn events(
         &self,
         subject: Subject,
@@ -38,25 +38,25 @@ impl Store {
         rows.iter().map(event).collect()
     }
 
-    /// The numbers of the oldest event that is kept and of the newest; nothing older than the first can be resumed from.
+    /// The numbers of the oldest stored event and of the newest one ever. Streams resume from the oldest at the earliest.
     pub(crate) async fn event_range(&self) -> Result<(i64, i64), StoreError> {
-        // The number that was given last, whether or not that event is still there.
+        // The newest event may be deleted.
         let sql = "SELECT coalesce((SELECT min(seq) FROM events), last.seq + 1, 0), coalesce(last.seq, 0)
                    FROM (SELECT max(seq) AS seq FROM sqlite_sequence WHERE name = 'events') last";
         Ok(sqlx::query_as(sql).fetch_one(&self.readers).await?)
     }
 
-    /// Forgets events and answered submissions from before then.
-    pub(crate) async fn forget_before(&self, then: Timestamp) -> Result<(), StoreError> {
+    /// Deletes events and idempotency keys older than `before`.
+    pub(crate) async fn forget_before(&self, before: Timestamp) -> Result<(), StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    // In the order of their numbers, which is that of time: no index of moments is needed.
+                    // Numbers have the order of time, so that no index on `at` is needed.
                     let sql = "DELETE FROM events WHERE seq < (SELECT min(seq) FROM events WHERE at >= ?1)
                                  OR (SELECT max(at) FROM events) < ?1";
-                    sqlx::query(sql).bind(then.0).execute(&mut *tx).await?;
+                    sqlx::query(sql).bind(before.0).execute(&mut *tx).await?;
                     sqlx::query("DELETE FROM submissions WHERE created_at < ?")
-                        .bind(then.0)
+                        .bind(before.0)
                         .execute(&mut *tx)
                         .await?;
                     Ok(())

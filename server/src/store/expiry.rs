@@ -1,4 +1,4 @@
-//! Time passes: leases, deadlines and pauses that end, and the fresh start after a restart.
+//! Expiry of leases, deadlines and pauses, and new leases after a restart.
 
 use std::collections::HashSet;
 
@@ -14,21 +14,21 @@ use super::{Store, StoreError};
 use crate::clock::Now;
 use crate::queue::{JobChange, RetryPolicy, on_deadline, on_lease_expired};
 
-/// What the passing of time has done.
+/// The attempts and pauses that expired.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Expired {
-    /// Attempts that were ended, with what became of their jobs.
+    /// Ended attempts, with the change of their jobs.
     pub changes: Vec<(JobId, JobChange)>,
-    /// How many of these, from the first on, were lost; the others were past their deadline.
+    /// The first `lost` of them lost their lease; the others passed their deadline.
     pub lost: usize,
     /// Jobs whose pause is over.
-    pub rested: u64,
+    pub resumed: u64,
 }
 
 impl Store {
-    /// Ends every lease and every pause that has run out, and every attempt past its deadline.
+    /// Ends expired leases and pauses, and attempts past their deadline.
     pub(crate) async fn expire(&self, policy: RetryPolicy, now: Now) -> Result<Expired, StoreError> {
-        // Most of the time there is nothing, and the writer need not hear of it.
+        // Usually nothing has expired: a reader finds out without the writer.
         let any: bool = sqlx::query_scalar(
             "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= ?1)
                  OR EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= ?1)
@@ -46,17 +46,17 @@ impl Store {
                     let mut changes = expire_leases(tx, policy, now).await?;
                     let lost = changes.len();
                     changes.extend(end_overdue(tx, now).await?);
-                    let rested = sqlx::query("UPDATE jobs SET not_before = NULL WHERE not_before <= ?")
+                    let resumed = sqlx::query("UPDATE jobs SET not_before = NULL WHERE not_before <= ?")
                         .bind(now.lease.0)
                         .execute(&mut *tx)
                         .await?;
-                    Ok(Expired { changes, lost, rested: rested.rows_affected() })
+                    Ok(Expired { changes, lost, resumed: resumed.rows_affected() })
                 })
             })
             .await
     }
 
-    /// Which of these jobs run.
+    /// The running jobs of a list.
     pub(crate) async fn running_of(&self, jobs: &[JobId]) -> Result<HashSet<JobId>, StoreError> {
         let ids: Vec<_> = jobs.iter().map(ToString::to_string).collect();
         let rows = sqlx::query(
@@ -68,8 +68,8 @@ impl Store {
         rows.iter().map(|row| row.parsed("id")).collect()
     }
 
-    /// Gives every running attempt a fresh lease, so that a restart of the server costs no run, and lets no pause outlive the
-    /// clock it was counted by. Returns how many attempts run.
+    /// Renews the lease of every running attempt, so that a restart of the server ends none, and ends all pauses, since the clock of
+    /// leases restarts. Returns the number of running attempts.
     pub(crate) async fn renew_all_leases(&self, until: Timestamp) -> Result<u64, StoreError> {
         self.writer
             .write(move |tx| {
@@ -91,7 +91,7 @@ impl Store {
     }
 }
 
-/// Ends leases. Whoever lost another job as well, or has another that is to be lost in a moment, had company.
+/// Ends expired leases. A job had others beside it if its worker lost another job or runs one now.
 async fn expire_leases(
     tx: &mut SqliteConnection,
     policy: RetryPolicy,
@@ -102,24 +102,24 @@ async fn expire_leases(
                 EXISTS (SELECT 1 FROM attempts c WHERE c.worker_id = j.worker_id AND c.job_id <> j.id
                         AND c.outcome IS NULL)
              OR EXISTS (SELECT 1 FROM attempts c WHERE c.worker_id = j.worker_id AND c.job_id <> j.id
-                        AND c.outcome = 'lost') AS company
+                        AND c.outcome = 'lost') AS had_others
          FROM jobs j WHERE j.state = 'running' AND j.lease_expires_at <= ?"
     );
     let rows = sqlx::query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
-    let message = "the lease expired: nothing was heard of the worker";
+    let message = "the lease expired without a heartbeat";
     let decide = |row: &SqliteRow| {
         let (job, expiry) = (job_snapshot(row)?, row.moment("lease_expires_at")?);
-        Ok(on_lease_expired(&job, expiry, row.column("company")?, policy, now.lease))
+        Ok(on_lease_expired(&job, expiry, row.column("had_others")?, policy, now.lease))
     };
     end_all(tx, &rows, decide, AttemptOutcome::Lost, message, now).await
 }
 
-/// Ends attempts whose worker should have stopped them long ago.
+/// Ends attempts past their deadline.
 async fn end_overdue(tx: &mut SqliteConnection, now: Now) -> Result<Vec<(JobId, JobChange)>, StoreError> {
     let sql =
         format!("SELECT j.deadline, {JOB_COLUMNS} FROM jobs j WHERE j.state = 'running' AND j.deadline <= ?");
     let rows = sqlx::query(AssertSqlSafe(sql)).bind(now.lease.0).fetch_all(&mut *tx).await?;
-    let message = "past max_wall_s, and its worker has not stopped it";
+    let message = "the attempt ran past max_wall_s and its worker did not stop it";
     let decide = |row: &SqliteRow| Ok(on_deadline(&job_snapshot(row)?, row.moment("deadline")?, now.lease));
     end_all(tx, &rows, decide, AttemptOutcome::Timeout, message, now).await
 }

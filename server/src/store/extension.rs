@@ -1,4 +1,4 @@
-//! Extending a sweep: what is there of it, and what is added.
+//! Extending a sweep.
 
 use roost_api::design::Factor;
 use roost_api::ids::SweepId;
@@ -14,22 +14,22 @@ use super::submit::queue;
 use super::{Store, StoreError};
 use crate::sweep::{AddedPoints, StoredSweep, Trial, factors, replicate};
 
-/// What is about to be added to a sweep.
+/// An extension about to be stored.
 pub(crate) struct NewExtension {
     id: SweepId,
-    /// Of the extension: it is made once.
+    /// Identifier of the extension, which is made once.
     extension: Uuid,
     body: String,
-    /// Points and replicates that it is added to.
+    /// Points and replicates before the extension.
     before: (u32, u32),
-    /// The same afterwards.
+    /// Points and replicates after it.
     after: (u32, u32),
     batches: JobBatches,
     options: JobOptions,
 }
 
 impl NewExtension {
-    /// Writes out the first jobs of what a sweep grows by, which a token asked for in `body`; `firsts` are the scenarios of its points, where they get
+    /// Encodes the first batch of new jobs. A token submitted the extension as `body`. `firsts` are the scenarios of the points that get
     /// more replicates.
     pub(crate) fn new(
         id: SweepId,
@@ -66,7 +66,7 @@ impl NewExtension {
 }
 
 impl Store {
-    /// What an extension of a sweep goes on from.
+    /// The stored state of a sweep that is to be extended.
     pub(crate) async fn stored_sweep(&self, id: SweepId) -> Result<Option<StoredSweep>, StoreError> {
         let row = sqlx::query("SELECT spec, replicates FROM sweeps WHERE id = ? AND deleting = 0")
             .bind(id.to_string())
@@ -85,7 +85,7 @@ impl Store {
         }))
     }
 
-    /// Whether an extension has been made.
+    /// Whether an extension is stored.
     pub(crate) async fn is_extended(&self, extension: Uuid) -> Result<bool, StoreError> {
         let sql = "SELECT EXISTS (SELECT 1 FROM extensions WHERE id = ?)";
         Ok(sqlx::query_scalar(sql).bind(extension.to_string()).fetch_one(&self.readers).await?)
@@ -101,7 +101,7 @@ impl Store {
         spec.map(|text| from_json("spec", &text).map(|spec| factors(&spec))).transpose()
     }
 
-    /// Adds points and replicates to a sweep. False when it has grown meanwhile: then nothing is changed.
+    /// Adds points and replicates to a sweep. Returns false, and changes nothing, when another extension came first.
     pub(crate) async fn extend_sweep(&self, more: NewExtension, now: Timestamp) -> Result<bool, StoreError> {
         let is_large = more.batches.is_large();
         self.writer.write_as(is_large, move |tx| Box::pin(extend_sweep(tx, more, now))).await

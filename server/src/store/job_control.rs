@@ -1,4 +1,4 @@
-//! Cancel and retry, of one job and of all jobs of a sweep: the same decision, by state.
+//! Cancel and retry of one job, or of all jobs of a sweep.
 
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState};
@@ -10,7 +10,7 @@ use super::{Store, StoreError};
 use crate::queue::{CancelEffect, Refusal, on_cancel, on_retry};
 
 impl Store {
-    /// Cancels a job; one that has ended stays as it is.
+    /// Cancels a job. An ended job does not change.
     pub(crate) async fn cancel_job(
         &self,
         id: JobId,
@@ -28,7 +28,7 @@ impl Store {
             .await
     }
 
-    /// Cancels what of a sweep has not ended.
+    /// Cancels the jobs of a sweep that have not ended.
     pub(crate) async fn cancel_sweep(
         &self,
         id: SweepId,
@@ -52,7 +52,7 @@ impl Store {
             .await
     }
 
-    /// Queues a failed or cancelled job again, with fresh attempt limits.
+    /// Queues a failed or cancelled job again, with new attempt limits.
     pub(crate) async fn retry_job(
         &self,
         id: JobId,
@@ -77,7 +77,7 @@ impl Store {
             .await
     }
 
-    /// Queues what of a sweep may be retried. Returns how many jobs that were.
+    /// Queues the failed and cancelled jobs of a sweep again. Returns their number.
     pub(crate) async fn retry_sweep(
         &self,
         id: SweepId,
@@ -114,7 +114,7 @@ async fn exists(tx: &mut SqliteConnection, sql: &'static str, id: String) -> Res
     Ok(sqlx::query_scalar(sql).bind(id).fetch_one(&mut *tx).await?)
 }
 
-/// Cancels one job or those of a sweep, whichever is given.
+/// Cancels one job, or those of a sweep.
 async fn cancel(
     tx: &mut SqliteConnection,
     job: Option<JobId>,
@@ -143,8 +143,8 @@ async fn cancel(
     Ok(())
 }
 
-/// Queues one job or those of a sweep again that are in that state and of that class. They take turns from where the jobs of their
-/// owner have come to, as if they had just been submitted: else a large sweep would push all others aside. Whoever asks, they stay their owner's.
+/// Queues one job, or those of a sweep, again if they have this state and class. They get positions as if they were submitted now:
+/// otherwise a large sweep would go before all others. Their owner stays the same.
 async fn requeue(
     tx: &mut SqliteConnection,
     job: Option<JobId>,

@@ -1,5 +1,4 @@
-//! Jobs on their way into the store, written out piece by piece: of a large sweep only what is at work is in memory, and the next
-//! piece is written out while one is inserted.
+//! Inserting jobs in batches: the next batch of a large sweep is encoded while one is inserted, and only these two are in memory.
 
 use std::sync::LazyLock;
 
@@ -17,31 +16,31 @@ use super::columns::to_json;
 use crate::queue::Owner;
 use crate::sweep::Trial;
 
-/// Jobs written out at once.
-const PIECE: usize = 1000;
+/// Jobs of one batch.
+const BATCH: usize = 1000;
 
 /// Rows of one `INSERT`: SQLite takes 32,766 parameters.
 const ROWS: usize = 500;
 
-/// Threads of their own: an open transaction must not wait for documents that others have checked.
-static WRITERS: LazyLock<ThreadPool> = LazyLock::new(|| {
-    let pool = ThreadPoolBuilder::new().thread_name(|k| format!("drafts-{k}")).build();
-    pool.expect("the operating system gives threads")
+/// A separate pool: an open transaction must not wait for the validation of other documents.
+static ENCODERS: LazyLock<ThreadPool> = LazyLock::new(|| {
+    let pool = ThreadPoolBuilder::new().thread_name(|k| format!("job-rows-{k}")).build();
+    pool.expect("threads can be started")
 });
 
-/// A row of `jobs` before it has a state.
+/// A new row of `jobs`.
 pub(super) struct JobRow {
     pub(super) id: JobId,
     digest: String,
     body: String,
     seed: i64,
     place: Option<(SweepId, u32, u32)>,
-    /// Of a new design point, with the first of its jobs.
+    /// Levels of a new design point, with its first job only.
     levels: Option<String>,
 }
 
 impl JobRow {
-    /// A job of no sweep.
+    /// A single job.
     pub(super) fn single(scenario: &Scenario, id: JobId) -> Result<Self, StoreError> {
         let seed = scenario.seed as i64; // at most 2^53 - 1
         let (digest, body) = (scenario.digest(), to_json("scenario", scenario)?);
@@ -55,12 +54,12 @@ impl JobRow {
     }
 }
 
-/// What the jobs of one submission share.
+/// Options that the jobs of one submission share.
 pub(super) struct JobOptions {
-    /// The token that asks for them, or nothing.
+    /// Identifier of the token that submitted them; empty without one.
     pub(super) token: String,
     pub(super) priority: i32,
-    /// Of a job without a sweep; those of a sweep stand with it.
+    /// Labels of a single job. The labels of a sweep are stored with the sweep.
     pub(super) labels: String,
     pub(super) needs: Needs,
     pub(super) max_wall_s: Option<f64>,
@@ -69,7 +68,7 @@ pub(super) struct JobOptions {
 }
 
 impl JobOptions {
-    /// What the jobs of a sweep share that a token asks for.
+    /// Options of the jobs of a sweep that a token submitted.
     pub(super) fn of(spec: &SweepSpec, token: String) -> Result<Self, StoreError> {
         Ok(Self {
             token,
@@ -83,59 +82,59 @@ impl JobOptions {
     }
 }
 
-/// The trials of a sweep that are to be queued, in their order.
+/// Trials of a sweep, in order.
 type Trials = Box<dyn Iterator<Item = Trial> + Send>;
 
-/// The jobs of a sweep that are to be queued: a piece that is written out, and what is not yet.
+/// New jobs of a sweep: an encoded batch, and the trials after it.
 pub(super) struct JobBatches {
     sweep: SweepId,
-    piece: Vec<JobRow>,
+    batch: Vec<JobRow>,
     rest: Trials,
     jobs: u64,
 }
 
 impl JobBatches {
-    /// So many jobs, of which the first piece is written out.
+    /// Encodes the first batch of this many jobs.
     pub(super) fn new(
         sweep: SweepId,
         jobs: u64,
         trials: impl Iterator<Item = Trial> + Send + 'static,
     ) -> Result<Self, StoreError> {
-        Self { sweep, piece: Vec::new(), rest: Box::new(trials), jobs }.next()
+        Self { sweep, batch: Vec::new(), rest: Box::new(trials), jobs }.next()
     }
 
-    /// Whether it is more than one piece.
+    /// Whether there is more than one batch.
     pub(super) fn is_large(&self) -> bool {
-        self.jobs > PIECE as u64
+        self.jobs > BATCH as u64
     }
 
-    /// Writes out the next piece.
+    /// Encodes the next batch.
     fn next(mut self) -> Result<Self, StoreError> {
-        self.piece = WRITERS.install(|| {
-            let trials: Vec<Trial> = self.rest.by_ref().take(PIECE).collect();
+        self.batch = ENCODERS.install(|| {
+            let trials: Vec<Trial> = self.rest.by_ref().take(BATCH).collect();
             trials.par_iter().map(|trial| JobRow::of(trial, self.sweep)).collect::<Result<_, _>>()
         })?;
         Ok(self)
     }
 
-    /// Adds the design points that are new, and queues all jobs.
+    /// Inserts the new design points, and queues all jobs.
     pub(super) async fn insert(
         mut self,
         tx: &mut SqliteConnection,
         options: &JobOptions,
         now: Timestamp,
     ) -> Result<(), StoreError> {
-        let (jobs, mut place) = (self.jobs, queue_start(tx, options).await?);
+        let (jobs, mut start) = (self.jobs, queue_start(tx, options).await?);
         let mut queued = 0;
-        while !self.piece.is_empty() {
-            let piece = std::mem::take(&mut self.piece);
+        while !self.batch.is_empty() {
+            let batch = std::mem::take(&mut self.batch);
             let next = tokio::task::spawn_blocking(move || self.next());
-            insert_points(tx, &piece).await?;
-            insert_jobs(tx, &piece, options, place, now).await?;
-            place.position += piece.len() as i64;
-            queued += piece.len() as u64;
+            insert_points(tx, &batch).await?;
+            insert_jobs(tx, &batch, options, start, now).await?;
+            start.position += batch.len() as i64;
+            queued += batch.len() as u64;
             self = next.await.map_err(|error| {
-                tracing::error!(%error, "jobs of a sweep were not written out");
+                tracing::error!(%error, "encoding the jobs of a sweep failed");
                 StoreError::Unfinished { queued, jobs }
             })??;
         }
@@ -143,15 +142,15 @@ impl JobBatches {
     }
 }
 
-/// Where jobs stand in the queue.
+/// The place of new jobs in the queue.
 #[derive(Clone, Copy)]
 pub(super) struct QueueStart {
     owner: Owner,
-    /// Of the first of them.
+    /// Position of the first job.
     position: i64,
 }
 
-/// Where new jobs begin: whose they are, and the turn that this owner's jobs of their priority have come to.
+/// The place of new jobs: their owner, and the position that the owner's queue has reached.
 pub(super) async fn queue_start(
     tx: &mut SqliteConnection,
     options: &JobOptions,
@@ -165,10 +164,9 @@ pub(super) async fn queue_start(
     Ok(QueueStart { owner, position })
 }
 
-/// Adds the design points of which these are the first jobs.
-async fn insert_points(tx: &mut SqliteConnection, drafts: &[JobRow]) -> Result<(), StoreError> {
-    let points: Vec<_> =
-        drafts.iter().filter_map(|draft| Some((draft.place?, draft.levels.as_ref()?))).collect();
+/// Inserts the design points whose first jobs these are.
+async fn insert_points(tx: &mut SqliteConnection, jobs: &[JobRow]) -> Result<(), StoreError> {
+    let points: Vec<_> = jobs.iter().filter_map(|job| Some((job.place?, job.levels.as_ref()?))).collect();
     for rows in points.chunks(ROWS) {
         let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO design_points (sweep_id, point, levels) ");
         query.push_values(rows, |mut row, ((sweep, point, _), levels)| {
@@ -179,18 +177,18 @@ async fn insert_points(tx: &mut SqliteConnection, drafts: &[JobRow]) -> Result<(
     Ok(())
 }
 
-/// Queues jobs, the first of which stands there.
+/// Queues jobs from a place on.
 pub(super) async fn insert_jobs(
     tx: &mut SqliteConnection,
-    drafts: &[JobRow],
+    jobs: &[JobRow],
     options: &JobOptions,
-    place: QueueStart,
+    start: QueueStart,
     now: Timestamp,
 ) -> Result<(), StoreError> {
-    for (chunk, rows) in drafts.chunks(ROWS).enumerate() {
+    for (chunk, rows) in jobs.chunks(ROWS).enumerate() {
         let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO scenarios (digest, body) ");
-        query.push_values(rows, |mut row, draft| {
-            row.push_bind(&draft.digest).push_bind(&draft.body);
+        query.push_values(rows, |mut row, job| {
+            row.push_bind(&job.digest).push_bind(&job.body);
         });
         query.push(" ON CONFLICT (digest) DO NOTHING").build().execute(&mut *tx).await?;
 
@@ -198,16 +196,16 @@ pub(super) async fn insert_jobs(
             "INSERT INTO jobs (id, sweep_id, point, replicate, scenario_digest, seed, priority, owner, queue_position, labels,
              needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, submitted_at) ",
         );
-        query.push_values(rows.iter().enumerate(), |mut row, (index, draft)| {
-            row.push_bind(draft.id.to_string())
-                .push_bind(draft.place.map(|(sweep, _, _)| sweep.to_string()))
-                .push_bind(draft.place.map(|(_, point, _)| point))
-                .push_bind(draft.place.map(|(_, _, replicate)| replicate))
-                .push_bind(&draft.digest)
-                .push_bind(draft.seed)
+        query.push_values(rows.iter().enumerate(), |mut row, (index, job)| {
+            row.push_bind(job.id.to_string())
+                .push_bind(job.place.map(|(sweep, _, _)| sweep.to_string()))
+                .push_bind(job.place.map(|(_, point, _)| point))
+                .push_bind(job.place.map(|(_, _, replicate)| replicate))
+                .push_bind(&job.digest)
+                .push_bind(job.seed)
                 .push_bind(options.priority)
-                .push_bind(place.owner)
-                .push_bind(place.position + (chunk * ROWS + index) as i64)
+                .push_bind(start.owner)
+                .push_bind(start.position + (chunk * ROWS + index) as i64)
                 .push_bind(&options.labels)
                 .push_bind(&options.needs.backend)
                 .push_bind(options.needs.memory_mib)

@@ -1,4 +1,4 @@
-//! Jobs as the API shows them.
+//! Queries of jobs.
 
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState, JobView};
@@ -9,22 +9,22 @@ use super::columns::Columns;
 use super::frames::frames_view;
 use super::{Store, StoreError};
 
-/// Which jobs to list.
+/// Filter of a listing of jobs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct JobFilter {
     /// Only of this sweep.
     pub sweep: Option<SweepId>,
     /// Only in this state.
     pub state: Option<JobState>,
-    /// Only what failed so.
+    /// Only with this class of failure.
     pub failure: Option<FailureClass>,
     /// Only of this design point.
     pub point: Option<u32>,
-    /// Only with this label, and this value of it if given.
+    /// Only with this label, and with this value if given.
     pub label: Option<(String, Option<String>)>,
     /// Only older than this row.
     pub before: Option<i64>,
-    /// At most so many.
+    /// Maximum number.
     pub limit: u32,
 }
 
@@ -59,7 +59,7 @@ impl Store {
     /// Jobs, newest first, and the row that the next page starts before.
     pub(crate) async fn jobs(&self, filter: JobFilter) -> Result<(Vec<JobView>, Option<i64>), StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new(VIEW);
-        // A point has few jobs: they are found by it and then sorted. The sign keeps SQLite from going by the order instead.
+        // A point has few jobs: they are found by the point and then sorted. The `+` keeps SQLite from using the index of `seq`.
         let order = if filter.point.is_some() { "+j.seq" } else { "j.seq" };
         query.push(format!("WHERE {order} < ")).push_bind(filter.before.unwrap_or(i64::MAX));
         if let Some(sweep) = filter.sweep {
@@ -68,7 +68,7 @@ impl Store {
         if let Some(state) = filter.state {
             query.push(" AND j.state = ").push_bind(state.as_str());
             if state.is_ended() {
-                query.push(" AND j.ended_at IS NOT NULL"); // says nothing new, but lets `jobs_ended` serve
+                query.push(" AND j.ended_at IS NOT NULL"); // redundant, but makes SQLite use the index `jobs_ended`
             }
         }
         if let Some(class) = filter.failure {
@@ -78,7 +78,7 @@ impl Store {
             query.push(" AND j.point = ").push_bind(point);
         }
         if let Some((key, value)) = filter.label {
-            // A job of a sweep has the labels of the sweep, and none of its own.
+            // A job of a sweep has the labels of the sweep.
             query.push(" AND (");
             push_label(&mut query, "j.labels", &key, value.as_deref());
             query.push(" OR j.sweep_id IN (SELECT id FROM sweeps WHERE ");
@@ -128,7 +128,7 @@ fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
         labels: row.json("shown_labels")?,
         attempt: row.number("attempt")?,
         worker_id: row.parsed_opt("worker_id")?,
-        progress: None, // known to the server's memory only
+        progress: None, // only in the server's memory
         retry_at: row.moment_opt("not_before")?,
         alone: row.column("alone")?,
         failure_class: row.parsed_opt("failure_class")?,

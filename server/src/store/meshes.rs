@@ -1,4 +1,4 @@
-//! Meshes and the parts of their files.
+//! Meshes, and their files in parts.
 
 use std::collections::BTreeMap;
 
@@ -9,12 +9,11 @@ use sqlx::sqlite::SqliteRow;
 use super::columns::{Columns, to_json};
 use super::{Store, StoreError};
 
-/// Length of every part of a file but the last.
+/// Length of every part of a file except the last.
 const PART_BYTES: usize = 1024 * 1024;
 
 impl Store {
-    /// Stores a file part by part, then its row; says whether it is new. The same file always makes the same rows, so that
-    /// uploads of it at the same time do not hinder each other.
+    /// Stores a file part by part, then its row. Returns whether it is new. Simultaneous uploads of one file write the same rows.
     pub(crate) async fn insert_mesh(&self, mesh: MeshView, file: &[u8]) -> Result<bool, StoreError> {
         for (part, data) in file.chunks(PART_BYTES).enumerate() {
             let (digest, data) = (mesh.digest.clone(), data.to_vec());
@@ -65,7 +64,7 @@ impl Store {
             .await
     }
 
-    /// What is known of a mesh.
+    /// One mesh.
     pub(crate) async fn mesh(&self, digest: &str) -> Result<Option<MeshView>, StoreError> {
         let row = sqlx::query("SELECT * FROM meshes WHERE digest = ?")
             .bind(digest)
@@ -94,7 +93,7 @@ impl Store {
         Ok((rows.iter().map(view).collect::<Result<_, _>>()?, next))
     }
 
-    /// Triangles of those meshes of a list that are there.
+    /// Triangles of the meshes of a list that are stored.
     pub(crate) async fn mesh_triangles(&self, digests: &[&str]) -> Result<BTreeMap<String, u64>, StoreError> {
         let rows = sqlx::query(
             "SELECT digest, triangles FROM meshes WHERE digest IN (SELECT value FROM json_each(?))",
@@ -115,7 +114,7 @@ impl Store {
         Ok(data)
     }
 
-    /// A whole file; empty when it is not there.
+    /// A whole file; empty when it is not stored.
     pub(crate) async fn mesh_file(&self, digest: &str) -> Result<Vec<u8>, StoreError> {
         let mut file = Vec::new();
         for part in 0.. {
@@ -126,13 +125,13 @@ impl Store {
     }
 }
 
-/// Removes the parts of uploads that broke off.
+/// Removes the parts of interrupted uploads.
 pub(super) async fn sweep(connection: &mut SqliteConnection) -> Result<(), StoreError> {
     let swept = sqlx::query("DELETE FROM mesh_parts WHERE digest NOT IN (SELECT digest FROM meshes)")
         .execute(connection)
         .await?;
     if swept.rows_affected() > 0 {
-        tracing::info!(parts = swept.rows_affected(), "removed what broken-off uploads of meshes left");
+        tracing::info!(parts = swept.rows_affected(), "removed parts of interrupted uploads of meshes");
     }
     Ok(())
 }

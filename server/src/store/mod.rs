@@ -1,7 +1,7 @@
-//! Everything that is kept, and all SQL: one SQLite file, one writer, readers beside it, and a folder or a bucket of large objects.
+//! Storage, and all SQL: one SQLite file with one writer and several readers, and a folder or bucket of large objects.
 //!
-//! A method is one question or one transaction. Transactions read the facts, let `queue` decide, and carry the
-//! decision out; they take `now` as an argument. sqlx is used nowhere else.
+//! A method is one query or one transaction. Transactions read snapshots, call a decision of `queue`, and apply it. They take `now`
+//! as an argument. No other module uses sqlx.
 
 mod backup;
 mod batcher;
@@ -76,17 +76,17 @@ use writer::Writer;
 /// The first SQLite without the WAL-reset corruption (3.7.0 to 3.51.2).
 const OLDEST_SQLITE: (u32, u32, u32) = (3, 51, 3);
 
-/// What the writer keeps at hand of the database, in KiB, which the minus says.
+/// Page cache of the writer. Negative numbers are KiB.
 const WRITER_CACHE_KIB: &str = "-16000";
 
-/// Why the store could not do it. Never the fault of a request.
+/// A failure of the store, never the fault of a request.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// The database said no.
-    #[error("the database said no")]
+    /// A query failed.
+    #[error("database query failed")]
     Sql(#[from] sqlx::Error),
-    /// The database could not be brought to this version.
-    #[error("the database could not be brought to this version")]
+    /// A migration failed.
+    #[error("the database could not be migrated to this version")]
     Migrate(#[from] sqlx::migrate::MigrateError),
     /// A newer program has opened this database.
     #[error(
@@ -99,10 +99,10 @@ pub enum StoreError {
         /// The newest migration of this program.
         known: i64,
     },
-    /// A group of writes could not be committed.
-    #[error("a group of writes was not committed")]
+    /// A commit failed.
+    #[error("writes were not committed")]
     Commit(#[source] Arc<sqlx::Error>),
-    /// One failure of many pieces.
+    /// One failure that several requests share.
     #[error(transparent)]
     Shared(Arc<StoreError>),
     /// An object could not be read or written.
@@ -111,20 +111,20 @@ pub enum StoreError {
     /// The bucket of objects cannot be used.
     #[error("the bucket {bucket} cannot be used: {message}")]
     Bucket {
-        /// Which.
+        /// Its address.
         bucket: String,
-        /// Why not, with all that is behind it.
+        /// The reason with its causes.
         message: String,
     },
     /// A folder could not be used.
     #[error("a folder of the data directory could not be used")]
     Folder(#[from] std::io::Error),
-    /// The jobs of a sweep could not all be written out.
-    #[error("of {jobs} jobs of a sweep {queued} were written out")]
+    /// The jobs of a sweep were not all stored.
+    #[error("only {queued} of {jobs} jobs of a sweep were stored")]
     Unfinished {
-        /// That were.
+        /// Stored jobs.
         queued: u64,
-        /// That should have been.
+        /// All jobs.
         jobs: u64,
     },
     /// The writer has stopped.
@@ -133,27 +133,27 @@ pub enum StoreError {
     /// The SQLite library can corrupt a database.
     #[error("SQLite {0} can corrupt its write-ahead log; 3.51.3 or newer is needed")]
     OldSqlite(String),
-    /// A stored value cannot be read back.
+    /// A stored value is not valid.
     #[error("stored {what} cannot be read: {message}")]
     Corrupt {
-        /// What it is.
+        /// The name of the value.
         what: &'static str,
-        /// What is wrong with it.
+        /// The error.
         message: String,
     },
 }
 
-/// What hinders a database that is sound.
+/// The reason why a sound database is unavailable for now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unavailable {
-    /// Somebody else holds it.
+    /// Another process holds its lock.
     Busy,
     /// The disk is full.
     Full,
 }
 
 impl StoreError {
-    /// What to wait for or to clear away, if that is all.
+    /// The reason, if the database is sound and only unavailable for now.
     pub(crate) fn unavailable(&self) -> Option<Unavailable> {
         let error = match self {
             Self::Sql(error) => error,
@@ -180,13 +180,13 @@ impl StoreError {
         }
     }
 
-    /// For the log, which writes out the sources as well.
+    /// For the log, which prints the causes too.
     pub(crate) fn as_dyn(&self) -> &(dyn std::error::Error + 'static) {
         self
     }
 }
 
-/// Whether a full disk is at the bottom of it.
+/// Whether a full disk is among the causes.
 fn is_full(error: &(dyn std::error::Error + 'static)) -> bool {
     let mut causes = std::iter::successors(Some(error), |error| error.source());
     causes.any(|cause| {
@@ -199,7 +199,7 @@ fn is_full(error: &(dyn std::error::Error + 'static)) -> bool {
 /// The folder of objects, beside the database.
 pub(crate) const OBJECTS: &str = "objects";
 
-/// The database, and what lies beside it.
+/// The database and the objects.
 pub(crate) struct Store {
     writer: Arc<Writer>,
     /// Ends after the writer.
@@ -214,7 +214,7 @@ pub(crate) struct Store {
 }
 
 impl Store {
-    /// Opens the database at `path`, made and migrated as needed, and the objects: in a bucket, or beside it.
+    /// Opens the database at `path` and the objects, in a bucket or beside the database. Creates and migrates them as needed.
     pub(crate) async fn open(path: &Path, bucket: Option<&Bucket>) -> Result<Self, StoreError> {
         let objects = objects::Objects::open(&path.with_file_name(OBJECTS), bucket).await?;
         let options = options(path);
@@ -225,7 +225,7 @@ impl Store {
         deletion::finish(&mut connection).await?;
         let readers = SqlitePoolOptions::new()
             .max_connections(4)
-            .test_before_acquire(false) // a file does not go away
+            .test_before_acquire(false) // connections to a file do not break
             .connect_with(options.clone().create_if_missing(false).read_only(true))
             .await?;
         let copier = options.create_if_missing(false).connect().await?;
@@ -239,7 +239,7 @@ impl Store {
         Ok(Self { writer, checkpoints, beats, claims, results, versions, readers, objects, sqlite_version })
     }
 
-    /// Writes out what is under way and closes the file.
+    /// Finishes queued writes and closes the file.
     pub(crate) async fn close(&self) {
         self.readers.close().await;
         self.writer.close().await;
@@ -248,20 +248,20 @@ impl Store {
         }
     }
 
-    /// How long commits take, in seconds.
+    /// Durations of commits, in seconds.
     pub(crate) fn commit_seconds(&self) -> Histogram {
         self.writer.commit_seconds()
     }
 
-    /// Returns when the writer has ended, which by itself it never does.
+    /// Returns when the writer has ended, which happens only after a close or a panic.
     pub(crate) async fn ended(&self) {
         self.writer.ended().await;
     }
 
-    /// Whether reads and writes get through.
+    /// Checks that reads and writes succeed.
     pub(crate) async fn ping(&self) -> Result<(), StoreError> {
         sqlx::query("SELECT 1").execute(&self.readers).await?;
-        // Something that has to reach the disk: a transaction that changes nothing passes on one that is full.
+        // A write that reaches the disk: a transaction without changes would pass on a full disk.
         let change = "PRAGMA user_version = 0";
         self.writer
             .write(move |tx| Box::pin(async move { Ok(sqlx::query(change).execute(tx).await.map(drop)?) }))
@@ -281,7 +281,7 @@ fn options(path: &Path) -> SqliteConnectOptions {
         .journal_mode(SqliteJournalMode::Wal)
         .synchronous(SqliteSynchronous::Full)
         .foreign_keys(true)
-        // What savepoints would take back is copied: to memory, not to a file.
+        // Savepoints copy pages to memory, not to a file.
         .pragma("temp_store", "memory")
         .pragma("wal_autocheckpoint", checkpoint::LONG_LOG_PAGES)
         .busy_timeout(Duration::from_secs(5))
@@ -299,7 +299,7 @@ async fn migrate(connection: &mut SqliteConnection) -> Result<(), StoreError> {
     Ok(migrator().run(connection).await?)
 }
 
-/// Refuses a database that a newer program has migrated: this one would misread it.
+/// Refuses a database of a newer version, which this program would misread.
 async fn refuse_newer(connection: &mut SqliteConnection) -> Result<(), StoreError> {
     let known = migrator().iter().map(|migration| migration.version).max().unwrap_or(0);
     let is_made = "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = '_sqlx_migrations')";

@@ -1,7 +1,7 @@
-//! Large things as files of their own beside the database, or in a bucket, named by the blake3 of their bytes.
+//! Large objects: files beside the database or in a bucket, named by the blake3 of their bytes.
 //!
-//! A file is whole and on disk before a row names it. It goes when no row names it any more: at once where that is known, else when it
-//! is found a day later. The gate keeps the two apart: nothing is removed between the moment a file gets its name and that of its row.
+//! A file is complete and on disk before a row names it. It is removed when no row names it any more: at once after a deletion, or by a
+//! daily sweep. A lock keeps removals out of the time between the name of a file and its row.
 
 use std::fs;
 use std::io;
@@ -20,16 +20,16 @@ use uuid::Uuid;
 
 use super::{Bucket, StoreError};
 
-/// Where uploads lie until they are whole.
+/// Folder of incomplete uploads.
 const UPLOADS: &str = "uploads";
 
-/// Bytes that are written to a folder at a time.
+/// Bytes of one write to a folder.
 const PART_BYTES: usize = 1024 * 1024;
 
 /// The same for a bucket, which takes no less than 5 MiB and no more than 10,000 parts.
 const BUCKET_PART_BYTES: usize = 8 * 1024 * 1024;
 
-/// Of every upload its first bytes, which say what it is.
+/// First bytes of an upload, which identify its format.
 const HEAD_BYTES: usize = 8;
 
 /// The folder of objects, or their bucket.
@@ -37,25 +37,25 @@ const HEAD_BYTES: usize = 8;
 pub(super) struct Objects {
     files: Arc<dyn ObjectStore>,
     part_bytes: usize,
-    gate: RwLock<()>,
+    removals: RwLock<()>,
 }
 
-/// An upload that is whole but has no name yet.
+/// A complete upload without a name.
 #[derive(Debug)]
 pub(crate) struct Staged {
     place: ObjectPath,
     /// blake3 of its bytes.
     pub(crate) digest: String,
-    /// How many they are.
+    /// Its length.
     pub(crate) bytes: u64,
-    /// The first of them.
+    /// Its first bytes.
     pub(crate) head: Vec<u8>,
 }
 
-/// Why an upload was not taken in.
+/// The reason why an upload was not stored.
 #[derive(Debug)]
 pub(crate) enum StageError<E> {
-    /// It broke off.
+    /// It was interrupted.
     Broken(E),
     /// It is over the limit.
     TooLong,
@@ -67,7 +67,7 @@ pub(crate) enum StageError<E> {
 pub(crate) type Reading = BoxStream<'static, Result<Bytes, StoreError>>;
 
 impl Objects {
-    /// Opens the bucket, or else the folder, made as needed. What uploads left in it that broke off with the last server is removed.
+    /// Opens the bucket, or else the folder. Removes uploads that the last server process did not finish.
     pub(super) async fn open(folder: &Path, bucket: Option<&Bucket>) -> Result<Self, StoreError> {
         match bucket {
             Some(bucket) => Self::in_bucket(bucket).await,
@@ -82,10 +82,10 @@ impl Objects {
             _ => {}
         }
         let files = Arc::new(LocalFileSystem::new_with_prefix(folder)?.with_fsync(true));
-        Ok(Self { files, part_bytes: PART_BYTES, gate: RwLock::default() })
+        Ok(Self { files, part_bytes: PART_BYTES, removals: RwLock::default() })
     }
 
-    /// A bucket that cannot be reached is found here, and not by the first upload.
+    /// Fails here if the bucket cannot be reached, and not at the first upload.
     async fn in_bucket(bucket: &Bucket) -> Result<Self, StoreError> {
         let files = bucket.open()?;
         let broken: Vec<_> = files
@@ -96,10 +96,10 @@ impl Objects {
         for upload in broken {
             files.delete(&upload.location).await?;
         }
-        Ok(Self { files, part_bytes: BUCKET_PART_BYTES, gate: RwLock::default() })
+        Ok(Self { files, part_bytes: BUCKET_PART_BYTES, removals: RwLock::default() })
     }
 
-    /// Takes bytes in as they arrive, up to a limit.
+    /// Stores bytes as they arrive, up to a limit.
     pub(super) async fn stage<E>(
         &self,
         mut bytes: impl Stream<Item = Result<Bytes, E>> + Unpin,
@@ -122,7 +122,7 @@ impl Objects {
             }
             hash.update(&chunk);
             head.extend(chunk.iter().take(HEAD_BYTES - head.len()));
-            // One part is written while the next arrives: that is all that is in memory.
+            // One part is written while the next arrives: memory holds two parts.
             if let Err(error) = writing.wait_for_capacity(1).await {
                 break Err(store(error));
             }
@@ -133,28 +133,28 @@ impl Objects {
                 writing.finish().await.map_err(store)?;
                 Ok(Staged { place, digest: hash.finalize().to_hex().to_string(), bytes: length, head })
             }
-            Err(why) => {
+            Err(reason) => {
                 let _ = writing.abort().await;
-                Err(why)
+                Err(reason)
             }
         }
     }
 
-    /// Gives an upload its name. No object is removed while the guard lives, in which time a row must name it.
+    /// Gives an upload its name. No object is removed while the guard lives: the caller inserts the row meanwhile.
     pub(super) async fn publish(&self, staged: Staged) -> Result<RwLockReadGuard<'_, ()>, StoreError> {
-        let open = self.gate.read().await;
+        let guard = self.removals.read().await;
         self.files.rename(&staged.place, &path_of(&staged.digest)).await?;
-        Ok(open)
+        Ok(guard)
     }
 
-    /// Forgets an upload.
+    /// Removes an upload.
     pub(super) async fn discard(&self, staged: Staged) {
         if let Err(error) = self.files.delete(&staged.place).await {
-            tracing::warn!(%error, "an upload that nobody wants stays until the next start");
+            tracing::warn!(%error, "an unused upload was not removed; the next start removes it");
         }
     }
 
-    /// Reads a part of an object; none when it is not there.
+    /// Reads a part of an object; none when it does not exist.
     pub(super) async fn read(&self, digest: &str, part: Range<u64>) -> Result<Option<Reading>, StoreError> {
         let options = GetOptions { range: Some(part.into()), ..GetOptions::default() };
         match self.files.get_opts(&path_of(digest), options).await {
@@ -164,12 +164,12 @@ impl Objects {
         }
     }
 
-    /// Nothing gets a name while the guard lives, in which time it can be asked whether an object has one.
+    /// No upload gets a name while the guard lives: the caller checks whether a row names an object, and removes it.
     pub(super) async fn lock_removal(&self) -> RwLockWriteGuard<'_, ()> {
-        self.gate.write().await
+        self.removals.write().await
     }
 
-    /// Removes an object; false when it is not there.
+    /// Removes an object; false when it does not exist.
     pub(super) async fn remove(&self, digest: &str) -> Result<bool, StoreError> {
         match self.files.delete(&path_of(digest)).await {
             Ok(()) => Ok(true),
@@ -178,10 +178,10 @@ impl Objects {
         }
     }
 
-    /// The objects that have lain there since before then, in milliseconds of the epoch.
-    pub(super) async fn older_than(&self, then_ms: i64) -> Result<Vec<String>, StoreError> {
+    /// The objects older than a time in milliseconds of the epoch.
+    pub(super) async fn older_than(&self, before_ms: i64) -> Result<Vec<String>, StoreError> {
         let old = self.files.list(None).try_filter_map(|file| async move {
-            let is_old = file.last_modified.timestamp_millis() < then_ms;
+            let is_old = file.last_modified.timestamp_millis() < before_ms;
             let name = file.location.filename().map(str::to_owned);
             Ok(name.filter(|name| is_old && file.location == path_of(name)))
         });
@@ -189,15 +189,14 @@ impl Objects {
     }
 }
 
-/// Where an object lies: thousands in one folder are slow to look through.
+/// The path of an object. Subfolders keep the number of files per folder small.
 fn path_of(digest: &str) -> ObjectPath {
     ObjectPath::from(format!("{}/{digest}", digest.get(..2).unwrap_or_default()))
 }
 
-/// Copies those objects of a folder that are named to another folder; what is not there is passed over. Returns the bytes that were
-/// copied, and how many objects were not there.
+/// Copies objects from one folder to another. Returns the bytes copied, and the number of missing objects.
 pub(super) fn copy(from: &Path, to: &Path, named: &[String]) -> io::Result<(u64, u64)> {
-    let (mut bytes, mut absent) = (0, 0);
+    let (mut bytes, mut missing) = (0, 0);
     for digest in named {
         let place = path_of(digest).to_string();
         let (source, target) = (from.join(&place), to.join(&place));
@@ -205,19 +204,19 @@ pub(super) fn copy(from: &Path, to: &Path, named: &[String]) -> io::Result<(u64,
             continue;
         }
         if !source.exists() {
-            absent += 1;
+            missing += 1;
             continue;
         }
         if let Some(folder) = target.parent() {
             fs::create_dir_all(folder)?;
         }
-        // Under another name until it is whole: who looks for the object finds all of it or nothing.
-        let beside = target.with_extension("part");
-        bytes += fs::copy(source, &beside)?;
-        fs::File::open(&beside)?.sync_all()?;
-        fs::rename(beside, target)?;
+        // Under another name until it is complete, so that readers find all of it or nothing.
+        let partial = target.with_extension("part");
+        bytes += fs::copy(source, &partial)?;
+        fs::File::open(&partial)?.sync_all()?;
+        fs::rename(partial, target)?;
     }
-    Ok((bytes, absent))
+    Ok((bytes, missing))
 }
 
 #[cfg(test)]

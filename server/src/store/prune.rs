@@ -1,4 +1,4 @@
-//! Retention: sweeps and single jobs that ended long ago go, and then the meshes that nobody names any more.
+//! Retention: deletes old sweeps and single jobs, and then the meshes that no document names.
 
 use std::collections::HashSet;
 
@@ -12,7 +12,7 @@ use tokio::sync::RwLock;
 use super::columns::{Columns, to_json};
 use super::{Store, StoreError};
 
-/// Each is the end of an index, or of the table.
+/// Each term reads the end of an index or table.
 const NEWEST: &str = "
     SELECT max(at) FROM (
         SELECT max(last_seen_at) AS at FROM workers
@@ -20,15 +20,15 @@ const NEWEST: &str = "
         UNION ALL SELECT (SELECT submitted_at FROM jobs ORDER BY seq DESC LIMIT 1))";
 
 impl Store {
-    /// The newest time that is recorded: when a worker was heard of, something happened to a job, or one was submitted.
+    /// The newest recorded time: of a heartbeat, an event or a submission.
     pub(crate) async fn newest_record(&self) -> Result<Option<Timestamp>, StoreError> {
         let newest: Option<i64> = sqlx::query_scalar(NEWEST).fetch_one(&self.readers).await?;
         Ok(newest.map(Timestamp))
     }
 
-    /// What ended before then.
-    pub(crate) async fn prunable(&self, then: Timestamp) -> Result<Pruning, StoreError> {
-        let rows = sqlx::query(ENDED_SWEEPS).bind(then.0).fetch_all(&self.readers).await?;
+    /// Sweeps, jobs and meshes that pruning would delete.
+    pub(crate) async fn prunable(&self, before: Timestamp) -> Result<Pruning, StoreError> {
+        let rows = sqlx::query(ENDED_SWEEPS).bind(before.0).fetch_all(&self.readers).await?;
         let sweep = |row: &SqliteRow| -> Result<_, StoreError> {
             Ok(PrunedSweep {
                 id: row.parsed("id")?,
@@ -38,55 +38,56 @@ impl Store {
             })
         };
         let sweeps = rows.iter().map(sweep).collect::<Result<Vec<_>, _>>()?;
-        let jobs = sqlx::query_scalar::<_, i64>(SINGLE_JOBS).bind(then.0).fetch_one(&self.readers).await?;
+        let jobs = sqlx::query_scalar::<_, i64>(SINGLE_JOBS).bind(before.0).fetch_one(&self.readers).await?;
         let ids: Vec<SweepId> = sweeps.iter().map(|sweep| sweep.id).collect();
         let mut meshes: Vec<String> =
             sqlx::query_scalar("SELECT digest FROM meshes WHERE uploaded_at < ? ORDER BY seq")
-                .bind(then.0)
+                .bind(before.0)
                 .fetch_all(&self.readers)
                 .await?;
-        // Every scenario is looked through: only where there is a reason.
+        // Reads every scenario: only where there is an old mesh.
         if !meshes.is_empty() {
             let named: Vec<String> = sqlx::query_scalar(NAMED)
-                .bind(then.0)
+                .bind(before.0)
                 .bind(to_json("sweeps", &ids)?)
                 .fetch_all(&self.readers)
                 .await?;
             let named: HashSet<String> = named.into_iter().collect();
             meshes.retain(|digest| !named.contains(digest));
         }
-        Ok(Pruning { dry_run: true, ended_before: then, sweeps, jobs: jobs as u64, meshes })
+        Ok(Pruning { dry_run: true, ended_before: before, sweeps, jobs: jobs as u64, meshes })
     }
 
-    /// Deletes what ended before then, and says what went. `gate` is shut while meshes go: who is about to name one holds it open.
+    /// Deletes sweeps, jobs and meshes older than `before`, and returns them. `gate` is locked while meshes are deleted; submissions that
+    /// name meshes hold a read lock.
     pub(crate) async fn prune(
         &self,
-        then: Timestamp,
+        before: Timestamp,
         now: Timestamp,
         gate: &RwLock<()>,
     ) -> Result<Pruning, StoreError> {
-        let found = self.prunable(then).await?;
+        let found = self.prunable(before).await?;
         let mut sweeps = Vec::new();
         for sweep in found.sweeps {
-            if self.delete_sweep_ended_before(sweep.id, then, now).await? {
+            if self.delete_sweep_ended_before(sweep.id, before, now).await? {
                 sweeps.push(sweep);
             }
         }
         let mut jobs = 0;
-        while let gone @ 1.. = self.delete_single_jobs(then).await? {
+        while let gone @ 1.. = self.delete_single_jobs(before).await? {
             jobs += gone;
         }
-        let _shut = gate.write().await;
-        // Looked up anew: what was submitted meanwhile may name one.
-        let meshes = self.prunable(then).await?.meshes;
+        let _lock = gate.write().await;
+        // Searched again: a new submission may name one.
+        let meshes = self.prunable(before).await?.meshes;
         for digest in meshes.clone() {
             self.writer.write(move |tx| Box::pin(async move { delete_mesh(tx, &digest).await })).await?;
         }
-        Ok(Pruning { dry_run: false, ended_before: then, sweeps, jobs, meshes })
+        Ok(Pruning { dry_run: false, ended_before: before, sweeps, jobs, meshes })
     }
 }
 
-/// The row first: a file that no row names is taken for the rest of an upload.
+/// The row goes first: a file without a row counts as an interrupted upload.
 async fn delete_mesh(tx: &mut SqliteConnection, digest: &str) -> Result<(), StoreError> {
     for sql in ["DELETE FROM meshes WHERE digest = ?", "DELETE FROM mesh_parts WHERE digest = ?"] {
         sqlx::query(sql).bind(digest).execute(&mut *tx).await?;
@@ -104,7 +105,7 @@ const ENDED_SWEEPS: &str = "
 
 pub(super) const SINGLE_JOBS: &str = "SELECT count(*) FROM jobs WHERE sweep_id IS NULL AND ended_at < ?";
 
-/// Every text that may be the digest of a mesh, in what stays: without jobs that ended before ?1 and without sweeps ?2.
+/// Every text that may be the digest of a mesh, except in jobs that ended before ?1 and in sweeps ?2.
 const NAMED: &str = "
     SELECT DISTINCT text.atom FROM scenarios s CROSS JOIN json_tree(s.body) text
     WHERE instr(s.body, '\"digest\"') > 0 AND text.type = 'text' AND length(text.atom) = 64

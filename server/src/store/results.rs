@@ -6,11 +6,11 @@ use roost_api::job::JobState;
 use super::columns::Columns;
 use super::{Store, StoreError};
 
-/// What a job has to show.
+/// The result of a job.
 pub(crate) struct StoredResult {
     /// State of the job.
     pub state: JobState,
-    /// Its result, or what its newest attempt left of one, as JSON text.
+    /// Its result, or the partial result of its newest attempt, as JSON text.
     pub document: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Submissions under an idempotency key.
+//! Submissions with an idempotency key.
 
 use roost_api::time::Timestamp;
 use uuid::Uuid;
@@ -6,18 +6,18 @@ use uuid::Uuid;
 use super::columns::Columns;
 use super::{Store, StoreError};
 
-/// Who submits what under which key.
+/// A request with an idempotency key.
 #[derive(Clone, Debug)]
 pub(crate) struct Submission {
-    /// The token, or nothing.
-    pub owner: String,
-    /// As the client chose it.
+    /// Identifier of the token; empty without one.
+    pub token_id: String,
+    /// The key that the client chose.
     pub key: String,
-    /// Hash of all that makes the request.
+    /// Hash of method, path and body.
     pub fingerprint: String,
 }
 
-/// The answer that was given before.
+/// The stored response to a submission.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct StoredResponse {
     pub status: u16,
@@ -25,19 +25,19 @@ pub(crate) struct StoredResponse {
     pub body: String,
 }
 
-/// What is known of a submission.
+/// The state of a submission.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum SubmissionState {
-    /// Not answered yet: what it makes has this identifier.
+    /// Not answered yet. Its job or sweep has this identifier.
     Reserved(Uuid),
     /// Answered.
     Answered(StoredResponse),
-    /// The key was used for something else.
+    /// The key was used for another request.
     Other,
 }
 
 impl Store {
-    /// Looks a submission up, or notes it.
+    /// Looks up a submission, or stores a new one.
     pub(crate) async fn submission(
         &self,
         submission: Submission,
@@ -51,7 +51,7 @@ impl Store {
                                ON CONFLICT (token_id, key) DO UPDATE SET key = excluded.key
                                RETURNING fingerprint, resource_id, status, location, body";
                     let row = sqlx::query(sql)
-                        .bind(submission.owner)
+                        .bind(submission.token_id)
                         .bind(submission.key)
                         .bind(&submission.fingerprint)
                         .bind(Uuid::now_v7().to_string())
@@ -74,7 +74,7 @@ impl Store {
             .await
     }
 
-    /// Keeps the answer to a submission.
+    /// Stores the response to a submission.
     pub(crate) async fn answer_submission(
         &self,
         submission: Submission,
@@ -89,7 +89,7 @@ impl Store {
                         .bind(answered.status)
                         .bind(answered.location)
                         .bind(answered.body)
-                        .bind(submission.owner)
+                        .bind(submission.token_id)
                         .bind(submission.key)
                         .bind(submission.fingerprint)
                         .execute(&mut *tx)
@@ -100,13 +100,13 @@ impl Store {
             .await
     }
 
-    /// Forgets a submission that was refused: its key may be used again.
+    /// Deletes a refused submission, so that its key may be used again.
     pub(crate) async fn drop_submission(&self, submission: Submission) -> Result<(), StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
                     let sql = "DELETE FROM submissions WHERE token_id = ? AND key = ? AND status IS NULL";
-                    sqlx::query(sql).bind(submission.owner).bind(submission.key).execute(&mut *tx).await?;
+                    sqlx::query(sql).bind(submission.token_id).bind(submission.key).execute(&mut *tx).await?;
                     Ok(())
                 })
             })

@@ -21,7 +21,7 @@ use crate::sweep::Expansion;
 pub(crate) struct NewJob {
     /// Its identifier.
     pub id: JobId,
-    /// The token that asks for it, or nothing.
+    /// Identifier of the token that submitted it; empty without one.
     pub token: String,
     /// The complete scenario.
     pub scenario: Scenario,
@@ -29,13 +29,13 @@ pub(crate) struct NewJob {
     pub priority: i32,
     /// Free labels.
     pub labels: BTreeMap<String, String>,
-    /// What it needs of a worker.
+    /// Requirements on its worker.
     pub needs: Needs,
     /// Longest wall time, in seconds.
     pub max_wall_s: Option<f64>,
-    /// Simulated time from frame to frame, in seconds; none without it.
+    /// Simulated time from frame to frame, in seconds; none without frames.
     pub frame_interval_s: Option<f64>,
-    /// Whether the result may come from the store.
+    /// Whether the result may come from the cache.
     pub cache: Cache,
 }
 
@@ -54,7 +54,7 @@ pub(crate) struct NewSweep {
 }
 
 impl NewSweep {
-    /// Writes out a sweep as a token submitted it, and the first of its jobs.
+    /// Encodes a sweep that a token submitted, with the first batch of its jobs.
     pub(crate) fn new(
         id: SweepId,
         token: String,
@@ -79,7 +79,7 @@ impl NewSweep {
 }
 
 impl Store {
-    /// Stores a job that is not there yet, answered from the store where that is allowed.
+    /// Stores a new job, with a cached result where that is allowed.
     pub(crate) async fn insert_job(&self, job: NewJob, now: Timestamp) -> Result<(), StoreError> {
         let row = JobRow::single(&job.scenario, job.id)?;
         let options = JobOptions {
@@ -94,7 +94,7 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if is_there(tx, "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?)", job.id.to_string())
+                    if exists(tx, "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?)", job.id.to_string())
                         .await?
                     {
                         return Ok(());
@@ -108,7 +108,7 @@ impl Store {
             .await
     }
 
-    /// Stores a sweep that is not there yet, its design points and its jobs, all or nothing.
+    /// Stores a new sweep with its design points and jobs, all or nothing.
     pub(crate) async fn insert_sweep(&self, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
         let is_large = sweep.batches.is_large();
         self.writer.write_as(is_large, move |tx| Box::pin(insert_sweep(tx, sweep, now))).await
@@ -117,7 +117,7 @@ impl Store {
 
 async fn insert_sweep(tx: &mut SqliteConnection, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
     let NewSweep { id, name, text, design, factors, labels, points, replicates, batches, options } = sweep;
-    if is_there(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
+    if exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
         return Ok(());
     }
     sqlx::query(
@@ -138,7 +138,7 @@ async fn insert_sweep(tx: &mut SqliteConnection, sweep: NewSweep, now: Timestamp
     queue(tx, batches, &options, now).await
 }
 
-/// Queues the jobs of a sweep, answered from the store where that is allowed.
+/// Queues the jobs of a sweep, with cached results where that is allowed.
 pub(super) async fn queue(
     tx: &mut SqliteConnection,
     batches: JobBatches,
@@ -150,22 +150,22 @@ pub(super) async fn queue(
     answer_from_cache(tx, newest, options, now).await
 }
 
-/// The number of the job that came last.
+/// The number of the newest job.
 async fn newest(tx: &mut SqliteConnection) -> Result<i64, StoreError> {
     Ok(sqlx::query_scalar("SELECT coalesce(max(seq), 0) FROM jobs").fetch_one(tx).await?)
 }
 
-/// Whether a repeat of the same submission has made it.
-async fn is_there(tx: &mut SqliteConnection, sql: &'static str, id: String) -> Result<bool, StoreError> {
+/// Whether an earlier request with the same identifier has stored it.
+async fn exists(tx: &mut SqliteConnection, sql: &'static str, id: String) -> Result<bool, StoreError> {
     Ok(sqlx::query_scalar(sql).bind(id).fetch_one(&mut *tx).await?)
 }
 
-/// The frames of a result, where they are as far apart as a job asks.
-const FRAMES_AS_ASKED: &str = "frames f JOIN jobs recorded ON recorded.id = f.job_id
+/// The frames of a result that have the interval that a job asks for.
+const MATCHING_FRAMES: &str = "frames f JOIN jobs recorded ON recorded.id = f.job_id
     WHERE f.job_id = results.job_id AND f.attempt = results.attempt AND recorded.frame_interval_s = jobs.frame_interval_s";
 
-/// Settles the queued jobs after `newest` whose scenario this solver revision has run before; where frames are asked for, that run
-/// must have recorded them as far apart, and these are theirs.
+/// Gives the queued jobs after `newest` the result of an earlier run of the same scenario by this solver revision. A job with frames
+/// needs a run with the same frame interval, and gets its frames.
 async fn answer_from_cache(
     tx: &mut SqliteConnection,
     newest: i64,
@@ -180,7 +180,7 @@ async fn answer_from_cache(
          SELECT jobs.id, 0, old.scenario_digest, old.solver_revision, old.backend, old.responses, old.document_digest, ?
          FROM jobs JOIN results AS old ON old.job_id =
              (SELECT job_id FROM results WHERE scenario_digest = jobs.scenario_digest AND solver_revision = ?
-              AND (jobs.frame_interval_s IS NULL OR EXISTS (SELECT 1 FROM {FRAMES_AS_ASKED}))
+              AND (jobs.frame_interval_s IS NULL OR EXISTS (SELECT 1 FROM {MATCHING_FRAMES}))
               LIMIT 1)
          WHERE jobs.seq > ?"
     )))
@@ -204,7 +204,7 @@ async fn answer_from_cache(
              SELECT jobs.id, 0, old.object_digest, old.bytes, old.count, old.stop_reason, ?
              FROM jobs JOIN frames AS old ON old.job_id =
                  (SELECT job_id FROM results WHERE scenario_digest = jobs.scenario_digest AND solver_revision = ?
-                  AND EXISTS (SELECT 1 FROM {FRAMES_AS_ASKED}) LIMIT 1)
+                  AND EXISTS (SELECT 1 FROM {MATCHING_FRAMES}) LIMIT 1)
              WHERE jobs.seq > ? AND jobs.from_cache = 1"
         )))
         .bind(now.0)
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_sweep_of_many_pieces_is_stored_whole_or_not_at_all() {
+    async fn a_sweep_of_many_batches_is_stored_whole_or_not_at_all() {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
         let base = json!({"experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.008}});

@@ -1,4 +1,4 @@
-//! Sweeps as the API shows them.
+//! Queries of sweeps.
 
 use std::collections::HashMap;
 
@@ -11,13 +11,13 @@ use super::columns::{Columns, to_json};
 use super::jobs::push_label;
 use super::{Store, StoreError};
 
-/// Without the specification, which may be long, and without those that are being deleted.
+/// Without the specification, which may be long, and without sweeps that are being deleted.
 const VIEW: &str = "SELECT seq, id, name, design, points, replicates, factors, labels, submitted_at FROM sweeps WHERE deleting = 0";
 
-/// Jobs of each sweep by state, from the index alone.
+/// Jobs of each sweep by state; a covering index serves it.
 pub(super) const COUNTS: &str = "SELECT sweep_id, state, count(*) AS jobs FROM jobs
     WHERE sweep_id IN (SELECT value FROM json_each(?)) GROUP BY sweep_id, state";
-/// Those that failed by class, from an index that has no others.
+/// Failed jobs of each sweep by class; a partial index serves it.
 pub(super) const FAILURES: &str = "SELECT sweep_id, failure_class, count(*) AS jobs FROM jobs
     WHERE sweep_id IN (SELECT value FROM json_each(?)) AND failure_class IS NOT NULL GROUP BY sweep_id, failure_class";
 
@@ -68,7 +68,7 @@ impl Store {
         Ok((self.with_counts(views).await?, next))
     }
 
-    /// Fills in the counts, and the share that has ended; running jobs are not the store's to know.
+    /// Adds the counts, and the share of ended jobs. The caller adds the progress of running jobs.
     async fn with_counts(&self, mut views: Vec<SweepView>) -> Result<Vec<SweepView>, StoreError> {
         if views.is_empty() {
             return Ok(views);

@@ -1,4 +1,4 @@
-//! Access tokens, hashed. The server reads them; `roost token` writes them, beside a server that runs or without one.
+//! Access tokens, hashed. The server reads them; `roost token` writes them, with or without a running server.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use uuid::Uuid;
 use super::columns::{Columns, corrupt, to_json};
 use super::{Store, StoreError, connect, options};
 
-/// A token that exists.
+/// A stored token.
 #[derive(Clone, Debug)]
 pub(crate) struct Token {
     pub(crate) id: String,
@@ -22,7 +22,7 @@ pub(crate) struct Token {
 }
 
 impl Store {
-    /// All tokens that were ever made, revoked ones included: who has none is open, who has only revoked ones is closed.
+    /// All tokens, revoked ones included: a server without tokens admits everybody, one with only revoked tokens nobody.
     pub(crate) async fn tokens(&self) -> Result<Vec<Token>, StoreError> {
         let sql = "SELECT id, name, hash, scopes, revoked_at IS NOT NULL AS is_revoked FROM tokens";
         let rows = sqlx::query(sql).fetch_all(&self.readers).await?;
@@ -41,13 +41,13 @@ impl Store {
     }
 }
 
-/// The tokens of a data directory. Opening it migrates no database that a server uses.
+/// The tokens of a data directory. Opening it does not migrate the database of a running server.
 pub struct TokenFile(SqliteConnection);
 
 impl TokenFile {
-    /// Opens a database; `alone` says that no server runs on it, and then it is made as needed.
-    pub(crate) async fn open(path: &Path, alone: bool) -> Result<Self, StoreError> {
-        if alone {
+    /// Opens a database. `is_offline`: no server uses it, so that it is created and migrated as needed.
+    pub(crate) async fn open(path: &Path, is_offline: bool) -> Result<Self, StoreError> {
+        if is_offline {
             let (mut connection, _) = connect(options(path)).await?;
             super::migrate(&mut connection).await?;
             return Ok(Self(connection));
@@ -57,7 +57,7 @@ impl TokenFile {
         Ok(Self(connection))
     }
 
-    /// Makes a token and returns it with its secret, which is kept nowhere.
+    /// Creates a token and returns it with its secret, which is not stored.
     pub async fn create(
         &mut self,
         name: &str,
@@ -94,7 +94,7 @@ impl TokenFile {
         rows.iter().map(view).collect()
     }
 
-    /// Revokes a token; says whether there was such a one that was valid.
+    /// Revokes a token. Returns whether it was valid.
     pub async fn revoke(&mut self, id: &str, now: Timestamp) -> Result<bool, StoreError> {
         let done = sqlx::query("UPDATE tokens SET revoked_at = ? WHERE id = ? AND revoked_at IS NULL")
             .bind(now.0)
@@ -104,7 +104,7 @@ impl TokenFile {
         Ok(done.rows_affected() > 0)
     }
 
-    /// Whether some token is valid. A server with revoked tokens alone admits nobody.
+    /// Whether a valid token exists.
     pub async fn has_valid(&mut self) -> Result<bool, StoreError> {
         let sql = "SELECT EXISTS (SELECT 1 FROM tokens WHERE revoked_at IS NULL)";
         Ok(sqlx::query_scalar(sql).fetch_one(&mut self.0).await?)

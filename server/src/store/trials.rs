@@ -1,4 +1,4 @@
-//! The trials of a sweep: its jobs by point and replicate, with what they came to. Those of a large one are read piece by piece.
+//! The trials of a sweep: its jobs by point and replicate, with their results. They are read in batches.
 
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
@@ -10,10 +10,10 @@ use super::columns::Columns;
 use super::{Store, StoreError};
 use crate::sweep::Response;
 
-/// A trial's place in the table: design point and replicate.
+/// Design point and replicate of a trial.
 pub(crate) type TrialIndex = (u32, u32);
 
-/// Result documents that are in memory at a time.
+/// Result documents in memory at a time.
 pub(crate) const MAX_DOCUMENTS: u32 = 16;
 
 /// A trial with its result document.
@@ -21,7 +21,7 @@ pub(crate) struct TrialDocument {
     pub(crate) job_id: JobId,
     pub(crate) place: TrialIndex,
     pub(crate) state: JobState,
-    /// Its result, or what its newest attempt left of one, as JSON text.
+    /// Its result, or the partial result of its newest attempt, as JSON text.
     pub(crate) document: Option<String>,
 }
 
@@ -31,12 +31,12 @@ const COLUMNS: &str = "SELECT j.id, j.point, j.replicate, j.seed, j.state, j.fai
     JOIN design_points p ON p.sweep_id = j.sweep_id AND p.point = j.point
     LEFT JOIN results r ON r.job_id = j.id";
 
-/// Where trials are, one after the other: down an index, and nothing is sorted.
+/// Trials in the order of an index, without sorting.
 pub(super) const FROM: &str = "WHERE j.sweep_id = ? AND (j.point, j.replicate) >= (?, ?)
     ORDER BY j.point, j.replicate LIMIT ?";
 
 impl Store {
-    /// So many trials at most, from a place on.
+    /// At most `limit` trials from an index on.
     pub(crate) async fn trials_from(
         &self,
         id: SweepId,
@@ -53,7 +53,7 @@ impl Store {
         rows.iter().map(trial).collect()
     }
 
-    /// Every trial of the points from one on and before another.
+    /// Every trial of a range of points.
     pub(crate) async fn trials_of(
         &self,
         id: SweepId,
@@ -71,7 +71,7 @@ impl Store {
         rows.iter().map(trial).collect()
     }
 
-    /// A few trials with their result documents, from a place on.
+    /// A few trials with their result documents, from an index on.
     pub(crate) async fn documents_from(
         &self,
         id: SweepId,
@@ -104,7 +104,7 @@ impl Store {
             .collect()
     }
 
-    /// The responses that results of a sweep have, by name.
+    /// The responses in the results of a sweep, by name.
     pub(crate) async fn responses(&self, id: SweepId) -> Result<Vec<Response>, StoreError> {
         let rows = sqlx::query(
             "SELECT e.key, max(e.type IN ('integer', 'real')) AS numbers,

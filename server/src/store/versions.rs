@@ -1,4 +1,4 @@
-//! Versions of what is shown: they change when it may have changed, and are read without reading it.
+//! Versions for ETags: a version changes when its subject may have changed, and is cheaper to read than the subject.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -9,14 +9,14 @@ use roost_api::job::JobState;
 use roost_api::time::Timestamp;
 
 use super::columns::Columns;
-use super::workers::around;
+use super::workers::online_window;
 use super::{Store, StoreError};
 
-/// Versions that were read, each with the number of commits before it: while there is no other, it holds.
+/// Cached versions, each with the number of commits when it was read. A version is valid until the next commit.
 #[derive(Default)]
 pub(super) struct Cache(Mutex<HashMap<Subject, (u64, Option<String>)>>);
 
-/// So many are remembered; then all are forgotten.
+/// Maximum number of cached versions; then the cache is cleared.
 const CACHED: usize = 1000;
 
 impl Cache {
@@ -34,7 +34,7 @@ impl Cache {
     }
 }
 
-/// What is looked at.
+/// The subject of a version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Subject {
     /// Listings of all jobs or sweeps.
@@ -50,8 +50,8 @@ pub(crate) enum Subject {
 }
 
 impl Store {
-    /// The version of a subject: what happened to it last, and what was added to it last. Each is one step down an index. None of
-    /// a job or a sweep that is not there.
+    /// The version of a subject: the numbers of its newest event and its newest row, each from the end of an index. None for a job or
+    /// sweep that does not exist.
     pub(crate) async fn version(&self, subject: Subject) -> Result<Option<String>, StoreError> {
         let commits = self.writer.commits();
         if let Some(version) = self.versions.get(subject, commits) {
@@ -75,13 +75,13 @@ impl Store {
     }
 }
 
-/// What there is to do, and who is there to do it.
+/// Numbers of jobs and workers.
 pub(crate) struct QueueCounts {
     /// Jobs by state.
     pub(crate) jobs: Vec<(JobState, i64)>,
-    /// Since when the first submitted of the queued jobs has been queued; a job that pauses does not count.
+    /// Time at which the oldest queued job was queued. Jobs in a pause do not count.
     pub(crate) oldest_queued_at: Option<Timestamp>,
-    /// Workers that are there.
+    /// Workers that were seen within a lease.
     pub(crate) workers: i64,
 }
 
@@ -101,7 +101,7 @@ impl Store {
         }
         let oldest_queued_at: Option<i64> =
             sqlx::query_scalar(QUEUED_AT).bind(oldest).fetch_optional(&self.readers).await?;
-        let (since, until) = around(now, lease);
+        let (since, until) = online_window(now, lease);
         let workers = sqlx::query_scalar("SELECT count(*) FROM workers WHERE last_seen_at BETWEEN ? AND ?")
             .bind(since.0)
             .bind(until.0)
@@ -111,23 +111,23 @@ impl Store {
     }
 }
 
-/// By the partial indexes: no row of a job is read. `oldest` is the queued job that was submitted first.
+/// Partial indexes serve it: no row of a job is read. `oldest` is the queued job that was submitted first.
 pub(super) const QUEUE_COUNTS: &str = "
     SELECT 'queued' AS state, count(*) + (SELECT count(*) FROM jobs WHERE not_before IS NOT NULL) AS jobs,
            min(seq) AS oldest FROM jobs WHERE state = 'queued' AND not_before IS NULL
     UNION ALL SELECT 'running', count(*), NULL FROM jobs WHERE state = 'running' AND lease_expires_at > 0
     UNION ALL SELECT state, count(*), NULL FROM jobs WHERE ended_at IS NOT NULL GROUP BY state";
 
-/// Since when a job has been queued: one that was queued again, since its newest event.
+/// Time at which a job was queued; for a job that was queued again, the time of its newest event.
 pub(super) const QUEUED_AT: &str = "
     SELECT coalesce((SELECT at FROM events WHERE job_id = jobs.id ORDER BY seq DESC LIMIT 1), submitted_at)
     FROM jobs WHERE seq = ?";
 
-// Numbers that were given last never go down, not even when their rows go: those of tables are read where SQLite keeps them.
+// `sqlite_sequence` has the highest number of each table. It never goes down, even when rows are deleted.
 
 const EVERYTHING: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
     (SELECT coalesce(sum(seq), 0) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))";
-// Where the events of a job or a sweep have been forgotten, the oldest event that is kept stands for them: what happened was before.
+// Where the events of a job or sweep were deleted, the oldest stored event is the version: the deleted ones were older.
 pub(super) const JOB: &str = "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE job_id = ?1), -(SELECT min(seq) FROM events),
         -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0), 0

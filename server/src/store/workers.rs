@@ -1,4 +1,4 @@
-//! Workers: who has registered, and what they do now.
+//! Workers: registrations, and the jobs that they run.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -11,19 +11,19 @@ use super::columns::Columns;
 use super::{Store, StoreError};
 use crate::queue::Refusal;
 
-/// Workers that were heard of between these two times are there: within a lease, and to either side of now, since a clock that was set
-/// back leaves behind times that are yet to come.
-pub(super) fn around(now: Timestamp, lease: Duration) -> (Timestamp, Timestamp) {
+/// Workers that were seen between these two times are online: within a lease before or after now. Times after now remain when the clock
+/// is set back.
+pub(super) fn online_window(now: Timestamp, lease: Duration) -> (Timestamp, Timestamp) {
     let lease_ms = i64::try_from(lease.as_millis()).unwrap_or(i64::MAX);
     (now.plus_ms(-lease_ms), now.plus_ms(lease_ms))
 }
 
-/// What a job was run by has an attempt as well: jobs need not be asked.
+/// Every worker of a job has an attempt too, so that jobs need no check.
 pub(super) const FORGET: &str = "
     DELETE FROM workers WHERE last_seen_at < ? AND NOT EXISTS (SELECT 1 FROM attempts WHERE worker_id = workers.id)";
 
 impl Store {
-    /// Notes a worker; a repeat is the same worker, with the same solver.
+    /// Registers a worker. A repeated registration must have the same solver.
     pub(crate) async fn register_worker(
         &self,
         worker: WorkerRegistration,
@@ -32,8 +32,8 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    // What computes may not change: results are held to it, also those that are on their way.
-                    let noted = sqlx::query(
+                    // The solver may not change: results are checked against it, even those in an outbox.
+                    let registered = sqlx::query(
                         "INSERT INTO workers (id, name, solver_revision, backend, device, threads, memory_mib,
                                               registered_at, last_seen_at)
                          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
@@ -53,13 +53,13 @@ impl Store {
                     .bind(now.0)
                     .execute(&mut *tx)
                     .await?;
-                    Ok(if noted.rows_affected() == 0 { Err(Refusal::OtherRegistration) } else { Ok(()) })
+                    Ok(if registered.rows_affected() == 0 { Err(Refusal::OtherRegistration) } else { Ok(()) })
                 })
             })
             .await
     }
 
-    /// Asks a worker to claim nothing more; its next heartbeat carries it.
+    /// Makes a worker drain. The reply to its next heartbeat says so.
     pub(crate) async fn drain_worker(&self, id: WorkerId) -> Result<Result<(), Refusal>, StoreError> {
         self.writer
             .write(move |tx| {
@@ -74,12 +74,12 @@ impl Store {
             .await
     }
 
-    /// Removes workers that were heard of last before then and whose attempts are all gone; says how many.
-    pub(crate) async fn forget_workers(&self, then: Timestamp) -> Result<u64, StoreError> {
+    /// Removes workers last seen before `before` that have no stored attempts; returns how many.
+    pub(crate) async fn forget_workers(&self, before: Timestamp) -> Result<u64, StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    Ok(sqlx::query(FORGET).bind(then.0).execute(&mut *tx).await?.rows_affected())
+                    Ok(sqlx::query(FORGET).bind(before.0).execute(&mut *tx).await?.rows_affected())
                 })
             })
             .await
@@ -98,7 +98,7 @@ impl Store {
         for row in rows {
             running.entry(row.parsed("worker_id")?).or_default().push(row.parsed("id")?);
         }
-        // Identifiers are UUIDv7: their order is that of the processes' starts.
+        // Identifiers are UUIDv7, in the order in which processes started.
         let rows = sqlx::query(
             "SELECT w.*, (SELECT count(*) FROM attempts WHERE worker_id = w.id AND outcome = 'succeeded')
                 AS succeeded,
@@ -123,7 +123,7 @@ impl Store {
                 solver_revision: row.number("solver_revision")?,
                 draining: row.column("draining")?,
                 running: running.remove(&id).unwrap_or_default(),
-                progress: Vec::new(), // known to the server's memory only
+                progress: Vec::new(), // only in the server's memory
                 particle_steps_per_s: None,
                 succeeded: row.number("succeeded")?,
                 failed: row.number("failed")?,
@@ -168,7 +168,7 @@ mod tests {
         write.await.unwrap();
     }
 
-    /// A queued job that failed once, by this worker.
+    /// A queued job that this worker has failed once.
     async fn fail_a_job(store: &Store, worker: WorkerId) {
         let sql = format!(
             "INSERT INTO scenarios (digest, body) VALUES ('d', '{{}}');
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn workers_that_are_gone_and_ran_nothing_that_is_kept_are_removed() {
+    async fn offline_workers_without_attempts_are_removed() {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
         let (ran, idle, new) = (WorkerId::new(), WorkerId::new(), WorkerId::new());
@@ -195,7 +195,7 @@ mod tests {
             workers.into_iter().map(|worker| worker.id).collect::<std::collections::BTreeSet<_>>()
         };
         assert_eq!(store.forget_workers(Timestamp(5)).await.unwrap(), 1);
-        assert_eq!(left().await, [ran, new].into(), "one has an attempt, one was heard of lately");
+        assert_eq!(left().await, [ran, new].into(), "one has an attempt, one was seen recently");
         write(&store, "DELETE FROM attempts".to_owned()).await;
         assert_eq!(store.forget_workers(Timestamp(5)).await.unwrap(), 1);
         assert_eq!(left().await, [new].into());
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_worker_heard_of_in_time_to_come_is_not_there() {
+    async fn a_worker_last_seen_in_the_future_is_offline() {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
         let (me, other, now) = (WorkerId::new(), WorkerId::new(), Timestamp(10 * HOUR_MS));
@@ -215,19 +215,19 @@ mod tests {
             Claim { request_id: Uuid::now_v7(), worker: me, max_jobs: 1, lease: LEASE, max_frames_bytes: 0 };
         let mine_at = async |wall: Timestamp| store.has_work(claim, Now { wall, lease: now }).await.unwrap();
 
-        assert!(!mine_at(now).await, "the other one, which is there, shall have it");
-        assert!(!mine_at(now.plus_ms(-5000)).await, "a clock that was set back a little");
+        assert!(!mine_at(now).await, "the other worker is online and gets it");
+        assert!(!mine_at(now.plus_ms(-5000)).await, "the clock was set back a little");
         assert!(
             mine_at(now.plus_ms(2 * LEASE.as_millis() as i64)).await,
-            "nothing was heard of it for two leases"
+            "the other worker was not seen for two leases"
         );
         assert!(
             mine_at(now.plus_ms(-HOUR_MS)).await,
-            "the clock was set back, and nothing was heard of it since"
+            "the clock was set back, and the other worker was not seen since"
         );
         let earlier = now.plus_ms(-HOUR_MS);
         store.heartbeat(other, Vec::new(), earlier, earlier).await.unwrap().unwrap();
-        assert!(!mine_at(earlier).await, "it was heard of since the clock was set back");
+        assert!(!mine_at(earlier).await, "the other worker was seen since the clock was set back");
         store.close().await;
     }
 }

@@ -1,12 +1,11 @@
-//! The one writer: a task that owns the one writing connection and commits in groups.
+//! The writer: a task that owns the only writing connection and commits in groups.
 //!
-//! SQLite has one writer at a time and a commit costs a flush to disk, so whatever has queued up while a
-//! group was being committed makes the next group: `BEGIN IMMEDIATE`, each piece of work in a savepoint of
-//! its own, `COMMIT`, then the answers. A piece that fails is rolled back alone. Nothing but SQL on this
-//! connection is awaited inside, and the next piece of a large sweep; a caller that goes away (a closed connection) does not interrupt it.
+//! SQLite has one writer at a time, and a commit costs a flush to disk. Writes that queue up during a commit form the next group:
+//! `BEGIN IMMEDIATE`, a savepoint per write, `COMMIT`, then the answers. A failed write is rolled back alone. A transaction awaits only
+//! SQL on this connection and the encoding of a sweep's next batch. A closed connection of the client does not interrupt it.
 //!
-//! A large piece has a transaction to itself and needs no savepoint, for which SQLite would copy every page before its first change: a
-//! sweep of 10,000 jobs changes 10,000 pages of a long queue's indices.
+//! A large write has its own transaction without a savepoint: for a savepoint, SQLite copies every page before its first change, and a
+//! sweep of 10,000 jobs changes 10,000 pages.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -22,30 +21,30 @@ use tokio_util::sync::CancellationToken;
 
 use super::StoreError;
 
-/// What a piece of work returns: a future that borrows the connection.
+/// The future of a write; it borrows the connection.
 pub(super) type Work<'t, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 't>>;
 
 type Run<'t> = Pin<Box<dyn Future<Output = Finished> + Send + 't>>;
 
-/// A piece of work with somebody who waits for it.
-trait Piece: Send {
-    /// Whether it has a transaction to itself.
+/// A queued write.
+trait Write: Send {
+    /// Whether it has its own transaction.
     fn is_large(&self) -> bool;
 
-    /// Does the work, which is then to be committed and answered.
+    /// Executes it. The caller commits and answers.
     fn run<'t>(self: Box<Self>, connection: &'t mut SqliteConnection) -> Run<'t>;
 
-    /// Answers that the work was not begun.
+    /// Answers with an error before the start.
     fn refuse(self: Box<Self>, error: StoreError);
 }
 
-struct Asked<T, F> {
+struct Request<T, F> {
     is_large: bool,
     work: F,
     sender: oneshot::Sender<Result<T, StoreError>>,
 }
 
-impl<T, F> Piece for Asked<T, F>
+impl<T, F> Write for Request<T, F>
 where
     T: Send + 'static,
     F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
@@ -60,7 +59,7 @@ where
             let outcome = work(connection).await;
             let keep = outcome.is_ok();
             let reply = Box::new(move |committed: Result<(), StoreError>| {
-                // An error of its own says more than that of the group. Nobody may be listening any more.
+                // Its own error is more specific than that of the group. The caller may have gone.
                 let _ = sender.send(outcome.and_then(|value| committed.map(|()| value)));
             });
             Finished { keep, reply }
@@ -72,16 +71,16 @@ where
     }
 }
 
-/// Work done but not yet committed.
+/// An executed write before the commit.
 struct Finished {
     keep: bool,
     reply: Box<dyn FnOnce(Result<(), StoreError>) + Send>,
 }
 
-/// At most so many pieces share a commit: a bound on how long the first of them waits.
+/// Maximum number of writes per commit. It bounds the time that the first of them waits.
 const GROUP: usize = 128;
 
-/// Upper ends of the classes of commit times, in seconds: from an SSD with fast flushes to a disk in trouble.
+/// Upper bounds of the histogram of commit times, in seconds, from a fast SSD to a failing disk.
 const COMMIT_SECONDS: [f64; 10] = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.025, 0.1, 0.5, 2.0, 10.0];
 
 pub(super) struct Writer {
@@ -93,7 +92,7 @@ pub(super) struct Writer {
 }
 
 enum Message {
-    Work(Box<dyn Piece>),
+    Work(Box<dyn Write>),
     Close,
 }
 
@@ -114,17 +113,17 @@ impl Writer {
         Self { queue, task: tokio::sync::Mutex::new(Some(task)), ended, commits, commit_seconds }
     }
 
-    /// How often it has committed, which the connections that read see from then on.
+    /// Number of commits that readers can see.
     pub(super) fn commits(&self) -> u64 {
         self.commits.load(Ordering::Acquire)
     }
 
-    /// Where it counts them.
+    /// The counter of commits.
     pub(super) fn counter(&self) -> Arc<AtomicU64> {
         self.commits.clone()
     }
 
-    /// How long commits take: the last statement of a transaction, which flushes to the disk.
+    /// Durations of commits: of the last statement of a transaction, which flushes to disk.
     pub(super) fn commit_seconds(&self) -> Histogram {
         self.commit_seconds.clone()
     }
@@ -139,7 +138,7 @@ impl Writer {
         self.ended.cancelled().await;
     }
 
-    /// Runs `work` in a transaction and returns once it is on disk.
+    /// Executes `work` in a transaction and returns once it is on disk.
     pub(super) async fn write<T, F>(&self, work: F) -> Result<T, StoreError>
     where
         T: Send + 'static,
@@ -148,19 +147,19 @@ impl Writer {
         self.write_as(false, work).await
     }
 
-    /// The same, in a transaction of its own when it is large.
+    /// The same, in its own transaction when it is large.
     pub(super) async fn write_as<T, F>(&self, is_large: bool, work: F) -> Result<T, StoreError>
     where
         T: Send + 'static,
         F: for<'t> FnOnce(&'t mut SqliteConnection) -> Work<'t, T> + Send + 'static,
     {
         let (sender, receiver) = oneshot::channel();
-        let piece = Box::new(Asked { is_large, work, sender });
-        self.queue.send(Message::Work(piece)).await.map_err(|_| StoreError::WriterGone)?;
+        let write = Box::new(Request { is_large, work, sender });
+        self.queue.send(Message::Work(write)).await.map_err(|_| StoreError::WriterGone)?;
         receiver.await.map_err(|_| StoreError::WriterGone)?
     }
 
-    /// Ends after what is queued by now.
+    /// Ends after the writes that are queued now.
     pub(super) async fn close(&self) {
         let _ = self.queue.send(Message::Close).await;
         if let Some(task) = self.task.lock().await.take() {
@@ -169,18 +168,18 @@ impl Writer {
     }
 }
 
-/// What comes next from the queue.
+/// The next writes of the queue.
 #[derive(Default)]
 struct Next {
-    /// A large piece that came while a group was open.
-    large: Option<Box<dyn Piece>>,
-    /// Nothing comes any more.
+    /// A large write that came while a group was open.
+    large: Option<Box<dyn Write>>,
+    /// Whether the queue is closed.
     is_closed: bool,
 }
 
 impl Next {
-    /// The first piece of a group.
-    async fn first(&mut self, waiting: &mut mpsc::Receiver<Message>) -> Option<Box<dyn Piece>> {
+    /// The first write of a group.
+    async fn first(&mut self, waiting: &mut mpsc::Receiver<Message>) -> Option<Box<dyn Write>> {
         if self.large.is_some() || self.is_closed {
             return self.large.take();
         }
@@ -190,8 +189,8 @@ impl Next {
         }
     }
 
-    /// One more for the same group, if it waits there and may join it.
-    fn more(&mut self, waiting: &mut mpsc::Receiver<Message>) -> Option<Box<dyn Piece>> {
+    /// The next write of the same group, if one is queued.
+    fn more(&mut self, waiting: &mut mpsc::Receiver<Message>) -> Option<Box<dyn Write>> {
         match waiting.try_recv().ok()? {
             Message::Work(piece) if piece.is_large() => self.large = Some(piece),
             Message::Work(piece) => return Some(piece),
@@ -209,26 +208,26 @@ async fn run(
 ) {
     let mut next = Next::default();
     while let Some(first) = next.first(&mut waiting).await {
-        // Several statements in one go: each way to SQLite's thread and back costs as much as a small statement.
+        // Several statements per call: a call into SQLite's thread costs as much as a small statement.
         let begin = if first.is_large() { "BEGIN IMMEDIATE" } else { "BEGIN IMMEDIATE; SAVEPOINT piece" };
         if let Err(error) = sqlx::raw_sql(begin).execute(&mut connection).await {
             let error = StoreError::Commit(Arc::new(error));
-            tracing::error!(error = error.as_dyn(), "a write was not begun");
+            tracing::error!(error = error.as_dyn(), "a transaction could not begin");
             first.refuse(error);
             continue;
         }
         let mut finished = Vec::new();
         let committed = if first.is_large() {
-            alone(&mut connection, first, &mut finished, seconds).await
+            execute_large(&mut connection, first, &mut finished, seconds).await
         } else {
-            group(&mut connection, first, &mut waiting, &mut finished, &mut next, seconds).await
+            execute_group(&mut connection, first, &mut waiting, &mut finished, &mut next, seconds).await
         };
-        // Before anybody is answered: who asks after that must not be told the versions of before.
+        // Before the answers: a client that reads after its answer must not get an older version.
         commits.fetch_add(1, Ordering::Release);
         let failure = committed.err();
         if let Some(error) = &failure {
-            tracing::error!(%error, pieces = finished.len(), "a group of writes was not committed");
-            // Fails where there is nothing to roll back, which is as good.
+            tracing::error!(%error, pieces = finished.len(), "writes were not committed");
+            // Fails if there is nothing to roll back, which does no harm.
             let _ = sqlx::query("ROLLBACK").execute(&mut connection).await;
         }
         for piece in finished {
@@ -240,10 +239,10 @@ async fn run(
     }
 }
 
-/// Does a large piece, and commits.
-async fn alone(
+/// Executes a large write, and commits.
+async fn execute_large(
     connection: &mut SqliteConnection,
-    piece: Box<dyn Piece>,
+    piece: Box<dyn Write>,
     finished: &mut Vec<Finished>,
     seconds: &Histogram,
 ) -> Result<(), Arc<sqlx::Error>> {
@@ -256,10 +255,10 @@ async fn alone(
     ended.map(drop).map_err(Arc::new)
 }
 
-/// Does the first piece and what has queued up meanwhile, and commits.
-async fn group(
+/// Executes the first write and those that queue up meanwhile, and commits.
+async fn execute_group(
     connection: &mut SqliteConnection,
-    first: Box<dyn Piece>,
+    first: Box<dyn Write>,
     waiting: &mut mpsc::Receiver<Message>,
     finished: &mut Vec<Finished>,
     next: &mut Next,
@@ -269,7 +268,7 @@ async fn group(
     loop {
         let done = piece.run(&mut *connection).await;
         let keep = done.keep;
-        // Noted before anything else can fail: it is to be answered either way.
+        // Stored before anything else can fail: it is answered in any case.
         finished.push(done);
         let more = if finished.len() < GROUP { next.more(waiting) } else { None };
         let sql = match (keep, &more) {

@@ -1,5 +1,5 @@
-//! Sensitivity: how much each factor moves each response, and how surely. A design point counts once, with the mean of its
-//! replicates: those share their seeds with all other points and are no further witnesses.
+//! Sensitivity: the effect of each factor on each response, with its p-value. A design point counts once, with the mean of its
+//! replicates: replicates share their seeds with those of all other points, and are not independent.
 
 use std::collections::BTreeMap;
 
@@ -10,33 +10,33 @@ use serde_json::Value;
 use super::levels::same;
 use crate::stats::{ROUNDING, chance, line, rank_correlation};
 
-/// A factor with more values than this has no means by level.
+/// Factors with more levels have no means by level.
 const MAX_LEVELS: usize = 12;
 
-/// What effects need of each design point, and no more: a large sweep goes through memory piece by piece.
+/// The data of each design point that effects need. Points of a large sweep are added in batches.
 pub(crate) struct Effects {
     factors: Vec<Factor>,
-    /// A row a point, its level of every factor.
+    /// The level of every factor, a row per point.
     levels: Vec<Vec<Value>>,
-    /// Of responses that are numbers, their means.
+    /// Means of numeric responses.
     means: BTreeMap<String, Values>,
-    /// Of responses that are words, how many there are at each point.
+    /// Number of words at each point, for responses that are words.
     counts: BTreeMap<String, Values>,
-    /// How many of these are the one word, where it is among them.
+    /// Number of times that one word occurs, at the points where it occurs.
     words: BTreeMap<(String, String), Values>,
 }
 
-/// Rows of points that have a value, in order, and the values.
+/// Values with the rows of their points, in order.
 type Values = Vec<(u32, f64)>;
 
 impl Effects {
-    /// Of points that are still to be added.
+    /// Without points.
     pub(crate) fn of(factors: Vec<Factor>) -> Self {
         let (means, counts, words) = Default::default();
         Self { factors, levels: Vec::new(), means, counts, words }
     }
 
-    /// Takes in what the next points came to.
+    /// Adds points.
     pub(crate) fn add(&mut self, points: Vec<PointRow>) {
         for PointRow { factors, responses, .. } in points {
             let row = self.levels.len() as u32;
@@ -62,7 +62,7 @@ impl Effects {
         let mut values = std::mem::take(&mut self.means);
         for ((name, word), count) in std::mem::take(&mut self.words) {
             let mut count = count.into_iter().peekable();
-            // A point that never had this word has a share of nothing.
+            // A point without this word has a share of 0.
             let share = |(row, all): &(u32, f64)| {
                 let here = count.next_if(|(counted, _)| counted == row).map_or(0.0, |(_, count)| count);
                 (*row, here / all)
@@ -101,7 +101,7 @@ impl Effects {
     }
 }
 
-/// The mean at each value, numbers in their order, others as they come; nothing where there are many.
+/// The mean at each level, sorted if the levels are numbers. Empty for more than [`MAX_LEVELS`] levels.
 fn by_level(values: &[(&Value, f64)], mean: f64) -> Vec<LevelEffect> {
     let mut groups: Vec<(&Value, Vec<f64>)> = Vec::new();
     for (level, value) in values {

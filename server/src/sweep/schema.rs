@@ -1,4 +1,4 @@
-//! The JSON Schema of a sweep: made of the types that read it, with the scenario's own in the place of the base.
+//! The JSON Schema of a sweep: the schema of its types, with the schema of scenarios for the base.
 
 use roost_api::sweep::{SCHEMA, SweepSpec};
 use roost_solver::scenario;
@@ -26,7 +26,7 @@ pub(crate) fn json_schema() -> Value {
     root
 }
 
-/// Points references at the definitions within the document.
+/// Rewrites references to definitions within the document.
 fn relocate(value: &mut Value) {
     match value {
         Value::Object(fields) => {

@@ -1,4 +1,4 @@
-//! Trials by design point: the replicates of each, kept apart in the table, summed up here.
+//! Summaries of design points over their replicates.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::stats::Sample;
 
-/// Sums the trials up by design point; they come sorted by it.
+/// Summarises trials, which are sorted by design point.
 pub(crate) fn by_point(trials: &[TrialRow]) -> Vec<PointRow> {
     trials.chunk_by(|one, other| one.point == other.point).map(point).collect()
 }
@@ -33,7 +33,7 @@ fn point(trials: &[TrialRow]) -> PointRow {
     row
 }
 
-/// Numbers have a mean, words are counted; null is no value.
+/// The mean of numbers and the counts of words. Null is no value.
 fn summary(values: &[&Value]) -> Summary {
     let numbers: Vec<f64> = values.iter().filter_map(|value| value.as_f64()).collect();
     let mut words: BTreeMap<String, u64> = BTreeMap::new();
@@ -53,7 +53,7 @@ fn summary(values: &[&Value]) -> Summary {
     }
 }
 
-/// A value that is counted rather than averaged.
+/// A value that is counted, not averaged.
 pub(super) fn word(value: &Value) -> Option<String> {
     match value {
         Value::String(word) => Some(word.clone()),

@@ -1,4 +1,4 @@
-//! Columns as a Parquet file: one row group, every column optional, uncompressed, so that every reader takes it.
+//! Columns as a Parquet file: one row group, every column optional, no compression, so that every reader can read it.
 
 use std::sync::Arc;
 
@@ -10,9 +10,9 @@ use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::Type;
 use serde_json::Value;
 
-use super::table::{Column, Kind, text};
+use super::table::{Column, ColumnKind, text};
 
-/// Writes columns as a Parquet file, each forgotten once it is written.
+/// Columns as a Parquet file. Each column is dropped once it is written.
 pub(crate) fn to_parquet(columns: Vec<Column>) -> Result<Vec<u8>> {
     let fields = columns.iter().map(|column| field(column).map(Arc::new)).collect::<Result<_>>()?;
     let schema = Arc::new(Type::group_type_builder("results").with_fields(fields).build()?);
@@ -23,10 +23,10 @@ pub(crate) fn to_parquet(columns: Vec<Column>) -> Result<Vec<u8>> {
     let mut group = writer.next_row_group()?;
     for column in columns {
         match column.kind {
-            Kind::Integer => write::<Int64Type>(&mut group, &column, Value::as_i64)?,
-            Kind::Number => write::<DoubleType>(&mut group, &column, Value::as_f64)?,
-            Kind::Flag => write::<BoolType>(&mut group, &column, Value::as_bool)?,
-            Kind::Text => {
+            ColumnKind::Integer => write::<Int64Type>(&mut group, &column, Value::as_i64)?,
+            ColumnKind::Number => write::<DoubleType>(&mut group, &column, Value::as_f64)?,
+            ColumnKind::Flag => write::<BoolType>(&mut group, &column, Value::as_bool)?,
+            ColumnKind::Text => {
                 let bytes = |value: &Value| text(value).map(|text| ByteArray::from(text.into_bytes()));
                 write::<ByteArrayType>(&mut group, &column, bytes)?;
             }
@@ -38,10 +38,10 @@ pub(crate) fn to_parquet(columns: Vec<Column>) -> Result<Vec<u8>> {
 
 fn field(column: &Column) -> Result<Type> {
     let (physical, logical) = match column.kind {
-        Kind::Integer => (Physical::INT64, None),
-        Kind::Number => (Physical::DOUBLE, None),
-        Kind::Flag => (Physical::BOOLEAN, None),
-        Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+        ColumnKind::Integer => (Physical::INT64, None),
+        ColumnKind::Number => (Physical::DOUBLE, None),
+        ColumnKind::Flag => (Physical::BOOLEAN, None),
+        ColumnKind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
     };
     Type::primitive_type_builder(&column.name, physical)
         .with_repetition(Repetition::OPTIONAL)
@@ -49,7 +49,7 @@ fn field(column: &Column) -> Result<Type> {
         .build()
 }
 
-/// Writes the values that there are, and for every row whether it has one.
+/// Writes the values, and for every row whether it has one.
 fn write<T: DataType>(
     group: &mut SerializedRowGroupWriter<'_, Vec<u8>>,
     column: &Column,

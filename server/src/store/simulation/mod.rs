@@ -1,11 +1,11 @@
-//! A simulation of the queue: seeded, on the real store, against a model that says what must come of every step.
+//! A seeded simulation of the queue: the real store against a model that predicts every step.
 //!
-//! `world` plays users, workers, the network and the clock: claims whose reply is lost, deliveries that are lost, repeated or
-//! come late, workers that die or fall silent, restarts, clocks that are set. `model` knows the promises and nothing of SQL.
-//! After every step the two must agree on every job, and at the end every job must have come to one.
+//! `world` simulates users, workers, the network and the clock: lost replies to claims; lost, repeated and late deliveries; workers that
+//! die or lose their connection; restarts; clocks that are set. `model` has the rules of the API and knows no SQL. After every step both
+//! must agree on every job, and at the end every job must have ended.
 //!
-//! One seed is one story. `ROOST_SEED=17 cargo test -p roost-server simulation -- --nocapture` tells it again;
-//! `ROOST_SEEDS=100000` tries more of them, from `ROOST_FIRST_SEED` on.
+//! `ROOST_SEED=17 cargo test -p roost-server simulation -- --nocapture` repeats the run of one seed and prints its steps.
+//! `ROOST_SEEDS=100000` runs more seeds, from `ROOST_FIRST_SEED` on.
 
 mod model;
 mod world;
@@ -18,45 +18,45 @@ use futures_util::FutureExt;
 use super::Store;
 use world::World;
 
-/// Stories of the usual test.
+/// Seeds of the usual test.
 const SEEDS: u64 = 1000;
-/// Steps of a story.
+/// Steps of one run.
 const STEPS: u32 = 50;
 
 fn from_environment(name: &str) -> Option<u64> {
     std::env::var(name).ok().map(|text| text.parse().expect("a number"))
 }
 
-/// Tells one story; on a failure, its steps.
-async fn tell(store: &Store, seed: u64, aloud: bool) {
+/// Runs one seed. Prints its steps if asked, or if it fails.
+async fn run_seed(store: &Store, seed: u64, is_verbose: bool) {
     let mut world = World::new(store, seed).await;
-    let told = AssertUnwindSafe(world.run(STEPS)).catch_unwind().await;
-    if aloud || told.is_err() {
-        eprintln!("seed {seed}\n  {}", world.story.join("\n  "));
+    let outcome = AssertUnwindSafe(world.run(STEPS)).catch_unwind().await;
+    if is_verbose || outcome.is_err() {
+        eprintln!("seed {seed}\n  {}", world.steps.join("\n  "));
     }
-    if told.is_err() {
-        panic!("seed {seed} went wrong; ROOST_SEED={seed} tells it again");
+    if outcome.is_err() {
+        panic!("seed {seed} failed; ROOST_SEED={seed} repeats it");
     }
 }
 
-/// Tells stories one after the other, on one store.
-fn tell_all(seeds: impl Iterator<Item = u64>, aloud: bool) {
+/// Runs seeds one after the other, on one store.
+fn run_seeds(seeds: impl Iterator<Item = u64>, is_verbose: bool) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(async {
-        // In memory where that can be: nothing here is about the disk.
+        // In memory where possible: the disk is not under test.
         let dir = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
         let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
         for seed in seeds {
-            tell(&store, seed, aloud).await;
+            run_seed(&store, seed, is_verbose).await;
         }
         store.close().await;
     });
 }
 
 #[test]
-fn no_story_loses_a_job_or_records_one_twice() {
+fn no_seed_loses_a_job_or_records_a_result_twice() {
     if let Some(seed) = from_environment("ROOST_SEED") {
-        return tell_all(std::iter::once(seed), true);
+        return run_seeds(std::iter::once(seed), true);
     }
     let (seeds, first, started) = (
         from_environment("ROOST_SEEDS").unwrap_or(SEEDS),
@@ -65,8 +65,8 @@ fn no_story_loses_a_job_or_records_one_twice() {
     );
     std::thread::scope(|scope| {
         for half in 0..2 {
-            scope.spawn(move || tell_all((first..first + seeds).skip(half).step_by(2), false));
+            scope.spawn(move || run_seeds((first..first + seeds).skip(half).step_by(2), false));
         }
     });
-    eprintln!("{seeds} stories of {STEPS} steps in {:.0} s", started.elapsed().as_secs_f64());
+    eprintln!("{seeds} seeds of {STEPS} steps in {:.0} s", started.elapsed().as_secs_f64());
 }

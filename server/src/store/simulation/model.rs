@@ -1,4 +1,4 @@
-//! What must come of every step, by the promises of `api.md` alone.
+//! The predicted effect of every step, from the rules of `api.md` alone.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,11 +8,11 @@ use roost_api::lease::Directive;
 
 /// Leases, in milliseconds.
 pub(super) const LEASE_MS: i64 = 10_000;
-/// Attempts that may end as `worker`, and as `lost`: few, so that stories get there.
+/// Maximum attempts that end as `worker`, and as `lost`: few, so that runs reach them.
 pub(super) const WORKER_ATTEMPTS: u32 = 2;
 pub(super) const LOST_ATTEMPTS: u32 = 2;
 
-/// What becomes of a write.
+/// The effect of a write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Answer {
     Recorded,
@@ -37,10 +37,10 @@ pub(super) struct Job {
     pub(super) cancelling: bool,
     pub(super) alone: bool,
     pub(super) class: Option<FailureClass>,
-    /// The attempt whose result is recorded; 0 when it came from the store.
+    /// The attempt whose result is recorded; 0 for a cached result.
     pub(super) result: Option<u32>,
     attempts: Vec<Attempt>,
-    forgiven: usize,
+    attempts_before_retry: usize,
     lease_ends: i64,
     deadline: Option<i64>,
 }
@@ -51,7 +51,7 @@ impl Job {
         backend: Option<&'static str>,
         memory_mib: Option<u32>,
         max_wall_ms: Option<i64>,
-        from_store: bool,
+        from_cache: bool,
     ) -> Self {
         Self {
             priority,
@@ -59,13 +59,13 @@ impl Job {
             backend,
             memory_mib,
             max_wall_ms,
-            state: if from_store { JobState::Succeeded } else { JobState::Queued },
+            state: if from_cache { JobState::Succeeded } else { JobState::Queued },
             cancelling: false,
             alone: false,
             class: None,
-            result: from_store.then_some(0),
+            result: from_cache.then_some(0),
             attempts: Vec::new(),
-            forgiven: 0,
+            attempts_before_retry: 0,
             lease_ends: 0,
             deadline: None,
         }
@@ -76,15 +76,17 @@ impl Job {
     }
 
     fn count(&self, outcome: AttemptOutcome) -> u32 {
-        self.attempts[self.forgiven..].iter().filter(|attempt| attempt.outcome == Some(outcome)).count()
-            as u32
+        self.attempts[self.attempts_before_retry..]
+            .iter()
+            .filter(|attempt| attempt.outcome == Some(outcome))
+            .count() as u32
     }
 
-    /// Whether this worker has failed it since it was last retried.
+    /// Whether this worker has failed it since the last retry by a user.
     pub(super) fn failed_by(&self, worker: WorkerId) -> bool {
         let failed =
             |attempt: &Attempt| attempt.worker == worker && attempt.outcome == Some(AttemptOutcome::Worker);
-        self.attempts[self.forgiven..].iter().any(failed)
+        self.attempts[self.attempts_before_retry..].iter().any(failed)
     }
 
     fn holds(&self, worker: WorkerId) -> bool {
@@ -92,8 +94,8 @@ impl Job {
             && self.attempts.last().is_some_and(|attempt| attempt.worker == worker)
     }
 
-    /// Whether a write of this attempt counts, was counted before, or may not change anything.
-    fn standing(&self, number: u32, worker: WorkerId, outcome: AttemptOutcome) -> Answer {
+    /// The effect of a write of this attempt.
+    fn fence(&self, number: u32, worker: WorkerId, outcome: AttemptOutcome) -> Answer {
         let attempt = &self.attempts[number as usize - 1];
         if attempt.worker != worker {
             return Answer::Refused;
@@ -112,9 +114,9 @@ impl Job {
         (self.state, self.class, self.cancelling) = (state, class, false);
     }
 
-    /// A worker's report of how its attempt ended.
+    /// A worker reports the end of its attempt.
     pub(super) fn report(&mut self, number: u32, worker: WorkerId, outcome: AttemptOutcome) -> Answer {
-        let answer = self.standing(number, worker, outcome);
+        let answer = self.fence(number, worker, outcome);
         if answer != Answer::Recorded {
             return answer;
         }
@@ -140,18 +142,18 @@ impl Job {
         Answer::Recorded
     }
 
-    /// A result of another solver than the worker's changes nothing; what has ended is answered as ever.
+    /// A result of another solver changes nothing. A repeat is answered as usual.
     pub(super) fn forge(&self, number: u32, worker: WorkerId) -> Answer {
-        match self.standing(number, worker, AttemptOutcome::Succeeded) {
+        match self.fence(number, worker, AttemptOutcome::Succeeded) {
             Answer::Recorded => Answer::Refused,
             other => other,
         }
     }
 
-    /// A sign of life.
+    /// A heartbeat.
     pub(super) fn beat(&mut self, number: u32, worker: WorkerId, now: i64) -> Directive {
-        // No outcome is like `lost` here: nothing has been reported.
-        if self.standing(number, worker, AttemptOutcome::Lost) != Answer::Recorded {
+        // Without a report, an attempt counts like a lost one.
+        if self.fence(number, worker, AttemptOutcome::Lost) != Answer::Recorded {
             return Directive::Abandon;
         }
         if self.state == JobState::Queued {
@@ -163,7 +165,7 @@ impl Job {
     }
 
     fn claim(&mut self, worker: WorkerId, now: i64) {
-        assert_eq!(self.state, JobState::Queued, "claimed what is not in the queue");
+        assert_eq!(self.state, JobState::Queued, "claimed a job that is not queued");
         self.state = JobState::Running;
         self.attempts.push(Attempt { worker, outcome: None });
         self.lease_ends = now + LEASE_MS;
@@ -178,22 +180,22 @@ impl Job {
         }
     }
 
-    /// Says whether it could be.
+    /// Returns whether it is possible.
     pub(super) fn retry(&mut self) -> bool {
-        let may = matches!(self.state, JobState::Failed | JobState::Cancelled);
-        if may {
-            self.forgiven = self.attempts.len();
+        let can = matches!(self.state, JobState::Failed | JobState::Cancelled);
+        if can {
+            self.attempts_before_retry = self.attempts.len();
             self.end(JobState::Queued, None);
         }
-        may
+        can
     }
 }
 
-/// A job that a worker may have now.
+/// A job that a worker can run now.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
     pub(super) id: JobId,
-    /// Older jobs have lower ones.
+    /// Its number; older jobs have lower numbers.
     pub(super) seq: i64,
     pub(super) alone: bool,
 }
@@ -202,11 +204,11 @@ pub(super) struct Waiting {
 #[derive(Debug, Default)]
 pub(super) struct Model {
     pub(super) jobs: BTreeMap<JobId, Job>,
-    /// Owners that have had a job in the round under way, by priority.
+    /// Owners that have had a job in the current round, by priority.
     served: BTreeMap<i32, BTreeSet<&'static str>>,
 }
 
-/// Notes that an owner has a job: a second one in a round begins the next round.
+/// Records a job of an owner: a second one in a round starts the next round.
 fn serve(served: &mut BTreeSet<&'static str>, owner: &'static str) {
     if !served.insert(owner) {
         *served = BTreeSet::from([owner]);
@@ -214,11 +216,11 @@ fn serve(served: &mut BTreeSet<&'static str>, owner: &'static str) {
 }
 
 impl Model {
-    /// The next of these jobs, which come as those of one owner and priority follow each other: of the highest priority, of an owner that
-    /// has had none in this round if there is one, and among those the oldest.
-    pub(super) fn next_jobs(&self, waiting: &[Waiting], most: usize) -> Vec<Waiting> {
+    /// The next of these jobs, which are sorted by position: of the highest priority, first of an owner without a job in this round, then
+    /// the oldest.
+    pub(super) fn next_jobs(&self, waiting: &[Waiting], max: usize) -> Vec<Waiting> {
         let (mut left, mut served, mut next) = (waiting.to_vec(), self.served.clone(), Vec::new());
-        while next.len() < most
+        while next.len() < max
             && let Some(priority) = left.iter().map(|job| self.jobs[&job.id].priority).max()
         {
             let served = served.entry(priority).or_default();
@@ -238,26 +240,26 @@ impl Model {
         next
     }
 
-    /// A worker gets a job.
+    /// A worker claims a job.
     pub(super) fn claim(&mut self, id: JobId, worker: WorkerId, now: i64) {
         let job = self.jobs.get_mut(&id).expect("known");
         job.claim(worker, now);
         serve(self.served.entry(job.priority).or_default(), job.owner);
     }
 
-    /// What a worker holds: how many, and whether one of them is to run alone.
+    /// The number of jobs that a worker holds, and whether one of them runs alone.
     pub(super) fn holding(&self, worker: WorkerId) -> (usize, bool) {
         let held: Vec<_> = self.jobs.values().filter(|job| job.holds(worker)).collect();
         (held.len(), held.iter().any(|job| job.alone))
     }
 
-    /// Ends leases and deadlines; returns the jobs that were touched.
+    /// Ends expired leases and deadlines; returns their jobs.
     pub(super) fn expire(&mut self, now: i64) -> Vec<JobId> {
-        let mut touched = Vec::new();
+        let mut changed = Vec::new();
         let expired: Vec<JobId> = self.running(|job| job.lease_ends <= now);
-        // Who had company is known before any of them ends.
-        let company: Vec<bool> = expired.iter().map(|id| self.had_company(*id)).collect();
-        for (id, company) in expired.iter().zip(company) {
+        // Found before any of them ends.
+        let others: Vec<bool> = expired.iter().map(|id| self.had_others(*id)).collect();
+        for (id, had_others) in expired.iter().zip(others) {
             let job = self.jobs.get_mut(id).expect("known");
             let lost = job.count(AttemptOutcome::Lost) + 1;
             job.attempts.last_mut().expect("running").outcome = Some(AttemptOutcome::Lost);
@@ -265,11 +267,11 @@ impl Model {
                 (true, _) => job.end(JobState::Cancelled, None),
                 (false, true) => job.end(JobState::Failed, Some(FailureClass::Lost)),
                 (false, false) => {
-                    job.alone |= company;
+                    job.alone |= had_others;
                     job.end(JobState::Queued, None);
                 }
             }
-            touched.push(*id);
+            changed.push(*id);
         }
         for id in self.running(|job| job.deadline.is_some_and(|deadline| deadline <= now)) {
             let job = self.jobs.get_mut(&id).expect("known");
@@ -278,12 +280,12 @@ impl Model {
                 true => job.end(JobState::Cancelled, None),
                 false => job.end(JobState::Failed, Some(FailureClass::Timeout)),
             }
-            touched.push(id);
+            changed.push(id);
         }
-        touched
+        changed
     }
 
-    /// A restart gives every running attempt a fresh lease, and the time that it may take.
+    /// A restart renews the lease and the deadline of every running attempt.
     pub(super) fn restart(&mut self, now: i64) {
         for job in self.jobs.values_mut().filter(|job| job.state == JobState::Running) {
             job.lease_ends = now + LEASE_MS;
@@ -291,13 +293,13 @@ impl Model {
         }
     }
 
-    fn running(&self, is_so: impl Fn(&Job) -> bool) -> Vec<JobId> {
-        let running = self.jobs.iter().filter(|(_, job)| job.state == JobState::Running && is_so(job));
+    fn running(&self, matches: impl Fn(&Job) -> bool) -> Vec<JobId> {
+        let running = self.jobs.iter().filter(|(_, job)| job.state == JobState::Running && matches(job));
         running.map(|(id, _)| *id).collect()
     }
 
-    /// Whether the worker of a running job has, or has lost, another one.
-    fn had_company(&self, id: JobId) -> bool {
+    /// Whether the worker of a running job runs or has lost another job.
+    fn had_others(&self, id: JobId) -> bool {
         let worker = self.jobs[&id].attempts.last().expect("running").worker;
         let others = self.jobs.iter().filter(|(other, _)| **other != id);
         others.flat_map(|(_, job)| &job.attempts).any(|attempt| {

@@ -1,4 +1,4 @@
-//! The writer by itself: what is told when it cannot write, and who shares a transaction with whom.
+//! Tests of the writer: errors, and groups of writes.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use super::*;
 use crate::store::Unavailable;
 
 #[tokio::test]
-async fn a_busy_database_is_told_and_the_writer_goes_on() {
+async fn a_busy_database_is_an_error_and_the_writer_continues() {
     let dir = tempfile::tempdir().unwrap();
     let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
     let options = options.busy_timeout(Duration::from_millis(20));
@@ -24,7 +24,7 @@ async fn a_busy_database_is_told_and_the_writer_goes_on() {
 }
 
 #[tokio::test]
-async fn a_full_disk_is_told_and_the_writer_goes_on() {
+async fn a_full_disk_is_an_error_and_the_writer_continues() {
     let dir = tempfile::tempdir().unwrap();
     let options = SqliteConnectOptions::new().filename(dir.path().join("db")).create_if_missing(true);
     let mut connection = options.connect().await.unwrap();
@@ -46,7 +46,7 @@ async fn a_full_disk_is_told_and_the_writer_goes_on() {
 }
 
 #[tokio::test]
-async fn a_large_piece_has_a_transaction_to_itself_and_fails_alone() {
+async fn a_large_write_has_its_own_transaction_and_fails_alone() {
     let mut connection = SqliteConnectOptions::new().in_memory(true).connect().await.unwrap();
     sqlx::raw_sql("CREATE TABLE t (x)").execute(&mut connection).await.unwrap();
     let writer = Writer::start(connection);
@@ -61,7 +61,7 @@ async fn a_large_piece_has_a_transaction_to_itself_and_fails_alone() {
             })
             .await
     };
-    // One thread, so that all ask before the first is begun.
+    // On one thread all are queued before the first starts.
     let done = futures_util::join!(
         insert(1, false, false),
         insert(2, true, false),
@@ -71,20 +71,20 @@ async fn a_large_piece_has_a_transaction_to_itself_and_fails_alone() {
         insert(6, false, false),
     );
     assert!(done.3.is_err() && done.0.is_ok() && done.1.is_ok() && done.2.is_ok(), "{done:?}");
-    assert_eq!(writer.commits(), 5, "two share theirs");
+    assert_eq!(writer.commits(), 5, "two writes share a commit");
     let all = "SELECT group_concat(x) FROM t";
-    let kept: String = writer
+    let stored: String = writer
         .write(move |tx| Box::pin(async move { Ok(sqlx::query_scalar(all).fetch_one(tx).await?) }))
         .await
         .unwrap();
-    assert_eq!(kept, "1,2,3,5,6");
+    assert_eq!(stored, "1,2,3,5,6");
     writer.close().await;
 }
 
 #[tokio::test]
-async fn a_writer_that_panics_says_that_it_ended() {
+async fn a_panic_of_the_writer_ends_it() {
     let writer = Writer::start(SqliteConnectOptions::new().in_memory(true).connect().await.unwrap());
     let lost = writer.write::<(), _>(|_| Box::pin(async { panic!("on purpose") })).await;
     assert!(matches!(lost, Err(StoreError::WriterGone)), "{lost:?}");
-    tokio::time::timeout(Duration::from_secs(20), writer.ended()).await.expect("told");
+    tokio::time::timeout(Duration::from_secs(20), writer.ended()).await.expect("the writer has ended");
 }

@@ -1,4 +1,4 @@
-//! Designs against published tables and SciPy's numbers.
+//! Tests of designs against published tables and SciPy.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ fn numbers(values: &Value) -> Vec<f64> {
     values.as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
 }
 
-/// Centred L2 discrepancy (Hickernell 1998): how far points are from even.
+/// Centred L2 discrepancy (Hickernell 1998).
 fn discrepancy(points: &[Vec<f64>]) -> f64 {
     let (n, d) = (points.len() as f64, points[0].len() as i32);
     let from = |x: &f64| (x - 0.5).abs();
@@ -40,11 +40,11 @@ fn drawn(kind: &str, seed: u64) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn drawn_designs_are_as_even_as_those_of_scipy() {
+fn discrepancies_match_scipy() {
     let expected = &scipy()["discrepancy"];
     let points: Vec<Vec<f64>> = expected["points"].as_array().unwrap().iter().map(numbers).collect();
     let value = expected["value"].as_f64().unwrap();
-    assert!((discrepancy(&points) - value).abs() < 1e-12, "what measures here is what measured there");
+    assert!((discrepancy(&points) - value).abs() < 1e-12, "both discrepancies have the same definition");
     for kind in ["sobol", "latin_hypercube", "random"] {
         let [low, middle, high] = numbers(&expected["quantiles"][kind])[..] else {
             panic!("three quantiles")
@@ -57,10 +57,10 @@ fn drawn_designs_are_as_even_as_those_of_scipy() {
 }
 
 #[test]
-fn the_directions_of_the_sobol_sequence_are_those_of_scipy() {
+fn sobol_directions_match_scipy() {
     for (index, point) in scipy()["sobol"].as_array().unwrap().iter().enumerate() {
         for (factor, expected) in numbers(point).into_iter().enumerate() {
-            // SciPy goes through the points in the order of a Gray code.
+            // SciPy orders the points by a Gray code.
             let index = (index ^ (index >> 1)) as u32;
             let bits = sobol_burley::parts::sobol_rev(index.reverse_bits(), factor as u32).reverse_bits();
             assert_eq!(f64::from(bits) / 2_f64.powi(32), expected, "point {index}, factor {factor}");
@@ -69,7 +69,7 @@ fn the_directions_of_the_sobol_sequence_are_those_of_scipy() {
 }
 
 #[test]
-fn every_power_of_two_of_sobol_points_fills_equal_boxes_equally() {
+fn a_power_of_two_of_sobol_points_fills_every_elementary_box() {
     for seed in [0, 1, 1 << 40] {
         for power in 1..=8 {
             let n = 1_u32 << power;
@@ -86,8 +86,8 @@ fn every_power_of_two_of_sobol_points_fills_equal_boxes_equally() {
             }
         }
     }
-    assert_ne!(sobol(3, 0, 1), sobol(3, 0, 2), "seeds scramble");
-    assert_ne!(sobol(3, 0, 1), sobol(3, 0, 1 | 1 << 40), "all bits of them");
+    assert_ne!(sobol(3, 0, 1), sobol(3, 0, 2), "seeds change the scrambling");
+    assert_ne!(sobol(3, 0, 1), sobol(3, 0, 1 | 1 << 40), "all bits of the seed count");
 }
 
 #[test]
@@ -98,11 +98,11 @@ fn each_part_of_a_latin_hypercube_holds_one_point() {
         assert_eq!(parts.len(), 100);
         assert_eq!(column, latin_hypercube(100, factor, 7), "reproducible");
         assert_ne!(column, latin_hypercube(100, factor, 8));
-        assert_ne!(column, latin_hypercube(100, factor + 1, 7), "each factor in an order of its own");
+        assert_ne!(column, latin_hypercube(100, factor + 1, 7), "each factor has its own order");
     }
 }
 
-/// A published table: a row for each block, ± for every combination of low and high.
+/// The points of a published table: a row per block, ± for every combination of low and high.
 fn published(table: &str) -> Vec<Vec<i8>> {
     let mut points = Vec::new();
     for line in table.lines().map(str::trim).filter(|line| !line.is_empty()) {
@@ -120,8 +120,8 @@ fn published(table: &str) -> Vec<Vec<i8>> {
 }
 
 #[test]
-fn box_behnken_designs_are_those_of_the_tables() {
-    // Three factors as the NIST handbook prints them (5.3.3.6.2), in the order of ours.
+fn box_behnken_designs_match_published_tables() {
+    // Three factors from the NIST handbook (5.3.3.6.2), in our order.
     let three = [
         [-1, -1, 0],
         [-1, 1, 0],
@@ -150,7 +150,7 @@ fn box_behnken_designs_are_those_of_the_tables() {
         let points = edges(factors);
         assert_eq!(points, published(table), "{factors} factors");
         assert_eq!(points.len(), size);
-        // What makes them good for quadratic models: no factor leans to a side, no two go together.
+        // Factors are balanced and uncorrelated.
         for a in 0..factors {
             assert_eq!(points.iter().map(|point| i32::from(point[a])).sum::<i32>(), 0);
             for b in 0..a {
@@ -168,7 +168,7 @@ fn a_box_behnken_sweep_takes_low_middle_and_high() {
     assert_eq!(points.len(), 13);
     assert_eq!(points[0], [json!(0.05), json!(0.1), json!(6)]);
     assert_eq!(points[11], [json!(0.06), json!(0.4), json!(7)]);
-    assert_eq!(points[12], [json!(0.06), json!(0.2), json!(6)], "the centre comes last, once");
+    assert_eq!(points[12], [json!(0.06), json!(0.2), json!(6)], "one centre, at the end");
     let two = of_design(json!({"kind": "box_behnken"}), json!([factors[0], factors[1]]));
     assert_eq!(faults(&two)[0].pointer, "/factors");
 }
@@ -178,12 +178,12 @@ fn a_grid_counts_with_the_last_factor_fastest() {
     let digits: Vec<_> = (0..6).map(|index| digits(&[2, 3], index)).collect();
     assert_eq!(digits, [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]]);
     let alone = matrix(&spec(json!([])));
-    assert_eq!(json!(alone), json!([[]]), "replicates alone are one point");
+    assert_eq!(json!(alone), json!([[]]), "a grid without factors has one point");
     let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.06}, {"pointer": COUNT, "low": 3, "high": 9, "count": 3},
                          {"pointer": BELT, "low": 0.1, "high": 0.4, "scale": "log", "count": 3}]);
     let points = matrix(&spec(factors));
     assert_eq!(points.len(), 2 * 3 * 3);
-    assert_eq!(points[1], [json!(0.05), json!(3), json!(0.2)], "ranges in equal steps of their scale");
+    assert_eq!(points[1], [json!(0.05), json!(3), json!(0.2)], "equal steps on the scale of each range");
     assert_eq!(points[17], [json!(0.06), json!(9), json!(0.4)]);
     let uncountable = json!([{"pointer": GATE, "low": 0.05, "high": 0.06, "count": 1000},
                              {"pointer": BELT, "low": 0.1, "high": 0.4, "count": 1000}]);
@@ -191,7 +191,7 @@ fn a_grid_counts_with_the_last_factor_fastest() {
 }
 
 #[test]
-fn one_at_a_time_starts_from_the_base_and_never_repeats_it() {
+fn one_at_a_time_starts_from_the_base_without_repeating_it() {
     let factors = json!([{"pointer": "/contact/condition", "levels": ["dry", "wet"]},
                          {"pointer": COUNT, "levels": [4, 6, 8]},
                          {"pointer": "/contact/fillet_belt/static_friction", "levels": [0.1]}]);
@@ -200,14 +200,14 @@ fn one_at_a_time_starts_from_the_base_and_never_repeats_it() {
     assert_eq!(points.len(), 5);
     assert_eq!(points[0], [json!("dry"), json!(6), friction.clone()]);
     assert_eq!(points[1][..2], [json!("wet"), json!(6)]);
-    assert_ne!(points[1][2], friction, "what wet chooses is told as it is");
+    assert_ne!(points[1][2], friction, "a default of wet");
     assert_eq!(points[2], [json!("dry"), json!(4), friction.clone()]);
     assert_eq!(points[3], [json!("dry"), json!(8), friction]);
     assert_eq!(points[4], [json!("dry"), json!(6), json!(0.1)]);
 }
 
 #[test]
-fn drawn_values_keep_to_range_scale_and_kind() {
+fn drawn_values_follow_range_scale_and_type() {
     let factors = json!([{"pointer": GATE, "low": 0.05, "high": 0.07}, {"pointer": COUNT, "low": 3, "high": 6},
                          {"pointer": BELT, "low": 0.01, "high": 1.0, "scale": "log"},
                          {"pointer": "/contact/condition", "levels": ["dry", "wet"]}]);
@@ -235,7 +235,7 @@ fn drawn_values_keep_to_range_scale_and_kind() {
 }
 
 #[test]
-fn a_longer_sequence_begins_with_the_shorter_one() {
+fn a_longer_sequence_starts_with_the_shorter_one() {
     let factors =
         json!([{"pointer": GATE, "low": 0.05, "high": 0.07}, {"pointer": BELT, "low": 0.1, "high": 0.4}]);
     for kind in ["random", "sobol"] {
@@ -258,7 +258,7 @@ fn linked_fields_take_the_same_value() {
 }
 
 #[test]
-fn lists_and_tables_give_the_points_themselves() {
+fn lists_and_tables_hold_the_points() {
     let factors = json!([{"pointer": GATE}, {"pointer": "/contact/condition"}]);
     let rows = json!([[0.05, "dry"], [0.06, "wet"]]);
     let listed = matrix(&of_design(json!({"kind": "list", "rows": rows}), factors.clone()));
@@ -267,7 +267,7 @@ fn lists_and_tables_give_the_points_themselves() {
     let read = matrix(&of_design(json!({"kind": "csv", "table": table}), factors));
     assert_eq!(json!(read), rows, "columns in any order");
     let headed = matrix(&of_design(json!({"kind": "csv", "table": table}), json!([])));
-    assert_eq!(headed[1], [json!("wet"), json!(0.06)], "without factors every column is one");
+    assert_eq!(headed[1], [json!("wet"), json!(0.06)], "without factors, every column is a factor");
 }
 
 #[test]

@@ -1,16 +1,16 @@
-//! What is added to a sweep, and that what is there stays.
+//! Tests of extensions: new points are added and existing points stay.
 
 use super::*;
 
-/// A sweep as the store would have it.
+/// A sweep as the store returns it.
 fn stored(spec: SweepSpec) -> StoredSweep {
     let expansion = expand(&spec, &Meshes::default(), LIMITS).unwrap();
     let points = expansion.points.iter().map(|point| point.levels).collect();
     StoredSweep { replicates: spec.replicates, spec, points }
 }
 
-/// The levels of what an extension adds, a row a point; the sweep grows by them.
-fn grow(stored: &mut StoredSweep, extension: Value) -> Vec<Vec<Value>> {
+/// Extends a sweep. Returns the levels of the new points, a row per point.
+fn extended(stored: &mut StoredSweep, extension: Value) -> Vec<Vec<Value>> {
     let added =
         extend(stored, extension, &Meshes::default(), LIMITS).unwrap_or_else(|faults| panic!("{faults:#?}"));
     stored.replicates = added.replicates;
@@ -32,14 +32,14 @@ fn range() -> Value {
 }
 
 #[test]
-fn sequences_go_on_where_they_stopped() {
+fn extended_sequences_equal_longer_ones() {
     for kind in ["random", "sobol"] {
         let of = |points: u32| of_design(json!({"kind": kind, "points": points, "seed": 5}), range());
         let mut sweep = stored(of(8));
-        let first = grow(&mut sweep, json!({"points": 4}));
-        let second = grow(&mut sweep, json!({"points": 20}));
+        let first = extended(&mut sweep, json!({"points": 4}));
+        let second = extended(&mut sweep, json!({"points": 20}));
         let all = matrix(&of(32));
-        assert_eq!([first, second].concat(), all[8..], "as if all had been asked for at once");
+        assert_eq!([first, second].concat(), all[8..], "the same points as of one longer sequence");
     }
     let sweep = stored(of_design(json!({"kind": "sobol", "points": 8}), range()));
     refused(&sweep, json!({"points": 65_530}), "", "at most 1000 jobs");
@@ -52,9 +52,9 @@ fn sequences_go_on_where_they_stopped() {
 fn a_grid_grows_by_the_combinations_with_a_new_level() {
     let factors = json!([{"pointer": GATE, "levels": [0.05, 0.06]}, {"pointer": BELT, "levels": [0.1, 0.2]}]);
     let mut sweep = stored(spec(factors));
-    let added = grow(&mut sweep, json!({"levels": {GATE: [0.07]}}));
+    let added = extended(&mut sweep, json!({"levels": {GATE: [0.07]}}));
     assert_eq!(json!(added), json!([[0.07, 0.1], [0.07, 0.2]]));
-    let added = grow(&mut sweep, json!({"levels": {BELT: [0.3], GATE: [0.08]}}));
+    let added = extended(&mut sweep, json!({"levels": {BELT: [0.3], GATE: [0.08]}}));
     let expected = json!([[0.05, 0.3], [0.06, 0.3], [0.07, 0.3], [0.08, 0.1], [0.08, 0.2], [0.08, 0.3]]);
     assert_eq!(json!(added), expected, "levels of earlier extensions count");
     assert_eq!(sweep.points.len(), 12);
@@ -73,7 +73,7 @@ fn a_grid_grows_by_the_combinations_with_a_new_level() {
 fn one_at_a_time_grows_by_levels() {
     let factors = json!([{"pointer": GATE, "levels": [0.05]}, {"pointer": COUNT, "levels": [4]}]);
     let mut sweep = stored(of_design(json!({"kind": "one_at_a_time"}), factors));
-    let added = grow(&mut sweep, json!({"levels": {COUNT: [5, 7]}}));
+    let added = extended(&mut sweep, json!({"levels": {COUNT: [5, 7]}}));
     assert_eq!(json!(added), json!([[0.06, 5], [0.06, 7]]));
     for there in [4, 5, 6] {
         refused(&sweep, json!({"levels": {COUNT: [there]}}), "/levels/~1product~1count/0", "already");
@@ -82,14 +82,14 @@ fn one_at_a_time_grows_by_levels() {
 
 #[test]
 fn points_are_counted_before_they_are_made() {
-    // A thousand million of them would fill the memory.
+    // 36 million points would fill the memory.
     let pointers = [GATE, BELT, "/contact/fillet_belt/static_friction"];
     let factors: Vec<_> = pointers.iter().map(|at| json!({"pointer": at, "levels": [0.05]})).collect();
     let grid = stored(spec(json!(factors)));
     let levels: Vec<f64> = (0..330).map(|level| 0.1 + f64::from(level) * 1e-4).collect();
     let added: serde_json::Map<_, _> = pointers.iter().map(|at| ((*at).to_owned(), json!(levels))).collect();
     refused(&grid, json!({"levels": added}), "", "36264691 jobs");
-    // So many would be compared with one another.
+    // A million levels would be compared with one another.
     let one = stored(of_design(json!({"kind": "one_at_a_time"}), json!(factors)));
     let many: Vec<u32> = (0..1_000_000).collect();
     refused(&one, json!({"levels": {COUNT: many}}), "", "1000004 jobs");
@@ -102,20 +102,20 @@ fn a_list_grows_by_rows() {
         json!([{"pointer": GATE}, {"pointer": BELT}]),
     ));
     assert_eq!(
-        json!(grow(&mut sweep, json!({"rows": [[0.06, 0.1], [0.07, 0.1]]}))),
+        json!(extended(&mut sweep, json!({"rows": [[0.06, 0.1], [0.07, 0.1]]}))),
         json!([[0.06, 0.1], [0.07, 0.1]])
     );
     let table = format!("{BELT},{GATE}\n0.2,0.05\n");
-    assert_eq!(json!(grow(&mut sweep, json!({"table": table}))), json!([[0.05, 0.2]]));
+    assert_eq!(json!(extended(&mut sweep, json!({"table": table}))), json!([[0.05, 0.2]]));
     refused(&sweep, json!({"rows": [[0.05, 0.2]]}), "/rows", "a point of the sweep already");
     refused(&sweep, json!({"rows": [[0.05, -1]]}), "/rows/0/1", "design point 4");
 }
 
 #[test]
-fn some_designs_take_replicates_alone_and_say_why() {
+fn designs_without_new_points_give_the_reason() {
     let mut hypercube = stored(of_design(json!({"kind": "latin_hypercube", "points": 8}), range()));
     refused(&hypercube, json!({"points": 8}), "/points", "each point of a Latin hypercube has its own part");
-    assert!(grow(&mut hypercube, json!({"replicates": 2})).is_empty());
+    assert!(extended(&mut hypercube, json!({"replicates": 2})).is_empty());
     assert_eq!(hypercube.replicates, 3);
     let factors = json!([range()[0], range()[1], {"pointer": COUNT, "levels": [4, 6, 7]}]);
     let cube = stored(of_design(json!({"kind": "box_behnken"}), factors));

@@ -1,4 +1,4 @@
-//! Sweeps without a server: here expansion, the designs, their faults, what adds to them and what comes out of them in files of their own.
+//! Tests of sweeps without a server. This file has the expansion; others have designs, faults, extensions and evaluation.
 
 mod designs;
 mod extensions;
@@ -24,19 +24,19 @@ fn of_design(design: Value, factors: Value) -> SweepSpec {
     serde_json::from_value(json!({"name": "s", "base": base, "design": design, "factors": factors})).unwrap()
 }
 
-/// The levels of each point, a row a point.
+/// The levels of each point, a row per point.
 fn matrix(spec: &SweepSpec) -> Vec<Vec<Value>> {
     let expansion = expand(spec, &Meshes::default(), LIMITS).unwrap_or_else(|faults| panic!("{faults:#?}"));
     let row = |point: Point| expansion.factors.iter().map(|name| point.levels[name].clone()).collect();
     expansion.points.iter().map(row).collect()
 }
 
-/// The faults of a sweep that has some: pointer and detail.
+/// The faults of a faulty sweep.
 fn faults(spec: &SweepSpec) -> Vec<Fault> {
     expand(spec, &Meshes::default(), LIMITS).map(drop).expect_err("a sweep at fault")
 }
 
-/// The numbers that SciPy made; `server/testdata/make.py` says how.
+/// Reference numbers of SciPy, from `server/testdata/make.py`.
 fn scipy() -> Value {
     serde_json::from_str(include_str!("../../../testdata/scipy.json")).unwrap()
 }
@@ -50,9 +50,9 @@ fn a_level_goes_into_the_document_as_submitted() {
     let complete = json!({"a": {"b": {"c": 1, "d": 2}}, "list": [[1, 2], [3, 4]]});
     let mut document = json!({"a": {"x": 0}});
     pointer::set(&mut document, &complete, "/a/b/c", &json!(7));
-    assert_eq!(document, json!({"a": {"x": 0, "b": {"c": 7}}}), "siblings keep following the defaults");
+    assert_eq!(document, json!({"a": {"x": 0, "b": {"c": 7}}}), "siblings keep their defaults");
     pointer::set(&mut document, &complete, "/list/1/0", &json!(9));
-    assert_eq!(document["list"], json!([[1, 2], [9, 4]]), "an array is made whole first");
+    assert_eq!(document["list"], json!([[1, 2], [9, 4]]), "the whole array is copied first");
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn replicates_count_seeds_from_the_base() {
     spec.replicates = 3;
     let expansion = expand(&spec, &Meshes::default(), LIMITS).unwrap();
     assert_eq!(expansion.jobs(), 6);
-    assert_eq!(expansion.wall_s, 6.0 * expansion.estimate.wall_s, "the gate is nothing to the forecast");
+    assert_eq!(expansion.wall_s, 6.0 * expansion.estimate.wall_s, "the gate does not change the estimate");
     let gates: Vec<_> =
         expansion.points.iter().map(|point| point.scenario.equipment().unwrap().gate_opening_m).collect();
     assert_eq!(gates, [0.05, 0.06]);

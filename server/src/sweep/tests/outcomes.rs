@@ -1,4 +1,4 @@
-//! Summaries, effects and tables of made-up trials, against SciPy and a reader of Parquet.
+//! Tests of summaries, effects and tables, against SciPy and a reader of Parquet.
 
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::RowAccessor;
@@ -30,7 +30,7 @@ fn near(value: Option<f64>, expected: &Value) {
 }
 
 #[test]
-fn means_and_intervals_are_those_of_scipy() {
+fn means_and_intervals_match_scipy() {
     for expected in scipy()["intervals"].as_array().unwrap() {
         let values = expected["values"].as_array().unwrap().iter();
         let trials: Vec<_> =
@@ -46,7 +46,7 @@ fn means_and_intervals_are_those_of_scipy() {
 }
 
 #[test]
-fn points_count_what_failed_and_average_what_succeeded() {
+fn points_average_succeeded_trials_and_count_failed_ones() {
     let mut trials = vec![
         trial(0, 0, json!({"/a": 1}), json!({"y": 2.0, "t": null, "regime": "constant"})),
         trial(0, 1, json!({"/a": 1}), json!({"y": 4.0, "t": 1.0, "regime": "no_flow"})),
@@ -72,14 +72,14 @@ fn points_count_what_failed_and_average_what_succeeded() {
 }
 
 /// The effects of points that come in pieces of so many.
-fn effects(factors: &[Factor], points: Vec<PointRow>, piece: usize) -> Vec<ResponseEffects> {
+fn effects(factors: &[Factor], points: Vec<PointRow>, batch: usize) -> Vec<ResponseEffects> {
     let mut effects = Effects::of(factors.to_vec());
-    points.chunks(piece).for_each(|piece| effects.add(piece.to_vec()));
+    points.chunks(batch).for_each(|batch| effects.add(batch.to_vec()));
     effects.responses()
 }
 
 #[test]
-fn effects_and_rank_correlations_are_those_of_scipy() {
+fn effects_and_rank_correlations_match_scipy() {
     let data = &scipy()["effects"];
     let at = |name: &str, index: usize| data[name][index].clone();
     // Two replicates about each value: a point counts once, with their mean.
@@ -114,7 +114,7 @@ fn effects_and_rank_correlations_are_those_of_scipy() {
 }
 
 #[test]
-fn a_parquet_file_holds_what_the_table_holds() {
+fn a_parquet_file_equals_the_table() {
     let mut trials = vec![
         trial(0, 0, json!({"/a": 1, "/w": "dry"}), json!({"y": 2.5, "ok": true, "n": 3, "t": null})),
         trial(1, 0, json!({"/a": 2, "/w": "wet"}), json!({"y": 4, "ok": false, "n": 4, "t": null})),
@@ -130,13 +130,13 @@ fn a_parquet_file_holds_what_the_table_holds() {
     let responses =
         [("n", true, false), ("ok", false, true), ("t", false, false), ("y", true, false)].map(response);
     let bytes = to_parquet(of_trials(&names, &responses, &trials)).unwrap();
-    for piece in [1, 2] {
+    for batch in [1, 2] {
         let mut columns = of_trials(&names, &responses, &[]);
-        for trials in trials.chunks(piece) {
+        for trials in trials.chunks(batch) {
             let more = of_trials(&names, &responses, trials);
             columns.iter_mut().zip(more).for_each(|(column, more)| column.extend(more));
         }
-        assert!(to_parquet(columns).unwrap() == bytes, "in pieces of {piece}");
+        assert!(to_parquet(columns).unwrap() == bytes, "in pieces of {batch}");
     }
     let mut file = tempfile::tempfile().unwrap();
     std::io::Write::write_all(&mut file, &bytes).unwrap();
@@ -181,7 +181,7 @@ fn a_parquet_file_holds_what_the_table_holds() {
 }
 
 #[test]
-fn the_schema_of_a_sweep_names_every_field_and_resolves() {
+fn the_schema_of_a_sweep_has_every_field_and_no_dangling_reference() {
     let schema = json_schema();
     let full = of_design(json!({"kind": "grid"}), json!([]));
     for name in json!(full).as_object().unwrap().keys() {

@@ -1,4 +1,4 @@
-//! Users, workers, the network and the clock, at random from one seed. What workers do is in [`workers`].
+//! Users, workers, the network and the clock, at random from one seed. [`workers`] has the actions of workers.
 
 mod workers;
 
@@ -14,14 +14,14 @@ use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::{self, Scenario};
 use sqlx::Row;
 use uuid::{Builder, Uuid};
-use workers::Asking;
+use workers::SimulatedClaim;
 
 use super::model::{Job, LEASE_MS, LOST_ATTEMPTS, Model, WORKER_ATTEMPTS};
 use crate::clock::Now;
 use crate::queue::{RetryLimit, RetryPolicy};
 use crate::store::{NewJob, Store};
 
-/// What a story's jobs simulate: few, so that some are answered from the store.
+/// Scenarios of the jobs: few, so that some results come from the cache.
 static SCENARIOS: LazyLock<Vec<(Scenario, String)>> = LazyLock::new(|| {
     let parse = |seed| scenario::parse(&format!(r#"{{"experiment": "hopper", "seed": {seed}}}"#)).unwrap();
     (0..5).map(parse).map(|scenario| (scenario.digest(), scenario)).map(|(digest, it)| (it, digest)).collect()
@@ -41,19 +41,19 @@ struct Worker {
     memory_mib: Option<u32>,
     draining: bool,
     last_seen: i64,
-    /// Its last claim, and what it has got, as far as it knows.
+    /// Its last claim, and the attempts that it knows of.
     request: Option<Uuid>,
     held: Vec<(JobId, u32)>,
 }
 
-/// A report on its way, which may come late or twice.
+/// A report, which may arrive late or twice.
 #[derive(Clone, Copy, Debug)]
 struct Report {
     job: JobId,
     attempt: u32,
     worker: WorkerId,
     outcome: AttemptOutcome,
-    /// Whether its result says another solver than the worker's.
+    /// Whether its result names another solver than the worker's.
     forged: bool,
 }
 
@@ -66,7 +66,7 @@ pub(super) struct World<'s> {
     reports: Vec<Report>,
     digests: Vec<(JobId, usize)>,
     model: Model,
-    pub(super) story: Vec<String>,
+    pub(super) steps: Vec<String>,
 }
 
 impl<'s> World<'s> {
@@ -95,7 +95,7 @@ impl<'s> World<'s> {
             reports: Vec::new(),
             digests: Vec::new(),
             model: Model::default(),
-            story: Vec::new(),
+            steps: Vec::new(),
         };
         for backend in BACKENDS {
             world.arrive(backend, None).await;
@@ -103,7 +103,7 @@ impl<'s> World<'s> {
         world
     }
 
-    /// So many steps at random, then as long as it takes to bring every job to its end.
+    /// Random steps, and then as many as it takes to end every job.
     pub(super) async fn run(&mut self, steps: u32) {
         for _ in 0..steps {
             self.step().await;
@@ -114,21 +114,21 @@ impl<'s> World<'s> {
 
     async fn step(&mut self) {
         match self.random.u32(0..100) {
-            // Few jobs, so that much happens to each.
+            // Few jobs, so that each has many events.
             0..14 if self.model.jobs.len() < 5 => self.submit().await,
-            0..38 => self.claim_somehow().await,
+            0..38 => self.claim_randomly().await,
             38..50 => self.beat().await,
-            50..68 => self.end_a_run().await,
+            50..68 => self.report_an_end().await,
             68..73 => self.deliver_again().await,
-            73..76 => self.deliver_together().await,
+            73..76 => self.deliver_batch().await,
             76..86 => self.wait(LEASE_MS / 3).await,
             86..89 => self.wait(2 * LEASE_MS).await,
             89..92 => self.cancel().await,
             92..95 => self.retry().await,
             95 => self.restart().await,
-            96 => self.forget_a_worker(),
+            96 => self.kill_a_worker(),
             97 => self.drain().await,
-            98 => self.set_the_clock(),
+            98 => self.set_clock(),
             _ => {
                 let (backend, memory) = (self.random.choice(BACKENDS).unwrap(), self.random.choice(MEMORY));
                 self.arrive(backend, memory).await;
@@ -161,7 +161,7 @@ impl<'s> World<'s> {
             memory_mib,
         };
         self.store.register_worker(worker, self.now.wall).await.unwrap().unwrap();
-        self.story
+        self.steps
             .push(format!("worker {} arrives: {id}, {backend}, {memory_mib:?} MiB", self.workers.len()));
         let (last_seen, held) = (self.now.wall.0, Vec::new());
         self.workers.push(Worker {
@@ -196,26 +196,26 @@ impl<'s> World<'s> {
         };
         let known = self.digests.iter().filter(|(_, other)| *other == which);
         let known = known.map(|(job, _)| &self.model.jobs[job]).any(|job| job.result.is_some());
-        self.story.push(format!("submit {id} of '{owner}' at {priority}: scenario {which}, {cache}, needs {backend:?} {memory_mib:?}"));
+        self.steps.push(format!("submit {id} of '{owner}' at {priority}: scenario {which}, {cache}, needs {backend:?} {memory_mib:?}"));
         self.store.insert_job(job, self.now.wall).await.unwrap();
-        let from_store = cache == Cache::Use && known;
-        self.model.jobs.insert(id, Job::new((priority, owner), backend, memory_mib, max_wall_ms, from_store));
+        let from_cache = cache == Cache::Use && known;
+        self.model.jobs.insert(id, Job::new((priority, owner), backend, memory_mib, max_wall_ms, from_cache));
         self.digests.push((id, which));
     }
 
-    async fn wait(&mut self, longest_ms: i64) {
-        let passed = self.random.i64(0..=longest_ms);
+    async fn wait(&mut self, max_ms: i64) {
+        let passed = self.random.i64(0..=max_ms);
         let later = |then: Timestamp| Timestamp(then.0 + passed);
         self.now = Now { wall: later(self.now.wall), lease: later(self.now.lease) };
         let ended = self.store.expire(self.policy, self.now).await.unwrap().changes;
-        self.story.push(format!("{passed} ms pass: {ended:?}"));
+        self.steps.push(format!("{passed} ms pass: {ended:?}"));
         let ended: BTreeSet<JobId> = ended.into_iter().map(|(id, _)| id).collect();
         assert_eq!(ended, self.model.expire(self.now.lease.0).into_iter().collect());
     }
 
     async fn cancel(&mut self) {
         let Some(job) = self.any_job() else { return };
-        self.story.push(format!("cancel {job}"));
+        self.steps.push(format!("cancel {job}"));
         self.store.cancel_job(job, self.now.wall).await.unwrap().unwrap();
         self.model.jobs.get_mut(&job).unwrap().cancel();
     }
@@ -223,26 +223,26 @@ impl<'s> World<'s> {
     async fn retry(&mut self) {
         let Some(job) = self.any_job() else { return };
         let done = self.store.retry_job(job, None::<FailureClass>).await.unwrap().is_ok();
-        self.story.push(format!("retry {job}: {done}"));
+        self.steps.push(format!("retry {job}: {done}"));
         assert_eq!(done, self.model.jobs.get_mut(&job).unwrap().retry());
     }
 
     /// By a second, or by an hour.
-    fn set_the_clock(&mut self) {
+    fn set_clock(&mut self) {
         let farthest = if self.random.bool() { 1000 } else { 3_600_000 };
         self.now.wall = Timestamp(self.now.wall.0 + self.random.i64(-farthest..farthest));
-        self.story.push(format!("the clock is set to {}", self.now.wall.0));
+        self.steps.push(format!("the clock is set to {}", self.now.wall.0));
     }
 
     /// Leases count from what the clock shows then.
     async fn restart(&mut self) {
         self.now.lease = self.now.wall;
-        self.story.push("the server starts anew".to_owned());
+        self.steps.push("the server starts anew".to_owned());
         self.store.renew_all_leases(Timestamp(self.now.lease.0 + LEASE_MS)).await.unwrap();
         self.model.restart(self.now.lease.0);
     }
 
-    /// The store and the model must say the same of every job.
+    /// Compares the store with the model.
     async fn compare(&self) {
         let sql =
             "SELECT j.id, j.state, j.attempt, j.cancelling, j.alone, j.failure_class, r.attempt AS result
@@ -261,9 +261,9 @@ impl<'s> World<'s> {
         }
     }
 
-    /// Two workers that have all it takes come and run what is left: every job must end.
+    /// Two capable workers register and run the remaining jobs: every job must end.
     async fn finish(&mut self) {
-        let helpers = self.workers.len()..self.workers.len() + 2;
+        let finishers = self.workers.len()..self.workers.len() + 2;
         for backend in BACKENDS {
             self.arrive(backend, Some(MEMORY[1])).await;
         }
@@ -271,9 +271,9 @@ impl<'s> World<'s> {
             if self.model.jobs.values().all(|job| job.state.is_ended()) {
                 return;
             }
-            for index in helpers.clone() {
+            for index in finishers.clone() {
                 let request = self.uuid();
-                self.claim(&[Asking { index, request, max_jobs: 1, lost: false }]).await;
+                self.claim(&[SimulatedClaim { index, request, max_jobs: 1, lost: false }]).await;
                 for (job, attempt) in std::mem::take(&mut self.workers[index].held) {
                     let (worker, outcome) = (self.workers[index].id, AttemptOutcome::Succeeded);
                     self.deliver(Report { job, attempt, worker, outcome, forged: false }).await;

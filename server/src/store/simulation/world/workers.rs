@@ -1,4 +1,4 @@
-//! What workers do: claim, beat, report, die and drain; each time the model says what must come of it.
+//! The actions of workers: claim, heartbeat, report, die and drain. The model predicts the effect of each.
 
 use futures_util::future::join_all;
 use roost_api::ids::{JobId, WorkerId};
@@ -13,8 +13,8 @@ use crate::queue::{Provenance, Refusal, Verdict};
 use crate::store::claims::Claim;
 use crate::store::{Beat, EncodedResult};
 
-/// A claim on its way.
-pub(super) struct Asking {
+/// A claim.
+pub(super) struct SimulatedClaim {
     pub(super) index: usize,
     pub(super) request: Uuid,
     pub(super) max_jobs: u32,
@@ -23,7 +23,7 @@ pub(super) struct Asking {
 
 impl World<'_> {
     /// Claims of one or several workers at once: new ones, repeats, and some whose reply is lost.
-    pub(super) async fn claim_somehow(&mut self) {
+    pub(super) async fn claim_randomly(&mut self) {
         let mut asking = vec![self.any_worker()];
         while self.random.bool() {
             asking.push(self.any_worker());
@@ -38,22 +38,22 @@ impl World<'_> {
                 Some(request) => request,
                 None => self.uuid(),
             };
-            claims.push(Asking { index, request, max_jobs, lost: self.random.u32(0..5) == 0 });
+            claims.push(SimulatedClaim { index, request, max_jobs, lost: self.random.u32(0..5) == 0 });
         }
         self.claim(&claims).await;
     }
 
-    /// Claims that come in at once get what they would have got one after the other.
-    pub(super) async fn claim(&mut self, claims: &[Asking]) {
+    /// Claims of one batch get the jobs that they would get one after the other.
+    pub(super) async fn claim(&mut self, claims: &[SimulatedClaim]) {
         let mut repeated = Vec::new();
-        for Asking { index, request, .. } in claims {
+        for SimulatedClaim { index, request, .. } in claims {
             let worker = &mut self.workers[*index];
             worker.last_seen = self.now.wall.0;
             let (id, is_known) = (worker.id, worker.request == Some(*request));
             repeated.push(is_known && self.claimed_by(id, *request).await);
         }
         let queue = self.queue().await;
-        let ask = |it: &Asking| {
+        let ask = |it: &SimulatedClaim| {
             let (request_id, worker) = (it.request, self.workers[it.index].id);
             let claim =
                 Claim { request_id, worker, max_jobs: it.max_jobs, lease: LEASE, max_frames_bytes: 1 };
@@ -63,15 +63,21 @@ impl World<'_> {
         for ((asking, repeated), got) in claims.iter().zip(repeated).zip(got) {
             let got = got.unwrap().unwrap().attempts;
             let got: Vec<_> = got.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect();
-            self.judge(asking, repeated, &queue, &got);
+            self.check_claim(asking, repeated, &queue, &got);
         }
     }
 
-    /// Whether a claim got what it should, as things are after the claims before it.
-    fn judge(&mut self, asking: &Asking, repeated: bool, queue: &[(JobId, i64)], got: &[(JobId, u32)]) {
-        let Asking { index, request, max_jobs, lost } = *asking;
+    /// Checks the jobs of a claim, in the state after the claims before it.
+    fn check_claim(
+        &mut self,
+        asking: &SimulatedClaim,
+        repeated: bool,
+        queue: &[(JobId, i64)],
+        got: &[(JobId, u32)],
+    ) {
+        let SimulatedClaim { index, request, max_jobs, lost } = *asking;
         let worker = self.workers[index].id;
-        self.story
+        self.steps
             .push(format!("worker {index} claims {max_jobs}, repeated {repeated}, lost {lost}: {got:?}"));
         if repeated {
             for (job, attempt) in got {
@@ -79,16 +85,16 @@ impl World<'_> {
                 assert_eq!(
                     (*attempt, model.state),
                     (model.newest(), JobState::Running),
-                    "handed out what has ended"
+                    "the attempt is not running"
                 );
                 model.beat(*attempt, worker, self.now.lease.0);
             }
         } else {
             let before = self.candidates(index, queue);
             let next = self.model.next_jobs(&before, max_jobs as usize);
-            let (held, beside) = self.model.holding(worker);
+            let (held, holds_alone) = self.model.holding(worker);
             let alone = next.first().is_some_and(|first| first.alone);
-            let expected: Vec<JobId> = match (beside, alone, held) {
+            let expected: Vec<JobId> = match (holds_alone, alone, held) {
                 (true, ..) | (false, true, 1..) => Vec::new(),
                 (false, true, 0) => next[..1].iter().map(|first| first.id).collect(),
                 _ => next.iter().take_while(|next| !next.alone).map(|next| next.id).collect(),
@@ -115,14 +121,14 @@ impl World<'_> {
             .unwrap()
     }
 
-    /// What may be claimed, as the jobs of one owner and priority follow each other, and the number of each.
+    /// Claimable jobs by position, with their numbers.
     async fn queue(&self) -> Vec<(JobId, i64)> {
         let sql = "SELECT id, seq FROM jobs WHERE state = 'queued' AND not_before IS NULL ORDER BY queue_position, seq";
         let rows: Vec<(String, i64)> = sqlx::query_as(sql).fetch_all(&self.store.readers).await.unwrap();
         rows.iter().map(|(id, seq)| (id.parse().unwrap(), *seq)).collect()
     }
 
-    /// What of the queue the worker may have now.
+    /// The queued jobs that the worker can run now.
     fn candidates(&self, index: usize, queue: &[(JobId, i64)]) -> Vec<Waiting> {
         let me = &self.workers[index];
         if me.draining {
@@ -132,15 +138,16 @@ impl World<'_> {
             job.backend.is_none_or(|backend| backend == worker.backend)
                 && job.memory_mib.is_none_or(|needed| worker.memory_mib.is_some_and(|has| has >= needed))
         };
-        let spared = |job: &Job| {
+        let left_to_another = |job: &Job| {
             job.failed_by(me.id)
                 && self.workers.iter().any(|other| {
-                    let there = (other.last_seen - self.now.wall.0).abs() <= LEASE_MS;
-                    there && !other.draining && fits(job, other) && !job.failed_by(other.id)
+                    let is_online = (other.last_seen - self.now.wall.0).abs() <= LEASE_MS;
+                    is_online && !other.draining && fits(job, other) && !job.failed_by(other.id)
                 })
         };
         let jobs = queue.iter().map(|(id, seq)| (*id, *seq, &self.model.jobs[id]));
-        let jobs = jobs.filter(|(_, _, job)| job.state == JobState::Queued && fits(job, me) && !spared(job));
+        let jobs = jobs
+            .filter(|(_, _, job)| job.state == JobState::Queued && fits(job, me) && !left_to_another(job));
         jobs.map(|(id, seq, job)| Waiting { id, seq, alone: job.alone }).collect()
     }
 
@@ -157,11 +164,11 @@ impl World<'_> {
                 self.model.jobs.get_mut(&row.job_id).unwrap().beat(row.attempt, worker.id, now.lease.0);
             assert_eq!(row.directive, expected, "{row:?}");
         }
-        self.story.push(format!("worker {index} beats for {} jobs", reply.attempts.len()));
+        self.steps.push(format!("worker {index} beats for {} jobs", reply.attempts.len()));
     }
 
-    /// A worker has something to say of an attempt, true or not, and the network carries it, loses it or loses the answer.
-    pub(super) async fn end_a_run(&mut self) {
+    /// A worker reports the end of an attempt, possibly a false one. The network may lose the report or the answer.
+    pub(super) async fn report_an_end(&mut self) {
         let index = self.any_worker();
         let Some((job, attempt)) = self.random.choice(self.workers[index].held.clone()) else { return };
         use AttemptOutcome::{Cancelled, Invalid, Released, Succeeded, Timeout, Unstable, Worker};
@@ -170,11 +177,11 @@ impl World<'_> {
             Cancelled,
         ];
         let outcome = self.random.choice(outcomes).unwrap();
-        // Now and then a result says that something else computed it than what its worker registered.
+        // Some results name another solver than their worker registered.
         let forged = outcome == Succeeded && self.random.u32(0..8) == 0;
         let report = Report { job, attempt, worker: self.workers[index].id, outcome, forged };
         match self.random.u32(0..10) {
-            0 => self.story.push(format!("lost on its way: {report:?}")),
+            0 => self.steps.push(format!("lost: {report:?}")),
             1..4 => self.deliver(report).await,
             _ => {
                 self.deliver(report).await;
@@ -196,8 +203,8 @@ impl World<'_> {
         self.deliver_all(&[report]).await;
     }
 
-    /// Several results come in at once, some of them twice.
-    pub(super) async fn deliver_together(&mut self) {
+    /// Several results in one batch, some of them twice.
+    pub(super) async fn deliver_batch(&mut self) {
         let succeeded = |report: &Report| report.outcome == AttemptOutcome::Succeeded;
         let mut reports: Vec<_> = self.reports.iter().copied().filter(succeeded).collect();
         for worker in &self.workers {
@@ -216,7 +223,7 @@ impl World<'_> {
         self.reports.extend(reports);
     }
 
-    /// Reports that come in at once, of which more than one are all results.
+    /// Sends several results, or one report of any kind.
     async fn deliver_all(&mut self, reports: &[Report]) {
         let result = |report: &Report| {
             let which = self.digests.iter().find(|(id, _)| *id == report.job).unwrap().1;
@@ -245,7 +252,7 @@ impl World<'_> {
                 Err(Refusal::NoJob | Refusal::NoAttempt | Refusal::OtherScenario) => panic!("{report:?}"),
                 Err(_) => Answer::Refused,
             };
-            self.story.push(format!("{report:?}: {answer:?}"));
+            self.steps.push(format!("{report:?}: {answer:?}"));
             let model = self.model.jobs.get_mut(&job).unwrap();
             let expected = match forged {
                 true => model.forge(attempt, worker),
@@ -255,16 +262,16 @@ impl World<'_> {
         }
     }
 
-    /// It dies: nobody hears of what it held until the leases end.
-    pub(super) fn forget_a_worker(&mut self) {
+    /// A worker dies: its leases expire.
+    pub(super) fn kill_a_worker(&mut self) {
         let index = self.any_worker();
-        self.story.push(format!("worker {index} dies"));
+        self.steps.push(format!("worker {index} dies"));
         self.workers[index].held.clear();
     }
 
     pub(super) async fn drain(&mut self) {
         let index = self.any_worker();
-        self.story.push(format!("worker {index} drains"));
+        self.steps.push(format!("worker {index} drains"));
         self.store.drain_worker(self.workers[index].id).await.unwrap().unwrap();
         self.workers[index].draining = true;
     }
