@@ -126,8 +126,8 @@ mod tests {
         let lists = [vec![owner_queue(1, many(0)), owner_queue(2, many(10))], vec![owner_queue(1, many(0))]];
         let demand = |list, max_jobs| Demand { list, load: WorkerLoad::default(), max_jobs };
         let mut rounds = Rounds::default();
-        let got = allocate(&[demand(1, 3), demand(0, 4)], &lists, &mut rounds);
-        assert_eq!(got.iter().map(numbers).collect::<Vec<_>>(), [vec![0, 1, 2], vec![10, 3, 11, 4]]);
+        let allocations = allocate(&[demand(1, 3), demand(0, 4)], &lists, &mut rounds);
+        assert_eq!(allocations.iter().map(numbers).collect::<Vec<_>>(), [vec![0, 1, 2], vec![10, 3, 11, 4]]);
         assert_eq!(rounds.next_jobs(&lists[0], &HashSet::from([0, 1, 2, 3, 4, 10, 11]), 1)[0].job.seq, 12);
     }
 
@@ -136,8 +136,8 @@ mod tests {
         let list = vec![owner_queue(1, [(1, true), (2, false)])];
         let demand = |jobs| Demand { list: 0, load: WorkerLoad { jobs, alone: false }, max_jobs: 2 };
         let claims = [demand(1), demand(0), demand(1), demand(0)];
-        let got = allocate(&claims, &[list], &mut Rounds::default());
-        let got: Vec<_> = got.iter().map(|it| (numbers(it), it.held_back)).collect();
-        assert_eq!(got, [(vec![], true), (vec![1], false), (vec![2], false), (vec![], false)]);
+        let allocations = allocate(&claims, &[list], &mut Rounds::default());
+        let allocations: Vec<_> = allocations.iter().map(|it| (numbers(it), it.held_back)).collect();
+        assert_eq!(allocations, [(vec![], true), (vec![1], false), (vec![2], false), (vec![], false)]);
     }
 }

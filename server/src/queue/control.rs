@@ -9,7 +9,7 @@ use super::Refusal;
 pub(crate) enum CancelEffect {
     /// The job is cancelled at once.
     Cancel,
-    /// The worker is told in the reply to its next heartbeat.
+    /// The reply to the worker's next heartbeat requests it.
     Request,
     /// The job has ended; its result stays.
     Nothing,
@@ -24,15 +24,15 @@ pub(crate) fn on_cancel(state: JobState) -> CancelEffect {
     }
 }
 
-/// Decides on a retry. With `wanted`, only jobs with this class of failure are retried.
+/// Decides on a retry. With `class_filter`, only jobs with this class of failure are retried.
 pub(crate) fn on_retry(
     state: JobState,
     failure_class: Option<FailureClass>,
-    wanted: Option<FailureClass>,
+    class_filter: Option<FailureClass>,
 ) -> Result<(), Refusal> {
-    match (state, wanted) {
+    match (state, class_filter) {
         (JobState::Failed | JobState::Cancelled, None) => Ok(()),
-        (JobState::Failed, Some(_)) if failure_class == wanted => Ok(()),
+        (JobState::Failed, Some(_)) if failure_class == class_filter => Ok(()),
         (JobState::Failed | JobState::Cancelled, Some(wanted)) => Err(Refusal::OtherClass { wanted }),
         (JobState::Queued | JobState::Running | JobState::Succeeded, _) => {
             Err(Refusal::NotRetryable { state })

@@ -53,14 +53,14 @@ pub(super) const REPEAT: &str = "
 /// Records that workers were seen. Returns the device and load of each, whether it has failed jobs, and whether its request is a
 /// repeat.
 pub(super) const ARRIVE: &str = "
-    UPDATE workers SET last_seen_at = asked.value ->> 'at'
-    FROM json_each(?) AS asked WHERE workers.id = asked.value ->> 'worker';
-    SELECT asked.key AS place, me.backend, me.memory_mib, me.draining,
-        EXISTS (SELECT 1 FROM attempts WHERE request_id = asked.value ->> 'request' AND worker_id = me.id) AS repeated,
+    UPDATE workers SET last_seen_at = request.value ->> 'at'
+    FROM json_each(?) AS request WHERE workers.id = request.value ->> 'worker';
+    SELECT request.key AS place, me.backend, me.memory_mib, me.draining,
+        EXISTS (SELECT 1 FROM attempts WHERE request_id = request.value ->> 'request' AND worker_id = me.id) AS repeated,
         EXISTS (SELECT 1 FROM attempts WHERE worker_id = me.id AND outcome = 'worker') AS has_failed,
         (SELECT count(*) FROM jobs WHERE worker_id = me.id AND state = 'running') AS jobs,
         (SELECT coalesce(max(alone), 0) FROM jobs WHERE worker_id = me.id AND state = 'running') AS alone
-    FROM json_each(?) AS asked CROSS JOIN workers me ON me.id = asked.value ->> 'worker'";
+    FROM json_each(?) AS request CROSS JOIN workers me ON me.id = request.value ->> 'worker'";
 
 /// A worker asks for work.
 #[derive(Clone, Copy, Debug)]
@@ -188,8 +188,8 @@ async fn claim_wave(
     for (_, (claim, now)) in &classes {
         lists.push(candidates(tx, *claim, *now, total).await?);
     }
-    let wanted: Vec<_> = demands.iter().map(|(_, demand)| *demand).collect();
-    let allocations = allocate(&wanted, &lists, &mut rounds(tx, &lists).await?);
+    let ordered: Vec<_> = demands.iter().map(|(_, demand)| *demand).collect();
+    let allocations = allocate(&ordered, &lists, &mut rounds(tx, &lists).await?);
     let allocations: Vec<_> = demands.iter().map(|(place, _)| *place).zip(allocations).collect();
     let mut taken = start_attempts(tx, claims, &allocations).await?;
     for (place, allocation) in allocations {

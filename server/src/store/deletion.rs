@@ -133,9 +133,9 @@ async fn count_deletion(tx: &mut SqliteConnection) -> Result<(), StoreError> {
 
 /// Finishes deletions that an earlier server process began.
 pub(super) async fn finish(connection: &mut SqliteConnection) -> Result<(), StoreError> {
-    let left: Vec<String> =
+    let unfinished: Vec<String> =
         sqlx::query_scalar("SELECT id FROM sweeps WHERE deleting = 1").fetch_all(&mut *connection).await?;
-    for id in left {
+    for id in unfinished {
         // The sweep of objects removes the unreferenced ones later.
         let mut more = true;
         while more {

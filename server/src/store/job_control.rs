@@ -56,7 +56,7 @@ impl Store {
     pub(crate) async fn retry_job(
         &self,
         id: JobId,
-        wanted: Option<FailureClass>,
+        class_filter: Option<FailureClass>,
     ) -> Result<Result<(), Refusal>, StoreError> {
         self.writer
             .write(move |tx| {
@@ -67,7 +67,7 @@ impl Store {
                         .await?;
                     let Some(row) = row else { return Ok(Err(Refusal::NoJob)) };
                     let (state, class) = (row.parsed("state")?, row.parsed_opt("failure_class")?);
-                    if let Err(refusal) = on_retry(state, class, wanted) {
+                    if let Err(refusal) = on_retry(state, class, class_filter) {
                         return Ok(Err(refusal));
                     }
                     requeue(tx, Some(id), None, state, class).await?;
@@ -81,7 +81,7 @@ impl Store {
     pub(crate) async fn retry_sweep(
         &self,
         id: SweepId,
-        wanted: Option<FailureClass>,
+        class_filter: Option<FailureClass>,
     ) -> Result<Result<u64, Refusal>, StoreError> {
         self.writer
             .write(move |tx| {
@@ -99,7 +99,7 @@ impl Store {
                     let others = JobState::ALL.iter().filter(|state| **state != JobState::Failed);
                     let mut requeued = 0;
                     for (state, class) in classes.chain(others.map(|state| (*state, None))) {
-                        if on_retry(state, class, wanted).is_ok() {
+                        if on_retry(state, class, class_filter).is_ok() {
                             requeued += requeue(tx, None, Some(id), state, class).await?;
                         }
                     }

@@ -55,15 +55,16 @@ pub(super) async fn fence_attempts(
     if attempts.is_empty() {
         return Ok(found);
     }
-    let asked: Vec<_> = attempts.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
+    let writes: Vec<_> = attempts.iter().map(|it| json!({"job": it.job, "attempt": it.attempt})).collect();
     let sql = format!(
-        "SELECT asked.key AS place, {JOB_COLUMNS}, j.scenario_digest, a.worker_id AS claimed_by, a.outcome,
+        "SELECT write.key AS place, {JOB_COLUMNS}, j.scenario_digest, a.worker_id AS claimed_by, a.outcome,
                 w.solver_revision, w.backend, w.device
-         FROM json_each(?) AS asked CROSS JOIN jobs j ON j.id = asked.value ->> 'job'
-         LEFT JOIN attempts a ON a.job_id = j.id AND a.number = asked.value ->> 'attempt'
+         FROM json_each(?) AS write CROSS JOIN jobs j ON j.id = write.value ->> 'job'
+         LEFT JOIN attempts a ON a.job_id = j.id AND a.number = write.value ->> 'attempt'
          LEFT JOIN workers w ON w.id = a.worker_id"
     );
-    let rows = sqlx::query(AssertSqlSafe(sql)).bind(to_json("attempts", &asked)?).fetch_all(&mut *tx).await?;
+    let rows =
+        sqlx::query(AssertSqlSafe(sql)).bind(to_json("attempts", &writes)?).fetch_all(&mut *tx).await?;
     for row in &rows {
         let place = row.number::<u32>("place")? as usize;
         let Some(AttemptRef { attempt: number, worker, .. }) = attempts.get(place).copied() else { continue };

@@ -1,4 +1,4 @@
-//! What an object goes through, in a folder and, by hand, in a bucket (`tests/s3/run.sh`).
+//! Tests of the life of objects: in a folder and, by hand, in a bucket (`tests/s3/run.sh`).
 
 use std::io;
 
@@ -6,7 +6,7 @@ use futures_util::stream;
 
 use super::*;
 
-/// Longer than two parts of a bucket, and no multiple of one.
+/// Longer than two parts of a bucket, and no multiple of a part.
 fn long() -> Bytes {
     (0..2 * BUCKET_PART_BYTES + 12_345).map(|place| (place % 251) as u8).collect()
 }
@@ -21,7 +21,7 @@ async fn read(objects: &Objects, digest: &str, part: Range<u64>) -> Option<Vec<u
     Some(pieces.concat())
 }
 
-async fn goes_through(objects: Objects, again: impl AsyncFnOnce() -> Objects) {
+async fn check_life(objects: Objects, reopen: impl AsyncFnOnce() -> Objects) {
     let (long, short, empty) = (long(), Bytes::from_static(b"short"), Bytes::new());
     let mut digests = Vec::new();
     for bytes in [&long, &short, &empty] {
@@ -30,7 +30,11 @@ async fn goes_through(objects: Objects, again: impl AsyncFnOnce() -> Objects) {
         assert_eq!(staged.bytes, bytes.len() as u64);
         assert!(bytes.starts_with(&staged.head) && staged.head.len() == bytes.len().min(HEAD_BYTES));
         digests.push(staged.digest.clone());
-        assert_eq!(read(&objects, &staged.digest, 0..1).await, None, "nobody sees it before it has its name");
+        assert_eq!(
+            read(&objects, &staged.digest, 0..1).await,
+            None,
+            "an upload without a name cannot be read"
+        );
         drop(objects.publish(staged).await.unwrap());
     }
     assert_eq!(read(&objects, &digests[0], 0..long.len() as u64).await.unwrap(), long);
@@ -38,28 +42,28 @@ async fn goes_through(objects: Objects, again: impl AsyncFnOnce() -> Objects) {
     assert_eq!(read(&objects, &digests[0], from..to).await.unwrap(), long[from as usize..to as usize]);
     assert_eq!(read(&objects, &digests[1], 1..3).await.unwrap(), b"ho");
 
-    // The same again is the same object; what is too long or not wanted leaves none.
+    // Equal bytes are one object. Discarded and too long uploads leave none.
     let again_short = stage(&objects, &short, 5).await.expect("within the limit");
     drop(objects.publish(again_short).await.unwrap());
     assert!(matches!(stage(&objects, &long, long.len() - 1).await, Err(StageError::TooLong)));
     let unwanted = stage(&objects, &Bytes::from_static(b"unwanted"), 8).await.expect("within the limit");
     objects.discard(unwanted).await;
-    let left_behind =
-        stage(&objects, &Bytes::from_static(b"left behind"), 11).await.expect("within the limit");
+    let interrupted =
+        stage(&objects, &Bytes::from_static(b"interrupted"), 11).await.expect("within the limit");
 
-    let listed = async |objects: &Objects, then_ms| {
-        let mut names = objects.older_than(then_ms).await.unwrap();
+    let listed = async |objects: &Objects, before_ms| {
+        let mut names = objects.older_than(before_ms).await.unwrap();
         names.sort();
         names
     };
     digests.sort();
     assert_eq!(listed(&objects, i64::MAX).await, digests, "uploads have no names yet");
     assert_eq!(listed(&objects, 0).await, [""; 0]);
-    assert!(objects.files.head(&left_behind.place).await.is_ok());
-    let objects = again().await;
+    assert!(objects.files.head(&interrupted.place).await.is_ok());
+    let objects = reopen().await;
     assert!(
-        objects.files.head(&left_behind.place).await.is_err(),
-        "the next start clears away what broke off"
+        objects.files.head(&interrupted.place).await.is_err(),
+        "the next start removes interrupted uploads"
     );
     assert_eq!(listed(&objects, i64::MAX).await, digests);
 
@@ -74,7 +78,7 @@ async fn goes_through(objects: Objects, again: impl AsyncFnOnce() -> Objects) {
 async fn an_object_in_a_folder() {
     let folder = tempfile::tempdir().unwrap();
     let open = async || Objects::open(folder.path(), None).await.unwrap();
-    goes_through(open().await, open).await;
+    check_life(open().await, open).await;
 }
 
 #[cfg(feature = "s3")]
@@ -84,7 +88,7 @@ async fn an_object_in_a_bucket() {
     let bucket = std::env::var("ROOST_TEST_BUCKET").expect("ROOST_TEST_BUCKET=s3://BUCKET/PREFIX");
     let bucket: Bucket = bucket.parse().unwrap();
     let open = async || Objects::open(Path::new("nowhere"), Some(&bucket)).await.unwrap();
-    goes_through(open().await, open).await;
+    check_life(open().await, open).await;
     assert!(!Path::new("nowhere").exists());
 
     let elsewhere: Bucket = "s3://no-such-bucket/prefix".parse().unwrap();

@@ -96,7 +96,7 @@ pub(super) enum ValueSource {
     Levels {
         /// How many there are, or by default where they are spread over a range.
         count: u32,
-        /// Whether every factor has exactly so many.
+        /// Whether every factor has exactly this number.
         is_fixed: bool,
     },
     /// Levels, or any number of a range.

@@ -71,7 +71,7 @@ fn points_average_succeeded_trials_and_count_failed_ones() {
     assert_eq!(effects[2].factors[0].effect, None, "one point shows no effect");
 }
 
-/// The effects of points that come in pieces of so many.
+/// The effects of points that are added in batches of this size.
 fn effects(factors: &[Factor], points: Vec<PointRow>, batch: usize) -> Vec<ResponseEffects> {
     let mut effects = Effects::of(factors.to_vec());
     points.chunks(batch).for_each(|batch| effects.add(batch.to_vec()));

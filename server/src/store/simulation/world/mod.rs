@@ -234,10 +234,10 @@ impl<'s> World<'s> {
         self.steps.push(format!("the clock is set to {}", self.now.wall.0));
     }
 
-    /// Leases count from what the clock shows then.
+    /// Leases then count from the new time.
     async fn restart(&mut self) {
         self.now.lease = self.now.wall;
-        self.steps.push("the server starts anew".to_owned());
+        self.steps.push("the server restarts".to_owned());
         self.store.renew_all_leases(Timestamp(self.now.lease.0 + LEASE_MS)).await.unwrap();
         self.model.restart(self.now.lease.0);
     }

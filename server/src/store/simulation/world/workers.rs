@@ -24,15 +24,15 @@ pub(super) struct SimulatedClaim {
 impl World<'_> {
     /// Claims of one or several workers at once: new ones, repeats, and some whose reply is lost.
     pub(super) async fn claim_randomly(&mut self) {
-        let mut asking = vec![self.any_worker()];
+        let mut workers = vec![self.any_worker()];
         while self.random.bool() {
-            asking.push(self.any_worker());
+            workers.push(self.any_worker());
         }
-        asking.sort_unstable();
-        asking.dedup();
-        self.random.shuffle(&mut asking);
+        workers.sort_unstable();
+        workers.dedup();
+        self.random.shuffle(&mut workers);
         let mut claims = Vec::new();
-        for index in asking {
+        for index in workers {
             let max_jobs = self.random.u32(1..4);
             let request = match self.workers[index].request.filter(|_| self.random.u32(0..4) == 0) {
                 Some(request) => request,
@@ -53,34 +53,34 @@ impl World<'_> {
             repeated.push(is_known && self.claimed_by(id, *request).await);
         }
         let queue = self.queue().await;
-        let ask = |it: &SimulatedClaim| {
+        let send = |it: &SimulatedClaim| {
             let (request_id, worker) = (it.request, self.workers[it.index].id);
             let claim =
                 Claim { request_id, worker, max_jobs: it.max_jobs, lease: LEASE, max_frames_bytes: 1 };
             self.store.claim(claim, self.now)
         };
-        let got = join_all(claims.iter().map(ask)).await;
-        for ((asking, repeated), got) in claims.iter().zip(repeated).zip(got) {
-            let got = got.unwrap().unwrap().attempts;
-            let got: Vec<_> = got.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect();
-            self.check_claim(asking, repeated, &queue, &got);
+        let claimed = join_all(claims.iter().map(send)).await;
+        for ((claim, repeated), claimed) in claims.iter().zip(repeated).zip(claimed) {
+            let claimed = claimed.unwrap().unwrap().attempts;
+            let claimed: Vec<_> = claimed.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect();
+            self.check_claim(claim, repeated, &queue, &claimed);
         }
     }
 
     /// Checks the jobs of a claim, in the state after the claims before it.
     fn check_claim(
         &mut self,
-        asking: &SimulatedClaim,
+        claim: &SimulatedClaim,
         repeated: bool,
         queue: &[(JobId, i64)],
-        got: &[(JobId, u32)],
+        claimed: &[(JobId, u32)],
     ) {
-        let SimulatedClaim { index, request, max_jobs, lost } = *asking;
+        let SimulatedClaim { index, request, max_jobs, lost } = *claim;
         let worker = self.workers[index].id;
         self.steps
-            .push(format!("worker {index} claims {max_jobs}, repeated {repeated}, lost {lost}: {got:?}"));
+            .push(format!("worker {index} claims {max_jobs}, repeated {repeated}, lost {lost}: {claimed:?}"));
         if repeated {
-            for (job, attempt) in got {
+            for (job, attempt) in claimed {
                 let model = self.model.jobs.get_mut(job).unwrap();
                 assert_eq!(
                     (*attempt, model.state),
@@ -99,8 +99,8 @@ impl World<'_> {
                 (false, true, 0) => next[..1].iter().map(|first| first.id).collect(),
                 _ => next.iter().take_while(|next| !next.alone).map(|next| next.id).collect(),
             };
-            assert_eq!(got.iter().map(|(job, _)| *job).collect::<Vec<_>>(), expected, "of {before:?}");
-            for (job, attempt) in got {
+            assert_eq!(claimed.iter().map(|(job, _)| *job).collect::<Vec<_>>(), expected, "of {before:?}");
+            for (job, attempt) in claimed {
                 self.model.claim(*job, worker, self.now.lease.0);
                 assert_eq!(*attempt, self.model.jobs[job].newest());
             }
@@ -108,7 +108,7 @@ impl World<'_> {
         let worker = &mut self.workers[index];
         worker.request = Some(request);
         if !lost {
-            worker.held.extend(got);
+            worker.held.extend(claimed);
         }
     }
 
