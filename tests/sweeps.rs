@@ -126,7 +126,7 @@ fn faults_of_a_sweep_say_what_stands_there_and_what_should() {
     let text = String::from_utf8_lossy(&told.stderr);
     for part in [
         "/factors/0/levles",
-        "did you mean `levels`",
+        "did you mean levels",
         "/factors/1/pointer: a factor needs a field",
         "/design/points",
     ] {
