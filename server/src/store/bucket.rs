@@ -61,21 +61,21 @@ impl Bucket {
         use object_store::aws::AmazonS3Builder;
         use object_store::prefix::PrefixStore;
 
-        // Which cryptography TLS uses is chosen once a process; this fails where it has been, which is as good.
+        // The TLS provider is chosen once per process: the error of a second choice does no harm.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let bucket = AmazonS3Builder::from_env().with_bucket_name(&self.name).build();
         let bucket = bucket.map_err(|source| self.unusable(source))?;
         Ok(Arc::new(PrefixStore::new(bucket, self.prefix.as_str())))
     }
 
-    /// There is none in such a build.
+    /// This build has no support for buckets.
     #[cfg(not(feature = "s3"))]
     pub(super) fn open(&self) -> Result<Arc<dyn ObjectStore>, StoreError> {
         Err(self.unusable(BucketError::NotBuilt))
     }
 
-    pub(super) fn unusable(&self, why: impl fmt::Display) -> StoreError {
-        StoreError::Bucket { bucket: self.to_string(), message: why.to_string() }
+    pub(super) fn unusable(&self, reason: impl fmt::Display) -> StoreError {
+        StoreError::Bucket { bucket: self.to_string(), message: reason.to_string() }
     }
 }
 
