@@ -1,14 +1,13 @@
-//! `roost cancel`: stop a sweep or a job.
+//! `roost cancel`: cancel a sweep or a job.
 
 use anyhow::Result;
+use roost_terminal::{Exit, message};
 use uuid::Uuid;
 
-use crate::exit::Exit;
 use crate::list;
 use crate::target::{self, Target};
-use crate::ui;
 
-/// Cancel a sweep or a job; what runs is stopped within seconds
+/// Cancel a sweep or a job; running jobs stop within seconds
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep or a job
@@ -26,15 +25,15 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     match target::find(&client, args.id).await? {
         Target::Sweep(sweep) => {
             if sweep.counts.is_ended() {
-                ui::say!("nothing to cancel: every job has ended");
+                message!("nothing to cancel: every job has ended");
             }
-            list::show_sweep(client.cancel_sweep(sweep.id).await?, args.json)?;
+            list::print_sweep(client.cancel_sweep(sweep.id).await?, args.json)?;
         }
         Target::Job(job) => {
             if job.state.is_ended() {
-                ui::say!("nothing to cancel: the job has ended");
+                message!("nothing to cancel: the job has ended");
             }
-            list::show_job(client.cancel_job(job.id).await?, args.json)?;
+            list::print_job(client.cancel_job(job.id).await?, args.json)?;
         }
     }
     Ok(Exit::Done)

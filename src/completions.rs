@@ -1,18 +1,16 @@
-//! `roost completions`: what a shell needs to complete its commands.
+//! `roost completions`: scripts for the completion of commands in shells.
 
 use anyhow::Result;
 use clap::Command;
 use clap_complete::Shell;
+use roost_terminal::{Exit, print_lines};
 
-use crate::exit::Exit;
-use crate::ui;
-
-/// Print a script that completes commands and options in your shell
+/// Print a completion script for a shell
 ///
-/// For bash: `source <(roost completions bash)`, in ~/.bashrc to have it always.
+/// For bash, run `source <(roost completions bash)`. Add this line to ~/.bashrc to have completion in every shell.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Your shell
+    /// Name of the shell
     #[arg(value_enum)]
     shell: Shell,
 }
@@ -20,11 +18,11 @@ pub(crate) struct Args {
 pub(crate) fn execute(args: &Args, mut command: Command) -> Result<Exit> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, "roost", &mut script);
-    ui::print(String::from_utf8(script)?)?;
+    print_lines(String::from_utf8(script)?)?;
     Ok(Exit::Done)
 }
 
-/// Every shell that there is a script for.
+/// All shells with a script.
 #[cfg(test)]
 pub(crate) fn shells() -> &'static [Shell] {
     <Shell as clap::ValueEnum>::value_variants()

@@ -1,30 +1,29 @@
-//! `roost delete`: take a sweep and all its results away.
+//! `roost delete`: delete a sweep with its results.
 
 use anyhow::Result;
 use roost_api::ids::SweepId;
+use roost_terminal::{Exit, message, print_json, print_line};
 use serde_json::json;
 use uuid::Uuid;
 
-use crate::exit::Exit;
 use crate::target;
-use crate::ui;
 
-/// Delete a sweep with all its results; without --yes only say what would go
+/// Delete a sweep with all its results; without --yes only show their number
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep
     #[arg(value_parser = target::id)]
     id: Uuid,
     #[command(flatten)]
-    deleting: Deleting,
+    delete: DeleteArgs,
 }
 
-/// What commands that delete have in common: they only do it when told so.
+/// Options of the commands that delete.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Deleting {
+pub(crate) struct DeleteArgs {
     #[command(flatten)]
     pub(crate) server: target::Server,
-    /// Do it: there is no way back
+    /// Delete; this cannot be undone
     #[arg(long)]
     pub(crate) yes: bool,
     /// Print JSON
@@ -32,32 +31,32 @@ pub(crate) struct Deleting {
     pub(crate) json: bool,
 }
 
-impl Deleting {
-    /// How to say what goes.
+impl DeleteArgs {
+    /// Start of the summary.
     pub(crate) fn verb(&self) -> &'static str {
         if self.yes { "deleted" } else { "would delete" }
     }
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let Args { id, deleting } = args;
-    let deletion = deleting.server.client()?.delete_sweep(SweepId(id), !deleting.yes).await?;
-    if deleting.json {
-        ui::json(&json!(deletion))?;
+    let Args { id, delete } = args;
+    let deletion = delete.server.client()?.delete_sweep(SweepId(id), !delete.yes).await?;
+    if delete.json {
+        print_json(&json!(deletion))?;
         return Ok(Exit::Done);
     }
-    ui::println(format_args!(
+    print_line(format_args!(
         "{} {} points, {} jobs, {} attempts, {} results",
-        deleting.verb(),
+        delete.verb(),
         deletion.points,
         deletion.jobs,
         deletion.attempts,
         deletion.results
     ))?;
     if deletion.unended > 0 {
-        ui::say!("{} jobs have not ended: `roost cancel {}` first", deletion.unended, id);
-    } else if !deleting.yes {
-        ui::say!("nothing is deleted yet; `roost delete {} --yes` does it", id);
+        message!("{} jobs have not ended; run `roost cancel {}` first", deletion.unended, id);
+    } else if !delete.yes {
+        message!("nothing is deleted; `roost delete {} --yes` deletes", id);
     }
     Ok(Exit::Done)
 }

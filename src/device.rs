@@ -1,28 +1,27 @@
-//! `--backend`, `--device`, `--allow-software`, `--gpu-memory`: what simulations are computed on.
+//! `--backend`, `--device`, `--allow-software`, `--gpu-memory`: the device that computes simulations.
 
 use anyhow::Result;
+use roost_terminal::BadInput;
 use roost_worker::device::{BackendKind, Device, DeviceOptions};
 
-use crate::exit::BadInput;
-
-/// What simulations are computed on.
+/// Options of the device that computes simulations.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct DeviceArgs {
-    /// What to compute on [default: a discrete GPU if there is one, else the CPU]
+    /// Backend [default: a discrete GPU if there is one, else the CPU]
     #[arg(long, value_enum)]
     backend: Option<Backend>,
-    /// Part of the name of the graphics adapter to take, where there are several
+    /// Part of the name of the graphics adapter, if there are several
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
-    /// Let an adapter that is software count as a GPU: for tests, since the CPU backend is faster
+    /// Accept a software adapter as a GPU; for tests, since the CPU backend is faster
     #[arg(long)]
     allow_software: bool,
-    /// MiB of the GPU's memory that jobs may take, and larger ones are refused [default: they share 4096, and what is larger is tried alone]
+    /// GPU memory for jobs in MiB; larger jobs are refused [default: jobs share 4096, and a larger job runs alone]
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     gpu_memory: Option<u32>,
 }
 
-/// A way to compute.
+/// A backend.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Backend {
     Cpu,
@@ -30,8 +29,8 @@ enum Backend {
 }
 
 impl DeviceArgs {
-    /// Opens what is asked for.
-    pub(crate) fn choose(&self) -> Result<Device> {
+    /// Opens the device.
+    pub(crate) fn open(&self) -> Result<Device> {
         let options = DeviceOptions {
             backend: self.backend.map(|backend| match backend {
                 Backend::Cpu => BackendKind::Cpu,

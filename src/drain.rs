@@ -1,15 +1,14 @@
-//! `roost drain`: send a worker home once it has finished.
+//! `roost drain`: end a worker after its running jobs.
 
 use anyhow::Result;
 use roost_api::ids::WorkerId;
+use roost_terminal::{Exit, message};
 
-use crate::exit::Exit;
 use crate::target;
-use crate::ui;
 
-/// Ask a worker to claim nothing more, finish what it runs, and end
+/// Ask a worker to claim no more jobs, finish its running jobs, and exit
 ///
-/// `roost list --workers` shows the ids. The worker hears of it with its next heartbeat.
+/// `roost list --workers` shows the ids. The worker receives the request with its next heartbeat.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of the worker
@@ -21,6 +20,6 @@ pub(crate) struct Args {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     args.server.client()?.drain(args.id).await?;
-    ui::say!("the worker finishes what it runs, and ends");
+    message!("the worker finishes its running jobs and exits");
     Ok(Exit::Done)
 }

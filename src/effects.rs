@@ -1,21 +1,19 @@
-//! `roost effects`: what each factor of a sweep does to each response.
+//! `roost effects`: the effect of each factor of a sweep on each response.
 
 use anyhow::Result;
 use roost_api::ids::SweepId;
 use roost_api::table::{ResponseEffects, SweepEffects};
+use roost_terminal::{Exit, Table, format, message, print_json, print_lines};
 use serde_json::json;
 use uuid::Uuid;
 
-use crate::exit::Exit;
 use crate::results;
 use crate::target;
-use crate::ui;
-use crate::ui::{format, table::Table};
 
-/// Show which factors of a sweep matter to its responses
+/// Show the effect of each factor of a sweep on each response
 ///
-/// The effect is the change of the response from the lowest to the highest value of the factor, along a straight line; ρ is
-/// Spearman's rank correlation, and p how likely one as far from zero is by chance.
+/// The effect is the change of the response from the minimum to the maximum of the factor, along a straight line. ρ is
+/// Spearman's rank correlation, and p its p-value.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep
@@ -23,10 +21,10 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// Every response, not only the headline ones
+    /// All responses, not only the headline ones
     #[arg(long)]
     all: bool,
-    /// Print JSON, with the mean at every level
+    /// Print JSON, with the mean at each level
     #[arg(long)]
     json: bool,
 }
@@ -35,21 +33,21 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let (client, sweep) = (args.server.client()?, SweepId(args.id));
     let effects = client.sweep_effects(sweep).await?;
     if args.json {
-        ui::json(&json!(effects))?;
+        print_json(&json!(effects))?;
     } else if effects.responses.is_empty() {
-        ui::say!("nothing has succeeded yet; `roost status {}` says how far it is", args.id);
+        message!("no job has succeeded yet; `roost status {}` shows the progress", args.id);
     } else {
         let shown = if args.all { None } else { Some(results::headline(&client, sweep).await?) };
-        ui::print(format_args!("{}", table(&effects, shown.as_deref())))?;
+        print_lines(format_args!("{}", table(&effects, shown.as_deref())))?;
     }
     Ok(Exit::Done)
 }
 
-/// One row a factor and response, the factor that matters most first.
+/// One row per response and factor; factors are sorted by the strength of their rank correlation.
 fn table(effects: &SweepEffects, shown: Option<&[&str]>) -> Table {
     let stem = |of: &ResponseEffects| of.response.split('=').next().unwrap_or_default().to_owned();
     let is_shown = |of: &&ResponseEffects| shown.is_none_or(|shown| shown.contains(&stem(of).as_str()));
-    let names = format::factors(&effects.sweep.factors);
+    let names = format::factor_names(&effects.sweep.factors);
     let mut table = Table::new(["response", "mean", "factor", "effect", "ρ", "p", "points"]);
     for of in effects.responses.iter().filter(is_shown) {
         let mut factors: Vec<_> = of.factors.iter().zip(&names).collect();

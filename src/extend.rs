@@ -1,17 +1,17 @@
-//! `roost extend`: more points or replicates of a sweep.
+//! `roost extend`: add design points or replicates to a sweep.
 
 use std::path::PathBuf;
 
 use anyhow::Result;
 use roost_api::design::Extension;
 use roost_api::ids::SweepId;
+use roost_terminal::{Exit, input};
 use serde_json::Value;
 use uuid::Uuid;
 
-use crate::exit::Exit;
-use crate::{input, list, target};
+use crate::{list, target};
 
-/// Add points or replicates to a sweep; what is there stays as it is
+/// Add design points or replicates to a sweep; existing jobs stay unchanged
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("more").required(true).multiple(true)))]
 pub(crate) struct Args {
@@ -20,16 +20,16 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// random, sobol: so many more points of the same sequence
+    /// Designs random and sobol: number of further design points of the same sequence
     #[arg(long, value_name = "N", group = "more")]
     points: Option<u32>,
-    /// grid, one_at_a_time: one more level of a factor, such as /equipment/gate_opening_m=0.07; may be repeated
+    /// Designs grid and one_at_a_time: a further level of a factor, such as /equipment/gate_opening_m=0.07; may be given several times
     #[arg(long = "level", value_name = "POINTER=VALUE", group = "more", value_parser = level)]
     levels: Vec<(String, Value)>,
-    /// list, csv: a CSV file with more points, the factors' pointers as headings
+    /// Designs list and csv: a CSV file with further design points; its headings are the factors' pointers
     #[arg(long, value_name = "FILE", group = "more")]
     rows: Option<PathBuf>,
-    /// Any design: so many more runs of every point
+    /// All designs: number of further replicates of every design point
     #[arg(long, value_name = "N", group = "more")]
     replicates: Option<u32>,
     /// Print JSON
@@ -37,7 +37,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// A value is JSON where it is, else a word.
+/// Parses a level. A value that is no JSON is a text.
 fn level(text: &str) -> Result<(String, Value), String> {
     let (pointer, value) = text.split_once('=').ok_or("write it as POINTER=VALUE")?;
     let value = serde_json::from_str(value).unwrap_or_else(|_| Value::from(value));
@@ -49,8 +49,8 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     for (pointer, value) in args.levels {
         more.levels.get_or_insert_default().entry(pointer).or_default().push(value);
     }
-    more.table = args.rows.as_deref().map(input::text).transpose()?;
+    more.table = args.rows.as_deref().map(input::read_text).transpose()?;
     let sweep = args.server.client()?.extend_sweep(SweepId(args.id), &more).await?;
-    list::show_sweep(sweep, args.json)?;
+    list::print_sweep(sweep, args.json)?;
     Ok(Exit::Done)
 }

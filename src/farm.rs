@@ -6,7 +6,7 @@ use roost_worker::{WorkerConfig, WorkerError};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-/// A server and one worker, under way. They talk over loopback like any others.
+/// A running server and worker. They communicate over loopback.
 #[derive(Debug)]
 pub(crate) struct Farm {
     /// Address of the server.
@@ -18,14 +18,14 @@ pub(crate) struct Farm {
 }
 
 impl Farm {
-    /// Starts both; `worker` makes the worker's settings from the server's address.
+    /// Starts both. `worker` returns the configuration of the worker for the address of the server.
     pub(crate) async fn start(
         server: ServerConfig,
         worker: impl FnOnce(String) -> WorkerConfig,
     ) -> Result<Self> {
         let server = Server::bind(server).await?;
         let address = format!("http://{}", server.local_addr());
-        // The state directory belongs to this server, whatever port it has this time.
+        // The state folder belongs to this server, even if its port changes.
         let worker = WorkerConfig { outbox_key: Some("here".to_owned()), ..worker(address.clone()) };
         let (stop_worker, stop_server) = (CancellationToken::new(), CancellationToken::new());
         Ok(Self {
@@ -37,19 +37,19 @@ impl Farm {
         })
     }
 
-    /// Waits until one of the two ends by itself, which neither should.
-    pub(crate) async fn broken(&mut self) -> anyhow::Error {
+    /// Waits until one of the two ends unexpectedly.
+    pub(crate) async fn failure(&mut self) -> anyhow::Error {
         let ended = tokio::select! {
             ended = &mut self.worker => ended.context("the worker panicked").map(|ended| ended.context("the worker ended")),
             ended = &mut self.server => ended.context("the server panicked").map(|ended| ended.context("the server ended")),
         };
         match ended {
             Ok(Err(error)) | Err(error) => error,
-            Ok(Ok(())) => anyhow::anyhow!("the farm stopped by itself"),
+            Ok(Ok(())) => anyhow::anyhow!("server or worker stopped unexpectedly"),
         }
     }
 
-    /// Stops the worker first, so that the server hears what becomes of its job.
+    /// Stops the worker first, so that it can return its job to the server.
     pub(crate) async fn stop(self) -> Result<()> {
         self.stop_worker.cancel();
         let worker = self.worker.await;

@@ -1,30 +1,28 @@
-//! `roost list`: what is at the server.
+//! `roost list`: sweeps, jobs and workers of the server.
 
 use anyhow::Result;
 use roost_api::job::{JobState, JobView};
 use roost_api::sweep::SweepView;
+use roost_terminal::{Exit, Table, format, message, print_json, print_lines};
 use serde_json::{Value, json};
 
-use crate::exit::Exit;
 use crate::target;
-use crate::ui;
-use crate::ui::{format, table::Table};
 
 /// List sweeps, jobs or workers, newest first
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
     server: target::Server,
-    /// Jobs instead of sweeps
+    /// List jobs
     #[arg(long)]
     jobs: bool,
     /// Only jobs in this state: queued, running, succeeded, failed or cancelled
     #[arg(long, requires = "jobs")]
     state: Option<JobState>,
-    /// Workers instead of sweeps
+    /// List workers
     #[arg(long, conflicts_with = "jobs")]
     workers: bool,
-    /// At most this many
+    /// Maximum number of entries
     #[arg(long, default_value_t = 20, value_name = "N")]
     limit: u32,
     /// Print JSON
@@ -57,30 +55,30 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         (json!(page), sweeps(&page.items))
     };
     if args.json {
-        ui::json(&document)?;
+        print_json(&document)?;
     } else if table.is_empty() {
-        ui::say!("nothing to list; `roost submit --help` says how to begin");
+        message!("nothing to list; `roost submit` submits a scenario or a sweep");
     } else {
-        ui::print(format_args!("{table}"))?;
+        print_lines(format_args!("{table}"))?;
     }
     Ok(Exit::Done)
 }
 
-/// Shows one sweep as it is now.
-pub(crate) fn show_sweep(sweep: SweepView, as_json: bool) -> Result<()> {
-    show(as_json, &json!(sweep), || sweeps(&[sweep]))
+/// Prints one sweep.
+pub(crate) fn print_sweep(sweep: SweepView, as_json: bool) -> Result<()> {
+    print(as_json, &json!(sweep), || sweeps(&[sweep]))
 }
 
-/// Shows one job as it is now.
-pub(crate) fn show_job(job: JobView, as_json: bool) -> Result<()> {
-    show(as_json, &json!(job), || jobs(&[job]))
+/// Prints one job.
+pub(crate) fn print_job(job: JobView, as_json: bool) -> Result<()> {
+    print(as_json, &json!(job), || jobs(&[job]))
 }
 
-fn show(as_json: bool, document: &Value, table: impl FnOnce() -> Table) -> Result<()> {
+fn print(as_json: bool, document: &Value, table: impl FnOnce() -> Table) -> Result<()> {
     if as_json {
-        ui::json(document)?;
+        print_json(document)?;
     } else {
-        ui::print(format_args!("{}", table()))?;
+        print_lines(format_args!("{}", table()))?;
     }
     Ok(())
 }
@@ -120,7 +118,7 @@ pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
 pub(crate) fn jobs(jobs: &[JobView]) -> Table {
     let mut table = Table::new(["id", "state", "levels", "seed", "attempt", "%", "submitted"]);
     for job in jobs {
-        let names = format::factor_names(job.factors.keys());
+        let names = format::factor_names(&job.factors.keys().collect::<Vec<_>>());
         let levels = names.iter().zip(job.factors.values());
         let levels: Vec<_> = levels.map(|(name, value)| format!("{name}={}", format::cell(value))).collect();
         let state = match (job.cancelling, job.failure_class) {

@@ -1,36 +1,32 @@
-//! The `roost` command: one file a subcommand, each thin; what people see is in `ui`.
+//! The `roost` command: one file per subcommand. `roost reproduce` and `roost bench` are crates of their own.
 
-mod bench;
 mod cancel;
 mod completions;
 mod copies;
 mod delete;
 mod demo;
 mod device;
+mod document;
 mod drain;
 mod effects;
 mod exit;
 mod extend;
 mod farm;
 mod frames;
-mod input;
 mod list;
 mod meshes;
 mod openapi;
 mod output;
 mod prune;
-mod reproduce;
 mod results;
 mod retry;
 mod run;
 mod serve;
-mod signals;
 mod status;
 mod submit;
 mod target;
 mod telemetry;
 mod token;
-mod ui;
 mod up;
 mod validate;
 mod watch;
@@ -39,19 +35,19 @@ mod work;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
-
-use exit::Exit;
+use roost_terminal::exit::is_broken_pipe;
+use roost_terminal::{Exit, message, message_lines};
 
 /// Distributed parameter sweeps of bonded-particle simulations of soft food.
 ///
-/// A scenario goes in as JSON, a worker runs the solver, the discharge curve comes back. Start with
-/// `roost demo`, or run one scenario right here with `roost run`.
+/// A scenario is a JSON document. A worker simulates it, and the server stores its result. Start with `roost demo`, or simulate
+/// one scenario on this machine with `roost run`.
 #[derive(Debug, Parser)]
 #[command(version, propagate_version = true, after_help = exit::HELP)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Form of the log on stderr: lines for people, or a JSON object a line
+    /// Format of the log on stderr: text lines, or one JSON object per line
     #[arg(
         long,
         global = true,
@@ -83,8 +79,8 @@ enum Command {
     Delete(delete::Args),
     Prune(prune::Args),
     Drain(drain::Args),
-    Reproduce(reproduce::Args),
-    Bench(bench::Args),
+    Reproduce(roost_reproduce::Args),
+    Bench(roost_bench::Args),
     Token(token::Args),
     Backup(copies::Backup),
     Restore(copies::Restore),
@@ -94,7 +90,7 @@ enum Command {
 }
 
 impl Command {
-    /// Long-running roles tell what they do; all others only what went wrong.
+    /// Default filter of the log: long-running commands log what they do, all others only problems.
     fn log_filter(&self) -> &'static str {
         match self {
             Self::Up(_) | Self::Serve(_) | Self::Work(_) => "info",
@@ -103,13 +99,13 @@ impl Command {
         }
     }
 
-    /// Whether it writes to the data folder of a server.
-    fn keeps_data(&self) -> bool {
+    /// Whether the command writes to the data folder of a server.
+    fn writes_data_folder(&self) -> bool {
         matches!(self, Self::Up(_) | Self::Serve(_) | Self::Token(_) | Self::Backup(_) | Self::Restore(_))
     }
 
-    /// What runs for long is traced under this name.
-    fn role(&self) -> Option<&'static str> {
+    /// Service name in traces; none for commands that are not traced.
+    fn service_name(&self) -> Option<&'static str> {
         match self {
             Self::Up(_) => Some("roost-up"),
             Self::Serve(_) => Some("roost-serve"),
@@ -142,8 +138,8 @@ impl Command {
             Self::Completions(args) => completions::execute(&args, Cli::command()),
             Self::Openapi(args) => openapi::execute(&args),
             Self::Token(args) => token::execute(args).await,
-            Self::Bench(args) => bench::execute(args).await,
-            Self::Reproduce(args) => reproduce::execute(args).await,
+            Self::Bench(args) => roost_bench::execute(args).await,
+            Self::Reproduce(args) => roost_reproduce::execute(args).await,
         }
     }
 }
@@ -151,22 +147,22 @@ impl Command {
 #[tokio::main]
 async fn main() -> ExitCode {
     let Cli { command, log_format } = Cli::parse();
-    let _telemetry = telemetry::start(command.log_filter(), log_format, command.role());
+    let _telemetry = telemetry::start(command.log_filter(), log_format, command.service_name());
     #[cfg(unix)]
-    if command.keeps_data() {
-        // Files of a server, its objects included, are for its own user alone.
+    if command.writes_data_folder() {
+        // Only the user of the server may read its files.
         rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
     }
     match command.execute().await {
         Ok(exit) => exit.into(),
-        // The reader of our output has seen enough.
-        Err(error) if exit::is_broken_pipe(&error) => Exit::Done.into(),
+        // `| head` closes the pipe.
+        Err(error) if is_broken_pipe(&error) => Exit::Done.into(),
         Err(error) => {
-            ui::say_lines(format_args!("error: {error:#}"));
+            message_lines(format_args!("error: {error:#}"));
             if let Some(hint) = exit::hint(&error) {
-                ui::say!("hint: {hint}");
+                message!("hint: {hint}");
             }
-            Exit::of(&error).into()
+            exit::code(&error).into()
         }
     }
 }
@@ -186,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn the_command_line_is_well_formed() {
+    fn command_line_is_well_formed() {
         super::Cli::command().debug_assert();
     }
 }

@@ -1,8 +1,8 @@
-//! Meshes that a document names by file, `{"file": "hopper.stl", "units": "mm"}`: read, checked, and from here on named by
-//! the digest of their bytes, as the solver and the server know them.
+//! Meshes that a document names by file, `{"file": "hopper.stl", "units": "mm"}`. The file is read and checked, and its digest
+//! replaces its name in the document, since solver and server identify meshes by digest.
 //!
-//! Such an object may stand wherever a `mesh` may: in a scenario, in the base of a sweep, and as a level of a factor that
-//! points at a mesh.
+//! Such an object is allowed wherever a `mesh` is: in a scenario, in the base of a sweep, and as a level of a factor whose
+//! pointer ends in `/mesh`.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -14,42 +14,39 @@ use roost_api::Fault;
 use roost_api::mesh::{MAX_BYTES, is_digest};
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::escape;
+use roost_terminal::{format, input, message};
 use roost_worker::client::Client;
 use serde_json::{Map, Value, json};
 
-use crate::input;
-use crate::ui;
-use crate::ui::format;
+/// Placeholder for the digest of a faulty file, so that the rest of the document can be checked too.
+const PLACEHOLDER_DIGEST: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
-/// What may stand in place of a file that cannot be used, so that what else is wrong can be told as well.
-const NO_DIGEST: &str = "0000000000000000000000000000000000000000000000000000000000000000";
-
-const ALLOWED: &str = "the path of an STL file, seen from the folder of this document";
+const ALLOWED: &str = "the path of an STL file, relative to the folder of this document";
 
 /// A document whose meshes are named by digest.
 #[derive(Debug)]
 pub(crate) struct Resolved {
-    /// The document, otherwise as it was.
+    /// The document with digests in place of file names.
     pub(crate) document: Value,
-    /// The files that it named, read.
+    /// The meshes in the files.
     pub(crate) meshes: Meshes,
-    /// The same as they are on disk, each content once.
+    /// The files, each content once.
     files: Vec<MeshFile>,
-    /// Files that cannot be used.
+    /// Faults of the files.
     faults: Vec<Fault>,
-    /// Where the document named a digest itself.
-    bare: Vec<(String, String)>,
+    /// Meshes that the document itself names by digest: JSON pointer and digest.
+    by_digest: Vec<(String, String)>,
 }
 
 #[derive(Debug)]
 struct MeshFile {
-    /// As the document has it.
+    /// The file name in the document.
     name: String,
     digest: String,
     bytes: Vec<u8>,
 }
 
-/// Reads the files that a document names; paths are seen from the document's folder, or from here if it came by stdin.
+/// Reads the mesh files of a document. Paths are relative to the folder of the document, or to the working directory for stdin.
 pub(crate) fn resolve(path: &Path, document: Value) -> Resolved {
     let folder = path.parent().map(Path::to_owned).unwrap_or_default();
     let resolved = Resolved {
@@ -57,7 +54,7 @@ pub(crate) fn resolve(path: &Path, document: Value) -> Resolved {
         meshes: Meshes::default(),
         files: Vec::new(),
         faults: Vec::new(),
-        bare: Vec::new(),
+        by_digest: Vec::new(),
     };
     let mut reader = Reader { folder, resolved, read: HashMap::new() };
     let mut document = std::mem::take(&mut reader.resolved.document);
@@ -68,7 +65,7 @@ pub(crate) fn resolve(path: &Path, document: Value) -> Resolved {
 struct Reader {
     folder: PathBuf,
     resolved: Resolved,
-    /// Digest or complaint of each path.
+    /// Digest or error of each path that has been read.
     read: HashMap<PathBuf, Result<String, String>>,
 }
 
@@ -79,11 +76,11 @@ impl Reader {
             Value::Object(fields) => {
                 let linked = fields.get("pointers").and_then(Value::as_array).into_iter().flatten();
                 let mut pointers = fields.get("pointer").into_iter().chain(linked).filter_map(Value::as_str);
-                let levels = pointers.any(ends_in_mesh);
+                let has_mesh_levels = pointers.any(ends_in_mesh);
                 for (name, inner) in fields {
                     let at = format!("{pointer}/{}", escape(name));
                     match inner {
-                        // An object in a row of points can only be a mesh.
+                        // An object in a row of levels can only be a mesh.
                         Value::Array(rows) if pointer == "/design" && name == "rows" => {
                             for (index, row) in rows.iter_mut().enumerate() {
                                 for (factor, cell) in row.as_array_mut().into_iter().flatten().enumerate() {
@@ -91,7 +88,7 @@ impl Reader {
                                 }
                             }
                         }
-                        Value::Array(items) if levels && name == "levels" => {
+                        Value::Array(items) if has_mesh_levels && name == "levels" => {
                             for (index, level) in items.iter_mut().enumerate() {
                                 self.walk(level, format!("{at}/{index}"), true);
                             }
@@ -110,26 +107,26 @@ impl Reader {
     }
 
     fn mesh(&mut self, fields: &mut Map<String, Value>, pointer: &str) {
-        let named = fields.get("digest").and_then(Value::as_str).filter(|digest| is_digest(digest));
+        let digest = fields.get("digest").and_then(Value::as_str).filter(|digest| is_digest(digest));
         let Some(file) = fields.get("file").cloned() else {
-            self.resolved.bare.extend(named.map(|digest| (pointer.to_owned(), digest.to_owned())));
+            self.resolved.by_digest.extend(digest.map(|digest| (pointer.to_owned(), digest.to_owned())));
             return;
         };
-        let found = match (&file, fields.get("digest")) {
+        let result = match (&file, fields.get("digest")) {
             (_, Some(_)) => Err("excludes `digest`, which comes from the file".to_owned()),
             (Value::String(name), None) => self.file(name),
             _ => Err("must be a text".to_owned()),
         };
-        let digest = found.unwrap_or_else(|detail| {
+        let digest = result.unwrap_or_else(|detail| {
             let allowed = Some(ALLOWED.to_owned());
             self.resolved.faults.push(Fault::new(&format!("{pointer}/file"), &file, detail, allowed));
-            NO_DIGEST.to_owned()
+            PLACEHOLDER_DIGEST.to_owned()
         });
         fields.remove("file");
         fields.insert("digest".to_owned(), json!(digest));
     }
 
-    /// The digest of a file; reads it unless that was done before.
+    /// The digest of a file, which is read once.
     fn file(&mut self, name: &str) -> Result<String, String> {
         let path = self.folder.join(name);
         if let Some(known) = self.read.get(&path) {
@@ -152,25 +149,25 @@ fn ends_in_mesh(pointer: &str) -> bool {
     pointer.ends_with("/mesh")
 }
 
-/// Reads a file, up to the limit.
+/// Reads a file within the maximum size of a mesh.
 fn read(path: &Path) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     let read = File::open(path).and_then(|file| file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes));
     read.map_err(|error| format!("cannot read {}: {error}", path.display()))?;
     if bytes.len() > MAX_BYTES {
-        let most = format::bytes(MAX_BYTES as u64);
-        return Err(format!("{} is larger than {most}, the most that is taken", path.display()));
+        let maximum = format::bytes(MAX_BYTES as u64);
+        return Err(format!("{} is larger than the maximum of {maximum}", path.display()));
     }
     Ok(bytes)
 }
 
 impl Resolved {
-    /// For what runs here: a digest alone says nothing without a server.
-    pub(crate) fn without_a_server(mut self) -> Self {
-        let allowed = "the file itself: {\"file\": \"….stl\", \"units\": \"mm\" or \"m\"}";
-        for (pointer, digest) in std::mem::take(&mut self.bare) {
+    /// Adds a fault for each mesh that only a server could have.
+    pub(crate) fn without_server(mut self) -> Self {
+        let allowed = "{\"file\": \"….stl\", \"units\": \"mm\" or \"m\"}";
+        for (pointer, digest) in std::mem::take(&mut self.by_digest) {
             if self.meshes.get(&digest).is_none() {
-                let detail = "names a mesh of a server; without a server its file is needed".to_owned();
+                let detail = "is the digest of a mesh at a server; this command needs the file".to_owned();
                 let at = format!("{pointer}/digest");
                 self.faults.push(Fault::new(&at, &json!(digest), detail, Some(allowed.to_owned())));
             }
@@ -178,33 +175,33 @@ impl Resolved {
         self
     }
 
-    /// The faults of the meshes, and those of the document that lie elsewhere.
-    pub(crate) fn faults_and(&self, others: Vec<Fault>) -> Vec<Fault> {
+    /// The faults of the mesh files, and those of the document outside these meshes.
+    pub(crate) fn with_faults(&self, others: Vec<Fault>) -> Vec<Fault> {
         let parent = |fault: &Fault| fault.pointer.rsplit_once('/').map(|(parent, _)| parent.to_owned());
-        let told: Vec<String> = self.faults.iter().filter_map(parent).collect();
-        let is_news = |fault: &Fault| {
+        let reported: Vec<String> = self.faults.iter().filter_map(parent).collect();
+        let is_elsewhere = |fault: &Fault| {
             let inside = |place: &String| {
                 fault
                     .pointer
                     .strip_prefix(place.as_str())
                     .is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
             };
-            !told.iter().any(inside)
+            !reported.iter().any(inside)
         };
-        self.faults.iter().cloned().chain(others.into_iter().filter(is_news)).collect()
+        self.faults.iter().cloned().chain(others.into_iter().filter(is_elsewhere)).collect()
     }
 
-    /// Whether every file can be used.
+    /// Returns an error if a file has a fault.
     pub(crate) fn checked(self, path: &Path) -> Result<Self> {
-        if self.faults.is_empty() { Ok(self) } else { Err(input::faults(path, &self.faults).into()) }
+        if self.faults.is_empty() { Ok(self) } else { Err(input::faults_error(path, &self.faults).into()) }
     }
 
-    /// Whether it brings files along, and needs no other mesh.
+    /// Whether all meshes of the document come from files, and there is one at least.
     pub(crate) fn is_self_contained(&self) -> bool {
-        !self.files.is_empty() && self.bare.is_empty()
+        !self.files.is_empty() && self.by_digest.is_empty()
     }
 
-    /// Brings to the server what it does not have yet.
+    /// Uploads the files that the server does not have.
     pub(crate) async fn upload(&self, client: &Client) -> Result<()> {
         for MeshFile { name, digest, bytes } in &self.files {
             match client.mesh(digest).await {
@@ -213,12 +210,12 @@ impl Resolved {
                 Err(error) => return Err(error.into()),
             }
             client.upload_mesh(bytes.clone()).await?;
-            ui::say!("uploaded {name}: {}", format::bytes(bytes.len() as u64));
+            message!("uploaded {name}: {}", format::bytes(bytes.len() as u64));
         }
         Ok(())
     }
 
-    /// The name of a mesh: its file, or the start of its digest.
+    /// The name of a mesh: its file name, or the start of its digest.
     pub(crate) fn name(&self, digest: &str) -> String {
         let file = self.files.iter().find(|file| file.digest == digest);
         file.map_or_else(|| digest.chars().take(12).collect(), |file| file.name.clone())

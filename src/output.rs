@@ -7,47 +7,45 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use roost_api::{RunResult, Series};
 use roost_solver::experiments::outputs;
+use roost_terminal::BadInput;
+use roost_terminal::plot::{self, Curve, Panel};
 use serde_json::json;
-
-use crate::exit::BadInput;
-use crate::ui::plot::{self, Curve, Panel};
 
 const FILES: [&str; 3] = ["result.json", "series.csv", "curve.svg"];
 
-/// Makes the folder if need be, and finds out whether the files of a result can be written there. Leaves what is
-/// there alone.
-pub(crate) fn prepare(folder: &Path) -> Result<(), BadInput> {
+/// Creates the folder and checks that the files of a result can be written. Existing files stay unchanged.
+pub(crate) fn check_writable(folder: &Path) -> Result<(), BadInput> {
     fs::create_dir_all(folder)
-        .map_err(|error| BadInput(format!("cannot make the folder {}: {error}", folder.display())))?;
+        .map_err(|error| BadInput(format!("cannot create the folder {}: {error}", folder.display())))?;
     for path in FILES.map(|name| folder.join(name)) {
         let is_new = !path.exists();
-        let tried = fs::OpenOptions::new().append(true).create(true).open(&path);
-        let tried = tried.and_then(|_| if is_new { fs::remove_file(&path) } else { Ok(()) });
-        tried.map_err(|error| BadInput(format!("cannot write {}: {error}", path.display())))?;
+        let opened = fs::OpenOptions::new().append(true).create(true).open(&path);
+        let checked = opened.and_then(|_| if is_new { fs::remove_file(&path) } else { Ok(()) });
+        checked.map_err(|error| BadInput(format!("cannot write {}: {error}", path.display())))?;
     }
     Ok(())
 }
 
-/// Writes all files of a result into a folder; returns their paths.
+/// Writes the files of a result into a folder. Returns their paths.
 pub(crate) fn write(folder: &Path, result: &RunResult) -> Result<Vec<PathBuf>> {
-    let [document, table, picture] = FILES.map(|name| folder.join(name));
+    let [document, table, plot_file] = FILES.map(|name| folder.join(name));
     let mut json = serde_json::to_vec_pretty(result)?;
     json.push(b'\n');
     fs::write(&document, json).with_context(|| format!("cannot write {}", document.display()))?;
     let file = fs::File::create(&table).with_context(|| format!("cannot write {}", table.display()))?;
     series_csv(file, &result.series)?;
-    plot::draw(&picture, &title(result), &panels(result))?;
-    Ok(vec![document, table, picture])
+    plot::write_svg(&plot_file, &title(result), &panels(result))?;
+    Ok(vec![document, table, plot_file])
 }
 
-/// The experiment, as a title.
+/// The name of the experiment as a title.
 fn title(result: &RunResult) -> String {
     let experiment = json!(result.scenario)["experiment"].as_str().unwrap_or_default().to_owned();
     let mut letters = experiment.chars();
     letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// All series as columns beside one column of times; a series without a sample at a time has an empty cell there.
+/// Writes all series as columns beside one column of times. A series without a sample at a time has an empty cell.
 pub(crate) fn series_csv(writer: impl Write, series: &[Series]) -> Result<()> {
     let mut times: Vec<f64> = series.iter().flat_map(|series| series.t_s.iter().copied()).collect();
     times.sort_by(f64::total_cmp);
@@ -63,7 +61,7 @@ pub(crate) fn series_csv(writer: impl Write, series: &[Series]) -> Result<()> {
             *next += 1;
             series.values.get(*next - 1).map_or_else(String::new, f64::to_string)
         });
-        // Nanoseconds are enough; the noise of adding up steps is not for people.
+        // Rounding to nanoseconds removes the rounding errors of summed time steps.
         csv.write_record(
             [((t * 1e9).round() / 1e9).to_string()].into_iter().chain(cells.collect::<Vec<_>>()),
         )?;
@@ -79,7 +77,7 @@ pub(crate) fn points(series: Option<&Series>) -> Vec<(f64, f64)> {
     })
 }
 
-/// A series' name with its unit last, as all names of quantities here.
+/// The name of a series with its unit last.
 fn column_name(series: &Series) -> String {
     match series.unit.as_str() {
         "" | "1" => series.name.clone(),
@@ -118,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn series_of_different_times_share_one_table() {
+    fn series_with_different_times_share_one_table() {
         let series = |name: &str, unit: &str, t_s: &[f64], values: &[f64]| Series {
             name: name.to_owned(),
             unit: unit.to_owned(),

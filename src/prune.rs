@@ -1,60 +1,59 @@
-//! `roost prune`: what ended long ago goes.
+//! `roost prune`: delete sweeps and jobs that ended long ago.
 
 use std::time::Duration;
 
 use anyhow::Result;
+use roost_terminal::{Exit, message, print_json, print_line};
 use serde_json::json;
 
-use crate::delete::Deleting;
-use crate::exit::Exit;
-use crate::ui;
+use crate::delete::DeleteArgs;
 
-/// Delete sweeps and single jobs that ended long ago; without --yes only say what would go
+/// Delete sweeps and single jobs that ended long ago; without --yes only show them
 ///
-/// With them go their results, and meshes uploaded that long ago that nothing names any more. `roost serve --prune-after` does the
-/// same by itself.
+/// Also deletes their results, and meshes of that age that nothing uses any more. `roost serve --prune-after` does the same
+/// automatically.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Since their end: a number of hours, days or weeks, such as 12h, 30d or 8w
+    /// Minimum time since the end: a number of hours, days or weeks, such as 12h, 30d or 8w
     #[arg(long, value_name = "AGE", value_parser = age)]
     older_than: Duration,
     #[command(flatten)]
-    deleting: Deleting,
+    delete: DeleteArgs,
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let Args { older_than, deleting } = args;
-    let pruned = deleting.server.client()?.prune(older_than, !deleting.yes).await?;
-    if deleting.json {
-        ui::json(&json!(pruned))?;
+    let Args { older_than, delete } = args;
+    let pruned = delete.server.client()?.prune(older_than, !delete.yes).await?;
+    if delete.json {
+        print_json(&json!(pruned))?;
         return Ok(Exit::Done);
     }
     for sweep in &pruned.sweeps {
-        ui::println(format_args!(
+        print_line(format_args!(
             "{}  {}: {} jobs, ended {}",
             sweep.id, sweep.name, sweep.jobs, sweep.ended_at
         ))?;
     }
-    let verb = deleting.verb();
+    let verb = delete.verb();
     let (sweeps, jobs, meshes) = (pruned.sweeps.len(), pruned.jobs, pruned.meshes.len());
-    ui::println(format_args!("{verb} {sweeps} sweeps, {jobs} single jobs, {meshes} meshes"))?;
-    if !deleting.yes && !pruned.is_empty() {
-        ui::say!("nothing is deleted yet; --yes does it");
+    print_line(format_args!("{verb} {sweeps} sweeps, {jobs} single jobs, {meshes} meshes"))?;
+    if !delete.yes && !pruned.is_empty() {
+        message!("nothing is deleted; add --yes to delete");
     }
     Ok(Exit::Done)
 }
 
-/// An age as people write it.
+/// Parses an age such as `30d`.
 pub(crate) fn age(text: &str) -> Result<Duration, String> {
-    let wrong = || "give a number of hours, days or weeks, such as 12h, 30d or 8w".to_owned();
-    let (number, unit) = text.split_at_checked(text.len().saturating_sub(1)).ok_or_else(wrong)?;
+    let error = || "write a number of hours, days or weeks, such as 12h, 30d or 8w".to_owned();
+    let (number, unit) = text.split_at_checked(text.len().saturating_sub(1)).ok_or_else(error)?;
     let hours = match unit {
         "h" => 1,
         "d" => 24,
         "w" => 24 * 7,
-        _ => return Err(wrong()),
+        _ => return Err(error()),
     };
-    let number: u32 = number.parse().map_err(|_| wrong())?;
+    let number: u32 = number.parse().map_err(|_| error())?;
     Ok(Duration::from_secs(u64::from(number) * hours * 3600))
 }
 
@@ -63,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_age_has_a_number_and_a_unit() {
+    fn age_is_a_number_and_a_unit() {
         for (text, hours) in [("12h", 12), ("30d", 720), ("8w", 1344), ("0d", 0)] {
             assert_eq!(age(text), Ok(Duration::from_secs(hours * 3600)), "{text}");
         }

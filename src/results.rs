@@ -9,14 +9,12 @@ use roost_api::RunResult;
 use roost_api::ids::SweepId;
 use roost_api::table::{SweepPoints, SweepResults};
 use roost_solver::experiments::outputs_of;
+use roost_terminal::{BadInput, Exit, Table, format, message, print_content};
 use roost_worker::client::{Client, ClientError};
 use serde_json::{Value, json};
 use uuid::Uuid;
 
-use crate::exit::{BadInput, Exit};
 use crate::target::{self, Target};
-use crate::ui;
-use crate::ui::{format, table::Table};
 use crate::{output, run};
 
 /// Print the results of a sweep or a job
@@ -27,16 +25,16 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// A short table for people; JSON, CSV or Parquet with everything
+    /// Format: a short table, or JSON, CSV or Parquet with all responses
     #[arg(long, value_enum, default_value_t = Format::Table)]
     format: Format,
-    /// A row a trial; or a design point, with means and 95 % intervals over its replicates
+    /// Rows: one per trial, or one per design point with means and 95 % intervals over its replicates
     #[arg(long, value_enum, default_value_t = By::Trial)]
     by: By,
     /// Write to this file instead of stdout
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Fetch the frames of a job into this file instead, if it recorded some
+    /// Download the frames of a job into this file
     #[arg(long, value_name = "FILE", conflicts_with_all = ["format", "by", "output"])]
     frames: Option<PathBuf>,
 }
@@ -57,54 +55,54 @@ enum By {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     if args.format == Format::Parquet && args.output.is_none() && std::io::stdout().is_terminal() {
-        return Err(BadInput("Parquet is not for terminals: add -o FILE".to_owned()).into());
+        return Err(BadInput("Parquet cannot be shown in a terminal; add -o FILE".to_owned()).into());
     }
     let client = args.server.client()?;
-    let found = target::find(&client, args.id).await?;
+    let target = target::find(&client, args.id).await?;
     if let Some(file) = &args.frames {
-        return frames(&client, &found, file).await;
+        return download_frames(&client, &target, file).await;
     }
-    let content = match found {
-        Target::Sweep(sweep) => of_sweep(&client, sweep.id, args.format, args.by).await?,
+    let content = match target {
+        Target::Sweep(sweep) => sweep_content(&client, sweep.id, args.format, args.by).await?,
         Target::Job(job) => {
             let result = match client.job_result(job.id).await {
                 Ok(result) => result,
-                // The job is there, its result is not (yet): the id was no wrong input.
+                // The job exists without a result, so the id is no bad input.
                 Err(ClientError::Problem(problem)) if problem.status == 404 => {
-                    ui::say!("error: {}", problem.detail);
+                    message!("error: {}", problem.detail);
                     return Ok(Exit::Failed);
                 }
                 Err(error) => return Err(error.into()),
             };
-            of_job(&result, args.format)?
+            job_content(&result, args.format)?
         }
     };
     write(args.output.as_deref(), &content)?;
     Ok(Exit::Done)
 }
 
-/// Fetches the frames of a job into a file.
-async fn frames(client: &Client, found: &Target, file: &Path) -> Result<Exit> {
-    let Target::Job(job) = found else {
+/// Downloads the frames of a job into a file.
+async fn download_frames(client: &Client, target: &Target, file: &Path) -> Result<Exit> {
+    let Target::Job(job) = target else {
         return Err(BadInput(
-            "frames are those of a job, and this is a sweep; `roost list --jobs` has its jobs".to_owned(),
+            "a sweep has no frames; give the id of one of its jobs (`roost list --jobs`)".to_owned(),
         )
         .into());
     };
     let Some(frames) = &job.frames else {
-        ui::say!(
-            "error: the job is {} and has no frames; `roost submit --frame-interval` asks for some",
+        message!(
+            "error: the job is {} and has no frames; `roost submit --frame-interval` records frames",
             job.state
         );
         return Ok(Exit::Failed);
     };
     client.download_frames(job.id, file).await?;
-    let stopped = frames.stopped.as_ref().map(|why| format!("; {why}")).unwrap_or_default();
-    ui::say!("{} frames, {:.1} MB, in {}{stopped}", frames.count, frames.bytes as f64 / 1e6, file.display());
+    let stopped = frames.stopped.as_ref().map(|reason| format!("; {reason}")).unwrap_or_default();
+    message!("{} frames, {:.1} MB, in {}{stopped}", frames.count, frames.bytes as f64 / 1e6, file.display());
     Ok(Exit::Done)
 }
 
-async fn of_sweep(client: &Client, id: SweepId, format: Format, by: By) -> Result<Vec<u8>> {
+async fn sweep_content(client: &Client, id: SweepId, format: Format, by: By) -> Result<Vec<u8>> {
     let name = |value: &dyn Fn() -> Option<clap::builder::PossibleValue>| {
         value().map(|value| value.get_name().to_owned()).unwrap_or_default()
     };
@@ -124,26 +122,25 @@ async fn of_sweep(client: &Client, id: SweepId, format: Format, by: By) -> Resul
     })
 }
 
-fn of_job(result: &RunResult, format: Format) -> Result<Vec<u8>> {
+fn job_content(result: &RunResult, format: Format) -> Result<Vec<u8>> {
     let mut content = Vec::new();
     match format {
         Format::Json => content = format!("{:#}\n", json!(result)).into(),
         Format::Csv => output::series_csv(&mut content, &result.series)?,
-        Format::Table => content = run::responses(result).to_string().into(),
+        Format::Table => content = run::responses_table(result).to_string().into(),
         Format::Parquet => {
-            return Err(BadInput(
-                "the result of a job comes as JSON or CSV; Parquet is for sweeps".to_owned(),
-            )
-            .into());
+            return Err(
+                BadInput("the result of a job has no Parquet format; use json or csv".to_owned()).into()
+            );
         }
     }
     Ok(content)
 }
 
-/// To the file that was asked for, or to stdout.
+/// Writes to a file, or to stdout.
 fn write(file: Option<&Path>, content: &[u8]) -> Result<()> {
     match file {
-        None => ui::write(content)?,
+        None => print_content(content)?,
         Some(path) => std::fs::write(path, content)
             .map_err(|error| BadInput(format!("cannot write {}: {error}", path.display())))?,
     }
@@ -158,11 +155,11 @@ pub(crate) async fn headline(client: &Client, sweep: SweepId) -> Result<Vec<&'st
     Ok(headline.map(|row| row.name).collect())
 }
 
-/// A row per trial: levels, seed, state and the headline responses.
+/// One row per trial: levels, seed, state and the headline responses.
 fn trials(results: &SweepResults, shown: &[&str]) -> Table {
     let factors = &results.sweep.factors;
     let names = shown.iter().map(|name| (*name).to_owned());
-    let head = format::factors(factors).into_iter();
+    let head = format::factor_names(factors).into_iter();
     let mut table = Table::new(head.chain(["seed".to_owned(), "state".to_owned()]).chain(names));
     for trial in &results.trials {
         let levels = factors.iter().map(|name| format::cell(&trial.factors[name]));
@@ -177,11 +174,11 @@ fn trials(results: &SweepResults, shown: &[&str]) -> Table {
     table
 }
 
-/// A row per design point: levels, number of succeeded trials, and the headline responses with their intervals.
+/// One row per design point: levels, number of succeeded trials, and the headline responses with their intervals.
 fn points(results: &SweepPoints, shown: &[&str]) -> Table {
     let factors = &results.sweep.factors;
     let names = shown.iter().map(|name| (*name).to_owned());
-    let head = ["point".to_owned()].into_iter().chain(format::factors(factors));
+    let head = ["point".to_owned()].into_iter().chain(format::factor_names(factors));
     let counts = ["done", "unstable"].map(str::to_owned);
     let mut table = Table::new(head.chain(counts).chain(names));
     for point in &results.points {

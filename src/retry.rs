@@ -1,13 +1,12 @@
-//! `roost retry`: queue again what failed or was cancelled.
+//! `roost retry`: queue failed and cancelled jobs again.
 
 use anyhow::Result;
 use roost_api::job::FailureClass;
+use roost_terminal::{Exit, message};
 use uuid::Uuid;
 
-use crate::exit::Exit;
 use crate::list;
 use crate::target::{self, Target};
-use crate::ui;
 
 /// Queue the failed and cancelled jobs of a sweep, or one job, again
 #[derive(Debug, clap::Args)]
@@ -17,7 +16,7 @@ pub(crate) struct Args {
     id: Uuid,
     #[command(flatten)]
     server: target::Server,
-    /// Only what failed so: invalid, unstable, worker, lost or timeout
+    /// Only jobs of this failure class: invalid, unstable, worker, lost or timeout
     #[arg(long, value_name = "CLASS")]
     class: Option<FailureClass>,
     /// Print JSON
@@ -31,17 +30,17 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         Target::Sweep(mut sweep) => {
             match args.class {
                 Some(class) if *sweep.failures.of(class) == 0 => {
-                    ui::say!("nothing to retry: no job has failed as {}", class.as_str());
+                    message!("nothing to retry: no job has failed as {}", class.as_str());
                 }
                 None if sweep.counts.failed + sweep.counts.cancelled == 0 => {
-                    ui::say!("nothing to retry: no job has failed or was cancelled");
+                    message!("nothing to retry: no job has failed or was cancelled");
                 }
                 _ => {}
             }
-            list::show_sweep(client.retry_sweep(sweep.id, args.class).await?, args.json)?;
+            list::print_sweep(client.retry_sweep(sweep.id, args.class).await?, args.json)?;
         }
         Target::Job(job) => {
-            list::show_job(client.retry_job(job.id, args.class).await?, args.json)?;
+            list::print_job(client.retry_job(job.id, args.class).await?, args.json)?;
         }
     }
     Ok(Exit::Done)

@@ -1,4 +1,4 @@
-//! `roost run`: one scenario right here, without a server.
+//! `roost run`: simulate one scenario without a server.
 
 use std::path::PathBuf;
 
@@ -6,35 +6,35 @@ use anyhow::Result;
 use roost_api::job::AttemptOutcome;
 use roost_api::{Phase, Progress, RunResult};
 use roost_solver::{Limits, scenario};
+use roost_terminal::progress::Bar;
+use roost_terminal::{
+    BadInput, Exit, Table, format, input, message, print_json, print_line, print_lines, signals, threads,
+};
 use roost_worker::runner::{Resources, Run, RunEnd, Stop};
 use serde_json::json;
 use tokio_util::sync::CancellationToken;
 
 use crate::device::DeviceArgs;
-use crate::exit::{BadInput, Exit};
+use crate::document::DocumentKind;
 use crate::frames::{FrameArgs, Frames};
-use crate::ui;
-use crate::ui::meter::Meter;
-use crate::ui::{format, table::Table};
-use crate::work::{say_threads, threads};
-use crate::{frames, input, meshes, output, signals};
+use crate::{frames, meshes, output};
 
-/// Run one scenario here, without a server
+/// Simulate one scenario without a server
 ///
-/// Writes result.json, series.csv and curve.svg. Ctrl-C stops the run and keeps what it has so far.
+/// Writes result.json, series.csv and curve.svg. Ctrl-C stops the simulation and writes the result so far.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The scenario, a JSON file; `-` reads stdin
+    /// JSON file with the scenario; `-` reads stdin
     scenario: PathBuf,
     /// Folder for the result
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Threads to use; 0 means one per processor
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads())]
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads::value_parser())]
     threads: u16,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Use this seed instead of the scenario's
+    /// Seed, in place of the one in the scenario
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Print a summary as JSON instead of a table
@@ -45,32 +45,36 @@ pub(crate) struct Args {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let mut document = input::read(&args.scenario)?;
-    // Before anything is made or runs: a signal at any time from here on keeps what there is.
-    let shutdown = signals::shutdown()?;
+    let mut document = input::read_document(&args.scenario)?;
+    // Installed before any file is written: from here on a signal stops the run in good order.
+    let shutdown = signals::shutdown_token()?;
     if let (Some(seed), Some(fields)) = (args.seed, document.as_object_mut()) {
         fields.insert("seed".to_owned(), json!(seed));
     }
-    if input::Kind::of(&document) == input::Kind::Sweep {
-        let name = input::name(&args.scenario);
-        let text = format!("{name} is a sweep, and this runs one scenario; `roost submit` takes sweeps");
+    if DocumentKind::of(&document) == DocumentKind::Sweep {
+        let name = input::display_name(&args.scenario);
+        let text =
+            format!("{name} is a sweep; `roost run` takes one scenario, and `roost submit` takes sweeps");
         return Err(BadInput(text).into());
     }
-    let named = meshes::resolve(&args.scenario, document).without_a_server();
-    let bad = |faults: Vec<_>| input::faults(&args.scenario, &named.faults_and(faults));
-    let scenario = scenario::from_value(&named.document).map_err(bad)?;
-    let checked = roost_solver::check(&scenario, &named.meshes, &Limits::default()).map_err(bad)?;
+    let resolved = meshes::resolve(&args.scenario, document).without_server();
+    let faults_error = |faults: Vec<_>| input::faults_error(&args.scenario, &resolved.with_faults(faults));
+    let scenario = scenario::from_value(&resolved.document).map_err(faults_error)?;
+    let checked =
+        roost_solver::check(&scenario, &resolved.meshes, &Limits::default()).map_err(faults_error)?;
     let estimate = checked.estimate();
     for warning in &estimate.warnings {
-        ui::say!("warning: {warning}");
+        message!("warning: {warning}");
     }
-    // Now, not after an hour of simulation.
-    let device = args.device.choose()?;
-    say_threads(args.threads, &device);
+    // Errors of the device and the folder come before the simulation.
+    let device = args.device.open()?;
+    if device.backend() == "cpu" {
+        threads::warn_if_too_many(args.threads);
+    }
     let resources = Resources::new(device, args.threads.into());
-    output::prepare(&args.output)?;
-    ui::say!(
-        "{} fillets, {} sub-particles, {} steps of {} s at most",
+    output::check_writable(&args.output)?;
+    message!(
+        "{} fillets, {} sub-particles, at most {} steps of {} s",
         estimate.fillets,
         estimate.subparticles,
         estimate.steps,
@@ -79,12 +83,12 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let mut frames = args.frames.prepare(&scenario, estimate)?;
     let pictures = frames.as_ref().map(Frames::pictures);
     let run = Run::start_checked(checked, resources, pictures);
-    let end = watch(run, &shutdown, || frames.as_mut()?.warning()).await;
-    let recorded = frames.as_mut().map(Frames::finish);
+    let end = follow(run, &shutdown, || frames.as_mut()?.warning()).await;
+    let report = frames.as_mut().map(Frames::finish);
     let (result, exit) = match end {
         RunEnd::Finished(result) => (result, Exit::Done),
         RunEnd::Failed { outcome, message, result: Some(result) } => {
-            ui::say!("{outcome}: {message}");
+            message!("{outcome}: {message}");
             let exit = if outcome == AttemptOutcome::Unstable { Exit::Unstable } else { Exit::Failed };
             (result, exit)
         }
@@ -92,28 +96,28 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         RunEnd::Abandoned => anyhow::bail!("the run was abandoned"),
     };
     let mut files = output::write(&args.output, &result)?;
-    files.extend(recorded.iter().flat_map(|recorded| recorded.files.iter().cloned()));
+    files.extend(report.iter().flat_map(|report| report.files.iter().cloned()));
     if args.json {
         let mut summary = summary(&result, &files);
-        if let Some(recorded) = &recorded {
-            summary["frames"] = frames::summary(recorded);
+        if let Some(report) = &report {
+            summary["frames"] = frames::summary(report);
         }
-        ui::json(&summary)?;
+        print_json(&summary)?;
     } else {
-        ui::print(format_args!("{}", responses(&result)))?;
-        ui::println("")?;
-        ui::println(files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("  "))?;
+        print_lines(format_args!("{}", responses_table(&result)))?;
+        print_line("")?;
+        print_line(files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("  "))?;
     }
     Ok(exit)
 }
 
-/// Follows a run to its end on a progress bar, and tells what is `news` on the way; a signal stops it.
-async fn watch(
+/// Follows a run to its end with a progress bar, and prints warnings above it. A signal stops the run.
+async fn follow(
     mut run: Run,
     shutdown: &CancellationToken,
-    mut news: impl FnMut() -> Option<String>,
+    mut warning: impl FnMut() -> Option<String>,
 ) -> RunEnd {
-    let mut meter = Meter::new("simulating");
+    let mut bar = Bar::new("simulating");
     let mut last = None;
     loop {
         tokio::select! {
@@ -124,10 +128,10 @@ async fn watch(
                 }
                 last = run.progress.borrow_and_update().clone();
                 if let Some(progress) = &last {
-                    meter.show(progress.fraction, describe(progress));
+                    bar.update(progress.fraction, &describe(progress));
                 }
-                if let Some(news) = news() {
-                    meter.tell(&news);
+                if let Some(warning) = warning() {
+                    bar.message(&warning);
                 }
             }
         }
@@ -136,17 +140,17 @@ async fn watch(
     match last {
         Some(progress) => {
             let fraction = if matches!(end, RunEnd::Finished(_)) { 1.0 } else { progress.fraction };
-            meter.finish(fraction, format!("{} of wall time", format::duration(progress.wall_s)));
+            bar.finish(fraction, &format!("{} of wall time", format::duration(progress.wall_s)));
         }
-        None => meter.clear(),
+        None => bar.clear(),
     }
     end
 }
 
-/// Phase, simulated time, rates and time left in one line.
+/// Phase, simulated time, time left and rates as one line.
 pub(crate) fn describe(progress: &Progress) -> String {
     let phase = match progress.phase {
-        Phase::Fill => format!("coming to rest, {:.2} s", progress.simulated_s),
+        Phase::Fill => format!("filling and settling, {:.2} s", progress.simulated_s),
         Phase::Process if progress.discharged_kg > 0.0 => {
             format!("t = {:.2} s, {:.2} kg out", progress.time_s, progress.discharged_kg)
         }
@@ -160,14 +164,14 @@ pub(crate) fn describe(progress: &Progress) -> String {
     format!("{phase}{left} · {rate} × real time · {work} particle-steps/s")
 }
 
-/// Responses, one a line.
-pub(crate) fn responses(result: &RunResult) -> Table {
+/// The responses, one per line.
+pub(crate) fn responses_table(result: &RunResult) -> Table {
     let mut table = Table::new(["response", "value"]);
     table.row(["end_reason".to_owned(), format::cell(&json!(result.end_reason))]);
     for (name, value) in &result.responses {
-        let inner = value.as_object().into_iter().flatten();
+        let entries = value.as_object().into_iter().flatten();
         if value.is_object() {
-            inner.for_each(|(key, value)| table.row([format!("{name}.{key}"), format::cell(value)]));
+            entries.for_each(|(key, value)| table.row([format!("{name}.{key}"), format::cell(value)]));
         } else {
             table.row([name.clone(), format::cell(value)]);
         }

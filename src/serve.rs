@@ -1,4 +1,4 @@
-//! `roost serve`: the server.
+//! `roost serve`: run the server.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -6,72 +6,69 @@ use std::time::Duration;
 
 use anyhow::Result;
 use roost_server::{Bucket, Limits, RetryLimit, RetryPolicy, Server, ServerConfig};
-
-use crate::exit::Exit;
-use crate::signals;
-use crate::ui;
+use roost_terminal::{Exit, print_line, signals};
 
 /// Run the server: the queue, the sweeps and the HTTP API
 ///
-/// Everything it keeps is in the data folder. On SIGTERM or Ctrl-C it finishes what it answers and exits; running
-/// jobs go on at their workers and are delivered once it is back.
+/// All data is in the data folder. On SIGTERM or Ctrl-C the server completes open requests and exits. Running jobs continue at
+/// their workers, which deliver them after a restart.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
     server: ServerArgs,
 }
 
-/// What every server can be told, alone or inside `roost up`.
+/// Options of every server, in `roost serve` and `roost up`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ServerArgs {
-    /// Where to listen; port 0 lets the system choose
+    /// Address and port to listen on; port 0 takes any free port
     #[arg(long, default_value = "127.0.0.1:7373", value_name = "ADDR", value_parser = address)]
     listen: SocketAddr,
-    /// Folder for everything the server keeps
+    /// Data folder
     #[arg(long, default_value = "roost-data", value_name = "DIR")]
     pub(crate) data: PathBuf,
-    /// Keep frames in a bucket of S3 in place of the data folder, with credentials from the environment; needs a build with the
+    /// Store frames in an S3 bucket in place of the data folder, with credentials from the environment; needs a build with the
     /// feature `s3`
     #[arg(long, value_name = "s3://BUCKET/PREFIX")]
     objects: Option<Bucket>,
-    /// Workers are told to give a sign of life this often
+    /// Interval of the heartbeats of workers
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = positive)]
     heartbeat_s: f64,
-    /// A job goes back to the queue when its worker has been silent for this long
+    /// Duration of a lease: a job is queued again after this time without a heartbeat
     #[arg(long, default_value_t = 15.0, value_name = "SECONDS", value_parser = positive)]
     lease_s: f64,
-    /// Largest scenario accepted, in sub-particles
+    /// Maximum number of sub-particles of a scenario
     #[arg(long, default_value_t = Limits::default().max_subparticles, value_name = "N")]
     max_subparticles: u64,
-    /// Longest scenario accepted, in time steps
+    /// Maximum number of time steps of a scenario
     #[arg(long, default_value_t = Limits::default().max_steps, value_name = "N")]
     max_steps: u64,
-    /// Largest sweep accepted, in jobs
+    /// Maximum number of jobs of a sweep
     #[arg(long, default_value_t = ServerConfig::default().max_jobs_per_sweep, value_name = "N")]
     max_jobs: u64,
-    /// Largest request body accepted, in bytes
+    /// Maximum size of a request body
     #[arg(long, default_value_t = ServerConfig::default().max_body_bytes, value_name = "BYTES")]
     max_body_bytes: usize,
-    /// What the frames of one job may weigh, in millions of bytes; a run that would pass it goes on without more of them
+    /// Maximum size of the frames of one job; recording stops at the limit
     #[arg(long, default_value_t = ServerConfig::default().max_frames_bytes / 1_000_000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     max_frames_mb: u64,
-    /// Requests a second with one token, or of all without tokens; 0 is no limit
+    /// Maximum number of requests per second for each token, or for all clients without tokens; 0 means no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
-    /// Connections at once. Past it, those close that wait longest for a request. Each worker takes up to three; the server
-    /// keeps to fewer where the system lets it open fewer files
+    /// Maximum number of connections. Above it, the connections that have been idle for longest are closed. Each worker uses up
+    /// to three. The limit is lower if the system allows fewer open files
     #[arg(long, default_value_t = ServerConfig::default().max_connections, value_name = "N", value_parser = connections)]
     max_connections: usize,
-    /// Delete sweeps and single jobs this long after their end, such as 30d; without it they stay for ever
+    /// Delete sweeps and single jobs at this time after their end, such as 30d; without it they are never deleted
     #[arg(long, value_name = "AGE", value_parser = crate::prune::age)]
     prune_after: Option<Duration>,
-    /// Attempts of a job that may fail because of their worker; 0 is no limit
+    /// Maximum number of attempts of a job that fail because of their worker; 0 means no limit
     #[arg(long, default_value_t = RetryPolicy::default().worker.attempts, value_name = "N")]
     worker_attempts: u32,
-    /// Attempts of a job that may be lost with their worker; 0 is no limit
+    /// Maximum number of attempts of a job that are lost with their worker; 0 means no limit
     #[arg(long, default_value_t = RetryPolicy::default().lost.attempts, value_name = "N")]
     lost_attempts: u32,
-    /// Pause before another attempt, which doubles each time up to a minute, less a random half
+    /// Pause before the next attempt; it doubles each time up to a minute, and a random part of up to half is subtracted
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = pause)]
     retry_pause_s: f64,
 }
@@ -102,9 +99,9 @@ impl ServerArgs {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let shutdown = signals::shutdown()?;
+    let shutdown = signals::shutdown_token()?;
     let server = Server::bind(args.server.config()).await?;
-    ui::println(format_args!("listening on http://{}", server.local_addr()))?;
+    print_line(format_args!("listening on http://{}", server.local_addr()))?;
     server.run(shutdown).await?;
     Ok(Exit::Done)
 }
@@ -112,14 +109,14 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 fn connections(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count) if (16..=1_000_000).contains(&count) => Ok(count),
-        _ => Err("give a number of connections from 16 to 1000000".to_owned()),
+        _ => Err("write a number of connections from 16 to 1000000".to_owned()),
     }
 }
 
 fn pause(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
-        _ => Err("give a number of seconds from 0 to 3600".to_owned()),
+        _ => Err("write a number of seconds from 0 to 3600".to_owned()),
     }
 }
 
@@ -130,6 +127,6 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.05..=86_400.0).contains(&seconds) => Ok(seconds),
-        _ => Err("give a number of seconds from 0.05 to 86400".to_owned()),
+        _ => Err("write a number of seconds from 0.05 to 86400".to_owned()),
     }
 }

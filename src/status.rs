@@ -1,15 +1,14 @@
-//! `roost status`: how far a sweep or a job has come.
+//! `roost status`: the progress of a sweep or a job.
 
 use anyhow::Result;
+use roost_terminal::{Exit, message, print_json, print_line, print_lines};
 use serde_json::json;
 use uuid::Uuid;
 
-use crate::exit::Exit;
 use crate::target::{self, Target};
-use crate::ui;
 use crate::{list, run};
 
-/// Show how far a sweep or a job has come
+/// Show the progress of a sweep or a job
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep or a job
@@ -28,24 +27,24 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         Target::Sweep(sweep) => {
             let page = client.sweep_jobs(sweep.id, None, None, 100).await?;
             if args.json {
-                ui::json(&json!(sweep))?;
+                print_json(&json!(sweep))?;
             } else {
-                ui::print(format_args!("{}\n{}\n", list::sweeps(&[sweep]), list::jobs(&page.items)))?;
+                print_lines(format_args!("{}\n{}\n", list::sweeps(&[sweep]), list::jobs(&page.items)))?;
                 if page.next_cursor.is_some() {
-                    ui::say!("the newest 100 jobs only; `roost results {}` has all", args.id);
+                    message!("only the newest 100 jobs are shown; `roost results {}` has all", args.id);
                 }
             }
         }
         Target::Job(job) => {
             if args.json {
-                ui::json(&json!(job))?;
+                print_json(&json!(job))?;
             } else {
-                ui::print(format_args!("{}", list::jobs(std::slice::from_ref(&job))))?;
+                print_lines(format_args!("{}", list::jobs(std::slice::from_ref(&job))))?;
                 if let Some(progress) = job.progress.as_ref().filter(|_| !job.state.is_ended()) {
-                    ui::println(format_args!("{}", run::describe(progress)))?;
+                    print_line(format_args!("{}", run::describe(progress)))?;
                 }
                 if let Some(message) = &job.failure_message {
-                    ui::println(format_args!("{message}"))?;
+                    print_line(format_args!("{message}"))?;
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! `roost submit`: a scenario, a job or a sweep goes to the server.
+//! `roost submit`: submit a scenario, a job or a sweep to the server.
 
 use std::path::{Path, PathBuf};
 
@@ -6,83 +6,83 @@ use anyhow::Result;
 use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::sweep::SweepView;
 use roost_solver::Limits;
+use roost_terminal::{Exit, input, message, print_json, print_line, signals};
 use roost_worker::client::ClientError;
 use serde_json::{Value, json};
 
-use crate::exit::Exit;
-use crate::input::{self, Kind};
-use crate::ui;
-use crate::{meshes, signals, target, watch};
+use crate::document::DocumentKind;
+use crate::{meshes, target, watch};
 
 /// Submit a scenario or a sweep to a server
 ///
-/// STL files that it names are uploaded first, unless the server has them.
+/// Uploads its STL files first, unless the server has them.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// A JSON file with a scenario, or a sweep (it has a `base`); `-` reads stdin
+    /// JSON file with a scenario, or with a sweep (which has a `base`); `-` reads stdin
     file: PathBuf,
     #[command(flatten)]
     server: target::Server,
-    /// Stay until it has ended, with a progress bar
+    /// Wait for the end, with a progress bar
     #[arg(long)]
     wait: bool,
-    /// Higher is claimed first
+    /// Priority; jobs with a higher one are claimed first
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     priority: Option<i32>,
-    /// Longest wall time of each run
+    /// Maximum wall time of each attempt
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     max_wall_s: Option<f64>,
-    /// Record frames so far apart in simulated time; `roost results --frames` fetches those of a job
+    /// Record frames at this interval of simulated time; `roost results --frames` downloads those of a job
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     frame_interval: Option<f64>,
-    /// Run it even if the result of the same scenario is there already
+    /// Simulate even if the server has a result of the same scenario
     #[arg(long)]
     no_cache: bool,
-    /// Print the answer as JSON
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
-/// How much is too much is the server's to say.
+/// The server has its own limits.
 const NO_LIMITS: Limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let named = meshes::resolve(&args.file, input::read(&args.file)?).checked(&args.file)?;
-    let mut document = named.document.clone();
-    let kind = Kind::of(&document);
-    if kind == Kind::Scenario {
+    let resolved = meshes::resolve(&args.file, input::read_document(&args.file)?).checked(&args.file)?;
+    let mut document = resolved.document.clone();
+    let kind = DocumentKind::of(&document);
+    if kind == DocumentKind::Scenario {
         document = json!({ "scenario": document });
     }
     add_options(&mut document, &args);
     let client = args.server.client()?;
-    // Meshes stay on a server for good: those of a document that it would refuse anyway do not get there.
-    if named.is_self_contained() {
-        let report = roost_server::validate(named.document.clone(), &named.meshes, &NO_LIMITS, u64::MAX);
-        report.map_err(|faults| input::faults(&args.file, &faults))?;
+    // The server keeps uploaded meshes, so an invalid document must not upload any.
+    if resolved.is_self_contained() {
+        let report =
+            roost_server::validate(resolved.document.clone(), &resolved.meshes, &NO_LIMITS, u64::MAX);
+        report.map_err(|faults| input::faults_error(&args.file, &faults))?;
     }
-    named.upload(&client).await?;
-    let refused = |error| refusal(&args.file, kind, error);
-    if kind == Kind::Sweep {
-        let mut sweep: SweepView = client.submit_document("sweeps", &document).await.map_err(refused)?;
+    resolved.upload(&client).await?;
+    let to_error = |error| submission_error(&args.file, kind, error);
+    if kind == DocumentKind::Sweep {
+        let mut sweep: SweepView = client.submit_document("sweeps", &document).await.map_err(to_error)?;
         let id = sweep.id;
         if !args.json || args.wait {
-            ui::say!("sweep {id}: {} jobs", sweep.counts.total());
+            message!("sweep {id}: {} jobs", sweep.counts.total());
         }
         if args.wait {
-            sweep = watch::sweep(&client, id, &signals::shutdown()?).await?;
+            sweep = watch::sweep(&client, id, &signals::shutdown_token()?).await?;
         }
-        tell(&args, &json!(sweep), &id.to_string())?;
+        print_id(&args, &json!(sweep), &id.to_string())?;
         Ok(if args.wait { watch::exit_of_sweep(&client, &sweep).await? } else { Exit::Done })
     } else {
-        let mut job: JobView = client.submit_document("jobs", &document).await.map_err(refused)?;
+        let mut job: JobView = client.submit_document("jobs", &document).await.map_err(to_error)?;
         let id = job.id;
         if args.wait {
-            ui::say!("job {id}");
+            message!("job {id}");
         }
         if args.wait {
-            job = watch::job(&client, id, &signals::shutdown()?).await?;
+            job = watch::job(&client, id, &signals::shutdown_token()?).await?;
         }
-        tell(&args, &json!(job), &id.to_string())?;
+        print_id(&args, &json!(job), &id.to_string())?;
         Ok(if args.wait { exit_of_job(&job) } else { Exit::Done })
     }
 }
@@ -90,39 +90,39 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
 fn seconds(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if f64::is_finite(seconds) && seconds > 0.0 => Ok(seconds),
-        _ => Err("give a number of seconds above 0".to_owned()),
+        _ => Err("write a number of seconds above 0".to_owned()),
     }
 }
 
-/// How a job's end reads as an exit code.
+/// The exit code of a job.
 fn exit_of_job(job: &JobView) -> Exit {
     match (job.state, job.failure_class) {
         (JobState::Succeeded, _) => Exit::Done,
         (_, Some(FailureClass::Unstable)) => Exit::Unstable,
         _ => {
             if let Some(message) = &job.failure_message {
-                ui::say!("{}: {message}", job.state);
+                message!("{}: {message}", job.state);
             }
             Exit::Failed
         }
     }
 }
 
-/// The faults that the server found, with pointers into the file: the envelope around a scenario is ours.
-fn refusal(file: &Path, kind: Kind, error: ClientError) -> anyhow::Error {
+/// An error with the faults from the server. Pointers lead into the file, which has no envelope around the scenario.
+fn submission_error(file: &Path, kind: DocumentKind, error: ClientError) -> anyhow::Error {
     let ClientError::Problem(problem) = &error else { return error.into() };
     if problem.errors.is_empty() {
         return error.into();
     }
     let mut faults = problem.errors.clone();
-    if kind == Kind::Scenario {
+    if kind == DocumentKind::Scenario {
         for fault in &mut faults {
             if let Some(inner) = fault.pointer.strip_prefix("/scenario") {
                 fault.pointer = inner.to_owned();
             }
         }
     }
-    input::faults(file, &faults).into()
+    input::faults_error(file, &faults).into()
 }
 
 fn add_options(document: &mut Value, args: &Args) {
@@ -142,16 +142,16 @@ fn add_options(document: &mut Value, args: &Args) {
     }
 }
 
-/// The id alone on stdout, so that a script can keep it; what to do next on stderr.
-fn tell(args: &Args, view: &Value, id: &str) -> Result<()> {
+/// Prints the id on stdout, for scripts, and the next commands on stderr.
+fn print_id(args: &Args, view: &Value, id: &str) -> Result<()> {
     if args.json {
-        ui::json(view)?;
+        print_json(view)?;
         return Ok(());
     }
-    ui::println(format_args!("{id}"))?;
+    print_line(format_args!("{id}"))?;
     if !args.wait {
-        ui::say!("next: roost status {id}");
+        message!("next: roost status {id}");
     }
-    ui::say!("      roost results {id}");
+    message!("      roost results {id}");
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Which server, and which job or sweep of it.
+//! The server of a command, and ids of its sweeps, jobs and workers.
 
 use std::path::PathBuf;
 
@@ -7,12 +7,11 @@ use clap::Args;
 use roost_api::ids::{JobId, SweepId, WorkerId};
 use roost_api::job::JobView;
 use roost_api::sweep::SweepView;
+use roost_terminal::BadInput;
 use roost_worker::client::{Client, ClientError, Credentials};
 use uuid::Uuid;
 
-use crate::exit::BadInput;
-
-/// The server to talk to.
+/// The server of a command.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Server {
     /// Address of the server
@@ -28,13 +27,13 @@ impl Server {
     }
 }
 
-/// What the server wants to see, and how it is known to be the server. A token is never an argument: others see those.
+/// Credentials for the server. A token is never an argument, since other users can see those.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Access {
-    /// File with the access token; without it, ROOST_TOKEN from the environment
+    /// File with the access token [default: the variable ROOST_TOKEN]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// File with the certificates (PEM) of the authorities to trust over https, in place of the system's
+    /// File with certificates (PEM) of the authorities to trust over https, in place of the system's
     #[arg(long, env = "ROOST_CA", value_name = "FILE")]
     ca: Option<PathBuf>,
 }
@@ -43,13 +42,13 @@ impl Access {
     pub(crate) fn read(&self) -> Result<Credentials> {
         let mut credentials = Credentials { token: self.token()?, ca: None };
         if let Some(path) = &self.ca {
-            let unread = |error| {
+            let to_error = |error| {
                 let path = path.display();
                 BadInput(format!(
                     "cannot read the certificates to trust (--ca or ROOST_CA) in {path}: {error}"
                 ))
             };
-            credentials.ca = Some(std::fs::read(path).map_err(unread)?);
+            credentials.ca = Some(std::fs::read(path).map_err(to_error)?);
             credentials.check().with_context(|| path.display().to_string())?;
         }
         Ok(credentials)
@@ -65,32 +64,30 @@ impl Access {
     }
 }
 
-/// Reads the id of a sweep or a job from the command line.
+/// Parses the id of a sweep or a job.
 pub(crate) fn id(text: &str) -> Result<Uuid, String> {
-    id_shown_by("roost list", text)
+    parse_id("roost list", text)
 }
 
-/// Reads the id of a worker.
+/// Parses the id of a worker.
 pub(crate) fn worker_id(text: &str) -> Result<WorkerId, String> {
-    id_shown_by("roost list --workers", text).map(WorkerId)
+    parse_id("roost list --workers", text).map(WorkerId)
 }
 
-fn id_shown_by(list: &str, text: &str) -> Result<Uuid, String> {
-    // What the parser says is of characters and groups, and not of what to write there.
-    let refuse = |_| {
-        format!("not an id, such as 01890a5d-ac96-774b-bcce-b302099a8057; `{list}` shows those there are")
-    };
-    text.parse().map_err(refuse)
+fn parse_id(list: &str, text: &str) -> Result<Uuid, String> {
+    // The error of the parser does not help users.
+    let to_error = |_| format!("not an id, such as 01890a5d-ac96-774b-bcce-b302099a8057; `{list}` shows all");
+    text.parse().map_err(to_error)
 }
 
-/// What an id stands for.
+/// The sweep or the job of an id.
 #[derive(Clone, Debug)]
 pub(crate) enum Target {
     Sweep(SweepView),
     Job(JobView),
 }
 
-/// Finds the sweep or the job of an id: ids do not say which they are.
+/// Finds the sweep or the job of an id, which does not contain its type.
 pub(crate) async fn find(client: &Client, id: Uuid) -> Result<Target> {
     match client.sweep(SweepId(id)).await {
         Ok(sweep) => return Ok(Target::Sweep(sweep)),
@@ -100,7 +97,7 @@ pub(crate) async fn find(client: &Client, id: Uuid) -> Result<Target> {
     match client.job(JobId(id)).await {
         Ok(job) => Ok(Target::Job(job)),
         Err(ClientError::Problem(mut problem)) if problem.status == 404 => {
-            problem.detail = format!("there is no sweep and no job {id} at {}", client.server());
+            problem.detail = format!("no sweep and no job has the id {id} at {}", client.server());
             Err(ClientError::Problem(problem).into())
         }
         Err(error) => Err(error.into()),

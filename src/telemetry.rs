@@ -1,64 +1,66 @@
-//! What a process tells of itself: a log on stderr and, built with the feature `otlp`, traces to a collector of OpenTelemetry.
+//! The log on stderr and, with the feature `otlp`, traces to an OpenTelemetry collector.
 
 use std::io::IsTerminal;
 
+use roost_terminal::log_writer;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
 
-use crate::ui;
-
-/// Where a collector listens, for all that is told or for traces alone.
+/// Variables with the address of a collector.
 const ENDPOINTS: [&str; 2] = ["OTEL_EXPORTER_OTLP_TRACES_ENDPOINT", "OTEL_EXPORTER_OTLP_ENDPOINT"];
 
-/// Keeps traces going; those that wait are sent when it goes.
+/// Guard of the traces; dropping it sends those that wait.
 #[must_use]
 pub(crate) struct Telemetry {
     #[cfg(feature = "otlp")]
     _traces: Option<otlp::Traces>,
 }
 
-/// The form of the log.
+/// The format of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum LogFormat {
-    /// Lines for people.
+    /// Text lines.
     Text,
-    /// A JSON object a line, for programs that collect logs.
+    /// One JSON object per line, for programs that collect logs.
     Json,
 }
 
-/// Starts to tell; `level` is what the log holds unless ROOST_LOG says otherwise. A role that runs for long has a name, under which
-/// it is traced.
-pub(crate) fn start(level: &str, format: LogFormat, role: Option<&'static str>) -> Telemetry {
-    let filter = EnvFilter::try_from_env("ROOST_LOG").unwrap_or_else(|_| level.into());
+/// Starts the log and the traces. `default_filter` applies without ROOST_LOG; there are no traces without a service name.
+pub(crate) fn start(
+    default_filter: &str,
+    format: LogFormat,
+    service_name: Option<&'static str>,
+) -> Telemetry {
+    let filter = EnvFilter::try_from_env("ROOST_LOG").unwrap_or_else(|_| default_filter.into());
     let log = tracing_subscriber::fmt::layer();
     let log = match format {
-        // JSON escapes by itself.
+        // JSON strings are escaped.
         LogFormat::Json => {
             log.json().flatten_event(true).with_writer(std::io::stderr).with_filter(filter).boxed()
         }
-        // The target tells lines of the audit log from others.
+        // Lines show their target, which identifies the audit log.
         LogFormat::Text => {
             let has_colours = std::io::stderr().is_terminal();
-            log.with_writer(ui::log::log).with_ansi(has_colours).with_filter(filter).boxed()
+            log.with_writer(log_writer).with_ansi(has_colours).with_filter(filter).boxed()
         }
     };
     let registry = tracing_subscriber::registry().with(log);
-    let role =
-        role.filter(|_| ENDPOINTS.iter().any(|name| std::env::var_os(name).is_some_and(|it| !it.is_empty())));
+    let service_name = service_name
+        .filter(|_| ENDPOINTS.iter().any(|name| std::env::var_os(name).is_some_and(|it| !it.is_empty())));
     #[cfg(not(feature = "otlp"))]
     {
         registry.init();
-        if role.is_some() {
+        if service_name.is_some() {
             tracing::warn!(
-                "OTEL_EXPORTER_OTLP_ENDPOINT: no traces are sent by a build without the feature `otlp`"
+                "OTEL_EXPORTER_OTLP_ENDPOINT is set, but this build cannot send traces; build with the feature `otlp`"
             );
         }
         Telemetry {}
     }
     #[cfg(feature = "otlp")]
     {
-        let traces = role.map(otlp::start).transpose();
+        let traces = service_name.map(otlp::start).transpose();
         let layer = traces.as_ref().ok().and_then(Option::as_ref).map(otlp::Traces::layer);
         registry.with(layer).init();
         let traces = traces.unwrap_or_else(|error| {
@@ -71,8 +73,8 @@ pub(crate) fn start(level: &str, format: LogFormat, role: Option<&'static str>) 
 
 #[cfg(feature = "otlp")]
 mod otlp {
-    //! Requests to a server and the attempts of a worker as spans, sent over HTTP in groups by a thread of their own. The standard
-    //! variables rule it.
+    //! Requests to a server and attempts of a worker as spans, which a thread sends over HTTP in batches. The standard variables of
+    //! OpenTelemetry configure it.
 
     use std::time::Duration;
 
@@ -84,16 +86,16 @@ mod otlp {
     use tracing_subscriber::registry::LookupSpan;
     use tracing_subscriber::{EnvFilter, Layer};
 
-    /// Our own spans (`roost` and what begins so), never those of what sends them.
+    /// Only the spans of the crates `roost*`: those of the HTTP client would trace the sending itself.
     const SPANS: &str = "off,roost=debug";
 
-    /// How long the end of a process waits for a collector.
-    const LAST_WORD: Duration = Duration::from_secs(2);
+    /// Maximum time that the exit waits for a collector.
+    const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 
     pub(super) struct Traces(SdkTracerProvider);
 
     impl Traces {
-        /// Turns spans into traces.
+        /// The layer that turns spans into traces.
         pub(super) fn layer<S>(&self) -> impl Layer<S> + use<S>
         where
             S: Subscriber + for<'span> LookupSpan<'span>,
@@ -109,18 +111,18 @@ mod otlp {
 
     impl Drop for Traces {
         fn drop(&mut self) {
-            if let Err(error) = self.0.shutdown_with_timeout(LAST_WORD) {
+            if let Err(error) = self.0.shutdown_with_timeout(SHUTDOWN_TIMEOUT) {
                 tracing::warn!(%error, "the last traces were not sent");
             }
         }
     }
 
-    pub(super) fn start(role: &'static str) -> Result<Traces, ExporterBuildError> {
+    pub(super) fn start(service_name: &'static str) -> Result<Traces, ExporterBuildError> {
         roost_worker::client::prepare_tls();
         let exporter = SpanExporter::builder().with_http().build()?;
         let mut resource = Resource::builder();
         if std::env::var_os("OTEL_SERVICE_NAME").is_none() {
-            resource = resource.with_service_name(role);
+            resource = resource.with_service_name(service_name);
         }
         let provider = SdkTracerProvider::builder()
             .with_batch_exporter(exporter)

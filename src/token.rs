@@ -1,4 +1,4 @@
-//! `roost token`: who may use a server, decided where its data is.
+//! `roost token`: access tokens of a server.
 
 use std::path::PathBuf;
 
@@ -6,20 +6,18 @@ use anyhow::{Result, bail};
 use clap::Subcommand;
 use roost_api::time::Timestamp;
 use roost_api::token::{Scope, TokenView};
+use roost_terminal::{Exit, Table, message, print_json, print_line, print_lines};
 use serde_json::json;
 
 use crate::copies;
-use crate::exit::Exit;
-use crate::ui;
-use crate::ui::table::Table;
 
-/// Make, list and revoke access tokens
+/// Create, list and revoke access tokens
 ///
-/// Works on the data folder of a server, whether that runs or not; a running one follows within a second. From the first token on, every
-/// request needs one, also after all are revoked.
+/// Works on the data folder of a server, which may be running; it follows within a second. After the first token, every request
+/// needs a token, even when all are revoked.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Folder of everything the server keeps
+    /// Data folder of the server
     #[arg(long, global = true, default_value = "roost-data", value_name = "DIR")]
     data: PathBuf,
     /// Print JSON
@@ -31,12 +29,12 @@ pub(crate) struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Make a token and print it: this once, it is kept nowhere
+    /// Create a token and print it; it cannot be shown again
     Create {
-        /// What it allows: admin (everything), submit (and read), read, or worker; may be given several times
+        /// Scope: admin (everything), submit (includes read), read, or worker; may be given several times
         #[arg(long = "scope", required = true, value_name = "SCOPE")]
         scopes: Vec<Scope>,
-        /// A name for people
+        /// Name of the token in lists
         #[arg(long, default_value = "", value_name = "NAME")]
         name: String,
     },
@@ -44,7 +42,7 @@ enum Action {
     List,
     /// Revoke a token
     Revoke {
-        /// Its id, as `roost token list` shows it
+        /// Id from `roost token list`
         id: String,
     },
 }
@@ -52,44 +50,44 @@ enum Action {
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let is_first = matches!(args.action, Action::Create { .. });
     let is_new = is_first && !args.data.exists();
-    let mut tokens = roost_server::tokens_in(&args.data, is_first).await.map_err(copies::named)?;
+    let mut tokens = roost_server::tokens_in(&args.data, is_first).await.map_err(copies::with_advice)?;
     match args.action {
         Action::Create { scopes, name } => {
             let was_open = tokens.list().await?.is_empty();
             let (view, secret) = tokens.create(&name, &scopes, Timestamp::now()).await?;
             if args.json {
-                ui::json(&json!({"token": secret, "view": view}))?;
+                print_json(&json!({"token": secret, "view": view}))?;
             } else {
-                ui::say!("token {}; keep it now, it is shown this once:", view.id);
-                ui::println(format_args!("{secret}"))?;
+                message!("token {}; save it now, it cannot be shown again:", view.id);
+                print_line(format_args!("{secret}"))?;
             }
             if is_new {
-                ui::say!(
+                message!(
                     "note: {} is a new data folder; a server uses it with `--data`",
                     args.data.display()
                 );
             }
             if was_open {
-                ui::say!(
-                    "note: from now on every request needs a token, those of workers and of `roost up` too"
+                message!(
+                    "note: from now on every request needs a token, including those of workers and of `roost up`"
                 );
             }
         }
         Action::List => {
             let all = tokens.list().await?;
             if args.json {
-                ui::json(&json!(all))?;
+                print_json(&json!(all))?;
             } else {
-                ui::print(format_args!("{}", table(&all)))?;
+                print_lines(format_args!("{}", table(&all)))?;
             }
         }
         Action::Revoke { id } => {
             if !tokens.revoke(&id, Timestamp::now()).await? {
-                bail!("there is no valid token {id}; `roost token list` shows them");
+                bail!("no valid token has the id {id}; `roost token list` shows all");
             }
-            ui::say!("revoked; a running server follows within a second");
+            message!("revoked; a running server follows within a second");
             if !tokens.has_valid().await? {
-                ui::say!(
+                message!(
                     "warning: no token is valid now; the server answers 401 until `roost token create` makes one"
                 );
             }

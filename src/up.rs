@@ -1,19 +1,17 @@
-//! `roost up`: a server and a worker in one process.
+//! `roost up`: server and worker in one process.
 
 use anyhow::Result;
+use roost_terminal::{Exit, print_line, signals};
 use roost_worker::WorkerConfig;
 
-use crate::exit::Exit;
 use crate::farm::Farm;
 use crate::serve::ServerArgs;
-use crate::signals;
 use crate::target;
-use crate::ui;
 use crate::work::WorkerArgs;
 
 /// Run a server and one worker in this process
 ///
-/// Where the data folder has access tokens, the worker needs one with the scope `worker`, as `roost work` does.
+/// If the data folder has access tokens, the worker needs one with the scope `worker`, as with `roost work`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -25,15 +23,15 @@ pub(crate) struct Args {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let shutdown = signals::shutdown()?;
+    let shutdown = signals::shutdown_token()?;
     let state = args.server.data.join("worker");
     let device = args.worker.device()?;
     let credentials = args.access.read()?;
     let worker = |address| WorkerConfig { credentials, ..args.worker.config(address, state, device) };
     let mut farm = Farm::start(args.server.config(), worker).await?;
-    ui::println(format_args!("listening on {}", farm.address))?;
+    print_line(format_args!("listening on {}", farm.address))?;
     tokio::select! {
         () = shutdown.cancelled() => farm.stop().await.map(|()| Exit::Done),
-        error = farm.broken() => Err(error),
+        error = farm.failure() => Err(error),
     }
 }

@@ -4,21 +4,18 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use clap::builder::RangedI64ValueParser;
+use roost_terminal::{Exit, signals, threads};
 use roost_worker::WorkerConfig;
 use roost_worker::device::Device;
 
 use crate::device::DeviceArgs;
-use crate::exit::Exit;
-use crate::signals;
 use crate::target;
-use crate::ui;
 
-/// Run a worker: claim jobs from a server, simulate, deliver
+/// Run a worker: claim jobs from a server, simulate them, deliver results
 ///
-/// The worker waits for a server that is away, before the first job and in the middle of one. On SIGTERM or
-/// Ctrl-C it hands its jobs back and exits. Repeats of the signal within 5 s change nothing; a later one ends the
-/// process at once, and the server waits for the leases of its jobs.
+/// While the server is unreachable, the worker waits, and running jobs continue. On SIGTERM or Ctrl-C it returns its jobs to
+/// the queue and exits. Repeated signals within 5 s have no effect. A later one ends the process at once; its jobs are then
+/// queued again when their leases expire.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Address of the server
@@ -28,52 +25,41 @@ pub(crate) struct Args {
     access: target::Access,
     #[command(flatten)]
     worker: WorkerArgs,
-    /// Folder for finished results that the server does not have yet
+    /// Folder for finished results that the server has not confirmed
     #[arg(long, env = "ROOST_STATE", value_name = "DIR")]
     state: Option<PathBuf>,
 }
 
-/// What every worker can be told, alone or inside `roost up`.
+/// Options of every worker, in `roost work` and `roost up`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct WorkerArgs {
     /// Threads to use in all; 0 means one per processor
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads())]
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = threads::value_parser())]
     threads: u16,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Jobs at once; they share the threads, or make one batch on a GPU as far as its memory goes [default: 1, on a GPU 16]
+    /// Jobs at the same time; they share the threads, or form one batch on a GPU within its memory [default: 1, on a GPU 16]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     slots: Option<u16>,
-    /// Seconds that running jobs get to finish after a signal, before they are handed back; keep it 10 s below the
-    /// time after which a service manager kills the process
+    /// Seconds for running jobs to finish after a signal, before they return to the queue; keep it 10 s below the time after
+    /// which a service manager kills the process
     #[arg(long, default_value_t = 0, value_name = "SECONDS")]
     grace: u64,
-    /// Name shown to people
+    /// Name of the worker in lists [default: the host name]
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
 }
 
-/// What `--threads` takes.
-pub(crate) fn threads() -> RangedI64ValueParser<u16> {
-    clap::value_parser!(u16).range(0..=1024)
-}
-
-/// Says so where more threads are asked for than are going to compute.
-pub(crate) fn say_threads(asked: u16, device: &Device) {
-    let threads = roost_worker::threads(asked.into());
-    if device.backend() == "cpu" && threads < asked.into() {
-        ui::say!("warning: --threads {asked} is more than there are processors; {threads} compute");
-    }
-}
-
 impl WorkerArgs {
-    /// What is to compute; it is opened.
+    /// Opens the device.
     pub(crate) fn device(&self) -> Result<Device> {
-        self.device.choose()
+        self.device.open()
     }
 
     pub(crate) fn config(self, server: String, state: PathBuf, device: Device) -> WorkerConfig {
-        say_threads(self.threads, &device);
+        if device.backend() == "cpu" {
+            threads::warn_if_too_many(self.threads);
+        }
         WorkerConfig {
             threads: self.threads.into(),
             slots: self.slots.map_or_else(|| device.default_slots(), usize::from),
@@ -85,7 +71,7 @@ impl WorkerArgs {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let shutdown = signals::shutdown()?;
+    let shutdown = signals::shutdown_token()?;
     let state = args.state.unwrap_or_else(default_state);
     let device = args.worker.device()?;
     let config = args.worker.config(args.server, state, device);
@@ -94,7 +80,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// Where a service manager says, else where the XDG rules put the state of a user's programs.
+/// The state folder of the service manager, else that of the XDG rules.
 fn default_state() -> PathBuf {
     let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     folder("STATE_DIRECTORY")

@@ -1,5 +1,4 @@
-//! The alert rules of `deploy/alerts.yaml`: each fires and stays silent by `promtool`, reads metrics that a server has, and a real
-//! Prometheus that scrapes a real server sees one of them fire.
+//! The alert rules of `deploy/alerts.yaml`: `promtool` tests each rule, all metrics exist, and one rule fires in a real Prometheus.
 
 mod support;
 
@@ -9,7 +8,7 @@ use std::process::{Command, Stdio};
 
 use roost_api::job::JobState;
 use serde_json::Value;
-use support::{Home, said, until};
+use support::{Sandbox, transcript, wait_until};
 
 fn rules() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/alerts.yaml")
@@ -40,7 +39,7 @@ fn every_alert_fires_and_stays_silent() {
     let (rules, tests) = (rules().display().to_string(), tests().display().to_string());
     for arguments in [["check", "rules", &rules], ["test", "rules", &tests]] {
         let output = promtool(&arguments);
-        assert!(output.status.success(), "{}", said(&output));
+        assert!(output.status.success(), "{}", transcript(&output));
     }
     let text = read(Path::new(&tests));
     let cases: Vec<_> = text.split("\n  - name: ").skip(1).collect();
@@ -56,15 +55,15 @@ fn every_alert_fires_and_stays_silent() {
 }
 
 #[test]
-fn every_alert_is_explained() {
+fn every_alert_is_in_the_documentation() {
     let readme = read(&rules().with_file_name("README.md"));
     for alert in alerts() {
         assert!(readme.contains(&format!("| `{alert}` |")), "{alert}");
     }
 }
 
-/// Metrics with the labels they are chosen by, as the rules name them: `(metric, Some((label, values)))`.
-fn named() -> BTreeSet<(String, Option<(String, String)>)> {
+/// Metrics in the rules with their label selectors: `(metric, Some((label, values)))`.
+fn metrics_in_rules() -> BTreeSet<(String, Option<(String, String)>)> {
     let text = read(&rules());
     let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let mut named = BTreeSet::new();
@@ -83,10 +82,10 @@ fn named() -> BTreeSet<(String, Option<(String, String)>)> {
 }
 
 #[test]
-fn every_metric_and_label_of_the_rules_is_one_of_a_server_that_has_worked() {
-    let text = worked();
+fn rules_use_only_metrics_and_labels_of_a_real_server() {
+    let text = metrics_after_work();
     let samples: Vec<_> = text.lines().filter(|line| !line.starts_with('#')).collect();
-    let named = named();
+    let named = metrics_in_rules();
     assert!(named.len() > 15, "{named:?}");
     for (metric, label) in named {
         let of_metric = samples.iter().filter(|line| {
@@ -94,7 +93,7 @@ fn every_metric_and_label_of_the_rules_is_one_of_a_server_that_has_worked() {
         });
         let of_metric: Vec<_> = of_metric.collect();
         assert!(!of_metric.is_empty(), "no {metric}:\n{text}");
-        // `job` is what Prometheus adds, and a server without errors has no status of one.
+        // Prometheus adds `job`, and a server without errors has no error status.
         let Some((label, values)) = label.filter(|(label, _)| label != "job") else { continue };
         let any = if values == "5.." { vec![""] } else { values.split('|').collect() };
         for value in any {
@@ -108,14 +107,14 @@ fn every_metric_and_label_of_the_rules_is_one_of_a_server_that_has_worked() {
 }
 
 /// The metrics of a server that has done some work.
-fn worked() -> String {
-    let home = Home::new();
-    let _server = home.serve();
-    let job = home.submit(&support::scenario(0.2));
-    let _worker = home.work("worker");
-    home.job_when(&job, "the job has succeeded", |job| job.state == JobState::Succeeded);
-    let url = format!("{}/metrics", home.address);
-    let answer = home.ask(|_| async move {
+fn metrics_after_work() -> String {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let job = sandbox.submit(&support::hopper_scenario(0.2));
+    let _worker = sandbox.start_worker("worker");
+    sandbox.wait_for_job(&job, "the job has succeeded", |job| job.state == JobState::Succeeded);
+    let url = format!("{}/metrics", sandbox.address);
+    let answer = sandbox.ask(|_| async move {
         let client = reqwest::Client::builder().no_proxy().build().unwrap();
         client.get(url).send().await.unwrap().text().await
     });
@@ -123,11 +122,11 @@ fn worked() -> String {
 }
 
 #[test]
-fn the_table_of_metrics_lists_what_a_server_has() {
+fn table_of_metrics_is_complete() {
     let api = read(&rules().with_file_name("../api.md"));
     let listed: BTreeSet<_> =
         api.lines().filter_map(|line| line.strip_prefix("| `")?.split(['`', '{']).next()).collect();
-    let text = worked();
+    let text = metrics_after_work();
     let there: BTreeSet<_> = text
         .lines()
         .filter_map(|line| line.strip_prefix("# TYPE ")?.split_once(' '))
@@ -146,7 +145,7 @@ fn the_table_of_metrics_lists_what_a_server_has() {
     }
 }
 
-/// Ends with the test.
+/// A process that ends with the test.
 struct Prometheus(std::process::Child);
 
 impl Drop for Prometheus {
@@ -157,28 +156,28 @@ impl Drop for Prometheus {
 }
 
 #[test]
-fn a_real_prometheus_sees_an_alert_of_a_real_server_fire() {
-    let (home, other) = (Home::new(), Home::new());
-    let server = home.serve();
-    home.submit(&support::scenario(1.0));
+fn alert_of_a_real_server_fires_in_prometheus() {
+    let (sandbox, other) = (Sandbox::new(), Sandbox::new());
+    let server = sandbox.start_server();
+    sandbox.submit(&support::hopper_scenario(1.0));
     let text = read(&rules());
     let quick = text.lines().map(|line| match line.trim_start().starts_with("for: ") {
         true => "        for: 0s\n".to_owned(),
         false => format!("{line}\n"),
     });
-    std::fs::write(home.path("alerts.yaml"), quick.collect::<String>()).unwrap();
-    let target = home.address.trim_start_matches("http://");
+    std::fs::write(sandbox.path("alerts.yaml"), quick.collect::<String>()).unwrap();
+    let target = sandbox.address.trim_start_matches("http://");
     let config = format!(
         "global: {{scrape_interval: 1s, evaluation_interval: 1s}}\n\
          rule_files: [alerts.yaml]\n\
          scrape_configs: [{{job_name: roost, static_configs: [{{targets: ['{target}']}}]}}]\n"
     );
-    std::fs::write(home.path("prometheus.yml"), config).unwrap();
+    std::fs::write(sandbox.path("prometheus.yml"), config).unwrap();
     let listen = other.address.trim_start_matches("http://");
-    let log = std::fs::File::create(home.path("prometheus.log")).unwrap();
+    let log = std::fs::File::create(sandbox.path("prometheus.log")).unwrap();
     let child = Command::new("prometheus")
-        .arg(format!("--config.file={}", home.path("prometheus.yml").display()))
-        .arg(format!("--storage.tsdb.path={}", home.path("series").display()))
+        .arg(format!("--config.file={}", sandbox.path("prometheus.yml").display()))
+        .arg(format!("--storage.tsdb.path={}", sandbox.path("series").display()))
         .arg(format!("--web.listen-address={listen}"))
         .stdin(Stdio::null())
         .stdout(log.try_clone().unwrap())
@@ -189,7 +188,7 @@ fn a_real_prometheus_sees_an_alert_of_a_real_server_fire() {
     let client = reqwest::Client::builder().no_proxy().build().unwrap();
     let get = |path: &str| -> Option<Value> {
         let request = client.get(format!("{}/api/v1/{path}", other.address)).send();
-        home.ask(|_| async move { request.await.ok()?.json().await.ok() })
+        sandbox.ask(|_| async move { request.await.ok()?.json().await.ok() })
     };
     let fires = |alert: &str| {
         let answer = get("alerts")?;
@@ -197,12 +196,12 @@ fn a_real_prometheus_sees_an_alert_of_a_real_server_fire() {
         let named = |fired: &&Value| fired["labels"]["alertname"] == *alert && fired["state"] == "firing";
         alerts.iter().find(named).cloned()
     };
-    let fired = until("jobs without a worker are told", || fires("RoostNoWorkers"));
+    let fired = wait_until("the alert on jobs without a worker", || fires("RoostNoWorkers"));
     assert_eq!(fired["annotations"]["summary"], "1 jobs are queued, and no worker is connected");
     assert_eq!(fires("RoostDown"), None);
     server.terminate();
     server.wait();
-    until("the end of the server is told", || fires("RoostDown"));
+    wait_until("the alert on the end of the server", || fires("RoostDown"));
     let rules = get("rules").unwrap();
     let rules = rules["data"]["groups"][0]["rules"].as_array().unwrap();
     assert_eq!(rules.len(), alerts().len());

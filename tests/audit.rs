@@ -1,4 +1,4 @@
-//! The audit log: who changed what, and who was refused, in the log of a real server.
+//! The audit log of a real server: changes and refusals with their token.
 
 mod support;
 
@@ -6,16 +6,16 @@ use std::process::Command;
 
 use serde_json::{Value, json};
 
-use support::{Home, Process, run, scenario, stdout, until};
+use support::{Process, Sandbox, hopper_scenario, run, stdout, wait_until};
 
-/// What an answer's head says.
+/// Fields of a response.
 struct Answered {
     status: u16,
     request: String,
     location: Option<String>,
 }
 
-fn ask(home: &Home, method: &str, path: &str, token: &str, body: Option<&Value>) -> Answered {
+fn ask(sandbox: &Sandbox, method: &str, path: &str, token: &str, body: Option<&Value>) -> Answered {
     let mut curl = Command::new("curl");
     curl.args([
         "-s",
@@ -31,7 +31,7 @@ fn ask(home: &Home, method: &str, path: &str, token: &str, body: Option<&Value>)
     if let Some(body) = body {
         curl.args(["-H", "content-type: application/json", "--data", &body.to_string()]);
     }
-    let head = stdout(&curl.arg(format!("{}{path}", home.address)).output().unwrap());
+    let head = stdout(&curl.arg(format!("{}{path}", sandbox.address)).output().unwrap());
     let header = |name: &str| {
         let values = head.lines().filter_map(|line| line.split_once(": "));
         values
@@ -56,24 +56,24 @@ fn lines(server: &Process) -> Vec<Value> {
 }
 
 #[test]
-fn every_change_and_every_refusal_is_one_line() {
-    let home = Home::new();
-    let data = home.path("data").display().to_string();
+fn every_change_and_refusal_is_one_log_line() {
+    let sandbox = Sandbox::new();
+    let data = sandbox.path("data").display().to_string();
     let create = |scope: &str, name: &str| {
         let made = run(&["token", "create", "--json", "--scope", scope, "--name", name, "--data", &data]);
         let made: Value = serde_json::from_str(&stdout(&made)).unwrap();
         (made["token"].as_str().unwrap().to_owned(), made["view"]["id"].as_str().unwrap().to_owned())
     };
     let (admin, admin_id) = create("admin", "me");
-    let server = home.start_server(&["--lease-s", "2", "--log-format", "json"]);
-    until("the server answers", || home.status("/healthz").filter(|status| *status == 200));
+    let server = sandbox.spawn_server(&["--lease-s", "2", "--log-format", "json"]);
+    wait_until("the server answers", || sandbox.status("/healthz").filter(|status| *status == 200));
 
-    let sweep = json!({"name": "audited", "base": scenario(0.1), "design": {"kind": "grid"}});
+    let sweep = json!({"name": "audited", "base": hopper_scenario(0.1), "design": {"kind": "grid"}});
     let worker = json!({"worker_id": "01890000-0000-7000-8000-00000000000a", "name": "w", "api_version": "1", "backend": "cpu",
         "solver_revision": 1, "device": "none", "threads": 1});
     let mut expected = Vec::new();
     let mut act = |action: &'static str, method: &str, path: &str, body: Option<&Value>| {
-        let answered = ask(&home, method, path, &admin, body);
+        let answered = ask(&sandbox, method, path, &admin, body);
         expected.push((
             action,
             answered.request.clone(),
@@ -83,7 +83,8 @@ fn every_change_and_every_refusal_is_one_line() {
         ));
         answered
     };
-    let job = act("submit", "POST", "/v1/jobs", Some(&json!({"scenario": scenario(0.1)}))).location.unwrap();
+    let job =
+        act("submit", "POST", "/v1/jobs", Some(&json!({"scenario": hopper_scenario(0.1)}))).location.unwrap();
     let sweep = act("submit", "POST", "/v1/sweeps", Some(&sweep)).location.unwrap();
     act("submit", "POST", "/v1/sweeps", Some(&json!({"name": 5})));
     act("submit", "POST", &format!("{sweep}/extend"), Some(&json!({"replicates": 1})));
@@ -96,8 +97,8 @@ fn every_change_and_every_refusal_is_one_line() {
     act("delete", "DELETE", &sweep, None);
     act("prune", "POST", "/v1/prune?older_than_s=1e9", None);
     act("drain", "POST", "/v1/workers/01890000-0000-7000-8000-00000000000b/drain", None);
-    // A word in the address that these do not know hides nothing.
-    act("submit", "POST", "/v1/jobs?dry_run=true", Some(&json!({"scenario": scenario(0.2)})));
+    // An unknown query parameter does not suppress the line.
+    act("submit", "POST", "/v1/jobs?dry_run=true", Some(&json!({"scenario": hopper_scenario(0.2)})));
     act("cancel", "POST", &format!("{job}/cancel?dry_run=true"), None);
     let statuses: Vec<_> = expected.iter().map(|row| row.3).collect();
     assert_eq!(
@@ -105,23 +106,25 @@ fn every_change_and_every_refusal_is_one_line() {
         [202, 201, 422, 200, 200, 200, 200, 200, 409, 200, 200, 200, 404, 202, 200],
         "{expected:?}"
     );
-    // None of these changes anything that people own.
-    ask(&home, "GET", "/v1/jobs", &admin, None);
-    ask(&home, "POST", "/v1/prune?older_than_s=1e9&dry_run=true", &admin, None);
-    ask(&home, "POST", "/v1/workers", &admin, Some(&worker));
+    // None of these requests changes data of users.
+    ask(&sandbox, "GET", "/v1/jobs", &admin, None);
+    ask(&sandbox, "POST", "/v1/prune?older_than_s=1e9&dry_run=true", &admin, None);
+    ask(&sandbox, "POST", "/v1/workers", &admin, Some(&worker));
 
-    let guessed = ask(&home, "GET", "/v1/jobs", "guessed", None);
+    let guessed = ask(&sandbox, "GET", "/v1/jobs", "guessed", None);
     assert_eq!(guessed.status, 401);
     let (reader, reader_id) = create("read", "reader\n\u{1b}[31m");
-    until("the token is known", || {
-        (ask(&home, "GET", "/v1/jobs", &reader, None).status == 200).then_some(())
+    wait_until("the token is known", || {
+        (ask(&sandbox, "GET", "/v1/jobs", &reader, None).status == 200).then_some(())
     });
-    let forbidden = ask(&home, "POST", "/v1/prune?older_than_s=0", &reader, None);
+    let forbidden = ask(&sandbox, "POST", "/v1/prune?older_than_s=0", &reader, None);
     assert_eq!(forbidden.status, 403);
-    let signed_in = ask(&home, "POST", "/dashboard/session", "guessed", None);
+    let signed_in = ask(&sandbox, "POST", "/dashboard/session", "guessed", None);
     assert_eq!(signed_in.status, 401);
     stdout(&run(&["token", "revoke", "--data", &data, &reader_id]));
-    until("the token is gone", || (ask(&home, "GET", "/v1/jobs", &reader, None).status == 401).then_some(()));
+    wait_until("the token is gone", || {
+        (ask(&sandbox, "GET", "/v1/jobs", &reader, None).status == 401).then_some(())
+    });
 
     let log = lines(&server);
     let done: Vec<_> =
@@ -159,13 +162,12 @@ fn every_change_and_every_refusal_is_one_line() {
 }
 
 #[test]
-fn who_goes_away_before_the_answer_leaves_a_line() {
-    let home = Home::new();
-    let server = home.start_server(&["--log-format", "json"]);
-    until("the server answers", || home.status("/healthz").filter(|status| *status == 200));
-    let sweep =
-        json!({"name": "left", "base": scenario(0.1), "design": {"kind": "grid"}, "replicates": 50_000});
-    let file = home.file("sweep.json", &sweep);
+fn client_that_disconnects_before_the_response_is_logged() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.spawn_server(&["--log-format", "json"]);
+    wait_until("the server answers", || sandbox.status("/healthz").filter(|status| *status == 200));
+    let sweep = json!({"name": "left", "base": hopper_scenario(0.1), "design": {"kind": "grid"}, "replicates": 50_000});
+    let file = sandbox.file("sweep.json", &sweep);
     let mut curl = Command::new("curl");
     curl.args([
         "-s",
@@ -178,35 +180,35 @@ fn who_goes_away_before_the_answer_leaves_a_line() {
     ]);
     // Proxies append to this header.
     curl.args(["-H", &format!("x-forwarded-for: {}, 192.0.2.7", "9".repeat(300))]);
-    let left = curl.arg(format!("{}/v1/sweeps", home.address)).output().unwrap();
-    let line = until("a line is written", || {
+    let left = curl.arg(format!("{}/v1/sweeps", sandbox.address)).output().unwrap();
+    let line = wait_until("a line is written", || {
         lines(&server).into_iter().find(|line| line["action"] == "submit" && line["path"] == "/v1/sweeps")
     });
-    // On a quick machine it was answered in time.
+    // A fast machine may respond in time.
     assert_eq!(line["message"], if left.status.success() { "done" } else { "unanswered" }, "{line}");
     assert_eq!(line["token"], "open");
     let forwarded_for = line["forwarded_for"].as_str().unwrap();
     assert!(forwarded_for.ends_with(", 192.0.2.7") && forwarded_for.len() <= 200, "{line}");
-    until("the sweep is there all the same", || {
-        (home.get("/v1/sweeps")["items"].as_array()?.len() == 1).then_some(())
+    wait_until("the sweep is there all the same", || {
+        (sandbox.get("/v1/sweeps")["items"].as_array()?.len() == 1).then_some(())
     });
 }
 
 #[test]
-fn a_flood_of_refusals_does_not_fill_the_disk() {
-    let home = Home::new();
-    let data = home.path("data").display().to_string();
+fn flood_of_refusals_does_not_fill_the_disk() {
+    let sandbox = Sandbox::new();
+    let data = sandbox.path("data").display().to_string();
     stdout(&run(&["token", "create", "--scope", "admin", "--data", &data]));
-    let server = home.start_server(&["--log-format", "json"]);
-    until("the server answers", || home.status("/healthz").filter(|status| *status == 200));
-    // One process, so that they come at once.
-    let urls = format!("{}/v1/jobs?n=[1-2000]", home.address);
+    let server = sandbox.spawn_server(&["--log-format", "json"]);
+    wait_until("the server answers", || sandbox.status("/healthz").filter(|status| *status == 200));
+    // One process, so that the requests are simultaneous.
+    let urls = format!("{}/v1/jobs?n=[1-2000]", sandbox.address);
     let flood =
         Command::new("curl").args(["-s", "-o", "/dev/null", "-w", "%{http_code}\n", &urls]).output().unwrap();
     let statuses = stdout(&flood);
     assert_eq!(statuses.lines().filter(|status| *status == "401").count(), 2000, "{statuses}");
     std::thread::sleep(std::time::Duration::from_millis(1100));
-    ask(&home, "GET", "/v1/jobs", "guessed", None);
+    ask(&sandbox, "GET", "/v1/jobs", "guessed", None);
     let log = lines(&server);
     let refused = log.iter().filter(|line| line["action"] == "refuse").count() as u64;
     let left_out: u64 = log.iter().filter_map(|line| line["left_out"].as_u64()).sum();
@@ -215,10 +217,10 @@ fn a_flood_of_refusals_does_not_fill_the_disk() {
 }
 
 #[test]
-fn people_read_the_same_lines_as_text() {
-    let home = Home::new();
-    let server = home.serve();
-    home.submit(&scenario(0.1));
+fn text_log_has_the_same_lines() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.start_server();
+    sandbox.submit(&hopper_scenario(0.1));
     let log = server.log();
     let line = log.lines().find(|line| line.contains("audit")).unwrap_or_else(|| panic!("no line: {log}"));
     for part in ["INFO audit: ", "action=\"submit\"", "token=\"open\"", "status=202", "path=\"/v1/jobs\""] {

@@ -1,4 +1,4 @@
-//! `roost bench`: every way of computing on every bed, beds written and read again, and what is wrong with one.
+//! `roost bench`: all paths on all beds, beds written and read, and errors.
 
 mod support;
 
@@ -6,17 +6,17 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
-use support::{Home, roost, run, said, stdout, until};
+use support::{Sandbox, roost, run, stdout, transcript, wait_until};
 
 /// A scenario of coarse sub-particles in large steps.
-fn coarse(home: &Home) -> String {
-    home.file(
+fn coarse_scenario_file(sandbox: &Sandbox) -> String {
+    sandbox.file(
         "coarse.json",
         &json!({"experiment": "hopper", "product": {"subparticle_radius_m": 0.009}, "numerics": {"timestep_s": "auto"}}),
     )
 }
 
-fn bench(arguments: &[&str]) -> Vec<String> {
+fn bench_arguments(arguments: &[&str]) -> Vec<String> {
     [&["bench", "solver", "--threads", "1", "--repeats", "2", "--steps", "10"], arguments]
         .concat()
         .iter()
@@ -25,15 +25,15 @@ fn bench(arguments: &[&str]) -> Vec<String> {
 }
 
 fn rows(arguments: &[&str]) -> Vec<Value> {
-    let all = bench(arguments);
+    let all = bench_arguments(arguments);
     let all: Vec<&str> = all.iter().map(String::as_str).chain(["--json"]).collect();
     serde_json::from_str(&stdout(&run(&all))).expect("rows")
 }
 
 #[test]
-fn every_way_takes_its_turns_on_every_bed() {
-    let home = Home::new();
-    let scenario = coarse(&home);
+fn every_path_is_timed_on_every_bed() {
+    let sandbox = Sandbox::new();
+    let scenario = coarse_scenario_file(&sandbox);
     let rows = rows(&["--subparticles", "1000", "--paths", "plain,fast", "--scenario", &scenario]);
     let beds: Vec<&str> = rows.iter().filter_map(|row| row["bed"].as_str()).collect();
     assert_eq!(beds, ["loose", "loose", "bonded", "bonded", "hopper", "hopper"]);
@@ -49,28 +49,28 @@ fn every_way_takes_its_turns_on_every_bed() {
         assert!((shares - 1.0).abs() < 1e-9, "{row}");
         let subparticles = row["subparticles"].as_f64().expect("a number");
         assert!((subparticles / 1000.0 - 1.0).abs() < 0.2, "{row}");
-        // What settled the bed has left memory behind, which the run takes over.
+        // The timed run reuses memory that the settling has freed.
         assert_eq!(row["bytes_per_subparticle"], json!(null), "{row}");
     }
-    // Single spheres have no bonds to spend time on, fillets do, and only what moves past a gate has no rest.
+    // Only fillets spend time on bonds.
     let share = |row: usize, stage: &str| rows[row]["stages"][stage].as_f64().expect("a share");
     assert!(share(1, "bonds") < 0.02 && share(3, "bonds") > 0.05, "{rows:?}");
     assert_eq!((&rows[0]["path"], rows[1]["path"] == rows[0]["path"]), (&json!("plain"), false));
 }
 
 #[test]
-fn a_bed_that_was_written_is_timed_as_it_lies() {
-    let home = Home::new();
-    let (scenario, folder) = (coarse(&home), home.path("beds").display().to_string());
+fn written_bed_can_be_read_and_timed() {
+    let sandbox = Sandbox::new();
+    let (scenario, folder) = (coarse_scenario_file(&sandbox), sandbox.path("beds").display().to_string());
     let write = ["--beds", "bonded", "--subparticles", "1000", "--scenario", &scenario, "--write", &folder];
-    let written = bench(&write);
+    let written = bench_arguments(&write);
     stdout(&run(&written.iter().map(String::as_str).collect::<Vec<_>>()));
     let (bed, bonds) = (format!("{folder}/bonded.csv"), format!("{folder}/bonded_bonds.csv"));
     let count = std::fs::read_to_string(&bed).unwrap().lines().count();
     let own = rows(&["--bed", &bed, "--bonds", &bonds, "--scenario", &scenario]);
     assert_eq!((own.len(), &own[0]["bed"], &own[0]["subparticles"]), (1, &json!("bonded"), &json!(count)));
     assert_eq!(own[0]["contact_between_bonded"], true);
-    // How much it is of so small a bed depends on how the system counts pages.
+    // For such a small bed the number depends on the size of pages.
     assert!(own[0]["bytes_per_subparticle"].is_number(), "{}", own[0]);
     let off = rows(&[
         "--bed",
@@ -85,8 +85,8 @@ fn a_bed_that_was_written_is_timed_as_it_lies() {
 }
 
 #[test]
-fn what_has_broken_in_a_bed_stays_so() {
-    let home = Home::new();
+fn broken_bonds_stay_broken_in_a_written_bed() {
+    let sandbox = Sandbox::new();
     let count = |strength: Value| {
         let document = json!({
             "experiment": "hopper",
@@ -94,11 +94,11 @@ fn what_has_broken_in_a_bed_stays_so() {
             "bonds": {"normal_strength_pa": strength},
             "numerics": {"timestep_s": "auto"},
         });
-        let scenario = home.file("strength.json", &document);
-        let folder = home.path("broken").display().to_string();
+        let scenario = sandbox.file("strength.json", &document);
+        let folder = sandbox.path("broken").display().to_string();
         let write =
             ["--beds", "bonded", "--subparticles", "1000", "--scenario", &scenario, "--write", &folder];
-        stdout(&run(&bench(&write).iter().map(String::as_str).collect::<Vec<_>>()));
+        stdout(&run(&bench_arguments(&write).iter().map(String::as_str).collect::<Vec<_>>()));
         std::fs::read_to_string(format!("{folder}/bonded_bonds.csv")).unwrap().lines().count()
     };
     let (weak, whole) = (count(json!(2e3)), count(json!(null)));
@@ -106,12 +106,12 @@ fn what_has_broken_in_a_bed_stays_so() {
 }
 
 #[test]
-fn what_is_wrong_with_a_bed_is_said() {
-    let home = Home::new();
-    let bed = home.path("bed.csv");
+fn faulty_beds_are_refused() {
+    let sandbox = Sandbox::new();
+    let bed = sandbox.path("bed.csv");
     std::fs::write(&bed, "1 0 0 0.1\n2 0.008 0 0.1\n").unwrap();
     let bed = bed.display().to_string();
-    let bonds = home.path("bonds.csv");
+    let bonds = sandbox.path("bonds.csv");
     for (text, complaint) in [
         ("1 3\n", "bond 1 3: must join two of the sub-particles 1 to 2"),
         ("1 1\n", "bond 1 1: must join two"),
@@ -120,33 +120,33 @@ fn what_is_wrong_with_a_bed_is_said() {
         ("1 2\n1 x\n", "line 2: must be 2 numbers, found \"1 x\""),
     ] {
         std::fs::write(&bonds, text).unwrap();
-        let output = run(&bench(&["--bed", &bed, "--bonds", &bonds.display().to_string()])
+        let output = run(&bench_arguments(&["--bed", &bed, "--bonds", &bonds.display().to_string()])
             .iter()
             .map(String::as_str)
             .collect::<Vec<_>>());
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        assert!(said(&output).contains(complaint), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(2), "{}", transcript(&output));
+        assert!(transcript(&output).contains(complaint), "{}", transcript(&output));
     }
-    let diagonals = home.file("diagonals.json", &json!({"experiment": "hopper", "bonds": {"types": 1}}));
-    let folder = home.path("beds").display().to_string();
+    let diagonals = sandbox.file("diagonals.json", &json!({"experiment": "hopper", "bonds": {"types": 1}}));
+    let folder = sandbox.path("beds").display().to_string();
     let output = run(&["bench", "solver", "--scenario", &diagonals, "--write", &folder]);
     assert!(
-        output.status.code() == Some(2) && said(&output).contains("/bonds/types is 1; must be 2"),
+        output.status.code() == Some(2) && transcript(&output).contains("/bonds/types is 1; must be 2"),
         "{}",
-        said(&output)
+        transcript(&output)
     );
     let output = run(&["bench", "solver", "--paths", "mmx"]);
     assert!(
-        output.status.code() == Some(2) && said(&output).contains("must be among plain, fast"),
+        output.status.code() == Some(2) && transcript(&output).contains("must be among plain, fast"),
         "{}",
-        said(&output)
+        transcript(&output)
     );
 }
 
 #[test]
-fn a_bench_that_is_stopped_takes_its_server_and_its_folder_along() {
-    let home = Home::new();
-    let temporary = home.path("temporary");
+fn stopped_bench_removes_its_server_and_its_folder() {
+    let sandbox = Sandbox::new();
+    let temporary = sandbox.path("temporary");
     std::fs::create_dir_all(&temporary).unwrap();
     let mut bench = roost()
         .args(["bench", "farm", "--only", "claim and result", "--seconds", "600"])
@@ -166,7 +166,7 @@ fn a_bench_that_is_stopped_takes_its_server_and_its_folder_along() {
         });
         lines.filter(|line| line.contains(&here)).count()
     };
-    until("its server has made a database", || {
+    wait_until("its server has made a database", || {
         folders().iter().any(|folder| folder.join("roost.db").exists()).then_some(())
     });
     assert_eq!(servers(), 1);
@@ -174,5 +174,5 @@ fn a_bench_that_is_stopped_takes_its_server_and_its_folder_along() {
     assert!(told.success());
     assert_eq!(bench.wait().unwrap().code(), Some(1));
     assert_eq!(folders(), Vec::<PathBuf>::new());
-    until("its server is gone", || (servers() == 0).then_some(()));
+    wait_until("its server is gone", || (servers() == 0).then_some(()));
 }

@@ -1,6 +1,6 @@
-//! The commands of the tutorial and the how-to pages: each block of shell says which test runs it, or why none does.
+//! The shell blocks of the tutorial and the how-to pages: each names the test that runs it, or the reason why none does.
 //!
-//! The tests below run them as they stand, on smaller simulations. Each replaced word must be on the page.
+//! The tests run the blocks with smaller simulations. Every replaced word must be on the page.
 
 mod support;
 
@@ -8,9 +8,9 @@ use std::path::Path;
 use std::process::Command;
 
 use serde_json::json;
-use support::{Home, scenario, stl};
+use support::{Sandbox, hopper_scenario, stl};
 
-/// A block of shell, with the comment before it.
+/// A shell block, with the comment before it.
 struct Block<'a> {
     mark: &'a str,
     shell: &'a str,
@@ -47,7 +47,7 @@ fn tests_of(mark: &str) -> Vec<String> {
     named.map(|pair| format!("{} {}", pair[0], pair[1].trim_end_matches(';'))).collect()
 }
 
-/// A fault of a block's mark, or none.
+/// The fault of the mark of a block, if it has one.
 fn fault(mark: &str) -> Option<String> {
     let (is_tested, is_not) = (mark.starts_with("<!-- tested by "), mark.starts_with("<!-- not tested: "));
     if !(is_tested || is_not) || !mark.ends_with(" -->") {
@@ -65,7 +65,7 @@ fn fault(mark: &str) -> Option<String> {
 }
 
 #[test]
-fn every_block_of_shell_says_which_test_runs_it_or_why_none_does() {
+fn every_shell_block_names_its_test_or_a_reason() {
     let mut count = 0;
     for (name, page) in &pages() {
         for block in blocks(page) {
@@ -78,16 +78,16 @@ fn every_block_of_shell_says_which_test_runs_it_or_why_none_does() {
 }
 
 #[test]
-fn a_mark_that_is_wrong_is_noticed() {
+fn wrong_mark_is_reported() {
     assert!(fault("Text.").is_some());
     assert!(fault("<!-- tested by tests/book.rs: no_such_test -->").is_some());
     assert!(fault("<!-- tested by somebody -->").is_some());
     assert_eq!(fault("<!-- not tested: it needs a cluster -->"), None);
-    assert_eq!(fault("<!-- tested by tests/book.rs: a_mark_that_is_wrong_is_noticed -->"), None);
+    assert_eq!(fault("<!-- tested by tests/book.rs: wrong_mark_is_reported -->"), None);
 }
 
-/// Runs the blocks of a page that name this test, in their order, with words replaced; `before` is what the reader has done.
-fn run(home: &Home, page: &str, test: &str, replaced: &[(&str, &str)], before: &str) {
+/// Runs the blocks of a page that name this test, in their order, with words replaced. `before` runs first.
+fn run(sandbox: &Sandbox, page: &str, test: &str, replaced: &[(&str, &str)], before: &str) {
     let text = std::fs::read_to_string(root().join(page)).unwrap();
     let mark = format!("<!-- tested by tests/book.rs: {test} -->");
     let own = blocks(&text).into_iter().filter(|block| block.mark == mark);
@@ -101,12 +101,12 @@ fn run(home: &Home, page: &str, test: &str, replaced: &[(&str, &str)], before: &
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
     let output = Command::new("bash")
         .args(["-c", &format!("set -euo pipefail\n{before}\n{shell}")])
-        .current_dir(home.folder.path())
+        .current_dir(sandbox.folder.path())
         .env("PATH", path)
-        .env("ROOST_SERVER", &home.address)
+        .env("ROOST_SERVER", &sandbox.address)
         .output()
         .unwrap();
-    assert!(output.status.success(), "{page}: {}", support::said(&output));
+    assert!(output.status.success(), "{page}: {}", support::transcript(&output));
 }
 
 /// The hopper of the pages, coarser and with fewer fillets.
@@ -115,27 +115,27 @@ const FEW: (&str, &str) = (r#""count": 48"#, r#""count": 3"#);
 
 #[test]
 fn the_tutorial_runs() {
-    let home = Home::new();
-    let _server = home.serve();
-    let _worker = home.work("worker");
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("worker");
     let whole = (r#""subparticle_radius_m": 0.006"#, r#""count": 4, "subparticle_radius_m": 0.009"#);
     let replaced = [whole, SMALL, FEW, (r#""replicates": 4"#, r#""replicates": 1"#)];
-    run(&home, "docs/tutorial.md", "the_tutorial_runs", &replaced, "");
-    assert!(home.path("out/curve.svg").exists());
-    assert!(std::fs::metadata(home.path("run.roostframes")).unwrap().len() > 1000);
+    run(&sandbox, "docs/tutorial.md", "the_tutorial_runs", &replaced, "");
+    assert!(sandbox.path("out/curve.svg").exists());
+    assert!(std::fs::metadata(sandbox.path("run.roostframes")).unwrap().len() > 1000);
 }
 
 #[test]
 fn a_hopper_from_an_stl_file_runs() {
-    let home = Home::new();
-    let _server = home.serve();
-    let _worker = home.work("worker");
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("worker");
     for (name, height) in [("hopper.stl", 500.0), ("hopper-b.stl", 480.0)] {
-        std::fs::write(home.path(name), stl::ascii(&stl::hopper([300.0, 150.0, height], 60.0))).unwrap();
+        std::fs::write(sandbox.path(name), stl::ascii(&stl::hopper([300.0, 150.0, height], 60.0))).unwrap();
     }
     let page = "docs/howto/hopper-from-stl.md";
-    run(&home, page, "a_hopper_from_an_stl_file_runs", &[SMALL, FEW], "");
-    let result = std::fs::read_to_string(home.path("own-hopper/result.json")).unwrap();
+    run(&sandbox, page, "a_hopper_from_an_stl_file_runs", &[SMALL, FEW], "");
+    let result = std::fs::read_to_string(sandbox.path("own-hopper/result.json")).unwrap();
     let result: serde_json::Value = serde_json::from_str(&result).unwrap();
     assert_eq!(result["responses"]["escaped_kg"], 0.0);
     assert_eq!(result["scenario"]["equipment"]["parametric"], false);
@@ -143,64 +143,65 @@ fn a_hopper_from_an_stl_file_runs() {
 
 #[test]
 fn a_sweep_gets_more_replicates() {
-    let home = Home::new();
-    let _server = home.serve();
-    let _worker = home.work("worker");
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("worker");
     let fewer = ("--replicates 55", "--replicates 1");
     let replaced = [SMALL, FEW, (r#""replicates": 4"#, r#""replicates": 1"#), fewer];
-    run(&home, "docs/howto/replicates.md", "a_sweep_gets_more_replicates", &replaced, "");
-    assert_eq!(home.get("/v1/sweeps")["items"][0]["replicates"], 2);
+    run(&sandbox, "docs/howto/replicates.md", "a_sweep_gets_more_replicates", &replaced, "");
+    assert_eq!(sandbox.get("/v1/sweeps")["items"][0]["replicates"], 2);
 }
 
 /// A sweep of two small jobs, in `sweep.json`.
-fn with_a_sweep() -> Home {
-    let home = Home::new();
+fn sandbox_with_sweep_file() -> Sandbox {
+    let sandbox = Sandbox::new();
     let factors = json!([{"pointer": "/equipment/gate_opening_m", "levels": [0.05, 0.06]}]);
-    let sweep = json!({"name": "two", "base": scenario(0.2), "design": {"kind": "grid"}, "factors": factors});
-    home.file("sweep.json", &sweep);
-    home
+    let sweep =
+        json!({"name": "two", "base": hopper_scenario(0.2), "design": {"kind": "grid"}, "factors": factors});
+    sandbox.file("sweep.json", &sweep);
+    sandbox
 }
 
 #[test]
 fn results_come_as_files() {
-    let home = with_a_sweep();
-    let _server = home.serve();
-    let _worker = home.work("worker");
+    let sandbox = sandbox_with_sweep_file();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("worker");
     let before = "ID=$(roost submit sweep.json --wait)";
-    run(&home, "docs/howto/results.md", "results_come_as_files", &[], before);
-    let table = std::fs::read_to_string(home.path("results.csv")).unwrap();
+    run(&sandbox, "docs/howto/results.md", "results_come_as_files", &[], before);
+    let table = std::fs::read_to_string(sandbox.path("results.csv")).unwrap();
     let columns =
         "job_id,point,replicate,seed,/equipment/gate_opening_m,state,failure_class,backend,solver_revision,";
     assert!(table.starts_with(columns), "{table}");
     assert_eq!(table.lines().count(), 3);
     for name in ["results.parquet", "points.json", "effects.json"] {
-        assert!(std::fs::metadata(home.path(name)).unwrap().len() > 100, "{name}");
+        assert!(std::fs::metadata(sandbox.path(name)).unwrap().len() > 100, "{name}");
     }
 }
 
 #[test]
 fn a_run_leaves_frames_for_paraview() {
-    let home = Home::new();
-    home.file("scenario.json", &scenario(0.2));
-    run(&home, "docs/howto/paraview.md", "a_run_leaves_frames_for_paraview", &[], "");
-    assert!(home.path("frames/frames.pvd").exists());
+    let sandbox = Sandbox::new();
+    sandbox.file("scenario.json", &hopper_scenario(0.2));
+    run(&sandbox, "docs/howto/paraview.md", "a_run_leaves_frames_for_paraview", &[], "");
+    assert!(sandbox.path("frames/frames.pvd").exists());
 }
 
 #[test]
 fn tokens_are_made_and_listed() {
-    let home = Home::new();
-    run(&home, "docs/howto/deploy.md", "tokens_are_made_and_listed", &[], "");
+    let sandbox = Sandbox::new();
+    run(&sandbox, "docs/howto/deploy.md", "tokens_are_made_and_listed", &[], "");
     for name in ["admin.token", "worker.token"] {
-        assert!(std::fs::read_to_string(home.path(name)).unwrap().len() > 20, "{name}");
+        assert!(std::fs::read_to_string(sandbox.path(name)).unwrap().len() > 20, "{name}");
     }
 }
 
 #[test]
 fn a_client_submits_and_reads() {
-    let home = with_a_sweep();
-    let _server = home.serve();
+    let sandbox = sandbox_with_sweep_file();
+    let _server = sandbox.start_server();
     let page = "docs/howto/api-client.md";
-    run(&home, page, "a_client_submits_and_reads", &[("http://127.0.0.1:7373", &home.address)], "");
-    assert!(std::fs::read_to_string(home.path("results.csv")).unwrap().starts_with("job_id,"));
-    assert_eq!(home.get("/v1/sweeps")["items"].as_array().unwrap().len(), 1);
+    run(&sandbox, page, "a_client_submits_and_reads", &[("http://127.0.0.1:7373", &sandbox.address)], "");
+    assert!(std::fs::read_to_string(sandbox.path("results.csv")).unwrap().starts_with("job_id,"));
+    assert_eq!(sandbox.get("/v1/sweeps")["items"].as_array().unwrap().len(), 1);
 }

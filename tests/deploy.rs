@@ -1,4 +1,4 @@
-//! What `deploy/` holds, tried or read by the tools it is for. A tool that is not there is said and left out.
+//! The files in `deploy/`, checked by their tools. Tests of a missing tool are skipped.
 
 mod support;
 
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use roost_api::job::JobState;
 
-use support::Home;
+use support::Sandbox;
 
 fn deploy(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy").join(name)
@@ -26,7 +26,7 @@ fn is_there(tool: &str) -> bool {
 }
 
 #[test]
-fn systemd_takes_the_units_and_finds_little_exposed() {
+fn systemd_accepts_the_units_and_rates_their_exposure_low() {
     if !is_there("systemd-analyze") {
         return;
     }
@@ -36,52 +36,52 @@ fn systemd_takes_the_units_and_finds_little_exposed() {
         let path = folder.path().join(name);
         std::fs::write(&path, unit.replace("/usr/local/bin/roost", env!("CARGO_BIN_EXE_roost"))).unwrap();
         let verify = Command::new("systemd-analyze").arg("verify").arg(&path).output().unwrap();
-        assert!(verify.status.success() && verify.stderr.is_empty(), "{}", support::said(&verify));
+        assert!(verify.status.success() && verify.stderr.is_empty(), "{}", support::transcript(&verify));
         let mut security = Command::new("systemd-analyze");
         // In tenths: 2.0 of 10.
         let security =
             security.args(["security", "--offline=true", "--threshold=20"]).arg(&path).output().unwrap();
-        assert!(security.status.success(), "{}", support::said(&security));
+        assert!(security.status.success(), "{}", support::transcript(&security));
     }
 }
 
 #[test]
-fn the_slurm_script_is_sound_shell_and_a_signal_hands_the_job_back() {
+fn slurm_script_is_valid_and_a_signal_returns_the_job() {
     let script = deploy("workers.slurm.sh");
     if is_there("shellcheck") {
         let check = Command::new("shellcheck").arg(&script).output().unwrap();
-        assert!(check.status.success(), "{}", support::said(&check));
+        assert!(check.status.success(), "{}", support::transcript(&check));
     }
-    let home = Home::new();
-    // Within this lease no job returns to the queue but by being handed back.
-    let _server = home.serve_with(&["--lease-s", "60"]);
-    let job = home.submit(&support::long(600.0));
+    let sandbox = Sandbox::new();
+    // The lease is so long that a job is queued again only if its worker returns it.
+    let _server = sandbox.start_server_with(&["--lease-s", "60"]);
+    let job = sandbox.submit(&support::slow_scenario(600.0));
     let bin = Path::new(env!("CARGO_BIN_EXE_roost")).parent().unwrap();
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
     let mut task = Command::new("bash");
     task.arg(&script)
         .env("PATH", path)
-        .env("ROOST_SERVER", &home.address)
-        .env("ROOST_STATE", home.path("state"));
+        .env("ROOST_SERVER", &sandbox.address)
+        .env("ROOST_STATE", sandbox.path("state"));
     task.env("SLURM_CPUS_PER_TASK", "1").env("SLURM_ARRAY_TASK_ID", "7").stdin(Stdio::null());
-    let task = task.env("HOME", home.folder.path()).env("ROOST_GRACE_S", "1").process_group(0);
+    let task = task.env("HOME", sandbox.folder.path()).env("ROOST_GRACE_S", "1").process_group(0);
     let mut task = task.spawn().unwrap();
-    home.job_when(&job, "the job is under way", |job| job.state == JobState::Running);
-    // As scancel does: to all processes of the step, and again.
+    sandbox.wait_for_job(&job, "the job is under way", |job| job.state == JobState::Running);
+    // Like scancel: to all processes of the step, repeatedly.
     let group = format!("-{}", task.id());
     for _ in 0..3 {
         let sent = Command::new("kill").args(["-TERM", "--", &group]).status().unwrap();
         assert!(sent.success());
         std::thread::sleep(Duration::from_millis(100));
     }
-    let status = support::until("the task ends", || task.try_wait().unwrap());
+    let status = support::wait_until("the task ends", || task.try_wait().unwrap());
     assert!(status.success(), "{status}");
-    assert_eq!(home.job(&job).unwrap().state, JobState::Queued, "handed back");
+    assert_eq!(sandbox.job(&job).unwrap().state, JobState::Queued, "handed back");
 }
 
-/// What has to fit between the signal and the kill: the grace, what a worker then takes to deliver, and some seconds to spare.
+/// Time between the signal and the kill: the grace period, the delivery of a worker, and a margin.
 #[test]
-fn graces_end_well_before_the_kill() {
+fn grace_periods_end_before_the_kill() {
     const TO_DELIVER_S: u64 = 10;
     let number_after = |text: &str, mark: &str| -> u64 {
         let rest = text.split_once(mark).unwrap_or_else(|| panic!("no {mark}")).1;
@@ -99,18 +99,20 @@ fn graces_end_well_before_the_kill() {
 }
 
 #[test]
-fn repeats_of_a_signal_are_one_request_and_a_later_one_ends_it_at_once() {
-    let home = Home::new();
-    let _server = home.serve_with(&["--lease-s", "60"]);
-    let (patient, hasty) =
-        (home.work_with("patient", &["--grace", "1"]), home.work_with("hasty", &["--grace", "60"]));
+fn repeated_signals_are_one_request_and_a_later_one_ends_the_process() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server_with(&["--lease-s", "60"]);
+    let (patient, hasty) = (
+        sandbox.start_worker_with("patient", &["--grace", "1"]),
+        sandbox.start_worker_with("hasty", &["--grace", "60"]),
+    );
     let jobs = [1, 2].map(|seed| {
-        let mut scenario = support::long(600.0);
+        let mut scenario = support::slow_scenario(600.0);
         scenario["seed"] = seed.into();
-        home.submit(&scenario)
+        sandbox.submit(&scenario)
     });
     for job in &jobs {
-        home.job_when(job, "the job is under way", |job| job.state == JobState::Running);
+        sandbox.wait_for_job(job, "the job is under way", |job| job.state == JobState::Running);
     }
     let signalled = Instant::now();
     patient.terminate();
@@ -120,7 +122,7 @@ fn repeats_of_a_signal_are_one_request_and_a_later_one_ends_it_at_once() {
     hasty.terminate();
     let (status, _) = patient.wait();
     assert!(status.success(), "{status}");
-    let states = jobs.map(|job| home.job(&job).unwrap().state);
+    let states = jobs.map(|job| sandbox.job(&job).unwrap().state);
     assert_eq!(
         states.iter().filter(|state| **state == JobState::Queued).count(),
         1,
@@ -142,10 +144,10 @@ fn instructions(name: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_container_listens_where_a_published_port_reaches_it_and_refuses_without_a_token() {
-    let home = Home::new();
-    let port = home.address.rsplit_once(':').unwrap().1;
-    let data = home.path("data").display().to_string();
+fn container_listens_on_its_published_port_and_requires_a_token() {
+    let sandbox = Sandbox::new();
+    let port = sandbox.address.rsplit_once(':').unwrap().1;
+    let data = sandbox.path("data").display().to_string();
     let command: Vec<String> = serde_json::from_str(&instructions("CMD")[0]).unwrap();
     let listen = command.iter().skip_while(|word| *word != "--listen").nth(1).unwrap();
     assert!(!listen.parse::<SocketAddr>().unwrap().ip().is_loopback(), "{listen}");
@@ -153,14 +155,14 @@ fn the_container_listens_where_a_published_port_reaches_it_and_refuses_without_a
     let command: Vec<String> = command.iter().map(|word| in_data(word).replace(":7373", &in_port)).collect();
 
     let refused = support::roost().args(&command).output().unwrap();
-    assert_eq!(refused.status.code(), Some(2), "{}", support::said(&refused));
-    let said = support::said(&refused);
-    // What it says to do is what then helps, as the Containerfile's head has it too.
+    assert_eq!(refused.status.code(), Some(2), "{}", support::transcript(&refused));
+    let text = support::transcript(&refused);
+    // The advice works, and is the same as in the head of the Containerfile.
     let to_do = "roost:/var/lib/roost roost token create --data /var/lib/roost --scope admin";
     let head = std::fs::read_to_string(deploy("Containerfile")).unwrap();
     assert!(head.contains(to_do), "{to_do}");
     let (_, to_do) = to_do.split_once(" roost ").unwrap();
-    assert!(said.contains(&format!("-v VOLUME:/var/lib/roost IMAGE {to_do}")), "{said}");
+    assert!(text.contains(&format!("-v VOLUME:/var/lib/roost IMAGE {to_do}")), "{text}");
     let to_do: Vec<String> = to_do.split(' ').map(|word| in_data(&word.to_owned())).collect();
     let token = support::stdout(&support::roost().args(&to_do).output().unwrap());
 
@@ -168,18 +170,24 @@ fn the_container_listens_where_a_published_port_reaches_it_and_refuses_without_a
         support::roost().args(&command).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let client = |token: &str| {
         let mut client = support::roost();
-        client.args(["list", "--json", "--server", &home.address]).env("ROOST_TOKEN", token).output().unwrap()
+        client
+            .args(["list", "--json", "--server", &sandbox.address])
+            .env("ROOST_TOKEN", token)
+            .output()
+            .unwrap()
     };
-    support::until("the server answers with the token", || client(&token).status.success().then_some(()));
+    support::wait_until("the server answers with the token", || {
+        client(&token).status.success().then_some(())
+    });
     let stranger = client("roost_nothing");
     support::signal(server.id(), "TERM");
-    let status = support::until("the server ends", || server.try_wait().unwrap());
+    let status = support::wait_until("the server ends", || server.try_wait().unwrap());
     assert!(status.success(), "{status}");
-    assert_eq!(stranger.status.code(), Some(1), "{}", support::said(&stranger));
+    assert_eq!(stranger.status.code(), Some(1), "{}", support::transcript(&stranger));
 }
 
 #[test]
-fn the_image_has_what_it_needs_and_its_build_sees_the_sources_alone() {
+fn image_is_complete_and_its_build_sees_only_sources() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
     let version = |text: &str| -> (u32, u32) {
@@ -204,7 +212,7 @@ fn the_image_has_what_it_needs_and_its_build_sees_the_sources_alone() {
             .any(|run| run.contains("install -d -m 700 -o 10001 -g 10001 /var/lib/roost"))
     );
 
-    // Everything is ignored but what is named: builds, data folders, tokens and the history stay out.
+    // Only listed paths are included, so builds, data folders, tokens and the history stay out.
     let ignore = std::fs::read_to_string(root.join(".dockerignore")).unwrap();
     let mut rules = ignore.lines().filter(|line| !line.starts_with('#'));
     assert_eq!(rules.next(), Some("*"));
@@ -215,21 +223,21 @@ fn the_image_has_what_it_needs_and_its_build_sees_the_sources_alone() {
         assert!(root.join(name).exists(), "{rule}");
         std::os::unix::fs::symlink(root.join(name), context.path().join(name)).unwrap();
     }
-    // Cargo finds every package and target that the manifests name.
+    // Cargo finds all packages and targets of the manifests.
     let mut cargo = Command::new(env!("CARGO"));
     cargo.args(["metadata", "--format-version", "1", "--no-deps", "--offline"]).current_dir(context.path());
     let output = cargo.output().unwrap();
-    assert!(output.status.success(), "{}", support::said(&output));
+    assert!(output.status.success(), "{}", support::transcript(&output));
 }
 
 #[test]
-fn every_file_is_explained_and_runs_what_there_is() {
+fn every_file_is_documented_and_uses_existing_options() {
     let readme = std::fs::read_to_string(deploy("README.md")).unwrap();
     for entry in std::fs::read_dir(deploy("")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         assert!(name == "README.md" || readme.contains(&format!("`{name}`")), "{name}");
         let text = std::fs::read_to_string(deploy(&name)).unwrap();
-        // Options that the files pass must be options.
+        // Options in the files exist.
         let help =
             ["serve", "work", "list", "prune"].map(|role| support::stdout(&support::run(&[role, "--help"])));
         let words = text.split(|c: char| c.is_whitespace() || "\"',[]()`;=".contains(c));

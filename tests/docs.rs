@@ -1,4 +1,4 @@
-//! Holds the documents to the tree: what they name must be there, and what is there must be on the map.
+//! Checks of the documents: paths and links exist, generated parts are current, and every folder is on the map.
 
 use std::path::Path;
 use std::process::Command;
@@ -11,14 +11,14 @@ fn read(name: &str) -> String {
     std::fs::read_to_string(root().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// Words in backticks that look like paths of this tree.
+/// Words in backticks that have the form of a path.
 fn paths(text: &str) -> Vec<&str> {
     let is_path = |word: &&str| word.ends_with('/') || word.ends_with(".rs") && word.contains('/');
     text.split('`').skip(1).step_by(2).filter(is_path).collect()
 }
 
 #[test]
-fn every_path_that_the_architecture_and_the_decisions_name_exists() {
+fn paths_in_architecture_and_decisions_exist() {
     let records = documents().into_iter().filter(|name| name.starts_with("docs/decisions/"));
     let mut count = 0;
     for name in records.chain(["ARCHITECTURE.md".to_owned()]) {
@@ -38,8 +38,8 @@ fn every_folder_is_on_the_map() {
         let names = entries.map(|entry| entry.expect("an entry")).filter(|entry| entry.path().is_dir());
         names.map(|entry| entry.file_name().into_string().expect("UTF-8")).collect::<Vec<_>>()
     };
-    let kept = |name: &String| !name.starts_with('.') && name != "target" && !name.ends_with("-out");
-    for name in folders(".").into_iter().filter(kept) {
+    let is_source = |name: &String| !name.starts_with('.') && name != "target" && !name.ends_with("-out");
+    for name in folders(".").into_iter().filter(is_source) {
         assert!(text.contains(&format!("`{name}/`")), "{name}/ is not on the map");
     }
     for name in folders("solver/src") {
@@ -47,7 +47,7 @@ fn every_folder_is_on_the_map() {
     }
 }
 
-/// The documents, by their paths: those at the top of the tree, and the pages of the book.
+/// Paths of the documents: those at the root, and the pages of the book.
 fn documents() -> Vec<String> {
     let mut found: Vec<String> =
         ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "api.md", "deploy/README.md"]
@@ -68,20 +68,20 @@ fn documents() -> Vec<String> {
     found
 }
 
-/// Name of a heading in links to it.
+/// The anchor of a heading.
 fn anchor(heading: &str) -> String {
-    let kept = |c: &char| c.is_alphanumeric() || "-_ ".contains(*c);
-    heading.trim().to_lowercase().chars().filter(kept).collect::<String>().replace(' ', "-")
+    let is_kept = |c: &char| c.is_alphanumeric() || "-_ ".contains(*c);
+    heading.trim().to_lowercase().chars().filter(is_kept).collect::<String>().replace(' ', "-")
 }
 
-/// The links of a document to files and headings of this tree.
+/// Links of a document to files and headings.
 fn links(text: &str) -> Vec<&str> {
     let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
     links.filter(|link| !link.contains("://")).collect()
 }
 
 #[test]
-fn every_document_that_is_linked_exists() {
+fn linked_documents_and_headings_exist() {
     let documents = documents();
     assert!(documents.len() > 30, "{documents:?}");
     for name in &documents {
@@ -102,7 +102,7 @@ fn every_document_that_is_linked_exists() {
 }
 
 #[test]
-fn every_page_is_in_the_book_and_links_only_to_what_the_book_has() {
+fn every_page_is_in_the_book_and_links_within_it() {
     let summary = read("docs/SUMMARY.md");
     let parts = ["docs", "api.md", "ARCHITECTURE.md", "CHANGELOG.md", "deploy/README.md"];
     let has = |path: &Path| parts.iter().any(|part| path.starts_with(part));
@@ -126,12 +126,23 @@ fn every_page_is_in_the_book_and_links_only_to_what_the_book_has() {
     }
 }
 
-/// Documents that comments of the code name, such as `docs/frames.md`.
 #[test]
-fn every_document_that_the_code_names_exists() {
-    let mut folders: Vec<_> = ["src", "api", "frames", "server", "solver", "worker", "tests", "deploy"]
-        .map(|name| root().join(name))
-        .into();
+fn documents_named_in_the_code_exist() {
+    let names = [
+        "src",
+        "api",
+        "bench",
+        "frames",
+        "reproduce",
+        "server",
+        "solver",
+        "stats",
+        "terminal",
+        "worker",
+        "tests",
+        "deploy",
+    ];
+    let mut folders: Vec<_> = names.map(|name| root().join(name)).into();
     let mut named = 0;
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).expect("a folder") {
@@ -161,7 +172,7 @@ fn every_document_that_the_code_names_exists() {
 }
 
 #[test]
-fn the_commands_of_the_readme_are_targets_of_the_makefile() {
+fn readme_commands_are_targets_of_the_makefile() {
     let (readme, makefile) = (read("README.md"), read("Makefile"));
     let targets: Vec<&str> = readme
         .lines()
@@ -175,7 +186,7 @@ fn the_commands_of_the_readme_are_targets_of_the_makefile() {
 }
 
 #[test]
-fn the_scenario_and_the_sweep_of_the_readme_are_sound() {
+fn readme_documents_are_valid() {
     let readme = read("README.md");
     let documents: Vec<&str> =
         readme.split("<<'JSON'\n").skip(1).filter_map(|rest| rest.split("\nJSON\n").next()).collect();
@@ -194,7 +205,7 @@ fn the_scenario_and_the_sweep_of_the_readme_are_sound() {
 }
 
 #[test]
-fn the_sweep_of_the_documentation_is_sound_and_its_designs_are_those_there_are() {
+fn sweep_in_the_documentation_is_valid_and_all_designs_are_listed() {
     let text = read("docs/sweeps.md");
     let document =
         text.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a sweep");
@@ -211,37 +222,20 @@ fn the_sweep_of_the_documentation_is_sound_and_its_designs_are_those_there_are()
 }
 
 #[test]
-fn the_worker_of_the_api_has_the_revision_of_the_solver() {
+fn api_example_has_the_solver_revision() {
     let revision = format!("\"solver_revision\": {},", roost_solver::SOLVER_REVISION);
     assert!(read("api.md").contains(&revision), "api.md shall hold {revision}");
 }
 
 #[test]
-fn ci_calls_the_test_command_of_the_readme() {
+fn ci_runs_the_test_command_of_the_readme() {
     assert!(read(".ci/run").contains("make test"));
     assert!(read(".ci/run").contains("CI=1 make deny"), "dependencies that may not be are looked for in CI");
     assert!(read(".ci/run").contains("CI=1 make dashboard-check"), "CI checks the types of the dashboard");
 }
 
-#[test]
-fn the_server_needs_no_graphics_and_a_usual_build_no_cloud() {
-    let tree = |package: &str| {
-        let cargo = Command::new(env!("CARGO"))
-            .args(["tree", "--offline", "--prefix", "none", "--edges", "normal", "--package", package])
-            .current_dir(root())
-            .output();
-        String::from_utf8(cargo.expect("cargo runs").stdout).expect("text")
-    };
-    assert!(tree("roost").contains("wgpu v"), "the command has the GPU backend");
-    for optional in ["opentelemetry", "h2 v", "crc-fast v"] {
-        assert!(!tree("roost").contains(optional), "{optional} comes with a feature that is off");
-    }
-    let server = tree("roost-server");
-    assert!(server.contains("roost-solver v") && !server.contains("wgpu"), "{server}");
-}
-
-/// Holds the part of a page that is generated from `source` to `text`; with `ROOST_WRITE=1` writes it instead.
-fn hold_generated(name: &str, source: &str, text: &str) {
+/// Asserts that the part of a page that is generated from `source` is `text`; with `ROOST_WRITE=1` writes it instead.
+fn assert_generated(name: &str, source: &str, text: &str) {
     let page = read(name);
     let start = format!("<!-- Generated from {source}");
     let (head, rest) = page.split_once(&start).unwrap_or_else(|| panic!("{name} has no `{start}`"));
@@ -260,14 +254,18 @@ fn hold_generated(name: &str, source: &str, text: &str) {
 fn every_experiment_has_a_page_with_its_fields_and_results() {
     for experiment in roost_solver::scenario::fields::EXPERIMENTS {
         let table = roost_solver::scenario::field_tables_markdown(experiment);
-        hold_generated(&format!("docs/reference/{experiment}.md"), "the field table", table.trim_end());
+        assert_generated(&format!("docs/reference/{experiment}.md"), "the field table", table.trim_end());
         let tables = roost_solver::experiments::output_tables_markdown(experiment);
-        hold_generated(&format!("docs/reference/{experiment}.md"), "the table of results", tables.trim_end());
+        assert_generated(
+            &format!("docs/reference/{experiment}.md"),
+            "the table of results",
+            tables.trim_end(),
+        );
     }
 }
 
 #[test]
-fn the_scenarios_of_the_experiments_pages_can_run() {
+fn scenarios_on_the_experiment_pages_are_valid() {
     for experiment in roost_solver::scenario::fields::EXPERIMENTS {
         let page = read(&format!("docs/reference/{experiment}.md"));
         let document =
@@ -279,14 +277,14 @@ fn the_scenarios_of_the_experiments_pages_can_run() {
     }
 }
 
-/// The help of a command and of all below it, as Markdown.
+/// The help of a command and its subcommands as Markdown.
 fn help(path: &[&str], page: &mut String) {
     let output = Command::new(env!("CARGO_BIN_EXE_roost")).args(path).arg("--help").env_clear().output();
     let text = String::from_utf8(output.expect("the command runs").stdout).expect("text");
     let title = ["roost"].iter().chain(path).copied().collect::<Vec<_>>().join(" ");
     let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
     let shown = lines.join("\n");
-    // The options that all commands have stand in the first text alone.
+    // Options of all commands are listed only in the first text.
     let shown = match (path, shown.split_once("\n      --log-format <FORMAT>\n")) {
         ([_, ..], Some((own, common))) => {
             let (_, after) = common.split_once("Print version").expect("the last common option");
@@ -306,15 +304,15 @@ fn help(path: &[&str], page: &mut String) {
 }
 
 #[test]
-fn the_page_of_the_command_line_is_what_the_command_says() {
+fn command_line_page_is_the_help_of_the_command() {
     let mut page = String::new();
     help(&[], &mut page);
     assert!(page.contains("## roost token create") && page.contains("## roost run"), "{page}");
-    hold_generated("docs/reference/command-line.md", "the command's own help", page.trim_end());
+    assert_generated("docs/reference/command-line.md", "the command's own help", page.trim_end());
 }
 
 #[test]
-fn every_test_that_the_verification_names_exists() {
+fn tests_named_in_the_verification_exist() {
     let mut sources = String::new();
     let mut folders = vec![root().join("solver/src"), root().join("solver/tests")];
     while let Some(folder) = folders.pop() {

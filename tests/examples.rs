@@ -1,5 +1,5 @@
-//! The examples of `api.md`, run as they stand: every block of shell under a route, in the order of the page, against a real
-//! server. A curl that is answered with an error ends it.
+//! The examples of `api.md`: every shell block under a route runs against a real server, in the order of the page. A `curl` that
+//! gets an error response fails the test.
 
 mod support;
 
@@ -8,14 +8,14 @@ use std::process::Command;
 
 use roost_api::job::JobState;
 use serde_json::{Value, json};
-use support::{Home, scenario, stl};
+use support::{Sandbox, hopper_scenario, stl};
 
 /// A route as `METHOD /path`, and the shell below its heading.
 fn examples(page: &str) -> Vec<(&str, Vec<&str>)> {
     let mut sections = page.split("\n### ").skip(1);
     let mut found = Vec::new();
     for section in &mut sections {
-        // A chapter's end closes its last route.
+        // The end of a chapter ends its last route.
         let section = section.split("\n## ").next().unwrap_or_default();
         let (route, text) = section.split_once('\n').unwrap_or((section, ""));
         let blocks = text.split("```sh\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
@@ -24,7 +24,7 @@ fn examples(page: &str) -> Vec<(&str, Vec<&str>)> {
     found
 }
 
-/// Shell to run before the example of a route: what the reader of the page is supposed to have at hand.
+/// Shell commands before the example of a route, for data that the page assumes.
 fn before(route: &str) -> &'static str {
     match route {
         "GET /v1/jobs/{id}/result" => "JOB=$DONE",
@@ -32,7 +32,7 @@ fn before(route: &str) -> &'static str {
         "GET /v1/jobs/{id}/frames" => "JOB=$FRAMED",
         "POST /v1/jobs/{id}/cancel" => "JOB=$QUEUED",
         "POST /v1/workers" => "WORKER=$(cat /proc/sys/kernel/random/uuid)",
-        // The one before it has been told to drain.
+        // The previous worker is draining.
         "POST /v1/claims" => {
             r#"JOB=$(submit)
 WORKER=$(cat /proc/sys/kernel/random/uuid)
@@ -52,7 +52,7 @@ curl -s $R/v1/claims --json '{"request_id": "'$(cat /proc/sys/kernel/random/uuid
     }
 }
 
-/// Shell to run after it: the variables that later examples use.
+/// Shell commands after the example, which set variables for later examples.
 fn after(route: &str) -> &'static str {
     match route {
         "POST /v1/jobs" => "QUEUED=$(id) JOB=$(id)",
@@ -63,31 +63,31 @@ fn after(route: &str) -> &'static str {
 }
 
 #[test]
-fn every_example_of_the_api_is_answered() {
+fn every_example_of_the_api_succeeds() {
     let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/api.md")).unwrap();
-    let home = Home::new();
-    let _server = home.serve();
-    let worker = home.work("worker");
-    let done = home.submit(&scenario(0.2));
-    home.job_when(&done, "the job has ended", |job| job.state == JobState::Succeeded);
-    let file = home.file("framed.json", &scenario(0.1));
-    let framed = home.roost(&["submit", "--wait", "--json", "--frame-interval", "0.05", &file]);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let worker = sandbox.start_worker("worker");
+    let done = sandbox.submit(&hopper_scenario(0.2));
+    sandbox.wait_for_job(&done, "the job has ended", |job| job.state == JobState::Succeeded);
+    let file = sandbox.file("framed.json", &hopper_scenario(0.1));
+    let framed = sandbox.roost(&["submit", "--wait", "--json", "--frame-interval", "0.05", &file]);
     let framed: Value = serde_json::from_str(&support::stdout(&framed)).unwrap();
-    // From here on the examples do what workers do.
+    // The following examples act as a worker.
     worker.terminate();
     assert!(worker.wait().0.success());
 
-    std::fs::write(home.path("hopper.stl"), stl::binary(&stl::block([120.0, 60.0, 30.0], 1))).unwrap();
-    let again = json!({"scenario": scenario(0.2), "cache": "bypass", "priority": 100});
-    std::fs::write(home.path("again.json"), again.to_string()).unwrap();
+    std::fs::write(sandbox.path("hopper.stl"), stl::binary(&stl::block([120.0, 60.0, 30.0], 1))).unwrap();
+    let again = json!({"scenario": hopper_scenario(0.2), "cache": "bypass", "priority": 100});
+    std::fs::write(sandbox.path("again.json"), again.to_string()).unwrap();
     let mut script = format!(
         "set -euo pipefail\ntrap 'cat out >&2' EXIT\ncd '{}'\nR={}\nDONE={}\nFRAMED={}\nREVISION={}\nSLICE= JOB= SWEEP= WORKER= MESH=\n{}",
-        home.folder.path().display(),
-        home.address,
+        sandbox.folder.path().display(),
+        sandbox.address,
         done.id,
         framed["id"].as_str().unwrap(),
         roost_solver::SOLVER_REVISION,
-        // A stream of events has no end but the time it is given (28).
+        // An event stream ends only by the timeout of curl (28).
         r#"curl() { command curl --fail-with-body "$@" || [ $? = 28 ]; }
 b3sum() { echo $MESH; }
 id() { sed -n 's/^{"id":"\([^"]*\)".*/\1/p' out | head -n 1; }
@@ -99,7 +99,7 @@ submit() { curl -s $R/v1/jobs --json @again.json | sed -n 's/^{"id":"\([^"]*\)".
         assert!(!blocks.is_empty(), "{route} has no example");
         writeln!(script, "echo '=== {route}' >&2\n{}\n: > out", before(route)).unwrap();
         for block in blocks {
-            // Answers one a line, whether or not they end in one.
+            // One response per line.
             writeln!(script, "{{\n{}\necho; }} >> out", block.replace("\ncurl ", "\necho\ncurl ")).unwrap();
         }
         writeln!(script, "cat out >&2\n{}", after(route)).unwrap();
@@ -113,7 +113,7 @@ submit() { curl -s $R/v1/jobs --json @again.json | sed -n 's/^{"id":"\([^"]*\)".
         said.chars().rev().take(3000).collect::<Vec<_>>().iter().rev().collect::<String>()
     );
 
-    // What the examples are about has happened.
+    // The examples had their effects.
     let answer = |route: &str| -> Value {
         let told = said.split(&format!("=== {route}\n")).nth(1).unwrap_or_default();
         let lines = told.lines().take_while(|line| !line.starts_with("=== "));
@@ -122,12 +122,12 @@ submit() { curl -s $R/v1/jobs --json @again.json | sed -n 's/^{"id":"\([^"]*\)".
     assert_eq!(answer("POST /v1/sweeps/{id}/extend")["points"], 9, "a grid of 2 × 3 with one more gate");
     assert_eq!(answer("DELETE /v1/sweeps/{id}")["dry_run"], true);
     assert_eq!(answer("POST /v1/jobs/{id}/attempts/{n}/result")["recorded"], true);
-    assert_eq!(&std::fs::read(home.path("results.parquet")).unwrap()[..4], b"PAR1");
-    assert!(std::fs::read_to_string(home.path("results.csv")).unwrap().starts_with("job_id,point,"));
+    assert_eq!(&std::fs::read(sandbox.path("results.parquet")).unwrap()[..4], b"PAR1");
+    assert!(std::fs::read_to_string(sandbox.path("results.csv")).unwrap().starts_with("job_id,point,"));
 }
 
 #[test]
-fn an_example_that_is_wrong_is_noticed() {
+fn wrong_example_is_reported() {
     let page = "## Things\n\n### GET /x\n\nText.\n\n```sh\ncurl a\n```\n\n```json\n{}\n```\n\n### GET /y\n\nNone.\n\n## Next\n\n```sh\nno\n```\n";
     assert_eq!(examples(page), [("GET /x", vec!["curl a\n"]), ("GET /y", vec![])]);
 }

@@ -1,4 +1,4 @@
-//! Frames of real runs: what `roost run --frames` leaves, whole, killed, unstable, and again.
+//! `roost run --frames`: the files of complete, killed, unstable and repeated runs.
 
 mod support;
 #[path = "support/vtk.rs"]
@@ -12,24 +12,30 @@ use std::process::Stdio;
 use roost_frames::web::{Frame, Reader};
 use roost_solver::engine::scene::Scene;
 use serde_json::{Value, json};
-use support::{Home, long, roost, run, said, scenario, signal, until};
+use support::{Sandbox, hopper_scenario, roost, run, signal, slow_scenario, transcript, wait_until};
 use vtk::PolyData;
 
-/// Three fillets that are through the gate and off the belt in a second.
-fn swift() -> Value {
-    let mut swift = scenario(1.2);
+/// Three fillets that leave the belt within a second.
+fn fast_scenario() -> Value {
+    let mut swift = hopper_scenario(1.2);
     swift["product"]["count"] = json!(3);
     swift["equipment"]["belt_speed_m_s"] = json!(1.5);
     swift
 }
 
-/// Runs a scenario with frames; its folder and what it said.
-fn record(home: &Home, scenario: &Value, name: &str, more: &[&str]) -> (std::path::PathBuf, Value, String) {
-    let (file, folder) = (home.file(&format!("{name}.json"), scenario), home.path(name));
+/// Runs a scenario with frames. Returns the folder, the summary and the messages.
+fn record(
+    sandbox: &Sandbox,
+    scenario: &Value,
+    name: &str,
+    more: &[&str],
+) -> (std::path::PathBuf, Value, String) {
+    let (file, folder) = (sandbox.file(&format!("{name}.json"), scenario), sandbox.path(name));
     let (out, frames) =
-        (home.path(&format!("{name}-out")).display().to_string(), folder.display().to_string());
+        (sandbox.path(&format!("{name}-out")).display().to_string(), folder.display().to_string());
     let output = run(&[&["run", &file, "-o", &out, "--frames", &frames, "--json"], more].concat());
-    let summary = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(&output)));
+    let summary =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", transcript(&output)));
     (folder, summary, String::from_utf8(output.stderr).unwrap())
 }
 
@@ -41,7 +47,7 @@ fn frames(reader: &mut Reader<File>) -> Vec<Frame> {
     (0..reader.index().len()).map(|k| reader.frame(k).unwrap()).collect()
 }
 
-/// Times and files of a collection: of each time, particles and surfaces.
+/// Entries of a collection: time, and files of particles and surfaces.
 fn collection(folder: &Path) -> Vec<(f64, [String; 2])> {
     let text = fs::read_to_string(folder.join("frames.pvd")).unwrap();
     let value = |line: &str, name: &str| {
@@ -85,19 +91,19 @@ fn scene_of(scenario: &Value) -> Scene {
 }
 
 #[test]
-fn both_formats_show_what_the_result_tells() {
-    let home = Home::new();
-    let (folder, summary, said) = record(&home, &swift(), "both", &["--threads", "1"]);
-    assert!(said.contains("frames: one every 0.06 s (3 samples of 0.02 s)"), "{said}");
+fn both_formats_agree_with_the_result() {
+    let sandbox = Sandbox::new();
+    let (folder, summary, messages) = record(&sandbox, &fast_scenario(), "both", &["--threads", "1"]);
+    assert!(messages.contains("frames: one every 0.06 s (3 samples of 0.02 s)"), "{messages}");
     let result: Value =
-        serde_json::from_slice(&fs::read(home.path("both-out/result.json")).unwrap()).unwrap();
+        serde_json::from_slice(&fs::read(sandbox.path("both-out/result.json")).unwrap()).unwrap();
     let mut reader = stream(&folder);
     assert!(reader.is_complete());
     assert_eq!(json!(reader.header().scenario_digest), result["scenario_digest"]);
     let frames = frames(&mut reader);
     assert_eq!(summary["frames"]["frames"], json!(frames.len()));
 
-    // The same times and places in both, belt start among them, a whole interval apart from there on.
+    // Both formats have the same times and positions. The belt start is one of the times, and later ones follow in whole intervals.
     let listed = collection(&folder);
     let start = reader.start_s().unwrap();
     assert_eq!(listed.len(), frames.len());
@@ -118,8 +124,8 @@ fn both_formats_show_what_the_result_tells() {
     assert!(started.len() > 15 && listed[0].0 < -0.5, "{started:?}");
     assert!(started.iter().zip(expected).all(|(a, b)| (a - b).abs() <= dt), "{started:?}");
 
-    // What the frames show out of the gate is what the result says was discharged.
-    let scene = scene_of(&swift());
+    // Fillets behind the gate in the frames have the discharged mass of the result.
+    let scene = scene_of(&fast_scenario());
     let mass = |body: usize| scene.kinds[scene.bodies[body].kind].subparticle_mass_kg;
     let loaded: f64 =
         (0..3).map(|body| mass(body) * scene.kinds[scene.bodies[body].kind].meta.points.len() as f64).sum();
@@ -141,18 +147,18 @@ fn both_formats_show_what_the_result_tells() {
     }
     assert!(partly > 2, "frames in the midst of the discharge");
 
-    // Fillets that have left the simulation are in no later frame; at the end none is left.
+    // Fillets that have left are in no later frame; the last frame has none.
     let counts: Vec<usize> = frames.iter().map(|frame| frame.bodies.len()).collect();
     assert!(counts.is_sorted_by(|a, b| a >= b) && counts[0] == 3, "{counts:?}");
     assert_eq!(counts.last(), Some(&0), "{counts:?}");
 }
 
 #[test]
-fn the_first_frame_of_a_run_without_a_fill_is_at_belt_time_0() {
-    let home = Home::new();
+fn first_frame_without_a_filling_phase_is_at_belt_time_0() {
+    let sandbox = Sandbox::new();
     let drop = json!({"experiment": "drop", "product": {"count": 1, "subparticle_radius_m": 0.009},
                       "numerics": {"timestep_s": "auto", "duration_s": 0.1}});
-    let (folder, ..) = record(&home, &drop, "drop", &["--threads", "1"]);
+    let (folder, ..) = record(&sandbox, &drop, "drop", &["--threads", "1"]);
     let times: Vec<Option<f64>> =
         frames(&mut stream(&folder)).iter().map(|frame| frame.belt_time_s).collect();
     assert_eq!(times[0], Some(0.0), "{times:?}");
@@ -160,10 +166,10 @@ fn the_first_frame_of_a_run_without_a_fill_is_at_belt_time_0() {
 }
 
 #[test]
-fn the_same_scenario_makes_the_same_bytes() {
-    let home = Home::new();
-    let once = all_files(&record(&home, &swift(), "once", &["--threads", "1"]).0);
-    let again = all_files(&record(&home, &swift(), "again", &["--threads", "2"]).0);
+fn same_scenario_gives_the_same_bytes() {
+    let sandbox = Sandbox::new();
+    let once = all_files(&record(&sandbox, &fast_scenario(), "once", &["--threads", "1"]).0);
+    let again = all_files(&record(&sandbox, &fast_scenario(), "again", &["--threads", "2"]).0);
     assert!(once.len() > 30, "{:?}", once.keys());
     let names = once.keys().chain(again.keys());
     let differing: Vec<&String> = names.filter(|name| once.get(*name) != again.get(*name)).collect();
@@ -171,19 +177,19 @@ fn the_same_scenario_makes_the_same_bytes() {
 }
 
 #[test]
-fn a_killed_run_leaves_every_frame_up_to_the_last_whole_one() {
-    let home = Home::new();
-    let (file, folder) = (home.file("long.json", &long(600.0)), home.path("frames"));
+fn killed_run_leaves_all_complete_frames() {
+    let sandbox = Sandbox::new();
+    let (file, folder) = (sandbox.file("long.json", &slow_scenario(600.0)), sandbox.path("frames"));
     let mut child = roost()
         .args(["run", &file, "--threads", "1", "--frame-interval", "0.02", "-o"])
-        .arg(home.path("out"))
+        .arg(sandbox.path("out"))
         .arg("--frames")
         .arg(&folder)
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    until("there are frames", || folder.join("vtk/particles_000005.vtp").exists().then_some(()));
+    wait_until("there are frames", || folder.join("vtk/particles_000005.vtp").exists().then_some(()));
     child.kill().unwrap();
     child.wait().unwrap();
 
@@ -199,31 +205,31 @@ fn a_killed_run_leaves_every_frame_up_to_the_last_whole_one() {
 }
 
 #[test]
-fn an_unstable_run_keeps_its_frames() {
-    let home = Home::new();
-    let mut diverging = scenario(0.4);
+fn unstable_run_keeps_its_frames() {
+    let sandbox = Sandbox::new();
+    let mut diverging = hopper_scenario(0.4);
     diverging["numerics"]["timestep_s"] = json!(0.02);
     diverging["numerics"]["allow_unstable"] = json!(true);
-    let (folder, summary, _) = record(&home, &diverging, "unstable", &["--frame-format", "web"]);
+    let (folder, summary, _) = record(&sandbox, &diverging, "unstable", &["--frame-format", "web"]);
     assert_eq!(summary["end_reason"], "unstable");
     let mut reader = stream(&folder);
     assert!(reader.is_complete() && !reader.index().is_empty());
     assert_eq!(frames(&mut reader)[0].bodies.len(), 2);
-    assert!(!folder.join("frames.pvd").exists(), "only what was asked for");
+    assert!(!folder.join("frames.pvd").exists(), "only the requested files");
 }
 
 #[test]
-fn what_would_pass_the_limit_is_refused_with_its_figures() {
-    let home = Home::new();
-    let mut bulk = scenario(4.0);
+fn forecast_above_the_limit_is_refused_with_its_numbers() {
+    let sandbox = Sandbox::new();
+    let mut bulk = hopper_scenario(4.0);
     bulk["product"] = json!({"count": 40, "subparticle_radius_m": 0.004});
     bulk["equipment"] = json!({});
-    let (file, out) = (home.file("bulk.json", &bulk), home.path("out").display().to_string());
-    let frames = home.path("frames");
+    let (file, out) = (sandbox.file("bulk.json", &bulk), sandbox.path("out").display().to_string());
+    let frames = sandbox.path("frames");
     let folder = frames.display().to_string();
     let common = ["run", &file, "-o", &out, "--frames", &folder, "--frame-limit-mb", "3"];
     let output = run(&common);
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", transcript(&output));
     let text = String::from_utf8(output.stderr).unwrap();
     assert!(text.contains("more than --frame-limit-mb 3") && text.contains("--frame-format web"), "{text}");
     assert!(!frames.exists(), "refused before anything is made");
@@ -231,9 +237,10 @@ fn what_would_pass_the_limit_is_refused_with_its_figures() {
 
 #[test]
 fn options_out_of_range_are_refused() {
-    let home = Home::new();
-    let (file, out) = (home.file("small.json", &scenario(0.2)), home.path("out").display().to_string());
-    let (frames, blocked) = (home.path("frames").display().to_string(), home.file("a-file", &json!(1)));
+    let sandbox = Sandbox::new();
+    let (file, out) =
+        (sandbox.file("small.json", &hopper_scenario(0.2)), sandbox.path("out").display().to_string());
+    let (frames, blocked) = (sandbox.path("frames").display().to_string(), sandbox.file("a-file", &json!(1)));
     let cases: [(&[&str], &str); 5] = [
         (&["--frames", &frames, "--frame-interval", "-1"], "above 0"),
         (&["--frames", &frames, "--frame-interval", "NaN"], "above 0"),
@@ -243,16 +250,17 @@ fn options_out_of_range_are_refused() {
     ];
     for (options, expected) in cases {
         let output = run(&[&["run", &file, "-o", &out], options].concat());
-        assert_eq!(output.status.code(), Some(2), "{options:?} {}", said(&output));
+        assert_eq!(output.status.code(), Some(2), "{options:?} {}", transcript(&output));
         let text = String::from_utf8(output.stderr).unwrap();
         assert!(text.contains(expected), "{options:?} {text}");
     }
 }
 
 #[test]
-fn a_run_whose_frames_cannot_be_written_goes_on_and_says_so() {
-    let home = Home::new();
-    let (file, folder, out) = (home.file("long.json", &long(600.0)), home.path("frames"), home.path("out"));
+fn run_continues_with_a_warning_if_frames_cannot_be_written() {
+    let sandbox = Sandbox::new();
+    let (file, folder, out) =
+        (sandbox.file("long.json", &slow_scenario(600.0)), sandbox.path("frames"), sandbox.path("out"));
     let child = roost()
         .args(["run", &file, "--threads", "1", "--json", "-o"])
         .arg(&out)
@@ -262,10 +270,10 @@ fn a_run_whose_frames_cannot_be_written_goes_on_and_says_so() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    until("there are frames", || folder.join("vtk/particles_000002.vtp").exists().then_some(()));
+    wait_until("there are frames", || folder.join("vtk/particles_000002.vtp").exists().then_some(()));
     fs::remove_dir_all(folder.join("vtk")).unwrap();
     let frames = || stream(&folder).index().len();
-    until("the stream has stopped", || {
+    wait_until("the stream has stopped", || {
         let before = frames();
         std::thread::sleep(std::time::Duration::from_millis(700));
         (frames() == before).then_some(())
@@ -273,7 +281,7 @@ fn a_run_whose_frames_cannot_be_written_goes_on_and_says_so() {
     signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
     let text = String::from_utf8_lossy(&output.stderr);
-    assert!(text.contains("warning: frames end at") && text.contains("goes on without frames"), "{text}");
+    assert!(text.contains("warning: frames end at") && text.contains("continues without frames"), "{text}");
     let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(summary["end_reason"], "cancelled", "it was still running");
     assert!(summary["frames"]["stopped"].is_string());

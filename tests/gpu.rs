@@ -1,12 +1,12 @@
-//! The GPU backend in the command, on Mesa's software adapter: it is used when it is asked for and never taken for a GPU.
+//! The GPU backend in commands, on Mesa's software adapter, which is used only on request and never reported as a GPU.
 #![cfg(feature = "gpu")]
 
 mod support;
 
 use serde_json::{Value, json};
-use support::{Home, run, said, scenario, stdout};
+use support::{Sandbox, hopper_scenario, run, stdout, transcript};
 
-/// The software adapter, by name: machines with a GPU have it too.
+/// Selects the software adapter by name, for machines with a GPU.
 const SOFTWARE: [&str; 3] = ["--device", "llvmpipe", "--allow-software"];
 
 fn is_left_out() -> bool {
@@ -17,8 +17,8 @@ fn is_left_out() -> bool {
     is_left_out
 }
 
-fn small(home: &Home) -> String {
-    home.file(
+fn small(sandbox: &Sandbox) -> String {
+    sandbox.file(
         "small.json",
         &json!({
             "experiment": "hopper",
@@ -30,12 +30,12 @@ fn small(home: &Home) -> String {
 }
 
 #[test]
-fn a_run_takes_the_adapter_that_is_asked_for_and_no_software_unasked() {
+fn run_uses_the_requested_adapter_and_software_only_on_request() {
     if is_left_out() {
         return;
     }
-    let home = Home::new();
-    let (scenario, folder) = (small(&home), home.path("out").display().to_string());
+    let sandbox = Sandbox::new();
+    let (scenario, folder) = (small(&sandbox), sandbox.path("out").display().to_string());
     let with = |more: &[&str]| {
         let arguments = [&["run", &scenario, "--output", &folder, "--json"], more].concat();
         run(&arguments)
@@ -49,66 +49,71 @@ fn a_run_takes_the_adapter_that_is_asked_for_and_no_software_unasked() {
 
     let refused = with(&["--backend", "gpu", "--device", "llvmpipe"]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(said(&refused).contains("none of the adapters will do: llvmpipe"), "{}", said(&refused));
-    let mut large = support::scenario(0.1);
+    assert!(
+        transcript(&refused).contains("none of the adapters will do: llvmpipe"),
+        "{}",
+        transcript(&refused)
+    );
+    let mut large = support::hopper_scenario(0.1);
     large["product"]["count"] = json!(60);
     large["equipment"]["hopper_width_m"] = json!(1.5);
-    let large = home.file("large.json", &large);
+    let large = sandbox.file("large.json", &large);
     let least =
         [&["run", &large, "-o", &folder, "--backend", "gpu", "--gpu-memory", "1"][..], &SOFTWARE].concat();
     let refused = run(&least);
-    assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
-    assert!(said(&refused).contains("no room on the device: "), "{}", said(&refused));
+    assert_eq!(refused.status.code(), Some(1), "{}", transcript(&refused));
+    assert!(transcript(&refused).contains("no room on the device: "), "{}", transcript(&refused));
     let refused = with(&["--backend", "cpu", "--gpu-memory", "100"]);
-    assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+    assert_eq!(refused.status.code(), Some(2), "{}", transcript(&refused));
     let refused = with(&["--backend", "cpu", "--allow-software"]);
-    assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+    assert_eq!(refused.status.code(), Some(2), "{}", transcript(&refused));
     let summary: Value = serde_json::from_str(&stdout(&with(&["--backend", "cpu"]))).expect("a summary");
     assert_eq!(summary["solver"]["backend"], "cpu");
 }
 
 #[test]
-fn each_result_of_a_worker_of_four_slots_is_as_alone() {
+fn results_of_a_batch_of_four_equal_single_runs() {
     if is_left_out() {
         return;
     }
-    let home = Home::new();
-    let _server = home.serve();
-    // Of its slots no more are taken at a time than there is memory for.
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    // The worker uses only as many slots as its memory allows.
     let few = ["--backend", "gpu", "--slots", "4", "--gpu-memory", "3"];
-    let _worker = home.work_told("worker", &[&few[..], &SOFTWARE].concat());
+    let _worker = sandbox.start_worker_with("worker", &[&few[..], &SOFTWARE].concat());
     let openings = [0.03, 0.04, 0.05, 0.06];
     let sweep = json!({
-        "name": "small", "base": scenario(0.1), "design": {"kind": "grid"},
+        "name": "small", "base": hopper_scenario(0.1), "design": {"kind": "grid"},
         "factors": [{"pointer": "/equipment/gate_opening_m", "levels": openings}],
     });
-    let view = stdout(&home.roost(&["submit", "--wait", "--json", &home.file("sweep.json", &sweep)]));
+    let view = stdout(&sandbox.roost(&["submit", "--wait", "--json", &sandbox.file("sweep.json", &sweep)]));
     let view: Value = serde_json::from_str(&view).expect("a sweep");
     assert_eq!(view["counts"]["succeeded"], 4, "{view}");
-    let workers = home.ask(|client| async move { client.workers(None, 100).await }).expect("workers");
+    let workers = sandbox.ask(|client| async move { client.workers(None, 100).await }).expect("workers");
     assert_eq!((workers.items[0].backend.as_str(), workers.items[0].memory_mib), ("gpu", Some(3)));
     let id = view["id"].as_str().expect("an id");
-    let table = stdout(&home.roost(&["results", id, "--format", "json"]));
+    let table = stdout(&sandbox.roost(&["results", id, "--format", "json"]));
     let table: Value = serde_json::from_str(&table).expect("a table");
     for (trial, opening) in table["trials"].as_array().expect("trials").iter().zip(openings) {
-        let mut alone = scenario(0.1);
+        let mut alone = hopper_scenario(0.1);
         alone["equipment"]["gate_opening_m"] = json!(opening);
-        let (file, folder) = (home.file("alone.json", &alone), home.path("alone").display().to_string());
+        let (file, folder) =
+            (sandbox.file("alone.json", &alone), sandbox.path("alone").display().to_string());
         let seed = trial["seed"].to_string();
         let run = ["run", &file, "--seed", &seed, "-o", &folder, "--json", "--backend", "gpu"];
-        let summary: Value =
-            serde_json::from_str(&stdout(&home.roost(&[&run[..], &SOFTWARE].concat()))).expect("a summary");
+        let summary: Value = serde_json::from_str(&stdout(&sandbox.roost(&[&run[..], &SOFTWARE].concat())))
+            .expect("a summary");
         assert_eq!(trial["responses"], summary["responses"], "{opening}");
     }
 }
 
 #[test]
-fn the_bench_times_batches_and_calls_software_by_its_name() {
+fn bench_times_batches_and_marks_software_adapters() {
     if is_left_out() {
         return;
     }
-    let home = Home::new();
-    let scenario = small(&home);
+    let sandbox = Sandbox::new();
+    let scenario = small(&sandbox);
     let bench = |more: &[&str]| {
         let own =
             ["bench", "solver", "--paths", "gpu", "--beds", "bonded", "--subparticles", "1000", "--json"];
@@ -130,7 +135,7 @@ fn the_bench_times_batches_and_calls_software_by_its_name() {
 }
 
 #[test]
-fn an_adapter_is_held_against_the_plain_path() {
+fn adapter_is_compared_with_the_plain_path() {
     if is_left_out() {
         return;
     }
@@ -141,25 +146,25 @@ fn an_adapter_is_held_against_the_plain_path() {
     assert_eq!((&parity["is_software"], &parity["is_within_tolerance"]), (&json!(true), &json!(true)));
 }
 
-/// The script that measures on a machine with a GPU, made small.
-fn measure(home: &Home, more: &[&str]) -> std::process::Output {
+/// The measurement script for machines with a GPU, with small sizes.
+fn measure(sandbox: &Sandbox, more: &[&str]) -> std::process::Output {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/solver/benches/gpu/measure.sh");
-    let scenario = small(home);
+    let scenario = small(sandbox);
     let few = [("SCENARIO", scenario.as_str()), ("SUBPARTICLES", "1000"), ("STEPS", "20")];
     let mut command = std::process::Command::new("sh");
-    command.args([script, env!("CARGO_BIN_EXE_roost")]).arg(home.path("figures")).args(more);
+    command.args([script, env!("CARGO_BIN_EXE_roost")]).arg(sandbox.path("figures")).args(more);
     command.envs(few).envs([("REPEATS", "1"), ("BATCHES", "1,3")]).output().expect("a shell")
 }
 
 #[test]
-fn the_script_says_what_is_asked_of_a_gpu() {
+fn script_lists_the_requirements_of_a_gpu() {
     if is_left_out() {
         return;
     }
-    let home = Home::new();
-    let done = measure(&home, &SOFTWARE);
-    assert!(done.status.success(), "{}", said(&done));
-    let figures = std::fs::read_to_string(home.path("figures/figures.txt")).expect("figures");
+    let sandbox = Sandbox::new();
+    let done = measure(&sandbox, &SOFTWARE);
+    assert!(done.status.success(), "{}", transcript(&done));
+    let figures = std::fs::read_to_string(sandbox.path("figures/figures.txt")).expect("figures");
     let lines: Vec<&str> = figures.lines().collect();
     assert_eq!(lines.len(), 7, "{figures}");
     assert!(
@@ -181,17 +186,17 @@ fn the_script_says_what_is_asked_of_a_gpu() {
 }
 
 #[test]
-fn the_script_stops_at_once_where_there_is_no_gpu() {
+fn script_stops_without_a_gpu() {
     if is_left_out() {
         return;
     }
-    let home = Home::new();
-    let done = measure(&home, &["--device", "no such adapter"]);
-    assert_eq!(done.status.code(), Some(2), "{}", said(&done));
+    let sandbox = Sandbox::new();
+    let done = measure(&sandbox, &["--device", "no such adapter"]);
+    assert_eq!(done.status.code(), Some(2), "{}", transcript(&done));
     assert!(
-        said(&done).contains("no GPU: ") && said(&done).contains("nothing was measured"),
+        transcript(&done).contains("no GPU: ") && transcript(&done).contains("nothing was measured"),
         "{}",
-        said(&done)
+        transcript(&done)
     );
-    assert!(!home.path("figures/bench.json").exists());
+    assert!(!sandbox.path("figures/bench.json").exists());
 }

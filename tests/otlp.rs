@@ -1,4 +1,4 @@
-//! Traces over OTLP: a real collector, as small as they come, hears of the jobs of a real server and a real worker.
+//! Traces over OTLP: a minimal collector receives the jobs of a real server and a real worker.
 
 mod support;
 
@@ -14,11 +14,11 @@ use opentelemetry_proto::tonic::collector::trace::v1::ExportTraceServiceRequest;
 use opentelemetry_proto::tonic::common::v1::{KeyValue, any_value::Value};
 use prost::Message;
 use roost_api::job::JobState;
-use support::{Home, scenario, until};
+use support::{Sandbox, hopper_scenario, wait_until};
 
-/// A span as it arrived.
+/// A received span.
 #[derive(Clone, Debug)]
-struct Told {
+struct ReceivedSpan {
     service: String,
     name: String,
     attributes: BTreeMap<String, String>,
@@ -26,23 +26,23 @@ struct Told {
     seconds: f64,
 }
 
-impl Told {
+impl ReceivedSpan {
     fn of(&self, name: &str) -> Option<&str> {
         self.attributes.get(name).map(String::as_str)
     }
 }
 
-/// Takes spans in over HTTP.
+/// A collector that receives spans over HTTP.
 struct Collector {
     address: String,
-    spans: Arc<Mutex<Vec<Told>>>,
+    spans: Arc<Mutex<Vec<ReceivedSpan>>>,
     _runtime: tokio::runtime::Runtime,
 }
 
 impl Collector {
     fn start() -> Self {
         let spans = Arc::new(Mutex::new(Vec::new()));
-        let router = Router::new().route("/v1/traces", post(taken)).with_state(spans.clone());
+        let router = Router::new().route("/v1/traces", post(receive)).with_state(spans.clone());
         let runtime = tokio::runtime::Runtime::new().unwrap();
         let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0")).unwrap();
         let address = format!("http://{}", listener.local_addr().unwrap());
@@ -50,19 +50,19 @@ impl Collector {
         Self { address, spans, _runtime: runtime }
     }
 
-    fn told(&self, service: &str, is_it: impl Fn(&Told) -> bool) -> Vec<Told> {
+    fn wait_for_spans(&self, service: &str, matches: impl Fn(&ReceivedSpan) -> bool) -> Vec<ReceivedSpan> {
         let spans = self.spans.lock().unwrap();
-        spans.iter().filter(|span| span.service == service && is_it(span)).cloned().collect()
+        spans.iter().filter(|span| span.service == service && matches(span)).cloned().collect()
     }
 }
 
-async fn taken(State(spans): State<Arc<Mutex<Vec<Told>>>>, headers: HeaderMap, body: Bytes) {
+async fn receive(State(spans): State<Arc<Mutex<Vec<ReceivedSpan>>>>, headers: HeaderMap, body: Bytes) {
     assert_eq!(headers["content-type"], "application/x-protobuf");
     for of_service in ExportTraceServiceRequest::decode(body).unwrap().resource_spans {
         let resource = texts(&of_service.resource.unwrap().attributes);
         for span in of_service.scope_spans.into_iter().flat_map(|scope| scope.spans) {
             assert!(span.trace_id.len() == 16 && span.end_time_unix_nano >= span.start_time_unix_nano);
-            spans.lock().unwrap().push(Told {
+            spans.lock().unwrap().push(ReceivedSpan {
                 service: resource["service.name"].clone(),
                 name: span.name,
                 attributes: texts(&span.attributes),
@@ -88,39 +88,43 @@ fn texts(attributes: &[KeyValue]) -> BTreeMap<String, String> {
 }
 
 #[test]
-fn a_collector_hears_of_every_job_and_attempt() {
+fn collector_receives_every_job_and_attempt() {
     let collector = Collector::start();
-    let mut home = Home::new();
-    home.set_variable("OTEL_EXPORTER_OTLP_ENDPOINT", &collector.address);
-    home.set_variable("OTEL_BSP_SCHEDULE_DELAY", "200");
-    let server = home.serve();
-    let worker = home.work("traced");
-    let job = home.submit(&scenario(0.02));
-    home.job_when(&job, "a result", |job| job.state == JobState::Succeeded);
+    let mut sandbox = Sandbox::new();
+    sandbox.set_variable("OTEL_EXPORTER_OTLP_ENDPOINT", &collector.address);
+    sandbox.set_variable("OTEL_BSP_SCHEDULE_DELAY", "200");
+    let server = sandbox.start_server();
+    let worker = sandbox.start_worker("traced");
+    let job = sandbox.submit(&hopper_scenario(0.02));
+    sandbox.wait_for_job(&job, "a result", |job| job.state == JobState::Succeeded);
     let id = job.id.to_string();
-    let of_attempt = |span: &Told| span.of("job") == Some(&id) && span.of("attempt") == Some("1");
+    let of_attempt = |span: &ReceivedSpan| span.of("job") == Some(&id) && span.of("attempt") == Some("1");
 
-    // While both run: what is told does not wait for their end.
-    let delivered =
-        until("the server tells of the delivery", || collector.told("roost-serve", of_attempt).pop());
+    // While both processes run: spans are sent before the exit.
+    let delivered = wait_until("the server tells of the delivery", || {
+        collector.wait_for_spans("roost-serve", of_attempt).pop()
+    });
     assert_eq!(delivered.name, "POST /v1/jobs/{id}/attempts/{n}/result");
     assert_eq!(delivered.of("http.response.status_code"), Some("200"));
-    let run = until("the worker tells of the run", || {
-        collector.told("roost-work", |span| span.name == "attempt" && of_attempt(span)).pop()
+    let run = wait_until("the worker tells of the run", || {
+        collector.wait_for_spans("roost-work", |span| span.name == "attempt" && of_attempt(span)).pop()
     });
     assert_eq!(run.of("outcome"), Some("finished"));
-    let claims = collector.told("roost-serve", |span| span.name == "POST /v1/claims");
+    let claims = collector.wait_for_spans("roost-serve", |span| span.name == "POST /v1/claims");
     assert!(claims.iter().any(|claim| claim.events.contains(&id)), "{claims:?}");
 
-    // And what waits is sent when they stop.
-    assert!(collector.told("roost-work", |span| span.name == "delivery" && of_attempt(span)).len() <= 1);
+    // The exit sends the remaining spans.
+    assert!(
+        collector.wait_for_spans("roost-work", |span| span.name == "delivery" && of_attempt(span)).len() <= 1
+    );
     worker.terminate();
     worker.wait();
     server.terminate();
     server.wait();
-    let deliveries = collector.told("roost-work", |span| span.name == "delivery" && of_attempt(span));
+    let deliveries =
+        collector.wait_for_spans("roost-work", |span| span.name == "delivery" && of_attempt(span));
     assert_eq!(deliveries.len(), 1);
     assert!(run.seconds > 0.0 && deliveries[0].seconds > 0.0);
-    let lookups = collector.told("roost-serve", |span| span.name == "GET /v1/jobs/{id}");
+    let lookups = collector.wait_for_spans("roost-serve", |span| span.name == "GET /v1/jobs/{id}");
     assert!(lookups.iter().any(|span| span.of("job") == Some(&id)));
 }

@@ -1,17 +1,18 @@
-//! Holds the pages that users read to the rules of their prose: short sentences, and subjects that are named.
+//! Checks of the prose of user pages: short sentences with named subjects.
 //!
-//! Code, tables, headings and comments are left out: they have rules of their own.
+//! Code, tables, headings and comments are not checked.
 
 use std::path::Path;
 
-/// Words in the longest sentence, and in the mean sentence of a page.
+/// Maximum number of words of a sentence.
 const LONGEST: usize = 35;
+/// Maximum of the mean number of words per sentence of a page.
 const MEAN: f64 = 20.0;
 
-/// First words of statements that leave their subject unnamed; questions may begin with them.
+/// First words of statements without a named subject; questions may start with them.
 const OPENINGS: &[&str] = &["What", "Which", "Such", "So", "That", "Whoever", "Who"];
 
-/// Words and phrases that have a plain counterpart.
+/// Phrases with a plainer alternative.
 const PHRASES: &[&str] = &[
     "lest",
     "but for",
@@ -28,7 +29,7 @@ const PHRASES: &[&str] = &[
     "anew",
 ];
 
-/// Pages that are written by these rules. Not by them: the reference of the HTTP API, and the changelog.
+/// Pages to which the rules apply. The reference of the HTTP API and the changelog are exempt.
 fn pages() -> Vec<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut found = ["README.md", "ARCHITECTURE.md", "deploy/README.md"].map(str::to_owned).to_vec();
@@ -86,7 +87,7 @@ fn sentences(page: &str) -> Vec<String> {
     found
 }
 
-/// Where the first sentence ends: at a mark that a space and a capital letter, a digit-free opening or nothing follows.
+/// End of the first sentence: a mark, followed by the end of the text, or by a space and a capital letter or an opening mark.
 fn end_of_sentence(text: &str) -> usize {
     for (at, mark) in text.char_indices().filter(|(_, c)| ".!?".contains(*c)) {
         let next = &text[at + mark.len_utf8()..];
@@ -99,7 +100,7 @@ fn end_of_sentence(text: &str) -> usize {
     text.len()
 }
 
-/// Without marks: links by their text, code as one word.
+/// The text without Markdown: links by their text, code as one word.
 fn plain(paragraph: &str) -> String {
     let mut text = String::new();
     for (number, part) in paragraph.split('`').enumerate() {
@@ -116,7 +117,7 @@ fn words(sentence: &str) -> usize {
     sentence.split_whitespace().filter(|word| word.chars().any(char::is_alphanumeric)).count()
 }
 
-/// What breaks the rules on a page.
+/// Violations of the rules on a page.
 fn faults(page: &str) -> Vec<String> {
     let sentences = sentences(page);
     let mut faults = Vec::new();
@@ -143,7 +144,7 @@ fn faults(page: &str) -> Vec<String> {
 }
 
 #[test]
-fn every_page_is_written_by_the_rules() {
+fn every_page_follows_the_rules() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let pages = pages();
     assert!(pages.len() > 30, "{pages:?}");
@@ -156,7 +157,7 @@ fn every_page_is_written_by_the_rules() {
 }
 
 #[test]
-fn sentences_are_told_apart() {
+fn page_is_split_into_sentences() {
     let page = "# A heading that counts for nothing\n\nOne of Fig. 5, 2.5 mm. Two [with a link](x.md#y)\ngoes `on here` now!\n\n\
         | a | table |\n\n```sh\ncode. Code.\n```\n<!-- a comment. -->\n- An item. Another one\n1. A step.\n";
     let found = sentences(page);
@@ -167,7 +168,7 @@ fn sentences_are_told_apart() {
 }
 
 #[test]
-fn what_breaks_the_rules_is_found() {
+fn violations_of_the_rules_are_found() {
     let long = "word ".repeat(LONGEST + 1);
     assert_eq!(faults(&long).len(), 2, "too long, and too long in the mean");
     assert_eq!(faults("What comes here is short.").len(), 1);

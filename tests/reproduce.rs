@@ -1,4 +1,4 @@
-//! `roost reproduce` from outside: the documents it writes, and that it never runs again what it has.
+//! `roost reproduce`: its report, and that finished runs are not repeated.
 
 mod support;
 
@@ -9,9 +9,9 @@ use std::process::Stdio;
 use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::{Value, json};
-use support::{Home, roost, run, said, signal, stdout};
+use support::{Sandbox, roost, run, signal, stdout, transcript};
 
-/// What the smallest profile gives for some parts.
+/// Runs parts of the smallest profile. Returns stdout.
 fn reproduce(folder: &Path, parts: &[&str]) -> String {
     let folder = folder.display().to_string();
     let arguments = ["reproduce", "--profile", "tiny", "--threads", "2", "-o", &folder];
@@ -26,7 +26,7 @@ fn rows(report: &Value) -> &Vec<Value> {
     report["rows"].as_array().unwrap()
 }
 
-/// Name and time of writing of each record.
+/// Name and modification time of each record.
 fn records(folder: &Path) -> BTreeMap<String, SystemTime> {
     let entries = fs::read_dir(folder.join("runs")).into_iter().flatten().flatten();
     let whole = entries.filter(|entry| entry.path().extension().is_some_and(|extension| extension == "json"));
@@ -42,9 +42,9 @@ fn bytes(folder: &Path) -> [Vec<u8>; 2] {
 }
 
 #[test]
-fn the_whole_programme_becomes_one_page_and_one_document() {
-    let home = Home::new();
-    let folder = home.path("report");
+fn full_report_has_every_figure_and_depends_on_its_records_only() {
+    let sandbox = Sandbox::new();
+    let folder = sandbox.path("report");
     let summary = reproduce(&folder, &[]);
 
     let document = report(&folder);
@@ -63,7 +63,7 @@ fn the_whole_programme_becomes_one_page_and_one_document() {
     }
     let circular: Vec<_> =
         rows(&document).iter().filter(|row| row["note"].as_str().unwrap().contains("circular")).collect();
-    // The mass at 4 s and its share of the load.
+    // The mass at 4 s, and its share of the loaded mass.
     assert_eq!(circular.len(), 2);
     assert!(circular.iter().all(|row| row["figure"] == "Fig. 14"));
     assert_eq!(circular[0]["paper"], 33.2);
@@ -94,7 +94,7 @@ fn the_whole_programme_becomes_one_page_and_one_document() {
     assert!(!page.contains("<script") && !page.contains("src="), "one file, no network");
     assert!(!page.contains("failed: "), "a run failed");
 
-    // Again: nothing runs, and every byte is the same.
+    // A repetition simulates nothing and writes the same bytes.
     let (before, written) = (bytes(&folder), records(&folder));
     assert_eq!(reproduce(&folder, &[]), summary);
     assert_eq!(records(&folder), written);
@@ -102,9 +102,9 @@ fn the_whole_programme_becomes_one_page_and_one_document() {
 }
 
 #[test]
-fn only_what_is_missing_runs() {
-    let home = Home::new();
-    let folder = home.path("report");
+fn only_missing_runs_are_simulated() {
+    let sandbox = Sandbox::new();
+    let folder = sandbox.path("report");
     reproduce(&folder, &["compress"]);
     let before = records(&folder);
     let (lost, _) = before.first_key_value().unwrap();
@@ -118,9 +118,9 @@ fn only_what_is_missing_runs() {
 }
 
 #[test]
-fn a_result_that_fails_a_demand_is_told() {
-    let home = Home::new();
-    let folder = home.path("report");
+fn failed_demand_is_reported() {
+    let sandbox = Sandbox::new();
+    let folder = sandbox.path("report");
     reproduce(&folder, &["compress"]);
     let of = |document: &Value| {
         let row = rows(document)
@@ -143,9 +143,9 @@ fn a_result_that_fails_a_demand_is_told() {
 }
 
 #[test]
-fn ctrl_c_keeps_what_has_run_and_the_next_call_goes_on() {
-    let home = Home::new();
-    let folder = home.path("report");
+fn ctrl_c_keeps_finished_runs_and_the_next_call_continues() {
+    let sandbox = Sandbox::new();
+    let folder = sandbox.path("report");
     let mut child = roost()
         .args(["reproduce", "--profile", "tiny", "--threads", "1", "hopper", "-o"])
         .arg(&folder)
@@ -160,11 +160,11 @@ fn ctrl_c_keeps_what_has_run_and_the_next_call_goes_on() {
     }
     signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", transcript(&output));
     let kept = records(&folder);
     let document = report(&folder);
     assert_eq!(document["complete"], false);
-    // What ended since the last figure was complete is counted, too.
+    // Runs that have ended since the last complete figure count too.
     let page = fs::read_to_string(folder.join("report.html")).unwrap();
     assert!(page.contains(&format!("Not run yet: {} of", kept.len())), "{} runs", kept.len());
 
@@ -176,27 +176,27 @@ fn ctrl_c_keeps_what_has_run_and_the_next_call_goes_on() {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
-    let home = Home::new();
-    let file = home.file("file", &json!({}));
+fn invalid_arguments_are_refused() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.file("file", &json!({}));
     for (arguments, word) in [
         (vec!["reproduce", "everything"], "everything"),
         (vec!["reproduce", "--quick", "--full"], "--full"),
-        (vec!["reproduce", "model", "-o", &file], "cannot make"),
+        (vec!["reproduce", "model", "-o", &file], "cannot create"),
     ] {
         let output = run(&arguments);
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        assert!(said(&output).contains(word), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(2), "{}", transcript(&output));
+        assert!(transcript(&output).contains(word), "{}", transcript(&output));
     }
 }
 
 #[test]
-fn the_plan_runs_nothing() {
-    let home = Home::new();
-    let folder = home.path("report").display().to_string();
+fn plan_simulates_nothing() {
+    let sandbox = Sandbox::new();
+    let folder = sandbox.path("report").display().to_string();
     for size in ["--quick", "--standard", "--full"] {
         let plan = stdout(&run(&["reproduce", size, "--plan", "-o", &folder]));
         assert!(plan.contains("Fig. 14"), "{plan}");
     }
-    assert!(records(&home.path("report")).is_empty());
+    assert!(records(&sandbox.path("report")).is_empty());
 }

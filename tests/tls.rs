@@ -1,4 +1,4 @@
-//! https: the command and workers behind a proxy that speaks TLS, as a reverse proxy in front of a server does.
+//! Commands and workers over https, with a reverse proxy in front of the server.
 
 mod support;
 
@@ -8,13 +8,13 @@ use std::sync::Arc;
 
 use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
 use roost_api::job::JobState;
-use support::{Home, said, scenario, stdout};
+use support::{Sandbox, hopper_scenario, stdout, transcript};
 use tokio::net::{TcpListener, TcpStream};
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::ServerConfig;
 use tokio_rustls::rustls::pki_types::PrivateKeyDer;
 
-/// A certificate of an authority of its own, and a listener with one for `localhost` that passes everything on.
+/// A TLS proxy for `localhost` with a certificate of its own authority.
 struct Front {
     address: String,
     authority: String,
@@ -26,7 +26,7 @@ impl Front {
         Self::with(server, false)
     }
 
-    /// The same; where asked to, it shows the certificate of the authority as its own.
+    /// A proxy that presents the certificate of the authority itself if `is_itself`.
     fn with(server: &str, is_itself: bool) -> Self {
         let authority_key = KeyPair::generate().unwrap();
         let mut authority = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
@@ -52,7 +52,7 @@ impl Front {
             while let Ok((client, _)) = listener.accept().await {
                 let (acceptor, server) = (acceptor.clone(), server.clone());
                 tokio::spawn(async move {
-                    // Who does not trust us breaks off here.
+                    // Clients that do not trust the certificate disconnect here.
                     let Ok(mut client) = acceptor.accept(client).await else { return };
                     let mut server = TcpStream::connect(server).await.unwrap();
                     let _ = tokio::io::copy_bidirectional(&mut client, &mut server).await;
@@ -64,29 +64,29 @@ impl Front {
 }
 
 #[test]
-fn a_command_and_a_worker_reach_a_server_behind_tls() {
-    let home = Home::new();
-    let _server = home.serve();
-    let front = Front::of(&home.address);
-    let ca = home.path("ca.pem");
+fn command_and_worker_reach_a_server_behind_tls() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let front = Front::of(&sandbox.address);
+    let ca = sandbox.path("ca.pem");
     std::fs::write(&ca, &front.authority).unwrap();
     let ca = ca.display().to_string();
 
-    let job = home.submit(&scenario(0.02));
-    let mut far = Home::new();
+    let job = sandbox.submit(&hopper_scenario(0.02));
+    let mut far = Sandbox::new();
     far.address.clone_from(&front.address);
-    let worker = far.work_with("far", &["--ca", &ca]);
-    home.job_when(&job, "a result", |job| job.state == JobState::Succeeded);
+    let worker = far.start_worker_with("far", &["--ca", &ca]);
+    sandbox.wait_for_job(&job, "a result", |job| job.state == JobState::Succeeded);
     worker.terminate();
     let id = job.id.to_string();
     let shown = support::run(&["status", &id, "--server", &front.address, "--ca", &ca, "--json"]);
-    assert!(stdout(&shown).contains("succeeded"), "{}", said(&shown));
+    assert!(stdout(&shown).contains("succeeded"), "{}", transcript(&shown));
 }
 
-/// Fails unless `roost list` ends with this exit code, and says all of the words but never that the address is none.
+/// Fails unless the command has this exit code and prints all words, without an error about the address.
 fn assert_says(command: &mut Command, code: i32, words: &[&str]) {
     let output = command.output().unwrap();
-    let text = said(&output);
+    let text = transcript(&output);
     assert_eq!(output.status.code(), Some(code), "{text}");
     assert!(!text.contains("is not a server address"), "{text}");
     for word in words {
@@ -101,22 +101,22 @@ fn list(server: &str, more: &[&str]) -> Command {
 }
 
 #[test]
-fn a_wrong_set_up_of_https_says_what_is_wrong_and_what_to_do() {
-    let home = Home::new();
-    let _server = home.serve();
-    let front = Front::of(&home.address);
-    let (ca, other) = (home.path("ca.pem"), home.path("other.pem"));
+fn wrong_https_setup_is_reported_with_advice() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let front = Front::of(&sandbox.address);
+    let (ca, other) = (sandbox.path("ca.pem"), sandbox.path("other.pem"));
     std::fs::write(&ca, &front.authority).unwrap();
-    std::fs::write(&other, Front::of(&home.address).authority).unwrap();
+    std::fs::write(&other, Front::of(&sandbox.address).authority).unwrap();
     let (ca, other) = (ca.display().to_string(), other.display().to_string());
     stdout(&list(&front.address, &["--ca", &ca]).output().unwrap());
 
-    // Certificates that cannot be checked.
+    // Certificates of an unknown authority.
     let untrusted = ["an authority that is not trusted", "--ca FILE"];
     assert_says(&mut list(&front.address, &[]), 1, &untrusted);
     assert_says(&mut list(&front.address, &["--ca", &other]), 1, &untrusted);
     let mut slim = list(&front.address, &[]);
-    let slim = slim.env("SSL_CERT_FILE", home.path("none")).env("SSL_CERT_DIR", home.path("none"));
+    let slim = slim.env("SSL_CERT_FILE", sandbox.path("none")).env("SSL_CERT_DIR", sandbox.path("none"));
     assert_says(slim, 1, &["No CA certificates", "ca-certificates", "--ca FILE"]);
     let number = front.address.replace("localhost", "127.0.0.1");
     assert_says(
@@ -124,29 +124,29 @@ fn a_wrong_set_up_of_https_says_what_is_wrong_and_what_to_do() {
         1,
         &["127.0.0.1", "localhost", "a name that the certificate has"],
     );
-    let itself = Front::with(&home.address, true);
+    let itself = Front::with(&sandbox.address, true);
     std::fs::write(&other, &itself.authority).unwrap();
     let words = ["an authority's own certificate", "signed by it"];
     assert_says(&mut list(&itself.address, &["--ca", &other]), 1, &words);
 
-    // Files of authorities that are none.
+    // Files without a certificate.
     std::fs::write(&other, "no certificate").unwrap();
     let words = [&other, "--ca", "no `-----BEGIN CERTIFICATE-----`"];
     assert_says(&mut list(&front.address, &["--ca", &other]), 2, &words);
     std::fs::write(&other, "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n").unwrap();
     assert_says(&mut list(&front.address, &["--ca", &other]), 2, &["--ca", "cannot be used"]);
-    let absent = home.path("absent.pem").display().to_string();
+    let absent = sandbox.path("absent.pem").display().to_string();
     assert_says(&mut list(&front.address, &["--ca", &absent]), 2, &[&absent, "--ca", "No such file"]);
 
-    // The wrong one of two protocols.
-    let plain = home.address.replace("http://127.0.0.1", "https://localhost");
+    // The wrong protocol.
+    let plain = sandbox.address.replace("http://127.0.0.1", "https://localhost");
     assert_says(&mut list(&plain, &["--ca", &ca]), 1, &["not TLS", "http://"]);
     let encrypted = front.address.replace("https://", "http://");
     assert_says(&mut list(&encrypted, &[]), 1, &["not HTTP", "https://"]);
 }
 
 #[test]
-fn a_port_that_wants_https_is_named_when_it_answers_in_plain_http() {
+fn https_port_is_recognised_in_a_plain_http_response() {
     let answering = |head: &str, body: &str| {
         let length = body.len();
         let answer =
@@ -161,7 +161,7 @@ fn a_port_that_wants_https_is_named_when_it_answers_in_plain_http() {
         });
         address
     };
-    // As nginx does on its TLS port, and as most do on port 80.
+    // Like nginx on its TLS port, and most servers on port 80.
     let nginx =
         answering("400 Bad Request", "<title>400 The plain HTTP request was sent to HTTPS port</title>");
     assert_says(&mut list(&nginx, &[]), 1, &["sent to HTTPS port", "write the address with https://"]);

@@ -6,6 +6,8 @@
 use std::borrow::Cow;
 use std::fmt::Write;
 
+use crate::Fault;
+
 /// The text as one line: line ends and tabs are escaped as well.
 pub fn one_line(text: &str) -> Cow<'_, str> {
     escaped(text, is_unsafe)
@@ -14,6 +16,12 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
 /// The text with its line ends and tabs, which must come from Roost: untrusted ones could imitate a line of output.
 pub fn lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| is_unsafe(c) && !matches!(c, '\n' | '\t'))
+}
+
+/// A fault as one line: its JSON pointer, the detail and the allowed values. An empty pointer is the document itself.
+pub fn fault_line(fault: &Fault) -> String {
+    let text = if fault.pointer.is_empty() { format!("the document{fault}") } else { fault.to_string() };
+    one_line(&text).into_owned()
 }
 
 /// Control characters (C0, DEL, C1), invisible characters, line separators and direction marks.

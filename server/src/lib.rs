@@ -5,7 +5,7 @@
 //! | `http` | answers requests; the only module with axum |
 //! | `state` | shared state of a running server: access, connections, caches, metrics, progress |
 //! | `document`, `mesh`, `validation` | read and check submissions, pure |
-//! | `queue`, `sweep` | decide on attempts; expand designs and summarize results, pure |
+//! | `queue`, `sweep` | decide on attempts; expand designs and summarize results with `roost_stats`, pure |
 //! | `store` | one SQLite file and the objects; the only module with sqlx |
 //! | `reaper` | background tasks |
 //!
@@ -22,7 +22,6 @@ mod queue;
 mod reaper;
 mod server;
 mod state;
-pub mod stats;
 mod store;
 mod sweep;
 mod validation;
@@ -30,7 +29,7 @@ mod validation;
 pub use config::ServerConfig;
 pub use data::{DataError, backup, restore, tokens_in};
 pub use http::openapi;
-pub use queue::{RetryPolicy, RetryLimit};
+pub use queue::{RetryLimit, RetryPolicy};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
 pub use store::{BackupReport, Bucket, BucketError, StoreError, TokenFile};

@@ -1,7 +1,6 @@
-//! `roost demo`: the main job on a fresh machine, from a sweep to its table and picture.
+//! `roost demo`: a small sweep with its table and plot, on a fresh machine.
 //!
-//! Nothing in here is a shortcut: the server keeps a real database in the folder, the worker claims over
-//! HTTP, and what is shown comes back through the API.
+//! The demo takes no shortcut: the server has a real database, the worker claims over HTTP, and all results come through the API.
 
 use std::path::{Path, PathBuf};
 
@@ -10,23 +9,20 @@ use roost_api::RunResult;
 use roost_api::sweep::SweepView;
 use roost_api::table::SweepResults;
 use roost_server::ServerConfig;
+use roost_terminal::plot::{self, Curve, Panel, Style};
+use roost_terminal::{Exit, Table, format, message, print_line, print_lines, signals};
 use roost_worker::WorkerConfig;
 use roost_worker::client::Client;
 use serde_json::{Value, json};
 use tokio_util::sync::CancellationToken;
 
-use crate::exit::Exit;
 use crate::farm::Farm;
-use crate::ui;
-use crate::ui::format;
-use crate::ui::plot::{self, Curve, Look, Panel};
-use crate::ui::table::Table;
-use crate::{output, signals, watch, work};
+use crate::{output, watch, work};
 
-/// Gate opening × dry or wet, on a slice of the paper's hopper.
+/// Gate opening × surface condition, on a slice of the paper's hopper.
 const SWEEP: &str = include_str!("sweep.json");
 
-/// Columns of the table, and the responses that fill them.
+/// Headings of the table, and their responses.
 const RESPONSES: [(&str, &str); 5] = [
     ("regime", "regime"),
     ("filled (kg)", "filled_kg"),
@@ -35,13 +31,13 @@ const RESPONSES: [(&str, &str); 5] = [
     ("mean rate (kg/s)", "mean_rate_kg_s"),
 ];
 
-/// See it work: server, worker and a real sweep of four simulations
+/// Run a demonstration: server, worker and a sweep of four simulations
 ///
-/// Starts a server and a worker in this process, submits a sweep of gate opening by dry and wet fillets, shows its
-/// progress, then the table of results and a plot of the discharge curves.
+/// Starts a server and a worker in this process, submits a sweep of gate opening and surface condition, and follows its
+/// progress. Then prints the table of results and plots the discharge curves.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Stop when the sweep is done, instead of serving on
+    /// Exit after the sweep; without it the server continues
     #[arg(long)]
     exit: bool,
     /// Folder for the database, the plot and the results
@@ -50,7 +46,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
-    let shutdown = signals::shutdown()?;
+    let shutdown = signals::shutdown_token()?;
     let server = ServerConfig {
         listen: ([127, 0, 0, 1], 0).into(),
         data: args.output.join("data"),
@@ -59,48 +55,48 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let state = args.output.join("worker");
     let mut farm =
         Farm::start(server, |address| WorkerConfig::new(address, work::host_name(), state)).await?;
-    ui::say!("server at {}, database in {}", farm.address, args.output.join("data").display());
+    message!("server at {}, database in {}", farm.address, args.output.join("data").display());
     let client = Client::new(&farm.address)?;
-    let shown = tokio::select! {
-        shown = show(&client, &args.output, &shutdown) => shown,
-        error = farm.broken() => return Err(error),
+    let outcome = tokio::select! {
+        outcome = run_sweep(&client, &args.output, &shutdown) => outcome,
+        error = farm.failure() => return Err(error),
     };
-    if shown.is_ok() && !args.exit {
-        ui::say!("");
-        ui::say!("The server goes on at {}; Ctrl-C stops it.", farm.address);
+    if outcome.is_ok() && !args.exit {
+        message!("");
+        message!("The server continues at {}; Ctrl-C stops it.", farm.address);
         shutdown.cancelled().await;
     }
     farm.stop().await?;
-    shown
+    outcome
 }
 
-/// Submits the sweep, follows it, and shows what came out.
-async fn show(client: &Client, folder: &Path, shutdown: &CancellationToken) -> Result<Exit> {
-    cancel_leftovers(client).await?;
+/// Submits the sweep, follows it, and prints its results.
+async fn run_sweep(client: &Client, folder: &Path, shutdown: &CancellationToken) -> Result<Exit> {
+    cancel_earlier_sweeps(client).await?;
     let document: Value = serde_json::from_str(SWEEP)?;
     let sweep: SweepView = client.submit_document("sweeps", &document).await?;
-    ui::say!("sweep {}: {} points of gate opening × surface condition", sweep.id, sweep.points);
+    message!("sweep {}: {} points of gate opening × surface condition", sweep.id, sweep.points);
     let sweep = watch::sweep(client, sweep.id, shutdown).await?;
     let results = client.sweep_results(sweep.id).await?;
     let csv = folder.join("results.csv");
     std::fs::write(&csv, client.sweep_table(sweep.id, "csv", "trial").await?)?;
-    let picture = folder.join("discharge.svg");
-    let runs = runs(client, &results).await?;
+    let plot_file = folder.join("discharge.svg");
+    let runs = run_results(client, &results).await?;
     let panel = Panel {
         x_label: "time from belt start (s)".to_owned(),
         y_label: "discharged mass (kg)".to_owned(),
         curves: curves(&results, &runs),
         ..Panel::default()
     };
-    plot::draw(&picture, "Discharge by gate opening and surface condition", &[panel])?;
-    ui::print(format_args!("\n{}\n", table(&results, &runs)))?;
-    ui::println(format_args!("plot:  {}", picture.display()))?;
-    ui::println(format_args!("table: {}", csv.display()))?;
+    plot::write_svg(&plot_file, "Discharge by gate opening and surface condition", &[panel])?;
+    print_lines(format_args!("\n{}\n", table(&results, &runs)))?;
+    print_line(format_args!("plot:  {}", plot_file.display()))?;
+    print_line(format_args!("table: {}", csv.display()))?;
     watch::exit_of_sweep(client, &sweep).await
 }
 
-/// An earlier demo in the same folder may have been stopped halfway: its sweep would run before ours.
-async fn cancel_leftovers(client: &Client) -> Result<()> {
+/// Cancels the unfinished sweep of an earlier demo in the same folder, which would run first.
+async fn cancel_earlier_sweeps(client: &Client) -> Result<()> {
     for sweep in client.sweeps(None, 100).await?.items {
         if !sweep.counts.is_ended() {
             client.cancel_sweep(sweep.id).await?;
@@ -109,8 +105,8 @@ async fn cancel_leftovers(client: &Client) -> Result<()> {
     Ok(())
 }
 
-/// The result of each trial; none where there is none.
-async fn runs(client: &Client, results: &SweepResults) -> Result<Vec<Option<RunResult>>> {
+/// The result of each trial that has one.
+async fn run_results(client: &Client, results: &SweepResults) -> Result<Vec<Option<RunResult>>> {
     let mut runs = Vec::with_capacity(results.trials.len());
     for trial in &results.trials {
         runs.push(match client.job_result(trial.job_id).await {
@@ -141,28 +137,28 @@ fn table(results: &SweepResults, runs: &[Option<RunResult>]) -> Table {
     table
 }
 
-/// One curve a trial: the first factor has the colour, the second the dashes.
+/// One curve per trial: the first factor decides the colour, the second the dash pattern.
 fn curves(results: &SweepResults, runs: &[Option<RunResult>]) -> Vec<Curve> {
-    let mut seen: Vec<Vec<Value>> = vec![Vec::new(); results.sweep.factors.len()];
+    let mut levels_seen: Vec<Vec<Value>> = vec![Vec::new(); results.sweep.factors.len()];
     let mut curves = Vec::new();
     for (trial, run) in results.trials.iter().zip(runs) {
-        let mut places = results.sweep.factors.iter().zip(&mut seen).map(|(pointer, seen)| {
+        let mut indices = results.sweep.factors.iter().zip(&mut levels_seen).map(|(pointer, seen)| {
             let level = &trial.factors[pointer];
             seen.iter().position(|other| other == level).unwrap_or_else(|| {
                 seen.push(level.clone());
                 seen.len() - 1
             })
         });
-        let look = Look { colour: places.next().unwrap_or(0), dash: places.next().unwrap_or(0) };
+        let style = Style { colour: indices.next().unwrap_or(0), dash: indices.next().unwrap_or(0) };
         let levels = results.sweep.factors.iter().map(|pointer| level(pointer, &trial.factors[pointer]));
         let label = levels.collect::<Vec<_>>().join(", ");
         let points = output::points(run.as_ref().and_then(|run| run.series("discharged_mass")));
-        curves.push(Curve { label, look, points, ..Curve::default() });
+        curves.push(Curve { label, style, points, ..Curve::default() });
     }
     curves
 }
 
-/// `/equipment/gate_opening_m` → `gate opening (m)`.
+/// The name of a factor with its unit: `/equipment/gate_opening_m` is `gate opening (m)`.
 fn factor_name(pointer: &str) -> String {
     let name = pointer.rsplit('/').next().unwrap_or(pointer);
     match name.strip_suffix("_m") {
@@ -171,7 +167,7 @@ fn factor_name(pointer: &str) -> String {
     }
 }
 
-/// A level for the legend: openings in centimetres, words as they are.
+/// A level in the legend: lengths in centimetres, texts unchanged.
 fn level(pointer: &str, value: &Value) -> String {
     match value.as_f64() {
         Some(metres) if pointer.ends_with("_m") => format!("{} cm", format::significant(metres * 100.0)),
@@ -187,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_demo_sweep_is_valid() {
+    fn demo_sweep_is_valid() {
         let sweep: SweepSpec = serde_json::from_str(SWEEP).unwrap();
         scenario::from_value(&sweep.base).unwrap();
         assert_eq!(
@@ -197,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn names_for_people() {
+    fn factors_and_levels_have_readable_names() {
         assert_eq!(factor_name("/equipment/gate_opening_m"), "gate opening (m)");
         assert_eq!(factor_name("/contact/condition"), "condition");
         assert_eq!(level("/equipment/gate_opening_m", &0.045.into()), "4.5 cm");

@@ -3,26 +3,26 @@
 use serde_json::json;
 
 use super::page::Page;
-use super::support::{Home, scenario, stdout, until};
+use super::support::{Sandbox, hopper_scenario, stdout, wait_until};
 use super::text;
 
 #[test]
 fn the_page_asks_again_for_a_token_after_its_revocation() {
-    let home = Home::new();
-    let _server = home.serve();
-    let data = home.path("data").display().to_string();
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let data = sandbox.path("data").display().to_string();
     // The page of a sweep has a dialog of its own.
-    let sweep = json!({"name": "waits", "base": scenario(0.2), "design": {"kind": "grid"}});
-    let sweep = home.answered(&["submit", &home.file("sweep.json", &sweep)]);
+    let sweep = json!({"name": "waits", "base": hopper_scenario(0.2), "design": {"kind": "grid"}});
+    let sweep = sandbox.json_output(&["submit", &sandbox.file("sweep.json", &sweep)]);
     let token = |name: &str| {
-        stdout(&home.roost(&["token", "create", "--data", &data, "--scope", "submit", "--name", name]))
+        stdout(&sandbox.roost(&["token", "create", "--data", &data, "--scope", "submit", "--name", name]))
             .trim()
             .to_owned()
     };
     let (first, second) = (token("first"), token("second"));
-    let mut page = Page::new(&home.address);
+    let mut page = Page::new(&sandbox.address);
     // The server reads its tokens once a second.
-    until("the server asks for tokens", || home.answers("/v1/sweeps", 401).then_some(()));
+    wait_until("the server asks for tokens", || sandbox.answers("/v1/sweeps", 401).then_some(()));
     page.open("/");
     page.until(
         "the page asks",
@@ -41,9 +41,9 @@ fn the_page_asks_again_for_a_token_after_its_revocation() {
     page.open(&format!("/sweeps/{}", text(&sweep["id"])));
     page.until("the actions of the sweep", "find.control('Extend')");
 
-    let id = stdout(&home.roost(&["token", "list", "--data", &data]));
+    let id = stdout(&sandbox.roost(&["token", "list", "--data", &data]));
     let id = id.lines().find(|line| line.contains("first")).unwrap().split_whitespace().next().unwrap();
-    stdout(&home.roost(&["token", "revoke", "--data", &data, id]));
+    stdout(&sandbox.roost(&["token", "revoke", "--data", &data, id]));
     // The page polls, so it asks without a reload.
     page.until(
         "it asks again",

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::page::Page;
 use super::plots::numbers;
-use super::support::Home;
+use super::support::Sandbox;
 use super::text;
 
 const STRAIN_RATE: &str = "/compress/strain_rate_1_s";
@@ -13,7 +13,7 @@ const STIFFNESS: &str = "/bonds/normal_stiffness_n_m3";
 const FRICTION: &str = "/contact/fillet_equipment/static_friction";
 
 /// Runs a small sweep of each experiment and returns their ids.
-pub(crate) fn run_sweeps(home: &Home) -> Vec<String> {
+pub(crate) fn run_sweeps(sandbox: &Sandbox) -> Vec<String> {
     let auto = json!({"timestep_s": "auto"});
     let levels = |pointer: &str, levels: &[f64]| json!([{"pointer": pointer, "levels": levels}]);
     let tests = [
@@ -37,21 +37,24 @@ pub(crate) fn run_sweeps(home: &Home) -> Vec<String> {
     tests
         .iter()
         .map(|(base, factors)| {
-            let file = home.file("sweep.json", &json!({"name": base["experiment"], "base": base, "design": {"kind": "grid"}, "factors": factors, "replicates": 2}));
-            text(&home.answered(&["submit", "--wait", &file])["id"]).to_owned()
+            let file = sandbox.file("sweep.json", &json!({"name": base["experiment"], "base": base, "design": {"kind": "grid"}, "factors": factors, "replicates": 2}));
+            text(&sandbox.json_output(&["submit", "--wait", &file])["id"]).to_owned()
         })
         .collect()
 }
 
 /// Compares the plot of each experiment with the API.
-pub(crate) fn match_the_api(home: &Home, page: &mut Page, sweeps: &[String]) {
+pub(crate) fn match_the_api(sandbox: &Sandbox, page: &mut Page, sweeps: &[String]) {
     let mut open = |sweep: &str, title: &str| -> (Vec<Value>, Vec<Value>) {
         page.open(&format!("/sweeps/{sweep}"));
         page.until(&format!("{title} is drawn"), &format!("find.plot('{title}')"));
         let traces = page.value(&format!("find.plot('{title}')"));
         (
             traces,
-            home.get(&format!("/v1/sweeps/{sweep}/results?by=point"))["points"].as_array().unwrap().clone(),
+            sandbox.get(&format!("/v1/sweeps/{sweep}/results?by=point"))["points"]
+                .as_array()
+                .unwrap()
+                .clone(),
         )
     };
     let (traces, points) = open(&sweeps[0], "Bonds intact over impact speed");
@@ -83,7 +86,7 @@ pub(crate) fn match_the_api(home: &Home, page: &mut Page, sweeps: &[String]) {
     let mut curves = 0;
     for trace in &traces {
         let Some(path) = trace["customdata"][0].as_str() else { continue };
-        let result = home.get(&format!("/v1{path}/result"));
+        let result = sandbox.get(&format!("/v1{path}/result"));
         let curve =
             result["curves"].as_array().unwrap().iter().find(|curve| curve["name"] == "stress").unwrap();
         assert_eq!(numbers(&trace["x"]), numbers(&curve["x"]));

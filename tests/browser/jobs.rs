@@ -3,39 +3,39 @@
 use serde_json::json;
 
 use super::page::Page;
-use super::support::{Home, long, scenario};
+use super::support::{Sandbox, hopper_scenario, slow_scenario};
 use super::text;
 
 const STATE: &str = "document.querySelector('main .state').textContent";
 
 #[test]
 fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
-    let home = Home::new();
-    let _server = home.serve();
-    let mut page = Page::new(&home.address);
-    let file = home.file(
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
+    let file = sandbox.file(
         "sweep.json",
-        &json!({"name": "long", "base": long(60.0), "design": {"kind": "grid"}, "replicates": 2}),
+        &json!({"name": "long", "base": slow_scenario(60.0), "design": {"kind": "grid"}, "replicates": 2}),
     );
-    let sweep = home.answered(&["submit", &file]);
+    let sweep = sandbox.json_output(&["submit", &file]);
     let id = text(&sweep["id"]);
-    let _worker = home.work("bench");
+    let _worker = sandbox.start_worker("bench");
     page.open(&format!("/sweeps/{id}"));
     page.until("a job runs", &format!("{STATE} === 'running'"));
 
-    let running = home.get(&format!("/v1/sweeps/{id}/jobs?state=running"))["items"][0].clone();
+    let running = sandbox.get(&format!("/v1/sweeps/{id}/jobs?state=running"))["items"][0].clone();
     page.open(&format!("/jobs/{}", text(&running["id"])));
     let samples = "find.plot('discharged mass (kg)')?.[0].x.length";
     let some = page.until("a curve of what has been sampled", samples).as_u64().unwrap();
     page.until("the curve grows", &format!("{samples} > {some}"));
-    assert_eq!(home.get(&format!("/v1/jobs/{}", text(&running["id"])))["state"], "running");
+    assert_eq!(sandbox.get(&format!("/v1/jobs/{}", text(&running["id"])))["state"], "running");
 
     page.open(&format!("/sweeps/{id}"));
     page.until("the actions", "find.control('Cancel')");
     // An event leaves an open dialog and its text as they are.
     page.click_named("Extend");
     page.write("More replicates of every point", "3");
-    home.answered(&["cancel", text(&running["id"])]);
+    sandbox.json_output(&["cancel", text(&running["id"])]);
     page.until("one is cancelled", "document.querySelector('.counts').textContent.includes('cancelled: 1')");
     let written: String = page.value(
         "document.querySelector('dialog[open] input[name=replicates]')?.value ?? 'the dialog is gone'",
@@ -44,13 +44,13 @@ fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
     page.click_named("Close");
     page.click_named("Cancel");
     page.until("it is cancelled", &format!("{STATE} === 'cancelled'"));
-    assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["counts"]["cancelled"], 2);
+    assert_eq!(sandbox.get(&format!("/v1/sweeps/{id}"))["counts"]["cancelled"], 2);
     page.until("it can run again", "find.control('Retry')");
     page.click_named("Retry");
     page.click_named("Retry");
     page.until("it runs again", &format!("{STATE} === 'running'"));
 
-    let running = home.get(&format!("/v1/sweeps/{id}/jobs?state=running"))["items"][0].clone();
+    let running = sandbox.get(&format!("/v1/sweeps/{id}/jobs?state=running"))["items"][0].clone();
     page.open(&format!("/jobs/{}", text(&running["id"])));
     page.until("the actions", "find.control('Cancel')");
     page.click_named("Cancel");
@@ -63,22 +63,22 @@ fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
 
 #[test]
 fn failures_by_class_link_to_their_jobs() {
-    let home = Home::new();
-    let _server = home.serve();
-    let worker = home.work("bench");
-    let mut page = Page::new(&home.address);
-    let mut base = scenario(0.2);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let worker = sandbox.start_worker("bench");
+    let mut page = Page::new(&sandbox.address);
+    let mut base = hopper_scenario(0.2);
     base["numerics"]["allow_unstable"] = json!(true);
     base["numerics"]["timestep_s"] = json!(1e-4);
     let factors = json!([{"pointer": "/numerics/timestep_s", "levels": [1e-4, 0.01]}]);
-    let file = home.file("sweep.json", &json!({"name": "too coarse", "base": base, "design": {"kind": "grid"}, "factors": factors, "replicates": 2}));
-    let sweep = home.answered(&["submit", &file]);
+    let file = sandbox.file("sweep.json", &json!({"name": "too coarse", "base": base, "design": {"kind": "grid"}, "factors": factors, "replicates": 2}));
+    let sweep = sandbox.json_output(&["submit", &file]);
     let id = text(&sweep["id"]);
     for path in ["/", &format!("/sweeps/{id}")] {
         page.open(path);
         page.until("failures by class", "document.querySelector('a.failure')?.textContent === '2 unstable'");
     }
-    assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["failures"]["unstable"], 2);
+    assert_eq!(sandbox.get(&format!("/v1/sweeps/{id}"))["failures"]["unstable"], 2);
     page.click("document.querySelector('a.failure')");
     page.until("only unstable jobs", "find.rows('2 jobs')?.every((row) => row[1] === 'failed: unstable')");
     page.choose("Failure class", "lost");
@@ -90,7 +90,7 @@ fn failures_by_class_link_to_their_jobs() {
 
     // A retried job has no result yet.
     worker.kill();
-    let failed = home.get(&format!("/v1/sweeps/{id}/jobs?state=failed"))["items"][0].clone();
+    let failed = sandbox.get(&format!("/v1/sweeps/{id}/jobs?state=failed"))["items"][0].clone();
     page.open(&format!("/jobs/{}", text(&failed["id"])));
     page.until("the result", "find.card('Computation')");
     page.click_named("Retry");

@@ -18,7 +18,7 @@ mod submit;
 mod visits;
 
 use page::Page;
-use support::Home;
+use support::Sandbox;
 
 /// Opens pages in both themes: no faults of accessibility and no errors in the browser's log.
 fn audit_pages(page: &mut Page, paths: &[&str]) {
@@ -42,18 +42,18 @@ fn audit_pages(page: &mut Page, paths: &[&str]) {
 
 #[test]
 fn a_sweep_from_form_to_plots() {
-    let home = Home::new();
-    let _server = home.serve();
-    let mut page = Page::new(&home.address);
-    let sweep = submit::submit_by_form(&home, &mut page);
-    let _worker = home.work("bench");
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
+    let sweep = submit::submit_by_form(&sandbox, &mut page);
+    let _worker = sandbox.start_worker("bench");
     submit::progress_shows_without_reload(&mut page);
-    plots::match_the_api(&home, &mut page, &sweep);
-    plots::clicks_open_jobs(&home, &mut page, &sweep);
-    submit::extensions_show(&home, &mut page, &sweep);
-    submit::clone_fills_the_form(&home, &mut page, &sweep);
-    let job = playback::plays(&home, &mut page, &sweep);
-    let jobs = home.get(&format!("/v1/sweeps/{sweep}/jobs?limit=2"));
+    plots::match_the_api(&sandbox, &mut page, &sweep);
+    plots::clicks_open_jobs(&sandbox, &mut page, &sweep);
+    submit::extensions_show(&sandbox, &mut page, &sweep);
+    submit::clone_fills_the_form(&sandbox, &mut page, &sweep);
+    let job = playback::plays(&sandbox, &mut page, &sweep);
+    let jobs = sandbox.get(&format!("/v1/sweeps/{sweep}/jobs?limit=2"));
     let pair = format!("/compare?jobs={},{}", text(&jobs["items"][0]["id"]), text(&jobs["items"][1]["id"]));
     let paths = ["/", &format!("/sweeps/{sweep}"), &format!("/jobs/{job}"), "/workers", &pair, "/submit"];
     audit_pages(&mut page, &paths);
@@ -61,12 +61,12 @@ fn a_sweep_from_form_to_plots() {
 
 #[test]
 fn single_fillet_experiments_have_their_own_plots() {
-    let home = Home::new();
-    let _server = home.serve();
-    let _worker = home.work("bench");
-    let mut page = Page::new(&home.address);
-    let sweeps = forms::run_sweeps(&home);
-    forms::match_the_api(&home, &mut page, &sweeps);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("bench");
+    let mut page = Page::new(&sandbox.address);
+    let sweeps = forms::run_sweeps(&sandbox);
+    forms::match_the_api(&sandbox, &mut page, &sweeps);
     let paths: Vec<String> = sweeps.iter().map(|id| format!("/sweeps/{id}")).collect();
     audit_pages(&mut page, &paths.iter().map(String::as_str).collect::<Vec<_>>());
 }

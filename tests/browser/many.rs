@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::page::Page;
-use super::support::Home;
+use super::support::Sandbox;
 use super::text;
 
 const JOBS: u64 = 100_000;
@@ -14,20 +14,20 @@ const PROMISED: Duration = Duration::from_secs(2);
 
 #[test]
 fn a_hundred_thousand_jobs_list_and_filter_within_two_seconds() {
-    let home = Home::new();
-    let _server = home.serve();
-    let mut page = Page::new(&home.address);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
     let base = json!({"experiment": "compress", "compress": {"lattice": [2, 2, 2]}, "numerics": {"timestep_s": "auto"}});
     let design = json!({"kind": "random", "points": JOBS / 100});
     let factors = json!([{"pointer": "/compress/strain_rate_1_s", "low": 0.5, "high": 2.0}]);
-    let file = home.file(
+    let file = sandbox.file(
         "sweep.json",
         &json!({"name": "many", "base": base, "design": design, "factors": factors, "replicates": 20}),
     );
-    let sweep = home.answered(&["submit", &file]);
+    let sweep = sandbox.json_output(&["submit", &file]);
     // In parts: one request for all jobs could exceed the command's timeout of a minute on a busy machine.
     for _ in 0..4 {
-        assert!(home.roost(&["extend", text(&sweep["id"]), "--replicates", "20"]).status.success());
+        assert!(sandbox.roost(&["extend", text(&sweep["id"]), "--replicates", "20"]).status.success());
     }
     let path = format!("/sweeps/{}", text(&sweep["id"]));
     // Fills the browser's cache.

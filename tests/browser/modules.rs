@@ -4,15 +4,15 @@ use serde_json::{Value, json};
 
 use super::page::Page;
 use super::plots::numbers;
-use super::support::Home;
+use super::support::Sandbox;
 
 /// A server and an open page that imports modules.
-fn opened() -> (Home, super::support::Process, Page) {
-    let home = Home::new();
-    let server = home.serve();
-    let mut page = Page::new(&home.address);
+fn opened() -> (Sandbox, super::support::Process, Page) {
+    let sandbox = Sandbox::new();
+    let server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
     page.open("/");
-    (home, server, page)
+    (sandbox, server, page)
 }
 
 #[test]

@@ -5,17 +5,17 @@ use std::time::Duration;
 use serde_json::Value;
 
 use super::page::Page;
-use super::support::Home;
+use super::support::Sandbox;
 use super::text;
 
 const SHOWN: &str = "Number(document.querySelector('canvas').dataset.frame)";
 
 /// Plays the first job of a sweep; returns that job.
-pub(crate) fn plays(home: &Home, page: &mut Page, sweep: &str) -> String {
-    let jobs = home.get(&format!("/v1/sweeps/{sweep}/jobs?point=0&limit=1"));
+pub(crate) fn plays(sandbox: &Sandbox, page: &mut Page, sweep: &str) -> String {
+    let jobs = sandbox.get(&format!("/v1/sweeps/{sweep}/jobs?point=0&limit=1"));
     let id = text(&jobs["items"][0]["id"]).to_owned();
-    let result = home.get(&format!("/v1/jobs/{id}/result"));
-    let frames = home.get(&format!("/v1/jobs/{id}"))["frames"].clone();
+    let result = sandbox.get(&format!("/v1/jobs/{id}/result"));
+    let frames = sandbox.get(&format!("/v1/jobs/{id}"))["frames"].clone();
     let count = frames["count"].as_u64().unwrap();
     assert!(count > 30, "{frames}");
     page.open(&format!("/jobs/{id}"));

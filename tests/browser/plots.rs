@@ -6,24 +6,24 @@ use serde_json::Value;
 
 use super::page::Page;
 use super::submit::{BELT, GATE};
-use super::support::Home;
+use super::support::Sandbox;
 use super::text;
 
 const RESPONSE: &str = "mean_rate_kg_s";
 
 /// Compares all plots of the page with the API.
-pub(crate) fn match_the_api(home: &Home, page: &mut Page, id: &str) {
+pub(crate) fn match_the_api(sandbox: &Sandbox, page: &mut Page, id: &str) {
     page.open(&format!("/sweeps/{id}?response={RESPONSE}&map=regime%3Dconstant&x={GATE}&y={BELT}"));
     page.until("the last plot is drawn", "find.plot('Curves')");
-    let results = home.get(&format!("/v1/sweeps/{id}/results?by=point"));
+    let results = sandbox.get(&format!("/v1/sweeps/{id}/results?by=point"));
     let points = results["points"].as_array().unwrap();
     response(
         &drawn(page, "Response against factor"),
         points,
-        &home.get(&format!("/v1/sweeps/{id}/results"))["trials"],
+        &sandbox.get(&format!("/v1/sweeps/{id}/results"))["trials"],
     );
     map(&drawn(page, "Map over two factors"), points);
-    effects(&drawn(page, "Main effects"), &home.get(&format!("/v1/sweeps/{id}/effects")));
+    effects(&drawn(page, "Main effects"), &sandbox.get(&format!("/v1/sweeps/{id}/effects")));
     surface(&drawn(page, "Response surface"), points);
     coordinates(page, points);
     for series in ["discharged_mass", "mass_rate"] {
@@ -35,12 +35,12 @@ pub(crate) fn match_the_api(home: &Home, page: &mut Page, id: &str) {
                 "find.card('Curves').querySelector('.plot').layout.yaxis.title.text.startsWith('{title}')"
             ),
         );
-        curves(&drawn(page, "Curves"), home, id, series);
+        curves(&drawn(page, "Curves"), sandbox, id, series);
     }
 }
 
 /// A click on a trial opens its job; a click on a line of the parallel coordinates opens the jobs of its design point.
-pub(crate) fn clicks_open_jobs(home: &Home, page: &mut Page, id: &str) {
+pub(crate) fn clicks_open_jobs(sandbox: &Sandbox, page: &mut Page, id: &str) {
     let path = format!("/sweeps/{id}?response={RESPONSE}&x={GATE}&y={BELT}");
     page.open(&path);
     page.until(
@@ -57,7 +57,7 @@ pub(crate) fn clicks_open_jobs(home: &Home, page: &mut Page, id: &str) {
     page.click_at(x, y);
     let there =
         page.until("a job's page", "location.pathname.startsWith('/jobs/') && location.pathname.slice(6)");
-    let job = home.get(&format!("/v1/jobs/{}", text(&there)));
+    let job = sandbox.get(&format!("/v1/jobs/{}", text(&there)));
     assert_eq!(job["sweep_id"], id);
     page.open(&path);
     page.until("lines are drawn", "document.querySelector('.coordinates path')");
@@ -72,7 +72,7 @@ pub(crate) fn clicks_open_jobs(home: &Home, page: &mut Page, id: &str) {
     page.click_at(x, y);
     let query =
         page.until("the comparison of its jobs", "location.pathname === '/compare' && location.search");
-    let point = |id: &str| home.get(&format!("/v1/jobs/{id}"))["point"].clone();
+    let point = |id: &str| sandbox.get(&format!("/v1/jobs/{id}"))["point"].clone();
     let ids: Vec<&str> = text(&query).trim_start_matches("?jobs=").split(&[',', '%'][..]).collect();
     assert!(
         ids.len() > 1 && ids.iter().all(|id| point(id.trim_start_matches("2C")) == point(ids[0])),
@@ -260,11 +260,11 @@ fn coordinates(page: &mut Page, points: &[Value]) {
 }
 
 /// Bands of the trials of each design point: minimum, maximum and mean at every time.
-fn curves(traces: &[Value], home: &Home, id: &str, series: &str) {
-    let trials = home.get(&format!("/v1/sweeps/{id}/results"));
+fn curves(traces: &[Value], sandbox: &Sandbox, id: &str, series: &str) {
+    let trials = sandbox.get(&format!("/v1/sweeps/{id}/results"));
     let mut groups: BTreeMap<u64, Vec<BTreeMap<u64, f64>>> = BTreeMap::new();
     for trial in trials["trials"].as_array().unwrap() {
-        let data = home.get(&format!("/v1/jobs/{}/series/{series}", text(&trial["job_id"])));
+        let data = sandbox.get(&format!("/v1/jobs/{}/series/{series}", text(&trial["job_id"])));
         let curve =
             numbers(&data["t_s"]).into_iter().map(f64::to_bits).zip(numbers(&data["values"])).collect();
         groups.entry(trial["point"].as_u64().unwrap()).or_default().push(curve);

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::page::Page;
-use super::support::Home;
+use super::support::Sandbox;
 use super::text;
 
 pub(crate) const GATE: &str = "/equipment/gate_opening_m";
@@ -12,9 +12,9 @@ pub(crate) const POINTS: u64 = 9;
 
 #[test]
 fn invalid_sweeps_are_refused_and_not_saved_as_draft() {
-    let home = Home::new();
-    let _server = home.serve();
-    let mut page = Page::new(&home.address);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
     page.open("/submit");
     page.until("the form shows an estimate", "find.control('Submit 1 job')");
     page.click_named("As JSON");
@@ -32,7 +32,7 @@ fn invalid_sweeps_are_refused_and_not_saved_as_draft() {
 }
 
 /// Fills in the form and submits it. Returns the id of the sweep, whose page is then open.
-pub(crate) fn submit_by_form(home: &Home, page: &mut Page) -> String {
+pub(crate) fn submit_by_form(sandbox: &Sandbox, page: &mut Page) -> String {
     page.open("/submit");
     page.until("the form shows an estimate", "find.control('Submit 1 job')");
     page.write("Gate opening", "0.05, 7");
@@ -68,7 +68,7 @@ pub(crate) fn submit_by_form(home: &Home, page: &mut Page) -> String {
     );
     page.until("it has its heading", "document.querySelector('h1')?.textContent === 'gate by belt'");
     let id = text(&path).trim_start_matches("/sweeps/").to_owned();
-    let view = home.get(&format!("/v1/sweeps/{id}"));
+    let view = sandbox.get(&format!("/v1/sweeps/{id}"));
     assert_eq!(view["factors"], json!([GATE, BELT]));
     assert_eq!((&view["points"], &view["replicates"]), (&json!(POINTS), &json!(2)));
     id
@@ -96,7 +96,7 @@ pub(crate) fn progress_shows_without_reload(page: &mut Page) {
 }
 
 /// Extends a sweep twice, on its page and by the command; the page shows both.
-pub(crate) fn extensions_show(home: &Home, page: &mut Page, id: &str) {
+pub(crate) fn extensions_show(sandbox: &Sandbox, page: &mut Page, id: &str) {
     page.open(&format!("/sweeps/{id}"));
     page.until("its actions", "find.control('Extend')");
     page.click_named("Extend");
@@ -104,20 +104,20 @@ pub(crate) fn extensions_show(home: &Home, page: &mut Page, id: &str) {
     page.click_named("Extend");
     page.until("there are more jobs", "document.querySelector('.facts').textContent.includes('× 3')");
     page.until("they are done", "find.rows('9 points')?.every((row) => row[3] === '3/3')");
-    assert_eq!(home.get(&format!("/v1/sweeps/{id}"))["counts"]["succeeded"], 27);
+    assert_eq!(sandbox.get(&format!("/v1/sweeps/{id}"))["counts"]["succeeded"], 27);
     // The command adds another replicate.
-    let grown = home.roost(&["extend", id, "--replicates", "1"]);
+    let grown = sandbox.roost(&["extend", id, "--replicates", "1"]);
     assert!(grown.status.success());
     page.until("the extension shows", "document.querySelector('.facts').textContent.includes('× 4')");
     page.until("all is done", "find.rows('9 points')?.every((row) => row[3] === '4/4')");
 }
 
 /// The form takes an existing sweep as its draft.
-pub(crate) fn clone_fills_the_form(home: &Home, page: &mut Page, id: &str) {
+pub(crate) fn clone_fills_the_form(sandbox: &Sandbox, page: &mut Page, id: &str) {
     page.click_named("Clone");
     page.until("the form has the levels", "find.field('Gate opening')?.value === '0.045, 0.055, 0.065'");
     let draft: Value = page.value("JSON.parse(document.querySelector('textarea').value)");
-    let spec = home.get(&format!("/v1/sweeps/{id}/spec"));
+    let spec = sandbox.get(&format!("/v1/sweeps/{id}/spec"));
     assert_eq!((&draft["base"], &draft["factors"]), (&spec["base"], &spec["factors"]));
     page.until("it can be submitted", "find.control('Submit 18 jobs') ?? find.control('Submit 36 jobs')");
 }

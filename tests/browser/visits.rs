@@ -5,19 +5,19 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::page::Page;
-use super::support::{Home, scenario};
+use super::support::{Sandbox, hopper_scenario};
 use super::text;
 
 #[test]
 fn a_hidden_page_stops_following_its_sweep() {
-    let home = Home::new();
-    let _server = home.serve();
-    let mut page = Page::new(&home.address);
-    let file = home.file(
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
+    let file = sandbox.file(
         "sweep.json",
-        &json!({"name": "waits", "base": scenario(0.2), "design": {"kind": "grid"}, "replicates": 2}),
+        &json!({"name": "waits", "base": hopper_scenario(0.2), "design": {"kind": "grid"}, "replicates": 2}),
     );
-    let sweep = home.answered(&["submit", &file]);
+    let sweep = sandbox.json_output(&["submit", &file]);
     let id = text(&sweep["id"]);
     page.open(&format!("/sweeps/{id}"));
     let shows = |replicates: u64| {
@@ -25,7 +25,7 @@ fn a_hidden_page_stops_following_its_sweep() {
     };
     page.until("the page is there", &shows(2));
     let grow = |page: &mut Page| {
-        assert!(home.roost(&["extend", id, "--replicates", "1"]).status.success());
+        assert!(sandbox.roost(&["extend", id, "--replicates", "1"]).status.success());
         std::thread::sleep(Duration::from_secs(1));
         page.value::<bool>(&shows(3))
     };
@@ -33,16 +33,16 @@ fn a_hidden_page_stops_following_its_sweep() {
     assert!(!grow(&mut page), "a hidden page keeps its stream");
     page.set_hidden(false);
     page.until("the missed change shows", &shows(3));
-    assert!(home.roost(&["extend", id, "--replicates", "1"]).status.success());
+    assert!(sandbox.roost(&["extend", id, "--replicates", "1"]).status.success());
     page.until("new changes show again", &shows(4));
     assert!(page.errors().is_empty());
 }
 
 #[test]
 fn swagger_ui_runs_under_the_content_security_policy() {
-    let home = Home::new();
-    let _server = home.serve();
-    let mut page = Page::new(&home.address);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
     page.go("/docs/");
     page.until("operations are listed", "document.querySelectorAll('.opblock').length > 30");
     let errors = page.errors();
@@ -51,10 +51,10 @@ fn swagger_ui_runs_under_the_content_security_policy() {
 
 #[test]
 fn workers_stay_connected_when_the_viewers_clock_is_wrong() {
-    let home = Home::new();
-    let _server = home.serve();
-    let _worker = home.work("bench");
-    let mut page = Page::new(&home.address);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("bench");
+    let mut page = Page::new(&sandbox.address);
     page.open("/workers");
     let connected = "find.rows('1 connected')";
     page.until("the worker is connected", connected);

@@ -1,4 +1,4 @@
-//! File descriptors: how many the server asks for, and what it does when there are none left.
+//! File descriptors: the limit that the server sets, and its behaviour without free descriptors.
 
 use super::*;
 
@@ -10,11 +10,11 @@ fn limit_descriptors(server: &Process, limit: usize) {
 }
 
 #[test]
-fn a_server_without_file_descriptors_neither_ends_nor_spins_and_makes_room() {
-    let _alone = undisturbed();
-    let home = Home::new();
-    let server = home.serve();
-    let address = address(&home);
+fn server_without_file_descriptors_survives_and_closes_idle_connections() {
+    let _alone = timing_lock();
+    let sandbox = Sandbox::new();
+    let server = sandbox.start_server();
+    let address = address(&sandbox);
     let open = std::fs::read_dir(format!("/proc/{}/fd", server.id())).unwrap().count();
     limit_descriptors(&server, open + 10);
     let halves: Vec<_> = (0..30)
@@ -24,7 +24,7 @@ fn a_server_without_file_descriptors_neither_ends_nor_spins_and_makes_room() {
             stream
         })
         .collect();
-    until("the server has no file descriptor left", || {
+    wait_until("the server has no file descriptor left", || {
         server.log().contains("no connection can be accepted").then_some(())
     });
     let before = processor_seconds(&server);
@@ -40,23 +40,23 @@ fn a_server_without_file_descriptors_neither_ends_nor_spins_and_makes_room() {
 }
 
 #[test]
-fn the_limit_of_open_files_is_raised_and_connections_keep_to_it() {
-    let home = Home::new();
-    let listen = home.address.trim_start_matches("http://");
+fn open_file_limit_is_raised_and_bounds_connections() {
+    let sandbox = Sandbox::new();
+    let listen = sandbox.address.trim_start_matches("http://");
     let mut command = Command::new("prlimit");
     command.args(["--nofile=128:1024", env!("CARGO_BIN_EXE_roost"), "serve", "--listen", listen, "--data"]);
-    let server = Process::start(command.arg(home.path("data")), home.path("serve.log"));
-    let address = address(&home);
-    until("the server answers", || TcpStream::connect(address).ok());
+    let server = Process::start(command.arg(sandbox.path("data")), sandbox.path("serve.log"));
+    let address = address(&sandbox);
+    wait_until("the server answers", || TcpStream::connect(address).ok());
     let found = (metric(address, "process_max_fds"), metric(address, "roost_connections_limit"));
     assert_eq!(found, (1024.0, 720.0));
     assert!(server.log().contains("max_connections is reduced"), "{}", server.log());
 }
 
 #[test]
-fn the_limit_of_open_files_is_raised_no_further_than_connections_need() {
-    let home = Home::new();
-    let listen = home.address.trim_start_matches("http://");
+fn open_file_limit_is_raised_only_as_far_as_needed() {
+    let sandbox = Sandbox::new();
+    let listen = sandbox.address.trim_start_matches("http://");
     let hard = raise_descriptors();
     assert!(hard > 3000);
     let mut command = Command::new("prlimit");
@@ -68,9 +68,9 @@ fn the_limit_of_open_files_is_raised_no_further_than_connections_need() {
         "1500",
     ]);
     command.args(["--listen", listen, "--data"]);
-    let _server = Process::start(command.arg(home.path("data")), home.path("serve.log"));
-    let address = address(&home);
-    until("the server answers", || TcpStream::connect(address).ok());
+    let _server = Process::start(command.arg(sandbox.path("data")), sandbox.path("serve.log"));
+    let address = address(&sandbox);
+    wait_until("the server answers", || TcpStream::connect(address).ok());
     let max = metric(address, "process_max_fds");
     assert!((2000.0..2200.0).contains(&max), "{max}");
     assert_eq!(metric(address, "roost_connections_limit"), 1500.0);

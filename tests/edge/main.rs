@@ -1,6 +1,6 @@
-//! The server under hostile hands: floods of half requests, invented methods, file descriptors that run out.
+//! Hostile clients: floods of incomplete requests, unknown methods, and exhausted file descriptors.
 //!
-//! At full size (`ROOST_FULL=1`) these are the proofs of `docs/proofs.md`; in the usual test the slow one is smaller.
+//! With `ROOST_FULL=1` these are the proofs of `docs/proofs.md`; without it the slow test is smaller.
 
 #[path = "../support/mod.rs"]
 mod support;
@@ -22,7 +22,7 @@ use roost_server::ServerConfig;
 use roost_solver::SOLVER_REVISION;
 use roost_worker::client::{Client, MAX_IDLE};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-use support::{Home, Process, undisturbed, until};
+use support::{Process, Sandbox, timing_lock, wait_until};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpSocket;
 
@@ -31,11 +31,11 @@ const MIB: u64 = 1024 * 1024;
 /// The head of a request that never ends.
 const HALF: &[u8] = b"GET /v1/jobs HTTP/1.1\r\nhost: localhost\r\nx-more: ";
 
-fn address(home: &Home) -> SocketAddr {
-    home.address.trim_start_matches("http://").parse().unwrap()
+fn address(sandbox: &Sandbox) -> SocketAddr {
+    sandbox.address.trim_start_matches("http://").parse().unwrap()
 }
 
-/// Asks on a new connection, and returns the answer and how long all of that took.
+/// Sends a request on a new connection. Returns the response and the time.
 fn ask(address: SocketAddr, path: &str) -> (String, Duration) {
     let started = Instant::now();
     let mut stream = TcpStream::connect(address).unwrap();
@@ -46,7 +46,7 @@ fn ask(address: SocketAddr, path: &str) -> (String, Duration) {
     (answer, started.elapsed())
 }
 
-/// A number of `/metrics`.
+/// A value from `/metrics`.
 fn metric(address: SocketAddr, name: &str) -> f64 {
     let (text, _) = ask(address, "/metrics");
     let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
@@ -60,7 +60,7 @@ fn status_bytes(server: &Process, name: &str) -> u64 {
     line.trim_matches([':', ' ', '\t']).trim_end_matches("kB").trim().parse::<u64>().unwrap() * 1024
 }
 
-/// Seconds of processor time that a process has taken so far.
+/// CPU time of a process in seconds.
 fn processor_seconds(server: &Process) -> f64 {
     let text = std::fs::read_to_string(format!("/proc/{}/stat", server.id())).unwrap();
     let fields: Vec<_> = text.rsplit(')').next().unwrap().split_whitespace().collect();
@@ -68,7 +68,7 @@ fn processor_seconds(server: &Process) -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-/// Lets this process open as many files as it may, and says how many that are.
+/// Raises the limit of open files of this process to its maximum. Returns the limit.
 fn raise_descriptors() -> usize {
     let limit = getrlimit(Resource::Nofile);
     setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit }).unwrap();
@@ -76,9 +76,9 @@ fn raise_descriptors() -> usize {
 }
 
 #[test]
-fn ten_thousand_half_requests_lock_nobody_out() {
-    let _alone = undisturbed();
-    // As many as the machine lets a test have.
+fn ten_thousand_incomplete_requests_do_not_block_other_clients() {
+    let _alone = timing_lock();
+    // As many as the limit of open files allows.
     let wanted = 10_000.min(raise_descriptors().saturating_sub(500));
     if wanted < 10_000 {
         println!("{wanted} half requests instead of 10,000: the limit of open files allows no more");
@@ -88,11 +88,11 @@ fn ten_thousand_half_requests_lock_nobody_out() {
         );
     }
     assert!(wanted > 1000, "raise the limit of open files (ulimit -n)");
-    let home = Home::new();
-    let server = home.serve();
-    let address = address(&home);
-    // A worker that was there before, and will say nothing until the flood is over.
-    let worker = Client::new(&home.address).unwrap();
+    let sandbox = Sandbox::new();
+    let server = sandbox.start_server();
+    let address = address(&sandbox);
+    // A worker that is registered before the flood, and silent until its end.
+    let worker = Client::new(&sandbox.address).unwrap();
     let me = WorkerId::new();
     let registration = WorkerRegistration {
         worker_id: me,
@@ -111,7 +111,7 @@ fn ten_thousand_half_requests_lock_nobody_out() {
     let mut halves = Vec::new();
     for number in 0..wanted {
         let half = runtime.block_on(async {
-            // Addresses of their own, so that no other test runs short of ports.
+            // Separate addresses, so that other tests do not run out of ports.
             let socket = TcpSocket::new_v4().unwrap();
             let from = Ipv4Addr::new(127, 1, 0, (number / 1000) as u8 + 1);
             socket.bind(SocketAddr::new(IpAddr::V4(from), 0)).unwrap();
@@ -157,18 +157,18 @@ fn ten_thousand_half_requests_lock_nobody_out() {
     assert!(closed < Duration::from_secs(15), "{closed:?}");
     assert!(open > 1000.0, "{open}: they were not there at once");
 
-    // Idle for longer than the server keeps a connection: its client does not use it again.
+    // The connection is idle for longer than the timeout of the server; the client does not use it again.
     assert!(opened.elapsed() > Duration::from_secs(8), "all of that took {:?}", opened.elapsed());
     let idle = HeartbeatRequest { attempts: Vec::new() };
     let beat = worker.heartbeat(me, &idle, Duration::from_secs(10));
     runtime.block_on(beat).expect("nothing was lost on a closed connection");
 }
 
-/// A client that asks for a file of more than a megabyte and has room for few bytes of it.
+/// A client that requests a file of more than a megabyte with a small receive buffer.
 fn slow_reader(address: SocketAddr) -> TcpStream {
     use socket2::{Domain, Socket, Type};
     let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
-    // Small segments keep the server's own buffer small.
+    // Small segments keep the send buffer of the server small.
     socket.set_tcp_mss(536).unwrap();
     socket.set_recv_buffer_size(4096).unwrap();
     socket.bind(&SocketAddr::from((Ipv4Addr::new(127, 1, 2, 1), 0)).into()).unwrap();
@@ -180,19 +180,19 @@ fn slow_reader(address: SocketAddr) -> TcpStream {
 }
 
 #[test]
-fn clients_that_read_slowly_lock_nobody_out() {
+fn slow_readers_do_not_block_other_clients() {
     const LIMIT: usize = 64;
-    let _alone = undisturbed();
-    let home = Home::new();
-    let _server = home.serve_with(&["--max-connections", &LIMIT.to_string()]);
-    let address = address(&home);
+    let _alone = timing_lock();
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server_with(&["--max-connections", &LIMIT.to_string()]);
+    let address = address(&sandbox);
     let is_over = Arc::new(AtomicBool::new(false));
     let reading = {
         let is_over = is_over.clone();
         std::thread::spawn(move || {
             let mut readers: Vec<_> = (0..4 * LIMIT)
                 .map(|_| {
-                    // So that most of them are answered before the next one comes.
+                    // A pause, so that most of them are answered before the next one.
                     std::thread::sleep(Duration::from_millis(2));
                     slow_reader(address)
                 })
@@ -227,13 +227,13 @@ fn clients_that_read_slowly_lock_nobody_out() {
 }
 
 #[test]
-fn honest_clients_that_come_at_once_are_all_served() {
+fn simultaneous_clients_are_all_served() {
     const CLIENTS: usize = 1500;
-    let _alone = undisturbed();
+    let _alone = timing_lock();
     assert!(raise_descriptors() > CLIENTS + 500);
-    let home = Home::new();
-    let _server = home.serve();
-    let address = address(&home);
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let address = address(&sandbox);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let asked = move || async move {
         let socket = TcpSocket::new_v4()?;
@@ -253,27 +253,27 @@ fn honest_clients_that_come_at_once_are_all_served() {
 }
 
 #[test]
-fn clients_give_a_connection_up_long_before_the_server_does() {
+fn clients_close_idle_connections_before_the_server() {
     assert!(ServerConfig::default().head_timeout >= 2 * MAX_IDLE);
 }
 
 #[test]
-fn invented_methods_take_neither_memory_nor_metrics() {
+fn unknown_methods_use_no_memory_and_no_metrics() {
     let all = if std::env::var_os("ROOST_FULL").is_some() { 100_000 } else { 20_000 };
-    let home = Home::new();
-    let server = home.serve();
-    let address = address(&home);
+    let sandbox = Sandbox::new();
+    let server = sandbox.start_server();
+    let address = address(&sandbox);
     let invent = |numbers: std::ops::Range<usize>| {
         let mut stream = TcpStream::connect(address).unwrap();
         let numbers: Vec<_> = numbers.collect();
         for batch in numbers.chunks(50) {
             let mut requests = String::new();
             for number in batch {
-                // Some of them as long as a head may be.
+                // Some have the maximum length of a header.
                 let more = "X".repeat(if number % 50 == 0 { 15_000 } else { 10 });
                 requests += &format!("M{number}{more} /v1/jobs HTTP/1.1\r\nhost: localhost\r\n\r\n");
             }
-            // Written beside reading: both sides would wait for each other once the buffers are full.
+            // Written and read in parallel, since full buffers would block both sides.
             let mut writer = stream.try_clone().unwrap();
             let written = std::thread::spawn(move || writer.write_all(requests.as_bytes()));
             let (mut answers, mut buffer, mut seen) = (0, [0; 64 * 1024], Vec::new());
@@ -295,7 +295,7 @@ fn invented_methods_take_neither_memory_nor_metrics() {
         write!(stream, "{method} {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").unwrap();
         let _ = stream.read(&mut [0; 64]);
     };
-    // All that is known comes first: it is there for good.
+    // Known methods first, whose metrics are permanent.
     for path in spec["paths"].as_object().unwrap().keys() {
         known.iter().for_each(|method| client(method, path));
     }
@@ -315,11 +315,11 @@ fn invented_methods_take_neither_memory_nor_metrics() {
 }
 
 #[test]
-fn a_server_with_open_streams_polls_and_half_requests_ends_in_time() {
-    let home = Home::new();
-    let server = home.serve();
-    let address = address(&home);
-    let job = home.submit(&support::scenario(1.0));
+fn server_with_open_streams_and_incomplete_requests_stops_in_time() {
+    let sandbox = Sandbox::new();
+    let server = sandbox.start_server();
+    let address = address(&sandbox);
+    let job = sandbox.submit(&support::hopper_scenario(1.0));
     let mut open = Vec::new();
     for head in [
         format!("GET /v1/jobs/{}/events HTTP/1.1\r\nhost: localhost\r\n\r\n", job.id),
@@ -335,11 +335,11 @@ fn a_server_with_open_streams_polls_and_half_requests_ends_in_time() {
         stream.write_all(HALF).unwrap();
         open.push(stream);
     }
-    // A body that never comes.
+    // A body that never arrives.
     let mut stream = TcpStream::connect(address).unwrap();
     let head = "POST /v1/jobs HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\n\r\n{";
     stream.write_all(head.as_bytes()).unwrap();
-    until("all are there", || (metric(address, "roost_connections") >= 104.0).then_some(()));
+    wait_until("all are there", || (metric(address, "roost_connections") >= 104.0).then_some(()));
     let stopped = Instant::now();
     server.terminate();
     let (status, _) = server.wait();

@@ -1,5 +1,4 @@
-//! A full disk under the server: what cannot be written is refused in words, what was confirmed stays, and when there is room again
-//! everything goes on.
+//! A full disk under the server: writes are refused with a reason, confirmed data stays, and work continues once there is space.
 
 use std::collections::BTreeMap;
 
@@ -7,30 +6,30 @@ use roost_api::job::{JobState, MAX_LABELS, MAX_NAME_BYTES};
 use serde_json::{Value, json};
 
 use crate::support::small_disk::SmallDisk;
-use crate::support::{Home, long, outbox, scenario, until};
+use crate::support::{Sandbox, hopper_scenario, outbox_len, slow_scenario, wait_until};
 
 #[test]
-fn a_full_disk_loses_nothing_and_is_told() {
-    let home = Home::new();
-    let Some(disk) = SmallDisk::mount(&home.path("data"), 12) else {
+fn full_disk_loses_nothing_and_is_reported() {
+    let sandbox = Sandbox::new();
+    let Some(disk) = SmallDisk::mount(&sandbox.path("data"), 12) else {
         eprintln!("left out: only root may mount the small disk that this fills");
         return;
     };
-    let server = home.serve();
-    let _worker = home.work("worker");
-    let (running, waiting) = (home.submit(&long(6.0)), home.submit(&scenario(0.3)));
-    home.job_when(&running, "the job runs", |job| job.state == JobState::Running);
+    let server = sandbox.start_server();
+    let _worker = sandbox.start_worker("worker");
+    let (running, waiting) = (sandbox.submit(&slow_scenario(6.0)), sandbox.submit(&hopper_scenario(0.3)));
+    sandbox.wait_for_job(&running, "the job runs", |job| job.state == JobState::Running);
     disk.fill();
 
-    // What is there can be read; what is new is refused, as soon as there is no place left in files that are there already.
+    // Reads succeed. Writes are refused once the existing files have no free space.
     let submit = |seed: u32| {
-        let mut scenario = scenario(0.2);
+        let mut scenario = hopper_scenario(0.2);
         scenario["seed"] = json!(seed);
-        // As many as there may be, and as long.
+        // The maximum number of labels with the maximum length.
         let labels: BTreeMap<_, _> =
             (0..MAX_LABELS).map(|number| (format!("note {number}"), "x".repeat(MAX_NAME_BYTES))).collect();
         let envelope = json!({"scenario": scenario, "labels": labels});
-        home.ask(|client| async move { client.submit_document::<Value>("jobs", &envelope).await })
+        sandbox.ask(|client| async move { client.submit_document::<Value>("jobs", &envelope).await })
     };
     let mut confirmed = Vec::new();
     let refusal = (1..1000).find_map(|seed| match submit(seed) {
@@ -43,38 +42,40 @@ fn a_full_disk_loses_nothing_and_is_told() {
     let refusal = refusal.expect("the disk is full");
     assert_eq!(refusal.problem_status(), Some(507), "{refusal}");
     assert!(refusal.to_string().contains("disk"), "{refusal}");
-    assert!(home.job(&running).is_some());
-    until("it says that it is not ready", || (home.status("/readyz") == Some(503)).then_some(()));
-    until("the result waits in the outbox", || (outbox(&home.path("worker")) > 0).then_some(()));
+    assert!(sandbox.job(&running).is_some());
+    wait_until("it says that it is not ready", || (sandbox.status("/readyz") == Some(503)).then_some(()));
+    wait_until("the result waits in the outbox", || (outbox_len(&sandbox.path("worker")) > 0).then_some(()));
 
-    // Killed in that state, and started again.
+    // The server is killed with a full disk and restarted.
     server.kill();
-    let full = home.start_server(&["--lease-s", "2"]);
-    let log = until("it says why it does not start, or it answers", || {
-        let answers = home.job(&running).is_some();
+    let full = sandbox.spawn_server(&["--lease-s", "2"]);
+    let log = wait_until("it says why it does not start, or it answers", || {
+        let answers = sandbox.job(&running).is_some();
         (answers || full.log().contains("full")).then(|| full.log())
     });
     assert!(!log.contains("panicked"), "{log}");
     drop(full);
     disk.clear();
-    let _server = home.serve();
-    assert_eq!(home.status("/readyz"), Some(200));
+    let _server = sandbox.start_server();
+    assert_eq!(sandbox.status("/readyz"), Some(200));
 
     for job in [&running, &waiting] {
-        let ended = home.job_when(job, "the job has ended", |job| job.state.is_ended());
+        let ended = sandbox.wait_for_job(job, "the job has ended", |job| job.state.is_ended());
         assert_eq!(ended.state, JobState::Succeeded, "{ended:?}");
     }
-    // The run was not repeated: its result had waited in the outbox.
-    assert_eq!(home.job(&running).unwrap().attempt, 1);
+    // The run was not repeated, since its result was in the outbox.
+    assert_eq!(sandbox.job(&running).unwrap().attempt, 1);
     for id in &confirmed {
         let id = id.parse().unwrap();
-        until("what was confirmed has ended", || {
-            let job = home.ask(|client| async move { client.job(id).await.ok() });
+        wait_until("confirmed jobs have ended", || {
+            let job = sandbox.ask(|client| async move { client.job(id).await.ok() });
             job.filter(|job| job.state == JobState::Succeeded)
         });
     }
     let after = submit(5000).expect("there is room again");
     assert_eq!(after["state"], "queued");
-    home.job_when(&serde_json::from_value(after).unwrap(), "it runs", |job| job.state == JobState::Succeeded);
-    assert_eq!(home.results_recorded(), 3 + confirmed.len() as u64);
+    sandbox.wait_for_job(&serde_json::from_value(after).unwrap(), "it runs", |job| {
+        job.state == JobState::Succeeded
+    });
+    assert_eq!(sandbox.results_recorded(), 3 + confirmed.len() as u64);
 }

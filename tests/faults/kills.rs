@@ -1,7 +1,7 @@
-//! Everything goes wrong at once: server and workers are killed, stopped and started again at random, their clocks are set, over a
-//! network that drops, delays and repeats what it carries. No job may be lost, no result recorded twice, no stale write accepted.
+//! Random faults at the same time: server and workers are killed, stopped and restarted, and their clocks are set. The network
+//! drops, delays and repeats messages. No job may be lost, no result recorded twice, no stale write accepted.
 //!
-//! `ROOST_KILLS=1000 cargo test --test faults -- --nocapture` goes on for longer; `ROOST_SEED` chooses another course of events.
+//! `ROOST_KILLS=1000 cargo test --test faults -- --nocapture` runs longer; `ROOST_SEED` selects another sequence of faults.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
@@ -10,31 +10,31 @@ use roost_api::job::JobState;
 use serde_json::{Value, json};
 
 use crate::support::flaky::{Flaky, Passed};
-use crate::support::{self, Home, Process, scenario};
+use crate::support::{self, Process, Sandbox, hopper_scenario};
 
-/// Kills in the usual test.
+/// Number of kills by default.
 const KILLS: u64 = 20;
 const WORKERS: usize = 3;
-/// Jobs that wait or run at any moment, so that every kill hits somebody at work.
+/// Number of unfinished jobs at any time, so that every kill hits running jobs.
 const OPEN: usize = 8;
 
 fn from_environment(name: &str, usual: u64) -> u64 {
     std::env::var(name).map_or(usual, |text| text.parse().expect("a number"))
 }
 
-/// What is to be broken.
+/// Processes and clocks that the test disturbs.
 struct Farm<'h> {
-    home: &'h Home,
+    sandbox: &'h Sandbox,
     network: Flaky,
     random: fastrand::Rng,
     /// The server, then the workers; none while it is down.
     processes: Vec<Option<Process>>,
-    /// Stopped processes, and when they go on.
+    /// Stopped processes, and the time of their continuation.
     frozen: Vec<(usize, Instant)>,
     submitted: BTreeSet<String>,
 }
 
-/// What a process is called.
+/// Name of a process.
 fn name(index: usize) -> String {
     if index == 0 { "serve".to_owned() } else { format!("worker-{index}") }
 }
@@ -42,15 +42,22 @@ fn name(index: usize) -> String {
 impl Farm<'_> {
     fn start(&mut self, index: usize) {
         let process = match index {
-            // Attempts have no limit here: what is to be shown is that nothing but a result ends a job.
-            0 => self.home.serve_with(&["--worker-attempts", "0", "--lost-attempts", "0", "--lease-s", "1"]),
-            worker => self.home.work_by(&self.network.address, &name(worker), "1"),
+            // Without a limit of attempts, only a result ends a job.
+            0 => self.sandbox.start_server_with(&[
+                "--worker-attempts",
+                "0",
+                "--lost-attempts",
+                "0",
+                "--lease-s",
+                "1",
+            ]),
+            worker => self.sandbox.start_worker_at(&self.network.address, &name(worker), "1"),
         };
         self.processes[index] = Some(process);
     }
 
     fn kill(&mut self) {
-        // One that is stopped shall go on most times, and speak of what it held too late.
+        // Most stopped processes continue, and report stale attempts.
         let index = self.random.usize(0..self.processes.len());
         if self.is_frozen(index) && self.random.u32(0..5) != 0 {
             return self.kill();
@@ -66,7 +73,7 @@ impl Farm<'_> {
         self.frozen.iter().any(|(frozen, _)| *frozen == index)
     }
 
-    /// Longer than a lease, or not.
+    /// Stops a process, for longer than a lease or shorter.
     fn freeze(&mut self) {
         let index = self.random.usize(0..self.processes.len());
         if !self.is_frozen(index) {
@@ -80,33 +87,33 @@ impl Farm<'_> {
         due.iter().for_each(|(index, _)| self.processes[*index].as_ref().unwrap().thaw());
     }
 
-    /// Sets somebody's clock, by up to an hour.
-    fn set_a_clock(&mut self) {
+    /// Sets the clock of a random process by up to an hour.
+    fn set_random_clock(&mut self) {
         let index = self.random.usize(0..self.processes.len());
-        self.home.set_clock(&name(index), self.random.i64(-3600..=3600));
+        self.sandbox.set_clock(&name(index), self.random.i64(-3600..=3600));
     }
 
-    /// Keeps the queue filled; what nobody confirmed may be there or not.
+    /// Keeps the queue filled; unconfirmed submissions may exist or not.
     fn submit(&mut self, jobs: &[Value]) {
         let open = jobs.iter().filter(|job| job["state"] == "queued" || job["state"] == "running").count();
         for _ in open..OPEN {
-            let mut scenario = scenario(0.6);
+            let mut scenario = hopper_scenario(0.6);
             scenario["seed"] = json!(self.random.u32(..));
             let envelope = json!({"scenario": scenario, "cache": "bypass"});
             let sent = self
-                .home
+                .sandbox
                 .ask(|client| async move { client.submit_document::<Value>("jobs", &envelope).await });
             let Ok(job) = sent else { return };
             self.submitted.insert(job["id"].as_str().unwrap().to_owned());
         }
     }
 
-    /// All jobs, if the server answers.
+    /// All jobs, if the server responds.
     fn jobs(&self, state: Option<JobState>) -> Option<Vec<Value>> {
         let (mut all, mut cursor) = (Vec::new(), None::<String>);
         loop {
             let at = cursor.clone();
-            let page = self.home.ask(|client| async move { client.jobs(state, at.as_deref(), 500).await });
+            let page = self.sandbox.ask(|client| async move { client.jobs(state, at.as_deref(), 500).await });
             let page = page.ok()?;
             all.extend(page.items.iter().map(|job| json!(job)));
             cursor = page.next_cursor;
@@ -118,15 +125,16 @@ impl Farm<'_> {
 }
 
 #[test]
-fn nothing_is_lost_and_nothing_recorded_twice_whatever_is_killed() {
+fn random_kills_lose_no_job_and_record_no_result_twice() {
     let (kills, seed) = (from_environment("ROOST_KILLS", KILLS), from_environment("ROOST_SEED", 1));
-    let (home, has_clocks) = Home::with_clocks().map_or_else(|| (Home::new(), false), |home| (home, true));
+    let (sandbox, has_clocks) =
+        Sandbox::with_clocks().map_or_else(|| (Sandbox::new(), false), |sandbox| (sandbox, true));
     if !has_clocks {
         eprintln!("no clock will be set: libfaketime is not installed (Debian package faketime)");
     }
-    let network = Flaky::to(&home.address, seed);
+    let network = Flaky::to(&sandbox.address, seed);
     let mut farm = Farm {
-        home: &home,
+        sandbox: &sandbox,
         network: network.clone(),
         random: fastrand::Rng::with_seed(seed),
         processes: (0..=WORKERS).map(|_| None).collect(),
@@ -140,7 +148,7 @@ fn nothing_is_lost_and_nothing_recorded_twice_whatever_is_killed() {
         std::thread::sleep(Duration::from_millis(farm.random.u64(20..300)));
         farm.thaw(false);
         if has_clocks && farm.random.u32(0..4) == 0 {
-            farm.set_a_clock();
+            farm.set_random_clock();
             set += 1;
         }
         if farm.random.u32(0..4) == 0 {
@@ -150,7 +158,7 @@ fn nothing_is_lost_and_nothing_recorded_twice_whatever_is_killed() {
             farm.kill();
             done += 1;
         }
-        // Not while the server is stopped: it would not answer.
+        // A stopped server would not respond.
         if !farm.is_frozen(0) {
             let open: Vec<_> = [JobState::Queued, JobState::Running]
                 .into_iter()
@@ -161,18 +169,18 @@ fn nothing_is_lost_and_nothing_recorded_twice_whatever_is_killed() {
         }
     }
 
-    network.calm();
+    network.stop_faults();
     farm.thaw(true);
     for index in 0..=WORKERS {
         if farm.processes[index].is_none() {
             farm.start(index);
         }
     }
-    let jobs = support::until("every job has ended", || {
+    let jobs = support::wait_until("every job has ended", || {
         let jobs = farm.jobs(None)?;
         jobs.iter().all(|job| job["state"] != "queued" && job["state"] != "running").then_some(jobs)
     });
-    judge(&farm, &jobs);
+    assert_nothing_lost(&farm, &jobs);
     let refused = network.journal().iter().filter(|passed| **passed == Passed::Refused).count();
     let claimed = network.journal().iter().filter(|passed| matches!(passed, Passed::Claimed { .. })).count();
     eprintln!(
@@ -182,7 +190,7 @@ fn nothing_is_lost_and_nothing_recorded_twice_whatever_is_killed() {
     );
 }
 
-fn judge(farm: &Farm, jobs: &[Value]) {
+fn assert_nothing_lost(farm: &Farm, jobs: &[Value]) {
     let ids: BTreeSet<String> = jobs.iter().map(|job| job["id"].as_str().unwrap().to_owned()).collect();
     let lost: Vec<_> = farm.submitted.difference(&ids).collect();
     assert!(lost.is_empty(), "confirmed and gone: {lost:?}");
@@ -209,7 +217,7 @@ fn judge(farm: &Farm, jobs: &[Value]) {
     assert!(stale.is_empty(), "stale and accepted: {stale:?}");
     for job in jobs {
         let (id, attempt) = (job["id"].as_str().unwrap(), job["attempt"].as_u64().unwrap());
-        // The answer to the one that counted may have been lost on its way to the network.
+        // The response to the recorded write may be lost before the network.
         assert!(recorded.get(id).is_none_or(|attempts| attempts[0] == attempt), "{job}: {:?}", recorded[id]);
         assert!(job["responses"]["discharged_kg"].is_number(), "{job}");
     }
@@ -219,5 +227,5 @@ fn judge(farm: &Farm, jobs: &[Value]) {
         recorded.len(),
         jobs.len()
     );
-    assert_eq!(farm.home.results_recorded(), jobs.len() as u64, "attempts that brought a result");
+    assert_eq!(farm.sandbox.results_recorded(), jobs.len() as u64, "attempts that brought a result");
 }

@@ -1,8 +1,8 @@
-//! A network that fails, between workers and their server, and keeps a journal of what it carried.
+//! A faulty network between workers and their server, with a journal of its messages.
 //!
-//! It understands as much of HTTP/1.1 as both sides speak: heads, `content-length`, one request after the other. Requests are
-//! dropped, delayed or carried twice, answers are lost. The journal says which attempts were given out and which results the
-//! server said it recorded.
+//! It understands the part of HTTP/1.1 that both sides use: headers, `content-length`, one request after the other. It drops,
+//! delays and repeats requests, and drops responses. The journal has the claimed attempts and the results that the server has
+//! recorded.
 
 use std::io::{self, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -12,18 +12,18 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-/// Something that passed.
+/// An entry of the journal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Passed {
-    /// An attempt was given to a worker.
+    /// A worker has claimed an attempt.
     Claimed { job: String, attempt: u64 },
-    /// The server answered that it recorded this attempt's result, now.
+    /// The server has recorded the result of this attempt.
     Recorded { job: String, attempt: u64 },
-    /// The server refused a write as stale.
+    /// The server has refused a stale write.
     Refused,
 }
 
-/// The way to a server. Ends with the test's process.
+/// A faulty proxy in front of a server, which ends with the process of the test.
 #[derive(Clone)]
 pub(crate) struct Flaky {
     pub(crate) address: String,
@@ -48,15 +48,15 @@ impl Flaky {
         std::thread::spawn(move || {
             for client in listener.incoming().flatten() {
                 let shared = of_listener.clone();
-                // Errors are what this is for: the connection ends.
+                // Errors are intended: the connection ends.
                 std::thread::spawn(move || drop(shared.connect(client)));
             }
         });
         Self { address, shared }
     }
 
-    /// From now on everything passes.
-    pub(crate) fn calm(&self) {
+    /// Forwards everything unchanged from now on.
+    pub(crate) fn stop_faults(&self) {
         self.shared.calm.store(true, SeqCst);
     }
 
@@ -90,7 +90,7 @@ impl Shared {
         }
     }
 
-    /// One request and its answer.
+    /// Forwards one request and its response.
     fn exchange(&self, request: &[u8], server: &mut TcpStream) -> io::Result<Vec<u8>> {
         server.write_all(request)?;
         let answer = message(server, &mut Vec::new())?;
@@ -127,7 +127,7 @@ impl Shared {
     }
 }
 
-/// A head and its body; what came of the next one stays in `early`.
+/// Reads header and body of a message; bytes of the next message stay in `early`.
 fn message(from: &mut TcpStream, early: &mut Vec<u8>) -> io::Result<Vec<u8>> {
     let mut bytes = std::mem::take(early);
     let mut buffer = [0; 16 * 1024];

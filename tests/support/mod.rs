@@ -1,6 +1,6 @@
-//! Real processes for black-box tests: the binary as users have it, killed and restarted as life does.
+//! Black-box tests of real processes: servers and workers that tests start, kill and restart.
 
-#![allow(dead_code, reason = "each test binary uses its own part")]
+#![allow(dead_code, reason = "each test binary uses a part of this module")]
 
 pub(crate) mod flaky;
 pub(crate) mod proxy;
@@ -16,15 +16,15 @@ use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use roost_api::job::JobView;
-use roost_worker::client::Client;
+use roost_worker::client::{Client, prepare_tls};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use wall_clock::WallClock;
 
-/// Nothing here takes longer, even on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// Maximum time of a wait, even on a busy machine.
+const TIMEOUT: Duration = Duration::from_secs(120);
 
-/// Where test servers listen.
+/// Ports of test servers.
 const PORTS: std::ops::Range<u16> = 20_000..32_000;
 
 /// The binary under test.
@@ -39,25 +39,25 @@ pub(crate) fn roost() -> Command {
     command
 }
 
-/// Runs it to its end.
+/// Runs the binary to its end.
 pub(crate) fn run(arguments: &[&str]) -> Output {
     roost().args(arguments).output().expect("the binary starts")
 }
 
-/// What it said, for messages of failed tests.
-pub(crate) fn said(output: &Output) -> String {
+/// Status, stdout and stderr of a process, for messages of failed tests.
+pub(crate) fn transcript(output: &Output) -> String {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     format!("{}\nstdout: {}\nstderr: {}", output.status, text(&output.stdout), text(&output.stderr))
 }
 
-/// Standard output of a run that must succeed.
+/// Stdout of a process that must have succeeded.
 pub(crate) fn stdout(output: &Output) -> String {
-    assert!(output.status.success(), "{}", said(output));
+    assert!(output.status.success(), "{}", transcript(output));
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
-/// A few coarse fillets in a small hopper that runs for so long, whether it empties or not.
-pub(crate) fn scenario(duration_s: f64) -> Value {
+/// A scenario with a few coarse fillets in a small hopper. It runs for this time even if the hopper is empty before.
+pub(crate) fn hopper_scenario(duration_s: f64) -> Value {
     json!({
         "experiment": "hopper",
         "product": {"count": 2, "subparticle_radius_m": 0.009},
@@ -66,15 +66,15 @@ pub(crate) fn scenario(duration_s: f64) -> Value {
     })
 }
 
-/// The same on a belt so slow that the fillets stay, in small steps: some seconds of wall time for ten that are simulated.
-pub(crate) fn long(duration_s: f64) -> Value {
-    let mut long = scenario(duration_s);
-    long["equipment"]["belt_speed_m_s"] = json!(0.005);
-    long["numerics"]["timestep_s"] = json!(2e-5);
-    long
+/// The same with a slow belt, on which the fillets stay, and small steps: some seconds of wall time for ten simulated seconds.
+pub(crate) fn slow_scenario(duration_s: f64) -> Value {
+    let mut scenario = hopper_scenario(duration_s);
+    scenario["equipment"]["belt_speed_m_s"] = json!(0.005);
+    scenario["numerics"]["timestep_s"] = json!(2e-5);
+    scenario
 }
 
-/// A process that is killed when the test is over, and shows its log when the test has failed.
+/// A process that is killed at the end of the test. Its log is printed if the test has failed.
 pub(crate) struct Process {
     child: Child,
     log: PathBuf,
@@ -87,36 +87,36 @@ impl Process {
         Self { child, log }
     }
 
-    /// Its number in the system.
+    /// The process id.
     pub(crate) fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// SIGKILL: no goodbye.
+    /// Sends SIGKILL and waits for the end.
     pub(crate) fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
-    /// SIGSTOP: it is there, its connections are open, and it answers nothing.
+    /// Sends SIGSTOP: connections stay open, but the process does not respond.
     pub(crate) fn freeze(&self) {
         signal(self.child.id(), "STOP");
     }
 
-    /// SIGCONT: it goes on as if nothing had been.
+    /// Sends SIGCONT: the process continues.
     pub(crate) fn thaw(&self) {
         signal(self.child.id(), "CONT");
     }
 
-    /// SIGTERM.
+    /// Sends SIGTERM.
     pub(crate) fn terminate(&self) {
         signal(self.child.id(), "TERM");
     }
 
-    /// Waits for the end; says how it ended and how long that took.
+    /// Waits for the end. Returns the exit status and the time of the wait.
     pub(crate) fn wait(mut self) -> (ExitStatus, Duration) {
         let started = Instant::now();
-        let status = until("the process ends", || self.child.try_wait().unwrap());
+        let status = wait_until("the process ends", || self.child.try_wait().unwrap());
         (status, started.elapsed())
     }
 
@@ -136,10 +136,10 @@ impl Drop for Process {
     }
 }
 
-/// Says that a test is left out, which in CI it must not be.
-pub(crate) fn left_out(why: &str) {
-    assert!(std::env::var_os("CI").is_none(), "left out in CI: {why}");
-    eprintln!("left out: {why}");
+/// Reports that a test is skipped, and fails in CI.
+pub(crate) fn skip(reason: &str) {
+    assert!(std::env::var_os("CI").is_none(), "skipped in CI: {reason}");
+    eprintln!("skipped: {reason}");
 }
 
 /// Sends a signal by name.
@@ -148,20 +148,19 @@ pub(crate) fn signal(process: u32, name: &str) {
     assert!(status.success());
 }
 
-/// Asks over and over until there is an answer.
-pub(crate) fn until<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
+/// Calls a function until it returns a value.
+pub(crate) fn wait_until<T>(event: &str, mut poll: impl FnMut() -> Option<T>) -> T {
     let started = Instant::now();
     loop {
-        if let Some(answer) = ask() {
-            return answer;
+        if let Some(value) = poll() {
+            return value;
         }
-        assert!(started.elapsed() < PATIENCE, "waited in vain: {what}");
+        assert!(started.elapsed() < TIMEOUT, "timeout: {event}");
         std::thread::sleep(Duration::from_millis(30));
     }
 }
 
-/// A port that stays free while its server is down: below those that the system gives to outgoing connections,
-/// and no two of one process the same.
+/// A port that stays free while its server is down: it is below the ports of outgoing connections, and used once per process.
 fn free_port() -> u16 {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     (0..PORTS.len())
@@ -171,26 +170,28 @@ fn free_port() -> u16 {
         .expect("a free port")
 }
 
-/// For tests that measure time: one at a time, so that they do not measure each other.
-pub(crate) fn undisturbed() -> MutexGuard<'static, ()> {
-    static ONE: Mutex<()> = Mutex::new(());
-    ONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+/// A lock for tests that measure time, which run one at a time.
+pub(crate) fn timing_lock() -> MutexGuard<'static, ()> {
+    static LOCK: Mutex<()> = Mutex::new(());
+    LOCK.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
-/// A server's home: data directory and address stay the same from start to start.
-pub(crate) struct Home {
+/// A temporary folder and an address for a server and its workers. Both stay the same after a restart.
+pub(crate) struct Sandbox {
     pub(crate) folder: TempDir,
     pub(crate) address: String,
     starts: std::cell::Cell<u32>,
-    /// Whether every process has a wall clock of its own, which can be set.
+    /// Whether the test can set the wall clock of each process.
     has_clocks: bool,
-    /// Variables that every process gets.
+    /// Environment variables of every process.
     variables: Vec<(&'static str, String)>,
     runtime: tokio::runtime::Runtime,
 }
 
-impl Home {
+impl Sandbox {
     pub(crate) fn new() -> Self {
+        // For requests before the first `Client`.
+        prepare_tls();
         Self {
             folder: tempfile::tempdir().unwrap(),
             address: format!("http://127.0.0.1:{}", free_port()),
@@ -201,18 +202,18 @@ impl Home {
         }
     }
 
-    /// A home whose processes have wall clocks that can be set; none where they cannot.
+    /// A sandbox in which the wall clock of each process can be set; none if libfaketime is missing.
     pub(crate) fn with_clocks() -> Option<Self> {
-        let home = Self { has_clocks: true, ..Self::new() };
-        home.clock("any").is_some().then_some(home)
+        let sandbox = Self { has_clocks: true, ..Self::new() };
+        sandbox.clock("any").is_some().then_some(sandbox)
     }
 
-    /// Gives a variable to every server and worker from now on.
+    /// Sets an environment variable of all servers and workers that start later.
     pub(crate) fn set_variable(&mut self, name: &'static str, value: &str) {
         self.variables.push((name, value.to_owned()));
     }
 
-    /// Sets the wall clock of the server (`serve`) or of a worker, so many seconds from the true time.
+    /// Sets the offset of the wall clock of the server (`serve`) or of a worker from the true time.
     pub(crate) fn set_clock(&self, name: &str, offset_s: i64) {
         self.clock(name).expect("a clock").set(offset_s);
     }
@@ -232,20 +233,22 @@ impl Home {
         path.display().to_string()
     }
 
-    /// Starts a server with short leases and waits until it answers.
-    pub(crate) fn serve(&self) -> Process {
-        self.serve_with(&["--lease-s", "2"])
+    /// Starts a server with short leases and waits until it responds.
+    pub(crate) fn start_server(&self) -> Process {
+        self.start_server_with(&["--lease-s", "2"])
     }
 
-    /// The same, with arguments of its own.
-    pub(crate) fn serve_with(&self, arguments: &[&str]) -> Process {
-        let server = self.start_server(arguments);
-        until("the server answers", || self.ask(|client| async move { client.sweeps(None, 1).await.ok() }));
+    /// Starts a server with further arguments and waits until it responds.
+    pub(crate) fn start_server_with(&self, arguments: &[&str]) -> Process {
+        let server = self.spawn_server(arguments);
+        wait_until("the server responds", || {
+            self.ask(|client| async move { client.sweeps(None, 1).await.ok() })
+        });
         server
     }
 
-    /// Starts a server and waits for nothing.
-    pub(crate) fn start_server(&self, arguments: &[&str]) -> Process {
+    /// Starts a server without waiting.
+    pub(crate) fn spawn_server(&self, arguments: &[&str]) -> Process {
         let listen = self.address.trim_start_matches("http://");
         let mut command = roost();
         command.args([
@@ -261,50 +264,43 @@ impl Home {
         self.start("serve", command.arg(self.path("data")).args(arguments))
     }
 
-    /// Starts a worker of its own state directory.
-    pub(crate) fn work(&self, name: &str) -> Process {
-        self.work_in(name, &self.path(name))
+    /// Starts a worker with its own state folder.
+    pub(crate) fn start_worker(&self, name: &str) -> Process {
+        self.start_worker_in(name, &self.path(name))
     }
 
-    /// The same, with arguments of its own.
-    pub(crate) fn work_with(&self, name: &str, arguments: &[&str]) -> Process {
+    /// Starts a worker with further arguments.
+    pub(crate) fn start_worker_with(&self, name: &str, arguments: &[&str]) -> Process {
         let mut command = roost();
         command.args(["work", "--server", &self.address, "--threads", "1", "--name", name]).args(arguments);
         self.start(name, command.arg("--state").arg(self.path(name)))
     }
 
-    /// Starts a worker in a state directory that another may have used.
-    pub(crate) fn work_in(&self, name: &str, state: &Path) -> Process {
+    /// Starts a worker with a state folder that another worker may have used.
+    pub(crate) fn start_worker_in(&self, name: &str, state: &Path) -> Process {
         let mut command = roost();
         command.args(["work", "--server", &self.address, "--threads", "1", "--name", name, "--state"]);
         self.start(name, command.arg(state))
     }
 
-    /// Starts a worker that is told more.
-    pub(crate) fn work_told(&self, name: &str, more: &[&str]) -> Process {
-        let mut command = roost();
-        command.args(["work", "--server", &self.address, "--threads", "1", "--name", name]).args(more);
-        self.start(name, command.arg("--state").arg(self.path(name)))
-    }
-
-    /// Starts a worker of so many slots that reaches the server by another address.
-    pub(crate) fn work_by(&self, address: &str, name: &str, slots: &str) -> Process {
+    /// Starts a worker with a number of slots and another address of the server.
+    pub(crate) fn start_worker_at(&self, address: &str, name: &str, slots: &str) -> Process {
         let mut command = roost();
         command.args(["work", "--server", address, "--threads", "1", "--slots", slots, "--name", name]);
         self.start(name, command.arg("--state").arg(self.path(name)))
     }
 
-    /// Runs a client command against this server.
+    /// Runs a client command with this server.
     pub(crate) fn roost(&self, arguments: &[&str]) -> Output {
         roost().args(arguments).env("ROOST_SERVER", &self.address).output().unwrap()
     }
 
-    /// What a client command says with `--json`.
-    pub(crate) fn answered(&self, arguments: &[&str]) -> Value {
+    /// The output of a client command with `--json`.
+    pub(crate) fn json_output(&self, arguments: &[&str]) -> Value {
         serde_json::from_str(&stdout(&self.roost(&[arguments, &["--json"]].concat()))).unwrap()
     }
 
-    /// What the API answers to a GET.
+    /// The response of the API to a GET.
     pub(crate) fn get(&self, path: &str) -> Value {
         let text = self.runtime.block_on(async {
             let answer = reqwest::get(format!("{}{path}", self.address)).await.unwrap();
@@ -313,37 +309,42 @@ impl Home {
         serde_json::from_str(&text).unwrap()
     }
 
-    /// Whether a GET is answered with this status.
+    /// Whether the response to a GET has this status.
     pub(crate) fn answers(&self, path: &str, status: u16) -> bool {
         let url = format!("{}{path}", self.address);
         self.runtime.block_on(async { reqwest::get(url).await.is_ok_and(|answer| answer.status() == status) })
     }
 
-    /// Submits a scenario; returns the job as the server shows it.
+    /// Submits a scenario. Returns the job.
     pub(crate) fn submit(&self, scenario: &Value) -> JobView {
         let file = self.file("scenario.json", scenario);
         let answer = stdout(&self.roost(&["submit", "--json", &file]));
         serde_json::from_str(&answer).unwrap()
     }
 
-    /// One call through the API.
+    /// Makes one API call.
     pub(crate) fn ask<T, F: Future<Output = T>>(&self, call: impl FnOnce(Client) -> F) -> T {
         let client = Client::new(&self.address).unwrap();
         self.runtime.block_on(call(client))
     }
 
-    /// The job now; `None` while the server is away.
+    /// The current state of a job; none while the server is unreachable.
     pub(crate) fn job(&self, job: &JobView) -> Option<JobView> {
         let id = job.id;
         self.ask(|client| async move { client.job(id).await.ok() })
     }
 
-    /// Waits until the job looks as asked.
-    pub(crate) fn job_when(&self, job: &JobView, what: &str, is_so: impl Fn(&JobView) -> bool) -> JobView {
-        until(what, || self.job(job).filter(|job| is_so(job)))
+    /// Waits until a job meets a condition.
+    pub(crate) fn wait_for_job(
+        &self,
+        job: &JobView,
+        event: &str,
+        condition: impl Fn(&JobView) -> bool,
+    ) -> JobView {
+        wait_until(event, || self.job(job).filter(|job| condition(job)))
     }
 
-    /// The status of a GET, whatever it is; `None` while the server is away.
+    /// The status of a GET; none while the server is unreachable.
     pub(crate) fn status(&self, path: &str) -> Option<u16> {
         let url = format!("{}{path}", self.address);
         let output =
@@ -351,7 +352,7 @@ impl Home {
         String::from_utf8(output.ok()?.stdout).ok()?.parse().ok().filter(|status| *status > 0)
     }
 
-    /// How many attempts all workers together have brought to a result.
+    /// Number of attempts of all workers with a result.
     pub(crate) fn results_recorded(&self) -> u64 {
         let (mut sum, mut cursor) = (0, None::<String>);
         loop {
@@ -375,13 +376,13 @@ impl Home {
     }
 }
 
-/// How far the running attempt has come.
+/// Fraction done of the running attempt.
 pub(crate) fn fraction(job: &JobView) -> f64 {
     job.progress.as_ref().map_or(0.0, |progress| progress.fraction)
 }
 
-/// Deliveries that wait in a worker's outbox; one that is still being written is none yet.
-pub(crate) fn outbox(state: &Path) -> usize {
+/// Number of complete deliveries in the outbox of a worker.
+pub(crate) fn outbox_len(state: &Path) -> usize {
     let folders = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten();
     folders(&state.join("outbox"))
         .flat_map(|server| folders(&server.path()))

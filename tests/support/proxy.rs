@@ -1,4 +1,4 @@
-//! Something between a worker and its server that counts the files of meshes, and does to them what networks do.
+//! A proxy between worker and server that counts requests for mesh files, and can stall or break them.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -6,18 +6,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering::SeqCst};
 use std::time::Duration;
 
-/// What happens to files; everything else passes.
+/// Treatment of mesh files; all other requests are forwarded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Files {
     Pass,
-    /// Their first bytes pass, then nothing more.
+    /// Forwards only their first bytes.
     Stall,
-    /// Answered as by a server that does not have them.
+    /// Responds like a server without these files.
     Deny,
 }
 
-/// The way to a server. Ends with the test's process.
+/// A proxy in front of a server, which ends with the process of the test.
 #[derive(Clone)]
 pub(crate) struct Proxy {
     pub(crate) address: String,
@@ -52,12 +52,12 @@ impl Proxy {
         self.shared.files.store(files as u8, SeqCst);
     }
 
-    /// How many files have been asked for.
-    pub(crate) fn asked(&self) -> usize {
+    /// Number of requested files.
+    pub(crate) fn requested(&self) -> usize {
         self.shared.asked.load(SeqCst)
     }
 
-    /// How many have begun to come and stopped.
+    /// Number of stalled files.
     pub(crate) fn stalled(&self) -> usize {
         self.shared.stalled.load(SeqCst)
     }
@@ -68,7 +68,7 @@ impl Shared {
         self.files.load(SeqCst) == files as u8
     }
 
-    /// One connection, on which requests come one after the other.
+    /// Serves one connection with consecutive requests.
     fn connect(self: Arc<Self>, mut client: TcpStream) {
         let Ok(mut server) = TcpStream::connect(&self.server) else { return };
         let asked_here = Arc::new(AtomicUsize::new(0));
@@ -78,7 +78,7 @@ impl Shared {
         std::thread::spawn(move || back.answers(&mut from, &mut to, &asked_before));
         let mut buffer = [0; 16 * 1024];
         while let Ok(count @ 1..) = client.read(&mut buffer) {
-            // A head of this size comes in one piece.
+            // A header of this size arrives in one piece.
             let text = String::from_utf8_lossy(&buffer[..count]);
             if text.starts_with("GET /v1/meshes/") && text.contains("/file HTTP/1.1") {
                 self.asked.fetch_add(1, SeqCst);

@@ -1,15 +1,15 @@
-//! A disk of a few MiB, in memory, that a test can fill. Only root may mount one.
+//! A file system of a few MiB in memory, which a test can fill. Only root can mount it.
 
 use std::fs::{File, remove_file};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Gone with the test.
+/// A mounted file system, which is unmounted at the end of the test.
 pub(crate) struct SmallDisk(PathBuf);
 
 impl SmallDisk {
-    /// Mounts one at a path; none where that is not allowed.
+    /// Mounts a file system at a path; none without permission.
     pub(crate) fn mount(at: &Path, mib: u32) -> Option<Self> {
         std::fs::create_dir_all(at).unwrap();
         let size = format!("size={mib}m");
@@ -17,7 +17,7 @@ impl SmallDisk {
         mounted.ok()?.status.success().then(|| Self(at.to_owned()))
     }
 
-    /// Leaves no byte free.
+    /// Fills the file system completely.
     pub(crate) fn fill(&self) {
         let mut file = File::create(self.ballast()).unwrap();
         for bytes in [1 << 16, 1 << 12, 1] {
@@ -25,7 +25,7 @@ impl SmallDisk {
         }
     }
 
-    /// Makes room again.
+    /// Frees the space again.
     pub(crate) fn clear(&self) {
         remove_file(self.ballast()).unwrap();
     }
@@ -37,7 +37,7 @@ impl SmallDisk {
 
 impl Drop for SmallDisk {
     fn drop(&mut self) {
-        // Whoever still has files there keeps them; the name is free at once.
+        // A lazy unmount: open files stay, and the path is free at once.
         let _ = Command::new("umount").arg("--lazy").arg(&self.0).status();
     }
 }

@@ -1,4 +1,4 @@
-//! STL files for tests, written here: in millimetres, as CAD programs do.
+//! STL files for tests, in millimetres as CAD programs write them.
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 type Triangle = [[f32; 3]; 3];
 
-/// A closed block from the origin, each face of it so many squares a side.
+/// A closed block at the origin; each face has `squares` × `squares` squares.
 pub(crate) fn block(sides_mm: [f32; 3], squares: usize) -> Vec<Triangle> {
     let mut triangles = Vec::new();
     for (across, up, out) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
@@ -21,7 +21,7 @@ pub(crate) fn block(sides_mm: [f32; 3], squares: usize) -> Vec<Triangle> {
             for is_far in [false, true] {
                 let [a, b, c, d] =
                     [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| point(i, j, is_far));
-                // Outwards: the near face looks the other way.
+                // Normals point outwards, so opposite faces have opposite order.
                 triangles.extend(if is_far { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
             }
         }
@@ -29,14 +29,14 @@ pub(crate) fn block(sides_mm: [f32; 3], squares: usize) -> Vec<Triangle> {
     triangles
 }
 
-/// A wall: two triangles upright at x = 0.
+/// A wall of two triangles at x = 0.
 pub(crate) fn wall(width_mm: f32, height_mm: f32) -> Vec<Triangle> {
     let [a, b] = [[0.0, 0.0, 0.0], [0.0, width_mm, 0.0]];
     let [c, d] = [[0.0, width_mm, height_mm], [0.0, 0.0, height_mm]];
     vec![[a, b, c], [a, c, d]]
 }
 
-/// Walls of a hopper that is open above and below: length, width and height; the wall at x = 0 ends above an opening.
+/// Walls of a hopper without top and bottom, given by length, width and height; the wall at x = 0 ends above an opening.
 pub(crate) fn hopper([length, width, height]: [f32; 3], opening: f32) -> Vec<Triangle> {
     let wall = |[x, y]: [f32; 2], [to_x, to_y]: [f32; 2], low: f32| {
         let [a, b] = [[x, y, low], [to_x, to_y, low]];
@@ -53,7 +53,7 @@ pub(crate) fn hopper([length, width, height]: [f32; 3], opening: f32) -> Vec<Tri
     walls.concat()
 }
 
-/// A binary file.
+/// A binary STL file.
 pub(crate) fn binary(triangles: &[Triangle]) -> Vec<u8> {
     let mut file = vec![0; 80];
     file.extend((triangles.len() as u32).to_le_bytes());
@@ -65,7 +65,7 @@ pub(crate) fn binary(triangles: &[Triangle]) -> Vec<u8> {
     file
 }
 
-/// An ASCII file.
+/// An ASCII STL file.
 pub(crate) fn ascii(triangles: &[Triangle]) -> Vec<u8> {
     let mut file = "solid test\n".to_owned();
     for corners in triangles {

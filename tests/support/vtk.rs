@@ -1,4 +1,4 @@
-//! A strict reader of VTK's polygonal data, apart from the writer: tests of `roost-frames` and of the binary find in it what ParaView would.
+//! A strict reader of VTK polygonal data, independent of the writer, for tests of `roost-frames` and of the binary.
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
@@ -10,7 +10,7 @@ use base64::prelude::BASE64_STANDARD;
 use flate2::read::ZlibDecoder;
 use roxmltree::{Document, Node};
 
-/// What a file holds; numbers of every type as f64, which is exact for those here.
+/// The content of a file; numbers of all types become f64, which is exact here.
 #[derive(Debug)]
 pub(crate) struct PolyData {
     /// x, y, z of each point.
@@ -25,7 +25,7 @@ pub(crate) struct PolyData {
 
 #[derive(Debug)]
 pub(crate) struct Array {
-    /// As VTK names it, such as `Float32`.
+    /// Name of the type in VTK, such as `Float32`.
     pub(crate) kind: String,
     pub(crate) components: usize,
     pub(crate) numbers: Vec<f64>,
@@ -79,7 +79,7 @@ pub(crate) fn read(bytes: &[u8]) -> PolyData {
 }
 
 impl PolyData {
-    /// An array that points or cells carry.
+    /// A data array of points or cells.
     pub(crate) fn numbers<'a>(carried: &'a BTreeMap<String, Array>, name: &str) -> &'a [f64] {
         &carried.get(name).unwrap_or_else(|| panic!("no {name}")).numbers
     }

@@ -1,22 +1,22 @@
-//! The wall clock of a process, which a test can set while it runs: libfaketime between the process and the system.
+//! The wall clock of a running process, which a test can set by means of libfaketime.
 
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Where Debian has it; the variant for threads.
+/// Path of the library in Debian, variant for threads.
 const LIBRARIES: &str = "/usr/lib";
 const LIBRARY: &str = "faketime/libfaketimeMT.so.1";
 
-/// A clock that shows the true time until it is set.
+/// A clock with an offset from the true time, initially zero.
 #[derive(Clone)]
 pub(crate) struct WallClock {
     library: PathBuf,
-    /// How far it is off, in seconds.
+    /// File with the offset in seconds.
     offset: PathBuf,
 }
 
 impl WallClock {
-    /// A clock that is set through this file; none where libfaketime is not installed.
+    /// A clock whose offset is in this file; none without libfaketime.
     pub(crate) fn new(offset: PathBuf) -> Option<Self> {
         let here = std::fs::read_dir(LIBRARIES).ok()?.flatten().map(|entry| entry.path().join(LIBRARY));
         let library = here.into_iter().find(|path| path.exists())?;
@@ -27,7 +27,7 @@ impl WallClock {
         Some(clock)
     }
 
-    /// Has a process read this clock. What counts time that passes stays the system's.
+    /// Makes a process use this clock. Its monotonic clock stays that of the system.
     pub(crate) fn give_to(&self, command: &mut Command) {
         command
             .env("LD_PRELOAD", &self.library)
@@ -37,14 +37,14 @@ impl WallClock {
             .env("NO_FAKE_STAT", "1");
     }
 
-    /// Takes away what the library of a process that was killed leaves behind.
+    /// Removes the shared memory of the library after a process was killed.
     pub(crate) fn tidy_after(process: u32) {
         for name in ["faketime_shm", "sem.faketime_sem"] {
             let _ = std::fs::remove_file(format!("/dev/shm/{name}_{process}"));
         }
     }
 
-    /// Sets it, so many seconds from the true time.
+    /// Sets the offset from the true time.
     pub(crate) fn set(&self, offset_s: i64) {
         let new = self.offset.with_extension("new");
         std::fs::write(&new, format!("{offset_s:+}\n")).unwrap();

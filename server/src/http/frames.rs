@@ -18,7 +18,7 @@ use super::etags::matches_etag;
 use super::extract::{Params, Segments, check_media_type, incomplete_body};
 use super::problem::{ApiError, ProblemKind};
 use crate::state::App;
-use crate::store::{StoredFrames, StageError};
+use crate::store::{StageError, StoredFrames};
 
 /// Media types of an upload.
 const MEDIA_TYPES: [&str; 2] = [MEDIA_TYPE, "application/octet-stream"];

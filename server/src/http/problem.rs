@@ -7,7 +7,7 @@ use roost_api::problem::{MEDIA_TYPE, Problem};
 
 use crate::queue::Refusal;
 use crate::state::{AccessError, MeshCacheError};
-use crate::store::{Unavailable, StoreError};
+use crate::store::{StoreError, Unavailable};
 
 /// Declares the problem kinds: name in the `type` field, status, title.
 macro_rules! kinds {

@@ -21,7 +21,7 @@ use roost_solver::SOLVER_REVISION;
 use super::connections::Connections;
 use crate::data::DATABASE;
 use crate::process::{self, Usage};
-use crate::store::{Census, Store, StoreError};
+use crate::store::{QueueCounts, Store, StoreError};
 
 /// Upper bounds of the buckets of answer times, in seconds.
 const SECONDS: [f64; 10] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.5, 2.0, 30.0];
@@ -85,7 +85,7 @@ pub(crate) struct Metrics {
     max_descriptors: Gauge<i64>,
     started: Instant,
     /// The last count, and until when it is valid.
-    census: tokio::sync::Mutex<Option<(Instant, Census)>>,
+    queue_counts: tokio::sync::Mutex<Option<(Instant, QueueCounts)>>,
 }
 
 impl Metrics {
@@ -168,7 +168,7 @@ impl Metrics {
             open_descriptors,
             max_descriptors,
             started: Instant::now(),
-            census: tokio::sync::Mutex::default(),
+            queue_counts: tokio::sync::Mutex::default(),
         }
     }
 
@@ -200,19 +200,20 @@ impl Metrics {
         lease: Duration,
     ) -> Result<(), StoreError> {
         // Held during the count: concurrent readers get the same numbers.
-        let mut last = self.census.lock().await;
+        let mut last = self.queue_counts.lock().await;
         let started = Instant::now();
         if last.as_ref().is_none_or(|(until, _)| *until <= started) {
-            let census = store.census(now, lease).await?;
-            *last = Some((Instant::now() + COUNT_EVERY.max(started.elapsed() * PAUSE_FACTOR), census));
+            let queue_counts = store.queue_counts(now, lease).await?;
+            *last = Some((Instant::now() + COUNT_EVERY.max(started.elapsed() * PAUSE_FACTOR), queue_counts));
         }
-        let Some((_, census)) = last.as_ref() else { return Ok(()) };
+        let Some((_, queue_counts)) = last.as_ref() else { return Ok(()) };
         for state in JobState::ALL {
-            let count = census.jobs.iter().find(|(known, _)| known == state).map_or(0, |(_, count)| *count);
+            let count =
+                queue_counts.jobs.iter().find(|(known, _)| known == state).map_or(0, |(_, count)| *count);
             self.jobs.get_or_create(&InState { state: state.as_str() }).set(count);
         }
-        self.workers.set(census.workers);
-        let age_ms = census.oldest_queued_at.map_or(0, |since| (now.0 - since.0).max(0));
+        self.workers.set(queue_counts.workers);
+        let age_ms = queue_counts.oldest_queued_at.map_or(0, |since| (now.0 - since.0).max(0));
         self.oldest_queued_s.set(age_ms as f64 / 1000.0);
         Ok(())
     }

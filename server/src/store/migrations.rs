@@ -18,5 +18,11 @@ fn migration(name: &str, sql: &'static [u8]) -> Option<Migration> {
     let version = version.parse().expect("the name of a migration begins with its number");
     let sql = str::from_utf8(sql).expect("a migration is UTF-8").into_sql_str();
     let no_transaction = false;
-    Some(Migration::new(version, description.replace('_', " ").into(), MigrationType::Simple, sql, no_transaction))
+    Some(Migration::new(
+        version,
+        description.replace('_', " ").into(),
+        MigrationType::Simple,
+        sql,
+        no_transaction,
+    ))
 }

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 
 use roost_api::design::{Factor, Scale};
 use roost_api::table::{FactorEffect, LevelEffect, PointRow, ResponseEffects, Summary};
+use roost_stats::{ROUNDING, line, rank_correlation, rank_correlation_p_value};
 use serde_json::Value;
 
 use super::levels::same;
-use crate::stats::{ROUNDING, chance, line, rank_correlation};
 
 /// Factors with more levels have no means by level.
 const MAX_LEVELS: usize = 12;
@@ -95,7 +95,8 @@ impl Effects {
             factor: factor.name().to_owned(),
             effect: line(&pairs).map(|line| line.slope * (range.1 - range.0)),
             rank_correlation,
-            p_value: rank_correlation.and_then(|correlation| chance(correlation, pairs.len())),
+            p_value: rank_correlation
+                .and_then(|correlation| rank_correlation_p_value(correlation, pairs.len())),
             levels: by_level(&levels, mean),
         }
     }

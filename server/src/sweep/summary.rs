@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 
 use roost_api::job::{FailureClass, JobState};
 use roost_api::table::{PointRow, Summary, TrialRow};
+use roost_stats::Sample;
 use serde_json::Value;
-
-use crate::stats::Sample;
 
 /// Summarises trials, which are sorted by design point.
 pub(crate) fn by_point(trials: &[TrialRow]) -> Vec<PointRow> {

@@ -92,9 +92,9 @@ fn every_curl_example_is_of_a_documented_route() {
 
 #[tokio::test]
 async fn the_document_made_without_a_server_is_the_served_one() {
-    let (farm, _dir) = Farm::start().await;
-    let served = farm.get("/openapi.json").await.expect(StatusCode::OK);
+    let (server, _dir) = TestServer::start().await;
+    let served = server.get("/openapi.json").await.expect(StatusCode::OK);
     let made: serde_json::Value = serde_json::from_str(&roost_server::openapi()).expect("JSON");
     assert!(made == served, "they differ");
-    farm.stop().await;
+    server.stop().await;
 }

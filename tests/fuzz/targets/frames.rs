@@ -1,4 +1,4 @@
-//! The stream of frames, as a viewer reads it: every frame of what opens is sound or refused.
+//! Reader of the frame stream: every frame of a stream that opens is valid or refused.
 #![no_main]
 
 use std::io::Cursor;

@@ -1,4 +1,4 @@
-//! Result documents, as a worker delivers them: what is read is written and reads again as the same.
+//! Result documents: a document that can be read is the same after writing and reading.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

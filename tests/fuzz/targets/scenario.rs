@@ -1,4 +1,4 @@
-//! Scenarios: what is read reads again as the same, and what is refused is refused in words.
+//! Scenarios: a valid one is the same after writing and reading, and a refusal has its reasons.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

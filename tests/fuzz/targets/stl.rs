@@ -1,4 +1,4 @@
-//! STL files: what is read can be written as a binary file and reads again as the same, and makes a sound mesh or none.
+//! STL files: a valid one is the same after writing and reading, and gives a valid mesh or none.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

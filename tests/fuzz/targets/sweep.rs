@@ -1,5 +1,4 @@
-//! Sweeps, and whatever else `POST /v1/validate` takes: job envelopes and scenarios. No more jobs than allowed, and
-//! every refusal has its reasons.
+//! Documents of `POST /v1/validate`: sweeps, jobs and scenarios. Never more jobs than allowed, and every refusal has its reasons.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -2,8 +2,7 @@
 
 use std::io;
 
-use roost_api::Fault;
-use roost_api::printable::one_line;
+use roost_api::printable::{fault_line, one_line};
 use roost_api::problem::Problem;
 
 use super::reason;
@@ -139,10 +138,4 @@ fn describe(problem: &Problem) -> String {
         text.push_str(&fault_line(fault));
     }
     text
-}
-
-/// A fault in one line: pointer, fault, and allowed values. An empty pointer is the document itself.
-pub fn fault_line(fault: &Fault) -> String {
-    let text = if fault.pointer.is_empty() { format!("the document{fault}") } else { fault.to_string() };
-    one_line(&text).into_owned()
 }

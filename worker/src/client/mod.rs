@@ -36,7 +36,7 @@ use tokio::io::AsyncWriteExt;
 
 use crate::outbox::RecordedFrames;
 pub use credentials::{Credentials, prepare_tls};
-pub use error::{ClientError, fault_line};
+pub use error::ClientError;
 
 /// The outcome of a call.
 pub type ClientResult<T> = Result<T, ClientError>;

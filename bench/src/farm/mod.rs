@@ -1,0 +1,115 @@
+//! `roost bench farm`: the targets of the service, measured against a server process.
+//!
+//! [`server`] starts the process, [`clients`] simulates users and workers, [`measurements`] measures each target.
+
+mod clients;
+mod measurements;
+mod server;
+
+use anyhow::{Result, bail};
+use clap::builder::RangedU64ValueParser;
+use roost_terminal::format::significant;
+use roost_terminal::{Exit, Table, print_json, print_lines, signals};
+use serde::Serialize;
+use serde_json::json;
+
+/// Measure the targets of the service: throughput, waiting times, load, memory, and the effects of kills
+///
+/// Starts servers on loopback addresses with their data in a temporary folder. Clients run in this process on the same machine,
+/// so throughput is that of server and clients together. CPU and memory are those of the server only.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Measure only rows whose names start with this; may be given several times
+    #[arg(long, value_delimiter = ',', value_name = "NAME")]
+    only: Vec<String>,
+    /// Number of queued jobs for the rows about many jobs
+    #[arg(long, default_value_t = 1_000_000, value_name = "N", value_parser = job_counts())]
+    many: u64,
+    /// Duration of each timed measurement
+    #[arg(long, default_value_t = 10, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=600))]
+    seconds: u64,
+    /// Print JSON: rows of name, value, unit and target
+    #[arg(long)]
+    json: bool,
+}
+
+fn job_counts() -> RangedU64ValueParser {
+    clap::value_parser!(u64).range(1000..=10_000_000)
+}
+
+/// A measured value and its target.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    name: &'static str,
+    value: f64,
+    unit: &'static str,
+    target: Target,
+    reached: bool,
+}
+
+/// A limit on a value.
+#[derive(Clone, Copy, Debug)]
+enum Target {
+    AtLeast(f64),
+    AtMost(f64),
+}
+
+impl Target {
+    fn is_reached(self, value: f64) -> bool {
+        match self {
+            Self::AtLeast(limit) => value >= limit,
+            Self::AtMost(limit) => value <= limit,
+        }
+    }
+}
+
+impl std::fmt::Display for Target {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::AtLeast(limit) => write!(f, "≥ {limit}"),
+            Self::AtMost(limit) => write!(f, "≤ {limit}"),
+        }
+    }
+}
+
+impl Serialize for Target {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+pub(super) async fn execute(args: Args) -> Result<Exit> {
+    // Dropping the measurement kills its server and removes its folder; an unhandled signal would leave both.
+    let shutdown = signals::shutdown_token()?;
+    let rows = tokio::select! {
+        rows = measurements::measure(&args) => rows?,
+        () = shutdown.cancelled() => bail!("stopped before its end"),
+    };
+    if args.json {
+        print_json(&json!(rows))?;
+    } else {
+        let mut table = Table::new(["measurement", "value", "unit", "target", "reached"]);
+        for row in &rows {
+            let reached = if row.reached { "yes" } else { "no" };
+            let cells = [row.name, &significant(row.value), row.unit, &row.target.to_string(), reached];
+            table.row(cells.map(str::to_owned));
+        }
+        print_lines(format_args!("{table}"))?;
+    }
+    Ok(if rows.iter().all(|row| row.reached) { Exit::Done } else { Exit::Failed })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Target;
+
+    #[test]
+    fn targets_are_reached_at_their_limit() {
+        assert!(Target::AtLeast(2000.0).is_reached(2000.0) && !Target::AtLeast(2000.0).is_reached(1999.9));
+        assert!(Target::AtMost(5.0).is_reached(5.0) && !Target::AtMost(5.0).is_reached(5.1));
+        assert_eq!(
+            (Target::AtLeast(95.0).to_string(), Target::AtMost(0.0).to_string()),
+            ("≥ 95".into(), "≤ 0".into())
+        );
+    }
+}

@@ -1,0 +1,379 @@
+//! The report: `report.json` for programs, and `report.html`, one file that needs no network.
+//!
+//! Both depend on the records only: the same runs give the same bytes.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use roost_solver::{SOLVER_REVISION, VERSION};
+use roost_terminal::format::{duration, significant};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::plan::{Evaluation, Figure, Illustration};
+use crate::profile::Profile;
+use crate::record::Record;
+use crate::row::Row;
+
+const STYLE: &str = include_str!("report.css");
+const PAPER: &str = "M. Vink, H. Shi, J. Jovanova, J. W. Kortlever, D. Schott, Modelling of chicken breast fillets for \
+                     advanced poultry process automation, Applied Food Research 6(1), 101880 (2026)";
+const DOI: &str = "https://doi.org/10.1016/j.afres.2026.101880";
+
+/// The runs of a figure, and its evaluation once all have ended.
+pub(crate) struct Section<'a> {
+    pub(crate) figure: &'a Figure,
+    /// For each run its record, its error message, or none if it has not ended.
+    pub(crate) ended: Vec<Option<Result<&'a Record, &'a str>>>,
+    /// None until all runs have ended.
+    pub(crate) evaluation: Option<Evaluation>,
+}
+
+impl Section<'_> {
+    /// The rows of the evaluation; empty until all runs have ended.
+    pub(crate) fn rows(&self) -> &[Row] {
+        self.evaluation.as_ref().map_or(&[], |evaluation| &evaluation.rows)
+    }
+
+    /// The number of demands that hold, as a text.
+    pub(crate) fn demands_text(&self) -> String {
+        match (self.evaluation.is_some(), counts(self.rows().iter())) {
+            (false, _) => "not run yet".to_owned(),
+            (true, (0, 0)) => "–".to_owned(),
+            (true, (holds, fails)) => format!("{holds} of {}", holds + fails),
+        }
+    }
+
+    fn anchor(&self) -> String {
+        self.figure.name.to_lowercase().replace([' ', '.', ','], "")
+    }
+}
+
+/// All data of a report.
+pub(crate) struct Report<'a> {
+    pub(crate) profile: &'a Profile,
+    pub(crate) machine: String,
+    pub(crate) sections: Vec<Section<'a>>,
+}
+
+/// Schema name of `report.json`.
+const SCHEMA: &str = "roost.report/1";
+
+#[derive(Serialize)]
+struct Document<'a> {
+    schema: &'static str,
+    profile: &'static str,
+    machine: &'a str,
+    version: &'static str,
+    solver_revision: u32,
+    /// Whether all runs of every figure have ended.
+    complete: bool,
+    rows: Vec<&'a Row>,
+}
+
+/// Numbers of demands on simulations that hold and that do not. Demands on given shapes and parameters do not count.
+fn counts<'a>(rows: impl Iterator<Item = &'a Row>) -> (usize, usize) {
+    let rows = rows.filter(|row| row.n > 0 || row.holds == Some(false));
+    rows.fold((0, 0), |(holds, fails), row| match row.holds {
+        Some(true) => (holds + 1, fails),
+        Some(false) => (holds, fails + 1),
+        None => (holds, fails),
+    })
+}
+
+impl Report<'_> {
+    pub(crate) fn rows(&self) -> impl Iterator<Item = &Row> {
+        self.sections.iter().flat_map(|section| section.rows())
+    }
+
+    /// `report.json`.
+    pub(crate) fn json(&self) -> String {
+        let document = Document {
+            schema: SCHEMA,
+            profile: self.profile.name,
+            machine: &self.machine,
+            version: VERSION,
+            solver_revision: SOLVER_REVISION,
+            complete: self.sections.iter().all(|section| section.evaluation.is_some()),
+            rows: self.rows().collect(),
+        };
+        let mut text = serde_json::to_string_pretty(&document).expect("rows serialise");
+        text.push('\n');
+        text
+    }
+
+    /// `report.html`.
+    pub(crate) fn html(&self) -> String {
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    title { "Chicken fillets: the paper beside Roost" }
+                    style { (PreEscaped(STYLE)) }
+                }
+                body {
+                    h1 { "Chicken fillets: the paper beside Roost" }
+                    p { (PAPER) ", " a href=(DOI) { "doi:10.1016/j.afres.2026.101880" } "." }
+                    (self.preface())
+                    (self.overview())
+                    @for section in &self.sections { (section_html(section)) }
+                }
+            }
+        };
+        page.into_string()
+    }
+
+    fn preface(&self) -> Markup {
+        html! {
+            p {
+                "Simulations of the figures and tables of the paper. Profile " strong { (self.profile.name) } ", Roost "
+                (VERSION) ", solver revision " (SOLVER_REVISION) ". Computed on "
+                (self.machine) "."
+            }
+            p {
+                "The column " em { "paper" } " has only numbers from the paper's text; its plots were not digitised. A "
+                em { "demand" } " is a fair test of the model, which may differ from the paper's statement. A row without a \
+                demand is only reported. A value with ± is the mean over n simulations with its 95 % interval (Student)."
+            }
+        }
+    }
+
+    fn overview(&self) -> Markup {
+        let (holds, fails) = counts(self.rows());
+        html! {
+            h3 { (holds) " of " (holds + fails) " demands on simulations hold" }
+            p {
+                "Differences from the paper that no demand covers are in the sections below. Read them before a number is used in a \
+                design."
+            }
+            div.wide { table {
+                thead { tr { th { "figure" } th { "demands that hold" } th { "demands that do not hold" } } }
+                tbody {
+                    @for section in &self.sections {
+                        tr {
+                            td { a href={ "#" (section.anchor()) } { (section.figure.title) } }
+                            td.number { (section.demands_text()) }
+                            td {
+                                @for row in section.rows().iter().filter(|row| row.holds == Some(false)) {
+                                    div.no { (row.quantity) }
+                                }
+                            }
+                        }
+                    }
+                }
+            } }
+        }
+    }
+}
+
+fn section_html(section: &Section<'_>) -> Markup {
+    html! {
+        section id=(section.anchor()) {
+            h2 { (section.figure.title) }
+            p.said { strong { "The paper. " } (section.figure.paper) }
+            @if let Some(evaluation) = &section.evaluation {
+                (rows_html(&evaluation.rows))
+                (illustrations_html(&evaluation.illustrations))
+                @if !evaluation.findings.is_empty() {
+                    h3 { "Differences and assumptions" }
+                    ul { @for finding in &evaluation.findings { li { (finding) } } }
+                }
+            } @else {
+                @let ended = section.ended.iter().flatten().count();
+                p { "Not run yet: " (ended) " of " (section.ended.len()) " simulations have ended." }
+            }
+            (runs_html(section))
+        }
+    }
+}
+
+fn rows_html(rows: &[Row]) -> Markup {
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "quantity" } th { "paper" } th { "measured" } th { "difference" } th { "n" } th { "demand" } th { "holds" }
+            } }
+            tbody {
+                @for row in rows {
+                    tr {
+                        td { (row.quantity) @if !row.note.is_empty() { small { (row.note) } } }
+                        td.number { (value(&row.paper)) }
+                        td.number {
+                            (value(&row.measured))
+                            @if let Some(half) = row.half_width_95 { " ± " (significant_to(half, 2)) }
+                            @if !row.unit.is_empty() && row.measured.is_number() { " " (row.unit) }
+                        }
+                        td.number { @if let Some(share) = row.relative_difference() { (percent(share)) } }
+                        td.number { @if row.n > 0 { (row.n) } }
+                        td { @if let Some(demand) = &row.demand { (demand) } }
+                        td {
+                            @match row.holds {
+                                Some(true) => span.yes { "✓ yes" },
+                                Some(false) => span.no { "✗ no" },
+                                None => {},
+                            }
+                        }
+                    }
+                }
+            }
+        } }
+    }
+}
+
+fn illustrations_html(illustrations: &[Illustration]) -> Markup {
+    html! {
+        div.pictures {
+            @for illustration in illustrations {
+                figure.plot {
+                    (PreEscaped(&illustration.svg))
+                    figcaption { (illustration.caption) }
+                }
+            }
+        }
+    }
+}
+
+fn runs_html(section: &Section<'_>) -> Markup {
+    let runs = || section.figure.runs.iter().zip(&section.ended);
+    html! {
+        @for (run, ended) in runs() {
+            @if let Some(Err(message)) = ended { p.no { (run.name) " failed: " (message) } }
+        }
+        @if !section.figure.runs.is_empty() {
+            details {
+                summary { (section.figure.runs.len()) " simulations" }
+                div.wide { table {
+                    thead { tr {
+                        th { "run" } th { "seed" } th { "ended" } th { "sub-particles" } th { "time step (s)" } th { "steps" }
+                        th { "wall time" } th { "scenario" }
+                    } }
+                    tbody {
+                        @for (run, ended) in runs() {
+                            @if let Some(Ok(record)) = ended { (record_html(&run.name, record)) }
+                        }
+                    }
+                } }
+            }
+        }
+    }
+}
+
+fn record_html(name: &str, record: &Record) -> Markup {
+    let (result, cost) = (&record.result, &record.result.performance);
+    let reason = serde_json::to_value(result.end_reason).ok();
+    let reason = reason.as_ref().and_then(Value::as_str).unwrap_or_default().replace('_', " ");
+    html! {
+        tr {
+            td { (name) }
+            td.number { (result.scenario.seed) }
+            td { (reason) @if let Some(instability) = &result.instability { ": " (instability.reason) } }
+            td.number { (cost.subparticles) }
+            td.number { (significant(result.solver.timestep_s)) }
+            td.number { (cost.steps) }
+            td.number { (duration(cost.wall_s)) }
+            td { code { (&result.scenario_digest[..12]) } }
+        }
+    }
+}
+
+/// A number or a text for a cell; a dash for null.
+fn value(value: &Value) -> String {
+    match value {
+        Value::Number(number) => number.as_f64().map_or_else(String::new, significant),
+        Value::String(text) => text.clone(),
+        _ => "–".to_owned(),
+    }
+}
+
+/// A share in per cent, with its sign.
+fn percent(share: f64) -> String {
+    if share.abs() < 5e-4 {
+        return "0 %".to_owned();
+    }
+    let text = significant_to(100.0 * share, 2);
+    if share > 0.0 { format!("+{text} %") } else { format!("{} %", text.replace('-', "−")) }
+}
+
+/// A number with this many significant digits.
+fn significant_to(value: f64, digits: i32) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let step = 10f64.powi(value.abs().log10().floor() as i32 + 1 - digits);
+    significant((value / step).round() * step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Part;
+    use crate::profile::PROFILES;
+    use crate::row::Demand;
+
+    fn figure() -> Figure {
+        Figure {
+            name: "Fig. 14",
+            title: "Fig. 14: mass",
+            part: Part::Hopper,
+            paper: "33.2 kg <in> 4 s",
+            runs: Vec::new(),
+            evaluate: |_, _| Evaluation::default(),
+        }
+    }
+
+    fn report<'a>(figure: &'a Figure, evaluation: Option<Evaluation>) -> Report<'a> {
+        let sections = vec![Section { figure, ended: Vec::new(), evaluation }];
+        Report { profile: PROFILES[0], machine: "a machine".to_owned(), sections }
+    }
+
+    #[test]
+    fn failed_demands_are_counted_and_named() {
+        let row = |kg| {
+            Row::new("Fig. 14", "mass out at 4 s", "kg")
+                .paper(33.2)
+                .single(Some(kg))
+                .demand(Demand::Near(33.2, 2.3))
+        };
+        let figure = figure();
+        let evaluation = Evaluation { rows: vec![row(33.0), row(16.6)], ..Evaluation::default() };
+        let report = report(&figure, Some(evaluation));
+        let document: Value = serde_json::from_str(&report.json()).unwrap();
+        assert_eq!(document["schema"], "roost.report/1");
+        assert_eq!(document["complete"], true);
+        assert_eq!(
+            (&document["rows"][0]["holds"], &document["rows"][1]["holds"]),
+            (&true.into(), &false.into())
+        );
+        let html = report.html();
+        assert!(
+            html.contains("1 of 2 demands on simulations hold")
+                && html.contains("✗ no")
+                && html.contains("−50 %"),
+            "{html}"
+        );
+        assert!(html.contains("33.2 kg &lt;in&gt; 4 s"), "texts are escaped");
+    }
+
+    #[test]
+    fn figures_without_runs_are_marked() {
+        let figure = figure();
+        let report = report(&figure, None);
+        assert!(report.html().contains("Not run yet"));
+        assert_eq!(serde_json::from_str::<Value>(&report.json()).unwrap()["complete"], false);
+    }
+
+    #[test]
+    fn page_needs_no_network() {
+        let figure = figure();
+        let html = report(&figure, Some(Evaluation::default())).html();
+        let fetching = ["<script", "<link", "src=", "@import", "url("];
+        assert!(fetching.iter().all(|word| !html.contains(word)));
+    }
+
+    #[test]
+    fn percentages_and_significant_digits() {
+        let shown = [0.0712, -0.5, 1.5, 3e-6].map(percent);
+        assert_eq!(shown, ["+7.1 %", "−50 %", "+150 %", "0 %"]);
+        assert_eq!([significant_to(0.01234, 2), significant_to(0.0, 2)], ["0.012", "0"]);
+    }
+}
