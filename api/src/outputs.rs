@@ -55,7 +55,8 @@ pub struct CurveRow {
     pub headline: bool,
 }
 
-/// The results of all experiments. Rows that experiments share stand once; rows of one experiment keep its order.
+/// The results of all experiments. One row serves all experiments that show a result alike; a row is unique by name and
+/// experiment. Rows of one experiment keep its order.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct OutputTable {
     /// Responses.

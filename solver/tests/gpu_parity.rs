@@ -203,7 +203,7 @@ fn experiments() -> Vec<Scenario> {
         }),
         json!({
             "experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.01},
-            "equipment": {"hopper_width_m": 0.12, "hopper_length_m": 0.2, "side_walls": "periodic"},
+            "equipment": {"hopper_width_m": 0.22, "hopper_length_m": 0.2, "side_walls": "periodic"},
             "numerics": {"timestep_s": "auto", "duration_s": 0.3, "rest_speed_m_s": 0.1},
         }),
     ];

@@ -60,6 +60,8 @@ const WARM_UP_STEPS: f64 = 100.0;
 const BOX_R: f64 = 120.0;
 /// Spacing of the spheres before they fall, in radii.
 const SPACING_R: f64 = 2.25;
+/// Minimum width of the hopper, in metres: the widest fillet fits in.
+const MIN_WIDTH_M: f64 = 0.12;
 /// Density of spheres if the scenario gives none for sub-particles, in kg/m³.
 const TISSUE_KG_M3: f64 = 940.0;
 
@@ -223,7 +225,7 @@ fn fillets(scenario: &Scenario, subparticles: u64) -> Result<Scene> {
     let count = f64::from(scenario.product.count) * subparticles as f64 / of_whole as f64;
     let width = scenario.equipment().map_or(0.59, |equipment| equipment.hopper_width_m) * count
         / f64::from(scenario.product.count);
-    let narrow = with_field(scenario, "equipment", "hopper_width_m", json!(width.clamp(0.1, 10.0)));
+    let narrow = with_field(scenario, "equipment", "hopper_width_m", json!(width.clamp(MIN_WIDTH_M, 10.0)));
     let few = with_field(&narrow, "product", "count", json!((count.round() as u64).max(1)));
     scene_of(&few)
 }

@@ -207,7 +207,7 @@ pub struct Shared<T> {
     pub experiments: Vec<&'static str>,
 }
 
-/// Rows of all experiments, equal ones once.
+/// Rows of all experiments. Experiments whose rows are equal, `headline` included, share one.
 fn merged<T: Copy + PartialEq + 'static>(rows: impl Fn(&Outputs) -> &'static [T]) -> Vec<Shared<T>> {
     let mut merged: Vec<Shared<T>> = Vec::new();
     for (experiment, outputs) in ALL {
