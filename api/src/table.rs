@@ -97,6 +97,21 @@ pub struct Summary {
     /// Number of trials with each word, of a response in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub words: Option<BTreeMap<String, u64>>,
+    /// 95 % interval of the share of trials with each of these words (Wilson).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shares: Option<BTreeMap<String, ShareInterval>>,
+    /// Upper end of that interval for a word that no trial has; its lower end is 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unseen_high_95: Option<f64>,
+}
+
+/// The 95 % interval of a share (Wilson).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ShareInterval {
+    /// Lower end.
+    pub low_95: f64,
+    /// Upper end.
+    pub high_95: f64,
 }
 
 /// One series of many jobs of a sweep.

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use roost_api::job::{FailureClass, JobState};
-use roost_api::table::{PointRow, Summary, TrialRow};
-use roost_stats::Sample;
+use roost_api::table::{PointRow, ShareInterval, Summary, TrialRow};
+use roost_stats::{Sample, share_interval};
 use serde_json::Value;
 
 /// Summarises trials, which are sorted by design point.
@@ -32,23 +32,31 @@ fn point(trials: &[TrialRow]) -> PointRow {
     row
 }
 
-/// The mean of numbers and the counts of words. Null is no value.
+/// The mean of numbers; the counts and the shares of words. Null is no value.
 fn summary(values: &[&Value]) -> Summary {
     let numbers: Vec<f64> = values.iter().filter_map(|value| value.as_f64()).collect();
     let mut words: BTreeMap<String, u64> = BTreeMap::new();
     for word in values.iter().filter_map(|value| word(value)) {
         *words.entry(word).or_default() += 1;
     }
+    let trials: u64 = words.values().sum();
+    let share = |count: u64| {
+        share_interval(count, trials).map(|share| ShareInterval { low_95: share.low, high_95: share.high })
+    };
+    let shares: BTreeMap<String, ShareInterval> =
+        words.iter().filter_map(|(word, count)| Some((word.clone(), share(*count)?))).collect();
     let sample = Sample::of(&numbers);
     let mean = sample.map(|sample| sample.mean);
     let half_width = sample.and_then(|sample| sample.half_width());
     Summary {
-        n: numbers.len() as u64 + words.values().sum::<u64>(),
+        n: numbers.len() as u64 + trials,
         mean,
         standard_deviation: sample.and_then(|sample| sample.deviation),
         low_95: mean.zip(half_width).map(|(mean, half)| mean - half),
         high_95: mean.zip(half_width).map(|(mean, half)| mean + half),
         words: (!words.is_empty()).then_some(words),
+        shares: (!shares.is_empty()).then_some(shares),
+        unseen_high_95: share(0).map(|share| share.high_95),
     }
 }
 

@@ -58,7 +58,13 @@ fn points_average_succeeded_trials_and_count_failed_ones() {
     assert_eq!((rows[0].counts.succeeded, rows[0].counts.failed, rows[0].unstable), (2, 1, 1));
     assert_eq!((rows[0].responses["y"].n, rows[0].responses["y"].mean), (2, Some(3.0)), "100 is in no mean");
     assert_eq!((rows[0].responses["t"].n, rows[0].responses["t"].standard_deviation), (1, None));
-    assert_eq!(json!(rows[0].responses["regime"]), json!({"n": 2, "words": {"constant": 1, "no_flow": 1}}));
+    let regime = &rows[0].responses["regime"];
+    assert_eq!((regime.n, json!(regime.words)), (2, json!({"constant": 1, "no_flow": 1})));
+    // SciPy: Wilson's intervals of 1 and 0 of 2.
+    near(Some(regime.shares.as_ref().unwrap()["no_flow"].low_95), &json!(0.09453120573423074));
+    near(Some(regime.shares.as_ref().unwrap()["no_flow"].high_95), &json!(0.9054687942657693));
+    near(regime.unseen_high_95, &json!(0.6576197724933469));
+    assert_eq!((&rows[0].responses["y"].shares, rows[0].responses["y"].unseen_high_95), (&None, None));
     let factors = [Factor { pointer: Some("/a".to_owned()), ..Factor::default() }];
     let effects = effects(&factors, rows, 1);
     let names: Vec<_> = effects.iter().map(|of| of.response.as_str()).collect();

@@ -1,0 +1,50 @@
+//! Shares of trials, with Wilson's 95 % interval.
+
+use statrs::distribution::{ContinuousCDF, Normal};
+
+/// A 95 % interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// Wilson's 95 % interval of a share, from `count` of `n` trials; none without trials.
+/// For few trials it is wide, even around 0 and 1.
+pub fn share_interval(count: u64, n: u64) -> Option<Interval> {
+    let z = Normal::standard().inverse_cdf(0.975);
+    let share = (n > 0).then(|| count as f64 / n as f64)?;
+    let z2_n = z * z / n as f64;
+    let centre = (share + z2_n / 2.0) / (1.0 + z2_n);
+    let half_width = (share * (1.0 - share) * z2_n + z2_n * z2_n / 4.0).sqrt() / (1.0 + z2_n);
+    // Rounding errors would move the ends at 0 and 1.
+    let low = if count == 0 { 0.0 } else { centre - half_width };
+    let high = if count == n { 1.0 } else { centre + half_width };
+    Some(Interval { low, high })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn share_intervals_match_scipy() {
+        // scipy.stats.binomtest(count, n).proportion_ci(method="wilson"), SciPy 1.17.1.
+        for (count, n, low, high) in [
+            (0, 5, 0.0, 0.43448246478317476),
+            (4, 10, 0.16818032970623614, 0.6873262302663417),
+            (29, 40, 0.5716504419378943, 0.8389198375233267),
+            (5, 5, 0.5655175352168251, 1.0),
+            (1, 1000, 0.00017654637062607809, 0.0056425585979579355),
+        ] {
+            let interval = share_interval(count, n).unwrap();
+            assert!(
+                (interval.low - low).abs() < 1e-9 && (interval.high - high).abs() < 1e-9,
+                "{count} of {n}: {interval:?}"
+            );
+        }
+        assert_eq!(share_interval(0, 0), None);
+    }
+}
