@@ -13,6 +13,9 @@ use super::sections::DECLARATIONS;
 /// The annotation that lists the experiments of a section or a field. Without it, all experiments have it.
 const EXPERIMENTS_KEY: &str = "x-experiments";
 
+/// The annotation with the unit of a field. Fields without a unit have none.
+const UNIT_KEY: &str = "x-unit";
+
 /// The JSON Schema (2020-12) of a scenario.
 pub fn json_schema() -> Value {
     let mut root = object("", "The complete input of one simulation, in SI units; t = 0 is belt start.");
@@ -96,6 +99,9 @@ fn property(field: &Field) -> Value {
     };
     if field.by_name {
         property[EXPERIMENTS_KEY] = json!(experiments_of(field));
+    }
+    if !field.unit.is_empty() {
+        property[UNIT_KEY] = json!(field.unit);
     }
     property["title"] = json!(field.title());
     property["description"] = json!(description(field));

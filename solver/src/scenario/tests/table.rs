@@ -180,6 +180,7 @@ fn the_json_schema_says_what_the_table_says() {
     let radius = property("/product/subparticle_radius_m");
     assert_eq!(radius["title"], "Subparticle radius");
     assert_eq!((&radius["minimum"], &radius["maximum"]), (&json!(0.0005), &json!(0.05)));
+    assert_eq!((&radius["x-unit"], property("/seed").get("x-unit")), (&json!("m"), None));
     assert_eq!(property("/bonds/contact_radius_ratio")["exclusiveMinimum"], json!(1));
     assert_eq!(property("/seed")["maximum"], json!(9_007_199_254_740_991_u64));
     assert_eq!(property("/equipment/side_walls")["enum"], json!(["rough", "frictionless", "periodic"]));
