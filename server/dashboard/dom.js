@@ -79,7 +79,7 @@ export function fillIfChanged(element, key, make) {
 let announcement_timer;
 
 /**
- * Tells a screen reader what happened and shows it for six seconds.
+ * Announces a message to screen readers and shows it for six seconds.
  * @param {string} text
  */
 export function announce(text) {

@@ -11,7 +11,7 @@ import { scene } from "./scene.js";
 /** Values that colour sub-particles. @type {Option[]} */
 const COLOURS = [["body", "body"], ["speed", "speed"], ["damage", "broken bonds"]];
 
-/** A longer time between two images is a pause, not the time of an image. */
+/** A longer time between two images is a pause, which the mean leaves out. */
 const PAUSE_MS = 500;
 
 /**
@@ -23,7 +23,7 @@ export async function player(url) {
   if (!opened || opened.index.length === 0) return null;
   const stream = opened;
   const { head, index } = stream;
-  const canvas = h("canvas", { tabindex: 0, role: "img", "aria-label": "Playback of the run. Arrow keys turn the view, plus and minus zoom, space plays." });
+  const canvas = h("canvas", { tabindex: 0, role: "img", "aria-label": "Playback of the job. Arrow keys turn the view, plus and minus zoom, space plays." });
   const drawing = scene(canvas, head);
   /** @type {{ k: number, colour: string, speed: number, is_playing: boolean, frame: Frame | null }} */
   const state = { k: 0, colour: parameter("colour") ?? "body", speed: 1, is_playing: false, frame: null };

@@ -1,6 +1,6 @@
 // @ts-check
 // Drawing of playback with WebGL2: transparent equipment, and an instance per sphere. A sphere is a square that faces the camera; the fragment
-// shader gives it shading and depth of a ball.
+// shader gives it the shading and the depth of a sphere.
 
 const SPHERES = {
   vertex: `#version 300 es

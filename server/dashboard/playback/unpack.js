@@ -52,10 +52,10 @@ async function unpack(chunk) {
  */
 function owners(numbers, brokenOf, lost, N) {
   const bodies = new Uint32Array(N), broken = new Float32Array(N);
-  let i = 0, gone = 0;
+  let i = 0, next_lost = 0;
   for (let b = 0; b < numbers.length; b++) {
     for (let serial = starts[numbers[b]]; serial < starts[numbers[b] + 1]; serial++) {
-      if (lost[gone] === serial) gone++;
+      if (lost[next_lost] === serial) next_lost++;
       else {
         [bodies[i], broken[i]] = [numbers[b], brokenOf[b]];
         i++;

@@ -10,7 +10,7 @@ import { colour } from "./plot.js";
  * @param {{ effects: ResponseEffects | undefined, factors: string[], label: string }} input @returns {Plot}
  */
 export function effectsPlot({ effects, factors, label }) {
-  // A factor of words has no slope: the range of its level means takes its place, and is equal for two levels.
+  // A factor of words has no slope: the range of its means by level is drawn instead.
   const rows = (effects?.factors ?? []).map((one) => {
     const means = one.levels.map((level) => level.mean);
     const range = means.length > 1 ? Math.max(...means) - Math.min(...means) : null;
@@ -22,7 +22,7 @@ export function effectsPlot({ effects, factors, label }) {
       type: "bar", orientation: "h", y: rows.map((one) => one.title), x: rows.map((one) => one.size),
       marker: { color: rows.map((one) => (one.is_range ? colour("c7") : one.size < 0 ? colour("c1") : colour("c0"))) },
       text: rows.map((one) => number(one.size, 3)), textposition: "auto", insidetextfont: { color: colour("raised") }, hoverinfo: "text",
-      hovertext: rows.map((one) => `${one.title}: ${one.is_range ? "difference between the largest and the smallest mean" : "change over the range of the factor"} ${number(one.size)}${correlation(one)}`),
+      hovertext: rows.map((one) => `${one.title}: ${one.is_range ? "maximum minus minimum of the means" : "change over the range of the factor"} ${number(one.size)}${correlation(one)}`),
     }],
     layout: { showlegend: false, xaxis: { title: { text: `change of ${label}` } }, yaxis: { automargin: true } },
     table: () => table(`Effects on ${label}`, [

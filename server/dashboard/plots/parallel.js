@@ -120,11 +120,11 @@ export function parallel() {
       axis("measure", measure.label, rows.map(value), value)];
     if (brushes.has("measure") && shown.measure !== measure.name) brushes.delete("measure");
     shown = { axes, measure: measure.name, left_out: measured.length - rows.length, without: points.length - measured.length, marks: [], lines: [] };
-    const inks = [colour("c0"), colour("c4"), colour("c1")];
+    const colours = [colour("c0"), colour("c4"), colour("c1")];
     shown.lines = rows.map((row) => {
       const places = axes.map((axis) => axis.at(row)), last = places[places.length - 1];
       const path = places.map((share, i) => `${i ? "L" : "M"}${x(i).toFixed(1)},${y(share).toFixed(1)}`).join("");
-      const stroke = `color-mix(in oklab, ${last < 0.5 ? inks[0] : inks[2]} ${Math.round(200 * Math.abs(last - 0.5))}%, ${inks[1]})`;
+      const stroke = `color-mix(in oklab, ${last < 0.5 ? colours[0] : colours[2]} ${Math.round(200 * Math.abs(last - 0.5))}%, ${colours[1]})`;
       const element = svg("path", { d: path, style: { stroke, "stroke-width": rows.length > 300 ? "0.7" : "1.4" }, onclick: () => (location.href = pathOf(row) ?? location.href) },
         svg("title", {}, `point ${row.point}: ${measure.label} ${number(value(row))}; click to open its jobs`));
       return { element, places };

@@ -24,8 +24,8 @@ export function curves(at, sweep) {
     const chosen = parameter("group");
     return chosen !== null && (sweep.factors.includes(chosen) || chosen === "point") ? chosen : grouping;
   };
-  const names = h("span"), note = h("span", { class: "dim" });
-  const one = panel("Curves", { size: "tall-plot", is_wide: true, controls: [names,
+  const series_choice = h("span"), note = h("span", { class: "dim" });
+  const plot = panel("Curves", { size: "tall-plot", is_wide: true, controls: [series_choice,
     choice("Grouped by", [["point", "design point"], ...sweep.factors.map((pointer) => /** @type {Option} */ ([pointer, factorLabel(pointer, sweep.factors)]))], by(), (group) => {
       setParameters({ group });
       draw(...drawn);
@@ -37,7 +37,7 @@ export function curves(at, sweep) {
   async function draw(series, points) {
     drawn = [series, points];
     const name = series.find((one) => one === parameter("series")) ?? series[0];
-    if (!names.contains(document.activeElement)) fill(names, choice("Series", series, name, (series) => {
+    if (!series_choice.contains(document.activeElement)) fill(series_choice, choice("Series", series, name, (series) => {
       setParameters({ series });
       draw(...drawn);
     }));
@@ -45,7 +45,7 @@ export function curves(at, sweep) {
     const running = trials.filter((trial) => trial.partial).length;
     note.textContent = [has_more && `the first ${trials.length} jobs`, running > 0 && `${running} still running`, trials.length > 0 && explainEnd(name)].filter(Boolean).join(", ");
     const groups = groupsOf(trials, points);
-    await one.draw(() => (groups.length ? bandPlot(groups, name, unit) : null));
+    await plot.draw(() => (groups.length ? bandPlot(groups, name, unit) : null));
   }
 
   /**
@@ -70,5 +70,5 @@ export function curves(at, sweep) {
     if (by() === "point") for (const group of groups.values()) group.path = jobsPath(group.replicates.map((trial) => trial.job_id));
     return [...groups.values()].sort((a, b) => compareLevels(a.key, b.key));
   }
-  return { card: one.card, draw };
+  return { card: plot.card, draw };
 }

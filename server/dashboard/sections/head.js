@@ -59,18 +59,18 @@ function actions(at, first, changed) {
   let counts = first.counts;
   const unended = () => counts.queued + counts.running, failed = () => counts.failed + counts.cancelled;
   const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `Cancel ${plural(unended(), "job")}?` });
-  const [again, dialog] = retry(failed, (query) => post(`${at}/retry${query}`).then(changed));
+  const [retry_button, retry_dialog] = retry(failed, (query) => post(`${at}/retry${query}`).then(changed));
   const download = h("details", { class: "menu" }, h("summary", {}, "Download"), ["csv", "json", "parquet"].map((format) =>
     h("a", { href: `${at}/results?format=${format}`, download: `${first.name}.${format}`, class: "row" }, format)));
   /** @param {SweepView} sweep */
   function update(sweep) {
     counts = sweep.counts;
     cancel.hidden = unended() === 0;
-    again.hidden = failed() === 0;
+    retry_button.hidden = failed() === 0;
   }
-  const more = extend(first, () => {
+  const extension = extend(first, () => {
     const send = idempotentPost(`${at}/extend`);
     return (request) => send(request).then(changed);
   });
-  return { elements: [cancel, again, dialog, more, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], update };
+  return { elements: [cancel, retry_button, retry_dialog, extension, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], update };
 }
