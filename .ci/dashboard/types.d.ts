@@ -8,6 +8,7 @@ declare global {
   type FailureClass = Schemas["FailureClass"];
   type JobState = Schemas["JobState"];
   type JobView = Omit<Schemas["JobView"], "progress"> & { progress?: Progress | null };
+  type OutputTable = Schemas["OutputTable"];
   type PointRow = Schemas["PointRow"];
   type ResponseEffects = Schemas["ResponseEffects"];
   type SeriesPart = Schemas["SeriesPart"];
@@ -43,8 +44,8 @@ declare global {
   };
   /** A part of the JSON schema of scenarios. */
   type Schema = {
-    type?: string | string[]; title?: string; description?: string; properties: Record<string, Schema>; enum?: string[]; default?: unknown;
-    minimum?: number; exclusiveMinimum?: number; maximum?: number; exclusiveMaximum?: number;
+    type?: string | string[]; title?: string; description?: string; properties?: Record<string, Schema>; items?: Schema; enum?: string[]; default?: unknown;
+    minimum?: number; exclusiveMinimum?: number; maximum?: number; exclusiveMaximum?: number; "x-experiments"?: string[]; "x-unit"?: string;
   };
 
   // Elements and tables.

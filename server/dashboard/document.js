@@ -7,12 +7,11 @@
  * @property {string} pointer
  * @property {string} section pointer of its section
  * @property {string} [section_doc]
- * @property {string | null} only the one experiment that has it, or null
+ * @property {string[] | null} experiments that have it; null for all
  * @property {string} doc
  * @property {string[]} words its values, where it takes words
  * @property {string} range the allowed values in words
  * @property {(string | undefined)[]} types JSON types
- * @property {string[]} not_in experiments that do not have it
  * @property {string} title
  * @property {string} unit
  * @property {string} preset the default
@@ -22,23 +21,22 @@
 
 /**
  * All fields of the schema, section by section.
- * @param {Schema} schema @param {string} section @param {Field[]} found @param {string | null} only @returns {Field[]}
+ * @param {Schema} schema @param {string} section @param {Field[]} found @param {string[] | null} experiments @returns {Field[]}
  */
-export function fields(schema, section = "", found = [], only = null) {
-  for (const [name, property] of Object.entries(schema.properties)) {
-    const pointer = `${section}/${name}`;
-    const experiment = /Only in the experiment `(\w+)`/.exec(property.description ?? "")?.[1] ?? only;
-    if (property.type === "object" && property.properties && property.default === undefined) fields(property, pointer, found, experiment);
-    else found.push(field(pointer, property, section, schema.description, experiment));
+export function fields(schema, section = "", found = [], experiments = null) {
+  for (const [name, property] of Object.entries(schema.properties ?? {})) {
+    const pointer = `${section}/${name}`, inside = property["x-experiments"] ?? experiments;
+    if (property.type === "object" && property.properties && property.default === undefined) fields(property, pointer, found, inside);
+    else found.push(field(pointer, property, section, schema.description, inside));
   }
   return found;
 }
 
 /**
- * @param {string} pointer @param {Schema} property @param {string} section @param {string | undefined} section_doc @param {string | null} only
+ * @param {string} pointer @param {Schema} property @param {string} section @param {string | undefined} section_doc @param {string[] | null} experiments
  * @returns {Field}
  */
-function field(pointer, property, section, section_doc, only) {
+function field(pointer, property, section, section_doc, experiments) {
   const doc = property.description ?? "";
   const types = [property.type].flat();
   const words = property.enum ?? (types.includes("boolean") ? ["true", "false"] : []);
@@ -46,8 +44,7 @@ function field(pointer, property, section, section_doc, only) {
   const range = low !== undefined && high !== undefined ? `${property.exclusiveMinimum === undefined ? "" : "over "}${low} to ${property.exclusiveMaximum === undefined ? "" : "under "}${high}` : words.join(", ");
   const preset = property.default;
   return {
-    pointer, section, section_doc, only, doc, words, range, types, not_in: [.../Not in ((?:`\w+`(?:, | and )?)+)/.exec(doc)?.[1].matchAll(/`(\w+)`/g) ?? []].map(([, name]) => name),
-    title: property.title ?? titleOf(pointer), unit: /Unit: ([^\s]+)\. /.exec(`${doc} `)?.[1] ?? "",
+    pointer, section, section_doc, experiments, doc, words, range, types, title: property.title ?? titleOf(pointer), unit: property["x-unit"] ?? "",
     preset: preset === undefined ? "" : typeof preset === "object" && preset !== null ? JSON.stringify(preset) : String(preset ?? "none"),
   };
 }
@@ -62,7 +59,7 @@ const titleOf = (pointer) => {
  * Whether an experiment has a field.
  * @param {Field} field @param {string} experiment
  */
-export const isFor = (field, experiment) => (!field.only || field.only === experiment) && !field.not_in.includes(experiment);
+export const isFor = (field, experiment) => field.experiments?.includes(experiment) ?? true;
 
 /**
  * Fields by section: equipment and product first, numerics and general fields last.
@@ -180,6 +177,6 @@ function without(inside, pointer) {
   if (inside?.[key] === undefined) return inside;
   const { [key]: old, ...others } = inside;
   if (rest.length === 0) return others;
-  const less = without(/** @type {Json} */ (old), `/${rest.join("/")}`);
-  return Object.keys(less).length === 0 ? others : { ...inside, [key]: less };
+  const inner = without(/** @type {Json} */ (old), `/${rest.join("/")}`);
+  return Object.keys(inner).length === 0 ? others : { ...inside, [key]: inner };
 }

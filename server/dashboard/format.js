@@ -2,6 +2,7 @@
 // Numbers, times and names for people.
 
 import { now } from "./api.js";
+import { unitOf } from "./schema.js";
 
 /**
  * A number with four significant digits; any other value as text.
@@ -54,26 +55,19 @@ export function dateTime(at) {
   return at ? new Date(at).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "medium" }) : "–";
 }
 
-const UNITS = [
-  ["_n_m3", "N/m³"], ["_kg_m3", "kg/m³"], ["_j_m2", "J/m²"], ["_m_s2", "m/s²"], ["_m_s", "m/s"], ["_kg_s", "kg/s"], ["_deg_s", "°/s"], ["_rad_s", "rad/s"], ["_1_s", "1/s"], ["_deg", "°"],
-  ["_per_s", "1/s"], ["_pa", "Pa"], ["_kg", "kg"], ["_mib", "MiB"], ["_s", "s"], ["_m", "m"], ["_j", "J"], ["_n", "N"],
-];
-
 /**
- * The unit that a name ends in, and the rest of the name in words.
- * @param {string} name
+ * The last part of a name that has this unit: `_kg_m3` for kg/m³.
+ * @param {string} unit
  */
-function splitUnit(name) {
-  const [suffix, unit] = UNITS.find(([suffix]) => name.endsWith(suffix)) ?? ["", ""];
-  return { words: name.slice(0, name.length - suffix.length).replaceAll("_", " "), unit };
-}
+const unitSuffix = (unit) => `_${unit.toLowerCase().replace("°", "deg").replace("²", "2").replace("³", "3").replaceAll("/", "_")}`;
 
 /**
- * The label of a name with its unit: `gate_opening_m` gives "gate opening (m)".
+ * The label of a name with its unit: `gate_opening_m` in m gives "gate opening (m)".
  * @param {string} name @param {string | null} [unit]
  */
-export function labelOf(name, unit = splitUnit(name).unit) {
-  const words = unit === splitUnit(name).unit ? splitUnit(name).words : name.replaceAll("_", " ");
+export function labelOf(name, unit) {
+  const suffix = unit ? unitSuffix(unit) : "";
+  const words = (name.endsWith(suffix) ? name.slice(0, name.length - suffix.length) : name).replaceAll("_", " ");
   return unit && unit !== "1" ? `${words} (${unit})` : words;
 }
 
@@ -85,7 +79,8 @@ export function factorLabel(pointer, pointers = [pointer]) {
   const parts = (/** @type {string} */ text) => text.split("/").slice(1);
   const last = parts(pointer).at(-1) ?? "";
   const is_shared = pointers.some((other) => other !== pointer && parts(other).at(-1) === last);
-  return is_shared ? `${parts(pointer).at(-2)?.replaceAll("_", " ")}: ${labelOf(last)}` : labelOf(last);
+  const label = labelOf(last, unitOf(pointer));
+  return is_shared ? `${parts(pointer).at(-2)?.replaceAll("_", " ")}: ${label}` : label;
 }
 
 /**

@@ -2,6 +2,7 @@
 // Entry of every page: theme, navigation, and the module that belongs to the path.
 
 import { h } from "./dom.js";
+import { readSchema } from "./schema.js";
 import { addSignOut } from "./session.js";
 
 /** @type {[pattern: RegExp, module: string][]} */
@@ -43,7 +44,8 @@ async function start() {
   const main = /** @type {HTMLElement} */ (document.getElementById("main"));
   try {
     const [pattern, module] = PAGES.find(([pattern]) => pattern.test(location.pathname)) ?? [];
-    const page = await import(`./pages/${module}.js`);
+    // Without the schema, labels of factors have no units.
+    const [page] = await Promise.all([import(`./pages/${module}.js`), readSchema().catch(() => null)]);
     await page.show(main, ...(pattern?.exec(location.pathname) ?? []).slice(1));
   } catch (error) {
     main.replaceChildren(h("h1", {}, "This page cannot be shown"), h("p", { class: "fault", role: "alert" }, /** @type {Error} */ (error).message));

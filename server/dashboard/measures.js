@@ -2,25 +2,15 @@
 // Measures of design points: each numeric response, and for each response in words the share of trials with one word.
 
 import { labelOf, number } from "./format.js";
+import { responseRow } from "./outputs.js";
 
 /**
- * A share with its 95 % interval after Wilson, which is wide for few trials even at 0 and 1.
- * @param {number} count @param {number} n @returns {Interval}
- */
-function shareInterval(count, n) {
-  const z = 1.96, share = count / n, spread = 1 + (z * z) / n;
-  const middle = (share + (z * z) / (2 * n)) / spread;
-  const half = (z / spread) * Math.sqrt((share * (1 - share)) / n + (z * z) / (4 * n * n));
-  return { n, count, mean: share, low: Math.max(0, middle - half), high: Math.min(1, middle + half) };
-}
-
-/**
- * @param {string} name
+ * @param {string} name @param {string | undefined} unit
  * @returns {Measure}
  */
-function numericMeasure(name) {
+function numericMeasure(name, unit) {
   return {
-    name, label: labelOf(name), is_share: false,
+    name, label: labelOf(name, unit), is_share: false,
     of: (row) => {
       const summary = row.responses[name];
       if (!summary || typeof summary.mean !== "number") return null;
@@ -42,7 +32,9 @@ function wordMeasure(name, word) {
     name: `${name}=${word}`, label: `share with ${name.replaceAll("_", " ")} ${word.replaceAll("_", " ")}`, is_share: true,
     of: (row) => {
       const summary = row.responses[name];
-      return summary?.words && summary.n > 0 ? shareInterval(summary.words[word] ?? 0, summary.n) : null;
+      if (!summary?.words || summary.n === 0) return null;
+      const count = summary.words[word] ?? 0, interval = summary.shares?.[word] ?? { low_95: 0, high_95: summary.unseen_high_95 };
+      return { n: summary.n, count, mean: count / summary.n, low: interval.low_95, high: interval.high_95 ?? null };
     },
     ofTrial: () => null,
   };
@@ -50,9 +42,9 @@ function wordMeasure(name, word) {
 
 /**
  * Measures of these design points by name, shares last. A share is named `name=word`, as in the table of effects.
- * @param {PointRow[]} points
+ * @param {PointRow[]} points @param {OutputTable} outputs
  */
-export function measures(points) {
+export function measures(points, outputs) {
   /** @type {[Set<string>, Set<string>]} */
   const [numbers, words] = [new Set(), new Set()];
   for (const row of points) {
@@ -62,7 +54,7 @@ export function measures(points) {
     }
   }
   const shares = [...words].sort().map((pair) => wordMeasure(pair.slice(0, pair.indexOf("=")), pair.slice(pair.indexOf("=") + 1)));
-  return [...[...numbers].sort().map(numericMeasure), ...shares];
+  return [...[...numbers].sort().map((name) => numericMeasure(name, responseRow(outputs, name)?.unit)), ...shares];
 }
 
 /**

@@ -1,22 +1,42 @@
-// The results of an experiment, as the server's table lists them.
+// @ts-check
+// The server's table of results: name, unit and meaning of each response, series and curve, and the experiments that have it.
 
 import { read } from "./api.js";
 
-/** Responses, series and curves of an experiment, in their order. */
-export async function outputsOf(experiment) {
-  const table = await read("/v1/responses");
+/**
+ * The table of all experiments.
+ * @returns {Promise<OutputTable>}
+ */
+export const readOutputs = () => read("/v1/responses");
+
+/**
+ * The table of one experiment.
+ * @param {string} experiment @returns {Promise<OutputTable>}
+ */
+export async function readOutputsOf(experiment) {
+  const table = await readOutputs();
+  /**
+   * @template {{ experiments: string[] }} Row
+   * @param {Row[]} rows
+   */
   const own = (rows) => rows.filter((row) => row.experiments.includes(experiment));
   return { responses: own(table.responses), series: own(table.series), curves: own(table.curves) };
 }
 
-/** Names of the responses that are shown first. */
-export const headline = ({ responses }) => responses.filter((row) => row.headline).map((row) => row.name);
+/**
+ * The row of a response; undefined for a response of an earlier version.
+ * @param {OutputTable} outputs @param {string} name
+ */
+export const responseRow = ({ responses }, name) => responses.find((row) => row.name === name);
 
-/** Names of series; those of single surfaces are named by the scenario. */
-export const seriesNames = ({ series }) => [...series].sort((a, b) => b.headline - a.headline).map((row) => row.name).filter((name) => !name.includes("<"));
+/**
+ * The responses that pages show first.
+ * @param {OutputTable} outputs
+ */
+export const headlineOf = ({ responses }) => responses.filter((row) => row.headline);
 
-/** Units of the responses of all experiments, by name. */
-export async function units() {
-  const { responses } = await read("/v1/responses");
-  return new Map(responses.map((row) => [row.name, row.unit]));
-}
+/**
+ * Names of the series, those of the headline first. A scenario names the series of its surfaces itself, so these are left out.
+ * @param {OutputTable} outputs
+ */
+export const seriesNames = ({ series }) => [...series].sort((a, b) => Number(b.headline) - Number(a.headline)).map((row) => row.name).filter((name) => !name.includes("<"));

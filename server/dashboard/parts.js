@@ -2,6 +2,8 @@
 // Elements that several pages share: states, progress bars, tables, errors, and the choices in a page's address.
 
 import { announce, h } from "./dom.js";
+import { labelOf } from "./format.js";
+import { responseRow } from "./outputs.js";
 
 /** @type {JobState[]} */
 export const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
@@ -191,3 +193,12 @@ export function setParameters(choices) {
  * @param {string} key
  */
 export const parameter = (key) => new URLSearchParams(location.search).get(key);
+
+/**
+ * The label of a response with its unit; its meaning shows as a tooltip.
+ * @param {OutputTable} outputs @param {string} name
+ */
+export function responseLabel(outputs, name) {
+  const row = responseRow(outputs, name);
+  return h("span", { title: row?.meaning }, labelOf(name, row?.unit));
+}

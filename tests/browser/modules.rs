@@ -92,3 +92,52 @@ fn temporary_failures_are_retried_with_the_same_idempotency_key() {
     assert_eq!(different.len(), 4, "{keys:?}");
     assert!(keys.iter().all(|key| key.len() == 36 && key.as_bytes()[14] == b'4'), "{keys:?}");
 }
+
+#[test]
+fn labels_and_fields_follow_the_tables_of_the_server() {
+    let (_home, _server, mut page) = opened();
+    let labels: Value = page.value(
+        "Promise.all([import('/dashboard/format.js'), import('/dashboard/schema.js')]).then(async ([{ labelOf, factorLabel }, { readSchema }]) => {
+            await readSchema();
+            return [labelOf('bulk_density_kg_m3', 'kg/m³'), labelOf('discharged_kg_at_4s', 'kg'), labelOf('bend_angle_deg', '°'), labelOf('linearity_r2', ''), labelOf('strain', '1'),
+                ...['/equipment/belt_speed_m_s', '/compress/strain_rate_1_s', '/equipment/surfaces/0/velocity_m_s', '/seed'].map((pointer) => factorLabel(pointer))]; })",
+    );
+    let expected = [
+        "bulk density (kg/m³)",
+        "discharged kg at 4s (kg)",
+        "bend angle (°)",
+        "linearity r2",
+        "strain",
+        "belt speed (m/s)",
+        "strain rate (1/s)",
+        "velocity (m/s)",
+        "seed",
+    ];
+    assert_eq!(labels, json!(expected));
+    let experiments: Value = page.value(
+        "Promise.all([import('/dashboard/document.js'), import('/dashboard/schema.js')]).then(async ([{ fields, isFor }, { readSchema }]) => {
+            const all = fields(await readSchema());
+            return ['/drop/speed_m_s', '/equipment/belt_speed_m_s', '/seed'].map((pointer) => ['drop', 'hopper'].filter((name) => isFor(all.find((one) => one.pointer === pointer), name))); })",
+    );
+    assert_eq!(experiments, json!([["drop"], ["hopper"], ["drop", "hopper"]]));
+}
+
+#[test]
+fn a_share_has_the_interval_of_the_server_even_without_a_trial() {
+    let (_home, _server, mut page) = opened();
+    let points = json!([
+        {"responses": {"regime": {"n": 5, "words": {"no_flow": 5}, "shares": {"no_flow": {"low_95": 0.57, "high_95": 1.0}}, "unseen_high_95": 0.43}}},
+        {"responses": {"regime": {"n": 1, "words": {"constant": 1}, "shares": {"constant": {"low_95": 0.21, "high_95": 1.0}}, "unseen_high_95": 0.79}}},
+        {"responses": {"regime": {"n": 0}}}]);
+    let intervals: Value = page.value(&format!(
+        "import('/dashboard/measures.js').then(({{ measures }}) => {{ const points = {points}; return points.map(measures(points, {{ responses: [] }})[1].of); }})"
+    ));
+    assert_eq!(
+        intervals,
+        json!([
+            {"n": 5, "count": 5, "mean": 1, "low": 0.57, "high": 1},
+            {"n": 1, "count": 0, "mean": 0, "low": 0, "high": 0.79},
+            null,
+        ])
+    );
+}

@@ -5,7 +5,8 @@ import { mapConcurrently, read, readIfThere } from "../api.js";
 import { fill, h } from "../dom.js";
 import { factorLabel, number, shortId, labelOf } from "../format.js";
 import { level } from "../measures.js";
-import { MAX_COMPARED, errorBox, parameter, state, table } from "../parts.js";
+import { readOutputs } from "../outputs.js";
+import { MAX_COMPARED, errorBox, parameter, responseLabel, state, table } from "../parts.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
 
@@ -30,7 +31,8 @@ export async function show(main) {
     return;
   }
   try {
-    draw(place, named(await mapConcurrently(ids, load)));
+    const [loaded, outputs] = await Promise.all([mapConcurrently(ids, load), readOutputs()]);
+    draw(place, withNames(loaded), outputs);
   } catch (error) {
     fill(place, errorBox(/** @type {Error} */ (error)));
   }
@@ -45,7 +47,7 @@ async function load(id) {
  * Names jobs by the levels in which they differ, or by their identifiers.
  * @param {Loaded[]} all @returns {Named[]}
  */
-function named(all) {
+function withNames(all) {
   const pointers = [...new Set(all.flatMap(({ job }) => Object.keys(job.factors)))];
   /** @type {[string, (one: Loaded) => Level][]} */
   const parts = [...pointers.map((pointer) => /** @type {[string, (one: Loaded) => Level]} */ ([factorLabel(pointer, pointers), ({ job }) => level(job.factors[pointer])])), ["seed", ({ job }) => job.seed]];
@@ -63,8 +65,8 @@ function leaves(value, at = "", found = {}) {
   return found;
 }
 
-/** @param {HTMLElement} place @param {Named[]} all */
-function draw(place, all) {
+/** @param {HTMLElement} place @param {Named[]} all @param {OutputTable} outputs */
+function draw(place, all, outputs) {
   /**
    * @param {Column<string>} first @param {(i: number, name: string) => Child} cell
    * @returns {Column<string>[]}
@@ -92,5 +94,5 @@ function draw(place, all) {
     ], all)),
     fields.length > 0 && h("section", { class: "card wide" }, table("Differences between the scenarios", columns({ title: "Field", cell: (pointer) => h("code", {}, pointer) }, (i, pointer) => scenarios[i][pointer] ?? "–"), fields)),
     h("div", { class: "grid" }, cards),
-    responses.length > 0 && h("section", { class: "card wide" }, table("Responses", columns({ title: "Response", cell: (name) => labelOf(name) }, (i, name) => text(all[i].result?.responses[name])), responses)));
+    responses.length > 0 && h("section", { class: "card wide" }, table("Responses", columns({ title: "Response", cell: (name) => responseLabel(outputs, name) }, (i, name) => text(all[i].result?.responses[name])), responses)));
 }

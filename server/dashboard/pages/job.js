@@ -5,7 +5,8 @@ import { follow, now, post, read, readIfThere, runLatest } from "../api.js";
 import { fill, fillIfChanged, h } from "../dom.js";
 import { duration, factorLabel, dateTime, number, shortId, labelOf } from "../format.js";
 import { level } from "../measures.js";
-import { action, errorBox, facts, isEnded, state, table } from "../parts.js";
+import { readOutputs } from "../outputs.js";
+import { action, errorBox, facts, isEnded, responseLabel, state, table } from "../parts.js";
 import { player } from "../playback/player.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
@@ -80,11 +81,11 @@ export async function show(main, id) {
       return;
     }
     if (job.attempt === 0 && !job.from_cache) return;
-    /** @type {RunResult | null} */
-    const result = await readIfThere(`${at}/result`);
+    /** @type {[RunResult | null, OutputTable]} */
+    const [result, outputs] = await Promise.all([readIfThere(`${at}/result`), readOutputs()]);
     if (!result || key !== resultKey()) return;
     for (const data of curvesOf(result)) drawCurve(data);
-    fill(rest, responses(result), computation(result), scenario(result, job));
+    fill(rest, responses(result, outputs), computation(result), scenario(result, job));
   }, failed);
 
   const framesKey = () => (job.frames ? `frames ${job.attempt}` : "none");
@@ -117,12 +118,12 @@ function actions(job, at) {
   ];
 }
 
-/** @param {RunResult} result */
-function responses(result) {
+/** @param {RunResult} result @param {OutputTable} outputs */
+function responses(result, outputs) {
   const rows = Object.entries(result.responses);
   if (rows.length === 0) return h("p", { class: "dim" }, "No responses: the simulation was stopped before its end.");
   return h("section", { class: "card wide" }, h("h2", {}, "Responses"), table(`End reason: ${result.end_reason.replaceAll("_", " ")}`, [
-    { title: "Response", cell: ([name]) => labelOf(name) },
+    { title: "Response", cell: ([name]) => responseLabel(outputs, name) },
     { title: "Value", is_number: true, cell: ([, value]) => (typeof value === "string" ? value.replaceAll("_", " ") : number(value, 5)) },
     { title: "Name", cell: ([name]) => h("code", {}, name) },
   ], rows));

@@ -6,6 +6,7 @@ import { idempotentPost, post, read } from "../api.js";
 import { fill, h, withCode } from "../dom.js";
 import { duration, factorLabel, plural, number } from "../format.js";
 import { action, choice, errorBox, facts, parameter, setParameters } from "../parts.js";
+import { readSchema } from "../schema.js";
 import { fields, sections, isFor, linkedTo, pointersOf, readField, whyUnreadable, writeField } from "../document.js";
 
 /** Key of session storage. */
@@ -27,8 +28,7 @@ async function cloned() {
 /** @param {HTMLElement} main */
 export async function show(main) {
   document.title = "Submit · Roost";
-  /** @type {Schema} */
-  const schema = await read("/v1/schema/scenario");
+  const schema = await readSchema();
   const all = fields(schema);
   const draft = (await cloned()) ?? JSON.parse(sessionStorage.getItem(DRAFT) ?? "null");
   /** @type {SweepSpec} */
@@ -76,7 +76,7 @@ export async function show(main) {
     const design = (/** @type {Partial<SweepSpec["design"]>} */ more) => changed({ ...sweep, design: { ...sweep.design, ...more } });
     fill(top, h("div", { class: "row card" },
       field("Name", sweep.name, { size: 30 }, (name) => changed({ ...sweep, name })),
-      choice("Experiment", schema.properties.experiment.enum ?? [], experimentOf(sweep), (experiment) => changed({ ...sweep, base: { ...sweep.base, experiment } }, { is_redrawn: true })),
+      choice("Experiment", schema.properties?.experiment.enum ?? [], experimentOf(sweep), (experiment) => changed({ ...sweep, base: { ...sweep.base, experiment } }, { is_redrawn: true })),
       choice("Design", [...new Set([...DESIGNS, kind])].map((kind) => /** @type {Option} */ ([kind, kind.replaceAll("_", " ")])), kind, (text) => {
         const kind = /** @type {SweepSpec["design"]["kind"]} */ (text);
         changed({ ...sweep, design: DRAWN.includes(kind) ? { kind, points: sweep.design.points ?? 16 } : { kind } }, { is_redrawn: true });

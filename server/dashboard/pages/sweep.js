@@ -5,6 +5,7 @@ import { mapConcurrently, follow, isTemporary, read } from "../api.js";
 import { fill, h } from "../dom.js";
 import { factorLabel } from "../format.js";
 import { measures, preferred } from "../measures.js";
+import { headlineOf, readOutputsOf, seriesNames } from "../outputs.js";
 import { choice, errorBox, jobsPath, parameter, setParameters, total } from "../parts.js";
 import { effectsPlot } from "../plots/effects.js";
 import { formOf, responsesOf } from "../plots/forms/forms.js";
@@ -31,8 +32,10 @@ const PAUSE_MS = 3000, PAUSE_READS = 8;
 /** @param {HTMLElement} main @param {string} id */
 export async function show(main, id) {
   const at = `/v1/sweeps/${id}`;
-  /** @type {SweepView} */
-  let sweep = await read(at);
+  /** @type {[SweepView, SweepSpec]} */
+  let [sweep, { base }] = await Promise.all([read(at), read(`${at}/spec`)]);
+  const experiment = String(base.experiment), form = formOf(experiment), outputs = await readOutputsOf(experiment);
+  const headline = headlineOf(outputs).map((row) => row.name), plotted = headlineOf(outputs).find((row) => row.type === "number")?.name, series_names = seriesNames(outputs);
   /** @type {Pick<SweepData, "points" | "trials" | "effects" | "curves">} */
   const results = { points: [], trials: [], effects: [], curves: [] };
   const top = head(at, sweep, (view) => {
@@ -42,10 +45,10 @@ export async function show(main, id) {
   const title = h("h1", {}, sweep.name), errors = h("div"), controls = h("div", { class: "row card" });
   // A sweep without factors never has plots over a factor.
   const options = sweep.factors.length > 0 ? {} : { empty_text: null };
-  const place = h("div"), response = panel("Response against factor", options), map = panel("Map over two factors", { empty_text: null }), effect = panel("Main effects", options);
+  const own_place = h("div"), response = panel("Response against factor", options), map = panel("Map over two factors", { empty_text: null }), effect = panel("Main effects", options);
   const surface = panel("Response surface", { empty_text: null }), coordinates = parallel(), points = pointsTable();
   const series = curves(at, sweep);
-  main.append(h("div", { class: "row spread" }, title, top.bar), top.element, errors, controls, place,
+  main.append(h("div", { class: "row spread" }, title, top.bar), top.element, errors, controls, own_place,
     h("div", { class: "grid" }, response.card, map.card, effect.card, surface.card, series.card), coordinates.card, points.card, jobsTable(`${at}/jobs`));
 
   const chosen = { response: parameter("response"), map: parameter("map"), x: parameter("x"), y: parameter("y") };
@@ -66,45 +69,46 @@ export async function show(main, id) {
   /** @type {ReturnType<typeof panel> | undefined} */
   let own_plot;
   /**
-   * Draws the experiment's own plot.
-   * @param {ReturnType<typeof formOf>} form @param {SweepData & { x: string | undefined }} data @param {Measure[]} all
+   * Draws the experiment's own plot, of its first numeric response in the headline.
+   * @param {SweepData & { x: string | undefined }} data @param {Measure[]} all
    */
-  function drawForm({ plot, title = "", over, curve, ...form }, data, all) {
-    const measure = preferred(all, form.measures.slice(0, 1));
+  function drawForm(data, all) {
+    const { plot, title = "", over, curve } = form;
+    const measure = all.find((one) => one.name === plotted);
     if (!plot || !measure || !(data.x || curve)) return;
-    if (!own_plot) fill(place, (own_plot = panel(title, { size: "tall-plot" })).card);
+    if (!own_plot) fill(own_place, (own_plot = panel(title, { size: "tall-plot" })).card);
     const x = over && sweep.factors.includes(over) && chosen.x === null ? over : (data.x ?? "");
     own_plot.draw(() => plot({ ...data, x, measure }));
   }
 
   /** Draws all results; ends when the curves have been read and drawn. */
   async function draw() {
-    const all = measures(results.points), factors = sweep.factors, form = formOf(results.points);
+    const all = measures(results.points, outputs), factors = sweep.factors;
     const named = (/** @type {string | null} */ name) => all.find((one) => one.name === name);
-    const measure = named(chosen.response) ?? preferred(all, form.measures) ?? all[0];
-    const mapped = named(chosen.map) ?? preferred(all, form.faults) ?? measure;
+    const measure = named(chosen.response) ?? preferred(all, headline) ?? all[0];
+    const map_measure = named(chosen.map) ?? preferred(all, form.failures) ?? measure;
     /** @type {string | undefined} */
     const x = factors.find((pointer) => pointer === chosen.x) ?? factors[0];
     const y = factors.find((pointer) => pointer === chosen.y && pointer !== x) ?? factors.find((pointer) => pointer !== x);
     const options = all.map((one) => /** @type {Option} */ ([one.name, one.label])), pointers = factors.map((pointer) => /** @type {[string, string]} */ ([pointer, factorLabel(pointer, factors)]));
     if (!measure) {
       fill(controls, h("p", { class: "dim" }, "No results yet. Plots appear when the first job succeeds."));
-      return series.draw(form.series, results.points);
+      return series.draw(series_names, results.points);
     }
     if (!controls.contains(document.activeElement)) {
-      fill(controls, choice("Response", options, measure.name, choose("response")), y && choice("Map of", options, mapped.name, choose("map")),
+      fill(controls, choice("Response", options, measure.name, choose("response")), y && choice("Map of", options, map_measure.name, choose("map")),
         x && choice("Across", pointers, x, choose("x")), y && choice("By", pointers.filter(([pointer]) => pointer !== x), y, choose("y")),
         sweep.points > results.points.length && h("span", { class: "dim" }, `the first ${results.points.length.toLocaleString("en")} of ${sweep.points.toLocaleString("en")} design points`));
     }
     const data = { ...results, factors, path: pathOf };
     response.draw(() => (x ? responsePlot({ ...data, x, measure, by: y }) : null));
-    map.draw(() => (y ? mapPlot({ ...data, x, measure: mapped, y }) : null));
+    map.draw(() => (y ? mapPlot({ ...data, x, measure: map_measure, y }) : null));
     effect.draw(() => (x ? effectsPlot({ effects: results.effects.find((one) => one.response === measure.name), factors, label: measure.label }) : null));
     surface.draw(() => (y ? surfacePlot({ ...data, x, measure, y }) : null));
     coordinates.draw({ ...data, measure });
-    points.draw({ ...data, all });
-    drawForm(form, { ...data, x }, all);
-    return series.draw(form.series, results.points);
+    points.draw({ ...data, all, headline });
+    drawForm({ ...data, x }, all);
+    return series.draw(series_names, results.points);
   }
 
   /**
@@ -123,7 +127,7 @@ export async function show(main, id) {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
   let took_ms = 0, reads = 0;
-  /** No pause after the last job: no other change will start the read. */
+  /** No pause after the last job: no later change will start a read. */
   const pause = () => (sweep.counts.queued + sweep.counts.running > 0 ? Math.max(PAUSE_MS, PAUSE_READS * took_ms) : 0);
   function readAgain(wait_ms = pause()) {
     if (wait_ms === 0) {
@@ -138,15 +142,14 @@ export async function show(main, id) {
     if (document.hidden) return readAgain(PAUSE_MS);
     const began = performance.now(), mine = ++reads;
     const query = new URLSearchParams({ by: "point", limit: String(MAX_POINTS) });
-    if (sweep.points > MAX_COMPLETE_POINTS) query.set("responses", responsesOf([chosen.response, chosen.map]));
+    if (sweep.points > MAX_COMPLETE_POINTS) query.set("responses", responsesOf(form, headline, [chosen.response, chosen.map]));
     try {
       /** @type {[SweepPoints, SweepEffects, Pick<SweepResults, "trials">]} */
       const [byPoint, effects, byTrial] = await Promise.all([read(`${at}/results?${query}`), read(`${at}/effects`),
         total(sweep.counts) <= MAX_DOTS ? read(`${at}/results`) : { trials: [] }]);
-      const { curve } = formOf(byPoint.points);
       // A later read has begun: its answer is newer.
       if (mine < reads) return;
-      Object.assign(results, { points: byPoint.points, effects: effects.responses, trials: byTrial.trials, curves: curve ? await curvesOf(byTrial.trials, curve) : [] });
+      Object.assign(results, { points: byPoint.points, effects: effects.responses, trials: byTrial.trials, curves: form.curve ? await curvesOf(byTrial.trials, form.curve) : [] });
       await draw();
       failed(null);
     } catch (error) {
@@ -158,7 +161,7 @@ export async function show(main, id) {
 
   /** @param {SweepView} view */
   function update(view) {
-    // No event tells of changes while the page was hidden or the stream was broken.
+    // Changes while the page was hidden or the stream was broken have no event.
     const is_changed = JSON.stringify(view.counts) !== JSON.stringify(sweep.counts);
     sweep = view;
     top.draw(view);

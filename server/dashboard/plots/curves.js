@@ -20,7 +20,7 @@ export const curveKey = (data) => `${data.name} over ${"over" in data ? data.ove
 /** @param {Series | Curve} data */
 const abscissa = (data) => ("t_s" in data ? data.t_s : data.x);
 
-/** Curves over these are drawn as dots, since there is no value between two bodies. */
+/** Curves over these are drawn as dots, since there is no value between two bodies. The table of results does not mark counts. */
 const COUNTED = ["fillet", "body"];
 
 /**
@@ -44,7 +44,7 @@ export function linePlot(lines) {
   };
 }
 
-/** Series that keep their last value when a run has ended. */
+/** Series that keep their last value when a simulation has ended. The table of results does not mark them. */
 const CONSTANT_AFTER_END = ["discharged_mass", "bonds_intact_fraction"];
 
 /**

@@ -9,25 +9,22 @@ import { FAILURE_CLASSES, STATES, parameter, choice, errorBox, sortRows, setPara
 
 /** Rows that are drawn. */
 const ROWS = 200;
-/** Responses that the table shows unless all are chosen. */
-const FIRST = ["regime=no_flow", "effective_throughput_kg_s", "mean_rate_kg_s", "discharged_kg", "lowest_rate_ratio", "bend_angle_deg", "critical_angle_deg", "modulus_pa", "settle_time_s", "bonds_intact_fraction"];
-
-/** @typedef {{ points: PointRow[], factors: string[], all: Measure[], path: (row: PointRow) => string | null }} PointsInput */
+/** @typedef {{ points: PointRow[], factors: string[], all: Measure[], headline: string[], path: (row: PointRow) => string | null }} PointsInput */
 
 /** Design points, which any column can sort. */
 export function pointsTable() {
-  const place = h("div", { class: "wide tall" }), more = h("label", { class: "field" });
-  const card = h("section", { class: "card", hidden: true }, h("div", { class: "row spread" }, h("h2", {}, "Design points"), more), place);
+  const place = h("div", { class: "wide tall" }), show_all_label = h("label", { class: "field" });
+  const card = h("section", { class: "card", hidden: true }, h("div", { class: "row spread" }, h("h2", {}, "Design points"), show_all_label), place);
   const chosen = parameter("sort");
   /** @type {Sort | null} */
   let sort = chosen ? { by: Number(chosen.replace("-", "")), down: chosen.startsWith("-") } : null;
   /** @type {PointsInput} */
-  let input = { points: [], factors: [], all: [], path: () => null };
-  const every = h("input", { type: "checkbox", onchange: () => render() });
-  more.append(every, "all responses");
+  let input = { points: [], factors: [], all: [], headline: [], path: () => null };
+  const show_all = h("input", { type: "checkbox", onchange: () => render() });
+  show_all_label.append(show_all, "all responses");
   function render() {
-    const { points, factors, all, path } = input;
-    const shown = every.checked ? all : all.filter((one) => FIRST.includes(one.name));
+    const { points, factors, all, headline, path } = input;
+    const shown = show_all.checked ? all : all.filter((one) => headline.includes(one.name.split("=")[0]));
     /** @returns {Column<PointRow>} */
     const mean = (/** @type {Measure} */ measure) => ({
       title: measure.label, is_number: true, value: (row) => measure.of(row)?.mean,
