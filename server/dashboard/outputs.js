@@ -36,7 +36,11 @@ export const responseRow = ({ responses }, name) => responses.find((row) => row.
 export const headlineOf = ({ responses }) => responses.filter((row) => row.headline);
 
 /**
- * Names of the series, those of the headline first. A scenario names the series of its surfaces itself, so these are left out.
+ * Names of the series: the headline first, and among these the series that few experiments have. A scenario names the series of its surfaces
+ * itself, so these are left out.
  * @param {OutputTable} outputs
  */
-export const seriesNames = ({ series }) => [...series].sort((a, b) => Number(b.headline) - Number(a.headline)).map((row) => row.name).filter((name) => !name.includes("<"));
+export function seriesNames({ series }) {
+  const sorted = [...series].sort((a, b) => Number(b.headline) - Number(a.headline) || a.experiments.length - b.experiments.length);
+  return sorted.map((row) => row.name).filter((name) => !name.includes("<"));
+}
