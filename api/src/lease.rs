@@ -1,5 +1,8 @@
 //! The worker's side of a job: claim, heartbeat, result, failure. Every write is fenced by job + attempt.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
+
 use roost_solver::result::{Progress, RunResult};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -98,12 +101,15 @@ pub struct AttemptBeat {
     /// Its progress.
     #[schema(value_type = Option<Object>)]
     pub progress: Option<Progress>,
-    /// New samples; some of them where there are many.
+    /// Simulated time of t = 0, in seconds; null until it is known.
+    #[serde(default)]
+    pub t0_s: Option<f64>,
+    /// New samples, or the first of many. The server ignores samples that it has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub samples: Vec<SeriesPart>,
 }
 
-/// Consecutive samples of one series.
+/// Consecutive samples of one series. Samples are only appended: a recorded sample never changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeriesPart {
@@ -111,12 +117,28 @@ pub struct SeriesPart {
     pub name: String,
     /// Its unit.
     pub unit: String,
-    /// Number of samples before these. These replace all samples from there on.
+    /// Number of samples before these.
     pub from: u64,
-    /// Belt times, in seconds.
+    /// Simulated times since the beginning of the run, in seconds. Belt time is simulated time minus `t0_s`.
     pub t_s: Vec<f64>,
     /// The samples, as many.
     pub values: Vec<f64>,
+}
+
+impl SeriesPart {
+    /// The samples of a range of places within this part.
+    ///
+    /// # Panics
+    /// If the range ends after the last sample.
+    pub fn slice(&self, places: Range<usize>) -> Self {
+        Self {
+            name: self.name.clone(),
+            unit: self.unit.clone(),
+            from: self.from + places.start as u64,
+            t_s: self.t_s[places.clone()].to_vec(),
+            values: self.values[places].to_vec(),
+        }
+    }
 }
 
 /// The answer to a heartbeat.
@@ -140,7 +162,10 @@ pub struct AttemptDirective {
     /// End of the renewed lease; null unless `continue`.
     #[schema(value_type = Option<String>, format = DateTime)]
     pub lease_expires_at: Option<Timestamp>,
-    /// Whether earlier samples are missing, so that the worker must send all samples again.
+    /// Series whose earlier samples the server lacks, with the number that it has: continue from there.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub missing_samples: BTreeMap<String, u64>,
+    /// Whether `missing_samples` has entries. Older workers read this field, and send all samples again.
     #[serde(default)]
     pub resend_samples: bool,
 }

@@ -28,6 +28,15 @@ fn jobs_can_be_cancelled_and_retried_and_their_curves_grow() {
     let samples = "find.plot('discharged mass (kg)')?.[0].x.length";
     let some = page.until("a curve of what has been sampled", samples).as_u64().unwrap();
     page.until("the curve grows", &format!("{samples} > {some}"));
+    // t = 0 is known: samples that were drawn before it have belt times by now, as those of the API.
+    let path = format!("/v1/jobs/{}/series/kinetic_energy", text(&running["id"]));
+    page.until(
+        "the fill has the times of the API",
+        &format!(
+            "(async () => {{ const [first] = find.plot('kinetic energy (J)')[0].x, {{ t_s }} = await (await fetch('{path}')).json();
+                return first < -0.01 && Math.abs(first - t_s[0]) < 1e-9; }})()"
+        ),
+    );
     assert_eq!(sandbox.get(&format!("/v1/jobs/{}", text(&running["id"])))["state"], "running");
 
     page.open(&format!("/sweeps/{id}"));

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use roost_api::job::AttemptOutcome;
-use roost_api::{Progress, RunResult, Series};
+use roost_api::{Progress, RunResult};
 use roost_solver::engine::run::Snapshot;
 use roost_solver::observe::Recorder;
 use roost_solver::result::{EndReason, Instability};
@@ -122,8 +122,8 @@ impl Resources {
 pub struct Run {
     /// The newest progress; none before the first report.
     pub progress: watch::Receiver<Option<Progress>>,
-    /// Its samples so far, about a second old.
-    pub samples: Sampled,
+    /// A copy of its samples so far, about a second old.
+    pub recorder: SharedRecorder,
     /// Asks it to stop.
     pub stop: StopFlag,
     run: JoinHandle<RunEnd>,
@@ -177,8 +177,8 @@ impl Run {
         let (sender, progress) = watch::channel(None);
         let stop = StopFlag::default();
         let flag = stop.clone();
-        let samples = Sampled::default();
-        let sampled = samples.clone();
+        let recorder = SharedRecorder::default();
+        let copy = recorder.clone();
         let run = tokio::spawn(async move {
             let solve = tokio::select! {
                 biased;
@@ -197,12 +197,12 @@ impl Run {
                     }
                     if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
                 };
-                let outcome = solve(&mut RunObserver { report, frames, sampled, sampled_at: started });
+                let outcome = solve(&mut RunObserver { report, frames, copy, copied_at: started });
                 classify(outcome, flag.get(), max_wall_s)
             });
             solving.await.unwrap_or_else(thread_ended)
         });
-        Self { progress, samples, stop, run }
+        Self { progress, recorder, stop, run }
     }
 
     /// A run that never starts to compute.
@@ -259,26 +259,26 @@ fn invalid(faults: &[Fault]) -> RunEnd {
     RunEnd::failed(AttemptOutcome::Invalid, faults.join("; "))
 }
 
-/// The samples of a run so far.
+/// A copy of the samples of a run so far.
 #[derive(Clone, Debug, Default)]
-pub struct Sampled(Arc<Mutex<Vec<Series>>>);
+pub struct SharedRecorder(Arc<Mutex<Recorder>>);
 
-impl Sampled {
-    /// All series.
-    pub fn series(&self) -> MutexGuard<'_, Vec<Series>> {
+impl SharedRecorder {
+    /// All series. The run waits to copy new samples while the guard lives.
+    pub fn lock(&self) -> MutexGuard<'_, Recorder> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// Interval at which samples are copied.
-const SAMPLING_INTERVAL: Duration = Duration::from_secs(1);
+const COPY_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Passes progress and frames to their receivers, and keeps a copy of the samples.
 struct RunObserver<F> {
     report: F,
     frames: Option<FrameObserver>,
-    sampled: Sampled,
-    sampled_at: Instant,
+    copy: SharedRecorder,
+    copied_at: Instant,
 }
 
 impl<F: FnMut(&Progress) -> Flow> Observer for RunObserver<F> {
@@ -298,12 +298,12 @@ impl<F: FnMut(&Progress) -> Flow> Observer for RunObserver<F> {
     }
 
     fn wants_samples(&self) -> bool {
-        self.sampled_at.elapsed() >= SAMPLING_INTERVAL
+        self.copied_at.elapsed() >= COPY_INTERVAL
     }
 
     fn samples(&mut self, recorder: &Recorder) {
-        self.sampled_at = Instant::now();
-        *self.sampled.series() = recorder.series();
+        self.copied_at = Instant::now();
+        self.copy.lock().clone_from(recorder);
     }
 }
 

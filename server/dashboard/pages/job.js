@@ -53,19 +53,22 @@ export async function show(main, id) {
   }
 
   /**
-   * The series of a running job. A part replaces the samples from its place on.
-   * @type {Map<string, Series>}
+   * The series of a running job over simulated time, each from its first sample on.
+   * @type {Map<string, SeriesPart>}
    */
   const sampled = new Map();
-  /** @param {{ series: SeriesPart[] }} event */
-  function drawSamples({ series }) {
+  /** @param {{ t0_s: number | null, series: SeriesPart[] }} event */
+  function drawSamples({ t0_s, series }) {
     if (isEnded(job.state)) return;
     for (const { name, unit, from, t_s, values } of series) {
+      // A stream that was opened again begins with the first sample.
       const before = sampled.get(name) ?? { t_s: [], values: [] };
-      const data = { name, unit, t_s: [...before.t_s.slice(0, from), ...t_s], values: [...before.values.slice(0, from), ...values] };
-      sampled.set(name, data);
-      drawCurve(data);
+      sampled.set(name, { name, unit, from: 0, t_s: [...before.t_s.slice(0, from), ...t_s], values: [...before.values.slice(0, from), ...values] });
     }
+    const all = [...sampled.values()];
+    // While t = 0 is unknown, times end at 0.
+    const zero_s = t0_s ?? Math.max(...all.map(({ t_s }) => t_s.at(-1) ?? 0));
+    for (const { name, unit, t_s, values } of all) drawCurve({ name, unit, t_s: t_s.map((simulated_s) => simulated_s - zero_s), values });
   }
 
   const failed = (/** @type {Error | null} */ error) => fill(errors, error ? errorBox(error) : []);

@@ -6,7 +6,7 @@
 //! | `change` | a change of a job; its id resumes the stream after it |
 //! | `extended`, `deleted` | the sweep was extended or deleted; `deleted` is the last event |
 //! | `progress` | the view with new progress; no id, since the next event repeats it |
-//! | `samples` | new samples of a running job |
+//! | `samples` | new samples of a running job at simulated times, and the simulated time of t = 0 once known |
 //!
 //! A stream ends with the server, and when its token is revoked.
 
@@ -31,7 +31,7 @@ use super::problem::{ApiError, ProblemKind};
 use super::{jobs, sweeps};
 use crate::queue::Refusal;
 use crate::state::connections::StreamSlot;
-use crate::state::{App, Caller, Followed};
+use crate::state::{App, Caller, Received};
 use crate::store::Subject;
 
 /// Interval between two polls for new events.
@@ -91,7 +91,7 @@ struct Follower {
     /// Version of the subject at the last size check, and that size.
     checked_size: Option<(Option<String>, Option<Size>)>,
     /// Samples that were sent.
-    followed: Vec<Followed>,
+    received: Received,
     /// Whether the subject was deleted.
     is_over: bool,
     /// Events to send.
@@ -136,7 +136,7 @@ async fn stream_events(
         progress,
         is_behind: false,
         checked_size: None,
-        followed: Vec::new(),
+        received: Received::default(),
         is_over: false,
         ready: VecDeque::new(),
     };
@@ -191,11 +191,10 @@ impl Follower {
             let progress = self.progress_event().await?;
             self.ready.push_back(progress);
         }
-        if let Subject::Job(id) = self.subject {
-            let series = self.app.progress.new_samples(id, &mut self.followed);
-            if !series.is_empty() {
-                self.ready.push_back(data("samples", &json!({"job_id": id, "series": series}))?);
-            }
+        if let Subject::Job(id) = self.subject
+            && let Some((t0_s, series)) = self.app.progress.next_samples(id, &mut self.received)
+        {
+            self.ready.push_back(data("samples", &json!({"job_id": id, "t0_s": t0_s, "series": series}))?);
         }
         Ok(())
     }

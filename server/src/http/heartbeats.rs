@@ -45,7 +45,8 @@ pub(crate) async fn heartbeat(
     let beats = request.attempts.iter().map(|beat| Beat { job_id: beat.job_id, attempt: beat.attempt });
     let mut reply = app.store.heartbeat(worker, beats.collect(), app.clock.now(), until).await??;
     for (beat, answer) in request.attempts.into_iter().zip(&mut reply.attempts) {
-        if answer.directive == Directive::Abandon || (beat.progress.is_none() && beat.samples.is_empty()) {
+        let has_samples = beat.t0_s.is_some() || !beat.samples.is_empty();
+        if answer.directive == Directive::Abandon || (beat.progress.is_none() && !has_samples) {
             continue;
         }
         let sweep = match app.progress.sweep_of(beat.job_id) {
@@ -55,8 +56,10 @@ pub(crate) async fn heartbeat(
         if let Some(progress) = beat.progress {
             app.progress.set(beat.job_id, sweep, progress);
         }
-        if !beat.samples.is_empty() {
-            answer.resend_samples = !app.progress.append((beat.job_id, beat.attempt), sweep, beat.samples);
+        if has_samples {
+            let attempt = (beat.job_id, beat.attempt);
+            answer.missing_samples = app.progress.append(attempt, sweep, beat.t0_s, beat.samples);
+            answer.resend_samples = !answer.missing_samples.is_empty();
         }
     }
     Ok(Json(reply))

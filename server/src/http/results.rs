@@ -4,7 +4,6 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use roost_api::Series;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::problem::Problem;
@@ -15,7 +14,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::blocking::run_blocking;
 use super::extract::{Params, Segments};
 use super::problem::{ApiError, ProblemKind};
-use super::stored_result::{StoredSeries, numbers, series_of};
+use super::stored_result::{numbers, series_of};
 use super::sweeps::view;
 use super::tables::TableRows;
 use crate::queue::Refusal;
@@ -73,11 +72,9 @@ fn no_result(state: JobState) -> ApiError {
 
 /// A series as JSON.
 #[derive(Serialize)]
-struct SeriesAnswer<'a, N: ?Sized> {
-    name: &'a str,
-    unit: &'a str,
-    t_s: &'a N,
-    values: &'a N,
+struct SeriesAnswer<S> {
+    #[serde(flatten)]
+    series: S,
     /// Whether the job still runs and adds samples.
     partial: bool,
 }
@@ -103,19 +100,18 @@ pub(crate) async fn series(
             return Err(no_result(stored.state));
         }
         let series = named(&name, &all, |series| &series.name)?;
-        let Series { name, unit, t_s, values } = series;
         return Ok(match query.format {
-            Format::Json => Json(SeriesAnswer { name, unit, t_s, values, partial: true }).into_response(),
-            Format::Csv => csv(series_csv(name, unit, t_s, values)?),
+            Format::Json => Json(SeriesAnswer { series, partial: true }).into_response(),
+            Format::Csv => csv(series_csv(&series.name, &series.unit, &series.t_s, &series.values)?),
         });
     };
     let all = series_of(&document)?;
-    let StoredSeries { name, unit, t_s, values } = named(&name, &all, |series| &series.name)?;
+    let series = named(&name, &all, |series| &series.name)?;
     Ok(match query.format {
-        Format::Json => {
-            Json(SeriesAnswer { name, unit, t_s: *t_s, values: *values, partial: false }).into_response()
+        Format::Json => Json(SeriesAnswer { series, partial: false }).into_response(),
+        Format::Csv => {
+            csv(series_csv(&series.name, &series.unit, &numbers(series.t_s)?, &numbers(series.values)?)?)
         }
-        Format::Csv => csv(series_csv(name, unit, &numbers(t_s)?, &numbers(values)?)?),
     })
 }
 

@@ -5,13 +5,13 @@
 
 use std::borrow::Cow;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
 use super::problem::{ApiError, ProblemKind};
 
 /// One series of a document.
-#[derive(Deserialize)]
+#[derive(Deserialize, Serialize)]
 pub(super) struct StoredSeries<'a> {
     #[serde(borrow)]
     pub(super) name: Cow<'a, str>,

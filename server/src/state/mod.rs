@@ -28,7 +28,7 @@ pub(crate) use connections::Connections;
 pub(crate) use mesh_cache::{MeshCache, MeshCacheError};
 pub(crate) use metrics::{AnsweredRequest, MachineUsage, Metrics, RequestKind};
 pub(crate) use progress::ProgressBoard;
-pub(crate) use samples::Followed;
+pub(crate) use samples::Received;
 pub(crate) use sweep_cache::SweepCache;
 
 /// A handle to the state.

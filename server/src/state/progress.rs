@@ -1,6 +1,6 @@
 //! Progress and samples of running jobs: in memory only, never written to the database.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use roost_api::ids::{JobId, SweepId};
@@ -9,7 +9,7 @@ use roost_api::lease::SeriesPart;
 use roost_api::worker::WorkerView;
 use roost_api::{Progress, Series};
 
-use super::samples::{Followed, MAX_OF_ALL, Samples};
+use super::samples::{Gap, MAX_OF_ALL, Received, Samples};
 use crate::store::Subject;
 
 /// The newest progress and the samples of every running job, with a count of changes per job, per sweep and
@@ -68,29 +68,37 @@ impl ProgressBoard {
         }
     }
 
-    /// Appends new samples of an attempt; false if samples before them are missing.
+    /// Sets t = 0 and appends new samples of an attempt. Returns the series with missing earlier samples, each with the
+    /// number of samples that are here.
     pub(crate) fn append(
         &self,
         (job, attempt): (JobId, u32),
         sweep: Option<SweepId>,
+        t0_s: Option<f64>,
         parts: Vec<SeriesPart>,
-    ) -> bool {
+    ) -> BTreeMap<String, u64> {
         let mut board = self.lock();
-        let now = board.count(sweep);
+        let changes = board.changes + 1;
         let Board { samples, sampled, .. } = &mut *board;
         let samples = samples.entry(job).or_default();
         if samples.attempt() != attempt {
             *sampled -= samples.count();
             *samples = Samples::new(attempt);
         }
+        samples.set_t0(t0_s, changes);
         let others = *sampled - samples.count();
-        let mut is_complete = true;
+        let mut missing = BTreeMap::new();
         for part in parts {
-            // Every part is taken, even after one that has a gap.
-            is_complete &= samples.take(part, MAX_OF_ALL.saturating_sub(others + samples.count()), now);
+            let limit = MAX_OF_ALL.saturating_sub(others + samples.count());
+            if let Err(Gap { name, count }) = samples.append(part, limit, changes) {
+                missing.insert(name, count);
+            }
         }
         *sampled = others + samples.count();
-        is_complete
+        if samples.changes == changes {
+            board.count(sweep);
+        }
+        missing
     }
 
     /// The series of a running job so far.
@@ -98,9 +106,13 @@ impl ProgressBoard {
         self.lock().samples.get(&job).map(Samples::series).unwrap_or_default()
     }
 
-    /// The samples of a running job that a follower has not received.
-    pub(crate) fn new_samples(&self, job: JobId, followed: &mut Vec<Followed>) -> Vec<SeriesPart> {
-        self.lock().samples.get(&job).map(|samples| samples.news(followed)).unwrap_or_default()
+    /// The simulated time of t = 0 of a running job, and samples that a follower has not received; none without anything new.
+    pub(crate) fn next_samples(
+        &self,
+        job: JobId,
+        received: &mut Received,
+    ) -> Option<(Option<f64>, Vec<SeriesPart>)> {
+        self.lock().samples.get(&job)?.next_event(received)
     }
 
     /// The jobs on the board.

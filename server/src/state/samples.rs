@@ -1,136 +1,143 @@
-//! What running jobs have sampled so far: in memory alone, bounded, and gone with the server. The result says it all again.
+//! Samples of a running job, as its heartbeats bring them: append-only, bounded, and in memory only.
+//!
+//! A restart of the server loses them, and the worker sends them again. The result has all samples.
 
 use roost_api::Series;
 use roost_api::lease::SeriesPart;
 
-/// Samples of one job; what would be more is left out.
+/// Maximum of samples of one job. Samples beyond it are dropped.
 const MAX_OF_JOB: usize = 200_000;
 
-/// Series of one job.
+/// Maximum of series of one job. Series beyond it are dropped.
 const MAX_SERIES: usize = 64;
 
-/// Samples of one event.
+/// Maximum of samples of one event.
 const MAX_OF_EVENT: usize = 5_000;
 
-/// Samples of all jobs together: 16 bytes each.
+/// Maximum of samples of all jobs, at 16 bytes each.
 pub(crate) const MAX_OF_ALL: usize = 2_000_000;
 
-/// A series so far.
-#[derive(Debug)]
-struct Curve {
-    series: Series,
-    /// Another number whenever samples that were there already have become others.
-    epoch: u64,
-    /// Whether samples were left out at its end: what follows them is left out as well.
-    is_cut: bool,
-}
-
-/// What an attempt has sampled so far.
+/// The samples of an attempt.
 #[derive(Debug, Default)]
 pub(crate) struct Samples {
     attempt: u32,
-    curves: Vec<Curve>,
-    /// When it changed last, by the count of changes.
+    /// Simulated time of t = 0, once known.
+    t0_s: Option<f64>,
+    /// Each series from its first sample on.
+    series: Vec<SeriesPart>,
+    /// Whether samples were dropped, and all that follow are dropped as well.
+    is_full: bool,
+    /// The change count of the board when this last changed.
     pub(crate) changes: u64,
 }
 
-/// How far somebody has followed a series.
-#[derive(Debug)]
-pub(crate) struct Followed {
-    name: String,
-    epoch: u64,
-    samples: usize,
+/// Samples before a part are missing.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Gap {
+    /// The series.
+    pub(crate) name: String,
+    /// Number of its samples that are here.
+    pub(crate) count: u64,
+}
+
+/// The samples of a job that a follower has received.
+#[derive(Debug, Default)]
+pub(crate) struct Received {
+    attempt: u32,
+    t0_s: Option<f64>,
+    /// Number of samples of each series.
+    counts: Vec<usize>,
 }
 
 impl Samples {
-    /// Of an attempt that has said nothing yet.
+    /// An attempt without samples.
     pub(crate) fn new(attempt: u32) -> Self {
         Self { attempt, ..Self::default() }
     }
 
-    /// The attempt.
+    /// Number of the attempt.
     pub(crate) fn attempt(&self) -> u32 {
         self.attempt
     }
 
-    /// All samples there are.
+    /// Number of samples of all series.
     pub(crate) fn count(&self) -> usize {
-        self.curves.iter().map(|curve| curve.series.t_s.len()).sum()
+        self.series.iter().map(|series| series.values.len()).sum()
     }
 
-    /// Takes a part in, if there is room for `room` samples more; false when what comes before it is missing and was not left
-    /// out for want of room.
-    pub(crate) fn take(&mut self, part: SeriesPart, room: usize, now: u64) -> bool {
-        let SeriesPart { name, unit, from, t_s, values } = part;
-        let from = from as usize;
-        let known = self.curves.iter().position(|curve| curve.series.name == name);
-        if known.is_none() && self.curves.len() >= MAX_SERIES {
-            return true;
+    /// Sets the simulated time of t = 0. The first value stays.
+    pub(crate) fn set_t0(&mut self, t0_s: Option<f64>, changes: u64) {
+        if self.t0_s.is_none() && t0_s.is_some() {
+            self.t0_s = t0_s;
+            self.changes = changes;
         }
-        let there = known.map_or(0, |at| self.curves[at].series.t_s.len());
-        if from > there {
-            return known.is_some_and(|at| self.curves[at].is_cut);
-        }
-        // What the part takes the place of goes first.
-        let (freed, count) = (there - from, self.count());
-        let is_cut = t_s.len() > (room + freed).min(MAX_OF_JOB.saturating_sub(count - freed));
-        let at = known.unwrap_or_else(|| {
-            let series = Series { name, unit, t_s: Vec::new(), values: Vec::new() };
-            self.curves.push(Curve { series, epoch: now, is_cut });
-            self.curves.len() - 1
-        });
-        let curve = &mut self.curves[at];
-        curve.is_cut = is_cut;
-        if freed > 0 {
-            curve.epoch = now;
-            curve.series.t_s.truncate(from);
-            curve.series.values.truncate(from);
-        }
-        if !is_cut {
-            curve.series.t_s.extend(t_s);
-            curve.series.values.extend(values);
-        }
-        if freed > 0 || !is_cut {
-            self.changes = now;
-        }
-        true
     }
 
-    /// Every series so far.
+    /// Appends at most `limit` samples of a part. Samples that are here already are ignored.
+    ///
+    /// # Errors
+    /// If samples before the part are missing, unless they were dropped.
+    pub(crate) fn append(&mut self, part: SeriesPart, limit: usize, changes: u64) -> Result<(), Gap> {
+        let known = self.series.iter().position(|series| series.name == part.name);
+        if self.is_full || (known.is_none() && self.series.len() >= MAX_SERIES) {
+            return Ok(());
+        }
+        let count = known.map_or(0, |at| self.series[at].values.len());
+        let overlap = match (count as u64).checked_sub(part.from) {
+            Some(overlap) => usize::try_from(overlap).unwrap_or(usize::MAX),
+            None => return Err(Gap { name: part.name, count: count as u64 }),
+        };
+        let new = part.values.len().saturating_sub(overlap);
+        let accepted = new.min(limit).min(MAX_OF_JOB.saturating_sub(self.count()));
+        self.is_full = accepted < new;
+        if accepted == 0 {
+            return Ok(());
+        }
+        let new = overlap..overlap + accepted;
+        match known {
+            Some(at) => {
+                self.series[at].t_s.extend(&part.t_s[new.clone()]);
+                self.series[at].values.extend(&part.values[new]);
+            }
+            None => self.series.push(part.slice(new)),
+        }
+        self.changes = changes;
+        Ok(())
+    }
+
+    /// All series over belt time. While t = 0 is unknown, times end at 0.
     pub(crate) fn series(&self) -> Vec<Series> {
-        let some = self.curves.iter().filter(|curve| !(curve.is_cut && curve.series.t_s.is_empty()));
-        some.map(|curve| curve.series.clone()).collect()
+        let last = |latest: f64, series: &SeriesPart| series.t_s.last().map_or(latest, |t| t.max(latest));
+        let t0_s = self.t0_s.unwrap_or_else(|| self.series.iter().fold(f64::NEG_INFINITY, last));
+        let series = |series: &SeriesPart| Series {
+            name: series.name.clone(),
+            unit: series.unit.clone(),
+            t_s: series.t_s.iter().map(|t| t - t0_s).collect(),
+            values: series.values.clone(),
+        };
+        self.series.iter().map(series).collect()
     }
 
-    /// What is new to somebody, or some of it.
-    pub(crate) fn news(&self, followed: &mut Vec<Followed>) -> Vec<SeriesPart> {
-        let mut parts = Vec::new();
-        let mut room = MAX_OF_EVENT;
-        for Curve { series, epoch, .. } in &self.curves {
-            let at = followed.iter().position(|followed| followed.name == series.name).unwrap_or_else(|| {
-                followed.push(Followed { name: series.name.clone(), epoch: *epoch, samples: 0 });
-                followed.len() - 1
-            });
-            let followed = &mut followed[at];
-            if followed.epoch != *epoch {
-                (followed.epoch, followed.samples) = (*epoch, 0);
-            }
-            let from = followed.samples.min(series.t_s.len());
-            let to = series.t_s.len().min(from + room);
-            if from == to {
-                continue;
-            }
-            room -= to - from;
-            followed.samples = to;
-            parts.push(SeriesPart {
-                name: series.name.clone(),
-                unit: series.unit.clone(),
-                from: from as u64,
-                t_s: series.t_s[from..to].to_vec(),
-                values: series.values[from..to].to_vec(),
-            });
+    /// The simulated time of t = 0, and the first samples that a follower has not received; none without
+    /// anything new.
+    pub(crate) fn next_event(&self, received: &mut Received) -> Option<(Option<f64>, Vec<SeriesPart>)> {
+        if received.attempt != self.attempt {
+            *received = Received { attempt: self.attempt, ..Received::default() };
         }
-        parts
+        received.counts.resize(self.series.len(), 0);
+        let mut limit = MAX_OF_EVENT;
+        let mut parts = Vec::new();
+        for (series, from) in self.series.iter().zip(&mut received.counts) {
+            let to = series.values.len().min(*from + limit);
+            if to > *from {
+                limit -= to - *from;
+                parts.push(series.slice(*from..to));
+                *from = to;
+            }
+        }
+        let is_new = !parts.is_empty() || received.t0_s != self.t0_s;
+        received.t0_s = self.t0_s;
+        is_new.then_some((self.t0_s, parts))
     }
 }
 
@@ -138,58 +145,125 @@ impl Samples {
 mod tests {
     use super::*;
 
+    /// Samples of `mass`, at one a second of simulated time from 10 s on.
     fn part(from: u64, values: &[f64]) -> SeriesPart {
-        let t_s = (0..values.len()).map(|k| (from + k as u64) as f64).collect();
+        let t_s = (0..values.len()).map(|k| 10.0 + from as f64 + k as f64).collect();
         SeriesPart { name: "mass".to_owned(), unit: "kg".to_owned(), from, t_s, values: values.to_vec() }
+    }
+
+    fn named(name: &str, part: SeriesPart) -> SeriesPart {
+        SeriesPart { name: name.to_owned(), ..part }
+    }
+
+    fn gap(count: u64) -> Result<(), Gap> {
+        Err(Gap { name: "mass".to_owned(), count })
+    }
+
+    /// The values of `mass`.
+    fn values(samples: &Samples) -> Vec<f64> {
+        samples.series()[0].values.clone()
     }
 
     #[test]
     fn parts_make_the_whole_and_a_gap_is_refused() {
         let mut samples = Samples::new(1);
-        assert!(samples.take(part(0, &[0.0, 1.0]), 100, 1));
-        assert!(!samples.take(part(3, &[9.0]), 100, 2), "the third is missing");
-        assert!(samples.take(part(2, &[2.0, 3.0]), 100, 3));
-        assert_eq!(samples.series()[0].values, [0.0, 1.0, 2.0, 3.0]);
-        assert!(samples.take(part(4, &[4.0, 5.0]), 1, 4), "no room is no reason to send it again");
-        assert_eq!((samples.count(), samples.changes), (4, 3));
+        assert_eq!(samples.append(part(3, &[9.0]), 100, 1), gap(0));
+        assert_eq!(samples.append(part(0, &[0.0, 1.0]), 100, 2), Ok(()));
+        assert_eq!(samples.append(part(3, &[9.0]), 100, 3), gap(2));
+        assert_eq!(samples.append(part(u64::MAX, &[9.0]), 100, 4), gap(2));
+        assert_eq!((samples.count(), samples.changes), (2, 2), "a gap changes nothing");
+        assert_eq!(samples.append(part(2, &[2.0, 3.0]), 100, 5), Ok(()));
+        assert_eq!((values(&samples), samples.changes), (vec![0.0, 1.0, 2.0, 3.0], 5));
     }
 
     #[test]
-    fn what_follows_samples_that_found_no_room_is_not_asked_for_again_and_again() {
+    fn repeated_parts_change_nothing() {
         let mut samples = Samples::new(1);
-        assert!(samples.take(part(0, &[0.0, 1.0]), 2, 1));
-        assert!(samples.take(part(2, &[2.0, 3.0]), 1, 2), "left out");
-        assert!(samples.take(part(4, &[4.0]), 100, 3), "the worker goes on as if they were here");
-        assert_eq!(samples.series()[0].values, [0.0, 1.0]);
-        // All from the start on, and there is room: whole again.
-        assert!(samples.take(part(0, &[5.0, 6.0, 7.0]), 1, 4), "two go, three come");
-        assert_eq!(samples.series()[0].values, [5.0, 6.0, 7.0]);
-        assert!(!samples.take(part(9, &[9.0]), 100, 5), "a gap is one again");
-        // Rewritten without room: what was there is right no longer.
-        assert!(samples.take(part(1, &[8.0, 8.0, 8.0, 8.0]), 1, 6));
-        assert_eq!(samples.series()[0].values, [5.0]);
-        // A series of which not even the start found room.
-        let other = |from| SeriesPart { name: "other".to_owned(), ..part(from, &[1.0]) };
-        assert!(samples.take(other(0), 0, 7) && samples.take(other(1), 100, 8));
-        assert_eq!(samples.series().len(), 1, "none is shown that has nothing");
+        samples.append(part(0, &[0.0, 1.0, 2.0]), 100, 1).unwrap();
+        for repeat in [part(0, &[0.0, 1.0, 2.0]), part(1, &[8.0]), part(3, &[]), part(0, &[])] {
+            assert_eq!(samples.append(repeat, 100, 2), Ok(()));
+        }
+        assert_eq!((values(&samples), samples.changes), (vec![0.0, 1.0, 2.0], 1));
+        assert_eq!(samples.append(part(1, &[8.0, 8.0, 3.0]), 100, 3), Ok(()), "the last one is new");
+        assert_eq!((values(&samples), samples.changes), (vec![0.0, 1.0, 2.0, 3.0], 3));
+        assert_eq!(samples.series()[0].t_s, [-3.0, -2.0, -1.0, 0.0]);
     }
 
     #[test]
-    fn a_follower_hears_what_is_new_and_all_of_what_was_rewritten() {
-        let (mut samples, mut followed) = (Samples::new(1), Vec::new());
-        samples.take(part(0, &[0.0, 1.0]), 100, 1);
-        assert_eq!(samples.news(&mut followed), [part(0, &[0.0, 1.0])]);
-        assert_eq!(samples.news(&mut followed), []);
-        samples.take(part(2, &[2.0]), 100, 2);
-        assert_eq!(samples.news(&mut followed), [part(2, &[2.0])]);
-        samples.take(part(1, &[7.0]), 100, 3);
-        assert_eq!(samples.news(&mut followed), [part(0, &[0.0, 7.0])]);
+    fn times_end_at_0_until_t0_is_known() {
+        let mut samples = Samples::new(1);
+        samples.append(part(0, &[0.0, 1.0]), 100, 1).unwrap();
+        samples.append(named("rate", part(0, &[5.0])), 100, 2).unwrap();
+        let times = |samples: &Samples| samples.series().into_iter().map(|one| one.t_s).collect::<Vec<_>>();
+        assert_eq!(times(&samples), [vec![-1.0, 0.0], vec![-1.0]]);
+        samples.set_t0(None, 3);
+        assert_eq!(samples.changes, 2);
+        samples.set_t0(Some(10.5), 4);
+        assert_eq!((times(&samples), samples.changes), (vec![vec![-0.5, 0.5], vec![-0.5]], 4));
+        samples.set_t0(Some(11.0), 5);
+        samples.set_t0(None, 6);
+        assert_eq!((times(&samples), samples.changes), (vec![vec![-0.5, 0.5], vec![-0.5]], 4), "it stays");
+    }
+
+    #[test]
+    fn dropped_samples_and_those_after_them_are_not_requested_again() {
+        let mut samples = Samples::new(1);
+        assert_eq!(samples.append(part(0, &[0.0, 1.0, 2.0]), 2, 1), Ok(()));
+        assert_eq!(samples.append(part(3, &[3.0]), 100, 2), Ok(()));
+        assert_eq!(samples.append(named("rate", part(0, &[5.0])), 100, 3), Ok(()));
+        assert_eq!((samples.series().len(), values(&samples)), (1, vec![0.0, 1.0]));
+        let mut empty = Samples::new(1);
+        assert_eq!(empty.append(part(0, &[0.0]), 0, 4), Ok(()));
+        assert_eq!((empty.series(), empty.changes), (vec![], 0), "no series without samples");
+    }
+
+    #[test]
+    fn a_job_has_bounded_samples_and_series() {
+        let many = vec![0.0; MAX_OF_JOB - 1];
+        let mut samples = Samples::new(1);
+        samples.append(part(0, &many), usize::MAX, 1).unwrap();
+        samples.append(named("rate", part(0, &[1.0, 2.0, 3.0])), usize::MAX, 2).unwrap();
+        samples.append(part(many.len() as u64, &[1.0]), usize::MAX, 3).unwrap();
+        assert_eq!((samples.count(), samples.series()[1].values.len()), (MAX_OF_JOB, 1));
+        let mut samples = Samples::new(1);
+        for k in 0..=MAX_SERIES {
+            samples.append(named(&k.to_string(), part(0, &[1.0])), 100, 1).unwrap();
+        }
+        assert_eq!(samples.append(named("beyond", part(7, &[1.0])), 100, 2), Ok(()), "no gap to fill");
+        assert_eq!(samples.series().len(), MAX_SERIES);
+        assert_eq!(samples.append(named("0", part(1, &[2.0])), 100, 3), Ok(()));
+        assert_eq!(samples.count(), MAX_SERIES + 1, "known series go on");
+    }
+
+    #[test]
+    fn a_follower_receives_each_sample_once_and_t0_when_it_is_known() {
+        let (mut samples, mut received) = (Samples::new(1), Received::default());
+        assert_eq!(samples.next_event(&mut received), None);
+        samples.append(part(0, &[0.0, 1.0]), 100, 1).unwrap();
+        assert_eq!(samples.next_event(&mut received), Some((None, vec![part(0, &[0.0, 1.0])])));
+        assert_eq!(samples.next_event(&mut received), None);
+        samples.append(part(2, &[2.0]), 100, 2).unwrap();
+        assert_eq!(samples.next_event(&mut received), Some((None, vec![part(2, &[2.0])])));
+        samples.set_t0(Some(10.5), 3);
+        assert_eq!(samples.next_event(&mut received), Some((Some(10.5), vec![])));
+        samples.append(named("rate", part(0, &[7.0])), 100, 4).unwrap();
+        let rate = named("rate", part(0, &[7.0]));
+        assert_eq!(samples.next_event(&mut received), Some((Some(10.5), vec![rate])));
+        assert_eq!(samples.next_event(&mut received), None);
+    }
+
+    #[test]
+    fn events_are_bounded_and_a_new_attempt_starts_again() {
+        let (mut samples, mut received) = (Samples::new(1), Received::default());
         let many: Vec<f64> = (0..MAX_OF_EVENT + 2).map(|k| k as f64).collect();
-        samples.take(part(0, &many), many.len(), 4);
-        let lengths: Vec<usize> = (0..3)
-            .map(|_| samples.news(&mut followed))
-            .map(|parts| parts.iter().map(|part| part.t_s.len()).sum())
-            .collect();
-        assert_eq!(lengths, [MAX_OF_EVENT, 2, 0], "bounded, and nothing is left out");
+        samples.append(part(0, &many), many.len(), 1).unwrap();
+        let mut lengths = || {
+            let event = samples.next_event(&mut received);
+            event.map(|(_, parts)| parts.iter().map(|part| part.values.len()).sum::<usize>())
+        };
+        assert_eq!([lengths(), lengths(), lengths()], [Some(MAX_OF_EVENT), Some(2), None]);
+        let mut second = Samples::new(2);
+        second.append(part(0, &[4.0]), 100, 2).unwrap();
+        assert_eq!(second.next_event(&mut received), Some((None, vec![part(0, &[4.0])])));
     }
 }

@@ -3,7 +3,7 @@
 //! Thousands of workers send a heartbeat every two seconds. Those that arrive within some milliseconds are looked up, decided on and
 //! written together. This delays an answer by as many milliseconds, and makes the cost of a heartbeat small.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -145,6 +145,7 @@ fn directive(beat: Beat, effect: BeatEffect) -> AttemptDirective {
         attempt: beat.attempt,
         directive,
         lease_expires_at,
+        missing_samples: BTreeMap::new(),
         resend_samples: false,
     }
 }

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::test_server::*;
 
 /// Status, etag and body of a poll.
-async fn poll(server: &TestServer, path: &str, seen: Option<&str>) -> (u16, String, String) {
+pub(crate) async fn poll(server: &TestServer, path: &str, seen: Option<&str>) -> (u16, String, String) {
     let mut request = server.http.get(format!("http://{}{path}", server.address));
     if let Some(tag) = seen {
         request = request.header("if-none-match", tag);

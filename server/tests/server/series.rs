@@ -3,18 +3,26 @@
 use reqwest::StatusCode;
 use serde_json::{Value, json};
 
+use super::etags::poll;
 use super::events::Events;
 use super::test_server::*;
 
+/// Samples every quarter of a second of simulated time.
 fn part(from: usize, values: &[f64]) -> Value {
-    let t_s: Vec<f64> = (0..values.len()).map(|k| 0.02 * (from + k) as f64).collect();
+    let t_s: Vec<f64> = (0..values.len()).map(|k| 0.25 * (from + k) as f64).collect();
     json!({"name": "discharged_mass", "unit": "kg", "from": from, "t_s": t_s, "values": values})
 }
 
 /// Sends a heartbeat with samples and returns its row of the reply.
 async fn beat(worker: &Worker<'_>, attempt: &Value, samples: Value) -> Value {
-    let beat = json!({"job_id": attempt["job_id"], "attempt": attempt["attempt"], "progress": progress(0.5),
-                      "samples": samples});
+    beat_with(worker, attempt, json!({"t0_s": null, "samples": samples})).await
+}
+
+/// Sends a heartbeat with more fields and returns its row of the reply.
+async fn beat_with(worker: &Worker<'_>, attempt: &Value, more: Value) -> Value {
+    let mut beat =
+        json!({"job_id": attempt["job_id"], "attempt": attempt["attempt"], "progress": progress(0.5)});
+    beat.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
     let path = format!("/v1/workers/{}/heartbeat", worker.id);
     worker.server.post(&path, &json!({"attempts": [beat]})).await.expect(StatusCode::OK)["attempts"][0]
         .clone()
@@ -50,7 +58,14 @@ async fn running_job_shows_its_series_until_the_result_replaces_them() {
     let problem = server.get(&format!("{}x", path)).await.problem(404, "not-found");
     assert!(text(&problem["detail"]).contains("discharged_mass"), "{problem}");
 
-    assert_eq!(beat(&worker, &attempt, json!([part(9, &[9.0])])).await["resend_samples"], true, "a gap");
+    let row = beat(&worker, &attempt, json!([part(9, &[9.0])])).await;
+    assert_eq!(
+        (&row["missing_samples"], &row["resend_samples"]),
+        (&json!({"discharged_mass": 3}), &json!(true))
+    );
+    let row = beat(&worker, &attempt, json!([part(0, &[8.0, 8.0])])).await;
+    assert_eq!((row.get("missing_samples"), &row["resend_samples"]), (None, &json!(false)));
+    assert_eq!(server.get(&path).await.expect(StatusCode::OK), so_far, "repeated samples change nothing");
     let mut uneven = part(3, &[1.0]);
     uneven["t_s"] = json!([]);
     let bad = json!({"attempts": [{"job_id": attempt["job_id"], "attempt": 1, "progress": null, "samples": [uneven]}]});
@@ -75,10 +90,66 @@ async fn samples_lost_in_a_restart_are_requested_again() {
     server.stop().await;
     let server = TestServer::on(dir.path(), |_| {}).await;
     let worker = Worker { server: &server, id };
-    assert_eq!(beat(&worker, &attempt, json!([part(2, &[2.0])])).await["resend_samples"], true);
+    let row = beat(&worker, &attempt, json!([part(2, &[2.0])])).await;
+    assert_eq!(
+        (&row["missing_samples"], &row["resend_samples"]),
+        (&json!({"discharged_mass": 0}), &json!(true))
+    );
     assert_eq!(beat(&worker, &attempt, json!([part(0, &[0.0, 1.0, 2.0])])).await["resend_samples"], false);
     let path = format!("/v1/jobs/{}/series/discharged_mass", text(&job["id"]));
     assert_eq!(server.get(&path).await.expect(StatusCode::OK)["values"], json!([0.0, 1.0, 2.0]));
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn t0_shifts_the_times_of_earlier_samples() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let job = server.submit(&envelope(1)).await;
+    let attempt = worker.claim_one().await;
+    let path = format!("/v1/jobs/{}/series/discharged_mass", text(&job["id"]));
+    let mut events = Events::open(&server, &format!("/v1/jobs/{}", text(&job["id"])), None).await;
+    beat(&worker, &attempt, json!([part(0, &[0.0, 1.0, 2.0])])).await;
+    let times = async || server.get(&path).await.expect(StatusCode::OK)["t_s"].clone();
+    assert_eq!(times().await, json!([-0.5, -0.25, 0.0]), "they end at 0");
+    let samples = async |events: &mut Events| loop {
+        let event = events.next().await.unwrap();
+        if event.name == "samples" {
+            break event.data;
+        }
+    };
+    let event = samples(&mut events).await;
+    assert_eq!((&event["t0_s"], &event["series"]), (&Value::Null, &json!([part(0, &[0.0, 1.0, 2.0])])));
+
+    let etag = async || poll(&server, &path, None).await.1;
+    let before = etag().await;
+    beat_with(&worker, &attempt, json!({"t0_s": 0.25})).await;
+    assert_eq!(times().await, json!([-0.25, 0.0, 0.25]));
+    assert_ne!(etag().await, before);
+    let event = samples(&mut events).await;
+    assert_eq!((&event["t0_s"], &event["series"]), (&json!(0.25), &json!([])), "no sample comes again");
+    let before = etag().await;
+    beat_with(&worker, &attempt, json!({"t0_s": 0.25})).await;
+    assert_eq!(etag().await, before, "nothing has changed");
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn workers_without_t0_can_rewrite_samples() {
+    let (server, _dir) = TestServer::start().await;
+    let worker = server.worker("cpu").await;
+    let job = server.submit(&envelope(1)).await;
+    let attempt = worker.claim_one().await;
+    for values in [&[0.0, 1.0][..], &[0.0, 1.0, 2.0], &[0.0, 1.0, 2.0, 3.0]] {
+        // Before this version times ended at 0, so that each heartbeat had all samples at other times.
+        let t_s: Vec<f64> = (0..values.len()).map(|k| k as f64 - (values.len() - 1) as f64).collect();
+        let all = json!({"name": "discharged_mass", "unit": "kg", "from": 0, "t_s": t_s, "values": values});
+        let row = beat_with(&worker, &attempt, json!({"samples": [all]})).await;
+        assert_eq!((&row["directive"], &row["resend_samples"]), (&json!("continue"), &json!(false)));
+    }
+    let path = format!("/v1/jobs/{}/series/discharged_mass", text(&job["id"]));
+    assert_eq!(server.get(&path).await.expect(StatusCode::OK)["values"], json!([0.0, 1.0, 2.0, 3.0]));
+    worker.deliver(&attempt).await.expect(StatusCode::OK);
     server.stop().await;
 }
 

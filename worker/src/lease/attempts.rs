@@ -8,8 +8,8 @@ use roost_api::ids::JobId;
 use roost_api::lease::{AttemptBeat, AttemptDirective, Directive};
 use tokio::sync::watch;
 
-use super::new_samples::NewSamples;
-use crate::runner::{Run, Sampled, Stop, StopFlag};
+use super::sent_samples::SentSamples;
+use crate::runner::{Run, SharedRecorder, Stop, StopFlag};
 
 /// Job and number of an attempt, which fence its writes.
 pub(super) type AttemptKey = (JobId, u32);
@@ -20,9 +20,9 @@ const MAX_SAMPLES_PER_BEAT: usize = 10_000;
 #[derive(Debug)]
 struct Entry {
     progress: watch::Receiver<Option<Progress>>,
-    samples: Sampled,
+    recorder: SharedRecorder,
     stop: StopFlag,
-    new_samples: NewSamples,
+    sent: SentSamples,
 }
 
 /// The attempts by job and number. No method blocks.
@@ -31,8 +31,8 @@ pub(super) struct LeasedAttempts(Mutex<BTreeMap<AttemptKey, Entry>>);
 
 impl LeasedAttempts {
     pub(super) fn insert(&self, key: AttemptKey, run: &Run) {
-        let (progress, samples, stop) = (run.progress.clone(), run.samples.clone(), run.stop.clone());
-        self.lock().insert(key, Entry { progress, samples, stop, new_samples: NewSamples::default() });
+        let (progress, recorder, stop) = (run.progress.clone(), run.recorder.clone(), run.stop.clone());
+        self.lock().insert(key, Entry { progress, recorder, stop, sent: SentSamples::default() });
     }
 
     pub(super) fn remove(&self, key: AttemptKey) {
@@ -43,11 +43,11 @@ impl LeasedAttempts {
     pub(super) fn beats(&self) -> Vec<AttemptBeat> {
         let mut attempts = self.lock();
         let mut limit = MAX_SAMPLES_PER_BEAT;
-        let beat = |(&(job_id, attempt), entry): (&AttemptKey, &mut Entry)| AttemptBeat {
-            job_id,
-            attempt,
-            progress: entry.progress.borrow().clone(),
-            samples: entry.new_samples.since(&entry.samples.series(), &mut limit),
+        let beat = |(&(job_id, attempt), entry): (&AttemptKey, &mut Entry)| {
+            let progress = entry.progress.borrow().clone();
+            let recorder = entry.recorder.lock();
+            let samples = entry.sent.next_parts(&recorder, &mut limit);
+            AttemptBeat { job_id, attempt, progress, t0_s: recorder.t0_s(), samples }
         };
         attempts.iter_mut().map(beat).collect()
     }
@@ -58,7 +58,7 @@ impl LeasedAttempts {
         for row in directives {
             let key = (row.job_id, row.attempt);
             if let Some(entry) = attempts.get_mut(&key) {
-                entry.new_samples.arrived(row.resend_samples);
+                entry.sent.continue_from(&row.missing_samples);
             }
             match row.directive {
                 Directive::Continue => {}
@@ -88,6 +88,8 @@ impl LeasedAttempts {
 
 #[cfg(test)]
 mod tests {
+    use roost_solver::observe::Clock;
+
     use super::*;
 
     /// Inserts an attempt and returns its stop flag.
@@ -98,7 +100,14 @@ mod tests {
     }
 
     fn row((job_id, attempt): AttemptKey, directive: Directive) -> AttemptDirective {
-        AttemptDirective { job_id, attempt, directive, lease_expires_at: None, resend_samples: false }
+        AttemptDirective {
+            job_id,
+            attempt,
+            directive,
+            lease_expires_at: None,
+            missing_samples: BTreeMap::new(),
+            resend_samples: false,
+        }
     }
 
     #[tokio::test]
@@ -117,6 +126,32 @@ mod tests {
         assert_eq!(seen, [None, Some(Stop::Cancel), Some(Stop::Abandon), None]);
         let left: Vec<_> = attempts.beats().iter().map(|beat| (beat.job_id, beat.attempt)).collect();
         assert_eq!(left, [keys[0], keys[1], keys[3]], "an abandoned attempt has no heartbeat");
+    }
+
+    #[tokio::test]
+    async fn heartbeat_carries_t0_and_the_samples_that_the_server_lacks() {
+        let attempts = LeasedAttempts::default();
+        let key = (JobId::new(), 1);
+        let run = Run::pending();
+        attempts.insert(key, &run);
+        let beat = || {
+            let AttemptBeat { t0_s, samples, .. } = attempts.beats().remove(0);
+            (t0_s, samples.iter().map(|part| (part.from, part.values.clone())).collect::<Vec<_>>())
+        };
+        let mass = run.recorder.lock().add("mass", "kg", Clock::Simulated);
+        let sample = |simulated_s, belt_s, value| {
+            let mut recorder = run.recorder.lock();
+            recorder.begin_sample(simulated_s, belt_s);
+            recorder.record(mass, value);
+        };
+        sample(0.5, None, 7.0);
+        assert_eq!(beat(), (None, vec![(0, vec![7.0])]));
+        sample(1.0, Some(0.0), 8.0);
+        assert_eq!(beat(), (Some(1.0), vec![(1, vec![8.0])]));
+        assert_eq!(beat(), (Some(1.0), vec![]), "no sample twice");
+        let missing_samples = BTreeMap::from([("mass".to_owned(), 0)]);
+        attempts.apply(&[AttemptDirective { missing_samples, ..row(key, Directive::Continue) }]);
+        assert_eq!(beat(), (Some(1.0), vec![(0, vec![7.0, 8.0])]));
     }
 
     #[tokio::test]

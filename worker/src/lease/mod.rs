@@ -5,7 +5,7 @@ mod claim;
 mod deliver;
 mod frames;
 mod heartbeat;
-mod new_samples;
+mod sent_samples;
 mod session;
 #[cfg(test)]
 mod tests;
