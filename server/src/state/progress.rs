@@ -170,3 +170,38 @@ impl ProgressBoard {
         known.map(|known| known.progress.fraction.clamp(0.0, 1.0)).sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first samples of a series.
+    fn part(count: usize) -> SeriesPart {
+        let zeros = vec![0.0; count];
+        SeriesPart {
+            name: "mass".to_owned(),
+            unit: "kg".to_owned(),
+            from: 0,
+            t_s: zeros.clone(),
+            values: zeros,
+        }
+    }
+
+    #[test]
+    fn samples_of_all_jobs_are_bounded_and_freed_with_their_attempt() {
+        let board = ProgressBoard::default();
+        let jobs: Vec<JobId> = (0..11).map(|_| JobId::new()).collect();
+        let append = |job: usize, attempt, count| {
+            let missing = board.append((jobs[job], attempt), None, None, vec![part(count)]);
+            assert!(missing.is_empty(), "{missing:?}");
+            board.series(jobs[job]).first().map_or(0, |series| series.values.len())
+        };
+        let tenth = MAX_OF_ALL / 10;
+        assert_eq!((0..11).map(|job| append(job, 1, tenth)).sum::<usize>(), MAX_OF_ALL);
+        assert_eq!(append(10, 2, 7), 0, "no memory");
+        assert_eq!(append(0, 2, tenth - 5), tenth - 5, "a new attempt replaces the samples of the old one");
+        assert_eq!(append(10, 3, 7), 5);
+        board.remove(jobs[1]);
+        assert_eq!(append(10, 4, tenth), tenth);
+    }
+}
