@@ -141,3 +141,13 @@ fn a_share_has_the_interval_of_the_server_even_without_a_trial() {
         ])
     );
 }
+
+#[test]
+fn own_series_of_an_experiment_come_first() {
+    let (_home, _server, mut page) = opened();
+    let first: Vec<String> = page.value(
+        "import('/dashboard/outputs.js').then(({ readOutputsOf, seriesNames }) =>
+            Promise.all(['hopper', 'bend', 'slide'].map(async (name) => seriesNames(await readOutputsOf(name))[0])))",
+    );
+    assert_eq!(first, ["discharged_mass", "bend_angle", "sliding_speed"]);
+}
