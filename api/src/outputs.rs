@@ -56,7 +56,7 @@ pub struct CurveRow {
 }
 
 /// The results of all experiments. One row serves all experiments that show a result alike; a row is unique by name and
-/// experiment. Rows of one experiment keep its order.
+/// experiment.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct OutputTable {
     /// Responses.
