@@ -112,6 +112,7 @@ fn run(sandbox: &Sandbox, page: &str, test: &str, replaced: &[(&str, &str)], bef
 /// The hopper of the pages, coarser and with fewer fillets.
 const SMALL: (&str, &str) = (r#""subparticle_radius_m": 0.008"#, r#""subparticle_radius_m": 0.009"#);
 const FEW: (&str, &str) = (r#""count": 48"#, r#""count": 3"#);
+const ONE: &str = r#""replicates": 1"#;
 
 #[test]
 fn the_tutorial_runs() {
@@ -119,7 +120,7 @@ fn the_tutorial_runs() {
     let _server = sandbox.start_server();
     let _worker = sandbox.start_worker("worker");
     let whole = (r#""subparticle_radius_m": 0.006"#, r#""count": 4, "subparticle_radius_m": 0.009"#);
-    let replaced = [whole, SMALL, FEW, (r#""replicates": 4"#, r#""replicates": 1"#)];
+    let replaced = [whole, SMALL, FEW, (r#""replicates": 4"#, ONE), (r#""replicates": 12"#, ONE)];
     run(&sandbox, "docs/tutorial.md", "the_tutorial_runs", &replaced, "");
     assert!(sandbox.path("out/curve.svg").exists());
     assert!(std::fs::metadata(sandbox.path("run.roostframes")).unwrap().len() > 1000);
@@ -142,12 +143,41 @@ fn a_hopper_from_an_stl_file_runs() {
 }
 
 #[test]
+fn a_gate_is_chosen() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("worker");
+    for (name, opening) in [("gate-60.stl", 60.0), ("gate-80.stl", 80.0), ("no-gate.stl", 499.0)] {
+        std::fs::write(sandbox.path(name), stl::ascii(&stl::hopper([300.0, 150.0, 500.0], opening))).unwrap();
+    }
+    let replaced = [SMALL, FEW, (r#""replicates": 4"#, ONE), (r#""replicates": 59"#, r#""replicates": 2"#)];
+    run(&sandbox, "docs/howto/choose-a-gate.md", "a_gate_is_chosen", &replaced, "");
+    let table = std::fs::read_to_string(sandbox.path("confirm.csv")).unwrap();
+    assert_eq!(table.lines().count(), 5, "two openings with two replicates: {table}");
+    assert!(!table.contains("failed"), "{table}");
+}
+
+#[test]
+fn an_own_product_runs() {
+    let sandbox = Sandbox::new();
+    let coarser = ["0.004", "0.006"].map(|radius| format!(r#""subparticle_radius_m": {radius}"#));
+    let coarse = SMALL.1;
+    let replaced = [(coarser[0].as_str(), coarse), (&coarser[1], coarse), (r#""count": 60"#, FEW.1)];
+    run(&sandbox, "docs/howto/own-product.md", "an_own_product_runs", &replaced, "");
+    for (folder, response) in [("tilt", "critical_angle_deg"), ("own", "regime")] {
+        let result = std::fs::read_to_string(sandbox.path(&format!("{folder}/result.json"))).unwrap();
+        let result: serde_json::Value = serde_json::from_str(&result).unwrap();
+        assert!(!result["responses"][response].is_null(), "{result}");
+    }
+}
+
+#[test]
 fn a_sweep_gets_more_replicates() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();
     let _worker = sandbox.start_worker("worker");
     let fewer = ("--replicates 55", "--replicates 1");
-    let replaced = [SMALL, FEW, (r#""replicates": 4"#, r#""replicates": 1"#), fewer];
+    let replaced = [SMALL, FEW, (r#""replicates": 4"#, ONE), fewer];
     run(&sandbox, "docs/howto/replicates.md", "a_sweep_gets_more_replicates", &replaced, "");
     assert_eq!(sandbox.get("/v1/sweeps")["items"][0]["replicates"], 2);
 }
