@@ -142,12 +142,12 @@ impl CurveRow {
 pub(super) const BONDS_INTACT_FRACTION: Response = number(
     "bonds_intact_fraction",
     "",
-    "Share of all bonds that have not broken. Bodies that leave take their bonds along unbroken.",
+    "Share of all bonds that have not broken. Bonds of fillets that left the simulation count as unbroken.",
 );
 pub(super) const MAX_OVERLAP_RATIO: Response = number(
     "max_overlap_ratio",
     "",
-    "Maximum overlap of two sub-particles without a bond, over R, at any time. It exceeds 1 while fillets drop onto each \
+    "Maximum overlap of two sub-particles without a bond at any time, divided by R. It exceeds 1 while fillets drop onto each \
      other.",
 );
 pub(super) const KINETIC_ENERGY_END_J: Response =
@@ -155,14 +155,14 @@ pub(super) const KINETIC_ENERGY_END_J: Response =
 pub(super) const ESCAPED_KG: Response = number(
     "escaped_kg",
     "kg",
-    "Mass that left the domain by accident, such as fragments; 0 in a sound simulation.",
+    "Mass that left the domain by accident, such as fragments or fillets beside the equipment; 0 in a sound simulation.",
 );
 pub(super) const KINETIC_ENERGY: SeriesRow = SeriesRow {
     clock: Clock::Simulated,
     ..series(
         "kinetic_energy",
         "J",
-        "Kinetic energy of all bodies, translation and spin. A fill has negative times.",
+        "Kinetic energy of all bodies, translation and spin. The fill has negative times.",
     )
 };
 pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
@@ -170,7 +170,7 @@ pub(super) const BONDS_INTACT: SeriesRow = SeriesRow {
     ..series(
         "bonds_intact_fraction",
         "1",
-        "Share of all bonds that have not broken. A fill has negative times.",
+        "Share of all bonds that have not broken. The fill has negative times.",
     )
 };
 

@@ -82,14 +82,14 @@ const HEAD: &[Field] = &[
     choice("/schema", &[SCHEMA], "format",
         "Name and version of this document's format."),
     field("/experiment", FieldKind::Choice(EXPERIMENTS), "", Preset::Required, "section 2",
-        "The family of scenarios: `hopper` is the bulk discharge of a hopper by a belt under a gate (section 2.4); `drop`, \
-         `bend`, `slide` and `compress` are the paper's tests of single fillets (section 2.3); `scene` is whatever one places."),
+        "The test to simulate. `hopper`: bulk discharge of a hopper by a belt under a gate (section 2.4). `drop`, `bend`, `slide`, \
+         `compress`: the paper's tests of single fillets (section 2.3). `scene`: bodies and surfaces that you place."),
 ];
 
 #[rustfmt::skip]
 const SEED: &[Field] = &[
     integer("/seed", 1, from_to(0.0, 9_007_199_254_740_991.0), "numerics",
-        "Seed of everything drawn at random; at most 2⁵³ − 1, which every JSON reader keeps exact."),
+        "Seed of all random numbers; at most 2⁵³ − 1."),
 ];
 
 /// The fields of the experiments' own sections.

@@ -23,27 +23,26 @@ const SINKING_M_S: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("bend_angle_deg", "°",
-        "Bend angle at the end: mean since it came to rest, or over the last second if it still swings. Of a fillet that has fallen \
-         off or torn: the maximum while it was on its support and whole.").headline(),
+        "Mean bend angle since the fillet came to rest, or over the last second if it still swings. If it fell off or tore: the \
+         maximum before.").headline(),
     number("tip_deflection_m", "m",
-        "Distance of the tail's last layer of sub-particles below its start at the end, a mean like the angle; null unless \
-         `clamped`.").headline(),
+        "Distance that the tail's last layer of sub-particles sank, as a mean like `bend_angle_deg`; null unless `clamped`.").headline(),
     number("time_to_rest_s", "s",
-        "Time from which it hangs still until the end; null when it did not, and on a conveyor that runs.").headline(),
+        "Time at which the fillet came to rest; null if it did not, or if a conveyor runs.").headline(),
     number("bend_swing_deg", "°",
-        "Half the range of the angles whose mean is `bend_angle_deg`; null for a fillet that has fallen off or torn."),
-    number("largest_bend_angle_deg", "°", "Maximum while it was on its support and whole, swings included."),
-    boolean("fell_off", "Whether all of it fell below the axis of the bar or the roller."),
-    boolean("torn", "Whether no bonds lead from one of its ends to the other any more, or a part of it has left."),
+        "Half the range of the angles of which `bend_angle_deg` is the mean; null if the fillet fell off or tore."),
+    number("largest_bend_angle_deg", "°", "Maximum bend angle while the fillet was whole and on its support, with swings."),
+    boolean("fell_off", "Whether the whole fillet fell below the axis of the bar or the roller."),
+    boolean("torn", "Whether the two ends are no longer connected by bonds, or a part left the simulation."),
     BONDS_INTACT_FRACTION,
 ];
 
 #[rustfmt::skip]
 const BEND_ANGLE: SeriesRow = series("bend_angle", "°",
-    "Bend angle while it was on its support and whole.").headline();
+    "Bend angle while the fillet was whole and on its support.").headline();
 #[rustfmt::skip]
 const TIP_DEFLECTION: SeriesRow = series("tip_deflection", "m",
-    "Distance of the tail's last layer below its start, while it was on its support and whole.").headline();
+    "Distance that the tail's last layer sank, while the fillet was whole and on its support.").headline();
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,

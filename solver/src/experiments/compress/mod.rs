@@ -34,16 +34,15 @@ const MARGIN_M: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("modulus_pa", "Pa",
-        "Slope of the stress over the strain by the plates: a straight line fitted from `modulus_from_strain` to \
-         `modulus_to_strain`; null with fewer than three samples between them.").headline(),
+        "Slope of stress over strain, with the strain from the plates: a straight line from `modulus_from_strain` to \
+         `modulus_to_strain`; null with fewer than three samples in this range.").headline(),
     number("modulus_lattice_pa", "Pa",
-        "The same slope over the strain by an extensometer between the centres of the outermost layers, which leaves out how the \
-         plates press into them; null for a single layer.").headline(),
+        "The same slope with the strain between the centres of the outermost layers, as an extensometer measures it; null for a \
+         single layer.").headline(),
     number("stress_at_end_pa", "Pa", "Stress at the end."),
-    number("largest_strain", "", "Strain by the plates at the end."),
+    number("largest_strain", "", "Strain at the end, from the plates."),
     number("plate_imbalance_fraction", "",
-        "Maximum difference between the forces on the two plates under load, over the maximum force: small when the test was slow \
-         enough."),
+        "Maximum difference of the forces on the two plates, divided by the maximum force; small if the test was slow enough."),
     BONDS_INTACT_FRACTION,
 ];
 
@@ -53,9 +52,13 @@ const LOWER_PLATE_FORCE: SeriesRow = series("lower_plate_force", "N",
 const UPPER_PLATE_FORCE: SeriesRow =
     series("upper_plate_force", "N", "Force of the block on the upper plate.");
 const STRESS: CurveRow =
-    curve("stress", "Pa", ("strain", "1"), "Stress over the strain by the plates.").headline();
-const STRESS_LATTICE: CurveRow =
-    curve("stress_lattice", "Pa", ("strain_lattice", "1"), "Stress over the strain by the extensometer.");
+    curve("stress", "Pa", ("strain", "1"), "Stress over strain, with the strain from the plates.").headline();
+const STRESS_LATTICE: CurveRow = curve(
+    "stress_lattice",
+    "Pa",
+    ("strain_lattice", "1"),
+    "Stress over strain, with the strain from the extensometer.",
+);
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,

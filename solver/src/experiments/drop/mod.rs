@@ -40,11 +40,11 @@ const RESPONSES: &[Response] = &[
 ];
 
 const PLATE_FORCE: SeriesRow =
-    series("plate_force", "N", "Force on all plates together, at the moment of the sample.");
+    series("plate_force", "N", "Sum of the forces on all plates, at the time of the sample.");
 const OVER: (&str, &str) = ("fillet", "1");
 #[rustfmt::skip]
 const SETTLE_TIME: CurveRow = curve("settle_time", "s", OVER,
-    "Settle time of each fillet, by its number from 0; fillets that have not settled are left out.").headline();
+    "Settle time of each fillet that settled, by its number from 0.").headline();
 const BONDS_OF_EACH: CurveRow = curve(
     "bonds_intact_fraction",
     "1",

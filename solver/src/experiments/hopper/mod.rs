@@ -31,41 +31,42 @@ const USUAL_SHARE: f64 = 0.6;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     word("regime",
-        "`no_flow` for q < 0.15, `inconsistent` for q < 0.55, else `constant`, with q = `lowest_rate_ratio`. `too_short` when under \
-         4 s were run and the hopper was neither empty nor jammed. One standstill of a second makes `no_flow`.").headline(),
+        "By q = `lowest_rate_ratio`: `no_flow` (a jam) below 0.15, `inconsistent` (uneven) below 0.55, else `constant`. `too_short`: \
+         less than 4 s simulated, neither empty nor jammed. One second without flow makes `no_flow`.").headline(),
     number("effective_throughput_kg_s", "kg/s",
-        "95 % of the filled mass over the time until it was out; null when it was not. The paper quotes 7.6 kg/s without a \
-         definition; this one is ours.").headline(),
-    number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s, past the opening spill, until 80 % is out.").headline(),
+        "95 % of the filled mass, divided by the time until it was out; null when it was not. The definition is ours: the paper \
+         quotes 7.6 kg/s without one.").headline(),
+    number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % is out. The first 0.5 s, the spill at the start, does not count.").headline(),
     number("discharged_kg", "kg", "Mass out at the end.").headline(),
     number("discharged_kg_at_4s", "kg",
-        "Mass out at 4 s; a hopper that is empty or jams sooner keeps its last value.").headline(),
+        "Mass out at 4 s; the last value if the simulation ended sooner, empty or jammed.").headline(),
     number("time_to_95_percent_s", "s", "Time at which 95 % was out; null when not reached.").headline(),
-    number("time_to_99_percent_s", "s", "Time at which 99 % was out; sensitive, since the last fillets straddle the gate."),
+    number("time_to_99_percent_s", "s", "Time at which 99 % was out; it depends on the last few fillets, so it varies a lot."),
     number("loaded_kg", "kg", "Mass of all fillets of the scenario."),
     number("filled_kg", "kg", "Mass in the hopper when the belt starts."),
     number("fill_duration_s", "s", "Simulated time from dropping the fillets until the bed is at rest."),
     number("bulk_density_kg_m3", "kg/m³",
-        "Filled mass over the bed's volume: hopper area times the height that 95 % of the floor stays below. Soft fillets nest and \
-         overlap, so it can exceed the density of a fillet."),
+        "Filled mass divided by the volume of the bed: hopper area times bed height, which 95 % of the floor does not exceed. Soft \
+         fillets overlap, so it can exceed the density of a fillet."),
     number("peak_rate_kg_s", "kg/s",
-        "Maximum running mean of the rate over 1 s. The plotted rate is a mean over 0.25 s and peaks higher."),
+        "Maximum of the 1 s running mean of the rate. The plotted rate is a mean over 0.25 s, so its maximum is higher."),
     number("rate_variation", "",
-        "Standard deviation over mean of the 1 s running mean of the rate, from 0.5 s until 80 % is out."),
+        "Standard deviation divided by mean, of the 1 s running mean of the rate, from 0.5 s until 80 % is out."),
     boolean("steady", "Whether `rate_variation` is under 0.2."),
     number("longest_stoppage_s", "s",
-        "Longest stretch with the rate (over 0.25 s) under 0.15 of the belt's capacity, until 80 % is out."),
+        "Longest time with a rate (mean over 0.25 s) below 0.15 `belt_capacity_kg_s`, until 80 % is out."),
     number("belt_capacity_kg_s", "kg/s",
-        "Q_b = bulk density × belt speed × width × opening: the rate that the belt carries when the opening is full."),
-    number("lowest_rate_ratio", "", "q: minimum 1 s running mean of the rate from 0.5 s until 80 % is out, over Q_b."),
+        "Rate that the belt carries when the opening is full: `bulk_density_kg_m3` × `belt_speed_m_s` × `hopper_width_m` × \
+         `gate_opening_m`."),
+    number("lowest_rate_ratio", "", "q: minimum of the 1 s running mean of the rate from 0.5 s until 80 % is out, divided by `belt_capacity_kg_s`."),
     number("linearity_r2", "", "R² of a straight line through the curve from 0 to `linearity_until_s`."),
-    number("linearity_until_s", "s", "4 s, or when 80 % was out or the run ended, if that was sooner."),
+    number("linearity_until_s", "s", "End of the straight line: 4 s, or sooner if 80 % was out or the simulation ended."),
     number("greatest_height_m", "m",
-        "Height of the fillets left in the hopper at the end; fillets that hang on a wall look like a jam."),
+        "Height of the highest fillet left in the hopper at the end. A fillet that hangs on a wall counts."),
     number("curl_angle_deg", "°",
-        "Mean bend angle of the fillets whose centre of mass lies within 0.2 m past the gate, over all samples until 80 % is out. \
-         The bend angle is the turning of the centre line between its ends: 0 flat, 180 folded double."),
-    number("largest_curl_angle_deg", "°", "Maximum bend angle among them."),
+        "Mean bend angle of fillets up to 0.2 m past the gate, over all samples until 80 % is out. The bend angle is the angle \
+         between the directions of the two ends: 0 flat, 180 folded double."),
+    number("largest_curl_angle_deg", "°", "Maximum bend angle of these fillets."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
@@ -75,7 +76,7 @@ const RESPONSES: &[Response] = &[
 const DISCHARGED_MASS: SeriesRow = series("discharged_mass", "kg", "Mass out.").headline();
 #[rustfmt::skip]
 const MASS_RATE: SeriesRow = series("mass_rate", "kg/s",
-    "Rate: mean over 0.25 s about each time, over what there is at both ends.").headline();
+    "Rate: mean over the 0.25 s around each sample; over a shorter time at both ends.").headline();
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,

@@ -23,12 +23,11 @@ use crate::scenario::{Fault, FreeScene, Scenario};
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("time_to_rest_s", "s",
-        "Time from which all but one in a thousand sub-particles are slower than `rest_speed_m_s` until the end, for 0.1 s at least, \
-         or longer where gravity is weak; null when they have not.").headline(),
+        "Time at which all bodies came to rest: from then on 99.9 % of the sub-particles are slower than `rest_speed_m_s`. Rest \
+         lasts at least 0.1 s, longer with weak gravity. Null without rest.").headline(),
     number("greatest_height_m", "m",
-        "Height of the highest sub-particle's top at the end, against the direction of gravity from the origin; null when nothing \
-         is left.").headline(),
-    number("bodies", "", "Bodies of which a part is in the simulation at the end."),
+        "Height of the top of the highest sub-particle at the end, from the origin against gravity; null when nothing is left.").headline(),
+    number("bodies", "", "Number of bodies at the end; a body counts if a part of it is left."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
@@ -38,7 +37,7 @@ const RESPONSES: &[Response] = &[
 const OVER: (&str, &str) = ("body", "1");
 #[rustfmt::skip]
 const POSITIONS: [CurveRow; 3] = [
-    curve("position_x", "m", OVER, "Centre of mass of each body at the end along x, by its number from 0; bodies that have left are left out."),
+    curve("position_x", "m", OVER, "Centre of mass of each body at the end along x, by its number from 0, without bodies that left."),
     curve("position_y", "m", OVER, "The same along y."),
     curve("position_z", "m", OVER, "The same along z."),
 ];
@@ -50,8 +49,8 @@ pub(super) const OUTPUTS: Outputs = Outputs {
         KINETIC_ENERGY.headline(),
         BONDS_INTACT.headline(),
         series("force_<name>_x", "N",
-            "Force on the surface of that name along x, at the moment of the sample. A plate at rest bears the weight of what lies on \
-             it; a belt feels what it drags."),
+            "Force on the surface of that name along x, at the time of the sample: the weight of bodies on it, the friction of bodies \
+         that a belt drags."),
         series("force_<name>_y", "N", "The same along y."),
         series("force_<name>_z", "N", "The same along z."),
     ],

@@ -28,20 +28,20 @@ const MARGIN_M: f64 = 0.1;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     number("critical_angle_deg", "°",
-        "Tilt at the onset of sliding for good; null when it did not slide up to `max_tilt_deg`. Rolling counts.").headline(),
+        "Tilt at which the fillet begins to slide without stopping again; null if it did not slide up to `max_tilt_deg`. Rolling counts.").headline(),
     number("friction_angle_deg", "°", "atan μ, with the friction μ of `fillet_equipment`.").headline(),
-    boolean("slid", "Whether there is a critical angle."),
-    boolean("rolled_over", "Whether its upper side at any time faced the plate."),
+    boolean("slid", "Whether the fillet slid, so that `critical_angle_deg` is not null."),
+    boolean("rolled_over", "Whether the fillet's upper side faced the plate at any time."),
     BONDS_INTACT_FRACTION,
 ];
 
 const TILT_ANGLE: SeriesRow = series("tilt_angle", "°", "Tilt of the plate.");
 #[rustfmt::skip]
 const SLIDING_SPEED: SeriesRow = series("sliding_speed", "m/s",
-    "Speed of its centre of mass down the plate, relative to the plate.").headline();
+    "Speed of the fillet's centre of mass down the plate, relative to the plate.").headline();
 #[rustfmt::skip]
 const DISPLACEMENT: SeriesRow = series("displacement", "m",
-    "Displacement of its centre of mass down the plate since t = 0.").headline();
+    "Displacement of the fillet's centre of mass down the plate since t = 0.").headline();
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,

@@ -38,7 +38,7 @@ pub enum Support {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/bend/support", &["over_bar", "off_ledge", "clamped"], "section 2.3.2",
-        "Across a bar with both ends hanging; carried off the end of a conveyor; or held at its blunt end."),
+        "`over_bar`: across a bar, both ends hang. `off_ledge`: carried off the end of a conveyor. `clamped`: held at its blunt end."),
     number("/bend/bar_radius_m", "m", 0.02, from_to(0.002, 1.0), "assumed",
         "Radius of the bar, or of the roller at the conveyor's end."),
     number("/bend/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
@@ -46,7 +46,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/bend/clamped_share", "", 0.25, between(0.0, 1.0), "assumed",
         "Share of the fillet's length that is held, for `clamped`."),
     number("/bend/scatter_deg", "°", 0.0, from_to(0.0, 45.0), "assumed",
-        "Yaw of the fillet is off by up to this much, drawn by `/seed`."),
+        "Maximum random deviation of the fillet's yaw, drawn by `/seed`."),
 ];
 
 /// The experiment in documents.

@@ -21,7 +21,7 @@ pub struct Bonds {
     pub contact_radius_ratio: f64,
     /// Bond disk radius over sub-particle radius (R_b / R).
     pub disk_scale: f64,
-    /// Whether bonded neighbours also act on each other by contact, as in the commercial model.
+    /// Whether bonded neighbours also have a contact force, as in the commercial model.
     pub contact_between_bonded: bool,
     /// Normal strength, in pascal; null is unbreakable by stress (the paper's 1e300 Pa).
     pub normal_strength_pa: Option<f64>,
@@ -47,23 +47,22 @@ const STRENGTH: Range = above_to(0.0, 1e300);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/bonds/formulation", &["corotated", "as_published", "finite_extension"], "eq. 6",
-        "How the bond force is formed: turning with the bond; one raw vector that never turns; or corotated and \
-         stiffening towards the breaking length."),
+        "Rule for the bond force. `corotated`: turns with the bond. `as_published`: keeps its direction. `finite_extension`: as \
+         `corotated`, and stiffens near breakage."),
     integer("/bonds/types", 2, from_to(1.0, 2.0), "section 2.2",
-        "Sub-particle types: 2 bonds only differing types, in a checkerboard; 1 bonds all within reach (Fig. 2)."),
+        "Sub-particle types (Fig. 2). 2: bonds only along the lattice edges. 1: also across diagonals within the contact radius."),
     number("/bonds/normal_stiffness_n_m3", "N/m³", 1e6, above_to(0.0, 1e12), "Table 2",
         "Normal stiffness per unit area, S_n."),
     number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",
         "Shear stiffness per unit area, S_t."),
     number("/bonds/contact_radius_ratio", "", 1.732, above_to(1.0, 1.732), "Table 2",
-        "Contact radius over sub-particle radius; a bond breaks beyond twice the contact radius, and at √3 the \
-         body diagonals would bond as well."),
+        "Contact radius over sub-particle radius. A bond breaks when it is longer than twice the contact radius. Keep it below √3."),
     number("/bonds/disk_scale", "", 1.0, above_to(0.0, 2.0), "assumed",
         "Radius of the bond disk over that of a sub-particle, R_b / R."),
     flag("/bonds/contact_between_bonded", true, "assumed",
-        "Whether bonded neighbours also act on each other by contact, as in the commercial model."),
+        "Whether bonded neighbours also have a contact force, as in the commercial model."),
     nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Normal strength of a bond; null is unbreakable by stress."),
+        "Normal strength of a bond; null: stress does not break it."),
     nullable("/bonds/shear_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",
-        "Shear strength of a bond; null is unbreakable by stress."),
+        "Shear strength of a bond; null: stress does not break it."),
 ];

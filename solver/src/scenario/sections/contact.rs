@@ -48,30 +48,30 @@ const SURFACE_ENERGY: Range = from_to(0.0, 10.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/contact/condition", &["dry", "wet"], "section 2.4",
-        "Surface of the fillets: `wet` only sets other defaults, and what is written out wins."),
+        "Surface of the fillets. `wet` only changes defaults; a value that you write has priority."),
     number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
         "Coulomb coefficient of friction between fillets."),
     number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",
         "Coefficient of restitution between fillets."),
     number("/contact/fillet_fillet/surface_energy_j_m2", "J/m²", 0.055, SURFACE_ENERGY, "Table 2",
-        "Interfacial surface energy γ between fillets; wet, as an assumption, the surface tension of water at 20 °C.")
+        "Surface energy γ between fillets. Wet: assumed to be the surface tension of water at 20 °C.")
         .wet(0.0728),
     number("/contact/fillet_equipment/static_friction", "", 0.5, FRICTION, "Table 2",
-        "Coulomb coefficient of friction on walls, gate and back plate; the same when wet, as Fig. 8b shows."),
+        "Coulomb coefficient of friction on walls, gate and back plate; equal when wet (Fig. 8b)."),
     same_as("/contact/fillet_fillet/restitution",
         "/contact/fillet_equipment/restitution", "", RESTITUTION, "Table 2",
         "Coefficient of restitution on walls, gate and back plate."),
     same_as("/contact/fillet_fillet/surface_energy_j_m2",
         "/contact/fillet_equipment/surface_energy_j_m2", "J/m²", SURFACE_ENERGY, "Table 2",
-        "Interfacial surface energy γ on walls, gate and back plate."),
+        "Surface energy γ on walls, gate and back plate."),
     number("/contact/fillet_belt/static_friction", "", 0.5, FRICTION, "assumed",
-        "Coulomb coefficient of friction on the belt, which the paper did not measure: dry as on steel plate; wet, \
-         as an assumption, low enough to lose the traction that section 3.4 blames.")
+        "Coulomb coefficient of friction on the belt; the paper did not measure it. Dry: as on steel plate. Wet: assumed so low \
+         that the belt slips, as section 3.4 reports.")
         .wet(0.2),
     same_as("/contact/fillet_fillet/restitution",
         "/contact/fillet_belt/restitution", "", RESTITUTION, "assumed",
         "Coefficient of restitution on the belt."),
     same_as("/contact/fillet_fillet/surface_energy_j_m2",
         "/contact/fillet_belt/surface_energy_j_m2", "J/m²", SURFACE_ENERGY, "assumed",
-        "Interfacial surface energy γ on the belt."),
+        "Surface energy γ on the belt."),
 ];

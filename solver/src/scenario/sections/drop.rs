@@ -28,13 +28,13 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/drop/speed_m_s", "m/s", 2.0, from_to(0.0, 30.0), "Fig. 11",
         "Speed at which fillets reach the plate, downwards; a free fall of 0.2 m reaches 2 m/s."),
     number("/drop/yaw_deg", "°", 0.0, ANGLE, "Fig. 10",
-        "Orientation: first about the vertical; 0, 0, 0 lies flat, its length along x."),
+        "Yaw: rotation about the vertical. At yaw, pitch and roll of 0 the fillet lies flat, its length along x."),
     number("/drop/pitch_deg", "°", 0.0, ANGLE, "Fig. 10",
-        "Orientation: then about the fillet's width; 90 falls end on, tail first."),
+        "Pitch: rotation about the fillet's width, after yaw; at 90 the fillet falls tail first."),
     number("/drop/roll_deg", "°", 0.0, ANGLE, "Fig. 10",
-        "Orientation: last about the fillet's length; 90 falls on its side."),
+        "Roll: rotation about the fillet's length, after pitch; at 90 the fillet falls on its side."),
     number("/drop/scatter_deg", "°", 0.0, SCATTER, "assumed",
-        "Yaw, pitch and roll of each fillet are off by up to this much, drawn by `/seed`."),
+        "Maximum random deviation of each fillet's yaw, pitch and roll, drawn by `/seed`."),
 ];
 
 /// The experiment in documents.

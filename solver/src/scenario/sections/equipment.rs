@@ -49,24 +49,24 @@ pub enum SideWalls {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/equipment/gate_opening_m", "m", 0.06, from_to(0.001, 5.0), "Fig. 5",
-        "Height of the gate's lower edge above the belt."),
+        "Height of the gate's lower edge above the belt. The belt's capacity depends on it, also with `parametric` false."),
     number("/equipment/hopper_width_m", "m", 0.59, from_to(0.01, 10.0), "derived",
-        "Inner width of the hopper across the belt (y); from 33.2 kg in 4 s."),
+        "Inner width of the hopper across the belt (y); derived from 33.2 kg in 4 s."),
     number("/equipment/hopper_length_m", "m", 0.30, from_to(0.01, 10.0), "derived",
         "Inner length of the hopper along the belt (x), at the belt."),
     number("/equipment/hopper_height_m", "m", 0.5, from_to(0.01, 10.0), "assumed",
         "Height of the hopper walls above the belt."),
     number("/equipment/wall_slope_deg", "°", 0.0, from_to(0.0, 80.0), "assumed",
-        "Slope of the back wall from the vertical, opening upwards."),
+        "Slope of the back wall from the vertical; the hopper widens upwards."),
     choice("/equipment/side_walls", &["rough", "frictionless", "periodic"], "section 2.4",
-        "The walls along the belt: with the equipment's friction; without friction, a slice of a wide hopper; or \
-         none, what leaves on one side entering on the other."),
+        "The walls along the belt. `rough`: with the equipment's friction. `frictionless`: a slice of a wide hopper. `periodic`: no \
+         walls; a fillet that leaves on one side enters on the other."),
     number("/equipment/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
-        "Speed of the belt from t = 0 on; the paper's 15 m/min."),
+        "Speed of the belt from t = 0 on; the paper has 15 m/min. The belt's capacity depends on it, also with `parametric` false."),
     flag("/equipment/shutter_while_filling", true, "assumed",
         "Whether a shutter closes the opening until the belt starts."),
     flag("/equipment/parametric", true, "assumed",
-        "Whether belt, walls, gate and shutter are made from the fields here; false leaves all of it to `surfaces`."),
+        "Whether Roost makes belt, walls, gate and shutter from these fields. False: only `surfaces` exist."),
 ];
 
 /// The experiment in documents.

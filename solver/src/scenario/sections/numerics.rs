@@ -65,30 +65,30 @@ const TIME: Range = above_to(0.0, 600.0);
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     field("/numerics/timestep_s", FieldKind::NumberOrAuto(from_to(1e-9, 0.1)), "s", Preset::Number(5.75e-5), "Table 2",
-        "Time step; `auto` picks the largest safe one from stiffness, mass, damping and the speed at the start."),
+        "Time step. `auto`: the stability limit with a margin, from stiffness, mass, damping and the speed at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
         "Simulated time from t = 0: the start of the belt, or of the test.")
         .by_name(),
     number("/numerics/output_interval_s", "s", 0.02, above_to(0.0, 0.1), "numerics",
         "Interval between samples."),
     flag("/numerics/stop/when_empty", true, "numerics",
-        "Whether a run ends once every fillet has left.")
+        "Whether the simulation ends when every fillet has left.")
         .by_name(),
     nullable("/numerics/stop/when_jammed_s", "s", TIME, "numerics",
-        "A run ends once nothing has passed the gate for this long; null never.")
+        "The simulation ends when nothing has passed the gate for this long; null: never.")
         .by_name(),
     flag("/numerics/stop/when_done", true, "numerics",
-        "Whether a run ends once what it measures is known: fillets at rest, or sliding, or the block compressed.")
+        "Whether the simulation ends when its responses are known: fillets at rest, or sliding, or the block compressed.")
         .by_name(),
     number("/numerics/gravity_m_s2", "m/s²", 9.81, from_to(0.0, 100.0), "assumed",
-        "Acceleration of gravity, downwards; none in a compression test, where the block's weight would stand in the curve."),
+        "Acceleration of gravity, downwards; 0 by default in `compress`, where the block's weight would distort the curve."),
     number("/numerics/rest_speed_m_s", "m/s", 0.05, above_to(0.0, 1.0), "numerics",
-        "The bed is at rest, and the belt starts, once all but one in a thousand of its sub-particles are slower than this."),
+        "The bed is at rest, and the belt starts, when 99.9 % of the sub-particles are slower than this."),
     number("/numerics/max_fill_s", "s", 10.0, TIME, "numerics",
-        "What has not come to rest before t = 0 after this long ends the run.")
+        "If the bed is not at rest after this time, the simulation ends.")
         .by_name(),
     number("/numerics/speed_limit_m_s", "m/s", 30.0, from_to(1.0, 10_000.0), "numerics",
-        "A sub-particle faster than this makes the run `unstable`."),
+        "A sub-particle that is faster ends the simulation as `unstable`."),
     flag("/numerics/allow_unstable", false, "numerics",
-        "Whether time steps past the stability limit run, as a stability study needs."),
+        "Whether time steps above the stability limit are accepted, for stability studies."),
 ];

@@ -18,7 +18,7 @@ pub struct Product {
     pub shape: Option<u32>,
     /// A closed mesh in place of the teardrops.
     pub mesh: Option<MeshRef>,
-    /// Scale of fillets and sub-particles alike.
+    /// Scale factor of fillets and sub-particles.
     pub scale: f64,
     /// Radius of a sub-particle, in metres.
     pub subparticle_radius_m: f64,
@@ -65,28 +65,28 @@ const SIZES_M: &[[f64; 3]] = &[[0.144, 0.072, 0.040], [0.172, 0.072, 0.032], [0.
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     integer("/product/count", 191, from_to(1.0, 100_000.0), "section 2.4",
-        "Number of fillets; fillet i has shape i mod (2 · sizes), each size and its mirror image in turn, unless \
-         `shape` is given. A drop takes 15 of each of the six shapes (section 2.3.3).")
+        "Number of fillets. Without `shape`, fillets have each size and its mirror image in turn: fillet i has shape \
+         i mod (2 · sizes). The paper drops 15 of each of six shapes (section 2.3.3).")
         .by_name_or(Preset::Integer(1)),
     field("/product/sizes_m", FieldKind::Sizes(from_to(0.005, 2.0)), "m", Preset::Sizes(SIZES_M), "Table 1",
         "Length, width and thickness of each size.")
         .by_name(),
     field("/product/shape", FieldKind::NullableInteger(from_to(0.0, 63.0)), "", Preset::Null, "Fig. 1",
-        "The one shape that all fillets have: 2 · (number of the size, from 0), plus 1 for its mirror image; null takes each in turn.")
+        "Shape of all fillets: 2 · (number of the size, from 0), plus 1 for its mirror image. Null: each shape in turn.")
         .by_name(),
     field("/product/mesh", FieldKind::Mesh, "", Preset::Null, "section 2.2",
-        "A closed mesh that all fillets have as their shape, in place of the teardrops of `sizes_m`.")
+        "A closed mesh as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`.")
         .by_name(),
     number("/product/scale", "", 1.0, from_to(0.05, 20.0), "Fig. 12",
-        "Scale of fillets and sub-particles alike."),
+        "Scale factor of fillets and sub-particles."),
     number("/product/subparticle_radius_m", "m", 0.004, from_to(5e-4, 0.05), "section 2.2",
-        "Radius of a sub-particle; the lattice is twice that wide, and sub-particles grow as its inverse cube."),
+        "Radius R of a sub-particle. The lattice spacing is 2R; half the radius makes eight times as many sub-particles."),
     choice("/product/fill", &["centres", "whole_spheres"], "assumed",
-        "Which lattice points become sub-particles: those whose centre, or whose whole sphere, lies in the shape.")
+        "Lattice points that become sub-particles. `centres`: the centre is inside the shape. `whole_spheres`: the whole sphere is.")
         .by_name(),
     nullable("/product/subparticle_density_kg_m3", "kg/m³", DENSITY, "Table 2 has 2200",
-        "Density of a sub-particle, instead of `density_kg_m3`; the paper's two densities cannot both hold."),
+        "Density of a sub-particle, instead of `density_kg_m3`. The paper states both, but they contradict each other."),
     field("/product/density_kg_m3", FieldKind::Nullable(DENSITY), "kg/m³", Preset::Number(940.0), "Table 2",
-        "Density of a fillet, which sets its mass from its volume; null when `subparticle_density_kg_m3` is given.")
+        "Density of a fillet: its mass over its volume; null when `subparticle_density_kg_m3` is given.")
         .yields_to("/product/subparticle_density_kg_m3"),
 ];

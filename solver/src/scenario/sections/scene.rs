@@ -39,15 +39,15 @@ pub struct BodySpec {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     vector("/scene/gravity_direction", "", Preset::Vector([0.0, 0.0, -1.0]), from_to(-1.0, 1.0), "assumed",
-        "Direction of gravity; its length does not matter, its strength is `/numerics/gravity_m_s2`."),
+        "Direction of gravity, of any length; `/numerics/gravity_m_s2` is the acceleration."),
     number("/scene/margin_m", "m", 0.5, above_to(0.0, 10.0), "numerics",
-        "What goes this far beyond all that is there at the start leaves the simulation."),
+        "A sub-particle leaves the simulation at this distance outside the bounding box of the scene at the start."),
     integer("/scene/bodies/*/shape", 0, from_to(0.0, 63.0), "Fig. 1",
         "The body's shape: 2 · (number of the size in `/product/sizes_m`, from 0), plus 1 for its mirror image."),
     vector("/scene/bodies/*/position_m", "m", Preset::Required, PLACE, "assumed",
-        "Where its centre of mass starts."),
+        "Position of its centre of mass at the start."),
     vector("/scene/bodies/*/orientation_deg", "°", ORIGIN, ANGLE, "assumed",
-        "Yaw, pitch and roll: about z, then its width, then its length."),
+        "Rotation: yaw about z, then pitch about its width, then roll about its length."),
     vector("/scene/bodies/*/velocity_m_s", "m/s", ORIGIN, SPEED, "assumed",
         "Velocity at the start."),
 ];
@@ -58,7 +58,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "scene",
     sections: &[
         section("/scene", Some("scene"), "Bodies and surfaces, freely placed."),
-        list("/scene/bodies", "/scene/bodies/*", Some("scene"), "Fillets; a product's shape at a place."),
+        list("/scene/bodies", "/scene/bodies/*", Some("scene"), "Fillets: shape, place, orientation and velocity."),
         list("/scene/surfaces", "/scene/surfaces/*", Some("scene"), "Surfaces of triangles that move together."),
     ],
     fields: FIELDS,
