@@ -16,8 +16,12 @@ fn main() {
     println!("cargo:rerun-if-changed=dashboard");
     let out = env::var("OUT_DIR").expect("cargo sets it");
     let root = Path::new(&env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).to_owned();
-    for (list, folder) in [("migrations.rs", "../migrations"), ("dashboard.rs", "dashboard")] {
-        fs::write(Path::new(&out).join(list), file_list(&root.join(folder))).expect("OUT_DIR can be written");
+    for (list, folder, extensions) in [
+        ("migrations.rs", "../migrations", &["sql"][..]),
+        ("dashboard.rs", "dashboard", &["css", "html", "js", "svg"][..]),
+    ] {
+        let list_of_files = file_list(&root.join(folder), extensions);
+        fs::write(Path::new(&out).join(list), list_of_files).expect("OUT_DIR can be written");
     }
     let mut packed = GzEncoder::new(Vec::new(), Compression::best());
     packed.write_all(first_script(&plotly::Plot::offline_js_sources()).as_bytes()).expect("memory takes it");
@@ -25,8 +29,9 @@ fn main() {
     fs::write(Path::new(&out).join("plotly.min.js.gz"), packed).expect("OUT_DIR can be written");
 }
 
-/// A Rust expression: name and content of every file below a folder.
-fn file_list(root: &Path) -> String {
+/// A Rust expression: name and content of every file below a folder. The build fails on a file of another
+/// extension, such as the backup of an editor: everything here is served. `README.md` is left out.
+fn file_list(root: &Path, extensions: &[&str]) -> String {
     let mut folders = vec![root.to_owned()];
     let mut files: Vec<PathBuf> = Vec::new();
     while let Some(folder) = folders.pop() {
@@ -35,7 +40,17 @@ fn file_list(root: &Path) -> String {
             if path.is_dir() { folders.push(path) } else { files.push(path) }
         }
     }
+    files.retain(|path| !path.ends_with("README.md"));
     files.sort();
+    let is_other = |path: &&PathBuf| {
+        let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        is_hidden || !extension.is_some_and(|extension| extensions.contains(&extension))
+    };
+    if let Some(other) = files.iter().find(is_other) {
+        let extensions = extensions.join(", ");
+        panic!("{}: only files of the types {extensions} belong here: remove it", other.display());
+    }
     let entry = |path: &PathBuf| {
         let name = path.strip_prefix(root).expect("below the folder").to_string_lossy().replace('\\', "/");
         format!("({name:?}, include_bytes!({path:?}) as &[u8]),\n")
