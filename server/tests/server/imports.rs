@@ -33,7 +33,7 @@ fn code(text: &str) -> String {
 
 /// All paths of a `use` tree: `a::{b, c::d}` has `a::b` and `a::c::d`. The tree may be followed by other text.
 fn paths(tree: &str) -> Vec<String> {
-    let end = tree.find(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':')).unwrap_or(tree.len());
+    let end = tree.find(|c: char| !(c.is_alphanumeric() || "_:@".contains(c))).unwrap_or(tree.len());
     let (prefix, rest) = tree.split_at(end);
     let Some(list) = rest.strip_prefix('{').filter(|_| prefix.is_empty() || prefix.ends_with("::")) else {
         return vec![prefix.trim_end_matches("::").to_owned()];
@@ -74,7 +74,35 @@ fn imports(module: &str, code: &str) -> Vec<String> {
     found
 }
 
-/// The graph of all modules. A file does not import the folder that it is part of.
+/// The re-exports of a module: the path by which others import an item, and its own path.
+fn reexports(module: &str, code: &str) -> Vec<(String, String)> {
+    let declarations = ["pub use ", "pub(crate) use ", "pub(super) use "];
+    let trees = code.lines().enumerate().filter_map(|(at, line)| {
+        let start = declarations.iter().find_map(|declaration| line.strip_prefix(declaration))?;
+        let rest = code.lines().skip(at + 1);
+        let tree = std::iter::once(start).chain(rest).collect::<Vec<_>>().join(" ");
+        Some(tree.split(';').next().unwrap().replace(" as ", "@"))
+    });
+    let reexport = |path: String| {
+        let (path, name) = match path.split_once('@') {
+            Some((path, name)) => (path, name),
+            None => (path.as_str(), path.rsplit("::").next().unwrap()),
+        };
+        let own = match path.strip_prefix("crate::") {
+            Some(path) => path.to_owned(),
+            None => format!("{module}::{}", path.trim_start_matches("self::")),
+        };
+        (format!("{module}::{name}"), own)
+    };
+    trees.flat_map(|tree| paths(&tree)).map(reexport).collect()
+}
+
+/// Whether a path is `outer` or lies in it.
+fn is_part(inner: &str, outer: &str) -> bool {
+    inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
+}
+
+/// The graph of all modules of the server.
 fn graph() -> Graph {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let sources: Vec<_> = files(&root)
@@ -82,10 +110,22 @@ fn graph() -> Graph {
         .map(|file| (module(&root, file), code(&std::fs::read_to_string(file).unwrap())))
         .filter(|(module, _)| module != "lib")
         .collect();
+    graph_of(&sources)
+}
+
+/// The graph of modules with their code. A re-exported item is imported from its own file. A file does not
+/// import the folder that it is part of.
+fn graph_of(sources: &[(String, String)]) -> Graph {
     let known: BTreeSet<&String> = sources.iter().map(|(module, _)| module).collect();
-    let is_part = |inner: &str, outer: &str| inner == outer || inner.starts_with(&format!("{outer}::"));
+    let reexported: Vec<_> = sources.iter().flat_map(|(module, code)| reexports(module, code)).collect();
     let imported = |(module, code): &(String, String)| {
-        let of_path = |path: String| {
+        let of_path = |mut path: String| {
+            // A re-export may lead to another.
+            for _ in 0..3 {
+                if let Some((outer, own)) = reexported.iter().find(|(outer, _)| is_part(&path, outer)) {
+                    path = format!("{own}{}", &path[outer.len()..]);
+                }
+            }
             known.iter().rev().find(|known| is_part(&path, known)).map(|known| (**known).clone())
         };
         let imported = imports(module, code).into_iter().filter_map(of_path);
@@ -163,6 +203,13 @@ fn use_trees_and_cycles_are_found() {
         ["http", "queue::x", "http::store::Store", "http::listener::rows::z"]
     );
     let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<BTreeSet<_>>();
+    let sources = [
+        ("a", "mod x;\nmod y;\npub(crate) use x::{\n    X,\n};\npub(crate) use y::Y as Other;"),
+        ("a::x", "use crate::a::Other;"),
+        ("a::y", "use super::X;"),
+    ];
+    let sources = sources.map(|(module, code)| (module.to_owned(), code.to_owned()));
+    assert_eq!(cyclic(&graph_of(&sources)), ["a::x", "a::y"]);
     let graph = [("a", set(&["b"])), ("b", set(&["c"])), ("c", set(&["b"])), ("d", set(&["a"]))];
     let graph: Graph = graph.map(|(name, imported)| (name.to_owned(), imported)).into();
     assert_eq!(cyclic(&graph), ["b", "c"]);
