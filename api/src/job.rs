@@ -22,6 +22,7 @@ use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use crate::frames::FramesView;
 use crate::ids::{JobId, SweepId, WorkerId};
+use crate::solver_documents::ProgressSchema;
 use crate::time::Timestamp;
 
 /// Maximum of labels in a document.
@@ -246,7 +247,7 @@ pub struct JobView {
     /// The worker of its newest attempt.
     pub worker_id: Option<WorkerId>,
     /// Progress of the running attempt.
-    #[schema(value_type = Option<Object>)]
+    #[schema(value_type = Option<ProgressSchema>)]
     pub progress: Option<Progress>,
     /// Earliest time of the next attempt of a failed job that is queued again.
     #[schema(value_type = Option<String>, format = DateTime)]

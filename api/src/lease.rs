@@ -13,6 +13,7 @@ use uuid::Uuid;
 use crate::frames::FramesOrder;
 use crate::ids::{JobId, WorkerId};
 use crate::job::AttemptOutcome;
+use crate::solver_documents::{ProgressSchema, RunResultSchema};
 use crate::time::Timestamp;
 
 /// Maximum of jobs in one claim: enough for a batch of a device.
@@ -99,7 +100,7 @@ pub struct AttemptBeat {
     /// Number of the attempt.
     pub attempt: u32,
     /// Its progress.
-    #[schema(value_type = Option<Object>)]
+    #[schema(value_type = Option<ProgressSchema>)]
     pub progress: Option<Progress>,
     /// Simulated time of t = 0, in seconds; null until it is known.
     #[serde(default)]
@@ -189,7 +190,7 @@ pub struct ResultDelivery {
     /// The worker that ran it.
     pub worker_id: WorkerId,
     /// The result document.
-    #[schema(value_type = Object)]
+    #[schema(value_type = RunResultSchema)]
     pub result: RunResult,
 }
 
@@ -205,6 +206,6 @@ pub struct FailureReport {
     pub message: String,
     /// The partial result of an unstable, cancelled or timed out run.
     #[serde(default)]
-    #[schema(value_type = Option<Object>)]
+    #[schema(value_type = Option<RunResultSchema>)]
     pub result: Option<RunResult>,
 }

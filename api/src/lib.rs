@@ -15,6 +15,8 @@ pub mod page;
 pub mod printable;
 pub mod problem;
 pub mod prune;
+#[expect(dead_code, reason = "the types exist for their schemas alone")]
+mod solver_documents;
 pub mod sweep;
 pub mod table;
 pub mod time;

@@ -5,6 +5,8 @@ use roost_solver::result::Estimate;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use crate::solver_documents::EstimateSchema;
+
 /// The cost of a valid document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ValidationReport {
@@ -13,7 +15,7 @@ pub struct ValidationReport {
     /// Number of jobs.
     pub jobs: u64,
     /// Cost of the scenario, or of the base scenario of the sweep.
-    #[schema(value_type = Object)]
+    #[schema(value_type = EstimateSchema)]
     pub estimate: Estimate,
     /// Predicted wall time of all jobs on two cores, one after another, in seconds. Cached results take no time.
     pub wall_s: f64,

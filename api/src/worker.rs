@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::ids::{JobId, WorkerId};
+use crate::solver_documents::ProgressSchema;
 use crate::time::Timestamp;
 
 /// The registration of a worker.
@@ -65,7 +66,7 @@ pub struct WorkerView {
     pub running: Vec<JobId>,
     /// Progress of these jobs in the same order; null before the first report.
     #[serde(default)]
-    #[schema(value_type = Vec<Option<Object>>)]
+    #[schema(value_type = Vec<Option<ProgressSchema>>)]
     pub progress: Vec<Option<Progress>>,
     /// Sub-particle updates per second of wall time: the sum over its jobs, each averaged since its start. Null before the first report.
     #[serde(default)]

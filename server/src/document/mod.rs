@@ -1,8 +1,12 @@
 //! Reading documents: one walk over a document lists every fault, then serde builds the type. Pure.
 //!
 //! `shape` holds the walk; scenarios have their own, over the field table of the solver.
+//! `serde_fault` translates the errors of serde, and `objects` finds lists in place of objects.
 
 mod limits;
+mod objects;
+mod place;
+mod serde_fault;
 mod shape;
 #[cfg(test)]
 mod tests;
@@ -20,11 +24,13 @@ use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
-use serde_path_to_error::{Path, Segment};
 
 use crate::mesh;
 pub(crate) use limits::{label_faults, name_fault};
-use shape::{Place, Shape};
+use place::Place;
+use serde_fault::serde_fault;
+pub(crate) use shape::MAX_FAULTS;
+use shape::Shape;
 
 /// A type of document that the API reads.
 pub(crate) trait DocumentType: DeserializeOwned + Send + 'static {
@@ -70,24 +76,20 @@ pub(crate) fn read_leniently<T: DocumentType>(value: Value) -> (Option<T>, Vec<F
     let Some(settled) = settled else { return (None, faults) };
     match serde_path_to_error::deserialize(&settled) {
         Ok(document) => (Some(document), faults),
-        // Parts that the schema leaves open, such as a result, have one fault at a time.
+        // Parts that the schema leaves open, such as the scenario of a result, have one fault at a time.
         Err(error) => {
-            let pointer = pointer(error.path());
-            let value = settled.pointer(&pointer).unwrap_or(&Value::Null);
-            faults.push(Fault::new(&pointer, value, error.inner().to_string(), None));
+            let found = serde_fault(&settled, &error);
+            if !faults.iter().any(|listed| is_within(&found.pointer, &listed.pointer)) {
+                faults.push(found);
+            }
             (None, faults)
         }
     }
 }
 
-fn pointer(path: &Path) -> String {
-    path.iter()
-        .map(|segment| match segment {
-            Segment::Seq { index } => format!("/{index}"),
-            Segment::Map { key } => format!("/{}", scenario::escape(key)),
-            Segment::Enum { .. } | Segment::Unknown => String::new(),
-        })
-        .collect()
+/// Reads a valid document without building it as JSON first, or nothing: `read_document` lists its faults.
+pub(crate) fn read_valid<T: DocumentType>(text: &[u8]) -> Option<T> {
+    objects::has_its_objects(T::shape(), text).then(|| serde_json::from_slice(text).ok()).flatten()
 }
 
 /// Whether `pointer` names `place` or a part of it.

@@ -1,26 +1,31 @@
 //! The shape of a document, from its JSON Schema. One walk over a document lists every fault.
 
 use std::collections::BTreeMap;
-use std::fmt;
 
 use roost_api::Fault;
-use roost_solver::scenario::{escape, most_similar, must_be, unknown_field};
+use roost_solver::scenario::{most_similar, must_be, unknown_field};
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-/// Faults that are listed of one document.
-const MAX_FAULTS: usize = 50;
+use super::place::Place;
+
+/// Maximum of faults that are listed of the shape of one document.
+pub(crate) const MAX_FAULTS: usize = 50;
 
 /// The values that a place of a document accepts.
 pub(crate) struct Shape {
-    rule: Rule,
+    pub(super) rule: Rule,
     is_nullable: bool,
 }
 
-enum Rule {
+pub(super) enum Rule {
     /// Any JSON value: another reader checks it.
     Any,
+    /// Any object: another reader checks it. The placeholder is the example of the schema.
+    Document {
+        placeholder: Value,
+    },
     Flag,
     Text,
     Id,
@@ -42,8 +47,8 @@ enum Rule {
     },
 }
 
-struct Field {
-    shape: Shape,
+pub(super) struct Field {
+    pub(super) shape: Shape,
     is_required: bool,
 }
 
@@ -105,9 +110,9 @@ impl Shape {
         let (value, detail) = match (&self.rule, value) {
             (_, Value::Null) if self.is_nullable => return Some(Value::Null),
             (Rule::Any, value) => return Some(value),
-            (Rule::Flag, value @ Value::Bool(_)) | (Rule::Text, value @ Value::String(_)) => {
-                return Some(value);
-            }
+            (Rule::Flag, value @ Value::Bool(_))
+            | (Rule::Text, value @ Value::String(_))
+            | (Rule::Document { .. }, value @ Value::Object(_)) => return Some(value),
             (Rule::List(item), Value::Array(items)) => {
                 let settle = |(index, value)| {
                     let settled = item.settle(value, &place.item(index), faults);
@@ -155,6 +160,7 @@ impl Shape {
         match &self.rule {
             _ if self.is_nullable => Value::Null,
             Rule::Any => Value::Null,
+            Rule::Document { placeholder } => placeholder.clone(),
             Rule::Flag => json!(false),
             Rule::Text => json!(""),
             Rule::Id => json!(Uuid::nil()),
@@ -170,7 +176,7 @@ impl Shape {
         }
     }
 
-    fn noun(&self) -> &'static str {
+    pub(super) fn noun(&self) -> &'static str {
         match &self.rule {
             Rule::Any => "JSON",
             Rule::Flag => "true or false",
@@ -179,7 +185,7 @@ impl Shape {
             Rule::Number { .. } => "a number",
             Rule::Integer { .. } => "a whole number",
             Rule::List(_) => "a list",
-            Rule::Map(_) | Rule::Object { .. } => "an object",
+            Rule::Document { .. } | Rule::Map(_) | Rule::Object { .. } => "an object",
         }
     }
 
@@ -205,11 +211,14 @@ fn integer(schema: &Value) -> Rule {
     let bound = |name: &str| schema[name].as_f64().map(|bound| bound as i128);
     let (minimum, maximum) = (bound("minimum"), bound("maximum"));
     let is_unsigned = minimum.is_some_and(|minimum| minimum >= 0);
+    // utoipa writes `u-int32` for u32.
     let (low, high) = match schema["format"].as_str() {
         Some("int32") if !is_unsigned => (i32::MIN.into(), i32::MAX.into()),
-        Some("int32" | "uint32") => (0, u32::MAX.into()),
-        _ if is_unsigned => (0, u64::MAX.into()),
-        _ => (i64::MIN.into(), i64::MAX.into()),
+        Some("int32" | "uint32" | "u-int32") => (0, u32::MAX.into()),
+        Some("uint64" | "u-int64") => (0, u64::MAX.into()),
+        Some("int64") | None if is_unsigned => (0, u64::MAX.into()),
+        Some("int64") | None => (i64::MIN.into(), i64::MAX.into()),
+        Some(format) => panic!("integers of the format {format} have no range here: add it"),
     };
     Rule::Integer { low: minimum.unwrap_or(low), high: maximum.unwrap_or(high) }
 }
@@ -217,10 +226,11 @@ fn integer(schema: &Value) -> Rule {
 fn object(schema: &Value, named: &Map<String, Value>) -> Rule {
     let extra = &schema["additionalProperties"];
     let Some(properties) = schema["properties"].as_object() else {
-        // An object without any description is a document of its own.
-        return match extra {
-            Value::Object(_) => Rule::Map(Box::new(Shape::compile(extra, named))),
-            _ => Rule::Any,
+        // An object without any description is a document of its own, and its reader checks its type as well.
+        return match (extra, &schema["examples"][0]) {
+            (Value::Object(_), _) => Rule::Map(Box::new(Shape::compile(extra, named))),
+            (_, Value::Null) => Rule::Any,
+            (_, example) => Rule::Document { placeholder: example.clone() },
         };
     };
     let required = schema["required"].as_array().map_or(&[][..], Vec::as_slice);
@@ -269,32 +279,5 @@ fn settle_fields(
 fn push(faults: &mut Vec<Fault>, fault: impl FnOnce() -> Fault) {
     if faults.len() < MAX_FAULTS {
         faults.push(fault());
-    }
-}
-
-/// A place in a document. It becomes a JSON pointer only where something is wrong: long lists have none made.
-pub(super) enum Place<'a> {
-    Root,
-    Field(&'a Place<'a>, &'a str),
-    Item(&'a Place<'a>, usize),
-}
-
-impl Place<'_> {
-    fn field<'a>(&'a self, name: &'a str) -> Place<'a> {
-        Place::Field(self, name)
-    }
-
-    fn item(&self, index: usize) -> Place<'_> {
-        Place::Item(self, index)
-    }
-}
-
-impl fmt::Display for Place<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Place::Root => Ok(()),
-            Place::Field(parent, name) => write!(f, "{parent}/{}", escape(name)),
-            Place::Item(parent, index) => write!(f, "{parent}/{index}"),
-        }
     }
 }

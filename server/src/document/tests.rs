@@ -117,8 +117,10 @@ fn read_placeholder<T: DocumentType>() {
 fn placeholders_of_all_documents_can_be_read() {
     read_placeholder::<ClaimRequest>();
     read_placeholder::<Extension>();
+    read_placeholder::<FailureReport>();
     read_placeholder::<HeartbeatRequest>();
     read_placeholder::<JobEnvelope>();
+    read_placeholder::<ResultDelivery>();
     read_placeholder::<SweepSpec>();
     read_placeholder::<WorkerRegistration>();
 }
@@ -149,10 +151,85 @@ fn a_fault_deep_in_a_list_has_its_pointer() {
     assert_eq!(of(&found, "/attempts/0/attempt").detail, "must be a whole number");
 }
 
+const ID: &str = "00000000-0000-0000-0000-000000000000";
+
+fn pointers_of(faults: &[Fault]) -> Vec<&str> {
+    let mut pointers: Vec<_> = faults.iter().map(|fault| fault.pointer.as_str()).collect();
+    pointers.sort_unstable();
+    pointers
+}
+
 #[test]
-fn a_fault_in_an_open_part_has_its_pointer() {
-    let id = "00000000-0000-0000-0000-000000000000";
-    let found = read_document::<ResultDelivery>(json!({"worker_id": id, "result": {"schema": 3}}))
-        .expect_err("a result without its fields");
-    assert_eq!((found.len(), found[0].pointer.as_str()), (1, "/result/schema"));
+fn u32_beyond_its_range_is_a_fault() {
+    let registration = json!({"worker_id": ID, "name": "a", "api_version": "v1", "backend": "cpu",
+                              "device": "a test", "solver_revision": 5_000_000_000_u64,
+                              "threads": 5_000_000_000_u64, "memory_mib": 5_000_000_000_u64});
+    let found = read_document::<WorkerRegistration>(registration).expect_err("three faults");
+    assert_eq!(pointers_of(&found), ["/memory_mib", "/solver_revision", "/threads"]);
+    let allowed = |pointer| of(&found, pointer).allowed.clone().unwrap();
+    assert_eq!(allowed("/threads"), "a whole number from 0 to 4294967295");
+    assert_eq!(allowed("/memory_mib"), "a whole number from 0 to 4294967295 or null");
+    assert_eq!(of(&found, "/threads").detail, "is out of range");
+}
+
+#[test]
+fn every_fault_of_a_result_is_listed_once() {
+    let read = |document| read_document::<ResultDelivery>(document).expect_err("a faulty delivery");
+    assert_eq!(pointers_of(&read(json!({"worker_id": ID}))), ["/result"]);
+    let found = read(json!({"worker_id": ID, "result": {"schema": 3, "series": [["a"]]}}));
+    let all = [
+        "/result/end_reason",
+        "/result/performance",
+        "/result/responses",
+        "/result/scenario",
+        "/result/scenario_digest",
+        "/result/schema",
+        "/result/series/0",
+        "/result/solver",
+    ];
+    assert_eq!(pointers_of(&found), all);
+    assert_eq!(of(&found, "/result/end_reason").detail, "is missing");
+    assert_eq!(of(&found, "/result/series/0").detail, "must be an object, not a list");
+    let found = read_document::<FailureReport>(
+        json!({"worker_id": ID, "outcome": "unstable", "message": "", "result": []}),
+    );
+    assert_eq!(pointers_of(&found.expect_err("a list")), ["/result"]);
+}
+
+#[test]
+fn progress_is_an_object() {
+    let read = |progress: Value| {
+        let beat = json!({"job_id": ID, "attempt": 1, "progress": progress});
+        read_document::<HeartbeatRequest>(json!({"attempts": [beat]})).expect_err("faulty progress")
+    };
+    for progress in [json!(3), json!(["fill", 1.0, 2.0, 0.5, 9, 10, 0.1, 3.0])] {
+        let found = read(progress);
+        assert_eq!(pointers_of(&found), ["/attempts/0/progress"]);
+        assert_eq!(found[0].allowed.as_deref(), Some("an object or null"));
+        assert!(found[0].detail.starts_with("must be an object, not"), "{found:?}");
+    }
+}
+
+/// A delivery with this scenario, otherwise valid.
+fn delivery(change: impl FnOnce(&mut Value)) -> Value {
+    let mut delivery = ResultDelivery::shape().placeholder();
+    delivery["worker_id"] = json!(ID);
+    change(&mut delivery["result"]["scenario"]);
+    delivery
+}
+
+#[test]
+fn faults_of_serde_have_a_pointer_and_plain_words() {
+    let read = |change: fn(&mut Value)| {
+        let found = read_document::<ResultDelivery>(delivery(change)).expect_err("a faulty scenario");
+        assert_eq!(found.len(), 1, "{found:?}");
+        (found[0].pointer.clone(), found[0].detail.clone())
+    };
+    let fault = |pointer: &str, detail: &str| (pointer.to_owned(), detail.to_owned());
+    let missing = read(|scenario| drop(scenario["product"].as_object_mut().unwrap().remove("count")));
+    assert_eq!(missing, fault("/result/scenario/product/count", "is missing"));
+    let unknown = read(|scenario| scenario["product"]["colour"] = json!("red"));
+    assert_eq!(unknown, fault("/result/scenario/product/colour", "is not a known field"));
+    let text = read(|scenario| scenario["product"]["count"] = json!("many"));
+    assert_eq!(text, fault("/result/scenario/product/count", "must be a whole number, not a string"));
 }

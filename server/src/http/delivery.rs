@@ -8,7 +8,7 @@ use tokio::sync::OwnedSemaphorePermit;
 use super::blocking::{is_short, run_blocking_if_long};
 use super::extract::{Segments, json_bytes, parsed};
 use super::problem::ApiError;
-use crate::document::{DocumentType, read_document};
+use crate::document::{DocumentType, read_document, read_valid};
 use crate::state::App;
 
 /// Maximum of deliveries of the maximum length that are parsed and recorded at once: in memory each takes
@@ -54,9 +54,7 @@ impl<T: DocumentType> FromRequest<App> for Delivery<T> {
         let length = bytes.len();
         let body = run_blocking_if_long(length, move || {
             // Only an invalid document is parsed again, to find all of its faults.
-            let valid =
-                bytes.trim_ascii_start().starts_with(b"{").then(|| serde_json::from_slice(&bytes).ok());
-            match valid.flatten() {
+            match read_valid(&bytes) {
                 Some(body) => Ok(body),
                 None => read_document(parsed(&bytes)?).map_err(ApiError::faults),
             }

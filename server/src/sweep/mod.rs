@@ -30,7 +30,7 @@ use roost_solver::mesh::Meshes;
 use roost_solver::scenario::Scenario;
 use serde_json::Value;
 
-use crate::document::read_leniently;
+use crate::document::{MAX_FAULTS, read_leniently};
 pub(crate) use effects::Effects;
 use expand::expand;
 pub(crate) use extend::{AddedPoints, StoredSweep, extend, replicate};
@@ -49,6 +49,10 @@ pub(crate) fn read(
 ) -> Result<(SweepSpec, Expansion), Vec<Fault>> {
     let (spec, mut faults) = read_leniently::<SweepSpec>(document);
     let Some(spec) = spec else { return Err(faults) };
+    // Past the maximum, placeholders are in places that no listed fault names.
+    if faults.len() >= MAX_FAULTS {
+        return Err(faults);
+    }
     match expand(&spec, meshes, limits) {
         Ok(expansion) if faults.is_empty() => Ok((spec, expansion)),
         Ok(_) => Err(faults),

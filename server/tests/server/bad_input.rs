@@ -149,6 +149,42 @@ async fn all_faults_of_scenario_and_envelope_are_listed() {
     server.stop().await;
 }
 
+#[tokio::test]
+async fn lists_in_place_of_objects_of_workers_are_refused() {
+    let (server, _dir) = TestServer::start().await;
+    server.submit(&envelope(1)).await;
+    let worker = server.worker("cpu").await;
+    let attempt = worker.claim_one().await;
+    let list = json!(["fill", 1.0, 2.0, 0.5, 9, 10, 0.1, 3.0]);
+    let beat = json!({"job_id": attempt["job_id"], "attempt": attempt["attempt"], "progress": list});
+    let path = format!("/v1/workers/{}/heartbeat", worker.id);
+    let problem = server.post(&path, &json!({"attempts": [beat]})).await.problem(422, "invalid-document");
+    assert_eq!(pointers(&problem), ["/attempts/0/progress"]);
+
+    let mut delivery = json!({"worker_id": worker.id, "result": result_of(&attempt["scenario"])});
+    delivery["result"]["series"][0] = json!(["discharged_mass", "kg", [0.0], [1.0]]);
+    let path = format!("/v1/jobs/{}/attempts/{}/result", text(&attempt["job_id"]), attempt["attempt"]);
+    let problem = server.post(&path, &delivery).await.problem(422, "invalid-document");
+    assert_eq!(pointers(&problem), ["/result/series/0"]);
+    worker.deliver(&attempt).await.expect(StatusCode::OK);
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn integers_beyond_32_bits_are_refused_with_their_range() {
+    let (server, _dir) = TestServer::start().await;
+    let mut beyond = registration(NO_JOB, "cpu");
+    for field in ["solver_revision", "threads", "memory_mib"] {
+        beyond[field] = json!(1_u64 << 33);
+    }
+    let problem = server.post("/v1/workers", &beyond).await.problem(422, "invalid-document");
+    assert_eq!(pointers(&problem), ["/memory_mib", "/solver_revision", "/threads"]);
+    for fault in problem["errors"].as_array().unwrap() {
+        assert!(text(&fault["allowed"]).contains("0 to 4294967295"), "{fault}");
+    }
+    server.stop().await;
+}
+
 /// The server has one thread: a computation on it would block all requests.
 #[tokio::test(flavor = "current_thread")]
 async fn costly_scenario_does_not_block_others() {

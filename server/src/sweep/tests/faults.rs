@@ -124,3 +124,10 @@ fn a_misspelled_field_in_a_list_has_its_index() {
     let found = faults(&serde_json::from_value(sweep).unwrap());
     assert!(found[0].detail.ends_with("did you mean /scene/bodies/1/position_m?"), "{found:?}");
 }
+
+#[test]
+fn placeholders_beyond_the_maximum_of_faults_are_not_checked() {
+    let sweep = json!({"name": "s", "base": {}, "design": {"kind": "grid"}, "factors": vec![3; 200]});
+    let faults = read(sweep, &Meshes::default(), LIMITS).map(drop).expect_err("faulty factors");
+    assert_eq!(faults.len(), 50);
+}
