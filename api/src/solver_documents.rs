@@ -43,7 +43,7 @@ fn complete_scenario() -> Object {
     ObjectBuilder::new()
         .schema_type(Type::Object)
         .description(Some("The scenario as run, every default written out."))
-        .examples(scenario::from_value(&json!({})).map(|scenario| json!(scenario)))
+        .examples(scenario::from_value(&json!({"experiment": "hopper"})).map(|scenario| json!(scenario)))
         .build()
 }
 

@@ -48,7 +48,8 @@ fn schemas_have_the_fields_of_serialised_documents() {
     assert_same_fields::<InstabilitySchema>(&instability);
     assert_same_fields::<SolverInfoSchema>(&solver);
     assert_same_fields::<PerformanceSchema>(&performance);
-    let scenario = scenario::from_value(&json!({})).expect("the default scenario is valid");
+    let scenario =
+        scenario::from_value(&json!({"experiment": "hopper"})).expect("the default scenario is valid");
     assert_same_fields::<RunResultSchema>(&RunResult {
         schema: SCHEMA.to_owned(),
         end_reason: EndReason::Unstable,

@@ -62,7 +62,7 @@ impl Shape {
         Self::compile(&json!(T::schema()), &named)
     }
 
-    fn compile(schema: &Value, named: &Map<String, Value>) -> Self {
+    pub(super) fn compile(schema: &Value, named: &Map<String, Value>) -> Self {
         if let Some(name) = schema["$ref"].as_str().and_then(|pointer| pointer.rsplit('/').next()) {
             return named.get(name).map_or(Self::any(), |schema| Self::compile(schema, named));
         }

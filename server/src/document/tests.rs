@@ -233,3 +233,9 @@ fn faults_of_serde_have_a_pointer_and_plain_words() {
     let text = read(|scenario| scenario["product"]["count"] = json!("many"));
     assert_eq!(text, fault("/result/scenario/product/count", "must be a whole number, not a string"));
 }
+
+#[test]
+#[should_panic(expected = "int128")]
+fn integer_format_without_a_range_panics() {
+    Shape::compile(&json!({"type": "integer", "format": "int128"}), &serde_json::Map::new());
+}
