@@ -1,7 +1,12 @@
 //! Checks of the documents: paths and links exist, generated parts are current, and every folder is on the map.
 
+#[path = "../solver/tests/common/generated.rs"]
+mod generated;
+
 use std::path::Path;
 use std::process::Command;
+
+use generated::assert_generated;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -18,10 +23,10 @@ fn paths(text: &str) -> Vec<&str> {
 }
 
 #[test]
-fn paths_in_architecture_and_decisions_exist() {
+fn paths_in_architecture_recipes_and_decisions_exist() {
     let records = documents().into_iter().filter(|name| name.starts_with("docs/decisions/"));
     let mut count = 0;
-    for name in records.chain(["ARCHITECTURE.md".to_owned()]) {
+    for name in records.chain(["ARCHITECTURE.md", "docs/recipes.md"].map(str::to_owned)) {
         let text = read(&name);
         count += paths(&text).len();
         let missing: Vec<_> = paths(&text).into_iter().filter(|path| !root().join(path).exists()).collect();
@@ -230,50 +235,10 @@ fn api_example_has_the_solver_revision() {
 #[test]
 fn ci_runs_the_test_command_of_the_readme() {
     assert!(read(".ci/run").contains("make test"));
-    assert!(read(".ci/run").contains("CI=1 make check"), "CI runs the checks that compile but run no program");
-}
-
-/// Asserts that the part of a page that is generated from `source` is `text`; with `ROOST_WRITE=1` writes it instead.
-fn assert_generated(name: &str, source: &str, text: &str) {
-    let page = read(name);
-    let start = format!("<!-- Generated from {source}");
-    let (head, rest) = page.split_once(&start).unwrap_or_else(|| panic!("{name} has no `{start}`"));
-    let (mark, rest) = rest.split_once("-->\n").expect("the end of the mark");
-    let end = "<!-- end of the generated part -->";
-    let tail = rest.split_once(end).unwrap_or_else(|| panic!("{name} has no `{end}`")).1;
-    let expected = format!("{head}{start}{mark}-->\n\n{text}\n{end}{tail}");
-    if std::env::var_os("ROOST_WRITE").is_some() {
-        std::fs::write(root().join(name), expected).expect("the page is written");
-    } else {
-        assert!(page == expected, "{name} is out of date: run ROOST_WRITE=1 cargo test --test docs");
-    }
-}
-
-#[test]
-fn every_experiment_has_a_page_with_its_fields_and_results() {
-    for experiment in roost_solver::scenario::fields::EXPERIMENTS {
-        let table = roost_solver::scenario::field_tables_markdown(experiment);
-        assert_generated(&format!("docs/reference/{experiment}.md"), "the field table", table.trim_end());
-        let tables = roost_solver::experiments::output_tables_markdown(experiment);
-        assert_generated(
-            &format!("docs/reference/{experiment}.md"),
-            "the table of results",
-            tables.trim_end(),
-        );
-    }
-}
-
-#[test]
-fn scenarios_on_the_experiment_pages_are_valid() {
-    for experiment in roost_solver::scenario::fields::EXPERIMENTS {
-        let page = read(&format!("docs/reference/{experiment}.md"));
-        let document =
-            page.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a scenario");
-        let scenario = roost_solver::scenario::from_value(&serde_json::from_str(document).expect("JSON"))
-            .unwrap_or_else(|faults| panic!("{experiment}: {faults:?}"));
-        let (meshes, limits) = (roost_solver::mesh::Meshes::default(), roost_solver::Limits::default());
-        roost_solver::check(&scenario, &meshes, &limits).expect("a scenario that can run");
-    }
+    assert!(
+        read(".ci/run").contains("CI=1 make check"),
+        "CI runs the checks that compile but run no program"
+    );
 }
 
 /// The help of a command and its subcommands as Markdown.
@@ -307,7 +272,11 @@ fn command_line_page_is_the_help_of_the_command() {
     let mut page = String::new();
     help(&[], &mut page);
     assert!(page.contains("## roost token create") && page.contains("## roost run"), "{page}");
-    assert_generated("docs/reference/command-line.md", "the command's own help", page.trim_end());
+    assert_generated(
+        &root().join("docs/reference/command-line.md"),
+        "the command's own help",
+        page.trim_end(),
+    );
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use crate::equipment::{Surface, SurfaceKind};
-use crate::physics::bond::BondLaw;
+pub use crate::physics::Laws;
 use crate::physics::contact::ContactLaw;
 use crate::shape::lattice::MetaParticle;
 
@@ -58,21 +58,6 @@ pub struct Placement {
     pub orientation: DQuat,
     /// Its velocity, in m/s.
     pub velocity: DVec3,
-}
-
-/// The interaction laws of a run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Laws {
-    /// Between sub-particles.
-    pub tissue: ContactLaw,
-    /// Against walls, gate and plates.
-    pub equipment: ContactLaw,
-    /// Against the belt.
-    pub belt: ContactLaw,
-    /// Bonds.
-    pub bond: BondLaw,
-    /// Whether bonded neighbours also interact by contact.
-    pub contact_between_bonded: bool,
 }
 
 impl Laws {

@@ -10,7 +10,7 @@ use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers, RunContents};
 use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
 use crate::engine::OutOfDeviceMemory;
-use crate::engine::scene;
+use crate::engine::scene::{self, Laws};
 use crate::engine::state::State;
 use crate::walls::Walls;
 
@@ -226,6 +226,8 @@ impl Run {
 /// The parameters of a scene for the kernels.
 fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
     let (radius, laws, frame) = (scene.radius_m as f32, &scene.laws, &state.frame);
+    // Every law by name: the kernels must handle or refuse a new one. Surfaces carry their own law.
+    let Laws { tissue, equipment: _, belt: _, bond, contact_between_bonded } = *laws;
     let (skin, limit) = (SKIN_RATIO * radius, scene.speed_limit_m_s as f32);
     let cutoff = 2.0 * radius + laws.adhesion_range() + skin;
     let cell = (cutoff / frame.unit_m).ceil() as u32 + 1;
@@ -238,15 +240,15 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
         inverse_unit: 1.0 / frame.unit_m,
         spin_factor: 2.5 / (radius * radius),
         limit2: limit * limit,
-        tissue_adhesion_range: laws.tissue.adhesion_range(),
+        tissue_adhesion_range: tissue.adhesion_range(),
         cutoff,
         wall_cutoff: radius + laws.adhesion_range() + skin,
         half_skin: skin / 2.0,
         period_y: frame.period_y,
         cell,
-        contact_between_bonded: u32::from(laws.contact_between_bonded),
-        bond: (&laws.bond).into(),
-        tissue: (&laws.tissue).into(),
+        contact_between_bonded: u32::from(contact_between_bonded),
+        bond: (&bond).into(),
+        tissue: (&tissue).into(),
         ..Scene::default()
     }
 }

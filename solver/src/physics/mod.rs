@@ -14,3 +14,22 @@ pub mod hertz;
 pub mod integrate;
 pub mod jkr;
 pub mod timestep;
+
+use bond::BondLaw;
+use contact::ContactLaw;
+
+/// The interaction laws of a run, a member per term. The fast path and the GPU name each member: a new one does not compile
+/// there before it is handled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Laws {
+    /// Between sub-particles.
+    pub tissue: ContactLaw,
+    /// Against walls, gate and plates.
+    pub equipment: ContactLaw,
+    /// Against the belt.
+    pub belt: ContactLaw,
+    /// Bonds.
+    pub bond: BondLaw,
+    /// Whether bonded neighbours also interact by contact.
+    pub contact_between_bonded: bool,
+}

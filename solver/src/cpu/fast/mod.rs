@@ -41,7 +41,7 @@ use super::Params;
 use super::integrate::{Integrator, fault};
 use super::stages::{Stage, StageTimers};
 use crate::engine::AdvanceReport;
-use crate::engine::scene::Scene;
+use crate::engine::scene::{Laws, Scene};
 use crate::engine::state::State;
 use crate::walls::Walls;
 use broad_phase::body_pair::BodyPair;
@@ -112,10 +112,12 @@ pub struct FastRun {
 impl FastRun {
     pub(super) fn new(scene: &Scene, params: Params, instructions: InstructionSet) -> Self {
         let state = State::new(scene);
+        // Every law by name: the fast path must handle or refuse a new one. `Walls` has the laws of surfaces.
+        let Laws { tissue, equipment: _, belt: _, bond, contact_between_bonded } = params.laws;
         let laws = PairLaws {
-            contact: LaneContactLaw::new(params.laws.tissue),
-            bond: params.laws.bond,
-            contact_between_bonded: params.laws.contact_between_bonded,
+            contact: LaneContactLaw::new(tissue),
+            bond,
+            contact_between_bonded,
             contact_distance: 2.0 * params.radius,
             dt: params.dt,
         };
