@@ -12,8 +12,6 @@ use roost_solver::scenario::{MeshRef, Scenario, escape};
 use roost_solver::{Checked, Limits};
 use serde_json::{Value, json};
 
-use crate::document::fault;
-
 /// Reads an STL file and measures the mesh.
 pub(crate) fn read(file: &[u8], now: Timestamp) -> Result<MeshView, MeshError> {
     let mut meshes = Meshes::default();
@@ -83,7 +81,14 @@ pub(crate) fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Re
             "there is no mesh with this digest",
             "the digest of an STL file that was uploaded with POST /v1/meshes",
         );
-        is_missing.then(|| fault(&format!("{pointer}/digest"), json!(named.digest), detail, allowed))
+        is_missing.then(|| {
+            Fault::new(
+                &format!("{pointer}/digest"),
+                &json!(named.digest),
+                detail.to_owned(),
+                Some(allowed.to_owned()),
+            )
+        })
     };
     let faults: Vec<_> = scenario.named_meshes().into_iter().filter_map(missing).collect();
     if !faults.is_empty() {

@@ -10,8 +10,9 @@ use roost_solver::scenario::{self, Scenario, escape};
 use serde_json::{Map, Value, json};
 
 use super::designs::Addition;
+use super::designs::PlannedFactor;
 use super::levels::position;
-use super::plan::{self, PlannedFactor};
+use super::plan;
 use super::points::Points;
 use super::{SweepLimits, expand};
 use crate::document::{fault, read_leniently};

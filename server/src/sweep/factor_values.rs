@@ -6,9 +6,8 @@ use roost_solver::scenario::field::FieldKind;
 use roost_solver::scenario::fields;
 use serde_json::{Value, json};
 
-use super::designs::ValueSource;
 use super::levels::{self, position, same};
-use super::values::{FactorValues, NumberRange};
+use super::values::{FactorValues, NumberRange, ValueSource};
 use crate::document::fault;
 
 /// The values of a factor in a design of some kind; none when they are at fault.

@@ -31,10 +31,10 @@ use roost_solver::scenario::Scenario;
 use serde_json::Value;
 
 use crate::document::{MAX_FAULTS, read_leniently};
+pub(crate) use designs::factors;
 pub(crate) use effects::Effects;
 use expand::expand;
 pub(crate) use extend::{AddedPoints, StoredSweep, extend, replicate};
-pub(crate) use plan::factors;
 pub(crate) use points::{Points, Trial};
 pub(crate) use schema::json_schema;
 pub(crate) use summary::by_point;

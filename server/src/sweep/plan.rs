@@ -1,47 +1,14 @@
 //! From the specification to a plan: factors with their values, and the design. Every fault of both is listed.
 
 use roost_api::Fault;
-use roost_api::design::{Design as DesignSpec, Factor};
+use roost_api::design::Design as DesignSpec;
 use roost_api::sweep::SweepSpec;
 use serde_json::{Value, json};
 
-use super::designs::{self, Design, Parameters};
+use super::designs::{self, Design, Plan, PlannedFactor, factors};
 use super::values::FactorValues;
 use super::{factor_pointers, factor_values};
 use crate::document::fault;
-
-/// Factors and design of a sweep.
-#[derive(Clone, Debug)]
-pub(super) struct Plan {
-    pub(super) factors: Vec<PlannedFactor>,
-    pub(super) design: &'static dyn Design,
-    pub(super) parameters: Parameters,
-}
-
-/// A factor: fields that take the same value.
-#[derive(Clone, Debug)]
-pub(super) struct PlannedFactor {
-    pub(super) fields: Vec<String>,
-    pub(super) values: FactorValues,
-}
-
-impl PlannedFactor {
-    /// Its name: its first field.
-    pub(super) fn name(&self) -> &str {
-        self.fields.first().map_or("", String::as_str)
-    }
-}
-
-/// The factors of a specification. A table without others has a factor per column.
-pub(crate) fn factors(spec: &SweepSpec) -> Vec<Factor> {
-    match &spec.design.table {
-        Some(table) if spec.factors.is_empty() => {
-            let column = |pointer| Factor { pointer: Some(pointer), ..Factor::default() };
-            designs::headings(table).into_iter().map(column).collect()
-        }
-        _ => spec.factors.clone(),
-    }
-}
 
 /// Plans a sweep. `complete` is its complete base, unless the base is at fault. Returns none where the plan is at fault.
 pub(super) fn plan(spec: &SweepSpec, complete: Option<&Value>, faults: &mut Vec<Fault>) -> Option<Plan> {

@@ -11,9 +11,9 @@ use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Map, Value, json};
 
+use super::designs::PlannedFactor;
 use super::designs::Row;
 use super::extend::replicate;
-use super::plan::PlannedFactor;
 use super::pointer;
 use crate::mesh;
 

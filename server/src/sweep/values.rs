@@ -63,3 +63,19 @@ impl NumberRange {
         short.clamp(self.low, self.high)
     }
 }
+
+/// The source of the values of factors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ValueSource {
+    /// Levels, listed or spread over a range.
+    Levels {
+        /// How many there are, or by default where they are spread over a range.
+        count: u32,
+        /// Whether every factor has exactly this number.
+        is_fixed: bool,
+    },
+    /// Levels, or any number of a range.
+    LevelsOrRange,
+    /// The rows of the design.
+    Rows,
+}

@@ -5,8 +5,9 @@ use std::ops::RangeInclusive;
 use roost_api::Fault;
 
 use super::by_levels::{digits, levels};
-use super::{Addition, Design, PointRows, Row, ValueSource};
-use crate::sweep::plan::{Plan, PlannedFactor};
+use super::planned::{Plan, PlannedFactor};
+use super::{Addition, Design, PointRows, Row};
+use crate::sweep::values::ValueSource;
 
 /// The factors that vary together in the designs of 3 to 7 factors, block by block (Box and Behnken 1960, Technometrics
 /// 2(4), 455–475): pairs up to five factors, triples of six and seven.

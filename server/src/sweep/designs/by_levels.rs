@@ -4,11 +4,11 @@ use roost_api::Fault;
 use roost_solver::scenario::escape;
 use serde_json::{Value, json};
 
+use super::planned::PlannedFactor;
 use super::{Addition, names};
 use crate::document::fault;
 use crate::sweep::factor_values::check_levels;
 use crate::sweep::levels::position;
-use crate::sweep::plan::PlannedFactor;
 use crate::sweep::values::FactorValues;
 
 /// The levels of a factor.

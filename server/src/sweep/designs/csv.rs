@@ -3,8 +3,9 @@
 use roost_api::Fault;
 use roost_api::design::Design as DesignSpec;
 
-use super::{Addition, Design, Parameters, PointRows, ValueSource, rows};
-use crate::sweep::plan::Plan;
+use super::planned::Plan;
+use super::{Addition, Design, Parameters, PointRows, rows};
+use crate::sweep::values::ValueSource;
 
 #[derive(Debug)]
 pub(super) struct Csv;

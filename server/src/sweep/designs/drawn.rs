@@ -4,8 +4,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use roost_api::design::Design as DesignSpec;
 
+use super::planned::PlannedFactor;
 use super::{Parameters, Row};
-use crate::sweep::plan::PlannedFactor;
 
 /// The seed of a design that names none.
 const DEFAULT_SEED: u64 = 1;

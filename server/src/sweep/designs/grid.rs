@@ -5,10 +5,11 @@ use std::ops::RangeInclusive;
 use roost_api::Fault;
 
 use super::by_levels::{add_levels, counts, digits, levels};
-use super::{Addition, Design, PointRows, Row, ValueSource};
+use super::planned::{Plan, PlannedFactor};
+use super::{Addition, Design, PointRows, Row};
 use crate::sweep::levels::position;
-use crate::sweep::plan::{Plan, PlannedFactor};
 use crate::sweep::values::FactorValues;
+use crate::sweep::values::ValueSource;
 
 #[derive(Debug)]
 pub(super) struct Grid;

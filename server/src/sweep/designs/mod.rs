@@ -11,6 +11,7 @@ mod grid;
 mod latin_hypercube;
 mod list;
 mod one_at_a_time;
+mod planned;
 mod random;
 mod rows;
 mod sobol;
@@ -21,8 +22,9 @@ use roost_api::Fault;
 use roost_api::design::{Design as DesignSpec, DesignKind, Extension};
 use serde_json::{Map, Value};
 
-use super::plan::{Plan, PlannedFactor};
-pub(super) use rows::headings;
+use super::values::ValueSource;
+pub(crate) use planned::factors;
+pub(super) use planned::{Plan, PlannedFactor};
 
 /// The numbers behind the designs, for tests.
 #[cfg(test)]
@@ -87,22 +89,6 @@ pub(super) fn of_kind(kind: DesignKind) -> &'static dyn Design {
         DesignKind::List => &list::List,
         DesignKind::Csv => &csv::Csv,
     }
-}
-
-/// The source of the values of factors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ValueSource {
-    /// Levels, listed or spread over a range.
-    Levels {
-        /// How many there are, or by default where they are spread over a range.
-        count: u32,
-        /// Whether every factor has exactly this number.
-        is_fixed: bool,
-    },
-    /// Levels, or any number of a range.
-    LevelsOrRange,
-    /// The rows of the design.
-    Rows,
 }
 
 /// Parameters of a design.

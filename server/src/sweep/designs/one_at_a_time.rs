@@ -4,9 +4,10 @@ use roost_api::Fault;
 use serde_json::{Map, Value};
 
 use super::by_levels::{add_levels, counts, levels};
-use super::{Addition, Design, PointRows, Row, ValueSource};
+use super::planned::{Plan, PlannedFactor};
+use super::{Addition, Design, PointRows, Row};
 use crate::sweep::levels::same;
-use crate::sweep::plan::{Plan, PlannedFactor};
+use crate::sweep::values::ValueSource;
 
 #[derive(Debug)]
 pub(super) struct OneAtATime;

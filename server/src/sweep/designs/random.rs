@@ -5,8 +5,9 @@ use std::ops::Range;
 use roost_api::Fault;
 use roost_api::design::Design as DesignSpec;
 
-use super::{Addition, Design, Parameters, PointRows, ValueSource, drawn};
-use crate::sweep::plan::Plan;
+use super::planned::Plan;
+use super::{Addition, Design, Parameters, PointRows, drawn};
+use crate::sweep::values::ValueSource;
 
 #[derive(Debug)]
 pub(super) struct Random;

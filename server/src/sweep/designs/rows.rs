@@ -4,9 +4,9 @@ use roost_api::Fault;
 use roost_solver::scenario::fields;
 use serde_json::{Value, json};
 
+use super::planned::PlannedFactor;
 use super::{Addition, names};
 use crate::document::fault;
-use crate::sweep::plan::PlannedFactor;
 
 /// Faults that are listed of rows: they tend to have the same reason.
 const MAX_FAULTS: usize = 10;

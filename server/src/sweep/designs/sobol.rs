@@ -6,9 +6,10 @@ use roost_api::Fault;
 use roost_api::design::Design as DesignSpec;
 use serde_json::json;
 
-use super::{Addition, Design, Parameters, PointRows, ValueSource, drawn};
+use super::planned::Plan;
+use super::{Addition, Design, Parameters, PointRows, drawn};
 use crate::document::fault;
-use crate::sweep::plan::Plan;
+use crate::sweep::values::ValueSource;
 
 /// Points of the longest sequence.
 const MAX_POINTS: u32 = 1 << 16;
