@@ -4,9 +4,9 @@
 //! of the paper, "assumed" is ours, "numerics" is a choice of computation that shall not change the physics.
 
 use super::SCHEMA;
-use super::declaration::Declaration;
 use super::field::{Field, FieldKind, Preset, Section, from_to};
 use super::row::{choice, field, integer, section};
+use super::sections::Declaration;
 use super::sections::{DECLARATIONS, bonds, contact, material, numerics, product, surface};
 
 /// The sections of a scenario, in their order.

@@ -7,7 +7,6 @@
 
 mod canonical;
 mod complete;
-mod declaration;
 mod fault;
 pub mod field;
 pub mod fields;
@@ -22,7 +21,6 @@ mod sections;
 mod tests;
 mod types;
 
-pub use declaration::{AtMost, Declaration, ExperimentSection};
 pub use fault::{Fault, ScenarioError, must_be, unknown_field};
 pub use json::read_json;
 pub use names::{escape, most_similar, nearest};

@@ -2,10 +2,10 @@
 
 use std::sync::LazyLock;
 
-use super::declaration::Declaration;
 use super::field::{Field, Preset, Section};
 use super::fields::{FIELDS, SECTIONS};
 use super::sections::DECLARATIONS;
+use super::sections::Declaration;
 
 /// Whether a section belongs to this experiment. Without an experiment, every section does.
 pub(super) fn belongs(section: &Section, experiment: Option<&str>) -> bool {

@@ -3,9 +3,9 @@
 use serde_json::Value;
 
 use super::Fault;
-use super::declaration::AtMost;
 use super::field::plain;
 use super::fields::{FIELDS, SECTIONS, declaration, find};
+use super::sections::AtMost;
 use super::sections::{DECLARATIONS, surface};
 
 /// Pairs of shared fields in ascending order.

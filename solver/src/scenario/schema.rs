@@ -5,10 +5,10 @@ use std::fmt::Write;
 use serde_json::{Map, Value, json};
 
 use super::SCHEMA;
-use super::declaration::Declaration;
 use super::field::{Field, FieldKind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section, plain};
 use super::fields::{FIELDS, SECTIONS, declaration, experiments_of};
 use super::sections::DECLARATIONS;
+use super::sections::Declaration;
 
 /// The annotation that lists the experiments of a section or a field. Without it, all experiments have it.
 const EXPERIMENTS_KEY: &str = "x-experiments";

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::declaration::{AtMost, Declaration, ExperimentSection};
+use super::declaration::{AtMost, Declaration, ExperimentSection};
 use crate::scenario::field::{Field, FieldKind, Preset, above_to, from_to};
 use crate::scenario::row::{choice, field, number, section};
 

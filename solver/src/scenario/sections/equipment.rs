@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::declaration::{AtMost, Declaration, ExperimentSection};
 use super::surface::SurfaceSpec;
-use crate::scenario::declaration::{AtMost, Declaration, ExperimentSection};
 use crate::scenario::field::{Field, from_to};
 use crate::scenario::row::{choice, flag, list, number, section};
 

@@ -6,6 +6,7 @@ pub(super) mod bend;
 pub(super) mod bonds;
 pub(super) mod compress;
 pub(super) mod contact;
+mod declaration;
 pub(super) mod drop;
 pub(super) mod equipment;
 pub(super) mod material;
@@ -19,6 +20,7 @@ pub use bend::{Bend, Support};
 pub use bonds::{Bonds, Formulation};
 pub use compress::{Compress, Plates};
 pub use contact::{Condition, Contact, PairContact};
+pub use declaration::{AtMost, Declaration, ExperimentSection};
 pub use drop::Drop;
 pub use equipment::{Equipment, SideWalls};
 pub use material::Material;
@@ -29,8 +31,6 @@ pub use slide::Slide;
 pub use surface::{MeshRef, MotionKind, PresenceKind, SurfaceMaterial, SurfaceSpec, Units};
 
 use serde::{Deserialize, Serialize};
-
-use super::declaration::{Declaration, ExperimentSection};
 
 /// The experiments, in the order of `/experiment`.
 pub const DECLARATIONS: &[&Declaration] = &[

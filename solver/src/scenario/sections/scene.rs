@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::declaration::{Declaration, ExperimentSection};
 use super::surface::SurfaceSpec;
-use crate::scenario::declaration::{Declaration, ExperimentSection};
 use crate::scenario::field::{Field, Preset, above_to, from_to};
 use crate::scenario::row::{ANGLE, ORIGIN, PLACE, SPEED, integer, list, number, section, vector};
 

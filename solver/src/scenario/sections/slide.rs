@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::declaration::{Declaration, ExperimentSection};
+use super::declaration::{Declaration, ExperimentSection};
 use crate::scenario::field::{Field, Preset, from_to};
 use crate::scenario::row::{ANGLE, SCATTER, number, section};
 

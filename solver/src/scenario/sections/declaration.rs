@@ -1,7 +1,7 @@
 //! The declaration of an experiment: its name in documents, its own sections, and the shared fields that it takes.
 
-use super::field::{Field, Preset, Section};
-use super::sections::SurfaceSpec;
+use super::SurfaceSpec;
+use crate::scenario::field::{Field, Preset, Section};
 
 /// Everything that documents of an experiment may hold beyond the fields that every experiment has.
 #[derive(Clone, Copy, Debug)]
