@@ -23,7 +23,7 @@ use roost_api::lease::{FailureReport, ResultDelivery};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-use crate::client::{Client, ClientError};
+use crate::client::{Client, ClientError, RecordedFrames};
 
 /// No worker is still writing a temporary file older than this.
 const ABANDONED_AFTER: Duration = Duration::from_secs(24 * 3600);
@@ -40,15 +40,6 @@ pub struct Delivery {
     /// Frames in the folder beside it, which are uploaded first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<RecordedFrames>,
-}
-
-/// The stream of frames beside a delivery.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RecordedFrames {
-    /// Number of frames.
-    pub count: u64,
-    /// Why recording stopped before the run ended.
-    pub stopped: Option<String>,
 }
 
 /// Extension of the folder with the frames of a delivery.

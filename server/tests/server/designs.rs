@@ -125,7 +125,11 @@ async fn tables_by_trial_and_by_point_in_every_format() {
     assert_eq!((&row["point"], &row["factors"][GATE]), (&json!(1), &json!(0.05)), "0.06 is the base's own");
     let mass = &row["responses"]["discharged_kg"];
     assert_eq!((&mass["n"], &mass["mean"]), (&json!(2), &json!(40.5)), "30 and the seed, of seeds 10 and 11");
-    assert_eq!(row["responses"]["regime"], json!({"n": 2, "words": {"constant": 2}}));
+    let regime = &row["responses"]["regime"];
+    assert_eq!((&regime["n"], &regime["words"]), (&json!(2), &json!({"constant": 2})));
+    // Wilson's interval of 2 of 2: 1 / (1 + z²/2) to 1, z = 1.959964.
+    let low = regime["shares"]["constant"]["low_95"].as_f64().unwrap();
+    assert!((low - 0.342_380).abs() < 1e-6, "{low}");
     let csv = server.get(&format!("{path}/results?by=point&format=csv")).await;
     assert!(csv.text.starts_with("point,/equipment/gate_opening_m,trials,"), "{}", csv.text);
     assert_eq!(csv.text.lines().count(), 4);

@@ -4,7 +4,9 @@
 
 mod credentials;
 mod error;
+
 mod reason;
+mod recorded_frames;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -34,9 +36,9 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tokio::io::AsyncWriteExt;
 
-use crate::outbox::RecordedFrames;
 pub use credentials::{Credentials, prepare_tls};
 pub use error::ClientError;
+pub use recorded_frames::RecordedFrames;
 
 /// The outcome of a call.
 pub type ClientResult<T> = Result<T, ClientError>;

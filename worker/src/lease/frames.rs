@@ -13,7 +13,8 @@ use serde_json::Value;
 
 use super::attempts::AttemptKey;
 use super::session::Session;
-use crate::outbox::{Delivery, RecordedFrames};
+use crate::client::RecordedFrames;
+use crate::outbox::Delivery;
 use crate::runner::FrameObserver;
 
 /// Failures of an upload, while the server answers, before the result goes without frames.
