@@ -30,6 +30,7 @@ pub struct DeviceOptions {
 
 /// The size of a run, which determines its memory.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only adapters have a memory budget"))]
 pub(crate) struct RunSize {
     pub(crate) subparticles: u64,
     /// Triangles of its meshes.

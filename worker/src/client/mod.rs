@@ -4,7 +4,6 @@
 
 mod credentials;
 mod error;
-
 mod reason;
 mod recorded_frames;
 #[cfg(test)]
