@@ -2,12 +2,11 @@
 
 import type { Schemas } from "../../target/dashboard/openapi";
 
-
 declare global {
   // The API.
   type FailureClass = Schemas["FailureClass"];
   type JobState = Schemas["JobState"];
-  type JobView = Omit<Schemas["JobView"], "progress"> & { progress?: Progress | null };
+  type JobView = Schemas["JobView"];
   type OutputTable = Schemas["OutputTable"];
   type PointRow = Schemas["PointRow"];
   type ResponseEffects = Schemas["ResponseEffects"];
@@ -21,27 +20,18 @@ declare global {
   type SweepSpec = Schemas["SweepSpec"];
   type SweepView = Schemas["SweepView"];
   type TrialRow = Schemas["TrialRow"];
-  type ValidationReport = Omit<Schemas["ValidationReport"], "estimate"> & { estimate: Estimate };
-  type WorkerView = Omit<Schemas["WorkerView"], "progress"> & { progress?: (Progress | null)[] };
+  type ValidationReport = Schemas["ValidationReport"];
+  type WorkerView = Schemas["WorkerView"];
   type ProblemDocument = Omit<Schemas["Problem"], "errors"> & { errors?: Fault[] };
   type Page<Row> = { items: Row[]; next_cursor?: string | null };
 
-  // Documents of the solver, which OpenAPI calls objects.
+  // Documents of the solver.
   type Fault = { pointer: string; detail: string; allowed?: string };
-  type Progress = {
-    phase: string; time_s: number; simulated_s: number; fraction: number; subparticles: number; particle_steps: number; wall_s: number; discharged_kg: number;
-  };
-  type Estimate = { subparticles: number; steps: number; memory_bytes: number; wall_s: number; warnings: string[] };
-  /** A quantity over belt time. */
-  type Series = { name: string; unit: string; t_s: number[]; values: number[] };
-  /** A quantity over another one. */
-  type Curve = { name: string; unit: string; over: string; over_unit: string; x: number[]; values: number[] };
-  type RunResult = {
-    end_reason: string; instability?: { step: number; time_s: number; reason: string } | null; responses: Record<string, unknown>; series: Series[]; curves?: Curve[];
-    solver: { backend: string; device: string; threads: number; revision: number; timestep_s: number };
-    performance: { steps: number; subparticles: number; particle_steps: number; wall_s: number; ns_per_particle_step: number };
-    scenario: Record<string, unknown>;
-  };
+  type Progress = Schemas["Progress"];
+  type Estimate = Schemas["Estimate"];
+  type RunResult = Schemas["RunResult"];
+  type Series = Schemas["Series"];
+  type Curve = Schemas["Curve"];
   /** A part of the JSON schema of scenarios. */
   type Schema = {
     type?: string | string[]; title?: string; description?: string; properties?: Record<string, Schema>; items?: Schema; enum?: string[]; default?: unknown;
