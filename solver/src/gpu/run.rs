@@ -10,8 +10,9 @@ use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers, RunContents};
 use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
 use crate::engine::OutOfDeviceMemory;
-use crate::engine::scene::{self, Laws};
+use crate::engine::scene;
 use crate::engine::state::State;
+use crate::physics::InternalLaws;
 use crate::walls::Walls;
 
 /// Initial number of steps between two rebuilds of the lists.
@@ -226,8 +227,7 @@ impl Run {
 /// The parameters of a scene for the kernels.
 fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
     let (radius, laws, frame) = (scene.radius_m as f32, &scene.laws, &state.frame);
-    // Every law by name: the kernels must handle or refuse a new one. Surfaces carry their own law.
-    let Laws { tissue, equipment: _, belt: _, bond, contact_between_bonded } = *laws;
+    let InternalLaws { tissue, bond, contact_between_bonded } = laws.internal();
     let (skin, limit) = (SKIN_RATIO * radius, scene.speed_limit_m_s as f32);
     let cutoff = 2.0 * radius + laws.adhesion_range() + skin;
     let cell = (cutoff / frame.unit_m).ceil() as u32 + 1;

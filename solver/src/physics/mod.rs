@@ -18,8 +18,7 @@ pub mod timestep;
 use bond::BondLaw;
 use contact::ContactLaw;
 
-/// The interaction laws of a run, a member per term. The fast path and the GPU name each member: a new one does not compile
-/// there before it is handled.
+/// The interaction laws of a run, a member per term.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Laws {
     /// Between sub-particles.
@@ -32,4 +31,26 @@ pub struct Laws {
     pub bond: BondLaw,
     /// Whether bonded neighbours also interact by contact.
     pub contact_between_bonded: bool,
+}
+
+/// The laws between sub-particles, which every path computes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InternalLaws {
+    /// Contact.
+    pub tissue: ContactLaw,
+    /// Bonds.
+    pub bond: BondLaw,
+    /// Whether bonded neighbours also interact by contact.
+    pub contact_between_bonded: bool,
+}
+
+impl Laws {
+    /// The laws that the fast path and the GPU take in; surfaces carry their own contact law.
+    ///
+    /// It names every member, so that a new law does not compile before it is added here. A law that only the
+    /// plain path has so far stands here as `name: _`.
+    pub fn internal(&self) -> InternalLaws {
+        let Self { tissue, equipment: _, belt: _, bond, contact_between_bonded } = *self;
+        InternalLaws { tissue, bond, contact_between_bonded }
+    }
 }

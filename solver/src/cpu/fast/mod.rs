@@ -41,8 +41,9 @@ use super::Params;
 use super::integrate::{Integrator, fault};
 use super::stages::{Stage, StageTimers};
 use crate::engine::AdvanceReport;
-use crate::engine::scene::{Laws, Scene};
+use crate::engine::scene::Scene;
 use crate::engine::state::State;
+use crate::physics::InternalLaws;
 use crate::walls::Walls;
 use broad_phase::body_pair::BodyPair;
 use broad_phase::pair_lists::BodyContacts;
@@ -112,8 +113,7 @@ pub struct FastRun {
 impl FastRun {
     pub(super) fn new(scene: &Scene, params: Params, instructions: InstructionSet) -> Self {
         let state = State::new(scene);
-        // Every law by name: the fast path must handle or refuse a new one. `Walls` has the laws of surfaces.
-        let Laws { tissue, equipment: _, belt: _, bond, contact_between_bonded } = params.laws;
+        let InternalLaws { tissue, bond, contact_between_bonded } = params.laws.internal();
         let laws = PairLaws {
             contact: LaneContactLaw::new(tissue),
             bond,
