@@ -6,7 +6,7 @@
 use super::{ALL, definition};
 use crate::observe::{Clock, Recorder, SeriesId};
 use crate::result::Curve;
-use crate::scenario::Experiment;
+use crate::scenario::{DECLARATIONS, Declaration, Experiment};
 
 /// Type of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -252,6 +252,18 @@ pub fn output_tables_markdown(experiment: &str) -> String {
     }
     for row in outputs.curves {
         page += &line([&format!("`{}`", row.name), unit(row.unit), &format!("`{}`", row.over), row.doc]);
+    }
+    page
+}
+
+/// The experiments with their questions and first headline responses, as a Markdown table; `pages` is the folder of their pages.
+pub fn overview_markdown(pages: &str) -> String {
+    let mut page = String::from("| experiment | question | main responses |\n|---|---|---|\n");
+    for Declaration { name, question, .. } in DECLARATIONS {
+        let responses = outputs_of(name).into_iter().flat_map(|outputs| outputs.responses);
+        let main: Vec<_> =
+            responses.filter(|row| row.headline).take(3).map(|row| format!("`{}`", row.name)).collect();
+        page += &format!("| [{name}]({pages}{name}.md) | {question} | {} |\n", main.join(", "));
     }
     page
 }

@@ -12,6 +12,13 @@ pub(crate) fn assert_generated(path: &Path, source: &str, text: &str) {
     let end = "<!-- end of the generated part -->";
     let tail = rest.split_once(end).unwrap_or_else(|| panic!("{name} has no `{end}`")).1;
     let expected = format!("{head}{start}{mark}-->\n\n{text}\n{end}{tail}");
+    assert_text(path, &page, &expected);
+}
+
+/// Asserts that a page has the expected text; with `ROOST_WRITE=1` writes it instead.
+#[allow(dead_code, reason = "some test binaries use only generated parts")]
+pub(crate) fn assert_text(path: &Path, page: &str, expected: &str) {
+    let name = path.display();
     if std::env::var_os("ROOST_WRITE").is_some() {
         if page != expected {
             println!("{name} is written: look at its difference");

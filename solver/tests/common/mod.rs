@@ -9,7 +9,7 @@ use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{BodyKind, Laws, Placement, Scene};
 use roost_solver::engine::state::State;
 use roost_solver::equipment::{Surface, SurfaceKind};
-use roost_solver::experiments::Setup;
+use roost_solver::experiments::{Setup, laws};
 use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::{BondLaw, BondModel};
 use roost_solver::physics::contact::ContactLaw;
@@ -77,13 +77,10 @@ pub fn at(position: DVec3, velocity: DVec3) -> Placement {
 /// A scene without surfaces and without gravity: Table 2, without adhesion and friction, perfectly elastic.
 pub fn scene(kind: BodyKind, bodies: Vec<Placement>, dt: f64) -> Scene {
     let rigid = law(true, 1.0, 0.0, 0.0);
-    let laws = Laws {
-        tissue: law(false, 1.0, 0.0, 0.0),
-        equipment: rigid,
-        belt: rigid,
-        bond: bonds(),
-        contact_between_bonded: false,
-    };
+    // From a scenario, so that a law of an option is off without a word here.
+    let mut laws: Laws = laws::laws(&scenario::from_value(&json!({"experiment": "drop"})).expect("defaults"));
+    (laws.tissue, laws.equipment, laws.belt) = (law(false, 1.0, 0.0, 0.0), rigid, rigid);
+    (laws.bond, laws.contact_between_bonded) = (bonds(), false);
     Scene {
         radius_m: RADIUS,
         kinds: vec![kind],

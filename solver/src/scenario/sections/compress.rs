@@ -55,6 +55,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
 #[rustfmt::skip]
 pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "compress",
+    question: "How stiff is a block of tissue?",
     sections: &[
         section("/compress", Some("compress"), "A block of tissue between two plates."),
     ],

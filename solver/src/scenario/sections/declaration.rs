@@ -8,6 +8,8 @@ use crate::scenario::field::{Field, Preset, Section};
 pub struct Declaration {
     /// The word under `/experiment`.
     pub name: &'static str,
+    /// The question that it answers, for overview pages.
+    pub question: &'static str,
     /// Its own sections.
     pub sections: &'static [Section],
     /// The fields of its own sections.

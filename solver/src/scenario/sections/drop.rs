@@ -41,6 +41,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
 #[rustfmt::skip]
 pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "drop",
+    question: "Does a fillet survive an impact, and how long does it move?",
     sections: &[
         section("/drop", Some("drop"), "Fillets that hit a plate, each by itself."),
     ],

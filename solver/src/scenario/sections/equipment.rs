@@ -73,6 +73,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
 #[rustfmt::skip]
 pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "hopper",
+    question: "Does the hopper discharge, jam or flow unevenly?",
     sections: &[
         section("/equipment", Some("hopper"), "Hopper, gate and belt. The dimensions of Fig. 5 are derived."),
         list("/equipment/surfaces", "/scene/surfaces/*", Some("hopper"), "Further surfaces, as in `/scene/surfaces`."),

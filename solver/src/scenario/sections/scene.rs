@@ -56,6 +56,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
 #[rustfmt::skip]
 pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "scene",
+    question: "Anything else: bodies and surfaces placed freely, from CAD if you like",
     sections: &[
         section("/scene", Some("scene"), "Bodies and surfaces, freely placed."),
         list("/scene/bodies", "/scene/bodies/*", Some("scene"), "Fillets: shape, place, orientation and velocity."),

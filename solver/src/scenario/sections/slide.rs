@@ -37,6 +37,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
 #[rustfmt::skip]
 pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     name: "slide",
+    question: "At which tilt does a fillet slide off a plate?",
     sections: &[
         section("/slide", Some("slide"), "A fillet on a plate that is tilted until it slides."),
     ],
