@@ -1,8 +1,10 @@
 //! `roost reproduce`: simulations of the paper's figures and tables, reported beside the paper's numbers.
 //!
 //! `figures` defines the runs of each figure and evaluates their results, `profile` sets the sizes. `plan` turns the runs
-//! into tasks, `scheduler` runs them, `record` saves each result, and `report` writes the report.
+//! into tasks, `scheduler` runs them, `record` saves each result, and `report` writes the report. `document` turns
+//! `report.json` into tables of the validation page.
 
+mod document;
 mod figures;
 mod picture;
 mod plan;
@@ -18,6 +20,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use roost_terminal::{Exit, Table, format, message, print_lines, signals, threads};
 
+pub use document::Document;
 use plan::{Figure, Part, Plan, Results};
 use profile::Profile;
 use progress::Progress;
@@ -136,7 +139,7 @@ fn write_report(folder: &Path, profile: &Profile, plan: &Plan, ends: &Ends) -> R
     let report = Report { profile, machine: machines(records), sections: sections.collect() };
     let files = ["report.html", "report.json"].map(|name| folder.join(name));
     record::write_atomically(&files[0], report.html().as_bytes())?;
-    record::write_atomically(&files[1], report.json().as_bytes())?;
+    record::write_atomically(&files[1], report.document().json().as_bytes())?;
     Ok(format!("{}\n{}  {}", summary(&report), files[0].display(), files[1].display()))
 }
 

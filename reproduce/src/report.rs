@@ -1,13 +1,13 @@
-//! The report: `report.json` for programs, and `report.html`, one file that needs no network.
+//! The report: `report.html`, one file that needs no network, and the data of `report.json`.
 //!
 //! Both depend on the records only: the same runs give the same bytes.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use roost_solver::{SOLVER_REVISION, VERSION};
 use roost_terminal::format::{duration, significant};
-use serde::Serialize;
 use serde_json::Value;
 
+use crate::document::{Document, SCHEMA};
 use crate::plan::{Evaluation, Figure, Illustration};
 use crate::profile::Profile;
 use crate::record::Record;
@@ -54,23 +54,8 @@ pub(crate) struct Report<'a> {
     pub(crate) sections: Vec<Section<'a>>,
 }
 
-/// Schema name of `report.json`.
-const SCHEMA: &str = "roost.report/1";
-
-#[derive(Serialize)]
-struct Document<'a> {
-    schema: &'static str,
-    profile: &'static str,
-    machine: &'a str,
-    version: &'static str,
-    solver_revision: u32,
-    /// Whether all runs of every figure have ended.
-    complete: bool,
-    rows: Vec<&'a Row>,
-}
-
 /// Numbers of demands on simulations that hold and that do not. Demands on given shapes and parameters do not count.
-fn counts<'a>(rows: impl Iterator<Item = &'a Row>) -> (usize, usize) {
+pub(crate) fn counts<'a>(rows: impl Iterator<Item = &'a Row>) -> (usize, usize) {
     let rows = rows.filter(|row| row.n > 0 || row.holds == Some(false));
     rows.fold((0, 0), |(holds, fails), row| match row.holds {
         Some(true) => (holds + 1, fails),
@@ -85,19 +70,16 @@ impl Report<'_> {
     }
 
     /// `report.json`.
-    pub(crate) fn json(&self) -> String {
-        let document = Document {
-            schema: SCHEMA,
-            profile: self.profile.name,
-            machine: &self.machine,
-            version: VERSION,
+    pub(crate) fn document(&self) -> Document {
+        Document {
+            schema: SCHEMA.to_owned(),
+            profile: self.profile.name.to_owned(),
+            machine: self.machine.clone(),
+            version: VERSION.to_owned(),
             solver_revision: SOLVER_REVISION,
             complete: self.sections.iter().all(|section| section.evaluation.is_some()),
-            rows: self.rows().collect(),
-        };
-        let mut text = serde_json::to_string_pretty(&document).expect("rows serialise");
-        text.push('\n');
-        text
+            rows: self.rows().cloned().collect(),
+        }
     }
 
     /// `report.html`.
@@ -277,7 +259,7 @@ fn record_html(name: &str, record: &Record) -> Markup {
 }
 
 /// A number or a text for a cell; a dash for null.
-fn value(value: &Value) -> String {
+pub(crate) fn value(value: &Value) -> String {
     match value {
         Value::Number(number) => number.as_f64().map_or_else(String::new, significant),
         Value::String(text) => text.clone(),
@@ -295,7 +277,7 @@ fn percent(share: f64) -> String {
 }
 
 /// A number with this many significant digits.
-fn significant_to(value: f64, digits: i32) -> String {
+pub(crate) fn significant_to(value: f64, digits: i32) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
@@ -337,7 +319,7 @@ mod tests {
         let figure = figure();
         let evaluation = Evaluation { rows: vec![row(33.0), row(16.6)], ..Evaluation::default() };
         let report = report(&figure, Some(evaluation));
-        let document: Value = serde_json::from_str(&report.json()).unwrap();
+        let document: Value = serde_json::from_str(&report.document().json()).unwrap();
         assert_eq!(document["schema"], "roost.report/1");
         assert_eq!(document["complete"], true);
         assert_eq!(
@@ -359,7 +341,7 @@ mod tests {
         let figure = figure();
         let report = report(&figure, None);
         assert!(report.html().contains("Not run yet"));
-        assert_eq!(serde_json::from_str::<Value>(&report.json()).unwrap()["complete"], false);
+        assert_eq!(serde_json::from_str::<Value>(&report.document().json()).unwrap()["complete"], false);
     }
 
     #[test]

@@ -4,11 +4,11 @@ use std::fmt;
 
 use roost_stats::{Difference, Replicates, Sample};
 use roost_terminal::format::significant;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// One line of `report.json`, and of a table of `report.html`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Row {
     /// Figure or table of the paper.
     pub(crate) figure: String,
