@@ -37,6 +37,24 @@ fn table_2_in_numbers() {
 }
 
 #[test]
+fn stiffness_per_area_holds_at_the_reference_radius() {
+    // k = S (R_ref / R) π R²: 50.265 N/m grows with R, not with R².
+    for (radius, reference, k_n) in [
+        (0.008, json!(0.004), 2.0 * 50.265),
+        (0.002, json!(0.004), 50.265 / 2.0),
+        (0.008, json!(0.006), 3.0 * 50.265),
+        (0.008, json!(null), 4.0 * 50.265),
+    ] {
+        let laws = laws_of(&[
+            ("/product/subparticle_radius_m", json!(radius)),
+            ("/bonds/reference_radius_m", reference),
+        ]);
+        assert_close(f64::from(laws.bond.k_n), k_n, 1e-4);
+        assert_close(f64::from(laws.bond.k_t), 0.6 * k_n, 1e-4);
+    }
+}
+
+#[test]
 fn every_field_goes_where_it_belongs() {
     let laws = laws_of(&[
         ("/bonds/disk_scale", json!(0.5)),

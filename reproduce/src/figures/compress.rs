@@ -64,7 +64,8 @@ fn scenario(profile: &Profile, (_, radius_m, contact, plates): (&str, f64, bool,
     let base = json!({
         "experiment": "compress",
         "product": {"subparticle_radius_m": radius_m},
-        "bonds": {"contact_between_bonded": contact},
+        // The paper keeps the stiffness per area at every radius.
+        "bonds": {"contact_between_bonded": contact, "reference_radius_m": null},
         "compress": {"plates": plates, "strain_rate_1_s": profile.strain_rate_1_s},
         "numerics": {"timestep_s": "auto"},
     });

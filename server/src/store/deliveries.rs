@@ -7,6 +7,7 @@ use roost_api::RunResult;
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::AttemptOutcome;
 use roost_api::time::Timestamp;
+use roost_solver::scenario;
 use serde_json::json;
 use sqlx::SqliteConnection;
 
@@ -131,8 +132,8 @@ impl Store {
                         Err(refusal) => return Ok(Err(refusal)),
                     };
                     let Verdict::Record(change) = &verdict else { return Ok(Ok(verdict)) };
-                    if let Some(Err(refusal)) =
-                        partial.as_ref().map(|partial| partial.provenance.check(&fenced.provenance))
+                    if let Some(partial) = &partial
+                        && let Err(refusal) = check(tx, &partial.provenance, fenced.provenance).await?
                     {
                         return Ok(Err(refusal));
                     }
@@ -161,13 +162,13 @@ async fn record_all(tx: &mut SqliteConnection, batch: &[Arc<Delivered>]) -> Resu
         let mut accepted = Vec::new();
         for (index, fenced) in wave.into_iter().zip(fence_attempts(tx, &attempts).await?) {
             let delivered = batch[index].as_ref();
-            answers[index] = fenced.and_then(|fenced| {
-                let verdict = on_result(fenced.fence)?;
-                if matches!(verdict, Verdict::Record(_)) {
-                    delivered.result.provenance.check(&fenced.provenance)?;
+            let verdict = fenced.and_then(|fenced| Ok((on_result(fenced.fence)?, fenced.provenance)));
+            answers[index] = match verdict {
+                Ok((verdict @ Verdict::Record(_), registered)) => {
+                    check(tx, &delivered.result.provenance, registered).await?.map(|()| verdict)
                 }
-                Ok(verdict)
-            });
+                other => other.map(|(verdict, _)| verdict),
+            };
             if let Ok(Verdict::Record(change)) = &answers[index] {
                 accepted.push((delivered, change.clone()));
             }
@@ -175,6 +176,25 @@ async fn record_all(tx: &mut SqliteConnection, batch: &[Arc<Delivered>]) -> Resu
         record(tx, &accepted).await?;
     }
     Ok(answers)
+}
+
+/// Refuses a result whose provenance differs from the registered one. A job that an earlier version queued has the digest of a
+/// scenario that lacks newer fields; a worker runs and returns the upgraded scenario.
+async fn check(
+    tx: &mut SqliteConnection,
+    stated: &Provenance,
+    mut registered: Provenance,
+) -> Result<Result<(), Refusal>, StoreError> {
+    if stated.scenario != registered.scenario {
+        let body: Option<String> = sqlx::query_scalar("SELECT body FROM scenarios WHERE digest = ?")
+            .bind(&registered.scenario)
+            .fetch_optional(&mut *tx)
+            .await?;
+        if let Some(upgraded) = body.and_then(|body| scenario::parse(&body).ok()) {
+            registered.scenario = upgraded.digest();
+        }
+    }
+    Ok(stated.check(&registered))
 }
 
 /// Stores accepted results of different jobs.

@@ -11,7 +11,7 @@ use roost_api::{API_VERSION, RunResult};
 use roost_server::{Server, ServerConfig, ServerError};
 use roost_solver::SOLVER_REVISION;
 use roost_solver::result::{EndReason, Performance, SCHEMA, Series, SolverInfo};
-use roost_solver::scenario::Scenario;
+use roost_solver::scenario;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
@@ -257,7 +257,7 @@ pub(crate) fn envelope(seed: u64) -> Value {
 
 /// A result document of a scenario with invented numbers.
 pub(crate) fn result_of(scenario: &Value) -> RunResult {
-    let scenario: Scenario = serde_json::from_value(scenario.clone()).unwrap();
+    let scenario = scenario::from_value(scenario).unwrap();
     let seed = scenario.seed as f64;
     let responses = json!({"discharged_kg": 30.0 + seed, "time_to_99_percent_s": null, "regime": "constant"});
     RunResult {

@@ -29,6 +29,9 @@ pub fn laws(scenario: &Scenario) -> Laws {
 fn bond_law(scenario: &Scenario) -> BondLaw {
     let (bonds, radius) = (&scenario.bonds, scenario.product.radius_m());
     let area = PI * (bonds.disk_scale * radius).powi(2);
+    // The lattice has the modulus S_n π R / 2: without the factor, coarser fillets are stiffer.
+    let of_radius = bonds.reference_radius_m.map_or(1.0, |reference| reference / radius);
+    let stiffness = |per_area: f64| (per_area * of_radius * area) as f32;
     let strength = |pascal: Option<f64>| pascal.map_or(f32::INFINITY, |p| (p * area) as f32);
     BondLaw {
         model: match bonds.formulation {
@@ -36,8 +39,8 @@ fn bond_law(scenario: &Scenario) -> BondLaw {
             Formulation::AsPublished => BondModel::AsPublished,
             Formulation::FiniteExtension => BondModel::FiniteExtension,
         },
-        k_n: (bonds.normal_stiffness_n_m3 * area) as f32,
-        k_t: (bonds.shear_stiffness_n_m3 * area) as f32,
+        k_n: stiffness(bonds.normal_stiffness_n_m3),
+        k_t: stiffness(bonds.shear_stiffness_n_m3),
         break_length: (2.0 * bonds.contact_radius_ratio * radius) as f32,
         normal_strength: strength(bonds.normal_strength_pa),
         shear_strength: strength(bonds.shear_strength_pa),

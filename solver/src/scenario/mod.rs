@@ -20,6 +20,7 @@ mod sections;
 #[cfg(test)]
 mod tests;
 mod types;
+mod upgrade;
 
 pub use fault::{Fault, ScenarioError, must_be, unknown_field};
 pub use json::read_json;
@@ -29,8 +30,8 @@ pub use schema::{field_tables_markdown, json_schema};
 pub use sections::*;
 pub use types::Scenario;
 
-/// The schema name that every scenario carries once it has been read.
-pub const SCHEMA: &str = "roost.scenario/1";
+/// The schema name that every scenario carries once it has been read. Documents of schema 1 are upgraded.
+pub const SCHEMA: &str = "roost.scenario/2";
 
 /// Reads a scenario from JSON text: one syntax error, or every fault at once, or the scenario.
 ///
@@ -40,12 +41,13 @@ pub fn parse(text: &str) -> Result<Scenario, ScenarioError> {
     from_value(&read_json(text)?).map_err(ScenarioError::Faults)
 }
 
-/// Reads a scenario from a JSON value: every fault at once, or the scenario with all defaults filled in.
+/// Reads a scenario from a JSON value of this schema or the earlier one: every fault at once, or the scenario with all
+/// defaults filled in.
 ///
 /// # Errors
 /// Every fault found.
 pub fn from_value(value: &serde_json::Value) -> Result<Scenario, Vec<Fault>> {
-    let completed = complete::complete(value)?;
+    let completed = complete::complete(&upgrade::upgraded(value))?;
     // This cannot fail, since a test holds the types to the table. If it did, the fault names the reason.
     serde_json::from_value(completed).map_err(|error| {
         vec![Fault {

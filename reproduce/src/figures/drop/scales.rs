@@ -33,7 +33,8 @@ fn scale_name(scale: f64) -> String {
 }
 
 fn runs(profile: &Profile) -> Vec<Run> {
-    let base = base(profile);
+    // The paper keeps the stiffness per area at every scale.
+    let base = with(&base(profile), json!({"bonds": {"reference_radius_m": null}}));
     let runs = |scale: &f64| {
         replicates(profile, &scale_name(*scale), &with(&base, json!({"product": {"scale": scale}})))
     };

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::field::{Field, Range, above_to, from_to};
-use crate::scenario::row::{choice, flag, integer, nullable, number};
+use crate::scenario::field::{Field, FieldKind, Preset, Range, above_to, from_to};
+use crate::scenario::row::{choice, field, flag, integer, nullable, number};
 
 /// The bonds between the sub-particles of a fillet (eq. 6, Table 2).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,6 +17,8 @@ pub struct Bonds {
     pub normal_stiffness_n_m3: f64,
     /// Shear stiffness per unit area S_t, in N/m³.
     pub shear_stiffness_n_m3: f64,
+    /// Sub-particle radius at which both stiffnesses hold, in metres; null is any radius.
+    pub reference_radius_m: Option<f64>,
     /// Contact radius over sub-particle radius; a bond breaks beyond twice the contact radius.
     pub contact_radius_ratio: f64,
     /// Bond disk radius over sub-particle radius (R_b / R).
@@ -55,6 +57,9 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Normal stiffness per unit area, S_n."),
     number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",
         "Shear stiffness per unit area, S_t."),
+    field("/bonds/reference_radius_m", FieldKind::Nullable(above_to(0.0, 1.0)), "m", Preset::Number(0.004), "section 2.2",
+        "Sub-particle radius R_ref at which S_n and S_t hold. At another radius R they are multiplied by R_ref / R, so that \
+         the modulus of the lattice stays. Null: no factor."),
     number("/bonds/contact_radius_ratio", "", 1.732, above_to(1.0, 1.732), "Table 2",
         "Contact radius over sub-particle radius. A bond breaks when it is longer than twice the contact radius. Keep it below √3."),
     number("/bonds/disk_scale", "", 1.0, above_to(0.0, 2.0), "assumed",

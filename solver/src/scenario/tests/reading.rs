@@ -3,11 +3,11 @@
 use serde_json::json;
 
 use super::{full, minimal, with};
-use crate::scenario::{Auto, Condition, ScenarioError, Timestep, from_value, parse};
+use crate::scenario::{Auto, Condition, SCHEMA, ScenarioError, Timestep, from_value, parse};
 
 /// The document of the paper's bulk case as the design spells it.
 const SPELLED_OUT: &str = r#"
-{"schema": "roost.scenario/1", "experiment": "hopper",
+{"schema": "roost.scenario/2", "experiment": "hopper",
  "product":   {"count": 191, "subparticle_radius_m": 0.004, "fill": "centres", "density_kg_m3": 940},
  "material":  {"youngs_modulus_pa": 48600, "poisson_ratio": 0.37},
  "bonds":     {"formulation": "corotated", "normal_stiffness_n_m3": 1e6, "shear_stiffness_n_m3": 6e5,
@@ -23,6 +23,29 @@ const SPELLED_OUT: &str = r#"
 #[test]
 fn the_minimal_scenario_is_the_papers_bulk_case() {
     assert_eq!(parse(SPELLED_OUT).unwrap(), minimal());
+}
+
+#[test]
+fn schema_1_keeps_the_meaning_of_its_bonds() {
+    let read = |document| from_value(&document).unwrap();
+    let old = read(json!({"schema": "roost.scenario/1", "experiment": "hopper"}));
+    assert_eq!(old.bonds.reference_radius_m, None);
+    assert_eq!(old.schema, SCHEMA);
+    let same = json!({"schema": SCHEMA, "experiment": "hopper", "bonds": {"reference_radius_m": null}});
+    assert_eq!(old, read(same));
+    // Everything else is alike, and the upgraded document reads back as itself.
+    let mut bonds = minimal();
+    assert_eq!(bonds.bonds.reference_radius_m, Some(0.004));
+    bonds.bonds.reference_radius_m = None;
+    assert_eq!(old, bonds);
+    assert_eq!(from_value(&json!(old)).unwrap(), old);
+    // What a document states stays; a faulty section is at fault as ever.
+    let mut stated = json!({"schema": "roost.scenario/1", "experiment": "hopper", "bonds": {"types": 1}});
+    assert_eq!(read(stated.clone()).bonds.types, 1);
+    stated["bonds"]["reference_radius_m"] = json!(0.006);
+    assert_eq!(read(stated.clone()).bonds.reference_radius_m, Some(0.006));
+    stated["bonds"] = json!(null);
+    assert_eq!(from_value(&stated).unwrap_err()[0].pointer, "/bonds");
 }
 
 #[test]
@@ -59,7 +82,7 @@ fn the_digest_knows_neither_order_nor_defaults() {
 /// must come with a new [`crate::SOLVER_REVISION`] or schema.
 #[test]
 fn the_digest_of_the_minimal_scenario_is_pinned() {
-    assert_eq!(minimal().digest(), "0223029f3d6608ce17bbb1208518d149b1417f1fa4983d656036147e9dbd04e4");
+    assert_eq!(minimal().digest(), "c27a09f948e27ff09220ec3fc6fb8d345c841285d6ad6bce308ca277d14a1a56");
 }
 
 #[test]
