@@ -31,6 +31,9 @@ pub struct RunResult {
     /// Quantities over something other than time, such as stress over strain.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curves: Vec<Curve>,
+    /// Conditions under which the result may mislead. Results of revision 14 and before have none written.
+    #[serde(default)]
+    pub warnings: Vec<Warning>,
     /// The solver and its device.
     pub solver: SolverInfo,
     /// The cost of the run.
@@ -51,6 +54,15 @@ impl RunResult {
     pub fn response(&self, name: &str) -> Option<f64> {
         self.responses.get(name).and_then(Value::as_f64)
     }
+}
+
+/// A condition under which the result may mislead.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Warning {
+    /// Stable code, such as `escaped_mass`; [`crate::experiments::ALL_WARNINGS`] lists all.
+    pub code: String,
+    /// What was found, with figures, and what to do.
+    pub message: String,
 }
 
 /// Why a run ended.

@@ -1,24 +1,24 @@
 //! From a checked scenario to its result document.
 
-use serde_json::Map;
+use serde_json::{Map, Value};
 
 use crate::check::Checked;
 use crate::engine::Backend;
-use crate::engine::run::{Observer, run};
-use crate::result::{EndReason, RunResult, SCHEMA, SOLVER_REVISION, SolverInfo, VERSION};
+use crate::engine::run::{ExperimentMonitor, Observer, run};
+use crate::experiments::{warning_count, warnings_of_responses};
+use crate::result::{EndReason, RunResult, SCHEMA, SOLVER_REVISION, SolverInfo, VERSION, Warning};
 
 /// Runs a checked scenario on a backend to its end; see [`crate::simulate()`].
 pub fn simulate_on<B: Backend>(backend: &B, checked: &Checked, observer: &mut dyn Observer) -> RunResult {
     let (setup, scenario) = (checked.setup(), checked.scenario());
     let mut monitor = setup.monitor();
     let ended = run(backend, setup.scene(), setup.plan(), &mut *monitor, observer);
+    let (responses, warnings) = evaluate(checked, &*monitor, ended.reason);
     let info = backend.info();
     RunResult {
         schema: SCHEMA.to_owned(),
-        responses: match ended.reason {
-            EndReason::Cancelled => Map::new(),
-            reason => monitor.responses(reason),
-        },
+        responses,
+        warnings,
         series: monitor.recorder().series(),
         curves: monitor.curves(),
         end_reason: ended.reason,
@@ -35,4 +35,21 @@ pub fn simulate_on<B: Backend>(backend: &B, checked: &Checked, observer: &mut dy
         scenario: scenario.clone(),
         scenario_digest: scenario.digest(),
     }
+}
+
+/// Responses and warnings. A cancelled run has no responses, and only the warnings of its scenario.
+fn evaluate(
+    checked: &Checked,
+    monitor: &dyn ExperimentMonitor,
+    reason: EndReason,
+) -> (Map<String, Value>, Vec<Warning>) {
+    let mut warnings = checked.warnings().to_vec();
+    if reason == EndReason::Cancelled {
+        return (Map::new(), warnings);
+    }
+    let mut responses = monitor.responses(reason);
+    warnings.extend(monitor.warnings(reason));
+    warnings.extend(warnings_of_responses(checked.setup(), &responses));
+    responses.extend([warning_count(&warnings)]);
+    (responses, warnings)
 }

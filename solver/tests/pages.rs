@@ -6,7 +6,7 @@ mod generated;
 use std::path::{Path, PathBuf};
 
 use generated::{assert_generated, assert_text};
-use roost_solver::experiments::{output_tables_markdown, overview_markdown};
+use roost_solver::experiments::{output_tables_markdown, overview_markdown, warnings_markdown};
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::fields::EXPERIMENTS;
 use roost_solver::{Limits, check, scenario};
@@ -43,6 +43,11 @@ fn every_experiment_has_a_page_with_its_fields_and_results() {
         assert_generated(&page, "the field table", table.trim_end());
         assert_generated(&page, "the table of results", output_tables_markdown(experiment).trim_end());
     }
+}
+
+#[test]
+fn the_page_of_responses_has_every_warning() {
+    assert_generated(&docs("responses.md"), "the table of warnings", warnings_markdown().trim_end());
 }
 
 #[test]

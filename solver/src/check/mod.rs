@@ -8,10 +8,10 @@ use serde_json::{Value, json};
 
 use crate::engine::scene::BodyKind;
 use crate::experiments::laws::laws;
-use crate::experiments::{Setup, definition, timestep_s};
+use crate::experiments::{Setup, definition, timestep_s, warnings_of_scenario};
 use crate::mesh::Meshes;
 use crate::physics::timestep::Stability;
-use crate::result::Estimate;
+use crate::result::{Estimate, Warning};
 use crate::scenario::{Fault, MeshRef, Scenario};
 use cost::Cost;
 
@@ -43,6 +43,7 @@ const MAX_LATTICE_CELLS: f64 = 1e7;
 pub struct Checked {
     setup: Arc<Setup>,
     estimate: Estimate,
+    warnings: Vec<Warning>,
 }
 
 impl Checked {
@@ -59,6 +60,11 @@ impl Checked {
     /// The cost of a run.
     pub fn estimate(&self) -> &Estimate {
         &self.estimate
+    }
+
+    /// Warnings that need no run. Their messages are in the estimate too.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.warnings
     }
 
     /// The cost of a run, alone.
@@ -93,15 +99,10 @@ pub fn check(scenario: &Scenario, meshes: &Meshes, limits: &Limits) -> Result<Ch
     faults.extend(cost.steps_fault(&setup, limits));
     faults.extend(cost.samples_fault(&setup));
     none(faults)?;
-    let warning = || {
-        let damped = bounds.damped_s;
-        format!(
-            "timestep_s {dt:.3e} s is past {damped:.3e} s, the stability limit with damping: the run may diverge"
-        )
-    };
-    let warnings = (dt > bounds.damped_s).then(warning).into_iter().collect();
-    let estimate = cost.estimate(&setup, bounds.undamped_s, warnings);
-    Ok(Checked { setup: Arc::new(setup), estimate })
+    let warnings = warnings_of_scenario(&setup);
+    let messages = warnings.iter().map(|warning| warning.message.clone()).collect();
+    let estimate = cost.estimate(&setup, bounds.undamped_s, messages);
+    Ok(Checked { setup: Arc::new(setup), estimate, warnings })
 }
 
 fn none(faults: Vec<Fault>) -> Result<(), Vec<Fault>> {

@@ -10,7 +10,7 @@ use super::scene::Scene;
 use super::state::State;
 use super::{AdvanceReport, Backend};
 use crate::observe::Recorder;
-use crate::result::{Curve, EndReason, Flow, Instability, Performance, Phase, Progress};
+use crate::result::{Curve, EndReason, Flow, Instability, Performance, Phase, Progress, Warning};
 
 /// Wall time between two calls of the progress callback, in seconds.
 const PROGRESS_INTERVAL_S: f64 = 0.1;
@@ -122,6 +122,11 @@ pub trait ExperimentMonitor {
 
     /// Results over something other than time.
     fn curves(&self) -> Vec<Curve> {
+        Vec::new()
+    }
+
+    /// Warnings of a run that ended for `reason`, as far as only the monitor knows them.
+    fn warnings(&self, _reason: EndReason) -> Vec<Warning> {
         Vec::new()
     }
 }

@@ -47,6 +47,13 @@ pub struct BodyKind {
     pub subparticle_mass_kg: f64,
 }
 
+impl BodyKind {
+    /// Mass of a body, in kilograms.
+    pub fn mass_kg(&self) -> f64 {
+        self.subparticle_mass_kg * self.meta.points.len() as f64
+    }
+}
+
 /// Initial placement of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {

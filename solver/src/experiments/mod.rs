@@ -17,6 +17,7 @@ mod scene;
 mod setup;
 mod slide;
 pub mod surfaces;
+mod warnings;
 
 pub use bodies::{bounds_on_timestep, timestep_s};
 pub use definition::Definition;
@@ -25,6 +26,10 @@ pub use outputs::{
     output_tables_markdown, outputs, outputs_of, overview_markdown, response_names,
 };
 pub use setup::{Setup, plan};
+pub use warnings::{
+    ALL_WARNINGS, WarningKind, of_responses as warnings_of_responses, of_scenario as warnings_of_scenario,
+    warning_count, warnings_markdown,
+};
 
 use crate::scenario::Experiment;
 

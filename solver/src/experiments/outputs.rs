@@ -241,17 +241,17 @@ pub fn output_tables_markdown(experiment: &str) -> String {
     let Some(outputs) = outputs_of(experiment) else { return String::new() };
     let mut page = String::from("| response | unit | type | meaning |\n|---|---|---|---|\n");
     for row in outputs.responses {
-        page += &line([&format!("`{}`", row.name), row.unit, row.kind.as_str(), row.doc]);
+        page += &line(&[&format!("`{}`", row.name), row.unit, row.kind.as_str(), row.doc]);
     }
     page += "\n| series | unit | over | meaning |\n|---|---|---|---|\n";
     for row in outputs.series {
-        page += &line([&format!("`{}`", row.name), unit(row.unit), "belt time", row.doc]);
+        page += &line(&[&format!("`{}`", row.name), unit(row.unit), "belt time", row.doc]);
     }
     if !outputs.curves.is_empty() {
         page += "\n| curve | unit | over | meaning |\n|---|---|---|---|\n";
     }
     for row in outputs.curves {
-        page += &line([&format!("`{}`", row.name), unit(row.unit), &format!("`{}`", row.over), row.doc]);
+        page += &line(&[&format!("`{}`", row.name), unit(row.unit), &format!("`{}`", row.over), row.doc]);
     }
     page
 }
@@ -272,6 +272,7 @@ fn unit(unit: &str) -> &str {
     if unit == "1" { "" } else { unit }
 }
 
-fn line(cells: [&str; 4]) -> String {
-    format!("| {} |\n", cells.map(|cell| cell.replace('|', "\\|")).join(" | "))
+pub(super) fn line(cells: &[&str]) -> String {
+    let cells: Vec<_> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
+    format!("| {} |\n", cells.join(" | "))
 }

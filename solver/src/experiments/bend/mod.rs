@@ -12,6 +12,7 @@ mod monitor;
 mod scene;
 
 use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, boolean, number, series};
+use super::warnings::WARNING_COUNT;
 use super::{Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::Scene;
@@ -35,6 +36,7 @@ const RESPONSES: &[Response] = &[
     boolean("fell_off", "Whether the whole fillet fell below the axis of the bar or the roller."),
     boolean("torn", "Whether the two ends are no longer connected by bonds, or a part left the simulation."),
     BONDS_INTACT_FRACTION,
+    WARNING_COUNT,
 ];
 
 #[rustfmt::skip]

@@ -11,8 +11,9 @@ use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::placement::outside;
+use crate::experiments::warnings::{TEST_NEVER_BEGAN, never_at_rest};
 use crate::observe::{BendGauge, REST_DURATION_S, Recorder, RestDetector, SeriesId};
-use crate::result::EndReason;
+use crate::result::{EndReason, Warning};
 use crate::scenario::{Bend, Numerics, Scenario, Support};
 use crate::shape::lattice::{MetaParticle, connected_components};
 
@@ -196,5 +197,18 @@ impl ExperimentMonitor for BendMonitor {
         add("time_to_rest_s", self.hangs_since_s().into());
         add("bonds_intact_fraction", self.recorder.last(self.bonds_intact).into());
         responses
+    }
+
+    fn warnings(&self, reason: EndReason) -> Vec<Warning> {
+        if reason == EndReason::FillNotAtRest {
+            return vec![never_at_rest(self.numerics.max_fill_s)];
+        }
+        // A conveyor is to carry the fillet off.
+        let fell = self.fell_off && self.bend.support != Support::OffLedge;
+        let hung = !self.recorder.values(self.angle).is_empty() && !fell;
+        let end_s = self.recorder.belt_s(self.angle).last().copied().unwrap_or(0.0);
+        let how = if self.torn { "tore" } else { "fell off its support" };
+        let figures = format!("The fillet did not stay hanging: it {how} after {end_s:.2} s.");
+        (!hung).then(|| TEST_NEVER_BEGAN.with(&figures)).into_iter().collect()
     }
 }

@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 
 use super::bodies::body_kind;
 use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, curve, number, series};
+use super::warnings::WARNING_COUNT;
 use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Placement, Scene};
@@ -44,6 +45,7 @@ const RESPONSES: &[Response] = &[
     number("plate_imbalance_fraction", "",
         "Maximum difference of the forces on the two plates, divided by the maximum force; small if the test was slow enough."),
     BONDS_INTACT_FRACTION,
+    WARNING_COUNT,
 ];
 
 #[rustfmt::skip]

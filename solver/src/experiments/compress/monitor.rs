@@ -10,8 +10,9 @@ use crate::engine::state::State;
 use crate::experiments::CurveRow;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::placement::outside;
+use crate::experiments::warnings::TEST_NEVER_BEGAN;
 use crate::observe::{Compression, CompressionSample, Recorder, SeriesId, StressStrain, modulus_pa};
-use crate::result::{Curve, EndReason};
+use crate::result::{Curve, EndReason, Warning};
 use crate::scenario::{Compress, Numerics, Scenario};
 
 /// The monitor of a compression test.
@@ -117,6 +118,13 @@ impl ExperimentMonitor for CompressMonitor {
         add("plate_imbalance_fraction", self.plate_imbalance().into());
         add("bonds_intact_fraction", self.recorder.last(self.bonds_intact).into());
         responses
+    }
+
+    fn warnings(&self, _reason: EndReason) -> Vec<Warning> {
+        let pressed = self.recorder.values(self.upper_plate).iter().any(|force| *force > 0.0);
+        let end_s = self.recorder.belt_s(self.upper_plate).last().copied().unwrap_or(0.0);
+        let figures = format!("The upper plate never pressed the block until the end at {end_s:.3} s.");
+        (!pressed).then(|| TEST_NEVER_BEGAN.with(&figures)).into_iter().collect()
     }
 
     fn curves(&self) -> Vec<Curve> {

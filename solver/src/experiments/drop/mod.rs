@@ -18,6 +18,7 @@ use super::outputs::{
     BONDS_INTACT, BONDS_INTACT_FRACTION, ESCAPED_KG, KINETIC_ENERGY, KINETIC_ENERGY_END_J, MAX_OVERLAP_RATIO,
     curve, number, series,
 };
+use super::warnings::WARNING_COUNT;
 use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::Scene;
@@ -37,6 +38,7 @@ const RESPONSES: &[Response] = &[
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
+    WARNING_COUNT,
 ];
 
 const PLATE_FORCE: SeriesRow =

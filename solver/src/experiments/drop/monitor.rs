@@ -10,8 +10,9 @@ use crate::engine::state::State;
 use crate::experiments::CurveRow;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::placement::GAP_RATIO;
+use crate::experiments::warnings::TEST_NEVER_BEGAN;
 use crate::observe::{Recorder, RestDetector, SeriesId, SettlingTimer};
-use crate::result::{Curve, EndReason};
+use crate::result::{Curve, EndReason, Warning};
 use crate::scenario::{Drop, Numerics, Scenario};
 
 /// The run ends once all have settled and have been at rest for this long, in seconds. A fillet that stands on its end and
@@ -172,6 +173,13 @@ impl ExperimentMonitor for DropMonitor {
         add("kinetic_energy_end_j", self.recorder.last(self.kinetic_energy).into());
         add("escaped_kg", self.escaped_kg.into());
         responses
+    }
+
+    fn warnings(&self, _reason: EndReason) -> Vec<Warning> {
+        let touched = self.recorder.values(self.plate_force).iter().any(|force| *force != 0.0);
+        let end_s = self.recorder.belt_s(self.plate_force).last().copied().unwrap_or(0.0);
+        let figures = format!("No fillet touched its plate until the end at {end_s:.3} s.");
+        (!touched).then(|| TEST_NEVER_BEGAN.with(&figures)).into_iter().collect()
     }
 
     fn curves(&self) -> Vec<Curve> {

@@ -18,6 +18,7 @@ use super::outputs::{
     boolean, number, series, word,
 };
 use super::placement::Floor;
+use super::warnings::WARNING_COUNT;
 use super::{Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::Scene;
@@ -71,6 +72,7 @@ const RESPONSES: &[Response] = &[
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
+    WARNING_COUNT,
 ];
 
 const DISCHARGED_MASS: SeriesRow = series("discharged_mass", "kg", "Mass out.").headline();

@@ -8,10 +8,11 @@ use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
+use crate::experiments::warnings::never_at_rest;
 use crate::observe::{
     Discharge, REST_DURATION_S, Recorder, RestDetector, SeriesId, known_mass_rates, mass_rate,
 };
-use crate::result::EndReason;
+use crate::result::{EndReason, Warning};
 use crate::scenario::{Equipment, Numerics, Scenario};
 
 /// The bed's surface is the height that this share of the hopper's floor stays below.
@@ -217,6 +218,11 @@ impl ExperimentMonitor for HopperMonitor {
         add("kinetic_energy_end_j", self.recorder.last(self.kinetic_energy).into());
         add("max_overlap_ratio", (f64::from(self.max_overlap_m) / self.radius_m).into());
         responses
+    }
+
+    fn warnings(&self, reason: EndReason) -> Vec<Warning> {
+        let at_rest = reason != EndReason::FillNotAtRest;
+        (!at_rest).then(|| never_at_rest(self.numerics.max_fill_s)).into_iter().collect()
     }
 }
 

@@ -15,6 +15,7 @@ use super::outputs::{
 };
 use super::placement::orientation;
 use super::surfaces::{extent, surfaces};
+use super::warnings::WARNING_COUNT;
 use super::{CurveRow, Definition, Outputs, Response, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{Placement, Scene};
@@ -32,6 +33,7 @@ const RESPONSES: &[Response] = &[
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
+    WARNING_COUNT,
 ];
 
 const OVER: (&str, &str) = ("body", "1");

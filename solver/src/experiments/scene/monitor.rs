@@ -8,8 +8,9 @@ use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
+use crate::experiments::warnings::TEST_NEVER_BEGAN;
 use crate::observe::{Clock, REST_DURATION_S, Recorder, RestDetector, SeriesId};
-use crate::result::{Curve, EndReason};
+use crate::result::{Curve, EndReason, Warning};
 use crate::scenario::{FreeScene, Numerics, Scenario};
 
 /// The axes of forces and positions.
@@ -145,6 +146,14 @@ impl ExperimentMonitor for SceneMonitor {
         add("kinetic_energy_end_j", self.recorder.last(self.kinetic_energy).into());
         add("greatest_height_m", self.greatest_height_m.into());
         responses
+    }
+
+    fn warnings(&self, _reason: EndReason) -> Vec<Warning> {
+        let series = || self.forces.iter().flatten();
+        let touched = series().any(|id| self.recorder.values(*id).iter().any(|force| *force != 0.0));
+        let end_s = series().next().and_then(|id| self.recorder.belt_s(*id).last()).unwrap_or(&0.0);
+        let figures = format!("No body touched a surface until the end at {end_s:.3} s.");
+        (!touched && !self.forces.is_empty()).then(|| TEST_NEVER_BEGAN.with(&figures)).into_iter().collect()
     }
 
     fn curves(&self) -> Vec<Curve> {

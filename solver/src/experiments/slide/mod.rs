@@ -14,6 +14,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::outputs::{BONDS_INTACT, BONDS_INTACT_FRACTION, KINETIC_ENERGY, boolean, number, series};
 use super::placement::{height_over_plate, orientation, uniform};
+use super::warnings::WARNING_COUNT;
 use super::{Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{Placement, Scene};
@@ -33,6 +34,7 @@ const RESPONSES: &[Response] = &[
     boolean("slid", "Whether the fillet slid, so that `critical_angle_deg` is not null."),
     boolean("rolled_over", "Whether the fillet's upper side faced the plate at any time."),
     BONDS_INTACT_FRACTION,
+    WARNING_COUNT,
 ];
 
 const TILT_ANGLE: SeriesRow = series("tilt_angle", "°", "Tilt of the plate.");

@@ -10,8 +10,9 @@ use crate::engine::state::State;
 use crate::equipment::Motion;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::placement::outside;
+use crate::experiments::warnings::{TEST_NEVER_BEGAN, never_at_rest};
 use crate::observe::{REST_DURATION_S, Recorder, RestDetector, SeriesId, SlidingDetector};
-use crate::result::EndReason;
+use crate::result::{EndReason, Warning};
 use crate::scenario::{Numerics, Scenario, Slide};
 
 /// The centre of mass of a fillet in the plate's own frame.
@@ -136,5 +137,15 @@ impl ExperimentMonitor for SlideMonitor {
         add("rolled_over", self.rolled_over.into());
         add("bonds_intact_fraction", self.recorder.last(self.bonds_intact).into());
         responses
+    }
+
+    fn warnings(&self, reason: EndReason) -> Vec<Warning> {
+        if reason == EndReason::FillNotAtRest {
+            return vec![never_at_rest(self.numerics.max_fill_s)];
+        }
+        let tilt_deg = self.recorder.last(self.tilt).unwrap_or(0.0);
+        let figures = format!("The fillet did not slide up to a tilt of {tilt_deg:.1}°.");
+        let slid = self.sliding.onset_s().is_some();
+        (!slid).then(|| TEST_NEVER_BEGAN.with(&figures)).into_iter().collect()
     }
 }

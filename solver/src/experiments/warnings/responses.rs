@@ -1,0 +1,43 @@
+//! Warnings from the responses of a run. A rule holds for every experiment that has the response.
+
+use serde_json::{Map, Value};
+
+use super::{BROKEN_BONDS, DEEP_OVERLAP, DENSE_BED, ESCAPED_MASS};
+use crate::engine::scene::BodyKind;
+use crate::experiments::Setup;
+use crate::result::Warning;
+
+/// Share of bonds below which a product counts as torn.
+const LOW_INTACT_FRACTION: f64 = 0.95;
+
+/// The warnings that these responses give.
+pub fn of_responses(setup: &Setup, responses: &Map<String, Value>) -> Vec<Warning> {
+    let number = |name: &str| responses.get(name).and_then(Value::as_f64);
+    let each = setup.kind_of_each();
+    let sum = |of: &dyn Fn(&BodyKind) -> f64| each.iter().map(|&kind| of(&setup.kinds[kind])).sum::<f64>();
+    let mass_kg = sum(&BodyKind::mass_kg);
+    let density_kg_m3 = mass_kg / sum(&|kind| kind.meta.volume_m3);
+    let mut warnings = Vec::new();
+    if let Some(escaped_kg) = number("escaped_kg").filter(|kg| *kg > 0.0) {
+        let share = 100.0 * escaped_kg / mass_kg;
+        warnings.push(ESCAPED_MASS.with(&format!(
+            "{escaped_kg:.3} kg of {mass_kg:.3} kg ({share:.2} %) left the domain by accident."
+        )));
+    }
+    if let Some(intact) = number("bonds_intact_fraction").filter(|intact| *intact < LOW_INTACT_FRACTION) {
+        let broken = 100.0 * (1.0 - intact);
+        warnings.push(BROKEN_BONDS.with(&format!("{broken:.1} % of the bonds broke.")));
+    }
+    if let Some(ratio) = number("max_overlap_ratio").filter(|ratio| *ratio > 1.0) {
+        warnings.push(
+            DEEP_OVERLAP.with(&format!("Two sub-particles without a bond overlapped by {ratio:.2} R.")),
+        );
+    }
+    if let Some(bulk) = number("bulk_density_kg_m3").filter(|bulk| *bulk > density_kg_m3) {
+        let ratio = bulk / density_kg_m3;
+        warnings.push(DENSE_BED.with(&format!(
+            "The bed at rest has {bulk:.0} kg/m³, {ratio:.2} times the {density_kg_m3:.0} kg/m³ of a fillet: fillets overlap."
+        )));
+    }
+    warnings
+}

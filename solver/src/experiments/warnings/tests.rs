@@ -1,0 +1,122 @@
+//! Rules of warnings against hand-made responses and hand-calculated figures.
+
+use std::collections::BTreeSet;
+
+use serde_json::{Map, Value, json};
+
+use super::*;
+use crate::mesh::Meshes;
+use crate::scenario::from_value;
+use crate::{Limits, check};
+
+fn checked(document: &Value) -> crate::Checked {
+    let scenario = from_value(document).unwrap_or_else(|faults| panic!("{faults:?}"));
+    check(&scenario, &Meshes::default(), &Limits::NONE).expect("a scenario that can run")
+}
+
+fn hopper(product: Value, material: Value) -> Value {
+    json!({"experiment": "hopper", "product": product, "material": material})
+}
+
+fn codes(warnings: &[Warning]) -> Vec<&str> {
+    warnings.iter().map(|warning| warning.code.as_str()).collect()
+}
+
+#[test]
+fn codes_are_unique_words_and_actions_are_sentences() {
+    let codes: BTreeSet<_> = ALL_WARNINGS.iter().map(|kind| kind.code).collect();
+    assert_eq!(codes.len(), ALL_WARNINGS.len());
+    for kind in ALL_WARNINGS {
+        assert!(kind.code.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'_'), "{}", kind.code);
+        assert!(kind.when.ends_with('.') && kind.action.ends_with('.'), "{}", kind.code);
+        assert!(warnings_markdown().contains(&format!("| `{}` | {}", kind.code, kind.when)));
+    }
+}
+
+#[test]
+fn the_papers_hopper_has_no_warnings_before_the_run() {
+    let checked = checked(&json!({"experiment": "hopper"}));
+    assert_eq!(checked.warnings(), []);
+    assert_eq!(checked.estimate().warnings, [""; 0]);
+}
+
+#[test]
+fn every_limit_of_a_response_has_its_warning() {
+    let checked = checked(&json!({"experiment": "hopper", "product": {"count": 6}}));
+    // Six fillets, one of each shape, weigh 940 kg/m³ times their volume.
+    let mass_kg = checked.estimate().mass_kg;
+    let of = |name: &str, value: Value| {
+        let responses = Map::from_iter([(name.to_owned(), value)]);
+        of_responses(checked.setup(), &responses)
+    };
+    let limits = [
+        ("escaped_kg", json!(0.0), json!(mass_kg / 50.0), "escaped_mass", "(2.00 %)"),
+        ("bonds_intact_fraction", json!(0.951), json!(0.949), "broken_bonds", "5.1 %"),
+        ("max_overlap_ratio", json!(0.999), json!(1.25), "deep_overlap", "1.25 R"),
+        ("bulk_density_kg_m3", json!(939.0), json!(1034.0), "dense_bed", "1.10 times the 940 kg/m³"),
+    ];
+    for (name, sound, bad, code, figure) in limits {
+        assert_eq!(of(name, sound), [], "{name}");
+        assert_eq!(of(name, Value::Null), [], "{name}");
+        let warnings = of(name, bad);
+        assert_eq!(codes(&warnings), [code]);
+        assert!(warnings[0].message.contains(figure), "{}", warnings[0].message);
+    }
+}
+
+#[test]
+fn a_sub_particle_density_gives_the_density_of_the_fillet() {
+    // Spheres take π/6 of their cells: 2200 kg/m³ in them are 1152 kg/m³ in the lattice.
+    let checked = checked(&hopper(json!({"count": 6, "subparticle_density_kg_m3": 2200}), json!({})));
+    let of = |bulk: f64| {
+        let responses = Map::from_iter([("bulk_density_kg_m3".to_owned(), json!(bulk))]);
+        of_responses(checked.setup(), &responses).len()
+    };
+    assert_eq!((of(1100.0), of(1200.0)), (0, 1));
+}
+
+#[test]
+fn a_fill_of_whole_spheres_is_named_with_its_figures() {
+    let checked = checked(&hopper(json!({"count": 6, "fill": "whole_spheres"}), json!({})));
+    assert_eq!(codes(checked.warnings()), ["whole_spheres"]);
+    let message = &checked.warnings()[0].message;
+    let kinds = &checked.setup().kinds;
+    let points: usize = kinds.iter().map(|kind| kind.meta.points.len()).sum();
+    let volume_m3: f64 = kinds.iter().map(|kind| kind.meta.volume_m3).sum();
+    let percent = 100.0 * 0.008f64.powi(3) * points as f64 / volume_m3;
+    assert!((20.0..80.0).contains(&percent), "{percent}");
+    assert!(
+        message.contains(&format!("takes {percent:.0} % ")) && message.contains("940 kg/m³"),
+        "{message}"
+    );
+    assert_eq!(checked.estimate().warnings, [message.clone()]);
+}
+
+#[test]
+fn tissue_too_soft_for_the_weight_of_the_bed_is_named() {
+    // 38.21 kg on 0.59 × 0.30 m are 2.12 kPa. δ = R/2 takes E* = 3p / 0.5^1.5 = 17.97 kPa, E = 15.5 kPa.
+    let of = |e: f64| checked(&hopper(json!({}), json!({"youngs_modulus_pa": e}))).warnings().to_vec();
+    assert_eq!(codes(&of(16_000.0)), [""; 0]);
+    let warnings = of(15_000.0);
+    assert_eq!(codes(&warnings), ["soft_tissue"]);
+    assert!(warnings[0].message.contains("0.51 R"), "{}", warnings[0].message);
+    // A single fillet weighs a tenth of that: five layers of 8 mm, 940 · 9.81 · 0.04 = 369 Pa.
+    let single = |e: f64| checked(&json!({"experiment": "drop", "material": {"youngs_modulus_pa": e}}));
+    assert_eq!(codes(single(4000.0).warnings()), [""; 0]);
+    assert_eq!(codes(single(2000.0).warnings()), ["soft_tissue"]);
+}
+
+#[test]
+fn a_test_that_has_not_begun_is_named_by_every_monitor() {
+    use crate::result::EndReason::{Duration, FillNotAtRest};
+    for experiment in crate::scenario::fields::EXPERIMENTS {
+        let mut document = json!({"experiment": experiment});
+        if *experiment == "scene" {
+            let plate = json!({"name": "floor", "plate_m": [[-1, -1, 0], [2, 0, 0], [0, 2, 0]]});
+            document["scene"] = json!({"bodies": [{"position_m": [0, 0, 1]}], "surfaces": [plate]});
+        }
+        let monitor = checked(&document).setup().monitor();
+        let reason = if *experiment == "hopper" { FillNotAtRest } else { Duration };
+        assert_eq!(codes(&monitor.warnings(reason)), ["test_never_began"], "{experiment}");
+    }
+}
