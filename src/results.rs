@@ -127,7 +127,7 @@ fn job_content(result: &RunResult, format: Format) -> Result<Vec<u8>> {
     match format {
         Format::Json => content = format!("{:#}\n", json!(result)).into(),
         Format::Csv => output::series_csv(&mut content, &result.series)?,
-        Format::Table => content = run::responses_table(result).to_string().into(),
+        Format::Table => content = run::responses_text(result).into(),
         Format::Parquet => {
             return Err(
                 BadInput("the result of a job has no Parquet format; use json or csv".to_owned()).into()

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use roost_api::job::AttemptOutcome;
+use roost_api::printable::one_line;
 use roost_api::{Phase, Progress, RunResult};
 use roost_solver::{Limits, scenario};
 use roost_terminal::progress::Bar;
@@ -104,7 +105,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         }
         print_json(&summary)?;
     } else {
-        print_lines(format_args!("{}", responses_table(&result)))?;
+        print_lines(format_args!("{}", responses_text(&result)))?;
         print_line("")?;
         print_line(files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("  "))?;
     }
@@ -164,8 +165,16 @@ pub(crate) fn describe(progress: &Progress) -> String {
     format!("{phase}{left} · {rate} × real time · {work} particle-steps/s")
 }
 
-/// The responses, one per line.
-pub(crate) fn responses_table(result: &RunResult) -> Table {
+/// The responses and the warnings, one per line.
+pub(crate) fn responses_text(result: &RunResult) -> String {
+    let mut text = responses_table(result).to_string();
+    for roost_solver::result::Warning { code, message } in &result.warnings {
+        text.push_str(&format!("{}\n", one_line(&format!("warning [{code}]: {message}"))));
+    }
+    text
+}
+
+fn responses_table(result: &RunResult) -> Table {
     let mut table = Table::new(["response", "value"]);
     table.row(["end_reason".to_owned(), format::cell(&json!(result.end_reason))]);
     for (name, value) in &result.responses {
@@ -189,6 +198,7 @@ fn summary(result: &RunResult, files: &[PathBuf]) -> serde_json::Value {
         "end_reason": result.end_reason,
         "instability": result.instability,
         "responses": result.responses,
+        "warnings": result.warnings,
         "solver": result.solver,
         "performance": result.performance,
         "scenario_digest": result.scenario_digest,

@@ -28,6 +28,9 @@ pub(crate) struct RunResultSchema {
     /// Quantities over something other than time, such as stress over strain.
     #[schema(required = false)]
     pub curves: Vec<CurveSchema>,
+    /// Conditions under which the result may mislead. Results of solver revision 14 and before lack them.
+    #[schema(required = false)]
+    pub warnings: Vec<WarningSchema>,
     /// The solver and its device.
     pub solver: SolverInfoSchema,
     /// The cost of the run.
@@ -45,6 +48,16 @@ fn complete_scenario() -> Object {
         .description(Some("The scenario as run, every default written out."))
         .examples(scenario::from_value(&json!({"experiment": "hopper"})).map(|scenario| json!(scenario)))
         .build()
+}
+
+/// A condition under which the result may mislead.
+#[derive(ToSchema)]
+#[schema(as = Warning)]
+pub(crate) struct WarningSchema {
+    /// Stable code, such as `escaped_mass`.
+    pub code: String,
+    /// What was found, with figures, and what to do.
+    pub message: String,
 }
 
 /// Why a run ended.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use roost_solver::result::{
     Curve, EndReason, Estimate, Instability, Performance, Phase, Progress, RunResult, SCHEMA, Series,
-    SolverInfo,
+    SolverInfo, Warning,
 };
 use roost_solver::scenario;
 use serde::Serialize;
@@ -33,6 +33,7 @@ fn schemas_have_the_fields_of_serialised_documents() {
         values: vec![],
     };
     let instability = Instability { step: 1, time_s: 0.5, reason: String::new() };
+    let warning = Warning { code: String::new(), message: String::new() };
     let solver = SolverInfo {
         version: String::new(),
         revision: 1,
@@ -45,6 +46,7 @@ fn schemas_have_the_fields_of_serialised_documents() {
         Performance { subparticles: 1, particle_steps: 1, steps: 1, wall_s: 1.0, ns_per_particle_step: 1.0 };
     assert_same_fields::<SeriesSchema>(&series);
     assert_same_fields::<CurveSchema>(&curve);
+    assert_same_fields::<WarningSchema>(&warning);
     assert_same_fields::<InstabilitySchema>(&instability);
     assert_same_fields::<SolverInfoSchema>(&solver);
     assert_same_fields::<PerformanceSchema>(&performance);
@@ -57,6 +59,7 @@ fn schemas_have_the_fields_of_serialised_documents() {
         responses: serde_json::Map::new(),
         series: vec![series],
         curves: vec![curve],
+        warnings: vec![warning],
         solver,
         performance,
         scenario_digest: scenario.digest(),

@@ -177,6 +177,7 @@ fn sample_result(scenario: Scenario) -> RunResult {
         instability: None,
         responses: responses.as_object().cloned().unwrap_or_default(),
         curves: Vec::new(),
+        warnings: Vec::new(),
         series: vec![Series {
             name: "discharged_mass".to_owned(),
             unit: "kg".to_owned(),

@@ -105,6 +105,7 @@ mod fixtures {
             responses: responses.as_object().unwrap().clone(),
             series: Vec::new(),
             curves: Vec::new(),
+            warnings: Vec::new(),
             solver: SolverInfo {
                 version: String::new(),
                 revision: 0,

@@ -88,7 +88,7 @@ export async function show(main, id) {
     const [result, outputs] = await Promise.all([readIfThere(`${at}/result`), readOutputs()]);
     if (!result || key !== resultKey()) return;
     for (const data of curvesOf(result)) drawCurve(data);
-    fill(rest, responses(result, outputs), computation(result), scenario(result, job));
+    fill(rest, warnings(result), responses(result, outputs), computation(result), scenario(result, job));
   }, failed);
 
   const framesKey = () => (job.frames ? `frames ${job.attempt}` : "none");
@@ -119,6 +119,12 @@ function actions(job, at) {
     ["failed", "cancelled"].includes(job.state) && action("Retry", () => post(`${at}/retry`)),
     isEnded(job.state) && h("a", { href: `${at}/result`, download: `${job.id}.json` }, "Result document"),
   ];
+}
+
+/** Results of older solvers have none. @param {RunResult} result */
+function warnings({ warnings = [] }) {
+  return warnings.length > 0 && h("section", { class: "card wide" }, h("h2", {}, "Warnings"),
+    h("ul", {}, warnings.map(({ code, message }) => h("li", {}, h("code", {}, code), ` ${message}`))));
 }
 
 /** @param {RunResult} result @param {OutputTable} outputs */

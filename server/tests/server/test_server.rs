@@ -266,6 +266,7 @@ pub(crate) fn result_of(scenario: &Value) -> RunResult {
         instability: None,
         responses: responses.as_object().unwrap().clone(),
         curves: Vec::new(),
+        warnings: Vec::new(),
         series: vec![Series {
             name: "discharged_mass".to_owned(),
             unit: "kg".to_owned(),
