@@ -71,7 +71,8 @@ fn bond_of(x: &[f32], model: BondModel) -> Vec<f32> {
         shear_strength: f32::INFINITY,
     };
     let mut stored = v(x, 0);
-    let force = bond::force(&law, &mut stored, unit(v(x, 3)), 0.008, x[6], v(x, 7), v(x, 10), x[13]);
+    let force =
+        bond::force(&law, &mut stored, unit(v(x, 3)), 0.008, x[6], v(x, 7), v(x, 10), v(x, 13), x[16]);
     let of = force.unwrap_or(bond::BondForce { total: Vec3::ZERO, shear: Vec3::ZERO });
     let holds = [f32::from(u8::from(force.is_some()))];
     [&holds[..], &stored.to_array(), &of.total.to_array(), &of.shear.to_array()].concat()
@@ -97,7 +98,7 @@ const BOND: &str = "
     var n = vec3(0.0);
     if length > 0.0 { n = d / length; }
     let law = Bonds(FORM, 50.0, 30.0, 0.01, 0.08, 1e19);
-    var force = bond_force(law, &stored, n, 0.008, x(6u), x3(7u), x3(10u), x(13u));
+    var force = bond_force(law, &stored, n, 0.008, x(6u), x3(7u), x3(10u), x3(13u), x(16u));
     if !force.holds { force.total = vec3(0.0); force.shear = vec3(0.0); }
     put(0u, select(0.0, 1.0, force.holds));
     put3(1u, stored);
@@ -143,7 +144,7 @@ fn contact_inputs(adheres: bool) -> Vec<std::ops::Range<f32>> {
 }
 
 fn bond_inputs() -> Vec<std::ops::Range<f32>> {
-    [vectors(&[0.05, 1.0]), vec![0.004..0.0105], vectors(&[1.0, 20.0]), vec![1e-6..4e-4]].concat()
+    [vectors(&[0.05, 1.0]), vec![0.004..0.0105], vectors(&[1.0, 1.0, 20.0]), vec![1e-6..4e-4]].concat()
 }
 
 fn leak(text: String) -> &'static str {

@@ -96,11 +96,12 @@ fn add_pair_forces(
         let n = if length > 0.0 { d / length } else { Vec3::ZERO };
         let arm = n * (length / 2.0);
         // Velocity of j relative to i at the contact point.
-        let v = other.velocity - me.velocity - (me.spin + other.spin).cross(arm);
+        let u = other.velocity - me.velocity;
+        let v = u - (me.spin + other.spin).cross(arm);
         let spin = (me.spin + other.spin) * 0.5;
         if bonded {
             let rest = contact_distance * (pair.bond_class as f32).sqrt();
-            match bond::force(&laws.bond, &mut pair.bond, n, rest, length, v, spin, *dt) {
+            match bond::force(&laws.bond, &mut pair.bond, n, rest, length, u, v, spin, *dt) {
                 Some(force) => load.add(force.total, arm, force.shear),
                 None => {
                     pair.bond_class = 0;

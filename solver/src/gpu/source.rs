@@ -1,7 +1,7 @@
 //! The WGSL of the kernels, assembled from its files: types and constants from Rust, terms, stages.
 
 use crate::gpu::layout;
-use crate::physics::bond::{BondModel, STRETCH_CLAMP};
+use crate::physics::bond::{BondModel, NO_LENGTH_M, STRETCH_CLAMP};
 use crate::physics::damping;
 use crate::physics::jkr::{CURVATURE, D_SNAP, X_SNAP};
 use crate::walls::{ALIGNED_COSINE, COINCIDENT_M, EDGE_TOLERANCE};
@@ -63,6 +63,7 @@ fn constants() -> String {
         ("X_SNAP", X_SNAP),
         ("CURVATURE", CURVATURE),
         ("STRETCH_CLAMP", STRETCH_CLAMP),
+        ("NO_LENGTH_M", NO_LENGTH_M),
         ("COINCIDENT_M", COINCIDENT_M),
         ("EDGE_TOLERANCE", EDGE_TOLERANCE),
         ("ALIGNED_COSINE", ALIGNED_COSINE),

@@ -2,12 +2,21 @@
 //!
 //! k = S A, A = π R_b²;  F_n = k_n (L − 2R) n;  F_t ← rotate(F_t) + k_t v_t δt
 //!
+//! Velocities are those of the middle of the step, n and L those of its end. v_t is therefore brought back by half a step, to
+//! first order in δt (`corotated` and `finite_extension`):
+//!
+//! v_t ← v_t + (2 u_t − v_t) v_n δt / 2L + n × (u_t + v_t) ω_n δt / 2
+//!
+//! Without this, undamped bonds gain energy in proportion to the step.
+//!
 //! | symbol | unit | meaning |
 //! |---|---|---|
 //! | S_n, S_t | N/m³ | normal and shear stiffness per unit area |
 //! | R_b | m | radius of the bond disk |
 //! | L | m | distance of the centres; the bond breaks beyond twice the contact radius |
 //! | v | m/s | v_j − v_i − (ω_i + ω_j) × n L/2, the relative velocity at the bond |
+//! | u | m/s | v_j − v_i |
+//! | ω_n | rad/s | mean spin of the pair about n |
 //!
 //! | formulation | force |
 //! |---|---|
@@ -84,10 +93,20 @@ pub fn normal(law: &BondLaw, rest_length: f32, length: f32) -> f32 {
     }
 }
 
+/// Length below which a bond has no direction, in metres.
+pub const NO_LENGTH_M: f32 = 1e-15;
+
+/// The tangential velocity at the bond half a step ago, in m/s, carried along with the bond since. `u_t` and `v_t` are the parts
+/// across n of u and v in m/s, `stretch` = v_n δt in m, `twist` = ω_n δt in radians.
+pub fn mid_step(n: Vec3, length: f32, u_t: Vec3, v_t: Vec3, stretch: f32, twist: f32) -> Vec3 {
+    let stretched = (u_t * 2.0 - v_t) * (stretch / (2.0 * length.max(NO_LENGTH_M)));
+    v_t + stretched + n.cross(u_t + v_t) * (twist * 0.5)
+}
+
 /// Force on i, or `None` when the bond breaks.
 ///
-/// `rest_length` and `length` are in m. `v` is the relative velocity at the bond (j against i) in m/s, `spin`
-/// the mean spin of the pair, (ω_i + ω_j)/2, in rad/s. `stored` is the force history in N.
+/// `rest_length` and `length` are in m. `u` and `v` are the relative velocities (j against i) of the centres and at
+/// the bond in m/s, `spin` the mean spin of the pair, (ω_i + ω_j)/2, in rad/s. `stored` is the force history in N.
 #[expect(clippy::too_many_arguments, reason = "the quantities of the equation, in its order")]
 pub fn force(
     law: &BondLaw,
@@ -95,6 +114,7 @@ pub fn force(
     n: Vec3,
     rest_length: f32,
     length: f32,
+    u: Vec3,
     v: Vec3,
     spin: Vec3,
     dt: f32,
@@ -109,7 +129,9 @@ pub fn force(
         let pull = stored.dot(n);
         (pull, *stored - n * pull, *stored)
     } else {
-        *stored = rotated_history(*stored, n, spin.dot(n) * dt) + v_t * (law.k_t * dt);
+        let twist = spin.dot(n) * dt;
+        let shear_rate = mid_step(n, length, u - n * v_n, v_t, v_n * dt, twist);
+        *stored = rotated_history(*stored, n, twist) + shear_rate * (law.k_t * dt);
         let pull = normal(law, rest_length, length);
         (pull, *stored, n * pull + *stored)
     };

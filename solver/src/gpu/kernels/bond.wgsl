@@ -16,12 +16,18 @@ fn bond_normal(law: Bonds, rest_length: f32, length: f32) -> f32 {
     return law.k_n * e;
 }
 
+fn mid_step(n: vec3<f32>, length: f32, u_t: vec3<f32>, v_t: vec3<f32>, stretch: f32, twist: f32) -> vec3<f32> {
+    let stretched = (u_t * 2.0 - v_t) * (stretch / (2.0 * max(length, NO_LENGTH_M)));
+    return v_t + stretched + cross3(n, u_t + v_t) * (twist * 0.5);
+}
+
 fn bond_force(
     law: Bonds,
     stored: ptr<function, vec3<f32>>,
     n: vec3<f32>,
     rest_length: f32,
     length: f32,
+    u: vec3<f32>,
     v: vec3<f32>,
     spin: vec3<f32>,
     dt: f32,
@@ -40,7 +46,9 @@ fn bond_force(
         shear = *stored - n * pull;
         total = *stored;
     } else {
-        *stored = rotated_history(*stored, n, dot3(spin, n) * dt) + v_t * (law.k_t * dt);
+        let twist = dot3(spin, n) * dt;
+        let shear_rate = mid_step(n, length, u - n * v_n, v_t, v_n * dt, twist);
+        *stored = rotated_history(*stored, n, twist) + shear_rate * (law.k_t * dt);
         pull = bond_normal(law, rest_length, length);
         shear = *stored;
         total = n * pull + *stored;

@@ -45,12 +45,13 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
             n = d / length;
         }
         let arm = n * (length / 2.0);
-        let v = other.velocity - me.velocity - cross3(me.spin + other.spin, arm);
+        let u = other.velocity - me.velocity;
+        let v = u - cross3(me.spin + other.spin, arm);
         let spin = (me.spin + other.spin) * 0.5;
         if bonded {
             let rest = contact_distance * sqrt(f32(class_));
             var stored = pairs[at].bond;
-            let force = bond_force(scene.bond, &stored, n, rest, length, v, spin, scene.dt);
+            let force = bond_force(scene.bond, &stored, n, rest, length, u, v, spin, scene.dt);
             if force.holds {
                 add(load, force.total, arm, force.shear);
             } else {

@@ -7,7 +7,7 @@ use super::contact::ContactParams;
 use super::pair::PairLanes;
 use super::{bond, contact};
 use crate::cpu::fast::instructions::arrays::{Lanes, WIDTH};
-use crate::cpu::fast::instructions::lanes::{F, Mask};
+use crate::cpu::fast::instructions::lanes::{F, F3, Mask};
 use crate::cpu::fast::instructions::set::LaneOps;
 use crate::cpu::fast::storage::laws::{LaneContactLaw, PairLaws};
 use crate::cpu::fast::storage::pair_lanes::{BondHistoryMut, ContactHistories, PairKinematics, PairLoads};
@@ -91,7 +91,8 @@ pub(crate) fn bonds<S: LaneOps>(
     let any_free = free[0] | free[1] != 0;
     for part in 0..WIDTH / S::F32_LANES {
         let pairs = PairLanes::new(simd, laws.dt, kinematics, part);
-        let (mut pull, mut across) = bond::force(simd, laws, &pairs, [one, two], part);
+        let u = F3::load(simd, [&kinematics[0].velocity, &kinematics[1].velocity], part);
+        let (mut pull, mut across) = bond::force(simd, laws, &pairs, u, [one, two], part);
         if any_touches {
             let touches = Mask::from_bits(simd, touch, part);
             let mut params = bonded_params;
