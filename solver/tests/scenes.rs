@@ -57,6 +57,28 @@ fn plate(name: &str, more: Value) -> Value {
 }
 
 #[test]
+fn a_scene_that_makes_energy_has_diverged() {
+    let end = |formulation: &str| {
+        run(&scene(&[
+            ("/product/subparticle_radius_m", json!(0.004)),
+            ("/bonds/formulation", json!(formulation)),
+            ("/bonds/normal_stiffness_n_m3", json!(1e7)),
+            ("/bonds/shear_stiffness_n_m3", json!(1e5)),
+            ("/scene/bodies", json!([{"position_m": [0, 0, 0.022], "velocity_m_s": [0, 0, -2]}])),
+            ("/scene/surfaces", json!([plate("floor", json!({}))])),
+            ("/scene/margin_m", json!(0.1)),
+            ("/numerics/duration_s", json!(0.25)),
+        ]))
+    };
+    // The published bond makes energy; no sub-particle is fast enough for the speed limit.
+    let published = end("as_published");
+    assert_eq!(published.end_reason, EndReason::Unstable, "{:?}", published.responses);
+    let reason = &published.instability.as_ref().expect("said where").reason;
+    assert!(reason.contains(" J of kinetic energy"), "{reason}");
+    assert_eq!(end("corotated").end_reason, EndReason::Duration);
+}
+
+#[test]
 fn a_body_falls_along_gravity_as_it_was_thrown() {
     // Tilted, and with strength of its own; adhesion off, that it does not shrink on the way.
     let direction = DVec3::new(0.5, -1.0, -1.0);

@@ -9,6 +9,7 @@ mod clashes;
 mod compress;
 mod definition;
 mod drop;
+mod energy;
 mod hopper;
 pub mod laws;
 mod outputs;

@@ -8,6 +8,7 @@ use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::experiments::CurveRow;
+use crate::experiments::energy::{ENERGY_MARGIN, given_j};
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::placement::GAP_RATIO;
 use crate::experiments::warnings::TEST_NEVER_BEGAN;
@@ -18,10 +19,6 @@ use crate::scenario::{Drop, Numerics, Scenario};
 /// The run ends once all have settled and have been at rest for this long, in seconds. A fillet that stands on its end and
 /// is about to topple has moved by then.
 const REST_FOR_S: f64 = 0.25;
-
-/// A fillet with this many times the kinetic energy that it was given has not got it from the fall: the bonds have made
-/// it, as the published ones do at S_n 1e7, S_t 1e5, and the run is unstable however slow each sub-particle still is.
-const ENERGY_MARGIN: f64 = 2.0;
 
 /// The state of one fillet.
 #[derive(Clone, Debug)]
@@ -64,19 +61,13 @@ impl DropMonitor {
         let (g, speed) = (scenario.numerics.gravity_m_s2, drop.speed_m_s);
         let hits_at = (speed * speed + 2.0 * g * gap_m).sqrt();
         let contact_s = 2.0 * gap_m / (speed + hits_at);
-        let contact = &scenario.contact;
-        let gamma =
-            contact.fillet_fillet.surface_energy_j_m2.max(contact.fillet_equipment.surface_energy_j_m2);
-        let neck_j = 2.0 * gamma * std::f64::consts::PI * scene.radius_m.powi(2);
         let fillet = |body: &Placement| {
             let kind = &scene.kinds[body.kind];
-            let (points, bonds) = (kind.meta.points.len() as f64, kind.meta.bonds.len());
-            let mass_kg = kind.subparticle_mass_kg * points;
+            let mass_kg = kind.subparticle_mass_kg * kind.meta.points.len() as f64;
             let energy_j = 0.5 * mass_kg * hits_at * hits_at;
-            // Kinetic energy at the impact, potential energy of the fall, and energy of necks that form.
-            let given_j = energy_j + mass_kg * g * body.position.z + (points + bonds as f64) * neck_j;
+            let given_j = given_j(kind, &scenario.contact, scene.radius_m, hits_at, g * body.position.z);
             Fillet {
-                bonds: bonds as u64,
+                bonds: kind.meta.bonds.len() as u64,
                 broken_and_gone: 0,
                 broken: 0,
                 settling: SettlingTimer::new(contact_s, energy_j),

@@ -7,6 +7,8 @@ use super::POSITIONS;
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
+use crate::equipment::Motion;
+use crate::experiments::energy::{ENERGY_MARGIN, given_j};
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::warnings::TEST_NEVER_BEGAN;
 use crate::observe::{Clock, REST_DURATION_S, Recorder, RestDetector, SeriesId};
@@ -28,6 +30,8 @@ pub(super) struct SceneMonitor {
     /// Time below the speed of rest that counts as rest, in seconds.
     rest_for_s: f64,
     rest: RestDetector,
+    /// Kinetic energy beyond which the run has diverged, in joule.
+    most_energy_j: f64,
     escaped_kg: f64,
     max_overlap_m: f32,
     greatest_height_m: Option<f64>,
@@ -38,6 +42,23 @@ pub(super) struct SceneMonitor {
     bonds_intact: SeriesId,
     /// The force on each surface along each of [`AXES`].
     forces: Vec<[SeriesId; 3]>,
+}
+
+/// [`ENERGY_MARGIN`] times the energy of the bodies at the start, which may fall to the farthest corner. Moving surfaces do work
+/// without a bound, so that it is infinite with them.
+fn most_energy_j(scenario: &Scenario, free: &FreeScene, scene: &Scene) -> f64 {
+    if scene.surfaces.iter().any(|surface| surface.motion != Motion::Fixed) {
+        return f64::INFINITY;
+    }
+    let given_j = scene.bodies.iter().map(|body| {
+        let kind = &scene.kinds[body.kind];
+        let down = free.down();
+        let fall_m =
+            ((scene.low - body.position) * down).max((scene.high - body.position) * down).element_sum();
+        let fall = scenario.numerics.gravity_m_s2 * fall_m;
+        given_j(kind, &scenario.contact, scene.radius_m, body.velocity.length(), fall)
+    });
+    ENERGY_MARGIN * given_j.sum::<f64>()
 }
 
 impl SceneMonitor {
@@ -57,6 +78,7 @@ impl SceneMonitor {
                 REST_DURATION_S
             },
             rest: RestDetector::default(),
+            most_energy_j: most_energy_j(scenario, free, scene),
             escaped_kg: 0.0,
             max_overlap_m: 0.0,
             greatest_height_m: None,
@@ -120,6 +142,13 @@ impl ExperimentMonitor for SceneMonitor {
     fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         let Some(now_s) = sample.belt_time_s else { return Decision::Start };
         self.record(sample, now_s);
+        let energy_j = sample.state.kinetic_energy();
+        if energy_j > self.most_energy_j {
+            let most = self.most_energy_j;
+            return Decision::Diverged(format!(
+                "the bodies have {energy_j:.2e} J of kinetic energy; {most:.2e} J are twice what they can have come to"
+            ));
+        }
         let stop = &self.numerics.stop;
         if stop.when_empty && sample.state.particles.is_empty() {
             return Decision::End(EndReason::Empty);
