@@ -93,6 +93,19 @@ fn a_radius_too_coarse_for_a_size_is_refused() {
 }
 
 #[test]
+fn fillets_of_few_layers_are_warned_of() {
+    let warnings = |fields: &[(&str, Value)]| accepted(&with(fields)).warnings;
+    let radius = |metres: f64| ("/product/subparticle_radius_m", json!(metres));
+    let coarse = warnings(&[radius(0.006)]);
+    assert!(coarse.len() == 1 && coarse[0].contains("2 sub-particles thick"), "{coarse:?}");
+    assert!(warnings(&[radius(0.003)]).is_empty());
+    // A block has the layers that were asked for.
+    let block = json!({"experiment": "compress", "compress": {"lattice": [3, 3, 2]}});
+    let block = scenario::from_value(&block).expect("a sound scenario");
+    assert!(accepted(&block).warnings.is_empty());
+}
+
+#[test]
 fn a_time_step_past_stability_is_refused_and_near_it_warned_of() {
     let bounds = bounds_on_timestep(&with(&[]), &kinds(&with(&[])));
     assert!(bounds.auto_s < bounds.damped_s && bounds.damped_s < bounds.undamped_s);

@@ -36,6 +36,18 @@ pub struct MetaParticle {
     pub bounding_radius_m: f64,
 }
 
+impl MetaParticle {
+    /// Layers of sub-particles of that radius along the axis with the fewest.
+    pub fn layers(&self, radius_m: f64) -> usize {
+        let across = |axis: usize| {
+            let along = || self.points.iter().map(|point| point[axis]);
+            let extent_m = along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min);
+            (extent_m / (2.0 * radius_m)).round() as usize + 1
+        };
+        (0..3).map(across).min().unwrap_or(0)
+    }
+}
+
 /// Highest bond class within the contact radius. Contact radii sum to 2R · ratio, lengths are 2R √class. With
 /// two types only odd lattice steps join unlike types.
 pub fn max_bond_class(types: u32, contact_radius_ratio: f64) -> u32 {

@@ -47,6 +47,11 @@ const WHOLE_SPHERES: WarningKind = kind(
     "`/product/fill` is `whole_spheres`: the body is up to 2R thinner than the shape.",
     "Set /product/fill to \"centres\", or choose a smaller /product/subparticle_radius_m.",
 );
+const THIN_FILLET: WarningKind = kind(
+    "thin_fillet",
+    "A fillet has fewer than four layers of sub-particles in its thickness: its bending and the flow depend on the radius.",
+    "Choose a smaller /product/subparticle_radius_m, or compare two radii.",
+);
 const SOFT_TISSUE: WarningKind = kind(
     "soft_tissue",
     "The weight on a sub-particle at the floor presses it in by half of R or more, by Hertz: bodies may sink through.",
@@ -84,6 +89,7 @@ pub(super) const TEST_NEVER_BEGAN: WarningKind = kind(
 pub const ALL_WARNINGS: &[&WarningKind] = &[
     &UNSTABLE_TIMESTEP,
     &WHOLE_SPHERES,
+    &THIN_FILLET,
     &SOFT_TISSUE,
     &TEST_NEVER_BEGAN,
     &ESCAPED_MASS,

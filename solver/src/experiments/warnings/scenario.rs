@@ -1,6 +1,6 @@
 //! Warnings that need no run: time step, fill of the lattice, and tissue too soft for its own weight.
 
-use super::{SOFT_TISSUE, UNSTABLE_TIMESTEP, WHOLE_SPHERES};
+use super::{SOFT_TISSUE, THIN_FILLET, UNSTABLE_TIMESTEP, WHOLE_SPHERES};
 use crate::engine::scene::BodyKind;
 use crate::experiments::Setup;
 use crate::physics::hertz::tissue_on_rigid;
@@ -11,9 +11,12 @@ use crate::scenario::{Experiment, Fill, Scenario};
 /// the mass at 0.59, 36 % at 0.71 and all at 1.5.
 const SOFT_OVERLAP_RATIO: f64 = 0.5;
 
+/// Layers of sub-particles below which the stiffness of a fillet depends on the radius.
+const FEWEST_LAYERS: usize = 4;
+
 /// The warnings of a scenario.
 pub fn of_scenario(setup: &Setup) -> Vec<Warning> {
-    [timestep(setup), whole_spheres(setup), soft_tissue(setup)].into_iter().flatten().collect()
+    [timestep(setup), whole_spheres(setup), thin_fillet(setup), soft_tissue(setup)].into_iter().flatten().collect()
 }
 
 fn timestep(setup: &Setup) -> Option<Warning> {
@@ -41,6 +44,18 @@ fn whole_spheres(setup: &Setup) -> Option<Warning> {
         mass_kg / volume_m3,
     );
     concerned.then(|| WHOLE_SPHERES.with(&figures))
+}
+
+/// The fillet with the fewest layers. A block has the layers that its scenario asks for, and a single sub-particle cannot bend.
+fn thin_fillet(setup: &Setup) -> Option<Warning> {
+    if matches!(setup.scenario.experiment, Experiment::Compress { .. }) {
+        return None;
+    }
+    let radius_m = setup.scenario.product.radius_m();
+    let bendable = setup.kinds.iter().filter(|kind| kind.meta.points.len() > 1);
+    let layers = bendable.map(|kind| kind.meta.layers(radius_m)).min()?;
+    let figures = format!("A fillet is {layers} sub-particles thick, fewer than {FEWEST_LAYERS}.");
+    (layers < FEWEST_LAYERS).then(|| THIN_FILLET.with(&figures))
 }
 
 /// Hertz: a sub-particle on a rigid floor that bears the weight p (2R)² is pressed in by δ, p (2R)² = 4/3 E* √R δ^{3/2}. So δ/R =
