@@ -57,7 +57,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Normal stiffness per unit area, S_n."),
     number("/bonds/shear_stiffness_n_m3", "N/m³", 6e5, from_to(0.0, 1e12), "Table 2",
         "Shear stiffness per unit area, S_t."),
-    field("/bonds/reference_radius_m", FieldKind::Nullable(above_to(0.0, 1.0)), "m", Preset::Number(0.004), "section 2.2",
+    field("/bonds/reference_radius_m", FieldKind::Nullable(from_to(5e-4, 0.05)), "m", Preset::Number(0.004), "section 2.2",
         "Sub-particle radius R_ref at which S_n and S_t hold. At another radius R they are multiplied by R_ref / R, so that \
          the modulus of the lattice stays. Null: no factor."),
     number("/bonds/contact_radius_ratio", "", 1.732, above_to(1.0, 1.732), "Table 2",
