@@ -97,7 +97,7 @@ fn fillets_of_few_layers_are_warned_of() {
     let warnings = |fields: &[(&str, Value)]| accepted(&with(fields)).warnings;
     let radius = |metres: f64| ("/product/subparticle_radius_m", json!(metres));
     let coarse = warnings(&[radius(0.006)]);
-    assert!(coarse.len() == 1 && coarse[0].contains("2 sub-particles thick"), "{coarse:?}");
+    assert!(coarse.len() == 1 && coarse[0].contains("sub-particles thick, fewer than 4"), "{coarse:?}");
     assert!(warnings(&[radius(0.003)]).is_empty());
     // A block has the layers that were asked for.
     let block = json!({"experiment": "compress", "compress": {"lattice": [3, 3, 2]}});

@@ -47,6 +47,10 @@ pub const BED_STIFFNESS: f64 = 0.75;
 /// Largest share of the damped limit that `"auto"` takes. It decides where stiff bonds dominate contact.
 pub const SAFETY: f64 = 0.9;
 
+/// The same share where contacts are elastic (restitution 1). Nothing takes up the energy that a long step makes in a
+/// nonlinear lattice: an undamped fillet of 4 mm gained 1 % in 8 s at 0.8 of the limit, and nothing at half of it.
+pub const ELASTIC_SAFETY: f64 = 0.5;
+
 /// Limits of the time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stability {
@@ -57,7 +61,7 @@ pub struct Stability {
     /// Limit with damping, in seconds. Between the two limits a run may diverge.
     pub damped_s: f64,
     /// Step of `"auto"` where nothing else bounds it, in seconds: the limit with other bodies pressing, and
-    /// at most [`SAFETY`] of `damped_s`.
+    /// at most [`SAFETY`] or [`ELASTIC_SAFETY`] of `damped_s`.
     pub auto_s: f64,
 }
 
@@ -92,10 +96,11 @@ pub fn stability(
         antiphase_s.min(longest_stable(mass, uniform_spin(contacts), |dt| 20.0 * eta_t(dt)))
     };
     let damped_s = damped(1.0).min(longest_stable(mass, breaking, |_| 0.0));
+    let safety = if contact.damping > 0.0 { SAFETY } else { ELASTIC_SAFETY };
     Stability {
         undamped_s: undamped(mass, antiphase(1.0).max(uniform_spin(1.0))),
         damped_s,
-        auto_s: damped(1.0 + BED_STIFFNESS).min(SAFETY * damped_s),
+        auto_s: damped(1.0 + BED_STIFFNESS).min(safety * damped_s),
     }
 }
 

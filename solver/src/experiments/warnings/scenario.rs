@@ -16,7 +16,10 @@ const FEWEST_LAYERS: usize = 4;
 
 /// The warnings of a scenario.
 pub fn of_scenario(setup: &Setup) -> Vec<Warning> {
-    [timestep(setup), whole_spheres(setup), thin_fillet(setup), soft_tissue(setup)].into_iter().flatten().collect()
+    [timestep(setup), whole_spheres(setup), thin_fillet(setup), soft_tissue(setup)]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 fn timestep(setup: &Setup) -> Option<Warning> {
