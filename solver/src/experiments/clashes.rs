@@ -4,7 +4,7 @@
 //! positions are written with few digits. A closed surface that faces outwards is solid; a closed container faces inwards.
 
 use std::cell::OnceCell;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DVec3, IVec3, Vec3};
 
@@ -33,23 +33,59 @@ pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Obstacle)> {
     let lattice =
         |kind: usize| lattices[kind].get_or_init(|| Lattice::new(&scene.kinds[kind], scene.radius_m));
     let sheets: Vec<Sheet<'_>> = scene.surfaces.iter().map(Sheet::new).collect();
+    let mut earlier = EarlierBodies::new(scene);
     let mut found = Vec::new();
     for (number, body) in scene.bodies.iter().enumerate() {
         let points = points(body, &scene.kinds[body.kind]);
-        let reach = |other: &Placement| scene.kinds[other.kind].meta.bounding_radius_m + 2.0 * scene.radius_m;
+        let reach = |other: &Placement| reach_m(scene, other);
         let inside = |other: &Placement| {
             let near = body.position.distance(other.position) < reach(body) + reach(other);
             near && lattice(other.kind).holds_any(&points, other, reach(other))
         };
-        let earlier = scene.bodies[..number].iter().position(inside);
+        let near = earlier.near(body.position);
+        let first = near.filter(|&other| inside(&scene.bodies[other])).min();
+        earlier.add(number, body.position);
         let within = |sheet: &Sheet<'_>| {
             sheet.cuts(&points, body, scene) || points.first().is_some_and(|&p| sheet.encloses(p))
         };
         let crossed = sheets.iter().position(within);
-        found.extend(earlier.map(|other| (number, Obstacle::Body(other))));
+        found.extend(first.map(|other| (number, Obstacle::Body(other))));
         found.extend(crossed.map(|other| (number, Obstacle::Surface(other))));
     }
     found
+}
+
+/// Distance from a body's centre within which another body's sub-particle may be inside it, in metres.
+fn reach_m(scene: &Scene, body: &Placement) -> f64 {
+    scene.kinds[body.kind].meta.bounding_radius_m + 2.0 * scene.radius_m
+}
+
+/// The bodies visited so far, by cells as wide as the reach of two bodies. A scene may have many thousand spheres.
+struct EarlierBodies {
+    cell_m: f64,
+    cells: HashMap<IVec3, Vec<usize>>,
+}
+
+impl EarlierBodies {
+    fn new(scene: &Scene) -> Self {
+        let reach = scene.bodies.iter().map(|body| reach_m(scene, body)).fold(0.0, f64::max);
+        Self { cell_m: 2.0 * reach, cells: HashMap::new() }
+    }
+
+    fn cell(&self, place: DVec3) -> IVec3 {
+        (place / self.cell_m).floor().as_ivec3()
+    }
+
+    fn add(&mut self, number: usize, place: DVec3) {
+        self.cells.entry(self.cell(place)).or_default().push(number);
+    }
+
+    /// Numbers of the bodies whose reach may meet that of a body at a place, in no order.
+    fn near(&self, place: DVec3) -> impl Iterator<Item = usize> + '_ {
+        let cell = self.cell(place);
+        let around = (0..27).map(move |k| cell + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
+        around.filter_map(|cell| self.cells.get(&cell)).flatten().copied()
+    }
 }
 
 /// Positions of the sub-particles of a body at the start, in metres.

@@ -72,7 +72,7 @@ pub trait Definition {
             |size: [f64; 3]| size.iter().map(|s| s / (2.0 * product.radius_m()) + 2.0).product::<f64>();
         // Each size is filled twice, as it is and mirrored.
         let of_sizes = || product.scaled_sizes_m().map(|size| 2.0 * cells(size)).sum();
-        if product.mesh.is_some() { 0.0 } else { of_sizes() }
+        if product.mesh.is_some() || product.spheres { 0.0 } else { of_sizes() }
     }
 
     /// Cells of the floor over which bodies are dropped, in squares of R.

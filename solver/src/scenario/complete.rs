@@ -4,7 +4,7 @@
 use serde_json::{Map, Value};
 
 use super::fault::{Fault, must_be, unknown_field};
-use super::field::{Field, FieldKind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section};
+use super::field::{Field, FieldKind, LONGEST_TEXT, MAX_SIZES, Preset, Range, Section};
 use super::fields::{EXPERIMENTS, FIELDS, SECTIONS};
 use super::names::{escape, names_in, nearest};
 use super::own_fields::{OwnField, belongs, fields_of};
@@ -55,8 +55,8 @@ fn check_section(section: &Section, experiment: Option<&str>, document: &Value, 
     match (section.items, written) {
         (None, Value::Object(object)) => check_names(section.pointer, object, faults),
         (None, other) => faults.push(Fault::new(section.pointer, other, must_be("an object", other), None)),
-        (Some(_), Value::Array(items)) if items.len() > MAX_ITEMS => {
-            let allowed = Some(format!("at most {MAX_ITEMS}"));
+        (Some(_), Value::Array(items)) if items.len() > section.max_items => {
+            let allowed = Some(format!("at most {}", section.max_items));
             let detail = format!("has {} items", items.len());
             faults.push(Fault::new(section.pointer, &Value::Null, detail, allowed));
         }
@@ -98,7 +98,7 @@ fn fill(document: &Value, experiment: Option<&str>, faults: &mut Vec<Fault>) -> 
     for section in SECTIONS.iter().filter(|section| belongs(section, experiment)) {
         let Some(items) = section.items else { continue };
         let written = document.pointer(section.pointer).and_then(Value::as_array);
-        let count = written.map_or(0, |items| items.len().min(MAX_ITEMS));
+        let count = written.map_or(0, |items| items.len().min(section.max_items));
         let list = (0..count).map(|index| {
             let mut item = Value::Object(Map::new());
             for field in FIELDS.iter() {

@@ -36,6 +36,8 @@ pub struct Section {
     pub pointer: &'static str,
     /// For a list: the pointer of its items in the table, with `*` for the index.
     pub items: Option<&'static str>,
+    /// Maximum number of items of a list.
+    pub max_items: usize,
     /// The experiment that the section belongs to; none belongs to all.
     pub experiment: Option<&'static str>,
     /// Content, in one sentence.
@@ -75,8 +77,10 @@ pub enum FieldKind {
 
 /// Maximum number of characters of a text.
 pub const LONGEST_TEXT: usize = 60;
-/// Maximum number of objects of a list section.
-pub const MAX_ITEMS: usize = 1000;
+/// Maximum number of surfaces.
+pub const MAX_SURFACES: usize = 1000;
+/// Maximum number of bodies of a scene, that of `/product/count`.
+pub const MAX_BODIES: usize = 100_000;
 /// Maximum number of sizes.
 pub const MAX_SIZES: usize = 32;
 

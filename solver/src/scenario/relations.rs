@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::Fault;
-use super::field::plain;
+use super::field::{MAX_BODIES, plain};
 use super::fields::{FIELDS, SECTIONS, declaration, find};
 use super::sections::AtMost;
 use super::sections::{DECLARATIONS, surface};
@@ -105,22 +105,27 @@ fn check_alternatives(document: &Value, completed: &Value, faults: &mut Vec<Faul
     }
 }
 
-/// Shapes that do not exist, and sizes beside a mesh.
+/// Shapes that do not exist, and sizes beside a mesh or spheres.
 fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     let sizes = completed.pointer("/product/sizes_m").and_then(Value::as_array).map(Vec::len);
     let mesh = completed.pointer("/product/mesh").is_some_and(Value::is_object);
-    if let (true, Some(written)) = (mesh, document.pointer("/product/sizes_m"))
-        && Some(written) != find("/product/sizes_m").and_then(|field| field.default.value()).as_ref()
-    {
-        let allowed = Some("one of /product/mesh and /product/sizes_m".to_owned());
-        faults.push(Fault::new(
-            "/product/sizes_m",
-            written,
-            "is excluded by /product/mesh".to_owned(),
-            allowed,
-        ));
+    let spheres = completed.pointer("/product/spheres") == Some(&Value::Bool(true));
+    let instead = [("/product/mesh", mesh), ("/product/spheres", spheres)];
+    for (other, _) in instead.iter().filter(|(_, there)| *there) {
+        let own = find("/product/sizes_m").and_then(|field| field.default.value());
+        let written = document.pointer("/product/sizes_m").filter(|written| Some(*written) != own.as_ref());
+        if let Some(written) = written {
+            let allowed = Some(format!("one of {other} and /product/sizes_m"));
+            faults.push(Fault::new("/product/sizes_m", written, format!("is excluded by {other}"), allowed));
+        }
     }
-    let Some(shapes) = sizes.map(|sizes| if mesh { 1 } else { 2 * sizes }) else { return };
+    if mesh && spheres {
+        let allowed = Some("false beside /product/mesh".to_owned());
+        let detail = "excludes /product/mesh".to_owned();
+        faults.push(Fault::new("/product/spheres", &Value::Bool(true), detail, allowed));
+    }
+    let only_one = mesh || spheres;
+    let Some(shapes) = sizes.map(|sizes| if only_one { 1 } else { 2 * sizes }) else { return };
     let bodies = completed.pointer("/scene/bodies").and_then(Value::as_array).map_or(0, Vec::len);
     let named = (0..bodies).map(|index| format!("/scene/bodies/{index}/shape"));
     for pointer in std::iter::once("/product/shape".to_owned()).chain(named) {
@@ -136,7 +141,7 @@ fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
         let empty = Value::Array(Vec::new());
         let written = document.pointer("/scene/bodies").unwrap_or(&empty);
         if written.is_array() {
-            let allowed = Some("a list of 1 to 1000 bodies".to_owned());
+            let allowed = Some(format!("a list of 1 to {MAX_BODIES} bodies"));
             faults.push(Fault::new("/scene/bodies", written, "holds no body".to_owned(), allowed));
         }
     }

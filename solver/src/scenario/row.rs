@@ -109,17 +109,18 @@ pub(super) const fn section(
     experiment: Option<&'static str>,
     doc: &'static str,
 ) -> Section {
-    Section { pointer, items: None, experiment, doc }
+    Section { pointer, items: None, max_items: 0, experiment, doc }
 }
 
-/// A list of objects, with the pointer of their fields in the table.
+/// A list of objects, with the pointer of their fields in the table and their maximum number.
 pub(super) const fn list(
     pointer: &'static str,
     items: &'static str,
+    max_items: usize,
     experiment: Option<&'static str>,
     doc: &'static str,
 ) -> Section {
-    Section { pointer, items: Some(items), experiment, doc }
+    Section { pointer, items: Some(items), max_items, experiment, doc }
 }
 
 impl Field {

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::{Map, Value, json};
 
 use super::SCHEMA;
-use super::field::{Field, FieldKind, LONGEST_TEXT, MAX_ITEMS, MAX_SIZES, Preset, Range, Section, plain};
+use super::field::{Field, FieldKind, LONGEST_TEXT, MAX_SIZES, Preset, Range, Section, plain};
 use super::fields::{FIELDS, SECTIONS, declaration, experiments_of};
 use super::sections::DECLARATIONS;
 use super::sections::Declaration;
@@ -41,7 +41,7 @@ fn object(section: &str, doc: &str) -> Value {
             None => object(section.pointer, &doc),
             Some(items) => {
                 let items = object(items, "");
-                json!({"type": "array", "description": doc, "maxItems": MAX_ITEMS, "items": items})
+                json!({"type": "array", "description": doc, "maxItems": section.max_items, "items": items})
             }
         };
         properties.insert(name(section.pointer), schema);

@@ -55,6 +55,12 @@ pub fn max_bond_class(types: u32, contact_radius_ratio: f64) -> u32 {
 }
 
 impl MetaParticle {
+    /// A single sphere of a radius in metres.
+    pub fn sphere(radius_m: f64) -> Self {
+        let volume_m3 = 4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3);
+        Self { points: vec![DVec3::ZERO], bonds: Vec::new(), volume_m3, bounding_radius_m: 0.0 }
+    }
+
     /// A scaled copy, sub-particles included.
     pub fn scaled(&self, scale: f64) -> Self {
         Self {

@@ -123,8 +123,8 @@ const MAX_CACHED_POINTS: usize = 2_000_000;
 /// Cache of fills: validating a sweep asks for the same few fills thousands of times.
 static FILL_CACHE: Mutex<Option<HashMap<FillKey, Arc<MetaParticle>>>> = Mutex::new(None);
 
-/// The meta-particles of a product, one per shape: its mesh, or each size and its mirror image. Shapes are
-/// filled at their own size and scaled afterwards.
+/// The meta-particles of a product, one per shape: its mesh, one sphere, or each size and its mirror image.
+/// Shapes are filled at their own size and scaled afterwards.
 ///
 /// # Errors
 /// A mesh that cannot be a product; see [`from_mesh`].
@@ -143,6 +143,9 @@ pub fn meta_particles(
         1.0 => meta,
         scale => Arc::new(meta.scaled(scale)),
     };
+    if product.spheres {
+        return Ok(vec![Arc::new(MetaParticle::sphere(product.radius_m()))]);
+    }
     if let Some(named) = &product.mesh {
         let stl = meshes.get(&named.digest).expect("the scenario's meshes are at hand");
         let mesh = stl.in_units(named.units).expect("the size of the mesh was checked");

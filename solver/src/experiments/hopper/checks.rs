@@ -12,6 +12,9 @@ use crate::scenario::{Equipment, Fault, Product, SideWalls};
 
 /// Length, width and thickness of every size of fillet, scaled, in metres, with its name in the document.
 fn sizes(product: &Product, meshes: &Meshes) -> Vec<(String, [f64; 3])> {
+    if product.spheres {
+        return vec![("/product/spheres".to_owned(), [2.0 * product.radius_m(); 3])];
+    }
     if let Some(named) = &product.mesh {
         let mesh = meshes.get(&named.digest).and_then(|stl| stl.in_units(named.units).ok());
         let size = |mesh: Mesh| ("/product/mesh".to_owned(), (mesh.size_m() * product.scale).to_array());

@@ -9,6 +9,9 @@ use crate::scenario::{Fault, FreeScene, PresenceKind};
 /// Maximum count of numbers in the series of forces: half of the limit of a server for a result.
 const MAX_FORCES: f64 = 4e5;
 
+/// Maximum number of bodies that are reported. A document of many thousand bodies may be wrong in each.
+const MAX_FAULTS: usize = 1000;
+
 /// Bodies inside each other or a surface, surfaces that never are there, more samples of forces than anyone reads.
 pub(super) fn faults(setup: &Setup, free: &FreeScene) -> Vec<Fault> {
     let mut faults = start_faults(setup, free);
@@ -54,5 +57,5 @@ fn start_faults(setup: &Setup, free: &FreeScene) -> Vec<Fault> {
         let pointer = format!("/scene/bodies/{body}/position_m");
         Fault::at(&pointer, json!(free.bodies[body].position_m), detail, allowed)
     };
-    clashes(scene).into_iter().map(clash).collect()
+    clashes(scene).into_iter().map(clash).take(MAX_FAULTS).collect()
 }

@@ -16,7 +16,7 @@ use super::outputs::{
 use super::placement::orientation;
 use super::surfaces::{extent, surfaces};
 use super::warnings::WARNING_COUNT;
-use super::{CurveRow, Definition, Outputs, Response, Setup};
+use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{Placement, Scene};
 use crate::scenario::{Fault, FreeScene, Scenario};
@@ -36,6 +36,8 @@ const RESPONSES: &[Response] = &[
     WARNING_COUNT,
 ];
 
+const MASS: SeriesRow = series("mass", "kg", "Mass of everything that has not left.");
+
 const OVER: (&str, &str) = ("body", "1");
 #[rustfmt::skip]
 const POSITIONS: [CurveRow; 3] = [
@@ -50,6 +52,7 @@ pub(super) const OUTPUTS: Outputs = Outputs {
     series: &[
         KINETIC_ENERGY.headline(),
         BONDS_INTACT.headline(),
+        MASS,
         series("force_<name>_x", "N",
             "Force on the surface of that name along x, at the time of the sample: the weight of bodies on it, the friction of bodies \
          that a belt drags."),

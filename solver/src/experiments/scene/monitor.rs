@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde_json::{Map, Value};
 
-use super::POSITIONS;
+use super::{MASS, POSITIONS};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
@@ -40,6 +40,7 @@ pub(super) struct SceneMonitor {
     recorder: Recorder,
     kinetic_energy: SeriesId,
     bonds_intact: SeriesId,
+    mass: SeriesId,
     /// The force on each surface along each of [`AXES`].
     forces: Vec<[SeriesId; 3]>,
 }
@@ -85,6 +86,7 @@ impl SceneMonitor {
             centres_m: Vec::new(),
             kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
             bonds_intact: recorder.add_row(&BONDS_INTACT),
+            mass: recorder.add_row(&MASS),
             forces: scene
                 .surfaces
                 .iter()
@@ -120,6 +122,8 @@ impl SceneMonitor {
         self.recorder.begin_sample(sample.simulated_s, sample.belt_time_s);
         self.recorder.record(self.kinetic_energy, state.kinetic_energy());
         self.recorder.record(self.bonds_intact, state.bonds_intact_fraction());
+        let mass_kg: f64 = state.masses.iter().map(|&m| f64::from(m)).sum();
+        self.recorder.record(self.mass, mass_kg);
         for (series, force) in self.forces.iter().zip(sample.surface_forces) {
             for (id, (_, axis)) in series.iter().zip(AXES) {
                 self.recorder.record(*id, force.dot(axis));

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::declaration::{AtMost, Declaration, ExperimentSection};
 use super::surface::SurfaceSpec;
-use crate::scenario::field::{Field, from_to};
+use crate::scenario::field::{Field, MAX_SURFACES, from_to};
 use crate::scenario::row::{choice, flag, list, number, section};
 
 /// Hopper, gate and belt. The dimensions of the paper's Fig. 5 are derived.
@@ -76,11 +76,11 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     question: "Does the hopper discharge, jam or flow unevenly?",
     sections: &[
         section("/equipment", Some("hopper"), "Hopper, gate and belt. The dimensions of Fig. 5 are derived."),
-        list("/equipment/surfaces", "/scene/surfaces/*", Some("hopper"), "Further surfaces, as in `/scene/surfaces`."),
+        list("/equipment/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("hopper"), "Further surfaces, as in `/scene/surfaces`."),
     ],
     fields: FIELDS,
     takes: &[
-        "/product/count", "/product/sizes_m", "/product/shape", "/product/mesh", "/product/fill",
+        "/product/count", "/product/sizes_m", "/product/shape", "/product/mesh", "/product/spheres", "/product/fill",
         "/numerics/duration_s", "/numerics/stop/when_empty", "/numerics/stop/when_jammed_s",
         "/numerics/max_fill_s",
     ],

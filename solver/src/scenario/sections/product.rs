@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::surface::MeshRef;
 use crate::scenario::field::{Field, FieldKind, Preset, Range, from_to};
-use crate::scenario::row::{choice, field, integer, nullable, number};
+use crate::scenario::row::{choice, field, flag, integer, nullable, number};
 
 /// The fillets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,6 +18,8 @@ pub struct Product {
     pub shape: Option<u32>,
     /// A closed mesh in place of the teardrops.
     pub mesh: Option<MeshRef>,
+    /// Whether each body is one sphere, in place of the teardrops.
+    pub spheres: bool,
     /// Scale factor of fillets and sub-particles.
     pub scale: f64,
     /// Radius of a sub-particle, in metres.
@@ -41,9 +43,9 @@ impl Product {
         self.sizes_m.iter().map(|size| size.map(|edge| edge * self.scale))
     }
 
-    /// Number of shapes that `shape` and a body's shape may name: each size and its mirror image, or the mesh.
+    /// Number of shapes that `shape` and a body's shape may name: each size and its mirror image, or the only one.
     pub fn shapes(&self) -> u32 {
-        if self.mesh.is_some() { 1 } else { 2 * self.sizes_m.len() as u32 }
+        if self.mesh.is_some() || self.spheres { 1 } else { 2 * self.sizes_m.len() as u32 }
     }
 }
 
@@ -76,6 +78,10 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         .by_name(),
     field("/product/mesh", FieldKind::Mesh, "", Preset::Null, "section 2.2",
         "A closed mesh as the shape of all fillets. It replaces the teardrop shapes of `sizes_m`.")
+        .by_name(),
+    flag("/product/spheres", false, "assumed",
+        "Whether each body is one sphere of radius `subparticle_radius_m` with the density `density_kg_m3`, without bonds. \
+         It replaces the teardrop shapes of `sizes_m`, for grains and for comparisons with other codes.")
         .by_name(),
     number("/product/scale", "", 1.0, from_to(0.05, 20.0), "Fig. 12",
         "Scale factor of fillets and sub-particles."),

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::declaration::{Declaration, ExperimentSection};
 use super::surface::SurfaceSpec;
-use crate::scenario::field::{Field, Preset, above_to, from_to};
+use crate::scenario::field::{Field, MAX_BODIES, MAX_SURFACES, Preset, above_to, from_to};
 use crate::scenario::row::{ANGLE, ORIGIN, PLACE, SPEED, integer, list, number, section, vector};
 
 /// Bodies and surfaces, freely placed.
@@ -59,12 +59,12 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     question: "Anything else: bodies and surfaces placed freely, from CAD if you like",
     sections: &[
         section("/scene", Some("scene"), "Bodies and surfaces, freely placed."),
-        list("/scene/bodies", "/scene/bodies/*", Some("scene"), "Fillets: shape, place, orientation and velocity."),
-        list("/scene/surfaces", "/scene/surfaces/*", Some("scene"), "Surfaces of triangles that move together."),
+        list("/scene/bodies", "/scene/bodies/*", MAX_BODIES, Some("scene"), "Fillets: shape, place, orientation and velocity."),
+        list("/scene/surfaces", "/scene/surfaces/*", MAX_SURFACES, Some("scene"), "Surfaces of triangles that move together."),
     ],
     fields: FIELDS,
     takes: &[
-        "/product/sizes_m", "/product/mesh", "/product/fill", "/numerics/duration_s",
+        "/product/sizes_m", "/product/mesh", "/product/spheres", "/product/fill", "/numerics/duration_s",
         "/numerics/stop/when_empty", "/numerics/stop/when_done",
     ],
     defaults: &[
