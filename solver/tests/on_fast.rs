@@ -11,6 +11,8 @@ mod contact;
 mod determinism;
 #[path = "equipment.rs"]
 mod equipment;
+#[path = "film.rs"]
+mod film;
 #[path = "friction.rs"]
 mod friction;
 #[path = "moving.rs"]

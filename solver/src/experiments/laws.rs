@@ -12,11 +12,14 @@ use crate::scenario::{Formulation, PairContact, Scenario};
 pub fn laws(scenario: &Scenario) -> Laws {
     let radius = scenario.product.radius_m();
     let (e, nu) = (scenario.material.youngs_modulus_pa, scenario.material.poisson_ratio);
+    let contact = &scenario.contact;
+    // The maximum pull of a contact grows with γ R, its share of the surface with R².
+    let energy_ratio = contact.surface_energy_radius_m.map_or(1.0, |reference| radius / reference);
     let law = |pair: &PairContact, moduli, r_star| {
-        ContactLaw::new(moduli, r_star, pair.restitution, pair.static_friction, pair.surface_energy_j_m2)
+        let gamma = pair.surface_energy_j_m2 * energy_ratio;
+        ContactLaw::new(moduli, r_star, pair.restitution, pair.static_friction, gamma)
     };
     let rigid = hertz::tissue_on_rigid(e, nu);
-    let contact = &scenario.contact;
     Laws {
         tissue: law(&contact.fillet_fillet, hertz::tissue_on_tissue(e, nu), radius / 2.0),
         equipment: law(&contact.fillet_equipment, rigid, radius),

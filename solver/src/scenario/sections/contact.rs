@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::scenario::field::{Field, Range, above_to, from_to};
-use crate::scenario::row::{FRICTION, choice, number, same_as};
+use crate::scenario::row::{FRICTION, choice, nullable, number, same_as};
 
 /// The contacts between fillets and with the equipment (Table 2).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -11,6 +11,8 @@ use crate::scenario::row::{FRICTION, choice, number, same_as};
 pub struct Contact {
     /// Dry or wet fillets: chooses other defaults below, nothing else.
     pub condition: Condition,
+    /// Radius of the sub-particles for which the surface energies are given, in metres; null for any radius.
+    pub surface_energy_radius_m: Option<f64>,
     /// Between sub-particles.
     pub fillet_fillet: PairContact,
     /// Between sub-particles and walls, gate and back plate.
@@ -49,6 +51,9 @@ const SURFACE_ENERGY: Range = from_to(0.0, 10.0);
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     choice("/contact/condition", &["dry", "wet"], "section 2.4",
         "Surface of the fillets. `wet` only changes defaults; a value that you write has priority."),
+    nullable("/contact/surface_energy_radius_m", "m", above_to(0.0, 0.05), "assumed",
+        "Radius R₀ of the sub-particles for which the surface energies are given. The energy at radius R is then γ R/R₀, and \
+         a surface pulls with 3πγ/(4 R₀) per area at any R, as a liquid film does. Null: γ at any radius."),
     number("/contact/fillet_fillet/static_friction", "", 0.1, FRICTION, "Table 2",
         "Coulomb coefficient of friction between fillets."),
     number("/contact/fillet_fillet/restitution", "", 1e-4, RESTITUTION, "Table 2",
