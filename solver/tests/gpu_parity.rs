@@ -16,6 +16,7 @@ use glam::{DQuat, DVec3};
 use parity::{Both, difference, gpu};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
+use roost_solver::engine::scene::Placement;
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
 use roost_solver::gpu::Gpu;
 use roost_solver::gpu::source::Source;
@@ -99,6 +100,35 @@ fn a_hopper_fills_and_discharges_alike() {
     both.gpu.remove(&mut both.gpu_run, &leaves);
     both.assert_same();
     both.stay_the_same(300, 50);
+}
+
+#[test]
+fn bodies_that_enter_move_alike() {
+    let Some(gpu) = gpu() else { return };
+    let mut scene = blocks();
+    let later: Vec<Placement> = (0..12).map(|_| scene.bodies[0]).collect();
+    scene.bodies.extend(&later);
+    scene.waiting = later.len();
+    let mut both = Both::new(&gpu, &scene);
+    both.stay_the_same(200, 50);
+    // More and more at a time, so that the buffers of the device grow, and with one gone in between.
+    for (first, count) in [(3, 1), (4, 3), (7, 8)] {
+        let place = |k: usize| {
+            let k = k as f64;
+            let position = DVec3::new(-0.25 + 0.04 * k, 0.1, 0.03);
+            Placement { position, ..scene.bodies[0] }
+        };
+        let bodies: Vec<Placement> = (first..first + count).map(place).collect();
+        both.plain.enter(&mut both.plain_run, &scene, first, &bodies);
+        both.gpu.enter(&mut both.gpu_run, &scene, first, &bodies);
+        both.assert_same();
+        both.stay_the_same(200, 50);
+        let gone: Vec<u32> = (48 * first as u32..48 * first as u32 + 48).collect();
+        both.plain.remove(&mut both.plain_run, &gone);
+        both.gpu.remove(&mut both.gpu_run, &gone);
+        both.stay_the_same(50, 50);
+    }
+    assert_eq!(gpu.state(&mut both.gpu_run).particles.len(), 48 * 12);
 }
 
 #[test]
@@ -190,6 +220,14 @@ fn experiments() -> Vec<Scenario> {
             },
         }),
         json!({
+            "experiment": "scene", "product": {"spheres": true, "subparticle_radius_m": 0.009}, "numerics": numerics,
+            "contact": {"surface_energy_radius_m": 0.004},
+            "scene": {
+                "bodies": [{"position_m": [0, 0, 0.03]}, {"position_m": [0.005, 0.002, 0.05]}],
+                "surfaces": [{"name": "plate", "plate_m": [[-0.5, -0.5, 0], [1, 0, 0], [0, 1, 0]]}],
+            },
+        }),
+        json!({
             "experiment": "compress", "compress": {"lattice": [4, 4, 3], "strain_rate_1_s": 0.5},
             "numerics": {"timestep_s": "auto", "output_interval_s": 0.005},
         }),
@@ -203,7 +241,7 @@ fn experiments() -> Vec<Scenario> {
         }),
         json!({
             "experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.01},
-            "equipment": {"hopper_width_m": 0.22, "hopper_length_m": 0.2, "side_walls": "periodic"},
+            "equipment": {"hopper_width_m": 0.22, "hopper_length_m": 0.2, "side_walls": "periodic", "feed_kg_s": 8},
             "numerics": {"timestep_s": "auto", "duration_s": 0.3, "rest_speed_m_s": 0.1},
         }),
     ];

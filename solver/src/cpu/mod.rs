@@ -19,7 +19,7 @@ pub mod stages;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::engine::scene::{Laws, Scene};
+use crate::engine::scene::{Laws, Placement, Scene};
 use crate::engine::state::State;
 use crate::engine::{AdvanceReport, Backend, BackendInfo};
 use crate::walls::Walls;
@@ -171,6 +171,13 @@ impl Backend for Cpu {
         }
     }
 
+    fn enter(&self, run: &mut CpuRun, scene: &Scene, first: usize, bodies: &[Placement]) {
+        match run {
+            CpuRun::Plain(run) => run.enter(scene, first, bodies),
+            CpuRun::Fast(run) => run.enter(scene, first, bodies),
+        }
+    }
+
     fn remove(&self, run: &mut CpuRun, serials: &[u32]) {
         match run {
             CpuRun::Plain(run) => run.remove(serials),
@@ -194,7 +201,7 @@ impl PlainRun {
         let state = State::new(scene);
         Self {
             walls: Walls::new(scene, &state.frame),
-            neighbour_lists: NeighbourLists::new(scene, &state),
+            neighbour_lists: NeighbourLists::new(scene),
             loads: Vec::new(),
             displacement: DisplacementTracker::default(),
             step: 0,
@@ -229,6 +236,13 @@ impl PlainRun {
     fn start(&mut self) {
         self.start_step = Some(self.step);
         self.walls.remove_until_start();
+    }
+
+    fn enter(&mut self, scene: &Scene, first: usize, bodies: &[Placement]) {
+        let base = self.state.particles.len() as u32;
+        self.state.enter(scene, first, bodies);
+        self.neighbour_lists.enter(&scene.kinds, bodies, base);
+        self.displacement.invalidate();
     }
 
     fn remove(&mut self, serials: &[u32]) {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::cell_list::CellList;
 use super::{CHUNK, Params};
-use crate::engine::scene::Scene;
+use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::engine::state::State;
 use crate::physics::contact::ContactHistory;
 use crate::walls::Walls;
@@ -77,6 +77,24 @@ impl ChunkNeighbours {
     }
 }
 
+/// A row of pairs and a row of facets for each sub-particle of some bodies: their bonds.
+fn bond_rows(kinds: &[BodyKind], bodies: &[Placement], base: u32) -> Vec<(Vec<Pair>, Vec<WallPair>)> {
+    let mut rows = Vec::new();
+    for body in bodies {
+        let meta = &kinds[body.kind].meta;
+        let first = base + rows.len() as u32;
+        let mut own: Vec<Vec<Pair>> = vec![Vec::new(); meta.points.len()];
+        for bond in &meta.bonds {
+            let pair = |other| Pair { other: first + other, bond_class: bond.class, ..Pair::default() };
+            own[bond.i as usize].push(pair(bond.j));
+            own[bond.j as usize].push(pair(bond.i));
+        }
+        own.iter_mut().for_each(|row| row.sort_unstable_by_key(|pair| pair.other));
+        rows.extend(own.into_iter().map(|pairs| (pairs, Vec::new())));
+    }
+    rows
+}
+
 /// The neighbour lists of all sub-particles.
 #[derive(Clone, Debug, Default)]
 pub struct NeighbourLists {
@@ -85,21 +103,17 @@ pub struct NeighbourLists {
 
 impl NeighbourLists {
     /// Lists that hold only the bonds.
-    pub fn new(scene: &Scene, state: &State) -> Self {
-        let mut rows: Vec<Vec<Pair>> = vec![Vec::new(); state.particles.len()];
-        let mut base = 0;
-        for body in &scene.bodies {
-            let meta = &scene.kinds[body.kind].meta;
-            for bond in &meta.bonds {
-                let (i, j) = (base + bond.i, base + bond.j);
-                let pair = |other| Pair { other, bond_class: bond.class, ..Pair::default() };
-                rows[i as usize].push(pair(j));
-                rows[j as usize].push(pair(i));
-            }
-            base += meta.points.len() as u32;
-        }
-        rows.iter_mut().for_each(|row| row.sort_unstable_by_key(|pair| pair.other));
-        Self::from_rows(rows.into_iter().map(|pairs| (pairs, Vec::new())))
+    pub fn new(scene: &Scene) -> Self {
+        Self::from_rows(bond_rows(&scene.kinds, scene.present(), 0).into_iter())
+    }
+
+    /// Appends the bonds of further bodies, whose first sub-particle has the index `base`.
+    pub fn enter(&mut self, kinds: &[BodyKind], bodies: &[Placement], base: u32) {
+        let chunks = self.chunks.iter().flat_map(|chunk| {
+            let row = |k| (chunk.pairs(k).to_vec(), chunk.wall_pairs(k).to_vec());
+            (0..chunk.pair_ends.len()).map(row)
+        });
+        *self = Self::from_rows(chunks.chain(bond_rows(kinds, bodies, base)));
     }
 
     fn from_rows(rows: impl Iterator<Item = (Vec<Pair>, Vec<WallPair>)>) -> Self {

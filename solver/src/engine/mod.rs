@@ -9,7 +9,7 @@ pub mod scene;
 pub mod state;
 
 use glam::DVec3;
-use scene::Scene;
+use scene::{Placement, Scene};
 use state::State;
 use thiserror::Error;
 
@@ -75,6 +75,9 @@ pub trait Backend {
 
     /// Sets t = 0: motions start, and surfaces present until the start disappear.
     fn start(&self, run: &mut Self::Run);
+
+    /// Appends bodies of the run's scene, numbered from `first` on, at these places.
+    fn enter(&self, run: &mut Self::Run, scene: &Scene, first: usize, bodies: &[Placement]);
 
     /// Removes sub-particles from a run, by serial, ascending.
     fn remove(&self, run: &mut Self::Run, serials: &[u32]);

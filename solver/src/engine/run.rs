@@ -6,7 +6,7 @@ use std::time::Instant;
 use glam::DVec3;
 use serde_json::{Map, Value};
 
-use super::scene::Scene;
+use super::scene::{Placement, Scene};
 use super::state::State;
 use super::{AdvanceReport, Backend};
 use crate::observe::Recorder;
@@ -106,6 +106,11 @@ pub trait ExperimentMonitor {
     /// Observes a sample and decides.
     fn observe(&mut self, sample: &Sample<'_>) -> Decision;
 
+    /// Places of the bodies that enter after the last sample: the next of those that the scene holds back.
+    fn entering(&mut self, _state: &State, _belt_time_s: Option<f64>) -> Vec<Placement> {
+        Vec::new()
+    }
+
     /// The series recorded so far.
     fn recorder(&self) -> &Recorder;
 
@@ -154,6 +159,7 @@ pub fn run<B: Backend>(
     let mut run = backend.prepare(scene);
     let mut timeline = Timeline::new(plan, scene.timestep_s);
     let subparticles = backend.state(&mut run).particles.len() as u64;
+    let mut entered = scene.present().len();
     let (reason, fault) = loop {
         let surface_forces = backend.surface_forces(&mut run);
         let state = backend.state(&mut run);
@@ -194,7 +200,12 @@ pub fn run<B: Backend>(
         if let Some(reason) = timeline.time_limit_reached() {
             break (reason, None);
         }
-        // The count of the last sample holds: only a removal changes it. A call to the device would cost
+        let entering = monitor.entering(backend.state(&mut run), timeline.belt_time_s());
+        if !entering.is_empty() {
+            backend.enter(&mut run, scene, entered, &entering);
+            entered += entering.len();
+        }
+        // The count holds until the next sample. A call to the device would cost
         // time.
         let left = backend.state(&mut run).particles.len() as u64;
         let next = timeline.next_sample_step();

@@ -18,6 +18,8 @@ pub struct Scene {
     pub kinds: Vec<BodyKind>,
     /// The bodies. Their order is their numbering.
     pub bodies: Vec<Placement>,
+    /// Number of the last bodies that are not there yet. They enter in their order, at places given then.
+    pub waiting: usize,
     /// Clamped sub-particles, by serial (body by body, in the order of points). They do not move.
     pub held: Vec<u32>,
     /// The equipment.
@@ -36,6 +38,18 @@ pub struct Scene {
     pub timestep_s: f64,
     /// Speed that no sub-particle may exceed, in m/s.
     pub speed_limit_m_s: f64,
+}
+
+impl Scene {
+    /// The bodies that are there from the start.
+    pub fn present(&self) -> &[Placement] {
+        &self.bodies[..self.bodies.len() - self.waiting]
+    }
+
+    /// Serial of the first sub-particle of a body.
+    pub fn first_serial(&self, number: usize) -> u32 {
+        self.bodies[..number].iter().map(|body| self.kinds[body.kind].meta.points.len() as u32).sum()
+    }
 }
 
 /// A meta-particle with the mass of its sub-particles.

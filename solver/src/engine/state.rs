@@ -3,7 +3,7 @@
 use glam::{DVec3, IVec3, Vec3};
 
 use super::frame::Frame;
-use super::scene::Scene;
+use super::scene::{Placement, Scene};
 
 /// The part of a sub-particle that changes every step and that neighbours read, kept together for locality.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,7 +37,7 @@ pub struct State {
     pub held: Vec<bool>,
     /// Bonds broken so far between it and sub-particles of higher index.
     pub broken: Vec<u32>,
-    /// Bonds at the start.
+    /// Bonds of all bodies that have entered.
     pub bonds_at_start: u64,
     /// Bonds broken so far. A body that leaves takes its bonds along unbroken.
     pub bonds_broken: u64,
@@ -60,29 +60,37 @@ impl State {
             bonds_at_start: 0,
             bonds_broken: 0,
         };
-        for (number, body) in (0u32..).zip(&scene.bodies) {
-            let kind = &scene.kinds[body.kind];
-            for &point in &kind.meta.points {
-                state.serials.push(state.particles.len() as u32);
-                state.particles.push(Particle {
-                    position: frame.wrap(frame.encode(body.position + body.orientation * point)),
-                    velocity: body.velocity.as_vec3(),
-                    spin: Vec3::ZERO,
-                });
-                state.masses.push(kind.subparticle_mass_kg as f32);
-                state.bodies.push(number);
-            }
-            state.bonds_at_start += kind.meta.bonds.len() as u64;
-        }
-        let count = state.particles.len();
-        state.remainders = vec![Vec3::ZERO; count];
-        state.broken = vec![0; count];
-        state.held = vec![false; count];
+        state.enter(scene, 0, scene.present());
         for &serial in &scene.held {
             state.held[serial as usize] = true;
             state.particles[serial as usize].velocity = Vec3::ZERO;
         }
         state
+    }
+
+    /// Appends bodies of a scene, numbered from `first` on, at these places.
+    pub fn enter(&mut self, scene: &Scene, first: usize, bodies: &[Placement]) {
+        let frame = self.frame;
+        let mut serial = scene.first_serial(first);
+        for (number, body) in (first as u32..).zip(bodies) {
+            let kind = &scene.kinds[body.kind];
+            for &point in &kind.meta.points {
+                self.serials.push(serial);
+                self.particles.push(Particle {
+                    position: frame.wrap(frame.encode(body.position + body.orientation * point)),
+                    velocity: body.velocity.as_vec3(),
+                    spin: Vec3::ZERO,
+                });
+                self.masses.push(kind.subparticle_mass_kg as f32);
+                self.bodies.push(number);
+                serial += 1;
+            }
+            self.bonds_at_start += kind.meta.bonds.len() as u64;
+        }
+        let count = self.particles.len();
+        self.remainders.resize(count, Vec3::ZERO);
+        self.broken.resize(count, 0);
+        self.held.resize(count, false);
     }
 
     /// Position of a sub-particle, in metres.

@@ -35,7 +35,7 @@ pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Obstacle)> {
     let sheets: Vec<Sheet<'_>> = scene.surfaces.iter().map(Sheet::new).collect();
     let mut earlier = EarlierBodies::new(scene);
     let mut found = Vec::new();
-    for (number, body) in scene.bodies.iter().enumerate() {
+    for (number, body) in scene.present().iter().enumerate() {
         let points = points(body, &scene.kinds[body.kind]);
         let reach = |other: &Placement| reach_m(scene, other);
         let inside = |other: &Placement| {

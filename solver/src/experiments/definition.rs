@@ -32,8 +32,8 @@ pub trait Definition {
     }
 
     /// The kind of each body, as an index into `kinds` of them.
-    fn kind_of_each(&self, scenario: &Scenario, kinds: usize) -> Vec<usize> {
-        (0..scenario.product.count as usize).map(|i| i % kinds).collect()
+    fn kind_of_each(&self, scenario: &Scenario, kinds: &[BodyKind]) -> Vec<usize> {
+        (0..scenario.product.count as usize).map(|i| i % kinds.len()).collect()
     }
 
     /// Maximum simulated time before t = 0, in seconds.

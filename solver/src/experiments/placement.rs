@@ -118,7 +118,12 @@ pub fn drop_in(kinds: &[BodyKind], count: usize, radius: f64, floor: Floor, seed
 }
 
 /// A random orientation in which the body fits over the floor, and its points turned accordingly.
-fn orient(kind: &BodyKind, radius: f64, floor: Floor, rng: &mut ChaCha8Rng) -> (DQuat, Vec<DVec3>) {
+pub(super) fn orient(
+    kind: &BodyKind,
+    radius: f64,
+    floor: Floor,
+    rng: &mut ChaCha8Rng,
+) -> (DQuat, Vec<DVec3>) {
     let room = floor.high - floor.low - 2.0 * radius * (1.0 + GAP_RATIO);
     let turned = |orientation: DQuat| -> Vec<DVec3> {
         kind.meta.points.iter().map(|&point| orientation * point).collect()

@@ -51,7 +51,7 @@ impl Setup {
 
     /// The kind of each body, as an index into [`Self::kinds`].
     pub fn kind_of_each(&self) -> Vec<usize> {
-        self.definition().kind_of_each(&self.scenario, self.kinds.len())
+        self.definition().kind_of_each(&self.scenario, &self.kinds)
     }
 
     /// Times of samples and of the end.
@@ -76,6 +76,7 @@ impl Setup {
             radius_m: self.scenario.product.radius_m(),
             kinds: self.kinds.clone(),
             bodies: Vec::new(),
+            waiting: 0,
             held: Vec::new(),
             surfaces: Vec::new(),
             laws: laws::laws(&self.scenario),

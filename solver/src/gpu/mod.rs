@@ -38,7 +38,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use glam::DVec3;
 
-use crate::engine::scene::Scene;
+use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::engine::{AdvanceReport, Backend, BackendInfo, OutOfDeviceMemory};
 use advance::MAX_CHUNK_STEPS;
@@ -135,6 +135,11 @@ impl Backend for Gpu {
 
     fn start(&self, run: &mut GpuRun) {
         run.get().start(&self.device);
+    }
+
+    fn enter(&self, run: &mut GpuRun, scene: &Scene, first: usize, bodies: &[Placement]) {
+        let entered = run.get().enter(&self.device, scene, first, bodies);
+        entered.unwrap_or_else(|out_of_memory| unwind(out_of_memory));
     }
 
     fn remove(&self, run: &mut GpuRun, serials: &[u32]) {

@@ -2,7 +2,7 @@
 //! `kernels/neighbour_list.wgsl`.
 
 use super::layout::{Count, IN_CONTACT, Pair, WallPair};
-use crate::engine::scene::Scene;
+use crate::engine::scene::{BodyKind, Placement, Scene};
 
 /// Initial capacity of a row of neighbours.
 const INITIAL_PAIR_CAPACITY: u32 = 12;
@@ -45,23 +45,30 @@ pub(super) struct Rows {
 
 impl Rows {
     /// Rows that hold only the bonds of a scene.
-    pub(super) fn new(scene: &Scene, count: usize) -> Self {
-        let mut rows: Vec<Vec<Pair>> = vec![Vec::new(); count];
-        let mut base = 0;
-        for body in &scene.bodies {
-            let meta = &scene.kinds[body.kind].meta;
+    pub(super) fn new(scene: &Scene) -> Self {
+        let none = Self::of(RowCapacity::default(), std::iter::empty());
+        none.with_bodies(&scene.kinds, scene.present())
+    }
+
+    /// These rows and, behind them, the bonds of further bodies.
+    pub(super) fn with_bodies(&self, kinds: &[BodyKind], bodies: &[Placement]) -> Self {
+        let mut rows: Vec<Vec<Pair>> = Vec::new();
+        for body in bodies {
+            let meta = &kinds[body.kind].meta;
+            let first = rows.len();
+            let base = (self.counts.len() + first) as u32;
+            rows.resize(first + meta.points.len(), Vec::new());
             for bond in &meta.bonds {
-                let (i, j) = (base + bond.i, base + bond.j);
-                let pair = |other| Pair { other, state: bond.class, ..Pair::default() };
-                rows[i as usize].push(pair(j));
-                rows[j as usize].push(pair(i));
+                let pair = |other| Pair { other: base + other, state: bond.class, ..Pair::default() };
+                rows[first + bond.i as usize].push(pair(bond.j));
+                rows[first + bond.j as usize].push(pair(bond.i));
             }
-            base += meta.points.len() as u32;
         }
         rows.iter_mut().for_each(|row| row.sort_unstable_by_key(|pair| pair.other));
         let longest = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
-        let row_capacity = RowCapacity::default().max(RowCapacity::holding(longest, 0));
-        Self::of(row_capacity, rows.iter().map(|row| (row.as_slice(), [].as_slice())))
+        let row_capacity = self.row_capacity.max(RowCapacity::holding(longest, 0));
+        let own = (0..self.counts.len()).map(|i| (self.pairs(i), self.walls(i)));
+        Self::of(row_capacity, own.chain(rows.iter().map(|row| (row.as_slice(), [].as_slice()))))
     }
 
     fn of<'a>(row_capacity: RowCapacity, rows: impl Iterator<Item = (&'a [Pair], &'a [WallPair])>) -> Self {

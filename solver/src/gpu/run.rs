@@ -71,7 +71,7 @@ impl Run {
     ) -> Result<Self, OutOfDeviceMemory> {
         let state = State::new(scene);
         let walls = Walls::new(scene, &state.frame);
-        let (geometry, rows) = (Geometry::new(&walls), Rows::new(scene, state.particles.len()));
+        let (geometry, rows) = (Geometry::new(&walls), Rows::new(scene));
         let own = shared_scene(scene, &state);
         let elements = ElementCounts {
             scenes: 1,
@@ -195,6 +195,22 @@ impl Run {
         self.surface_forces = self.forces(&rows.counts, &rows.walls);
         self.buffers.write_rows(device, &rows);
         self.write_state(device);
+    }
+
+    pub(super) fn enter(
+        &mut self,
+        device: &Device,
+        scene: &scene::Scene,
+        first: usize,
+        bodies: &[scene::Placement],
+    ) -> Result<(), OutOfDeviceMemory> {
+        self.state(device);
+        let rows = self.buffers.read_rows(device).with_bodies(&scene.kinds, bodies);
+        self.state.enter(scene, first, bodies);
+        self.buffers.make_room(device, &rows)?;
+        self.buffers.write_rows(device, &rows);
+        self.write_state(device);
+        Ok(())
     }
 
     /// Poses of its surfaces in each of the next steps; once while all stand still.

@@ -175,6 +175,20 @@ impl RunBuffers {
         self.write(device, RunBuffer::Walls, &rows.walls);
     }
 
+    /// Makes room for rows of more sub-particles. The content of all buffers that steps change is lost.
+    pub(super) fn make_room(&mut self, device: &Device, rows: &Rows) -> Result<(), OutOfDeviceMemory> {
+        let elements = ElementCounts { particles: rows.counts.len() as u32, ..self.elements };
+        for part in RunBuffer::CHANGING {
+            let bytes = elements.bytes(part, rows.row_capacity);
+            if bytes > self.buffer(part).size() {
+                // Half as much again: bodies that are fed enter a few at a time.
+                let [larger] = buffers(device, [(part.name(), bytes + bytes / 2)])?;
+                self.buffers[part as usize] = larger;
+            }
+        }
+        Ok(())
+    }
+
     pub(super) fn read_rows(&self, device: &Device) -> Rows {
         let [counts, pairs, walls] =
             self.read(device, [RunBuffer::Counts, RunBuffer::Pairs, RunBuffer::Walls]);

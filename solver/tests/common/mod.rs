@@ -85,6 +85,7 @@ pub fn scene(kind: BodyKind, bodies: Vec<Placement>, dt: f64) -> Scene {
         radius_m: RADIUS,
         kinds: vec![kind],
         bodies,
+        waiting: 0,
         held: Vec::new(),
         surfaces: Vec::new(),
         laws,

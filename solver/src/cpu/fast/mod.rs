@@ -25,7 +25,7 @@ mod broad_phase;
 mod instructions;
 mod integration;
 mod narrow_phase;
-mod removal;
+mod population;
 mod schedule;
 mod storage;
 #[cfg(test)]
@@ -53,14 +53,12 @@ use integration::step::{BodyStats, MotionScratch, MoveBody, NextBody};
 use narrow_phase::pair_contacts::{ContactPhase, PairScratch};
 use schedule::{PerThread, bodies_per_task, morton_order, permuted};
 use storage::body::Body;
-use storage::body_groups::{BodyGroup, body_groups};
 use storage::bond_set::BondSet;
 use storage::bounds::FixedAabb;
 use storage::context::StepContext;
 use storage::laws::{LaneContactLaw, PairLaws};
 use storage::motion::SAFETY_FACTOR;
 use storage::pairs::BodyPairList;
-use storage::particles::BodyParticles;
 
 /// Verlet skins of the neighbour lists, as shares of R: between two bodies, and within a body.
 const SKIN_RATIOS: [f32; 2] = [0.4, 0.25];
@@ -121,20 +119,13 @@ impl FastRun {
             contact_distance: 2.0 * params.radius,
             dt: params.dt,
         };
-        let mut bodies = Vec::new();
-        for BodyGroup { range, kind } in body_groups(scene) {
-            let bonds = BondSet::all(&kind.meta.bonds, &laws);
-            let bonded_pairs = kind.meta.bonds.iter().map(|bond| [bond.i, bond.j]);
-            let points = BodyParticles::of(&state, range.clone());
-            bodies.push(Body::new(range, points, kind.subparticle_mass_kg as f32, bonds, bonded_pairs));
-        }
         let walls = Walls::new(scene, &state.frame);
         let search = SearchParams {
             cutoff: 2.0 * params.radius + params.laws.adhesion_range(),
             skins: SKIN_RATIOS.map(|ratio| ratio * params.radius),
             outer_skins: OUTER_SKIN_RATIOS.map(|ratio| ratio * params.radius),
         };
-        Self {
+        let mut run = Self {
             wall_laws: (0..walls.surface_count())
                 .map(|k| LaneContactLaw::new(*walls.law_of_surface(k)))
                 .collect(),
@@ -144,7 +135,7 @@ impl FastRun {
             search,
             wall_skin: WALL_SKIN_RATIO * params.radius,
             instructions,
-            bodies,
+            bodies: Vec::new(),
             body_pairs: Vec::new(),
             pair_counts: Vec::new(),
             loads: Vec::new(),
@@ -159,7 +150,9 @@ impl FastRun {
             params,
             state_is_current: true,
             state,
-        }
+        };
+        run.take_in(scene, scene.present(), 0);
+        run
     }
 
     pub(super) fn stages(&self) -> &StageTimers {

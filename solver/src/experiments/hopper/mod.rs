@@ -7,6 +7,7 @@
 
 mod checks;
 mod curl;
+mod feed;
 mod monitor;
 mod scene;
 
@@ -21,7 +22,7 @@ use super::placement::Floor;
 use super::warnings::WARNING_COUNT;
 use super::{Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
-use crate::engine::scene::Scene;
+use crate::engine::scene::{BodyKind, Scene};
 use crate::scenario::{Equipment, Fault, Numerics, Scenario, SideWalls};
 
 /// Distance beyond the gate at which a fillet that has wholly passed it leaves the simulation, in metres.
@@ -68,6 +69,10 @@ const RESPONSES: &[Response] = &[
         "Mean bend angle of fillets up to 0.2 m past the gate, over all samples until 80 % is out. The bend angle is the angle \
          between the directions of the two ends: 0 flat, 180 folded double."),
     number("largest_curl_angle_deg", "°", "Maximum bend angle of these fillets."),
+    number("fed_kg", "kg", "Mass that the feed has brought in. It is less than due while the hopper is full up to the walls."),
+    number("inside_kg", "kg", "Mass in the hopper at the end, which has not passed the gate."),
+    number("steady_rate_kg_s", "kg/s",
+        "Mean rate in the second half of the time from t = 0 on, for a hopper with a feed; null when nothing was simulated."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
@@ -80,15 +85,23 @@ const DISCHARGED_MASS: SeriesRow = series("discharged_mass", "kg", "Mass out.").
 const MASS_RATE: SeriesRow = series("mass_rate", "kg/s",
     "Rate: mean over the 0.25 s around each sample; over a shorter time at both ends.").headline();
 
+const INSIDE_MASS: SeriesRow =
+    series("inside_mass", "kg", "Mass in the hopper, which has not passed the gate.");
+
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,
-    series: &[DISCHARGED_MASS, MASS_RATE, BONDS_INTACT, KINETIC_ENERGY],
+    series: &[DISCHARGED_MASS, MASS_RATE, INSIDE_MASS, BONDS_INTACT, KINETIC_ENERGY],
     curves: &[],
 };
 
 impl Definition for Equipment {
     fn outputs(&self) -> &'static Outputs {
         &OUTPUTS
+    }
+
+    fn kind_of_each(&self, scenario: &Scenario, kinds: &[BodyKind]) -> Vec<usize> {
+        let filled = (0..scenario.product.count as usize).map(|i| i % kinds.len());
+        filled.chain(feed::fed_kinds(scenario, self, kinds)).collect()
     }
 
     fn scene(&self, setup: &Setup) -> Scene {

@@ -3,9 +3,10 @@
 use serde_json::{Map, Value};
 
 use super::curl::Curls;
-use super::{DISCHARGED_MASS, GONE_BEYOND_M, MASS_RATE, floor};
+use super::feed::Feed;
+use super::{DISCHARGED_MASS, GONE_BEYOND_M, INSIDE_MASS, MASS_RATE, floor};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
-use crate::engine::scene::Scene;
+use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::warnings::never_at_rest;
@@ -49,6 +50,8 @@ pub(super) struct HopperMonitor {
     rate: SeriesId,
     bonds_intact: SeriesId,
     kinetic_energy: SeriesId,
+    inside: SeriesId,
+    feed: Feed,
     curls: Curls,
     greatest_height_m: Option<f64>,
     max_overlap_m: f32,
@@ -59,8 +62,8 @@ pub(super) struct HopperMonitor {
 impl HopperMonitor {
     /// For a scenario and the scene made from it.
     pub(super) fn new(scenario: &Scenario, equipment: &Equipment, scene: &Scene) -> Self {
-        let bodies = || scene.bodies.iter().map(|body| &scene.kinds[body.kind]);
-        let subparticles: usize = bodies().map(|kind| kind.meta.points.len()).sum();
+        let subparticles: usize =
+            scene.bodies.iter().map(|body| &scene.kinds[body.kind]).map(|kind| kind.meta.points.len()).sum();
         let mut recorder = Recorder::default();
         Self {
             equipment: equipment.clone(),
@@ -80,14 +83,14 @@ impl HopperMonitor {
             rate: recorder.add_row(&MASS_RATE),
             bonds_intact: recorder.add_row(&BONDS_INTACT),
             kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
-            recorder,
             curls: Curls::new(scene),
             greatest_height_m: None,
             max_overlap_m: 0.0,
             radius_m: scene.radius_m,
-            mass_at_start_kg: bodies()
-                .map(|kind| kind.subparticle_mass_kg * kind.meta.points.len() as f64)
-                .sum(),
+            mass_at_start_kg: scene.present().iter().map(|body| scene.kinds[body.kind].mass_kg()).sum(),
+            inside: recorder.add_row(&INSIDE_MASS),
+            feed: Feed::new(scenario, equipment, scene),
+            recorder,
         }
     }
 
@@ -133,6 +136,13 @@ impl HopperMonitor {
         below.x || below.z || above.x || above.z || (!self.periodic && (below.y || above.y))
     }
 
+    /// Mass that has not passed the gate, in kilograms.
+    fn inside_kg(&self, state: &State) -> f64 {
+        let inside =
+            state.serials.iter().zip(&state.masses).filter(|(serial, _)| !self.passed[**serial as usize]);
+        inside.map(|(_, &mass)| f64::from(mass)).fold(0.0, |a, b| a + b)
+    }
+
     fn stop(&self, now_s: f64) -> Option<EndReason> {
         let stop = &self.numerics.stop;
         if stop.when_empty && self.unpassed == 0 {
@@ -167,6 +177,7 @@ impl ExperimentMonitor for HopperMonitor {
         self.curls.note(state, now_s);
         let remove = self.leaving(state);
         self.recorder.record(self.mass, self.discharged_kg);
+        self.recorder.record(self.inside, self.inside_kg(state));
         let known = self.recorder.values(self.rate).len();
         let (t_s, mass_kg) = (self.recorder.belt_s(self.mass), self.recorder.values(self.mass));
         let rates: Vec<f64> = known_mass_rates(t_s, mass_kg, known).collect();
@@ -177,6 +188,10 @@ impl ExperimentMonitor for HopperMonitor {
             Some(reason) => Decision::End(reason),
             None => Decision::Continue { remove },
         }
+    }
+
+    fn entering(&mut self, state: &State, belt_time_s: Option<f64>) -> Vec<Placement> {
+        belt_time_s.map_or(Vec::new(), |now_s| self.feed.entering(state, now_s))
     }
 
     fn recorder(&self) -> &Recorder {
@@ -211,6 +226,10 @@ impl ExperimentMonitor for HopperMonitor {
         let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
         add("loaded_kg", self.mass_at_start_kg.into());
         add("escaped_kg", self.escaped_kg.into());
+        add("fed_kg", self.feed.fed_kg().into());
+        add("inside_kg", self.recorder.last(self.inside).into());
+        let (t_s, mass_kg) = (self.recorder.belt_s(self.mass), self.recorder.values(self.mass));
+        add("steady_rate_kg_s", second_half_rate(t_s, mass_kg).into());
         add("curl_angle_deg", curl.map(|(mean, _)| mean).into());
         add("largest_curl_angle_deg", curl.map(|(_, largest)| largest).into());
         add("fill_duration_s", self.bed.map(|bed| bed.fill_s).into());
@@ -226,9 +245,16 @@ impl ExperimentMonitor for HopperMonitor {
     }
 }
 
+/// Mean rate in the second half of the samples' time, in kg/s; none without time.
+fn second_half_rate(t_s: &[f64], mass_kg: &[f64]) -> Option<f64> {
+    let end = t_s.len().checked_sub(1)?;
+    let middle = t_s.partition_point(|&t| t < 0.5 * t_s[end]);
+    (t_s[middle] < t_s[end]).then(|| (mass_kg[end] - mass_kg[middle]) / (t_s[end] - t_s[middle]))
+}
+
 /// Time that the highest fillet takes to fall to the belt, in seconds; none without gravity.
 fn longest_fall(scene: &Scene) -> f64 {
-    let top = scene.bodies.iter().map(|body| body.position.z).fold(0.0, f64::max);
+    let top = scene.present().iter().map(|body| body.position.z).fold(0.0, f64::max);
     let gravity = scene.gravity.length();
     if gravity > 0.0 { (2.0 * top / gravity).sqrt() } else { 0.0 }
 }

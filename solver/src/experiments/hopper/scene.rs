@@ -1,9 +1,10 @@
 //! The hopper's scene: walls, gate, belt and the dropped fillets.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
+use super::feed::fed_kinds;
 use super::{GONE_BEYOND_M, floor};
-use crate::engine::scene::Scene;
+use crate::engine::scene::{Placement, Scene};
 use crate::equipment::{Motion, Surface, SurfaceKind};
 use crate::experiments::Setup;
 use crate::experiments::placement::drop_in;
@@ -30,10 +31,13 @@ pub(super) fn scene(setup: &Setup, equipment: &Equipment) -> Scene {
         .iter()
         .map(|body| body.position.z + kinds[body.kind].meta.bounding_radius_m)
         .fold(0.0, f64::max);
-    let top = wall_top(top, equipment);
+    let longest = kinds.iter().map(|kind| 2.0 * kind.meta.bounding_radius_m).fold(0.0, f64::max);
+    let fed = fed_kinds(scenario, equipment, kinds);
+    // Fed fillets enter at the height of the walls, which therefore go on past them.
+    let fed_top = if fed.is_empty() { 0.0 } else { equipment.hopper_height_m + longest + 2.0 * radius };
+    let top = wall_top(top.max(fed_top), equipment);
     let lean = top * equipment.wall_slope_deg.to_radians().tan();
     let side = if floor.periodic_y { 0.0 } else { BELT_SIDE_M };
-    let longest = kinds.iter().map(|kind| 2.0 * kind.meta.bounding_radius_m).fold(0.0, f64::max);
     let belt_end = GONE_BEYOND_M + longest + MARGIN_M;
     let mut low = DVec3::new(floor.low.x - lean - MARGIN_M, floor.low.y - side, -MARGIN_M);
     let mut high = DVec3::new(belt_end + MARGIN_M, floor.high.y + side, top + MARGIN_M);
@@ -45,7 +49,12 @@ pub(super) fn scene(setup: &Setup, equipment: &Equipment) -> Scene {
         (low, high) = (periodic(low, low.min(lowest)), periodic(high, high.max(highest)));
     }
     all.extend(further);
-    Scene { surfaces: all, low, high, periodic_y: floor.periodic_y, bodies, ..setup.empty_scene() }
+    let waiting = fed.len();
+    let above = DVec3::new(-equipment.hopper_length_m / 2.0, 0.0, equipment.hopper_height_m);
+    let enters =
+        |kind| Placement { kind, position: above, orientation: DQuat::IDENTITY, velocity: DVec3::ZERO };
+    let bodies = bodies.into_iter().chain(fed.into_iter().map(enters)).collect();
+    Scene { surfaces: all, low, high, periodic_y: floor.periodic_y, bodies, waiting, ..setup.empty_scene() }
 }
 
 /// The equipment that the scenario's fields make: walls up to `top`, the back wall leaning out by `lean` metres at that height, the belt running to

@@ -18,7 +18,7 @@ use super::surfaces::{extent, surfaces};
 use super::warnings::WARNING_COUNT;
 use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
-use crate::engine::scene::{Placement, Scene};
+use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::scenario::{Fault, FreeScene, Scenario};
 
 #[rustfmt::skip]
@@ -67,7 +67,7 @@ impl Definition for FreeScene {
         &OUTPUTS
     }
 
-    fn kind_of_each(&self, _scenario: &Scenario, _kinds: usize) -> Vec<usize> {
+    fn kind_of_each(&self, _scenario: &Scenario, _kinds: &[BodyKind]) -> Vec<usize> {
         self.bodies.iter().map(|body| body.shape as usize).collect()
     }
 

@@ -29,6 +29,8 @@ pub struct Equipment {
     pub shutter_while_filling: bool,
     /// Whether belt, walls, gate and shutter are made from these fields.
     pub parametric: bool,
+    /// Mass that enters from above per second from t = 0 on, in kg/s.
+    pub feed_kg_s: f64,
     /// Further surfaces.
     pub surfaces: Vec<SurfaceSpec>,
 }
@@ -65,6 +67,9 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Speed of the belt from t = 0 on; the paper has 15 m/min. The belt's capacity depends on it, also with `parametric` false."),
     flag("/equipment/shutter_while_filling", true, "assumed",
         "Whether a shutter closes the opening until the belt starts."),
+    number("/equipment/feed_kg_s", "kg/s", 0.0, from_to(0.0, 1000.0), "assumed",
+        "Mass of fillets that enters from above per second, from t = 0 on. They fall from `hopper_height_m`, at random places where \
+         they touch nothing. 0: no feed."),
     flag("/equipment/parametric", true, "assumed",
         "Whether Roost makes belt, walls, gate and shutter from these fields. False: only `surfaces` exist."),
 ];

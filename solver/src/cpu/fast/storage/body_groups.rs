@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::engine::scene::{BodyKind, Scene};
+use crate::engine::scene::{BodyKind, Placement};
 
 /// Maximum number of single spheres per group.
 const MAX_SPHERES_PER_GROUP: usize = 512;
@@ -13,13 +13,16 @@ pub(crate) struct BodyGroup<'a> {
     pub(crate) kind: &'a BodyKind,
 }
 
-/// The bodies of a scene, with consecutive single spheres in groups. Alone, each sphere would occupy a whole
-/// block.
-pub(crate) fn body_groups(scene: &Scene) -> Vec<BodyGroup<'_>> {
+/// Some bodies, of which the first begins at `from`, with consecutive single spheres in groups. Alone, each
+/// sphere would occupy a whole block.
+pub(crate) fn body_groups<'a>(
+    kinds: &'a [BodyKind],
+    bodies: &[Placement],
+    mut from: usize,
+) -> Vec<BodyGroup<'a>> {
     let mut body_groups: Vec<BodyGroup<'_>> = Vec::new();
-    let mut from = 0;
-    for placement in &scene.bodies {
-        let kind = &scene.kinds[placement.kind];
+    for placement in bodies {
+        let kind = &kinds[placement.kind];
         let range = from..from + kind.meta.points.len();
         from = range.end;
         let is_single = |kind: &BodyKind| kind.meta.points.len() == 1;
@@ -45,7 +48,7 @@ mod tests {
 
     use super::*;
     use crate::check::scene_of;
-    use crate::engine::scene::Placement;
+    use crate::engine::scene::Scene;
     use crate::scenario::from_value;
 
     #[test]
@@ -63,7 +66,8 @@ mod tests {
         let some = |kind: usize, count: usize| vec![Placement { kind, ..scene.bodies[0] }; count];
         let bodies = [some(1, 1100), some(0, 2), some(1, 3), some(2, 4)].concat();
         let scene = Scene { kinds: vec![fillet, single, heavy], bodies, ..scene };
-        let lengths: Vec<usize> = body_groups(&scene).iter().map(|group| group.range.len()).collect();
+        let lengths: Vec<usize> =
+            body_groups(&scene.kinds, &scene.bodies, 0).iter().map(|group| group.range.len()).collect();
         assert_eq!(lengths, [512, 512, 76, length, length, 3, 4]);
     }
 }

@@ -1,9 +1,33 @@
-//! Removal of sub-particles, and renumbering of the rest.
+//! Entry of bodies; removal of sub-particles, and renumbering of the rest.
 
 use super::FastRun;
+use super::storage::body::Body;
+use super::storage::body_groups::{BodyGroup, body_groups};
+use super::storage::bond_set::BondSet;
 use super::storage::particles::BodyParticles;
+use crate::engine::scene::{Placement, Scene};
 
 impl FastRun {
+    /// Appends bodies of the scene.
+    pub(in crate::cpu) fn enter(&mut self, scene: &Scene, first: usize, bodies: &[Placement]) {
+        self.state();
+        let from = self.state.particles.len();
+        self.state.enter(scene, first, bodies);
+        self.take_in(scene, bodies, from);
+        self.body_pairs_stale = true;
+        self.order.clear();
+    }
+
+    /// Takes in bodies that the state has from the sub-particle `from` on.
+    pub(super) fn take_in(&mut self, scene: &Scene, bodies: &[Placement], from: usize) {
+        for BodyGroup { range, kind } in body_groups(&scene.kinds, bodies, from) {
+            let bonds = BondSet::all(&kind.meta.bonds, &self.laws);
+            let bonded_pairs = kind.meta.bonds.iter().map(|bond| [bond.i, bond.j]);
+            let points = BodyParticles::of(&self.state, range.clone());
+            self.bodies.push(Body::new(range, points, kind.subparticle_mass_kg as f32, bonds, bonded_pairs));
+        }
+    }
+
     /// Removes sub-particles by serial, ascending.
     pub(in crate::cpu) fn remove(&mut self, serials: &[u32]) {
         self.state();

@@ -1,0 +1,134 @@
+//! Continuous feed: fillets enter above the hopper at a given mass rate, from the start of the belt on.
+//!
+//! The next fillet enters at the sample by which half of it is due, at the height of the walls, at a random
+//! place where it touches nothing. Without such a place it waits for the next sample.
+
+use glam::{DQuat, DVec2, DVec3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use crate::engine::scene::{BodyKind, Placement, Scene};
+use crate::engine::state::State;
+use crate::experiments::placement::{GAP_RATIO, orient, uniform};
+use crate::scenario::{Equipment, Scenario};
+
+use super::floor;
+
+/// Places tried for a fillet at each sample.
+const PLACES: usize = 24;
+/// Stream of random numbers, other than that of the first filling.
+const STREAM: u64 = 1;
+
+/// Numbers of fillets that a feed needs until the end, by their kinds after the first filling.
+pub(super) fn fed_kinds(scenario: &Scenario, equipment: &Equipment, kinds: &[BodyKind]) -> Vec<usize> {
+    let due_kg = equipment.feed_kg_s * scenario.numerics.duration_s;
+    let mut fed_kg = 0.0;
+    let mut next = scenario.product.count as usize;
+    let mut fed = Vec::new();
+    while fed_kg < due_kg {
+        let kind = next % kinds.len();
+        fed_kg += kinds[kind].mass_kg();
+        fed.push(kind);
+        next += 1;
+    }
+    fed
+}
+
+/// The feed of a run.
+#[derive(Debug)]
+pub(super) struct Feed {
+    equipment: Equipment,
+    kinds: Vec<BodyKind>,
+    radius_m: f64,
+    /// Kinds of the fillets that wait, the next one first, with the orientation of that one.
+    waiting: std::vec::IntoIter<usize>,
+    next: Option<(usize, DQuat, Vec<DVec3>)>,
+    fed_kg: f64,
+    rng: ChaCha8Rng,
+}
+
+impl Feed {
+    pub(super) fn new(scenario: &Scenario, equipment: &Equipment, scene: &Scene) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);
+        rng.set_stream(STREAM);
+        let waiting: Vec<usize> =
+            scene.bodies[scene.present().len()..].iter().map(|body| body.kind).collect();
+        Self {
+            equipment: equipment.clone(),
+            kinds: scene.kinds.clone(),
+            radius_m: scene.radius_m,
+            waiting: waiting.into_iter(),
+            next: None,
+            fed_kg: 0.0,
+            rng,
+        }
+    }
+
+    /// Mass that has entered, in kilograms.
+    pub(super) fn fed_kg(&self) -> f64 {
+        self.fed_kg
+    }
+
+    /// The fillets that enter at a belt time.
+    pub(super) fn entering(&mut self, state: &State, now_s: f64) -> Vec<Placement> {
+        let due_kg = self.equipment.feed_kg_s * now_s;
+        let mut entering = Vec::new();
+        let mut obstacles = Vec::new();
+        loop {
+            if self.next.is_none() {
+                let Some(kind) = self.waiting.next() else { break };
+                let (turn, points) =
+                    orient(&self.kinds[kind], self.radius_m, floor(&self.equipment), &mut self.rng);
+                self.next = Some((kind, turn, points));
+            }
+            let Some((kind, orientation, points)) = self.next.take() else { break };
+            let mass_kg = self.kinds[kind].mass_kg();
+            let is_due = self.fed_kg + 0.5 * mass_kg <= due_kg;
+            if is_due && entering.is_empty() {
+                obstacles = self.near_entry(state);
+            }
+            let place = if is_due { self.place(&points, &obstacles) } else { None };
+            let Some(position) = place else {
+                self.next = Some((kind, orientation, points));
+                break;
+            };
+            obstacles.extend(points.iter().map(|&point| position + point));
+            self.fed_kg += mass_kg;
+            entering.push(Placement { kind, position, orientation, velocity: DVec3::ZERO });
+        }
+        entering
+    }
+
+    /// Positions of the sub-particles that a fillet may touch where it enters.
+    fn near_entry(&self, state: &State) -> Vec<DVec3> {
+        let lowest = self.equipment.hopper_height_m - 2.0 * self.radius_m;
+        let all = (0..state.particles.len()).map(|i| state.position(i));
+        all.filter(|x| x.z > lowest).collect()
+    }
+
+    /// A place where the points touch nothing.
+    fn place(&mut self, points: &[DVec3], obstacles: &[DVec3]) -> Option<DVec3> {
+        let (floor, room) = (floor(&self.equipment), self.radius_m * (1.0 + GAP_RATIO));
+        let low = points.iter().copied().fold(DVec3::MAX, DVec3::min);
+        let high = points.iter().copied().fold(DVec3::MIN, DVec3::max);
+        let (mut from, mut to) = (floor.low - low.truncate() + room, floor.high - high.truncate() - room);
+        if floor.periodic_y {
+            (from.y, to.y) = (floor.low.y, floor.high.y);
+        }
+        let width = if floor.periodic_y { floor.high.y - floor.low.y } else { f64::INFINITY };
+        let apart = 2.0 * room;
+        (0..PLACES).find_map(|_| {
+            let share = DVec2::new(uniform(&mut self.rng), uniform(&mut self.rng));
+            let at = (from + (to - from) * share).extend(self.equipment.hopper_height_m + room - low.z);
+            let touches = |x: &DVec3| {
+                let mut from_centre = *x - at;
+                if width.is_finite() {
+                    from_centre.y -= width * (from_centre.y / width).round();
+                }
+                let boxed = from_centre.cmpgt(low - apart).all() && from_centre.cmplt(high + apart).all();
+                boxed && points.iter().any(|point| point.distance(from_centre) < apart)
+            };
+            (!obstacles.iter().any(touches)).then_some(at)
+        })
+    }
+}

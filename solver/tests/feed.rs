@@ -1,0 +1,124 @@
+//! Continuous feed of a hopper: the mass that enters, its balance, and equal bits on every way to compute it.
+
+mod common;
+
+use common::{assert_close, assert_same, document, response, run_on, scene_of};
+use glam::DVec3;
+use roost_solver::cpu::Cpu;
+use roost_solver::engine::Backend;
+use roost_solver::engine::scene::{Placement, Scene};
+use roost_solver::engine::state::State;
+use roost_solver::scenario::{self, Scenario};
+use serde_json::{Value, json};
+
+/// A narrow hopper with coarse fillets; the belt carries more than the feed brings.
+fn fed(feed_kg_s: f64, duration_s: f64, more: &[(&str, Value)]) -> Scenario {
+    let fields = [
+        ("/product", json!({"count": 8, "subparticle_radius_m": 0.009})),
+        (
+            "/equipment",
+            json!({
+                "hopper_width_m": 0.2, "hopper_length_m": 0.2, "hopper_height_m": 0.3, "gate_opening_m": 0.09,
+                "belt_speed_m_s": 0.3, "feed_kg_s": feed_kg_s,
+            }),
+        ),
+        ("/numerics", json!({"timestep_s": "auto", "duration_s": duration_s})),
+    ];
+    scenario::from_value(&document(&[&fields, more].concat())).expect("a sound scenario")
+}
+
+#[test]
+fn the_feed_brings_its_rate_and_the_belt_carries_as_much() {
+    let (rate, duration_s) = (2.0, 6.0);
+    let result = run_on(2, &fed(rate, duration_s, &[]));
+    let of = |name| response(&result, name);
+    // A fillet enters at the sample by which half of it is due.
+    let fillet_kg = of("loaded_kg") / 8.0;
+    let (fed_kg, due_kg) = (of("fed_kg"), rate * duration_s);
+    assert!((fed_kg - due_kg).abs() < fillet_kg, "{fed_kg} kg of {due_kg} kg");
+    let accounted = of("discharged_kg") + of("inside_kg") + of("escaped_kg");
+    assert_close(accounted, of("filled_kg") + fed_kg, 1e-6);
+    assert_eq!(of("escaped_kg"), 0.0);
+    // The few fillets of the first filling are out in the first half.
+    assert_close(of("steady_rate_kg_s"), rate, 0.15);
+}
+
+#[test]
+fn a_full_hopper_takes_no_more() {
+    let more = [("/equipment/belt_speed_m_s", json!(0.0))];
+    let result = run_on(2, &fed(20.0, 1.5, &more));
+    let of = |name| response(&result, name);
+    assert!(of("fed_kg") < 0.9 * 30.0, "{} kg fit in", of("fed_kg"));
+    assert_close(of("inside_kg") + of("discharged_kg"), of("filled_kg") + of("fed_kg"), 1e-6);
+    assert_eq!(of("escaped_kg"), 0.0, "nothing is fed into what is there");
+}
+
+#[test]
+fn a_feed_of_zero_feeds_nothing() {
+    let result = run_on(1, &fed(0.0, 0.5, &[]));
+    assert_eq!(response(&result, "fed_kg"), 0.0);
+    let scene = scene_of(&fed(0.0, 0.5, &[]));
+    assert_eq!((scene.bodies.len(), scene.waiting), (8, 0));
+    // The estimate counts what will be fed.
+    assert!(common::checked(&fed(2.0, 6.0, &[])).estimate().mass_kg > 12.0);
+}
+
+/// A scene of two blocks of which the second enters at a step, over the first.
+fn entering() -> (Scene, Placement) {
+    let mut scene = common::blocks();
+    scene.waiting = 1;
+    let late = Placement { position: DVec3::new(0.012, 0.003, 0.075), ..scene.bodies[2] };
+    (scene, late)
+}
+
+fn with_entry(cpu: &Cpu, chunks: &[u64]) -> State {
+    let (scene, late) = entering();
+    let mut run = cpu.prepare(&scene);
+    let step = |run: &mut _, steps: u64| {
+        let mut left = steps;
+        for chunk in chunks.iter().copied().cycle() {
+            if left == 0 {
+                break;
+            }
+            let now = chunk.min(left);
+            assert_eq!(cpu.advance(&mut [(&mut *run, now)]).swap_remove(0).fault, None);
+            left -= now;
+        }
+    };
+    step(&mut run, 300);
+    cpu.enter(&mut run, &scene, 2, &[late]);
+    step(&mut run, 700);
+    // Ids go on behind what has left.
+    let first: Vec<u32> = (0..48).collect();
+    cpu.remove(&mut run, &first);
+    step(&mut run, 50);
+    cpu.state(&mut run).clone()
+}
+
+#[test]
+fn an_entry_gives_equal_bits_for_any_chunks_and_threads() {
+    for path in [Cpu::plain as fn(usize) -> Cpu, Cpu::new] {
+        let whole = with_entry(&path(1), &[1000]);
+        assert_eq!(whole.serials, (48..144).collect::<Vec<u32>>());
+        assert_eq!(whole.bodies.last(), Some(&2));
+        for (threads, chunks) in [(1, &[1u64, 7][..]), (2, &[50]), (3, &[999])] {
+            assert_same(&with_entry(&path(threads), chunks), &whole, "chunks and threads");
+        }
+    }
+}
+
+#[test]
+fn a_body_that_enters_early_is_as_one_that_was_there() {
+    let (scene, late) = entering();
+    let mut there = scene.clone();
+    there.waiting = 0;
+    there.bodies[2] = late;
+    for cpu in [Cpu::plain(1), Cpu::new(1)] {
+        let (mut entered, mut present) = (cpu.prepare(&scene), cpu.prepare(&there));
+        cpu.enter(&mut entered, &scene, 2, &[late]);
+        cpu.advance(&mut [(&mut entered, 800), (&mut present, 800)]);
+        let state = cpu.state(&mut present).clone();
+        assert_eq!(cpu.state(&mut entered).bonds_at_start, state.bonds_at_start);
+        assert_same(cpu.state(&mut entered), &state, "entered before the first step");
+    }
+}
