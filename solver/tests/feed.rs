@@ -8,7 +8,9 @@ use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Placement, Scene};
 use roost_solver::engine::state::State;
+use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
+use roost_solver::{Limits, check};
 use serde_json::{Value, json};
 
 /// A narrow hopper with coarse fillets; the belt carries more than the feed brings.
@@ -59,6 +61,11 @@ fn a_feed_of_zero_feeds_nothing() {
     assert_eq!(response(&result, "fed_kg"), 0.0);
     let scene = scene_of(&fed(0.0, 0.5, &[]));
     assert_eq!((scene.bodies.len(), scene.waiting), (8, 0));
+    let (small, long) =
+        (json!({"count": 8, "subparticle_radius_m": 0.004, "sizes_m": [[0.02, 0.02, 0.02]]}), json!(600));
+    let many = fed(1000.0, 6.0, &[("/product", small), ("/numerics/duration_s", long)]);
+    let faults = check(&many, &Meshes::default(), &Limits::NONE).expect_err("too many fillets");
+    assert_eq!(faults[0].pointer, "/equipment/feed_kg_s");
     // The estimate counts what will be fed.
     assert!(common::checked(&fed(2.0, 6.0, &[])).estimate().mass_kg > 12.0);
 }

@@ -105,7 +105,8 @@ fn no_scenario_makes_the_check_panic_and_what_it_accepts_is_placed_apart() {
             assert_placed_apart(&scenario, checked.setup().scene());
         }
     }
-    assert!(built > 100, "{built} of {sound} were built");
+    // A feed makes about half of them too large.
+    assert!(built > 90, "{built} of {sound} were built");
 }
 
 /// Shows the scenario when something panics over it.

@@ -2,6 +2,7 @@
 
 use serde_json::json;
 
+use super::feed::{MAX_FED, fed_kinds};
 use crate::engine::scene::Scene;
 use crate::equipment::Surface;
 use crate::experiments::Setup;
@@ -62,7 +63,20 @@ pub(super) fn fit_faults(setup: &Setup, equipment: &Equipment) -> Vec<Fault> {
             format!("at most {most} fillets of these sizes, or a larger hopper"),
         ));
     }
+    faults.extend(feed_fault(setup, equipment));
     faults
+}
+
+/// A feed of more fillets than a hopper takes.
+fn feed_fault(setup: &Setup, equipment: &Equipment) -> Option<Fault> {
+    let fed = fed_kinds(&setup.scenario, equipment, &setup.kinds);
+    (fed.len() >= MAX_FED).then(|| {
+        let kg: f64 = fed.iter().map(|&kind| setup.kinds[kind].mass_kg()).sum();
+        let most = kg / setup.scenario.numerics.duration_s;
+        let detail = format!("the feed brings {MAX_FED} fillets or more until /numerics/duration_s");
+        let allowed = format!("below {most:.3e} kg/s for this duration");
+        Fault::at("/equipment/feed_kg_s", equipment.feed_kg_s, detail, allowed)
+    })
 }
 
 /// A surface that a fillet would feel on one side of the seam of a periodic hopper only.

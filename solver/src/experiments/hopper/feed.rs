@@ -14,18 +14,20 @@ use crate::scenario::{Equipment, Scenario};
 
 use super::floor;
 
+/// Maximum number of fillets that a feed may bring, that of `/product/count`.
+pub(super) const MAX_FED: usize = 100_000;
 /// Places tried for a fillet at each sample.
 const PLACES: usize = 24;
 /// Stream of random numbers, other than that of the first filling.
 const STREAM: u64 = 1;
 
-/// Numbers of fillets that a feed needs until the end, by their kinds after the first filling.
+/// Kinds of the fillets that the feed brings until the end, in the order of the first filling, at most [`MAX_FED`].
 pub(super) fn fed_kinds(scenario: &Scenario, equipment: &Equipment, kinds: &[BodyKind]) -> Vec<usize> {
     let due_kg = equipment.feed_kg_s * scenario.numerics.duration_s;
     let mut fed_kg = 0.0;
     let mut next = scenario.product.count as usize;
     let mut fed = Vec::new();
-    while fed_kg < due_kg {
+    while fed_kg < due_kg && fed.len() < MAX_FED {
         let kind = next % kinds.len();
         fed_kg += kinds[kind].mass_kg();
         fed.push(kind);

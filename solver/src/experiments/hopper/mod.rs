@@ -90,7 +90,7 @@ const INSIDE_MASS: SeriesRow =
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,
-    series: &[DISCHARGED_MASS, MASS_RATE, INSIDE_MASS, BONDS_INTACT, KINETIC_ENERGY],
+    series: &[DISCHARGED_MASS, MASS_RATE, BONDS_INTACT, KINETIC_ENERGY, INSIDE_MASS],
     curves: &[],
 };
 
