@@ -65,7 +65,8 @@ impl Stage {
             belt_time_s,
             state,
             max_overlap_m: 4e-4,
-            surface_forces: &[],
+            passed_through: 0,
+            surface_loads: &[],
         })
     }
 

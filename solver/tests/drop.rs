@@ -183,7 +183,8 @@ impl Stage {
             belt_time_s: Some(now_s),
             state,
             max_overlap_m: 9e-4,
-            surface_forces: &[],
+            passed_through: 0,
+            surface_loads: &[],
         };
         self.monitor.observe(&sample)
     }
@@ -203,7 +204,8 @@ fn settled_is_what_has_lost_99_percent_and_stays_so() {
         belt_time_s: None,
         state: &stage.state,
         max_overlap_m: 0.0,
-        surface_forces: &[],
+        passed_through: 0,
+        surface_loads: &[],
     };
     assert_eq!(stage.monitor.observe(&before), Decision::Start, "t = 0 is the start");
     // 1 % of the energy of 2 m/s is that of 0.2 m/s.

@@ -319,3 +319,32 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
         assert!(!stays(&Source::kernels().with(file, text, error)), "{file}: `{error}` was not found");
     }
 }
+
+#[test]
+fn what_strikes_surfaces_fast_is_alike() {
+    let Some(gpu) = gpu() else { return };
+    let (turn, away) = tilt();
+    let pushing = Motion::Moving { velocity: DVec3::Z * 6.0, pivot: DVec3::ZERO, spin: DVec3::X };
+    let flat = DQuat::IDENTITY;
+    let scenes = [
+        (onto(plate(SurfaceKind::Equipment), |x| x), flat, DVec3::ZERO, 8.0),
+        (onto(surface(tilted_plate()), |x| turn * x + away), turn, away, 8.0),
+        (onto(plate(SurfaceKind::Equipment).moving(pushing), |x| x), flat, DVec3::ZERO, 2.0),
+    ];
+    for (mut scene, turn, away, speed) in scenes {
+        let up = turn * DVec3::Z;
+        scene.timestep_s = 3e-4;
+        scene.bodies.iter_mut().for_each(|body| body.velocity = up * -speed);
+        let mut both = Both::new(&gpu, &scene);
+        both.plain.start(&mut both.plain_run);
+        both.gpu.start(&mut both.gpu_run);
+        let mut beyond = 0;
+        for _ in 0..20 {
+            both.stay_the_same(4, 2);
+            let state = gpu.state(&mut both.gpu_run);
+            let below = |i: &usize| (state.position(*i) - away).dot(up) < 0.0;
+            beyond = beyond.max((0..state.particles.len()).filter(below).count());
+        }
+        assert!(beyond > 10, "{beyond} centres beyond the plate at a time");
+    }
+}

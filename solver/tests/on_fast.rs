@@ -7,6 +7,8 @@ mod bonds;
 mod conservation;
 #[path = "contact.rs"]
 mod contact;
+#[path = "crossing.rs"]
+mod crossing;
 #[path = "determinism.rs"]
 mod determinism;
 #[path = "equipment.rs"]
@@ -19,5 +21,7 @@ mod friction;
 mod moving;
 #[path = "periodic.rs"]
 mod periodic;
+#[path = "common/stl.rs"]
+mod stl;
 #[path = "timestep.rs"]
 mod timestep;

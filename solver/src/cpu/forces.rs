@@ -11,7 +11,7 @@ use crate::engine::state::{Particle, State};
 use crate::physics::contact::ContactHistory;
 use crate::physics::{bond, contact, damping};
 use crate::walls::Walls;
-use crate::walls::contact::{WallPair, for_each_contact};
+use crate::walls::contact::{Seer, WallPair, for_each_contact};
 
 /// Statistics of the stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -20,6 +20,8 @@ pub struct ForceStats {
     pub max_overlap: f32,
     /// Bonds that broke in this step.
     pub bonds_broken: u32,
+    /// Surfaces that sub-particles passed through in this step.
+    pub passed_through: u32,
 }
 
 impl ForceStats {
@@ -27,6 +29,7 @@ impl ForceStats {
         Self {
             max_overlap: self.max_overlap.max(other.max_overlap),
             bonds_broken: self.bonds_broken + other.bonds_broken,
+            passed_through: self.passed_through + other.passed_through,
         }
     }
 }
@@ -53,16 +56,8 @@ pub(crate) fn gather(
                 *broken += pairs.bonds_broken;
                 stats = stats.merge(pairs);
                 let (me, near) = (&state.particles[i], chunk.walls_mut(k));
-                add_wall_forces(
-                    params.radius,
-                    params.dt,
-                    &state.frame,
-                    walls,
-                    me,
-                    state.masses[i],
-                    near,
-                    load,
-                );
+                stats.passed_through +=
+                    add_wall_forces(params, &state.frame, walls, me, state.masses[i], near, load);
             }
             stats
         })
@@ -128,22 +123,23 @@ fn add_pair_forces(
     stats
 }
 
-/// Adds the loads of the facets near a sub-particle.
-#[expect(clippy::too_many_arguments, reason = "the data of a sub-particle and its facets")]
+/// Adds the loads of the facets near a sub-particle. Returns how many surfaces it has passed through.
 fn add_wall_forces(
-    radius: f32,
-    dt: f32,
+    params: &Params,
     frame: &Frame,
     walls: &Walls,
     me: &Particle,
     mass: f32,
     near: &mut [WallPair],
     load: &mut Load,
-) {
-    for_each_contact(radius, frame, walls, me.position, near, &mut Vec::new(), |_, wall, point| {
-        let n = point.to_wall / point.distance;
+) -> u32 {
+    let Params { radius, dt, .. } = *params;
+    let seer = Seer { radius, position: me.position, velocity: me.velocity, dt };
+    let stats = for_each_contact(&seer, frame, walls, near, &mut Vec::new(), |_, wall, point| {
+        let distance = point.signed_distance();
+        let n = point.to_wall / distance;
         let v = me.velocity + me.spin.cross(point.to_wall) - point.velocity;
-        let (law, delta) = (walls.law(wall.facet), radius - point.distance);
+        let (law, delta) = (walls.law(wall.facet), radius - distance);
         if let Some(force) =
             contact::force(law, &mut wall.contact, n, delta, v, point.spin, mass, damping::SURFACE_CAP, dt)
         {
@@ -151,4 +147,5 @@ fn add_wall_forces(
             load.add(wall.force, point.to_wall, force.tangential);
         }
     });
+    stats.passed
 }

@@ -21,11 +21,11 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::engine::scene::{Laws, Placement, Scene};
 use crate::engine::state::State;
-use crate::engine::{AdvanceReport, Backend, BackendInfo};
+use crate::engine::{AdvanceReport, Backend, BackendInfo, SurfaceLoad};
 use crate::walls::Walls;
 use displacement::DisplacementTracker;
 use fast::{FastRun, InstructionSet};
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use load::Load;
 use neighbour_list::NeighbourLists;
 use stages::{Stage, StageTimers};
@@ -150,10 +150,10 @@ impl Backend for Cpu {
         }
     }
 
-    fn surface_forces(&self, run: &mut CpuRun) -> Vec<DVec3> {
+    fn surface_loads(&self, run: &mut CpuRun) -> Vec<SurfaceLoad> {
         match run {
-            CpuRun::Plain(run) => run.surface_forces(),
-            CpuRun::Fast(run) => run.surface_forces(),
+            CpuRun::Plain(run) => run.surface_loads(),
+            CpuRun::Fast(run) => run.surface_loads(),
         }
     }
 
@@ -213,12 +213,12 @@ impl PlainRun {
         }
     }
 
-    fn surface_forces(&self) -> Vec<DVec3> {
-        let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
-        for wall in self.neighbour_lists.chunks.iter().flat_map(|chunk| chunk.all_walls()) {
-            forces[self.walls.surface_of(wall.facet)] -= wall.force.as_dvec3();
-        }
-        forces
+    fn surface_loads(&self) -> Vec<SurfaceLoad> {
+        let contacts = self.state.particles.iter().enumerate().flat_map(|(i, particle)| {
+            let walls = self.neighbour_lists.chunks.get(i / CHUNK).map(|chunk| chunk.wall_pairs(i % CHUNK));
+            walls.into_iter().flatten().map(move |wall| (*particle, wall.facet, wall.force))
+        });
+        self.walls.loads(&self.state.frame, self.params.dt, contacts)
     }
 
     fn bonds(&self) -> Vec<[u32; 2]> {
@@ -291,6 +291,7 @@ impl PlainRun {
         done.steps += 1;
         done.particle_steps += self.state.particles.len() as u64;
         done.max_overlap_m = done.max_overlap_m.max(stats.max_overlap);
+        done.passed_through += u64::from(stats.passed_through);
         self.fault = moved.fault(&self.params, &self.state);
     }
 }

@@ -55,17 +55,13 @@ impl ChunkNeighbours {
         &mut self.walls[row]
     }
 
-    /// All facets near sub-particles of the chunk, in the order of sub-particles.
-    pub fn all_walls(&self) -> &[WallPair] {
-        &self.walls
-    }
-
     /// The neighbours of the `k`th sub-particle of the chunk, sorted by id.
     pub fn pairs(&self, k: usize) -> &[Pair] {
         &self.pairs[row(&self.pair_ends, k)]
     }
 
-    fn wall_pairs(&self, k: usize) -> &[WallPair] {
+    /// The facets near the `k`th sub-particle of the chunk, sorted.
+    pub fn wall_pairs(&self, k: usize) -> &[WallPair] {
         &self.walls[row(&self.wall_ends, k)]
     }
 
@@ -144,7 +140,7 @@ impl NeighbourLists {
     /// Rebuilds the lists. Bonds stay, and so do the histories of contacts.
     pub(crate) fn rebuild(&mut self, params: &Params, state: &State, walls: &Walls) {
         let cutoff = 2.0 * params.radius + params.laws.adhesion_range() + params.skin;
-        let wall_cutoff = params.radius + params.laws.adhesion_range() + params.skin;
+        let wall_range = params.radius + params.laws.adhesion_range();
         let cell_list = CellList::new(state, cutoff);
         self.chunks.par_iter_mut().enumerate().for_each(|(c, chunk)| {
             let mut new = ChunkNeighbours::default();
@@ -168,6 +164,9 @@ impl NeighbourLists {
                     Err(_) => Pair { other: j, ..Pair::default() },
                 };
                 let wall_known = chunk.wall_pairs(k);
+                let step_m = state.particles[i].velocity.length() * params.dt + walls.step_travel_m();
+                let depth = walls.depth_beyond(wall_known, x, &state.frame);
+                let wall_cutoff = wall_range.max(step_m) + depth + params.skin;
                 let wall_with_history =
                     |facet| match wall_known.binary_search_by_key(&facet, |pair| pair.facet) {
                         Ok(at) => wall_known[at],

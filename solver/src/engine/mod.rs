@@ -33,8 +33,26 @@ pub struct AdvanceReport {
     pub particle_steps: u64,
     /// Maximum overlap between sub-particles without a bond, in metres.
     pub max_overlap_m: f32,
+    /// How often a sub-particle has passed through a surface (see [`crate::walls`]).
+    pub passed_through: u64,
     /// Reason of a divergence. A run that diverged stays at that step.
     pub fault: Option<String>,
+}
+
+/// Force and torque on a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfaceLoad {
+    /// In newton.
+    pub force: DVec3,
+    /// About the origin of coordinates, in N m.
+    pub torque: DVec3,
+}
+
+impl SurfaceLoad {
+    /// The torque about another point, given in metres; in N m.
+    pub fn torque_about(&self, point: DVec3) -> DVec3 {
+        self.torque - point.cross(self.force)
+    }
 }
 
 /// The device has too little memory for a run, with details. The device itself and its other runs are sound.
@@ -67,8 +85,13 @@ pub trait Backend {
     /// The state of a run, for observers.
     fn state<'a>(&self, run: &'a mut Self::Run) -> &'a State;
 
+    /// The load on each surface of the scene in the last step; zero before the first.
+    fn surface_loads(&self, run: &mut Self::Run) -> Vec<SurfaceLoad>;
+
     /// The force on each surface of the scene in the last step, in newton; zero before the first.
-    fn surface_forces(&self, run: &mut Self::Run) -> Vec<DVec3>;
+    fn surface_forces(&self, run: &mut Self::Run) -> Vec<DVec3> {
+        self.surface_loads(run).iter().map(|load| load.force).collect()
+    }
 
     /// Intact bonds, as pairs of serials, ascending.
     fn bonds(&self, run: &mut Self::Run) -> Vec<[u32; 2]>;

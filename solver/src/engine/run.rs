@@ -3,12 +3,11 @@
 
 use std::time::Instant;
 
-use glam::DVec3;
 use serde_json::{Map, Value};
 
 use super::scene::{Placement, Scene};
 use super::state::State;
-use super::{AdvanceReport, Backend};
+use super::{AdvanceReport, Backend, SurfaceLoad};
 use crate::observe::Recorder;
 use crate::result::{Curve, EndReason, Flow, Instability, Performance, Phase, Progress, Warning};
 
@@ -37,8 +36,10 @@ pub struct Sample<'a> {
     pub state: &'a State,
     /// Maximum overlap of unbonded sub-particles so far, in metres.
     pub max_overlap_m: f32,
-    /// Force on each surface of the scene in the last step, in newton.
-    pub surface_forces: &'a [DVec3],
+    /// How often a sub-particle has passed through a surface so far.
+    pub passed_through: u64,
+    /// Load on each surface of the scene in the last step.
+    pub surface_loads: &'a [SurfaceLoad],
 }
 
 /// The state of a run at one moment, for pictures.
@@ -161,14 +162,15 @@ pub fn run<B: Backend>(
     let subparticles = backend.state(&mut run).particles.len() as u64;
     let mut entered = scene.present().len();
     let (reason, fault) = loop {
-        let surface_forces = backend.surface_forces(&mut run);
+        let surface_loads = backend.surface_loads(&mut run);
         let state = backend.state(&mut run);
         let sample = Sample {
             simulated_s: timeline.simulated_s(),
             belt_time_s: timeline.belt_time_s(),
             state,
             max_overlap_m: timeline.max_overlap_m,
-            surface_forces: &surface_forces,
+            passed_through: timeline.passed_through,
+            surface_loads: &surface_loads,
         };
         let decision = monitor.observe(&sample);
         let wanted = observer.wants_snapshot(timeline.simulated_s());
@@ -252,6 +254,7 @@ struct Timeline {
     particle_steps: u64,
     advancing_s: f64,
     max_overlap_m: f32,
+    passed_through: u64,
     fault: Option<String>,
 }
 
@@ -266,6 +269,7 @@ impl Timeline {
             particle_steps: 0,
             advancing_s: 0.0,
             max_overlap_m: 0.0,
+            passed_through: 0,
             fault: None,
         }
     }
@@ -317,6 +321,7 @@ impl Timeline {
         self.particle_steps += advance.particle_steps;
         self.advancing_s += wall_s;
         self.max_overlap_m = self.max_overlap_m.max(advance.max_overlap_m);
+        self.passed_through += advance.passed_through;
         self.fault = advance.fault;
     }
 

@@ -60,6 +60,7 @@ impl Task {
         let steps = if report.fault_step.0 == NONE { steps } else { u64::from(report.fault_step.0) + 1 };
         run.steps_done(steps);
         run.bonds_broken += u64::from(report.broken.0);
+        self.done.passed_through += u64::from(report.passed.0);
         self.done.steps += steps;
         self.done.particle_steps += steps * u64::from(run.buffers.elements.particles);
         self.done.max_overlap_m = self.done.max_overlap_m.max(f32::from_bits(report.overlap.0));

@@ -168,7 +168,7 @@ shared! {
         facet: u32,
         /// Force on the sub-particle in the last step, in N.
         force: [f32; 3],
-        /// [`IN_CONTACT`] or 0.
+        /// [`IN_CONTACT`], and the memory of its side: [`FROM_ABOVE`] or [`FROM_BELOW`], and [`BEYOND`].
         state: u32,
     }
 
@@ -180,12 +180,16 @@ shared! {
         distance: f32,
         /// Velocity of the wall's material there, in m/s.
         velocity: [f32; 3],
-        /// Whether the point lies on the rim of the facet.
-        on_rim: u32,
+        /// [`ON_RIM`], [`OFF_FACET`], and the memory of the side as in [`WallPair`].
+        flags: u32,
         /// The nearest point relative to the anchor, in the surface's own axes, in m.
         local: [f32; 3],
         /// Number of the facet within its run.
         facet: u32,
+        /// The centre, in the same coordinates as `local`.
+        centre: [f32; 3],
+        /// Height of the centre over the plane of the facet, in m.
+        height: f32,
     }
 
     /// A surface.
@@ -206,8 +210,8 @@ shared! {
     Pose {
         /// Position of the anchor, in units.
         anchor: [i32; 3],
-        /// Padding.
-        pad_0: u32,
+        /// Whether only the material moves, and not the surface.
+        is_belt: u32,
         /// Columns of its rotation.
         turn_x: [f32; 3],
         /// Padding.
@@ -292,6 +296,8 @@ shared! {
         pairs: Atomic,
         /// Longest row of facets that did not fit.
         walls: Atomic,
+        /// How often a sub-particle has passed through a surface.
+        passed: Atomic,
     }
 
     /// Constants of a dispatch.
@@ -312,6 +318,21 @@ pub const NONE: u32 = u32::MAX;
 
 /// Flag in the state of a pair: the contact has formed and still holds.
 pub const IN_CONTACT: u32 = 1 << 31;
+
+/// Flag in the state of a wall pair: the contact began above the facet.
+pub const FROM_ABOVE: u32 = 1;
+
+/// Flag in the state of a wall pair: the contact began below the facet.
+pub const FROM_BELOW: u32 = 2;
+
+/// Flag in the state of a wall pair: the centre is beyond the facet.
+pub const BEYOND: u32 = 4;
+
+/// Flag of a nearest point: it lies on the rim of the facet.
+pub const ON_RIM: u32 = 8;
+
+/// Flag of a nearest point: the centre is not over the inside of the facet.
+pub const OFF_FACET: u32 = 16;
 
 /// The number of a formulation.
 pub fn bond_model(model: BondModel) -> u32 {

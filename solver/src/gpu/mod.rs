@@ -36,11 +36,9 @@ mod walls;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use glam::DVec3;
-
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
-use crate::engine::{AdvanceReport, Backend, BackendInfo, OutOfDeviceMemory};
+use crate::engine::{AdvanceReport, Backend, BackendInfo, OutOfDeviceMemory, SurfaceLoad};
 use advance::MAX_CHUNK_STEPS;
 use arena::arena_bytes;
 pub use device::{AdapterName, Device, GpuError, GpuOptions};
@@ -125,8 +123,8 @@ impl Backend for Gpu {
         run.get().state(&self.device)
     }
 
-    fn surface_forces(&self, run: &mut GpuRun) -> Vec<DVec3> {
-        run.get().surface_forces(&self.device)
+    fn surface_loads(&self, run: &mut GpuRun) -> Vec<SurfaceLoad> {
+        run.get().surface_loads(&self.device)
     }
 
     fn bonds(&self, run: &mut GpuRun) -> Vec<[u32; 2]> {

@@ -1,7 +1,7 @@
 //! One run: its buffers on the device, its data in main memory, and access for observers.
 
 use bytemuck::pod_collect_to_vec;
-use glam::{DVec3, IVec3, UVec3, Vec3};
+use glam::{IVec3, UVec3, Vec3};
 
 use super::device::Device;
 use super::layout::{Count, Particle, Pose, PrivateState, Scene, WallPair};
@@ -9,9 +9,9 @@ use super::neighbour_list::Rows;
 use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers, RunContents};
 use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
-use crate::engine::OutOfDeviceMemory;
 use crate::engine::scene;
 use crate::engine::state::State;
+use crate::engine::{OutOfDeviceMemory, SurfaceLoad};
 use crate::physics::InternalLaws;
 use crate::walls::Walls;
 
@@ -57,8 +57,8 @@ pub(super) struct Run {
     walls: Walls,
     dt: f64,
     state: State,
-    surface_forces: Vec<DVec3>,
-    /// Whether `state` and `surface_forces` are those of the device.
+    surface_loads: Vec<SurfaceLoad>,
+    /// Whether `state` and `surface_loads` are those of the device.
     is_read: bool,
 }
 
@@ -93,7 +93,7 @@ impl Run {
             start_step: None,
             speed_limit: scene.speed_limit_m_s as f32,
             bonds_broken: 0,
-            surface_forces: vec![DVec3::ZERO; walls.surface_count()],
+            surface_loads: vec![SurfaceLoad::default(); walls.surface_count()],
             walls,
             dt: scene.timestep_s,
             state,
@@ -130,10 +130,10 @@ impl Run {
         &self.state
     }
 
-    /// Force on each surface in the last step.
-    pub(super) fn surface_forces(&mut self, device: &Device) -> Vec<DVec3> {
+    /// Load on each surface in the last step.
+    pub(super) fn surface_loads(&mut self, device: &Device) -> Vec<SurfaceLoad> {
         self.read(device);
-        self.surface_forces.clone()
+        self.surface_loads.clone()
     }
 
     /// Reads the data for observers, unless it is current. One transfer for all: other runs may keep the
@@ -154,20 +154,19 @@ impl Run {
                 self.state.broken[k] = own.broken;
             }
             self.state.bonds_broken = self.bonds_broken;
-            self.surface_forces = self.forces(&pod_collect_to_vec(&counts), &pod_collect_to_vec(&walls));
+            self.surface_loads = self.loads(&pod_collect_to_vec(&counts), &pod_collect_to_vec(&walls));
             self.is_read = true;
         }
     }
 
-    /// Force on each surface, summed in the order of the plain path.
-    fn forces(&self, counts: &[Count], walls: &[WallPair]) -> Vec<DVec3> {
-        let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
-        for (row, count) in walls.chunks(self.buffers.row_capacity.walls as usize).zip(counts) {
-            for wall in &row[..count.walls as usize] {
-                forces[self.walls.surface_of(wall.facet)] -= Vec3::from(wall.force).as_dvec3();
-            }
-        }
-        forces
+    /// Load on each surface, summed in the order of the plain path.
+    fn loads(&self, counts: &[Count], walls: &[WallPair]) -> Vec<SurfaceLoad> {
+        let rows = walls.chunks(self.buffers.row_capacity.walls as usize).zip(counts);
+        let contacts = rows.zip(&self.state.particles).flat_map(|((row, count), particle)| {
+            let near = row[..count.walls as usize].iter();
+            near.map(|wall| (*particle, wall.facet, Vec3::from(wall.force)))
+        });
+        self.walls.loads(&self.state.frame, self.dt as f32, contacts)
     }
 
     /// Counts steps done on the device.
@@ -192,7 +191,7 @@ impl Run {
         let rows = self.buffers.read_rows(device);
         let map = self.state.remove(serials);
         let rows = rows.remove(&map);
-        self.surface_forces = self.forces(&rows.counts, &rows.walls);
+        self.surface_loads = self.loads(&rows.counts, &rows.walls);
         self.buffers.write_rows(device, &rows);
         self.write_state(device);
     }

@@ -4,7 +4,7 @@ use crate::gpu::layout;
 use crate::physics::bond::{BondModel, NO_LENGTH_M, STRETCH_CLAMP};
 use crate::physics::damping;
 use crate::physics::jkr::{CURVATURE, D_SNAP, X_SNAP};
-use crate::walls::{ALIGNED_COSINE, COINCIDENT_M, EDGE_TOLERANCE};
+use crate::walls::{ALIGNED_COSINE, COINCIDENT_M, EDGE_TOLERANCE, OFF_FACET};
 
 /// Names and texts of WGSL files.
 macro_rules! files {
@@ -16,8 +16,8 @@ const TERMS: [(&str, &str); 9] =
     files!["vector", "frame", "damping", "hertz", "jkr", "friction", "contact", "bond", "integrate"];
 
 /// The stages, which bind buffers.
-const STAGES: [(&str, &str); 6] =
-    files!["bindings", "cell_list", "neighbour_list", "walls", "forces", "step"];
+const STAGES: [(&str, &str); 7] =
+    files!["bindings", "cell_list", "neighbour_list", "walls", "side", "forces", "step"];
 
 /// The source of the kernels.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -67,6 +67,7 @@ fn constants() -> String {
         ("COINCIDENT_M", COINCIDENT_M),
         ("EDGE_TOLERANCE", EDGE_TOLERANCE),
         ("ALIGNED_COSINE", ALIGNED_COSINE),
+        ("OFF_FACET_SHARE", OFF_FACET),
     ];
     // Damping caps along n and across it.
     let pairs = [
@@ -79,6 +80,11 @@ fn constants() -> String {
         ("AS_PUBLISHED", layout::bond_model(BondModel::AsPublished)),
         ("FINITE_EXTENSION", layout::bond_model(BondModel::FiniteExtension)),
         ("IN_CONTACT", layout::IN_CONTACT),
+        ("FROM_ABOVE", layout::FROM_ABOVE),
+        ("FROM_BELOW", layout::FROM_BELOW),
+        ("BEYOND", layout::BEYOND),
+        ("ON_RIM", layout::ON_RIM),
+        ("OFF_FACET", layout::OFF_FACET),
         ("NONE", layout::NONE),
         ("GROUP_SIZE", super::pipelines::GROUP_SIZE),
     ];

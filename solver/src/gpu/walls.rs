@@ -59,9 +59,10 @@ impl Geometry {
 /// Current poses of the surfaces.
 pub(super) fn poses(walls: &Walls) -> impl Iterator<Item = Pose> {
     walls.surfaces().iter().map(|surface| {
-        let SurfacePose { anchor, turn, velocity, spin } = surface.pose;
+        let SurfacePose { anchor, turn, velocity, spin, is_belt } = surface.pose;
         Pose {
             anchor: anchor.to_array(),
+            is_belt: u32::from(is_belt),
             turn_x: turn.x_axis.to_array(),
             turn_y: turn.y_axis.to_array(),
             turn_z: turn.z_axis.to_array(),

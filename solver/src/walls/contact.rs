@@ -7,6 +7,8 @@ use std::iter::successors;
 
 use glam::{IVec3, Vec3};
 
+use super::side;
+pub use super::side::SideMemory;
 use super::{NearestPoint, Walls};
 use crate::engine::frame::Frame;
 use crate::physics::contact::ContactHistory;
@@ -18,39 +20,71 @@ pub struct WallPair {
     pub facet: u32,
     /// History of the contact.
     pub contact: ContactHistory,
+    /// Side of the facet from which it acts.
+    pub side: SideMemory,
     /// Force on the sub-particle in the last step, in newton.
     pub force: Vec3,
 }
 
+/// A sub-particle among surfaces.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seer {
+    /// Its radius, in metres.
+    pub(crate) radius: f32,
+    /// Fixed-point position.
+    pub(crate) position: IVec3,
+    /// In m/s.
+    pub(crate) velocity: Vec3,
+    /// Time step, in seconds.
+    pub(crate) dt: f32,
+}
+
+impl Seer {
+    /// Whether a facet is out of range on the side where the sub-particle is.
+    pub(super) fn is_far(&self, walls: &Walls, facet: u32, point: &NearestPoint) -> bool {
+        self.radius - point.distance < -walls.law(facet).adhesion_range()
+    }
+}
+
+/// Statistics of the facets near a sub-particle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct WallStats {
+    /// Distance of the nearest facet in metres; 0 beyond a facet.
+    pub(crate) nearest: f32,
+    /// Surfaces that the sub-particle has passed through in this step.
+    pub(crate) passed: u32,
+}
+
 /// Calls `apply` for each facet that acts on a sub-particle, with its index in `near` and its nearest point.
-/// Histories of the other facets are cleared. Returns the distance of the nearest facet, in metres.
+/// Histories of the other facets are cleared; memories of sides persist.
 pub(crate) fn for_each_contact(
-    radius: f32,
+    seer: &Seer,
     frame: &Frame,
     walls: &Walls,
-    position: IVec3,
     near: &mut [WallPair],
     points: &mut Vec<(u32, NearestPoint)>,
     mut apply: impl FnMut(usize, &mut WallPair, &NearestPoint),
-) -> f32 {
+) -> WallStats {
     points.clear();
-    points.extend(near.iter().map(|wall| (wall.facet, walls.nearest_point(wall.facet, position, frame))));
+    points
+        .extend(near.iter().map(|wall| (wall.facet, walls.nearest_point(wall.facet, seer.position, frame))));
+    let passed = side::update(walls, seer, points, near);
     if points.len() > 1 {
-        transfer_history(radius, walls, points, near);
+        transfer_history(seer, walls, points, near);
     }
     let mut nearest = f32::INFINITY;
     for (k, (wall, (facet, point))) in near.iter_mut().zip(&*points).enumerate() {
-        nearest = nearest.min(point.distance);
+        nearest = nearest.min(point.signed_distance().max(0.0));
         wall.force = Vec3::ZERO;
-        let is_far = radius - point.distance < -walls.law(*facet).adhesion_range();
-        // A centre exactly on a plate has no side. The next step moves it to one.
+        let is_far = !point.memory.beyond && seer.is_far(walls, *facet, point);
+        // A centre exactly on a plate has no direction. The next step moves it to one.
         if is_far || point.distance <= 0.0 || superseded_by(walls, points, k).is_some() {
             wall.contact = ContactHistory::default();
         } else {
             apply(k, wall, point);
         }
     }
-    nearest
+    WallStats { nearest, passed }
 }
 
 /// Transfers the history of a facet that is now superseded to the facet that supersedes it. For the sphere
@@ -58,10 +92,10 @@ pub(crate) fn for_each_contact(
 ///
 /// A successor with a contact of its own keeps its own history. A contact out of range has no history to
 /// transfer, whether or not a list still holds it.
-fn transfer_history(radius: f32, walls: &Walls, points: &[(u32, NearestPoint)], near: &mut [WallPair]) {
+fn transfer_history(seer: &Seer, walls: &Walls, points: &[(u32, NearestPoint)], near: &mut [WallPair]) {
     for k in 0..near.len() {
         let (facet, point) = points[k];
-        if !near[k].contact.in_contact || radius - point.distance < -walls.law(facet).adhesion_range() {
+        if !near[k].contact.in_contact || !point.memory.beyond && seer.is_far(walls, facet, &point) {
             continue;
         }
         // The end of the chain acts, since facets are ordered. If rounding ever broke the order, the history

@@ -3,6 +3,8 @@
 //! Both CPU paths and the GPU backend use this geometry.
 
 pub mod contact;
+pub mod loads;
+mod side;
 
 use glam::{DVec3, IVec3, Mat3, Vec3};
 
@@ -12,6 +14,7 @@ use crate::equipment::facet::{Facet, facets};
 use crate::equipment::{Motion, Presence};
 use crate::mesh::bvh::{Aabb, Bvh};
 use crate::physics::contact::ContactLaw;
+use side::SideMemory;
 
 /// All surfaces of a run.
 #[derive(Debug)]
@@ -24,6 +27,8 @@ pub struct Walls {
     travel_m: f64,
     /// The same since the run began, in metres.
     total_travel_m: f64,
+    /// The same in the last step, in metres.
+    step_travel_m: f64,
 }
 
 #[derive(Debug)]
@@ -49,6 +54,8 @@ pub(crate) struct SurfacePose {
     pub(crate) turn: Mat3,
     pub(crate) velocity: Vec3,
     pub(crate) spin: Vec3,
+    /// Whether only the material moves, and not the surface.
+    pub(crate) is_belt: bool,
 }
 
 #[derive(Debug)]
@@ -74,6 +81,12 @@ pub struct NearestPoint {
     local: Vec3,
     /// Whether the point lies on the rim of the facet, not under the sphere.
     on_rim: bool,
+    /// The centre in the same coordinates as `local`.
+    centre: Vec3,
+    /// Height of the centre over the plane of the facet, along its normal, in metres.
+    pub(crate) height: f32,
+    /// Memory of the side from which the sub-particle touches the facet.
+    pub(crate) memory: SideMemory,
 }
 
 /// Distance below which points coincide, in metres: a few roundings of `f32`, a metre from the anchor.
@@ -88,10 +101,50 @@ pub(crate) const EDGE_TOLERANCE: f32 = 0.01;
 /// cut by a CAD program turn less; intended creases turn more.
 pub(crate) const ALIGNED_COSINE: f32 = 0.9;
 
+/// A centre is off a facet when its offset across the normal exceeds the square root of this share of its distance.
+pub(crate) const OFF_FACET: f32 = 4e-6;
+
 impl NearestPoint {
     /// Whether two points of one sub-particle push the same way.
     fn is_aligned_with(&self, other: &Self) -> bool {
-        self.to_wall.dot(other.to_wall) > ALIGNED_COSINE * self.distance * other.distance
+        let dot = self.to_wall.dot(other.to_wall);
+        let dot = if self.memory.beyond == other.memory.beyond { dot } else { -dot };
+        dot > ALIGNED_COSINE * self.distance * other.distance
+    }
+
+    /// Distance of the centre, negative beyond the facet, in metres. `to_wall` divided by it points into the wall.
+    pub(crate) fn signed_distance(&self) -> f32 {
+        if self.memory.beyond { -self.distance } else { self.distance }
+    }
+
+    /// Whether the centre lies beside the facet, not over its inside.
+    #[inline(always)]
+    pub(crate) fn is_off_facet(&self) -> bool {
+        let distance2 = self.distance * self.distance;
+        distance2 - self.height * self.height > (OFF_FACET * distance2).max(COINCIDENT_M * COINCIDENT_M)
+    }
+
+    /// Side of the facet on which the centre lies: 1, −1, or 0 in its plane.
+    #[inline(always)]
+    pub(crate) fn side(&self) -> i8 {
+        i8::from(self.height > 0.0) - i8::from(self.height < 0.0)
+    }
+
+    /// A point without direction and coordinates, from a distance and a height in metres.
+    #[inline(always)]
+    pub(crate) fn at(distance: f32, height: f32) -> Self {
+        let zero = Vec3::ZERO;
+        Self {
+            to_wall: zero,
+            distance,
+            velocity: zero,
+            spin: zero,
+            local: zero,
+            on_rim: false,
+            centre: zero,
+            height,
+            memory: SideMemory::default(),
+        }
     }
 }
 
@@ -111,6 +164,7 @@ impl Walls {
             posed_at: f64::NEG_INFINITY,
             travel_m: 0.0,
             total_travel_m: 0.0,
+            step_travel_m: 0.0,
         };
         for (k, surface) in scene.surfaces.iter().enumerate() {
             let corners = || surface.triangles.iter().flatten();
@@ -136,6 +190,7 @@ impl Walls {
                     turn: Mat3::IDENTITY,
                     velocity: Vec3::ZERO,
                     spin: Vec3::ZERO,
+                    is_belt: matches!(surface.motion, Motion::Belt { .. }),
                 },
                 first: first as u32,
                 bvh: Bvh::new(&aabbs),
@@ -157,11 +212,13 @@ impl Walls {
                 turn: pose.turn.as_mat3(),
                 velocity: pose.velocity.as_vec3(),
                 spin: pose.spin.as_vec3(),
+                is_belt: surface.pose.is_belt,
             };
             max_speed = max_speed.max(surface.motion.max_speed(surface.reach));
         }
-        self.travel_m += max_speed * elapsed;
-        self.total_travel_m += max_speed * elapsed;
+        self.step_travel_m = max_speed * elapsed;
+        self.travel_m += self.step_travel_m;
+        self.total_travel_m += self.step_travel_m;
     }
 
     /// Removes the surfaces that are present only until t = 0.
@@ -180,6 +237,11 @@ impl Walls {
     /// Upper bound on the motion of any point of a surface since the run began, in metres.
     pub fn total_travel_m(&self) -> f64 {
         self.total_travel_m
+    }
+
+    /// Upper bound on the motion of any point of a surface in the last step, in metres.
+    pub(crate) fn step_travel_m(&self) -> f32 {
+        self.step_travel_m as f32
     }
 
     /// Resets the motion: the neighbour lists were built for the current poses.
@@ -210,19 +272,12 @@ impl Walls {
         let pose = &self.surfaces[*surface].pose;
         let p = pose.local(x, frame);
         let Some(local) = facet.nearest(p) else {
-            let (zero, distance) = (Vec3::ZERO, f32::INFINITY);
-            return NearestPoint {
-                to_wall: zero,
-                distance,
-                velocity: zero,
-                spin: zero,
-                local: p,
-                on_rim: false,
-            };
+            return NearestPoint { local: p, ..NearestPoint::at(f32::INFINITY, 0.0) };
         };
         let d = local - p;
         let n = facet.normal;
-        let across = d - n * n.dot(d);
+        let along = n.dot(d);
+        let across = d - n * along;
         let distance2 = d.dot(d);
         NearestPoint {
             to_wall: pose.turn * d,
@@ -231,6 +286,9 @@ impl Walls {
             spin: pose.spin,
             local,
             on_rim: across.dot(across) > 1e-6 * distance2,
+            centre: p,
+            height: -along,
+            memory: SideMemory::default(),
         }
     }
 
@@ -241,8 +299,8 @@ impl Walls {
     /// same way, or it contains the point, where the two meet at an edge. The first rule makes one contact of
     /// a surface rounded by many facets, hollow or not. It also makes one of the two faces of a thin sheet.
     ///
-    /// The nearer facet precedes. Of facets that share a point the one with the lowest number precedes: a
-    /// sphere on an edge does not jump between its sides by rounding. All facets of a surface are thereby
+    /// The nearer facet precedes. Of facets that share a point one precedes that the centre is beyond, then the one with
+    /// the lowest number: a sphere on an edge does not jump between its sides by rounding. All facets of a surface are thereby
     /// ordered, and the first one is never superseded.
     pub fn superseding_facet(
         &self,
@@ -260,16 +318,19 @@ impl Walls {
         };
         let precedes = |other: u32, theirs: &NearestPoint| {
             let further = theirs.distance - point.distance;
-            further < -COINCIDENT_M || further <= COINCIDENT_M && (rank(theirs), other) < (rank(point), facet)
+            let order = |facet: u32, of: &NearestPoint| (rank(of), !of.memory.beyond, facet);
+            further < -COINCIDENT_M || further <= COINCIDENT_M && order(other, theirs) < order(facet, point)
         };
         let before = || others.clone().filter(|(other, theirs)| precedes(*other, theirs));
-        let contains_point = |other: u32| {
-            let q = self.facets[other as usize].facet.nearest(point.local);
-            q.is_some_and(|q| q.distance(point.local) < COINCIDENT_M.max(EDGE_TOLERANCE * point.distance))
-        };
         let alike = before().find(|(_, theirs)| theirs.is_aligned_with(point));
-        let at_the_edge = || before().find(|&(other, _)| point.on_rim && contains_point(other));
+        let at_the_edge = || before().find(|&(other, _)| point.on_rim && self.contains_point(other, point));
         alike.or_else(at_the_edge).map(|(other, _)| other)
+    }
+
+    /// Whether a facet contains a nearest point, of another facet of its surface.
+    fn contains_point(&self, facet: u32, point: &NearestPoint) -> bool {
+        let q = self.facets[facet as usize].facet.nearest(point.local);
+        q.is_some_and(|q| q.distance(point.local) < COINCIDENT_M.max(EDGE_TOLERANCE * point.distance))
     }
 
     /// The surfaces, in their order.

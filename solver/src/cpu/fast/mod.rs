@@ -34,15 +34,14 @@ mod tests;
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Params;
 use super::integrate::{Integrator, fault};
 use super::stages::{Stage, StageTimers};
-use crate::engine::AdvanceReport;
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
+use crate::engine::{AdvanceReport, SurfaceLoad};
 use crate::physics::InternalLaws;
 use crate::walls::Walls;
 use broad_phase::body_pair::BodyPair;
@@ -219,6 +218,7 @@ impl FastRun {
         done.steps += 1;
         done.particle_steps += self.state.particles.len() as u64;
         done.max_overlap_m = done.max_overlap_m.max(max_overlap).max(stats.max_overlap);
+        done.passed_through += u64::from(stats.passed_through);
         if stats.runaway.is_some() {
             self.state();
             self.fault = stats.runaway.map(|i| fault(i as usize, self.params.speed_limit, &self.state));
@@ -331,12 +331,20 @@ impl FastRun {
         work.reduce(BodyStats::default, BodyStats::merge)
     }
 
-    pub(super) fn surface_forces(&self) -> Vec<DVec3> {
-        let mut forces = vec![DVec3::ZERO; self.walls.surface_count()];
-        for wall in self.bodies.iter().flat_map(|body| &body.walls.pairs) {
-            forces[self.walls.surface_of(wall.facet)] -= wall.force.as_dvec3();
-        }
-        forces
+    pub(super) fn surface_loads(&self) -> Vec<SurfaceLoad> {
+        let of_body = |body: &'_ Body| {
+            let mut from = 0;
+            let rows = body.walls.rows.iter().flat_map(move |row| {
+                let near = std::mem::replace(&mut from, row.end as usize)..row.end as usize;
+                near.map(move |k| (row.of, k))
+            });
+            let contact = |(of, k): (u32, usize)| {
+                let pair = &body.walls.pairs[k];
+                (body.points.particle(of as usize), pair.facet, pair.force)
+            };
+            rows.map(contact).collect::<Vec<_>>()
+        };
+        self.walls.loads(&self.state.frame, self.params.dt, self.bodies.iter().flat_map(of_body))
     }
 
     pub(super) fn bonds(&self) -> Vec<[u32; 2]> {

@@ -85,7 +85,7 @@ impl ExperimentMonitor for CompressMonitor {
             // The block has burst, or fallen from between the plates.
             return Decision::End(EndReason::Done);
         }
-        let plates_n = [-sample.surface_forces[0].z, sample.surface_forces[1].z];
+        let plates_n = [-sample.surface_loads[0].force.z, sample.surface_loads[1].force.z];
         self.compression.record(CompressionSample {
             stress_pa: (plates_n[0] + plates_n[1]) / 2.0 / (self.size_m.x * self.size_m.y),
             height_m: self.size_m.z - self.speed_m_s * now_s,

@@ -134,7 +134,7 @@ impl ExperimentMonitor for DropMonitor {
         self.recorder.begin_sample(sample.simulated_s, sample.belt_time_s);
         self.recorder.record(self.kinetic_energy, state.kinetic_energy());
         self.recorder.record(self.bonds_intact, state.bonds_intact_fraction());
-        let force_n = sample.surface_forces.iter().fold(0.0, |sum, force| sum - force.z);
+        let force_n = sample.surface_loads.iter().fold(0.0, |sum, load| sum - load.force.z);
         self.recorder.record(self.plate_force, force_n);
         self.rest.record(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
         match self.observe_fillets(state, now_s) {

@@ -124,9 +124,9 @@ impl SceneMonitor {
         self.recorder.record(self.bonds_intact, state.bonds_intact_fraction());
         let mass_kg: f64 = state.masses.iter().map(|&m| f64::from(m)).sum();
         self.recorder.record(self.mass, mass_kg);
-        for (series, force) in self.forces.iter().zip(sample.surface_forces) {
+        for (series, load) in self.forces.iter().zip(sample.surface_loads) {
             for (id, (_, axis)) in series.iter().zip(AXES) {
-                self.recorder.record(*id, force.dot(axis));
+                self.recorder.record(*id, load.force.dot(axis));
             }
         }
         let heights = (0..state.particles.len()).map(|i| state.position(i).dot(self.up) + self.radius_m);

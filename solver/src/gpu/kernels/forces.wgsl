@@ -80,12 +80,14 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
     return stats;
 }
 
-fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) {
+// Returns how many surfaces the sub-particle has passed through.
+fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> u32 {
     let begin = i * dispatch.wall_capacity;
     let end = begin + counts[i].walls;
     for (var k = begin; k < end; k++) {
         nearest_points[k] = wall_nearest_point(scene, walls[k].facet, me.position);
     }
+    let passed = update_sides(scene, begin, end, me.velocity);
     if end - begin > 1u {
         transfer_history(scene, begin, end);
     }
@@ -93,14 +95,15 @@ fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
         let point = nearest_points[k];
         let law = law_of(scene, point.facet);
         var force = vec3(0.0);
-        var history = ContactHistory(walls[k].xi, walls[k].state != 0u);
-        let is_far = scene.radius - point.distance < -adhesion_range_of(law);
-        if is_far || point.distance <= 0.0 || superseded_by(scene, begin, end, k) != NONE {
+        var history = ContactHistory(walls[k].xi, (walls[k].state & IN_CONTACT) != 0u);
+        let is_out = (point.flags & BEYOND) == 0u && is_far(scene, point);
+        if is_out || point.distance <= 0.0 || superseded_by(scene, begin, end, k) != NONE {
             history = ContactHistory(vec3(0.0), false);
         } else {
-            let n = point.to_wall / point.distance;
+            let distance = signed_distance(point);
+            let n = point.to_wall / distance;
             let v = me.velocity + cross3(me.spin, point.to_wall) - point.velocity;
-            let delta = scene.radius - point.distance;
+            let delta = scene.radius - distance;
             let spin = pose_of(scene, surface_of(scene, point.facet)).spin;
             let contact = contact_force(law, &history, n, delta, v, spin, me.mass, SURFACE_CAP, scene.dt);
             if contact.acts {
@@ -108,6 +111,8 @@ fn add_wall_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
                 add(load, force, point.to_wall, contact.tangential);
             }
         }
-        walls[k] = WallPair(history.xi, point.facet, force, select(0u, IN_CONTACT, history.in_contact));
+        let state = (walls[k].state & SIDE_MEMORY) | select(0u, IN_CONTACT, history.in_contact);
+        walls[k] = WallPair(history.xi, point.facet, force, state);
     }
+    return passed;
 }

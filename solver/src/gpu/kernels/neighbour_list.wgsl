@@ -85,18 +85,42 @@ fn build_pairs(scene: Scene, i: u32) -> u32 {
     return count;
 }
 
+// Depth of a centre beyond the facets that it has memories of, in metres: see walls/side.rs.
+fn depth_beyond(scene: Scene, begin: u32, end: u32, x: vec3<i32>) -> f32 {
+    var depth = 0.0;
+    for (var k = begin; k < end; k++) {
+        if (walls[k].state & BEYOND) != 0u && facets[scene.first_facet + walls[k].facet].triangles != 0u {
+            depth = max(depth, wall_nearest_point(scene, walls[k].facet, x).distance);
+        }
+    }
+    return depth;
+}
+
 fn build_walls(scene: Scene, i: u32) -> u32 {
     let base = i * dispatch.wall_capacity;
     let known = base + counts[i].walls;
     let x = particles[i].position;
+    let depth = depth_beyond(scene, base, known, x);
+    let range = scene.wall_cutoff - 2.0 * scene.half_skin;
     var count = 0u;
     for (var surface = 0u; surface < scene.surfaces; surface++) {
         let tree = surfaces[scene.first_surface + surface];
-        let p = wall_local(poses[scene.first_pose + dispatch.step * scene.pose_stride + surface], scene.unit_m, x);
+        let pose = pose_of(scene, surface);
+        let p = wall_local(pose, scene.unit_m, x);
+        var cutoff = scene.wall_cutoff + depth;
+        // Lists reach back over the last step.
+        var own = pose.velocity + cross3(pose.spin, wall_rotated(pose, p));
+        if pose.is_belt != 0u {
+            own = vec3(0.0);
+        }
+        let step_m = length3(particles[i].velocity - own) * scene.dt;
+        if step_m > range {
+            cutoff += step_m - range;
+        }
         var at = tree.first_node;
         while at < tree.end_node {
             let node = nodes[scene.first_node + at];
-            if box_distance2(node.low, node.high, p) > scene.wall_cutoff * scene.wall_cutoff * 1.00001 {
+            if box_distance2(node.low, node.high, p) > cutoff * cutoff * 1.00001 {
                 at = tree.first_node + node.next;
                 continue;
             }
@@ -104,8 +128,8 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
             for (var k = 0u; k < (node.leaf & 7u); k++) {
                 let leaf = leaves[scene.first_leaf + tree.first_leaf + node.leaf / 8u + k];
                 let facet = facets[scene.first_facet + tree.first_facet + leaf];
-                let boxed = box_distance2(facet.low, facet.high, p) <= scene.wall_cutoff * scene.wall_cutoff;
-                if facet.triangles != 0u && boxed && length3(nearest_on_facet(scene, facet, p) - p) <= scene.wall_cutoff {
+                let boxed = box_distance2(facet.low, facet.high, p) <= cutoff * cutoff;
+                if facet.triangles != 0u && boxed && length3(nearest_on_facet(scene, facet, p) - p) <= cutoff {
                     count = insert_wall(base, count, tree.first_facet + leaf);
                 }
             }

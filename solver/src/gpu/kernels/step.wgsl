@@ -44,7 +44,10 @@ fn step(
     }
     var load = Load(vec3(0.0), vec3(0.0));
     let stats = add_pair_forces(scene, i, me, &load);
-    add_wall_forces(scene, i, me, &load);
+    let passed = add_wall_forces(scene, i, me, &load);
+    if passed > 0u {
+        atomicAdd(&reports[run].passed, passed);
+    }
     // Positive floats compare like their bits. A load is cheaper than an atomic maximum, and most values do
     // not raise it.
     if stats.max_overlap > 0.0 && bitcast<u32>(stats.max_overlap) > atomicLoad(&reports[run].overlap) {

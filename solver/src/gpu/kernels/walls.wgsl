@@ -3,7 +3,10 @@
 
 // A position relative to the anchor of a surface, in the axes of the surface, in metres.
 fn wall_local(pose: Pose, unit_m: f32, x: vec3<i32>) -> vec3<f32> {
-    let d = vec3<f32>(x - pose.anchor) * unit_m;
+    return wall_unrotated(pose, vec3<f32>(x - pose.anchor) * unit_m);
+}
+
+fn wall_unrotated(pose: Pose, d: vec3<f32>) -> vec3<f32> {
     return vec3(pose.turn_x.x, pose.turn_y.x, pose.turn_z.x) * d.x
         + vec3(pose.turn_x.y, pose.turn_y.y, pose.turn_z.y) * d.y
         + vec3(pose.turn_x.z, pose.turn_y.z, pose.turn_z.z) * d.z;
@@ -50,15 +53,21 @@ fn wall_nearest_point(scene: Scene, facet_number: u32, x: vec3<i32>) -> NearestP
     let local = nearest_on_facet(scene, facet, p);
     let d = local - p;
     let n = facet.normal;
-    let across = d - n * dot3(n, d);
+    let along = dot3(n, d);
+    let across = d - n * along;
     let distance2 = dot3(d, d);
+    let distance = sqrt(distance2);
+    let off2 = distance * distance - along * along;
+    let is_off = off2 > max(OFF_FACET_SHARE * (distance * distance), COINCIDENT_M * COINCIDENT_M);
     return NearestPoint(
         wall_rotated(pose, d),
-        sqrt(distance2),
+        distance,
         pose.velocity + cross3(pose.spin, wall_rotated(pose, local)),
-        select(0u, 1u, dot3(across, across) > 1e-6 * distance2),
+        select(0u, ON_RIM, dot3(across, across) > 1e-6 * distance2) | select(0u, OFF_FACET, is_off),
         local,
         facet_number,
+        p,
+        -along,
     );
 }
 
@@ -106,11 +115,22 @@ fn precedes(scene: Scene, begin: u32, end: u32, other: u32, at: u32) -> bool {
     }
     let theirs = rank(scene, begin, end, other);
     let mine = rank(scene, begin, end, at);
-    return theirs < mine || (theirs == mine && nearest_points[other].facet < nearest_points[at].facet);
+    if theirs != mine {
+        return theirs < mine;
+    }
+    let is_other_beyond = (nearest_points[other].flags & BEYOND) != 0u;
+    if is_other_beyond != ((nearest_points[at].flags & BEYOND) != 0u) {
+        return is_other_beyond;
+    }
+    return nearest_points[other].facet < nearest_points[at].facet;
 }
 
 fn is_aligned_with(a: NearestPoint, b: NearestPoint) -> bool {
-    return dot3(a.to_wall, b.to_wall) > ALIGNED_COSINE * a.distance * b.distance;
+    var cosine = dot3(a.to_wall, b.to_wall);
+    if ((a.flags ^ b.flags) & BEYOND) != 0u {
+        cosine = -cosine;
+    }
+    return cosine > ALIGNED_COSINE * a.distance * b.distance;
 }
 
 fn contains_point(scene: Scene, facet: u32, point: NearestPoint) -> bool {
@@ -128,7 +148,7 @@ fn superseded_by(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
             return k;
         }
     }
-    if point.on_rim == 0u {
+    if (point.flags & ON_RIM) == 0u {
         return NONE;
     }
     for (var k = begin; k < end; k++) {
@@ -144,8 +164,8 @@ fn superseded_by(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
 // walls/contact.rs.
 fn transfer_history(scene: Scene, begin: u32, end: u32) {
     for (var k = begin; k < end; k++) {
-        let is_far = scene.radius - nearest_points[k].distance < -adhesion_range_of(law_of(scene, nearest_points[k].facet));
-        if walls[k].state == 0u || is_far {
+        let is_out = (nearest_points[k].flags & BEYOND) == 0u && is_far(scene, nearest_points[k]);
+        if (walls[k].state & IN_CONTACT) == 0u || is_out {
             continue;
         }
         var successor = k;
@@ -157,12 +177,12 @@ fn transfer_history(scene: Scene, begin: u32, end: u32) {
             successor = next;
         }
         if successor != k {
-            if walls[successor].state == 0u {
+            if (walls[successor].state & IN_CONTACT) == 0u {
                 walls[successor].xi = walls[k].xi;
-                walls[successor].state = walls[k].state;
+                walls[successor].state |= IN_CONTACT;
             }
             walls[k].xi = vec3(0.0);
-            walls[k].state = 0u;
+            walls[k].state &= ~IN_CONTACT;
         }
     }
 }

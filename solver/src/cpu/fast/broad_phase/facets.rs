@@ -17,13 +17,22 @@ use crate::walls::{SurfacePose, Walls};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SmallFacet<'a> {
     triangles: &'a [[Vec3; 3]],
+    normal: Vec3,
     pose: &'a SurfacePose,
+}
+
+/// Distances to a facet and heights over its plane, like those of [`crate::walls::NearestPoint`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FacetDistances {
+    pub(crate) distance: Lanes,
+    pub(crate) height: Lanes,
 }
 
 /// Nearest points of a facet, like [`crate::walls::NearestPoint`].
 struct NearestPoints<S: Simd> {
     to_wall: F3<S>,
     distance: F<S>,
+    height: F<S>,
     velocity: F3<S>,
 }
 
@@ -55,11 +64,11 @@ impl<'a> SmallFacet<'a> {
     pub(crate) fn of(walls: &'a Walls, facet: u32) -> Option<Self> {
         let facet = &walls.facets()[facet as usize];
         let surface = &walls.surfaces()[facet.surface];
-        facet.facet.triangles_if_few().map(|triangles| Self { triangles, pose: &surface.pose })
+        let normal = facet.facet.normal;
+        facet.facet.triangles_if_few().map(|triangles| Self { triangles, normal, pose: &surface.pose })
     }
 
-    /// Kinematics of two chunks of sub-particles relative to the facet, and their distances in metres. Facets
-    /// beyond `reach` are moved far away. So are facets through a centre, which have no side.
+    /// Kinematics of two chunks of sub-particles relative to the facet, and their distances. Facets beyond `reach` are moved far away. So are facets through a centre, which have no side.
     #[inline(always)]
     pub(crate) fn kinematics<S: Simd>(
         &self,
@@ -67,15 +76,15 @@ impl<'a> SmallFacet<'a> {
         frame: &Frame,
         [radius, reach]: [f32; 2],
         [a, b]: &[ParticleLanes; 2],
-    ) -> ([PairKinematics; 2], [Lanes; 2]) {
+    ) -> ([PairKinematics; 2], [FacetDistances; 2]) {
         let mut kinematics = [PairKinematics::ZERO; 2];
-        let mut distances = [Lanes::ZERO; 2];
+        let mut distances = [FacetDistances { distance: Lanes::ZERO, height: Lanes::ZERO }; 2];
         let one = in_metres(&a.position, self.pose.anchor, frame.unit_m);
         let two = in_metres(&b.position, self.pose.anchor, frame.unit_m);
         let spin = F3::splat(simd, self.pose.spin * 2.0);
         for part in 0..WIDTH / S::F32_LANES {
             let points = self.nearest_points(simd, F3::load(simd, [&one, &two], part));
-            let NearestPoints { to_wall, distance, velocity } = points;
+            let NearestPoints { to_wall, distance, height, velocity } = points;
             let mine = F3::load(simd, [&a.velocity, &b.velocity], part);
             let my_spin = F3::load(simd, [&a.spin, &b.spin], part);
             let near = F::splat(simd, -reach).le(F::splat(simd, radius) - distance);
@@ -88,7 +97,8 @@ impl<'a> SmallFacet<'a> {
             against.store([&mut one.velocity, &mut two.velocity], part);
             spin.store([&mut one.spin, &mut two.spin], part);
             let [one, two] = &mut distances;
-            distance.store([one, two], part);
+            distance.store([&mut one.distance, &mut two.distance], part);
+            height.store([&mut one.height, &mut two.height], part);
         }
         (kinematics, distances)
     }
@@ -129,6 +139,7 @@ impl<'a> SmallFacet<'a> {
         NearestPoints {
             to_wall: rotated(simd, turn, d),
             distance: d.length2_unfused().sqrt(),
+            height: F::splat(simd, 0.0) - F3::splat(simd, self.normal).dot_unfused(d),
             velocity: F3::splat(simd, velocity)
                 + F3::splat(simd, spin).cross_unfused(rotated(simd, turn, local)),
         }
@@ -247,7 +258,8 @@ mod tests {
             assert_eq!(of(&kinematics[1].offset), expected.to_wall, "{local}");
             assert_eq!(of(&kinematics[1].velocity), expected.velocity, "{local}");
             assert_eq!(of(&kinematics[1].spin), expected.spin * 2.0, "{local}");
-            assert_eq!(distances[1].0[3], expected.distance, "{local}");
+            assert_eq!(distances[1].distance.0[3], expected.distance, "{local}");
+            assert_eq!(distances[1].height.0[3], expected.height, "{local}");
             inside += u32::from(expected.to_wall.dot(normal).abs() > 0.9999 * expected.distance);
         }
         assert!((2_000..18_000).contains(&inside), "{inside}");

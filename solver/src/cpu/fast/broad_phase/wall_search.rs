@@ -19,6 +19,8 @@ pub(crate) struct WallSearch<'a> {
     pub(crate) context: &'a StepContext<'a>,
     pub(crate) points: &'a BodyParticles,
     pub(crate) at: &'a BodyBounds,
+    /// Maximum motion relative to a surface in the last step, in metres.
+    pub(crate) step_m: f32,
 }
 
 impl SimdTask for WallSearch<'_> {
@@ -26,8 +28,8 @@ impl SimdTask for WallSearch<'_> {
 
     #[inline(always)]
     fn run<S: LaneOps>(self, simd: S) {
-        let Self { walls, motion, context, points, at } = self;
-        walls.search(simd, motion, context, points, at);
+        let Self { walls, motion, context, points, at, step_m } = self;
+        walls.search(simd, motion, context, points, at, step_m);
     }
 }
 
@@ -65,6 +67,20 @@ impl WallList {
         !(self.known && moved <= SAFETY_FACTOR * f64::from(context.wall_skin))
     }
 
+    /// Maximum depth of a sub-particle beyond a facet, in metres.
+    fn depth_beyond(&self, context: &StepContext<'_>, points: &BodyParticles) -> f32 {
+        let mut depth = 0.0f32;
+        let mut from = 0;
+        for row in &self.rows {
+            let near = &self.pairs[std::mem::replace(&mut from, row.end as usize)..row.end as usize];
+            if near.iter().any(|pair| pair.side.beyond) {
+                let position = points.particle(row.of as usize).position;
+                depth = depth.max(context.walls.depth_beyond(near, position, context.frame));
+            }
+        }
+        depth
+    }
+
     /// Renews the list of facets near each sub-particle. Contact histories persist.
     #[inline(always)]
     fn search<S: LaneOps>(
@@ -74,9 +90,11 @@ impl WallList {
         context: &StepContext<'_>,
         points: &BodyParticles,
         at: &BodyBounds,
+        step_m: f32,
     ) {
         let StepContext { walls, frame, .. } = context;
-        let reach = context.wall_cutoff + context.wall_skin;
+        let depth = self.depth_beyond(context, points);
+        let reach = context.wall_cutoff.max(step_m) + depth + context.wall_skin;
         let (centre, half) = at.body_centre(frame.unit_m);
         let near: Vec<u32> = walls.facets_within(centre, reach + half, frame).collect();
         let old = std::mem::take(self);

@@ -37,6 +37,8 @@ pub(crate) struct BodyStats {
     pub(crate) has_broken: bool,
     /// First sub-particle of the run that is too fast, not finite or lost.
     pub(crate) runaway: Option<u32>,
+    /// Surfaces that sub-particles have passed through.
+    pub(crate) passed_through: u32,
 }
 
 impl BodyStats {
@@ -46,6 +48,7 @@ impl BodyStats {
             left_margin: self.left_margin || other.left_margin,
             has_broken: self.has_broken || other.has_broken,
             runaway: self.runaway.into_iter().chain(other.runaway).min(),
+            passed_through: self.passed_through + other.passed_through,
         }
     }
 }
@@ -73,13 +76,14 @@ impl Body {
         (self.bonds.len() / 2..PARTS).for_each(prefetch_next);
         self.add_pairs(simd, context, pairs, scratch);
         timer.lap(Stage::Sums);
-        self.add_walls(simd, context, scratch);
+        let passed_through = self.add_walls(simd, context, scratch);
         timer.lap(Stage::Walls);
         let Self { points, motion, .. } = self;
         let MotionScratch { sums, blocks, .. } = scratch;
         let extremes =
             points.advance(simd, context.integrator, context.frame, self.mass, motion, blocks, sums);
         self.bounds.update(&self.points);
+        self.max_speed = extremes.max_speed;
         self.travelled += f64::from(extremes.max_speed) * f64::from(context.laws.dt);
         timer.lap(Stage::Motion);
         let strayed = self.motion.since(&self.pairing_motion);
@@ -88,6 +92,7 @@ impl Body {
             left_margin: strayed > context.margin || strayed.is_nan(),
             has_broken: !self.broken.is_empty(),
             runaway: extremes.runaway.map(|k| self.range.start as u32 + k),
+            passed_through,
         }
     }
 
@@ -136,22 +141,30 @@ impl Body {
         }
     }
 
+    /// Adds the loads of facets. Returns how many surfaces were passed through.
     #[inline(always)]
-    fn add_walls<S: LaneOps>(&mut self, simd: S, context: &StepContext<'_>, scratch: &mut MotionScratch) {
-        let Self { walls, motion, points, bounds: at, .. } = self;
+    fn add_walls<S: LaneOps>(
+        &mut self,
+        simd: S,
+        context: &StepContext<'_>,
+        scratch: &mut MotionScratch,
+    ) -> u32 {
+        let Self { walls, motion, points, bounds: at, max_speed, .. } = self;
+        let step_m = *max_speed * context.laws.dt + context.walls.step_travel_m();
         if walls.is_due(motion, context) {
-            run_outlined(simd, WallSearch { walls, motion, context, points, at });
+            run_outlined(simd, WallSearch { walls, motion, context, points, at, step_m });
         }
         let travelled = self.travelled + context.walls.total_travel_m();
         self.walls.forces(
             simd,
             travelled,
+            step_m,
             context,
             &self.points,
             self.mass,
             &mut scratch.sums,
             &mut scratch.wall_scratch,
-        );
+        )
     }
 }
 

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::kernels;
 use crate::cpu::fast::broad_phase::facets::{ParticleLanes, SmallFacet};
-use crate::cpu::fast::instructions::arrays::{Lanes, Quads, WIDTH, transposed_lane};
+use crate::cpu::fast::instructions::arrays::{Quads, WIDTH, transposed_lane};
 use crate::cpu::fast::instructions::set::{LaneOps, SimdTask};
 use crate::cpu::fast::instructions::transpose::three;
 use crate::cpu::fast::storage::context::StepContext;
@@ -14,6 +14,7 @@ use crate::cpu::fast::storage::particles::{BodyParticles, slot_of};
 use crate::cpu::fast::storage::wall_list::WallListRow;
 use crate::cpu::load::Load;
 use crate::physics::contact::ContactHistory;
+use crate::walls::NearestPoint;
 use crate::walls::contact::WallPair;
 
 /// A sub-particle with a single facet near it, of few triangles.
@@ -38,6 +39,10 @@ pub(crate) struct SingleFacetContacts<'a> {
     /// Mass of each sub-particle, in kilograms.
     pub(crate) mass: f32,
     pub(crate) sums: &'a mut LoadSums,
+    /// Maximum motion relative to a surface in a step, in metres.
+    pub(crate) step_m: f32,
+    /// Takes the rows whose sub-particles may be crossing the facet. They are left unchanged.
+    pub(crate) crossing: &'a mut Vec<u32>,
 }
 
 impl SimdTask for SingleFacetContacts<'_> {
@@ -45,7 +50,8 @@ impl SimdTask for SingleFacetContacts<'_> {
 
     #[inline(always)]
     fn run<S: LaneOps>(self, simd: S) {
-        let Self { rows, pairs, single, facet, travelled, context, points, mass, sums } = self;
+        let Self { rows, pairs, single, facet, travelled, context, points, mass, sums, step_m, crossing } =
+            self;
         let surface = context.walls.surface_of(single[0].facet);
         let law = &context.wall_laws[surface];
         let [mut position, mut velocity, mut spin, mut histories] = [[Quads::ZERO; 2]; 4];
@@ -85,17 +91,24 @@ impl SimdTask for SingleFacetContacts<'_> {
         );
         for half in 0..2 {
             let PairLoads { force: [x, y, z], torque: [p, q, r] } = &loads[half];
-            let forces = simd.to_quads([x, y, z, &distances[half]]).0;
-            let torques = simd.to_quads([p, q, r, &Lanes::ZERO]).0;
+            let forces = simd.to_quads([x, y, z, &distances[half].distance]).0;
+            let torques = simd.to_quads([p, q, r, &distances[half].height]).0;
             let ContactHistories { in_contact, xi: [x, y, z] } = &contacts[half];
             let stored = simd.to_quads([x, y, z, &simd.splat_masked(1.0, *in_contact)]).0;
             let these = single.iter().skip(half * WIDTH).take(WIDTH);
             for (((SingleFacet { row, pair, .. }, force), torque), histories) in
                 these.zip(&forces).zip(&torques).zip(&stored)
             {
-                let (row, pair) = (&mut rows[*row as usize], &mut pairs[*pair as usize]);
+                let (number, row, pair) = (*row, &mut rows[*row as usize], &mut pairs[*pair as usize]);
                 let [x, y, z, distance] = *force;
-                let [p, q, r, _] = *torque;
+                let [p, q, r, height] = *torque;
+                let is_far = context.radius - distance < -reach;
+                let Some(side) = pair.side.next_if_usual(&NearestPoint::at(distance, height), is_far, step_m)
+                else {
+                    crossing.push(number);
+                    continue;
+                };
+                pair.side = side;
                 let load = Load { force: Vec3::new(x, y, z), torque: Vec3::new(p, q, r) };
                 let [x, y, z, in_contact] = *histories;
                 pair.contact = ContactHistory { in_contact: in_contact != 0.0, xi: Vec3::new(x, y, z) };

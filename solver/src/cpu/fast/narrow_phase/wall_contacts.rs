@@ -16,14 +16,17 @@ use crate::cpu::fast::storage::pair_lanes::{ContactHistories, PairKinematics, Pa
 use crate::cpu::fast::storage::particles::{BodyParticles, slot_of};
 use crate::cpu::fast::storage::wall_list::WallList;
 use crate::cpu::load::Load;
-use crate::physics::contact::ContactHistory;
+use crate::physics::contact::{self, ContactHistory};
+use crate::physics::damping::SURFACE_CAP;
 use crate::walls::NearestPoint;
-use crate::walls::contact::{WallPair, for_each_contact};
+use crate::walls::contact::{Seer, WallPair, for_each_contact};
 
 /// Scratch memory of one thread for contacts with facets.
 #[derive(Debug, Default)]
 pub(crate) struct WallScratch {
     single: Vec<SingleFacet>,
+    /// Rows that are evaluated one by one.
+    rows: Vec<u32>,
     points: Vec<(u32, NearestPoint)>,
     contacts: Vec<WallContact>,
     /// Surface and index of each contact, sorted by surface.
@@ -40,6 +43,8 @@ struct WallContact {
     surface: u32,
     /// Vector from the centre to the nearest point, in metres.
     to_wall: Vec3,
+    /// Its length, negative beyond the facet.
+    distance: f32,
     /// Velocity of the surface there relative to the sub-particle, in m/s.
     velocity: Vec3,
     /// Twice the spin of the surface, in rad/s.
@@ -59,7 +64,14 @@ impl WallScratch {
     ) {
         let Self { contacts, order, .. } = self;
         order.clear();
-        order.extend((0u32..).zip(&*contacts).map(|(number, contact)| (contact.surface, number)));
+        for (number, contact) in (0u32..).zip(&mut *contacts) {
+            // Centres beyond a facet are rare.
+            if contact.distance < 0.0 {
+                contact.evaluate(context, mass, &mut pairs[contact.pair].contact);
+            } else {
+                order.push((contact.surface, number));
+            }
+        }
         order.sort_unstable();
         let sqrt_m_star = mass.sqrt();
         for of_surface in order.chunk_by(|a, b| a.0 == b.0) {
@@ -103,6 +115,20 @@ impl WallScratch {
     }
 }
 
+impl WallContact {
+    /// Evaluates the load beyond a facet, as the plain path does.
+    fn evaluate(&mut self, context: &StepContext<'_>, mass: f32, history: &mut ContactHistory) {
+        let law = context.walls.law_of_surface(self.surface as usize);
+        let (n, delta) = (self.to_wall / self.distance, context.radius - self.distance);
+        let (v, spin, dt) = (-self.velocity, self.spin * 0.5, context.laws.dt);
+        let force = contact::force(law, history, n, delta, v, spin, mass, SURFACE_CAP, dt);
+        if let Some(force) = force {
+            self.load.force = force.normal + force.tangential;
+            self.load.torque = self.to_wall.cross(force.tangential);
+        }
+    }
+}
+
 #[inline(always)]
 fn set(lanes: &mut Lanes3, lane: usize, value: Vec3) {
     for axis in 0..3 {
@@ -116,24 +142,27 @@ fn get(lanes: &Lanes3, lane: usize) -> Vec3 {
 }
 
 impl WallList {
-    /// Adds the loads of facets. `travelled` bounds the travel of body and surfaces, in metres.
+    /// Adds the loads of facets. `travelled` bounds the travel of body and surfaces, in metres, and `step_m` its part in
+    /// the last step. Returns how many surfaces were passed through.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "the data of a body and its scratch memory")]
     pub(crate) fn forces<S: LaneOps>(
         &mut self,
         simd: S,
         travelled: f64,
+        step_m: f32,
         context: &StepContext<'_>,
         points: &BodyParticles,
         mass: f32,
         sums: &mut LoadSums,
         wall_scratch: &mut WallScratch,
-    ) {
+    ) -> u32 {
         let StepContext { walls, frame, radius, .. } = context;
         wall_scratch.contacts.clear();
         wall_scratch.single.clear();
+        wall_scratch.rows.clear();
         let mut from = 0;
-        for (number, row) in (0u32..).zip(&mut self.rows) {
+        for (number, row) in (0u32..).zip(&self.rows) {
             let first = std::mem::replace(&mut from, row.end as usize);
             if travelled < row.due_at_m {
                 continue;
@@ -141,43 +170,16 @@ impl WallList {
             let facet = self.pairs[first].facet;
             if from == first + 1 && SmallFacet::of(walls, facet).is_some() {
                 wall_scratch.single.push(SingleFacet { facet, row: number, pair: first as u32 });
-                continue;
+            } else {
+                wall_scratch.rows.push(number);
             }
-            let me = points.particle(row.of as usize);
-            let near = &mut self.pairs[first..from];
-            let contacts = &mut wall_scratch.contacts;
-            let nearest = for_each_contact(
-                *radius,
-                frame,
-                walls,
-                me.position,
-                near,
-                &mut wall_scratch.points,
-                |k, wall, point| {
-                    contacts.push(WallContact {
-                        pair: first + k,
-                        of: row.of,
-                        surface: walls.surface_of(wall.facet) as u32,
-                        to_wall: point.to_wall,
-                        velocity: point.velocity - me.velocity - me.spin.cross(point.to_wall),
-                        spin: point.spin * 2.0,
-                        load: Load::default(),
-                    });
-                },
-            );
-            row.postpone(travelled, nearest, context);
-        }
-        wall_scratch.evaluate(simd, context, mass, &mut self.pairs);
-        // Sum in the order of rows, independent of the order of evaluation.
-        for WallContact { pair, of, load, .. } in &wall_scratch.contacts {
-            self.pairs[*pair].force = load.force;
-            sums.add(slot_of(*of), load);
         }
         wall_scratch.single.sort_unstable_by_key(|single| (single.facet, single.row));
         for single in wall_scratch.single.chunk_by(|a, b| a.facet == b.facet) {
             let facet = SmallFacet::of(walls, single[0].facet).expect("as before");
             for single in single.chunks(2 * WIDTH) {
-                let (rows, pairs) = (&mut self.rows[..], &mut self.pairs[..]);
+                let (rows, pairs, crossing) =
+                    (&mut self.rows[..], &mut self.pairs[..], &mut wall_scratch.rows);
                 run_outlined(
                     simd,
                     SingleFacetContacts {
@@ -190,9 +192,43 @@ impl WallList {
                         points,
                         mass,
                         sums,
+                        step_m,
+                        crossing,
                     },
                 );
             }
         }
+        let mut passed = 0;
+        for number in &wall_scratch.rows {
+            let first = if *number == 0 { 0 } else { self.rows[*number as usize - 1].end as usize };
+            let row = &mut self.rows[*number as usize];
+            let me = points.particle(row.of as usize);
+            let near = &mut self.pairs[first..row.end as usize];
+            let contacts = &mut wall_scratch.contacts;
+            let seer =
+                Seer { radius: *radius, position: me.position, velocity: me.velocity, dt: context.laws.dt };
+            let stats =
+                for_each_contact(&seer, frame, walls, near, &mut wall_scratch.points, |k, wall, point| {
+                    contacts.push(WallContact {
+                        pair: first + k,
+                        of: row.of,
+                        surface: walls.surface_of(wall.facet) as u32,
+                        to_wall: point.to_wall,
+                        distance: point.signed_distance(),
+                        velocity: point.velocity - me.velocity - me.spin.cross(point.to_wall),
+                        spin: point.spin * 2.0,
+                        load: Load::default(),
+                    });
+                });
+            row.postpone(travelled, stats.nearest, context);
+            passed += stats.passed;
+        }
+        wall_scratch.evaluate(simd, context, mass, &mut self.pairs);
+        // Sum in the order of rows, independent of the order of evaluation.
+        for WallContact { pair, of, load, .. } in &wall_scratch.contacts {
+            self.pairs[*pair].force = load.force;
+            sums.add(slot_of(*of), load);
+        }
+        passed
     }
 }

@@ -27,6 +27,8 @@ pub(crate) struct Body {
     pub(crate) motion: BodyMotion,
     /// Integral of the maximum speed, in metres.
     pub(crate) travelled: f64,
+    /// Maximum speed of a sub-particle, in m/s.
+    pub(crate) max_speed: f32,
     /// Bounding boxes after the last move.
     pub(crate) bounds: BodyBounds,
     /// Lower sub-particles of bonds that broke in the last step.
@@ -54,7 +56,9 @@ impl Body {
         bonded_pairs: impl Iterator<Item = [u32; 2]>,
     ) -> Self {
         let bonded_pairs = slot_pairs(bonded_pairs);
+        let speeds = (0..points.count).map(|k| points.particle(k).velocity.length());
         Self {
+            max_speed: speeds.fold(0.0, f32::max),
             range,
             bounds: BodyBounds::of(&points),
             points,
