@@ -6,7 +6,7 @@ mod cut;
 #[path = "common/stl.rs"]
 mod stl;
 
-use common::{Bench, at, plate, scene_of};
+use common::{Bench, RADIUS, assert_close, at, plate, scene_of, sphere};
 use cut::{surface, tilt, tilted_plate};
 use glam::{DQuat, DVec3};
 use roost_solver::engine::Backend;
@@ -144,4 +144,93 @@ fn none_passes_through_a_pusher() {
         }
     }
     assert!(found.is_empty(), "{found:?}");
+}
+
+/// A sphere that moves at that velocity, without gravity, after some seconds; and how often it passed through a surface.
+fn flown(
+    surfaces: Vec<Surface>,
+    position: DVec3,
+    velocity: DVec3,
+    dt: f64,
+    seconds: f64,
+) -> (DVec3, DVec3, u64) {
+    let mut scene = sphere(surfaces, position, dt);
+    scene.bodies[0].velocity = velocity;
+    let mut bench = Bench::new(&scene);
+    bench.cpu.start(&mut bench.run);
+    let steps = (seconds / dt).round() as u64;
+    let report = bench.cpu.advance(&mut [(&mut bench.run, steps)]).swap_remove(0);
+    assert_eq!(report.fault, None);
+    (bench.position(0), bench.velocity(0), report.passed_through)
+}
+
+#[test]
+fn an_elastic_sphere_comes_back_at_its_speed_from_beyond_the_plate() {
+    // Its energy compresses it by 2.3 R: the law of Hertz goes on beyond the plate, on either side of it.
+    for side in [1.0, -1.0] {
+        let plates = vec![plate(SurfaceKind::Equipment)];
+        let up = DVec3::Z * side;
+        let (x, v, passed) = flown(plates, up * 0.01, up * -8.0, 2e-6, 8e-3);
+        assert!(x.dot(up) > RADIUS && passed == 0, "{x}");
+        assert_close(v.dot(up), 8.0, 2e-3);
+    }
+}
+
+#[test]
+fn a_step_as_long_as_the_sphere_does_not_leap_over_a_plate() {
+    // Up to 30 m/s and 2 R a step: from out of range on one side to out of range on the other.
+    for share in 0..10 {
+        let (speed, dt) = (28.0, 2.0 * RADIUS / 28.0);
+        let start = DVec3::Z * (0.02 + f64::from(share) / 10.0 * speed * dt);
+        let plates = vec![plate(SurfaceKind::Equipment)];
+        let mut scene = sphere(plates, start, dt);
+        scene.bodies[0].velocity = DVec3::NEG_Z * speed;
+        scene.laws.equipment = common::law(true, 0.1, 0.0, 0.0);
+        let mut bench = Bench::new(&scene);
+        assert_eq!(bench.steps(200), None);
+        assert!(bench.position(0).z > 0.0, "{} after a start at {start}", bench.position(0));
+    }
+}
+
+#[test]
+fn both_faces_of_a_thin_sheet_push_back_to_the_same_side() {
+    // A closed box of 2 mm, half as thick as the sphere's radius.
+    let (low, far) = (DVec3::new(-0.1, -0.1, -0.002), DVec3::new(0.1, 0.1, 0.0));
+    let size = far - low;
+    let sides = [
+        (DVec3::X * size.x, DVec3::Y * size.y),
+        (DVec3::Y * size.y, DVec3::Z * size.z),
+        (DVec3::Z * size.z, DVec3::X * size.x),
+    ];
+    let both = |(u, v): (DVec3, DVec3)| [stl::quad(low, u, v), stl::quad(far, -u, -v)];
+    let sheet = surface(sides.into_iter().flat_map(both).flatten().collect());
+    for side in [1.0, -1.0] {
+        for dt in [1e-5, 1e-4, 3e-4] {
+            let up = DVec3::Z * side;
+            let (x, v, passed) = flown(vec![sheet.clone()], up * 0.012, up * -6.0, dt, 2e-2);
+            assert!(x.dot(up) > RADIUS && v.dot(up) > 0.0 && passed == 0, "{x} at {v} m/s, {dt} s");
+        }
+    }
+}
+
+#[test]
+fn round_a_free_edge_a_sphere_may_go() {
+    // Dropped beside the rim, then pushed under the plate and up against it.
+    let plates = vec![plate(SurfaceKind::Equipment)];
+    let (x, v, passed) =
+        flown(plates.clone(), DVec3::new(0.405, 0.0, 0.01), DVec3::new(-1.5, 0.0, -8.0), 1e-5, 4e-3);
+    assert!(x.z < -0.01 && v.z < 0.0 && passed == 0, "{x} at {v} m/s");
+    let (x, v, passed) = flown(plates, DVec3::new(0.39, 0.0, -0.01), DVec3::Z, 1e-5, 2e-2);
+    assert!(x.z < -RADIUS && passed == 0, "{x}");
+    assert_close(v.z, -1.0, 1e-2);
+}
+
+#[test]
+fn who_leaves_over_the_rim_beyond_a_plate_has_passed_through() {
+    // It crosses the plate 4 mm from its rim and is past it before the plate has pushed it back.
+    let plates = vec![plate(SurfaceKind::Equipment)];
+    let (x, _, passed) =
+        flown(plates, DVec3::new(0.392, 0.0, 0.0041), DVec3::new(8.0, 0.0, -8.0), 1e-5, 4e-3);
+    assert_eq!(passed, 1, "{x}");
+    assert!(x.x > 0.4 && x.z < 0.0, "{x}");
 }

@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::{Bench, E, G, NU, RADIUS, assert_close, block, law, plate, sphere, weighing};
+use common::{
+    Bench, E, G, MASS, NU, RADIUS, assert_close, assert_force, block, law, plate, sphere, weighing,
+};
 use glam::{DMat3, DVec3};
 use roost_solver::engine::Backend;
 use roost_solver::equipment::{Motion, SurfaceKind};
@@ -166,4 +168,46 @@ fn what_is_there_until_the_start_goes_at_the_start() {
     bench.cpu.start(&mut bench.run);
     assert_eq!(bench.steps(5000), None);
     assert_close(bench.position(0).z - rest, -0.5 * G * 0.05 * 0.05, 2e-3);
+}
+
+#[test]
+fn a_floor_feels_weight_and_its_moment() {
+    let place = DVec3::new(0.12, -0.07, 0.0);
+    let mut bench = Bench::new(&weighing(vec![plate(SurfaceKind::Equipment)], place, DVec3::ZERO, 0.5, 1e-5));
+    bench.steps(20_000);
+    let load = bench.cpu.surface_loads(&mut bench.run)[0];
+    let weight = DVec3::NEG_Z * MASS * G;
+    assert_force(load.force, weight, 1e-3);
+    assert_force(load.torque, place.cross(weight), 1e-3);
+    assert!(load.torque_about(place).length() < 1e-6 * MASS * G, "{}", load.torque_about(place));
+}
+
+#[test]
+fn a_belt_gives_friction_times_its_speed() {
+    let (mu, speed) = (0.2, 0.5);
+    let belt = plate(SurfaceKind::Belt).moving(Motion::Belt { velocity: DVec3::X * speed });
+    let mut bench = Bench::new(&weighing(vec![belt], DVec3::Y * 0.1, DVec3::ZERO, mu, 1e-5));
+    bench.steps(1000);
+    bench.cpu.start(&mut bench.run);
+    bench.steps(1000);
+    let load = bench.cpu.surface_loads(&mut bench.run)[0];
+    // P = −F·v; the block slides for v/(μ g) = 0.25 s.
+    assert_close(-load.force.x * speed, mu * MASS * G * speed, 1e-3);
+    // Friction at 0.1 m from the x axis; the weight turns about x.
+    assert_close(load.torque.z, 0.1 * mu * MASS * G, 2e-3);
+    assert_close(load.torque.x, -0.1 * MASS * G, 1e-3);
+}
+
+#[test]
+fn a_turntable_feels_the_torque_of_friction_about_its_pivot() {
+    let (mu, radius, pivot) = (0.1, 0.2, DVec3::new(0.1, 0.05, 0.0));
+    let table = Motion::Moving { velocity: DVec3::ZERO, pivot, spin: DVec3::Z * 5.0 };
+    let plates = vec![plate(SurfaceKind::Equipment).moving(table)];
+    let place = pivot - DVec3::Y * radius;
+    let mut bench = Bench::new(&weighing(plates, place, DVec3::ZERO, mu, 1e-5));
+    bench.steps(1000);
+    bench.cpu.start(&mut bench.run);
+    bench.steps(500);
+    let load = bench.cpu.surface_loads(&mut bench.run)[0];
+    assert_close(load.torque_about(pivot).z, -mu * MASS * G * radius, 2e-3);
 }

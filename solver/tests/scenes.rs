@@ -232,6 +232,13 @@ fn a_belt_gives_a_fillet_its_speed() {
     let impulse = |axis: &str| values(&result, &format!("force_belt_{axis}")).iter().sum::<f64>() * step;
     assert_close(impulse("x"), -mass * 0.3, 0.02);
     assert_close(impulse("y"), mass * 0.4, 0.02);
+    // Sliding up to the belt's speed v takes the belt's work m v²: half becomes motion, half is lost.
+    let work = values(&result, "power").iter().sum::<f64>() * step;
+    assert_close(work, mass * 0.25, 0.02);
+    let mean_w = common::response(&result, "mean_power_w");
+    assert_close(mean_w * values(&result, "power").len() as f64 * step, work, 1e-9);
+    assert!(common::response(&result, "max_power_w") >= mean_w);
+    assert_eq!(common::response(&result, "passed_through"), 0.0);
     // It slides, rolls and is carried: behind the belt by what the sliding cost.
     let place = places(&result)[0];
     assert_close(place.y / place.x, -4.0 / 3.0, 0.1);

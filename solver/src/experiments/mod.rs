@@ -12,6 +12,7 @@ mod drop;
 mod energy;
 mod hopper;
 pub mod laws;
+mod loads;
 mod outputs;
 pub mod placement;
 mod scene;

@@ -157,6 +157,11 @@ pub(super) const ESCAPED_KG: Response = number(
     "kg",
     "Mass that left the domain by accident, such as fragments or fillets beside the equipment; 0 in a sound simulation.",
 );
+pub(super) const PASSED_THROUGH: Response = number(
+    "passed_through",
+    "",
+    "How often a sub-particle has come through a surface to its other side without going round an edge; 0 in a sound simulation.",
+);
 pub(super) const KINETIC_ENERGY: SeriesRow = SeriesRow {
     clock: Clock::Simulated,
     ..series(

@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use super::outputs::{
     BONDS_INTACT, BONDS_INTACT_FRACTION, ESCAPED_KG, KINETIC_ENERGY, KINETIC_ENERGY_END_J, MAX_OVERLAP_RATIO,
-    curve, number, series,
+    PASSED_THROUGH, curve, number, series,
 };
 use super::warnings::WARNING_COUNT;
 use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
@@ -38,6 +38,7 @@ const RESPONSES: &[Response] = &[
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
+    PASSED_THROUGH,
     WARNING_COUNT,
 ];
 

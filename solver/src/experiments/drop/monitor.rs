@@ -47,6 +47,7 @@ pub(super) struct DropMonitor {
     rest: RestDetector,
     escaped_kg: f64,
     max_overlap_m: f32,
+    passed_through: u64,
     radius_m: f64,
     recorder: Recorder,
     kinetic_energy: SeriesId,
@@ -82,6 +83,7 @@ impl DropMonitor {
             rest: RestDetector::default(),
             escaped_kg: 0.0,
             max_overlap_m: 0.0,
+            passed_through: 0,
             radius_m: scene.radius_m,
             kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
             bonds_intact: recorder.add_row(&BONDS_INTACT),
@@ -131,6 +133,7 @@ impl ExperimentMonitor for DropMonitor {
         let Some(now_s) = sample.belt_time_s else { return Decision::Start };
         let state = sample.state;
         self.max_overlap_m = sample.max_overlap_m;
+        self.passed_through = sample.passed_through;
         self.recorder.begin_sample(sample.simulated_s, sample.belt_time_s);
         self.recorder.record(self.kinetic_energy, state.kinetic_energy());
         self.recorder.record(self.bonds_intact, state.bonds_intact_fraction());
@@ -163,6 +166,7 @@ impl ExperimentMonitor for DropMonitor {
         add("max_overlap_ratio", (f64::from(self.max_overlap_m) / self.radius_m).into());
         add("kinetic_energy_end_j", self.recorder.last(self.kinetic_energy).into());
         add("escaped_kg", self.escaped_kg.into());
+        add("passed_through", self.passed_through.into());
         responses
     }
 

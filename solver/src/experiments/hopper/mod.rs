@@ -8,15 +8,17 @@
 mod checks;
 mod curl;
 mod feed;
+mod loads;
 mod monitor;
 mod scene;
 
 use glam::DVec2;
 use serde_json::Value;
 
+use super::loads::LOADS;
 use super::outputs::{
     BONDS_INTACT, BONDS_INTACT_FRACTION, ESCAPED_KG, KINETIC_ENERGY, KINETIC_ENERGY_END_J, MAX_OVERLAP_RATIO,
-    boolean, number, series, word,
+    PASSED_THROUGH, boolean, number, series, word,
 };
 use super::placement::Floor;
 use super::warnings::WARNING_COUNT;
@@ -77,6 +79,12 @@ const RESPONSES: &[Response] = &[
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
+    PASSED_THROUGH,
+    number("mean_belt_power_w", "W", "Mean of the series `belt_power` until 80 % is out."),
+    number("max_belt_power_w", "W", "Maximum of the series `belt_power`."),
+    number("mean_gate_force_n", "N",
+        "Mean force on the surface named `gate` until 80 % is out; null without such a surface."),
+    number("max_gate_force_n", "N", "Maximum of this force over all samples."),
     WARNING_COUNT,
 ];
 
@@ -88,9 +96,27 @@ const MASS_RATE: SeriesRow = series("mass_rate", "kg/s",
 const INSIDE_MASS: SeriesRow =
     series("inside_mass", "kg", "Mass in the hopper, which has not passed the gate.");
 
+
+#[rustfmt::skip]
+const BELT_POWER: SeriesRow = series("belt_power", "W",
+    "Power of all belts at the time of the sample: friction times belt speed, positive when the belt drives the fillets.");
+
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,
-    series: &[DISCHARGED_MASS, MASS_RATE, BONDS_INTACT, KINETIC_ENERGY, INSIDE_MASS],
+    series: &[
+        DISCHARGED_MASS,
+        MASS_RATE,
+        BONDS_INTACT,
+        KINETIC_ENERGY,
+        INSIDE_MASS,
+        BELT_POWER,
+        LOADS[0],
+        LOADS[1],
+        LOADS[2],
+        LOADS[3],
+        LOADS[4],
+        LOADS[5],
+    ],
     curves: &[],
 };
 

@@ -4,6 +4,7 @@ use serde_json::{Map, Value};
 
 use super::curl::Curls;
 use super::feed::Feed;
+use super::loads::LoadMonitor;
 use super::{DISCHARGED_MASS, GONE_BEYOND_M, INSIDE_MASS, MASS_RATE, floor};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
@@ -53,6 +54,7 @@ pub(super) struct HopperMonitor {
     inside: SeriesId,
     feed: Feed,
     curls: Curls,
+    loads: LoadMonitor,
     greatest_height_m: Option<f64>,
     max_overlap_m: f32,
     radius_m: f64,
@@ -89,6 +91,7 @@ impl HopperMonitor {
             radius_m: scene.radius_m,
             mass_at_start_kg: scene.present().iter().map(|body| scene.kinds[body.kind].mass_kg()).sum(),
             inside: recorder.add_row(&INSIDE_MASS),
+            loads: LoadMonitor::new(equipment, scene, &mut recorder),
             feed: Feed::new(scenario, equipment, scene),
             recorder,
         }
@@ -157,6 +160,7 @@ impl ExperimentMonitor for HopperMonitor {
     fn observe(&mut self, sample: &Sample<'_>) -> Decision {
         let state = sample.state;
         self.max_overlap_m = sample.max_overlap_m;
+        self.loads.passed_through = sample.passed_through;
         self.recorder.begin_sample(sample.simulated_s, sample.belt_time_s);
         self.recorder.record(self.kinetic_energy, state.kinetic_energy());
         self.recorder.record(self.bonds_intact, state.bonds_intact_fraction());
@@ -175,6 +179,7 @@ impl ExperimentMonitor for HopperMonitor {
         };
         self.count_passed(state, now_s);
         self.curls.note(state, now_s);
+        self.loads.record(sample, now_s, &mut self.recorder);
         let remove = self.leaving(state);
         self.recorder.record(self.mass, self.discharged_kg);
         self.recorder.record(self.inside, self.inside_kg(state));
@@ -223,6 +228,7 @@ impl ExperimentMonitor for HopperMonitor {
         };
         let curl = self.curls.mean_and_largest_deg(discharge.flowing_until_s());
         let mut responses = discharge.responses().into_map();
+        self.loads.add_responses(discharge.flowing_until_s(), &mut responses);
         let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
         add("loaded_kg", self.mass_at_start_kg.into());
         add("escaped_kg", self.escaped_kg.into());

@@ -1,4 +1,4 @@
-//! Checks of a scene: bodies that start inside something, surfaces that never appear, and too many samples of forces.
+//! Checks of a scene: bodies that start inside something, surfaces that never appear, and too many samples of loads.
 
 use serde_json::json;
 
@@ -6,7 +6,7 @@ use crate::experiments::Setup;
 use crate::experiments::clashes::{OVERLAP_RATIO, Obstacle, clashes};
 use crate::scenario::{Fault, FreeScene, PresenceKind};
 
-/// Maximum count of numbers in the series of forces: half of the limit of a server for a result.
+/// Maximum count of numbers in the series of forces and torques: half of the limit of a server for a result.
 const MAX_FORCES: f64 = 4e5;
 
 /// Maximum number of bodies that are reported. A document of many thousand bodies may be wrong in each.
@@ -23,13 +23,16 @@ pub(super) fn faults(setup: &Setup, free: &FreeScene) -> Vec<Fault> {
         }
     }
     let numerics = &setup.scenario.numerics;
-    let per_sample = 3.0 * free.surfaces.len() as f64;
+    let per_sample = 6.0 * free.surfaces.len() as f64;
     if per_sample * numerics.duration_s / numerics.output_interval_s > MAX_FORCES {
         let least = per_sample * numerics.duration_s / MAX_FORCES;
         faults.push(Fault::at(
             "/numerics/output_interval_s",
             numerics.output_interval_s,
-            format!("the forces on {} surfaces make more than {MAX_FORCES:.0e} numbers", free.surfaces.len()),
+            format!(
+                "the forces and torques on {} surfaces make more than {MAX_FORCES:.0e} numbers",
+                free.surfaces.len()
+            ),
             format!("≥ {least:.2e} s at this duration and number of surfaces"),
         ));
     }

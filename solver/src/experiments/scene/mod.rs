@@ -9,9 +9,10 @@ mod monitor;
 use glam::DVec3;
 use serde_json::Value;
 
+use super::loads::LOADS;
 use super::outputs::{
     BONDS_INTACT, BONDS_INTACT_FRACTION, ESCAPED_KG, KINETIC_ENERGY, KINETIC_ENERGY_END_J, MAX_OVERLAP_RATIO,
-    curve, number, series,
+    PASSED_THROUGH, curve, number, series,
 };
 use super::placement::orientation;
 use super::surfaces::{extent, surfaces};
@@ -33,10 +34,19 @@ const RESPONSES: &[Response] = &[
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
+    PASSED_THROUGH,
+    number("max_surface_force_n", "N", "Maximum force on a surface, over all surfaces and samples; null without surfaces."),
+    number("max_surface_torque_n_m", "N·m", "Maximum torque on a surface, as in the series; null without surfaces."),
+    number("mean_power_w", "W", "Mean of the series `power`."),
+    number("max_power_w", "W", "Maximum of the series `power`."),
     WARNING_COUNT,
 ];
 
 const MASS: SeriesRow = series("mass", "kg", "Mass of everything that has not left.");
+#[rustfmt::skip]
+const POWER: SeriesRow = series("power", "W",
+    "Power of all belts and moving surfaces at the time of the sample: the work that their material does on the bodies, per time. For a \
+     belt it is friction times belt speed.");
 
 const OVER: (&str, &str) = ("body", "1");
 #[rustfmt::skip]
@@ -53,11 +63,13 @@ pub(super) const OUTPUTS: Outputs = Outputs {
         KINETIC_ENERGY.headline(),
         BONDS_INTACT.headline(),
         MASS,
-        series("force_<name>_x", "N",
-            "Force on the surface of that name along x, at the time of the sample: the weight of bodies on it, the friction of bodies \
-         that a belt drags."),
-        series("force_<name>_y", "N", "The same along y."),
-        series("force_<name>_z", "N", "The same along z."),
+        POWER,
+        LOADS[0],
+        LOADS[1],
+        LOADS[2],
+        LOADS[3],
+        LOADS[4],
+        LOADS[5],
     ],
     curves: &POSITIONS,
 };

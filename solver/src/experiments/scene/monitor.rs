@@ -3,20 +3,18 @@
 use glam::DVec3;
 use serde_json::{Map, Value};
 
-use super::{MASS, POSITIONS};
+use super::{MASS, POSITIONS, POWER};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::equipment::Motion;
 use crate::experiments::energy::{ENERGY_MARGIN, given_j};
+use crate::experiments::loads::{AXES, LoadSeries, SampleStats, power_w};
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::warnings::TEST_NEVER_BEGAN;
-use crate::observe::{Clock, REST_DURATION_S, Recorder, RestDetector, SeriesId};
+use crate::observe::{REST_DURATION_S, Recorder, RestDetector, SeriesId};
 use crate::result::{Curve, EndReason, Warning};
 use crate::scenario::{FreeScene, Numerics, Scenario};
-
-/// The axes of forces and positions.
-const AXES: [(&str, DVec3); 3] = [("x", DVec3::X), ("y", DVec3::Y), ("z", DVec3::Z)];
 
 /// The monitor of a free scene.
 #[derive(Debug)]
@@ -41,8 +39,13 @@ pub(super) struct SceneMonitor {
     kinetic_energy: SeriesId,
     bonds_intact: SeriesId,
     mass: SeriesId,
-    /// The force on each surface along each of [`AXES`].
-    forces: Vec<[SeriesId; 3]>,
+    power: SeriesId,
+    power_w: SampleStats,
+    loads: LoadSeries,
+    motions: Vec<Motion>,
+    max_force_n: SampleStats,
+    max_torque_n_m: SampleStats,
+    passed_through: u64,
 }
 
 /// [`ENERGY_MARGIN`] times the energy of the bodies at the start, which may fall to the farthest corner. Moving surfaces do work
@@ -87,14 +90,13 @@ impl SceneMonitor {
             kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
             bonds_intact: recorder.add_row(&BONDS_INTACT),
             mass: recorder.add_row(&MASS),
-            forces: scene
-                .surfaces
-                .iter()
-                .map(|surface| {
-                    let name = |axis| format!("force_{}_{axis}", surface.name);
-                    AXES.map(|(axis, _)| recorder.add(name(axis), "N", Clock::Belt))
-                })
-                .collect(),
+            power: recorder.add_row(&POWER),
+            power_w: SampleStats::default(),
+            loads: LoadSeries::new(&scene.surfaces, &mut recorder),
+            motions: scene.surfaces.iter().map(|surface| surface.motion).collect(),
+            max_force_n: SampleStats::default(),
+            max_torque_n_m: SampleStats::default(),
+            passed_through: 0,
             recorder,
             numerics,
         }
@@ -124,11 +126,17 @@ impl SceneMonitor {
         self.recorder.record(self.bonds_intact, state.bonds_intact_fraction());
         let mass_kg: f64 = state.masses.iter().map(|&m| f64::from(m)).sum();
         self.recorder.record(self.mass, mass_kg);
-        for (series, load) in self.forces.iter().zip(sample.surface_loads) {
-            for (id, (_, axis)) in series.iter().zip(AXES) {
-                self.recorder.record(*id, load.force.dot(axis));
-            }
+        let power = self.motions.iter().zip(sample.surface_loads);
+        let power_now_w =
+            power.map(|(motion, load)| power_w(motion, load, now_s)).fold(0.0, |sum, one| sum + one);
+        self.recorder.record(self.power, power_now_w);
+        self.power_w.add(power_now_w);
+        if !self.motions.is_empty() {
+            let [force_n, torque_n_m] = self.loads.record(sample.surface_loads, now_s, &mut self.recorder);
+            self.max_force_n.add(force_n);
+            self.max_torque_n_m.add(torque_n_m);
         }
+        self.passed_through = sample.passed_through;
         let heights = (0..state.particles.len()).map(|i| state.position(i).dot(self.up) + self.radius_m);
         self.greatest_height_m = heights.reduce(f64::max);
         let centres = state.body_ranges().filter_map(|(body, range)| {
@@ -177,6 +185,11 @@ impl ExperimentMonitor for SceneMonitor {
         add("time_to_rest_s", at_rest_s.into());
         add("max_overlap_ratio", (f64::from(self.max_overlap_m) / self.radius_m).into());
         add("kinetic_energy_end_j", self.recorder.last(self.kinetic_energy).into());
+        add("passed_through", self.passed_through.into());
+        add("max_surface_force_n", self.max_force_n.max().into());
+        add("max_surface_torque_n_m", self.max_torque_n_m.max().into());
+        add("mean_power_w", self.power_w.mean().into());
+        add("max_power_w", self.power_w.max().into());
         add("greatest_height_m", self.greatest_height_m.into());
         responses
     }

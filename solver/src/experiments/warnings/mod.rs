@@ -63,6 +63,11 @@ const ESCAPED_MASS: WarningKind = kind(
     "Look at frames for gaps between surfaces, for tissue that sinks through them, or for fragments. In a scene, surfaces may end \
      there by intention.",
 );
+const PASSED_THROUGH: WarningKind = kind(
+    "passed_through",
+    "`passed_through` is above 0: sub-particles came through a surface.",
+    "Reduce the speed of the impact, raise /material/youngs_modulus_pa, or make the surface larger than the bodies that strike it.",
+);
 const BROKEN_BONDS: WarningKind = kind(
     "broken_bonds",
     "`bonds_intact_fraction` is below 0.95.",
@@ -93,6 +98,7 @@ pub const ALL_WARNINGS: &[&WarningKind] = &[
     &SOFT_TISSUE,
     &TEST_NEVER_BEGAN,
     &ESCAPED_MASS,
+    &PASSED_THROUGH,
     &BROKEN_BONDS,
     &DEEP_OVERLAP,
     &DENSE_BED,

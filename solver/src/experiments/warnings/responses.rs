@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use super::{BROKEN_BONDS, DEEP_OVERLAP, DENSE_BED, ESCAPED_MASS};
+use super::{BROKEN_BONDS, DEEP_OVERLAP, DENSE_BED, ESCAPED_MASS, PASSED_THROUGH};
 use crate::engine::scene::BodyKind;
 use crate::experiments::Setup;
 use crate::result::Warning;
@@ -23,6 +23,9 @@ pub fn of_responses(setup: &Setup, responses: &Map<String, Value>) -> Vec<Warnin
         warnings.push(ESCAPED_MASS.with(&format!(
             "{escaped_kg:.3} kg of {mass_kg:.3} kg ({share:.2} %) left the domain by accident."
         )));
+    }
+    if let Some(passed) = number("passed_through").filter(|passed| *passed > 0.0) {
+        warnings.push(PASSED_THROUGH.with(&format!("Sub-particles passed through surfaces {passed} times.")));
     }
     if let Some(intact) = number("bonds_intact_fraction").filter(|intact| *intact < LOW_INTACT_FRACTION) {
         let broken = 100.0 * (1.0 - intact);

@@ -51,6 +51,7 @@ fn every_limit_of_a_response_has_its_warning() {
     };
     let limits = [
         ("escaped_kg", json!(0.0), json!(mass_kg / 50.0), "escaped_mass", "(2.00 %)"),
+        ("passed_through", json!(0), json!(3), "passed_through", "3 times"),
         ("bonds_intact_fraction", json!(0.951), json!(0.949), "broken_bonds", "5.1 %"),
         ("max_overlap_ratio", json!(0.999), json!(1.25), "deep_overlap", "1.25 R"),
         ("bulk_density_kg_m3", json!(939.0), json!(1034.0), "dense_bed", "1.10 times the 940 kg/m³"),

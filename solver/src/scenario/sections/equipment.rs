@@ -31,6 +31,8 @@ pub struct Equipment {
     pub parametric: bool,
     /// Mass that enters from above per second from t = 0 on, in kg/s.
     pub feed_kg_s: f64,
+    /// Whether the result has the series of force and torque on each surface.
+    pub surface_loads: bool,
     /// Further surfaces.
     pub surfaces: Vec<SurfaceSpec>,
 }
@@ -72,6 +74,8 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          they touch nothing. 0: no feed."),
     flag("/equipment/parametric", true, "assumed",
         "Whether Roost makes belt, walls, gate and shutter from these fields. False: only `surfaces` exist."),
+    flag("/equipment/surface_loads", false, "numerics",
+        "Whether the result has the series of force and torque on each surface. They make it ten times as large."),
 ];
 
 /// The experiment in documents.

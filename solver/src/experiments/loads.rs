@@ -1,0 +1,100 @@
+//! Loads on surfaces over time: force and torque on each, and the power of moving surfaces.
+//!
+//! The power of a surface is the work that its material does on the sub-particles, per time: −(F·v + T·ω), with the
+//! force F and the torque T on the surface, the velocity v of its material at the pivot, and its angular velocity ω. For
+//! a belt this is the friction times the belt speed.
+
+use glam::DVec3;
+
+use super::SeriesRow;
+use super::outputs::series;
+use crate::engine::SurfaceLoad;
+use crate::equipment::{Motion, Surface};
+use crate::observe::{Clock, Recorder, SeriesId};
+
+#[rustfmt::skip]
+pub(super) const LOADS: [SeriesRow; 6] = [
+    series("force_<name>_x", "N",
+        "Force on the surface of that name along x, at the time of the sample: the weight of bodies on it, the friction of bodies \
+         that a belt drags."),
+    series("force_<name>_y", "N", "The same along y."),
+    series("force_<name>_z", "N", "The same along z."),
+    series("torque_<name>_x", "N·m",
+        "Torque on the surface of that name about x, through the pivot of a `moving` surface that turns, else through the origin."),
+    series("torque_<name>_y", "N·m", "The same about y."),
+    series("torque_<name>_z", "N·m", "The same about z."),
+];
+
+/// Axes of forces, torques and positions.
+pub(super) const AXES: [(&str, DVec3); 3] = [("x", DVec3::X), ("y", DVec3::Y), ("z", DVec3::Z)];
+
+/// Point through which the axes of a surface's torque lead, at belt time `t` in seconds; in metres.
+fn torque_point(motion: &Motion, t: f64) -> DVec3 {
+    match *motion {
+        Motion::Moving { velocity, pivot, spin } if spin != DVec3::ZERO => pivot + velocity * t,
+        _ => DVec3::ZERO,
+    }
+}
+
+/// Power of a surface at belt time `t` in seconds, in W.
+pub(super) fn power_w(motion: &Motion, load: &SurfaceLoad, t: f64) -> f64 {
+    match *motion {
+        Motion::Fixed => 0.0,
+        Motion::Belt { velocity } => -load.force.dot(velocity),
+        Motion::Moving { velocity, spin, .. } => {
+            -(load.force.dot(velocity) + load.torque_about(torque_point(motion, t)).dot(spin))
+        }
+    }
+}
+
+/// Mean and maximum of samples. Both are null without samples.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SampleStats {
+    sum: f64,
+    count: u64,
+    max: Option<f64>,
+}
+
+impl SampleStats {
+    pub(super) fn add(&mut self, value: f64) {
+        self.sum += value;
+        self.count += 1;
+        self.max = Some(self.max.map_or(value, |max| max.max(value)));
+    }
+
+    pub(super) fn mean(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.sum / self.count as f64)
+    }
+
+    pub(super) fn max(&self) -> Option<f64> {
+        self.max
+    }
+}
+
+/// Records force and torque on each surface, as [`LOADS`].
+#[derive(Clone, Debug)]
+pub(super) struct LoadSeries {
+    surfaces: Vec<(Motion, [SeriesId; 6])>,
+}
+
+impl LoadSeries {
+    /// Adds the series of all surfaces.
+    pub(super) fn new(surfaces: &[Surface], recorder: &mut Recorder) -> Self {
+        let mut series = |surface: &Surface| {
+            LOADS.map(|row| recorder.add(row.name.replace("<name>", &surface.name), row.unit, Clock::Belt))
+        };
+        Self { surfaces: surfaces.iter().map(|surface| (surface.motion, series(surface))).collect() }
+    }
+
+    /// Records the loads at belt time `t` in seconds. Returns the maximum force in N and torque in N m of a surface.
+    pub(super) fn record(&self, loads: &[SurfaceLoad], t: f64, recorder: &mut Recorder) -> [f64; 2] {
+        let mut max = [0.0f64; 2];
+        for ((motion, ids), load) in self.surfaces.iter().zip(loads) {
+            let torque = load.torque_about(torque_point(motion, t));
+            let values = load.force.to_array().into_iter().chain(torque.to_array());
+            ids.iter().zip(values).for_each(|(id, value)| recorder.record(*id, value));
+            max = [max[0].max(load.force.length()), max[1].max(torque.length())];
+        }
+        max
+    }
+}
