@@ -195,11 +195,10 @@ impl ExperimentMonitor for SceneMonitor {
     }
 
     fn warnings(&self, _reason: EndReason) -> Vec<Warning> {
-        let series = || self.forces.iter().flatten();
-        let touched = series().any(|id| self.recorder.values(*id).iter().any(|force| *force != 0.0));
-        let end_s = series().next().and_then(|id| self.recorder.belt_s(*id).last()).unwrap_or(&0.0);
+        let touched = self.max_force_n.max().is_some_and(|force_n| force_n > 0.0);
+        let end_s = self.recorder.belt_s(self.power).last().unwrap_or(&0.0);
         let figures = format!("No body touched a surface until the end at {end_s:.3} s.");
-        (!touched && !self.forces.is_empty()).then(|| TEST_NEVER_BEGAN.with(&figures)).into_iter().collect()
+        (!touched && !self.motions.is_empty()).then(|| TEST_NEVER_BEGAN.with(&figures)).into_iter().collect()
     }
 
     fn curves(&self) -> Vec<Curve> {
