@@ -23,6 +23,9 @@ fn hopper(surfaces: Option<Vec<Value>>) -> Scenario {
     if let Some(surfaces) = surfaces {
         document["equipment"]["parametric"] = json!(false);
         document["equipment"]["surfaces"] = json!(surfaces);
+        document["equipment"]["gate_opening_m"] = json!(0.06);
+        document["equipment"]["opening_width_m"] = json!(0.15);
+        document["equipment"]["opening_height_m"] = json!(0.1);
     }
     scenario::from_value(&document).expect("a sound scenario")
 }
@@ -95,6 +98,53 @@ fn a_hopper_from_binary_stl_is_off_by_the_rounding_of_its_corners_alone() {
     }
     let [ours, theirs] = [&parametric, &from_files].map(|r| r.response("filled_kg").unwrap());
     assert_eq!(ours, theirs);
+}
+
+/// Belt capacity over bulk density, in m³/s, and the codes of the warnings, of a CAD hopper with these fields.
+fn full_opening(fields: &[(&str, Value)]) -> (Option<f64>, Vec<String>) {
+    let belt = |name: &str, x: f64, length: f64, speed: f64| {
+        json!({"name": name, "plate_m": [[x, -0.3, 0], [length, 0, 0], [0, 0.6, 0]], "motion": "belt",
+               "velocity_m_s": [speed, 0, 0]})
+    };
+    let mut document = json!(hopper(Some(vec![belt("belt", -0.4, 1.4, 0.4), belt("next", 0.1, 0.9, 2.0)])));
+    document["numerics"]["duration_s"] = json!(0.02);
+    for (pointer, value) in fields {
+        *document.pointer_mut(pointer).expect("a field") = value.clone();
+    }
+    let result = run(&scenario::from_value(&document).expect("a sound scenario"), &Meshes::default());
+    let capacity = result.response("belt_capacity_kg_s");
+    assert_eq!(result.responses["regime"].is_null(), capacity.is_none());
+    assert_eq!(result.responses["longest_stoppage_s"], Value::Null, "shorter than its window");
+    let density = result.response("bulk_density_kg_m3").expect("a bed at rest");
+    (capacity.map(|kg| kg / density), result.warnings.into_iter().map(|warning| warning.code).collect())
+}
+
+#[test]
+fn the_capacity_of_a_cad_hopper_is_its_declared_opening_times_the_speed_of_its_belt() {
+    let close = |found: Option<f64>, expected: f64| {
+        assert!((found.unwrap() / expected - 1.0).abs() < 1e-9, "{found:?}")
+    };
+    let (found, codes) = full_opening(&[]);
+    close(found, 0.4 * 0.15 * 0.1);
+    assert!(!codes.contains(&"no_regime".to_owned()), "{codes:?}");
+    let wide = [("/equipment/opening_width_m", json!(0.3)), ("/equipment/opening_height_m", json!(0.05))];
+    close(full_opening(&wide).0, 0.4 * 0.3 * 0.05);
+    let faster = [("/equipment/surfaces/0/velocity_m_s", json!([0.8, 0, 0]))];
+    close(full_opening(&faster).0, 0.8 * 0.15 * 0.1);
+}
+
+#[test]
+fn a_cad_hopper_without_a_capacity_has_no_regime_and_says_why() {
+    let null = [("/equipment/opening_width_m", json!(null)), ("/equipment/opening_height_m", json!(null))];
+    let slow = [("/equipment/surfaces/0/velocity_m_s", json!([0, 0, 0]))];
+    let away = [("/equipment/surfaces/0/motion", json!("fixed")), slow[0].clone()];
+    // The second belt passes the gate plane too, at another speed.
+    let two = [("/equipment/surfaces/1/position_m", json!([-0.2, 0, 0]))];
+    for fields in [&null[..], &slow, &away, &two] {
+        let (found, codes) = full_opening(fields);
+        assert_eq!(found, None, "{fields:?}");
+        assert!(codes.contains(&"no_regime".to_owned()), "{fields:?}: {codes:?}");
+    }
 }
 
 #[test]

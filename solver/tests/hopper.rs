@@ -226,7 +226,12 @@ fn a_hopper_written_surface_by_surface_is_the_same_to_the_bit() {
         let parametric = run(&fields);
         let scene = scene_of(&parametric.scenario);
         let surfaces: Vec<Value> = scene.surfaces.iter().map(written).collect();
-        let own = [("/equipment/parametric", json!(false)), ("/equipment/surfaces", json!(surfaces))];
+        let own = [
+            ("/equipment/parametric", json!(false)),
+            ("/equipment/surfaces", json!(surfaces)),
+            ("/equipment/opening_width_m", json!(0.25)),
+            ("/equipment/opening_height_m", json!(0.1)),
+        ];
         let drawn_up = run(&[&fields[..], &own].concat());
         let theirs = scene_of(&drawn_up.scenario);
         assert_eq!(scene.surfaces, theirs.surfaces, "the same triangles in the same order");
@@ -248,6 +253,7 @@ fn further_surfaces_are_felt_and_widen_the_domain() {
     let holed = run(&[
         ("/equipment/parametric", json!(false)),
         ("/equipment/surfaces", json!([tray])),
+        ("/equipment/gate_opening_m", json!(0.06)),
         ("/numerics/duration_s", json!(0.1)),
     ]);
     assert_eq!(holed.end_reason, EndReason::Duration);

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::curve::Curve;
-use super::regime::{self, Regime, SPILL_S, WINDOW_S};
+use super::regime::{self, Flow, Regime, SPILL_S, WINDOW_S};
 use crate::result::EndReason;
 
 /// Belt time of the paper's evaluation, in seconds; also the minimum for a regime.
@@ -38,12 +38,9 @@ pub struct Discharge<'a> {
     pub filled_kg: f64,
     /// Hopper area times the 95th percentile of the bed's surface height at rest, in m³.
     pub bed_volume_m3: f64,
-    /// Speed of the belt, in m/s.
-    pub belt_speed_m_s: f64,
-    /// Inner width of the hopper, in metres.
-    pub hopper_width_m: f64,
-    /// Height of the gate's lower edge above the belt, in metres.
-    pub gate_opening_m: f64,
+    /// Volume per second that the belt carries through the full opening: its speed times the opening's width and height, in
+    /// m³/s. `None` when speed or opening are unknown.
+    pub full_opening_m3_s: Option<f64>,
     /// Maximum height above the belt of the fillets left in the hopper at the end, in metres; `None` when it
     /// is empty.
     pub greatest_height_m: Option<f64>,
@@ -75,10 +72,10 @@ pub struct DischargeResponses {
     pub steady: Option<bool>,
     /// Longest stretch with the rate, over 0.25 s, under 0.15 of the belt's capacity, until 80 % is out.
     pub longest_stoppage_s: Option<f64>,
-    /// Regime; `None` without a belt capacity, when the belt stands still or the bed has no volume.
+    /// Regime; `None` without a belt capacity: unknown, or 0 when the belt stands still or the bed has no volume.
     pub regime: Option<Regime>,
     /// Q_b: mass rate that the belt carries away with a full opening.
-    pub belt_capacity_kg_s: f64,
+    pub belt_capacity_kg_s: Option<f64>,
     /// q, the lowest running 1 s mean of the rate over Q_b, from 0.5 s until 80 % is out.
     pub lowest_rate_ratio: Option<f64>,
     /// R² of a straight line through the curve from 0 to `linearity_until_s`.
@@ -111,10 +108,9 @@ impl Discharge<'_> {
         let out = |share: f64| self.time_of(&curve, share);
         let until = self.flowing_until_s();
         let bulk_density = (self.bed_volume_m3 > 0.0).then(|| self.filled_kg / self.bed_volume_m3);
-        let capacity =
-            bulk_density.unwrap_or(0.0) * self.belt_speed_m_s * self.hopper_width_m * self.gate_opening_m;
-        let lowest_rate_ratio =
-            (capacity > 0.0 && until > 0.0).then(|| regime::lowest_rate(&curve, until) / capacity);
+        let belt_capacity = self.full_opening_m3_s.map(|volume| bulk_density.unwrap_or(0.0) * volume);
+        let capacity = belt_capacity.filter(|capacity| *capacity > 0.0);
+        let lowest_rate = (until > 0.0).then(|| regime::lowest_rate(&curve, until));
         let rate_variation = regime::variation(&curve, until);
         let linearity_until = until.min(EVALUATION_TIME_S);
         DischargeResponses {
@@ -132,15 +128,21 @@ impl Discharge<'_> {
             peak_rate_kg_s: self.peak_rate(&curve),
             rate_variation,
             steady: rate_variation.map(|variation| variation < MAX_STEADY_VARIATION),
-            longest_stoppage_s: (capacity > 0.0)
-                .then(|| regime::longest_stoppage(&curve, until, capacity))
-                .flatten(),
-            regime: (capacity > 0.0).then(|| match lowest_rate_ratio {
-                Some(ratio) if self.judged(&curve, out(FLOW_SHARE).is_some()) => Regime::of(ratio),
+            longest_stoppage_s: capacity
+                .and_then(|capacity| regime::longest_stoppage(&curve, until, capacity)),
+            regime: capacity.map(|capacity_kg_s| match lowest_rate {
+                Some(lowest_rate_kg_s) if self.judged(&curve, out(FLOW_SHARE).is_some()) => {
+                    Regime::of(Flow {
+                        lowest_rate_kg_s,
+                        capacity_kg_s,
+                        filled_kg: self.filled_kg,
+                        emptied: self.end_reason == EndReason::Empty || out(EMPTIED_SHARE).is_some(),
+                    })
+                }
                 _ => Regime::TooShort,
             }),
-            belt_capacity_kg_s: capacity,
-            lowest_rate_ratio,
+            belt_capacity_kg_s: belt_capacity,
+            lowest_rate_ratio: lowest_rate.zip(capacity).map(|(rate, capacity)| rate / capacity),
             linearity_r2: curve.linearity(0.0, linearity_until),
             linearity_until_s: linearity_until,
             bulk_density_kg_m3: bulk_density,

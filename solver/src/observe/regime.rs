@@ -1,11 +1,12 @@
-//! The regime of a discharge: constant, inconsistent or no flow (section 3.4, Table 3), from the curve.
+//! The regime of a discharge: constant, inconsistent or no flow (section 3.4, Table 3), from the curve; or a belt that outruns the bed.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | Q_b | belt capacity with a full opening: bulk density · belt speed · width · opening | kg/s |
 //! | q | lowest running 1 s mean of the rate over Q_b, until 80 % is out | – |
 //!
-//! The reference is Q_b and not the opening spill (5–9 kg/s for 0.3 s), which no belt sustains.
+//! The reference is Q_b and not the opening spill (5–9 kg/s for 0.3 s), which no belt sustains. A belt that could carry the
+//! whole bed away within the spill, Q_b · 0.5 s ≥ the filled mass, is no reference either: what falls onto it limits the flow.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +21,9 @@ pub(super) const WINDOW_S: f64 = 1.0;
 /// Share of Q_b below which a discharge counts as no flow.
 const NO_FLOW: f64 = 0.15;
 
+/// Share of the filled mass, in one window, below which a bed stands still that the belt outruns.
+const STANDSTILL_SHARE: f64 = 0.01;
+
 /// Share of Q_b from which flow counts as constant.
 const CONSTANT: f64 = 0.55;
 
@@ -31,17 +35,36 @@ pub enum Regime {
     Constant,
     /// 0.15 ≤ q < 0.55: bridges form and break.
     Inconsistent,
-    /// q < 0.15: (almost) no flow for at least a second.
+    /// q < 0.15: (almost) no flow for at least a second, in a hopper that did not empty.
     NoFlow,
+    /// The belt outruns the bed: at Q_b it would be empty within 0.5 s.
+    Outrun,
     /// The run ended before a regime could be determined.
     TooShort,
 }
 
+/// What a regime is judged by.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Flow {
+    /// Lowest running mean of the rate, in kg/s.
+    pub lowest_rate_kg_s: f64,
+    /// Q_b, in kg/s.
+    pub capacity_kg_s: f64,
+    /// Filled mass, in kg.
+    pub filled_kg: f64,
+    /// Whether the hopper emptied.
+    pub emptied: bool,
+}
+
 impl Regime {
-    /// The regime of a q.
-    pub(super) fn of(lowest_rate_ratio: f64) -> Self {
-        match lowest_rate_ratio {
-            q if q < NO_FLOW => Self::NoFlow,
+    /// The regime of a flow.
+    pub(super) fn of(flow: Flow) -> Self {
+        if flow.capacity_kg_s * SPILL_S >= flow.filled_kg {
+            let stands = flow.lowest_rate_kg_s * WINDOW_S < STANDSTILL_SHARE * flow.filled_kg;
+            return if stands && !flow.emptied { Self::NoFlow } else { Self::Outrun };
+        }
+        match flow.lowest_rate_kg_s / flow.capacity_kg_s {
+            q if q < NO_FLOW && !flow.emptied => Self::NoFlow,
             q if q < CONSTANT => Self::Inconsistent,
             _ => Self::Constant,
         }

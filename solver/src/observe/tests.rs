@@ -36,9 +36,7 @@ impl Sampled {
             end_reason: self.end_reason,
             filled_kg: FILLED,
             bed_volume_m3: 0.04,
-            belt_speed_m_s: 0.25,
-            hopper_width_m: 0.5,
-            gate_opening_m: 0.08,
+            full_opening_m3_s: Some(0.25 * 0.5 * 0.08),
             greatest_height_m: Some(0.1),
         }
     }
@@ -103,7 +101,7 @@ fn a_stop_of_two_seconds() {
     close(responses.discharged_kg_at_4s, 16.0);
     close(responses.mean_rate_kg_s, (32.0 - 4.0) / 5.5);
     close(responses.lowest_rate_ratio, 0.0);
-    assert_eq!(responses.regime, Some(Regime::NoFlow));
+    assert_eq!(responses.regime, Some(Regime::Inconsistent), "it emptied");
     assert_eq!(responses.steady, Some(false));
     // A window of 0.25 s stays under 1.5 kg/s with 0.047 s of flow in it, on either side.
     near(responses.longest_stoppage_s, 2.0 + 2.0 * RATE_WINDOW_S * 1.5 / 8.0, 0.021);
@@ -241,6 +239,47 @@ fn regimes_change_at_their_shares_of_the_capacity() {
 }
 
 #[test]
+fn only_a_hopper_that_does_not_empty_has_no_flow() {
+    // 8 kg/s, a stop of 2 s after 16 kg, and 8 kg/s again until the last sample: 94.9 %, 95.1 % or all of it.
+    let stopped = |t: f64| 8.0 * (if t < 2.0 { t } else { (t - 2.0).max(2.0) });
+    let regime = |end: f64| sample(end, stopped).responses().regime;
+    assert_eq!(regime(2.0 + 0.949 * 5.0), Some(Regime::NoFlow));
+    assert_eq!(regime(2.0 + 0.952 * 5.0), Some(Regime::Inconsistent));
+    // Nothing for the first 3 s.
+    let late = |end: f64| sample(end, |t| (20.0 * (t - 3.0)).clamp(0.0, FILLED)).responses().regime;
+    assert_eq!((late(4.0), late(5.0)), (Some(Regime::NoFlow), Some(Regime::Inconsistent)));
+    // An empty hopper is empty, whatever the curve says.
+    let empty = sample(1.0, |_| 0.0).ended(EndReason::Empty).responses();
+    assert_eq!(empty.regime, Some(Regime::Inconsistent));
+}
+
+#[test]
+fn a_belt_that_outruns_the_bed_has_a_word_of_its_own() {
+    // The bed of 40 kg has 1000 kg/m³; 0.08 m³/s carry it away in exactly 0.5 s.
+    let regime = |opening_m3_s: f64, flow: &Sampled| {
+        Discharge { full_opening_m3_s: Some(opening_m3_s), ..flow.discharge() }.responses().regime
+    };
+    let steady = sample(6.0, line(10.0));
+    assert_eq!(regime(0.0799, &steady), Some(Regime::Inconsistent), "q is 0.125, and it emptied");
+    assert_eq!(regime(0.0801, &steady), Some(Regime::Outrun));
+    assert_eq!(regime(0.0801, &sample(6.0, line(2.0))), Some(Regime::Outrun), "a slow flow is a flow");
+    assert_eq!(regime(0.0801, &sample(3.0, line(2.0))), Some(Regime::TooShort));
+    // After a spill of 4 kg nothing moves: less than 1 % of 40 kg in a second is a jam.
+    let stopped = |rate: f64| sample(6.0, move |t| 8.0 * t.min(0.5) + rate * (t - 0.5).max(0.0));
+    assert_eq!(regime(0.0801, &stopped(0.39)), Some(Regime::NoFlow));
+    assert_eq!(regime(0.0801, &stopped(0.41)), Some(Regime::Outrun));
+}
+
+#[test]
+fn without_an_opening_the_regime_is_null() {
+    let moving = sample(6.0, line(8.0));
+    let unknown = Discharge { full_opening_m3_s: None, ..moving.discharge() }.responses();
+    assert_eq!((unknown.regime, unknown.belt_capacity_kg_s), (None, None));
+    assert_eq!((unknown.lowest_rate_ratio, unknown.longest_stoppage_s), (None, None));
+    close(unknown.mean_rate_kg_s, 8.0);
+}
+
+#[test]
 fn the_last_fifth_may_trickle() {
     let responses = sample(10.0, |t| if t < 4.2 { 8.0 * t } else { 33.6 + 0.1 * (t - 4.2) }).responses();
     assert_eq!(responses.regime, Some(Regime::Constant));
@@ -267,7 +306,7 @@ fn without_samples_capacity_or_fill_there_are_no_numbers() {
     let one = Sampled { t_s: vec![0.0], mass_kg: vec![0.0], end_reason: EndReason::Unstable }.responses();
     assert_eq!((one.regime, one.longest_stoppage_s), (Some(Regime::TooShort), None));
     let moving = sample(6.0, line(8.0));
-    let still = Discharge { belt_speed_m_s: 0.0, ..moving.discharge() }.responses();
+    let still = Discharge { full_opening_m3_s: Some(0.0), ..moving.discharge() }.responses();
     assert_eq!((still.regime, still.lowest_rate_ratio, still.longest_stoppage_s), (None, None, None));
     close(still.mean_rate_kg_s, 8.0);
     let flat = Discharge { bed_volume_m3: 0.0, filled_kg: 0.0, ..moving.discharge() }.responses();

@@ -5,6 +5,7 @@
 //! its JSON pointer, fill in the defaults, and only then build the typed [`Scenario`]. A `Scenario` is therefore
 //! complete: it serialises to "the scenario as run", and that document gives the same scenario again.
 
+mod cad;
 mod canonical;
 mod complete;
 mod fault;

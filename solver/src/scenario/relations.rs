@@ -2,11 +2,11 @@
 
 use serde_json::Value;
 
-use super::Fault;
 use super::field::{MAX_BODIES, plain};
 use super::fields::{FIELDS, SECTIONS, declaration, find};
 use super::sections::AtMost;
 use super::sections::{DECLARATIONS, surface};
+use super::{Fault, cad};
 
 /// Pairs of shared fields in ascending order.
 const ORDER: &[AtMost] = &[
@@ -33,6 +33,7 @@ pub(super) fn check(document: &Value, completed: &Value, faults: &mut Vec<Fault>
     check_samples(document, completed, faults);
     check_alternatives(document, completed, faults);
     check_shapes(document, completed, faults);
+    cad::check(document, completed, faults);
     for section in SECTIONS.iter().filter(|section| section.items == Some(surface::ITEMS)) {
         check_surfaces(section.pointer, document, completed, faults);
     }

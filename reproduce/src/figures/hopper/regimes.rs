@@ -51,7 +51,7 @@ pub(super) fn figure(profile: &Profile) -> Figure {
 /// one.
 fn regimes(results: &Results<'_>, name: &str, expected: &str) -> (String, bool) {
     let (records, planned) = (results.sound_records(name), results.planned(name));
-    let all = ["constant", "inconsistent", "no_flow", "too_short"];
+    let all = ["constant", "inconsistent", "no_flow", "outrun", "too_short"];
     let count = |regime: &str| {
         records.iter().filter(|record| record.result.responses.get("regime") == Some(&regime.into())).count()
     };

@@ -10,6 +10,7 @@ mod curl;
 mod feed;
 mod loads;
 mod monitor;
+mod opening;
 mod scene;
 
 use glam::DVec2;
@@ -35,8 +36,9 @@ const USUAL_SHARE: f64 = 0.6;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     word("regime",
-        "By q = `lowest_rate_ratio`: `no_flow` (a jam) below 0.15, `inconsistent` (uneven) below 0.55, else `constant`. `too_short`: \
-         less than 4 s simulated, neither empty nor jammed. One second without flow makes `no_flow`.").headline(),
+        "By q = `lowest_rate_ratio`: `no_flow` (a jam) below 0.15 unless 95 % came out, `inconsistent` (uneven) below 0.55, else \
+         `constant`. `outrun`: at `belt_capacity_kg_s` the filled mass is out within 0.5 s, so that q says nothing. `too_short`: less \
+         than 4 s simulated, neither empty nor jammed. Null without a belt capacity.").headline(),
     number("effective_throughput_kg_s", "kg/s",
         "95 % of the filled mass, divided by the time until it was out; null when it was not. The definition is ours: the paper \
          quotes 7.6 kg/s without one.").headline(),
@@ -61,7 +63,8 @@ const RESPONSES: &[Response] = &[
         "Longest time with a rate (mean over 0.25 s) below 0.15 `belt_capacity_kg_s`, until 80 % is out."),
     number("belt_capacity_kg_s", "kg/s",
         "Rate that the belt carries when the opening is full: `bulk_density_kg_m3` × `belt_speed_m_s` × `hopper_width_m` × \
-         `gate_opening_m`."),
+         `gate_opening_m`. With `parametric` false: × velocity of the belt's surface × `opening_width_m` × `opening_height_m`; null \
+         when these are not declared."),
     number("lowest_rate_ratio", "", "q: minimum of the 1 s running mean of the rate from 0.5 s until 80 % is out, divided by `belt_capacity_kg_s`."),
     number("linearity_r2", "", "R² of a straight line through the curve from 0 to `linearity_until_s`."),
     number("linearity_until_s", "s", "End of the straight line: 4 s, or sooner if 80 % was out or the simulation ended."),

@@ -5,12 +5,13 @@ use serde_json::{Map, Value};
 use super::curl::Curls;
 use super::feed::Feed;
 use super::loads::LoadMonitor;
+use super::opening::full_opening_m3_s;
 use super::{DISCHARGED_MASS, GONE_BEYOND_M, INSIDE_MASS, MASS_RATE, floor};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
-use crate::experiments::warnings::never_at_rest;
+use crate::experiments::warnings::{NO_REGIME, never_at_rest};
 use crate::observe::{
     Discharge, REST_DURATION_S, Recorder, RestDetector, SeriesId, known_mass_rates, mass_rate,
 };
@@ -55,6 +56,8 @@ pub(super) struct HopperMonitor {
     feed: Feed,
     curls: Curls,
     loads: LoadMonitor,
+    /// Volume per second through the full opening, or why it is unknown.
+    full_opening_m3_s: Result<f64, String>,
     greatest_height_m: Option<f64>,
     max_overlap_m: f32,
     radius_m: f64,
@@ -86,6 +89,7 @@ impl HopperMonitor {
             bonds_intact: recorder.add_row(&BONDS_INTACT),
             kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
             curls: Curls::new(scene),
+            full_opening_m3_s: full_opening_m3_s(equipment, scene),
             greatest_height_m: None,
             max_overlap_m: 0.0,
             radius_m: scene.radius_m,
@@ -221,9 +225,7 @@ impl ExperimentMonitor for HopperMonitor {
             end_reason: reason,
             filled_kg: bed.mass_kg,
             bed_volume_m3: bed.volume_m3,
-            belt_speed_m_s: self.equipment.belt_speed_m_s,
-            hopper_width_m: self.equipment.hopper_width_m,
-            gate_opening_m: self.equipment.gate_opening_m,
+            full_opening_m3_s: self.full_opening_m3_s.as_ref().ok().copied(),
             greatest_height_m: self.greatest_height_m,
         };
         let curl = self.curls.mean_and_largest_deg(discharge.flowing_until_s());
@@ -247,7 +249,11 @@ impl ExperimentMonitor for HopperMonitor {
 
     fn warnings(&self, reason: EndReason) -> Vec<Warning> {
         let at_rest = reason != EndReason::FillNotAtRest;
-        (!at_rest).then(|| never_at_rest(self.numerics.max_fill_s)).into_iter().collect()
+        let never_began = (!at_rest).then(|| never_at_rest(self.numerics.max_fill_s));
+        let no_regime = self.full_opening_m3_s.as_ref().err().map(|reason| {
+            NO_REGIME.with(&format!("regime, lowest_rate_ratio and longest_stoppage_s are null: {reason}."))
+        });
+        never_began.into_iter().chain(no_regime).collect()
     }
 }
 

@@ -90,6 +90,14 @@ pub(super) const TEST_NEVER_BEGAN: WarningKind = kind(
     "Its responses are null or say nothing about the material: change the duration or the range of the test.",
 );
 
+/// A hopper whose regime has no reference.
+pub(super) const NO_REGIME: WarningKind = kind(
+    "no_regime",
+    "The belt's capacity is unknown, or the belt stands still: `regime` is null.",
+    "With /equipment/parametric false, give opening_width_m and opening_height_m, and a surface with motion \"belt\" that passes the gate \
+     plane x = 0 at one speed.",
+);
+
 /// All kinds, in the order of the table.
 pub const ALL_WARNINGS: &[&WarningKind] = &[
     &UNSTABLE_TIMESTEP,
@@ -97,6 +105,7 @@ pub const ALL_WARNINGS: &[&WarningKind] = &[
     &THIN_FILLET,
     &SOFT_TISSUE,
     &TEST_NEVER_BEGAN,
+    &NO_REGIME,
     &ESCAPED_MASS,
     &PASSED_THROUGH,
     &BROKEN_BONDS,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::declaration::{AtMost, Declaration, ExperimentSection};
 use super::surface::SurfaceSpec;
 use crate::scenario::field::{Field, MAX_SURFACES, from_to};
-use crate::scenario::row::{choice, flag, list, number, section};
+use crate::scenario::row::{choice, flag, list, nullable, number, section};
 
 /// Hopper, gate and belt. The dimensions of the paper's Fig. 5 are derived.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +33,10 @@ pub struct Equipment {
     pub feed_kg_s: f64,
     /// Whether the result has the series of force and torque on each surface.
     pub surface_loads: bool,
+    /// Inner width of the opening that `surfaces` leave under the gate, in metres.
+    pub opening_width_m: Option<f64>,
+    /// Height of that opening above the belt, in metres.
+    pub opening_height_m: Option<f64>,
     /// Further surfaces.
     pub surfaces: Vec<SurfaceSpec>,
 }
@@ -53,7 +57,7 @@ pub enum SideWalls {
 #[rustfmt::skip]
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/equipment/gate_opening_m", "m", 0.06, from_to(0.001, 5.0), "Fig. 5",
-        "Height of the gate's lower edge above the belt. The belt's capacity depends on it, also with `parametric` false."),
+        "Height of the gate's lower edge above the belt. With `parametric` false it does nothing: see `opening_height_m`."),
     number("/equipment/hopper_width_m", "m", 0.59, from_to(0.01, 10.0), "derived",
         "Inner width of the hopper across the belt (y); derived from 33.2 kg in 4 s."),
     number("/equipment/hopper_length_m", "m", 0.30, from_to(0.01, 10.0), "derived",
@@ -66,7 +70,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "The walls along the belt. `rough`: with the equipment's friction. `frictionless`: a slice of a wide hopper. `periodic`: no \
          walls; a fillet that leaves on one side enters on the other."),
     number("/equipment/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
-        "Speed of the belt from t = 0 on; the paper has 15 m/min. The belt's capacity depends on it, also with `parametric` false."),
+        "Speed of the belt from t = 0 on; the paper has 15 m/min. With `parametric` false the belt among `surfaces` has its own."),
     flag("/equipment/shutter_while_filling", true, "assumed",
         "Whether a shutter closes the opening until the belt starts."),
     number("/equipment/feed_kg_s", "kg/s", 0.0, from_to(0.0, 1000.0), "assumed",
@@ -76,6 +80,10 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Whether Roost makes belt, walls, gate and shutter from these fields. False: only `surfaces` exist."),
     flag("/equipment/surface_loads", false, "numerics",
         "Whether the result has the series of force and torque on each surface. They make it ten times as large."),
+    nullable("/equipment/opening_width_m", "m", from_to(0.001, 10.0), "assumed",
+        "With `parametric` false: inner width of the opening under the gate. Null: no belt capacity, and `regime` is null."),
+    nullable("/equipment/opening_height_m", "m", from_to(0.001, 5.0), "assumed",
+        "With `parametric` false: height of the gate's lower edge above the belt. Null: no belt capacity, and `regime` is null."),
 ];
 
 /// The experiment in documents.

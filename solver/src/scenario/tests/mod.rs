@@ -1,5 +1,6 @@
 //! What the reader of scenarios promises: defaults, every fault at once, never a panic.
 
+mod cad;
 mod faults;
 mod mutation;
 mod reading;

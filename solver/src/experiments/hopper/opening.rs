@@ -1,0 +1,44 @@
+//! The opening under the gate, and the belt that runs through it: they set the belt's capacity.
+
+use crate::engine::scene::Scene;
+use crate::equipment::{Motion, Presence, Surface};
+use crate::experiments::surfaces::extent;
+use crate::scenario::Equipment;
+
+/// Volume per second that the belt carries through the full opening, in m³/s, or the reason why it is unknown or 0.
+pub(super) fn full_opening_m3_s(equipment: &Equipment, scene: &Scene) -> Result<f64, String> {
+    let (speed, width, height) = if equipment.parametric {
+        (equipment.belt_speed_m_s, equipment.hopper_width_m, equipment.gate_opening_m)
+    } else {
+        let (Some(width), Some(height)) = (equipment.opening_width_m, equipment.opening_height_m) else {
+            return Err("the opening of the CAD hopper is not declared".to_owned());
+        };
+        (speed_of_belt_m_s(&scene.surfaces)?, width, height)
+    };
+    if speed > 0.0 {
+        Ok(speed * width * height)
+    } else {
+        Err("the belt does not run out of the hopper".to_owned())
+    }
+}
+
+/// Speed along x of the belts that pass the gate plane.
+fn speed_of_belt_m_s(surfaces: &[Surface]) -> Result<f64, String> {
+    let mut speeds: Vec<f64> = surfaces.iter().filter_map(speed_through_gate_m_s).collect();
+    speeds.sort_unstable_by(f64::total_cmp);
+    speeds.dedup();
+    match speeds[..] {
+        [speed] => Ok(speed),
+        [] => Err("no surface with motion \"belt\" passes the gate plane x = 0".to_owned()),
+        [lowest, .., highest] => Err(format!(
+            "belts through the gate plane run at {lowest} to {highest} m/s, which is no one speed"
+        )),
+    }
+}
+
+fn speed_through_gate_m_s(surface: &Surface) -> Option<f64> {
+    let Motion::Belt { velocity } = surface.motion else { return None };
+    let (low, high) = extent(std::slice::from_ref(surface))?;
+    let passes = low.x < 0.0 && high.x > 0.0 && surface.presence == Presence::Always;
+    passes.then_some(velocity.x)
+}
