@@ -171,6 +171,30 @@ fn whole_fillets_leave_past_the_gate_and_strays_are_counted_as_escaped() {
 }
 
 #[test]
+fn two_fillets_that_move_as_a_plug_reside_for_their_distance_over_the_speed_of_the_belt() {
+    let mut stage = Stage::started(&[]);
+    let (n, all) = (stage.first(), stage.state.particles.len());
+    // At 0.25 m/s from −0.1 m and −0.203 m.
+    for step in 0..45 {
+        let moved_m = 0.25 * 0.02 * f64::from(step);
+        stage.put(0..n, moved_m - 0.1);
+        stage.put(n..all, moved_m - 0.203);
+        stage.process();
+    }
+    let responses = stage.monitor.responses(EndReason::Duration);
+    for (name, expected) in [
+        ("residence_mean_s", 0.606),
+        ("residence_5_percent_s", 0.4),
+        ("residence_median_s", 0.4),
+        ("residence_95_percent_s", 0.812),
+    ] {
+        assert_close(responses[name].as_f64().unwrap(), expected, 1e-6);
+    }
+    assert_eq!(responses["fillets_remaining"], json!(0));
+    assert_eq!(stage.monitor.curves()[0].values, [0.5, 1.0]);
+}
+
+#[test]
 fn a_jam_is_counted_from_the_last_passage() {
     let mut stage = Stage::started(&[("/numerics/stop/when_jammed_s", json!(0.09))]);
     for k in 0..12 {

@@ -71,6 +71,14 @@ fn all_that_went_in_comes_out() {
     assert!(out.values[out.values.len() - 2] < mass * (1.0 - 1e-6));
     // Nothing outruns the belt for long: 0.2 m of fillets take most of 0.4 s.
     assert!(last(&out.t_s) > 0.3);
+    // The mean residence time of mass is ∫ (1 − m/M) dt; the eight fillets weigh nearly the same.
+    let inside = |k: usize| 1.0 - (out.values[k] + out.values[k + 1]) / 2.0 / mass;
+    let mean_s: f64 = (0..out.t_s.len() - 1).map(|k| inside(k) * (out.t_s[k + 1] - out.t_s[k])).sum();
+    let found_s = response(&result, "residence_mean_s");
+    assert!((found_s / mean_s - 1.0).abs() < 0.05, "{found_s} s, the curve says {mean_s} s");
+    let residence = common::curve(&result, "residence_share");
+    assert_eq!((residence.x.len(), last(&residence.values)), (8, 1.0));
+    assert_eq!(response(&result, "fillets_remaining"), 0.0);
     // What has left is not computed any more.
     let cost = &result.performance;
     assert!(cost.particle_steps < cost.steps * cost.subparticles);

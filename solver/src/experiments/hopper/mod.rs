@@ -19,11 +19,11 @@ use serde_json::Value;
 use super::loads::LOADS;
 use super::outputs::{
     BONDS_INTACT, BONDS_INTACT_FRACTION, ESCAPED_KG, KINETIC_ENERGY, KINETIC_ENERGY_END_J, MAX_OVERLAP_RATIO,
-    PASSED_THROUGH, boolean, number, series, word,
+    PASSED_THROUGH, boolean, curve, number, series, word,
 };
 use super::placement::Floor;
 use super::warnings::WARNING_COUNT;
-use super::{Definition, Outputs, Response, SeriesRow, Setup};
+use super::{CurveRow, Definition, Outputs, Response, SeriesRow, Setup};
 use crate::engine::run::ExperimentMonitor;
 use crate::engine::scene::{BodyKind, Scene};
 use crate::scenario::{Equipment, Fault, Numerics, Scenario, SideWalls};
@@ -70,6 +70,13 @@ const RESPONSES: &[Response] = &[
     number("linearity_until_s", "s", "End of the straight line: 4 s, or sooner if 80 % was out or the simulation ended."),
     number("greatest_height_m", "m",
         "Height of the highest fillet left in the hopper at the end. A fillet that hangs on a wall counts."),
+    number("residence_mean_s", "s",
+        "Mean residence time of the fillets that left: from t = 0, or a later entry, until the centre of mass passes the gate plane.").headline(),
+    number("residence_5_percent_s", "s",
+        "Residence time that 5 % of the fillets do not exceed. Fillets that have not left count as longer."),
+    number("residence_median_s", "s", "The same for 50 %; null if fewer have left."),
+    number("residence_95_percent_s", "s", "The same for 95 %; null if fewer have left."),
+    number("fillets_remaining", "", "Fillets in the hopper at the end whose centre of mass has not passed the gate plane."),
     number("curl_angle_deg", "°",
         "Mean bend angle of fillets up to 0.2 m past the gate, over all samples until 80 % is out. The bend angle is the angle \
          between the directions of the two ends: 0 flat, 180 folded double."),
@@ -99,10 +106,16 @@ const MASS_RATE: SeriesRow = series("mass_rate", "kg/s",
 const INSIDE_MASS: SeriesRow =
     series("inside_mass", "kg", "Mass in the hopper, which has not passed the gate.");
 
-
 #[rustfmt::skip]
 const BELT_POWER: SeriesRow = series("belt_power", "W",
     "Power of all belts at the time of the sample: friction times belt speed, positive when the belt drives the fillets.");
+
+const RESIDENCE_SHARE: CurveRow = curve(
+    "residence_share",
+    "1",
+    ("residence_time", "s"),
+    "Share of the fillets that had left after this residence time. It ends below 1 when fillets remain.",
+);
 
 pub(super) const OUTPUTS: Outputs = Outputs {
     responses: RESPONSES,
@@ -120,7 +133,7 @@ pub(super) const OUTPUTS: Outputs = Outputs {
         LOADS[4],
         LOADS[5],
     ],
-    curves: &[],
+    curves: &[RESIDENCE_SHARE],
 };
 
 impl Definition for Equipment {

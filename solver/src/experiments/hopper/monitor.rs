@@ -6,16 +6,16 @@ use super::curl::Curls;
 use super::feed::Feed;
 use super::loads::LoadMonitor;
 use super::opening::full_opening_m3_s;
-use super::{DISCHARGED_MASS, GONE_BEYOND_M, INSIDE_MASS, MASS_RATE, floor};
+use super::{DISCHARGED_MASS, GONE_BEYOND_M, INSIDE_MASS, MASS_RATE, RESIDENCE_SHARE, floor};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::warnings::{NO_REGIME, never_at_rest};
 use crate::observe::{
-    Discharge, REST_DURATION_S, Recorder, RestDetector, SeriesId, known_mass_rates, mass_rate,
+    Discharge, REST_DURATION_S, Recorder, ResidenceTimes, RestDetector, SeriesId, known_mass_rates, mass_rate,
 };
-use crate::result::{EndReason, Warning};
+use crate::result::{Curve, EndReason, Warning};
 use crate::scenario::{Equipment, Numerics, Scenario};
 
 /// The bed's surface is the height that this share of the hopper's floor stays below.
@@ -56,6 +56,7 @@ pub(super) struct HopperMonitor {
     feed: Feed,
     curls: Curls,
     loads: LoadMonitor,
+    residence: ResidenceTimes,
     /// Volume per second through the full opening, or why it is unknown.
     full_opening_m3_s: Result<f64, String>,
     greatest_height_m: Option<f64>,
@@ -89,6 +90,7 @@ impl HopperMonitor {
             bonds_intact: recorder.add_row(&BONDS_INTACT),
             kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
             curls: Curls::new(scene),
+            residence: ResidenceTimes::default(),
             full_opening_m3_s: full_opening_m3_s(equipment, scene),
             greatest_height_m: None,
             max_overlap_m: 0.0,
@@ -184,6 +186,10 @@ impl ExperimentMonitor for HopperMonitor {
         self.count_passed(state, now_s);
         self.curls.note(state, now_s);
         self.loads.record(sample, now_s, &mut self.recorder);
+        for (body, range) in state.body_ranges() {
+            let (count, x) = (range.len() as f64, range.map(|i| state.position(i).x).sum::<f64>());
+            self.residence.record(body as usize, now_s, x / count);
+        }
         let remove = self.leaving(state);
         self.recorder.record(self.mass, self.discharged_kg);
         self.recorder.record(self.inside, self.inside_kg(state));
@@ -238,6 +244,12 @@ impl ExperimentMonitor for HopperMonitor {
         add("inside_kg", self.recorder.last(self.inside).into());
         let (t_s, mass_kg) = (self.recorder.belt_s(self.mass), self.recorder.values(self.mass));
         add("steady_rate_kg_s", second_half_rate(t_s, mass_kg).into());
+        let residence = self.residence.residence();
+        add("residence_mean_s", residence.mean_s().into());
+        add("residence_5_percent_s", residence.percentile_s(0.05).into());
+        add("residence_median_s", residence.percentile_s(0.5).into());
+        add("residence_95_percent_s", residence.percentile_s(0.95).into());
+        add("fillets_remaining", residence.remaining.into());
         add("curl_angle_deg", curl.map(|(mean, _)| mean).into());
         add("largest_curl_angle_deg", curl.map(|(_, largest)| largest).into());
         add("fill_duration_s", self.bed.map(|bed| bed.fill_s).into());
@@ -254,6 +266,11 @@ impl ExperimentMonitor for HopperMonitor {
             NO_REGIME.with(&format!("regime, lowest_rate_ratio and longest_stoppage_s are null: {reason}."))
         });
         never_began.into_iter().chain(no_regime).collect()
+    }
+
+    fn curves(&self) -> Vec<Curve> {
+        let residence = self.residence.residence();
+        vec![RESIDENCE_SHARE.curve(residence.times_s.clone(), residence.shares())]
     }
 }
 
