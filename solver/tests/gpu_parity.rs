@@ -16,7 +16,7 @@ use glam::{DQuat, DVec3};
 use parity::{Both, difference, gpu};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
-use roost_solver::engine::scene::Placement;
+use roost_solver::engine::scene::{Placement, Scene};
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
 use roost_solver::gpu::Gpu;
 use roost_solver::gpu::source::Source;
@@ -320,21 +320,28 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
     }
 }
 
+/// Blocks and spheres that strike a plate at 8 m/s, a tilted plate of many facets, and a pusher; each with a point of the
+/// surface and its normal.
+fn strikes() -> [(Scene, DVec3, DVec3); 3] {
+    let (turn, away) = tilt();
+    let pushing = Motion::Moving { velocity: DVec3::Z * 6.0, pivot: DVec3::ZERO, spin: DVec3::X };
+    let scenes = [
+        (onto(plate(SurfaceKind::Equipment), |x| x), DVec3::ZERO, DVec3::Z, 8.0),
+        (onto(surface(tilted_plate()), |x| turn * x + away), away, turn * DVec3::Z, 8.0),
+        (onto(plate(SurfaceKind::Equipment).moving(pushing), |x| x), DVec3::ZERO, DVec3::Z, 2.0),
+    ];
+    scenes.map(|(mut scene, at, up, speed)| {
+        scene.timestep_s = 3e-4;
+        scene.bodies.iter_mut().for_each(|body| body.velocity = up * -speed);
+        (scene, at, up)
+    })
+}
+
 #[test]
 fn what_strikes_surfaces_fast_is_alike() {
     let Some(gpu) = gpu() else { return };
-    let (turn, away) = tilt();
-    let pushing = Motion::Moving { velocity: DVec3::Z * 6.0, pivot: DVec3::ZERO, spin: DVec3::X };
-    let flat = DQuat::IDENTITY;
-    let scenes = [
-        (onto(plate(SurfaceKind::Equipment), |x| x), flat, DVec3::ZERO, 8.0),
-        (onto(surface(tilted_plate()), |x| turn * x + away), turn, away, 8.0),
-        (onto(plate(SurfaceKind::Equipment).moving(pushing), |x| x), flat, DVec3::ZERO, 2.0),
-    ];
-    for (mut scene, turn, away, speed) in scenes {
-        let up = turn * DVec3::Z;
-        scene.timestep_s = 3e-4;
-        scene.bodies.iter_mut().for_each(|body| body.velocity = up * -speed);
+    let mut total = 0;
+    for (scene, at, up) in strikes() {
         let mut both = Both::new(&gpu, &scene);
         both.plain.start(&mut both.plain_run);
         both.gpu.start(&mut both.gpu_run);
@@ -342,9 +349,33 @@ fn what_strikes_surfaces_fast_is_alike() {
         for _ in 0..20 {
             both.stay_the_same(4, 2);
             let state = gpu.state(&mut both.gpu_run);
-            let below = |i: &usize| (state.position(*i) - away).dot(up) < 0.0;
+            let below = |i: &usize| (state.position(*i) - at).dot(up) < 0.0;
             beyond = beyond.max((0..state.particles.len()).filter(below).count());
         }
-        assert!(beyond > 10, "{beyond} centres beyond the plate at a time");
+        total += beyond;
+    }
+    assert!(total > 10, "{total} centres beyond the plates at a time");
+}
+
+#[test]
+fn an_error_in_the_memory_of_sides_is_found() {
+    let Some(device) = parity::device() else { return };
+    let planted = [
+        ("forces", "let distance = signed_distance(point);", "let distance = point.distance;"),
+        ("side", "return origin | BEYOND;", "return origin;"),
+        ("side", "if abs(cosine) > ALIGNED_COSINE {", "if false {"),
+    ];
+    let [_, (scene, ..), _] = strikes();
+    for (file, text, error) in planted {
+        let source = Source::kernels().with(file, text, error);
+        let gpu = Gpu::with(device.clone(), &source).expect("kernels that compile");
+        let mut both = Both::new(&gpu, &scene);
+        both.plain.start(&mut both.plain_run);
+        both.gpu.start(&mut both.gpu_run);
+        let stays = (0..8).all(|_| {
+            both.advance(10);
+            difference(both.plain.state(&mut both.plain_run), gpu.state(&mut both.gpu_run)).is_none()
+        });
+        assert!(!stays, "{file}: `{error}` was not found");
     }
 }
