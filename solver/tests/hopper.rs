@@ -12,6 +12,7 @@ fn run(fields: &[(&str, Value)]) -> RunResult {
     let document = json!({
         "experiment": "hopper",
         "product": {"count": 8, "subparticle_radius_m": 0.01},
+        "bonds": {"reference_radius_m": null},
         "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2, "gate_opening_m": 0.1},
         "numerics": {"timestep_s": "auto", "duration_s": 0.4},
     });
