@@ -140,7 +140,7 @@ fn a_bond_about_to_break_holds_when_let_go_at_the_automatic_step() {
 fn what_starts_fast_takes_shorter_steps() {
     let mut document =
         json!({"experiment": "drop", "drop": {"speed_m_s": 20}, "numerics": {"timestep_s": "auto"}});
-    for (speed, step) in [(20.0, Some(0.05 * 0.004 / 20.0)), (0.2, None)] {
+    for (speed, step) in [(20.0, Some(1.0 / 30.0 * 0.004 / 20.0)), (0.2, None)] {
         document["drop"]["speed_m_s"] = json!(speed);
         let scenario = scenario::from_value(&document).expect("a sound scenario");
         let bounds = bounds_on_timestep(&scenario, &kinds(&scenario));
@@ -151,7 +151,7 @@ fn what_starts_fast_takes_shorter_steps() {
         json!({"experiment": "scene", "scene": {"bodies": bodies}, "numerics": {"timestep_s": "auto"}});
     let scenario = scenario::from_value(&document).expect("a sound scenario");
     let bounds = bounds_on_timestep(&scenario, &kinds(&scenario));
-    assert_eq!(timestep_s(&scenario, &bounds), 0.05 * 0.004 / 20.0);
+    assert_eq!(timestep_s(&scenario, &bounds), 1.0 / 30.0 * 0.004 / 20.0);
 }
 
 #[test]

@@ -47,7 +47,7 @@ pub fn bounds_on_timestep(scenario: &Scenario, kinds: &[BodyKind]) -> Stability 
 
 /// Maximum distance that a body may move in the first step of `"auto"`, as a share of R. A faster body penetrates too
 /// deep before the first contact force, and fewer bonds break than at short steps.
-const STEP_RATIO: f64 = 0.05;
+const STEP_RATIO: f64 = 1.0 / 30.0;
 
 /// The time step that a scenario will run with, in seconds.
 pub fn timestep_s(scenario: &Scenario, stability: &Stability) -> f64 {
