@@ -135,6 +135,8 @@ def rate(case, folder, start, end):
     if log.exists():
         rows = [line.split() for line in log.read_text().splitlines() if not line.startswith("#")]
         points = [(int(step) * timestep(case), float(left)) for step, left in rows]
+        if points[-1][0] < end:
+            return print("LAMMPS has not come so far")
         print(f"LAMMPS {-fit(points, start, end):9.1f} spheres/s")
 
 
