@@ -378,3 +378,15 @@ fn waves_are_those_of_the_lattice() {
     let stretch = (state.position(1) - state.position(0)).length() - 2.0 * RADIUS;
     assert!((stretch / -1e-5 - 1.0).abs() < 1e-2, "{stretch:e}");
 }
+
+#[test]
+fn a_larger_radius_towards_other_bodies_agrees() {
+    for ratio in [1.1, 1.225] {
+        for (name, mut scene) in
+            [("drop", drop()), ("heap", heap()), ("many", many()), ("spheres", spheres())]
+        {
+            scene.laws.body_radius_ratio = ratio;
+            assert_agrees(&format!("{name} at ratio {ratio}"), &scene, &Course::of(HORIZON / 2));
+        }
+    }
+}

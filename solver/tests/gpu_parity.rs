@@ -84,6 +84,19 @@ fn what_is_held_and_what_moves_is_alike() {
 }
 
 #[test]
+fn a_larger_radius_towards_other_bodies_is_alike() {
+    let Some(gpu) = gpu() else { return };
+    for ratio in [1.225, 1.5] {
+        let mut scene = blocks();
+        scene.laws.body_radius_ratio = ratio;
+        Both::new(&gpu, &scene).stay_the_same(1000, 250);
+        let mut hopper = scene_of(&small_hopper(0.06));
+        hopper.laws.body_radius_ratio = ratio;
+        Both::new(&gpu, &hopper).stay_the_same(500, 250);
+    }
+}
+
+#[test]
 fn a_hopper_fills_and_discharges_alike() {
     let Some(gpu) = gpu() else { return };
     let mut both = Both::new(&gpu, &scene_of(&small_hopper(0.06)));
@@ -273,7 +286,7 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
     // File, what stands there, what is planted.
     let planted = [
         ("cell_list", "vec3(0x80000000u)) / scene.cell", "vec3(0x80000000u)) / (scene.cell / 2u)"),
-        ("neighbour_list", "<= scene.cutoff * scene.cutoff", "<= 0.7 * scene.cutoff * scene.cutoff"),
+        ("neighbour_list", "<= cutoff * cutoff", "<= 0.7 * cutoff * cutoff"),
         (
             "neighbour_list",
             "new_pairs[base + k] = pairs[at];",
@@ -282,6 +295,7 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
         ("neighbour_list", "atomicMax(&reports[run].walls, wall_count);", ""),
         ("forces", "me.mass * other.mass / (me.mass + other.mass)", "me.mass * 0.500001"),
         ("forces", "select(0u, 1u, i < j)", "1u"),
+        ("forces", "other.body != me.body", "false"),
         ("walls", "return k;", "return NONE;"),
         ("walls", "pose.velocity + cross3", "cross3"),
         ("step", "if me.held == 0u {", "if true {"),
@@ -301,6 +315,7 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
     );
     scene.bodies.push(at(DVec3::new(0.0, 0.01, 0.02), DVec3::NEG_Z * 8.0));
     scene.held = (0..8).collect();
+    scene.laws.body_radius_ratio = 1.1;
     scene.laws.belt = law(true, 0.3, 0.5, 0.0);
     scene.laws.bond = BondLaw { normal_strength: 0.05, ..bonds() };
     let stays = |source: &Source| {

@@ -120,20 +120,21 @@ impl Drop for Culprit<'_> {
     }
 }
 
-/// No two sub-particles of different fillets overlap, none touches a wall, all lie between the walls.
+/// No two sub-particles of different fillets overlap at their radius towards each other, none touches a wall, all lie between the walls.
 fn assert_placed_apart(scenario: &Scenario, scene: &Scene) {
     let state = State::new(scene);
     let radius = scene.radius_m;
     let mut order: Vec<usize> = (0..state.particles.len()).collect();
     order.sort_by_key(|&i| state.particles[i].position.z);
     let unit = f64::from(state.frame.unit_m);
-    let near = (2.0 * radius / unit) as i32 + 1;
+    let contact_distance = 2.0 * radius * scenario.contact.fillet_fillet_radius_ratio;
+    let near = (contact_distance / unit) as i32 + 1;
     for (k, &i) in order.iter().enumerate() {
         let at = |i: usize| state.particles[i].position;
         let above = order[k + 1..].iter().take_while(|&&j| at(j).z - at(i).z <= near);
         for &j in above.filter(|&&j| state.bodies[i] != state.bodies[j]) {
             let apart = f64::from(state.frame.between(at(i), at(j)).length());
-            assert!(apart >= 2.0 * radius, "{i} and {j} are {apart} m apart");
+            assert!(apart >= contact_distance, "{i} and {j} are {apart} m apart");
         }
     }
     let equipment = scenario.equipment().expect("a hopper");

@@ -85,7 +85,8 @@ fn stays(share: f64, shear_ratio: f32) -> bool {
     // Contact so soft that it does not count.
     let mut soft = law(false, 1.0, 0.0, 0.0);
     (soft.e_star, soft.g_star) = (1e-6, 1e-6);
-    scene.timestep_s = share * stability(MASS, RADIUS, &soft, &scene.laws.bond, false, false).undamped_s;
+    let laws = Laws { tissue: soft, contact_between_bonded: false, ..scene.laws };
+    scene.timestep_s = share * stability(MASS, RADIUS, &laws, false).undamped_s;
     std::sync::Arc::make_mut(&mut scene.kinds[0].meta).points[219] += DVec3::new(1e-6, 2e-6, -1e-6);
     let mut bench = Bench::new(&scene);
     let fault = bench.steps(3000);

@@ -167,7 +167,7 @@ fn reach_faults(scenario: &Scenario) -> Vec<Fault> {
     let (laws, contact) = (laws(scenario), &scenario.contact);
     let radius = scenario.product.radius_m();
     [
-        ("fillet_fillet", &contact.fillet_fillet, laws.tissue),
+        ("fillet_fillet", &contact.fillet_fillet, laws.between_bodies()),
         ("fillet_equipment", &contact.fillet_equipment, laws.equipment),
         ("fillet_belt", &contact.fillet_belt, laws.belt),
     ]

@@ -74,7 +74,8 @@ fn add_pair_forces(
 ) -> ForceStats {
     let Params { laws, radius, dt, .. } = params;
     let (me, mass) = (&state.particles[i], state.masses[i]);
-    let (contact_distance, hold) = (2.0 * radius, 2.0 * radius + laws.tissue.adhesion_range());
+    let contacts =
+        laws.pair_contacts(*radius).map(|(law, distance)| (law, distance, distance + law.adhesion_range()));
     let mut stats = ForceStats::default();
     for pair in chunk.pairs_mut(k) {
         let j = pair.other as usize;
@@ -82,6 +83,7 @@ fn add_pair_forces(
         let d = state.frame.between(me.position, other.position);
         let length2 = d.dot(d);
         let bonded = pair.bond_class != 0;
+        let (law, contact_distance, hold) = &contacts[usize::from(state.bodies[i] != state.bodies[j])];
         if !bonded && length2 > hold * hold {
             pair.contact = ContactHistory::default();
             continue;
@@ -95,7 +97,7 @@ fn add_pair_forces(
         let v = u - (me.spin + other.spin).cross(arm);
         let spin = (me.spin + other.spin) * 0.5;
         if bonded {
-            let rest = contact_distance * (pair.bond_class as f32).sqrt();
+            let rest = 2.0 * radius * (pair.bond_class as f32).sqrt();
             match bond::force(&laws.bond, &mut pair.bond, n, rest, length, u, v, spin, *dt) {
                 Some(force) => load.add(force.total, arm, force.shear),
                 None => {
@@ -110,8 +112,7 @@ fn add_pair_forces(
             let cap = if bonded { damping::BONDED_CAP } else { damping::BODY_CAP };
             let m_star = mass * state.masses[j] / (mass + state.masses[j]);
             let delta = contact_distance - length;
-            if let Some(force) =
-                contact::force(&laws.tissue, &mut pair.contact, n, delta, -v, spin, m_star, cap, *dt)
+            if let Some(force) = contact::force(law, &mut pair.contact, n, delta, -v, spin, m_star, cap, *dt)
             {
                 load.add(force.normal + force.tangential, arm, force.tangential);
                 if !bonded {

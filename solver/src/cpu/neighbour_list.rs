@@ -139,9 +139,11 @@ impl NeighbourLists {
 
     /// Rebuilds the lists. Bonds stay, and so do the histories of contacts.
     pub(crate) fn rebuild(&mut self, params: &Params, state: &State, walls: &Walls) {
-        let cutoff = 2.0 * params.radius + params.laws.adhesion_range() + params.skin;
+        let contacts = params.laws.pair_contacts(params.radius);
+        let cutoffs2 =
+            contacts.map(|(law, distance)| (distance + law.adhesion_range() + params.skin).powi(2));
         let wall_range = params.radius + params.laws.adhesion_range();
-        let cell_list = CellList::new(state, cutoff);
+        let cell_list = CellList::new(state, cutoffs2[1].sqrt());
         self.chunks.par_iter_mut().enumerate().for_each(|(c, chunk)| {
             let mut new = ChunkNeighbours::default();
             let mut near: Vec<u32> = Vec::new();
@@ -151,7 +153,8 @@ impl NeighbourLists {
                 near.clear();
                 cell_list.for_each_near(x, state.frame.period_y, |j| {
                     let d = state.frame.between(x, state.particles[j as usize].position);
-                    if j != i as u32 && d.dot(d) <= cutoff * cutoff {
+                    let is_other_body = state.bodies[i] != state.bodies[j as usize];
+                    if j != i as u32 && d.dot(d) <= cutoffs2[usize::from(is_other_body)] {
                         near.push(j);
                     }
                 });

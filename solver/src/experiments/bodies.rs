@@ -35,14 +35,7 @@ pub fn bounds_on_timestep(scenario: &Scenario, kinds: &[BodyKind]) -> Stability 
     let laws = laws::laws(scenario);
     let mass = kinds.iter().map(|kind| kind.subparticle_mass_kg).fold(f64::INFINITY, f64::min);
     let diagonals = kinds.iter().any(|kind| kind.meta.bonds.iter().any(|bond| bond.class > 1));
-    stability(
-        mass,
-        scenario.product.radius_m(),
-        &laws.tissue,
-        &laws.bond,
-        laws.contact_between_bonded,
-        diagonals,
-    )
+    stability(mass, scenario.product.radius_m(), &laws, diagonals)
 }
 
 /// Maximum distance that a body may move in the first step of `"auto"`, as a share of R. A faster body penetrates too

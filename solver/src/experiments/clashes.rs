@@ -30,8 +30,9 @@ pub(super) enum Obstacle {
 /// Every body that starts inside another body or a surface, with the first of each.
 pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Obstacle)> {
     let lattices: Vec<OnceCell<Lattice>> = vec![OnceCell::new(); scene.kinds.len()];
+    let ratio = f64::from(scene.laws.body_radius_ratio);
     let lattice =
-        |kind: usize| lattices[kind].get_or_init(|| Lattice::new(&scene.kinds[kind], scene.radius_m));
+        |kind: usize| lattices[kind].get_or_init(|| Lattice::new(&scene.kinds[kind], scene.radius_m, ratio));
     let sheets: Vec<Sheet<'_>> = scene.surfaces.iter().map(Sheet::new).collect();
     let mut earlier = EarlierBodies::new(scene);
     let mut found = Vec::new();
@@ -57,7 +58,8 @@ pub(super) fn clashes(scene: &Scene) -> Vec<(usize, Obstacle)> {
 
 /// Distance from a body's centre within which another body's sub-particle may be inside it, in metres.
 fn reach_m(scene: &Scene, body: &Placement) -> f64 {
-    scene.kinds[body.kind].meta.bounding_radius_m + 2.0 * scene.radius_m
+    scene.kinds[body.kind].meta.bounding_radius_m
+        + 2.0 * f64::from(scene.laws.body_radius_ratio) * scene.radius_m
 }
 
 /// The bodies visited so far, by cells as wide as the reach of two bodies. A scene may have many thousand spheres.
@@ -104,11 +106,11 @@ struct Lattice {
 }
 
 impl Lattice {
-    fn new(kind: &BodyKind, radius: f64) -> Self {
+    fn new(kind: &BodyKind, radius: f64, ratio: f64) -> Self {
         let (first, spacing) = (kind.meta.points.first().copied().unwrap_or_default(), 2.0 * radius);
         let cell = |point: &DVec3| ((*point - first) / spacing).round().as_ivec3();
         let cells = kind.meta.points.iter().map(cell).collect();
-        Self { first, spacing, cells, apart: (2.0 - OVERLAP_RATIO) * radius }
+        Self { first, spacing, cells, apart: (2.0 * ratio - OVERLAP_RATIO) * radius }
     }
 
     /// Whether one of some points lies inside a body of this kind, all of which is within `reach` of its place.
@@ -118,12 +120,12 @@ impl Lattice {
         near.map(|&point| turn * (point - body.position)).any(|point| self.holds(point))
     }
 
-    /// Whether a point, in the kind's own axes, is nearer than allowed to a sub-particle: to a corner of the cell it is in, for
-    /// the lattice is wider than that.
+    /// Whether a point, in the kind's own axes, is nearer than allowed to a sub-particle. The allowed distance is less than two
+    /// spacings, so it is one of the 64 lattice points around.
     fn holds(&self, point: DVec3) -> bool {
         let at = (point - self.first) / self.spacing;
-        let low = at.floor().as_ivec3();
-        (0..8).map(|k| low + IVec3::new(k & 1, k >> 1 & 1, k >> 2)).any(|cell| {
+        let low = at.floor().as_ivec3() - 1;
+        (0..64).map(|k| low + IVec3::new(k & 3, k >> 2 & 3, k >> 4)).any(|cell| {
             (cell.as_dvec3() - at).length() * self.spacing < self.apart && self.cells.contains(&cell)
         })
     }

@@ -22,6 +22,7 @@ pub fn laws(scenario: &Scenario) -> Laws {
     let rigid = hertz::tissue_on_rigid(e, nu);
     Laws {
         tissue: law(&contact.fillet_fillet, hertz::tissue_on_tissue(e, nu), radius / 2.0),
+        body_radius_ratio: contact.fillet_fillet_radius_ratio as f32,
         equipment: law(&contact.fillet_equipment, rigid, radius),
         belt: law(&contact.fillet_belt, rigid, radius),
         bond: bond_law(scenario),

@@ -95,21 +95,23 @@ impl HeightMap {
     }
 }
 
-/// Places `count` bodies, body `i` of kind `i mod kinds`, with velocity zero.
-pub fn drop_in(kinds: &[BodyKind], count: usize, radius: f64, floor: Floor, seed: u64) -> Vec<Placement> {
+/// Places `count` bodies, body `i` of kind `i mod kinds`, with velocity zero. `radii` are those of a sub-particle, in metres: R, and
+/// towards other bodies.
+pub fn drop_in(kinds: &[BodyKind], count: usize, radii: [f64; 2], floor: Floor, seed: u64) -> Vec<Placement> {
+    let [radius, outer] = radii;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut map = HeightMap::new(floor, radius);
     (0..count)
         .map(|i| {
             let kind = i % kinds.len();
             let (orientation, points) = orient(&kinds[kind], radius, floor, &mut rng);
-            let position = settle(&points, radius, &map, &mut rng);
+            let position = settle(&points, radii, &map, &mut rng);
             for &point in &points {
                 let top = position + point;
                 let mut cells = Vec::new();
-                map.under(top.truncate(), radius, |cell| cells.push(cell));
+                map.under(top.truncate(), outer, |cell| cells.push(cell));
                 for cell in cells {
-                    map.heights[cell] = map.heights[cell].max(top.z + radius);
+                    map.heights[cell] = map.heights[cell].max(top.z + outer);
                 }
             }
             Placement { kind, position, orientation, velocity: DVec3::ZERO }
@@ -150,7 +152,7 @@ fn extent(points: &[DVec3]) -> DVec3 {
 }
 
 /// The lowest of several random places where the points clear everything placed before.
-fn settle(points: &[DVec3], radius: f64, map: &HeightMap, rng: &mut ChaCha8Rng) -> DVec3 {
+fn settle(points: &[DVec3], [radius, outer]: [f64; 2], map: &HeightMap, rng: &mut ChaCha8Rng) -> DVec3 {
     let gap = GAP_RATIO * radius;
     let low = points.iter().copied().fold(DVec3::MAX, DVec3::min).truncate();
     let high = points.iter().copied().fold(DVec3::MIN, DVec3::max).truncate();
@@ -162,8 +164,8 @@ fn settle(points: &[DVec3], radius: f64, map: &HeightMap, rng: &mut ChaCha8Rng) 
         let at = from + (to - from) * DVec2::new(uniform(rng), uniform(rng));
         let mut height = f64::NEG_INFINITY;
         for point in points {
-            map.under(at + point.truncate(), radius, |cell| {
-                height = height.max(map.heights[cell] + gap + radius - point.z);
+            map.under(at + point.truncate(), outer, |cell| {
+                height = height.max(map.heights[cell] + gap + outer - point.z);
             });
         }
         at.extend(height)

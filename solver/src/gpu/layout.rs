@@ -72,10 +72,14 @@ shared! {
         spin_factor: f32,
         /// Square of the speed limit, in m²/s².
         limit2: f32,
-        /// Largest gap of an adhesive contact between sub-particles, in m.
-        tissue_adhesion_range: f32,
-        /// Cutoff of the neighbour lists, skin included, in m.
+        /// Distance of centres at first contact: within a body, and between bodies, in m.
+        contact_distance: f32,
+        /// See `contact_distance`.
+        body_contact_distance: f32,
+        /// Cutoff of the neighbour lists, skin included: within a body, and between bodies, in m.
         cutoff: f32,
+        /// See `cutoff`.
+        body_cutoff: f32,
         /// Cutoff of the wall lists, skin included, in m.
         wall_cutoff: f32,
         /// Maximum displacement for valid lists, in m.
@@ -112,8 +116,10 @@ shared! {
         zero_bits: u32,
         /// Law of bonds.
         bond: Bonds,
-        /// Law of contacts between sub-particles.
+        /// Law of contacts between sub-particles of one body.
         tissue: Law,
+        /// Law of contacts between sub-particles of different bodies.
+        body_tissue: Law,
     }
 
     /// The part of a sub-particle that neighbours read.
@@ -128,8 +134,8 @@ shared! {
         mass: f32,
         /// In rad/s.
         spin: [f32; 3],
-        /// Padding.
-        pad: u32,
+        /// Number of its body.
+        body: u32,
     }
 
     /// The part of a sub-particle that only it reads.

@@ -105,15 +105,15 @@ impl Run {
 
     fn write_state(&self, device: &Device) {
         let state = &self.state;
-        let particles = state.particles.iter().zip(&state.masses).zip(&state.held);
+        let particles = state.particles.iter().zip(&state.masses).zip(&state.held).zip(&state.bodies);
         let particles: Vec<Particle> = particles
-            .map(|((particle, &mass), &held)| Particle {
+            .map(|(((particle, &mass), &held), &body)| Particle {
                 position: particle.position.to_array(),
                 held: u32::from(held),
                 velocity: particle.velocity.to_array(),
                 mass,
                 spin: particle.spin.to_array(),
-                pad: 0,
+                body,
             })
             .collect();
         let own = state.remainders.iter().zip(&state.broken);
@@ -242,10 +242,11 @@ impl Run {
 /// The parameters of a scene for the kernels.
 fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
     let (radius, laws, frame) = (scene.radius_m as f32, &scene.laws, &state.frame);
-    let InternalLaws { tissue, bond, contact_between_bonded } = laws.internal();
+    let InternalLaws { contacts, bond, contact_between_bonded } = laws.internal(radius);
+    let [(tissue, contact_distance), (body_tissue, body_contact_distance)] = contacts;
     let (skin, limit) = (SKIN_RATIO * radius, scene.speed_limit_m_s as f32);
-    let cutoff = 2.0 * radius + laws.adhesion_range() + skin;
-    let cell = (cutoff / frame.unit_m).ceil() as u32 + 1;
+    let [cutoff, body_cutoff] = contacts.map(|(law, distance)| distance + law.adhesion_range() + skin);
+    let cell = (body_cutoff / frame.unit_m).ceil() as u32 + 1;
     Scene {
         gravity: scene.gravity.as_vec3().to_array(),
         dt: scene.timestep_s as f32,
@@ -255,8 +256,10 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
         inverse_unit: 1.0 / frame.unit_m,
         spin_factor: 2.5 / (radius * radius),
         limit2: limit * limit,
-        tissue_adhesion_range: tissue.adhesion_range(),
+        contact_distance,
+        body_contact_distance,
         cutoff,
+        body_cutoff,
         wall_cutoff: radius + laws.adhesion_range() + skin,
         half_skin: skin / 2.0,
         period_y: frame.period_y,
@@ -264,6 +267,7 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
         contact_between_bonded: u32::from(contact_between_bonded),
         bond: (&bond).into(),
         tissue: (&tissue).into(),
+        body_tissue: (&body_tissue).into(),
         ..Scene::default()
     }
 }

@@ -40,6 +40,13 @@ impl ContactLaw {
         }
     }
 
+    /// The law between spheres whose radius is `ratio` times as large: R* is.
+    #[must_use]
+    pub fn with_radius_ratio(&self, ratio: f32) -> Self {
+        let jkr = self.jkr.map(|scale| scale.with_radius_ratio(ratio));
+        Self { r_star: self.r_star * ratio, jkr, ..*self }
+    }
+
     /// Gap up to which an adhesive contact holds once it has formed, in metres; 0 without adhesion.
     pub fn adhesion_range(&self) -> f32 {
         self.jkr.map_or(0.0, |scale| -scale.snap_overlap)

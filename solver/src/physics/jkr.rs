@@ -54,6 +54,18 @@ impl JkrScale {
             snap_overlap: (f64::from(D_SNAP) * s0_4 / r_star) as f32,
         }
     }
+
+    /// The constants for `ratio` times R*, where s₀ is ∛ratio times as large.
+    #[must_use]
+    pub fn with_radius_ratio(&self, ratio: f32) -> Self {
+        let cube_root = ratio.cbrt();
+        Self {
+            force: self.force * ratio,
+            area: self.area * (cube_root * cube_root),
+            inverse_overlap: self.inverse_overlap / cube_root,
+            snap_overlap: self.snap_overlap * cube_root,
+        }
+    }
 }
 
 /// Largest root of x⁴ − x = D for D ≥ D_SNAP: three Newton steps from a first guess that is close everywhere.

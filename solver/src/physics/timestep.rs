@@ -29,8 +29,7 @@
 //! | I | kg m² | its moment of inertia, 2/5 m R² |
 //! | c | kg/s | sum of η over the contacts that act in the mode, weighted as K |
 
-use super::bond::BondLaw;
-use super::contact::ContactLaw;
+use super::Laws;
 use super::damping::{self, BODY_CAP, BONDED_CAP};
 
 /// Overlap at which the contact stiffness is taken, as a share of R: the overlap deep in a fillet that others
@@ -66,14 +65,8 @@ pub struct Stability {
 }
 
 /// Limits for sub-particles of `mass` in kg and `radius` in m. `diagonals` is true when face diagonals bond.
-pub fn stability(
-    mass: f64,
-    radius: f64,
-    contact: &ContactLaw,
-    bond: &BondLaw,
-    contact_between_bonded: bool,
-    diagonals: bool,
-) -> Stability {
+pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stability {
+    let Laws { tissue: contact, bond, contact_between_bonded, .. } = *laws;
     let a = (f64::from(contact.r_star) * REFERENCE_OVERLAP * radius).sqrt();
     let (contact_n, contact_t) = (2.0 * f64::from(contact.e_star) * a, 8.0 * f64::from(contact.g_star) * a);
     // Without contact between bonded neighbours, a pressed sub-particle touches only other bodies.
@@ -100,8 +93,13 @@ pub fn stability(
     Stability {
         undamped_s: undamped(mass, antiphase(1.0).max(uniform_spin(1.0))),
         damped_s,
-        auto_s: damped(1.0 + BED_STIFFNESS).min(safety * damped_s),
+        auto_s: damped(1.0 + bed_stiffness(laws.body_radius_ratio)).min(safety * damped_s),
     }
+}
+
+/// [`BED_STIFFNESS`] for a radius towards other bodies: the number of contacts grows with its square.
+fn bed_stiffness(body_radius_ratio: f32) -> f64 {
+    BED_STIFFNESS * f64::from(body_radius_ratio).powi(2)
 }
 
 /// 2/ω in seconds, for a stiffness in N/m on a mass in kg.

@@ -55,7 +55,7 @@ use storage::body::Body;
 use storage::bond_set::BondSet;
 use storage::bounds::FixedAabb;
 use storage::context::StepContext;
-use storage::laws::{LaneContactLaw, PairLaws};
+use storage::laws::{LaneContactLaw, PairContactLaw, PairLaws};
 use storage::motion::SAFETY_FACTOR;
 use storage::pairs::BodyPairList;
 
@@ -110,17 +110,13 @@ pub struct FastRun {
 impl FastRun {
     pub(super) fn new(scene: &Scene, params: Params, instructions: InstructionSet) -> Self {
         let state = State::new(scene);
-        let InternalLaws { tissue, bond, contact_between_bonded } = params.laws.internal();
-        let laws = PairLaws {
-            contact: LaneContactLaw::new(tissue),
-            bond,
-            contact_between_bonded,
-            contact_distance: 2.0 * params.radius,
-            dt: params.dt,
-        };
+        let InternalLaws { contacts, bond, contact_between_bonded } = params.laws.internal(params.radius);
+        let [contact, body_contact] =
+            contacts.map(|(law, distance)| PairContactLaw { law: LaneContactLaw::new(law), distance });
+        let laws = PairLaws { contact, body_contact, bond, contact_between_bonded, dt: params.dt };
         let walls = Walls::new(scene, &state.frame);
         let search = SearchParams {
-            cutoff: 2.0 * params.radius + params.laws.adhesion_range(),
+            cutoffs: [body_contact, contact].map(|contact| contact.hold_distance()),
             skins: SKIN_RATIOS.map(|ratio| ratio * params.radius),
             outer_skins: OUTER_SKIN_RATIOS.map(|ratio| ratio * params.radius),
         };
@@ -227,7 +223,7 @@ impl FastRun {
 
     /// Finds the pairs of bodies near each other. Pairs that persist keep their lists.
     fn update_body_pairs(&mut self) {
-        let reach = self.search.cutoff + MARGIN_RATIO * self.params.radius;
+        let reach = self.search.cutoffs[0] + MARGIN_RATIO * self.params.radius;
         let aabbs: Vec<FixedAabb> = self.bodies.iter().map(|body| body.bounds.whole).collect();
         self.order = morton_order(&aabbs);
         let pairs = overlapping_bodies(&aabbs, reach, &self.state.frame);

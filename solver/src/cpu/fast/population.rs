@@ -24,7 +24,8 @@ impl FastRun {
             let bonds = BondSet::all(&kind.meta.bonds, &self.laws);
             let bonded_pairs = kind.meta.bonds.iter().map(|bond| [bond.i, bond.j]);
             let points = BodyParticles::of(&self.state, range.clone());
-            self.bodies.push(Body::new(range, points, kind.subparticle_mass_kg as f32, bonds, bonded_pairs));
+            let (mass, is_group) = (kind.subparticle_mass_kg as f32, range.len() > kind.meta.points.len());
+            self.bodies.push(Body::new(range, points, mass, bonds, bonded_pairs, is_group));
         }
     }
 

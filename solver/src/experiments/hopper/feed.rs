@@ -42,6 +42,8 @@ pub(super) struct Feed {
     equipment: Equipment,
     kinds: Vec<BodyKind>,
     radius_m: f64,
+    /// Radius of a sub-particle towards other fillets, in metres.
+    outer_radius_m: f64,
     /// Kinds of the fillets that wait, the next one first, with the orientation of that one.
     waiting: std::vec::IntoIter<usize>,
     next: Option<(usize, DQuat, Vec<DVec3>)>,
@@ -59,6 +61,7 @@ impl Feed {
             equipment: equipment.clone(),
             kinds: scene.kinds.clone(),
             radius_m: scene.radius_m,
+            outer_radius_m: scene.radius_m * scenario.contact.fillet_fillet_radius_ratio,
             waiting: waiting.into_iter(),
             next: None,
             fed_kg: 0.0,
@@ -103,7 +106,7 @@ impl Feed {
 
     /// Positions of the sub-particles that a fillet may touch where it enters.
     fn near_entry(&self, state: &State) -> Vec<DVec3> {
-        let lowest = self.equipment.hopper_height_m - 2.0 * self.radius_m;
+        let lowest = self.equipment.hopper_height_m - 2.0 * self.outer_radius_m;
         let all = (0..state.particles.len()).map(|i| state.position(i));
         all.filter(|x| x.z > lowest).collect()
     }
@@ -118,7 +121,7 @@ impl Feed {
             (from.y, to.y) = (floor.low.y, floor.high.y);
         }
         let width = if floor.periodic_y { floor.high.y - floor.low.y } else { f64::INFINITY };
-        let apart = 2.0 * room;
+        let apart = 2.0 * self.outer_radius_m * (1.0 + GAP_RATIO);
         (0..PLACES).find_map(|_| {
             let share = DVec2::new(uniform(&mut self.rng), uniform(&mut self.rng));
             let at = (from + (to - from) * share).extend(self.equipment.hopper_height_m + room - low.z);

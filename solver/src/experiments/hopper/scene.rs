@@ -26,7 +26,8 @@ pub(super) fn scene(setup: &Setup, equipment: &Equipment) -> Scene {
     let (scenario, kinds) = (&setup.scenario, &setup.kinds);
     let radius = scenario.product.radius_m();
     let floor = floor(equipment);
-    let bodies = drop_in(kinds, scenario.product.count as usize, radius, floor, scenario.seed);
+    let radii = [radius, radius * scenario.contact.fillet_fillet_radius_ratio];
+    let bodies = drop_in(kinds, scenario.product.count as usize, radii, floor, scenario.seed);
     let top = bodies
         .iter()
         .map(|body| body.position.z + kinds[body.kind].meta.bounding_radius_m)

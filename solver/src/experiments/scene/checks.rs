@@ -42,7 +42,9 @@ pub(super) fn faults(setup: &Setup, free: &FreeScene) -> Vec<Fault> {
 /// Bodies that start inside each other, or inside or through a surface.
 fn start_faults(setup: &Setup, free: &FreeScene) -> Vec<Fault> {
     let scene = setup.scene();
-    let (apart, off) = ((2.0 - OVERLAP_RATIO) * scene.radius_m, (1.0 - OVERLAP_RATIO) * scene.radius_m);
+    let ratio = f64::from(scene.laws.body_radius_ratio);
+    let (apart, off) =
+        ((2.0 * ratio - OVERLAP_RATIO) * scene.radius_m, (1.0 - OVERLAP_RATIO) * scene.radius_m);
     let clash = |(body, other): (usize, Obstacle)| {
         let (detail, allowed) = match other {
             Obstacle::Body(other) => (

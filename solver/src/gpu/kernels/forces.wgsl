@@ -19,8 +19,6 @@ fn add(load: ptr<function, Load>, force: vec3<f32>, arm: vec3<f32>, across: vec3
 }
 
 fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>) -> ForceStats {
-    let contact_distance = 2.0 * scene.radius;
-    let hold = 2.0 * scene.radius + scene.tissue_adhesion_range;
     var stats = ForceStats(0.0, 0u);
     let base = i * dispatch.pair_capacity;
     let end = base + counts[i].pairs;
@@ -32,6 +30,13 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
         let length2 = dot3(d, d);
         var class_ = state & ~IN_CONTACT;
         let bonded = class_ != 0u;
+        var law = scene.tissue;
+        var contact_distance = scene.contact_distance;
+        if other.body != me.body {
+            law = scene.body_tissue;
+            contact_distance = scene.body_contact_distance;
+        }
+        let hold = contact_distance + adhesion_range_of(law);
         if !bonded && length2 > hold * hold {
             if state != 0u {
                 pairs[at].state = 0u;
@@ -49,7 +54,7 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
         let v = u - cross3(me.spin + other.spin, arm);
         let spin = (me.spin + other.spin) * 0.5;
         if bonded {
-            let rest = contact_distance * sqrt(f32(class_));
+            let rest = scene.contact_distance * sqrt(f32(class_));
             var stored = pairs[at].bond;
             let force = bond_force(scene.bond, &stored, n, rest, length, u, v, spin, scene.dt);
             if force.holds {
@@ -66,7 +71,7 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
             let m_star = me.mass * other.mass / (me.mass + other.mass);
             let delta = contact_distance - length;
             let cap = select(BODY_CAP, BONDED_CAP, bonded);
-            let force = contact_force(scene.tissue, &history, n, delta, -v, spin, m_star, cap, scene.dt);
+            let force = contact_force(law, &history, n, delta, -v, spin, m_star, cap, scene.dt);
             if force.acts {
                 add(load, force.normal + force.tangential, arm, force.tangential);
                 if !bonded {

@@ -39,6 +39,7 @@ fn insert_wall(base: u32, count: u32, facet: u32) -> u32 {
 fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> u32 {
     var count = already;
     let position = particles[me].position;
+    let body = particles[me].body;
     let cell = cell_of(scene, x) - vec3(1u);
     for (var k = 0u; k < 27u; k++) {
         let around = vec3(k % 3u, k / 3u % 3u, k / 9u);
@@ -47,7 +48,8 @@ fn insert_near(scene: Scene, me: u32, x: vec3<i32>, base: u32, already: u32) -> 
             let other = next - 1u;
             next = chain[other];
             let d = between(scene.unit_m, scene.period_y, position, particles[other].position);
-            if other != me && dot3(d, d) <= scene.cutoff * scene.cutoff {
+            let cutoff = select(scene.cutoff, scene.body_cutoff, particles[other].body != body);
+            if other != me && dot3(d, d) <= cutoff * cutoff {
                 count = insert_pair(base, count, other - scene.first);
             }
         }

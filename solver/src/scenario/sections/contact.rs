@@ -15,6 +15,8 @@ pub struct Contact {
     pub surface_energy_radius_m: Option<f64>,
     /// Between sub-particles.
     pub fillet_fillet: PairContact,
+    /// Radius of a sub-particle towards other fillets, over R.
+    pub fillet_fillet_radius_ratio: f64,
     /// Between sub-particles and walls, gate and back plate.
     pub fillet_equipment: PairContact,
     /// Between sub-particles and the belt.
@@ -44,6 +46,7 @@ pub struct PairContact {
 }
 
 const RESTITUTION: Range = above_to(0.0, 1.0);
+const RADIUS_RATIO: Range = from_to(1.0, 1.5);
 const SURFACE_ENERGY: Range = from_to(0.0, 10.0);
 
 /// Its fields in the table.
@@ -61,6 +64,10 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/contact/fillet_fillet/surface_energy_j_m2", "J/m²", 0.055, SURFACE_ENERGY, "Table 2",
         "Surface energy γ between fillets. Wet: assumed to be the surface tension of water at 20 °C.")
         .wet(0.0728),
+    number("/contact/fillet_fillet_radius_ratio", "", 1.0, RADIUS_RATIO, "assumed",
+        "Radius of a sub-particle towards other fillets, over `/product/subparticle_radius_m`. At 1 the lattice has holes that \
+         sub-particles of other fillets slip into; 1.225 closes them.")
+        .by_name(),
     number("/contact/fillet_equipment/static_friction", "", 0.5, FRICTION, "Table 2",
         "Coulomb coefficient of friction on walls, gate and back plate; equal when wet (Fig. 8b)."),
     same_as("/contact/fillet_fillet/restitution",

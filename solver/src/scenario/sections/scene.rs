@@ -65,6 +65,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     fields: FIELDS,
     takes: &[
         "/product/sizes_m", "/product/mesh", "/product/spheres", "/product/fill", "/numerics/duration_s",
+        "/contact/fillet_fillet_radius_ratio",
         "/numerics/stop/when_empty", "/numerics/stop/when_done",
     ],
     defaults: &[

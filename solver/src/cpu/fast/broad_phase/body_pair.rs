@@ -71,6 +71,13 @@ impl SkinBudget {
     }
 }
 
+impl SearchParams {
+    /// The cutoff of a pair of bodies, or of a body with itself.
+    pub(crate) fn cutoff(&self, first: &Body, is_self: bool) -> f32 {
+        self.cutoffs[usize::from(is_self && !first.is_group)]
+    }
+}
+
 impl BodyPair {
     pub(crate) fn new(bodies: [u32; 2]) -> Self {
         let candidates = Box::new(Candidates { pairs: Vec::new(), skin_budget: SkinBudget::NONE });
@@ -99,7 +106,7 @@ impl BodyPair {
         DistanceScratch { offsets, close }: &'a mut DistanceScratch,
     ) -> &'a [u32] {
         let is_self = self.bodies[0] == self.bodies[1];
-        let skin = search.skins[usize::from(is_self)];
+        let (cutoff, skin) = (search.cutoff(a, is_self), search.skins[usize::from(is_self)]);
         let motions = [&a.motion, &b.motion];
         let Self { skin_budget, candidates, .. } = self;
         if candidates.skin_budget.is_exhausted(motions) {
@@ -108,7 +115,7 @@ impl BodyPair {
             // Bodies without candidates may approach by the gap between them. Candidates must cover a list
             // built at the last moment.
             let margin = match &pair_search.found[..] {
-                [] => outer_skin.max(gap - search.cutoff),
+                [] => outer_skin.max(gap - cutoff),
                 _ => outer_skin - skin,
             };
             candidates.skin_budget = SkinBudget::new(motions, margin);
@@ -121,7 +128,7 @@ impl BodyPair {
         *skin_budget = SkinBudget::new(motions, skin);
         let offsets = grown(offsets, candidates.pairs.len());
         pair_offsets(&candidates.pairs, [&a.points, &b.points], frame, offsets);
-        select_close(simd, offsets, (search.cutoff + skin) / frame.unit_m, close)
+        select_close(simd, offsets, (cutoff + skin) / frame.unit_m, close)
     }
 
     /// Renumbers its pairs after a removal and schedules a new search. Its pairs move to the end of the list.

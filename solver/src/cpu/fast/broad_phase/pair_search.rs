@@ -31,9 +31,9 @@ pub(crate) fn overlapping_bodies(aabbs: &[FixedAabb], reach: f32, frame: &Frame)
 /// Parameters of the pair search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SearchParams {
-    /// Distance of centres up to which a contact can hold, in metres.
-    pub(crate) cutoff: f32,
-    /// Verlet skins of the lists, in metres: between bodies, and within a body.
+    /// Distances of centres up to which a contact can hold, in metres: between bodies, and within a body.
+    pub(crate) cutoffs: [f32; 2],
+    /// Verlet skins of the lists, in metres: the same.
     pub(crate) skins: [f32; 2],
     /// The same for candidates.
     pub(crate) outer_skins: [f32; 2],
@@ -122,7 +122,8 @@ impl PairSearch {
         is_self: bool,
     ) -> f32 {
         let skin = search.outer_skins[usize::from(is_self)];
-        let (listed, far) = (search.cutoff + skin, search.cutoff + FAR_SKINS * skin);
+        let cutoff = search.cutoff(a, is_self);
+        let (listed, far) = (cutoff + skin, cutoff + FAR_SKINS * skin);
         self.found.clear();
         let at = [&a.bounds, &b.bounds];
         let gap = if is_self { 0.0 } else { at[0].whole.gap(&at[1].whole, frame) };

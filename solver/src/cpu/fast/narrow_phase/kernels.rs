@@ -9,7 +9,7 @@ use super::{bond, contact};
 use crate::cpu::fast::instructions::arrays::{Lanes, WIDTH};
 use crate::cpu::fast::instructions::lanes::{F, F3, Mask};
 use crate::cpu::fast::instructions::set::LaneOps;
-use crate::cpu::fast::storage::laws::{LaneContactLaw, PairLaws};
+use crate::cpu::fast::storage::laws::{LaneContactLaw, PairContactLaw, PairLaws};
 use crate::cpu::fast::storage::pair_lanes::{BondHistoryMut, ContactHistories, PairKinematics, PairLoads};
 use crate::physics::damping::{BODY_CAP, BONDED_CAP, SURFACE_CAP};
 
@@ -18,7 +18,8 @@ use crate::physics::damping::{BODY_CAP, BONDED_CAP, SURFACE_CAP};
 #[inline(always)]
 pub(crate) fn contacts<S: LaneOps>(
     simd: S,
-    laws: &PairLaws,
+    law: &PairContactLaw,
+    dt: f32,
     BatchLanes { counts, kinematics, sqrt_m_star: [mass_a, mass_b], histories: [one, two] }: &mut BatchLanes,
     [a, b]: &mut [PairLoads; 2],
 ) -> f32 {
@@ -27,10 +28,9 @@ pub(crate) fn contacts<S: LaneOps>(
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     for part in 0..WIDTH / S::F32_LANES {
         let exists = F::load(simd, [&Lanes::TRANSPOSED; 2], part).lt(counts);
-        let pairs = PairLanes::new(simd, laws.dt, kinematics, part);
+        let pairs = PairLanes::new(simd, dt, kinematics, part);
         let sqrt_m_star = F::load(simd, [mass_a, mass_b], part);
-        let params =
-            ContactParams::new(simd, &laws.contact, laws.contact_distance, BODY_CAP, laws.dt, sqrt_m_star);
+        let params = ContactParams::new(simd, &law.law, law.distance, BODY_CAP, dt, sqrt_m_star);
         let (push, across, delta) = contact::force(simd, &params, &pairs, exists, [&mut one, &mut two], part);
         max_overlap = max_overlap.max(delta);
         pairs.n.neg_mul_add(push, across).store([&mut a.force, &mut b.force], part);
@@ -55,7 +55,7 @@ pub(crate) fn surfaces<S: LaneOps>(
 ) {
     let sqrt_m_star = F::splat(simd, sqrt_m_star);
     let params =
-        ContactParams::new(simd, law, 0.5 * laws.contact_distance, SURFACE_CAP, laws.dt, sqrt_m_star);
+        ContactParams::new(simd, law, 0.5 * laws.contact.distance, SURFACE_CAP, laws.dt, sqrt_m_star);
     let counts = F::splat_each(simd, counts.map(|count| count as f32));
     let (mut one, mut two) = (one.as_mut(), two.as_mut());
     for part in 0..WIDTH / S::F32_LANES {
@@ -81,9 +81,9 @@ pub(crate) fn bonds<S: LaneOps>(
     let zero = F::splat(simd, 0.0);
     let sqrt_m_star = F::splat(simd, sqrt_m_star);
     let bonded_params =
-        ContactParams::new(simd, &laws.contact, laws.contact_distance, BONDED_CAP, laws.dt, sqrt_m_star);
+        ContactParams::new(simd, &laws.contact.law, laws.contact.distance, BONDED_CAP, laws.dt, sqrt_m_star);
     let broken_params =
-        ContactParams::new(simd, &laws.contact, laws.contact_distance, BODY_CAP, laws.dt, sqrt_m_star);
+        ContactParams::new(simd, &laws.contact.law, laws.contact.distance, BODY_CAP, laws.dt, sqrt_m_star);
     let mut max_overlap = zero;
     let free = [one.exists & !*one.intact, two.exists & !*two.intact];
     let touch = if laws.contact_between_bonded { [one.exists, two.exists] } else { free };

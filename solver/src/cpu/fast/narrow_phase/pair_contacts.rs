@@ -44,8 +44,8 @@ impl BodyContacts<'_> {
             let sides = [&mine.points, &self.bodies[other as usize].points];
             pair_offsets(&list.slots[pairs.clone()], sides, self.frame, &mut offsets[pairs]);
         }
-        // Contacts that have formed hold down to the snap overlap.
-        let reach = self.laws.contact_distance + self.laws.contact.snap_overlap.abs();
+        // Within a body, where the distance of contact may be less, the kernel decides.
+        let reach = self.laws.body_contact.hold_distance();
         let mut close =
             select_close(simd, offsets, reach * (1.0 + ROUNDING) / self.frame.unit_m, &mut distances.close);
         let (mut max_overlap, mut done) = (0.0f32, 0);
@@ -62,7 +62,9 @@ impl BodyContacts<'_> {
             // Single spheres in a group have several contacts each, so their loads are summed at once. A
             // fillet has hardly any with itself. The decision must not depend on the current number of
             // contacts, which depends on unrelated spheres.
-            let is_summed = body_pair.bodies[0] == body_pair.bodies[1] && mine.bonds.is_empty();
+            let is_self = body_pair.bodies[0] == body_pair.bodies[1];
+            let is_summed = is_self && mine.bonds.is_empty();
+            let is_within = is_self && !mine.is_group;
             if is_summed {
                 self.pairs.self_loads.begin(mine.points.positions.len(), &LoadArray::default());
             }
@@ -82,24 +84,31 @@ impl BodyContacts<'_> {
                 these = &these[taken..];
                 if batch.pairs.len() == BATCH_SIZE {
                     let summed = is_summed.then_some(&mut *summed);
-                    max_overlap = max_overlap
-                        .max(run_outlined(simd, EvaluateBatch { contacts: self, batch: full, summed }));
+                    let evaluate = EvaluateBatch { contacts: self, batch: full, summed, is_within };
+                    max_overlap = max_overlap.max(run_outlined(simd, evaluate));
                     std::mem::swap(&mut batch, &mut full);
                 }
             }
-            if is_summed {
+            // A batch has one law.
+            let ends_batch = is_within && self.laws.differ();
+            if is_summed || ends_batch {
                 for batch in [&mut *full, &mut *batch] {
-                    let summed = Some(&mut *summed);
-                    max_overlap =
-                        max_overlap.max(run_outlined(simd, EvaluateBatch { contacts: self, batch, summed }));
+                    let summed = is_summed.then_some(&mut *summed);
+                    let evaluate = EvaluateBatch { contacts: self, batch, summed, is_within };
+                    max_overlap = max_overlap.max(run_outlined(simd, evaluate));
                 }
+            }
+            if ends_batch {
+                self.pairs.loads.drop_padding();
+            }
+            if is_summed {
                 run_outlined(simd, AddToBoth { sums: &mut self.pairs.self_loads, loads: summed });
                 summed.clear();
             }
         }
         for batch in [full, batch] {
-            max_overlap =
-                max_overlap.max(run_outlined(simd, EvaluateBatch { contacts: self, batch, summed: None }));
+            let evaluate = EvaluateBatch { contacts: self, batch, summed: None, is_within: false };
+            max_overlap = max_overlap.max(run_outlined(simd, evaluate));
         }
         max_overlap
     }
@@ -133,6 +142,8 @@ struct EvaluateBatch<'a, 'b> {
     batch: &'a mut PairBatch,
     /// Buffer for loads within a group, if these are summed at once.
     summed: Option<&'a mut LoadList>,
+    /// Whether the pairs are of one body of the scene.
+    is_within: bool,
 }
 
 impl SimdTask for EvaluateBatch<'_, '_> {
@@ -140,14 +151,15 @@ impl SimdTask for EvaluateBatch<'_, '_> {
 
     #[inline(always)]
     fn run<S: LaneOps>(self, simd: S) -> f32 {
-        let Self { contacts: BodyContacts { pairs, laws, frame, step, .. }, batch, summed } = self;
+        let Self { contacts: BodyContacts { pairs, laws, frame, step, .. }, batch, summed, is_within } = self;
         let BodyPairList { list, loads, self_loads, .. } = &mut **pairs;
         if batch.pairs.is_empty() {
             return 0.0;
         }
         let mut pair_loads = [PairLoads::ZERO; 2];
         let mut lanes = batch.lanes(simd, frame, *step);
-        let max_overlap = kernels::contacts(simd, laws, &mut lanes, &mut pair_loads);
+        let law = if is_within { &laws.contact } else { &laws.body_contact };
+        let max_overlap = kernels::contacts(simd, law, laws.dt, &mut lanes, &mut pair_loads);
         let LoadList { loads, slots } = match summed {
             None => loads,
             Some(summed) => {

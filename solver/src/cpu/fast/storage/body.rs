@@ -21,6 +21,8 @@ pub(crate) struct Body {
     /// Mass of each of its sub-particles, in kilograms.
     pub(crate) mass: f32,
     pub(crate) bonds: Vec<BondSet>,
+    /// Whether it is a group of single spheres, each of them a body of the scene.
+    pub(crate) is_group: bool,
     /// Pairs that were bonded at the start, by slots, sorted. Pairs with a broken bond stay in the bond sets.
     pub(crate) bonded_pairs: Vec<[u32; 2]>,
     pub(crate) walls: WallList,
@@ -54,6 +56,7 @@ impl Body {
         mass: f32,
         bonds: Vec<BondSet>,
         bonded_pairs: impl Iterator<Item = [u32; 2]>,
+        is_group: bool,
     ) -> Self {
         let bonded_pairs = slot_pairs(bonded_pairs);
         let speeds = (0..points.count).map(|k| points.particle(k).velocity.length());
@@ -64,6 +67,7 @@ impl Body {
             points,
             mass,
             bonds,
+            is_group,
             bonded_pairs,
             walls: WallList::default(),
             motion: BodyMotion::default(),

@@ -97,7 +97,7 @@ impl BondSet {
         for of_block in sorted.chunk_by(|a, b| a.i / WIDTH as u32 == b.i / WIDTH as u32) {
             let mut of_this = Vec::new();
             for bond in of_block {
-                let rest = laws.contact_distance * (bond.class as f32).sqrt();
+                let rest = laws.contact.distance * (bond.class as f32).sqrt();
                 let (set, lane) = Self::find(&mut of_this, [bond.i, bond.j], rest);
                 set.intact |= 1 << lane;
             }

@@ -14,14 +14,30 @@ pub(crate) struct LaneContactLaw {
     pub(crate) snap_overlap: f32,
 }
 
+/// Contacts between sub-particles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PairContactLaw {
+    pub(crate) law: LaneContactLaw,
+    /// Distance of centres at first contact, in metres.
+    pub(crate) distance: f32,
+}
+
+impl PairContactLaw {
+    /// Distance of centres up to which a contact can hold, in metres.
+    pub(crate) fn hold_distance(&self) -> f32 {
+        self.distance + self.law.snap_overlap.abs()
+    }
+}
+
 /// The laws of the pairs of a run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PairLaws {
-    pub(crate) contact: LaneContactLaw,
+    /// Within a body, where the distance is 2R.
+    pub(crate) contact: PairContactLaw,
+    /// Between bodies, where the distance is at least 2R.
+    pub(crate) body_contact: PairContactLaw,
     pub(crate) bond: BondLaw,
     pub(crate) contact_between_bonded: bool,
-    /// Distance of centres at first contact, 2R, in metres.
-    pub(crate) contact_distance: f32,
     pub(crate) dt: f32,
 }
 
@@ -33,5 +49,12 @@ impl LaneContactLaw {
             damping_t: law.damping * (8.0 * law.g_star).sqrt(),
             snap_overlap: law.jkr.map_or(0.0, |scale| scale.snap_overlap),
         }
+    }
+}
+
+impl PairLaws {
+    /// Whether the contact within a body differs from the one between bodies.
+    pub(crate) fn differ(&self) -> bool {
+        self.body_contact.distance > self.contact.distance
     }
 }

@@ -45,6 +45,11 @@ impl LoadList {
         self.slots.clear();
     }
 
+    /// Drops the loads of lanes without a pair at the end, so that the next load follows the last pair.
+    pub(crate) fn drop_padding(&mut self) {
+        self.loads.0.truncate(self.slots.len());
+    }
+
     /// Prefetches the loads of some pairs.
     #[inline(always)]
     pub(crate) fn prefetch(&self, pairs: Range<usize>) {
