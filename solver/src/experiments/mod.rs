@@ -11,6 +11,7 @@ mod definition;
 mod drop;
 mod energy;
 mod hopper;
+mod interpenetration;
 pub mod laws;
 mod loads;
 mod outputs;

@@ -54,6 +54,9 @@ const RESPONSES: &[Response] = &[
     number("bulk_density_kg_m3", "kg/m³",
         "Filled mass divided by the volume of the bed: hopper area times bed height, which 95 % of the floor does not exceed. Soft \
          fillets overlap, so it can exceed the density of a fillet."),
+    number("interpenetrated_fraction", "",
+        "Share of the sub-particles that lie inside another fillet when the belt starts: their centre is between the eight \
+         corners of one of its lattice cells."),
     number("peak_rate_kg_s", "kg/s",
         "Maximum of the 1 s running mean of the rate. The plotted rate is a mean over 0.25 s, so its maximum is higher."),
     number("rate_variation", "",

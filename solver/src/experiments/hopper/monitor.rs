@@ -10,6 +10,7 @@ use super::{DISCHARGED_MASS, GONE_BEYOND_M, INSIDE_MASS, MASS_RATE, RESIDENCE_SH
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
+use crate::experiments::interpenetration::Interpenetration;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::warnings::{NO_REGIME, never_at_rest};
 use crate::observe::{
@@ -27,6 +28,8 @@ struct Bed {
     mass_kg: f64,
     volume_m3: f64,
     fill_s: f64,
+    /// Share of the sub-particles that lie inside another fillet.
+    interpenetrated: Option<f64>,
 }
 
 /// The hopper's monitor.
@@ -40,6 +43,7 @@ pub(super) struct HopperMonitor {
     /// Nothing can be at rest before the highest fillet has fallen, in seconds.
     longest_fall_s: f64,
     rest: RestDetector,
+    interpenetration: Interpenetration,
     bed: Option<Bed>,
     /// Whether each sub-particle, by serial, has passed the gate.
     passed: Vec<bool>,
@@ -79,6 +83,7 @@ impl HopperMonitor {
             periodic: scene.periodic_y,
             longest_fall_s: longest_fall(scene),
             rest: RestDetector::default(),
+            interpenetration: Interpenetration::new(scene),
             bed: None,
             passed: vec![false; subparticles],
             unpassed: subparticles,
@@ -178,7 +183,8 @@ impl ExperimentMonitor for HopperMonitor {
             if self.at_rest(state, sample.simulated_s) {
                 let mass_kg = state.masses.iter().map(|&m| f64::from(m)).sum();
                 let volume_m3 = bed_volume(state, &self.equipment);
-                self.bed = Some(Bed { mass_kg, volume_m3, fill_s: sample.simulated_s });
+                let interpenetrated = self.interpenetration.fraction(state);
+                self.bed = Some(Bed { mass_kg, volume_m3, fill_s: sample.simulated_s, interpenetrated });
                 return Decision::Start;
             }
             return Decision::Continue { remove: self.leaving(state) };
@@ -252,6 +258,7 @@ impl ExperimentMonitor for HopperMonitor {
         add("fillets_remaining", residence.remaining.into());
         add("curl_angle_deg", curl.map(|(mean, _)| mean).into());
         add("largest_curl_angle_deg", curl.map(|(_, largest)| largest).into());
+        add("interpenetrated_fraction", bed.interpenetrated.into());
         add("fill_duration_s", self.bed.map(|bed| bed.fill_s).into());
         add("bonds_intact_fraction", self.recorder.last(self.bonds_intact).into());
         add("kinetic_energy_end_j", self.recorder.last(self.kinetic_energy).into());

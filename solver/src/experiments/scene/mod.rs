@@ -29,6 +29,9 @@ const RESPONSES: &[Response] = &[
          lasts at least 0.1 s, longer with weak gravity. Null without rest.").headline(),
     number("greatest_height_m", "m",
         "Height of the top of the highest sub-particle at the end, from the origin against gravity; null when nothing is left.").headline(),
+    number("interpenetrated_fraction", "",
+        "Share of the sub-particles that lie inside another body at the end: their centre is between the eight corners of one of \
+         its lattice cells; null when nothing is left."),
     number("bodies", "", "Number of bodies at the end; a body counts if a part of it is left."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,

@@ -10,6 +10,7 @@ use crate::engine::state::State;
 use crate::equipment::Motion;
 use crate::experiments::energy::{ENERGY_MARGIN, given_j};
 use crate::experiments::loads::{AXES, LoadSeries, SampleStats, power_w};
+use crate::experiments::interpenetration::Interpenetration;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::warnings::TEST_NEVER_BEGAN;
 use crate::observe::{REST_DURATION_S, Recorder, RestDetector, SeriesId};
@@ -33,6 +34,9 @@ pub(super) struct SceneMonitor {
     escaped_kg: f64,
     max_overlap_m: f32,
     greatest_height_m: Option<f64>,
+    interpenetration: Interpenetration,
+    /// State at the last sample.
+    last: Option<State>,
     /// Numbers of the bodies that are still there, and their centres of mass, in metres.
     centres_m: Vec<(u32, DVec3)>,
     recorder: Recorder,
@@ -86,6 +90,8 @@ impl SceneMonitor {
             escaped_kg: 0.0,
             max_overlap_m: 0.0,
             greatest_height_m: None,
+            interpenetration: Interpenetration::new(scene),
+            last: None,
             centres_m: Vec::new(),
             kinetic_energy: recorder.add_row(&KINETIC_ENERGY),
             bonds_intact: recorder.add_row(&BONDS_INTACT),
@@ -146,6 +152,7 @@ impl SceneMonitor {
             (count > 0).then(|| (body, inside().sum::<DVec3>() / count as f64))
         });
         self.centres_m = centres.collect();
+        self.last = Some(state.clone());
         self.rest.record(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
     }
 }
@@ -190,6 +197,8 @@ impl ExperimentMonitor for SceneMonitor {
         add("max_surface_torque_n_m", self.max_torque_n_m.max().into());
         add("mean_power_w", self.power_w.mean().into());
         add("max_power_w", self.power_w.max().into());
+        let interpenetrated = self.last.as_ref().and_then(|state| self.interpenetration.fraction(state));
+        add("interpenetrated_fraction", interpenetrated.into());
         add("greatest_height_m", self.greatest_height_m.into());
         responses
     }

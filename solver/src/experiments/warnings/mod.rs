@@ -83,6 +83,11 @@ const DENSE_BED: WarningKind = kind(
     "`bulk_density_kg_m3` is above the density of a fillet: fillets overlap.",
     "Treat masses and rates as too high by about this ratio, or raise /material/youngs_modulus_pa.",
 );
+const INTERPENETRATION: WarningKind = kind(
+    "interpenetration",
+    "`interpenetrated_fraction` is above 0.02: fillets slipped into the lattices of others.",
+    "Set /contact/fillet_fillet_radius_ratio to 1.225, which closes the holes of the lattice, and compare.",
+);
 /// A test whose measured event never happened.
 pub(super) const TEST_NEVER_BEGAN: WarningKind = kind(
     "test_never_began",
@@ -111,6 +116,7 @@ pub const ALL_WARNINGS: &[&WarningKind] = &[
     &BROKEN_BONDS,
     &DEEP_OVERLAP,
     &DENSE_BED,
+    &INTERPENETRATION,
 ];
 
 /// The number of warnings, as a response of every experiment, so that tables show it.

@@ -2,13 +2,16 @@
 
 use serde_json::{Map, Value};
 
-use super::{BROKEN_BONDS, DEEP_OVERLAP, DENSE_BED, ESCAPED_MASS, PASSED_THROUGH};
+use super::{BROKEN_BONDS, DEEP_OVERLAP, DENSE_BED, ESCAPED_MASS, INTERPENETRATION, PASSED_THROUGH};
 use crate::engine::scene::BodyKind;
 use crate::experiments::Setup;
 use crate::result::Warning;
 
 /// Share of bonds below which a product counts as torn.
 const LOW_INTACT_FRACTION: f64 = 0.95;
+
+/// Share of the sub-particles inside another body from which fillets count as merged.
+const MAX_INTERPENETRATED: f64 = 0.02;
 
 /// The warnings that these responses give.
 pub fn of_responses(setup: &Setup, responses: &Map<String, Value>) -> Vec<Warning> {
@@ -41,6 +44,12 @@ pub fn of_responses(setup: &Setup, responses: &Map<String, Value>) -> Vec<Warnin
         warnings.push(DENSE_BED.with(&format!(
             "The bed at rest has {bulk:.0} kg/m³, {ratio:.2} times the {density_kg_m3:.0} kg/m³ of a fillet: fillets overlap."
         )));
+    }
+    if let Some(inside) = number("interpenetrated_fraction").filter(|inside| *inside > MAX_INTERPENETRATED) {
+        let percent = 100.0 * inside;
+        warnings.push(
+            INTERPENETRATION.with(&format!("{percent:.1} % of the sub-particles lie inside another body.")),
+        );
     }
     warnings
 }

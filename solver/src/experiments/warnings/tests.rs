@@ -54,6 +54,7 @@ fn every_limit_of_a_response_has_its_warning() {
         ("passed_through", json!(0), json!(3), "passed_through", "3 times"),
         ("bonds_intact_fraction", json!(0.951), json!(0.949), "broken_bonds", "5.1 %"),
         ("max_overlap_ratio", json!(0.999), json!(1.25), "deep_overlap", "1.25 R"),
+        ("interpenetrated_fraction", json!(0.019), json!(0.0512), "interpenetration", "5.1 %"),
         ("bulk_density_kg_m3", json!(939.0), json!(1034.0), "dense_bed", "1.10 times the 940 kg/m³"),
     ];
     for (name, sound, bad, code, figure) in limits {
