@@ -237,9 +237,9 @@ fn a_scene_of_too_many_forces_is_refused() {
             ("/numerics/output_interval_s", json!(interval)),
         ])
     };
-    // 3 components · 1000 surfaces · 2 s at 0.014 s are 4.3e5 numbers.
-    assert_eq!(pointers(&of(0.014)), ["/numerics/output_interval_s"]);
-    assert_eq!(faults(&of(0.016)), []);
+    // 6 components · 1000 surfaces · 2 s at 0.028 s are 4.3e5 numbers.
+    assert_eq!(pointers(&of(0.028)), ["/numerics/output_interval_s"]);
+    assert_eq!(faults(&of(0.032)), []);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 fn run(document: Value) -> RunResult {
     let mut document = document;
-    document["product"]["subparticle_radius_m"] = json!(0.009);
+    document["product"]["subparticle_radius_m"] = json!(0.004);
     document["numerics"]["timestep_s"] = json!("auto");
     let scenario = scenario::from_value(&document).unwrap_or_else(|faults| panic!("{faults:?}"));
     run_on(1, &scenario)
