@@ -1,9 +1,10 @@
 //! The result document `roost.result/1`, estimates and progress.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
-use crate::scenario::Scenario;
+use crate::scenario::{self, Fault, Scenario};
 
 /// Changes with every change of a result: a bit of the simulation, or the meaning of a response, series or curve. Results
 /// of different revisions are never mixed, and stored results are keyed by it.
@@ -38,10 +39,19 @@ pub struct RunResult {
     pub solver: SolverInfo,
     /// The cost of the run.
     pub performance: Performance,
-    /// The scenario as run, every default written out.
+    /// The scenario as run, every default written out. A document of an earlier version is brought to the present schema.
+    #[serde(deserialize_with = "read_scenario")]
     pub scenario: Scenario,
     /// blake3 of the canonical JSON of `scenario`, in hex.
     pub scenario_digest: String,
+}
+
+fn read_scenario<'de, D: Deserializer<'de>>(document: D) -> Result<Scenario, D::Error> {
+    let fault = |faults: Vec<Fault>| match faults.first() {
+        Some(fault) => D::Error::custom(format!("scenario: {fault}")),
+        None => D::Error::custom("scenario"),
+    };
+    scenario::from_value(&Value::deserialize(document)?).map_err(fault)
 }
 
 impl RunResult {

@@ -35,13 +35,14 @@ fn begin_missing(page: &Path, experiment: &str) {
 }
 
 #[test]
-fn every_experiment_has_a_page_with_its_fields_and_results() {
+fn every_experiment_has_a_page_with_its_fields_results_and_an_example() {
     for experiment in EXPERIMENTS {
         let page = docs(&format!("reference/{experiment}.md"));
         begin_missing(&page, experiment);
         let table = scenario::field_tables_markdown(experiment);
         assert_generated(&page, "the field table", table.trim_end());
         assert_generated(&page, "the table of results", output_tables_markdown(experiment).trim_end());
+        assert_valid_example(experiment);
     }
 }
 
@@ -70,15 +71,12 @@ fn contents_list_every_experiment() {
     assert_text(&docs("SUMMARY.md"), &contents, &expected);
 }
 
-#[test]
-fn scenarios_on_the_experiment_pages_are_valid() {
-    for experiment in EXPERIMENTS {
-        let page = read(&format!("reference/{experiment}.md"));
-        let document =
-            page.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a scenario");
-        let scenario = scenario::from_value(&serde_json::from_str(document).expect("JSON"))
-            .unwrap_or_else(|faults| panic!("{experiment}: {faults:?}"));
-        let (meshes, limits) = (Meshes::default(), Limits::default());
-        check(&scenario, &meshes, &limits).expect("a scenario that can run");
-    }
+/// Asserts that the example on the page of an experiment can run.
+fn assert_valid_example(experiment: &str) {
+    let page = read(&format!("reference/{experiment}.md"));
+    let document =
+        page.split("```json\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("a scenario");
+    let scenario = scenario::from_value(&serde_json::from_str(document).expect("JSON"))
+        .unwrap_or_else(|faults| panic!("{experiment}: {faults:?}"));
+    check(&scenario, &Meshes::default(), &Limits::default()).expect("a scenario that can run");
 }

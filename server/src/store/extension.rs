@@ -3,12 +3,12 @@
 use roost_api::design::Factor;
 use roost_api::ids::SweepId;
 use roost_api::time::Timestamp;
-use roost_solver::scenario::Scenario;
+use roost_solver::scenario::{self, Scenario};
 use serde_json::Value;
 use sqlx::SqliteConnection;
 use uuid::Uuid;
 
-use super::columns::{Columns, from_json};
+use super::columns::{Columns, corrupt, from_json};
 use super::job_rows::{JobBatches, JobOptions};
 use super::submit::queue;
 use super::{Store, StoreError};
@@ -119,7 +119,8 @@ impl Store {
         rows.iter()
             .map(|row| {
                 let text: String = row.column("body")?;
-                Ok((row.number("point")?, from_json("scenario", &text)?))
+                let scenario = scenario::parse(&text).map_err(|error| corrupt("scenario", error))?;
+                Ok((row.number("point")?, scenario))
             })
             .collect()
     }

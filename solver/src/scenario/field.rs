@@ -229,6 +229,6 @@ pub fn unit_suffix(unit: &str) -> String {
         "" => String::new(),
         "°" => "_deg".to_owned(),
         "°/s" => "_deg_s".to_owned(),
-        _ => format!("_{}", unit.to_lowercase().replace('/', "_").replace('²', "2").replace('³', "3")),
+        _ => format!("_{}", unit.to_lowercase().replace(['/', ' '], "_").replace('²', "2").replace('³', "3")),
     }
 }

@@ -82,8 +82,8 @@ const HEAD: &[Field] = &[
     choice("/schema", &[SCHEMA], "format",
         "Name and version of this document's format. `roost.scenario/1` is read as well; its bonds have no `reference_radius_m`."),
     field("/experiment", FieldKind::Choice(EXPERIMENTS), "", Preset::Required, "section 2",
-        "The test to simulate. `hopper`: bulk discharge of a hopper by a belt under a gate (section 2.4). `drop`, `bend`, `slide`, \
-         `compress`: the paper's tests of single fillets (section 2.3). `scene`: bodies and surfaces that you place."),
+        "What is simulated: bulk discharge of a hopper (section 2.4), one of the paper's tests of single fillets (section 2.3), or a \
+         `scene` of bodies and surfaces that you place."),
 ];
 
 #[rustfmt::skip]

@@ -119,10 +119,9 @@ pub const ALL_WARNINGS: &[&WarningKind] = &[
     &INTERPENETRATION,
 ];
 
-/// The number of warnings, as a response of every experiment, so that tables show it.
+/// The number of warnings, as a response of every experiment.
 pub(super) const WARNING_COUNT: Response =
-    number("warning_count", "", "Number of warnings; the result document has them under `warnings`.")
-        .headline();
+    number("warning_count", "", "Number of warnings; the result document has them under `warnings`.");
 
 /// That response, by name.
 pub fn warning_count(warnings: &[Warning]) -> (String, Value) {
