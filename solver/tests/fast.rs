@@ -13,7 +13,7 @@ mod stl;
 
 use std::f64::consts::PI;
 
-use common::{RADIUS, assert_same, at, block, bonds, law, onto, scene};
+use common::{RADIUS, assert_same, at, block, bonds, law, onto, scene, with_moments};
 use cut::{cut_plate, pipe, surface};
 use glam::DVec3;
 use heaps::{drop, fillet, heap, many, spheres};
@@ -149,9 +149,13 @@ fn fillets_that_fall_onto_each_other_agree_in_every_formulation() {
 fn bonds_break_alike_and_go_on_as_contacts() {
     let mut scene = drop();
     scene.laws.bond.normal_strength = 0.02;
-    for contact_between_bonded in [true, false] {
-        scene.laws.contact_between_bonded = contact_between_bonded;
-        let states = assert_agrees("breaking", &scene, &Course::of(HORIZON));
+    let without_contact = {
+        let mut scene = scene.clone();
+        scene.laws.contact_between_bonded = false;
+        scene
+    };
+    for scene in [&scene, &without_contact, &with_moments(scene.clone(), 1.0)] {
+        let states = assert_agrees("breaking", scene, &Course::of(HORIZON));
         let broken = states.last().map_or(0, |s| s.bonds_broken);
         assert!(broken > 20, "{broken} bonds broke");
     }
@@ -281,8 +285,9 @@ fn what_is_taken_out_is_gone_alike() {
     // A whole fillet, which others touch; and a part of one.
     for serials in [(count..2 * count).collect(), (count + 10..count + 60).collect::<Vec<u32>>()] {
         // Then rounding decides when two neighbours graze, as in `held`.
-        let course = Course { remove: Some((100, serials)), ..Course::of(180) };
+        let course = Course { remove: Some((100, serials)), ..Course::of(120) };
         assert_agrees("taken out", &drop(), &course);
+        assert_agrees("taken out, with moments", &with_moments(drop(), 1.0), &course);
     }
 }
 
@@ -348,7 +353,8 @@ fn assert_all_same(a: &[State], b: &[State], what: &str) {
 fn threads_and_instruction_sets_change_no_bit() {
     let mut breaking = drop();
     breaking.laws.bond.normal_strength = 0.02;
-    let whole = [(heap(), 2000), (breaking, 400), (many(), 300), (spheres(), 300)];
+    let moments = with_moments(drop(), 1.0);
+    let whole = [(heap(), 2000), (breaking, 400), (many(), 300), (spheres(), 300), (moments, 300)];
     let whole = whole.map(|(scene, steps)| (scene, Course::of(steps)));
     for (scene, course) in whole.into_iter().chain([some_spheres_leave()]) {
         let one = states(&scene, &course, Some(InstructionSet::widest()), 1);

@@ -117,15 +117,32 @@ fn an_entry_gives_equal_bits_for_any_chunks_and_threads() {
 #[test]
 fn a_body_that_enters_early_is_as_one_that_was_there() {
     let (scene, late) = entering();
-    let mut there = scene.clone();
-    there.waiting = 0;
-    there.bodies[2] = late;
-    for cpu in [Cpu::plain(1), Cpu::new(1)] {
-        let (mut entered, mut present) = (cpu.prepare(&scene), cpu.prepare(&there));
-        cpu.enter(&mut entered, &scene, 2, &[late]);
+    let moments = common::with_moments(scene.clone(), 1.0);
+    for (cpu, scene) in [Cpu::plain(1), Cpu::new(1)].iter().flat_map(|cpu| [(cpu, &scene), (cpu, &moments)]) {
+        let mut there = scene.clone();
+        there.waiting = 0;
+        there.bodies[2] = late;
+        let (mut entered, mut present) = (cpu.prepare(scene), cpu.prepare(&there));
+        cpu.enter(&mut entered, scene, 2, &[late]);
         cpu.advance(&mut [(&mut entered, 800), (&mut present, 800)]);
         let state = cpu.state(&mut present).clone();
         assert_eq!(cpu.state(&mut entered).bonds_at_start, state.bonds_at_start);
         assert_same(cpu.state(&mut entered), &state, "entered before the first step");
+    }
+}
+
+#[test]
+fn bodies_keep_the_moments_of_their_bonds_when_another_enters() {
+    let (scene, late) = entering();
+    let scene = common::with_moments(scene, 1.0);
+    let far = Placement { position: late.position - glam::DVec3::X * 0.3, ..late };
+    for cpu in [Cpu::plain(1), Cpu::new(1)] {
+        let (mut entered, mut alone) = (cpu.prepare(&scene), cpu.prepare(&scene));
+        cpu.advance(&mut [(&mut entered, 700), (&mut alone, 700)]);
+        cpu.enter(&mut entered, &scene, 2, &[far]);
+        cpu.advance(&mut [(&mut entered, 100), (&mut alone, 100)]);
+        let (entered, alone) = (cpu.state(&mut entered), cpu.state(&mut alone));
+        assert_eq!((entered.particles.len(), alone.particles.len()), (144, 96));
+        assert_eq!(entered.particles[..96], alone.particles[..]);
     }
 }

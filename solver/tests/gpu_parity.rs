@@ -10,7 +10,7 @@ mod stl;
 
 use std::f64::consts::TAU;
 
-use common::{at, blocks, bonds, checked, law, onto, plate, scene_of, small_hopper};
+use common::{at, blocks, bonds, checked, law, onto, plate, scene_of, small_hopper, with_moments};
 use cut::{cap, cut_plate, pipe, surface, tilt, tilted_plate};
 use glam::{DQuat, DVec3};
 use parity::{Both, difference, gpu};
@@ -296,6 +296,8 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
         ("forces", "me.mass * other.mass / (me.mass + other.mass)", "me.mass * 0.500001"),
         ("forces", "select(0u, 1u, i < j)", "1u"),
         ("forces", "other.body != me.body", "false"),
+        ("forces", "(*load).torque += torque;", "(*load).torque -= torque;"),
+        ("neighbour_list", "moment_row(scene, i) + at - base", "moment_row(scene, i) + k"),
         ("walls", "return k;", "return NONE;"),
         ("walls", "pose.velocity + cross3", "cross3"),
         ("step", "if me.held == 0u {", "if true {"),
@@ -318,6 +320,7 @@ fn an_error_in_any_stage_is_found_in_a_whole_scene() {
     scene.laws.body_radius_ratio = 1.1;
     scene.laws.belt = law(true, 0.3, 0.5, 0.0);
     scene.laws.bond = BondLaw { normal_strength: 0.05, ..bonds() };
+    let scene = with_moments(scene, 1.0);
     let stays = |source: &Source| {
         let gpu = Gpu::with(device.clone(), source).expect("kernels that compile");
         let mut both = Both::new(&gpu, &scene);

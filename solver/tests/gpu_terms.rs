@@ -13,6 +13,7 @@ use roost_solver::physics::bond::{self, BondLaw, BondModel};
 use roost_solver::physics::contact::{self, ContactHistory, ContactLaw};
 use roost_solver::physics::hertz::Moduli;
 use roost_solver::physics::jkr::{self, JkrScale};
+use roost_solver::physics::moment::{self, MomentHistory, MomentLaw};
 use roost_solver::physics::{damping, friction, hertz, integrate};
 use terms::{Numbers, Term};
 
@@ -61,15 +62,19 @@ fn contact_of(x: &[f32], adheres: bool) -> Vec<f32> {
     [&flags[..], &history.xi.to_array(), &of.normal.to_array(), &of.tangential.to_array()].concat()
 }
 
-fn bond_of(x: &[f32], model: BondModel) -> Vec<f32> {
-    let law = BondLaw {
-        model,
+fn common_bond() -> BondLaw {
+    BondLaw {
+        model: BondModel::Corotated,
         k_n: 50.0,
         k_t: 30.0,
         break_length: 0.01,
         normal_strength: 0.08,
         shear_strength: f32::INFINITY,
-    };
+    }
+}
+
+fn bond_of(x: &[f32], model: BondModel) -> Vec<f32> {
+    let law = BondLaw { model, ..common_bond() };
     let mut stored = v(x, 0);
     let force =
         bond::force(&law, &mut stored, unit(v(x, 3)), 0.008, x[6], v(x, 7), v(x, 10), v(x, 13), x[16]);
@@ -146,6 +151,31 @@ fn contact_inputs(adheres: bool) -> Vec<std::ops::Range<f32>> {
 fn bond_inputs() -> Vec<std::ops::Range<f32>> {
     [vectors(&[0.05, 1.0]), vec![0.004..0.0105], vectors(&[1.0, 1.0, 20.0]), vec![1e-6..4e-4]].concat()
 }
+
+fn moment_of(x: &[f32]) -> Vec<f32> {
+    let law = MomentLaw { k_b: 2e-4, k_w: 2.4e-4, rim: 500.0, inertia: 6.4e-6, damping: 1.7 };
+    let mut history = MomentHistory { bending: v(x, 0), twist: x[3] };
+    let moment = moment::moment(&law, &mut history, unit(v(x, 4)), v(x, 7), v(x, 10), x[14], x[13]);
+    let bond = BondLaw { normal_strength: 0.08, shear_strength: 0.05, ..common_bond() };
+    let weaker = law.weaken(&bond, &history);
+    let strengths = [weaker.normal_strength, weaker.shear_strength];
+    [&moment.to_array()[..], &history.bending.to_array(), &[history.twist], &strengths].concat()
+}
+
+const MOMENT: &str = "
+    var history = Moment(x3(0u), x(3u));
+    let d = x3(4u);
+    let length = length3(d);
+    var n = vec3(0.0);
+    if length > 0.0 { n = d / length; }
+    let law = Moments(x(15u), x(16u), x(17u), x(18u), x(19u));
+    let moment = bond_moment(law, &history, n, x3(7u), x3(10u), x(14u), x(13u));
+    let weaker = weakened(law, Bonds(COROTATED, 50.0, 30.0, 0.01, 0.08, 0.05), history);
+    put3(0u, moment);
+    put3(3u, history.bending);
+    put(6u, history.twist);
+    put(7u, weaker.normal_strength);
+    put(8u, weaker.shear_strength);";
 
 fn leak(text: String) -> &'static str {
     Box::leak(text.into_boxed_str())
@@ -282,6 +312,20 @@ fn terms() -> Vec<Term> {
             },
         },
     ];
+    terms.push(Term {
+        name: "moment of a bond",
+        inputs: [
+            vectors(&[1e-4]),
+            vec![-1e-4..1e-4],
+            vectors(&[1.0, 30.0, 20.0]),
+            vec![1e-6..4e-4, 1e-5..1e-3],
+            [2e-4, 2.4e-4, 500.0, 6.4e-6, 1.7].map(|number| number..number).to_vec(),
+        ]
+        .concat(),
+        outputs: 9,
+        wgsl: MOMENT,
+        rust: moment_of,
+    });
     for adheres in [false, true] {
         terms.push(Term {
             name: if adheres { "contact with adhesion" } else { "contact" },
@@ -335,6 +379,8 @@ fn an_error_in_any_term_is_found_and_named() {
         ("bond", "pull > law.normal_strength ||", "", "corotated bond"),
         ("bond", "shear = *stored - n * pull;", "shear = *stored;", "bond as published"),
         ("bond", "1.0 - ratio * ratio", "1.0 - ratio", "bond of finite extension"),
+        ("moment", "dot3(spin, n) * dt", "0.0", "moment of a bond"),
+        ("moment", "turn - n * rate", "turn", "moment of a bond"),
         ("integrate", "+ gravity) * dt", ") * dt", "velocity and spin"),
         ("integrate", "*remainder = moved - whole;", "", "position"),
         ("integrate", "abs(x - whole) >= vec3(0.5)", "abs(x - whole) > vec3(0.5)", "position"),

@@ -17,6 +17,8 @@ mod equipment;
 mod film;
 #[path = "friction.rs"]
 mod friction;
+#[path = "moments.rs"]
+mod moments;
 #[path = "moving.rs"]
 mod moving;
 #[path = "periodic.rs"]

@@ -9,7 +9,8 @@ use super::{CHUNK, Params};
 use crate::engine::frame::Frame;
 use crate::engine::state::{Particle, State};
 use crate::physics::contact::ContactHistory;
-use crate::physics::{bond, contact, damping};
+use crate::physics::moment::MomentHistory;
+use crate::physics::{bond, contact, damping, moment};
 use crate::walls::Walls;
 use crate::walls::contact::{Seer, WallPair, for_each_contact};
 
@@ -77,7 +78,10 @@ fn add_pair_forces(
     let contacts =
         laws.pair_contacts(*radius).map(|(law, distance)| (law, distance, distance + law.adhesion_range()));
     let mut stats = ForceStats::default();
-    for pair in chunk.pairs_mut(k) {
+    let (pairs, moments) = chunk.pairs_mut(k);
+    let mut moments = moments.iter_mut();
+    for pair in pairs {
+        let history = moments.next();
         let j = pair.other as usize;
         let other = &state.particles[j];
         let d = state.frame.between(me.position, other.position);
@@ -98,11 +102,26 @@ fn add_pair_forces(
         let spin = (me.spin + other.spin) * 0.5;
         if bonded {
             let rest = 2.0 * radius * (pair.bond_class as f32).sqrt();
-            match bond::force(&laws.bond, &mut pair.bond, n, rest, length, u, v, spin, *dt) {
-                Some(force) => load.add(force.total, arm, force.shear),
+            let m_star = mass * state.masses[j] / (mass + state.masses[j]);
+            let mut law = laws.bond;
+            let moment = laws.moment.as_ref().zip(history).map(|(moments, history)| {
+                let moment = moment::moment(moments, history, n, other.spin - me.spin, spin, m_star, *dt);
+                law = moments.weaken(&law, history);
+                (moment, history)
+            });
+            match bond::force(&law, &mut pair.bond, n, rest, length, u, v, spin, *dt) {
+                Some(force) => {
+                    load.add(force.total, arm, force.shear);
+                    if let Some((moment, _)) = moment {
+                        load.torque += moment;
+                    }
+                }
                 None => {
                     pair.bond_class = 0;
                     pair.bond = Vec3::ZERO;
+                    if let Some((_, history)) = moment {
+                        *history = MomentHistory::default();
+                    }
                     // Both sides detect the break; the lower one counts it.
                     stats.bonds_broken += u32::from(i < j);
                 }

@@ -241,7 +241,7 @@ impl PlainRun {
     fn enter(&mut self, scene: &Scene, first: usize, bodies: &[Placement]) {
         let base = self.state.particles.len() as u32;
         self.state.enter(scene, first, bodies);
-        self.neighbour_lists.enter(&scene.kinds, bodies, base);
+        self.neighbour_lists.enter(scene, bodies, base);
         self.displacement.invalidate();
     }
 

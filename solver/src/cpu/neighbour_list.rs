@@ -7,9 +7,10 @@ use rayon::prelude::*;
 
 use super::cell_list::CellList;
 use super::{CHUNK, Params};
-use crate::engine::scene::{BodyKind, Placement, Scene};
+use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::physics::contact::ContactHistory;
+use crate::physics::moment::MomentHistory;
 use crate::walls::Walls;
 use crate::walls::contact::WallPair;
 use glam::Vec3;
@@ -32,6 +33,8 @@ pub struct Pair {
 pub struct ChunkNeighbours {
     pub(super) pair_ends: Vec<u32>,
     pub(super) pairs: Vec<Pair>,
+    /// History of the moments of each pair's bond; empty when bonds carry no moments.
+    pub(super) moments: Vec<MomentHistory>,
     pub(super) wall_ends: Vec<u32>,
     pub(super) walls: Vec<WallPair>,
 }
@@ -43,10 +46,11 @@ fn row(ends: &[u32], k: usize) -> std::ops::Range<usize> {
 }
 
 impl ChunkNeighbours {
-    /// The neighbours of the `k`th sub-particle of the chunk, sorted by id.
-    pub fn pairs_mut(&mut self, k: usize) -> &mut [Pair] {
+    /// The neighbours of the `k`th sub-particle of the chunk, sorted by id, and their moments, if bonds carry any.
+    pub fn pairs_mut(&mut self, k: usize) -> (&mut [Pair], &mut [MomentHistory]) {
         let row = row(&self.pair_ends, k);
-        &mut self.pairs[row]
+        let moments = if self.moments.is_empty() { &mut [] } else { &mut self.moments[row.clone()] };
+        (&mut self.pairs[row], moments)
     }
 
     /// The facets near the `k`th sub-particle of the chunk, sorted.
@@ -60,24 +64,41 @@ impl ChunkNeighbours {
         &self.pairs[row(&self.pair_ends, k)]
     }
 
+    fn moments(&self, k: usize) -> &[MomentHistory] {
+        if self.moments.is_empty() { &[] } else { &self.moments[row(&self.pair_ends, k)] }
+    }
+
     /// The facets near the `k`th sub-particle of the chunk, sorted.
     pub fn wall_pairs(&self, k: usize) -> &[WallPair] {
         &self.walls[row(&self.wall_ends, k)]
     }
 
-    fn push_row(&mut self, pairs: impl IntoIterator<Item = Pair>, walls: impl IntoIterator<Item = WallPair>) {
+    fn push_row(
+        &mut self,
+        pairs: impl IntoIterator<Item = Pair>,
+        moments: impl IntoIterator<Item = MomentHistory>,
+        walls: impl IntoIterator<Item = WallPair>,
+    ) {
         self.pairs.extend(pairs);
+        self.moments.extend(moments);
         self.pair_ends.push(self.pairs.len() as u32);
         self.walls.extend(walls);
         self.wall_ends.push(self.walls.len() as u32);
     }
 }
 
-/// A row of pairs and a row of facets for each sub-particle of some bodies: their bonds.
-fn bond_rows(kinds: &[BodyKind], bodies: &[Placement], base: u32) -> Vec<(Vec<Pair>, Vec<WallPair>)> {
+/// A sub-particle's row of each list.
+struct Row {
+    pairs: Vec<Pair>,
+    moments: Vec<MomentHistory>,
+    walls: Vec<WallPair>,
+}
+
+/// The rows of some bodies of a scene, which hold only their bonds.
+fn bond_rows(scene: &Scene, bodies: &[Placement], base: u32) -> Vec<Row> {
     let mut rows = Vec::new();
     for body in bodies {
-        let meta = &kinds[body.kind].meta;
+        let meta = &scene.kinds[body.kind].meta;
         let first = base + rows.len() as u32;
         let mut own: Vec<Vec<Pair>> = vec![Vec::new(); meta.points.len()];
         for bond in &meta.bonds {
@@ -86,7 +107,10 @@ fn bond_rows(kinds: &[BodyKind], bodies: &[Placement], base: u32) -> Vec<(Vec<Pa
             own[bond.j as usize].push(pair(bond.i));
         }
         own.iter_mut().for_each(|row| row.sort_unstable_by_key(|pair| pair.other));
-        rows.extend(own.into_iter().map(|pairs| (pairs, Vec::new())));
+        rows.extend(own.into_iter().map(|pairs| {
+            let moments = if scene.laws.moment.is_some() { pairs.len() } else { 0 };
+            Row { pairs, moments: vec![MomentHistory::default(); moments], walls: Vec::new() }
+        }));
     }
     rows
 }
@@ -100,25 +124,29 @@ pub struct NeighbourLists {
 impl NeighbourLists {
     /// Lists that hold only the bonds.
     pub fn new(scene: &Scene) -> Self {
-        Self::from_rows(bond_rows(&scene.kinds, scene.present(), 0).into_iter())
+        Self::from_rows(bond_rows(scene, scene.present(), 0).into_iter())
     }
 
     /// Appends the bonds of further bodies, whose first sub-particle has the index `base`.
-    pub fn enter(&mut self, kinds: &[BodyKind], bodies: &[Placement], base: u32) {
+    pub fn enter(&mut self, scene: &Scene, bodies: &[Placement], base: u32) {
         let chunks = self.chunks.iter().flat_map(|chunk| {
-            let row = |k| (chunk.pairs(k).to_vec(), chunk.wall_pairs(k).to_vec());
+            let row = |k| Row {
+                pairs: chunk.pairs(k).to_vec(),
+                moments: chunk.moments(k).to_vec(),
+                walls: chunk.wall_pairs(k).to_vec(),
+            };
             (0..chunk.pair_ends.len()).map(row)
         });
-        *self = Self::from_rows(chunks.chain(bond_rows(kinds, bodies, base)));
+        *self = Self::from_rows(chunks.chain(bond_rows(scene, bodies, base)));
     }
 
-    fn from_rows(rows: impl Iterator<Item = (Vec<Pair>, Vec<WallPair>)>) -> Self {
+    fn from_rows(rows: impl Iterator<Item = Row>) -> Self {
         let mut neighbour_lists = Self::default();
-        for (k, (pairs, walls)) in rows.enumerate() {
+        for (k, Row { pairs, moments, walls }) in rows.enumerate() {
             if k % CHUNK == 0 {
                 neighbour_lists.chunks.push(ChunkNeighbours::default());
             }
-            neighbour_lists.chunks.last_mut().expect("one was pushed").push_row(pairs, walls);
+            neighbour_lists.chunks.last_mut().expect("one was pushed").push_row(pairs, moments, walls);
         }
         neighbour_lists
     }
@@ -127,12 +155,14 @@ impl NeighbourLists {
     pub fn remove(&mut self, map: &[u32]) {
         let rows = map.iter().enumerate().filter(|&(_, &new)| new != u32::MAX).map(|(old, _)| {
             let chunk = &self.chunks[old / CHUNK];
-            let renumber = |pair: &Pair| {
-                let other = map[pair.other as usize];
-                (other != u32::MAX).then_some(Pair { other, ..*pair })
-            };
-            let pairs = chunk.pairs(old % CHUNK).iter().filter_map(renumber).collect();
-            (pairs, chunk.wall_pairs(old % CHUNK).to_vec())
+            let (k, stays) = (old % CHUNK, |pair: &&Pair| map[pair.other as usize] != u32::MAX);
+            let renumbered = |pair: &Pair| Pair { other: map[pair.other as usize], ..*pair };
+            let moments = chunk.pairs(k).iter().zip(chunk.moments(k)).filter(|(pair, _)| stays(pair));
+            Row {
+                pairs: chunk.pairs(k).iter().filter(stays).map(renumbered).collect(),
+                moments: moments.map(|(_, moment)| *moment).collect(),
+                walls: chunk.wall_pairs(k).to_vec(),
+            }
         });
         *self = Self::from_rows(rows);
     }
@@ -158,14 +188,17 @@ impl NeighbourLists {
                         near.push(j);
                     }
                 });
-                let known = chunk.pairs(k);
+                let (known, moments) = (chunk.pairs(k), chunk.moments(k));
                 near.extend(known.iter().filter(|pair| pair.bond_class != 0).map(|pair| pair.other));
                 near.sort_unstable();
                 near.dedup();
-                let with_history = |&j: &u32| match known.binary_search_by_key(&j, |pair| pair.other) {
-                    Ok(at) => known[at],
-                    Err(_) => Pair { other: j, ..Pair::default() },
+                let find = |j: u32| known.binary_search_by_key(&j, |pair| pair.other).ok();
+                let with_history = |&j: &u32| match find(j) {
+                    Some(at) => known[at],
+                    None => Pair { other: j, ..Pair::default() },
                 };
+                let moment = |&j: &u32| find(j).map_or(MomentHistory::default(), |at| moments[at]);
+                let moments = near.iter().filter(|_| params.laws.moment.is_some()).map(moment);
                 let wall_known = chunk.wall_pairs(k);
                 let step_m = state.particles[i].velocity.length() * params.dt + walls.step_travel_m();
                 let depth = walls.depth_beyond(wall_known, x, &state.frame);
@@ -177,6 +210,7 @@ impl NeighbourLists {
                     };
                 new.push_row(
                     near.iter().map(with_history),
+                    moments,
                     walls.facets_within(x, wall_cutoff, &state.frame).map(wall_with_history),
                 );
             }

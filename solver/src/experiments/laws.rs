@@ -6,6 +6,7 @@ use crate::engine::scene::Laws;
 use crate::physics::bond::{BondLaw, BondModel};
 use crate::physics::contact::ContactLaw;
 use crate::physics::hertz;
+use crate::physics::moment::MomentLaw;
 use crate::scenario::{Formulation, PairContact, Scenario};
 
 /// The laws of force of a scenario.
@@ -20,12 +21,14 @@ pub fn laws(scenario: &Scenario) -> Laws {
         ContactLaw::new(moduli, r_star, pair.restitution, pair.static_friction, gamma)
     };
     let rigid = hertz::tissue_on_rigid(e, nu);
+    let tissue = law(&contact.fillet_fillet, hertz::tissue_on_tissue(e, nu), radius / 2.0);
     Laws {
-        tissue: law(&contact.fillet_fillet, hertz::tissue_on_tissue(e, nu), radius / 2.0),
+        tissue,
         body_radius_ratio: contact.fillet_fillet_radius_ratio as f32,
         equipment: law(&contact.fillet_equipment, rigid, radius),
         belt: law(&contact.fillet_belt, rigid, radius),
         bond: bond_law(scenario),
+        moment: moment_law(scenario, tissue.damping),
         contact_between_bonded: scenario.bonds.contact_between_bonded,
     }
 }
@@ -49,4 +52,14 @@ fn bond_law(scenario: &Scenario) -> BondLaw {
         normal_strength: strength(bonds.normal_strength_pa),
         shear_strength: strength(bonds.shear_strength_pa),
     }
+}
+
+/// The moments of bonds, unless their factor is 0; `damping` is that of the contact between sub-particles.
+fn moment_law(scenario: &Scenario, damping: f32) -> Option<MomentLaw> {
+    let (bonds, radius) = (&scenario.bonds, scenario.product.radius_m());
+    let bond = bond_law(scenario);
+    let stiffness = [bond.k_n, bond.k_t].map(f64::from);
+    let damping = if bonds.contact_between_bonded { damping } else { 0.0 };
+    let factor = bonds.moment_stiffness_factor;
+    (factor > 0.0).then(|| MomentLaw::new(stiffness, bonds.disk_scale * radius, factor, radius, damping))
 }

@@ -154,6 +154,7 @@ fn inputs(tasks: &mut [&mut Task]) -> BatchInputs {
         inputs.scenes.push(Scene {
             first_cell: sum.cells,
             first: sum.particles,
+            first_moments: sum.moments,
             count: elements.particles,
             steps: steps as u32,
             first_surface: sum.surfaces,

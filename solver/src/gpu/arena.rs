@@ -29,6 +29,7 @@ pub(super) struct Arena {
     new_counts: Buffer,
     new_pairs: Buffer,
     new_walls: Buffer,
+    new_moments: Buffer,
     scene_of: Buffer,
     heads: Buffer,
     scenes: Buffer,
@@ -44,7 +45,7 @@ pub(super) struct Arena {
 }
 
 /// Buffers of a batch that have no counterpart in runs.
-fn batch_sizes(elements: &ElementCounts, row_capacity: RowCapacity) -> [(&'static str, u64); 12] {
+fn batch_sizes(elements: &ElementCounts, row_capacity: RowCapacity) -> [(&'static str, u64); 13] {
     let bytes = |count: u32, each: usize| u64::from(count) * each as u64;
     let particles = |each| bytes(elements.particles, each);
     [
@@ -52,6 +53,7 @@ fn batch_sizes(elements: &ElementCounts, row_capacity: RowCapacity) -> [(&'stati
         ("new counts", elements.bytes(RunBuffer::Counts, row_capacity)),
         ("new pairs", elements.bytes(RunBuffer::Pairs, row_capacity)),
         ("new walls", elements.bytes(RunBuffer::Walls, row_capacity)),
+        ("new moments", elements.bytes(RunBuffer::Moments, row_capacity)),
         ("nearest_points", particles(size_of::<NearestPoint>()) * u64::from(row_capacity.walls)),
         ("run of each", particles(size_of::<u32>())),
         ("reference", particles(size_of::<PrivateState>())),
@@ -88,6 +90,7 @@ impl Arena {
             new_counts,
             new_pairs,
             new_walls,
+            new_moments,
             nearest_points,
             scene_of,
             reference,
@@ -97,12 +100,14 @@ impl Arena {
             poses,
             reports,
         ] = buffers(device, batch_sizes(&capacity, row_capacity))?;
-        let [particles, own, counts, pairs, walls, surfaces, facets, corners, nodes, leaves] = &parts;
+        let [particles, own, counts, pairs, walls, moments, surfaces, facets, corners, nodes, leaves] =
+            &parts;
         let scene_group = [&scenes, surfaces, &poses, facets, corners, nodes, leaves, &reports];
         let particle_group = |a, b| [a, b, own, &scene_of, &reference, &heads, &chain];
-        let old = [counts, pairs, walls];
-        let new = [&new_counts, &new_pairs, &new_walls];
-        let list_group = |[a, b, c]: [_; 3], [d, e, f]: [_; 3]| [a, b, c, d, e, f, &nearest_points];
+        let old = [counts, pairs, walls, moments];
+        let new = [&new_counts, &new_pairs, &new_walls, &new_moments];
+        let list_group =
+            |[a, b, c, m]: [_; 4], [d, e, f, n]: [_; 4]| [a, b, c, d, e, f, &nearest_points, m, n];
         let bind = |group, buffers: &[&Buffer]| pipelines.bind(device, group, buffers);
         Ok(Self {
             scene_group: bind(0, &scene_group),
@@ -118,6 +123,7 @@ impl Arena {
             new_counts,
             new_pairs,
             new_walls,
+            new_moments,
             scene_of,
             heads,
             scenes,
@@ -220,6 +226,7 @@ impl Arena {
                 RunBuffer::Counts if is_turned => &self.new_counts,
                 RunBuffer::Pairs if is_turned => &self.new_pairs,
                 RunBuffer::Walls if is_turned => &self.new_walls,
+                RunBuffer::Moments if is_turned => &self.new_moments,
                 _ => &self.parts[part as usize],
             };
             let mut at = 0;

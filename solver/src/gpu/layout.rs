@@ -7,11 +7,10 @@ use bytemuck::{Pod, Zeroable};
 
 use super::shared::shared;
 pub use super::shared::{Atomic, Shared};
-use crate::physics::bond::{BondLaw, BondModel};
-use crate::physics::contact::ContactLaw;
+use crate::physics::bond::BondModel;
 
 shared! {
-    /// Twin of [`ContactLaw`].
+    /// Twin of [`crate::physics::contact::ContactLaw`].
     Law {
         /// E*, in Pa.
         e_star: f32,
@@ -35,7 +34,7 @@ shared! {
         snap_overlap: f32,
     }
 
-    /// Twin of [`BondLaw`].
+    /// Twin of [`crate::physics::bond::BondLaw`].
     Bonds {
         /// Number of the formulation; see [`bond_model`].
         model: u32,
@@ -49,6 +48,20 @@ shared! {
         normal_strength: f32,
         /// Shear force at which the bond yields, in N.
         shear_strength: f32,
+    }
+
+    /// Twin of [`crate::physics::moment::MomentLaw`].
+    Moments {
+        /// k_b, in N m/rad.
+        k_b: f32,
+        /// k_w, in N m/rad.
+        k_w: f32,
+        /// 2/R_b, in 1/m.
+        rim: f32,
+        /// I*/m*, in m².
+        inertia: f32,
+        /// 2√(5/6) |β|.
+        damping: f32,
     }
 
     /// Per-run parameters, and offsets of the run in the buffers of the batch.
@@ -114,6 +127,14 @@ shared! {
         first_leaf: u32,
         /// Always 0; see `kernels/vector.wgsl`.
         zero_bits: u32,
+        /// Its first row of moments.
+        first_moments: u32,
+        /// Padding.
+        pad_0: u32,
+        /// Padding.
+        pad_1: u32,
+        /// Law of the moments of bonds; 0 without.
+        moment: Moments,
         /// Law of bonds.
         bond: Bonds,
         /// Law of contacts between sub-particles of one body.
@@ -164,6 +185,14 @@ shared! {
         xi: [f32; 3],
         /// [`IN_CONTACT`] and the class of the bond.
         state: u32,
+    }
+
+    /// Twin of [`crate::physics::moment::MomentHistory`], for the pair at the same place of the same row.
+    Moment {
+        /// M_b, in N m.
+        bending: [f32; 3],
+        /// M_w, in N m.
+        twist: f32,
     }
 
     /// A facet near a sub-particle, with the history of their contact.
@@ -353,41 +382,5 @@ impl Report {
     /// An empty report.
     pub fn fresh() -> Self {
         Self { fault_step: Atomic(NONE), runaway: Atomic(NONE), ..Self::default() }
-    }
-}
-
-impl From<&ContactLaw> for Law {
-    fn from(law: &ContactLaw) -> Self {
-        let own = Self {
-            e_star: law.e_star,
-            g_star: law.g_star,
-            r_star: law.r_star,
-            damping: law.damping,
-            mu: law.mu,
-            ..Self::default()
-        };
-        law.jkr.map_or(own, |scale| Self {
-            adheres: 1,
-            force: scale.force,
-            area: scale.area,
-            inverse_overlap: scale.inverse_overlap,
-            snap_overlap: scale.snap_overlap,
-            ..own
-        })
-    }
-}
-
-impl From<&BondLaw> for Bonds {
-    fn from(law: &BondLaw) -> Self {
-        // WGSL has no infinity. No force reaches this value, and its square is finite.
-        let strength = |strength: f32| strength.min(1e19);
-        Self {
-            model: bond_model(law.model),
-            k_n: law.k_n,
-            k_t: law.k_t,
-            break_length: law.break_length,
-            normal_strength: strength(law.normal_strength),
-            shear_strength: strength(law.shear_strength),
-        }
     }
 }

@@ -12,6 +12,7 @@
 //! |---|---|
 //! | `device` | selection and opening of the adapter |
 //! | `shared`, `layout` | types shared by host and kernels, declared once |
+//! | `laws` | the laws of a run, as kernels take them |
 //! | `source`, `pipelines` | WGSL assembled from its files, and compiled |
 //! | `neighbour_list`, `walls` | neighbour lists and surfaces in main memory |
 //! | `memory_budget` | buffers, and the memory that they may use |
@@ -23,6 +24,7 @@ mod advance;
 mod arena;
 pub mod device;
 mod driver;
+mod laws;
 pub mod layout;
 mod memory_budget;
 mod neighbour_list;
@@ -155,6 +157,7 @@ pub fn typical_run_bytes(subparticles: u64, triangles: u64) -> u64 {
     let elements = ElementCounts {
         scenes: 1,
         particles,
+        moments: 0,
         surfaces,
         facets: count(triangles),
         corners: count(3 * triangles),

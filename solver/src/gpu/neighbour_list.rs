@@ -1,8 +1,8 @@
 //! Neighbour lists in main memory, to renumber, lengthen and inspect rows: the host side of
 //! `kernels/neighbour_list.wgsl`.
 
-use super::layout::{Count, IN_CONTACT, Pair, WallPair};
-use crate::engine::scene::{BodyKind, Placement, Scene};
+use super::layout::{Count, IN_CONTACT, Moment, Pair, WallPair};
+use crate::engine::scene::{Placement, Scene};
 
 /// Initial capacity of a row of neighbours.
 const INITIAL_PAIR_CAPACITY: u32 = 12;
@@ -40,21 +40,26 @@ pub(super) struct Rows {
     pub(super) row_capacity: RowCapacity,
     pub(super) counts: Vec<Count>,
     pub(super) pairs: Vec<Pair>,
+    /// Moments beside the pairs; empty when bonds carry none.
+    pub(super) moments: Vec<Moment>,
     pub(super) walls: Vec<WallPair>,
 }
+
+/// The rows of one sub-particle.
+type Row<'a> = (&'a [Pair], &'a [Moment], &'a [WallPair]);
 
 impl Rows {
     /// Rows that hold only the bonds of a scene.
     pub(super) fn new(scene: &Scene) -> Self {
-        let none = Self::of(RowCapacity::default(), std::iter::empty());
-        none.with_bodies(&scene.kinds, scene.present())
+        let none = Self::of(RowCapacity::default(), false, std::iter::empty());
+        none.with_bodies(scene, scene.present())
     }
 
-    /// These rows and, behind them, the bonds of further bodies.
-    pub(super) fn with_bodies(&self, kinds: &[BodyKind], bodies: &[Placement]) -> Self {
+    /// These rows and, behind them, the bonds of further bodies of the scene.
+    pub(super) fn with_bodies(&self, scene: &Scene, bodies: &[Placement]) -> Self {
         let mut rows: Vec<Vec<Pair>> = Vec::new();
         for body in bodies {
-            let meta = &kinds[body.kind].meta;
+            let meta = &scene.kinds[body.kind].meta;
             let first = rows.len();
             let base = (self.counts.len() + first) as u32;
             rows.resize(first + meta.points.len(), Vec::new());
@@ -67,17 +72,23 @@ impl Rows {
         rows.iter_mut().for_each(|row| row.sort_unstable_by_key(|pair| pair.other));
         let longest = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
         let row_capacity = self.row_capacity.max(RowCapacity::holding(longest, 0));
-        let own = (0..self.counts.len()).map(|i| (self.pairs(i), self.walls(i)));
-        Self::of(row_capacity, own.chain(rows.iter().map(|row| (row.as_slice(), [].as_slice()))))
+        let own = (0..self.counts.len()).map(|i| (self.pairs(i), self.moments(i), self.walls(i)));
+        let bonds = rows.iter().map(|row| (row.as_slice(), [].as_slice(), [].as_slice()));
+        Self::of(row_capacity, scene.laws.moment.is_some(), own.chain(bonds))
     }
 
-    fn of<'a>(row_capacity: RowCapacity, rows: impl Iterator<Item = (&'a [Pair], &'a [WallPair])>) -> Self {
-        let mut new = Self { row_capacity, counts: Vec::new(), pairs: Vec::new(), walls: Vec::new() };
-        for (pairs, walls) in rows {
+    fn of<'a>(row_capacity: RowCapacity, has_moments: bool, rows: impl Iterator<Item = Row<'a>>) -> Self {
+        let (counts, walls) = (Vec::new(), Vec::new());
+        let mut new = Self { row_capacity, counts, pairs: Vec::new(), moments: Vec::new(), walls };
+        for (pairs, moments, walls) in rows {
             new.counts.push(Count { pairs: pairs.len() as u32, walls: walls.len() as u32 });
             let at = new.counts.len();
             new.pairs.extend_from_slice(pairs);
             new.pairs.resize(at * row_capacity.pairs as usize, Pair::default());
+            new.moments.extend_from_slice(moments);
+            if has_moments {
+                new.moments.resize(at * row_capacity.pairs as usize, Moment::default());
+            }
             new.walls.extend_from_slice(walls);
             new.walls.resize(at * row_capacity.walls as usize, WallPair::default());
         }
@@ -90,6 +101,12 @@ impl Rows {
         &self.pairs[from..from + self.counts[i].pairs as usize]
     }
 
+    /// The moments beside the neighbours of a sub-particle.
+    fn moments(&self, i: usize) -> &[Moment] {
+        let from = i * self.row_capacity.pairs as usize;
+        if self.moments.is_empty() { &[] } else { &self.moments[from..from + self.counts[i].pairs as usize] }
+    }
+
     /// The facets near a sub-particle.
     pub(super) fn walls(&self, i: usize) -> &[WallPair] {
         let from = i * self.row_capacity.walls as usize;
@@ -98,19 +115,23 @@ impl Rows {
 
     /// The same rows with another capacity, which must suffice.
     pub(super) fn with(&self, row_capacity: RowCapacity) -> Self {
-        Self::of(row_capacity, (0..self.counts.len()).map(|i| (self.pairs(i), self.walls(i))))
+        let rows = (0..self.counts.len()).map(|i| (self.pairs(i), self.moments(i), self.walls(i)));
+        Self::of(row_capacity, !self.moments.is_empty(), rows)
     }
 
     /// Renumbers after a removal: `map` holds the new index of each sub-particle, or `u32::MAX`.
     pub(super) fn remove(&self, map: &[u32]) -> Self {
-        let renumber = |pair: &Pair| {
-            let other = map[pair.other as usize];
-            (other != u32::MAX).then_some(Pair { other, ..*pair })
+        let stays = |pair: &&Pair| map[pair.other as usize] != u32::MAX;
+        let renumbered = |pair: &Pair| Pair { other: map[pair.other as usize], ..*pair };
+        let row = |i: usize| {
+            let pairs: Vec<Pair> = self.pairs(i).iter().filter(stays).map(renumbered).collect();
+            let moments = self.pairs(i).iter().zip(self.moments(i)).filter(|(pair, _)| stays(pair));
+            let moments: Vec<Moment> = moments.map(|(_, moment)| *moment).collect();
+            (pairs, moments, self.walls(i))
         };
-        let opaque = (0..map.len()).filter(|&i| map[i] != u32::MAX);
-        let rows: Vec<(Vec<Pair>, &[WallPair])> =
-            opaque.map(|i| (self.pairs(i).iter().filter_map(renumber).collect(), self.walls(i))).collect();
-        Self::of(self.row_capacity, rows.iter().map(|(pairs, walls)| (pairs.as_slice(), *walls)))
+        let rows: Vec<_> = (0..map.len()).filter(|&i| map[i] != u32::MAX).map(row).collect();
+        let rows = rows.iter().map(|(pairs, moments, walls)| (pairs.as_slice(), moments.as_slice(), *walls));
+        Self::of(self.row_capacity, !self.moments.is_empty(), rows)
     }
 
     /// Intact bonds, as pairs of indices, the lower one first, ascending.

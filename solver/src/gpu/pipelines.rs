@@ -20,7 +20,7 @@ const MAX_GROUPS_PER_ROW: u32 = 65_535;
 const WRITABLE: [&[bool]; 3] = [
     &[false, false, false, false, false, false, false, true],
     &[false, true, true, false, true, true, true],
-    &[true, true, true, true, true, true, true],
+    &[true, true, true, true, true, true, true, true, true],
 ];
 
 /// Number of storage buffers of a kernel.

@@ -4,7 +4,7 @@ use bytemuck::pod_collect_to_vec;
 use glam::{IVec3, UVec3, Vec3};
 
 use super::device::Device;
-use super::layout::{Count, Particle, Pose, PrivateState, Scene, WallPair};
+use super::layout::{Count, Moments, Particle, Pose, PrivateState, Scene, WallPair};
 use super::neighbour_list::Rows;
 use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers, RunContents};
 use super::walls::{Geometry, poses};
@@ -76,6 +76,7 @@ impl Run {
         let elements = ElementCounts {
             scenes: 1,
             particles: state.particles.len() as u32,
+            moments: if scene.laws.moment.is_some() { state.particles.len() as u32 } else { 0 },
             surfaces: geometry.surfaces.len() as u32,
             facets: geometry.facets.len() as u32,
             corners: geometry.corners.len() as u32,
@@ -204,7 +205,7 @@ impl Run {
         bodies: &[scene::Placement],
     ) -> Result<(), OutOfDeviceMemory> {
         self.state(device);
-        let rows = self.buffers.read_rows(device).with_bodies(&scene.kinds, bodies);
+        let rows = self.buffers.read_rows(device).with_bodies(scene, bodies);
         self.state.enter(scene, first, bodies);
         self.buffers.make_room(device, &rows)?;
         self.buffers.write_rows(device, &rows);
@@ -242,7 +243,7 @@ impl Run {
 /// The parameters of a scene for the kernels.
 fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
     let (radius, laws, frame) = (scene.radius_m as f32, &scene.laws, &state.frame);
-    let InternalLaws { contacts, bond, contact_between_bonded } = laws.internal(radius);
+    let InternalLaws { contacts, bond, moment, contact_between_bonded } = laws.internal(radius);
     let [(tissue, contact_distance), (body_tissue, body_contact_distance)] = contacts;
     let (skin, limit) = (SKIN_RATIO * radius, scene.speed_limit_m_s as f32);
     let [cutoff, body_cutoff] = contacts.map(|(law, distance)| distance + law.adhesion_range() + skin);
@@ -265,6 +266,7 @@ fn shared_scene(scene: &scene::Scene, state: &State) -> Scene {
         period_y: frame.period_y,
         cell,
         contact_between_bonded: u32::from(contact_between_bonded),
+        moment: moment.as_ref().map(Moments::from).unwrap_or_default(),
         bond: (&bond).into(),
         tissue: (&tissue).into(),
         body_tissue: (&body_tissue).into(),

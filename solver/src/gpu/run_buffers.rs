@@ -4,7 +4,7 @@
 use bytemuck::{Pod, pod_collect_to_vec};
 
 use super::device::Device;
-use super::layout::{Corner, Count, Facet, Node, Pair, Particle, PrivateState, Surface, WallPair};
+use super::layout::{Corner, Count, Facet, Moment, Node, Pair, Particle, PrivateState, Surface, WallPair};
 use super::memory_budget::{Buffer, buffers};
 use super::neighbour_list::{RowCapacity, Rows};
 use super::walls::Geometry;
@@ -18,6 +18,7 @@ pub(super) enum RunBuffer {
     Counts,
     Pairs,
     Walls,
+    Moments,
     Surfaces,
     Facets,
     Corners,
@@ -26,12 +27,13 @@ pub(super) enum RunBuffer {
 }
 
 impl RunBuffer {
-    pub(super) const ALL: [Self; 10] = [
+    pub(super) const ALL: [Self; 11] = [
         Self::Particles,
         Self::PrivateState,
         Self::Counts,
         Self::Pairs,
         Self::Walls,
+        Self::Moments,
         Self::Surfaces,
         Self::Facets,
         Self::Corners,
@@ -46,6 +48,7 @@ impl RunBuffer {
             Self::Counts => "counts",
             Self::Pairs => "pairs",
             Self::Walls => "walls",
+            Self::Moments => "moments",
             Self::Surfaces => "surfaces",
             Self::Facets => "facets",
             Self::Corners => "corners",
@@ -55,8 +58,8 @@ impl RunBuffer {
     }
 
     /// Buffers that steps change.
-    pub(super) const CHANGING: [Self; 5] =
-        [Self::Particles, Self::PrivateState, Self::Counts, Self::Pairs, Self::Walls];
+    pub(super) const CHANGING: [Self; 6] =
+        [Self::Particles, Self::PrivateState, Self::Counts, Self::Pairs, Self::Walls, Self::Moments];
 }
 
 /// Element counts of all buffers, of a run or of a batch.
@@ -64,6 +67,8 @@ impl RunBuffer {
 pub(super) struct ElementCounts {
     pub(super) scenes: u32,
     pub(super) particles: u32,
+    /// Sub-particles whose bonds carry moments.
+    pub(super) moments: u32,
     pub(super) surfaces: u32,
     pub(super) facets: u32,
     pub(super) corners: u32,
@@ -81,6 +86,7 @@ impl ElementCounts {
         Self {
             scenes: of(self.scenes, other.scenes),
             particles: of(self.particles, other.particles),
+            moments: of(self.moments, other.moments),
             surfaces: of(self.surfaces, other.surfaces),
             facets: of(self.facets, other.facets),
             corners: of(self.corners, other.corners),
@@ -89,6 +95,12 @@ impl ElementCounts {
             cells: of(self.cells, other.cells),
             poses: of(self.poses, other.poses),
         }
+    }
+
+    /// The same counts for other rows.
+    fn with_rows(self, rows: &Rows) -> Self {
+        let particles = rows.counts.len() as u32;
+        Self { particles, moments: if rows.moments.is_empty() { 0 } else { particles }, ..self }
     }
 
     /// Size of a buffer, in bytes.
@@ -100,6 +112,7 @@ impl ElementCounts {
             RunBuffer::Counts => bytes(self.particles, size_of::<Count>()),
             RunBuffer::Pairs => bytes(self.particles, size_of::<Pair>()) * u64::from(row_capacity.pairs),
             RunBuffer::Walls => bytes(self.particles, size_of::<WallPair>()) * u64::from(row_capacity.walls),
+            RunBuffer::Moments => bytes(self.moments, size_of::<Moment>()) * u64::from(row_capacity.pairs),
             RunBuffer::Surfaces => bytes(self.surfaces, size_of::<Surface>()),
             RunBuffer::Facets => bytes(self.facets, size_of::<Facet>()),
             RunBuffer::Corners => bytes(self.corners, size_of::<Corner>()),
@@ -168,16 +181,17 @@ impl RunBuffers {
 
     /// Writes rows, which must fit.
     pub(super) fn write_rows(&mut self, device: &Device, rows: &Rows) {
-        self.elements.particles = rows.counts.len() as u32;
+        self.elements = self.elements.with_rows(rows);
         self.row_capacity = rows.row_capacity;
         self.write(device, RunBuffer::Counts, &rows.counts);
         self.write(device, RunBuffer::Pairs, &rows.pairs);
+        self.write(device, RunBuffer::Moments, &rows.moments);
         self.write(device, RunBuffer::Walls, &rows.walls);
     }
 
     /// Makes room for rows of more sub-particles. The content of all buffers that steps change is lost.
     pub(super) fn make_room(&mut self, device: &Device, rows: &Rows) -> Result<(), OutOfDeviceMemory> {
-        let elements = ElementCounts { particles: rows.counts.len() as u32, ..self.elements };
+        let elements = self.elements.with_rows(rows);
         for part in RunBuffer::CHANGING {
             let bytes = elements.bytes(part, rows.row_capacity);
             if bytes > self.buffer(part).size() {
@@ -190,12 +204,13 @@ impl RunBuffers {
     }
 
     pub(super) fn read_rows(&self, device: &Device) -> Rows {
-        let [counts, pairs, walls] =
-            self.read(device, [RunBuffer::Counts, RunBuffer::Pairs, RunBuffer::Walls]);
+        let parts = [RunBuffer::Counts, RunBuffer::Pairs, RunBuffer::Moments, RunBuffer::Walls];
+        let [counts, pairs, moments, walls] = self.read(device, parts);
         Rows {
             row_capacity: self.row_capacity,
             counts: pod_collect_to_vec(&counts),
             pairs: pod_collect_to_vec(&pairs),
+            moments: pod_collect_to_vec(&moments),
             walls: pod_collect_to_vec(&walls),
         }
     }
@@ -214,8 +229,11 @@ impl RunBuffers {
             let make = || buffers(device, [(part.name(), bytes)]);
             (bytes > self.buffer(part).size()).then(make).transpose()
         };
-        let longer =
-            [(RunBuffer::Pairs, longer(RunBuffer::Pairs)?), (RunBuffer::Walls, longer(RunBuffer::Walls)?)];
+        let lists = [RunBuffer::Pairs, RunBuffer::Moments, RunBuffer::Walls];
+        let longer: Vec<_> = lists
+            .map(|part| longer(part).map(|longer| (part, longer)))
+            .into_iter()
+            .collect::<Result<_, _>>()?;
         let rows = self.read_rows(device).with(row_capacity);
         for (part, longer) in longer {
             if let Some([longer]) = longer {

@@ -12,8 +12,18 @@ macro_rules! files {
 }
 
 /// The terms: pure functions, each the twin of a Rust file.
-const TERMS: [(&str, &str); 9] =
-    files!["vector", "frame", "damping", "hertz", "jkr", "friction", "contact", "bond", "integrate"];
+const TERMS: [(&str, &str); 10] = files![
+    "vector",
+    "frame",
+    "damping",
+    "hertz",
+    "jkr",
+    "friction",
+    "contact",
+    "bond",
+    "moment",
+    "integrate"
+];
 
 /// The stages, which bind buffers.
 const STAGES: [(&str, &str); 7] =
@@ -64,6 +74,7 @@ fn constants() -> String {
         ("CURVATURE", CURVATURE),
         ("STRETCH_CLAMP", STRETCH_CLAMP),
         ("NO_LENGTH_M", NO_LENGTH_M),
+        ("MOMENT_CAP", damping::MOMENT_CAP),
         ("COINCIDENT_M", COINCIDENT_M),
         ("EDGE_TOLERANCE", EDGE_TOLERANCE),
         ("ALIGNED_COSINE", ALIGNED_COSINE),

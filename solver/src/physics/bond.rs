@@ -24,8 +24,8 @@
 //! | as_published | one raw vector in the global frame, never rotated; its energy can grow without bound |
 //! | finite_extension | corotated; a stretched bond stiffens as F_n = k_n e / (1 − (e/e_max)²), e = L − 2R |
 //!
-//! Bonds carry no bending or twisting moment ("torque feedback disabled"). The shear force has a moment about
-//! both centres, (n L/2) × F_t. Without it energy grows and the fillet explodes.
+//! The shear force has a moment about both centres, (n L/2) × F_t. Without it energy grows and the fillet explodes.
+//! Bending and twisting moments are an option ([`super::moment`]); the paper has none ("torque feedback disabled").
 
 use glam::Vec3;
 
@@ -58,11 +58,16 @@ pub struct BondLaw {
     pub break_length: f32,
     /// Normal force at which the bond yields, in newton; infinite when unbreakable by stress.
     pub normal_strength: f32,
-    /// Shear force at which the bond yields, in newton; infinite when unbreakable by stress.
+    /// Shear force at which the bond yields, in newton; infinite when unbreakable by stress. Below zero it yields at once.
     pub shear_strength: f32,
 }
 
 impl BondLaw {
+    /// Whether stress can break a bond.
+    pub fn can_yield(&self) -> bool {
+        self.normal_strength.min(self.shear_strength) < f32::INFINITY
+    }
+
     /// The stiffness along a bond just before it breaks, dF_n/de, in N/m.
     pub fn stretched_k_n(&self) -> f64 {
         let c2 = f64::from(STRETCH_CLAMP * STRETCH_CLAMP);
@@ -135,6 +140,7 @@ pub fn force(
         let pull = normal(law, rest_length, length);
         (pull, *stored, n * pull + *stored)
     };
-    let yields = pull > law.normal_strength || shear.dot(shear) > law.shear_strength * law.shear_strength;
+    let yields =
+        pull > law.normal_strength || shear.dot(shear) > law.shear_strength * law.shear_strength.abs();
     (!yields).then_some(BondForce { total, shear })
 }

@@ -58,6 +58,9 @@ pub const BODY_CAP: DampingCap = DampingCap::new(0.25, 0.1);
 /// Against equipment, which is mostly on one side.
 pub const SURFACE_CAP: DampingCap = DampingCap::new(0.75, 0.2);
 
+/// λ of the dashpots on the relative spin of bonded neighbours: six bonds damp a spin.
+pub const MOMENT_CAP: f32 = 0.1;
+
 /// The factor 2√(5/6) |β| for a coefficient of restitution.
 pub fn factor(restitution: f64) -> f64 {
     let ln = restitution.ln();

@@ -13,10 +13,12 @@ pub mod friction;
 pub mod hertz;
 pub mod integrate;
 pub mod jkr;
+pub mod moment;
 pub mod timestep;
 
 use bond::BondLaw;
 use contact::ContactLaw;
+use moment::MomentLaw;
 
 /// The interaction laws of a run, a member per term.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +33,8 @@ pub struct Laws {
     pub belt: ContactLaw,
     /// Bonds.
     pub bond: BondLaw,
+    /// Moments of bonds, if they carry any.
+    pub moment: Option<MomentLaw>,
     /// Whether bonded neighbours also interact by contact.
     pub contact_between_bonded: bool,
 }
@@ -42,6 +46,8 @@ pub struct InternalLaws {
     pub contacts: [(ContactLaw, f32); 2],
     /// Bonds.
     pub bond: BondLaw,
+    /// Moments of bonds, if they carry any.
+    pub moment: Option<MomentLaw>,
     /// Whether bonded neighbours also interact by contact.
     pub contact_between_bonded: bool,
 }
@@ -53,9 +59,16 @@ impl Laws {
     /// It names every member, so that a new law does not compile before it is added here. A law that only the
     /// plain path has so far stands here as `name: _`.
     pub fn internal(&self, radius: f32) -> InternalLaws {
-        let Self { tissue: _, body_radius_ratio: _, equipment: _, belt: _, bond, contact_between_bonded } =
-            *self;
-        InternalLaws { contacts: self.pair_contacts(radius), bond, contact_between_bonded }
+        let Self {
+            tissue: _,
+            body_radius_ratio: _,
+            equipment: _,
+            belt: _,
+            bond,
+            moment,
+            contact_between_bonded,
+        } = *self;
+        InternalLaws { contacts: self.pair_contacts(radius), bond, moment, contact_between_bonded }
     }
 
     /// Between sub-particles of different bodies: spheres of radius R · `body_radius_ratio`.

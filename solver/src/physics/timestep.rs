@@ -7,11 +7,16 @@
 //! - antiphase, neighbours moving against each other: ω² = 4 (K_n + 2 K_t) / m,
 //! - uniform spin, which shears every bond: ω² = 8 K_t R² / I = 20 K_t / m.
 //!
+//! With moments in bonds ([`super::moment`]) spins against each other cost as well. About an axis of the lattice, two
+//! bonds twist and four bend. Each resists either the sum of its two spins or their difference, so the highest frequency is
+//!
+//! - ω² = (8 max(K_t R², k_b) + 4 k_w) / I.
+//!
 //! With one type of sub-particle the twelve face diagonals bond as well. They add at most 8 (k_n + 2 k_t) / m
-//! and 80 k_t / m.
+//! to the first, and (16 max(2 k_t R², k_b) + 8 k_w) / I to the others.
 //!
 //! Where bonds are stiff a third mode decides: two sub-particles whose bond is about to break. A bond of
-//! finite extension has stiffened to k_b by then, and no contact damps it: ω² = (4 (k_n + 2 k_t) + 2 (k_b −
+//! finite extension has stiffened to k_s by then, and no contact damps it: ω² = (4 (k_n + 2 k_t) + 2 (k_s −
 //! k_n)) / m. A sub-particle that rolls on a surface never decides: ω² = 3.5 K / m, where K is 2√2 times the
 //! contact K_t between two sub-particles.
 //!
@@ -27,10 +32,11 @@
 //! | K | N/m | S A of the bond + 2E*a (normal) or 8G*a (tangential) of the contact |
 //! | m | kg | mass of a sub-particle |
 //! | I | kg m² | its moment of inertia, 2/5 m R² |
+//! | k_b, k_w | N m | bending and twisting stiffness of a bond |
 //! | c | kg/s | sum of η over the contacts that act in the mode, weighted as K |
 
 use super::Laws;
-use super::damping::{self, BODY_CAP, BONDED_CAP};
+use super::damping::{self, BODY_CAP, BONDED_CAP, MOMENT_CAP};
 
 /// Overlap at which the contact stiffness is taken, as a share of R: the overlap deep in a fillet that others
 /// press on. Steps for the usual overlap of neighbours, a few hundredths, leave single sub-particles
@@ -66,32 +72,52 @@ pub struct Stability {
 
 /// Limits for sub-particles of `mass` in kg and `radius` in m. `diagonals` is true when face diagonals bond.
 pub fn stability(mass: f64, radius: f64, laws: &Laws, diagonals: bool) -> Stability {
-    let Laws { tissue: contact, bond, contact_between_bonded, .. } = *laws;
+    let Laws { tissue: contact, bond, moment, contact_between_bonded, .. } = *laws;
     let a = (f64::from(contact.r_star) * REFERENCE_OVERLAP * radius).sqrt();
     let (contact_n, contact_t) = (2.0 * f64::from(contact.e_star) * a, 8.0 * f64::from(contact.g_star) * a);
     // Without contact between bonded neighbours, a pressed sub-particle touches only other bodies.
     let cap = if contact_between_bonded { BONDED_CAP } else { BODY_CAP };
     let (k_n, k_t) = (f64::from(bond.k_n), f64::from(bond.k_t));
-    let (diagonal_n, diagonal_t) = if diagonals { (k_n, k_t) } else { (0.0, 0.0) };
-    let diagonal = 8.0 * (diagonal_n + 2.0 * diagonal_t);
+    let diagonal = if diagonals { 8.0 * (k_n + 2.0 * k_t) } else { 0.0 };
     // Stiffness of each mode for a number of contacts on each side of a lattice point.
     let antiphase =
         |contacts: f64| 4.0 * (k_n + 2.0 * k_t + contacts * (contact_n + 2.0 * contact_t)) + diagonal;
-    let uniform_spin = |contacts: f64| 20.0 * (k_t + contacts * contact_t) + 80.0 * diagonal_t;
+    // Moments at the rim of a sub-particle, in N/m.
+    let at_rim = |stiffness: f32| f64::from(stiffness) / (radius * radius);
+    let (bend, twist) = moment.map_or((0.0, 0.0), |law| (at_rim(law.k_b), at_rim(law.k_w)));
+    let diagonal_spin = if diagonals { 40.0 * (2.0 * k_t).max(bend) + 20.0 * twist } else { 0.0 };
+    let alike = |contacts: f64| 20.0 * (k_t + contacts * contact_t) + 10.0 * twist + diagonal_spin;
+    let opposed = 20.0 * bend + 10.0 * twist + diagonal_spin;
     let breaking = 4.0 * (k_n + 2.0 * k_t) + diagonal + 2.0 * (bond.stretched_k_n() - k_n);
     let eta = |stiffness: f64, cap: f32, dt: f64| {
         f64::from(damping::constant(contact.damping, stiffness as f32, (mass / 2.0) as f32, cap, dt as f32))
     };
     let eta_n = |dt| eta(contact_n, cap.normal, dt);
     let eta_t = |dt| eta(contact_t, cap.tangential, dt);
+    let spin_eta = |dt: f64| {
+        moment.map_or([0.0; 2], |law| {
+            let inertia = law.inertia * (mass / 2.0) as f32;
+            [law.k_b, law.k_w].map(|stiffness| {
+                at_rim(damping::constant(law.damping, stiffness, inertia, MOMENT_CAP, dt as f32))
+            })
+        })
+    };
+    let all_damped = |dt: f64| {
+        let [bend, twist] = spin_eta(dt);
+        20.0 * bend + 10.0 * twist
+    };
+    let diagonal_eta = |dt: f64| if diagonals { 2.0 * all_damped(dt) } else { 0.0 };
     let damped = |contacts: f64| {
         let antiphase_s = longest_stable(mass, antiphase(contacts), |dt| 4.0 * (eta_n(dt) + 2.0 * eta_t(dt)));
-        antiphase_s.min(longest_stable(mass, uniform_spin(contacts), |dt| 20.0 * eta_t(dt)))
+        let alike_eta = |dt: f64| 20.0 * eta_t(dt) + 10.0 * spin_eta(dt)[1] + diagonal_eta(dt);
+        let opposed_eta = |dt: f64| all_damped(dt) + diagonal_eta(dt);
+        let opposed_s = moment.map_or(f64::INFINITY, |_| longest_stable(mass, opposed, opposed_eta));
+        antiphase_s.min(longest_stable(mass, alike(contacts), alike_eta)).min(opposed_s)
     };
     let damped_s = damped(1.0).min(longest_stable(mass, breaking, |_| 0.0));
     let safety = if contact.damping > 0.0 { SAFETY } else { ELASTIC_SAFETY };
     Stability {
-        undamped_s: undamped(mass, antiphase(1.0).max(uniform_spin(1.0))),
+        undamped_s: undamped(mass, antiphase(1.0).max(alike(1.0)).max(opposed)),
         damped_s,
         auto_s: damped(1.0 + bed_stiffness(laws.body_radius_ratio)).min(safety * damped_s),
     }

@@ -34,6 +34,7 @@ pub(super) fn check(document: &Value, completed: &Value, faults: &mut Vec<Fault>
     check_alternatives(document, completed, faults);
     check_shapes(document, completed, faults);
     cad::check(document, completed, faults);
+    check_moments(document, completed, faults);
     for section in SECTIONS.iter().filter(|section| section.items == Some(surface::ITEMS)) {
         check_surfaces(section.pointer, document, completed, faults);
     }
@@ -154,6 +155,18 @@ fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
         let value = as_written(document, completed, pointer);
         let allowed = Some("a direction; no gravity is /numerics/gravity_m_s2 0".to_owned());
         faults.push(Fault::new(pointer, value, "has no length".to_owned(), allowed));
+    }
+}
+
+/// Moments that turn with the bond, beside a force that does not.
+fn check_moments(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
+    let pointer = "/bonds/moment_stiffness_factor";
+    let formulation = completed.pointer("/bonds/formulation").and_then(Value::as_str);
+    if formulation == Some("as_published") && number(completed, pointer).is_some_and(|factor| factor > 0.0) {
+        let value = as_written(document, completed, pointer);
+        let detail = "bonds carry no moments while /bonds/formulation is \"as_published\"".to_owned();
+        let allowed = "0, or formulation \"corotated\" or \"finite_extension\"";
+        faults.push(Fault::new(pointer, value, detail, Some(allowed.to_owned())));
     }
 }
 

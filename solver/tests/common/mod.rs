@@ -14,6 +14,7 @@ use roost_solver::mesh::Meshes;
 use roost_solver::physics::bond::{BondLaw, BondModel};
 use roost_solver::physics::contact::ContactLaw;
 use roost_solver::physics::hertz;
+use roost_solver::physics::moment::MomentLaw;
 use roost_solver::result::{Curve, RunResult};
 use roost_solver::scenario::{self, Scenario};
 use roost_solver::shape::lattice::{LatticeBond, MetaParticle};
@@ -46,6 +47,15 @@ pub fn bonds() -> BondLaw {
         normal_strength: f32::INFINITY,
         shear_strength: f32::INFINITY,
     }
+}
+
+/// The scene with moments in its bonds: `factor` times those of Potyondy and Cundall.
+pub fn with_moments(mut scene: Scene, factor: f64) -> Scene {
+    let Laws { bond, tissue, contact_between_bonded, .. } = scene.laws;
+    let (radius, damping) = (scene.radius_m, if contact_between_bonded { tissue.damping } else { 0.0 });
+    let stiffness = [bond.k_n, bond.k_t].map(f64::from);
+    scene.laws.moment = Some(MomentLaw::new(stiffness, radius, factor, radius, damping));
+    scene
 }
 
 /// A box of `n` bonded sub-particles.

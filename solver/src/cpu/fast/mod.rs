@@ -110,10 +110,11 @@ pub struct FastRun {
 impl FastRun {
     pub(super) fn new(scene: &Scene, params: Params, instructions: InstructionSet) -> Self {
         let state = State::new(scene);
-        let InternalLaws { contacts, bond, contact_between_bonded } = params.laws.internal(params.radius);
+        let InternalLaws { contacts, bond, moment, contact_between_bonded } =
+            params.laws.internal(params.radius);
         let [contact, body_contact] =
             contacts.map(|(law, distance)| PairContactLaw { law: LaneContactLaw::new(law), distance });
-        let laws = PairLaws { contact, body_contact, bond, contact_between_bonded, dt: params.dt };
+        let laws = PairLaws { contact, body_contact, bond, moment, contact_between_bonded, dt: params.dt };
         let walls = Walls::new(scene, &state.frame);
         let search = SearchParams {
             cutoffs: [body_contact, contact].map(|contact| contact.hold_distance()),

@@ -3,7 +3,7 @@
 use super::FastRun;
 use super::storage::body::Body;
 use super::storage::body_groups::{BodyGroup, body_groups};
-use super::storage::bond_set::BondSet;
+use super::storage::bond_set::{BondMoments, BondSet};
 use super::storage::particles::BodyParticles;
 use crate::engine::scene::{Placement, Scene};
 
@@ -24,8 +24,9 @@ impl FastRun {
             let bonds = BondSet::all(&kind.meta.bonds, &self.laws);
             let bonded_pairs = kind.meta.bonds.iter().map(|bond| [bond.i, bond.j]);
             let points = BodyParticles::of(&self.state, range.clone());
+            let moments = vec![BondMoments::ZERO; if self.laws.moment.is_some() { bonds.len() } else { 0 }];
             let (mass, is_group) = (kind.subparticle_mass_kg as f32, range.len() > kind.meta.points.len());
-            self.bodies.push(Body::new(range, points, mass, bonds, bonded_pairs, is_group));
+            self.bodies.push(Body::new(range, points, mass, bonds, moments, bonded_pairs, is_group));
         }
     }
 

@@ -32,12 +32,25 @@
 @group(2) @binding(5) var<storage, read_write> new_walls: array<WallPair>;
 // Nearest points of the facets in each row, within a step.
 @group(2) @binding(6) var<storage, read_write> nearest_points: array<NearestPoint>;
+// Moments of bonds, for the runs whose bonds carry any: a row beside each row of pairs.
+@group(2) @binding(7) var<storage, read_write> moments: array<Moment>;
+@group(2) @binding(8) var<storage, read_write> new_moments: array<Moment>;
 
 var<immediate> dispatch: DispatchParams;
 
 // Index of an invocation. Workgroups form rows, since a device allows at most 65,535 along one dimension.
 fn invocation_index(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
     return (group.y * groups.x + group.x) * GROUP_SIZE + local;
+}
+
+// Whether the bonds of a run carry moments.
+fn has_moments(scene: Scene) -> bool {
+    return scene.moment.k_b != 0.0;
+}
+
+// The row of moments of a sub-particle of such a run.
+fn moment_row(scene: Scene, i: u32) -> u32 {
+    return (scene.first_moments + i - scene.first) * dispatch.pair_capacity;
 }
 
 // Whether a run has finished, or diverged in an earlier step. It then stays unchanged.

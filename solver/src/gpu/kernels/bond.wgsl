@@ -53,6 +53,6 @@ fn bond_force(
         shear = *stored;
         total = n * pull + *stored;
     }
-    let yields = pull > law.normal_strength || dot3(shear, shear) > law.shear_strength * law.shear_strength;
+    let yields = pull > law.normal_strength || dot3(shear, shear) > law.shear_strength * abs(law.shear_strength);
     return BondForce(total, shear, !yields);
 }

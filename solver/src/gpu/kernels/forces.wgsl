@@ -56,9 +56,22 @@ fn add_pair_forces(scene: Scene, i: u32, me: Particle, load: ptr<function, Load>
         if bonded {
             let rest = scene.contact_distance * sqrt(f32(class_));
             var stored = pairs[at].bond;
-            let force = bond_force(scene.bond, &stored, n, rest, length, u, v, spin, scene.dt);
+            var law = scene.bond;
+            var torque = vec3(0.0);
+            let place = moment_row(scene, i) + at - base;
+            if has_moments(scene) {
+                var moment = moments[place];
+                let m_star = me.mass * other.mass / (me.mass + other.mass);
+                torque = bond_moment(scene.moment, &moment, n, other.spin - me.spin, spin, m_star, scene.dt);
+                law = weakened(scene.moment, law, moment);
+                moments[place] = moment;
+            }
+            let force = bond_force(law, &stored, n, rest, length, u, v, spin, scene.dt);
             if force.holds {
                 add(load, force.total, arm, force.shear);
+                if has_moments(scene) {
+                    (*load).torque += torque;
+                }
             } else {
                 class_ = 0u;
                 stored = vec3(0.0);

@@ -80,6 +80,9 @@ fn build_pairs(scene: Scene, i: u32) -> u32 {
         }
         if at < known && pairs[at].other == other {
             new_pairs[base + k] = pairs[at];
+            if has_moments(scene) {
+                new_moments[moment_row(scene, i) + k] = moments[moment_row(scene, i) + at - base];
+            }
         } else {
             new_pairs[base + k] = Pair(vec3(0.0), other, vec3(0.0), 0u);
         }
@@ -153,11 +156,15 @@ fn build_walls(scene: Scene, i: u32) -> u32 {
 }
 
 // Copies the rows unchanged.
-fn copy_rows(i: u32) {
+fn copy_rows(scene: Scene, i: u32) {
     let count = counts[i];
+    let base = i * dispatch.pair_capacity;
     new_counts[i] = count;
-    for (var at = i * dispatch.pair_capacity; at < i * dispatch.pair_capacity + count.pairs; at++) {
+    for (var at = base; at < base + count.pairs; at++) {
         new_pairs[at] = pairs[at];
+        if has_moments(scene) {
+            new_moments[moment_row(scene, i) + at - base] = moments[moment_row(scene, i) + at - base];
+        }
     }
     for (var at = i * dispatch.wall_capacity; at < i * dispatch.wall_capacity + count.walls; at++) {
         new_walls[at] = walls[at];
@@ -178,7 +185,7 @@ fn neighbour_list(
     let scene = scenes[run];
     // A run has no poses after its last step; the next ones belong to another run.
     if has_ended(scene, run) {
-        copy_rows(i);
+        copy_rows(scene, i);
         return;
     }
     let pair_count = build_pairs(scene, i);

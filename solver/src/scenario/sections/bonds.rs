@@ -23,6 +23,8 @@ pub struct Bonds {
     pub contact_radius_ratio: f64,
     /// Bond disk radius over sub-particle radius (R_b / R).
     pub disk_scale: f64,
+    /// Bending and twisting stiffness over that of Potyondy and Cundall 2004; 0 is a bond without moments.
+    pub moment_stiffness_factor: f64,
     /// Whether bonded neighbours also have a contact force, as in the commercial model.
     pub contact_between_bonded: bool,
     /// Normal strength, in pascal; null is unbreakable by stress (the paper's 1e300 Pa).
@@ -64,6 +66,9 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Contact radius over sub-particle radius. A bond breaks when it is longer than twice the contact radius. Keep it below √3."),
     number("/bonds/disk_scale", "", 1.0, above_to(0.0, 2.0), "assumed",
         "Radius of the bond disk over that of a sub-particle, R_b / R."),
+    number("/bonds/moment_stiffness_factor", "", 0.0, from_to(0.0, 10.0), "assumed",
+        "Bending and twisting stiffness of a bond, as a multiple of the parallel bond of Potyondy and Cundall 2004. 0: bonds carry no \
+         moments, as in the paper. 1: S_n I and S_t J."),
     flag("/bonds/contact_between_bonded", true, "assumed",
         "Whether bonded neighbours also have a contact force, as in the commercial model."),
     nullable("/bonds/normal_strength_pa", "Pa", STRENGTH, "Table 2 has 1e300",

@@ -6,7 +6,7 @@ use crate::cpu::fast::broad_phase::wall_search::WallSearch;
 use crate::cpu::fast::instructions::prefetch;
 use crate::cpu::fast::instructions::prefetch::{PARTS, part, part_range};
 use crate::cpu::fast::instructions::set::{LaneOps, SimdTask, run_outlined};
-use crate::cpu::fast::narrow_phase::bonds;
+use crate::cpu::fast::narrow_phase::bonds::{self, ForcesWithMoments};
 use crate::cpu::fast::narrow_phase::wall_contacts::WallScratch;
 use crate::cpu::fast::storage::body::{Body, sqrt_equivalent_mass};
 use crate::cpu::fast::storage::context::StepContext;
@@ -107,7 +107,7 @@ impl Body {
         MotionScratch { sums, blocks, .. }: &mut MotionScratch,
     ) -> f32 {
         let StepContext { laws, frame, .. } = context;
-        let Self { bonds: sets, broken, mass, .. } = self;
+        let Self { bonds: sets, moments, broken, mass, .. } = self;
         let sqrt_m_star = sqrt_equivalent_mass(*mass, *mass);
         broken.clear();
         let mut max_overlap = 0.0f32;
@@ -117,7 +117,15 @@ impl Body {
                 prefetch_next(k);
             }
             let [one, two] = &mut sets[2 * k..2 * k + 2] else { break };
-            let overlap = bonds::forces([one, two], simd, laws, sqrt_m_star, frame, blocks, sums, broken);
+            let overlap = if let Some([a, b]) = moments.get_mut(2 * k..2 * k + 2) {
+                let (sets, moments) = ([one, two], [a, b]);
+                run_outlined(
+                    simd,
+                    ForcesWithMoments { sets, moments, laws, sqrt_m_star, frame, blocks, sums, broken },
+                )
+            } else {
+                bonds::forces([one, two], None, simd, laws, sqrt_m_star, frame, blocks, sums, broken)
+            };
             max_overlap = max_overlap.max(overlap);
         }
         max_overlap

@@ -18,7 +18,8 @@ fn mid_step<S: LaneOps>(simd: S, pairs: &PairLanes<S>, u_t: F3<S>, stretch: F<S>
     (n * (twist * splat(0.5))).cross_add(u_t + v_t, along)
 }
 
-/// Pull along n, and the force across it. `u` is the velocity of j relative to i in m/s. A bond that breaks is no longer intact.
+/// Pull along n, the force across it, and the bonds that hold. `u` is the velocity of j relative to i in m/s. A bond that breaks
+/// is no longer intact. `rim` is what moments use up of the normal and the shear strength.
 #[inline(always)]
 pub(crate) fn force<S: LaneOps>(
     simd: S,
@@ -26,8 +27,9 @@ pub(crate) fn force<S: LaneOps>(
     pairs: &PairLanes<S>,
     u: F3<S>,
     [one, two]: [&mut BondHistoryMut<'_>; 2],
+    rim: Option<[F<S>; 2]>,
     part: usize,
-) -> (F<S>, F3<S>) {
+) -> (F<S>, F3<S>, Mask<S>) {
     let law = &laws.bond;
     let splat = |value| F::splat(simd, value);
     let PairLanes { n, length, v_n, v_t, .. } = *pairs;
@@ -54,15 +56,17 @@ pub(crate) fn force<S: LaneOps>(
         (pull, shear, shear)
     };
     let mut yields = splat(law.break_length).lt(length);
-    if law.normal_strength.min(law.shear_strength) < f32::INFINITY {
-        yields = yields
-            | splat(law.normal_strength).lt(pull)
-            | splat(law.shear_strength * law.shear_strength).lt(shear.dot(shear));
+    if law.can_yield() {
+        let (mut normal, mut across) = (splat(law.normal_strength), splat(law.shear_strength));
+        if let Some([rim_n, rim_t]) = rim {
+            (normal, across) = (normal - rim_n, across - rim_t);
+        }
+        yields = yields | normal.lt(pull) | (across * across.abs()).lt(shear.dot(shear));
     }
     let bonded = Mask::from_bits(simd, [*one.intact, *two.intact], part);
     let acts = bonded.and_not(yields);
     acts.store([one.intact, two.intact], part);
     let none = F3::zero(simd);
     acts.select3(stored, none).store([one.stored, two.stored], part);
-    (acts.select(pull, splat(0.0)), acts.select3(shear, none))
+    (acts.select(pull, splat(0.0)), acts.select3(shear, none), acts)
 }

@@ -4,14 +4,18 @@
 
 use super::batch::BatchLanes;
 use super::contact::ContactParams;
+use super::moment::BondMoment;
 use super::pair::PairLanes;
 use super::{bond, contact};
 use crate::cpu::fast::instructions::arrays::{Lanes, WIDTH};
 use crate::cpu::fast::instructions::lanes::{F, F3, Mask};
 use crate::cpu::fast::instructions::set::LaneOps;
 use crate::cpu::fast::storage::laws::{LaneContactLaw, PairContactLaw, PairLaws};
-use crate::cpu::fast::storage::pair_lanes::{BondHistoryMut, ContactHistories, PairKinematics, PairLoads};
+use crate::cpu::fast::storage::pair_lanes::{
+    BondHistoryMut, ContactHistories, MomentLanes, PairKinematics, PairLoads,
+};
 use crate::physics::damping::{BODY_CAP, BONDED_CAP, SURFACE_CAP};
+use crate::physics::moment::MomentLaw;
 
 /// Contacts of pairs without a bond, in two chunks of `counts` pairs, with √m* in kg^½. Returns the maximum
 /// overlap, in metres.
@@ -67,8 +71,8 @@ pub(crate) fn surfaces<S: LaneOps>(
     }
 }
 
-/// Bonds of two chunks, and contacts of the same pairs. Returns the maximum overlap of pairs with a broken
-/// bond, in metres.
+/// Bonds of two chunks, with their moments if they carry any, and contacts of the same pairs. Returns the maximum overlap of
+/// pairs with a broken bond, in metres.
 #[inline(always)]
 pub(crate) fn bonds<S: LaneOps>(
     simd: S,
@@ -76,9 +80,11 @@ pub(crate) fn bonds<S: LaneOps>(
     sqrt_m_star: f32,
     kinematics: &[PairKinematics; 2],
     [one, two]: &mut [BondHistoryMut<'_>; 2],
+    mut moments: Option<(&MomentLaw, &mut [MomentLanes<'_>; 2])>,
     [a, b]: &mut [PairLoads; 2],
 ) -> f32 {
     let zero = F::splat(simd, 0.0);
+    let m_star = sqrt_m_star * sqrt_m_star;
     let sqrt_m_star = F::splat(simd, sqrt_m_star);
     let bonded_params =
         ContactParams::new(simd, &laws.contact.law, laws.contact.distance, BONDED_CAP, laws.dt, sqrt_m_star);
@@ -92,7 +98,19 @@ pub(crate) fn bonds<S: LaneOps>(
     for part in 0..WIDTH / S::F32_LANES {
         let pairs = PairLanes::new(simd, laws.dt, kinematics, part);
         let u = F3::load(simd, [&kinematics[0].velocity, &kinematics[1].velocity], part);
-        let (mut pull, mut across) = bond::force(simd, laws, &pairs, u, [one, two], part);
+        // A closure might not be inlined.
+        let (mut moment, mut rim) = (None, None);
+        if let Some((law, lanes)) = &moments {
+            let turned = BondMoment::new(simd, law, m_star, laws.dt, &pairs, lanes, part);
+            if laws.bond.can_yield() {
+                rim = Some(turned.rim(simd, law));
+            }
+            moment = Some(turned);
+        }
+        let (mut pull, mut across, acts) = bond::force(simd, laws, &pairs, u, [one, two], rim, part);
+        if let (Some(moment), Some((_, lanes))) = (moment, &mut moments) {
+            moment.store(simd, acts, lanes, part);
+        }
         if any_touches {
             let touches = Mask::from_bits(simd, touch, part);
             let mut params = bonded_params;

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! pairs ─► batch ─┐
-//! bond sets ──────┼─► kernels ─► contact (hertz | jkr, friction), bond ─► loads
+//! bond sets ──────┼─► kernels ─► contact (hertz | jkr, friction), bond, moment ─► loads
 //! wall lists ─────┘
 //! ```
 //!
@@ -16,6 +16,7 @@ mod friction;
 mod hertz;
 mod jkr;
 mod kernels;
+mod moment;
 mod pair;
 pub(crate) mod pair_contacts;
 mod single_facet;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::bond_set::BondSet;
+use super::bond_set::{BondMoments, BondSet};
 use super::bounds::BodyBounds;
 use super::motion::BodyMotion;
 use super::pairs::sort_key;
@@ -23,6 +23,8 @@ pub(crate) struct Body {
     pub(crate) bonds: Vec<BondSet>,
     /// Whether it is a group of single spheres, each of them a body of the scene.
     pub(crate) is_group: bool,
+    /// Moments of each bond set; empty when bonds carry none.
+    pub(crate) moments: Vec<BondMoments>,
     /// Pairs that were bonded at the start, by slots, sorted. Pairs with a broken bond stay in the bond sets.
     pub(crate) bonded_pairs: Vec<[u32; 2]>,
     pub(crate) walls: WallList,
@@ -55,6 +57,7 @@ impl Body {
         points: BodyParticles,
         mass: f32,
         bonds: Vec<BondSet>,
+        moments: Vec<BondMoments>,
         bonded_pairs: impl Iterator<Item = [u32; 2]>,
         is_group: bool,
     ) -> Self {
@@ -68,6 +71,7 @@ impl Body {
             mass,
             bonds,
             is_group,
+            moments,
             bonded_pairs,
             walls: WallList::default(),
             motion: BodyMotion::default(),
@@ -109,7 +113,7 @@ impl Body {
         let map = |k: u32| locals[k as usize];
         let bonded_pairs = self.bonded_pairs.iter().map(|pair| pair.map(|slot| map(slot_of(slot))));
         self.bonded_pairs = slot_pairs(bonded_pairs.filter(|pair| !pair.contains(&u32::MAX)));
-        self.bonds = BondSet::renumbered(&self.bonds, map);
+        (self.bonds, self.moments) = BondSet::renumbered(&self.bonds, &self.moments, map);
         self.walls.renumber(locals);
     }
 

@@ -32,6 +32,17 @@ pub(crate) struct BondSet {
 // Everything but the force and contact histories fits one cache line.
 const _: () = assert!(size_of::<BondSet>() == 448);
 
+/// History of the moments of the bonds of a set, in N m; see [`crate::physics::moment::MomentHistory`].
+#[derive(Clone, Debug)]
+pub(crate) struct BondMoments {
+    pub(crate) bending: Lanes3,
+    pub(crate) twist: Lanes,
+}
+
+impl BondMoments {
+    pub(crate) const ZERO: Self = Self { bending: [Lanes::ZERO; 3], twist: Lanes::ZERO };
+}
+
 impl BondSet {
     fn new(block: u32, beyond: u32, rest: f32) -> Self {
         Self {
@@ -75,8 +86,8 @@ impl BondSet {
         self.exists |= 1 << lane;
     }
 
-    /// A set with a free lane for a bond, created on demand, and the lane.
-    fn find(sets: &mut Vec<Self>, pair: [u32; 2], rest: f32) -> (&mut Self, usize) {
+    /// Index of a set with a free lane for a bond, created on demand, and the lane.
+    fn find(sets: &mut Vec<Self>, pair: [u32; 2], rest: f32) -> (usize, usize) {
         let [i, j] = pair;
         let found = sets.iter().enumerate().rev().find_map(|(s, set)| Some((s, set.free_lane(pair, rest)?)));
         let (s, (lane, place)) = found.unwrap_or_else(|| {
@@ -85,7 +96,7 @@ impl BondSet {
             (sets.len() - 1, place.expect("it was made for it"))
         });
         sets[s].put(lane, place, j);
-        (&mut sets[s], lane)
+        (s, lane)
     }
 
     /// The bonds of a body.
@@ -98,8 +109,8 @@ impl BondSet {
             let mut of_this = Vec::new();
             for bond in of_block {
                 let rest = laws.contact.distance * (bond.class as f32).sqrt();
-                let (set, lane) = Self::find(&mut of_this, [bond.i, bond.j], rest);
-                set.intact |= 1 << lane;
+                let (s, lane) = Self::find(&mut of_this, [bond.i, bond.j], rest);
+                of_this[s].intact |= 1 << lane;
             }
             sets.append(&mut of_this);
         }
@@ -130,16 +141,28 @@ impl BondSet {
         self.pairs().filter(|&(lane, _)| self.intact >> lane & 1 == 1).map(|(_, pair)| pair)
     }
 
-    /// The bonds after a renumbering; `u32::MAX` marks a removed sub-particle.
-    pub(crate) fn renumbered(sets: &[Self], map: impl Fn(u32) -> u32) -> Vec<Self> {
-        let mut kept: Vec<Self> = Vec::new();
-        for old in sets {
+    /// The bonds and their moments, if any, after a renumbering; `u32::MAX` marks a removed sub-particle.
+    pub(crate) fn renumbered(
+        sets: &[Self],
+        moments: &[BondMoments],
+        map: impl Fn(u32) -> u32,
+    ) -> (Vec<Self>, Vec<BondMoments>) {
+        let (mut kept, mut kept_moments) = (Vec::new(), Vec::new());
+        for (k, old) in sets.iter().enumerate() {
             for (from, pair) in old.pairs() {
                 let pair = pair.map(&map);
                 if pair.contains(&u32::MAX) {
                     continue;
                 }
-                let (set, lane) = Self::find(&mut kept, pair, old.rest);
+                let (s, lane) = Self::find(&mut kept, pair, old.rest);
+                if let Some(BondMoments { bending: [x, y, z], twist }) = moments.get(k) {
+                    kept_moments.resize(kept.len(), BondMoments::ZERO);
+                    let BondMoments { bending: [p, q, r], twist: mine } = &mut kept_moments[s];
+                    for (mine, theirs) in [(p, x), (q, y), (r, z), (mine, twist)] {
+                        mine.0[lane] = theirs.0[from];
+                    }
+                }
+                let set = &mut kept[s];
                 set.intact |= (old.intact >> from & 1) << lane;
                 for (mine, theirs) in set.stored.iter_mut().zip(&old.stored) {
                     mine.0[lane] = theirs.0[from];
@@ -150,6 +173,8 @@ impl BondSet {
                 }
             }
         }
-        Self::padded_to_even(kept)
+        let kept = Self::padded_to_even(kept);
+        kept_moments.resize(if moments.is_empty() { 0 } else { kept.len() }, BondMoments::ZERO);
+        (kept, kept_moments)
     }
 }

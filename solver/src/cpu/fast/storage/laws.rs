@@ -2,6 +2,7 @@
 
 use crate::physics::bond::BondLaw;
 use crate::physics::contact::ContactLaw;
+use crate::physics::moment::MomentLaw;
 
 /// A contact law with derived constants.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +38,7 @@ pub(crate) struct PairLaws {
     /// Between bodies, where the distance is at least 2R.
     pub(crate) body_contact: PairContactLaw,
     pub(crate) bond: BondLaw,
+    pub(crate) moment: Option<MomentLaw>,
     pub(crate) contact_between_bonded: bool,
     pub(crate) dt: f32,
 }

@@ -1,5 +1,6 @@
 //! Input and output of the pair kernels, for one chunk of pairs: kinematics, loads and histories.
 
+use super::bond_set::BondMoments;
 use crate::cpu::fast::instructions::arrays::{Lanes, Lanes3};
 
 /// Kinematics of [`WIDTH`](crate::cpu::fast::instructions::arrays::WIDTH) pairs.
@@ -40,6 +41,16 @@ pub(crate) struct BondHistoryMut<'a> {
     pub(crate) contacts: ContactHistoryMut<'a>,
 }
 
+/// Moments of one chunk of bonds, and what they come of.
+#[derive(Debug)]
+pub(crate) struct MomentLanes<'a> {
+    /// ω_j − ω_i, in rad/s.
+    pub(crate) turn: Lanes3,
+    pub(crate) history: &'a mut BondMoments,
+    /// Moment on i, in N m; the opposite acts on j.
+    pub(crate) moment: Lanes3,
+}
+
 /// Histories of one chunk of contacts, wherever they are stored.
 #[derive(Debug)]
 pub(crate) struct ContactHistoryMut<'a> {
@@ -56,6 +67,13 @@ impl PairKinematics {
 
 impl PairLoads {
     pub(crate) const ZERO: Self = Self { force: [Lanes::ZERO; 3], torque: [Lanes::ZERO; 3] };
+}
+
+impl<'a> MomentLanes<'a> {
+    #[inline(always)]
+    pub(crate) fn new(turn: Lanes3, history: &'a mut BondMoments) -> Self {
+        Self { turn, history, moment: [Lanes::ZERO; 3] }
+    }
 }
 
 impl ContactHistories {
