@@ -1,4 +1,4 @@
-//! `report.json`, and its rows as Markdown tables for the validation page.
+//! `report.json`, and `report.md`, its simulated rows as Markdown tables for documents.
 
 use roost_terminal::format::significant;
 use serde::{Deserialize, Serialize};
@@ -11,18 +11,18 @@ pub(crate) const SCHEMA: &str = "roost.report/1";
 
 /// The document `report.json`.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Document {
+pub(crate) struct Document {
     pub(crate) schema: String,
     /// Name of the profile, such as `standard`.
-    pub profile: String,
+    pub(crate) profile: String,
     /// Machines and backends that ran the simulations.
-    pub machine: String,
+    pub(crate) machine: String,
     /// Version of the solver crate.
-    pub version: String,
+    pub(crate) version: String,
     /// Its `SOLVER_REVISION`.
-    pub solver_revision: u32,
+    pub(crate) solver_revision: u32,
     /// Whether all simulations of every figure have ended.
-    pub complete: bool,
+    pub(crate) complete: bool,
     pub(crate) rows: Vec<Row>,
 }
 
@@ -34,8 +34,14 @@ impl Document {
         text
     }
 
+    /// `report.md`: the summary, and a table per figure.
+    pub(crate) fn markdown(&self) -> String {
+        let section = |figure| format!("\n## {figure}\n\n{}", self.figure_markdown(figure));
+        self.summary_markdown() + &self.figures().into_iter().map(section).collect::<String>()
+    }
+
     /// Origin of the numbers and how many demands hold, as a Markdown table.
-    pub fn summary_markdown(&self) -> String {
+    fn summary_markdown(&self) -> String {
         let (holds, fails) = counts(self.rows.iter());
         format!(
             "| profile | solver revision | computed on | demands | met |\n|---|---|---|---|---|\n| `--{}` | {} | {} | {} | {holds} |\n",
@@ -47,7 +53,7 @@ impl Document {
     }
 
     /// The simulated rows of a figure or table as a Markdown table; empty if there are none.
-    pub fn figure_markdown(&self, figure: &str) -> String {
+    fn figure_markdown(&self, figure: &str) -> String {
         let rows: Vec<&Row> = self.rows.iter().filter(|row| row.figure == figure && row.n > 0).collect();
         if rows.is_empty() {
             return String::new();
@@ -78,7 +84,7 @@ impl Document {
     }
 
     /// Names of the figures and tables with simulated rows, in order.
-    pub fn figures(&self) -> Vec<&str> {
+    fn figures(&self) -> Vec<&str> {
         let mut names: Vec<&str> =
             self.rows.iter().filter(|row| row.n > 0).map(|row| row.figure.as_str()).collect();
         names.dedup();
@@ -129,6 +135,8 @@ mod tests {
         );
         assert_eq!(read.figures(), ["Fig. 14"]);
         assert!(read.figure_markdown("Fig. 6").is_empty());
-        assert!(read.summary_markdown().ends_with("| `--standard` | 3 | a machine | 1 | 1 |\n"));
+        assert!(
+            read.markdown().contains("| `--standard` | 3 | a machine | 1 | 1 |\n\n## Fig. 14\n\n| quantity")
+        );
     }
 }

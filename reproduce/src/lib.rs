@@ -1,8 +1,8 @@
 //! `roost reproduce`: simulations of the paper's figures and tables, reported beside the paper's numbers.
 //!
 //! `figures` defines the runs of each figure and evaluates their results, `profile` sets the sizes. `plan` turns the runs
-//! into tasks, `scheduler` runs them, `record` saves each result, and `report` writes the report. `document` turns
-//! `report.json` into tables of the validation page.
+//! into tasks, `scheduler` runs them, `record` saves each result, and `report` writes the report. `document` holds
+//! the rows for other programs.
 
 mod document;
 mod figures;
@@ -20,7 +20,6 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use roost_terminal::{Exit, Table, format, message, print_lines, signals, threads};
 
-pub use document::Document;
 use plan::{Figure, Part, Plan, Results};
 use profile::Profile;
 use progress::Progress;
@@ -30,7 +29,7 @@ use scheduler::Event;
 
 /// Simulate the paper's experiments and write a report beside its numbers
 ///
-/// Writes report.html, one file to read, and report.json, the same rows for programs. Finished runs are saved: after Ctrl-C the
+/// Writes report.html, one file to read, report.json, the same rows for programs, and report.md, their tables. Finished runs are saved: after Ctrl-C the
 /// same command continues, and only the runs under way are lost.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -137,9 +136,11 @@ fn write_report(folder: &Path, profile: &Profile, plan: &Plan, ends: &Ends) -> R
         plan.figures.iter().zip(&plan.uses).map(|(figure, used)| section(profile, figure, used, ends));
     let records = ends.iter().flatten().flatten();
     let report = Report { profile, machine: machines(records), sections: sections.collect() };
-    let files = ["report.html", "report.json"].map(|name| folder.join(name));
+    let document = report.document();
+    let files = ["report.html", "report.json", "report.md"].map(|name| folder.join(name));
     record::write_atomically(&files[0], report.html().as_bytes())?;
-    record::write_atomically(&files[1], report.document().json().as_bytes())?;
+    record::write_atomically(&files[1], document.json().as_bytes())?;
+    record::write_atomically(&files[2], document.markdown().as_bytes())?;
     Ok(format!("{}\n{}  {}", summary(&report), files[0].display(), files[1].display()))
 }
 
