@@ -11,7 +11,7 @@ mod stl;
 use std::f64::consts::TAU;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use common::{at, block, blocks, onto, plate, scene, scene_of, small_hopper};
+use common::{at, block, blocks, onto, plate, scene, scene_of, small_hopper, with_moments};
 use cut::{pipe, surface};
 use glam::DVec3;
 use parity::{Both, difference, gpu};
@@ -132,14 +132,23 @@ fn a_batch_is_as_large_as_the_memory() {
     let Some(device) = parity::device() else { return };
     let scenes: Vec<Scene> = [0.03, 0.04, 0.05, 0.06].map(|gate| scene_of(&small_hopper(gate))).into();
     let first = open(device.clone());
-    let mut run = first.prepare(&scenes[0]);
-    let own = first.used_bytes();
-    first.advance(&mut [(&mut run, STEPS)]);
-    let advancing = first.used_bytes() - own;
-    let (particles, triangles) = (first.state(&mut run).particles.len() as u64, 20);
-    let usual = typical_run_bytes(particles, triangles);
-    assert!((own + advancing..2 * (own + advancing)).contains(&usual), "{usual}, not {own} + {advancing}");
-    drop(run);
+    let usage = |scene: &Scene| {
+        let mut run = first.prepare(scene);
+        let own = first.used_bytes();
+        first.advance(&mut [(&mut run, STEPS)]);
+        let advancing = first.used_bytes() - own;
+        let (particles, triangles) = (first.state(&mut run).particles.len() as u64, 20);
+        let usual = typical_run_bytes(particles, triangles, scene.laws.moment.is_some());
+        assert!(
+            (own + advancing..2 * (own + advancing)).contains(&usual),
+            "{usual}, not {own} + {advancing}"
+        );
+        (own, advancing, usual)
+    };
+    let (own, advancing, usual) = usage(&scenes[0]);
+    let (more_own, more_advancing, more) = usage(&with_moments(scenes[0].clone(), 1.0));
+    let ratio = (more - usual) as f64 / (more_own + more_advancing - own - advancing) as f64;
+    assert!((1.0..2.0).contains(&ratio), "memory of moments, {ratio} of what they take");
     // All at once; two and two; one after the other.
     for (at_once, room) in [(4, 4.0), (2, 2.5), (1, 1.2)] {
         let gpu = open(device.clone().with_memory(4 * own + (room * advancing as f64) as u64));

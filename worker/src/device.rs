@@ -35,6 +35,8 @@ pub(crate) struct RunSize {
     pub(crate) subparticles: u64,
     /// Triangles of its meshes.
     pub(crate) triangles: u64,
+    /// Whether its bonds carry moments.
+    pub(crate) has_moments: bool,
 }
 
 impl DeviceOptions {
@@ -215,7 +217,7 @@ fn open(_options: &DeviceOptions) -> Result<Computer, String> {
 
 #[cfg(feature = "gpu")]
 fn typical_bytes(size: RunSize) -> u64 {
-    roost_solver::gpu::typical_run_bytes(size.subparticles, size.triangles)
+    roost_solver::gpu::typical_run_bytes(size.subparticles, size.triangles, size.has_moments)
 }
 
 #[cfg(not(feature = "gpu"))]
@@ -259,7 +261,7 @@ mod tests {
         check(scenario, &Meshes::default(), &Limits::default()).expect("one that can run")
     }
 
-    const SIZE: RunSize = RunSize { subparticles: 1000, triangles: 0 };
+    const SIZE: RunSize = RunSize { subparticles: 1000, triangles: 0, has_moments: false };
 
     fn reserve(device: &Device) -> ReservedDevice {
         let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");

@@ -224,7 +224,8 @@ async fn solver(
     checked: Checked,
 ) -> Result<impl FnOnce(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory> + Send + 'static, RunEnd> {
     let triangles = checked.setup().meshes.triangles();
-    let size = RunSize { subparticles: checked.estimate().subparticles, triangles };
+    let has_moments = checked.scenario().bonds.moment_stiffness_factor > 0.0;
+    let size = RunSize { subparticles: checked.estimate().subparticles, triangles, has_moments };
     let reserved = resources.device.reserve(resources.threads, size).await;
     let reserved = reserved.map_err(|why| match why {
         ReserveError::MemoryInUse => RunEnd::failed(AttemptOutcome::Released, MEMORY_IN_USE),

@@ -148,8 +148,8 @@ impl Backend for Gpu {
 }
 
 /// Approximate device memory of a run that is advanced alone, in bytes, with rows of typical length. In a
-/// batch it needs no more.
-pub fn typical_run_bytes(subparticles: u64, triangles: u64) -> u64 {
+/// batch it needs no more. `has_moments` is true when bonds carry moments.
+pub fn typical_run_bytes(subparticles: u64, triangles: u64, has_moments: bool) -> u64 {
     let count = |number: u64| u32::try_from(number).unwrap_or(u32::MAX);
     // A full hopper. The surfaces of a mesh add one or two.
     let surfaces = 16;
@@ -157,7 +157,7 @@ pub fn typical_run_bytes(subparticles: u64, triangles: u64) -> u64 {
     let elements = ElementCounts {
         scenes: 1,
         particles,
-        moments: 0,
+        moments: if has_moments { particles } else { 0 },
         surfaces,
         facets: count(triangles),
         corners: count(3 * triangles),
