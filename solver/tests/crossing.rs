@@ -7,7 +7,7 @@ mod cut;
 mod stl;
 
 use common::{Bench, RADIUS, assert_close, at, plate, scene_of, sphere};
-use cut::{surface, tilt, tilted_plate};
+use cut::{slot, surface, tilt, tilted_plate};
 use glam::{DQuat, DVec3};
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::{Placement, Scene};
@@ -233,4 +233,57 @@ fn who_leaves_over_the_rim_beyond_a_plate_has_passed_through() {
         flown(plates, DVec3::new(0.392, 0.0, 0.0041), DVec3::new(8.0, 0.0, -8.0), 1e-5, 4e-3);
     assert_eq!(passed, 1, "{x}");
     assert!(x.x > 0.4 && x.z < 0.0, "{x}");
+}
+
+#[test]
+fn a_surface_that_disappears_while_a_centre_is_beyond_it_lets_go() {
+    for triangles in [slot(0.05, false), tilted_plate()] {
+        let turned = triangles.len() > 4;
+        let (turn, origin) = if turned { tilt() } else { (DQuat::from_rotation_y(1.6), DVec3::ZERO) };
+        let up = turn * DVec3::Z;
+        let mut scene = sphere(vec![surface(triangles).until_start()], origin + up * 0.006, 1e-5);
+        scene.bodies[0].velocity = up * -8.0;
+        let mut bench = Bench::new(&scene);
+        while (bench.position(0) - origin).dot(up) > -0.2 * RADIUS {
+            assert_eq!(bench.steps(1), None);
+        }
+        bench.cpu.start(&mut bench.run);
+        let (from, velocity) = (bench.position(0), bench.velocity(0));
+        assert_eq!(bench.steps(1000), None);
+        assert_eq!(bench.velocity(0), velocity);
+        let off = bench.position(0) - from - velocity * 0.01;
+        assert!(off.length() < 1e-5, "off by {off} m");
+    }
+}
+
+#[test]
+fn a_slot_between_two_sheets_of_a_surface_keeps_what_is_in_it() {
+    for (width, speed, dt) in [0.8, 1.0, 1.35, 1.7]
+        .into_iter()
+        .flat_map(|width| [2.0, 4.0, 6.0, 8.0].map(|speed| (width * RADIUS, speed)))
+        .flat_map(|(width, speed)| [1e-5, 1e-4].map(|dt| (width, speed, dt)))
+    {
+        for (is_turned, side) in [(false, 1.0), (true, 1.0), (false, -1.0), (true, -1.0)] {
+            let mut scene = sphere(vec![surface(slot(width, is_turned))], DVec3::X * (0.5 * width), dt);
+            scene.bodies[0].velocity = DVec3::X * speed * side;
+            scene.laws.equipment = common::law(true, 0.1, 0.0, 0.0);
+            let mut bench = Bench::new(&scene);
+            let steps = (0.05 / dt) as u64;
+            let report = bench.cpu.advance(&mut [(&mut bench.run, steps)]).swap_remove(0);
+            let x = bench.position(0).x;
+            let what = format!("{} R, {} m/s, {dt} s, turned {is_turned}", width / RADIUS, speed * side);
+            assert_eq!((report.fault, report.passed_through), (None, 0), "{what}");
+            assert!((x - 0.5 * width).abs() < 1e-3 * width, "{what}: {x} of {width} m");
+        }
+    }
+}
+
+#[test]
+fn who_leaves_over_the_rim_of_a_sheet_between_two_is_counted() {
+    // As past the rim of a single plate, but under a parallel sheet of the same surface, which reaches further.
+    let sheet = |x: f64, z: f64| stl::quad(DVec3::new(-0.4, -0.4, z), DVec3::X * x, DVec3::Y * 0.8);
+    let both = surface([sheet(0.8, 0.0), sheet(1.0, 1.7 * RADIUS)].concat());
+    let (x, _, passed) =
+        flown(vec![both], DVec3::new(0.392, 0.0, 0.0041), DVec3::new(8.0, 0.0, -8.0), 1e-5, 4e-3);
+    assert_eq!(passed, 1, "{x}");
 }

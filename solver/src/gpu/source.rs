@@ -4,7 +4,7 @@ use crate::gpu::layout;
 use crate::physics::bond::{BondModel, NO_LENGTH_M, STRETCH_CLAMP};
 use crate::physics::damping;
 use crate::physics::jkr::{CURVATURE, D_SNAP, X_SNAP};
-use crate::walls::{ALIGNED_COSINE, COINCIDENT_M, EDGE_TOLERANCE, OFF_FACET};
+use crate::walls::{ALIGNED_COSINE, ALIGNED_SINE, COINCIDENT_M, EDGE_TOLERANCE, OFF_FACET};
 
 /// Names and texts of WGSL files.
 macro_rules! files {
@@ -78,6 +78,7 @@ fn constants() -> String {
         ("COINCIDENT_M", COINCIDENT_M),
         ("EDGE_TOLERANCE", EDGE_TOLERANCE),
         ("ALIGNED_COSINE", ALIGNED_COSINE),
+        ("ALIGNED_SINE", ALIGNED_SINE),
         ("OFF_FACET_SHARE", OFF_FACET),
     ];
     // Damping caps along n and across it.

@@ -101,6 +101,9 @@ pub(crate) const EDGE_TOLERANCE: f32 = 0.01;
 /// cut by a CAD program turn less; intended creases turn more.
 pub(crate) const ALIGNED_COSINE: f32 = 0.9;
 
+/// Sine of the same angle.
+pub(crate) const ALIGNED_SINE: f32 = 0.435_889_9;
+
 /// A centre is off a facet when its offset across the normal exceeds the square root of this share of its distance.
 pub(crate) const OFF_FACET: f32 = 4e-6;
 

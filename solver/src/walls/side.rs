@@ -11,11 +11,12 @@
 //! | the centre passes over the rim, on that side | ends; the inside of a facet decides anew |
 //! | the centre, beyond, passes the rim to another facet of the surface | goes on at that facet |
 //! | the centre, beyond, passes a free rim | ends: the sub-particle has passed through |
+//! | the surface disappears | ends |
 
 use glam::{IVec3, Vec3};
 
 use super::contact::{Seer, WallPair};
-use super::{ALIGNED_COSINE, COINCIDENT_M, EDGE_TOLERANCE, NearestPoint, Walls};
+use super::{ALIGNED_COSINE, ALIGNED_SINE, COINCIDENT_M, EDGE_TOLERANCE, NearestPoint, Walls};
 use crate::engine::frame::Frame;
 
 /// Memory of a side of a facet.
@@ -53,9 +54,12 @@ pub(super) fn update(
 ) -> u32 {
     let mut passed = 0;
     for k in 0..points.len() {
-        let off = points[k].1.is_off_facet();
-        let memory = if off {
-            over_rim(walls, points, near, k)
+        let point = &points[k].1;
+        let memory = if point.distance == f32::INFINITY {
+            // Its surface has disappeared.
+            Some(SideMemory::default())
+        } else if point.is_off_facet() {
+            over_rim(walls, seer, points, near, k)
         } else {
             Some(over_inside(walls, seer, points, near, k))
         };
@@ -83,7 +87,7 @@ fn over_inside(
     }
     let begin = || if has_crossed(walls, seer, points, k) { -side } else { side };
     let origin = match near[k].side.origin {
-        0 => inherited(walls, points, near, k).unwrap_or_else(begin),
+        0 => inherited(walls, seer, points, near, k).unwrap_or_else(begin),
         known => known,
     };
     let beyond = side != origin;
@@ -97,13 +101,13 @@ fn over_inside(
 /// The new memory of the `k`th facet, with the centre beside it: `None` if it ends at a free rim.
 fn over_rim(
     walls: &Walls,
+    seer: &Seer,
     points: &[(u32, NearestPoint)],
     near: &[WallPair],
     k: usize,
 ) -> Option<SideMemory> {
     let (facet, point) = &points[k];
-    // A surface may have disappeared.
-    if !near[k].side.beyond || point.distance == f32::INFINITY {
+    if !near[k].side.beyond {
         return Some(SideMemory::default());
     }
     let mut is_shared = false;
@@ -112,7 +116,7 @@ fn over_rim(
             continue;
         }
         let contains = walls.contains_point(*other, point);
-        if !theirs.is_off_facet() && (contains || walls.alignment(*other, *facet).abs() > ALIGNED_COSINE) {
+        if !theirs.is_off_facet() && (contains || walls.continues(&points[k], &points[j], seer.radius)) {
             // It has inherited the memory.
             return Some(SideMemory::default());
         }
@@ -122,16 +126,22 @@ fn over_rim(
 }
 
 /// Side of the `k`th facet from which a neighbour acts, beyond which the centre was before the step.
-fn inherited(walls: &Walls, points: &[(u32, NearestPoint)], near: &[WallPair], k: usize) -> Option<i8> {
+fn inherited(
+    walls: &Walls,
+    seer: &Seer,
+    points: &[(u32, NearestPoint)],
+    near: &[WallPair],
+    k: usize,
+) -> Option<i8> {
     let (facet, point) = &points[k];
     let beyond = |j: &usize| {
         *j != k && near[*j].side.beyond && walls.surface_of(points[*j].0) == walls.surface_of(*facet)
     };
     let from = |j: usize| {
         let (other, theirs) = &points[j];
-        let alignment = walls.alignment(*other, *facet);
-        if alignment.abs() > ALIGNED_COSINE {
-            Some(if alignment > 0.0 { near[j].side.origin } else { -near[j].side.origin })
+        if walls.continues(&points[j], &points[k], seer.radius) {
+            let is_turned = walls.alignment(*other, *facet) < 0.0;
+            Some(if is_turned { -near[j].side.origin } else { near[j].side.origin })
         } else {
             (theirs.is_off_facet() && walls.contains_point(*facet, theirs)).then(|| -point.side())
         }
@@ -160,6 +170,18 @@ impl Walls {
     /// Cosine of the angle between the normals of two facets of a surface.
     fn alignment(&self, one: u32, other: u32) -> f32 {
         self.facets[one as usize].facet.normal.dot(self.facets[other as usize].facet.normal)
+    }
+
+    /// Whether facet `to` continues facet `from` of its surface, beyond which the centre is. Their normals are similar, and the
+    /// line between their nearest points runs along `to` within the same angle: parallel sheets do not continue each other.
+    /// `to` is within the depth plus R, where every list holds it.
+    fn continues(&self, from: &(u32, NearestPoint), to: &(u32, NearestPoint), radius: f32) -> bool {
+        let line = from.1.local - to.1.local;
+        let height = self.facets[to.0 as usize].facet.normal.dot(line).abs();
+        let tolerance = COINCIDENT_M.max(EDGE_TOLERANCE * from.1.distance);
+        self.alignment(from.0, to.0).abs() > ALIGNED_COSINE
+            && height < tolerance.max(ALIGNED_SINE * line.length())
+            && to.1.distance <= radius + from.1.distance
     }
 
     /// Motion of the centre relative to a facet in the last step, in the axes of the surface, in metres. The material of

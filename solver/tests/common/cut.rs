@@ -7,7 +7,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use roost_solver::equipment::facet::facets;
 use roost_solver::equipment::{Motion, Presence, Surface, SurfaceKind};
 
-use crate::stl::{Triangle, grid, moved, quad};
+use crate::stl::{Triangle, grid, moved, quad, turned};
 
 pub fn surface(triangles: Vec<Triangle>) -> Surface {
     Surface {
@@ -80,4 +80,11 @@ pub fn pipe(r: f64, n: usize, from: f64, step: f64) -> Vec<Triangle> {
         DVec3::new(r * angle.cos(), 0.1 * j as f64 - 0.05, r * angle.sin())
     };
     grid(n, 1, at)
+}
+
+/// Two parallel squares of 20 cm, x = 0 and x = `width`, as one surface. `is_turned`: with opposite normals.
+pub fn slot(width: f64, is_turned: bool) -> Vec<Triangle> {
+    let sheet = |x: f64| quad(DVec3::new(x, -0.1, -0.1), DVec3::Y * 0.2, DVec3::Z * 0.2);
+    let far = sheet(width);
+    [sheet(0.0).to_vec(), if is_turned { turned(&far) } else { far.to_vec() }].concat()
 }

@@ -1,5 +1,6 @@
 // The side of a facet from which a sub-particle touches it: twin of walls/side.rs. Memories are in the state of wall
-// pairs, `walls[k]`; the nearest points of the same facets are `nearest_points[k]`.
+// pairs, `walls[k]`; the nearest points of the same facets are `nearest_points[k]`. Rows are rebuilt when a surface disappears,
+// so that none holds its facets.
 
 const BOTH_SIDES: u32 = FROM_ABOVE | FROM_BELOW;
 const SIDE_MEMORY: u32 = BOTH_SIDES | BEYOND;
@@ -68,6 +69,16 @@ fn alignment(scene: Scene, one: u32, other: u32) -> f32 {
     return dot3(facets[scene.first_facet + one].normal, facets[scene.first_facet + other].normal);
 }
 
+// Whether the facet of point `to` continues the facet of point `other`, of the same surface.
+fn continues(scene: Scene, other: NearestPoint, to: NearestPoint) -> bool {
+    let line = other.local - to.local;
+    let height = abs(dot3(facets[scene.first_facet + to.facet].normal, line));
+    let tolerance = max(COINCIDENT_M, EDGE_TOLERANCE * other.distance);
+    return abs(alignment(scene, other.facet, to.facet)) > ALIGNED_COSINE
+        && height < max(tolerance, ALIGNED_SINE * length3(line))
+        && to.distance <= scene.radius + other.distance;
+}
+
 // Side of facet `at` from which a neighbour acts, beyond which the centre was before the step; 0 without one.
 fn inherited(scene: Scene, begin: u32, end: u32, at: u32, side: u32) -> u32 {
     let facet = nearest_points[at].facet;
@@ -78,9 +89,8 @@ fn inherited(scene: Scene, begin: u32, end: u32, at: u32, side: u32) -> u32 {
             continue;
         }
         let origin = walls[k].state & BOTH_SIDES;
-        let cosine = alignment(scene, other, facet);
-        if abs(cosine) > ALIGNED_COSINE {
-            return select(BOTH_SIDES ^ origin, origin, cosine > 0.0);
+        if continues(scene, nearest_points[k], nearest_points[at]) {
+            return select(origin, BOTH_SIDES ^ origin, alignment(scene, other, facet) < 0.0);
         }
         if (nearest_points[k].flags & OFF_FACET) != 0u && contains_point(scene, facet, nearest_points[k]) {
             return BOTH_SIDES ^ side;
@@ -128,7 +138,7 @@ fn over_rim(scene: Scene, begin: u32, end: u32, at: u32) -> u32 {
         }
         let holds = contains_point(scene, other, point);
         let is_inside = (nearest_points[k].flags & OFF_FACET) == 0u;
-        if is_inside && (holds || abs(alignment(scene, other, point.facet)) > ALIGNED_COSINE) {
+        if is_inside && (holds || continues(scene, point, nearest_points[k])) {
             return 0u;
         }
         is_shared |= holds;
