@@ -16,15 +16,18 @@ const MAX_INTERPENETRATED: f64 = 0.02;
 /// The warnings that these responses give.
 pub fn of_responses(setup: &Setup, responses: &Map<String, Value>) -> Vec<Warning> {
     let number = |name: &str| responses.get(name).and_then(Value::as_f64);
-    let each = setup.kind_of_each();
-    let sum = |of: &dyn Fn(&BodyKind) -> f64| each.iter().map(|&kind| of(&setup.kinds[kind])).sum::<f64>();
-    let mass_kg = sum(&BodyKind::mass_kg);
-    let density_kg_m3 = mass_kg / sum(&|kind| kind.meta.volume_m3);
+    let present = setup.scene().present();
+    let sum = |of: &dyn Fn(&BodyKind) -> f64| {
+        present.iter().map(|body| of(&setup.kinds[body.kind])).sum::<f64>()
+    };
+    let present_kg = sum(&BodyKind::mass_kg);
+    let density_kg_m3 = present_kg / sum(&|kind| kind.meta.volume_m3);
     let mut warnings = Vec::new();
     if let Some(escaped_kg) = number("escaped_kg").filter(|kg| *kg > 0.0) {
-        let share = 100.0 * escaped_kg / mass_kg;
+        let entered_kg = present_kg + number("fed_kg").unwrap_or(0.0);
+        let share = 100.0 * escaped_kg / entered_kg;
         warnings.push(ESCAPED_MASS.with(&format!(
-            "{escaped_kg:.3} kg of {mass_kg:.3} kg ({share:.2} %) left the domain by accident."
+            "{escaped_kg:.3} kg of {entered_kg:.3} kg ({share:.2} %) left the domain by accident."
         )));
     }
     if let Some(passed) = number("passed_through").filter(|passed| *passed > 0.0) {

@@ -76,14 +76,13 @@ fn soft_tissue(setup: &Setup) -> Option<Warning> {
     (ratio > SOFT_OVERLAP_RATIO).then(|| SOFT_TISSUE.with(&figures))
 }
 
-/// Weight on the floor over its area: of all bodies in a hopper, elsewhere of one body of the smallest height that it can lie at.
+/// Weight on the floor over its area: of the first filling in a hopper, without what a feed brings later; elsewhere of one body of the smallest height that it can lie at.
 fn floor_pressure_pa(setup: &Setup, scenario: &Scenario) -> f64 {
     let gravity = scenario.numerics.gravity_m_s2;
     if let Experiment::Hopper { equipment } = &scenario.experiment {
         let area_m2 = equipment.hopper_length_m * equipment.hopper_width_m;
-        return gravity
-            * setup.kind_of_each().into_iter().map(|kind| setup.kinds[kind].mass_kg()).sum::<f64>()
-            / area_m2;
+        let filled = setup.kind_of_each().into_iter().take(scenario.product.count as usize);
+        return gravity * filled.map(|kind| setup.kinds[kind].mass_kg()).sum::<f64>() / area_m2;
     }
     // A column of sub-particles, one per layer of the lattice, over the square that each takes.
     let cell_m2 = (2.0 * scenario.product.radius_m()).powi(2);

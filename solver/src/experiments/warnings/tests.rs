@@ -109,6 +109,30 @@ fn tissue_too_soft_for_the_weight_of_the_bed_is_named() {
 }
 
 #[test]
+fn fillets_that_a_feed_brings_later_weigh_nothing_before() {
+    let of = |feed_kg_s: f64| {
+        let document = json!({
+            "experiment": "hopper",
+            "product": {"count": 6},
+            "material": {"youngs_modulus_pa": 2000.0},
+            "equipment": {"feed_kg_s": feed_kg_s},
+        });
+        checked(&document)
+    };
+    let (fed, filled) = (of(20.0), of(0.0));
+    assert!(fed.estimate().mass_kg > 20.0 * filled.estimate().mass_kg);
+    assert_eq!(fed.warnings(), filled.warnings());
+    // Half of the filling has escaped, or a quarter of what had entered by then.
+    let mass_kg = filled.estimate().mass_kg;
+    for (fed_kg, figure) in [(0.0, "(50.00 %)"), (mass_kg, "(25.00 %)")] {
+        let numbers = [("escaped_kg", json!(mass_kg / 2.0)), ("fed_kg", json!(fed_kg))];
+        let responses = Map::from_iter(numbers.map(|(name, value)| (name.to_owned(), value)));
+        let warnings = of_responses(fed.setup(), &responses);
+        assert!(warnings[0].message.contains(figure), "{}", warnings[0].message);
+    }
+}
+
+#[test]
 fn a_test_that_has_not_begun_is_named_by_every_monitor() {
     use crate::result::EndReason::{Duration, FillNotAtRest};
     for experiment in crate::scenario::fields::EXPERIMENTS {
