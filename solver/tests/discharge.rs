@@ -195,6 +195,17 @@ fn two_fillets_that_move_as_a_plug_reside_for_their_distance_over_the_speed_of_t
 }
 
 #[test]
+fn a_fed_fillet_is_inside_from_the_sample_at_which_it_enters() {
+    let mut stage = Stage::started(&[("/equipment/feed_kg_s", json!(20.0))]);
+    stage.process();
+    assert_eq!(stage.monitor.responses(EndReason::Duration)["fillets_remaining"], json!(2));
+    let now_s = stage.simulated_s - stage.start_s;
+    stage.process();
+    assert_eq!(stage.monitor.entering(&stage.state, Some(now_s)).len(), 1);
+    assert_eq!(stage.monitor.responses(EndReason::Duration)["fillets_remaining"], json!(3));
+}
+
+#[test]
 fn a_jam_is_counted_from_the_last_passage() {
     let mut stage = Stage::started(&[("/numerics/stop/when_jammed_s", json!(0.09))]);
     for k in 0..12 {

@@ -24,8 +24,8 @@ struct Seen {
 pub struct Residence {
     /// Residence times of the bodies that have passed, ascending, in seconds.
     pub times_s: Vec<f64>,
-    /// Bodies in the hopper that have not passed.
-    pub remaining: usize,
+    /// Times so far of the bodies in the hopper that have not passed, ascending, in seconds: their residence times are longer.
+    pub so_far_s: Vec<f64>,
 }
 
 impl ResidenceTimes {
@@ -56,10 +56,15 @@ impl ResidenceTimes {
     /// nowhere.
     pub fn residence(&self) -> Residence {
         let seen = || self.seen.iter().flatten();
-        let mut times_s: Vec<f64> = seen().filter_map(|one| Some(one.passed_s? - one.entry_s)).collect();
-        times_s.sort_unstable_by(f64::total_cmp);
-        let remaining = seen().filter(|one| one.passed_s.is_none() && one.last_s == self.now_s).count();
-        Residence { times_s, remaining }
+        let sorted = |mut times_s: Vec<f64>| {
+            times_s.sort_unstable_by(f64::total_cmp);
+            times_s
+        };
+        let inside = seen().filter(|one| one.passed_s.is_none() && one.last_s == self.now_s);
+        Residence {
+            times_s: sorted(seen().filter_map(|one| Some(one.passed_s? - one.entry_s)).collect()),
+            so_far_s: sorted(inside.map(|one| self.now_s - one.entry_s).collect()),
+        }
     }
 }
 
@@ -70,18 +75,37 @@ impl Residence {
         (count > 0.0).then(|| self.times_s.iter().sum::<f64>() / count)
     }
 
-    /// The time after which a share of all bodies, the remaining ones included, had passed, in seconds; none if so many have not.
+    /// The time after which a share of all bodies had passed, in seconds; none if [`Self::shares`] ends below it.
     pub fn percentile_s(&self, share: f64) -> Option<f64> {
-        let count = self.times_s.len() + self.remaining;
-        // A rounding error of the product must not take the next body.
-        let rank = (share * count as f64 - 1e-9).ceil().max(1.0) as usize;
-        self.times_s.get(rank - 1).copied()
+        // A rounding error must not take the next body.
+        let rank = self.shares().iter().position(|&passed| passed >= share - 1e-12)?;
+        Some(self.times_s[rank])
     }
 
-    /// Share of all bodies that had passed, at each residence time.
+    /// Share of all bodies that had passed, at each residence time, by the estimator of Kaplan and Meier (1958). A body that
+    /// has not passed counts until its time so far, and then as those that stayed longer.
+    ///
+    /// Between two such times, the share grows by equal parts of its rest, one per body left: the product of Kaplan and Meier in
+    /// the form that is k / n exactly when all bodies entered together.
     pub fn shares(&self) -> Vec<f64> {
-        let count = (self.times_s.len() + self.remaining) as f64;
-        (1..=self.times_s.len()).map(|passed| passed as f64 / count).collect()
+        let mut so_far = self.so_far_s.iter().peekable();
+        let mut left = self.times_s.len() + self.so_far_s.len();
+        let (mut share, mut passed) = (0.0, 0);
+        let mut before = 0.0;
+        let one = |&time_s: &f64| {
+            // A body with the same time so far was still there at the passage.
+            let mut gone = 0;
+            while so_far.next_if(|so_far_s| **so_far_s < time_s).is_some() {
+                gone += 1;
+            }
+            if gone > 0 {
+                (before, left, passed) = (share, left - passed - gone, 0);
+            }
+            passed += 1;
+            share = before + (1.0 - before) * passed as f64 / left as f64;
+            share
+        };
+        self.times_s.iter().map(one).collect()
     }
 }
 
@@ -104,7 +128,7 @@ mod tests {
     #[test]
     fn a_plug_takes_its_length_over_its_speed() {
         let residence = plug(1.3).residence();
-        assert_eq!(residence.remaining, 0);
+        assert_eq!(residence.so_far_s, [0.0; 0]);
         for (k, time_s) in residence.times_s.iter().enumerate() {
             assert!((time_s - 0.012 * (k as f64 + 0.5)).abs() < 1e-12, "{k}: {time_s}");
         }
@@ -121,7 +145,8 @@ mod tests {
     fn bodies_that_never_leave_count_in_percentiles_and_not_in_the_mean() {
         // At 0.72 s sixty have passed.
         let residence = plug(0.72).residence();
-        assert_eq!((residence.times_s.len(), residence.remaining), (60, 40));
+        assert_eq!(residence.times_s.len(), 60);
+        assert!(residence.so_far_s.len() == 40 && residence.so_far_s.iter().all(|s| (s - 0.72).abs() < 1e-12));
         assert!((residence.mean_s().unwrap() - 0.36).abs() < 1e-12);
         assert!((residence.percentile_s(0.5).unwrap() - 0.012 * 49.5).abs() < 1e-12);
         assert_eq!(residence.percentile_s(0.95), None);
@@ -136,8 +161,41 @@ mod tests {
         }
         times.record(1, 5.0, -0.4);
         times.record(0, 6.0, 0.4);
-        assert_eq!(times.residence(), Residence { times_s: vec![0.0, 1.5], remaining: 0 });
+        assert_eq!(times.residence(), Residence { times_s: vec![0.0, 1.5], so_far_s: vec![] });
         let none = ResidenceTimes::default().residence();
         assert_eq!((none.mean_s(), none.percentile_s(0.5), none.shares()), (None, None, vec![]));
+    }
+
+    #[test]
+    fn bodies_that_have_just_entered_do_not_count_as_slow() {
+        // Freireich's remission times under 6-MP in weeks (1963), of which Kaplan–Meier gives S(6) = 18/21, S(7) = S(6) · 16/17,
+        // S(10) · 14/15, S(13) · 11/12, S(16) · 10/11, S(22) · 6/7, S(23) · 5/6 = 0.448.
+        let residence = Residence {
+            times_s: vec![6.0, 6.0, 6.0, 7.0, 10.0, 13.0, 16.0, 22.0, 23.0],
+            so_far_s: vec![6.0, 9.0, 10.0, 11.0, 17.0, 19.0, 20.0, 25.0, 32.0, 32.0, 34.0, 35.0],
+        };
+        let left = [0.857_143, 0.806_723, 0.752_941, 0.690_196, 0.627_451, 0.537_815, 0.448_179];
+        for (share, left) in residence.shares()[2..].iter().zip(left) {
+            assert!((1.0 - share - left).abs() < 1e-6, "{share} and {left}");
+        }
+        assert_eq!(residence.percentile_s(0.05), Some(6.0));
+        assert_eq!(residence.percentile_s(0.5), Some(23.0));
+        assert_eq!(residence.percentile_s(0.95), None);
+    }
+
+    #[test]
+    fn a_steady_feed_of_equal_times_has_them_as_its_percentiles() {
+        // A body enters each 0.1 s and stays 1 s. At the end ten are inside, at most 0.9 s.
+        let mut times = ResidenceTimes::default();
+        for step in 0..=30 {
+            let now_s = 0.1 * f64::from(step);
+            for body in (0..=step as usize).rev().take(12) {
+                times.record(body, now_s, now_s - 0.1 * body as f64 - 0.999_999);
+            }
+        }
+        let residence = times.residence();
+        assert_eq!((residence.times_s.len(), residence.so_far_s.len()), (21, 10));
+        let percentile = residence.percentile_s(0.95).expect("all that could pass did");
+        assert!((percentile - 1.0).abs() < 1e-5, "{percentile}");
     }
 }

@@ -48,6 +48,8 @@ pub(super) struct Feed {
     waiting: std::vec::IntoIter<usize>,
     next: Option<(usize, DQuat, Vec<DVec3>)>,
     fed_kg: f64,
+    /// Number of bodies of the run.
+    bodies: usize,
     rng: ChaCha8Rng,
 }
 
@@ -65,6 +67,7 @@ impl Feed {
             waiting: waiting.into_iter(),
             next: None,
             fed_kg: 0.0,
+            bodies: scene.bodies.len(),
             rng,
         }
     }
@@ -72,6 +75,11 @@ impl Feed {
     /// Mass that has entered, in kilograms.
     pub(super) fn fed_kg(&self) -> f64 {
         self.fed_kg
+    }
+
+    /// Number of the body that enters next.
+    pub(super) fn next_body(&self) -> usize {
+        self.bodies - self.waiting.len() - usize::from(self.next.is_some())
     }
 
     /// The fillets that enter at a belt time.

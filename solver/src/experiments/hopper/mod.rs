@@ -76,9 +76,10 @@ const RESPONSES: &[Response] = &[
     number("residence_mean_s", "s",
         "Mean residence time of the fillets that left: from t = 0, or a later entry, until the centre of mass passes the gate plane.").headline(),
     number("residence_5_percent_s", "s",
-        "Residence time that 5 % of the fillets do not exceed. Fillets that have not left count as longer."),
-    number("residence_median_s", "s", "The same for 50 %; null if fewer have left."),
-    number("residence_95_percent_s", "s", "The same for 95 %; null if fewer have left."),
+        "Residence time that 5 % of the fillets do not exceed, by the estimator of Kaplan and Meier: fillets still inside count as \
+         longer than their time so far."),
+    number("residence_median_s", "s", "The same for 50 %; null if `residence_share` ends below."),
+    number("residence_95_percent_s", "s", "The same for 95 %; null if `residence_share` ends below."),
     number("fillets_remaining", "", "Fillets in the hopper at the end whose centre of mass has not passed the gate plane."),
     number("curl_angle_deg", "°",
         "Mean bend angle of fillets up to 0.2 m past the gate, over all samples until 80 % is out. The bend angle is the angle \
@@ -117,7 +118,8 @@ const RESIDENCE_SHARE: CurveRow = curve(
     "residence_share",
     "1",
     ("residence_time", "s"),
-    "Share of the fillets that had left after this residence time. It ends below 1 when fillets remain.",
+    "Share of the fillets that had left after this residence time (Kaplan and Meier). It ends below 1 when the longest times are \
+     those of fillets still inside.",
 );
 
 pub(super) const OUTPUTS: Outputs = Outputs {

@@ -212,7 +212,13 @@ impl ExperimentMonitor for HopperMonitor {
     }
 
     fn entering(&mut self, state: &State, belt_time_s: Option<f64>) -> Vec<Placement> {
-        belt_time_s.map_or(Vec::new(), |now_s| self.feed.entering(state, now_s))
+        let Some(now_s) = belt_time_s else { return Vec::new() };
+        let first = self.feed.next_body();
+        let entering = self.feed.entering(state, now_s);
+        for (body, placement) in (first..).zip(&entering) {
+            self.residence.record(body, now_s, placement.position.x);
+        }
+        entering
     }
 
     fn recorder(&self) -> &Recorder {
@@ -255,7 +261,7 @@ impl ExperimentMonitor for HopperMonitor {
         add("residence_5_percent_s", residence.percentile_s(0.05).into());
         add("residence_median_s", residence.percentile_s(0.5).into());
         add("residence_95_percent_s", residence.percentile_s(0.95).into());
-        add("fillets_remaining", residence.remaining.into());
+        add("fillets_remaining", residence.so_far_s.len().into());
         add("curl_angle_deg", curl.map(|(mean, _)| mean).into());
         add("largest_curl_angle_deg", curl.map(|(_, largest)| largest).into());
         add("interpenetrated_fraction", bed.interpenetrated.into());
