@@ -11,6 +11,10 @@ use super::outputs::series;
 use crate::engine::SurfaceLoad;
 use crate::equipment::{Motion, Surface};
 use crate::observe::{Clock, Recorder, SeriesId};
+use crate::scenario::Numerics;
+
+/// Maximum count of numbers in the series of forces and torques: half of the limit of a server for a result.
+const MAX_NUMBERS: f64 = 4e5;
 
 #[rustfmt::skip]
 pub(super) const LOADS: [SeriesRow; 6] = [
@@ -27,6 +31,16 @@ pub(super) const LOADS: [SeriesRow; 6] = [
 
 /// Axes of forces, torques and positions.
 pub(super) const AXES: [(&str, DVec3); 3] = [("x", DVec3::X), ("y", DVec3::Y), ("z", DVec3::Z)];
+
+/// Why so many surfaces make too many numbers, and the output interval that would do; none if they do not.
+pub(super) fn too_many_loads(numerics: &Numerics, surfaces: usize) -> Option<(String, String)> {
+    let least_s = LOADS.len() as f64 * surfaces as f64 * numerics.duration_s / MAX_NUMBERS;
+    (numerics.output_interval_s < least_s).then(|| {
+        let detail =
+            format!("the forces and torques on {surfaces} surfaces make more than {MAX_NUMBERS:.0e} numbers");
+        (detail, format!("≥ {least_s:.2e} s at this duration and number of surfaces"))
+    })
+}
 
 /// Point through which the axes of a surface's torque lead, at belt time `t` in seconds; in metres.
 fn torque_point(motion: &Motion, t: f64) -> DVec3 {

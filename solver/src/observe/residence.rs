@@ -146,7 +146,9 @@ mod tests {
         // At 0.72 s sixty have passed.
         let residence = plug(0.72).residence();
         assert_eq!(residence.times_s.len(), 60);
-        assert!(residence.so_far_s.len() == 40 && residence.so_far_s.iter().all(|s| (s - 0.72).abs() < 1e-12));
+        assert!(
+            residence.so_far_s.len() == 40 && residence.so_far_s.iter().all(|s| (s - 0.72).abs() < 1e-12)
+        );
         assert!((residence.mean_s().unwrap() - 0.36).abs() < 1e-12);
         assert!((residence.percentile_s(0.5).unwrap() - 0.012 * 49.5).abs() < 1e-12);
         assert_eq!(residence.percentile_s(0.95), None);

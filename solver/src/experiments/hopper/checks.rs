@@ -7,6 +7,7 @@ use crate::engine::scene::Scene;
 use crate::equipment::Surface;
 use crate::experiments::Setup;
 use crate::experiments::clashes::{OVERLAP_RATIO, Obstacle, clashes};
+use crate::experiments::loads::too_many_loads;
 use crate::experiments::surfaces::extent;
 use crate::mesh::{Mesh, Meshes};
 use crate::scenario::{Equipment, Fault, Product, SideWalls};
@@ -104,8 +105,21 @@ fn seam_fault(scene: &Scene, index: usize, surface: &Surface) -> Option<Fault> {
     })
 }
 
+/// Faults of the start: surfaces that are missing or in the way, and more numbers for the loads on them than a result holds.
+pub(super) fn start_faults(setup: &Setup, equipment: &Equipment) -> Vec<Fault> {
+    let mut faults = surface_faults(setup, equipment);
+    let numerics = &setup.scenario.numerics;
+    let count = || setup.scene().surfaces.len();
+    let loads = equipment.surface_loads.then(|| too_many_loads(numerics, count())).flatten();
+    faults.extend(loads.map(|(detail, interval)| {
+        let allowed = format!("false, or /numerics/output_interval_s {interval}");
+        Fault::at("/equipment/surface_loads", true, detail, allowed)
+    }));
+    faults
+}
+
 /// A hopper of no surfaces, or with one in the way of the fill.
-pub(super) fn surface_faults(setup: &Setup, equipment: &Equipment) -> Vec<Fault> {
+fn surface_faults(setup: &Setup, equipment: &Equipment) -> Vec<Fault> {
     let pointer = "/equipment/surfaces";
     if equipment.surfaces.is_empty() {
         let nothing = || {

@@ -180,7 +180,7 @@ impl Definition for Equipment {
     }
 
     fn start_faults(&self, setup: &Setup) -> Vec<Fault> {
-        checks::surface_faults(setup, self)
+        checks::start_faults(setup, self)
     }
 }
 

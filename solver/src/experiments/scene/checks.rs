@@ -4,10 +4,8 @@ use serde_json::json;
 
 use crate::experiments::Setup;
 use crate::experiments::clashes::{OVERLAP_RATIO, Obstacle, clashes};
+use crate::experiments::loads::too_many_loads;
 use crate::scenario::{Fault, FreeScene, PresenceKind};
-
-/// Maximum count of numbers in the series of forces and torques: half of the limit of a server for a result.
-const MAX_FORCES: f64 = 4e5;
 
 /// Maximum number of bodies that are reported. A document of many thousand bodies may be wrong in each.
 const MAX_FAULTS: usize = 1000;
@@ -23,18 +21,9 @@ pub(super) fn faults(setup: &Setup, free: &FreeScene) -> Vec<Fault> {
         }
     }
     let numerics = &setup.scenario.numerics;
-    let per_sample = 6.0 * free.surfaces.len() as f64;
-    if per_sample * numerics.duration_s / numerics.output_interval_s > MAX_FORCES {
-        let least = per_sample * numerics.duration_s / MAX_FORCES;
-        faults.push(Fault::at(
-            "/numerics/output_interval_s",
-            numerics.output_interval_s,
-            format!(
-                "the forces and torques on {} surfaces make more than {MAX_FORCES:.0e} numbers",
-                free.surfaces.len()
-            ),
-            format!("≥ {least:.2e} s at this duration and number of surfaces"),
-        ));
+    if let Some((detail, allowed)) = too_many_loads(numerics, free.surfaces.len()) {
+        let pointer = "/numerics/output_interval_s";
+        faults.push(Fault::at(pointer, numerics.output_interval_s, detail, allowed));
     }
     faults
 }

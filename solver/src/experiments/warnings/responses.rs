@@ -17,9 +17,8 @@ const MAX_INTERPENETRATED: f64 = 0.02;
 pub fn of_responses(setup: &Setup, responses: &Map<String, Value>) -> Vec<Warning> {
     let number = |name: &str| responses.get(name).and_then(Value::as_f64);
     let present = setup.scene().present();
-    let sum = |of: &dyn Fn(&BodyKind) -> f64| {
-        present.iter().map(|body| of(&setup.kinds[body.kind])).sum::<f64>()
-    };
+    let sum =
+        |of: &dyn Fn(&BodyKind) -> f64| present.iter().map(|body| of(&setup.kinds[body.kind])).sum::<f64>();
     let present_kg = sum(&BodyKind::mass_kg);
     let density_kg_m3 = present_kg / sum(&|kind| kind.meta.volume_m3);
     let mut warnings = Vec::new();
