@@ -70,6 +70,22 @@ fn a_feed_of_zero_feeds_nothing() {
     assert!(common::checked(&fed(2.0, 6.0, &[])).estimate().mass_kg > 12.0);
 }
 
+#[test]
+fn faults_of_a_feed_name_it() {
+    let refused = |scenario: &Scenario, limits: &Limits| {
+        let faults = check(scenario, &Meshes::default(), limits).expect_err("refused");
+        faults.into_iter().map(|fault| (fault.pointer, fault.value)).collect::<Vec<_>>()
+    };
+    let few = Limits { max_subparticles: 400, ..Limits::NONE };
+    let of_feed = |kg_s: f64| [("/equipment/feed_kg_s".to_owned(), json!(kg_s))];
+    assert_eq!(refused(&fed(2.0, 6.0, &[]), &few), of_feed(2.0));
+    let many = [("/equipment/surface_loads", json!(true)), ("/numerics/output_interval_s", json!(0.0005))];
+    // Six surfaces make 36 numbers in each sample, so 5.56 s at this interval are the most.
+    let loads = [("/equipment/surface_loads".to_owned(), json!(true))];
+    assert_eq!(refused(&fed(0.0, 5.6, &many), &Limits::NONE), loads);
+    assert!(check(&fed(0.0, 5.5, &many), &Meshes::default(), &Limits::NONE).is_ok());
+}
+
 /// A scene of two blocks of which the second enters at a step, over the first.
 fn entering() -> (Scene, Placement) {
     let mut scene = common::blocks();

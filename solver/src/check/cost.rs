@@ -46,8 +46,9 @@ impl Cost {
         (self.subparticles > limits.max_subparticles).then(|| {
             let detail = format!("{} sub-particles are more than this service takes", self.subparticles);
             let most = limits.max_subparticles;
-            let allowed =
-                format!("at most {most} sub-particles: fewer fillets or a larger sub-particle radius");
+            let allowed = format!(
+                "at most {most} sub-particles: fewer fillets, filled or fed, or a larger sub-particle radius"
+            );
             Fault::at(pointer, value, detail, allowed)
         })
     }

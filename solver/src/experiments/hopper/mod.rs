@@ -168,6 +168,10 @@ impl Definition for Equipment {
     }
 
     fn size_field(&self, _scenario: &Scenario, bodies: u64) -> (&'static str, Value) {
+        // The bodies include those of the feed.
+        if self.feed_kg_s > 0.0 {
+            return ("/equipment/feed_kg_s", self.feed_kg_s.into());
+        }
         ("/product/count", bodies.into())
     }
 
