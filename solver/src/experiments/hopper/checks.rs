@@ -1,10 +1,11 @@
 //! Checks of the hopper: whether the fillets fit it, and whether its surfaces leave them room.
 
+use glam::DVec3;
 use serde_json::json;
 
-use super::feed::{MAX_FED, fed_kinds};
+use super::feed::{MAX_FED, entry_box, fed_kinds};
 use crate::engine::scene::Scene;
-use crate::equipment::Surface;
+use crate::equipment::{Presence, Surface};
 use crate::experiments::Setup;
 use crate::experiments::clashes::{OVERLAP_RATIO, Obstacle, clashes};
 use crate::experiments::loads::too_many_loads;
@@ -108,6 +109,7 @@ fn seam_fault(scene: &Scene, index: usize, surface: &Surface) -> Option<Fault> {
 /// Faults of the start: surfaces that are missing or in the way, and more numbers for the loads on them than a result holds.
 pub(super) fn start_faults(setup: &Setup, equipment: &Equipment) -> Vec<Fault> {
     let mut faults = surface_faults(setup, equipment);
+    faults.extend(entry_faults(setup, equipment));
     let numerics = &setup.scenario.numerics;
     let count = || setup.scene().surfaces.len();
     let loads = equipment.surface_loads.then(|| too_many_loads(numerics, count())).flatten();
@@ -116,6 +118,53 @@ pub(super) fn start_faults(setup: &Setup, equipment: &Equipment) -> Vec<Fault> {
         Fault::at("/equipment/surface_loads", true, detail, allowed)
     }));
     faults
+}
+
+/// Surfaces of the scenario in the space in which fed fillets appear. Those that move count where they are at t = 0.
+fn entry_faults(setup: &Setup, equipment: &Equipment) -> Vec<Fault> {
+    if equipment.feed_kg_s == 0.0 || equipment.surfaces.is_empty() {
+        return Vec::new();
+    }
+    let scene = setup.scene();
+    let (low, high) = entry_box(equipment, scene);
+    let own = &scene.surfaces[scene.surfaces.len() - equipment.surfaces.len()..];
+    let in_the_way = own.iter().filter(|surface| {
+        surface.presence == Presence::Always
+            && surface.triangles.iter().any(|triangle| cuts_box(triangle, low, high))
+    });
+    let fault = |surface: &Surface| {
+        let detail =
+            format!("fillets would appear in the surface \"{}\", which is over the hopper", surface.name);
+        let allowed = format!(
+            "0, or no surface from {:.3} to {:.3} m over the floor; set /equipment/hopper_height_m above it",
+            low.z, high.z
+        );
+        Fault::at("/equipment/feed_kg_s", equipment.feed_kg_s, detail, allowed)
+    };
+    in_the_way.map(fault).collect()
+}
+
+/// Whether a part of a triangle lies in a box: what is left when the six sides of the box have cut it (Sutherland and Hodgman).
+fn cuts_box(triangle: &[DVec3; 3], low: DVec3, high: DVec3) -> bool {
+    let mut polygon = triangle.to_vec();
+    for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+        for (inwards, from) in [(axis, low.dot(axis)), (-axis, -high.dot(axis))] {
+            let depth = |point: DVec3| inwards.dot(point) - from;
+            let mut kept = Vec::new();
+            for (k, &a) in polygon.iter().enumerate() {
+                let b = polygon[(k + 1) % polygon.len()];
+                let (at_a, at_b) = (depth(a), depth(b));
+                if at_a >= 0.0 {
+                    kept.push(a);
+                }
+                if at_a * at_b < 0.0 {
+                    kept.push(a.lerp(b, at_a / (at_a - at_b)));
+                }
+            }
+            polygon = kept;
+        }
+    }
+    !polygon.is_empty()
 }
 
 /// A hopper of no surfaces, or with one in the way of the fill.

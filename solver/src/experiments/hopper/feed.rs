@@ -9,6 +9,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::engine::state::State;
+use crate::experiments::clashes::OVERLAP_RATIO;
 use crate::experiments::placement::{GAP_RATIO, orient, uniform};
 use crate::scenario::{Equipment, Scenario};
 
@@ -34,6 +35,17 @@ pub(super) fn fed_kinds(scenario: &Scenario, equipment: &Equipment, kinds: &[Bod
         next += 1;
     }
     fed
+}
+
+/// Corners of the space over the hopper in which fed fillets appear, in metres. A surface outside it overlaps their sub-particles by
+/// no more than a start may.
+pub(super) fn entry_box(equipment: &Equipment, scene: &Scene) -> (DVec3, DVec3) {
+    let inset = (GAP_RATIO + OVERLAP_RATIO) * scene.radius_m;
+    let floor = floor(equipment);
+    let across = DVec2::new(inset, if floor.periodic_y { 0.0 } else { inset });
+    let longest = scene.kinds.iter().map(|kind| 2.0 * kind.meta.bounding_radius_m).fold(0.0, f64::max);
+    let (bottom, top) = (equipment.hopper_height_m + inset, longest + 2.0 * scene.radius_m);
+    ((floor.low + across).extend(bottom), (floor.high - across).extend(equipment.hopper_height_m + top))
 }
 
 /// The feed of a run.
