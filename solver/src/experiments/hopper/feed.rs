@@ -145,15 +145,40 @@ impl Feed {
         (0..PLACES).find_map(|_| {
             let share = DVec2::new(uniform(&mut self.rng), uniform(&mut self.rng));
             let at = (from + (to - from) * share).extend(self.equipment.hopper_height_m + room - low.z);
-            let touches = |x: &DVec3| {
-                let mut from_centre = *x - at;
-                if width.is_finite() {
-                    from_centre.y -= width * (from_centre.y / width).round();
-                }
-                let boxed = from_centre.cmpgt(low - apart).all() && from_centre.cmplt(high + apart).all();
-                boxed && points.iter().any(|point| point.distance(from_centre) < apart)
+            let near = |x: DVec3| {
+                let boxed = x.cmpgt(low - apart).all() && x.cmplt(high + apart).all();
+                boxed && points.iter().any(|point| point.distance(x) < apart)
             };
+            let touches = |x: &DVec3| images(*x - at, width).any(near);
             (!obstacles.iter().any(touches)).then_some(at)
         })
+    }
+}
+
+/// The periodic image of a point nearest to the origin and its neighbours, within reach of a body shorter than the period; the point
+/// itself if the period is infinite.
+fn images(x: DVec3, period_m: f64) -> impl Iterator<Item = DVec3> {
+    let nearest = (x.y / period_m).round();
+    let shifts = if period_m.is_finite() { &[0.0, -1.0, 1.0][..] } else { &[] };
+    let image = move |shift: &f64| x - DVec3::Y * period_m * (nearest + shift);
+    let itself = period_m.is_infinite().then_some(x);
+    itself.into_iter().chain(shifts.iter().map(image))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_fillet_meets_every_image_across_the_seam() {
+        // From −20 to 80 mm in a period of 110 mm: −35 mm is the nearest image of a point that its tail meets at 75 mm.
+        let image_mm = |x: f64| -> Vec<f64> {
+            let mut found: Vec<f64> = images(DVec3::Y * x / 1000.0, 0.11).map(|at| at.y * 1000.0).collect();
+            found.sort_unstable_by(f64::total_cmp);
+            found.into_iter().map(f64::round).collect()
+        };
+        assert_eq!(image_mm(75.0), [-145.0, -35.0, 75.0]);
+        assert_eq!(image_mm(-255.0), [-145.0, -35.0, 75.0]);
+        assert_eq!(images(DVec3::Y, f64::INFINITY).collect::<Vec<_>>(), [DVec3::Y]);
     }
 }
