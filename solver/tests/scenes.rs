@@ -359,3 +359,19 @@ fn a_scene_gives_the_same_bits_on_any_number_of_threads() {
         assert_eq!(text(&one), text(&run_on(threads, &scenario)));
     }
 }
+
+#[test]
+fn bodies_that_touch_at_rest_without_gravity_have_not_diverged() {
+    let dry = json!({"surface_energy_j_m2": 0.0});
+    let document = json!({
+        "experiment": "scene",
+        "product": {"spheres": true, "subparticle_radius_m": 0.004},
+        "contact": {"fillet_fillet": dry, "fillet_equipment": dry, "fillet_belt": dry},
+        // They overlap by R/20.
+        "scene": {"bodies": [{"position_m": [0, 0, 0]}, {"position_m": [0.0078, 0, 0]}]},
+        "numerics": {"gravity_m_s2": 0.0, "timestep_s": "auto", "duration_s": 0.1},
+    });
+    let result = common::run_on(1, &common::scenario(document, &[]));
+    assert_eq!(result.instability, None);
+    assert!(result.response("kinetic_energy_end_j").expect("a number") > 0.0);
+}

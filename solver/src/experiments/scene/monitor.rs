@@ -8,7 +8,7 @@ use crate::engine::run::{Decision, ExperimentMonitor, Sample};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::equipment::Motion;
-use crate::experiments::energy::{ENERGY_MARGIN, given_j};
+use crate::experiments::energy::{ENERGY_MARGIN, given_j, start_overlap_j};
 use crate::experiments::interpenetration::Interpenetration;
 use crate::experiments::loads::{AXES, LoadSeries, SampleStats, power_w};
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
@@ -52,7 +52,7 @@ pub(super) struct SceneMonitor {
     passed_through: u64,
 }
 
-/// [`ENERGY_MARGIN`] times the energy of the bodies at the start, which may fall to the farthest corner. Moving surfaces do work
+/// [`ENERGY_MARGIN`] times the energy of the bodies at the start, which may overlap and fall to the farthest corner. Moving surfaces do work
 /// without a bound, so that it is infinite with them.
 fn most_energy_j(scenario: &Scenario, free: &FreeScene, scene: &Scene) -> f64 {
     if scene.surfaces.iter().any(|surface| surface.motion != Motion::Fixed) {
@@ -65,6 +65,7 @@ fn most_energy_j(scenario: &Scenario, free: &FreeScene, scene: &Scene) -> f64 {
             ((scene.low - body.position) * down).max((scene.high - body.position) * down).element_sum();
         let fall = scenario.numerics.gravity_m_s2 * fall_m;
         given_j(kind, &scenario.contact, scene.radius_m, body.velocity.length(), fall)
+            + start_overlap_j(kind, &scenario.material, scene.radius_m)
     });
     ENERGY_MARGIN * given_j.sum::<f64>()
 }
