@@ -47,6 +47,14 @@ struct Placed {
     high: DVec3,
 }
 
+impl Placed {
+    /// Whether the boxes of two bodies meet; along y always if it is periodic.
+    fn meets(&self, other: &Self, period_m: f64) -> bool {
+        let apart = self.low.cmpgt(other.high) | self.high.cmplt(other.low);
+        !(apart.x || apart.z || (apart.y && period_m == 0.0))
+    }
+}
+
 impl Interpenetration {
     pub(super) fn new(scene: &Scene) -> Self {
         let mut next = 0;
@@ -63,15 +71,23 @@ impl Interpenetration {
         }
     }
 
+    /// Whether a body has a cell that a sub-particle can be in. Spheres have none.
+    pub(super) fn has_cells(&self) -> bool {
+        self.cells.iter().any(|cells| !cells.is_empty())
+    }
+
     /// Share of the sub-particles whose centre lies inside another body, 0 to 1; `None` without sub-particles.
     pub(super) fn fraction(&self, state: &State) -> Option<f64> {
         let bodies: Vec<Placed> =
             state.body_ranges().map(|(body, range)| placed(state, body, range)).collect();
         let mut is_inside = vec![false; state.particles.len()];
         let period_m = f64::from(state.frame.period_y) * f64::from(state.frame.unit_m);
-        for solid in &bodies {
+        let is_solid = |body: &&Placed| !self.cells[self.bodies[body.body as usize].0].is_empty();
+        for solid in bodies.iter().filter(is_solid) {
             let mut bins = None;
-            for other in bodies.iter().filter(|other| other.body != solid.body) {
+            for other in
+                bodies.iter().filter(|other| other.body != solid.body && other.meets(solid, period_m))
+            {
                 for (k, &point) in other.points.iter().enumerate() {
                     let x = nearest_image(point, (solid.low + solid.high) / 2.0, period_m);
                     if x.cmpge(solid.low).all() && x.cmple(solid.high).all() {

@@ -35,7 +35,7 @@ pub(super) struct SceneMonitor {
     max_overlap_m: f32,
     greatest_height_m: Option<f64>,
     interpenetration: Interpenetration,
-    /// State at the last sample.
+    /// State at the last sample, if a sub-particle can be inside a body.
     last: Option<State>,
     /// Numbers of the bodies that are still there, and their centres of mass, in metres.
     centres_m: Vec<(u32, DVec3)>,
@@ -153,7 +153,7 @@ impl SceneMonitor {
             (count > 0).then(|| (body, inside().sum::<DVec3>() / count as f64))
         });
         self.centres_m = centres.collect();
-        self.last = Some(state.clone());
+        self.last = self.interpenetration.has_cells().then(|| state.clone());
         self.rest.record(now_s, state.faster_than(self.numerics.rest_speed_m_s), state.particles.len());
     }
 }
@@ -199,7 +199,8 @@ impl ExperimentMonitor for SceneMonitor {
         add("mean_power_w", self.power_w.mean().into());
         add("max_power_w", self.power_w.max().into());
         let interpenetrated = self.last.as_ref().and_then(|state| self.interpenetration.fraction(state));
-        add("interpenetrated_fraction", interpenetrated.into());
+        let none_inside = self.greatest_height_m.map(|_| 0.0);
+        add("interpenetrated_fraction", interpenetrated.or(none_inside).into());
         add("greatest_height_m", self.greatest_height_m.into());
         responses
     }
