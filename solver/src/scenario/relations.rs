@@ -107,7 +107,7 @@ fn check_alternatives(document: &Value, completed: &Value, faults: &mut Vec<Faul
     }
 }
 
-/// Shapes that do not exist, and sizes beside a mesh or spheres.
+/// Shapes that do not exist, sizes beside a mesh or spheres, and a fill of whole spheres beside spheres.
 fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
     let sizes = completed.pointer("/product/sizes_m").and_then(Value::as_array).map(Vec::len);
     let mesh = completed.pointer("/product/mesh").is_some_and(Value::is_object);
@@ -125,6 +125,12 @@ fn check_shapes(document: &Value, completed: &Value, faults: &mut Vec<Fault>) {
         let allowed = Some("false beside /product/mesh".to_owned());
         let detail = "excludes /product/mesh".to_owned();
         faults.push(Fault::new("/product/spheres", &Value::Bool(true), detail, allowed));
+    }
+    let pointer = "/product/fill";
+    if spheres && completed.pointer(pointer).is_some_and(|fill| fill == "whole_spheres") {
+        let allowed = Some("\"centres\" beside /product/spheres".to_owned());
+        let value = as_written(document, completed, pointer);
+        faults.push(Fault::new(pointer, value, "is excluded by /product/spheres".to_owned(), allowed));
     }
     let only_one = mesh || spheres;
     let Some(shapes) = sizes.map(|sizes| if only_one { 1 } else { 2 * sizes }) else { return };

@@ -207,8 +207,13 @@ impl ExperimentMonitor for BendMonitor {
         let fell = self.fell_off && self.bend.support != Support::OffLedge;
         let hung = !self.recorder.values(self.angle).is_empty() && !fell;
         let end_s = self.recorder.belt_s(self.angle).last().copied().unwrap_or(0.0);
-        let how = if self.torn { "tore" } else { "fell off its support" };
-        let figures = format!("The fillet did not stay hanging: it {how} after {end_s:.2} s.");
+        let figures = match (self.torn, self.fell_off) {
+            (true, _) => format!("The fillet did not stay hanging: it tore after {end_s:.2} s."),
+            (_, true) => {
+                format!("The fillet did not stay hanging: it fell off its support after {end_s:.2} s.")
+            }
+            _ => "The run ended before a bend angle was measured.".to_owned(),
+        };
         (!hung).then(|| TEST_NEVER_BEGAN.with(&figures)).into_iter().collect()
     }
 }

@@ -95,6 +95,13 @@ fn a_fill_of_whole_spheres_is_named_with_its_figures() {
 }
 
 #[test]
+fn spheres_are_not_filled() {
+    let document = hopper(json!({"spheres": true, "fill": "whole_spheres"}), json!({}));
+    let faults = from_value(&document).expect_err("refused");
+    assert_eq!(faults.iter().map(|fault| fault.pointer.as_str()).collect::<Vec<_>>(), ["/product/fill"]);
+}
+
+#[test]
 fn tissue_too_soft_for_the_weight_of_the_bed_is_named() {
     // 38.21 kg on 0.59 × 0.30 m are 2.12 kPa. δ = R/2 takes E* = 3p / 0.5^1.5 = 17.97 kPa, E = 15.5 kPa.
     let of = |e: f64| checked(&hopper(json!({}), json!({"youngs_modulus_pa": e}))).warnings().to_vec();
@@ -143,6 +150,8 @@ fn a_test_that_has_not_begun_is_named_by_every_monitor() {
         }
         let monitor = checked(&document).setup().monitor();
         let reason = if *experiment == "hopper" { FillNotAtRest } else { Duration };
-        assert_eq!(codes(&monitor.warnings(reason)), ["test_never_began"], "{experiment}");
+        let warnings = monitor.warnings(reason);
+        assert_eq!(codes(&warnings), ["test_never_began"], "{experiment}");
+        assert!(!warnings[0].message.contains("fell off"), "{}", warnings[0].message);
     }
 }
