@@ -41,6 +41,7 @@ fn the_feed_brings_its_rate_and_the_belt_carries_as_much() {
     let accounted = of("discharged_kg") + of("inside_kg") + of("escaped_kg");
     assert_close(accounted, of("filled_kg") + fed_kg, 1e-6);
     assert_eq!(of("escaped_kg"), 0.0);
+    assert!(result.warnings.iter().all(|warning| warning.code != "feed_short"));
     // The few fillets of the first filling are out in the first half.
     assert_close(of("steady_rate_kg_s"), rate, 0.15);
 }
@@ -53,12 +54,19 @@ fn a_full_hopper_takes_no_more() {
     assert!(of("fed_kg") < 0.9 * 30.0, "{} kg fit in", of("fed_kg"));
     assert_close(of("inside_kg") + of("discharged_kg"), of("filled_kg") + of("fed_kg"), 1e-6);
     assert_eq!(of("escaped_kg"), 0.0, "nothing is fed into what is there");
+    let short = result.warnings.iter().find(|warning| warning.code == "feed_short").expect("it is named");
+    assert!(
+        short.message.contains(&format!("brought {:.2} kg of 29.60 kg", of("fed_kg"))),
+        "{}",
+        short.message
+    );
 }
 
 #[test]
 fn a_feed_of_zero_feeds_nothing() {
     let result = run_on(1, &fed(0.0, 0.5, &[]));
     assert_eq!(response(&result, "fed_kg"), 0.0);
+    assert_eq!(result.responses["steady_rate_kg_s"], Value::Null);
     let scene = scene_of(&fed(0.0, 0.5, &[]));
     assert_eq!((scene.bodies.len(), scene.waiting), (8, 0));
     let (small, long) =

@@ -19,6 +19,8 @@ use super::floor;
 pub(super) const MAX_FED: usize = 100_000;
 /// Places tried for a fillet at each sample.
 const PLACES: usize = 24;
+/// Share of the mass due that may be missing without a warning.
+const SHORT_SHARE: f64 = 0.01;
 /// Stream of random numbers, other than that of the first filling.
 const STREAM: u64 = 1;
 
@@ -60,6 +62,8 @@ pub(super) struct Feed {
     waiting: std::vec::IntoIter<usize>,
     next: Option<(usize, DQuat, Vec<DVec3>)>,
     fed_kg: f64,
+    /// Mass that was to have entered by the last sample, in kilograms.
+    due_kg: f64,
     /// Number of bodies of the run.
     bodies: usize,
     rng: ChaCha8Rng,
@@ -79,6 +83,7 @@ impl Feed {
             waiting: waiting.into_iter(),
             next: None,
             fed_kg: 0.0,
+            due_kg: 0.0,
             bodies: scene.bodies.len(),
             rng,
         }
@@ -89,6 +94,13 @@ impl Feed {
         self.fed_kg
     }
 
+    /// Mass that was due, in kilograms, if more than a fillet and [`SHORT_SHARE`] of it is missing.
+    pub(super) fn missed_kg(&self) -> Option<f64> {
+        let heaviest_kg = self.kinds.iter().map(BodyKind::mass_kg).fold(0.0, f64::max);
+        let missing_kg = self.due_kg - self.fed_kg;
+        (missing_kg > heaviest_kg.max(SHORT_SHARE * self.due_kg)).then_some(self.due_kg)
+    }
+
     /// Number of the body that enters next.
     pub(super) fn next_body(&self) -> usize {
         self.bodies - self.waiting.len() - usize::from(self.next.is_some())
@@ -96,7 +108,7 @@ impl Feed {
 
     /// The fillets that enter at a belt time.
     pub(super) fn entering(&mut self, state: &State, now_s: f64) -> Vec<Placement> {
-        let due_kg = self.equipment.feed_kg_s * now_s;
+        self.due_kg = self.equipment.feed_kg_s * now_s;
         let mut entering = Vec::new();
         let mut obstacles = Vec::new();
         loop {
@@ -108,7 +120,7 @@ impl Feed {
             }
             let Some((kind, orientation, points)) = self.next.take() else { break };
             let mass_kg = self.kinds[kind].mass_kg();
-            let is_due = self.fed_kg + 0.5 * mass_kg <= due_kg;
+            let is_due = self.fed_kg + 0.5 * mass_kg <= self.due_kg;
             if is_due && entering.is_empty() {
                 obstacles = self.near_entry(state);
             }

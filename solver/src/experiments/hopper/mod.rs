@@ -85,10 +85,11 @@ const RESPONSES: &[Response] = &[
         "Mean bend angle of fillets up to 0.2 m past the gate, over all samples until 80 % is out. The bend angle is the angle \
          between the directions of the two ends: 0 flat, 180 folded double."),
     number("largest_curl_angle_deg", "°", "Maximum bend angle of these fillets."),
-    number("fed_kg", "kg", "Mass that the feed has brought in. It is less than due while the hopper is full up to the walls."),
+    number("fed_kg", "kg", "Mass that the feed has brought in. It is below the mass due where fillets found no free place over the hopper, with the \
+         warning `feed_short`."),
     number("inside_kg", "kg", "Mass in the hopper at the end, which has not passed the gate."),
     number("steady_rate_kg_s", "kg/s",
-        "Mean rate in the second half of the time from t = 0 on, for a hopper with a feed; null when nothing was simulated."),
+        "Mean rate in the second half of the time from t = 0 on, for a hopper with a feed; null without one, or when nothing was simulated."),
     BONDS_INTACT_FRACTION,
     KINETIC_ENERGY_END_J,
     MAX_OVERLAP_RATIO,

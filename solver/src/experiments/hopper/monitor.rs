@@ -12,7 +12,7 @@ use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::experiments::interpenetration::Interpenetration;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
-use crate::experiments::warnings::{NO_REGIME, never_at_rest};
+use crate::experiments::warnings::{FEED_SHORT, NO_REGIME, never_at_rest};
 use crate::observe::{
     Discharge, REST_DURATION_S, Recorder, ResidenceTimes, RestDetector, SeriesId, known_mass_rates, mass_rate,
 };
@@ -255,7 +255,8 @@ impl ExperimentMonitor for HopperMonitor {
         add("fed_kg", self.feed.fed_kg().into());
         add("inside_kg", self.recorder.last(self.inside).into());
         let (t_s, mass_kg) = (self.recorder.belt_s(self.mass), self.recorder.values(self.mass));
-        add("steady_rate_kg_s", second_half_rate(t_s, mass_kg).into());
+        let steady_kg_s = second_half_rate(t_s, mass_kg).filter(|_| self.equipment.feed_kg_s > 0.0);
+        add("steady_rate_kg_s", steady_kg_s.into());
         let residence = self.residence.residence();
         add("residence_mean_s", residence.mean_s().into());
         add("residence_5_percent_s", residence.percentile_s(0.05).into());
@@ -278,7 +279,10 @@ impl ExperimentMonitor for HopperMonitor {
         let no_regime = self.full_opening_m3_s.as_ref().err().map(|reason| {
             NO_REGIME.with(&format!("regime, lowest_rate_ratio and longest_stoppage_s are null: {reason}."))
         });
-        never_began.into_iter().chain(no_regime).collect()
+        let feed_short = self.feed.missed_kg().map(|due_kg| {
+            FEED_SHORT.with(&format!("The feed brought {:.2} kg of {due_kg:.2} kg due.", self.feed.fed_kg()))
+        });
+        [never_began, no_regime, feed_short].into_iter().flatten().collect()
     }
 
     fn curves(&self) -> Vec<Curve> {

@@ -103,6 +103,13 @@ pub(super) const NO_REGIME: WarningKind = kind(
      plane x = 0 at one speed.",
 );
 
+/// A feed that did not bring its mass.
+pub(super) const FEED_SHORT: WarningKind = kind(
+    "feed_short",
+    "`fed_kg` is below the mass due by more than a fillet and 1 %: fillets found no free place over the hopper.",
+    "Reduce /equipment/feed_kg_s or /numerics/output_interval_s, or let the belt carry off more.",
+);
+
 /// All kinds, in the order of the table.
 pub const ALL_WARNINGS: &[&WarningKind] = &[
     &UNSTABLE_TIMESTEP,
@@ -111,6 +118,7 @@ pub const ALL_WARNINGS: &[&WarningKind] = &[
     &SOFT_TISSUE,
     &TEST_NEVER_BEGAN,
     &NO_REGIME,
+    &FEED_SHORT,
     &ESCAPED_MASS,
     &PASSED_THROUGH,
     &BROKEN_BONDS,
