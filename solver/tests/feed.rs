@@ -78,20 +78,39 @@ fn a_feed_of_zero_feeds_nothing() {
     assert!(common::checked(&fed(2.0, 6.0, &[])).estimate().mass_kg > 12.0);
 }
 
+/// Pointers and values of what is wrong with a scenario.
+fn refused(scenario: &Scenario, limits: &Limits) -> Vec<(String, Value)> {
+    let faults = check(scenario, &Meshes::default(), limits).err().unwrap_or_default();
+    faults.into_iter().map(|fault| (fault.pointer, fault.value)).collect()
+}
+
 #[test]
-fn faults_of_a_feed_name_it() {
-    let refused = |scenario: &Scenario, limits: &Limits| {
-        let faults = check(scenario, &Meshes::default(), limits).expect_err("refused");
-        faults.into_iter().map(|fault| (fault.pointer, fault.value)).collect::<Vec<_>>()
-    };
+fn a_feed_of_too_many_fillets_is_named() {
     let few = Limits { max_subparticles: 400, ..Limits::NONE };
-    let of_feed = |kg_s: f64| [("/equipment/feed_kg_s".to_owned(), json!(kg_s))];
-    assert_eq!(refused(&fed(2.0, 6.0, &[]), &few), of_feed(2.0));
+    assert_eq!(refused(&fed(2.0, 6.0, &[]), &few), [("/equipment/feed_kg_s".to_owned(), json!(2.0))]);
+}
+
+#[test]
+fn a_feed_into_a_surface_is_refused() {
+    // Fillets appear from 0.3 m on over a floor of 0.2 × 0.2 m.
+    let lid = |x: f64, z: f64| {
+        let plate = json!([[x, -1.0, z], [0.3, 0.0, 0.0], [0.0, 2.0, 0.0]]);
+        let surfaces = json!([{"name": "lid", "plate_m": plate}]);
+        fed(2.0, 0.5, &[("/equipment/surfaces", surfaces), ("/product/count", json!(1))])
+    };
+    assert_eq!(refused(&lid(-0.25, 0.33), &Limits::NONE), [("/equipment/feed_kg_s".to_owned(), json!(2.0))]);
+    for beside in [lid(-0.25, 0.9), lid(0.0, 0.33)] {
+        assert_eq!(refused(&beside, &Limits::NONE), []);
+    }
+}
+
+#[test]
+fn loads_that_make_too_many_numbers_are_refused() {
     let many = [("/equipment/surface_loads", json!(true)), ("/numerics/output_interval_s", json!(0.0005))];
     // Six surfaces make 36 numbers in each sample, so 5.56 s at this interval are the most.
     let loads = [("/equipment/surface_loads".to_owned(), json!(true))];
     assert_eq!(refused(&fed(0.0, 5.6, &many), &Limits::NONE), loads);
-    assert!(check(&fed(0.0, 5.5, &many), &Meshes::default(), &Limits::NONE).is_ok());
+    assert_eq!(refused(&fed(0.0, 5.5, &many), &Limits::NONE), []);
 }
 
 /// A scene of two blocks of which the second enters at a step, over the first.
