@@ -1,10 +1,9 @@
 //! The result document `roost.result/1`, estimates and progress.
 
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize};
-use serde_json::{Map, Value};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
 
-use crate::scenario::{self, Fault, Scenario};
+use crate::scenario::{self, Scenario};
 
 /// Changes with every change of a result: a bit of the simulation, or the meaning of a response, series or curve. Results
 /// of different revisions are never mixed, and stored results are keyed by it.
@@ -39,22 +38,28 @@ pub struct RunResult {
     pub solver: SolverInfo,
     /// The cost of the run.
     pub performance: Performance,
-    /// The scenario as run, every default written out. A document of an earlier version is brought to the present schema.
-    #[serde(deserialize_with = "read_scenario")]
+    /// The scenario as run, every default written out.
     pub scenario: Scenario,
     /// blake3 of the canonical JSON of `scenario`, in hex.
     pub scenario_digest: String,
 }
 
-fn read_scenario<'de, D: Deserializer<'de>>(document: D) -> Result<Scenario, D::Error> {
-    let fault = |faults: Vec<Fault>| match faults.first() {
-        Some(fault) => D::Error::custom(format!("scenario: {fault}")),
-        None => D::Error::custom("scenario"),
-    };
-    scenario::from_value(&Value::deserialize(document)?).map_err(fault)
-}
-
 impl RunResult {
+    /// Reads a result document, also one of an earlier version, whose scenario is brought to the present schema. Its digest
+    /// remains that of the scenario as it was.
+    ///
+    /// # Errors
+    /// What cannot be read, in words.
+    pub fn from_value(mut document: Value) -> Result<Self, String> {
+        if let Some(stored) = document.get_mut("scenario") {
+            let scenario = scenario::from_value(stored).map_err(|faults| {
+                faults.iter().map(|fault| format!("scenario: {fault}")).collect::<Vec<_>>().join("\n")
+            })?;
+            *stored = json!(scenario);
+        }
+        serde_json::from_value(document).map_err(|error| error.to_string())
+    }
+
     /// The series of that name.
     pub fn series(&self, name: &str) -> Option<&Series> {
         self.series.iter().find(|series| series.name == name)

@@ -16,7 +16,7 @@ use glam::{DQuat, DVec3};
 use parity::{Both, difference, gpu};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
-use roost_solver::engine::scene::{Placement, Scene};
+use roost_solver::engine::scene::Placement;
 use roost_solver::equipment::{Motion, Surface, SurfaceKind};
 use roost_solver::gpu::Gpu;
 use roost_solver::gpu::source::Source;

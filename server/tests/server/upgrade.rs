@@ -69,7 +69,7 @@ async fn old_database_gives_the_answers_of_its_version() {
         assert!(answers.len() > 40, "{}", answers.len());
         for (path, recorded) in &answers {
             if path.ends_with("/result") {
-                let result: roost_api::RunResult = serde_json::from_value(recorded.clone()).expect(path);
+                let result = roost_api::RunResult::from_value(recorded.clone()).expect(path);
                 assert_eq!(result.scenario.schema, roost_solver::scenario::SCHEMA, "{version}");
             }
             let now = server.get(path).await.expect(StatusCode::OK);

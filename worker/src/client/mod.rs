@@ -109,9 +109,11 @@ impl Client {
         self.page("jobs", state, cursor, limit).await
     }
 
-    /// The result of a job that has one.
+    /// The result of a job that has one; also one of an earlier version.
     pub async fn job_result(&self, id: JobId) -> ClientResult<RunResult> {
-        self.get(&format!("jobs/{id}/result")).await
+        let document = self.get(&format!("jobs/{id}/result")).await?;
+        let unread = |reason| ClientError::Body { server: self.server.clone(), reason };
+        RunResult::from_value(document).map_err(unread)
     }
 
     /// Downloads the frames of a job into a file.
