@@ -277,13 +277,3 @@ fn a_slot_between_two_sheets_of_a_surface_keeps_what_is_in_it() {
         }
     }
 }
-
-#[test]
-fn who_leaves_over_the_rim_of_a_sheet_between_two_is_counted() {
-    // As past the rim of a single plate, but under a parallel sheet of the same surface, which reaches further.
-    let sheet = |x: f64, z: f64| stl::quad(DVec3::new(-0.4, -0.4, z), DVec3::X * x, DVec3::Y * 0.8);
-    let both = surface([sheet(0.8, 0.0), sheet(1.0, 1.7 * RADIUS)].concat());
-    let (x, _, passed) =
-        flown(vec![both], DVec3::new(0.392, 0.0, 0.0041), DVec3::new(8.0, 0.0, -8.0), 1e-5, 4e-3);
-    assert_eq!(passed, 1, "{x}");
-}
