@@ -5,7 +5,6 @@
 use std::fmt::Write;
 
 use roost_solver::engine::run::Snapshot;
-use roost_solver::equipment::Presence;
 use serde::{Deserialize, Serialize};
 
 /// The direction of a projection.
@@ -84,15 +83,13 @@ impl Picture {
             .collect();
         discs.sort_by(|a, b| a.1.total_cmp(&b.1));
         let discs: Vec<Disc> = discs.into_iter().map(|disc| disc.0).collect();
-        let is_present = |presence| presence == Presence::Always || snapshot.belt_time_s.is_none();
-        let surfaces = snapshot.scene.surfaces.iter().filter(|surface| is_present(surface.presence));
-        let outlines = surfaces.flat_map(|surface| {
+        let outlines = snapshot.scene.surfaces.iter().flat_map(|surface| {
             let pose = surface.motion.pose(snapshot.belt_time_s);
             let pivot = match surface.motion {
                 roost_solver::equipment::Motion::Moving { pivot, .. } => pivot,
                 _ => Default::default(),
             };
-            surface.triangles.iter().filter_map(move |corners| {
+            surface.triangles_at(snapshot.belt_time_s).iter().filter_map(move |corners| {
                 let moved = corners.map(|corner| pivot + pose.shift + pose.turn * (corner - pivot));
                 let normal = (moved[1] - moved[0]).cross(moved[2] - moved[0]).normalize_or_zero();
                 let (_, _, towards_viewer) = project(normal.x, normal.y, normal.z);

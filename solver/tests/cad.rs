@@ -5,7 +5,7 @@
 mod stl;
 
 use glam::DVec3;
-use roost_solver::equipment::{Motion, Presence, Surface, SurfaceKind};
+use roost_solver::equipment::{Motion, Surface, SurfaceKind};
 use roost_solver::mesh::Meshes;
 use roost_solver::result::RunResult;
 use roost_solver::scenario::{self, Scenario};
@@ -17,7 +17,8 @@ fn hopper(surfaces: Option<Vec<Value>>) -> Scenario {
     let mut document = json!({
         "experiment": "hopper",
         "product": {"count": 8, "subparticle_radius_m": 0.01},
-        "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2, "gate_opening_m": 0.1},
+        "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2, "gate_opening_m": 0.1,
+                      "shutter_while_filling": false},
         "numerics": {"timestep_s": "auto", "duration_s": 0.3},
     });
     if let Some(surfaces) = surfaces {
@@ -48,9 +49,6 @@ fn named(surface: &Surface, file: &[u8], meshes: &mut Meshes) -> Value {
     }
     if surface.kind == SurfaceKind::Belt {
         value["kind"] = json!("belt");
-    }
-    if surface.presence == Presence::UntilStart {
-        value["presence"] = json!("until_start");
     }
     value
 }

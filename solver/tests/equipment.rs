@@ -17,6 +17,7 @@ fn surface(triangles: Vec<[DVec3; 3]>) -> Surface {
         friction: None,
         motion: Motion::Fixed,
         presence: Presence::Always,
+        closed: None,
         triangles,
     }
 }

@@ -107,10 +107,10 @@ fn a_feed_into_a_surface_is_refused() {
 #[test]
 fn loads_that_make_too_many_numbers_are_refused() {
     let many = [("/equipment/surface_loads", json!(true)), ("/numerics/output_interval_s", json!(0.0005))];
-    // Six surfaces make 36 numbers in each sample, so 5.56 s at this interval are the most.
+    // Five surfaces make 30 numbers in each sample, so 6.67 s at this interval are the most.
     let loads = [("/equipment/surface_loads".to_owned(), json!(true))];
-    assert_eq!(refused(&fed(0.0, 5.6, &many), &Limits::NONE), loads);
-    assert_eq!(refused(&fed(0.0, 5.5, &many), &Limits::NONE), []);
+    assert_eq!(refused(&fed(0.0, 6.7, &many), &Limits::NONE), loads);
+    assert_eq!(refused(&fed(0.0, 6.6, &many), &Limits::NONE), []);
 }
 
 /// A scene of two blocks of which the second enters at a step, over the first.

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{checked, response, run_on, scene_of};
-use roost_solver::equipment::{Motion, Presence, Surface, SurfaceKind};
+use roost_solver::equipment::{Motion, Surface, SurfaceKind};
 use roost_solver::result::{EndReason, RunResult, Series};
 use serde_json::{Value, json};
 
@@ -184,6 +184,21 @@ fn a_leaning_wall_and_an_open_gate_run() {
 }
 
 #[test]
+fn the_fill_does_not_depend_on_the_opening() {
+    let fill = |gate_m: f64| {
+        let result =
+            run(&[("/equipment/gate_opening_m", json!(gate_m)), ("/numerics/duration_s", json!(0.05))]);
+        let Series { t_s, values, .. } = result.series("kinetic_energy").expect("there");
+        let filling = t_s.iter().take_while(|t| **t <= 0.0).count();
+        assert!(filling > 20, "{filling}");
+        (t_s[..filling].to_vec(), values[..filling].to_vec(), last(values))
+    };
+    let (low, high) = (fill(0.03), fill(0.1));
+    assert_eq!((&low.0, &low.1), (&high.0, &high.1));
+    assert_ne!(low.2, high.2, "the discharge does");
+}
+
+#[test]
 fn every_formulation_runs() {
     for formulation in ["finite_extension", "as_published"] {
         let result = run(&[("/bonds/formulation", json!(formulation))]);
@@ -218,9 +233,6 @@ fn written(surface: &Surface) -> Value {
         value["motion"] = json!("belt");
         value["velocity_m_s"] = json!(velocity.to_array());
     }
-    if surface.presence == Presence::UntilStart {
-        value["presence"] = json!("until_start");
-    }
     value
 }
 
@@ -230,6 +242,7 @@ fn a_hopper_written_surface_by_surface_is_the_same_to_the_bit() {
         let fields = [
             ("/equipment/side_walls", json!(walls)),
             ("/equipment/hopper_width_m", json!(0.25)),
+            ("/equipment/shutter_while_filling", json!(false)),
             ("/numerics/duration_s", json!(0.1)),
         ];
         let parametric = run(&fields);

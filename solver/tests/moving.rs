@@ -7,7 +7,8 @@ use common::{
 };
 use glam::{DMat3, DVec3};
 use roost_solver::engine::Backend;
-use roost_solver::equipment::{Motion, SurfaceKind};
+use roost_solver::engine::scene::Placement;
+use roost_solver::equipment::{Motion, Surface, SurfaceKind};
 
 #[test]
 fn a_rising_plate_lifts_a_sphere() {
@@ -168,6 +169,37 @@ fn what_is_there_until_the_start_goes_at_the_start() {
     bench.cpu.start(&mut bench.run);
     assert_eq!(bench.steps(5000), None);
     assert_close(bench.position(0).z - rest, -0.5 * G * 0.05 * 0.05, 2e-3);
+}
+
+#[test]
+fn a_gate_that_opens_keeps_the_contacts_of_what_stays() {
+    // A floor of two halves, of which one goes at the start. On each a sphere rolls down a slope of 0.2, and friction
+    // bears 2/7 of the pull along the slope.
+    let across = |from: f64| {
+        let corner = DVec3::new(-1.0, from, 0.0);
+        Surface::parallelogram(
+            "gate",
+            SurfaceKind::Equipment,
+            corner,
+            DVec3::X * 2.0,
+            DVec3::Y * (1.0 - from),
+        )
+    };
+    let gate = across(0.0).closed_until_start(across(-1.0));
+    let mut scene = weighing(vec![gate], DVec3::Y * 0.1, DVec3::ZERO, 0.5, 1e-5);
+    let over_opening = Placement { position: scene.bodies[0].position.with_y(-0.1), ..scene.bodies[0] };
+    scene.bodies.push(over_opening);
+    scene.gravity.x = 0.2 * G;
+    let mut bench = Bench::new(&scene);
+    bench.steps(10_000);
+    let of_one = DVec3::new(2.0 / 7.0 * 0.2, 0.0, -1.0) * MASS * G;
+    assert_force(bench.cpu.surface_loads(&mut bench.run)[0].force, 2.0 * of_one, 2e-3);
+    let height = bench.position(1).z;
+    bench.cpu.start(&mut bench.run);
+    bench.steps(1);
+    assert_force(bench.cpu.surface_loads(&mut bench.run)[0].force, of_one, 2e-3);
+    bench.steps(5000);
+    assert_close(bench.position(1).z - height, -0.5 * G * 0.05 * 0.05, 2e-3);
 }
 
 #[test]

@@ -110,5 +110,5 @@ fn the_surfaces_of_a_periodic_hopper_go_on_beyond_the_seam() {
         // By more than the largest radius and the skin of the neighbour lists.
         assert!(low < -half - 0.07 && high > half + 0.07, "{}: {low} to {high} m", surface.name);
     }
-    assert_eq!(hopper.surfaces.len(), 4, "belt, back wall, gate, shutter");
+    assert_eq!(hopper.surfaces.len(), 3, "belt, back wall, gate");
 }

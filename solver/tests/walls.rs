@@ -127,7 +127,7 @@ fn lists_hold_all_facets_in_reach_and_no_other_in_order() {
     for k in 0..600 {
         if k == 300 {
             walls.pose(Some(0.7), &frame);
-            walls.remove_until_start();
+            walls.start();
         }
         let x = frame.encode(DVec3::new(
             draw.within(-0.15, 0.15),

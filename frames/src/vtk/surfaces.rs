@@ -3,7 +3,7 @@
 use glam::DVec3;
 use roost_solver::engine::scene::Scene;
 use roost_solver::equipment::motion::Pose;
-use roost_solver::equipment::{Motion, Presence, Surface};
+use roost_solver::equipment::{Motion, Surface};
 use serde_json::json;
 
 use super::file::{Cells, PolyData, scalars, vectors};
@@ -14,15 +14,12 @@ use crate::web::surface_kind_name;
 pub fn surfaces(scene: &Scene, belt_time_s: Option<f64>) -> Vec<u8> {
     let (mut points, mut numbers, mut velocities) = (Vec::new(), Vec::new(), Vec::new());
     for (number, surface) in (0u32..).zip(&scene.surfaces) {
-        if surface.presence == Presence::UntilStart && belt_time_s.is_some() {
-            continue;
-        }
         let pose = surface.motion.pose(belt_time_s);
         let pivot = match surface.motion {
             Motion::Moving { pivot, .. } => pivot,
             Motion::Fixed | Motion::Belt { .. } => DVec3::ZERO,
         };
-        for triangle in &surface.triangles {
+        for triangle in surface.triangles_at(belt_time_s) {
             let corners = triangle.map(|corner| posed(&pose, pivot, corner));
             let arm = corners.iter().sum::<DVec3>() / 3.0 - (pivot + pose.shift);
             numbers.push(number);

@@ -106,7 +106,7 @@ impl Header {
                 .map(|(kind, shape)| BodyKind { shape, subparticles: kind.meta.points.len() as u32 })
                 .collect(),
             bodies: scene.bodies.iter().map(|body| body.kind as u32).collect(),
-            surfaces: scene.surfaces.iter().map(surface).collect(),
+            surfaces: scene.surfaces.iter().flat_map(surfaces).collect(),
         };
         header.first_serials()?;
         Ok(header)
@@ -138,11 +138,17 @@ fn experiment(scenario: &Scenario) -> String {
     document["experiment"].as_str().unwrap_or_default().to_owned()
 }
 
-fn surface(surface: &equipment::Surface) -> Surface {
+/// A surface, before it its form until t = 0, which covers the later one.
+fn surfaces(surface: &equipment::Surface) -> impl Iterator<Item = Surface> {
+    let closed = surface.closed.iter().map(|triangles| drawn(surface, Presence::UntilStart, triangles));
+    closed.chain([drawn(surface, surface.presence, &surface.triangles)])
+}
+
+fn drawn(surface: &equipment::Surface, presence: Presence, triangles: &[[DVec3; 3]]) -> Surface {
     Surface {
         name: surface.name.clone(),
         kind: surface_kind_name(surface.kind).to_owned(),
-        presence: match surface.presence {
+        presence: match presence {
             Presence::Always => "always".to_owned(),
             Presence::UntilStart => "until_start".to_owned(),
         },
@@ -155,7 +161,7 @@ fn surface(surface: &equipment::Surface) -> Surface {
                 spin_rad_s: spin.to_array(),
             },
         },
-        triangles_m: surface.triangles.iter().map(|corners| corners.map(DVec3::into)).collect(),
+        triangles_m: triangles.iter().map(|corners| corners.map(DVec3::into)).collect(),
     }
 }
 

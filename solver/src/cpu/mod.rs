@@ -235,7 +235,7 @@ impl PlainRun {
 
     fn start(&mut self) {
         self.start_step = Some(self.step);
-        self.walls.remove_until_start();
+        self.walls.start();
     }
 
     fn enter(&mut self, scene: &Scene, first: usize, bodies: &[Placement]) {

@@ -44,6 +44,8 @@ pub struct Surface {
     pub presence: Presence,
     /// Corners in metres, in the pose at t = 0.
     pub triangles: Vec<[DVec3; 3]>,
+    /// Corners until t = 0 where they differ, as of a gate that is closed while a hopper fills.
+    pub closed: Option<Vec<[DVec3; 3]>>,
 }
 
 impl Surface {
@@ -57,6 +59,7 @@ impl Surface {
             motion: Motion::Fixed,
             presence: Presence::Always,
             triangles: vec![[a, b, c], [a, c, d]],
+            closed: None,
         }
     }
 
@@ -85,8 +88,22 @@ impl Surface {
         Self { motion, ..self }
     }
 
+    /// The same surface with the corners of `closed` until t = 0. Each must be one facet.
+    pub fn closed_until_start(self, closed: Self) -> Self {
+        Self { closed: Some(closed.triangles), ..self }
+    }
+
     /// The same surface, present until t = 0.
     pub fn until_start(self) -> Self {
         Self { presence: Presence::UntilStart, ..self }
+    }
+
+    /// Its triangles at a belt time in seconds (`None` before the start), in the pose at t = 0: none once it is gone.
+    pub fn triangles_at(&self, belt_time_s: Option<f64>) -> &[[DVec3; 3]] {
+        match (belt_time_s, &self.closed) {
+            (None, Some(closed)) => closed,
+            (Some(_), _) if self.presence == Presence::UntilStart => &[],
+            _ => &self.triangles,
+        }
     }
 }

@@ -144,10 +144,10 @@ struct Sheet<'a> {
 
 impl<'a> Sheet<'a> {
     fn new(surface: &'a Surface) -> Self {
-        let anchor = surface.triangles.first().map_or(DVec3::ZERO, |triangle| triangle[0]);
+        let anchor = surface.triangles_at(None).first().map_or(DVec3::ZERO, |triangle| triangle[0]);
         let aabb = |triangle: &[DVec3; 3]| Aabb::around(triangle.map(|corner| (corner - anchor).as_vec3()));
-        let aabbs: Vec<Aabb> = surface.triangles.iter().map(aabb).collect();
-        let corners = || surface.triangles.iter().flatten().copied();
+        let aabbs: Vec<Aabb> = surface.triangles_at(None).iter().map(aabb).collect();
+        let corners = || surface.triangles_at(None).iter().flatten().copied();
         let low = corners().fold(DVec3::INFINITY, DVec3::min);
         let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
         Self { surface, anchor, bvh: Bvh::new(&aabbs), low, high }
@@ -159,7 +159,7 @@ impl<'a> Sheet<'a> {
         // An open surface, however small its hole, does not wind round a whole number of times; solids that overlap do so more
         // than once.
         let is_inside = |times: f64| times > 0.5 && (times - times.round()).abs() < CLOSED;
-        boxed && is_inside(winding(&self.surface.triangles, point))
+        boxed && is_inside(winding(self.surface.triangles_at(None), point))
     }
 
     /// Whether a body starts in it or through it.
@@ -167,7 +167,8 @@ impl<'a> Sheet<'a> {
         let reach = scene.kinds[body.kind].meta.bounding_radius_m + scene.radius_m;
         let mut cuts = false;
         self.bvh.within((body.position - self.anchor).as_vec3(), reach as f32, |k| {
-            cuts = cuts || self.triangle_cuts(&self.surface.triangles[k as usize], points, body, scene);
+            cuts =
+                cuts || self.triangle_cuts(&self.surface.triangles_at(None)[k as usize], points, body, scene);
         });
         cuts
     }

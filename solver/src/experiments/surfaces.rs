@@ -26,6 +26,7 @@ fn surface(spec: &SurfaceSpec, meshes: &Meshes) -> Surface {
         },
         friction: spec.static_friction,
         motion: motion(spec, &triangles),
+        closed: None,
         presence: match spec.presence {
             PresenceKind::Always => Presence::Always,
             PresenceKind::UntilStart => Presence::UntilStart,

@@ -183,7 +183,7 @@ impl Run {
 
     pub(super) fn start(&mut self, device: &Device) {
         self.start_step = Some(self.step);
-        self.walls.remove_until_start();
+        self.walls.start();
         self.buffers.write_geometry(device, &Geometry::new(&self.walls));
     }
 

@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::layout::{Corner, Facet, Node, Pose, Surface};
 use crate::walls::{SurfacePose, Walls};
 
-/// Geometry of the surfaces of a run. It changes only when surfaces disappear at the start.
+/// Geometry of the surfaces of a run. It changes only at the start.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Geometry {
     pub(super) surfaces: Vec<Surface>,

@@ -10,8 +10,8 @@ use glam::{DVec3, IVec3, Mat3, Vec3};
 
 use crate::engine::frame::Frame;
 use crate::engine::scene::Scene;
+use crate::equipment::Motion;
 use crate::equipment::facet::{Facet, facets};
-use crate::equipment::{Motion, Presence};
 use crate::mesh::bvh::{Aabb, Bvh};
 use crate::physics::contact::ContactLaw;
 use side::SideMemory;
@@ -35,7 +35,8 @@ pub struct Walls {
 pub(crate) struct WallSurface {
     motion: Motion,
     pub(crate) law: ContactLaw,
-    presence: Presence,
+    /// Its facets from t = 0 on, where they differ: as many, without triangles if it disappears.
+    from_start: Option<Vec<Facet>>,
     /// Origin of its facets' coordinates, in metres, at t = 0.
     anchor: DVec3,
     /// Maximum distance of a corner from the anchor, in metres.
@@ -170,7 +171,8 @@ impl Walls {
             step_travel_m: 0.0,
         };
         for (k, surface) in scene.surfaces.iter().enumerate() {
-            let corners = || surface.triangles.iter().flatten();
+            let before = surface.triangles_at(None);
+            let corners = || before.iter().flatten();
             // Coordinates relative to a central point keep more digits. A rotating surface must be relative
             // to its pivot.
             let anchor = match surface.motion {
@@ -179,13 +181,18 @@ impl Walls {
             };
             let anchor = frame.decode(frame.encode(anchor));
             let first = walls.facets.len();
-            let facets = facets(&surface.triangles, anchor).into_iter();
-            walls.facets.extend(facets.map(|facet| WallFacet { surface: k, aabb: facet.aabb(), facet }));
+            let before = facets(before, anchor);
+            // The facets keep their numbers, and with them the histories of their contacts.
+            let mut after = facets(surface.triangles_at(Some(0.0)), anchor);
+            after.resize_with(before.len(), Facet::default);
+            let from_start = (after != before).then_some(after);
+            let wall_facet = |facet: Facet| WallFacet { surface: k, aabb: facet.aabb(), facet };
+            walls.facets.extend(before.into_iter().map(wall_facet));
             let aabbs: Vec<Aabb> = walls.facets[first..].iter().map(|facet| facet.aabb).collect();
             walls.surfaces.push(WallSurface {
                 motion: surface.motion,
                 law: scene.laws.for_surface(surface),
-                presence: surface.presence,
+                from_start,
                 anchor,
                 reach: corners().map(|c| c.distance(anchor)).fold(0.0, f64::max),
                 pose: SurfacePose {
@@ -224,12 +231,13 @@ impl Walls {
         self.total_travel_m += self.step_travel_m;
     }
 
-    /// Removes the surfaces that are present only until t = 0.
-    pub fn remove_until_start(&mut self) {
-        let surfaces = &self.surfaces;
-        let gone = |facet: &WallFacet| surfaces[facet.surface].presence == Presence::UntilStart;
-        // The facets stay in the list without triangles, so that the numbers of the others do not change.
-        self.facets.iter_mut().filter(|facet| gone(facet)).for_each(|facet| facet.facet = Facet::default());
+    /// Sets t = 0: surfaces take the form that they have from then on. It lies within the one before, so lists stay valid.
+    pub fn start(&mut self) {
+        for surface in &mut self.surfaces {
+            let from_start = surface.from_start.take().into_iter().flatten();
+            let facets = &mut self.facets[surface.first as usize..];
+            facets.iter_mut().zip(from_start).for_each(|(facet, now)| facet.facet = now);
+        }
     }
 
     /// Upper bound on the motion of any point of a surface since the neighbour lists were built, in metres.

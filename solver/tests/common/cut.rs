@@ -16,6 +16,7 @@ pub fn surface(triangles: Vec<Triangle>) -> Surface {
         friction: None,
         motion: Motion::Fixed,
         presence: Presence::Always,
+        closed: None,
         triangles,
     }
 }

@@ -186,7 +186,7 @@ impl FastRun {
 
     pub(super) fn start(&mut self) {
         self.start_step = Some(self.step);
-        self.walls.remove_until_start();
+        self.walls.start();
     }
 
     /// One time step: the stages of [`crate::engine::Backend`].

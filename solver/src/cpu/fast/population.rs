@@ -3,7 +3,7 @@
 use super::FastRun;
 use super::storage::body::Body;
 use super::storage::body_groups::{BodyGroup, body_groups};
-use super::storage::bond_set::{BondMoments, BondSet};
+use super::storage::bond_set::Bond;
 use super::storage::particles::BodyParticles;
 use crate::engine::scene::{Placement, Scene};
 
@@ -21,12 +21,11 @@ impl FastRun {
     /// Takes in bodies that the state has from the sub-particle `from` on.
     pub(super) fn take_in(&mut self, scene: &Scene, bodies: &[Placement], from: usize) {
         for BodyGroup { range, kind } in body_groups(&scene.kinds, bodies, from) {
-            let bonds = BondSet::all(&kind.meta.bonds, &self.laws);
-            let bonded_pairs = kind.meta.bonds.iter().map(|bond| [bond.i, bond.j]);
+            let bonds = kind.meta.bonds.iter();
+            let bonds = bonds.map(|bond| Bond::new([bond.i, bond.j], self.laws.rest(bond.class))).collect();
             let points = BodyParticles::of(&self.state, range.clone());
-            let moments = vec![BondMoments::ZERO; if self.laws.moment.is_some() { bonds.len() } else { 0 }];
             let (mass, is_group) = (kind.subparticle_mass_kg as f32, range.len() > kind.meta.points.len());
-            self.bodies.push(Body::new(range, points, mass, bonds, moments, bonded_pairs, is_group));
+            self.bodies.push(Body::new(range, points, mass, bonds, self.laws.moment.is_some(), is_group));
         }
     }
 

@@ -74,6 +74,10 @@ fn built_in(equipment: &Equipment, top: f64, lean: f64, belt_end: f64) -> Vec<Su
     let at = DVec3::new;
     let belt_half = half + if periodic { 0.0 } else { BELT_SIDE_M };
     let belt_start = -length - lean;
+    let up_to_top = |from: f64| {
+        plate("gate", SurfaceKind::Equipment, at(0.0, -half, from), across, DVec3::Z * (top - from))
+    };
+    let gate = up_to_top(equipment.gate_opening_m);
     let mut surfaces = vec![
         plate(
             "belt",
@@ -84,24 +88,14 @@ fn built_in(equipment: &Equipment, top: f64, lean: f64, belt_end: f64) -> Vec<Su
         )
         .moving(Motion::Belt { velocity: DVec3::X * equipment.belt_speed_m_s }),
         plate("back wall", SurfaceKind::Equipment, at(-length, -half, 0.0), across, at(-lean, 0.0, top)),
-        plate(
-            "gate",
-            SurfaceKind::Equipment,
-            at(0.0, -half, equipment.gate_opening_m),
-            across,
-            DVec3::Z * (top - equipment.gate_opening_m),
-        ),
+        // One wall from belt to top while filling: the fill does not depend on the opening.
+        if equipment.shutter_while_filling { gate.closed_until_start(up_to_top(0.0)) } else { gate },
     ];
     if !periodic {
         for (name, y) in [("left wall", -half), ("right wall", half)] {
             let corner = at(-length - lean, y, 0.0);
             surfaces.push(plate(name, side_kind, corner, DVec3::X * (length + lean), DVec3::Z * top));
         }
-    }
-    if equipment.shutter_while_filling {
-        let up = DVec3::Z * equipment.gate_opening_m;
-        surfaces
-            .push(plate("shutter", SurfaceKind::Equipment, at(0.0, -half, 0.0), across, up).until_start());
     }
     surfaces
 }

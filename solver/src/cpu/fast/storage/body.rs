@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::bond_set::{BondMoments, BondSet};
+use super::bond_set::{Bond, BondMoments, BondSet};
 use super::bounds::BodyBounds;
 use super::motion::BodyMotion;
 use super::pairs::sort_key;
@@ -44,9 +44,9 @@ pub(crate) struct Body {
 }
 
 /// Pairs of sub-particles by slots, the lower first, sorted.
-fn slot_pairs(pairs: impl Iterator<Item = [u32; 2]>) -> Vec<[u32; 2]> {
+fn slot_pairs(bonds: &[Bond]) -> Vec<[u32; 2]> {
     let sorted = |[i, j]: [u32; 2]| [i.min(j), i.max(j)];
-    let mut placed: Vec<_> = pairs.map(|pair| sorted(pair.map(slot_of))).collect();
+    let mut placed: Vec<_> = bonds.iter().map(|bond| sorted(bond.pair.map(slot_of))).collect();
     placed.sort_unstable();
     placed
 }
@@ -56,12 +56,12 @@ impl Body {
         range: Range<usize>,
         points: BodyParticles,
         mass: f32,
-        bonds: Vec<BondSet>,
-        moments: Vec<BondMoments>,
-        bonded_pairs: impl Iterator<Item = [u32; 2]>,
+        bonds: Vec<Bond>,
+        carry_moments: bool,
         is_group: bool,
     ) -> Self {
-        let bonded_pairs = slot_pairs(bonded_pairs);
+        let bonded_pairs = slot_pairs(&bonds);
+        let (bonds, moments) = BondSet::pack(bonds, carry_moments);
         let speeds = (0..points.count).map(|k| points.particle(k).velocity.length());
         Self {
             max_speed: speeds.fold(0.0, f32::max),
@@ -110,10 +110,12 @@ impl Body {
         self.range = range;
         self.points = points;
         self.bounds.update(&self.points);
-        let map = |k: u32| locals[k as usize];
-        let bonded_pairs = self.bonded_pairs.iter().map(|pair| pair.map(|slot| map(slot_of(slot))));
-        self.bonded_pairs = slot_pairs(bonded_pairs.filter(|pair| !pair.contains(&u32::MAX)));
-        (self.bonds, self.moments) = BondSet::renumbered(&self.bonds, &self.moments, map);
+        let bonds = BondSet::unpack(&self.bonds, &self.moments)
+            .map(|bond| Bond { pair: bond.pair.map(|k| locals[k as usize]), ..bond })
+            .filter(|bond| !bond.pair.contains(&u32::MAX));
+        let bonds: Vec<Bond> = bonds.collect();
+        self.bonded_pairs = slot_pairs(&bonds);
+        (self.bonds, self.moments) = BondSet::pack(bonds, !self.moments.is_empty());
         self.walls.renumber(locals);
     }
 

@@ -3,9 +3,36 @@
 //! A set joins one block of sub-particles to at most two other blocks, so partners move into their lanes by register
 //! permutation instead of a gather. A pair whose bond breaks stays in its set as a contact.
 
-use super::laws::PairLaws;
+use glam::Vec3;
+
 use crate::cpu::fast::instructions::arrays::{Lanes, Lanes3, PackedIndices, WIDTH};
-use crate::shape::lattice::LatticeBond;
+use crate::physics::contact::ContactHistory;
+use crate::physics::moment::MomentHistory;
+
+/// A bond with its history, outside of a set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Bond {
+    /// Its sub-particles within the body, in order.
+    pub(crate) pair: [u32; 2],
+    /// Rest length, in metres.
+    pub(crate) rest: f32,
+    /// Whether it has not broken.
+    pub(crate) is_intact: bool,
+    /// Force history of the bond on the first sub-particle, in newton.
+    pub(crate) stored: Vec3,
+    /// History of the contact.
+    pub(crate) contact: ContactHistory,
+    /// History of the moments; zero when bonds carry none.
+    pub(crate) moments: MomentHistory,
+}
+
+impl Bond {
+    /// A bond without history.
+    pub(crate) fn new(pair: [u32; 2], rest: f32) -> Self {
+        let (contact, moments) = (ContactHistory::default(), MomentHistory::default());
+        Self { pair, rest, is_intact: true, stored: Vec3::ZERO, contact, moments }
+    }
+}
 
 /// Bonds of one class between a block and a window of two blocks. A sub-particle has at most one bond on
 /// either side.
@@ -41,6 +68,15 @@ pub(crate) struct BondMoments {
 
 impl BondMoments {
     pub(crate) const ZERO: Self = Self { bending: [Lanes::ZERO; 3], twist: Lanes::ZERO };
+
+    fn get(&self, lane: usize) -> MomentHistory {
+        MomentHistory { bending: vector(&self.bending, lane), twist: self.twist.0[lane] }
+    }
+
+    fn set(&mut self, lane: usize, moments: &MomentHistory) {
+        set_vector(&mut self.bending, lane, moments.bending);
+        self.twist.0[lane] = moments.twist;
+    }
 }
 
 impl BondSet {
@@ -99,22 +135,55 @@ impl BondSet {
         (s, lane)
     }
 
-    /// The bonds of a body.
-    pub(crate) fn all(bonds: &[LatticeBond], laws: &PairLaws) -> Vec<Self> {
-        let mut sorted: Vec<&LatticeBond> = bonds.iter().collect();
+    /// Packs the bonds of a body, and their moments if they carry any. The result depends on the bonds alone, not on their
+    /// order: sums have the same order whenever the same bonds are packed.
+    pub(crate) fn pack(mut bonds: Vec<Bond>, carry_moments: bool) -> (Vec<Self>, Vec<BondMoments>) {
         // Bonds of one lattice direction have nearly equal index differences and go together.
-        sorted.sort_by_key(|bond| (bond.i / WIDTH as u32, bond.class, bond.j - bond.i, bond.i));
-        let mut sets: Vec<Self> = Vec::new();
-        for of_block in sorted.chunk_by(|a, b| a.i / WIDTH as u32 == b.i / WIDTH as u32) {
+        let block = |bond: &Bond| bond.pair[0] / WIDTH as u32;
+        bonds.sort_by_key(|bond| {
+            let [i, j] = bond.pair;
+            (block(bond), bond.rest.to_bits(), j - i, i)
+        });
+        let (mut sets, mut moments): (Vec<Self>, Vec<BondMoments>) = (Vec::new(), Vec::new());
+        for of_block in bonds.chunk_by(|a, b| block(a) == block(b)) {
             let mut of_this = Vec::new();
             for bond in of_block {
-                let rest = laws.contact.distance * (bond.class as f32).sqrt();
-                let (s, lane) = Self::find(&mut of_this, [bond.i, bond.j], rest);
-                of_this[s].intact |= 1 << lane;
+                let (s, lane) = Self::find(&mut of_this, bond.pair, bond.rest);
+                of_this[s].set_history(lane, bond);
+                if carry_moments {
+                    moments.resize(sets.len() + of_this.len(), BondMoments::ZERO);
+                    moments[sets.len() + s].set(lane, &bond.moments);
+                }
             }
             sets.append(&mut of_this);
         }
-        Self::padded_to_even(sets)
+        let sets = Self::padded_to_even(sets);
+        moments.resize(if carry_moments { sets.len() } else { 0 }, BondMoments::ZERO);
+        (sets, moments)
+    }
+
+    /// All bonds of a body, also broken ones, with their histories.
+    pub(crate) fn unpack(sets: &[Self], moments: &[BondMoments]) -> impl Iterator<Item = Bond> {
+        sets.iter().enumerate().flat_map(move |(s, set)| {
+            set.pairs().map(move |(lane, pair)| Bond {
+                pair,
+                rest: set.rest,
+                is_intact: set.intact >> lane & 1 == 1,
+                stored: vector(&set.stored, lane),
+                contact: ContactHistory {
+                    in_contact: set.in_contact >> lane & 1 == 1,
+                    xi: vector(&set.xi, lane),
+                },
+                moments: moments.get(s).map(|moments| moments.get(lane)).unwrap_or_default(),
+            })
+        })
+    }
+
+    fn set_history(&mut self, lane: usize, bond: &Bond) {
+        self.intact |= u16::from(bond.is_intact) << lane;
+        set_vector(&mut self.stored, lane, bond.stored);
+        self.in_contact |= u16::from(bond.contact.in_contact) << lane;
+        set_vector(&mut self.xi, lane, bond.contact.xi);
     }
 
     /// Adds an empty set to an odd number: sets are evaluated two at a time.
@@ -140,41 +209,12 @@ impl BondSet {
     pub(crate) fn intact(&self) -> impl Iterator<Item = [u32; 2]> {
         self.pairs().filter(|&(lane, _)| self.intact >> lane & 1 == 1).map(|(_, pair)| pair)
     }
+}
 
-    /// The bonds and their moments, if any, after a renumbering; `u32::MAX` marks a removed sub-particle.
-    pub(crate) fn renumbered(
-        sets: &[Self],
-        moments: &[BondMoments],
-        map: impl Fn(u32) -> u32,
-    ) -> (Vec<Self>, Vec<BondMoments>) {
-        let (mut kept, mut kept_moments) = (Vec::new(), Vec::new());
-        for (k, old) in sets.iter().enumerate() {
-            for (from, pair) in old.pairs() {
-                let pair = pair.map(&map);
-                if pair.contains(&u32::MAX) {
-                    continue;
-                }
-                let (s, lane) = Self::find(&mut kept, pair, old.rest);
-                if let Some(BondMoments { bending: [x, y, z], twist }) = moments.get(k) {
-                    kept_moments.resize(kept.len(), BondMoments::ZERO);
-                    let BondMoments { bending: [p, q, r], twist: mine } = &mut kept_moments[s];
-                    for (mine, theirs) in [(p, x), (q, y), (r, z), (mine, twist)] {
-                        mine.0[lane] = theirs.0[from];
-                    }
-                }
-                let set = &mut kept[s];
-                set.intact |= (old.intact >> from & 1) << lane;
-                for (mine, theirs) in set.stored.iter_mut().zip(&old.stored) {
-                    mine.0[lane] = theirs.0[from];
-                }
-                set.in_contact |= (old.in_contact >> from & 1) << lane;
-                for (mine, theirs) in set.xi.iter_mut().zip(&old.xi) {
-                    mine.0[lane] = theirs.0[from];
-                }
-            }
-        }
-        let kept = Self::padded_to_even(kept);
-        kept_moments.resize(if moments.is_empty() { 0 } else { kept.len() }, BondMoments::ZERO);
-        (kept, kept_moments)
-    }
+fn vector([x, y, z]: &Lanes3, lane: usize) -> Vec3 {
+    Vec3::new(x.0[lane], y.0[lane], z.0[lane])
+}
+
+fn set_vector(lanes: &mut Lanes3, lane: usize, vector: Vec3) {
+    lanes.iter_mut().zip(vector.to_array()).for_each(|(lanes, value)| lanes.0[lane] = value);
 }

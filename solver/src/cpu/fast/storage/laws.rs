@@ -55,6 +55,11 @@ impl LaneContactLaw {
 }
 
 impl PairLaws {
+    /// Rest length of the bonds of a class, in metres (see [`crate::shape::lattice::LatticeBond`]).
+    pub(crate) fn rest(&self, class: u32) -> f32 {
+        self.contact.distance * (class as f32).sqrt()
+    }
+
     /// Whether the contact within a body differs from the one between bodies.
     pub(crate) fn differ(&self) -> bool {
         self.body_contact.distance > self.contact.distance
