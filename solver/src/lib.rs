@@ -23,6 +23,7 @@ pub mod walls;
 
 pub use check::{Checked, Limits, check};
 pub use engine::OutOfDeviceMemory;
+pub use engine::checkpoint::{Checkpoint, CheckpointError, Moment};
 pub use engine::run::Observer;
 use result::RunResult;
 pub use result::{Flow, Progress, SOLVER_REVISION, VERSION};
@@ -33,6 +34,17 @@ pub use simulate::simulate_on;
 pub struct CpuOptions {
     /// Threads; 0 means one per processor.
     pub threads: usize,
+}
+
+/// Why a run could not be computed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SimulateError {
+    /// The device has too little memory.
+    #[error(transparent)]
+    Memory(#[from] OutOfDeviceMemory),
+    /// The checkpoint to go on from is damaged or of another run.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
 }
 
 /// A device that computes runs. Clones share it.
@@ -58,11 +70,31 @@ impl Computer {
         checked: &Checked,
         observer: &mut dyn Observer,
     ) -> Result<RunResult, OutOfDeviceMemory> {
-        match self {
-            Self::Cpu(options) => Ok(simulate(checked, *options, observer)),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => gpu::catch_out_of_memory(|| simulate_on(&**gpu, checked, observer)),
+        match self.simulate_from(checked, None, observer) {
+            Ok(result) => Ok(result),
+            Err(SimulateError::Memory(error)) => Err(error),
+            Err(SimulateError::Checkpoint(_)) => unreachable!("there is no checkpoint"),
         }
+    }
+
+    /// The same from a checkpoint on, if there is one. The result has the bits of an undisturbed run.
+    ///
+    /// # Errors
+    /// When the device has too little memory, or the checkpoint is damaged or of another run.
+    ///
+    /// # Panics
+    /// When the device fails: see [`Self::has_failed`].
+    pub fn simulate_from(
+        &self,
+        checked: &Checked,
+        from: Option<&Checkpoint>,
+        observer: &mut dyn Observer,
+    ) -> Result<RunResult, SimulateError> {
+        Ok(match self {
+            Self::Cpu(options) => simulate_on(&cpu::Cpu::new(options.threads), checked, from, observer)?,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(gpu) => gpu::catch_out_of_memory(|| simulate_on(&**gpu, checked, from, observer))??,
+        })
     }
 
     /// Whether its device was lost, so that it computes nothing any more.
@@ -87,5 +119,6 @@ impl Computer {
 /// Runs a checked scenario on the CPU to its end. Progress is reported about ten times a second of wall time and at least
 /// once per output interval. The observer may cancel: the result then has the samples so far, and no responses.
 pub fn simulate(checked: &Checked, options: CpuOptions, observer: &mut dyn Observer) -> RunResult {
-    simulate_on(&cpu::Cpu::new(options.threads), checked, observer)
+    let result = simulate_on(&cpu::Cpu::new(options.threads), checked, None, observer);
+    result.expect("there is no checkpoint")
 }

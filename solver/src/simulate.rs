@@ -3,19 +3,32 @@
 use serde_json::{Map, Value};
 
 use crate::check::Checked;
-use crate::engine::Backend;
-use crate::engine::run::{ExperimentMonitor, Observer, run};
+use crate::engine::checkpoint::{Checkpoint, CheckpointError, Stamp};
+use crate::engine::run::{ExperimentMonitor, Observer};
+use crate::engine::simulation::run;
+use crate::engine::{Backend, BackendInfo};
 use crate::experiments::{warning_count, warnings_of_responses};
 use crate::result::{EndReason, RunResult, SCHEMA, SOLVER_REVISION, SolverInfo, VERSION, Warning};
+use crate::scenario::Scenario;
 
-/// Runs a checked scenario on a backend to its end; see [`crate::simulate()`].
-pub fn simulate_on<B: Backend>(backend: &B, checked: &Checked, observer: &mut dyn Observer) -> RunResult {
+/// Runs a checked scenario on a backend to its end, from the beginning or from a checkpoint; see [`crate::simulate()`].
+///
+/// # Errors
+/// A checkpoint of another run, or a damaged one.
+pub fn simulate_on<B: Backend>(
+    backend: &B,
+    checked: &Checked,
+    from: Option<&Checkpoint>,
+    observer: &mut dyn Observer,
+) -> Result<RunResult, CheckpointError> {
     let (setup, scenario) = (checked.setup(), checked.scenario());
+    let stamp = stamp(&backend.info(), scenario);
+    from.map_or(Ok(()), |from| from.fits(&stamp))?;
     let mut monitor = setup.monitor();
-    let ended = run(backend, setup.scene(), setup.plan(), &mut *monitor, observer);
+    let ended = run(backend, setup.scene(), setup.plan(), &stamp, from, &mut *monitor, observer)?;
     let (responses, warnings) = evaluate(checked, &*monitor, ended.reason);
     let info = backend.info();
-    RunResult {
+    Ok(RunResult {
         schema: SCHEMA.to_owned(),
         responses,
         warnings,
@@ -34,7 +47,13 @@ pub fn simulate_on<B: Backend>(backend: &B, checked: &Checked, observer: &mut dy
         performance: ended.performance,
         scenario: scenario.clone(),
         scenario_digest: scenario.digest(),
-    }
+    })
+}
+
+/// What the checkpoints of a scenario's run belong to.
+fn stamp(info: &BackendInfo, scenario: &Scenario) -> Stamp {
+    let device = format!("{} {}", info.name, info.device);
+    Stamp::new(device, scenario.digest(), scenario.fill_digest())
 }
 
 /// Responses and warnings. A cancelled run has no responses, and only the warnings of its scenario.

@@ -7,7 +7,10 @@ use std::f64::consts::PI;
 use common::{Bench, E, G, MASS, NU, RADIUS, assert_close, at, block, law, plate, scene};
 use glam::{DVec3, Vec3};
 use roost_solver::engine::Backend;
-use roost_solver::engine::run::{Decision, ExperimentMonitor, RunPlan, Sample, run};
+use roost_solver::engine::checkpoint::Stamp;
+use roost_solver::engine::run::{Decision, ExperimentMonitor, RunPlan, Sample};
+use roost_solver::engine::saved_fields::{SavedFields, SavedFieldsError};
+use roost_solver::engine::simulation::run;
 use roost_solver::equipment::SurfaceKind;
 use roost_solver::observe::Recorder;
 use roost_solver::physics::contact::{self, ContactHistory};
@@ -209,6 +212,15 @@ impl ExperimentMonitor for Overlaps {
         &self.1
     }
 
+    fn save(&self) -> SavedFields {
+        SavedFields::of(&self.0)
+    }
+
+    fn restore(&mut self, saved: &SavedFields) -> Result<(), SavedFieldsError> {
+        self.0 = saved.read()?;
+        Ok(())
+    }
+
     fn responses(&self, _reason: EndReason) -> Map<String, Value> {
         Map::new()
     }
@@ -220,7 +232,9 @@ fn a_run_remembers_the_greatest_overlap_of_a_collision_long_past() {
     let scene = scene(block([1, 1, 1]), bodies.to_vec(), 1e-5);
     let plan = RunPlan { sample_interval_s: 1e-3, longest_fill_s: 1.0, duration_s: 0.1 };
     let mut overlaps = Overlaps::default();
-    let ended = run(&common::backend(1), &scene, plan, &mut overlaps, &mut |_: &Progress| Flow::Continue);
+    let (cpu, stamp) = (common::backend(1), Stamp::new(String::new(), String::new(), None));
+    let ended =
+        run(&cpu, &scene, plan, &stamp, None, &mut overlaps, &mut |_: &Progress| Flow::Continue).unwrap();
     assert_eq!(ended.reason, EndReason::Duration);
     let (v, m_star, r_star) = (0.5, MASS / 2.0, RADIUS / 2.0);
     let deepest = (15.0 * m_star * v * v / (16.0 * e_star() * f64::sqrt(r_star))).powf(0.4);

@@ -3,17 +3,24 @@
 mod common;
 #[path = "common/cut.rs"]
 mod cut;
+#[path = "common/experiments.rs"]
+mod experiments;
 #[path = "common/parity.rs"]
 mod parity;
+#[path = "common/resuming.rs"]
+mod resuming;
 #[path = "common/stl.rs"]
 mod stl;
 
+use std::cell::RefCell;
 use std::f64::consts::TAU;
 
 use common::{at, blocks, bonds, checked, law, onto, plate, scene_of, small_hopper, with_moments};
 use cut::{cap, cut_plate, pipe, surface, tilt, tilted_plate};
+use experiments::experiments;
 use glam::{DQuat, DVec3};
 use parity::{Both, difference, gpu};
+use resuming::{RandomSteps, bits, with_kills};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::Backend;
 use roost_solver::engine::scene::Placement;
@@ -220,54 +227,13 @@ fn lists_that_no_longer_hold_are_built_anew_in_time() {
     Both::new(&gpu, &scene).stay_the_same(1500, 500);
 }
 
-/// Small runs of every experiment.
-fn experiments() -> Vec<Scenario> {
-    let numerics = json!({"timestep_s": "auto", "duration_s": 0.15});
-    let documents = [
-        json!({"experiment": "drop", "product": {"count": 2, "subparticle_radius_m": 0.009}, "numerics": numerics}),
-        json!({
-            "experiment": "scene", "product": {"subparticle_radius_m": 0.009}, "numerics": numerics,
-            "scene": {
-                "bodies": [{"position_m": [0, 0, 0.03]}, {"shape": 3, "position_m": [0.05, 0.02, 0.09]}],
-                "surfaces": [{"name": "plate", "plate_m": [[-0.5, -0.5, 0], [1, 0, 0], [0, 1, 0]]}],
-            },
-        }),
-        json!({
-            "experiment": "scene", "product": {"spheres": true, "subparticle_radius_m": 0.009}, "numerics": numerics,
-            "contact": {"surface_energy_radius_m": 0.004},
-            "scene": {
-                "bodies": [{"position_m": [0, 0, 0.03]}, {"position_m": [0.005, 0.002, 0.05]}],
-                "surfaces": [{"name": "plate", "plate_m": [[-0.5, -0.5, 0], [1, 0, 0], [0, 1, 0]]}],
-            },
-        }),
-        json!({
-            "experiment": "compress", "compress": {"lattice": [4, 4, 3], "strain_rate_1_s": 0.5},
-            "numerics": {"timestep_s": "auto", "output_interval_s": 0.005},
-        }),
-        json!({
-            "experiment": "slide", "product": {"subparticle_radius_m": 0.01}, "numerics": {"timestep_s": "auto"},
-            "slide": {"tilt_rate_deg_s": 30.0, "max_tilt_deg": 15.0},
-        }),
-        json!({
-            "experiment": "bend", "product": {"subparticle_radius_m": 0.01}, "bend": {"support": "clamped"},
-            "numerics": numerics,
-        }),
-        json!({
-            "experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.01},
-            "equipment": {"hopper_width_m": 0.22, "hopper_length_m": 0.2, "side_walls": "periodic", "feed_kg_s": 8},
-            "numerics": {"timestep_s": "auto", "duration_s": 0.3, "rest_speed_m_s": 0.1},
-        }),
-    ];
-    documents.iter().map(|document| scenario::from_value(document).expect("a sound scenario")).collect()
-}
-
 #[test]
 fn every_experiment_has_the_result_of_the_plain_path() {
     let Some(gpu) = gpu() else { return };
     for scenario in experiments() {
         let mut keep_on = |_: &Progress| Flow::Continue;
-        let plain = simulate_on(&Cpu::plain(1), &checked(&scenario), &mut keep_on);
-        let other = simulate_on(&gpu, &checked(&scenario), &mut keep_on);
+        let plain = simulate_on(&Cpu::plain(1), &checked(&scenario), None, &mut keep_on).unwrap();
+        let other = simulate_on(&gpu, &checked(&scenario), None, &mut keep_on).unwrap();
         let name = json!(scenario)["experiment"].to_string();
         // `==` on floats would take -0 for 0; the text has every digit and the sign.
         let text = |result: &RunResult| json!([result.responses, result.series, result.curves]).to_string();
@@ -277,6 +243,21 @@ fn every_experiment_has_the_result_of_the_plain_path() {
         assert_eq!(other.solver.backend, "gpu");
         assert!(plain.performance.steps > 100, "{name}: {} steps", plain.performance.steps);
         println!("{name}: {} steps, {:?}", plain.performance.steps, plain.end_reason);
+    }
+}
+
+#[test]
+fn runs_that_are_killed_go_on_with_the_bits_of_the_plain_path() {
+    let Some(gpu) = gpu() else { return };
+    let plain = Cpu::plain(1);
+    for (number, scenario) in experiments().iter().enumerate() {
+        let mut random = fastrand::Rng::with_seed(number as u64);
+        let shares = [0.5 * random.f64(), 0.5 + 0.4 * random.f64()];
+        let expected = simulate_on(&plain, &checked(scenario), None, &mut |_: &Progress| Flow::Continue);
+        let next = || RandomSteps(&gpu, RefCell::new(random.fork()));
+        let (result, kills) = with_kills(&checked(scenario), &shares, next);
+        assert_eq!(bits(&result), bits(&expected.unwrap()), "scenario {number}, killed at {shares:?}");
+        assert!(kills > 0, "scenario {number}");
     }
 }
 

@@ -6,13 +6,9 @@ use rayon::prelude::*;
 use super::displacement::{DisplacementTracker, length2};
 use super::load::Load;
 use super::{CHUNK, Params};
-use crate::engine::frame::Frame;
+use crate::engine::frame::{DOMAIN_LIMIT, Frame};
 use crate::engine::state::{Particle, State};
 use crate::physics::integrate;
-
-/// Limit of coordinates, in units: twice the domain from its middle. A sub-particle beyond it is lost. Not
-/// much further, differences of positions would wrap.
-pub(super) const DOMAIN_LIMIT: i32 = 1 << 30;
 
 /// Statistics of the stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

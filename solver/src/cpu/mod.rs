@@ -19,6 +19,7 @@ pub mod stages;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use crate::engine::saved::SavedRun;
 use crate::engine::scene::{Laws, Placement, Scene};
 use crate::engine::state::State;
 use crate::engine::{AdvanceReport, Backend, BackendInfo, SurfaceLoad};
@@ -80,6 +81,20 @@ pub(crate) struct Params {
     skin: f32,
 }
 
+impl Params {
+    fn of(scene: &Scene) -> Self {
+        Self {
+            laws: scene.laws,
+            radius: scene.radius_m as f32,
+            gravity: scene.gravity.as_vec3(),
+            dt: scene.timestep_s as f32,
+            dt_exact: scene.timestep_s,
+            speed_limit: scene.speed_limit_m_s as f32,
+            skin: SKIN_RATIO * scene.radius_m as f32,
+        }
+    }
+}
+
 impl Cpu {
     /// A backend on that many threads; 0 means one per processor. It takes the fast path with the widest instructions.
     pub fn new(threads: usize) -> Self {
@@ -120,15 +135,7 @@ impl Backend for Cpu {
     }
 
     fn prepare(&self, scene: &Scene) -> CpuRun {
-        let params = Params {
-            laws: scene.laws,
-            radius: scene.radius_m as f32,
-            gravity: scene.gravity.as_vec3(),
-            dt: scene.timestep_s as f32,
-            dt_exact: scene.timestep_s,
-            speed_limit: scene.speed_limit_m_s as f32,
-            skin: SKIN_RATIO * scene.radius_m as f32,
-        };
+        let params = Params::of(scene);
         match self.fast {
             Some(instructions) => CpuRun::Fast(Box::new(FastRun::new(scene, params, instructions))),
             None => CpuRun::Plain(Box::new(PlainRun::new(scene, params))),
@@ -184,6 +191,23 @@ impl Backend for Cpu {
             CpuRun::Fast(run) => run.remove(serials),
         }
     }
+
+    fn save(&self, run: &mut CpuRun) -> SavedRun {
+        match run {
+            CpuRun::Plain(run) => run.save(),
+            CpuRun::Fast(run) => run.save(),
+        }
+    }
+
+    fn restore(&self, scene: &Scene, saved: &SavedRun) -> CpuRun {
+        let params = Params::of(scene);
+        match self.fast {
+            Some(instructions) => {
+                CpuRun::Fast(Box::new(FastRun::restore(scene, params, instructions, saved)))
+            }
+            None => CpuRun::Plain(Box::new(PlainRun::restore(scene, params, saved))),
+        }
+    }
 }
 
 impl CpuRun {
@@ -211,6 +235,31 @@ impl PlainRun {
             params,
             state,
         }
+    }
+
+    fn save(&self) -> SavedRun {
+        SavedRun {
+            step: self.step,
+            start_step: self.start_step,
+            state: self.state.clone(),
+            stored_bodies: Vec::new(),
+            pairs: self.neighbour_lists.save_pairs(),
+            walls: self.neighbour_lists.save_walls(),
+        }
+    }
+
+    fn restore(scene: &Scene, params: Params, saved: &SavedRun) -> Self {
+        let mut run = Self {
+            neighbour_lists: NeighbourLists::restore(saved, params.laws.moment.is_some()),
+            state: saved.state.clone(),
+            step: saved.step,
+            start_step: saved.start_step,
+            ..Self::new(scene, params)
+        };
+        if run.start_step.is_some() {
+            run.walls.start();
+        }
+        run
     }
 
     fn surface_loads(&self) -> Vec<SurfaceLoad> {

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::cell_list::CellList;
 use super::{CHUNK, Params};
+use crate::engine::saved::{SavedPair, SavedRun, SavedWall};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::physics::contact::ContactHistory;
@@ -26,6 +27,13 @@ pub struct Pair {
     pub bond: Vec3,
     /// History of the contact.
     pub contact: ContactHistory,
+}
+
+impl Pair {
+    fn restore(saved: &SavedPair) -> Self {
+        let SavedPair { pair: [_, other], class, bond, contact, .. } = *saved;
+        Self { other, bond_class: class, bond, contact }
+    }
 }
 
 /// The neighbour lists of one chunk of sub-particles.
@@ -125,6 +133,51 @@ impl NeighbourLists {
     /// Lists that hold only the bonds.
     pub fn new(scene: &Scene) -> Self {
         Self::from_rows(bond_rows(scene, scene.present(), 0).into_iter())
+    }
+
+    /// Lists that hold only what a saved run has.
+    pub(super) fn restore(saved: &SavedRun, has_moments: bool) -> Self {
+        let rows = saved.pairs_of_each().into_iter().zip(saved.walls_of_each()).map(|(pairs, walls)| Row {
+            moments: pairs.iter().filter(|_| has_moments).map(|pair| pair.moments).collect(),
+            pairs: pairs.iter().map(Pair::restore).collect(),
+            walls,
+        });
+        Self::from_rows(rows)
+    }
+
+    /// Pairs with a bond or in contact, ascending.
+    pub(super) fn save_pairs(&self) -> Vec<SavedPair> {
+        let row = |(chunk, k, i): (&ChunkNeighbours, usize, u32)| {
+            let mut moments = chunk.moments(k).iter().copied();
+            let all = chunk.pairs(k).iter().map(move |pair| (pair, moments.next().unwrap_or_default()));
+            let kept = all.filter(move |(pair, _)| {
+                i < pair.other && (pair.bond_class != 0 || pair.contact != ContactHistory::default())
+            });
+            kept.map(move |(pair, moments)| SavedPair {
+                pair: [i, pair.other],
+                class: pair.bond_class,
+                is_intact: pair.bond_class != 0,
+                bond: pair.bond,
+                contact: pair.contact,
+                moments,
+            })
+            .collect::<Vec<_>>()
+        };
+        self.rows().flat_map(row).collect()
+    }
+
+    /// Facets that remember anything, by sub-particle.
+    pub(super) fn save_walls(&self) -> Vec<SavedWall> {
+        let row = |(chunk, k, i): (&ChunkNeighbours, usize, u32)| {
+            SavedWall::of(i, chunk.wall_pairs(k)).collect::<Vec<_>>()
+        };
+        self.rows().flat_map(row).collect()
+    }
+
+    /// All rows: the chunk, the place within it, and the index of the sub-particle.
+    fn rows(&self) -> impl Iterator<Item = (&ChunkNeighbours, usize, u32)> {
+        let places = self.chunks.iter().flat_map(|chunk| (0..chunk.pair_ends.len()).map(move |k| (chunk, k)));
+        (0u32..).zip(places).map(|(i, (chunk, k))| (chunk, k, i))
     }
 
     /// Appends the bonds of further bodies, whose first sub-particle has the index `base`.

@@ -5,9 +5,14 @@
 //! The domain spans at most 2³⁰ units: no difference within twice the domain wraps.
 
 use glam::{DVec3, IVec3, Vec3};
+use serde::{Deserialize, Serialize};
+
+/// Limit of coordinates, in units: twice the domain from its middle. A sub-particle beyond it is lost. Not
+/// much further, differences of positions would wrap.
+pub(crate) const DOMAIN_LIMIT: i32 = 1 << 30;
 
 /// A fixed-point coordinate frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
     /// Where position zero is, in metres.
     pub origin: DVec3,

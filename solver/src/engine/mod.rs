@@ -3,12 +3,19 @@
 //! It knows neither experiments nor backends. An experiment provides a [`scene::Scene`] and a
 //! [`run::ExperimentMonitor`]; a backend implements [`Backend`].
 
+pub mod checkpoint;
+mod columns;
 pub mod frame;
 pub mod run;
+pub mod saved;
+pub mod saved_fields;
 pub mod scene;
+pub mod simulation;
 pub mod state;
+mod timeline;
 
 use glam::DVec3;
+use saved::SavedRun;
 use scene::{Placement, Scene};
 use state::State;
 use thiserror::Error;
@@ -104,4 +111,10 @@ pub trait Backend {
 
     /// Removes sub-particles from a run, by serial, ascending.
     fn remove(&self, run: &mut Self::Run, serials: &[u32]);
+
+    /// What later steps of a run depend on.
+    fn save(&self, run: &mut Self::Run) -> SavedRun;
+
+    /// A run of a scene that goes on from there: its later bits are those of the run that was saved.
+    fn restore(&self, scene: &Scene, saved: &SavedRun) -> Self::Run;
 }

@@ -50,6 +50,18 @@ impl Scene {
     pub fn first_serial(&self, number: usize) -> u32 {
         self.bodies[..number].iter().map(|body| self.kinds[body.kind].meta.points.len() as u32).sum()
     }
+
+    /// Serial of the first sub-particle of each body, and the number of all sub-particles.
+    pub(crate) fn first_serials(&self) -> Vec<u32> {
+        let lengths = self.bodies.iter().map(|body| self.kinds[body.kind].meta.points.len() as u32);
+        let mut next = 0;
+        [0].into_iter()
+            .chain(lengths.map(|length| {
+                next += length;
+                next
+            }))
+            .collect()
+    }
 }
 
 /// A meta-particle with the mass of its sub-particles.

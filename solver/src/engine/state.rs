@@ -1,12 +1,13 @@
 //! The state of a run, as observers read it: positions and motion of all sub-particles.
 
 use glam::{DVec3, IVec3, Vec3};
+use serde::{Deserialize, Serialize};
 
 use super::frame::Frame;
 use super::scene::{Placement, Scene};
 
 /// The part of a sub-particle that changes every step and that neighbours read, kept together for locality.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Particle {
     /// Fixed-point position.
     pub position: IVec3,
@@ -17,7 +18,7 @@ pub struct Particle {
 }
 
 /// All sub-particles, body by body.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// The coordinate frame of positions.
     pub frame: Frame,
@@ -44,11 +45,10 @@ pub struct State {
 }
 
 impl State {
-    /// Initial state of a scene.
-    pub fn new(scene: &Scene) -> Self {
-        let frame = Frame::new(scene.low, scene.high, scene.periodic_y);
-        let mut state = Self {
-            frame,
+    /// A state of a scene without sub-particles.
+    pub(crate) fn empty(scene: &Scene) -> Self {
+        Self {
+            frame: Frame::new(scene.low, scene.high, scene.periodic_y),
             radius_m: scene.radius_m as f32,
             particles: Vec::new(),
             remainders: Vec::new(),
@@ -59,7 +59,12 @@ impl State {
             broken: Vec::new(),
             bonds_at_start: 0,
             bonds_broken: 0,
-        };
+        }
+    }
+
+    /// Initial state of a scene.
+    pub fn new(scene: &Scene) -> Self {
+        let mut state = Self::empty(scene);
         state.enter(scene, 0, scene.present());
         for &serial in &scene.held {
             state.held[serial as usize] = true;
@@ -91,6 +96,18 @@ impl State {
         self.remainders.resize(count, Vec3::ZERO);
         self.broken.resize(count, 0);
         self.held.resize(count, false);
+    }
+
+    /// Whether it has as many of everything, as it has unless somebody else has written it.
+    pub(crate) fn is_consistent(&self) -> bool {
+        let lengths = [
+            self.remainders.len(),
+            self.masses.len(),
+            self.bodies.len(),
+            self.serials.len(),
+            self.held.len(),
+        ];
+        lengths.iter().all(|length| *length == self.particles.len())
     }
 
     /// Position of a sub-particle, in metres.

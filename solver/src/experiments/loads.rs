@@ -5,6 +5,7 @@
 //! a belt this is the friction times the belt speed.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::SeriesRow;
 use super::outputs::series;
@@ -62,7 +63,7 @@ pub(super) fn power_w(motion: &Motion, load: &SurfaceLoad, t: f64) -> f64 {
 }
 
 /// Mean and maximum of samples. Both are null without samples.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct SampleStats {
     sum: f64,
     count: u64,

@@ -354,14 +354,8 @@ pub const NONE: u32 = u32::MAX;
 /// Flag in the state of a pair: the contact has formed and still holds.
 pub const IN_CONTACT: u32 = 1 << 31;
 
-/// Flag in the state of a wall pair: the contact began above the facet.
-pub const FROM_ABOVE: u32 = 1;
-
-/// Flag in the state of a wall pair: the contact began below the facet.
-pub const FROM_BELOW: u32 = 2;
-
-/// Flag in the state of a wall pair: the centre is beyond the facet.
-pub const BEYOND: u32 = 4;
+/// Flags in the state of a wall pair.
+pub use crate::walls::contact::{BEYOND, FROM_ABOVE, FROM_BELOW};
 
 /// Flag of a nearest point: it lies on the rim of the facet.
 pub const ON_RIM: u32 = 8;

@@ -16,7 +16,7 @@
 //! | `source`, `pipelines` | WGSL assembled from its files, and compiled |
 //! | `neighbour_list`, `walls` | neighbour lists and surfaces in main memory |
 //! | `memory_budget` | buffers, and the memory that they may use |
-//! | `run_buffers`, `run` | one run on the device |
+//! | `run_buffers`, `run`, `saved` | one run on the device |
 //! | `arena`, `advance` | a batch of runs |
 //! | `driver` | the thread that advances batches for all callers |
 
@@ -31,6 +31,7 @@ mod neighbour_list;
 mod pipelines;
 mod run;
 mod run_buffers;
+mod saved;
 mod shared;
 pub mod source;
 mod walls;
@@ -38,6 +39,7 @@ mod walls;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
+use crate::engine::saved::SavedRun;
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::engine::{AdvanceReport, Backend, BackendInfo, OutOfDeviceMemory, SurfaceLoad};
@@ -144,6 +146,15 @@ impl Backend for Gpu {
 
     fn remove(&self, run: &mut GpuRun, serials: &[u32]) {
         run.get().remove(&self.device, serials);
+    }
+
+    fn save(&self, run: &mut GpuRun) -> SavedRun {
+        run.get().save(&self.device)
+    }
+
+    fn restore(&self, scene: &Scene, saved: &SavedRun) -> GpuRun {
+        let run = Run::restore(&self.device, scene, saved, |contents| self.driver.create_buffers(contents));
+        GpuRun::new(run.unwrap_or_else(|out_of_memory| unwind(out_of_memory)))
     }
 }
 

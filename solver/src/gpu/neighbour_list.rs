@@ -2,7 +2,9 @@
 //! `kernels/neighbour_list.wgsl`.
 
 use super::layout::{Count, IN_CONTACT, Moment, Pair, WallPair};
+use crate::engine::saved::{SavedPair, SavedRun, SavedWall};
 use crate::engine::scene::{Placement, Scene};
+use crate::physics::contact::ContactHistory;
 
 /// Initial capacity of a row of neighbours.
 const INITIAL_PAIR_CAPACITY: u32 = 12;
@@ -53,6 +55,50 @@ impl Rows {
     pub(super) fn new(scene: &Scene) -> Self {
         let none = Self::of(RowCapacity::default(), false, std::iter::empty());
         none.with_bodies(scene, scene.present())
+    }
+
+    /// Rows that hold only what a saved run has.
+    pub(super) fn restore(saved: &SavedRun, has_moments: bool) -> Self {
+        let rows: Vec<_> = saved.pairs_of_each().into_iter().zip(saved.walls_of_each()).collect();
+        let rows: Vec<(Vec<Pair>, Vec<Moment>, Vec<WallPair>)> = rows
+            .iter()
+            .map(|(pairs, walls)| {
+                let moments = pairs.iter().filter(|_| has_moments).map(Moment::restore);
+                (
+                    pairs.iter().map(Pair::restore).collect(),
+                    moments.collect(),
+                    walls.iter().map(WallPair::restore).collect(),
+                )
+            })
+            .collect();
+        let longest = |length: fn(&(Vec<Pair>, Vec<Moment>, Vec<WallPair>)) -> usize| {
+            rows.iter().map(length).max().unwrap_or(0) as u32
+        };
+        let needed = RowCapacity::holding(longest(|row| row.0.len()), longest(|row| row.2.len()));
+        let rows = rows.iter().map(|(pairs, moments, walls)| (&pairs[..], &moments[..], &walls[..]));
+        Self::of(RowCapacity::default().max(needed), has_moments, rows)
+    }
+
+    /// Pairs with a bond or in contact, ascending.
+    pub(super) fn save_pairs(&self) -> Vec<SavedPair> {
+        let row = |i: usize| {
+            let mut moments = self.moments(i).iter();
+            let all = self.pairs(i).iter().map(move |pair| pair.save(i as u32, moments.next()));
+            all.filter(|saved| {
+                saved.pair[0] < saved.pair[1]
+                    && (saved.class != 0 || saved.contact != ContactHistory::default())
+            })
+        };
+        (0..self.counts.len()).flat_map(row).collect()
+    }
+
+    /// Facets that remember anything, by sub-particle.
+    pub(super) fn save_walls(&self) -> Vec<SavedWall> {
+        let row = |i: usize| {
+            let near: Vec<_> = self.walls(i).iter().map(WallPair::save).collect();
+            SavedWall::of(i as u32, &near).collect::<Vec<_>>()
+        };
+        (0..self.counts.len()).flat_map(row).collect()
     }
 
     /// These rows and, behind them, the bonds of further bodies of the scene.

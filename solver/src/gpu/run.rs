@@ -9,6 +9,7 @@ use super::neighbour_list::Rows;
 use super::run_buffers::{ElementCounts, RunBuffer, RunBuffers, RunContents};
 use super::walls::{Geometry, poses};
 use crate::cpu::SKIN_RATIO;
+use crate::engine::saved::SavedRun;
 use crate::engine::scene;
 use crate::engine::state::State;
 use crate::engine::{OutOfDeviceMemory, SurfaceLoad};
@@ -69,9 +70,37 @@ impl Run {
         scene: &scene::Scene,
         make: impl FnOnce(RunContents) -> Result<RunBuffers, OutOfDeviceMemory>,
     ) -> Result<Self, OutOfDeviceMemory> {
-        let state = State::new(scene);
+        Self::with(device, scene, State::new(scene), Rows::new(scene), make)
+    }
+
+    /// A run of a scene that goes on from there.
+    pub(super) fn restore(
+        device: &Device,
+        scene: &scene::Scene,
+        saved: &SavedRun,
+        make: impl FnOnce(RunContents) -> Result<RunBuffers, OutOfDeviceMemory>,
+    ) -> Result<Self, OutOfDeviceMemory> {
+        let rows = Rows::restore(saved, scene.laws.moment.is_some());
+        let mut run = Self::with(device, scene, saved.state.clone(), rows, make)?;
+        if saved.start_step.is_some() {
+            run.start(device);
+        }
+        (run.step, run.start_step, run.bonds_broken) =
+            (saved.step, saved.start_step, saved.state.bonds_broken);
+        // The loads of the last step are on the device.
+        run.is_read = false;
+        Ok(run)
+    }
+
+    fn with(
+        device: &Device,
+        scene: &scene::Scene,
+        state: State,
+        rows: Rows,
+        make: impl FnOnce(RunContents) -> Result<RunBuffers, OutOfDeviceMemory>,
+    ) -> Result<Self, OutOfDeviceMemory> {
         let walls = Walls::new(scene, &state.frame);
-        let (geometry, rows) = (Geometry::new(&walls), Rows::new(scene));
+        let geometry = Geometry::new(&walls);
         let own = shared_scene(scene, &state);
         let elements = ElementCounts {
             scenes: 1,
@@ -179,6 +208,19 @@ impl Run {
     pub(super) fn bonds(&self, device: &Device) -> Vec<[u32; 2]> {
         let rows = self.buffers.read_rows(device);
         rows.bonds().map(|[i, j]| [self.state.serials[i], self.state.serials[j]]).collect()
+    }
+
+    pub(super) fn save(&mut self, device: &Device) -> SavedRun {
+        self.read(device);
+        let rows = self.buffers.read_rows(device);
+        SavedRun {
+            step: self.step,
+            start_step: self.start_step,
+            state: self.state.clone(),
+            stored_bodies: Vec::new(),
+            pairs: rows.save_pairs(),
+            walls: rows.save_walls(),
+        }
     }
 
     pub(super) fn start(&mut self, device: &Device) {

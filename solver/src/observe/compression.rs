@@ -4,8 +4,10 @@
 //! the last upward zero crossing of the stress before its peak. Strains are relative to the lengths at that
 //! moment.
 
+use serde::{Deserialize, Serialize};
+
 /// A compression test, sample by sample.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Compression {
     samples: Vec<CompressionSample>,
     /// Sample of the peak stress, and the last unloaded sample before it.
@@ -15,7 +17,7 @@ pub struct Compression {
 }
 
 /// One sample of a compression test.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompressionSample {
     /// Compressive force over area, in pascal; negative where the plates pull.
     pub stress_pa: f64,
@@ -48,6 +50,13 @@ pub struct StressStrain {
 }
 
 impl Compression {
+    /// Whether its parts fit each other, as they do unless somebody else has written them.
+    pub fn is_consistent(&self) -> bool {
+        let count = self.samples.len();
+        let peak = self.peak.is_none_or(|(peak, unloaded)| peak < count && unloaded < count);
+        peak && self.last_unloaded <= count.saturating_sub(1)
+    }
+
     /// Records a sample.
     pub fn record(&mut self, sample: CompressionSample) {
         let k = self.samples.len();

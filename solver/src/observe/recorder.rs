@@ -3,6 +3,8 @@
 //! Simulated time runs from the beginning of the run. Belt time runs from t = 0, whose simulated time is known once the
 //! process has started. No recorded sample changes afterwards, so an observer needs only the samples since its last look.
 
+use serde::{Deserialize, Serialize};
+
 use crate::result::Series;
 
 /// The clock of a series in the result.
@@ -52,6 +54,16 @@ impl Recording {
     }
 }
 
+/// The samples of a recorder, as checkpoints hold them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SavedSamples {
+    t0_s: Option<f64>,
+    simulated_s: f64,
+    belt_s: f64,
+    /// Simulated times, belt times and values of each series.
+    recordings: Vec<[Vec<f64>; 3]>,
+}
+
 /// All series of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
@@ -62,6 +74,39 @@ pub struct Recorder {
 }
 
 impl Recorder {
+    /// The samples, without names and units.
+    pub fn save(&self) -> SavedSamples {
+        let samples = |recording: &Recording| {
+            let Recording { simulated_s, belt_s, values, .. } = recording;
+            [simulated_s.clone(), belt_s.clone(), values.clone()]
+        };
+        SavedSamples {
+            t0_s: self.t0_s,
+            simulated_s: self.simulated_s,
+            belt_s: self.belt_s,
+            recordings: self.recordings.iter().map(samples).collect(),
+        }
+    }
+
+    /// Takes over the samples of a recorder with the same series. Returns whether they are such.
+    #[must_use]
+    pub fn restore(&mut self, saved: SavedSamples) -> bool {
+        let fits = |(recording, [simulated_s, belt_s, values]): (&Recording, &[Vec<f64>; 3])| {
+            let belt_count = if recording.clock == Clock::Belt { values.len() } else { 0 };
+            simulated_s.len() == values.len() && belt_s.len() == belt_count
+        };
+        if saved.recordings.len() != self.recordings.len()
+            || !self.recordings.iter().zip(&saved.recordings).all(fits)
+        {
+            return false;
+        }
+        (self.t0_s, self.simulated_s, self.belt_s) = (saved.t0_s, saved.simulated_s, saved.belt_s);
+        for (recording, samples) in self.recordings.iter_mut().zip(saved.recordings) {
+            [recording.simulated_s, recording.belt_s, recording.values] = samples;
+        }
+        true
+    }
+
     /// Adds a series without samples. Results list series in this order.
     pub fn add(&mut self, name: impl Into<String>, unit: &str, clock: Clock) -> SeriesId {
         self.recordings.push(Recording {

@@ -1,7 +1,9 @@
 //! Residence times: how long each body stays in the hopper, from its entry until its centre of mass passes the gate plane.
 
+use serde::{Deserialize, Serialize};
+
 /// Entry and passage of every body.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ResidenceTimes {
     /// What is known of each body, by its number.
     seen: Vec<Option<Seen>>,
@@ -10,7 +12,7 @@ pub struct ResidenceTimes {
 }
 
 /// The records of one body.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Seen {
     entry_s: f64,
     /// Time and place of the last record before it passed.

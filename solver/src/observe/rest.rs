@@ -4,13 +4,15 @@
 //! all backends agree. The maximum speed alone does not work: where fillets were driven into each other
 //! single sub-particles keep trembling, since a stretched bond has no damping.
 
+use serde::{Deserialize, Serialize};
+
 /// Duration of slow motion that counts as rest, in seconds.
 pub const REST_DURATION_S: f64 = 0.1;
 /// One sub-particle in this many may still move at rest.
 const MAX_MOVING_ONE_IN: usize = 1000;
 
 /// Detects rest from samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RestDetector {
     since_s: Option<f64>,
     now_s: f64,

@@ -1,11 +1,13 @@
 //! Settling time of a body: until its kinetic energy stays below a share of its energy at impact.
 
+use serde::{Deserialize, Serialize};
+
 /// Share of the kinetic energy at which a body has settled: the paper's "99 % of its initial kinetic energy"
 /// lost (section 3.3).
 pub const SETTLED_SHARE: f64 = 0.01;
 
 /// Times the settling of a body from its first contact on.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SettlingTimer {
     contact_s: f64,
     threshold_j: f64,

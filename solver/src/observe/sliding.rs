@@ -6,6 +6,8 @@
 //! that precedes the passage of [`FAST_M_S`], which is four times as fast. A body that falls back below
 //! [`SLOW_M_S`] has not begun to slide for good.
 
+use serde::{Deserialize, Serialize};
+
 /// Lower speed threshold, in m/s. Slower bodies do not slide.
 pub const SLOW_M_S: f64 = 0.01;
 /// Upper speed threshold, in m/s.
@@ -14,7 +16,7 @@ pub const FAST_M_S: f64 = 4.0 * SLOW_M_S;
 const CONFIRM_AFTER_S: f64 = 0.25;
 
 /// Detects the onset of sliding from the speed down the slope.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct SlidingDetector {
     /// Time and speed of the last sample.
     last: Option<(f64, f64)>,

@@ -23,6 +23,8 @@ pub struct Field {
     pub otherwise: Option<Preset>,
     /// The field that makes this one null when it is given: exactly one of the two is in use.
     pub yields_to: Option<&'static str>,
+    /// Whether the field acts only from t = 0 on: fills that differ in it alone are the same.
+    pub from_start: bool,
     /// Source of the default.
     pub source: &'static str,
     /// Meaning, in one sentence.

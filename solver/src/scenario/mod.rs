@@ -66,4 +66,21 @@ impl Scenario {
         let canonical = canonical::canonical(self).expect("a scenario serialises to JSON");
         blake3::hash(&canonical).to_hex().to_string()
     }
+
+    /// Digest of what acts before t = 0: equal digests, equal fills. Only hoppers that close their gate, and that nothing is fed
+    /// to, share fills.
+    pub fn fill_digest(&self) -> Option<String> {
+        let equipment = self.equipment()?;
+        if equipment.feed_kg_s > 0.0 || !equipment.shutter_while_filling {
+            return None;
+        }
+        let mut document = serde_json::to_value(self).expect("a scenario serialises to JSON");
+        for field in fields::FIELDS.iter().filter(|field| field.from_start) {
+            if let Some(value) = document.pointer_mut(field.pointer) {
+                *value = serde_json::Value::Null;
+            }
+        }
+        let canonical = canonical::canonical(&document).expect("a scenario serialises to JSON");
+        Some(blake3::hash(&canonical).to_hex().to_string())
+    }
 }

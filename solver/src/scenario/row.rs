@@ -26,6 +26,7 @@ pub(super) const fn field(
         by_name: false,
         otherwise: None,
         yields_to: None,
+        from_start: false,
         source,
         doc,
     }
@@ -136,6 +137,11 @@ impl Field {
     /// Belongs only to the experiments that name it, and holds `value` in the others.
     pub(super) const fn by_name_or(self, value: Preset) -> Self {
         Self { by_name: true, otherwise: Some(value), ..self }
+    }
+
+    /// Acts only from t = 0 on.
+    pub(super) const fn from_start(self) -> Self {
+        Self { from_start: true, ..self }
     }
 
     pub(super) const fn yields_to(self, other: &'static str) -> Self {

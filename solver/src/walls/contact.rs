@@ -8,7 +8,7 @@ use std::iter::successors;
 use glam::{IVec3, Vec3};
 
 use super::side;
-pub use super::side::SideMemory;
+pub use super::side::{BEYOND, FROM_ABOVE, FROM_BELOW, SideMemory};
 use super::{NearestPoint, Walls};
 use crate::engine::frame::Frame;
 use crate::physics::contact::ContactHistory;

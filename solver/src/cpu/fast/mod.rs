@@ -26,6 +26,7 @@ mod instructions;
 mod integration;
 mod narrow_phase;
 mod population;
+mod saved;
 mod schedule;
 mod storage;
 #[cfg(test)]
@@ -109,7 +110,13 @@ pub struct FastRun {
 
 impl FastRun {
     pub(super) fn new(scene: &Scene, params: Params, instructions: InstructionSet) -> Self {
-        let state = State::new(scene);
+        let mut run = Self::without_bodies(scene, params, instructions, State::new(scene));
+        run.take_in(scene, scene.present(), 0);
+        run
+    }
+
+    /// A run whose bodies are not yet taken in.
+    fn without_bodies(scene: &Scene, params: Params, instructions: InstructionSet, state: State) -> Self {
         let InternalLaws { contacts, bond, moment, contact_between_bonded } =
             params.laws.internal(params.radius);
         let [contact, body_contact] =
@@ -121,7 +128,7 @@ impl FastRun {
             skins: SKIN_RATIOS.map(|ratio| ratio * params.radius),
             outer_skins: OUTER_SKIN_RATIOS.map(|ratio| ratio * params.radius),
         };
-        let mut run = Self {
+        Self {
             wall_laws: (0..walls.surface_count())
                 .map(|k| LaneContactLaw::new(*walls.law_of_surface(k)))
                 .collect(),
@@ -146,9 +153,7 @@ impl FastRun {
             params,
             state_is_current: true,
             state,
-        };
-        run.take_in(scene, scene.present(), 0);
-        run
+        }
     }
 
     pub(super) fn stages(&self) -> &StageTimers {

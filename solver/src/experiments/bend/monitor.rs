@@ -7,6 +7,7 @@ use serde_json::{Map, Value};
 
 use super::{BEND_ANGLE, SINKING_M_S, TIP_DEFLECTION};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
+use crate::engine::saved_fields::{SavedFields, SavedFieldsError};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
@@ -175,6 +176,16 @@ impl ExperimentMonitor for BendMonitor {
             true => Decision::End(EndReason::Done),
             false => Decision::Continue { remove },
         }
+    }
+
+    fn save(&self) -> SavedFields {
+        SavedFields::of(&(self.recorder.save(), &self.rest, &self.fell_off, &self.torn))
+    }
+
+    fn restore(&mut self, saved: &SavedFields) -> Result<(), SavedFieldsError> {
+        let samples;
+        (samples, self.rest, self.fell_off, self.torn) = saved.read()?;
+        if self.recorder.restore(samples) { Ok(()) } else { Err(SavedFieldsError) }
     }
 
     fn recorder(&self) -> &Recorder {

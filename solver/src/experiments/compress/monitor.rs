@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 
 use super::{LOWER_PLATE_FORCE, STRESS, STRESS_LATTICE, UPPER_PLATE_FORCE};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
+use crate::engine::saved_fields::{SavedFields, SavedFieldsError};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::experiments::CurveRow;
@@ -100,6 +101,20 @@ impl ExperimentMonitor for CompressMonitor {
         match self.numerics.stop.when_done && compressed {
             true => Decision::End(EndReason::Done),
             false => Decision::Continue { remove: Vec::new() },
+        }
+    }
+
+    fn save(&self) -> SavedFields {
+        SavedFields::of(&(self.recorder.save(), &self.compression))
+    }
+
+    fn restore(&mut self, saved: &SavedFields) -> Result<(), SavedFieldsError> {
+        let samples;
+        (samples, self.compression) = saved.read()?;
+        if self.recorder.restore(samples) && self.compression.is_consistent() {
+            Ok(())
+        } else {
+            Err(SavedFieldsError)
         }
     }
 

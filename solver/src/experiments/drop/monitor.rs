@@ -1,10 +1,12 @@
 //! The monitor of a drop: broken bonds, settling, and parts that leave the space over their plate.
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::scene::Grid;
 use super::{BONDS_OF_EACH, PLATE_FORCE, SETTLE_TIME};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
+use crate::engine::saved_fields::{SavedFields, SavedFieldsError};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::experiments::CurveRow;
@@ -21,7 +23,7 @@ use crate::scenario::{Drop, Numerics, Scenario};
 const REST_FOR_S: f64 = 0.25;
 
 /// The state of one fillet.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Fillet {
     bonds: u64,
     /// Broken bonds of sub-particles that have left.
@@ -144,6 +146,29 @@ impl ExperimentMonitor for DropMonitor {
             Err(reason) => Decision::Diverged(reason),
             Ok(_) if self.is_done() => Decision::End(EndReason::Done),
             Ok(remove) => Decision::Continue { remove },
+        }
+    }
+
+    fn save(&self) -> SavedFields {
+        SavedFields::of(&(
+            self.recorder.save(),
+            &self.rest,
+            &self.escaped_kg,
+            &self.max_overlap_m,
+            &self.passed_through,
+            &self.fillets,
+        ))
+    }
+
+    fn restore(&mut self, saved: &SavedFields) -> Result<(), SavedFieldsError> {
+        let samples;
+        let fillets = self.fillets.len();
+        (samples, self.rest, self.escaped_kg, self.max_overlap_m, self.passed_through, self.fillets) =
+            saved.read()?;
+        if self.fillets.len() == fillets && self.recorder.restore(samples) {
+            Ok(())
+        } else {
+            Err(SavedFieldsError)
         }
     }
 

@@ -1,6 +1,7 @@
 //! Bend angles of fillets past the gate: the "curling" and "draping" of section 3.4.
 
 use glam::{DVec3, IVec3};
+use serde::{Deserialize, Serialize};
 
 use crate::engine::frame::Frame;
 use crate::engine::scene::Scene;
@@ -17,12 +18,12 @@ pub(super) struct Curls {
     gauges: Vec<(BendGauge, usize)>,
     /// The kind of each fillet.
     kinds: Vec<usize>,
-    samples: Vec<Curl>,
+    pub(super) samples: Vec<Curl>,
 }
 
 /// The bend angles of one sample, in degrees.
-#[derive(Debug)]
-struct Curl {
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Curl {
     t_s: f64,
     count: u32,
     sum_deg: f64,

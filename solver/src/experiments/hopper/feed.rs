@@ -6,6 +6,7 @@
 use glam::{DQuat, DVec2, DVec3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use serde::{Deserialize, Serialize};
 
 use crate::engine::scene::{BodyKind, Placement, Scene};
 use crate::engine::state::State;
@@ -50,6 +51,17 @@ pub(super) fn entry_box(equipment: &Equipment, scene: &Scene) -> (DVec3, DVec3) 
     ((floor.low + across).extend(bottom), (floor.high - across).extend(equipment.hopper_height_m + top))
 }
 
+/// What a feed has done so far.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct SavedFeed {
+    waiting: u64,
+    next: Option<(u64, DQuat, Vec<DVec3>)>,
+    fed_kg: f64,
+    due_kg: f64,
+    /// Random numbers drawn, in words.
+    drawn: u128,
+}
+
 /// The feed of a run.
 #[derive(Debug)]
 pub(super) struct Feed {
@@ -87,6 +99,31 @@ impl Feed {
             bodies: scene.bodies.len(),
             rng,
         }
+    }
+
+    pub(super) fn save(&self) -> SavedFeed {
+        SavedFeed {
+            waiting: self.waiting.len() as u64,
+            next: self.next.clone().map(|(kind, turn, points)| (kind as u64, turn, points)),
+            fed_kg: self.fed_kg,
+            due_kg: self.due_kg,
+            drawn: self.rng.get_word_pos(),
+        }
+    }
+
+    /// Takes over what a feed of the same scenario has done. Returns whether it is such a feed.
+    #[must_use]
+    pub(super) fn restore(&mut self, saved: SavedFeed) -> bool {
+        let all = self.waiting.len() as u64;
+        let kinds = self.kinds.len() as u64;
+        if saved.waiting > all || saved.next.as_ref().is_some_and(|(kind, ..)| *kind >= kinds) {
+            return false;
+        }
+        self.waiting.by_ref().take((all - saved.waiting) as usize).for_each(drop);
+        self.next = saved.next.map(|(kind, turn, points)| (kind as usize, turn, points));
+        (self.fed_kg, self.due_kg) = (saved.fed_kg, saved.due_kg);
+        self.rng.set_word_pos(saved.drawn);
+        true
     }
 
     /// Mass that has entered, in kilograms.

@@ -22,7 +22,7 @@ pub(super) struct LoadMonitor {
     belts: Vec<(usize, Motion)>,
     gate: Option<usize>,
     /// Belt time in seconds, power in W and force on the gate in N of each sample.
-    samples: Vec<[f64; 3]>,
+    pub(super) samples: Vec<[f64; 3]>,
     pub(super) passed_through: u64,
 }
 

@@ -1,5 +1,6 @@
 //! The monitor of a hopper: waits for rest, starts the belt, counts the mass past the gate, removes fillets that have left.
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::curl::Curls;
@@ -8,6 +9,7 @@ use super::loads::LoadMonitor;
 use super::opening::full_opening_m3_s;
 use super::{DISCHARGED_MASS, GONE_BEYOND_M, INSIDE_MASS, MASS_RATE, RESIDENCE_SHARE, floor};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
+use crate::engine::saved_fields::{SavedFields, SavedFieldsError};
 use crate::engine::scene::{Placement, Scene};
 use crate::engine::state::State;
 use crate::experiments::interpenetration::Interpenetration;
@@ -23,7 +25,7 @@ use crate::scenario::{Equipment, Numerics, Scenario};
 const SURFACE_SHARE: f64 = 0.95;
 
 /// The bed at rest, when the belt starts.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Bed {
     mass_kg: f64,
     volume_m3: f64,
@@ -219,6 +221,50 @@ impl ExperimentMonitor for HopperMonitor {
             self.residence.record(body, now_s, placement.position.x);
         }
         entering
+    }
+
+    fn save(&self) -> SavedFields {
+        SavedFields::of(&(
+            self.recorder.save(),
+            &self.rest,
+            &self.bed,
+            &self.passed,
+            &self.unpassed,
+            &self.discharged_kg,
+            &self.escaped_kg,
+            &self.last_passage_s,
+            &self.residence,
+            &self.greatest_height_m,
+            &self.max_overlap_m,
+            &self.curls.samples,
+            &self.loads.samples,
+            &self.loads.passed_through,
+            self.feed.save(),
+        ))
+    }
+
+    fn restore(&mut self, saved: &SavedFields) -> Result<(), SavedFieldsError> {
+        let (samples, feed);
+        let bodies = self.passed.len();
+        (
+            samples,
+            self.rest,
+            self.bed,
+            self.passed,
+            self.unpassed,
+            self.discharged_kg,
+            self.escaped_kg,
+            self.last_passage_s,
+            self.residence,
+            self.greatest_height_m,
+            self.max_overlap_m,
+            self.curls.samples,
+            self.loads.samples,
+            self.loads.passed_through,
+            feed,
+        ) = saved.read()?;
+        let fits = self.passed.len() == bodies && self.feed.restore(feed) && self.recorder.restore(samples);
+        if fits { Ok(()) } else { Err(SavedFieldsError) }
     }
 
     fn recorder(&self) -> &Recorder {

@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 
 use super::{MASS, POSITIONS, POWER};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
+use crate::engine::saved_fields::{SavedFields, SavedFieldsError};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::equipment::Motion;
@@ -177,6 +178,44 @@ impl ExperimentMonitor for SceneMonitor {
             return Decision::End(EndReason::Done);
         }
         Decision::Continue { remove: self.leaving(sample.state) }
+    }
+
+    fn save(&self) -> SavedFields {
+        SavedFields::of(&(
+            self.recorder.save(),
+            &self.rest,
+            &self.escaped_kg,
+            &self.max_overlap_m,
+            &self.greatest_height_m,
+            &self.last,
+            &self.centres_m,
+            &self.power_w,
+            &self.max_force_n,
+            &self.max_torque_n_m,
+            &self.passed_through,
+        ))
+    }
+
+    fn restore(&mut self, saved: &SavedFields) -> Result<(), SavedFieldsError> {
+        let samples;
+        (
+            samples,
+            self.rest,
+            self.escaped_kg,
+            self.max_overlap_m,
+            self.greatest_height_m,
+            self.last,
+            self.centres_m,
+            self.power_w,
+            self.max_force_n,
+            self.max_torque_n_m,
+            self.passed_through,
+        ) = saved.read()?;
+        if self.recorder.restore(samples) && self.last.as_ref().is_none_or(State::is_consistent) {
+            Ok(())
+        } else {
+            Err(SavedFieldsError)
+        }
     }
 
     fn recorder(&self) -> &Recorder {

@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 
 use super::{DISPLACEMENT, SLIDING_M, SLIDING_SPEED, TILT_ANGLE};
 use crate::engine::run::{Decision, ExperimentMonitor, Sample};
+use crate::engine::saved_fields::{SavedFields, SavedFieldsError};
 use crate::engine::scene::Scene;
 use crate::engine::state::State;
 use crate::equipment::Motion;
@@ -121,6 +122,16 @@ impl ExperimentMonitor for SlideMonitor {
         let known = self.numerics.stop.when_done && self.sliding.is_confirmed();
         let at_the_end = self.recorder.last(self.displacement).is_some_and(|slid_m| slid_m > SLIDING_M);
         if known || at_the_end { Decision::End(EndReason::Done) } else { go_on }
+    }
+
+    fn save(&self) -> SavedFields {
+        SavedFields::of(&(self.recorder.save(), &self.rest, &self.sliding, &self.start, &self.rolled_over))
+    }
+
+    fn restore(&mut self, saved: &SavedFields) -> Result<(), SavedFieldsError> {
+        let samples;
+        (samples, self.rest, self.sliding, self.start, self.rolled_over) = saved.read()?;
+        if self.recorder.restore(samples) { Ok(()) } else { Err(SavedFieldsError) }
     }
 
     fn recorder(&self) -> &Recorder {

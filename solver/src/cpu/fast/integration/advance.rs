@@ -7,8 +7,8 @@ use crate::cpu::fast::instructions::set::LaneOps;
 use crate::cpu::fast::storage::loads::{LoadBlock, LoadSums};
 use crate::cpu::fast::storage::motion::BodyMotion;
 use crate::cpu::fast::storage::particles::{BodyParticles, ParticleBlock};
-use crate::cpu::integrate::{DOMAIN_LIMIT, Integrator};
-use crate::engine::frame::Frame;
+use crate::cpu::integrate::Integrator;
+use crate::engine::frame::{DOMAIN_LIMIT, Frame};
 
 /// Extremes of the motion of a body.
 #[derive(Clone, Copy, Debug, Default)]
