@@ -18,6 +18,9 @@ pub struct JobEvent {
     pub attempt: u32,
     /// Whether its cancellation was requested and is not complete.
     pub cancelling: bool,
+    /// Whether it is paused.
+    #[serde(default)]
+    pub paused: bool,
     /// Why it failed, if it did.
     pub failure_class: Option<FailureClass>,
     /// Time of the change.

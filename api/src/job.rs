@@ -7,10 +7,12 @@
 //!    │   ╲ cancel        │   ╰─────────▶ failed
 //!    │    ╲              │ cancel
 //!    │     ╰─────────────┴─────────────▶ cancelled
-//!    ├── lost lease, retried failure, release (from running)
+//!    ├── lost lease, retried failure, release, preemption (from running)
 //!    ╰── retry (from failed or cancelled)
 //!  queued ──▶ succeeded: from the cache, without an attempt
 //! ```
+//!
+//! A queued or running job can be paused. No worker claims a paused job; a running one is preempted.
 
 use std::collections::BTreeMap;
 
@@ -20,6 +22,7 @@ use serde_json::{Map, Value};
 use utoipa::ToSchema;
 use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
+use crate::checkpoint::CheckpointView;
 use crate::frames::FramesView;
 use crate::ids::{JobId, SweepId, WorkerId};
 use crate::solver_documents::ProgressSchema;
@@ -143,6 +146,8 @@ words!(
         Timeout = "timeout",
         /// Released by a worker that stops: the job returns to the queue, and the attempt does not count as a failure.
         Released = "released",
+        /// Released like `released`, after its checkpoint was stored: the next attempt continues from there.
+        Preempted = "preempted",
         /// Cancelled at the server's request.
         Cancelled = "cancelled",
     }
@@ -225,6 +230,9 @@ pub struct JobView {
     pub state: JobState,
     /// Whether its cancellation was requested and is not complete.
     pub cancelling: bool,
+    /// Whether it is paused: no worker claims it. A running job is still being stopped.
+    #[serde(default)]
+    pub paused: bool,
     /// The sweep it belongs to.
     pub sweep_id: Option<SweepId>,
     /// Index of its design point in the sweep.
@@ -246,6 +254,12 @@ pub struct JobView {
     pub attempt: u32,
     /// The worker of its newest attempt.
     pub worker_id: Option<WorkerId>,
+    /// Simulated time from which its newest attempt continues, in seconds; null if it began at zero.
+    #[serde(default)]
+    pub resumed_from_s: Option<f64>,
+    /// Its newest checkpoint. It is deleted when the job ends.
+    #[serde(default)]
+    pub checkpoint: Option<CheckpointView>,
     /// Progress of the running attempt.
     #[schema(value_type = Option<ProgressSchema>)]
     pub progress: Option<Progress>,

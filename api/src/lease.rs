@@ -10,6 +10,7 @@ use utoipa::ToSchema;
 use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 use uuid::Uuid;
 
+use crate::checkpoint::{CheckpointOrder, CheckpointView};
 use crate::frames::FramesOrder;
 use crate::ids::{JobId, WorkerId};
 use crate::job::AttemptOutcome;
@@ -78,6 +79,12 @@ pub struct ClaimedAttempt {
     /// The frames to record, if any.
     #[serde(default)]
     pub frames: Option<FramesOrder>,
+    /// The checkpoints to record, if any.
+    #[serde(default)]
+    pub checkpoints: Option<CheckpointOrder>,
+    /// The checkpoint to continue from. It is from the same solver revision, backend and device as the worker.
+    #[serde(default)]
+    pub checkpoint: Option<CheckpointView>,
     /// End of the lease, unless it is renewed.
     #[schema(value_type = String, format = DateTime)]
     pub lease_expires_at: Timestamp,
@@ -179,6 +186,8 @@ pub enum Directive {
     Continue,
     /// Stop and report `cancelled` with the partial series.
     Cancel,
+    /// Stop, upload a checkpoint, and report `preempted`; without a stored checkpoint, report `released`.
+    Preempt,
     /// Stop without a report: the attempt is stale.
     Abandon,
 }
@@ -200,7 +209,7 @@ pub struct ResultDelivery {
 pub struct FailureReport {
     /// The worker that ran it.
     pub worker_id: WorkerId,
-    /// Outcome: `invalid`, `unstable`, `worker`, `timeout`, `released` or `cancelled`.
+    /// Outcome: `invalid`, `unstable`, `worker`, `timeout`, `released`, `preempted` or `cancelled`.
     pub outcome: AttemptOutcome,
     /// The reason in words.
     pub message: String,

@@ -148,6 +148,9 @@ pub struct SweepView {
     pub factors: Vec<String>,
     /// Its jobs by state.
     pub counts: StateCounts,
+    /// Its paused jobs, which also count as queued or running.
+    #[serde(default)]
+    pub paused: u64,
     /// Its failed jobs by class.
     #[serde(default)]
     pub failures: FailureCounts,

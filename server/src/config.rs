@@ -40,6 +40,10 @@ pub struct ServerConfig {
     pub max_mesh_triangles: u64,
     /// Maximum size of the frames of a job.
     pub max_frames_bytes: u64,
+    /// Wall time between the checkpoints of a job; zero for none.
+    pub checkpoint_interval: Duration,
+    /// Maximum size of a checkpoint.
+    pub max_checkpoint_bytes: u64,
     /// Maximum of requests per second for each token, or in total without tokens; 0 is no limit.
     pub max_requests_per_s: u32,
     /// Maximum number of connections. The system's limit of open files may reduce it.
@@ -71,6 +75,8 @@ impl Default for ServerConfig {
             max_mesh_bytes: roost_api::mesh::MAX_BYTES,
             max_mesh_triangles: 1_000_000,
             max_frames_bytes: 200_000_000,
+            checkpoint_interval: Duration::from_secs(300),
+            max_checkpoint_bytes: 256 * 1024 * 1024,
             max_requests_per_s: 0,
             max_connections: 8192,
             head_timeout: Duration::from_secs(10),

@@ -1,8 +1,8 @@
 //! The reaper: the background tasks of a server.
 //!
 //! One task ends expired leases, attempts beyond `max_wall_s`, and pauses before a retry, and removes the
-//! progress of ended jobs. The other deletes old events, answers, sweeps and jobs, and objects that nothing
-//! names.
+//! progress of ended jobs. The second removes checkpoints that are no longer needed. The third deletes old
+//! events, answers, sweeps and jobs, and objects that nothing names.
 
 use std::time::Duration;
 
@@ -16,15 +16,19 @@ use crate::store::StoreError;
 /// Interval of deletion.
 const DELETE_EVERY: Duration = Duration::from_secs(600);
 
+/// Interval of the removal of checkpoints.
+const REMOVE_EVERY: Duration = Duration::from_secs(1);
+
 /// After a downtime longer than this the clock may be wrong, and the server deletes nothing until it has run
 /// for as long.
 const DAY: Duration = Duration::from_secs(24 * 3600);
 
-/// Runs both tasks until the server shuts down.
+/// Runs all tasks until the server shuts down.
 pub(crate) async fn run(app: App) {
     // The next start completes an interrupted deletion.
     let deleting = app.shutdown.run_until_cancelled(delete_old(&app));
-    tokio::join!(expire(&app), deleting);
+    let removing = app.shutdown.run_until_cancelled(remove_checkpoints(&app));
+    tokio::join!(expire(&app), removing, deleting);
 }
 
 async fn expire(app: &App) {
@@ -34,6 +38,29 @@ async fn expire(app: &App) {
             tracing::error!(error = error.as_dyn(), "checking leases failed");
         }
     }
+}
+
+/// Removes the objects of checkpoints that were replaced or whose job has ended, and incomplete uploads of jobs that no longer run. A
+/// task of its own, since a bucket may be slow.
+async fn remove_checkpoints(app: &App) {
+    loop {
+        tokio::time::sleep(REMOVE_EVERY).await;
+        if let Err(error) = remove_unneeded(app).await {
+            tracing::error!(error = error.as_dyn(), "removing old checkpoints failed");
+        }
+    }
+}
+
+async fn remove_unneeded(app: &App) -> Result<(), StoreError> {
+    app.store.remove_unnamed_objects().await?;
+    let uploading = app.checkpoint_uploads.jobs();
+    if !uploading.is_empty() {
+        let running = app.store.running_of(&uploading).await?;
+        for part in app.checkpoint_uploads.take_except(&running) {
+            app.store.discard(part).await;
+        }
+    }
+    Ok(())
 }
 
 /// Deletes old data. A task of its own, since it may take long.

@@ -115,6 +115,7 @@ impl Server {
             access,
             refusal_limit: Default::default(),
             shutdown: CancellationToken::new(),
+            checkpoint_uploads: Default::default(),
             progress: Default::default(),
         });
         Ok(Self { listener, address, app, _lock: lock })

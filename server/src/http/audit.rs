@@ -73,6 +73,8 @@ fn action(method: &Method, route: &str) -> Option<&'static str> {
         ("POST", "/v1/meshes") => "upload",
         ("POST", "/v1/jobs/{id}/cancel" | "/v1/sweeps/{id}/cancel") => "cancel",
         ("POST", "/v1/jobs/{id}/retry" | "/v1/sweeps/{id}/retry") => "retry",
+        ("POST", "/v1/jobs/{id}/pause" | "/v1/sweeps/{id}/pause") => "pause",
+        ("POST", "/v1/jobs/{id}/resume" | "/v1/sweeps/{id}/resume") => "resume",
         ("DELETE", "/v1/sweeps/{id}") => "delete",
         ("POST", "/v1/prune") => "prune",
         ("POST", "/v1/workers/{id}/drain") => "drain",

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::extract::State;
+use roost_api::checkpoint::CheckpointOrder;
 use roost_api::lease::{ClaimReply, ClaimRequest};
 use roost_api::problem::Problem;
 use tokio::time::{Instant, sleep, sleep_until};
@@ -35,6 +36,10 @@ pub(crate) async fn claim(
         max_jobs: request.max_jobs,
         lease: app.config.lease,
         max_frames_bytes: app.config.max_frames_bytes,
+        checkpoints: (!app.config.checkpoint_interval.is_zero()).then(|| CheckpointOrder {
+            interval_s: app.config.checkpoint_interval.as_secs_f64(),
+            limit_bytes: app.config.max_checkpoint_bytes,
+        }),
     };
     let mut is_first = true;
     loop {

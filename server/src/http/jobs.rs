@@ -1,4 +1,4 @@
-//! Jobs: submit, list, show, cancel, retry.
+//! Jobs: submit, list, show, cancel, retry, pause, resume.
 
 use axum::extract::State;
 use axum::http::{HeaderName, StatusCode, Uri, header};
@@ -177,6 +177,35 @@ pub(crate) async fn retry(
     Params(query): Params<RetryQuery>,
 ) -> Result<Json<JobView>, ApiError> {
     app.store.retry_job(id, query.class).await??;
+    app.work.notify_waiters();
+    view(&app, id).await.map(Json)
+}
+
+/// Pauses a job: no worker claims it, and a running one is preempted with the next heartbeat of its worker.
+#[utoipa::path(post, path = "/v1/jobs/{id}/pause", tag = "jobs", operation_id = "pause_job",
+    params(("id" = uuid::Uuid, Path, description = "The job")),
+    responses((status = 200, description = "The job after the change", body = JobView),
+              (status = 404, description = "No such job", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn pause(
+    State(app): State<App>,
+    Segments(id): Segments<JobId>,
+) -> Result<Json<JobView>, ApiError> {
+    app.store.pause_job(id, true).await??;
+    view(&app, id).await.map(Json)
+}
+
+/// Resumes a paused job.
+#[utoipa::path(post, path = "/v1/jobs/{id}/resume", tag = "jobs", operation_id = "resume_job",
+    params(("id" = uuid::Uuid, Path, description = "The job")),
+    responses((status = 200, description = "The job after the change", body = JobView),
+              (status = 404, description = "No such job", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn resume(
+    State(app): State<App>,
+    Segments(id): Segments<JobId>,
+) -> Result<Json<JobView>, ApiError> {
+    app.store.pause_job(id, false).await??;
     app.work.notify_waiters();
     view(&app, id).await.map(Json)
 }

@@ -4,6 +4,7 @@ mod access;
 mod attempts;
 mod audit;
 mod blocking;
+mod checkpoints;
 mod claims;
 mod dashboard;
 mod delivery;
@@ -108,6 +109,8 @@ fn routes(
         .routes(routes!(frames::frames))
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::retry))
+        .routes(routes!(jobs::pause))
+        .routes(routes!(jobs::resume))
         .routes(routes!(sweeps::list))
         .routes(routes!(sweeps::show, sweeps::delete))
         .routes(routes!(sweeps::jobs))
@@ -115,6 +118,8 @@ fn routes(
         .routes(routes!(tables::table))
         .routes(routes!(sweeps::cancel))
         .routes(routes!(sweeps::retry))
+        .routes(routes!(sweeps::pause))
+        .routes(routes!(sweeps::resume))
         .routes(routes!(results::effects))
         .routes(routes!(series::of_sweep))
         .routes(routes!(validate::validate))
@@ -135,8 +140,9 @@ fn routes(
     let deliveries = OpenApiRouter::new()
         .routes(routes!(attempts::result))
         .routes(routes!(attempts::failure))
-        // Has its own limit, since it is streamed to disk.
+        // These have their own limits, since they are streamed to disk.
         .routes(routes!(frames::upload))
+        .routes(routes!(checkpoints::upload, checkpoints::download, checkpoints::discard))
         .layer(large);
     let meshes = OpenApiRouter::new()
         .routes(routes!(meshes::upload, meshes::list))

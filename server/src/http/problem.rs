@@ -54,6 +54,7 @@ kinds! {
     NotJson = "not-json", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as JSON";
     NotStl = "not-stl", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as STL";
     NotFrames = "not-frames", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as frames";
+    NotCheckpoint = "not-checkpoint", UNSUPPORTED_MEDIA_TYPE, "The body is not declared as a checkpoint";
     NoSuchRange = "no-such-range", RANGE_NOT_SATISFIABLE, "The range is outside the content";
     TooLarge = "too-large", PAYLOAD_TOO_LARGE, "The body exceeds the size limit";
     InvalidDocument = "invalid-document", UNPROCESSABLE_ENTITY, "The document has faults";

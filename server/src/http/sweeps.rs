@@ -1,4 +1,4 @@
-//! Sweeps: submit, list, show, cancel, retry, extend, delete.
+//! Sweeps: submit, list, show, cancel, retry, pause, resume, extend, delete.
 
 use std::time::Duration;
 
@@ -218,6 +218,35 @@ pub(crate) async fn retry(
     if app.store.retry_sweep(id, query.class).await?? > 0 {
         app.work.notify_waiters();
     }
+    view(&app, id).await.map(Json)
+}
+
+/// Pauses the jobs of a sweep that have not ended. Jobs that are added later are not paused.
+#[utoipa::path(post, path = "/v1/sweeps/{id}/pause", tag = "sweeps", operation_id = "pause_sweep",
+    params(("id" = uuid::Uuid, Path, description = "The sweep")),
+    responses((status = 200, description = "The sweep after the change", body = SweepView),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn pause(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<SweepView>, ApiError> {
+    app.store.pause_sweep(id, true).await??;
+    view(&app, id).await.map(Json)
+}
+
+/// Resumes the paused jobs of a sweep.
+#[utoipa::path(post, path = "/v1/sweeps/{id}/resume", tag = "sweeps", operation_id = "resume_sweep",
+    params(("id" = uuid::Uuid, Path, description = "The sweep")),
+    responses((status = 200, description = "The sweep after the change", body = SweepView),
+              (status = 404, description = "No such sweep", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn resume(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<SweepView>, ApiError> {
+    app.store.pause_sweep(id, false).await??;
+    app.work.notify_waiters();
     view(&app, id).await.map(Json)
 }
 

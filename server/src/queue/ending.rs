@@ -50,12 +50,17 @@ fn change_on(
         AttemptOutcome::Invalid => JobChange::Fail(FailureClass::Invalid),
         AttemptOutcome::Unstable => JobChange::Fail(FailureClass::Unstable),
         AttemptOutcome::Timeout => JobChange::Fail(FailureClass::Timeout),
-        AttemptOutcome::Worker | AttemptOutcome::Released if job.cancelling => JobChange::Cancel,
+        AttemptOutcome::Worker | AttemptOutcome::Released | AttemptOutcome::Preempted if job.cancelling => {
+            JobChange::Cancel
+        }
         AttemptOutcome::Worker => policy
             .worker
             .requeue(job, job.worker_failures + 1, false, now)
             .unwrap_or(JobChange::Fail(FailureClass::Worker)),
-        AttemptOutcome::Released => JobChange::Requeue { not_before: None, alone: false },
+        // No failure: it counts against no limit. A paused job waits in the queue.
+        AttemptOutcome::Released | AttemptOutcome::Preempted => {
+            JobChange::Requeue { not_before: None, alone: false }
+        }
         AttemptOutcome::Cancelled if job.cancelling => JobChange::Cancel,
         // No cancel was requested, and success and loss are not failures that a worker reports.
         AttemptOutcome::Cancelled | AttemptOutcome::Succeeded | AttemptOutcome::Lost => {

@@ -12,17 +12,33 @@ pub(crate) enum BeatEffect {
     Renew {
         /// When the lease ends.
         until: Timestamp,
-        /// Whether the worker is to stop and report `cancelled`.
-        cancel: bool,
+        /// Whether the worker is to stop.
+        stop: Option<StopRequest>,
     },
     /// Nothing changes. The worker is to stop without a report.
     Abandon,
 }
 
-/// Decides on a heartbeat.
+/// How a worker is to stop a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StopRequest {
+    /// Report `cancelled`: a user has cancelled the job.
+    Cancel,
+    /// Store a checkpoint and hand the job back: a user has paused it.
+    Preempt,
+}
+
+/// Decides on a heartbeat. A cancel comes before a pause.
 pub(crate) fn on_beat(job: &JobSnapshot, fence: FenceState, until: Timestamp) -> BeatEffect {
     match fence {
-        FenceState::Current => BeatEffect::Renew { until, cancel: job.cancelling },
+        FenceState::Current => {
+            let stop = match (job.cancelling, job.paused) {
+                (true, _) => Some(StopRequest::Cancel),
+                (false, true) => Some(StopRequest::Preempt),
+                (false, false) => None,
+            };
+            BeatEffect::Renew { until, stop }
+        }
         FenceState::Ended(_) | FenceState::Stale(_) => BeatEffect::Abandon,
     }
 }

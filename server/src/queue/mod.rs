@@ -36,7 +36,7 @@ pub(crate) use control::{CancelEffect, on_cancel, on_retry};
 pub(crate) use ending::{Verdict, on_failure, on_result};
 pub(crate) use fair_share::{EligibleJob, Owner, OwnerQueue, Rounds};
 pub(crate) use fence::{FenceState, fence};
-pub(crate) use lease::{BeatEffect, on_beat, on_deadline, on_lease_expired};
+pub(crate) use lease::{BeatEffect, StopRequest, on_beat, on_deadline, on_lease_expired};
 pub(crate) use provenance::Provenance;
 pub use retry::{RetryLimit, RetryPolicy};
 
@@ -49,6 +49,8 @@ pub(crate) struct JobSnapshot {
     pub state: JobState,
     /// Whether a cancel was requested and its worker has not confirmed it.
     pub cancelling: bool,
+    /// Whether a user has paused it.
+    pub paused: bool,
     /// Number of its newest attempt; 0 before the first.
     pub attempt: u32,
     /// Attempts since the last retry that ended as `worker`.

@@ -88,6 +88,7 @@ mod tests {
             id,
             state,
             cancelling: false,
+            paused: false,
             attempt,
             worker_failures: 0,
             lost: 0,

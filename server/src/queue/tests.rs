@@ -18,7 +18,8 @@ const AT_ONCE: JobChange = JobChange::Requeue { not_before: None, alone: false }
 
 fn job(state: JobState) -> JobSnapshot {
     let id = JobId::new();
-    JobSnapshot { id, state, cancelling: false, attempt: 2, worker_failures: 0, lost: 0, failure_class: None }
+    let (cancelling, paused, failure_class) = (false, false, None);
+    JobSnapshot { id, state, cancelling, paused, attempt: 2, worker_failures: 0, lost: 0, failure_class }
 }
 
 fn attempt(worker_id: WorkerId, number: u32, outcome: Option<AttemptOutcome>) -> AttemptSnapshot {
@@ -88,14 +89,17 @@ fn the_third_worker_failure_ends_the_job_and_a_release_requeues_it() {
     let tried = JobSnapshot { worker_failures: 2, ..job(JobState::Running) };
     let third = on_failure(&tried, FenceState::Current, AttemptOutcome::Worker, POLICY, NOW);
     assert_eq!(third, Ok(Verdict::Record(JobChange::Fail(FailureClass::Worker))));
-    let released = on_failure(&tried, FenceState::Current, AttemptOutcome::Released, POLICY, NOW);
-    assert_eq!(released, Ok(Verdict::Record(AT_ONCE)));
+    for outcome in [AttemptOutcome::Released, AttemptOutcome::Preempted] {
+        let back = on_failure(&tried, FenceState::Current, outcome, POLICY, NOW);
+        assert_eq!(back, Ok(Verdict::Record(AT_ONCE)), "{outcome}");
+    }
 }
 
 #[test]
 fn a_job_with_a_requested_cancel_keeps_a_reported_end() {
     let cancelling = JobSnapshot { cancelling: true, worker_failures: 2, ..job(JobState::Running) };
-    for outcome in [AttemptOutcome::Cancelled, AttemptOutcome::Released, AttemptOutcome::Worker] {
+    use AttemptOutcome::{Cancelled, Preempted, Released, Worker};
+    for outcome in [Cancelled, Released, Preempted, Worker] {
         let verdict = on_failure(&cancelling, FenceState::Current, outcome, POLICY, NOW);
         assert_eq!(verdict, Ok(Verdict::Record(JobChange::Cancel)), "{outcome}");
     }
@@ -154,9 +158,14 @@ fn a_heartbeat_renews_the_lease_or_abandons_a_stale_attempt() {
     let until = Timestamp(5);
     let running = job(JobState::Running);
     let renewed = on_beat(&running, FenceState::Current, until);
-    assert_eq!(renewed, BeatEffect::Renew { until, cancel: false });
+    assert_eq!(renewed, BeatEffect::Renew { until, stop: None });
     let cancelling = JobSnapshot { cancelling: true, ..running };
-    assert_eq!(on_beat(&cancelling, FenceState::Current, until), BeatEffect::Renew { until, cancel: true });
+    let stop = |job: &JobSnapshot| on_beat(job, FenceState::Current, until);
+    let cancel = BeatEffect::Renew { until, stop: Some(StopRequest::Cancel) };
+    assert_eq!(stop(&cancelling), cancel);
+    let preempt = BeatEffect::Renew { until, stop: Some(StopRequest::Preempt) };
+    assert_eq!(stop(&JobSnapshot { paused: true, ..running }), preempt);
+    assert_eq!(stop(&JobSnapshot { paused: true, ..cancelling }), cancel, "a cancel comes first");
     let stale = FenceState::Stale(Refusal::Superseded { newest: 3 });
     assert_eq!(on_beat(&running, stale, until), BeatEffect::Abandon);
     let released = FenceState::Ended(AttemptOutcome::Released);

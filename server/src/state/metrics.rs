@@ -73,6 +73,7 @@ pub(crate) struct Metrics {
     long_polls: Histograms<LongPoll>,
     attempts: Family<Ended, Counter>,
     jobs: Family<InState, Gauge<i64>>,
+    paused_jobs: Gauge<i64>,
     oldest_queued_s: Gauge<f64, AtomicU64>,
     workers: Gauge<i64>,
     database_bytes: Gauge<i64>,
@@ -116,8 +117,10 @@ impl Metrics {
         roost.register("attempts", "Attempts that ended, by outcome", attempts.clone());
         let jobs = Family::default();
         roost.register("jobs", "Jobs by state", jobs.clone());
+        let paused_jobs = Gauge::default();
+        roost.register("jobs_paused", "Queued or running jobs that a user has paused", paused_jobs.clone());
         let oldest_queued_s = Gauge::default();
-        let help = "Age of the oldest queued job; 0 without queued jobs";
+        let help = "Age of the oldest queued job that may be claimed; 0 without one";
         roost.register("oldest_queued_seconds", help, oldest_queued_s.clone());
         let workers = Gauge::default();
         roost.register("workers", "Workers heard of within a lease", workers.clone());
@@ -157,6 +160,7 @@ impl Metrics {
             long_polls,
             attempts,
             jobs,
+            paused_jobs,
             oldest_queued_s,
             workers,
             database_bytes,
@@ -212,6 +216,7 @@ impl Metrics {
                 queue_counts.jobs.iter().find(|(known, _)| known == state).map_or(0, |(_, count)| *count);
             self.jobs.get_or_create(&InState { state: state.as_str() }).set(count);
         }
+        self.paused_jobs.set(queue_counts.paused);
         self.workers.set(queue_counts.workers);
         let age_ms = queue_counts.oldest_queued_at.map_or(0, |since| (now.0 - since.0).max(0));
         self.oldest_queued_s.set(age_ms as f64 / 1000.0);

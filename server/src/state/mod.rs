@@ -4,6 +4,7 @@
 
 mod access;
 pub(crate) mod audit;
+mod checkpoint_uploads;
 pub(crate) mod connections;
 mod mesh_cache;
 mod metrics;
@@ -24,6 +25,7 @@ use crate::config::ServerConfig;
 use crate::store::{Store, StoreError};
 use crate::sweep::Response;
 pub(crate) use access::{Access, AccessError, Caller};
+pub(crate) use checkpoint_uploads::{CheckpointUploads, UploadKey};
 pub(crate) use connections::Connections;
 pub(crate) use mesh_cache::{MeshCache, MeshCacheError};
 pub(crate) use metrics::{AnsweredRequest, MachineUsage, Metrics, RequestKind};
@@ -63,6 +65,8 @@ pub(crate) struct AppState {
     pub(crate) refusal_limit: audit::RefusalLimit,
     /// Ends everything that waits.
     pub(crate) shutdown: CancellationToken,
+    /// Parts of checkpoints whose upload is not complete.
+    pub(crate) checkpoint_uploads: CheckpointUploads,
     /// Progress and samples of running jobs.
     pub(crate) progress: ProgressBoard,
 }

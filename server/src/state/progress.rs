@@ -58,6 +58,14 @@ impl ProgressBoard {
         board.jobs.insert(job, JobProgress { progress, sweep, changes });
     }
 
+    /// Counts a change of a running job that the database does not count.
+    pub(crate) fn touch(&self, job: JobId) {
+        let mut board = self.lock();
+        let Some(sweep) = board.jobs.get(&job).map(|known| known.sweep) else { return };
+        let changes = board.count(sweep);
+        board.jobs.entry(job).and_modify(|known| known.changes = changes);
+    }
+
     /// Removes a job that no longer runs.
     pub(crate) fn remove(&self, job: JobId) {
         let mut board = self.lock();

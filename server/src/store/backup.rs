@@ -61,11 +61,16 @@ async fn inspect(path: &Path) -> Result<(BackupReport, Vec<String>), StoreError>
     Ok((BackupReport { bytes, jobs, results, absent_objects: 0 }, objects))
 }
 
-/// The objects that a database names. A database of an earlier version has another name for the column, or no frames.
+/// The objects that a database names. A database of an earlier version has no checkpoints, another name for the column, or no frames.
 async fn named(copy: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
     let sql = "SELECT name FROM pragma_table_info('frames') WHERE name IN ('object', 'object_digest')";
     let column: Option<String> = sqlx::query_scalar(sql).fetch_optional(&mut *copy).await?;
     let Some(column) = column else { return Ok(Vec::new()) };
-    let sql = format!("SELECT DISTINCT {column} FROM frames");
+    let sql = "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = 'checkpoints')";
+    let checkpoints = match sqlx::query_scalar::<_, bool>(sql).fetch_one(&mut *copy).await? {
+        true => "UNION SELECT object_digest FROM checkpoints",
+        false => "",
+    };
+    let sql = format!("SELECT DISTINCT {column} FROM frames {checkpoints}");
     Ok(sqlx::query_scalar(AssertSqlSafe(sql)).fetch_all(copy).await?)
 }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use roost_api::checkpoint::CheckpointOrder;
 use roost_api::frames::FramesOrder;
 use roost_api::ids::WorkerId;
 use roost_api::lease::ClaimedAttempt;
@@ -21,34 +22,69 @@ use super::{Store, StoreError};
 use crate::clock::Now;
 use crate::queue::{Allocation, Demand, Refusal, WorkerLoad, allocate, lease_end};
 
+/// An expression on the checkpoint that the worker of a row of `jobs` can continue from; null without one.
+macro_rules! usable_checkpoint {
+    ($of:literal) => {
+        concat!(
+            "(SELECT ",
+            $of,
+            " FROM checkpoints c JOIN workers w ON w.id = jobs.worker_id
+             AND w.solver_revision = c.solver_revision AND w.backend = c.backend AND w.device = c.device
+             WHERE c.job_id = jobs.id)"
+        )
+    };
+}
+
+/// The columns of a claimed job.
+macro_rules! claimed_columns {
+    () => {
+        concat!(
+            "id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, queue_position, seq,
+             (SELECT body FROM scenarios WHERE scenarios.digest = jobs.scenario_digest) AS scenario, ",
+            usable_checkpoint!(
+                "json_object('attempt', c.attempt, 'simulated_s', c.simulated_s, 'bytes', c.bytes, 'digest', c.object_digest,
+                 'solver_revision', c.solver_revision, 'backend', c.backend, 'device', c.device)"
+            ),
+            " AS checkpoint"
+        )
+    };
+}
+
 /// Starts attempts of jobs, and advances the fair share of their owners. The deadline of an attempt is `max_wall_s` after its first
 /// lease.
-pub(super) const TAKE: &str = "
+pub(super) const TAKE: &str = concat!(
+    "
     UPDATE jobs
     SET state = 'running', attempt = attempt + 1, worker_id = took.value ->> 'worker',
         lease_expires_at = took.value ->> 'until', started_at = took.value ->> 'at',
         deadline = took.value ->> 'until' + CAST(max_wall_s * 1000 AS INTEGER)
     FROM json_each(?) AS took WHERE jobs.seq = took.value ->> 'seq'
-    RETURNING id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, queue_position, seq,
-              (SELECT body FROM scenarios WHERE scenarios.digest = jobs.scenario_digest) AS scenario;
-    INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at)
-    SELECT j.id, j.attempt, j.worker_id, took.value ->> 'request', took.value ->> 'at'
-    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq';
+    RETURNING ",
+    claimed_columns!(),
+    ";
+    INSERT INTO attempts (job_id, number, worker_id, request_id, claimed_at, resumed_from_s)
+    SELECT jobs.id, jobs.attempt, jobs.worker_id, took.value ->> 'request', took.value ->> 'at', ",
+    usable_checkpoint!("c.simulated_s"),
+    "
+    FROM json_each(?) AS took CROSS JOIN jobs ON jobs.seq = took.value ->> 'seq';
     INSERT INTO fair_share (priority, owner, queue_position, round)
     SELECT j.priority, j.owner, max(j.queue_position), max(took.value ->> 'round')
     FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq'
     GROUP BY j.priority, j.owner
     ON CONFLICT (priority, owner) DO UPDATE SET
-        queue_position = max(queue_position, excluded.queue_position), round = max(round, excluded.round)";
+        queue_position = max(queue_position, excluded.queue_position), round = max(round, excluded.round)"
+);
 
 /// Renews the leases of attempts that a request claimed and that still run.
-pub(super) const REPEAT: &str = "
+pub(super) const REPEAT: &str = concat!(
+    "
     UPDATE jobs SET lease_expires_at = ?
     FROM attempts a
     WHERE a.request_id = ? AND a.worker_id = ? AND a.outcome IS NULL
       AND jobs.id = a.job_id AND jobs.attempt = a.number AND jobs.state = 'running'
-    RETURNING id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, queue_position, seq,
-              (SELECT body FROM scenarios WHERE scenarios.digest = jobs.scenario_digest) AS scenario";
+    RETURNING ",
+    claimed_columns!()
+);
 
 /// Records that workers were seen. Returns the device and load of each, whether it has failed jobs, and whether its request is a
 /// repeat.
@@ -71,6 +107,8 @@ pub(crate) struct Claim {
     pub(crate) lease: Duration,
     /// Bytes that the frames of an attempt may have.
     pub(crate) max_frames_bytes: u64,
+    /// The checkpoints that jobs without frames shall record.
+    pub(crate) checkpoints: Option<CheckpointOrder>,
 }
 
 /// The answer to a claim.
@@ -250,6 +288,9 @@ fn attempt(row: &SqliteRow, claim: Claim) -> Result<ClaimedAttempt, StoreError> 
         scenario: row.json("scenario")?,
         max_wall_s: row.column("max_wall_s")?,
         frames: interval_s.map(|interval_s| FramesOrder { interval_s, limit_bytes }),
+        // Frames would begin at the checkpoint.
+        checkpoints: claim.checkpoints.filter(|_| interval_s.is_none()),
+        checkpoint: row.json("checkpoint")?,
         lease_expires_at: row.moment("lease_expires_at")?,
     })
 }

@@ -16,18 +16,18 @@ use crate::queue::{EligibleJob, OwnerQueue, Rounds};
 /// suitable worker that was seen between ?2 and ?3, if there is one.
 pub(super) const ELIGIBLE_JOBS: &str = "
     WITH RECURSIVE heads (priority, owner) AS (
-        SELECT * FROM (SELECT priority, owner FROM jobs WHERE state = 'queued' AND not_before IS NULL
+        SELECT * FROM (SELECT priority, owner FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
                        ORDER BY priority DESC, owner LIMIT 1)
         UNION ALL
         SELECT next.priority, next.owner FROM heads CROSS JOIN jobs next ON next.seq = coalesce(
-            (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL
+            (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
              AND priority = heads.priority AND owner > heads.owner ORDER BY owner LIMIT 1),
-            (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL
+            (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
              AND priority < heads.priority ORDER BY priority DESC, owner LIMIT 1)))
     SELECT heads.priority, heads.owner, found.queue_position, found.seq, found.alone
     FROM heads CROSS JOIN workers me CROSS JOIN jobs found ON found.seq IN (
         SELECT j.seq FROM jobs j
-        WHERE j.state = 'queued' AND j.not_before IS NULL
+        WHERE j.state = 'queued' AND j.not_before IS NULL AND j.paused = 0
           AND j.priority = heads.priority AND j.owner = heads.owner
           AND (j.needs_backend IS NULL OR j.needs_backend = me.backend)
           AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= me.memory_mib)

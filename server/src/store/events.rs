@@ -30,6 +30,7 @@ impl Store {
                 state: row.parsed("state")?,
                 attempt: row.number("attempt")?,
                 cancelling: row.column("cancelling")?,
+                paused: row.column("paused")?,
                 failure_class: row.parsed_opt("failure_class")?,
                 at: row.moment("at")?,
             };

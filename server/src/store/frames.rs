@@ -13,16 +13,17 @@ use sqlx::sqlite::SqliteRow;
 
 use super::columns::{Columns, to_json};
 use super::objects::{Reading, StageError, Staged};
-use super::transitions::{AttemptRef, FencedAttempt, fence_attempts};
+use super::transitions::fenced;
 use super::{Store, StoreError};
-use crate::queue::{FenceState, Refusal};
+use crate::queue::Refusal;
 
 /// Objects that are looked up with one query.
 const BATCH: usize = 1000;
 
 /// The objects of a list that no row names.
 pub(super) const UNREFERENCED: &str = "SELECT value FROM json_each(?)
-    WHERE NOT EXISTS (SELECT 1 FROM frames WHERE object_digest = value)";
+    WHERE NOT EXISTS (SELECT 1 FROM frames WHERE object_digest = value)
+      AND NOT EXISTS (SELECT 1 FROM checkpoints WHERE object_digest = value)";
 
 /// The frames of a job.
 pub(crate) struct StoredFrames {
@@ -144,7 +145,8 @@ impl Store {
             for object in unreferenced {
                 // Checked again under the lock: a row may have named it meanwhile.
                 let _lock = self.objects.lock_removal().await;
-                let sql = "SELECT EXISTS (SELECT 1 FROM frames WHERE object_digest = ?)";
+                let sql = "SELECT EXISTS (SELECT 1 FROM frames WHERE object_digest = ?1)
+                                  OR EXISTS (SELECT 1 FROM checkpoints WHERE object_digest = ?1)";
                 let is_referenced: bool =
                     sqlx::query_scalar(sql).bind(&object).fetch_one(&self.readers).await?;
                 if !is_referenced && self.objects.remove(&object).await? {
@@ -163,12 +165,7 @@ async fn may_write(
     attempt: u32,
     worker: WorkerId,
 ) -> Result<Result<(), Refusal>, StoreError> {
-    let found = fence_attempts(connection, &[AttemptRef { job, attempt, worker }]).await?.pop();
-    Ok(found.unwrap_or(Err(Refusal::NoJob)).and_then(|FencedAttempt { fence, .. }| match fence {
-        FenceState::Current => Ok(()),
-        FenceState::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
-        FenceState::Stale(refusal) => Err(refusal),
-    }))
+    Ok(fenced(connection, job, attempt, worker).await?.map(drop))
 }
 
 /// The frames of a row of a job.

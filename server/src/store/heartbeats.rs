@@ -18,7 +18,7 @@ use super::columns::{Columns, to_json};
 use super::transitions::{AttemptRef, FencedAttempt, fence_attempts};
 use super::writer::Writer;
 use super::{Store, StoreError};
-use crate::queue::{BeatEffect, Refusal, on_beat};
+use crate::queue::{BeatEffect, Refusal, StopRequest, on_beat};
 
 /// Minimum time from batch to batch. Zero in tests: the simulation sends heartbeats one by one.
 const INTERVAL: Duration = Duration::from_millis(if cfg!(test) { 0 } else { 20 });
@@ -136,8 +136,9 @@ async fn effects(tx: &mut SqliteConnection, batch: &[Arc<Beats>]) -> Result<Vec<
 
 fn directive(beat: Beat, effect: BeatEffect) -> AttemptDirective {
     let (directive, lease_expires_at) = match effect {
-        BeatEffect::Renew { until, cancel: false } => (Directive::Continue, Some(until)),
-        BeatEffect::Renew { cancel: true, .. } => (Directive::Cancel, None),
+        BeatEffect::Renew { until, stop: None } => (Directive::Continue, Some(until)),
+        BeatEffect::Renew { stop: Some(StopRequest::Cancel), .. } => (Directive::Cancel, None),
+        BeatEffect::Renew { stop: Some(StopRequest::Preempt), .. } => (Directive::Preempt, None),
         BeatEffect::Abandon => (Directive::Abandon, None),
     };
     AttemptDirective {

@@ -1,4 +1,4 @@
-//! Cancel and retry of one job, or of all jobs of a sweep.
+//! Cancel, pause, resume and retry of one job, or of all jobs of a sweep.
 
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState};
@@ -8,6 +8,9 @@ use sqlx::SqliteConnection;
 use super::columns::Columns;
 use super::{Store, StoreError};
 use crate::queue::{CancelEffect, Refusal, on_cancel, on_retry};
+
+const JOB_EXISTS: &str = "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?)";
+const SWEEP_EXISTS: &str = "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ? AND deleting = 0)";
 
 impl Store {
     /// Cancels a job. An ended job does not change.
@@ -19,7 +22,7 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if !exists(tx, "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?)", id.to_string()).await? {
+                    if !exists(tx, JOB_EXISTS, id.to_string()).await? {
                         return Ok(Err(Refusal::NoJob));
                     }
                     cancel(tx, Some(id), None, now).await.map(Ok)
@@ -37,16 +40,50 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if !exists(
-                        tx,
-                        "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ? AND deleting = 0)",
-                        id.to_string(),
-                    )
-                    .await?
-                    {
+                    if !exists(tx, SWEEP_EXISTS, id.to_string()).await? {
                         return Ok(Err(Refusal::NoSweep));
                     }
                     cancel(tx, None, Some(id), now).await.map(Ok)
+                })
+            })
+            .await
+    }
+
+    /// Pauses or resumes a job. An ended job does not change.
+    pub(crate) async fn pause_job(&self, id: JobId, pause: bool) -> Result<Result<(), Refusal>, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    if !exists(tx, JOB_EXISTS, id.to_string()).await? {
+                        return Ok(Err(Refusal::NoJob));
+                    }
+                    set_paused(
+                        tx,
+                        "UPDATE jobs SET paused = ? WHERE id = ? AND ended_at IS NULL",
+                        pause,
+                        id.to_string(),
+                    )
+                    .await
+                    .map(Ok)
+                })
+            })
+            .await
+    }
+
+    /// Pauses or resumes the jobs of a sweep that have not ended.
+    pub(crate) async fn pause_sweep(
+        &self,
+        id: SweepId,
+        pause: bool,
+    ) -> Result<Result<(), Refusal>, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    if !exists(tx, SWEEP_EXISTS, id.to_string()).await? {
+                        return Ok(Err(Refusal::NoSweep));
+                    }
+                    let sql = "UPDATE jobs SET paused = ? WHERE sweep_id = ? AND ended_at IS NULL";
+                    set_paused(tx, sql, pause, id.to_string()).await.map(Ok)
                 })
             })
             .await
@@ -86,13 +123,7 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if !exists(
-                        tx,
-                        "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ? AND deleting = 0)",
-                        id.to_string(),
-                    )
-                    .await?
-                    {
+                    if !exists(tx, SWEEP_EXISTS, id.to_string()).await? {
                         return Ok(Err(Refusal::NoSweep));
                     }
                     let classes = FailureClass::ALL.iter().map(|class| (JobState::Failed, Some(*class)));
@@ -114,6 +145,15 @@ async fn exists(tx: &mut SqliteConnection, sql: &'static str, id: String) -> Res
     Ok(sqlx::query_scalar(sql).bind(id).fetch_one(&mut *tx).await?)
 }
 
+async fn set_paused(
+    tx: &mut SqliteConnection,
+    sql: &'static str,
+    pause: bool,
+    id: String,
+) -> Result<(), StoreError> {
+    Ok(sqlx::query(sql).bind(pause).bind(id).execute(&mut *tx).await.map(drop)?)
+}
+
 /// Cancels one job, or those of a sweep.
 async fn cancel(
     tx: &mut SqliteConnection,
@@ -124,7 +164,7 @@ async fn cancel(
     for state in JobState::ALL {
         let query = match on_cancel(*state) {
             CancelEffect::Cancel => sqlx::query(
-                "UPDATE jobs SET state = 'cancelled', not_before = NULL, ended_at = ?
+                "UPDATE jobs SET state = 'cancelled', not_before = NULL, paused = 0, ended_at = ?
                  WHERE state = ? AND (id = ? OR sweep_id = ?)",
             )
             .bind(now.0),

@@ -7,6 +7,7 @@ use sqlx::{QueryBuilder, Sqlite};
 
 use super::columns::Columns;
 use super::frames::frames_view;
+use super::job_checkpoints::{COLUMNS, checkpoint_view};
 use super::{Store, StoreError};
 
 /// Filter of a listing of jobs.
@@ -28,17 +29,27 @@ pub(crate) struct JobFilter {
     pub limit: u32,
 }
 
-const VIEW: &str = "SELECT j.*, coalesce(s.labels, j.labels) AS shown_labels, p.levels, r.responses, f.bytes AS frames_bytes, f.count AS frames_count, f.stop_reason AS frames_stop_reason
-    FROM jobs j
+/// A query of views of jobs, up to its condition.
+fn view() -> QueryBuilder<Sqlite> {
+    let mut query = QueryBuilder::new(VIEW);
+    query.push(COLUMNS).push(FROM);
+    query
+}
+
+const VIEW: &str = "SELECT j.*, coalesce(s.labels, j.labels) AS shown_labels, p.levels, r.responses, f.bytes AS frames_bytes, f.count AS frames_count, f.stop_reason AS frames_stop_reason,
+    a.resumed_from_s, ";
+const FROM: &str = " FROM jobs j
     LEFT JOIN sweeps s ON s.id = j.sweep_id
     LEFT JOIN design_points p ON p.sweep_id = j.sweep_id AND p.point = j.point
     LEFT JOIN results r ON r.job_id = j.id
-    LEFT JOIN frames f ON f.job_id = j.id AND f.attempt = j.attempt ";
+    LEFT JOIN frames f ON f.job_id = j.id AND f.attempt = j.attempt
+    LEFT JOIN attempts a ON a.job_id = j.id AND a.number = j.attempt
+    LEFT JOIN checkpoints c ON c.job_id = j.id ";
 
 impl Store {
     /// One job.
     pub(crate) async fn job(&self, id: JobId) -> Result<Option<JobView>, StoreError> {
-        let row = QueryBuilder::<Sqlite>::new(VIEW)
+        let row = view()
             .push("WHERE j.id = ")
             .push_bind(id.to_string())
             .build()
@@ -58,7 +69,7 @@ impl Store {
 
     /// Jobs, newest first, and the row that the next page starts before.
     pub(crate) async fn jobs(&self, filter: JobFilter) -> Result<(Vec<JobView>, Option<i64>), StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(VIEW);
+        let mut query = view();
         // A point has few jobs: they are found by the point and then sorted. The `+` keeps SQLite from using the index of `seq`.
         let order = if filter.point.is_some() { "+j.seq" } else { "j.seq" };
         query.push(format!("WHERE {order} < ")).push_bind(filter.before.unwrap_or(i64::MAX));
@@ -118,6 +129,7 @@ fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
         id: row.parsed("id")?,
         state: row.parsed("state")?,
         cancelling: row.column("cancelling")?,
+        paused: row.column("paused")?,
         sweep_id: row.parsed_opt("sweep_id")?,
         point: row.number_opt("point")?,
         replicate: row.number_opt("replicate")?,
@@ -128,6 +140,8 @@ fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
         labels: row.json("shown_labels")?,
         attempt: row.number("attempt")?,
         worker_id: row.parsed_opt("worker_id")?,
+        resumed_from_s: row.column("resumed_from_s")?,
+        checkpoint: checkpoint_view(row)?,
         progress: None, // only in the server's memory
         retry_at: row.moment_opt("not_before")?,
         alone: row.column("alone")?,

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use futures_util::stream::BoxStream;
-use futures_util::{Stream, StreamExt, TryStreamExt};
+use futures_util::{Stream, StreamExt, TryStreamExt, stream};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as ObjectPath;
 use object_store::{GetOptions, ObjectStore, ObjectStoreExt, WriteMultipart};
@@ -138,6 +138,27 @@ impl Objects {
                 Err(reason)
             }
         }
+    }
+
+    /// Joins uploads to one, and removes them.
+    pub(super) async fn join(&self, parts: Vec<Staged>) -> Result<Staged, StoreError> {
+        let places: Vec<_> = parts.iter().map(|part| part.place.clone()).collect();
+        let files = self.files.clone();
+        let read = move |place: ObjectPath| {
+            let files = files.clone();
+            async move { Ok::<_, object_store::Error>(files.get(&place).await?.into_stream()) }
+        };
+        let bytes: BoxStream<'static, Result<Bytes, object_store::Error>> =
+            stream::iter(places).then(read).try_flatten().boxed();
+        let joined = self.stage(bytes, u64::MAX).await;
+        for part in parts {
+            self.discard(part).await;
+        }
+        joined.map_err(|error| match error {
+            StageError::Broken(error) => error.into(),
+            StageError::Store(error) => error,
+            StageError::TooLong => unreachable!("no limit"),
+        })
     }
 
     /// Gives an upload its name. No object is removed while the guard lives: the caller inserts the row meanwhile.

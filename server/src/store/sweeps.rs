@@ -17,6 +17,9 @@ const VIEW: &str = "SELECT seq, id, name, design, points, replicates, factors, l
 /// Jobs of each sweep by state; a covering index serves it.
 pub(super) const COUNTS: &str = "SELECT sweep_id, state, count(*) AS jobs FROM jobs
     WHERE sweep_id IN (SELECT value FROM json_each(?)) GROUP BY sweep_id, state";
+/// Paused jobs of each sweep; a partial index serves it.
+pub(super) const PAUSED: &str = "SELECT sweep_id, count(*) AS jobs FROM jobs
+    WHERE sweep_id IN (SELECT value FROM json_each(?)) AND paused = 1 GROUP BY sweep_id";
 /// Failed jobs of each sweep by class; a partial index serves it.
 pub(super) const FAILURES: &str = "SELECT sweep_id, failure_class, count(*) AS jobs FROM jobs
     WHERE sweep_id IN (SELECT value FROM json_each(?)) AND failure_class IS NOT NULL GROUP BY sweep_id, failure_class";
@@ -85,7 +88,12 @@ impl Store {
             let failures = failures.entry(row.parsed("sweep_id")?).or_default();
             *failures.of(row.parsed("failure_class")?) = row.number("jobs")?;
         }
+        let mut paused: HashMap<SweepId, u64> = HashMap::new();
+        for row in sqlx::query(PAUSED).bind(&ids).fetch_all(&self.readers).await? {
+            paused.insert(row.parsed("sweep_id")?, row.number("jobs")?);
+        }
         for view in &mut views {
+            view.paused = paused.get(&view.id).copied().unwrap_or_default();
             view.counts = counts.get(&view.id).copied().unwrap_or_default();
             view.failures = failures.get(&view.id).copied().unwrap_or_default();
             view.fraction = view.counts.ended() as f64 / view.counts.total().max(1) as f64;
@@ -103,6 +111,7 @@ fn sweep_view(row: &SqliteRow) -> Result<SweepView, StoreError> {
         replicates: row.number("replicates")?,
         factors: row.json("factors")?,
         counts: StateCounts::default(),
+        paused: 0,
         failures: FailureCounts::default(),
         fraction: 0.0,
         submitted_at: row.moment("submitted_at")?,

@@ -12,7 +12,7 @@ use super::columns::{Columns, to_json};
 use crate::queue::{AttemptSnapshot, FenceState, JobChange, JobSnapshot, Provenance, Refusal, fence};
 
 /// The columns of a [`JobSnapshot`]. The counts read only the few attempts of one job.
-pub(super) const JOB_COLUMNS: &str = "j.id, j.state, j.cancelling, j.attempt, j.failure_class,
+pub(super) const JOB_COLUMNS: &str = "j.id, j.state, j.cancelling, j.paused, j.attempt, j.failure_class,
     (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = 'worker')
         AS worker_failures,
     (SELECT count(*) FROM attempts f WHERE f.job_id = j.id AND f.number > j.attempts_before_retry AND f.outcome = 'lost')
@@ -23,6 +23,7 @@ pub(super) fn job_snapshot(row: &SqliteRow) -> Result<JobSnapshot, StoreError> {
         id: row.parsed("id")?,
         state: row.parsed("state")?,
         cancelling: row.column("cancelling")?,
+        paused: row.column("paused")?,
         attempt: row.number("attempt")?,
         worker_failures: row.number("worker_failures")?,
         lost: row.number("lost")?,
@@ -86,6 +87,21 @@ pub(super) async fn fence_attempts(
     Ok(found)
 }
 
+/// An attempt that may write.
+pub(super) async fn fenced(
+    connection: &mut SqliteConnection,
+    job: JobId,
+    attempt: u32,
+    worker: WorkerId,
+) -> Result<Result<FencedAttempt, Refusal>, StoreError> {
+    let found = fence_attempts(connection, &[AttemptRef { job, attempt, worker }]).await?.pop();
+    Ok(found.unwrap_or(Err(Refusal::NoJob)).and_then(|fenced| match fenced.fence {
+        FenceState::Current => Ok(fenced),
+        FenceState::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
+        FenceState::Stale(refusal) => Err(refusal),
+    }))
+}
+
 /// The end of an attempt, and the change of its job.
 pub(super) struct AttemptEnd<'a> {
     pub(super) job: JobId,
@@ -140,6 +156,7 @@ pub(super) const END: &str = "
     WHERE attempts.job_id = e.value ->> 'job' AND attempts.number = e.value ->> 'attempt';
     UPDATE jobs SET state = e.value ->> 'state', not_before = e.value ->> 'not_before',
                     alone = max(alone, e.value ->> 'alone'), cancelling = 0, lease_expires_at = NULL,
+                    paused = CASE WHEN e.value ->> 'ended_at' IS NULL THEN paused ELSE 0 END,
                     failure_class = e.value ->> 'class', failure_message = e.value ->> 'why',
                     ended_at = e.value ->> 'ended_at'
     FROM json_each(?) AS e WHERE jobs.id = e.value ->> 'job'";

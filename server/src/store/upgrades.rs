@@ -105,7 +105,8 @@ async fn an_upgrade_to_owners_keeps_the_order_of_jobs_and_the_labels() {
     let (request_id, worker_id) = (uuid::Uuid::now_v7(), worker.worker_id);
     store.register_worker(worker, Timestamp(0)).await.unwrap().unwrap();
     let lease = Duration::from_secs(9);
-    let claim = Claim { request_id, worker: worker_id, max_jobs: 9, lease, max_frames_bytes: 0 };
+    let claim =
+        Claim { request_id, worker: worker_id, max_jobs: 9, lease, max_frames_bytes: 0, checkpoints: None };
     let now = Now { wall: Timestamp(0), lease: Timestamp(0) };
     let claimed = store.claim(claim, now).await.unwrap().unwrap().attempts;
     assert_eq!(claimed.iter().map(|attempt| attempt.job_id).collect::<Vec<_>>(), expected);

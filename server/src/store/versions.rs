@@ -79,6 +79,8 @@ impl Store {
 pub(crate) struct QueueCounts {
     /// Jobs by state.
     pub(crate) jobs: Vec<(JobState, i64)>,
+    /// Jobs that a user has paused, queued or running.
+    pub(crate) paused: i64,
     /// Time at which the oldest queued job was queued. Jobs in a pause do not count.
     pub(crate) oldest_queued_at: Option<Timestamp>,
     /// Workers that were seen within a lease.
@@ -107,14 +109,19 @@ impl Store {
             .bind(until.0)
             .fetch_one(&self.readers)
             .await?;
-        Ok(QueueCounts { jobs, oldest_queued_at: oldest_queued_at.map(Timestamp), workers })
+        let paused = sqlx::query_scalar(PAUSED).fetch_one(&self.readers).await?;
+        Ok(QueueCounts { jobs, paused, oldest_queued_at: oldest_queued_at.map(Timestamp), workers })
     }
 }
 
+/// Jobs that a user has paused.
+pub(super) const PAUSED: &str = "SELECT count(*) FROM jobs WHERE paused = 1";
+
 /// Partial indexes serve it: no row of a job is read. `oldest` is the queued job that was submitted first.
 pub(super) const QUEUE_COUNTS: &str = "
-    SELECT 'queued' AS state, count(*) + (SELECT count(*) FROM jobs WHERE not_before IS NOT NULL) AS jobs,
-           min(seq) AS oldest FROM jobs WHERE state = 'queued' AND not_before IS NULL
+    SELECT 'queued' AS state, count(*) + (SELECT count(*) FROM jobs WHERE not_before IS NOT NULL)
+               + (SELECT count(*) FROM jobs WHERE paused = 1 AND state = 'queued' AND not_before IS NULL) AS jobs,
+           min(seq) AS oldest FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
     UNION ALL SELECT 'running', count(*), NULL FROM jobs WHERE state = 'running' AND lease_expires_at > 0
     UNION ALL SELECT state, count(*), NULL FROM jobs WHERE ended_at IS NOT NULL GROUP BY state";
 

@@ -211,8 +211,14 @@ mod tests {
             store.register_worker(registration(worker), now).await.unwrap().unwrap();
         }
         fail_a_job(&store, me).await;
-        let claim =
-            Claim { request_id: Uuid::now_v7(), worker: me, max_jobs: 1, lease: LEASE, max_frames_bytes: 0 };
+        let claim = Claim {
+            request_id: Uuid::now_v7(),
+            worker: me,
+            max_jobs: 1,
+            lease: LEASE,
+            max_frames_bytes: 0,
+            checkpoints: None,
+        };
         let mine_at = async |wall: Timestamp| store.has_work(claim, Now { wall, lease: now }).await.unwrap();
 
         assert!(!mine_at(now).await, "the other worker is online and gets it");

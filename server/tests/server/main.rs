@@ -3,6 +3,7 @@
 mod access;
 mod bad_input;
 mod cancel;
+mod checkpoints;
 mod claims;
 mod connections;
 mod contract;
@@ -22,6 +23,7 @@ mod meshes;
 mod metrics;
 mod origins;
 mod pages;
+mod pauses;
 mod retries;
 mod safety;
 mod series;

@@ -35,6 +35,9 @@ pub(super) struct Job {
     pub(super) max_wall_ms: Option<i64>,
     pub(super) state: JobState,
     pub(super) cancelling: bool,
+    pub(super) paused: bool,
+    /// Attempt and simulated time of the stored checkpoint, and the backend of its worker.
+    pub(super) checkpoint: Option<(u32, f64, &'static str)>,
     pub(super) alone: bool,
     pub(super) class: Option<FailureClass>,
     /// The attempt whose result is recorded; 0 for a cached result.
@@ -61,6 +64,8 @@ impl Job {
             max_wall_ms,
             state: if from_cache { JobState::Succeeded } else { JobState::Queued },
             cancelling: false,
+            paused: false,
+            checkpoint: None,
             alone: false,
             class: None,
             result: from_cache.then_some(0),
@@ -112,6 +117,9 @@ impl Job {
 
     fn end(&mut self, state: JobState, class: Option<FailureClass>) {
         (self.state, self.class, self.cancelling) = (state, class, false);
+        if state.is_ended() {
+            (self.paused, self.checkpoint) = (false, None);
+        }
     }
 
     /// A worker reports the end of its attempt.
@@ -161,15 +169,52 @@ impl Job {
         }
         self.attempts[number as usize - 1].outcome = None;
         self.lease_ends = now + LEASE_MS;
-        if self.cancelling { Directive::Cancel } else { Directive::Continue }
+        match (self.cancelling, self.paused) {
+            (true, _) => Directive::Cancel,
+            (false, true) => Directive::Preempt,
+            (false, false) => Directive::Continue,
+        }
     }
 
     fn claim(&mut self, worker: WorkerId, now: i64) {
         assert_eq!(self.state, JobState::Queued, "claimed a job that is not queued");
+        assert!(!self.paused, "claimed a paused job");
         self.state = JobState::Running;
         self.attempts.push(Attempt { worker, outcome: None });
         self.lease_ends = now + LEASE_MS;
         self.deadline = self.max_wall_ms.map(|longest| self.lease_ends + longest);
+    }
+
+    /// A user pauses or resumes it.
+    pub(super) fn pause(&mut self, pause: bool) {
+        self.paused = pause && !self.state.is_ended();
+    }
+
+    /// A worker uploads a checkpoint of its attempt; returns whether it is recorded, or none if it is refused.
+    pub(super) fn upload(
+        &mut self,
+        number: u32,
+        worker: (WorkerId, &'static str),
+        simulated_s: f64,
+    ) -> Option<bool> {
+        // Without a report, an attempt counts like a lost one.
+        if self.fence(number, worker.0, AttemptOutcome::Lost) != Answer::Recorded {
+            return None;
+        }
+        let is_older = self.checkpoint.is_some_and(|(by, at_s, _)| by == number && at_s > simulated_s);
+        if !is_older {
+            self.checkpoint = Some((number, simulated_s, worker.1));
+        }
+        Some(!is_older)
+    }
+
+    /// A worker cannot use the checkpoint of earlier attempts; returns whether it may say so.
+    pub(super) fn discard(&mut self, number: u32, worker: WorkerId) -> bool {
+        let may = self.fence(number, worker, AttemptOutcome::Lost) == Answer::Recorded;
+        if may {
+            self.checkpoint = self.checkpoint.filter(|(by, ..)| *by >= number);
+        }
+        may
     }
 
     pub(super) fn cancel(&mut self) {

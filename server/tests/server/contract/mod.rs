@@ -170,6 +170,7 @@ async fn create_objects(server: &TestServer, seed: u64) -> HashMap<&'static str,
     let attempts = worker.claim(4).await;
     let stream = frames::MAGIC.to_vec();
     assert_eq!(worker.upload_frames(&attempts[2], "&count=1", stream).await.0, 200);
+    assert_eq!(worker.checkpoint(&attempts[2], 1.0, b"a checkpoint").await.status, 200);
     worker.deliver(&attempts[0]).await.expect(200.try_into().unwrap());
     let partial = result_of(&attempts[1]["scenario"]);
     worker.fail(&attempts[1], "unstable", Some(&partial)).await.expect(200.try_into().unwrap());
@@ -216,6 +217,9 @@ async fn create_objects(server: &TestServer, seed: u64) -> HashMap<&'static str,
         ("wait_s", vec![json!(0)]),
         ("cursor", vec![json!("1")]),
         ("count", vec![json!(1)]),
+        ("bytes", vec![json!(100_000)]),
+        ("offset", vec![json!(0)]),
+        ("simulated_s", vec![json!(1.5)]),
         ("class", vec![json!("lost")]),
     ])
 }

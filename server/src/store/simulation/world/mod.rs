@@ -72,7 +72,7 @@ pub(super) struct World<'s> {
 impl<'s> World<'s> {
     /// An empty store and two workers.
     pub(super) async fn new(store: &'s Store, seed: u64) -> Self {
-        let clear = "DELETE FROM results; DELETE FROM attempts; DELETE FROM jobs; DELETE FROM workers; DELETE FROM fair_share;
+        let clear = "DELETE FROM checkpoints; DELETE FROM results; DELETE FROM attempts; DELETE FROM jobs; DELETE FROM workers; DELETE FROM fair_share;
                      DELETE FROM documents; DELETE FROM scenarios";
         store
             .writer
@@ -120,9 +120,12 @@ impl<'s> World<'s> {
             38..50 => self.beat().await,
             50..68 => self.report_an_end().await,
             68..73 => self.deliver_again().await,
-            73..76 => self.deliver_batch().await,
-            76..86 => self.wait(LEASE_MS / 3).await,
-            86..89 => self.wait(2 * LEASE_MS).await,
+            73..75 => self.deliver_batch().await,
+            75..79 => self.upload().await,
+            79..82 => self.pause_or_resume().await,
+            82..86 => self.wait(LEASE_MS / 3).await,
+            86..88 => self.wait(2 * LEASE_MS).await,
+            88 => self.discard().await,
             89..92 => self.cancel().await,
             92..95 => self.retry().await,
             95 => self.restart().await,
@@ -220,6 +223,14 @@ impl<'s> World<'s> {
         self.model.jobs.get_mut(&job).unwrap().cancel();
     }
 
+    async fn pause_or_resume(&mut self) {
+        let Some(job) = self.any_job() else { return };
+        let pause = self.random.bool();
+        self.steps.push(format!("pause {job}: {pause}"));
+        self.store.pause_job(job, pause).await.unwrap().unwrap();
+        self.model.jobs.get_mut(&job).unwrap().pause(pause);
+    }
+
     async fn retry(&mut self) {
         let Some(job) = self.any_job() else { return };
         let done = self.store.retry_job(job, None::<FailureClass>).await.unwrap().is_ok();
@@ -245,8 +256,9 @@ impl<'s> World<'s> {
     /// Compares the store with the model.
     async fn compare(&self) {
         let sql =
-            "SELECT j.id, j.state, j.attempt, j.cancelling, j.alone, j.failure_class, r.attempt AS result
-                   FROM jobs j LEFT JOIN results r ON r.job_id = j.id";
+            "SELECT j.id, j.state, j.attempt, j.cancelling, j.paused, j.alone, j.failure_class, r.attempt AS result,
+                    c.attempt AS by, c.simulated_s, c.backend
+                   FROM jobs j LEFT JOIN results r ON r.job_id = j.id LEFT JOIN checkpoints c ON c.job_id = j.id";
         let rows = sqlx::query(sql).fetch_all(&self.store.readers).await.unwrap();
         assert_eq!(rows.len(), self.model.jobs.len());
         for row in rows {
@@ -256,6 +268,9 @@ impl<'s> World<'s> {
             let stored =
                 (row.get::<String, _>("state"), row.get("attempt"), row.get("cancelling"), row.get("alone"));
             assert_eq!(stored, (job.state.to_string(), job.newest(), job.cancelling, job.alone), "{id}");
+            let stored =
+                row.get::<Option<u32>, _>("by").map(|by| (by, row.get("simulated_s"), row.get("backend")));
+            assert_eq!((row.get::<bool, _>("paused"), stored), (job.paused, job.checkpoint), "{id}");
             assert_eq!(class, job.class.map(|class| class.to_string()), "{id}");
             assert_eq!(row.get::<Option<u32>, _>("result"), job.result, "{id}");
         }
@@ -263,6 +278,11 @@ impl<'s> World<'s> {
 
     /// Two capable workers register and run the remaining jobs: every job must end.
     async fn finish(&mut self) {
+        let jobs: Vec<JobId> = self.model.jobs.keys().copied().collect();
+        for job in jobs {
+            self.store.pause_job(job, false).await.unwrap().unwrap();
+            self.model.jobs.get_mut(&job).unwrap().pause(false);
+        }
         let finishers = self.workers.len()..self.workers.len() + 2;
         for backend in BACKENDS {
             self.arrive(backend, Some(MEMORY[1])).await;

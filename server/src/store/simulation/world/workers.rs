@@ -1,5 +1,6 @@
 //! The actions of workers: claim, heartbeat, report, die and drain. The model predicts the effect of each.
 
+use bytes::Bytes;
 use futures_util::future::join_all;
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, JobState};
@@ -55,13 +56,24 @@ impl World<'_> {
         let queue = self.queue().await;
         let send = |it: &SimulatedClaim| {
             let (request_id, worker) = (it.request, self.workers[it.index].id);
-            let claim =
-                Claim { request_id, worker, max_jobs: it.max_jobs, lease: LEASE, max_frames_bytes: 1 };
+            let (max_jobs, lease, max_frames_bytes, checkpoints) = (it.max_jobs, LEASE, 1, None);
+            let claim = Claim { request_id, worker, max_jobs, lease, max_frames_bytes, checkpoints };
             self.store.claim(claim, self.now)
         };
         let claimed = join_all(claims.iter().map(send)).await;
         for ((claim, repeated), claimed) in claims.iter().zip(repeated).zip(claimed) {
             let claimed = claimed.unwrap().unwrap().attempts;
+            for attempt in &claimed {
+                // Only checkpoints of the worker's own device; these workers differ by backend alone.
+                let offered = attempt.checkpoint.as_ref().map(|it| (it.attempt, it.simulated_s));
+                let stored = self.model.jobs[&attempt.job_id].checkpoint;
+                let backend = self.workers[claim.index].backend;
+                assert_eq!(
+                    offered,
+                    stored.filter(|it| it.2 == backend).map(|it| (it.0, it.1)),
+                    "{attempt:?}"
+                );
+            }
             let claimed: Vec<_> = claimed.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect();
             self.check_claim(claim, repeated, &queue, &claimed);
         }
@@ -123,7 +135,7 @@ impl World<'_> {
 
     /// Claimable jobs by position, with their numbers.
     async fn queue(&self) -> Vec<(JobId, i64)> {
-        let sql = "SELECT id, seq FROM jobs WHERE state = 'queued' AND not_before IS NULL ORDER BY queue_position, seq";
+        let sql = "SELECT id, seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0 ORDER BY queue_position, seq";
         let rows: Vec<(String, i64)> = sqlx::query_as(sql).fetch_all(&self.store.readers).await.unwrap();
         rows.iter().map(|(id, seq)| (id.parse().unwrap(), *seq)).collect()
     }
@@ -171,10 +183,10 @@ impl World<'_> {
     pub(super) async fn report_an_end(&mut self) {
         let index = self.any_worker();
         let Some((job, attempt)) = self.random.choice(self.workers[index].held.clone()) else { return };
-        use AttemptOutcome::{Cancelled, Invalid, Released, Succeeded, Timeout, Unstable, Worker};
+        use AttemptOutcome::{Cancelled, Invalid, Preempted, Released, Succeeded, Timeout, Unstable, Worker};
         let outcomes = [
-            Succeeded, Succeeded, Succeeded, Worker, Worker, Worker, Released, Unstable, Invalid, Timeout,
-            Cancelled,
+            Succeeded, Succeeded, Succeeded, Worker, Worker, Worker, Released, Preempted, Unstable, Invalid,
+            Timeout, Cancelled,
         ];
         let outcome = self.random.choice(outcomes).unwrap();
         // Some results name another solver than their worker registered.
@@ -189,6 +201,34 @@ impl World<'_> {
             }
         }
         self.reports.push(report);
+    }
+
+    /// A worker, at times a stale one, uploads a checkpoint.
+    pub(super) async fn upload(&mut self) {
+        let index = self.any_worker();
+        let held = self.workers[index].held.clone();
+        let known: Vec<_> =
+            held.into_iter().chain(self.reports.iter().map(|it| (it.job, it.attempt))).collect();
+        let Some((job, attempt)) = self.random.choice(known) else { return };
+        let (id, backend) = (self.workers[index].id, self.workers[index].backend);
+        let simulated_s = f64::from(self.random.u32(0..4));
+        let bytes = Bytes::from(format!("{job} {attempt} {simulated_s}"));
+        let stream = futures_util::stream::iter([Ok::<_, std::io::Error>(bytes)]);
+        let staged = self.store.stage(stream, 1000).await.expect("within the limit");
+        let recorded = self.store.record_checkpoint(job, attempt, id, staged, simulated_s).await.unwrap();
+        self.steps.push(format!("worker {index} uploads {simulated_s} s of {job} {attempt}: {recorded:?}"));
+        let expected = self.model.jobs.get_mut(&job).unwrap().upload(attempt, (id, backend), simulated_s);
+        assert_eq!(recorded.ok(), expected);
+    }
+
+    /// A worker cannot use a checkpoint.
+    pub(super) async fn discard(&mut self) {
+        let index = self.any_worker();
+        let Some((job, attempt)) = self.random.choice(self.workers[index].held.clone()) else { return };
+        let id = self.workers[index].id;
+        let done = self.store.discard_checkpoint(job, attempt, id).await.unwrap().is_ok();
+        self.steps.push(format!("worker {index} discards the checkpoint of {job}: {done}"));
+        assert_eq!(done, self.model.jobs.get_mut(&job).unwrap().discard(attempt, id));
     }
 
     pub(super) async fn deliver_again(&mut self) {
