@@ -4,7 +4,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use roost_solver::result::RunResult;
-use roost_solver::{Checked, Computer, CpuOptions, Observer, OutOfDeviceMemory};
+use roost_solver::{Checked, Checkpoint, Computer, CpuOptions, Observer, SimulateError};
 
 use crate::memory_budget::{MemoryBudget, MemoryShare, PendingRun};
 
@@ -187,13 +187,15 @@ pub(crate) struct ReservedDevice {
 }
 
 impl ReservedDevice {
-    /// Runs one scenario to its end; an error when its memory does not suffice.
+    /// Runs one scenario to its end, from a checkpoint or from zero; an error when the checkpoint is refused or the memory does not
+    /// suffice.
     pub(crate) fn simulate(
-        self,
+        &self,
         checked: &Checked,
+        checkpoint: Option<&Checkpoint>,
         observer: &mut dyn Observer,
-    ) -> Result<RunResult, OutOfDeviceMemory> {
-        self.computer.simulate(checked, observer)
+    ) -> Result<RunResult, SimulateError> {
+        self.computer.simulate_from(checked, checkpoint, observer)
     }
 }
 
@@ -269,7 +271,7 @@ mod tests {
     }
 
     fn result(device: &Device) -> RunResult {
-        let result = reserve(device).simulate(&small(), &mut |_: &Progress| Flow::Continue);
+        let result = reserve(device).simulate(&small(), None, &mut |_: &Progress| Flow::Continue);
         result.expect("enough memory")
     }
 
@@ -295,7 +297,7 @@ mod tests {
         let broken = std::thread::scope(|scope| {
             let reserved = reserve(&device);
             let mut panics = |_: &Progress| panic!("an observer panics");
-            scope.spawn(move || reserved.simulate(&small(), &mut panics).is_ok()).join()
+            scope.spawn(move || reserved.simulate(&small(), None, &mut panics).is_ok()).join()
         });
         assert!(broken.is_err());
         assert!(Arc::ptr_eq(&first, &adapter.computer().expect("it is open")), "it works");
@@ -306,7 +308,7 @@ mod tests {
         *adapter.open.lock().expect("no panic") = Arc::new(Computer::Gpu(Arc::new(gpu)));
         let late = reserve(&device);
         lost.wgpu().0.destroy();
-        let fails = move || late.simulate(&small(), &mut |_: &Progress| Flow::Continue);
+        let fails = move || late.simulate(&small(), None, &mut |_: &Progress| Flow::Continue);
         assert!(std::thread::spawn(fails).join().is_err());
         assert!(result(&device).response("discharged_kg").is_some());
         assert!(!adapter.computer().expect("it is open").has_failed());

@@ -5,12 +5,14 @@
 //! - [`client`]: the HTTP API, also for the `roost` command
 //! - [`runner`]: one simulation in a thread of its own, on a [`device`]
 //! - [`meshes`]: cache of STL files
+//! - [`checkpoints`]: from a run to its upload
 //! - [`outbox`]: finished results on disk until the server has confirmed them
 //! - `lease`: claims, heartbeats and deliveries
 //!
 //! The server alone decides which attempt of a job is valid: it fences every write by job and attempt number.
 
 pub mod backoff;
+pub mod checkpoints;
 pub mod client;
 mod config;
 pub mod device;

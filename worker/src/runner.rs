@@ -2,8 +2,9 @@
 //!
 //! Every [`Run`] ends with exactly one [`RunEnd`], even when the solver panics.
 
+mod stop;
+
 use std::any::Any;
-use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -13,18 +14,19 @@ use roost_solver::engine::run::Snapshot;
 use roost_solver::observe::Recorder;
 use roost_solver::result::{EndReason, Instability};
 use roost_solver::scenario::{self, Fault};
-use roost_solver::{Checked, Flow, Limits, Observer, OutOfDeviceMemory};
+use roost_solver::{Checked, Checkpoint, Flow, Limits, Moment, Observer, SimulateError};
 use serde_json::Value;
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
 
+use crate::checkpoints::{CheckpointSlot, Resume};
 use crate::device::{Device, ReserveError, RunSize};
 use crate::meshes::MeshSource;
+pub use stop::{Stop, StopFlag};
 
-/// Interval at which a run that has not begun checks its stop flag.
-const STOP_POLL_INTERVAL: Duration = Duration::from_millis(50);
+const WORKER_STOPS: &str = "handed back: the worker is stopping";
 
-const WORKER_STOPS: &str = "released: the worker is stopping";
+const JOB_PAUSED: &str = "handed back: the job was paused";
 
 const MEMORY_IN_USE: &str = "released: other jobs of the worker use the memory of its device";
 
@@ -52,54 +54,25 @@ impl RunEnd {
     }
 }
 
-/// Why a run stops before its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Stop {
-    /// The job was cancelled; its partial result is kept.
-    Cancel = 1,
-    /// The worker stops and releases the attempt.
-    Release,
-    /// The attempt is stale: no report.
-    Abandon,
-    /// The run exceeded its wall time.
-    Timeout,
-}
-
-/// A request to stop, which the solver checks with every progress report.
-#[derive(Clone, Debug, Default)]
-pub struct StopFlag(Arc<AtomicU8>);
-
-impl StopFlag {
-    /// Asks the run to stop. The first reason stays, except that `Abandon` beats all others.
-    pub fn set(&self, why: Stop) {
-        if why == Stop::Abandon {
-            self.0.store(why as u8, Ordering::Relaxed);
-        } else {
-            let _ = self.0.compare_exchange(0, why as u8, Ordering::Relaxed, Ordering::Relaxed);
-        }
-    }
-
-    /// The reason to stop, if any.
-    pub fn get(&self) -> Option<Stop> {
-        [Stop::Cancel, Stop::Release, Stop::Abandon, Stop::Timeout]
-            .into_iter()
-            .find(|why| *why as u8 == self.0.load(Ordering::Relaxed))
-    }
-
-    /// Waits for a request to stop.
-    async fn wait(&self) -> Stop {
-        loop {
-            if let Some(why) = self.get() {
-                return why;
-            }
-            tokio::time::sleep(STOP_POLL_INTERVAL).await;
-        }
-    }
-}
-
 /// Observer that records frames; shared, so that the caller can read its report after the run.
 pub type FrameObserver = Arc<Mutex<dyn Observer + Send>>;
+
+/// What a run does beside its result.
+#[derive(Default)]
+pub struct Extras {
+    /// Records frames, in the run's thread.
+    pub frames: Option<FrameObserver>,
+    /// Takes its checkpoints.
+    pub checkpoints: Option<CheckpointSlot>,
+    /// Where it continues from; from zero without.
+    pub resume: Option<Resume>,
+}
+
+impl From<Option<FrameObserver>> for Extras {
+    fn from(frames: Option<FrameObserver>) -> Self {
+        Self { frames, ..Self::default() }
+    }
+}
 
 /// The device and threads of a run.
 #[derive(Clone, Debug)]
@@ -132,19 +105,20 @@ pub struct Run {
 impl Run {
     /// Starts a scenario document. Must be called within a tokio runtime.
     pub fn start(document: Value, meshes: MeshSource, resources: Resources, max_wall_s: Option<f64>) -> Self {
-        Self::start_observed(document, meshes, resources, max_wall_s, None)
+        Self::start_observed(document, meshes, resources, max_wall_s, Extras::default())
     }
 
-    /// The same with an observer of frames, which is called in the run's thread.
+    /// The same with frames and checkpoints.
     pub fn start_observed(
         document: Value,
         meshes: MeshSource,
         resources: Resources,
         max_wall_s: Option<f64>,
-        frames: Option<FrameObserver>,
+        mut extras: Extras,
     ) -> Self {
         let pending = resources.device.announce_run();
-        Self::start_with(max_wall_s, frames, async move {
+        let resume = extras.resume.take();
+        Self::start_with(max_wall_s, extras, async move {
             let scenario = scenario::from_value(&document).map_err(|faults| invalid(&faults))?;
             let digests = scenario.meshes().into_iter().map(str::to_owned).collect();
             let meshes = meshes.load(digests).await;
@@ -152,7 +126,7 @@ impl Run {
                 meshes.map_err(|failure| RunEnd::failed(AttemptOutcome::Worker, failure.to_string()))?;
             let check = move || roost_solver::check(&scenario, &meshes, &Limits::NONE);
             let checked = tokio::task::spawn_blocking(check).await.map_err(thread_ended)?;
-            let solve = solver(resources, checked.map_err(|faults| invalid(&faults))?).await;
+            let solve = solver(resources, checked.map_err(|faults| invalid(&faults))?, resume).await;
             drop(pending);
             solve
         })
@@ -161,18 +135,18 @@ impl Run {
     /// Starts a checked scenario. Must be called within a tokio runtime.
     pub fn start_checked(checked: Checked, resources: Resources, frames: Option<FrameObserver>) -> Self {
         let pending = resources.device.announce_run();
-        Self::start_with(None, frames, async move {
-            let solve = solver(resources, checked).await;
+        Self::start_with(None, frames.into(), async move {
+            let solve = solver(resources, checked, None).await;
             drop(pending);
             solve
         })
     }
 
     /// Starts a function that reports progress and gives a result, after `prepare` has made it.
-    fn start_with<P, F>(max_wall_s: Option<f64>, frames: Option<FrameObserver>, prepare: P) -> Self
+    fn start_with<P, F>(max_wall_s: Option<f64>, extras: Extras, prepare: P) -> Self
     where
         P: Future<Output = Result<F, RunEnd>> + Send + 'static,
-        F: FnOnce(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory> + Send + 'static,
+        F: FnOnce(&mut dyn Observer) -> Result<RunResult, SimulateError> + Send + 'static,
     {
         let (sender, progress) = watch::channel(None);
         let stop = StopFlag::default();
@@ -197,7 +171,11 @@ impl Run {
                     }
                     if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
                 };
-                let outcome = solve(&mut RunObserver { report, frames, copy, copied_at: started });
+                let Extras { frames, checkpoints, .. } = extras;
+                let stop = flag.clone();
+                let mut observer =
+                    RunObserver { report, stop, frames, checkpoints, copy, copied_at: started };
+                let outcome = solve(&mut observer);
                 classify(outcome, flag.get(), max_wall_s)
             });
             solving.await.unwrap_or_else(thread_ended)
@@ -208,8 +186,8 @@ impl Run {
     /// A run that never starts to compute.
     #[cfg(test)]
     pub(crate) fn pending() -> Self {
-        type Solve = fn(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory>;
-        Self::start_with(None, None, std::future::pending::<Result<Solve, RunEnd>>())
+        type Solve = fn(&mut dyn Observer) -> Result<RunResult, SimulateError>;
+        Self::start_with(None, Extras::default(), std::future::pending::<Result<Solve, RunEnd>>())
     }
 
     /// Waits for the end of the run.
@@ -222,7 +200,8 @@ impl Run {
 async fn solver(
     resources: Resources,
     checked: Checked,
-) -> Result<impl FnOnce(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory> + Send + 'static, RunEnd> {
+    resume: Option<Resume>,
+) -> Result<impl FnOnce(&mut dyn Observer) -> Result<RunResult, SimulateError> + Send + 'static, RunEnd> {
     let triangles = checked.setup().meshes.triangles();
     let has_moments = checked.scenario().bonds.moment_stiffness_factor > 0.0;
     let size = RunSize { subparticles: checked.estimate().subparticles, triangles, has_moments };
@@ -231,7 +210,18 @@ async fn solver(
         ReserveError::MemoryInUse => RunEnd::failed(AttemptOutcome::Released, MEMORY_IN_USE),
         ReserveError::Failed(reason) => RunEnd::failed(AttemptOutcome::Worker, reason),
     })?;
-    Ok(move |observer: &mut dyn Observer| reserved.simulate(&checked, observer))
+    let (checkpoint, refused) = match resume {
+        Some(resume) => (resume.checkpoint.await, Some(resume.refused)),
+        None => (None, None),
+    };
+    Ok(move |observer: &mut dyn Observer| match reserved.simulate(&checked, checkpoint.as_ref(), observer) {
+        // Refused before the first step.
+        Err(SimulateError::Checkpoint(error)) => {
+            refused.into_iter().for_each(|refused| refused(error.to_string()));
+            reserved.simulate(&checked, None, observer)
+        }
+        other => other,
+    })
 }
 
 /// The end of a run whose thread panicked or was dropped.
@@ -248,6 +238,7 @@ fn stopped_early(why: Stop) -> RunEnd {
     match why {
         Stop::Abandon => RunEnd::Abandoned,
         Stop::Release => RunEnd::failed(AttemptOutcome::Released, WORKER_STOPS),
+        Stop::Preempt => RunEnd::failed(AttemptOutcome::Released, JOB_PAUSED),
         Stop::Cancel | Stop::Timeout => {
             RunEnd::failed(AttemptOutcome::Cancelled, "cancelled before it began")
         }
@@ -274,10 +265,12 @@ impl SharedRecorder {
 /// Interval at which samples are copied.
 const COPY_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Passes progress and frames to their receivers, and keeps a copy of the samples.
+/// Passes progress, frames and checkpoints to their receivers, and keeps a copy of the samples.
 struct RunObserver<F> {
     report: F,
+    stop: StopFlag,
     frames: Option<FrameObserver>,
+    checkpoints: Option<CheckpointSlot>,
     copy: SharedRecorder,
     copied_at: Instant,
 }
@@ -298,6 +291,17 @@ impl<F: FnMut(&Progress) -> Flow> Observer for RunObserver<F> {
         }
     }
 
+    fn wants_checkpoint(&mut self, moment: Moment) -> bool {
+        let wants = |slot: &CheckpointSlot| slot.wants(self.stop.get());
+        moment == Moment::Step && self.checkpoints.as_ref().is_some_and(wants)
+    }
+
+    fn checkpoint(&mut self, checkpoint: Checkpoint) {
+        if let Some(slot) = &self.checkpoints {
+            slot.put(checkpoint);
+        }
+    }
+
     fn wants_samples(&self) -> bool {
         self.copied_at.elapsed() >= COPY_INTERVAL
     }
@@ -310,7 +314,7 @@ impl<F: FnMut(&Progress) -> Flow> Observer for RunObserver<F> {
 
 /// Classifies the end of a run by its result and the reason to stop. A run that ended before it saw the flag has a normal result.
 fn classify(
-    outcome: Result<RunResult, OutOfDeviceMemory>,
+    outcome: Result<RunResult, SimulateError>,
     stop: Option<Stop>,
     max_wall_s: Option<f64>,
 ) -> RunEnd {
@@ -332,6 +336,9 @@ fn classify(
         }
         (EndReason::Cancelled, Some(Stop::Release)) => {
             return RunEnd::failed(AttemptOutcome::Released, WORKER_STOPS);
+        }
+        (EndReason::Cancelled, Some(Stop::Preempt)) => {
+            return RunEnd::failed(AttemptOutcome::Released, JOB_PAUSED);
         }
         (EndReason::Cancelled, Some(Stop::Timeout)) => {
             let limit = max_wall_s.unwrap_or_default();

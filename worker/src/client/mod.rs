@@ -2,8 +2,10 @@
 //!
 //! It retries nothing; callers decide how long they wait.
 
+mod checkpoints;
 mod credentials;
 mod error;
+mod job_control;
 mod reason;
 mod recorded_frames;
 #[cfg(test)]
@@ -19,7 +21,7 @@ use reqwest::{Method, RequestBuilder, Url};
 use roost_api::design::Extension;
 use roost_api::frames;
 use roost_api::ids::{JobId, SweepId, WorkerId};
-use roost_api::job::{FailureClass, JobState, JobView};
+use roost_api::job::{JobState, JobView};
 use roost_api::lease::{
     ClaimReply, ClaimRequest, FailureReport, HeartbeatReply, HeartbeatRequest, ResultDelivery,
 };
@@ -35,6 +37,8 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tokio::io::AsyncWriteExt;
 
+pub use checkpoints::EncodedCheckpoint;
+pub(crate) use checkpoints::digest;
 pub use credentials::{Credentials, prepare_tls};
 pub use error::ClientError;
 pub use recorded_frames::RecordedFrames;
@@ -131,16 +135,6 @@ impl Client {
         file.flush().await.map_err(unwritten)
     }
 
-    /// Cancels a job.
-    pub async fn cancel_job(&self, id: JobId) -> ClientResult<JobView> {
-        self.fetch(self.request(Method::POST, &format!("jobs/{id}/cancel"))).await
-    }
-
-    /// Queues a failed or cancelled job again, if it failed with this class.
-    pub async fn retry_job(&self, id: JobId, class: Option<FailureClass>) -> ClientResult<JobView> {
-        self.retry(&format!("jobs/{id}/retry"), class).await
-    }
-
     // --- sweeps ---------------------------------------------------------------------------------
 
     /// Submits any document to `jobs` or `sweeps`; the server names its faults.
@@ -217,16 +211,6 @@ impl Client {
     pub async fn prune(&self, age: Duration, dry_run: bool) -> ClientResult<Pruning> {
         let request = self.request(Method::POST, "prune").query(&[("dry_run", dry_run)]);
         self.fetch(request.query(&[("older_than_s", age.as_secs_f64())]).timeout(FILE_TIMEOUT)).await
-    }
-
-    /// Cancels the queued and running jobs of a sweep.
-    pub async fn cancel_sweep(&self, id: SweepId) -> ClientResult<SweepView> {
-        self.fetch(self.request(Method::POST, &format!("sweeps/{id}/cancel"))).await
-    }
-
-    /// Queues the failed and cancelled jobs of a sweep again, or those that failed with this class.
-    pub async fn retry_sweep(&self, id: SweepId, class: Option<FailureClass>) -> ClientResult<SweepView> {
-        self.retry(&format!("sweeps/{id}/retry"), class).await
     }
 
     // --- meshes ---------------------------------------------------------------------------------
@@ -333,11 +317,6 @@ impl Client {
 
     async fn post<T: DeserializeOwned>(&self, route: &str, body: &impl Serialize) -> ClientResult<T> {
         self.fetch(self.request(Method::POST, route).json(body)).await
-    }
-
-    async fn retry<T: DeserializeOwned>(&self, route: &str, class: Option<FailureClass>) -> ClientResult<T> {
-        let request = self.request(Method::POST, route);
-        self.fetch(request.query(&class.map(|class| [("class", class.as_str())]))).await
     }
 
     async fn page<T: DeserializeOwned>(

@@ -67,6 +67,11 @@ impl LeasedAttempts {
                         entry.stop.set(Stop::Cancel);
                     }
                 }
+                Directive::Preempt => {
+                    if let Some(entry) = attempts.get(&key) {
+                        entry.stop.set(Stop::Preempt);
+                    }
+                }
                 Directive::Abandon => {
                     if let Some(entry) = attempts.remove(&key) {
                         entry.stop.set(Stop::Abandon);
@@ -113,7 +118,7 @@ mod tests {
     #[tokio::test]
     async fn directives_apply_to_their_attempt_only() {
         let attempts = LeasedAttempts::default();
-        let keys: Vec<AttemptKey> = (1..=4).map(|attempt| (JobId::new(), attempt)).collect();
+        let keys: Vec<AttemptKey> = (1..=5).map(|attempt| (JobId::new(), attempt)).collect();
         let flags: Vec<_> = keys.iter().map(|&key| hold(&attempts, key)).collect();
         let stale = (keys[3].0, 9);
         attempts.apply(&[
@@ -121,11 +126,12 @@ mod tests {
             row(keys[1], Directive::Cancel),
             row(keys[2], Directive::Abandon),
             row(stale, Directive::Abandon),
+            row(keys[4], Directive::Preempt),
         ]);
         let seen: Vec<_> = flags.iter().map(StopFlag::get).collect();
-        assert_eq!(seen, [None, Some(Stop::Cancel), Some(Stop::Abandon), None]);
+        assert_eq!(seen, [None, Some(Stop::Cancel), Some(Stop::Abandon), None, Some(Stop::Preempt)]);
         let left: Vec<_> = attempts.beats().iter().map(|beat| (beat.job_id, beat.attempt)).collect();
-        assert_eq!(left, [keys[0], keys[1], keys[3]], "an abandoned attempt has no heartbeat");
+        assert_eq!(left, [keys[0], keys[1], keys[3], keys[4]], "an abandoned attempt has no heartbeat");
     }
 
     #[tokio::test]

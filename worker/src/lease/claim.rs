@@ -14,6 +14,7 @@ use tracing::{Instrument, Span};
 use uuid::Uuid;
 
 use super::attempts::AttemptKey;
+use super::checkpoints::Uploader;
 use super::deliver;
 use super::frames::Recording;
 use super::session::Session;
@@ -21,7 +22,7 @@ use crate::backoff::Backoff;
 use crate::client::ClientError;
 use crate::meshes::MeshSource;
 use crate::outbox::{Content, Delivery};
-use crate::runner::{Resources, Run, RunEnd};
+use crate::runner::{Extras, Resources, Run, RunEnd};
 
 /// Time that a stopping worker waits for the answer to its last claim.
 const LAST_CLAIM: Duration = Duration::from_secs(1);
@@ -116,17 +117,24 @@ fn start(
     claimed: ClaimedAttempt,
     permit: Option<OwnedSemaphorePermit>,
 ) {
-    let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, frames, .. } = claimed;
+    let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, frames, checkpoints, checkpoint, .. } =
+        claimed;
+    let key = (job_id, attempt);
     tracing::info!(job = %job_id, attempt, "running");
     let meshes = MeshSource::Server(session.meshes.clone());
     let resources = Resources::new(session.config.device.clone(), session.config.threads_per_slot());
     let folder = session.outbox.frames_folder(job_id, attempt);
     let recording = frames.and_then(|order| Recording::start(folder, &scenario, order));
-    let observer = recording.as_ref().map(Recording::observer);
-    let run = Run::start_observed(scenario, meshes, resources, max_wall_s, observer);
-    session.attempts.insert((job_id, attempt), &run);
+    let uploader = checkpoints.map(|order| Uploader::start(session.clone(), key, order));
+    let extras = Extras {
+        frames: recording.as_ref().map(Recording::observer),
+        checkpoints: uploader.as_ref().map(Uploader::slot),
+        resume: checkpoint.map(|stored| super::checkpoints::resume(session, key, stored)),
+    };
+    let run = Run::start_observed(scenario, meshes, resources, max_wall_s, extras);
+    session.attempts.insert(key, &run);
     let span = tracing::debug_span!("attempt", job = %job_id, attempt, outcome = Empty);
-    let ending = finish(session.clone(), (job_id, attempt), run, recording, permit);
+    let ending = finish(session.clone(), key, run, (recording, uploader), permit);
     runs.spawn(ending.instrument(span));
 }
 
@@ -135,14 +143,19 @@ async fn finish(
     session: Arc<Session>,
     (job_id, attempt): AttemptKey,
     run: Run,
-    recording: Option<Recording>,
+    (recording, uploader): (Option<Recording>, Option<Uploader>),
     permit: Option<OwnedSemaphorePermit>,
 ) {
-    let end = run.end().await;
+    let end = after_checkpoint(run.end().await, uploader).await;
     drop(permit);
-    // The frames of a released or abandoned attempt are discarded.
-    let has_frames =
-        !matches!(end, RunEnd::Abandoned | RunEnd::Failed { outcome: AttemptOutcome::Released, .. });
+    // The frames of an attempt that is handed back or abandoned are discarded.
+    let has_frames = match end {
+        RunEnd::Finished(_) => true,
+        RunEnd::Failed { outcome, .. } => {
+            !matches!(outcome, AttemptOutcome::Released | AttemptOutcome::Preempted)
+        }
+        RunEnd::Abandoned => false,
+    };
     let frames = tokio::task::spawn_blocking(move || match recording {
         Some(recording) if has_frames => recording.finish(),
         Some(recording) => {
@@ -171,6 +184,22 @@ async fn finish(
         }
     };
     deliver::store(&session, Delivery { job_id, attempt, content, frames }).await;
+}
+
+/// Ends the uploads of checkpoints. A run that is handed back with a stored checkpoint is preempted.
+async fn after_checkpoint(end: RunEnd, uploader: Option<Uploader>) -> RunEnd {
+    let Some(uploader) = uploader else { return end };
+    match end {
+        RunEnd::Failed { outcome: AttemptOutcome::Released, message, result } => {
+            let is_stored = uploader.finish().await;
+            let outcome = if is_stored { AttemptOutcome::Preempted } else { AttemptOutcome::Released };
+            RunEnd::Failed { outcome, message, result }
+        }
+        other => {
+            uploader.abort();
+            other
+        }
+    }
 }
 
 #[cfg(test)]

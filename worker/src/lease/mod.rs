@@ -1,6 +1,7 @@
 //! The life of a worker: it registers and empties its outbox. Then three loops (claim, heartbeat, deliver) run until a stop; then it drains.
 
 mod attempts;
+mod checkpoints;
 mod claim;
 mod deliver;
 mod frames;

@@ -1,6 +1,6 @@
 //! Every way in which a run ends.
 
-use std::sync::atomic::AtomicU32;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use roost_api::Phase;
 use roost_solver::mesh::Meshes;
@@ -73,7 +73,7 @@ async fn requested_frames_are_recorded() {
         MeshSource::Given(Meshes::default()),
         Resources::new(Device::cpu(), 1),
         None,
-        Some(camera.clone()),
+        Extras::from(Some(camera.clone() as FrameObserver)),
     )
     .end()
     .await;
@@ -110,6 +110,7 @@ async fn each_reason_to_stop_has_its_own_end() {
     for (why, expected) in [
         (Stop::Cancel, Some((AttemptOutcome::Cancelled, true))),
         (Stop::Release, Some((AttemptOutcome::Released, false))),
+        (Stop::Preempt, Some((AttemptOutcome::Released, false))),
         (Stop::Abandon, None),
     ] {
         let mut run = start(long_scenario(), None);
@@ -147,11 +148,11 @@ async fn a_panic_fails_the_attempt_with_its_message() {
         wall_s: 0.0,
         discharged_kg: 0.0,
     };
-    let solve = move |observer: &mut dyn Observer| -> Result<RunResult, OutOfDeviceMemory> {
+    let solve = move |observer: &mut dyn Observer| -> Result<RunResult, SimulateError> {
         observer.progress(&progress);
         panic!("index {} out of range", 7)
     };
-    let run = Run::start_with(None, None, async { Ok(solve) });
+    let run = Run::start_with(None, Extras::default(), async { Ok(solve) });
     let RunEnd::Failed { outcome, message, result } = run.end().await else { panic!("no failure") };
     assert_eq!((outcome, result), (AttemptOutcome::Worker, None));
     assert_eq!(message, "the solver panicked: index 7 out of range");
@@ -171,13 +172,14 @@ fn the_first_reason_to_stop_stays_unless_abandoned() {
 
 #[tokio::test]
 async fn a_run_that_waits_for_meshes_can_be_stopped() {
-    type Solve = fn(&mut dyn Observer) -> Result<RunResult, OutOfDeviceMemory>;
+    type Solve = fn(&mut dyn Observer) -> Result<RunResult, SimulateError>;
     for (why, expected) in [
         (Stop::Cancel, Some(AttemptOutcome::Cancelled)),
         (Stop::Release, Some(AttemptOutcome::Released)),
+        (Stop::Preempt, Some(AttemptOutcome::Released)),
         (Stop::Abandon, None),
     ] {
-        let run = Run::start_with(None, None, std::future::pending::<Result<Solve, RunEnd>>());
+        let run = Run::start_with(None, Extras::default(), std::future::pending::<Result<Solve, RunEnd>>());
         run.stop.set(why);
         let end = tokio::time::timeout(Duration::from_secs(20), run.end()).await.expect("an end");
         let actual = match end {
