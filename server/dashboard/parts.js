@@ -27,6 +27,15 @@ export function state(word, note) {
 }
 
 /**
+ * The note on the state of a job that somebody cancels or pauses.
+ * @param {JobView} job
+ */
+export function requested(job) {
+  if (job.cancelling) return "cancelling";
+  return job.paused ? (job.state === "running" ? "pausing" : "paused") : undefined;
+}
+
+/**
  * The state of a sweep, which follows from its counts.
  * @param {StateCounts} counts @returns {JobState}
  */

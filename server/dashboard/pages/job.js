@@ -6,7 +6,7 @@ import { fill, fillIfChanged, h } from "../dom.js";
 import { duration, factorLabel, dateTime, number, shortId, labelOf } from "../format.js";
 import { level } from "../measures.js";
 import { readOutputs } from "../outputs.js";
-import { action, errorBox, facts, isEnded, responseLabel, state, table } from "../parts.js";
+import { action, errorBox, facts, isEnded, requested, responseLabel, state, table } from "../parts.js";
 import { player } from "../playback/player.js";
 import { curveKey, curvesOf, linePlot } from "../plots/curves.js";
 import { panel } from "../plots/plot.js";
@@ -26,9 +26,9 @@ export async function show(main, id) {
     const levels = Object.entries(job.factors).map(([pointer, value]) => /** @type {[string, Child]} */ ([factorLabel(pointer, Object.keys(job.factors)), number(level(value))]));
     const took = job.started_at && ((job.ended_at ? Date.parse(job.ended_at) : now()) - Date.parse(job.started_at)) / 1000;
     title.textContent = name;
-    fillIfChanged(bar, job.state, () => actions(job, at));
+    fillIfChanged(bar, `${job.state} ${job.paused}`, () => actions(job, at));
     fill(head,
-      h("div", { class: "row" }, state(job.state, job.cancelling ? "cancelling" : undefined),
+      h("div", { class: "row" }, state(job.state, requested(job)),
         job.sweep_id && h("a", { href: `/sweeps/${job.sweep_id}` }, "sweep"), job.from_cache && h("span", {}, "cached result of an equal scenario"),
         h("a", { href: `/compare?jobs=${job.id}` }, "compare")),
       job.failure_class && h("p", { class: "fault" }, `${job.failure_class}: ${job.failure_message ?? ""}`),
@@ -38,7 +38,8 @@ export async function show(main, id) {
         ["Discharged", `${number(job.progress.discharged_kg)} kg`],
         ["Speed", job.progress.wall_s > 0 ? `${number(job.progress.particle_steps / job.progress.wall_s / 1e6, 3)} million particle-steps/s` : null],
         ["Left", job.progress.fraction > 0 ? duration((job.progress.wall_s * (1 - job.progress.fraction)) / job.progress.fraction) : null]]),
-      facts([...levels, ["Attempt", job.attempt], ["Submitted", dateTime(job.submitted_at)], ["Started", job.started_at && dateTime(job.started_at)],
+      facts([...levels, ["Attempt", job.attempt], ["Continues from", typeof job.resumed_from_s === "number" ? `${number(job.resumed_from_s, 3)} s of simulated time` : null],
+        ["Checkpoint", job.checkpoint ? `at ${number(job.checkpoint.simulated_s, 3)} s, ${number(job.checkpoint.bytes / 2 ** 20, 3)} MiB` : null], ["Submitted", dateTime(job.submitted_at)], ["Started", job.started_at && dateTime(job.started_at)],
         ["Ended", job.ended_at && dateTime(job.ended_at)], ["Duration", took ? duration(took) : null]]));
   }
 
@@ -115,6 +116,7 @@ export async function show(main, id) {
 /** @param {JobView} job @param {string} at */
 function actions(job, at) {
   return [
+    !isEnded(job.state) && (job.paused ? action("Resume", () => post(`${at}/resume`)) : action("Pause", () => post(`${at}/pause`))),
     !isEnded(job.state) && action("Cancel", () => post(`${at}/cancel`), { ask: () => "Cancel this job?" }),
     ["failed", "cancelled"].includes(job.state) && action("Retry", () => post(`${at}/retry`)),
     isEnded(job.state) && h("a", { href: `${at}/result`, download: `${job.id}.json` }, "Result document"),

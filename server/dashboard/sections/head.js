@@ -23,7 +23,7 @@ export function head(at, sweep, changed) {
     document.title = `${Math.floor(100 * sweep.fraction)} % ${sweep.name} · Roost`;
     fill(element, progress(sweep, true),
       h("div", { class: "row" }, state(stateOfSweep(sweep.counts)), h("span", {}, `${(100 * sweep.fraction).toFixed(1)} % of ${plural(total(sweep.counts), "job")}`),
-        h("span", { class: "row counts" }, counts(sweep.counts)), failures(sweep, `/sweeps/${sweep.id}`), speed.text(sweep)),
+        h("span", { class: "row counts" }, counts(sweep.counts), (sweep.paused ?? 0) > 0 && h("span", { class: "dim" }, `${(sweep.paused ?? 0).toLocaleString("en")} paused`)), failures(sweep, `/sweeps/${sweep.id}`), speed.text(sweep)),
       facts([["Design", `${sweep.design.replaceAll("_", " ")}: ${plural(sweep.points, "point")} × ${sweep.replicates}`],
         ["Factors", sweep.factors.map((pointer) => factorLabel(pointer, sweep.factors)).join(", ") || null],
         ["Submitted", dateTime(sweep.submitted_at)], ["Identifier", h("span", { class: "mono" }, sweep.id)]]));
@@ -59,12 +59,16 @@ function actions(at, first, changed) {
   let counts = first.counts;
   const unended = () => counts.queued + counts.running, failed = () => counts.failed + counts.cancelled;
   const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `Cancel ${plural(unended(), "job")}?` });
+  const pause = action("Pause", () => post(`${at}/pause`).then(changed)), resume = action("Resume", () => post(`${at}/resume`).then(changed));
   const [retry_button, retry_dialog] = retry(failed, (query) => post(`${at}/retry${query}`).then(changed));
   const download = h("details", { class: "menu" }, h("summary", {}, "Download"), ["csv", "json", "parquet"].map((format) =>
     h("a", { href: `${at}/results?format=${format}`, download: `${first.name}.${format}`, class: "row" }, format)));
   /** @param {SweepView} sweep */
   function update(sweep) {
+    const { paused = 0 } = sweep;
     counts = sweep.counts;
+    pause.hidden = unended() <= paused;
+    resume.hidden = paused === 0;
     cancel.hidden = unended() === 0;
     retry_button.hidden = failed() === 0;
   }
@@ -72,5 +76,5 @@ function actions(at, first, changed) {
     const send = idempotentPost(`${at}/extend`);
     return (request) => send(request).then(changed);
   });
-  return { elements: [cancel, retry_button, retry_dialog, extension, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], update };
+  return { elements: [pause, resume, cancel, retry_button, retry_dialog, extension, h("a", { href: `/submit?clone=${first.id}` }, "Clone"), download], update };
 }

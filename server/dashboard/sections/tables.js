@@ -5,7 +5,7 @@ import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
 import { ago, factorLabel, plural, number, shortId } from "../format.js";
 import { level } from "../measures.js";
-import { FAILURE_CLASSES, STATES, parameter, choice, errorBox, sortRows, setParameters, state, table } from "../parts.js";
+import { FAILURE_CLASSES, STATES, parameter, choice, errorBox, requested, sortRows, setParameters, state, table } from "../parts.js";
 
 /** Rows that are drawn. */
 const ROWS = 200;
@@ -82,7 +82,7 @@ export function jobsTable(path) {
   /** @type {Column<JobView>[]} */
   const columns = [
     { title: "Job", cell: (job) => h("a", { href: `/jobs/${job.id}`, class: "mono" }, shortId(job.id)) },
-    { title: "State", cell: (job) => state(job.state, job.cancelling ? "cancelling" : (job.failure_class ?? (job.from_cache ? "cached result" : undefined))) },
+    { title: "State", cell: (job) => state(job.state, requested(job) ?? (job.failure_class ?? (job.from_cache ? "cached result" : undefined))) },
     { title: "Point", is_number: true, cell: (job) => job.point ?? "–" },
     { title: "Seed", is_number: true, cell: (job) => job.seed },
     { title: "Levels", is_text: true, cell: (job) => Object.entries(job.factors).map(([pointer, value]) => `${factorLabel(pointer, Object.keys(job.factors))} ${number(level(value))}`).join(", ") },
