@@ -91,6 +91,7 @@ pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
         "jobs",
         "queued",
         "running",
+        "paused",
         "succeeded",
         "failed",
         "cancelled",
@@ -105,6 +106,7 @@ pub(crate) fn sweeps(sweeps: &[SweepView]) -> Table {
             sweep.counts.total().to_string(),
             sweep.counts.queued.to_string(),
             sweep.counts.running.to_string(),
+            sweep.paused.to_string(),
             sweep.counts.succeeded.to_string(),
             sweep.counts.failed.to_string(),
             sweep.counts.cancelled.to_string(),
@@ -121,10 +123,12 @@ pub(crate) fn jobs(jobs: &[JobView]) -> Table {
         let names = format::factor_names(&job.factors.keys().collect::<Vec<_>>());
         let levels = names.iter().zip(job.factors.values());
         let levels: Vec<_> = levels.map(|(name, value)| format!("{name}={}", format::cell(value))).collect();
-        let state = match (job.cancelling, job.failure_class) {
-            (true, _) => "cancelling".to_owned(),
-            (false, Some(class)) => format!("{}: {class}", job.state),
-            (false, None) => job.state.to_string(),
+        let state = match (job.cancelling, job.paused, job.failure_class) {
+            (true, ..) => "cancelling".to_owned(),
+            (false, true, _) if job.state == JobState::Running => "pausing".to_owned(),
+            (false, true, _) => "paused".to_owned(),
+            (false, false, Some(class)) => format!("{}: {class}", job.state),
+            (false, false, None) => job.state.to_string(),
         };
         let done = match job.state {
             JobState::Succeeded => Some(1.0),

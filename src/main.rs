@@ -17,6 +17,7 @@ mod list;
 mod meshes;
 mod openapi;
 mod output;
+mod pause;
 mod prune;
 mod results;
 mod retry;
@@ -74,6 +75,8 @@ enum Command {
     Effects(effects::Args),
     Validate(validate::Args),
     Cancel(cancel::Args),
+    Pause(pause::Pause),
+    Resume(pause::Resume),
     Retry(retry::Args),
     Extend(extend::Args),
     Delete(delete::Args),
@@ -128,6 +131,8 @@ impl Command {
             Self::Effects(args) => effects::execute(args).await,
             Self::Validate(args) => validate::execute(&args),
             Self::Cancel(args) => cancel::execute(args).await,
+            Self::Pause(args) => pause::pause(args).await,
+            Self::Resume(args) => pause::resume(args).await,
             Self::Drain(args) => drain::execute(args).await,
             Self::Retry(args) => retry::execute(args).await,
             Self::Extend(args) => extend::execute(args).await,

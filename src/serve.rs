@@ -52,6 +52,12 @@ pub(crate) struct ServerArgs {
     /// Maximum size of the frames of one job; recording stops at the limit
     #[arg(long, default_value_t = ServerConfig::default().max_frames_bytes / 1_000_000, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     max_frames_mb: u64,
+    /// Wall time between the checkpoints of a running job, such as 30s, 5m or 1h; 0 turns checkpoints off
+    #[arg(long, default_value = "5m", value_name = "TIME", value_parser = interval)]
+    checkpoint_interval: Duration,
+    /// Maximum size of a checkpoint; without a checkpoint, a job that is handed back begins again
+    #[arg(long, default_value_t = ServerConfig::default().max_checkpoint_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    checkpoint_limit_mib: u64,
     /// Maximum number of requests per second for each token, or for all clients without tokens; 0 means no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
@@ -89,6 +95,8 @@ impl ServerArgs {
             max_jobs_per_sweep: self.max_jobs,
             max_body_bytes: self.max_body_bytes,
             max_frames_bytes: self.max_frames_mb * 1_000_000,
+            checkpoint_interval: self.checkpoint_interval,
+            max_checkpoint_bytes: self.checkpoint_limit_mib << 20,
             max_requests_per_s: self.max_requests_per_s,
             max_connections: self.max_connections,
             prune_after: self.prune_after,
@@ -113,6 +121,23 @@ fn connections(text: &str) -> Result<usize, String> {
     }
 }
 
+/// Parses a wall time such as `30s`. The maximum is a week.
+fn interval(text: &str) -> Result<Duration, String> {
+    let error = || "write 0, or a time from 1s to 168h, such as 30s, 5m or 1h".to_owned();
+    if text == "0" {
+        return Ok(Duration::ZERO);
+    }
+    let (number, unit) = text.split_at_checked(text.len().saturating_sub(1)).ok_or_else(error)?;
+    let seconds = match unit {
+        "s" => 1,
+        "m" => 60,
+        "h" => 3600,
+        _ => return Err(error()),
+    };
+    let time = number.parse().ok().and_then(|number: u64| number.checked_mul(seconds));
+    time.filter(|time| (1..=7 * 24 * 3600).contains(time)).map(Duration::from_secs).ok_or_else(error)
+}
+
 fn pause(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
@@ -128,5 +153,21 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.05..=86_400.0).contains(&seconds) => Ok(seconds),
         _ => Err("write a number of seconds from 0.05 to 86400".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_is_zero_or_a_number_and_a_unit() {
+        for (text, seconds) in [("0", 0), ("1s", 1), ("30s", 30), ("5m", 300), ("168h", 604_800)] {
+            assert_eq!(interval(text), Ok(Duration::from_secs(seconds)), "{text}");
+        }
+        for text in ["", "s", "30", "0s", "169h", "-1s", "1.5m", "5 m", "1d", "99999999999999999999h", "5é"]
+        {
+            assert!(interval(text).is_err(), "{text}");
+        }
     }
 }

@@ -43,6 +43,19 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                 if let Some(progress) = job.progress.as_ref().filter(|_| !job.state.is_ended()) {
                     print_line(format_args!("{}", run::describe(progress)))?;
                 }
+                if let Some(resumed_from_s) = job.resumed_from_s {
+                    let attempt = job.attempt;
+                    print_line(format_args!(
+                        "attempt {attempt} continues from {resumed_from_s:.3} s of simulated time"
+                    ))?;
+                }
+                if let Some(checkpoint) = &job.checkpoint {
+                    let (simulated_s, mib) =
+                        (checkpoint.simulated_s, checkpoint.bytes as f64 / f64::from(1 << 20));
+                    print_line(format_args!(
+                        "checkpoint at {simulated_s:.3} s of simulated time, {mib:.1} MiB"
+                    ))?;
+                }
                 if let Some(message) = &job.failure_message {
                     print_line(format_args!("{message}"))?;
                 }
