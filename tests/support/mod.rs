@@ -302,11 +302,15 @@ impl Sandbox {
 
     /// The response of the API to a GET.
     pub(crate) fn get(&self, path: &str) -> Value {
-        let text = self.runtime.block_on(async {
+        serde_json::from_str(&self.text(path)).unwrap()
+    }
+
+    /// The same as text.
+    pub(crate) fn text(&self, path: &str) -> String {
+        self.runtime.block_on(async {
             let answer = reqwest::get(format!("{}{path}", self.address)).await.unwrap();
             answer.error_for_status().unwrap().text().await.unwrap()
-        });
-        serde_json::from_str(&text).unwrap()
+        })
     }
 
     /// Whether the response to a GET has this status.

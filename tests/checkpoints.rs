@@ -1,0 +1,138 @@
+//! Checkpoints between real processes: a job goes on after a signal, a kill and a pause, and its result is that of an undisturbed run.
+
+mod support;
+
+use std::path::{Path, PathBuf};
+
+use roost_api::job::{JobState, JobView};
+use serde_json::Value;
+
+use support::{Sandbox, fraction, run, slow_scenario, stdout};
+
+/// Simulated time of the scenario: some seconds of wall time.
+const DURATION_S: f64 = 15.0;
+
+/// The parts of a result that do not depend on wall time.
+fn physics(result: &Value) -> [Value; 4] {
+    ["responses", "series", "curves", "end_reason"].map(|name| result[name].clone())
+}
+
+/// The result of an undisturbed run.
+fn undisturbed(sandbox: &Sandbox) -> [Value; 4] {
+    let (file, folder) = (sandbox.file("run.json", &slow_scenario(DURATION_S)), sandbox.path("run"));
+    let folder = folder.display().to_string();
+    stdout(&run(&["run", "--backend", "cpu", "--threads", "1", "-o", &folder, &file]));
+    let result = std::fs::read(Path::new(&folder).join("result.json")).unwrap();
+    physics(&serde_json::from_slice(&result).unwrap())
+}
+
+/// Waits for the result of a job, and compares it.
+#[track_caller]
+fn expect_same(sandbox: &Sandbox, job: &JobView, expected: &[Value; 4]) -> JobView {
+    let done = sandbox.wait_for_job(job, "the job has ended", |job| job.state.is_ended());
+    assert_eq!(done.state, JobState::Succeeded, "{done:?}");
+    let result = sandbox.get(&format!("/v1/jobs/{}/result", job.id));
+    assert!(physics(&result) == *expected, "the result differs");
+    assert_eq!(done.checkpoint, None, "deleted with the result");
+    done
+}
+
+fn objects(sandbox: &Sandbox) -> Vec<PathBuf> {
+    let list =
+        |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let folders = list(&sandbox.path("data").join("objects")).filter(|folder| !folder.ends_with("uploads"));
+    folders.flat_map(|folder| list(&folder).collect::<Vec<_>>()).collect()
+}
+
+#[test]
+fn a_job_continues_after_sigterm_with_the_result_of_an_undisturbed_run() {
+    let _undisturbed = support::timing_lock();
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let _server = sandbox.start_server();
+    let worker = sandbox.start_worker("first");
+    let job = sandbox.submit(&slow_scenario(DURATION_S));
+    sandbox.wait_for_job(&job, "the job is under way", |job| fraction(job) > 0.1);
+    worker.terminate();
+    assert!(worker.wait().0.success());
+    let back = sandbox.job(&job).unwrap();
+    let checkpoint = back.checkpoint.clone().expect("stored before the worker ended");
+    assert_eq!((back.state, back.attempt, back.resumed_from_s), (JobState::Queued, 1, None));
+    assert!(checkpoint.simulated_s > 0.0 && checkpoint.attempt == 1, "{checkpoint:?}");
+    let status = stdout(&sandbox.roost(&["status", &job.id.to_string()]));
+    assert!(status.contains("checkpoint at "), "{status}");
+    let metrics = support::wait_until("metrics", || {
+        let metrics = sandbox.text("/metrics");
+        metrics.contains(r#"roost_attempts_total{outcome="preempted"} 1"#).then_some(metrics)
+    });
+    assert!(metrics.contains(r#"roost_attempts_total{outcome="lost"} 0"#), "{metrics}");
+
+    let _next = sandbox.start_worker("second");
+    let done = expect_same(&sandbox, &job, &expected);
+    assert_eq!((done.attempt, done.resumed_from_s), (2, Some(checkpoint.simulated_s)));
+    support::wait_until("the checkpoint is deleted", || objects(&sandbox).is_empty().then_some(()));
+}
+
+#[test]
+fn a_job_continues_from_its_last_checkpoint_after_a_kill() {
+    let _undisturbed = support::timing_lock();
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let _server = sandbox.start_server_with(&["--lease-s", "2", "--checkpoint-interval", "1s"]);
+    let worker = sandbox.start_worker("first");
+    let job = sandbox.submit(&slow_scenario(DURATION_S));
+    sandbox.wait_for_job(&job, "a checkpoint", |job| job.checkpoint.is_some());
+    worker.kill();
+    let _next = sandbox.start_worker("second");
+    let done = expect_same(&sandbox, &job, &expected);
+    assert_eq!(done.attempt, 2);
+    assert!(done.resumed_from_s.is_some_and(|from_s| from_s > 0.0), "{done:?}");
+}
+
+#[test]
+fn a_damaged_checkpoint_is_discarded_and_the_job_begins_at_zero() {
+    let _undisturbed = support::timing_lock();
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let _server = sandbox.start_server();
+    let worker = sandbox.start_worker("first");
+    let job = sandbox.submit(&slow_scenario(DURATION_S));
+    sandbox.wait_for_job(&job, "the job is under way", |job| fraction(job) > 0.1);
+    worker.terminate();
+    assert!(worker.wait().0.success());
+    let [object] = &objects(&sandbox)[..] else { panic!("one object") };
+    let mut bytes = std::fs::read(object).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(object, bytes).unwrap();
+    let next = sandbox.start_worker("second");
+    let done = expect_same(&sandbox, &job, &expected);
+    assert_eq!((done.attempt, done.resumed_from_s), (2, None));
+    assert!(next.log().contains("the run begins at zero"), "{}", next.log());
+}
+
+#[test]
+fn a_paused_job_is_handed_back_and_continues_after_its_resume() {
+    let _undisturbed = support::timing_lock();
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("worker");
+    let job = sandbox.submit(&slow_scenario(DURATION_S));
+    sandbox.wait_for_job(&job, "the job is under way", |job| fraction(job) > 0.1);
+    let id = job.id.to_string();
+    stdout(&sandbox.roost(&["pause", &id]));
+    let paused = sandbox.wait_for_job(&job, "it is handed back", |job| job.state == JobState::Queued);
+    assert!(paused.paused && paused.checkpoint.is_some(), "{paused:?}");
+    let other = sandbox.submit(&support::hopper_scenario(0.2));
+    sandbox.wait_for_job(&other, "the worker does other work", |job| job.state == JobState::Succeeded);
+    assert_eq!(sandbox.job(&job).unwrap().attempt, 1, "nobody claims it");
+    let list = stdout(&sandbox.roost(&["list", "--jobs"]));
+    assert!(list.contains("paused"), "{list}");
+
+    let resumed = stdout(&sandbox.roost(&["resume", "--json", &id]));
+    assert!(resumed.contains(r#""paused": false"#) || resumed.contains(r#""paused":false"#), "{resumed}");
+    let done = expect_same(&sandbox, &job, &expected);
+    assert_eq!(done.attempt, 2);
+    assert!(done.resumed_from_s.is_some_and(|from_s| from_s > 0.0), "{done:?}");
+}
