@@ -41,6 +41,7 @@ DEVICE=$(curl -s $R/v1/jobs/$DONE/result | sed -n 's/.*"device":"\([^"]*\)".*/\1
 curl -s $R/v1/workers --json '{"worker_id": "'$WORKER'", "name": "again", "api_version": "v1", "solver_revision": '$REVISION',
   "backend": "cpu", "device": "'"$DEVICE"'", "threads": 1}'"#
         }
+        "PUT /v1/jobs/{id}/attempts/{n}/checkpoint" => "printf 'a checkpoint' > run.checkpoint",
         "POST /v1/jobs/{id}/attempts/{n}/result" => {
             r#"printf '{"worker_id": "%s", "result": %s}' $WORKER "$(curl -s $R/v1/jobs/$DONE/result)" > delivery.json"#
         }
@@ -81,12 +82,13 @@ fn every_example_of_the_api_succeeds() {
     let again = json!({"scenario": hopper_scenario(0.2), "cache": "bypass", "priority": 100});
     std::fs::write(sandbox.path("again.json"), again.to_string()).unwrap();
     let mut script = format!(
-        "set -euo pipefail\ntrap 'cat out >&2' EXIT\ncd '{}'\nR={}\nDONE={}\nFRAMED={}\nREVISION={}\nSLICE= JOB= SWEEP= WORKER= MESH=\n{}",
+        "set -euo pipefail\ntrap 'cat out >&2' EXIT\ncd '{}'\nR={}\nDONE={}\nFRAMED={}\nREVISION={}\nDIGEST={}\nSLICE= JOB= SWEEP= WORKER= MESH=\n{}",
         sandbox.folder.path().display(),
         sandbox.address,
         done.id,
         framed["id"].as_str().unwrap(),
         roost_solver::SOLVER_REVISION,
+        roost_solver::mesh::digest(b"a checkpoint"),
         // An event stream ends only by the timeout of curl (28).
         r#"curl() { command curl --fail-with-body "$@" || [ $? = 28 ]; }
 b3sum() { echo $MESH; }
@@ -122,6 +124,8 @@ submit() { curl -s $R/v1/jobs --json @again.json | sed -n 's/^{"id":"\([^"]*\)".
     assert_eq!(answer("POST /v1/sweeps/{id}/extend")["points"], 9, "a grid of 2 × 3 with one more gate");
     assert_eq!(answer("DELETE /v1/sweeps/{id}")["dry_run"], true);
     assert_eq!(answer("POST /v1/jobs/{id}/attempts/{n}/result")["recorded"], true);
+    assert_eq!(answer("PUT /v1/jobs/{id}/attempts/{n}/checkpoint")["recorded"], true);
+    assert_eq!(std::fs::read(sandbox.path("stored.checkpoint")).unwrap(), b"a checkpoint");
     assert_eq!(&std::fs::read(sandbox.path("results.parquet")).unwrap()[..4], b"PAR1");
     assert!(std::fs::read_to_string(sandbox.path("results.csv")).unwrap().starts_with("job_id,point,"));
 }

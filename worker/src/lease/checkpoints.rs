@@ -20,7 +20,7 @@ const PART_BYTES: usize = 4 << 20;
 const MAX_TRIES: u32 = 5;
 
 /// Time for the upload of the last checkpoint of a run that is handed back. The service manager kills the worker soon.
-const LAST_UPLOAD: Duration = Duration::from_secs(5);
+const LAST_UPLOAD: Duration = Duration::from_secs(4);
 
 /// Uploads the checkpoints of a run, one at a time and beside it.
 #[derive(Debug)]
