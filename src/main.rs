@@ -1,6 +1,7 @@
 //! The `roost` command: one file per subcommand. `roost reproduce` and `roost bench` are crates of their own.
 
 mod cancel;
+mod checkpoints;
 mod completions;
 mod copies;
 mod delete;
@@ -13,6 +14,7 @@ mod exit;
 mod extend;
 mod farm;
 mod frames;
+mod interval;
 mod list;
 mod meshes;
 mod openapi;

@@ -11,10 +11,11 @@ use roost_terminal::progress::Bar;
 use roost_terminal::{
     BadInput, Exit, Table, format, input, message, print_json, print_line, print_lines, signals, threads,
 };
-use roost_worker::runner::{Resources, Run, RunEnd, Stop};
+use roost_worker::runner::{Extras, Resources, Run, RunEnd, Stop};
 use serde_json::json;
 use tokio_util::sync::CancellationToken;
 
+use crate::checkpoints::CheckpointArgs;
 use crate::device::DeviceArgs;
 use crate::document::DocumentKind;
 use crate::frames::{FrameArgs, Frames};
@@ -22,7 +23,7 @@ use crate::{frames, meshes, output};
 
 /// Simulate one scenario without a server
 ///
-/// Writes result.json, series.csv and curve.svg. Ctrl-C stops the simulation and writes the result so far.
+/// Writes result.json, series.csv and curve.svg. Ctrl-C stops the simulation and writes the result so far; with --checkpoint-every the same command then continues.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// JSON file with the scenario; `-` reads stdin
@@ -43,6 +44,8 @@ pub(crate) struct Args {
     json: bool,
     #[command(flatten)]
     frames: FrameArgs,
+    #[command(flatten)]
+    checkpoints: CheckpointArgs,
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
@@ -83,8 +86,12 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     );
     let mut frames = args.frames.prepare(&scenario, estimate)?;
     let pictures = frames.as_ref().map(Frames::pictures);
-    let run = Run::start_checked(checked, resources, pictures);
-    let end = follow(run, &shutdown, || frames.as_mut()?.warning()).await;
+    let (checkpoints, extras) =
+        args.checkpoints.prepare(&args.output, &resources.device, &checked, pictures.is_some())?;
+    let run = Run::start_checked(checked, resources, Extras { frames: pictures, ..extras });
+    let warning = || frames.as_mut().and_then(Frames::warning).or_else(|| checkpoints.warning());
+    let end = follow(run, &shutdown, warning).await;
+    checkpoints.finish(matches!(end, RunEnd::Finished(_))).await;
     let report = frames.as_mut().map(Frames::finish);
     let (result, exit) = match end {
         RunEnd::Finished(result) => (result, Exit::Done),

@@ -8,6 +8,8 @@ use anyhow::Result;
 use roost_server::{Bucket, Limits, RetryLimit, RetryPolicy, Server, ServerConfig};
 use roost_terminal::{Exit, print_line, signals};
 
+use crate::interval::interval;
+
 /// Run the server: the queue, the sweeps and the HTTP API
 ///
 /// All data is in the data folder. On SIGTERM or Ctrl-C the server completes open requests and exits. Running jobs continue at
@@ -121,23 +123,6 @@ fn connections(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Parses a wall time such as `30s`. The maximum is a week.
-fn interval(text: &str) -> Result<Duration, String> {
-    let error = || "write 0, or a time from 1s to 168h, such as 30s, 5m or 1h".to_owned();
-    if text == "0" {
-        return Ok(Duration::ZERO);
-    }
-    let (number, unit) = text.split_at_checked(text.len().saturating_sub(1)).ok_or_else(error)?;
-    let seconds = match unit {
-        "s" => 1,
-        "m" => 60,
-        "h" => 3600,
-        _ => return Err(error()),
-    };
-    let time = number.parse().ok().and_then(|number: u64| number.checked_mul(seconds));
-    time.filter(|time| (1..=7 * 24 * 3600).contains(time)).map(Duration::from_secs).ok_or_else(error)
-}
-
 fn pause(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
@@ -153,21 +138,5 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.05..=86_400.0).contains(&seconds) => Ok(seconds),
         _ => Err("write a number of seconds from 0.05 to 86400".to_owned()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_interval_is_zero_or_a_number_and_a_unit() {
-        for (text, seconds) in [("0", 0), ("1s", 1), ("30s", 30), ("5m", 300), ("168h", 604_800)] {
-            assert_eq!(interval(text), Ok(Duration::from_secs(seconds)), "{text}");
-        }
-        for text in ["", "s", "30", "0s", "169h", "-1s", "1.5m", "5 m", "1d", "99999999999999999999h", "5é"]
-        {
-            assert!(interval(text).is_err(), "{text}");
-        }
     }
 }

@@ -136,3 +136,68 @@ fn a_paused_job_is_handed_back_and_continues_after_its_resume() {
     assert_eq!(done.attempt, 2);
     assert!(done.resumed_from_s.is_some_and(|from_s| from_s > 0.0), "{done:?}");
 }
+
+/// The result in a folder, without its cost.
+fn physics_in(folder: &str) -> [Value; 4] {
+    physics(&serde_json::from_slice(&std::fs::read(Path::new(folder).join("result.json")).unwrap()).unwrap())
+}
+
+#[test]
+fn a_run_continues_from_its_checkpoint_after_an_interrupt() {
+    let _undisturbed = support::timing_lock();
+    let sandbox = Sandbox::new();
+    let expected = undisturbed(&sandbox);
+    let file = sandbox.file("run.json", &slow_scenario(DURATION_S));
+    let folder = sandbox.path("saved").display().to_string();
+    let saved = sandbox.path("saved").join("checkpoint.roost");
+    let arguments =
+        ["run", "--backend", "cpu", "--threads", "1", "--checkpoint-every", "1s", "-o", &folder, &file];
+    let mut command = support::roost();
+    let child = command.args(arguments).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    support::wait_until("a checkpoint", || saved.exists().then_some(()));
+    support::signal(child.id(), "INT");
+    let stopped = child.wait_with_output().unwrap();
+    let log = String::from_utf8_lossy(&stopped.stderr).into_owned();
+    assert!(!stopped.status.success() && log.contains("the same command continues from"), "{log}");
+
+    // Another seed is another run, and nothing is lost.
+    let other = run(&[&arguments[..], &["--seed", "99"]].concat());
+    let log = support::transcript(&other);
+    assert!(
+        !other.status.success() && log.contains("of another scenario") && log.contains("--from-start"),
+        "{log}"
+    );
+    let bytes = std::fs::read(&saved).unwrap();
+    std::fs::write(&saved, &bytes[..bytes.len() / 2]).unwrap();
+    let damaged = support::transcript(&run(&arguments));
+    assert!(damaged.contains("the checkpoint is damaged"), "{damaged}");
+    std::fs::write(&saved, bytes).unwrap();
+
+    let continued = run(&arguments);
+    let log = support::transcript(&continued);
+    assert!(continued.status.success() && log.contains("continues from the checkpoint at "), "{log}");
+    assert!(physics_in(&folder) == expected, "the result differs");
+    assert!(!saved.exists(), "deleted at the end");
+}
+
+#[test]
+fn runs_that_differ_in_the_gate_share_their_fill_and_no_bit_differs() {
+    let sandbox = Sandbox::new();
+    let mut scenario = support::hopper_scenario(0.3);
+    let fills = sandbox.path("fills").display().to_string();
+    let mut run_with = |gate_m: f64, more: &[&str]| {
+        scenario["equipment"]["gate_opening_m"] = gate_m.into();
+        let file = sandbox.file("gate.json", &scenario);
+        let folder = sandbox.path(&format!("gate-{gate_m}-{}", more.len())).display().to_string();
+        let output = run(&[&["run", "--backend", "cpu", "-o", &folder, &file][..], more].concat());
+        let log = support::transcript(&output);
+        assert!(output.status.success(), "{log}");
+        (physics_in(&folder), log.contains("starts from a hopper filled before"))
+    };
+    let shared = ["--fills", fills.as_str()];
+    assert!(!run_with(0.04, &shared).1, "the first one fills");
+    let (other, is_shared) = run_with(0.07, &shared);
+    let (own, has_own_fill) = run_with(0.07, &["--no-shared-fill"]);
+    assert!(is_shared && !has_own_fill);
+    assert!(other == own, "the result differs");
+}

@@ -104,7 +104,7 @@ fn reproduce(args: &Args, should_stop: &dyn Fn() -> bool) -> Result<Exit> {
     write_report(&args.output, profile, &plan, &ends)?;
     let mut progress = Progress::new(&plan, &order);
     let threads = threads::count(args.threads);
-    scheduler::run_all(&plan.tasks, &order, threads, should_stop, &mut |event| {
+    scheduler::run_all(&plan.tasks, &order, threads, &store, should_stop, &mut |event| {
         match event {
             Event::Progress(index, fraction) => progress.update(index, fraction),
             Event::Ended(index, end) => {

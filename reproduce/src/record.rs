@@ -4,9 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use roost_solver::SOLVER_REVISION;
 use roost_solver::result::{EndReason, RunResult};
-use roost_terminal::BadInput;
+use roost_solver::{Checkpoint, SOLVER_REVISION};
+use roost_terminal::{BadInput, files};
 use serde::{Deserialize, Serialize};
 
 use crate::picture::{Moment, Picture, Shot, View};
@@ -85,13 +85,43 @@ impl Store {
     /// Saves a record atomically.
     pub(crate) fn save(&self, record: &Record) -> Result<()> {
         let path = self.path(&record.result.scenario_digest);
-        write_atomically(&path, &serde_json::to_vec(record)?)
+        write_atomically(&path, &serde_json::to_vec(record)?)?;
+        // What is left of its checkpoint has no more use.
+        self.checkpoint_files(&record.result.scenario_digest).iter().for_each(|file| {
+            let _ = fs::remove_file(file);
+        });
+        Ok(())
+    }
+
+    /// Files of a checkpoint, and of the pictures taken before it.
+    fn checkpoint_files(&self, digest: &str) -> [PathBuf; 2] {
+        ["checkpoint", "pictures"].map(|part| self.0.join(format!("{digest}-{SOLVER_REVISION}.{part}")))
+    }
+
+    /// Saves a run in progress, with the pictures taken so far.
+    pub(crate) fn save_checkpoint(
+        &self,
+        digest: &str,
+        saved: &Checkpoint,
+        pictures: &[Picture],
+    ) -> Result<()> {
+        let [checkpoint, beside] = self.checkpoint_files(digest);
+        // In this order: pictures that are later than the checkpoint are taken again.
+        write_atomically(&beside, &serde_json::to_vec(pictures)?)?;
+        write_atomically(&checkpoint, &saved.to_bytes())
+    }
+
+    /// The checkpoint of a run and the pictures taken before it, if both can be read.
+    pub(crate) fn load_checkpoint(&self, digest: &str) -> Option<(Checkpoint, Vec<Picture>)> {
+        let [checkpoint, beside] = self.checkpoint_files(digest);
+        let saved = Checkpoint::from_bytes(&fs::read(checkpoint).ok()?).ok()?;
+        let mut pictures: Vec<Picture> = serde_json::from_slice(&fs::read(beside).ok()?).ok()?;
+        pictures.retain(|picture| picture.simulated_s <= saved.head.simulated_s);
+        Some((saved, pictures))
     }
 }
 
-/// Writes a temporary file and renames it, so that a reader sees the whole content or none.
+/// Writes a file whole or not at all.
 pub(crate) fn write_atomically(path: &Path, content: &[u8]) -> Result<()> {
-    let temporary = path.with_extension("part");
-    let written = fs::write(&temporary, content).and_then(|()| fs::rename(&temporary, path));
-    written.with_context(|| format!("cannot write {}", path.display()))
+    files::write_atomically(path, content).with_context(|| format!("cannot write {}", path.display()))
 }

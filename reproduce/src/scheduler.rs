@@ -4,15 +4,18 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use roost_solver::engine::run::Snapshot;
 use roost_solver::result::{EndReason, Phase};
-use roost_solver::{Checked, CpuOptions, Flow, Observer, Progress, simulate};
+use roost_solver::{
+    self as solver, Checked, Checkpoint, Computer, CpuOptions, Flow, Observer, Progress, simulate,
+};
+use roost_terminal::message;
 
 use crate::picture::{Moment, Picture, Shot};
-use crate::record::{Record, machine_name};
+use crate::record::{Record, Store, machine_name};
 
 /// A run gets a further thread for this many sub-particles.
 const SUBPARTICLES_PER_THREAD: u64 = 2000;
@@ -28,6 +31,9 @@ pub(crate) struct Task {
     /// Estimated wall time on two threads, in seconds.
     pub(crate) cost_s: f64,
 }
+
+/// Wall time between two checkpoints of a simulation.
+const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
 
 /// An event of a task, with the index of the task.
 pub(crate) enum Event {
@@ -46,6 +52,7 @@ pub(crate) fn run_all(
     tasks: &[Task],
     order: &[usize],
     threads: usize,
+    store: &Store,
     should_stop: &dyn Fn() -> bool,
     on_event: &mut dyn FnMut(Event) -> Result<()>,
 ) -> Result<()> {
@@ -66,7 +73,7 @@ pub(crate) fn run_all(
                 free_threads -= threads;
                 running.push((index, threads));
                 let (sender, cancelled) = (sender.clone(), &cancelled);
-                scope.spawn(move || run(index, task, threads, cancelled, &sender));
+                scope.spawn(move || run(index, task, threads, store, cancelled, &sender));
             }
             if running.is_empty() {
                 break;
@@ -94,12 +101,34 @@ pub(crate) fn run_all(
     outcome
 }
 
-fn run(index: usize, task: &Task, threads: usize, cancelled: &AtomicBool, events: &Sender<Event>) {
+fn run(
+    index: usize,
+    task: &Task,
+    threads: usize,
+    store: &Store,
+    cancelled: &AtomicBool,
+    events: &Sender<Event>,
+) {
     let compute = || {
-        let (last_pictures, pictures) = Default::default();
-        let mut observer =
-            TaskObserver { index, task, cancelled, events, progress: None, last_pictures, pictures };
-        let result = simulate(&task.checked, CpuOptions { threads }, &mut observer);
+        let (from, pictures) = store.load_checkpoint(&task.digest).unzip();
+        let mut observer = TaskObserver {
+            index,
+            task,
+            store,
+            cancelled,
+            events,
+            progress: None,
+            last_pictures: Vec::new(),
+            pictures: pictures.unwrap_or_default(),
+            saved_at: Instant::now(),
+        };
+        let computer = Computer::Cpu(CpuOptions { threads });
+        let result = computer.simulate_from(&task.checked, from.as_ref(), &mut observer);
+        let result = result.unwrap_or_else(|error| {
+            message!("{error}; the simulation begins at zero");
+            observer.pictures.clear();
+            simulate(&task.checked, CpuOptions { threads }, &mut observer)
+        });
         let pictures = observer.pictures.into_iter().chain(observer.last_pictures);
         Record {
             result,
@@ -123,12 +152,15 @@ fn panic_message(payload: &(dyn Any + Send)) -> String {
 struct TaskObserver<'a> {
     index: usize,
     task: &'a Task,
+    store: &'a Store,
     cancelled: &'a AtomicBool,
     events: &'a Sender<Event>,
     progress: Option<Progress>,
     /// Pictures of the latest sample; the run may end after any sample.
     last_pictures: Vec<Picture>,
     pictures: Vec<Picture>,
+    /// Moment of the last checkpoint.
+    saved_at: Instant,
 }
 
 impl TaskObserver<'_> {
@@ -148,6 +180,18 @@ impl Observer for TaskObserver<'_> {
         let _ = self.events.send(Event::Progress(self.index, progress.fraction));
         self.progress = Some(progress.clone());
         if self.cancelled.load(Ordering::Relaxed) { Flow::Cancel } else { Flow::Continue }
+    }
+
+    fn wants_checkpoint(&mut self, moment: solver::Moment) -> bool {
+        let is_stopped = self.cancelled.load(Ordering::Relaxed);
+        moment == solver::Moment::Step && (is_stopped || self.saved_at.elapsed() >= CHECKPOINT_INTERVAL)
+    }
+
+    fn checkpoint(&mut self, checkpoint: Checkpoint) {
+        self.saved_at = Instant::now();
+        if let Err(error) = self.store.save_checkpoint(&self.task.digest, &checkpoint, &self.pictures) {
+            message!("a checkpoint was not saved: {error}");
+        }
     }
 
     fn wants_snapshot(&self, _simulated_s: f64) -> bool {
@@ -198,7 +242,9 @@ mod tests {
         let shots = moments.map(|when| Shot { view: View::Side, when });
         let tasks = [sample_task(1, shots.to_vec()), sample_task(2, Vec::new()), sample_task(3, Vec::new())];
         let mut ended = Vec::new();
-        run_all(&tasks, &[0, 2], 2, &|| false, &mut |event| {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::in_folder(folder.path().to_owned());
+        run_all(&tasks, &[0, 2], 2, &store, &|| false, &mut |event| {
             if let Event::Ended(index, record) = event {
                 ended.push((index, record.unwrap()));
             }
@@ -227,7 +273,10 @@ mod tests {
         .unwrap();
         long.checked = checked(&scenario);
         let (mut ended, mut started) = (0, Vec::new());
-        run_all(&[long, sample_task(2, Vec::new())], &[0, 1], 1, &|| true, &mut |event| {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::in_folder(folder.path().to_owned());
+        let digest = long.digest.clone();
+        run_all(&[long, sample_task(2, Vec::new())], &[0, 1], 1, &store, &|| true, &mut |event| {
             match event {
                 Event::Ended(..) => ended += 1,
                 Event::Progress(index, _) => started.push(index),
@@ -237,5 +286,6 @@ mod tests {
         .unwrap();
         started.dedup();
         assert_eq!((ended, started), (0, vec![0]));
+        assert!(store.load_checkpoint(&digest).is_some(), "it continues from there");
     }
 }

@@ -23,7 +23,7 @@ pub mod walls;
 
 pub use check::{Checked, Limits, check};
 pub use engine::OutOfDeviceMemory;
-pub use engine::checkpoint::{Checkpoint, CheckpointError, Moment};
+pub use engine::checkpoint::{Checkpoint, CheckpointError, Moment, Stamp};
 pub use engine::run::Observer;
 use result::RunResult;
 pub use result::{Flow, Progress, SOLVER_REVISION, VERSION};
@@ -95,6 +95,16 @@ impl Computer {
             #[cfg(feature = "gpu")]
             Self::Gpu(gpu) => gpu::catch_out_of_memory(|| simulate_on(&**gpu, checked, from, observer))??,
         })
+    }
+
+    /// What the checkpoints of a scenario's run on this device belong to.
+    pub fn stamp(&self, checked: &Checked) -> Stamp {
+        let name = match self {
+            Self::Cpu(_) => "cpu",
+            #[cfg(feature = "gpu")]
+            Self::Gpu(_) => "gpu",
+        };
+        simulate::stamp(name, &self.device(), checked.scenario())
     }
 
     /// Whether its device was lost, so that it computes nothing any more.

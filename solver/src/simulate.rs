@@ -3,10 +3,10 @@
 use serde_json::{Map, Value};
 
 use crate::check::Checked;
+use crate::engine::Backend;
 use crate::engine::checkpoint::{Checkpoint, CheckpointError, Stamp};
 use crate::engine::run::{ExperimentMonitor, Observer};
 use crate::engine::simulation::run;
-use crate::engine::{Backend, BackendInfo};
 use crate::experiments::{warning_count, warnings_of_responses};
 use crate::result::{EndReason, RunResult, SCHEMA, SOLVER_REVISION, SolverInfo, VERSION, Warning};
 use crate::scenario::Scenario;
@@ -22,12 +22,12 @@ pub fn simulate_on<B: Backend>(
     observer: &mut dyn Observer,
 ) -> Result<RunResult, CheckpointError> {
     let (setup, scenario) = (checked.setup(), checked.scenario());
-    let stamp = stamp(&backend.info(), scenario);
+    let info = backend.info();
+    let stamp = stamp(&info.name, &info.device, scenario);
     from.map_or(Ok(()), |from| from.fits(&stamp))?;
     let mut monitor = setup.monitor();
     let ended = run(backend, setup.scene(), setup.plan(), &stamp, from, &mut *monitor, observer)?;
     let (responses, warnings) = evaluate(checked, &*monitor, ended.reason);
-    let info = backend.info();
     Ok(RunResult {
         schema: SCHEMA.to_owned(),
         responses,
@@ -51,9 +51,8 @@ pub fn simulate_on<B: Backend>(
 }
 
 /// What the checkpoints of a scenario's run belong to.
-fn stamp(info: &BackendInfo, scenario: &Scenario) -> Stamp {
-    let device = format!("{} {}", info.name, info.device);
-    Stamp::new(device, scenario.digest(), scenario.fill_digest())
+pub(crate) fn stamp(backend: &str, device: &str, scenario: &Scenario) -> Stamp {
+    Stamp::new(format!("{backend} {device}"), scenario.digest(), scenario.fill_digest())
 }
 
 /// Responses and warnings. A cancelled run has no responses, and only the warnings of its scenario.

@@ -7,11 +7,11 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 seconds=${1:-600}
 targets=("${@:2}")
-[ ${#targets[@]} -gt 0 ] || targets=(scenario sweep stl frames result)
+[ ${#targets[@]} -gt 0 ] || targets=(scenario sweep stl frames result checkpoint)
 out=$PWD/target/fuzz
 seeds=$out/seeds
 rm -rf "$seeds"
-mkdir -p "$seeds"/{scenario,sweep,stl,frames,result}
+mkdir -p "$seeds"/{scenario,sweep,stl,frames,result,checkpoint}
 
 # Scenarios and sweeps: every JSON document of the pages, and the smallest scenario of each experiment.
 documents=$(mktemp -d)
@@ -77,6 +77,11 @@ ${ROOST:-cargo run --quiet --} run "$documents/run.json" -o "$documents/run" --f
 cp "$documents/frames/run.roostframes" "$seeds/frames/whole.roostframes"
 head -c -100 "$seeds/frames/whole.roostframes" > "$seeds/frames/cut.roostframes"
 cp "$documents/run/result.json" "$seeds/result"
+
+# Edits of a checkpoint: none, one, and a cut.
+printf "" > "$seeds/checkpoint/none"
+printf '\x10\0\0\0\x01' > "$seeds/checkpoint/one"
+printf '\x80' > "$seeds/checkpoint/cut"
 
 # The versions that everything else is built with.
 cp Cargo.lock tests/fuzz/Cargo.lock

@@ -35,6 +35,8 @@ pub(crate) fn roost() -> Command {
         .env_remove("ROOST_TOKEN")
         .env_remove("ROOST_LOG")
         .env_remove("ROOST_LOG_FORMAT")
+        // No test may depend on what another one has filled.
+        .env("ROOST_FILLS", "")
         .stdin(Stdio::null());
     command
 }

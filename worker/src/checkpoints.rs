@@ -16,6 +16,8 @@ pub struct CheckpointSlot(Arc<Shared>);
 
 struct Shared {
     interval: Duration,
+    /// Whether a cancelled run records one.
+    at_cancel: bool,
     state: Mutex<State>,
     changed: Notify,
 }
@@ -35,15 +37,25 @@ struct State {
 impl CheckpointSlot {
     /// An empty slot for a checkpoint at every interval of wall time.
     pub fn new(interval: Duration) -> Self {
+        Self::with(interval, false)
+    }
+
+    /// The same, with a last checkpoint when the run is cancelled.
+    pub fn also_at_cancel(interval: Duration) -> Self {
+        Self::with(interval, true)
+    }
+
+    fn with(interval: Duration, at_cancel: bool) -> Self {
         let state = State { newest: None, taken_at: Instant::now(), is_closed: false };
-        Self(Arc::new(Shared { interval, state: Mutex::new(state), changed: Notify::new() }))
+        Self(Arc::new(Shared { interval, at_cancel, state: Mutex::new(state), changed: Notify::new() }))
     }
 
     /// Whether the run shall record a checkpoint now: at the interval, and before it is handed back.
     pub(crate) fn wants(&self, stop: Option<Stop>) -> bool {
         match stop {
             Some(Stop::Release | Stop::Preempt) => true,
-            Some(Stop::Cancel | Stop::Abandon | Stop::Timeout) => false,
+            Some(Stop::Cancel) => self.0.at_cancel,
+            Some(Stop::Abandon | Stop::Timeout) => false,
             None => self.lock().taken_at.elapsed() >= self.0.interval,
         }
     }
@@ -83,8 +95,9 @@ impl CheckpointSlot {
 pub struct Resume {
     /// Loads it; none if it cannot be used, and the run begins at zero.
     pub checkpoint: Pin<Box<dyn Future<Output = Option<Checkpoint>> + Send>>,
-    /// Gets the reason when the solver refuses it. The run then begins at zero. Called in the run's thread.
-    pub refused: Box<dyn FnOnce(String) + Send>,
+    /// Gets the reason when the solver refuses it. The run then begins at zero. Called in the run's thread. Without it the run
+    /// fails.
+    pub refused: Option<Box<dyn FnOnce(String) + Send>>,
 }
 
 impl fmt::Debug for Resume {

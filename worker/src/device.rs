@@ -4,7 +4,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use roost_solver::result::RunResult;
-use roost_solver::{Checked, Checkpoint, Computer, CpuOptions, Observer, SimulateError};
+use roost_solver::{Checked, Checkpoint, Computer, CpuOptions, Observer, SimulateError, Stamp};
 
 use crate::memory_budget::{MemoryBudget, MemoryShare, PendingRun};
 
@@ -109,6 +109,17 @@ impl Device {
                 }
             },
         }
+    }
+
+    /// What the checkpoints of a scenario's run on this device belong to.
+    ///
+    /// # Errors
+    /// In words, when the adapter was lost and cannot be opened again.
+    pub fn stamp(&self, checked: &Checked) -> Result<Stamp, String> {
+        Ok(match &self.0 {
+            Some(adapter) => adapter.computer()?.stamp(checked),
+            None => Computer::Cpu(CpuOptions::default()).stamp(checked),
+        })
     }
 
     /// `cpu` or `gpu`.

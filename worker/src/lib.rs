@@ -6,6 +6,7 @@
 //! - [`runner`]: one simulation in a thread of its own, on a [`device`]
 //! - [`meshes`]: cache of STL files
 //! - [`checkpoints`]: from a run to its upload
+//! - [`fills`]: cache of filled states
 //! - [`outbox`]: finished results on disk until the server has confirmed them
 //! - `lease`: claims, heartbeats and deliveries
 //!
@@ -16,6 +17,7 @@ pub mod checkpoints;
 pub mod client;
 mod config;
 pub mod device;
+pub mod fills;
 mod lease;
 mod memory;
 mod memory_budget;

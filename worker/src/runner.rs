@@ -64,6 +64,8 @@ pub struct Extras {
     pub frames: Option<FrameObserver>,
     /// Takes its checkpoints.
     pub checkpoints: Option<CheckpointSlot>,
+    /// Takes its filled state.
+    pub fills: Option<CheckpointSlot>,
     /// Where it continues from; from zero without.
     pub resume: Option<Resume>,
 }
@@ -133,10 +135,11 @@ impl Run {
     }
 
     /// Starts a checked scenario. Must be called within a tokio runtime.
-    pub fn start_checked(checked: Checked, resources: Resources, frames: Option<FrameObserver>) -> Self {
+    pub fn start_checked(checked: Checked, resources: Resources, mut extras: Extras) -> Self {
         let pending = resources.device.announce_run();
-        Self::start_with(None, frames.into(), async move {
-            let solve = solver(resources, checked, None).await;
+        let resume = extras.resume.take();
+        Self::start_with(None, extras, async move {
+            let solve = solver(resources, checked, resume).await;
             drop(pending);
             solve
         })
@@ -171,10 +174,10 @@ impl Run {
                     }
                     if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
                 };
-                let Extras { frames, checkpoints, .. } = extras;
+                let Extras { frames, checkpoints, fills, .. } = extras;
                 let stop = flag.clone();
                 let mut observer =
-                    RunObserver { report, stop, frames, checkpoints, copy, copied_at: started };
+                    RunObserver { report, stop, frames, checkpoints, fills, copy, copied_at: started };
                 let outcome = solve(&mut observer);
                 classify(outcome, flag.get(), max_wall_s)
             });
@@ -211,16 +214,18 @@ async fn solver(
         ReserveError::Failed(reason) => RunEnd::failed(AttemptOutcome::Worker, reason),
     })?;
     let (checkpoint, refused) = match resume {
-        Some(resume) => (resume.checkpoint.await, Some(resume.refused)),
+        Some(resume) => (resume.checkpoint.await, resume.refused),
         None => (None, None),
     };
-    Ok(move |observer: &mut dyn Observer| match reserved.simulate(&checked, checkpoint.as_ref(), observer) {
-        // Refused before the first step.
-        Err(SimulateError::Checkpoint(error)) => {
-            refused.into_iter().for_each(|refused| refused(error.to_string()));
-            reserved.simulate(&checked, None, observer)
+    Ok(move |observer: &mut dyn Observer| {
+        match (reserved.simulate(&checked, checkpoint.as_ref(), observer), refused) {
+            // Refused before the first step.
+            (Err(SimulateError::Checkpoint(error)), Some(refused)) => {
+                refused(error.to_string());
+                reserved.simulate(&checked, None, observer)
+            }
+            (outcome, _) => outcome,
         }
-        other => other,
     })
 }
 
@@ -271,6 +276,7 @@ struct RunObserver<F> {
     stop: StopFlag,
     frames: Option<FrameObserver>,
     checkpoints: Option<CheckpointSlot>,
+    fills: Option<CheckpointSlot>,
     copy: SharedRecorder,
     copied_at: Instant,
 }
@@ -292,12 +298,18 @@ impl<F: FnMut(&Progress) -> Flow> Observer for RunObserver<F> {
     }
 
     fn wants_checkpoint(&mut self, moment: Moment) -> bool {
-        let wants = |slot: &CheckpointSlot| slot.wants(self.stop.get());
-        moment == Moment::Step && self.checkpoints.as_ref().is_some_and(wants)
+        match moment {
+            Moment::Step => self.checkpoints.as_ref().is_some_and(|slot| slot.wants(self.stop.get())),
+            Moment::Start => self.fills.is_some(),
+        }
     }
 
     fn checkpoint(&mut self, checkpoint: Checkpoint) {
-        if let Some(slot) = &self.checkpoints {
+        let slot = match checkpoint.head.moment {
+            Moment::Step => &self.checkpoints,
+            Moment::Start => &self.fills,
+        };
+        if let Some(slot) = slot {
             slot.put(checkpoint);
         }
     }

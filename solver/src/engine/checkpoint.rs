@@ -207,6 +207,13 @@ fn split(bytes: &[u8]) -> Result<(Head, &[u8]), CheckpointError> {
 }
 
 impl Stamp {
+    /// Digest of everything that a filled state depends on; none for runs that share no fill.
+    pub fn fill_key(&self) -> Option<String> {
+        let Self { solver_revision, device, fill_digest, .. } = self;
+        let key = format!("{} {solver_revision} {device}", fill_digest.as_ref()?);
+        Some(blake3::hash(key.as_bytes()).to_hex().to_string())
+    }
+
     /// The stamp of runs of this solver.
     pub fn new(device: String, scenario_digest: String, fill_digest: Option<String>) -> Self {
         Self { solver_revision: SOLVER_REVISION, device, scenario_digest, fill_digest }

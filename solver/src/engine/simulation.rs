@@ -53,7 +53,14 @@ pub fn run<B: Backend>(
             backend.restore(scene, &saved)
         }
     };
-    let (clock, earlier_wall_s) = (Instant::now(), from.map_or(0.0, |from| from.head.wall_s));
+    let (clock, earlier_wall_s) = (
+        Instant::now(),
+        from.map_or(0.0, |from| match from.head.moment {
+            Moment::Step => from.head.wall_s,
+            // A shared fill took no time of this run.
+            Moment::Start => 0.0,
+        }),
+    );
     let mut simulation = Simulation {
         backend,
         scene,

@@ -142,7 +142,7 @@ pub(super) fn resume(session: &Arc<Session>, key: AttemptKey, stored: Checkpoint
     let refused = move |reason: String| {
         runtime.spawn(async move { discard(&refusing, key, &reason).await });
     };
-    Resume { checkpoint: Box::pin(checkpoint), refused: Box::new(refused) }
+    Resume { checkpoint: Box::pin(checkpoint), refused: Some(Box::new(refused)) }
 }
 
 /// Downloads a checkpoint and checks its bytes.

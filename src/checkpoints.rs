@@ -1,0 +1,186 @@
+//! Checkpoints and shared fills of `roost run`.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use std::{env, fs, io};
+
+use anyhow::Result;
+use roost_solver::{Checked, Checkpoint, Moment, Stamp};
+use roost_terminal::files::write_atomically;
+use roost_terminal::{BadInput, format, message};
+use roost_worker::checkpoints::{CheckpointSlot, Resume};
+use roost_worker::device::Device;
+use roost_worker::fills::FillCache;
+use roost_worker::runner::Extras;
+use tokio::task::{JoinHandle, spawn_blocking};
+
+use crate::interval::interval;
+
+/// File of the checkpoint in the folder of the result.
+const FILE: &str = "checkpoint.roost";
+
+/// Maximum size of the cache of filled states, in bytes.
+const FILL_CACHE_BYTES: u64 = 4 << 30;
+
+/// Options for checkpoints.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Checkpoints")]
+pub(crate) struct CheckpointArgs {
+    /// Save the run at this interval, and at Ctrl-C; the same command continues from there. Such as 30s, 5m or 1h
+    #[arg(long, value_name = "TIME", value_parser = interval, conflicts_with = "frames")]
+    checkpoint_every: Option<Duration>,
+    /// Begin at zero, although the folder has a checkpoint
+    #[arg(long, requires = "checkpoint_every")]
+    from_start: bool,
+    /// Folder of filled hoppers, which runs with the same fill start from; an empty name turns it off [default: roost/fills in the user's cache folder]
+    #[arg(long, value_name = "DIR", env = "ROOST_FILLS")]
+    fills: Option<PathBuf>,
+    /// Fill the hopper anew, and do not keep the filled state
+    #[arg(long, conflicts_with = "fills")]
+    no_shared_fill: bool,
+}
+
+/// The checkpoints of a run.
+pub(crate) struct Checkpoints {
+    file: PathBuf,
+    slots: Vec<CheckpointSlot>,
+    writers: Vec<JoinHandle<()>>,
+    warning: Arc<Mutex<Option<String>>>,
+    saves: bool,
+}
+
+impl CheckpointArgs {
+    /// Finds where the run continues from, and starts to write what it saves.
+    pub(crate) fn prepare(
+        &self,
+        folder: &Path,
+        device: &Device,
+        checked: &Checked,
+        has_frames: bool,
+    ) -> Result<(Checkpoints, Extras)> {
+        let stamp = device.stamp(checked).map_err(anyhow::Error::msg)?;
+        let file = folder.join(FILE);
+        let mut extras = Extras::default();
+        let mut checkpoints = Checkpoints {
+            file,
+            slots: Vec::new(),
+            writers: Vec::new(),
+            warning: Arc::default(),
+            saves: false,
+        };
+        let mut from = None;
+        if let Some(interval) = self.checkpoint_every.filter(|interval| !interval.is_zero()) {
+            if !self.from_start {
+                from = read(&checkpoints.file, &stamp)?;
+            }
+            let path = checkpoints.file.clone();
+            let slot = CheckpointSlot::also_at_cancel(interval);
+            extras.checkpoints = Some(slot.clone());
+            checkpoints.saves = true;
+            checkpoints
+                .write(slot, "the checkpoint", move |saved| write_atomically(&path, &saved.to_bytes()));
+        }
+        // Frames show the fill as well.
+        if !has_frames && let Some(cache) = self.fill_cache(&stamp) {
+            if from.is_none() {
+                from = cache.load(&stamp);
+            }
+            if from.is_none() && !cache.has(&stamp) {
+                let slot = CheckpointSlot::new(Duration::MAX);
+                extras.fills = Some(slot.clone());
+                checkpoints.write(slot, "the filled state", move |filled| cache.store(filled));
+            }
+        }
+        if let Some(from) = from {
+            let at = format::significant(from.head.simulated_s);
+            match from.head.moment {
+                Moment::Step => message!("continues from the checkpoint at {at} s of simulated time"),
+                Moment::Start => message!("starts from a hopper filled before, {at} s of simulated time"),
+            }
+            extras.resume = Some(Resume { checkpoint: Box::pin(async { Some(from) }), refused: None });
+        }
+        Ok((checkpoints, extras))
+    }
+
+    /// The cache of filled states, for runs that share their fill. A folder that cannot be used is named once.
+    fn fill_cache(&self, stamp: &Stamp) -> Option<FillCache> {
+        if self.no_shared_fill || stamp.fill_digest.is_none() {
+            return None;
+        }
+        let folder =
+            self.fills.clone().or_else(user_folder).filter(|folder| !folder.as_os_str().is_empty())?;
+        match FillCache::open(&folder, FILL_CACHE_BYTES) {
+            Ok(cache) => Some(cache),
+            Err(error) => {
+                message!("the folder of filled hoppers {} cannot be used: {error}", folder.display());
+                None
+            }
+        }
+    }
+}
+
+/// The folder of filled states in the user's cache folder.
+fn user_folder() -> Option<PathBuf> {
+    let absolute = |name: &str| env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let cache = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
+    Some(cache.join("roost/fills"))
+}
+
+/// The checkpoint in a file, if there is one.
+fn read(file: &Path, stamp: &Stamp) -> Result<Option<Checkpoint>> {
+    let bytes = match fs::read(file) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(BadInput(format!("cannot read {}: {error}", file.display())).into()),
+    };
+    let saved = Checkpoint::from_bytes(&bytes).and_then(|saved| saved.fits(stamp).map(|()| saved));
+    saved
+        .map(Some)
+        .map_err(|error| BadInput(format!("{}: {error}; --from-start begins at zero", file.display())).into())
+}
+
+impl Checkpoints {
+    /// Starts to write what is put into a slot. A failure is a warning: the run goes on, and the last file stays.
+    fn write(
+        &mut self,
+        slot: CheckpointSlot,
+        what: &'static str,
+        write: impl Fn(&Checkpoint) -> io::Result<()> + Send + Sync + 'static,
+    ) {
+        let (write, warning) = (Arc::new(write), self.warning.clone());
+        self.slots.push(slot.clone());
+        self.writers.push(tokio::spawn(async move {
+            while let Some(saved) = slot.take().await {
+                let write = write.clone();
+                let written = spawn_blocking(move || write(&saved)).await.map_err(io::Error::other).flatten();
+                if let Err(error) = written {
+                    let text = format!("{what} was not saved: {error}");
+                    *warning.lock().unwrap_or_else(PoisonError::into_inner) = Some(text);
+                }
+            }
+        }));
+    }
+
+    /// A warning that was not shown yet.
+    pub(crate) fn warning(&self) -> Option<String> {
+        self.warning.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Waits for the last file. The checkpoint of a run that came to its end is deleted.
+    pub(crate) async fn finish(self, is_at_its_end: bool) {
+        self.slots.iter().for_each(CheckpointSlot::close);
+        let warning = self.warning.clone();
+        for writer in self.writers {
+            let _ = writer.await;
+        }
+        if let Some(warning) = warning.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            message!("{warning}");
+        }
+        if self.saves && is_at_its_end {
+            let _ = fs::remove_file(&self.file);
+        } else if self.saves && self.file.exists() {
+            message!("the same command continues from {}", self.file.display());
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Filled states on disk: checkpoints at t = 0, by what acted before. Runs that differ only in what acts later start from there.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+use std::{fs, io};
+
+use roost_solver::{Checkpoint, Moment, Stamp};
+use tempfile::NamedTempFile;
+
+/// Age after which a filled state that nobody has used is deleted.
+const MAX_AGE: Duration = Duration::from_secs(30 * 24 * 3600);
+
+/// Extension of the files.
+const EXTENSION: &str = "fill";
+
+/// A folder of filled states. Processes may share it.
+#[derive(Clone, Debug)]
+pub struct FillCache {
+    folder: PathBuf,
+    limit_bytes: u64,
+}
+
+impl FillCache {
+    /// Opens a folder, creating it, which holds at most so many bytes.
+    ///
+    /// # Errors
+    /// When it cannot be created.
+    pub fn open(folder: &Path, limit_bytes: u64) -> io::Result<Self> {
+        fs::create_dir_all(folder)?;
+        Ok(Self { folder: folder.to_owned(), limit_bytes })
+    }
+
+    /// The filled state of runs with this stamp. One that is damaged is deleted.
+    pub fn load(&self, stamp: &Stamp) -> Option<Checkpoint> {
+        let path = self.path(stamp)?;
+        let bytes = fs::read(&path).ok()?;
+        let usable = |saved: &Checkpoint| saved.head.moment == Moment::Start && saved.fits(stamp).is_ok();
+        match Checkpoint::from_bytes(&bytes) {
+            Ok(saved) if usable(&saved) => {
+                // The time of the last use. A folder that cannot be written keeps the older one.
+                let _ = fs::File::options()
+                    .append(true)
+                    .open(&path)
+                    .and_then(|file| file.set_modified(SystemTime::now()));
+                Some(saved)
+            }
+            _ => {
+                tracing::warn!(path = %path.display(), "a filled state is damaged and was deleted");
+                let _ = fs::remove_file(&path);
+                None
+            }
+        }
+    }
+
+    /// Whether it has the filled state of runs with this stamp; true too for runs that share no fill.
+    pub fn has(&self, stamp: &Stamp) -> bool {
+        self.path(stamp).is_none_or(|path| path.exists())
+    }
+
+    /// Stores a filled state, and deletes what is too old or too much.
+    ///
+    /// # Errors
+    /// As the system reports them. The folder is then as before.
+    pub fn store(&self, filled: &Checkpoint) -> io::Result<()> {
+        let Some(path) = self.path(&filled.head.stamp) else { return Ok(()) };
+        let mut file = NamedTempFile::new_in(&self.folder)?;
+        io::Write::write_all(&mut file, &filled.to_bytes())?;
+        file.persist(&path)?;
+        self.prune()
+    }
+
+    /// Deletes filled states: those unused for [`MAX_AGE`], and the longest unused until the rest is within the limit.
+    fn prune(&self) -> io::Result<()> {
+        let mut files: Vec<(SystemTime, u64, PathBuf)> = Vec::new();
+        for entry in fs::read_dir(&self.folder)? {
+            let path = entry?.path();
+            if path.extension().is_some_and(|extension| extension == EXTENSION)
+                && let Ok(about) = fs::metadata(&path)
+            {
+                files.push((about.modified()?, about.len(), path));
+            }
+        }
+        files.sort_unstable();
+        let mut total: u64 = files.iter().map(|(_, bytes, _)| bytes).sum();
+        let now = SystemTime::now();
+        for (used, bytes, path) in files {
+            let is_old = now.duration_since(used).is_ok_and(|age| age > MAX_AGE);
+            if is_old || total > self.limit_bytes {
+                fs::remove_file(path)?;
+                total -= bytes;
+            }
+        }
+        Ok(())
+    }
+
+    fn path(&self, stamp: &Stamp) -> Option<PathBuf> {
+        Some(self.folder.join(format!("{}.{EXTENSION}", stamp.fill_key()?)))
+    }
+}
+
+#[cfg(test)]
+mod tests;

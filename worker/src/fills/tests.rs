@@ -1,0 +1,79 @@
+//! The cache of filled states.
+
+use roost_solver::mesh::Meshes;
+use roost_solver::scenario::from_value;
+use roost_solver::{Checked, Computer, CpuOptions, Flow, Limits, Observer, Progress, check};
+use serde_json::json;
+
+use super::*;
+
+/// Takes the filled state of a run and stops it there.
+#[derive(Default)]
+struct Filling(Option<Checkpoint>);
+
+impl Observer for Filling {
+    fn progress(&mut self, _: &Progress) -> Flow {
+        if self.0.is_some() { Flow::Cancel } else { Flow::Continue }
+    }
+
+    fn wants_checkpoint(&mut self, moment: Moment) -> bool {
+        moment == Moment::Start
+    }
+
+    fn checkpoint(&mut self, checkpoint: Checkpoint) {
+        self.0 = Some(checkpoint);
+    }
+}
+
+fn hopper(seed: u64, gate_m: f64) -> Checked {
+    let scenario = from_value(&json!({
+        "experiment": "hopper", "seed": seed,
+        "product": {"count": 2, "subparticle_radius_m": 0.01},
+        "equipment": {"hopper_width_m": 0.2, "gate_opening_m": gate_m},
+        "numerics": {"timestep_s": "auto", "duration_s": 0.1, "rest_speed_m_s": 0.2},
+    }));
+    check(&scenario.unwrap(), &Meshes::default(), &Limits::NONE).unwrap()
+}
+
+fn computer() -> Computer {
+    Computer::Cpu(CpuOptions { threads: 1 })
+}
+
+fn filled(checked: &Checked) -> Checkpoint {
+    let mut filling = Filling::default();
+    computer().simulate(checked, &mut filling).unwrap();
+    filling.0.expect("it was filled")
+}
+
+#[test]
+fn a_fill_is_found_by_what_acted_before_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = FillCache::open(folder.path(), u64::MAX).unwrap();
+    let (low, high, other_seed) = (hopper(1, 0.04), hopper(1, 0.08), hopper(2, 0.04));
+    let stamp = |checked: &Checked| computer().stamp(checked);
+    assert!(cache.load(&stamp(&low)).is_none());
+    cache.store(&filled(&low)).unwrap();
+    assert!(cache.has(&stamp(&high)) && cache.load(&stamp(&high)).is_some());
+    assert!(!cache.has(&stamp(&other_seed)) && cache.load(&stamp(&other_seed)).is_none());
+}
+
+#[test]
+fn a_damaged_fill_is_deleted_and_the_longest_unused_go_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = [hopper(1, 0.04), hopper(2, 0.04), hopper(3, 0.04)];
+    let stamps = all.each_ref().map(|checked| computer().stamp(checked));
+    let states = all.each_ref().map(filled);
+    let size = states.iter().map(|state| state.to_bytes().len() as u64).max().unwrap();
+    let cache = FillCache::open(folder.path(), 2 * size).unwrap();
+    for (state, stamp) in states.iter().zip(&stamps).take(2) {
+        cache.store(state).unwrap();
+        let path = cache.path(stamp).unwrap();
+        let older = SystemTime::now() - Duration::from_secs(3600);
+        fs::File::options().append(true).open(path).unwrap().set_modified(older).unwrap();
+    }
+    assert!(cache.load(&stamps[0]).is_some(), "used again");
+    cache.store(&states[2]).unwrap();
+    assert_eq!(stamps.each_ref().map(|stamp| cache.has(stamp)), [true, false, true]);
+    fs::write(cache.path(&stamps[0]).unwrap(), b"ROOSTCKP").unwrap();
+    assert!(cache.load(&stamps[0]).is_none() && !cache.has(&stamps[0]));
+}
