@@ -1,12 +1,13 @@
 //! Checkpoints and shared fills of `roost run`.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use std::{env, fs, io};
 
 use anyhow::Result;
-use roost_solver::{Checked, Checkpoint, Moment, Stamp};
+use roost_solver::{Checked, Checkpoint, Stamp};
 use roost_terminal::files::write_atomically;
 use roost_terminal::{BadInput, format, message};
 use roost_worker::checkpoints::{CheckpointSlot, Resume};
@@ -35,7 +36,7 @@ pub(crate) struct CheckpointArgs {
     from_start: bool,
     /// Folder of filled hoppers, which runs with the same fill start from; an empty name turns it off [default: roost/fills in the user's cache folder]
     #[arg(long, value_name = "DIR", env = "ROOST_FILLS")]
-    fills: Option<PathBuf>,
+    fills: Option<OsString>,
     /// Fill the hopper anew, and do not keep the filled state
     #[arg(long, conflicts_with = "fills")]
     no_shared_fill: bool,
@@ -44,10 +45,9 @@ pub(crate) struct CheckpointArgs {
 /// The checkpoints of a run.
 pub(crate) struct Checkpoints {
     file: PathBuf,
-    slots: Vec<CheckpointSlot>,
-    writers: Vec<JoinHandle<()>>,
+    /// Where the run puts them, and the task that writes them; none without checkpoints.
+    writer: Option<(CheckpointSlot, JoinHandle<()>)>,
     warning: Arc<Mutex<Option<String>>>,
-    saves: bool,
 }
 
 impl CheckpointArgs {
@@ -62,43 +62,25 @@ impl CheckpointArgs {
         let stamp = device.stamp(checked).map_err(anyhow::Error::msg)?;
         let file = folder.join(FILE);
         let mut extras = Extras::default();
-        let mut checkpoints = Checkpoints {
-            file,
-            slots: Vec::new(),
-            writers: Vec::new(),
-            warning: Arc::default(),
-            saves: false,
-        };
-        let mut from = None;
+        let mut checkpoints = Checkpoints { file, writer: None, warning: Arc::default() };
         if let Some(interval) = self.checkpoint_every.filter(|interval| !interval.is_zero()) {
-            if !self.from_start {
-                from = read(&checkpoints.file, &stamp)?;
+            let saved = if self.from_start { None } else { read(&checkpoints.file, &stamp)? };
+            if let Some(saved) = saved {
+                let at = format::significant(saved.head.simulated_s);
+                message!("continues from the checkpoint at {at} s of simulated time");
+                extras.resume = Some(Resume { checkpoint: Box::pin(async { Some(saved) }), refused: None });
             }
-            let path = checkpoints.file.clone();
             let slot = CheckpointSlot::also_at_cancel(interval);
             extras.checkpoints = Some(slot.clone());
-            checkpoints.saves = true;
-            checkpoints
-                .write(slot, "the checkpoint", move |saved| write_atomically(&path, &saved.to_bytes()));
+            checkpoints.write(slot);
         }
+        extras.fills = self.fill_cache(&stamp);
         // Frames show the fill as well.
-        if !has_frames && let Some(cache) = self.fill_cache(&stamp) {
-            if from.is_none() {
-                from = cache.load(&stamp);
-            }
-            if from.is_none() && !cache.has(&stamp) {
-                let slot = CheckpointSlot::new(Duration::MAX);
-                extras.fills = Some(slot.clone());
-                checkpoints.write(slot, "the filled state", move |filled| cache.store(filled));
-            }
-        }
-        if let Some(from) = from {
-            let at = format::significant(from.head.simulated_s);
-            match from.head.moment {
-                Moment::Step => message!("continues from the checkpoint at {at} s of simulated time"),
-                Moment::Start => message!("starts from a hopper filled before, {at} s of simulated time"),
-            }
-            extras.resume = Some(Resume { checkpoint: Box::pin(async { Some(from) }), refused: None });
+        if extras.resume.is_none()
+            && !has_frames
+            && extras.fills.as_ref().is_some_and(|cache| cache.has(&stamp))
+        {
+            message!("starts from a hopper filled before");
         }
         Ok((checkpoints, extras))
     }
@@ -108,8 +90,8 @@ impl CheckpointArgs {
         if self.no_shared_fill || stamp.fill_digest.is_none() {
             return None;
         }
-        let folder =
-            self.fills.clone().or_else(user_folder).filter(|folder| !folder.as_os_str().is_empty())?;
+        let given = self.fills.clone().map(PathBuf::from);
+        let folder = given.or_else(user_folder).filter(|folder| !folder.as_os_str().is_empty())?;
         match FillCache::open(&folder, FILL_CACHE_BYTES) {
             Ok(cache) => Some(cache),
             Err(error) => {
@@ -142,24 +124,20 @@ fn read(file: &Path, stamp: &Stamp) -> Result<Option<Checkpoint>> {
 
 impl Checkpoints {
     /// Starts to write what is put into a slot. A failure is a warning: the run goes on, and the last file stays.
-    fn write(
-        &mut self,
-        slot: CheckpointSlot,
-        what: &'static str,
-        write: impl Fn(&Checkpoint) -> io::Result<()> + Send + Sync + 'static,
-    ) {
-        let (write, warning) = (Arc::new(write), self.warning.clone());
-        self.slots.push(slot.clone());
-        self.writers.push(tokio::spawn(async move {
-            while let Some(saved) = slot.take().await {
-                let write = write.clone();
-                let written = spawn_blocking(move || write(&saved)).await.map_err(io::Error::other).flatten();
-                if let Err(error) = written {
-                    let text = format!("{what} was not saved: {error}");
+    fn write(&mut self, slot: CheckpointSlot) {
+        let (file, warning) = (self.file.clone(), self.warning.clone());
+        let saving = slot.clone();
+        let writer = tokio::spawn(async move {
+            while let Some(saved) = saving.take().await {
+                let file = file.clone();
+                let written = spawn_blocking(move || write_atomically(&file, &saved.to_bytes()));
+                if let Err(error) = written.await.map_err(io::Error::other).flatten() {
+                    let text = format!("the checkpoint was not saved: {error}");
                     *warning.lock().unwrap_or_else(PoisonError::into_inner) = Some(text);
                 }
             }
-        }));
+        });
+        self.writer = Some((slot, writer));
     }
 
     /// A warning that was not shown yet.
@@ -168,18 +146,16 @@ impl Checkpoints {
     }
 
     /// Waits for the last file. The checkpoint of a run that came to its end is deleted.
-    pub(crate) async fn finish(self, is_at_its_end: bool) {
-        self.slots.iter().for_each(CheckpointSlot::close);
-        let warning = self.warning.clone();
-        for writer in self.writers {
-            let _ = writer.await;
-        }
-        if let Some(warning) = warning.lock().unwrap_or_else(PoisonError::into_inner).take() {
+    pub(crate) async fn finish(mut self, is_at_its_end: bool) {
+        let Some((slot, writer)) = self.writer.take() else { return };
+        slot.close();
+        let _ = writer.await;
+        if let Some(warning) = self.warning() {
             message!("{warning}");
         }
-        if self.saves && is_at_its_end {
+        if is_at_its_end {
             let _ = fs::remove_file(&self.file);
-        } else if self.saves && self.file.exists() {
+        } else if self.file.exists() {
             message!("the same command continues from {}", self.file.display());
         }
     }

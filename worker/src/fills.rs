@@ -57,12 +57,12 @@ impl FillCache {
         self.path(stamp).is_none_or(|path| path.exists())
     }
 
-    /// Stores a filled state, and deletes what is too old or too much.
+    /// Stores a filled state that it does not have, and deletes what is too old or too much.
     ///
     /// # Errors
     /// As the system reports them. The folder is then as before.
     pub fn store(&self, filled: &Checkpoint) -> io::Result<()> {
-        let Some(path) = self.path(&filled.head.stamp) else { return Ok(()) };
+        let Some(path) = self.path(&filled.head.stamp).filter(|path| !path.exists()) else { return Ok(()) };
         let mut file = NamedTempFile::new_in(&self.folder)?;
         io::Write::write_all(&mut file, &filled.to_bytes())?;
         file.persist(&path)?;

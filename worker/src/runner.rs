@@ -2,6 +2,7 @@
 //!
 //! Every [`Run`] ends with exactly one [`RunEnd`], even when the solver panics.
 
+mod filled;
 mod stop;
 
 use std::any::Any;
@@ -21,7 +22,9 @@ use tokio::task::{JoinError, JoinHandle};
 
 use crate::checkpoints::{CheckpointSlot, Resume};
 use crate::device::{Device, ReserveError, RunSize};
+use crate::fills::FillCache;
 use crate::meshes::MeshSource;
+use filled::{Filled, Start};
 pub use stop::{Stop, StopFlag};
 
 const WORKER_STOPS: &str = "handed back: the worker is stopping";
@@ -64,8 +67,8 @@ pub struct Extras {
     pub frames: Option<FrameObserver>,
     /// Takes its checkpoints.
     pub checkpoints: Option<CheckpointSlot>,
-    /// Takes its filled state.
-    pub fills: Option<CheckpointSlot>,
+    /// Where it finds a filled state to start from, and leaves its own. Runs with frames do neither: frames show the fill.
+    pub fills: Option<FillCache>,
     /// Where it continues from; from zero without.
     pub resume: Option<Resume>,
 }
@@ -119,7 +122,7 @@ impl Run {
         mut extras: Extras,
     ) -> Self {
         let pending = resources.device.announce_run();
-        let resume = extras.resume.take();
+        let start = extras.start();
         Self::start_with(max_wall_s, extras, async move {
             let scenario = scenario::from_value(&document).map_err(|faults| invalid(&faults))?;
             let digests = scenario.meshes().into_iter().map(str::to_owned).collect();
@@ -128,7 +131,7 @@ impl Run {
                 meshes.map_err(|failure| RunEnd::failed(AttemptOutcome::Worker, failure.to_string()))?;
             let check = move || roost_solver::check(&scenario, &meshes, &Limits::NONE);
             let checked = tokio::task::spawn_blocking(check).await.map_err(thread_ended)?;
-            let solve = solver(resources, checked.map_err(|faults| invalid(&faults))?, resume).await;
+            let solve = solver(resources, checked.map_err(|faults| invalid(&faults))?, start).await;
             drop(pending);
             solve
         })
@@ -137,9 +140,9 @@ impl Run {
     /// Starts a checked scenario. Must be called within a tokio runtime.
     pub fn start_checked(checked: Checked, resources: Resources, mut extras: Extras) -> Self {
         let pending = resources.device.announce_run();
-        let resume = extras.resume.take();
+        let start = extras.start();
         Self::start_with(None, extras, async move {
-            let solve = solver(resources, checked, resume).await;
+            let solve = solver(resources, checked, start).await;
             drop(pending);
             solve
         })
@@ -175,10 +178,12 @@ impl Run {
                     if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
                 };
                 let Extras { frames, checkpoints, fills, .. } = extras;
+                let filled = Filled::new(fills.filter(|_| frames.is_none()));
                 let stop = flag.clone();
                 let mut observer =
-                    RunObserver { report, stop, frames, checkpoints, fills, copy, copied_at: started };
+                    RunObserver { report, stop, frames, checkpoints, filled, copy, copied_at: started };
                 let outcome = solve(&mut observer);
+                observer.filled.finish();
                 classify(outcome, flag.get(), max_wall_s)
             });
             solving.await.unwrap_or_else(thread_ended)
@@ -203,7 +208,7 @@ impl Run {
 async fn solver(
     resources: Resources,
     checked: Checked,
-    resume: Option<Resume>,
+    Start { resume, fills }: Start,
 ) -> Result<impl FnOnce(&mut dyn Observer) -> Result<RunResult, SimulateError> + Send + 'static, RunEnd> {
     let triangles = checked.setup().meshes.triangles();
     let has_moments = checked.scenario().bonds.moment_stiffness_factor > 0.0;
@@ -213,10 +218,14 @@ async fn solver(
         ReserveError::MemoryInUse => RunEnd::failed(AttemptOutcome::Released, MEMORY_IN_USE),
         ReserveError::Failed(reason) => RunEnd::failed(AttemptOutcome::Worker, reason),
     })?;
-    let (checkpoint, refused) = match resume {
+    let (mut checkpoint, mut refused) = match resume {
         Some(resume) => (resume.checkpoint.await, resume.refused),
         None => (None, None),
     };
+    if let (None, Some(cache)) = (&checkpoint, fills) {
+        checkpoint = filled::load(cache, &resources.device, &checked).await?;
+        refused = Some(Box::new(filled::refused));
+    }
     Ok(move |observer: &mut dyn Observer| {
         match (reserved.simulate(&checked, checkpoint.as_ref(), observer), refused) {
             // Refused before the first step.
@@ -276,7 +285,7 @@ struct RunObserver<F> {
     stop: StopFlag,
     frames: Option<FrameObserver>,
     checkpoints: Option<CheckpointSlot>,
-    fills: Option<CheckpointSlot>,
+    filled: Filled,
     copy: SharedRecorder,
     copied_at: Instant,
 }
@@ -300,16 +309,15 @@ impl<F: FnMut(&Progress) -> Flow> Observer for RunObserver<F> {
     fn wants_checkpoint(&mut self, moment: Moment) -> bool {
         match moment {
             Moment::Step => self.checkpoints.as_ref().is_some_and(|slot| slot.wants(self.stop.get())),
-            Moment::Start => self.fills.is_some(),
+            Moment::Start => self.filled.is_wanted(),
         }
     }
 
     fn checkpoint(&mut self, checkpoint: Checkpoint) {
-        let slot = match checkpoint.head.moment {
-            Moment::Step => &self.checkpoints,
-            Moment::Start => &self.fills,
-        };
-        if let Some(slot) = slot {
+        if checkpoint.head.moment == Moment::Start {
+            return self.filled.store(checkpoint);
+        }
+        if let Some(slot) = &self.checkpoints {
             slot.put(checkpoint);
         }
     }

@@ -129,7 +129,7 @@ fn start(
     let extras = Extras {
         frames: recording.as_ref().map(Recording::observer),
         checkpoints: uploader.as_ref().map(Uploader::slot),
-        fills: None,
+        fills: Some(session.fills.clone()),
         resume: checkpoint.map(|stored| super::checkpoints::resume(session, key, stored)),
     };
     let run = Run::start_observed(scenario, meshes, resources, max_wall_s, extras);

@@ -16,8 +16,12 @@ use super::frames::Uploads;
 use crate::WorkerConfig;
 use crate::backoff::Backoff;
 use crate::client::{Client, ClientError};
+use crate::fills::FillCache;
 use crate::meshes::MeshCache;
 use crate::outbox::Outbox;
+
+/// Maximum size of the cache of filled states, in bytes.
+const FILL_CACHE_BYTES: u64 = 4 << 30;
 
 /// The state that the loops of a worker share.
 #[derive(Debug)]
@@ -29,6 +33,7 @@ pub(super) struct Session {
     pub(super) outbox: Outbox,
     pub(super) uploads: Uploads,
     pub(super) meshes: Arc<MeshCache>,
+    pub(super) fills: FillCache,
     /// Notified of each new delivery in the outbox.
     pub(super) outbox_changed: Notify,
     /// Cancelled by a signal, by the server or by a refusal: no more jobs are claimed.
@@ -42,6 +47,7 @@ impl Session {
         let unusable = |source| WorkerError::StateDir { path: config.state_dir.clone(), source };
         let outbox = Outbox::open(&config.state_dir, key).map_err(unusable)?;
         let client = Client::with_credentials(&config.server, &config.credentials)?;
+        let fills = FillCache::open(&config.state_dir.join("fills"), FILL_CACHE_BYTES).map_err(unusable)?;
         let meshes = MeshCache::open(&config.state_dir, client.clone()).map_err(unusable)?;
         Ok(Self {
             client,
@@ -50,6 +56,7 @@ impl Session {
             outbox,
             uploads: Uploads::default(),
             meshes: Arc::new(meshes),
+            fills,
             outbox_changed: Notify::new(),
             stop_claiming: shutdown.child_token(),
             refusal: OnceLock::new(),
