@@ -5,7 +5,7 @@ mod support;
 use std::path::{Path, PathBuf};
 
 use roost_api::job::{JobState, JobView};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use support::{Sandbox, fraction, run, slow_scenario, stdout};
 
@@ -200,4 +200,30 @@ fn runs_that_differ_in_the_gate_share_their_fill_and_no_bit_differs() {
     let (own, has_own_fill) = run_with(0.07, &["--no-shared-fill"]);
     assert!(is_shared && !has_own_fill);
     assert!(other == own, "the result differs");
+}
+
+#[test]
+fn several_sweeps_and_jobs_are_paused_by_one_command() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let factors = json!([{"pointer": "/equipment/belt_speed_m_s", "levels": [0.1, 0.2]}]);
+    let sweep = json!({"name": "belts", "base": support::hopper_scenario(0.2), "design": {"kind": "grid"}, "factors": factors});
+    let sweep = sandbox.json_output(&["submit", &sandbox.file("sweep.json", &sweep)]);
+    let (id, job) =
+        (sweep["id"].as_str().unwrap().to_owned(), sandbox.submit(&support::hopper_scenario(0.2)));
+    let ids = [id.as_str(), &job.id.to_string()];
+    let paused = |expected: u64| {
+        let view = sandbox.get(&format!("/v1/sweeps/{id}"));
+        assert_eq!(
+            (view["paused"].as_u64(), sandbox.job(&job).unwrap().paused),
+            (Some(expected), expected > 0)
+        );
+    };
+    let table = stdout(&sandbox.roost(&[&["pause"], &ids[..]].concat()));
+    assert!(table.contains("paused"), "{table}");
+    paused(2);
+    stdout(&sandbox.roost(&[&["resume"], &ids[..]].concat()));
+    paused(0);
+    let unknown = sandbox.roost(&["pause", "01890a5d-ac96-774b-bcce-b302099a8057"]);
+    assert!(String::from_utf8_lossy(&unknown.stderr).contains("no sweep and no job"), "{unknown:?}");
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use roost_api::job::{JobState, MAX_LABELS, MAX_NAME_BYTES};
+use roost_api::job::{JobState, JobView, MAX_LABELS, MAX_NAME_BYTES};
 use serde_json::{Value, json};
 
 use crate::support::small_disk::SmallDisk;
@@ -78,4 +78,27 @@ fn full_disk_loses_nothing_and_is_reported() {
         job.state == JobState::Succeeded
     });
     assert_eq!(sandbox.results_recorded(), 3 + confirmed.len() as u64);
+}
+
+#[test]
+fn a_full_disk_keeps_the_last_checkpoint() {
+    let sandbox = Sandbox::new();
+    let Some(disk) = SmallDisk::mount(&sandbox.path("data"), 24) else {
+        eprintln!("left out: only root may mount the small disk that this fills");
+        return;
+    };
+    let _server = sandbox.start_server_with(&["--checkpoint-interval", "1s"]);
+    let worker = sandbox.start_worker("worker");
+    let job = sandbox.submit(&slow_scenario(600.0));
+    sandbox.wait_for_job(&job, "a checkpoint", |job| job.checkpoint.is_some());
+    disk.fill();
+    wait_until("an upload is refused", || worker.log().contains("checkpoint was not uploaded").then_some(()));
+    let stored = sandbox.job(&job).unwrap().checkpoint.expect("the last one stays");
+    let download =
+        sandbox.ask(|client| async move { client.download_checkpoint(job.id, stored.attempt).await });
+    assert_eq!(roost_solver::mesh::digest(&download.unwrap()), stored.digest);
+    disk.clear();
+    let is_later =
+        |job: &JobView| job.checkpoint.as_ref().is_some_and(|it| it.simulated_s > stored.simulated_s);
+    sandbox.wait_for_job(&job, "a later checkpoint", is_later);
 }

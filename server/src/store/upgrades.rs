@@ -26,13 +26,17 @@ async fn open_at(path: &Path, version: i64) -> SqliteConnection {
 #[tokio::test]
 async fn a_backup_of_an_earlier_version_counts_its_objects() {
     let dir = tempfile::tempdir().unwrap();
-    for (version, absent) in [(7, 0), (12, 1), (13, 1)] {
+    for (version, absent) in [(7, 0), (12, 1), (13, 1), (15, 2)] {
         let (path, to) =
             (dir.path().join(format!("{version}.db")), dir.path().join(format!("{version}.copy")));
         let mut database = open_at(&path, version).await;
         if version > 7 {
             let frames = "PRAGMA foreign_keys = OFF; INSERT INTO frames VALUES ('j', 1, 'o', 1, 1, NULL, 0)";
             sqlx::raw_sql(frames).execute(&mut database).await.unwrap();
+        }
+        if version >= 15 {
+            let checkpoint = "INSERT INTO checkpoints VALUES ('j', 1, 'c', 1, 1, 1, 'cpu', 'd')";
+            sqlx::raw_sql(checkpoint).execute(&mut database).await.unwrap();
         }
         database.close().await.unwrap();
         assert_eq!(copy(&path, &to).await.unwrap().absent_objects, absent, "version {version}");

@@ -57,9 +57,10 @@ async fn read_request(stream: &mut tokio::net::TcpStream) -> String {
     let mut buffer = [0; 4096];
     loop {
         let text = String::from_utf8_lossy(&seen).to_lowercase();
-        if let Some((head, body)) = text.split_once("\r\n\r\n") {
+        if let Some(end) = seen.windows(4).position(|bytes| bytes == b"\r\n\r\n") {
+            let head = String::from_utf8_lossy(&seen[..end]).to_lowercase();
             let length = head.lines().find_map(|line| line.strip_prefix("content-length: ")?.parse().ok());
-            if body.len() >= length.unwrap_or(0) {
+            if seen.len() - end - 4 >= length.unwrap_or(0) {
                 return text;
             }
         }

@@ -183,3 +183,6 @@ async fn discard(session: &Session, (job, attempt): AttemptKey, reason: &str) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
