@@ -45,6 +45,9 @@ pub(crate) struct Args {
 /// The server has its own limits.
 const NO_LIMITS: Limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
 
+/// Submissions of as many jobs take seconds and are announced.
+const MANY_JOBS: u64 = 10_000;
+
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let resolved = meshes::resolve(&args.file, input::read_document(&args.file)?).checked(&args.file)?;
     let mut document = resolved.document.clone();
@@ -58,7 +61,10 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     if resolved.is_self_contained() {
         let report =
             roost_server::validate(resolved.document.clone(), &resolved.meshes, &NO_LIMITS, u64::MAX);
-        report.map_err(|faults| input::faults_error(&args.file, &faults))?;
+        let report = report.map_err(|faults| input::faults_error(&args.file, &faults))?;
+        if report.jobs >= MANY_JOBS {
+            message!("submitting {} jobs: this takes a second or more per 10,000", report.jobs);
+        }
     }
     resolved.upload(&client).await?;
     let to_error = |error| submission_error(&args.file, kind, error);

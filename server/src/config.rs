@@ -69,7 +69,7 @@ impl Default for ServerConfig {
             max_claim_wait: Duration::from_secs(30),
             limits: Limits::default(),
             retry: RetryPolicy::default(),
-            max_jobs_per_sweep: 100_000,
+            max_jobs_per_sweep: 1_000_000,
             max_body_bytes: 4 * 1024 * 1024,
             max_result_bytes: 32 * 1024 * 1024,
             max_mesh_bytes: roost_api::mesh::MAX_BYTES,

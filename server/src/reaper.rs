@@ -1,8 +1,8 @@
 //! The reaper: the background tasks of a server.
 //!
 //! One task ends expired leases, attempts beyond `max_wall_s`, and pauses before a retry, and removes the
-//! progress of ended jobs. The second removes checkpoints that are no longer needed. The third deletes old
-//! events, answers, sweeps and jobs, and objects that nothing names.
+//! progress of ended jobs. The second removes checkpoints that are no longer needed. The third deletes what an
+//! interrupted submission or deletion left, old events, answers, sweeps and jobs, and objects that nothing names.
 
 use std::time::Duration;
 
@@ -26,7 +26,12 @@ const DAY: Duration = Duration::from_secs(24 * 3600);
 /// Runs all tasks until the server shuts down.
 pub(crate) async fn run(app: App) {
     // The next start completes an interrupted deletion.
-    let deleting = app.shutdown.run_until_cancelled(delete_old(&app));
+    let deleting = app.shutdown.run_until_cancelled(async {
+        if let Err(error) = app.store.delete_leftovers().await {
+            tracing::error!(error = error.as_dyn(), "deleting what an interrupted request left failed");
+        }
+        delete_old(&app).await;
+    });
     let removing = app.shutdown.run_until_cancelled(remove_checkpoints(&app));
     tokio::join!(expire(&app), removing, deleting);
 }

@@ -110,6 +110,7 @@ impl Server {
             sweep_views: Default::default(),
             sweep_responses: Default::default(),
             mesh_gate: Default::default(),
+            submission_turns: Default::default(),
             connections,
             metrics,
             access,

@@ -40,6 +40,14 @@ pub(super) fn grid_sweep(points: usize) -> Value {
                        {"pointer": "/equipment/belt_speed_m_s", "levels": levels(0.1, 0.4)}]})
 }
 
+/// A sweep with this number of design points, drawn at random. Other sweeps are claimed first.
+pub(super) fn random_sweep(points: u64) -> Value {
+    json!({"name": "bench", "base": base_scenario(), "design": {"kind": "random", "points": points}, "cache": "bypass",
+           "priority": -1,
+           "factors": [{"pointer": "/equipment/gate_opening_m", "low": 0.04, "high": 0.08},
+                       {"pointer": "/equipment/belt_speed_m_s", "low": 0.1, "high": 0.4}]})
+}
+
 /// A client of the HTTP API.
 #[derive(Clone)]
 pub(super) struct ApiClient {
@@ -71,7 +79,7 @@ impl ApiClient {
         let http = Client::builder()
             .no_proxy()
             .pool_idle_timeout(MAX_IDLE)
-            .timeout(Duration::from_secs(120))
+            .timeout(Duration::from_secs(1800))
             .build()?;
         Ok(Self { http, url: url.to_owned() })
     }
@@ -86,6 +94,11 @@ impl ApiClient {
 
     pub(super) async fn post(&self, path: &str, body: &Value) -> Result<Value> {
         let response = self.http.post(format!("{}{path}", self.url)).json(body).send().await?;
+        success(path, response).await?.json().await.context("no JSON")
+    }
+
+    pub(super) async fn delete(&self, path: &str) -> Result<Value> {
+        let response = self.http.delete(format!("{}{path}", self.url)).send().await?;
         success(path, response).await?.json().await.context("no JSON")
     }
 

@@ -12,6 +12,7 @@ use tokio::time::sleep;
 use uuid::Uuid;
 
 use super::clients::{ApiClient, Results, SEEDS, grid_sweep, p99_ms, replicate_sweep, timed};
+use super::large_sweeps;
 use super::server::Server;
 use super::{Args, Row, Target};
 
@@ -52,20 +53,24 @@ pub(super) async fn measure(args: &Args) -> Result<Vec<Row>> {
     if rows.includes(&[CLAIM, CLAIM_OF_MANY, MEMORY]) {
         many_jobs(&mut rows, args.many).await?;
     }
+    large_sweeps::measure(&mut rows, &results, args.many).await?;
     Ok(rows.rows)
 }
 
-struct Rows {
+/// The measured rows.
+pub(super) struct Rows {
     only: Vec<String>,
     rows: Vec<Row>,
 }
 
 impl Rows {
-    fn includes(&self, names: &[&str]) -> bool {
+    /// Whether one of these is asked for.
+    pub(super) fn includes(&self, names: &[&str]) -> bool {
         self.only.is_empty() || names.iter().any(|name| self.only.iter().any(|start| name.starts_with(start)))
     }
 
-    fn add(&mut self, name: &'static str, value: f64, unit: &'static str, target: Target) {
+    /// Adds a row that is asked for.
+    pub(super) fn add(&mut self, name: &'static str, value: f64, unit: &'static str, target: Target) {
         if self.includes(&[name]) {
             message!("{name}: {value:.3} {unit}");
             self.rows.push(Row { name, value, unit, target, reached: target.is_reached(value) });
@@ -73,7 +78,8 @@ impl Rows {
     }
 }
 
-async fn start(data: &Path) -> Result<(Server, ApiClient)> {
+/// Starts a server.
+pub(super) async fn start(data: &Path) -> Result<(Server, ApiClient)> {
     let server = Server::start(data).await?;
     let client = ApiClient::new(&server.url)?;
     Ok((server, client))

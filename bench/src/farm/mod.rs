@@ -1,8 +1,9 @@
 //! `roost bench farm`: the targets of the service, measured against a server process.
 //!
-//! [`server`] starts the process, [`clients`] simulates users and workers, [`measurements`] measures each target.
+//! [`server`] starts the process, [`clients`] simulates users and workers, [`measurements`] and [`large_sweeps`] measure each target.
 
 mod clients;
+mod large_sweeps;
 mod measurements;
 mod server;
 

@@ -50,22 +50,34 @@ pub(crate) async fn submit(
     Ok((StatusCode::CREATED, location, Json(view(&app, id).await?)))
 }
 
-/// Expands and queues a sweep. The lock prevents the deletion of its meshes meanwhile.
+/// Expands and queues a sweep, unless another request with the same key has done it. The lock prevents the deletion of its meshes meanwhile.
 async fn create(app: &App, id: SweepId, caller: Caller, document: Value) -> Result<(), ApiError> {
+    let _turn = app.submission_turns.wait(id).await;
+    if app.store.sweep_size(id).await?.is_some() {
+        return Ok(());
+    }
     let limits = limits(app);
-    let _mesh_lock = app.mesh_gate.read().await;
+    let mesh_lock = app.mesh_gate.read().await;
     let meshes = app.mesh_cache.meshes_of(&document, &app.store).await?;
     let sweep = run_blocking(move || {
-        let mut submitted = document.clone();
+        let text = with_schema(&document);
         let (spec, expansion) = sweep::read(document, &meshes, limits).map_err(ApiError::faults)?;
         check_priority(&caller, "/priority", spec.priority)?;
-        submitted["schema"] = json!(SCHEMA);
         let token = caller.token.to_string();
-        NewSweep::new(id, token, &submitted, spec, expansion).map_err(ApiError::from)
+        NewSweep::new(id, token, text, spec, expansion).map_err(ApiError::from)
     });
-    app.store.insert_sweep(sweep.await??, app.clock.now()).await?;
+    app.store.insert_sweep(sweep.await??, app.clock.now(), mesh_lock).await?;
     app.work.notify_waiters();
     Ok(())
+}
+
+/// A submitted document with its schema, as JSON text. A long document is not copied a third time for its check.
+fn with_schema(document: &Value) -> String {
+    let mut document = document.clone();
+    if let Some(fields) = document.as_object_mut() {
+        fields.insert("schema".to_owned(), json!(SCHEMA));
+    }
+    document.to_string()
 }
 
 fn limits(app: &App) -> SweepLimits {

@@ -212,8 +212,8 @@ impl Metrics {
         }
         let Some((_, queue_counts)) = last.as_ref() else { return Ok(()) };
         for state in JobState::ALL {
-            let count =
-                queue_counts.jobs.iter().find(|(known, _)| known == state).map_or(0, |(_, count)| *count);
+            let counts = queue_counts.jobs.iter().filter(|(known, _)| known == state);
+            let count = counts.map(|(_, count)| *count).sum();
             self.jobs.get_or_create(&InState { state: state.as_str() }).set(count);
         }
         self.paused_jobs.set(queue_counts.paused);

@@ -10,6 +10,7 @@ mod mesh_cache;
 mod metrics;
 mod progress;
 mod samples;
+mod submission_turns;
 mod sweep_cache;
 
 use std::sync::Arc;
@@ -31,6 +32,7 @@ pub(crate) use mesh_cache::{MeshCache, MeshCacheError};
 pub(crate) use metrics::{AnsweredRequest, MachineUsage, Metrics, RequestKind};
 pub(crate) use progress::ProgressBoard;
 pub(crate) use samples::Received;
+use submission_turns::SubmissionTurns;
 pub(crate) use sweep_cache::SweepCache;
 
 /// A handle to the state.
@@ -58,6 +60,8 @@ pub(crate) struct AppState {
     /// Submissions that may name a mesh hold this for reading; pruning holds it for writing while it deletes
     /// meshes.
     pub(crate) mesh_gate: RwLock<()>,
+    /// Submissions of one sweep by repeats of a request.
+    pub(crate) submission_turns: SubmissionTurns,
     pub(crate) connections: Arc<Connections>,
     pub(crate) metrics: Metrics,
     pub(crate) access: Access,

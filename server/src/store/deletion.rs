@@ -1,16 +1,26 @@
-//! Deleting sweeps. One transaction hides the sweep. Its rows are then deleted in batches, so that heartbeats do not wait for a large
-//! sweep, and then the objects that no row names. The next start finishes a deletion that was interrupted.
+//! Deleting sweeps. One transaction hides the sweep: its state is `deleting`. Its rows are then deleted in batches, so that heartbeats do
+//! not wait for a large sweep, and then the objects that no row names. The next start finishes a deletion that was interrupted.
 
 use roost_api::ids::SweepId;
 use roost_api::sweep::Deletion;
 use roost_api::time::Timestamp;
-use sqlx::{Connection, SqliteConnection};
+use sqlx::SqliteConnection;
 
-use super::columns::Columns;
+use super::columns::{Columns, to_json};
+use super::writer::SLICE;
 use super::{Store, StoreError};
 
 /// Jobs of one batch.
-const BATCH: i64 = 500;
+const BATCH: i64 = SLICE as i64;
+
+/// Design points of one batch, after the jobs.
+const POINTS: i64 = 4 * BATCH;
+
+/// Hides a sweep whose jobs all ended before a time.
+pub(super) const HIDE: &str = "UPDATE sweeps SET state = 'deleting' WHERE id = ? AND state = 'ready'
+    AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id AND state IN ('queued', 'running'))
+    AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id AND state IN ('succeeded', 'failed', 'cancelled')
+                    AND ended_at >= ?)";
 
 impl Store {
     /// What a deletion of a sweep would remove.
@@ -23,7 +33,7 @@ impl Store {
                     (SELECT count(*) FROM jobs j JOIN results r ON r.job_id = j.id WHERE j.sweep_id = s.id) AS results,
                     (SELECT coalesce(sum(f.bytes), 0) FROM jobs j JOIN frames f ON f.job_id = j.id WHERE j.sweep_id = s.id)
                         AS frames_bytes
-             FROM sweeps s WHERE id = ? AND deleting = 0",
+             FROM sweeps s WHERE id = ? AND state = 'ready'",
         )
         .bind(id.to_string())
         .fetch_optional(&self.readers)
@@ -56,11 +66,7 @@ impl Store {
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let marked = sqlx::query(
-                        "UPDATE sweeps SET deleting = 1 WHERE id = ? AND deleting = 0
-                         AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id
-                                         AND (ended_at IS NULL OR ended_at >= ?))",
-                    )
+                    let marked = sqlx::query(HIDE)
                     .bind(id.to_string())
                     .bind(before.0)
                     .execute(&mut *tx)
@@ -79,7 +85,15 @@ impl Store {
                 })
             })
             .await?;
-        let mut more = marked;
+        if marked {
+            self.delete_hidden(id).await?;
+        }
+        Ok(marked)
+    }
+
+    /// Deletes a hidden sweep.
+    pub(super) async fn delete_hidden(&self, id: SweepId) -> Result<(), StoreError> {
+        let mut more = true;
         while more {
             let objects;
             (more, objects) = self
@@ -88,7 +102,17 @@ impl Store {
                 .await?;
             self.remove_unreferenced(&objects).await?;
         }
-        Ok(marked)
+        Ok(())
+    }
+
+    /// Deletes the sweeps that an earlier server process was submitting or deleting.
+    pub(crate) async fn delete_leftovers(&self) -> Result<(), StoreError> {
+        let left =
+            sqlx::query("SELECT id FROM sweeps WHERE state = 'deleting'").fetch_all(&self.readers).await?;
+        for row in left {
+            self.delete_hidden(row.parsed("id")?).await?;
+        }
+        Ok(())
     }
 }
 
@@ -108,7 +132,7 @@ impl Store {
                     .await?;
                     let objects = delete_jobs(tx, &jobs).await?;
                     if !jobs.is_empty() {
-                        count_deletion(tx).await?;
+                        change_listings(tx).await?;
                     }
                     Ok((jobs.len() as u64, objects))
                 })
@@ -120,7 +144,7 @@ impl Store {
 }
 
 /// Changes the version of listings, as the row of a deleted sweep does.
-async fn count_deletion(tx: &mut SqliteConnection) -> Result<(), StoreError> {
+pub(super) async fn change_listings(tx: &mut SqliteConnection) -> Result<(), StoreError> {
     for sql in [
         "INSERT INTO sqlite_sequence (name, seq)
          SELECT 'deletions', 0 WHERE NOT EXISTS (SELECT 1 FROM sqlite_sequence WHERE name = 'deletions')",
@@ -131,20 +155,10 @@ async fn count_deletion(tx: &mut SqliteConnection) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Finishes deletions that an earlier server process began.
-pub(super) async fn finish(connection: &mut SqliteConnection) -> Result<(), StoreError> {
-    let unfinished: Vec<String> =
-        sqlx::query_scalar("SELECT id FROM sweeps WHERE deleting = 1").fetch_all(&mut *connection).await?;
-    for id in unfinished {
-        // The sweep of objects removes the unreferenced ones later.
-        let mut more = true;
-        while more {
-            // One flush for all statements.
-            let mut tx = connection.begin().await?;
-            more = delete_batch(&mut tx, &id).await?.0;
-            tx.commit().await?;
-        }
-    }
+/// Marks the sweeps that an earlier server process was submitting: [`Store::delete_leftovers`] deletes them.
+pub(super) async fn mark_leftovers(connection: &mut SqliteConnection) -> Result<(), StoreError> {
+    let sql = "UPDATE sweeps SET state = 'deleting' WHERE state = 'submitting'";
+    sqlx::query(sql).execute(connection).await?;
     Ok(())
 }
 
@@ -161,11 +175,12 @@ async fn delete_batch(tx: &mut SqliteConnection, id: &str) -> Result<(bool, Vec<
     if jobs.len() as i64 == BATCH {
         return Ok((true, objects));
     }
-    for sql in [
-        "DELETE FROM design_points WHERE sweep_id = ?",
-        "DELETE FROM extensions WHERE sweep_id = ?",
-        "DELETE FROM sweeps WHERE id = ?",
-    ] {
+    let points = "DELETE FROM design_points WHERE sweep_id = ?1
+                  AND point IN (SELECT point FROM design_points WHERE sweep_id = ?1 LIMIT ?2)";
+    if sqlx::query(points).bind(id).bind(POINTS).execute(&mut *tx).await?.rows_affected() as i64 == POINTS {
+        return Ok((true, objects));
+    }
+    for sql in ["DELETE FROM extensions WHERE sweep_id = ?", "DELETE FROM sweeps WHERE id = ?"] {
         sqlx::query(sql).bind(id).execute(&mut *tx).await?;
     }
     Ok((false, objects))
@@ -176,45 +191,30 @@ async fn delete_jobs(
     tx: &mut SqliteConnection,
     jobs: &[(String, String)],
 ) -> Result<Vec<String>, StoreError> {
-    let mut objects = Vec::new();
-    for (job, digest) in jobs {
-        let documents: Vec<String> = sqlx::query_scalar(
-            "SELECT document_digest FROM results WHERE job_id = ?
-             UNION SELECT partial_digest FROM attempts WHERE job_id = ? AND partial_digest IS NOT NULL",
-        )
-        .bind(job)
-        .bind(job)
-        .fetch_all(&mut *tx)
-        .await?;
-        let object: Option<String> =
-            sqlx::query_scalar("DELETE FROM frames WHERE job_id = ? RETURNING object_digest")
-                .bind(job)
-                .fetch_optional(&mut *tx)
-                .await?;
-        objects.extend(object);
-        for sql in [
-            "DELETE FROM results WHERE job_id = ?",
-            "DELETE FROM attempts WHERE job_id = ?",
-            "DELETE FROM jobs WHERE id = ?",
-        ] {
-            sqlx::query(sql).bind(job).execute(&mut *tx).await?;
-        }
-        for document in documents {
-            sqlx::query(
-                "DELETE FROM documents WHERE digest = ?
-                 AND NOT EXISTS (SELECT 1 FROM results WHERE document_digest = documents.digest)
-                 AND NOT EXISTS (SELECT 1 FROM attempts WHERE partial_digest = documents.digest)",
-            )
-            .bind(document)
-            .execute(&mut *tx)
-            .await?;
-        }
-        sqlx::query(
-            "DELETE FROM scenarios WHERE digest = ? AND NOT EXISTS (SELECT 1 FROM jobs WHERE scenario_digest = scenarios.digest)",
-        )
-        .bind(digest)
-        .execute(&mut *tx)
-        .await?;
+    let (ids, scenarios): (Vec<&String>, Vec<&String>) = jobs.iter().map(|(id, digest)| (id, digest)).unzip();
+    let (ids, scenarios) = (to_json("jobs", &ids)?, to_json("scenarios", &scenarios)?);
+    let documents: Vec<String> = sqlx::query_scalar(DOCUMENTS).bind(&ids).fetch_all(&mut *tx).await?;
+    let objects =
+        "DELETE FROM frames WHERE job_id IN (SELECT value FROM json_each(?)) RETURNING object_digest";
+    let objects = sqlx::query_scalar(objects).bind(&ids).fetch_all(&mut *tx).await?;
+    for (sql, names) in [
+        ("DELETE FROM results WHERE job_id IN (SELECT value FROM json_each(?))", &ids),
+        ("DELETE FROM attempts WHERE job_id IN (SELECT value FROM json_each(?))", &ids),
+        ("DELETE FROM jobs WHERE id IN (SELECT value FROM json_each(?))", &ids),
+        (UNNAMED_DOCUMENTS, &to_json("documents", &documents)?),
+        (UNNAMED_SCENARIOS, &scenarios),
+    ] {
+        sqlx::query(sql).bind(names).execute(&mut *tx).await?;
     }
     Ok(objects)
 }
+
+const DOCUMENTS: &str = "
+    SELECT document_digest FROM results WHERE job_id IN (SELECT value FROM json_each(?1))
+    UNION SELECT partial_digest FROM attempts
+          WHERE job_id IN (SELECT value FROM json_each(?1)) AND partial_digest IS NOT NULL";
+const UNNAMED_DOCUMENTS: &str = "DELETE FROM documents WHERE digest IN (SELECT value FROM json_each(?))
+    AND NOT EXISTS (SELECT 1 FROM results WHERE document_digest = documents.digest)
+    AND NOT EXISTS (SELECT 1 FROM attempts WHERE partial_digest = documents.digest)";
+const UNNAMED_SCENARIOS: &str = "DELETE FROM scenarios WHERE digest IN (SELECT value FROM json_each(?))
+    AND NOT EXISTS (SELECT 1 FROM jobs WHERE scenario_digest = scenarios.digest)";

@@ -10,25 +10,27 @@ use super::workers::online_window;
 use crate::clock::Now;
 use crate::queue::{EligibleJob, OwnerQueue, Rounds};
 
-/// At most ?4 jobs of every owner queue that worker ?1 can run, by priority. `heads` finds each owner queue by one step into the index
+/// At most ?4 jobs of every queue that worker ?1 can run, by priority and owner. `heads` finds each queue by one step into the index
 /// `jobs_to_claim`, whatever the length of the queue, and each list walks that index from there to its limit; a test checks the query
-/// plan. Rows come lazily: a reader that has enough reads no further owner queue. A job that the worker has failed is left to another
+/// plan. A sweep that is not `ready` is passed over in one step. Rows come lazily: a reader that has enough reads no further queue. A job that the worker has failed is left to another
 /// suitable worker that was seen between ?2 and ?3, if there is one.
 pub(super) const ELIGIBLE_JOBS: &str = "
-    WITH RECURSIVE heads (priority, owner) AS (
-        SELECT * FROM (SELECT priority, owner FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
-                       ORDER BY priority DESC, owner LIMIT 1)
+    WITH RECURSIVE heads (priority, owner, queue) AS (
+        SELECT * FROM (SELECT priority, owner, queue FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
+                       ORDER BY priority DESC, owner, queue LIMIT 1)
         UNION ALL
-        SELECT next.priority, next.owner FROM heads CROSS JOIN jobs next ON next.seq = coalesce(
+        SELECT next.priority, next.owner, next.queue FROM heads CROSS JOIN jobs next ON next.seq = coalesce(
             (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
-             AND priority = heads.priority AND owner > heads.owner ORDER BY owner LIMIT 1),
+             AND priority = heads.priority AND owner = heads.owner AND queue > heads.queue ORDER BY queue LIMIT 1),
             (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
-             AND priority < heads.priority ORDER BY priority DESC, owner LIMIT 1)))
+             AND priority = heads.priority AND owner > heads.owner ORDER BY owner, queue LIMIT 1),
+            (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
+             AND priority < heads.priority ORDER BY priority DESC, owner, queue LIMIT 1)))
     SELECT heads.priority, heads.owner, found.queue_position, found.seq, found.alone
     FROM heads CROSS JOIN workers me CROSS JOIN jobs found ON found.seq IN (
         SELECT j.seq FROM jobs j
         WHERE j.state = 'queued' AND j.not_before IS NULL AND j.paused = 0
-          AND j.priority = heads.priority AND j.owner = heads.owner
+          AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue
           AND (j.needs_backend IS NULL OR j.needs_backend = me.backend)
           AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= me.memory_mib)
           AND (j.attempt = j.attempts_before_retry
@@ -42,13 +44,14 @@ pub(super) const ELIGIBLE_JOBS: &str = "
                                               AND f.worker_id = other.id AND f.outcome = 'worker'
                                               AND f.number > j.attempts_before_retry)))
         ORDER BY j.queue_position, j.seq LIMIT ?4)
-    WHERE me.id = ?1 AND me.draining = 0";
+    WHERE me.id = ?1 AND me.draining = 0
+      AND heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')";
 
 /// The rounds of the owners of some priorities.
 pub(super) const ROUNDS: &str =
     "SELECT priority, owner, round FROM fair_share WHERE priority IN (SELECT value FROM json_each(?))";
 
-/// The first jobs that a worker can run: up to `max` of each owner queue. Priorities below those that suffice are not read.
+/// The first jobs that a worker can run: up to `max` of each queue of an owner. Priorities below those that suffice are not read.
 pub(super) async fn candidates(
     tx: &mut SqliteConnection,
     claim: Claim,

@@ -9,8 +9,8 @@ use sqlx::SqliteConnection;
 use uuid::Uuid;
 
 use super::columns::{Columns, corrupt, from_json};
-use super::job_rows::{JobBatches, JobOptions};
-use super::submit::queue;
+use super::job_rows::{JobBatches, JobOptions, queue_start};
+use super::submit::queue_jobs;
 use super::{Store, StoreError};
 use crate::sweep::{AddedPoints, StoredSweep, Trial, factors, replicate};
 
@@ -52,14 +52,15 @@ impl NewExtension {
             };
             more.clone().map(trial)
         });
-        let trials = repeated.chain(added.points.into_trials(old_points, replicates));
         Ok(Self {
             id,
             extension,
             body: body.to_string(),
             before: (old_points, stored.replicates),
             after: (old_points + new_points, replicates),
-            batches: JobBatches::new(id, jobs, trials)?,
+            batches: JobBatches::start(id, jobs, move |encoder| {
+                encoder.encode(repeated.chain(added.points.trials(old_points, replicates)))
+            }),
             options: JobOptions::of(&stored.spec, token)?,
         })
     }
@@ -68,7 +69,7 @@ impl NewExtension {
 impl Store {
     /// The stored state of a sweep that is to be extended.
     pub(crate) async fn stored_sweep(&self, id: SweepId) -> Result<Option<StoredSweep>, StoreError> {
-        let row = sqlx::query("SELECT spec, replicates FROM sweeps WHERE id = ? AND deleting = 0")
+        let row = sqlx::query("SELECT spec, replicates FROM sweeps WHERE id = ? AND state = 'ready'")
             .bind(id.to_string())
             .fetch_optional(&self.readers)
             .await?;
@@ -94,7 +95,7 @@ impl Store {
     /// The factors of a sweep, as submitted.
     pub(crate) async fn factors(&self, id: SweepId) -> Result<Option<Vec<Factor>>, StoreError> {
         let spec: Option<String> =
-            sqlx::query_scalar("SELECT spec FROM sweeps WHERE id = ? AND deleting = 0")
+            sqlx::query_scalar("SELECT spec FROM sweeps WHERE id = ? AND state = 'ready'")
                 .bind(id.to_string())
                 .fetch_optional(&self.readers)
                 .await?;
@@ -131,10 +132,10 @@ async fn extend_sweep(
     more: NewExtension,
     now: Timestamp,
 ) -> Result<bool, StoreError> {
-    let NewExtension { id, extension, body, before, after, batches, options } = more;
+    let NewExtension { id, extension, body, before, after, mut batches, options } = more;
     let grown = sqlx::query(
         "UPDATE sweeps SET points = ?, replicates = ?
-         WHERE id = ? AND points = ? AND replicates = ? AND deleting = 0",
+         WHERE id = ? AND points = ? AND replicates = ? AND state = 'ready'",
     )
     .bind(after.0)
     .bind(after.1)
@@ -159,6 +160,10 @@ async fn extend_sweep(
     .bind(now.0)
     .execute(&mut *tx)
     .await?;
-    queue(tx, batches, &options, now).await?;
+    let mut start = queue_start(tx, &options).await?;
+    while let Some(batch) = batches.next().await? {
+        queue_jobs(tx, &batch, &options, start, now).await?;
+        start.position += batch.len() as i64;
+    }
     Ok(true)
 }

@@ -1,4 +1,4 @@
-//! Inserting jobs in batches: the next batch of a large sweep is encoded while one is inserted, and only these two are in memory.
+//! Inserting jobs in batches: the next batches of a large sweep are encoded while one is inserted, and only these few are in memory.
 
 use std::sync::LazyLock;
 
@@ -10,17 +10,13 @@ use roost_api::sweep::SweepSpec;
 use roost_api::time::Timestamp;
 use roost_solver::scenario::Scenario;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use tokio::sync::mpsc;
 
 use super::StoreError;
 use super::columns::to_json;
+use super::writer::SLICE;
 use crate::queue::Owner;
 use crate::sweep::Trial;
-
-/// Jobs of one batch.
-const BATCH: usize = 1000;
-
-/// Rows of one `INSERT`: SQLite takes 32,766 parameters.
-const ROWS: usize = 500;
 
 /// A separate pool: an open transaction must not wait for the validation of other documents.
 static ENCODERS: LazyLock<ThreadPool> = LazyLock::new(|| {
@@ -82,72 +78,77 @@ impl JobOptions {
     }
 }
 
-/// Trials of a sweep, in order.
-type Trials = Box<dyn Iterator<Item = Trial> + Send>;
+/// A batch of [`SLICE`] jobs, encoded. Each `INSERT` has a row per job, and SQLite takes 32,766 parameters.
+type Encoded = Result<Vec<JobRow>, StoreError>;
 
-/// New jobs of a sweep: an encoded batch, and the trials after it.
+/// New jobs of a sweep, which another thread encodes.
 pub(super) struct JobBatches {
-    sweep: SweepId,
-    batch: Vec<JobRow>,
-    rest: Trials,
+    encoded: mpsc::Receiver<Encoded>,
     jobs: u64,
+    received: u64,
 }
 
 impl JobBatches {
-    /// Encodes the first batch of this many jobs.
-    pub(super) fn new(
-        sweep: SweepId,
-        jobs: u64,
-        trials: impl Iterator<Item = Trial> + Send + 'static,
-    ) -> Result<Self, StoreError> {
-        Self { sweep, batch: Vec::new(), rest: Box::new(trials), jobs }.next()
+    /// Starts to encode this many jobs. `work` passes their trials to the encoder.
+    pub(super) fn start(sweep: SweepId, jobs: u64, work: impl FnOnce(Encoder) + Send + 'static) -> Self {
+        // One batch waits while the next is made and the one before is stored.
+        let (batches, encoded) = mpsc::channel(1);
+        tokio::task::spawn_blocking(move || work(Encoder { sweep, batches }));
+        Self { encoded, jobs, received: 0 }
     }
 
     /// Whether there is more than one batch.
     pub(super) fn is_large(&self) -> bool {
-        self.jobs > BATCH as u64
+        self.jobs > SLICE as u64
     }
 
-    /// Encodes the next batch.
-    fn next(mut self) -> Result<Self, StoreError> {
-        self.batch = ENCODERS.install(|| {
-            let trials: Vec<Trial> = self.rest.by_ref().take(BATCH).collect();
-            trials.par_iter().map(|trial| JobRow::of(trial, self.sweep)).collect::<Result<_, _>>()
-        })?;
-        Ok(self)
-    }
-
-    /// Inserts the new design points, and queues all jobs.
-    pub(super) async fn insert(
-        mut self,
-        tx: &mut SqliteConnection,
-        options: &JobOptions,
-        now: Timestamp,
-    ) -> Result<(), StoreError> {
-        let (jobs, mut start) = (self.jobs, queue_start(tx, options).await?);
-        let mut queued = 0;
-        while !self.batch.is_empty() {
-            let batch = std::mem::take(&mut self.batch);
-            let next = tokio::task::spawn_blocking(move || self.next());
-            insert_points(tx, &batch).await?;
-            insert_jobs(tx, &batch, options, start, now).await?;
-            start.position += batch.len() as i64;
-            queued += batch.len() as u64;
-            self = next.await.map_err(|error| {
-                tracing::error!(%error, "encoding the jobs of a sweep failed");
-                StoreError::Unfinished { queued, jobs }
-            })??;
+    /// The next batch; none after the last job.
+    pub(super) async fn next(&mut self) -> Result<Option<Vec<JobRow>>, StoreError> {
+        match self.encoded.recv().await {
+            Some(batch) => {
+                let batch = batch?;
+                self.received += batch.len() as u64;
+                Ok(Some(batch))
+            }
+            None if self.received == self.jobs => Ok(None),
+            None => Err(StoreError::Unfinished { queued: self.received, jobs: self.jobs }),
         }
-        if queued == jobs { Ok(()) } else { Err(StoreError::Unfinished { queued, jobs }) }
+    }
+}
+
+/// Encodes trials of a sweep into [`JobBatches`].
+pub(super) struct Encoder {
+    sweep: SweepId,
+    batches: mpsc::Sender<Encoded>,
+}
+
+impl Encoder {
+    /// Encodes all trials, unless nobody stores them any more.
+    pub(super) fn encode(self, mut trials: impl Iterator<Item = Trial> + Send) {
+        loop {
+            let batch = ENCODERS.install(|| {
+                let trials: Vec<Trial> = trials.by_ref().take(SLICE).collect();
+                trials.par_iter().map(|trial| JobRow::of(trial, self.sweep)).collect::<Encoded>()
+            });
+            let is_last = batch.as_ref().map_or(true, |batch| batch.len() < SLICE);
+            if batch.as_ref().is_ok_and(Vec::is_empty)
+                || self.batches.blocking_send(batch).is_err()
+                || is_last
+            {
+                return;
+            }
+        }
     }
 }
 
 /// The place of new jobs in the queue.
 #[derive(Clone, Copy)]
 pub(super) struct QueueStart {
-    owner: Owner,
+    pub(super) owner: Owner,
+    /// The queue of a sweep that is stored in slices: its row of `sweeps`; 0 is the common queue of the owner.
+    pub(super) queue: i64,
     /// Position of the first job.
-    position: i64,
+    pub(super) position: i64,
 }
 
 /// The place of new jobs: their owner, and the position that the owner's queue has reached.
@@ -161,23 +162,24 @@ pub(super) async fn queue_start(
                FROM owners WHERE token_id = ?";
     let (owner, position) =
         sqlx::query_as(sql).bind(options.priority).bind(&options.token).fetch_one(&mut *tx).await?;
-    Ok(QueueStart { owner, position })
+    Ok(QueueStart { owner, queue: 0, position })
 }
 
 /// Inserts the design points whose first jobs these are.
-async fn insert_points(tx: &mut SqliteConnection, jobs: &[JobRow]) -> Result<(), StoreError> {
+pub(super) async fn insert_points(tx: &mut SqliteConnection, jobs: &[JobRow]) -> Result<(), StoreError> {
     let points: Vec<_> = jobs.iter().filter_map(|job| Some((job.place?, job.levels.as_ref()?))).collect();
-    for rows in points.chunks(ROWS) {
-        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO design_points (sweep_id, point, levels) ");
-        query.push_values(rows, |mut row, ((sweep, point, _), levels)| {
-            row.push_bind(sweep.to_string()).push_bind(*point).push_bind(*levels);
-        });
-        query.build().execute(&mut *tx).await?;
+    if points.is_empty() {
+        return Ok(());
     }
+    let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO design_points (sweep_id, point, levels) ");
+    query.push_values(points, |mut row, ((sweep, point, _), levels)| {
+        row.push_bind(sweep.to_string()).push_bind(point).push_bind(levels);
+    });
+    query.build().execute(&mut *tx).await?;
     Ok(())
 }
 
-/// Queues jobs from a place on.
+/// Queues at least one and at most [`SLICE`] jobs from a place on.
 pub(super) async fn insert_jobs(
     tx: &mut SqliteConnection,
     jobs: &[JobRow],
@@ -185,36 +187,35 @@ pub(super) async fn insert_jobs(
     start: QueueStart,
     now: Timestamp,
 ) -> Result<(), StoreError> {
-    for (chunk, rows) in jobs.chunks(ROWS).enumerate() {
-        let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO scenarios (digest, body) ");
-        query.push_values(rows, |mut row, job| {
-            row.push_bind(&job.digest).push_bind(&job.body);
-        });
-        query.push(" ON CONFLICT (digest) DO NOTHING").build().execute(&mut *tx).await?;
+    let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO scenarios (digest, body) ");
+    query.push_values(jobs, |mut row, job| {
+        row.push_bind(&job.digest).push_bind(&job.body);
+    });
+    query.push(" ON CONFLICT (digest) DO NOTHING").build().execute(&mut *tx).await?;
 
-        let mut query = QueryBuilder::<Sqlite>::new(
-            "INSERT INTO jobs (id, sweep_id, point, replicate, scenario_digest, seed, priority, owner, queue_position, labels,
-             needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, submitted_at) ",
-        );
-        query.push_values(rows.iter().enumerate(), |mut row, (index, job)| {
-            row.push_bind(job.id.to_string())
-                .push_bind(job.place.map(|(sweep, _, _)| sweep.to_string()))
-                .push_bind(job.place.map(|(_, point, _)| point))
-                .push_bind(job.place.map(|(_, _, replicate)| replicate))
-                .push_bind(&job.digest)
-                .push_bind(job.seed)
-                .push_bind(options.priority)
-                .push_bind(start.owner)
-                .push_bind(start.position + (chunk * ROWS + index) as i64)
-                .push_bind(&options.labels)
-                .push_bind(&options.needs.backend)
-                .push_bind(options.needs.memory_mib)
-                .push_bind(options.max_wall_s)
-                .push_bind(options.frame_interval_s)
-                .push_bind(options.cache.as_str())
-                .push_bind(now.0);
-        });
-        query.build().execute(&mut *tx).await?;
-    }
+    let mut query = QueryBuilder::<Sqlite>::new(
+        "INSERT INTO jobs (id, sweep_id, point, replicate, scenario_digest, seed, priority, owner, queue, queue_position, labels,
+         needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, submitted_at) ",
+    );
+    query.push_values(jobs.iter().zip(start.position..), |mut row, (job, position)| {
+        row.push_bind(job.id.to_string())
+            .push_bind(job.place.map(|(sweep, _, _)| sweep.to_string()))
+            .push_bind(job.place.map(|(_, point, _)| point))
+            .push_bind(job.place.map(|(_, _, replicate)| replicate))
+            .push_bind(&job.digest)
+            .push_bind(job.seed)
+            .push_bind(options.priority)
+            .push_bind(start.owner)
+            .push_bind(start.queue)
+            .push_bind(position)
+            .push_bind(&options.labels)
+            .push_bind(&options.needs.backend)
+            .push_bind(options.needs.memory_mib)
+            .push_bind(options.max_wall_s)
+            .push_bind(options.frame_interval_s)
+            .push_bind(options.cache.as_str())
+            .push_bind(now.0);
+    });
+    query.build().execute(&mut *tx).await?;
     Ok(())
 }

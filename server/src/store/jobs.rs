@@ -73,6 +73,7 @@ impl Store {
         // A point has few jobs: they are found by the point and then sorted. The `+` keeps SQLite from using the index of `seq`.
         let order = if filter.point.is_some() { "+j.seq" } else { "j.seq" };
         query.push(format!("WHERE {order} < ")).push_bind(filter.before.unwrap_or(i64::MAX));
+        query.push(" AND j.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')");
         if let Some(sweep) = filter.sweep {
             query.push(" AND j.sweep_id = ").push_bind(sweep.to_string());
         }

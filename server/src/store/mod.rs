@@ -1,6 +1,6 @@
 //! Storage, and all SQL: one SQLite file with one writer and several readers, and a folder or bucket of large objects.
 //!
-//! A method is one query or one transaction. Transactions read snapshots, call a decision of `queue`, and apply it. They take `now`
+//! A method is one query or one transaction, except for large sweeps, which change in slices. Transactions read snapshots, call a decision of `queue`, and apply it. They take `now`
 //! as an argument. No other module uses sqlx.
 
 mod backup;
@@ -223,7 +223,7 @@ impl Store {
             connect(options.clone().pragma("cache_size", WRITER_CACHE_KIB)).await?;
         migrate(&mut connection).await?;
         meshes::sweep(&mut connection).await?;
-        deletion::finish(&mut connection).await?;
+        deletion::mark_leftovers(&mut connection).await?;
         let readers = SqlitePoolOptions::new()
             .max_connections(4)
             .test_before_acquire(false) // connections to a file do not break

@@ -99,7 +99,7 @@ const ENDED_SWEEPS: &str = "
     SELECT s.id, s.name, (SELECT count(*) FROM jobs WHERE sweep_id = s.id) AS jobs,
            (SELECT max(ended_at) FROM jobs WHERE sweep_id = s.id) AS ended_at
     FROM sweeps s
-    WHERE s.deleting = 0 AND s.submitted_at < ?1
+    WHERE s.state = 'ready' AND s.submitted_at < ?1
       AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = s.id AND (ended_at IS NULL OR ended_at >= ?1))
     ORDER BY s.seq";
 
@@ -114,5 +114,5 @@ const NAMED: &str = "
                            ELSE j.sweep_id NOT IN (SELECT value FROM json_each(?2)) END)
     UNION
     SELECT DISTINCT text.atom FROM sweeps s CROSS JOIN json_tree(s.spec) text
-    WHERE text.type = 'text' AND length(text.atom) = 64 AND s.deleting = 0
+    WHERE text.type = 'text' AND length(text.atom) = 64 AND s.state <> 'deleting'
       AND s.id NOT IN (SELECT value FROM json_each(?2))";

@@ -1,6 +1,15 @@
 //! Taking in jobs and sweeps.
+//!
+//! A large sweep is stored in slices, each a transaction, so that other writes wait for one slice at most. Its state is `submitting`
+//! meanwhile: no query shows it and no claim takes its jobs. One update makes it `ready`, which all of its jobs then are.
+//!
+//! ```text
+//! submitting ──► ready ──► deleting ──► (no row)
+//!      └──────── failed or interrupted ────┘
+//! ```
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use roost_api::design::DesignKind;
 use roost_api::ids::{JobId, SweepId};
@@ -9,13 +18,15 @@ use roost_api::sweep::SweepSpec;
 use roost_api::time::Timestamp;
 use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::Scenario;
-use serde_json::Value;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::columns::to_json;
-use super::job_rows::{JobBatches, JobOptions, JobRow, insert_jobs, queue_start};
+use super::deletion::change_listings;
+use super::job_rows::{JobBatches, JobOptions, JobRow, QueueStart, insert_jobs, insert_points, queue_start};
 use super::{Store, StoreError};
 use crate::sweep::Expansion;
+#[cfg(test)]
+use crate::sweep::Trial;
 
 /// A job about to be stored.
 pub(crate) struct NewJob {
@@ -41,6 +52,13 @@ pub(crate) struct NewJob {
 
 /// A sweep about to be stored.
 pub(crate) struct NewSweep {
+    head: SweepHead,
+    batches: JobBatches,
+    options: JobOptions,
+}
+
+/// The row of a sweep.
+struct SweepHead {
     id: SweepId,
     name: String,
     text: String,
@@ -49,33 +67,73 @@ pub(crate) struct NewSweep {
     labels: String,
     points: usize,
     replicates: u32,
-    batches: JobBatches,
-    options: JobOptions,
 }
 
 impl NewSweep {
-    /// Encodes a sweep that a token submitted, with the first batch of its jobs.
+    /// A sweep that a token submitted as the JSON `text`. Encoding of its jobs begins.
     pub(crate) fn new(
         id: SweepId,
         token: String,
-        submitted: &Value,
+        text: String,
         spec: SweepSpec,
         expansion: Expansion,
     ) -> Result<Self, StoreError> {
-        let (jobs, replicates) = (expansion.jobs(), expansion.replicates);
+        let Expansion { factors, points, replicates, .. } = expansion;
+        let jobs = points.len() as u64 * u64::from(replicates);
         Ok(Self {
-            id,
-            text: to_json("sweep", submitted)?,
-            design: spec.design.kind,
-            factors: to_json("factors", &expansion.factors)?,
-            labels: to_json("labels", &spec.labels)?,
-            points: expansion.points.len(),
-            replicates,
-            batches: JobBatches::new(id, jobs, expansion.points.into_trials(0, replicates))?,
             options: JobOptions::of(&spec, token)?,
-            name: spec.name,
+            head: SweepHead {
+                id,
+                text,
+                design: spec.design.kind,
+                factors: to_json("factors", &factors)?,
+                labels: to_json("labels", &spec.labels)?,
+                name: spec.name,
+                points: points.len(),
+                replicates,
+            },
+            batches: JobBatches::start(id, jobs, move |encoder| encoder.encode(points.trials(0, replicates))),
         })
     }
+}
+
+#[cfg(test)]
+impl NewSweep {
+    /// A sweep of these trials.
+    pub(super) fn simulated(id: SweepId, (token, priority): (&str, i32), trials: Vec<Trial>) -> Self {
+        let jobs = trials.len();
+        let json = || "{}".to_owned();
+        Self {
+            head: SweepHead {
+                id,
+                name: "simulated".to_owned(),
+                text: json(),
+                design: DesignKind::Grid,
+                factors: json(),
+                labels: json(),
+                points: jobs,
+                replicates: 1,
+            },
+            options: JobOptions {
+                token: token.to_owned(),
+                priority,
+                labels: json(),
+                needs: Needs::default(),
+                max_wall_s: None,
+                frame_interval_s: None,
+                cache: Cache::Bypass,
+            },
+            batches: JobBatches::start(id, jobs as u64, move |encoder| encoder.encode(trials.into_iter())),
+        }
+    }
+}
+
+/// A sweep that is stored in slices.
+pub(crate) struct Submission {
+    id: SweepId,
+    batches: JobBatches,
+    options: Arc<JobOptions>,
+    next: QueueStart,
 }
 
 impl Store {
@@ -108,45 +166,153 @@ impl Store {
             .await
     }
 
-    /// Stores a new sweep with its design points and jobs, all or nothing.
-    pub(crate) async fn insert_sweep(&self, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
-        let is_large = sweep.batches.is_large();
-        self.writer.write_as(is_large, move |tx| Box::pin(insert_sweep(tx, sweep, now))).await
+    /// Stores a new sweep with its design points and jobs, all or nothing. Drops `mesh_lock` once a row names its meshes.
+    pub(crate) async fn insert_sweep(
+        &self,
+        sweep: NewSweep,
+        now: Timestamp,
+        mesh_lock: impl Send,
+    ) -> Result<(), StoreError> {
+        if !sweep.batches.is_large() {
+            return self.insert_small(sweep, now).await;
+        }
+        let id = sweep.head.id;
+        let Some(mut submission) = self.begin_sweep(sweep, now).await? else { return Ok(()) };
+        drop(mesh_lock);
+        loop {
+            match self.store_slice(&mut submission, now).await {
+                Ok(true) => {}
+                Ok(false) => return Ok(()),
+                Err(error) => {
+                    // If this fails too, the next start deletes them.
+                    if let Err(error) = self.delete_hidden(id).await {
+                        tracing::error!(
+                            error = error.as_dyn(),
+                            "deleting the jobs of a failed submission failed"
+                        );
+                    }
+                    return Err(error);
+                }
+            }
+        }
+    }
+
+    /// Stores a sweep of one batch in one transaction.
+    async fn insert_small(&self, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
+        let NewSweep { head, mut batches, options } = sweep;
+        self.delete_remains(head.id).await?;
+        let batch = batches.next().await?.unwrap_or_default();
+        // The second call checks that no job is missing.
+        batches.next().await?;
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    if exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", head.id.to_string())
+                        .await?
+                    {
+                        return Ok(());
+                    }
+                    insert_head(tx, head, "ready", now).await?;
+                    let start = queue_start(tx, &options).await?;
+                    queue_jobs(tx, &batch, &options, start, now).await
+                })
+            })
+            .await
+    }
+
+    /// Stores the row of a large sweep in the state `submitting`. None if an earlier request has stored the sweep.
+    pub(super) async fn begin_sweep(
+        &self,
+        sweep: NewSweep,
+        now: Timestamp,
+    ) -> Result<Option<Submission>, StoreError> {
+        let NewSweep { head, batches, options } = sweep;
+        let (id, options) = (head.id, Arc::new(options));
+        self.delete_remains(id).await?;
+        let shared = options.clone();
+        let begun = self.writer.write(move |tx| {
+            Box::pin(async move {
+                if exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
+                    return Ok(None);
+                }
+                let queue = insert_head(tx, head, "submitting", now).await?;
+                Ok(Some(QueueStart { queue, ..queue_start(tx, &shared).await? }))
+            })
+        });
+        Ok(begun.await?.map(|next| Submission { id, batches, options, next }))
+    }
+
+    /// Stores the next jobs of a sweep. Returns false when all are stored and the sweep is visible.
+    pub(super) async fn store_slice(
+        &self,
+        submission: &mut Submission,
+        now: Timestamp,
+    ) -> Result<bool, StoreError> {
+        let id = submission.id;
+        let Some(batch) = submission.batches.next().await? else {
+            let shown = self.writer.write(move |tx| {
+                Box::pin(async move {
+                    let sql = "UPDATE sweeps SET state = 'ready' WHERE id = ? AND state = 'submitting'";
+                    sqlx::query(sql).bind(id.to_string()).execute(&mut *tx).await?;
+                    change_listings(tx).await
+                })
+            });
+            return shown.await.map(|()| false);
+        };
+        let (options, start) = (submission.options.clone(), submission.next);
+        submission.next.position += batch.len() as i64;
+        self.writer
+            .write_as(true, move |tx| {
+                Box::pin(async move { queue_jobs(tx, &batch, &options, start, now).await })
+            })
+            .await?;
+        Ok(true)
+    }
+
+    /// Deletes what a failed or interrupted submission of the same sweep has left.
+    async fn delete_remains(&self, id: SweepId) -> Result<(), StoreError> {
+        let sql = "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ? AND state <> 'ready')";
+        if sqlx::query_scalar(sql).bind(id.to_string()).fetch_one(&self.readers).await? {
+            self.delete_hidden(id).await?;
+        }
+        Ok(())
     }
 }
 
-async fn insert_sweep(tx: &mut SqliteConnection, sweep: NewSweep, now: Timestamp) -> Result<(), StoreError> {
-    let NewSweep { id, name, text, design, factors, labels, points, replicates, batches, options } = sweep;
-    if exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
-        return Ok(());
-    }
-    sqlx::query(
-        "INSERT INTO sweeps (id, name, spec, design, factors, labels, points, replicates, submitted_at)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-    )
-    .bind(id.to_string())
-    .bind(name)
-    .bind(text)
-    .bind(design.as_str())
-    .bind(factors)
-    .bind(labels)
-    .bind(points as i64)
-    .bind(replicates)
-    .bind(now.0)
-    .execute(&mut *tx)
-    .await?;
-    queue(tx, batches, &options, now).await
-}
-
-/// Queues the jobs of a sweep, with cached results where that is allowed.
-pub(super) async fn queue(
+/// Stores the row of a sweep, and returns its number.
+async fn insert_head(
     tx: &mut SqliteConnection,
-    batches: JobBatches,
+    head: SweepHead,
+    state: &'static str,
+    now: Timestamp,
+) -> Result<i64, StoreError> {
+    let sql = "INSERT INTO sweeps (id, name, spec, design, factors, labels, points, replicates, submitted_at, state)
+               VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING seq";
+    let seq = sqlx::query_scalar(sql)
+        .bind(head.id.to_string())
+        .bind(head.name)
+        .bind(head.text)
+        .bind(head.design.as_str())
+        .bind(head.factors)
+        .bind(head.labels)
+        .bind(head.points as i64)
+        .bind(head.replicates)
+        .bind(now.0)
+        .bind(state);
+    Ok(seq.fetch_one(tx).await?)
+}
+
+/// Stores the design points that begin in a batch of jobs, and queues the jobs, with cached results where that is allowed.
+pub(super) async fn queue_jobs(
+    tx: &mut SqliteConnection,
+    batch: &[JobRow],
     options: &JobOptions,
+    start: QueueStart,
     now: Timestamp,
 ) -> Result<(), StoreError> {
     let newest = newest(tx).await?;
-    batches.insert(tx, options, now).await?;
+    insert_points(tx, batch).await?;
+    insert_jobs(tx, batch, options, start, now).await?;
     answer_from_cache(tx, newest, options, now).await
 }
 
@@ -217,42 +383,4 @@ async fn answer_from_cache(
 }
 
 #[cfg(test)]
-mod tests {
-    use roost_solver::Limits;
-    use roost_solver::mesh::Meshes;
-    use serde_json::json;
-
-    use super::*;
-    use crate::sweep::{SweepLimits, read};
-
-    async fn numbers(store: &Store) -> (i64, i64, i64, i64, i64) {
-        let sql = "SELECT (SELECT count(*) FROM sweeps), (SELECT count(*) FROM design_points), count(*),
-                   count(DISTINCT seed), coalesce(max(queue_position) - min(queue_position), 0) FROM jobs";
-        sqlx::query_as(sql).fetch_one(&store.readers).await.unwrap()
-    }
-
-    #[tokio::test]
-    async fn a_sweep_of_many_batches_is_stored_whole_or_not_at_all() {
-        let dir = tempfile::tempdir().unwrap();
-        let store = Store::open(&dir.path().join("roost.db"), None).await.unwrap();
-        let base = json!({"experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.008}});
-        let factors = json!([{"pointer": "/equipment/gate_opening_m", "levels": [0.05, 0.06]}]);
-        let document = json!({"name": "s", "base": base, "design": {"kind": "grid"}, "factors": factors, "replicates": 1200});
-        let limits = SweepLimits { max_jobs: 10_000, scenario: Limits::default() };
-        let expanded = || read(document.clone(), &Meshes::default(), limits).unwrap();
-        let sweep = || {
-            let (spec, expansion) = expanded();
-            NewSweep::new(SweepId::new(), String::new(), &document, spec, expansion).unwrap()
-        };
-        let (broken, cut_off) = (sweep(), expanded().1.points.into_trials(0, 1200).take(1700));
-        let batches = JobBatches::new(broken.id, 2400, cut_off).unwrap();
-        assert!(batches.is_large());
-        let lost = store.insert_sweep(NewSweep { batches, ..broken }, Timestamp(0)).await;
-        assert!(matches!(lost, Err(StoreError::Unfinished { queued: 1700, jobs: 2400 })), "{lost:?}");
-        assert_eq!(numbers(&store).await, (0, 0, 0, 0, 0));
-
-        store.insert_sweep(sweep(), Timestamp(0)).await.unwrap();
-        assert_eq!(numbers(&store).await, (1, 2, 2400, 1200, 2399));
-        store.close().await;
-    }
-}
+mod tests;

@@ -11,8 +11,8 @@ use super::columns::{Columns, to_json};
 use super::jobs::push_label;
 use super::{Store, StoreError};
 
-/// Without the specification, which may be long, and without sweeps that are being deleted.
-const VIEW: &str = "SELECT seq, id, name, design, points, replicates, factors, labels, submitted_at FROM sweeps WHERE deleting = 0";
+/// Without the specification, which may be long, and without sweeps that are being submitted or deleted.
+const VIEW: &str = "SELECT seq, id, name, design, points, replicates, factors, labels, submitted_at FROM sweeps WHERE state = 'ready'";
 
 /// Jobs of each sweep by state; a covering index serves it.
 pub(super) const COUNTS: &str = "SELECT sweep_id, state, count(*) AS jobs FROM jobs
@@ -36,13 +36,13 @@ impl Store {
 
     /// A sweep as it was submitted, as JSON text.
     pub(crate) async fn sweep_spec(&self, id: SweepId) -> Result<Option<String>, StoreError> {
-        let sql = "SELECT spec FROM sweeps WHERE id = ? AND deleting = 0";
+        let sql = "SELECT spec FROM sweeps WHERE id = ? AND state = 'ready'";
         Ok(sqlx::query_scalar(sql).bind(id.to_string()).fetch_optional(&self.readers).await?)
     }
 
     /// Points and replicates of a sweep; none once it is deleted.
     pub(crate) async fn sweep_size(&self, id: SweepId) -> Result<Option<(u32, u32)>, StoreError> {
-        let sql = "SELECT points, replicates FROM sweeps WHERE id = ? AND deleting = 0";
+        let sql = "SELECT points, replicates FROM sweeps WHERE id = ? AND state = 'ready'";
         Ok(sqlx::query_as(sql).bind(id.to_string()).fetch_optional(&self.readers).await?)
     }
 

@@ -77,7 +77,7 @@ impl Store {
 
 /// Numbers of jobs and workers.
 pub(crate) struct QueueCounts {
-    /// Jobs by state.
+    /// Jobs by state. A state may occur several times: the numbers add up.
     pub(crate) jobs: Vec<(JobState, i64)>,
     /// Jobs that a user has paused, queued or running.
     pub(crate) paused: i64,
@@ -117,13 +117,17 @@ impl Store {
 /// Jobs that a user has paused.
 pub(super) const PAUSED: &str = "SELECT count(*) FROM jobs WHERE paused = 1";
 
-/// Partial indexes serve it: no row of a job is read. `oldest` is the queued job that was submitted first.
+/// Partial indexes serve it: no row of a job is read. Jobs of sweeps that are being submitted or deleted are counted, and then
+/// subtracted in rows of their own. `oldest` is the queued job that was submitted first.
 pub(super) const QUEUE_COUNTS: &str = "
     SELECT 'queued' AS state, count(*) + (SELECT count(*) FROM jobs WHERE not_before IS NOT NULL)
                + (SELECT count(*) FROM jobs WHERE paused = 1 AND state = 'queued' AND not_before IS NULL) AS jobs,
-           min(seq) AS oldest FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
+           min(seq) FILTER (WHERE queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')) AS oldest
+    FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
     UNION ALL SELECT 'running', count(*), NULL FROM jobs WHERE state = 'running' AND lease_expires_at > 0
-    UNION ALL SELECT state, count(*), NULL FROM jobs WHERE ended_at IS NOT NULL GROUP BY state";
+    UNION ALL SELECT state, count(*), NULL FROM jobs WHERE ended_at IS NOT NULL GROUP BY state
+    UNION ALL SELECT state, -count(*), NULL FROM jobs
+              WHERE sweep_id IN (SELECT id FROM sweeps WHERE state <> 'ready') GROUP BY sweep_id, state";
 
 /// Time at which a job was queued; for a job that was queued again, the time of its newest event.
 pub(super) const QUEUED_AT: &str = "
@@ -143,7 +147,7 @@ pub(super) const SWEEP: &str = "SELECT coalesce(
         (SELECT max(seq) FROM events WHERE sweep_id = ?1), -(SELECT min(seq) FROM events),
         -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0),
     (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1)
-    FROM sweeps WHERE id = ?1 AND deleting = 0";
+    FROM sweeps WHERE id = ?1 AND state = 'ready'";
 const WORKERS: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
     (SELECT coalesce(max(last_seen_at), 0) + count(*) + coalesce(sum(draining), 0) FROM workers)";
 const MESHES: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'meshes'),

@@ -2,10 +2,10 @@
 //!
 //! SQLite has one writer at a time, and a commit costs a flush to disk. Writes that queue up during a commit form the next group:
 //! `BEGIN IMMEDIATE`, a savepoint per write, `COMMIT`, then the answers. A failed write is rolled back alone. A transaction awaits only
-//! SQL on this connection and the encoding of a sweep's next batch. A closed connection of the client does not interrupt it.
+//! SQL on this connection and the encoding of the next jobs of an extension. A closed connection of the client does not interrupt it.
 //!
-//! A large write has its own transaction without a savepoint: for a savepoint, SQLite copies every page before its first change, and a
-//! sweep of 10,000 jobs changes 10,000 pages.
+//! A slice of a large sweep, or a large extension, has its own transaction without a savepoint: for a savepoint, SQLite copies every page
+//! before its first change, and each job changes a page.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -20,6 +20,10 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 use super::StoreError;
+
+/// Jobs that one transaction of a large sweep changes. A claim or heartbeat waits for two such transactions at most: one that runs, and one
+/// beside the batch that the request missed.
+pub(super) const SLICE: usize = 250;
 
 /// The future of a write; it borrows the connection.
 pub(super) type Work<'t, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 't>>;

@@ -7,7 +7,7 @@ use roost_solver::scenario::{self, fields};
 use serde_json::{Value, json};
 
 use super::levels::position;
-use super::points::Points;
+use super::points::{Points, RowSource};
 use super::{Expansion, SweepLimits, levels, plan};
 use crate::document::{fault, label_faults, name_fault, prefixed, running_faults};
 use crate::mesh;
@@ -38,11 +38,11 @@ pub(crate) fn expand(
     let (Some(base), Some(plan), true) = (base, plan, faults.is_empty()) else { return Err(faults) };
 
     let estimate = mesh::check(&base, meshes, &limits.scenario).map_err(|found| prefixed("/base", found))?;
-    let points = Points::new(&spec.base, &base, &plan.factors, plan.design.points(&plan).rows.collect());
+    let factors = plan.factors.iter().map(|factor| factor.name().to_owned()).collect();
+    let points = Points::new(&spec.base, &base, plan.factors.clone(), RowSource::Plan(plan));
     let placed = |row: usize, factor: usize, value: &Value| place_in_spec(spec, row, factor, value);
     let once_s = points.check((meshes, &limits.scenario), 0, "/base", &placed)?;
     let wall_s = once_s * f64::from(spec.replicates);
-    let factors = plan.factors.iter().map(|factor| factor.name().to_owned()).collect();
     Ok(Expansion { factors, points, replicates: spec.replicates, base, estimate, wall_s })
 }
 

@@ -13,7 +13,7 @@ use super::designs::Addition;
 use super::designs::PlannedFactor;
 use super::levels::position;
 use super::plan;
-use super::points::Points;
+use super::points::{Points, RowSource};
 use super::{SweepLimits, expand};
 use crate::document::{fault, read_leniently};
 
@@ -81,7 +81,7 @@ pub(crate) fn extend(
     }
     let rows = added.rows.collect();
     let placed = |row: usize, factor: usize, value: &Value| place(&extension, &factors, row, factor, value);
-    let points = Points::new(&stored.spec.base, &base, &factors, rows);
+    let points = Points::new(&stored.spec.base, &base, factors.clone(), RowSource::Rows(rows));
     points.check((meshes, &limits.scenario), stored.points.len(), "", &placed)?;
     Ok(AddedPoints { points, replicates })
 }

@@ -1,7 +1,7 @@
 //! Design points: rows of the design, each made into a scenario when it is needed.
 //!
-//! A row takes some hundred bytes, a complete scenario thousands. All points are checked first, and only the rows are kept.
-//! Scenarios are then made again in batches, while earlier batches are stored.
+//! A row takes some hundred bytes, a complete scenario thousands, and neither is kept: the design makes the rows once to check all points
+//! in batches, and once more while earlier batches are stored.
 
 use std::collections::BTreeSet;
 
@@ -11,8 +11,7 @@ use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Map, Value, json};
 
-use super::designs::PlannedFactor;
-use super::designs::Row;
+use super::designs::{Plan, PlannedFactor, Row};
 use super::extend::replicate;
 use super::pointer;
 use crate::mesh;
@@ -20,7 +19,7 @@ use crate::mesh;
 /// Faults that are listed: more have the same reasons.
 const MAX_FAULTS: usize = 100;
 
-/// Points whose scenarios are made together.
+/// Points whose scenarios are made or checked together.
 const BATCH: usize = 250;
 
 /// A design point.
@@ -45,6 +44,15 @@ pub(crate) struct Trial {
     pub levels: Option<Map<String, Value>>,
 }
 
+/// The source of the rows of design points.
+#[derive(Clone, Debug)]
+pub(super) enum RowSource {
+    /// All points of a plan.
+    Plan(Plan),
+    /// Rows that an extension adds.
+    Rows(Vec<Row>),
+}
+
 /// Design points, as the rows that make them.
 #[derive(Clone, Debug)]
 pub(crate) struct Points {
@@ -53,7 +61,8 @@ pub(crate) struct Points {
     /// The base, complete.
     complete: Value,
     factors: Vec<PlannedFactor>,
-    rows: Vec<Row>,
+    source: RowSource,
+    count: usize,
 }
 
 /// The place in the document that gives the value of a factor in a row.
@@ -61,27 +70,50 @@ pub(super) type Place<'a> = &'a dyn Fn(usize, usize, &Value) -> String;
 
 impl Points {
     /// Points of a base as submitted and complete.
-    pub(super) fn new(base: &Value, scenario: &Scenario, factors: &[PlannedFactor], rows: Vec<Row>) -> Self {
-        Self { base: base.clone(), complete: json!(scenario), factors: factors.to_vec(), rows }
+    pub(super) fn new(
+        base: &Value,
+        scenario: &Scenario,
+        factors: Vec<PlannedFactor>,
+        source: RowSource,
+    ) -> Self {
+        let count = match &source {
+            RowSource::Plan(plan) => plan.design.points(plan).count.unwrap_or(0) as usize,
+            RowSource::Rows(rows) => rows.len(),
+        };
+        Self { base: base.clone(), complete: json!(scenario), factors, source, count }
     }
 
     /// How many there are.
     pub(crate) fn len(&self) -> usize {
-        self.rows.len()
+        self.count
+    }
+
+    /// The rows, one after the other.
+    fn rows(&self) -> Box<dyn Iterator<Item = Row> + Send + '_> {
+        match &self.source {
+            RowSource::Plan(plan) => plan.design.points(plan).rows,
+            RowSource::Rows(rows) => Box::new(rows.iter().cloned()),
+        }
+    }
+
+    /// The rows in batches.
+    fn batches(&self) -> impl Iterator<Item = Vec<Row>> + Send + '_ {
+        let mut rows = self.rows();
+        let batch = move || Some(rows.by_ref().take(BATCH).collect());
+        std::iter::from_fn(batch).take_while(|batch: &Vec<Row>| !batch.is_empty())
     }
 
     /// Makes every point, one after the other.
     pub(crate) fn iter(&self) -> impl Iterator<Item = Point> {
-        self.rows.iter().map(|row| self.point(row).expect("rows were checked"))
+        self.rows().map(|row| self.point(&row).expect("rows were checked"))
     }
 
     /// Makes every trial, point by point, the first of which has the index `first`. Replicate r has seed `base.seed + r`.
-    pub(crate) fn into_trials(self, first: u32, replicates: u32) -> impl Iterator<Item = Trial> {
-        (0..self.rows.len()).step_by(BATCH).flat_map(move |from| {
-            let rows = &self.rows[from..self.rows.len().min(from + BATCH)];
+    pub(crate) fn trials(&self, first: u32, replicates: u32) -> impl Iterator<Item = Trial> + Send + '_ {
+        self.batches().zip(0..).flat_map(move |(rows, batch)| {
             let made = rows.par_iter().map(|row| self.point(row).expect("rows were checked"));
             let made: Vec<Point> = made.collect();
-            made.into_iter().zip(first + from as u32..).flat_map(
+            made.into_iter().zip(first + batch * BATCH as u32..).flat_map(
                 move |(Point { levels, scenario }, point)| {
                     let mut levels = Some(levels);
                     (0..replicates).map(move |number| Trial {
@@ -110,9 +142,15 @@ impl Points {
                 .map(|estimate| estimate.wall_s)
                 .map_err(|found| (levels, found))
         };
-        let checked: Vec<_> = self.rows.par_iter().map(check).collect();
+        let checked = self.batches().flat_map(|rows| {
+            let checked: Vec<_> = rows.par_iter().map(check).collect();
+            rows.into_iter().zip(checked)
+        });
         let (mut wall_s, mut faults, mut seen) = (0.0, Vec::new(), BTreeSet::new());
-        for (index, (row, checked)) in self.rows.iter().zip(checked).enumerate() {
+        for (index, (row, checked)) in checked.enumerate() {
+            if faults.len() == MAX_FAULTS {
+                break;
+            }
             let (levels, found) = match checked {
                 Ok(point_s) => {
                     wall_s += point_s;
@@ -121,7 +159,7 @@ impl Points {
                 Err(found) => found,
             };
             for found in found {
-                let (pointer, row_key) = match self.factor_at(row, &found.pointer) {
+                let (pointer, row_key) = match self.factor_at(&row, &found.pointer) {
                     Some((factor, value, inner)) => {
                         let place = place_of(index, factor, value);
                         // A table is one text: its faults differ by their rows.

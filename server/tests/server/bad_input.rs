@@ -315,7 +315,10 @@ async fn huge_sweep_is_refused_before_expansion() {
         sweep["factors"] = json!(factors);
     });
     let problem = server.post("/v1/sweeps", &huge).await.problem(422, "invalid-document");
-    assert!(text(&problem["errors"][0]["allowed"]).contains("100000 jobs (max_jobs_per_sweep)"), "{problem}");
+    assert!(
+        text(&problem["errors"][0]["allowed"]).contains("1000000 jobs (max_jobs_per_sweep)"),
+        "{problem}"
+    );
     server.stop().await;
 }
 

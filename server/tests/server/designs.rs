@@ -241,12 +241,16 @@ async fn interrupted_deletion_is_completed_at_the_next_start() {
     };
     let mut database = open().await;
     assert_eq!(row_counts(&mut database).await.0, 0, "files of the first sweep only are deleted");
-    sqlx::query("UPDATE sweeps SET deleting = 1").execute(&mut database).await.unwrap();
+    sqlx::query("UPDATE sweeps SET state = 'deleting'").execute(&mut database).await.unwrap();
     drop(database);
     let again = TestServer::on(dir.path(), |_| {}).await;
     again.get(&other).await.problem(404, "not-found");
+    let (mut database, deadline) = (open().await, Instant::now() + Duration::from_secs(20));
+    while row_counts(&mut database).await != (0, 0) {
+        assert!(Instant::now() < deadline, "the server does not go on where the last one stopped");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
     again.stop().await;
-    assert_eq!(row_counts(&mut open().await).await, (0, 0), "the server goes on where the last one stopped");
 }
 
 #[tokio::test]

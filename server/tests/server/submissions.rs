@@ -133,3 +133,17 @@ async fn eight_copies(server: &TestServer) -> Vec<Sent> {
     let (a, b, c, d, e, f, g, h) = tokio::join!(one(), one(), one(), one(), one(), one(), one(), one());
     vec![a, b, c, d, e, f, g, h]
 }
+
+#[tokio::test]
+async fn repeat_of_a_large_sweep_waits_for_the_first() {
+    let (server, _dir) = TestServer::start().await;
+    let sweep = json!({"name": "a", "base": scenario(1), "design": {"kind": "grid"}, "factors": [], "replicates": 3000});
+    let again = || send(&server, "/v1/sweeps", "one", &sweep);
+    let (first, second, third) = tokio::join!(again(), again(), again());
+    for sent in [&first, &second, &third] {
+        assert_eq!((sent.status, &sent.body["counts"]["queued"]), (201, &json!(3000)), "{}", sent.body);
+        assert_eq!(sent.body["id"], first.body["id"]);
+    }
+    assert_eq!(count(&server, "/v1/sweeps").await, 1);
+    server.stop().await;
+}

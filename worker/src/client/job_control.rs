@@ -6,7 +6,7 @@ use roost_api::job::{FailureClass, JobView};
 use roost_api::sweep::SweepView;
 use serde::de::DeserializeOwned;
 
-use super::{Client, ClientResult};
+use super::{Client, ClientResult, SWEEP_TIMEOUT};
 
 impl Client {
     /// Cancels a job.
@@ -40,12 +40,13 @@ impl Client {
     }
 
     async fn change<T: DeserializeOwned>(&self, route: &str) -> ClientResult<T> {
-        self.fetch(self.request(Method::POST, route)).await
+        self.fetch(self.request(Method::POST, route).timeout(SWEEP_TIMEOUT)).await
     }
 
     async fn retry<T: DeserializeOwned>(&self, route: &str, class: Option<FailureClass>) -> ClientResult<T> {
         let request = self.request(Method::POST, route);
-        self.fetch(request.query(&class.map(|class| [("class", class.as_str())]))).await
+        let request = request.query(&class.map(|class| [("class", class.as_str())]));
+        self.fetch(request.timeout(SWEEP_TIMEOUT)).await
     }
 }
 

@@ -53,6 +53,8 @@ const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
 pub const MAX_IDLE: Duration = Duration::from_secs(5);
 /// Timeout of a large file over a slow connection.
 const FILE_TIMEOUT: Duration = Duration::from_secs(600);
+/// Timeout of a change of a sweep: a million jobs take minutes.
+const SWEEP_TIMEOUT: Duration = Duration::from_secs(3600);
 
 /// A client of one server.
 #[derive(Clone, Debug)]
@@ -143,7 +145,7 @@ impl Client {
         route: &str,
         document: &Value,
     ) -> ClientResult<T> {
-        self.post(route, document).await
+        self.fetch(self.request(Method::POST, route).json(document).timeout(SWEEP_TIMEOUT)).await
     }
 
     /// A page of sweeps, newest first.
@@ -198,13 +200,14 @@ impl Client {
 
     /// Adds points or replicates to a sweep.
     pub async fn extend_sweep(&self, id: SweepId, more: &Extension) -> ClientResult<SweepView> {
-        self.post(&format!("sweeps/{id}/extend"), more).await
+        let request = self.request(Method::POST, &format!("sweeps/{id}/extend"));
+        self.fetch(request.json(more).timeout(SWEEP_TIMEOUT)).await
     }
 
     /// Deletes a sweep; a dry run only counts.
     pub async fn delete_sweep(&self, id: SweepId, dry_run: bool) -> ClientResult<Deletion> {
         let request = self.request(Method::DELETE, &format!("sweeps/{id}"));
-        self.fetch(request.query(&[("dry_run", dry_run)])).await
+        self.fetch(request.query(&[("dry_run", dry_run)]).timeout(SWEEP_TIMEOUT)).await
     }
 
     /// Deletes sweeps and jobs that ended longer ago than `age`; a dry run only lists them.

@@ -22,9 +22,11 @@ async fn a_claim_walks_an_index_without_sorting() {
     for step in [
         // Lazily, with one step into the index for each owner queue.
         "CO-ROUTINE heads",
+        "INDEX jobs_to_claim (priority=? AND owner=? AND queue>?)",
         "INDEX jobs_to_claim (priority=? AND owner>?)",
         "INDEX jobs_to_claim (priority<?)",
-        "SEARCH j USING INDEX jobs_to_claim (priority=? AND owner=?)",
+        "SEARCH j USING INDEX jobs_to_claim (priority=? AND owner=? AND queue=?)",
+        "INDEX sweeps_hidden",
     ] {
         assert!(steps.contains(step), "{step}: {steps}");
     }
@@ -56,6 +58,9 @@ async fn frequent_queries_use_an_index() {
         (versions::SWEEP, "events_of_sweep"),
         (versions::QUEUE_COUNTS, "SCAN jobs USING INDEX jobs_to_claim"),
         (versions::QUEUE_COUNTS, "USING INDEX jobs_ended"),
+        (versions::QUEUE_COUNTS, "COVERING INDEX jobs_by_sweep (sweep_id=?)"),
+        (deletion::HIDE, "COVERING INDEX jobs_by_sweep (sweep_id=? AND state=? AND ended_at>?)"),
+        ("SELECT seq FROM sweeps WHERE state <> 'ready'", "INDEX sweeps_hidden"),
         (versions::QUEUED_AT, "events_of_job"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= 5", "jobs_by_lease"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND deadline <= 5", "jobs_by_deadline"),

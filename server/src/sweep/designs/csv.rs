@@ -30,7 +30,7 @@ impl Design for Csv {
     }
 
     fn points<'a>(&self, plan: &'a Plan) -> PointRows<'a> {
-        PointRows::listed(plan.parameters.rows.clone())
+        PointRows::of_parameters(&plan.parameters)
     }
 
     fn extension_fields(&self) -> Result<&'static [&'static str], &'static str> {

@@ -4,7 +4,7 @@ use roost_api::Fault;
 use roost_api::design::Design as DesignSpec;
 
 use super::planned::Plan;
-use super::{Addition, Design, Parameters, PointRows, drawn};
+use super::{Addition, Design, Parameters, PointRows, Row, drawn};
 use crate::sweep::values::ValueSource;
 
 #[derive(Debug)]
@@ -25,13 +25,11 @@ impl Design for LatinHypercube {
 
     fn points<'a>(&self, plan: &'a Plan) -> PointRows<'a> {
         let points = plan.parameters.points;
-        let columns = move || -> Vec<Vec<f64>> {
-            let factors = 0..plan.factors.len();
-            factors.map(|factor| column(points as usize, factor, plan.parameters.seed)).collect()
+        let columns = move || {
+            let column = |factor| column(points, factor, plan.parameters.seed);
+            (0..plan.factors.len()).map(column).collect::<Vec<_>>()
         };
-        let rows = move |columns: Vec<Vec<f64>>| {
-            (0..points as usize).map(move |point| drawn::row(&plan.factors, |factor| columns[factor][point]))
-        };
+        let rows = move |columns| rows(plan, columns);
         PointRows::new(Some(points.into()), std::iter::once_with(columns).flat_map(rows))
     }
 
@@ -47,13 +45,19 @@ impl Design for LatinHypercube {
     }
 }
 
+fn rows(plan: &Plan, mut columns: Vec<impl Iterator<Item = f64> + Send>) -> impl Iterator<Item = Row> + Send {
+    let row = move |_| drawn::row(&plan.factors, |factor| columns[factor].next().unwrap_or_default());
+    (0..plan.parameters.points).map(row)
+}
+
 /// The numbers of one factor for all points: one in each of as many equal parts as there are points, in random order
 /// (McKay, Beckman and Conover 1979).
-pub(in crate::sweep) fn column(points: usize, factor: usize, seed: u64) -> Vec<f64> {
+pub(in crate::sweep) fn column(points: u32, factor: usize, seed: u64) -> impl Iterator<Item = f64> + Send {
     let mut generator = drawn::generator(seed, factor as u64);
-    let mut parts: Vec<usize> = (0..points).collect();
-    for last in (1..points).rev() {
+    let mut parts: Vec<u32> = (0..points).collect();
+    for last in (1..points as usize).rev() {
         parts.swap(last, (drawn::uniform(&mut generator) * (last + 1) as f64) as usize);
     }
-    parts.into_iter().map(|part| (part as f64 + drawn::uniform(&mut generator)) / points as f64).collect()
+    let number = move |part| (f64::from(part) + drawn::uniform(&mut generator)) / f64::from(points);
+    parts.into_iter().map(number)
 }

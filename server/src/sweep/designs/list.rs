@@ -27,7 +27,7 @@ impl Design for List {
     }
 
     fn points<'a>(&self, plan: &'a Plan) -> PointRows<'a> {
-        PointRows::listed(plan.parameters.rows.clone())
+        PointRows::of_parameters(&plan.parameters)
     }
 
     fn extension_fields(&self) -> Result<&'static [&'static str], &'static str> {

@@ -102,16 +102,16 @@ pub(super) struct Parameters {
     pub(super) rows: Vec<Vec<Value>>,
 }
 
-/// Rows of design points, counted before they are made.
+/// Rows of design points, counted before they are made. A million of them fit in no memory: they are made one after the other.
 pub(super) struct PointRows<'a> {
     /// How many there are; `None` past 2⁶⁴.
     pub(super) count: Option<u64>,
     /// The rows.
-    pub(super) rows: Box<dyn Iterator<Item = Row> + 'a>,
+    pub(super) rows: Box<dyn Iterator<Item = Row> + Send + 'a>,
 }
 
 impl<'a> PointRows<'a> {
-    fn new(count: Option<u64>, rows: impl Iterator<Item = Row> + 'a) -> Self {
+    fn new(count: Option<u64>, rows: impl Iterator<Item = Row> + Send + 'a) -> Self {
         Self { count, rows: Box::new(rows) }
     }
 
@@ -122,6 +122,11 @@ impl<'a> PointRows<'a> {
     fn listed(rows: Vec<Vec<Value>>) -> Self {
         let count = rows.len() as u64;
         Self::new(Some(count), rows.into_iter().map(|row| row.into_iter().map(Some).collect()))
+    }
+
+    fn of_parameters(parameters: &'a Parameters) -> Self {
+        let rows = &parameters.rows;
+        Self::new(Some(rows.len() as u64), rows.iter().map(|row| row.iter().cloned().map(Some).collect()))
     }
 }
 

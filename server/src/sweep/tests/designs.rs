@@ -3,7 +3,11 @@
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::sweep::designs::testing::{digits, edges, latin_hypercube, random, sobol};
+use crate::sweep::designs::testing::{self, digits, edges, random, sobol};
+
+fn latin_hypercube(points: u32, factor: usize, seed: u64) -> Vec<f64> {
+    testing::latin_hypercube(points, factor, seed).collect()
+}
 
 fn numbers(values: &Value) -> Vec<f64> {
     values.as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()

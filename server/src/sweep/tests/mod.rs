@@ -76,7 +76,7 @@ fn replicates_count_seeds_from_the_base() {
     let gates: Vec<_> =
         expansion.points.iter().map(|point| point.scenario.equipment().unwrap().gate_opening_m).collect();
     assert_eq!(gates, [0.05, 0.06]);
-    let trials = expansion.points.into_trials(7, 3);
+    let trials = expansion.points.trials(7, 3);
     let trials: Vec<_> =
         trials.map(|it| (it.point, it.replicate, it.scenario.seed, it.levels.is_some())).collect();
     let first = [(7, 0, 40, true), (7, 1, 41, false), (7, 2, 42, false)];

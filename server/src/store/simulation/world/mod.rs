@@ -1,5 +1,6 @@
-//! Users, workers, the network and the clock, at random from one seed. [`workers`] has the actions of workers.
+//! Users, workers, the network and the clock, at random from one seed. [`workers`] has the actions of workers, [`sweeps`] large sweeps.
 
+mod sweeps;
 mod workers;
 
 use std::collections::BTreeSet;
@@ -13,6 +14,7 @@ use roost_api::worker::WorkerRegistration;
 use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::{self, Scenario};
 use sqlx::Row;
+use sweeps::SimulatedSubmission;
 use uuid::{Builder, Uuid};
 use workers::SimulatedClaim;
 
@@ -65,6 +67,8 @@ pub(super) struct World<'s> {
     workers: Vec<Worker>,
     reports: Vec<Report>,
     digests: Vec<(JobId, usize)>,
+    /// A sweep that is being submitted.
+    submission: Option<SimulatedSubmission>,
     model: Model,
     pub(super) steps: Vec<String>,
 }
@@ -72,7 +76,8 @@ pub(super) struct World<'s> {
 impl<'s> World<'s> {
     /// An empty store and two workers.
     pub(super) async fn new(store: &'s Store, seed: u64) -> Self {
-        let clear = "DELETE FROM checkpoints; DELETE FROM results; DELETE FROM attempts; DELETE FROM jobs; DELETE FROM workers; DELETE FROM fair_share;
+        let clear = "DELETE FROM checkpoints; DELETE FROM results; DELETE FROM attempts; DELETE FROM jobs; DELETE FROM design_points;
+                     DELETE FROM sweeps; DELETE FROM workers; DELETE FROM fair_share;
                      DELETE FROM documents; DELETE FROM scenarios";
         store
             .writer
@@ -94,6 +99,7 @@ impl<'s> World<'s> {
             workers: Vec::new(),
             reports: Vec::new(),
             digests: Vec::new(),
+            submission: None,
             model: Model::default(),
             steps: Vec::new(),
         };
@@ -115,7 +121,8 @@ impl<'s> World<'s> {
     async fn step(&mut self) {
         match self.random.u32(0..100) {
             // Few jobs, so that each has many events.
-            0..14 if self.model.jobs.len() < 5 => self.submit().await,
+            0..10 if self.model.jobs.len() < 5 => self.submit().await,
+            10..14 if self.model.jobs.len() < 5 || self.submission.is_some() => self.submit_slice().await,
             0..38 => self.claim_randomly().await,
             38..50 => self.beat().await,
             50..68 => self.report_an_end().await,
@@ -251,14 +258,16 @@ impl<'s> World<'s> {
         self.steps.push("the server restarts".to_owned());
         self.store.renew_all_leases(Timestamp(self.now.lease.0 + LEASE_MS)).await.unwrap();
         self.model.restart(self.now.lease.0);
+        self.interrupt_submission().await;
     }
 
-    /// Compares the store with the model.
+    /// Compares the store with the model, which has no job of a sweep that is being submitted.
     async fn compare(&self) {
         let sql =
             "SELECT j.id, j.state, j.attempt, j.cancelling, j.paused, j.alone, j.failure_class, r.attempt AS result,
                     c.attempt AS by, c.simulated_s, c.backend
-                   FROM jobs j LEFT JOIN results r ON r.job_id = j.id LEFT JOIN checkpoints c ON c.job_id = j.id";
+                   FROM jobs j LEFT JOIN results r ON r.job_id = j.id LEFT JOIN checkpoints c ON c.job_id = j.id
+                   WHERE j.sweep_id IS NULL OR j.sweep_id IN (SELECT id FROM sweeps WHERE state = 'ready')";
         let rows = sqlx::query(sql).fetch_all(&self.store.readers).await.unwrap();
         assert_eq!(rows.len(), self.model.jobs.len());
         for row in rows {
@@ -278,6 +287,9 @@ impl<'s> World<'s> {
 
     /// Two capable workers register and run the remaining jobs: every job must end.
     async fn finish(&mut self) {
+        while self.submission.is_some() {
+            self.submit_slice().await;
+        }
         let jobs: Vec<JobId> = self.model.jobs.keys().copied().collect();
         for job in jobs {
             self.store.pause_job(job, false).await.unwrap().unwrap();

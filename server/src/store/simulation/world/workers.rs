@@ -133,11 +133,12 @@ impl World<'_> {
             .unwrap()
     }
 
-    /// Claimable jobs by position, with their numbers.
+    /// Claimable jobs by position, with their numbers. The model knows none of a sweep that is being submitted.
     async fn queue(&self) -> Vec<(JobId, i64)> {
         let sql = "SELECT id, seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0 ORDER BY queue_position, seq";
         let rows: Vec<(String, i64)> = sqlx::query_as(sql).fetch_all(&self.store.readers).await.unwrap();
-        rows.iter().map(|(id, seq)| (id.parse().unwrap(), *seq)).collect()
+        let rows = rows.iter().map(|(id, seq)| (id.parse().unwrap(), *seq));
+        rows.filter(|(id, _)| self.model.jobs.contains_key(id)).collect()
     }
 
     /// The queued jobs that the worker can run now.

@@ -1,0 +1,200 @@
+//! Tests of large sweeps: stored in slices, visible as one, and gone when interrupted.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use roost_api::ids::WorkerId;
+use roost_api::worker::WorkerRegistration;
+use roost_solver::Limits;
+use roost_solver::mesh::Meshes;
+use serde_json::{Value, json};
+use uuid::Uuid;
+
+use super::super::writer::SLICE as BATCH;
+use super::*;
+use crate::clock::Now;
+use crate::store::{Claim, JobFilter};
+use crate::sweep::{SweepLimits, read};
+
+const LIMITS: SweepLimits =
+    SweepLimits { max_jobs: 100_000, scenario: Limits { max_subparticles: u64::MAX, max_steps: u64::MAX } };
+
+const NOW: Now = Now { wall: Timestamp(0), lease: Timestamp(0) };
+
+/// Two design points with this number of replicates.
+fn document(replicates: u32) -> Value {
+    let base = json!({"experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.008}});
+    let factors = json!([{"pointer": "/equipment/gate_opening_m", "levels": [0.05, 0.06]}]);
+    json!({"name": "s", "base": base, "design": {"kind": "grid"}, "factors": factors, "replicates": replicates})
+}
+
+fn sweep(id: SweepId, replicates: u32) -> NewSweep {
+    let (spec, expansion) = read(document(replicates), &Meshes::default(), LIMITS).unwrap();
+    NewSweep::new(id, String::new(), document(replicates).to_string(), spec, expansion).unwrap()
+}
+
+async fn open(dir: &tempfile::TempDir) -> Store {
+    Store::open(&dir.path().join("roost.db"), None).await.unwrap()
+}
+
+/// Sweeps, points, jobs, different seeds, and the range of queue positions.
+async fn numbers(store: &Store) -> (i64, i64, i64, i64, i64) {
+    let sql = "SELECT (SELECT count(*) FROM sweeps), (SELECT count(*) FROM design_points), count(*),
+               count(DISTINCT seed), coalesce(max(queue_position) - min(queue_position), 0) FROM jobs";
+    sqlx::query_as(sql).fetch_one(&store.readers).await.unwrap()
+}
+
+/// The rows that sweeps fill.
+async fn rows(store: &Store) -> i64 {
+    let sql = "SELECT (SELECT count(*) FROM sweeps) + (SELECT count(*) FROM design_points) + (SELECT count(*) FROM jobs)
+               + (SELECT count(*) FROM scenarios) + (SELECT count(*) FROM results) + (SELECT count(*) FROM attempts)";
+    sqlx::query_scalar(sql).fetch_one(&store.readers).await.unwrap()
+}
+
+async fn register(store: &Store) -> WorkerId {
+    let worker_id = WorkerId::new();
+    let worker = WorkerRegistration {
+        worker_id,
+        name: "a".to_owned(),
+        api_version: "v1".to_owned(),
+        solver_revision: SOLVER_REVISION,
+        backend: "cpu".to_owned(),
+        device: "a".to_owned(),
+        threads: 1,
+        memory_mib: None,
+    };
+    store.register_worker(worker, NOW.wall).await.unwrap().unwrap();
+    worker_id
+}
+
+async fn claim(store: &Store, worker: WorkerId, max_jobs: u32) -> Vec<JobId> {
+    let (request_id, lease) = (Uuid::now_v7(), Duration::from_secs(9));
+    let claim = Claim { request_id, worker, max_jobs, lease, max_frames_bytes: 0, checkpoints: None };
+    let claimed = store.claim(claim, NOW).await.unwrap().unwrap();
+    claimed.attempts.iter().map(|attempt| attempt.job_id).collect()
+}
+
+#[tokio::test]
+async fn a_sweep_of_many_batches_is_stored_whole_or_not_at_all() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = open(&dir).await;
+    let broken = sweep(SweepId::new(), 1200);
+    let points = read(document(1200), &Meshes::default(), LIMITS).unwrap().1.points;
+    let batches = JobBatches::start(broken.head.id, 2400, move |encoder| {
+        encoder.encode(points.trials(0, 1200).take(1700))
+    });
+    assert!(batches.is_large());
+    let lost = store.insert_sweep(NewSweep { batches, ..broken }, NOW.wall, ()).await;
+    assert!(matches!(lost, Err(StoreError::Unfinished { queued: 1700, jobs: 2400 })), "{lost:?}");
+    assert_eq!(rows(&store).await, 0);
+
+    let id = SweepId::new();
+    store.insert_sweep(sweep(id, 1200), NOW.wall, ()).await.unwrap();
+    assert_eq!(numbers(&store).await, (1, 2, 2400, 1200, 2399));
+    store.insert_sweep(sweep(id, 1200), NOW.wall, ()).await.unwrap();
+    assert_eq!(numbers(&store).await.2, 2400, "a repeat stores nothing");
+    store.close().await;
+}
+
+#[tokio::test]
+async fn nothing_of_a_sweep_is_seen_or_claimed_before_its_end() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = open(&dir).await;
+    let (id, worker) = (SweepId::new(), register(&store).await);
+    let listing = async || {
+        let (jobs, _) = store.jobs(JobFilter { limit: 9, ..JobFilter::default() }).await.unwrap();
+        let (sweeps, _) = store.sweeps(None, None, 9).await.unwrap();
+        let counts = store.queue_counts(NOW.wall, Duration::from_secs(9)).await.unwrap();
+        let queued: i64 = counts.jobs.iter().map(|(_, jobs)| jobs).sum();
+        (jobs.len(), sweeps.len(), queued, counts.oldest_queued_at.is_some())
+    };
+    let version = async || store.version(crate::store::Subject::Everything).await.unwrap();
+    let mut submission = store.begin_sweep(sweep(id, 600), NOW.wall).await.unwrap().unwrap();
+    let mut slices = 0;
+    loop {
+        assert_eq!(listing().await, (0, 0, 0, false), "after {slices} slices");
+        assert!(store.sweep(id).await.unwrap().is_none());
+        assert_eq!(claim(&store, worker, 3).await, []);
+        assert!(store.cancel_sweep(id, NOW.wall).await.unwrap().is_err(), "there is no such sweep yet");
+        let before = version().await;
+        if !store.store_slice(&mut submission, NOW.wall).await.unwrap() {
+            assert_ne!(version().await, before, "listings change");
+            break;
+        }
+        slices += 1;
+    }
+    assert_eq!(slices, 1200_usize.div_ceil(BATCH));
+    assert_eq!(listing().await, (9, 1, 1200, true));
+    assert_eq!(store.sweep(id).await.unwrap().unwrap().counts.queued, 1200);
+    // The sweep alternates with a smaller one of the same owner, although its jobs have a queue of their own.
+    let small = SweepId::new();
+    store.insert_sweep(sweep(small, 2), NOW.wall, ()).await.unwrap();
+    let claimed = claim(&store, worker, 4).await;
+    let sql = "SELECT count(*) FROM jobs WHERE state = 'running' AND sweep_id = ?";
+    let running: i64 =
+        sqlx::query_scalar(sql).bind(small.to_string()).fetch_one(&store.readers).await.unwrap();
+    assert_eq!((claimed.len(), running), (4, 2));
+    store.close().await;
+}
+
+#[tokio::test]
+async fn an_interrupted_submission_leaves_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = open(&dir).await;
+    let id = SweepId::new();
+    let mut submission = store.begin_sweep(sweep(id, 3000), NOW.wall).await.unwrap().unwrap();
+    for _ in 0..3 {
+        assert!(store.store_slice(&mut submission, NOW.wall).await.unwrap());
+    }
+    assert_eq!(numbers(&store).await.2, 3 * BATCH as i64);
+    store.close().await;
+
+    let store = open(&dir).await;
+    assert!(store.sweep(id).await.unwrap().is_none());
+    assert_eq!(claim(&store, register(&store).await, 1).await, []);
+    store.delete_leftovers().await.unwrap();
+    assert_eq!(rows(&store).await, 0);
+
+    // The client repeats its request before the rest is deleted.
+    let mut submission = store.begin_sweep(sweep(id, 3000), NOW.wall).await.unwrap().unwrap();
+    assert!(store.store_slice(&mut submission, NOW.wall).await.unwrap());
+    store.insert_sweep(sweep(id, 3000), NOW.wall, ()).await.unwrap();
+    assert_eq!(numbers(&store).await, (1, 2, 6000, 3000, 5999));
+    store.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn other_writes_wait_for_one_slice_at_most() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Arc::new(open(&dir).await);
+    let id = SweepId::new();
+    // What holds the writer is counted in commits, since times depend on the machine: a slice that runs, one that
+    // was queued before, and the write itself.
+    let (other, mut longest, mut writes) = (store.clone(), 0, 0);
+    let mut change = async |work: tokio::task::JoinHandle<()>| {
+        while !work.is_finished() {
+            let before = other.writer.commits();
+            other.writer.write(|_| Box::pin(async { Ok(()) })).await.unwrap();
+            longest = longest.max(other.writer.commits() - before);
+            writes += 1;
+        }
+        work.await.unwrap();
+    };
+    let spawned = |store: Arc<Store>, step: u32| {
+        tokio::spawn(async move {
+            match step {
+                0 => store.insert_sweep(sweep(id, 5000), NOW.wall, ()).await.unwrap(),
+                1 => store.cancel_sweep(id, NOW.wall).await.unwrap().unwrap(),
+                2 => assert_eq!(store.retry_sweep(id, None).await.unwrap(), Ok(10_000)),
+                3 => store.cancel_sweep(id, NOW.wall).await.unwrap().unwrap(),
+                _ => assert!(store.delete_sweep(id, NOW.wall).await.unwrap()),
+            }
+        })
+    };
+    for step in 0..5 {
+        change(spawned(store.clone(), step)).await;
+    }
+    assert_eq!(rows(&store).await, 0);
+    assert!(writes > 20 && longest <= 3, "{writes} writes, {longest} commits");
+    store.close().await;
+}
