@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use anyhow::Result;
 use roost_terminal::{Exit, signals, threads};
-use roost_worker::WorkerConfig;
 use roost_worker::device::Device;
+use roost_worker::{Slots, WorkerConfig};
 
 use crate::device::DeviceArgs;
 use crate::target;
@@ -38,9 +38,10 @@ pub(crate) struct WorkerArgs {
     threads: u16,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Jobs at the same time; they share the threads, or form one batch on a GPU within its memory [default: 1, on a GPU 16]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    slots: Option<u16>,
+    /// Jobs at the same time: `auto`, or a number of 1 to 1024. They share the threads, or form one batch on a GPU within its memory. `auto`
+    /// gives each job one thread, and more while the queue has fewer jobs than there are threads; on a GPU it is 16
+    #[arg(long, default_value = "auto", value_name = "N", value_parser = slots)]
+    slots: Slots,
     /// Seconds for running jobs to finish after a signal, before they return to the queue; keep it 10 s below the time after
     /// which a service manager kills the process
     #[arg(long, default_value_t = 0, value_name = "SECONDS")]
@@ -48,6 +49,14 @@ pub(crate) struct WorkerArgs {
     /// Name of the worker in lists [default: the host name]
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
+}
+
+fn slots(text: &str) -> Result<Slots, String> {
+    match text.parse() {
+        Ok(slots @ 1..=1024) => Ok(Slots::Fixed(slots)),
+        _ if text == "auto" => Ok(Slots::Auto),
+        _ => Err("write `auto` or a number of 1 to 1024".to_owned()),
+    }
 }
 
 impl WorkerArgs {
@@ -62,7 +71,7 @@ impl WorkerArgs {
         }
         WorkerConfig {
             threads: self.threads.into(),
-            slots: self.slots.map_or_else(|| device.default_slots(), usize::from),
+            slots: self.slots,
             device,
             drain_grace: Duration::from_secs(self.grace),
             ..WorkerConfig::new(server, self.name.unwrap_or_else(host_name), state)

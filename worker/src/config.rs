@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::client::Credentials;
 use crate::device::Device;
+use crate::slots::Slots;
 
 /// The number of threads to use: the requested one, at most one per processor. 0 requests one per processor. With many threads per processor
 /// a run makes no progress and does not notice a request to stop.
@@ -32,7 +33,7 @@ pub struct WorkerConfig {
     /// alone uses the directory.
     pub outbox_key: Option<String>,
     /// Jobs at once. They share the threads, or one batch on a GPU.
-    pub slots: usize,
+    pub slots: Slots,
     /// Time that a stopping worker gives its jobs before it releases them.
     pub drain_grace: Duration,
     /// Time that a claim waits at the server for work.
@@ -40,7 +41,7 @@ pub struct WorkerConfig {
 }
 
 impl WorkerConfig {
-    /// A worker with one slot on all processors, which releases its job at once when it is stopped.
+    /// A worker with automatic slots on all processors, which releases its jobs at once when it is stopped.
     pub fn new(server: impl Into<String>, name: impl Into<String>, state_dir: impl Into<PathBuf>) -> Self {
         Self {
             server: server.into(),
@@ -50,7 +51,7 @@ impl WorkerConfig {
             device: Device::cpu(),
             state_dir: state_dir.into(),
             outbox_key: None,
-            slots: 1,
+            slots: Slots::Auto,
             drain_grace: Duration::ZERO,
             claim_wait: Duration::from_secs(20),
         }
@@ -60,11 +61,6 @@ impl WorkerConfig {
     pub fn resolved_threads(&self) -> usize {
         threads(self.threads)
     }
-
-    /// Threads for each job.
-    pub fn threads_per_slot(&self) -> usize {
-        (self.resolved_threads() / self.slots.max(1)).max(1)
-    }
 }
 
 #[cfg(test)]
@@ -72,14 +68,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slots_share_threads_and_have_at_least_one() {
-        let config = WorkerConfig { threads: 0, slots: 2, ..WorkerConfig::new("s", "n", "d") };
+    fn threads_are_at_most_one_per_processor() {
+        let config = WorkerConfig::new("s", "n", "d");
         let processors = config.resolved_threads();
         assert!(processors >= 1);
-        assert_eq!(config.threads_per_slot(), (processors / 2).max(1));
-        let config = WorkerConfig { threads: 999_999_999_999, slots: 1, ..config };
-        assert_eq!((config.resolved_threads(), config.threads_per_slot()), (processors, processors));
-        let config = WorkerConfig { threads: 1, slots: 3, ..config };
-        assert_eq!((config.resolved_threads(), config.threads_per_slot()), (1, 1));
+        let config = WorkerConfig { threads: 999_999_999_999, ..config };
+        assert_eq!(config.resolved_threads(), processors);
+        let config = WorkerConfig { threads: 1, ..config };
+        assert_eq!(config.resolved_threads(), 1);
     }
 }

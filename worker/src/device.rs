@@ -13,7 +13,12 @@ pub const DEFAULT_MEMORY_MIB: u32 = 4096;
 
 /// Default of jobs at once on a GPU, as far as its memory allows. More would use a large GPU better, but other workers could not take these
 /// jobs, and all of them are lost together.
-const MAX_GPU_SLOTS: usize = 16;
+pub(crate) const MAX_GPU_SLOTS: usize = 16;
+
+/// The part of a machine's memory that its runs share: the rest is for everything else.
+fn share_of_machine(mib: u32) -> u32 {
+    (mib / 4 * 3).max(1)
+}
 
 /// Choice of the device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -30,8 +35,10 @@ pub struct DeviceOptions {
 
 /// The size of a run, which determines its memory.
 #[derive(Clone, Copy, Debug)]
-#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only adapters have a memory budget"))]
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "adapters need more than the memory"))]
 pub(crate) struct RunSize {
+    /// Estimated memory on the CPU.
+    pub(crate) machine_bytes: u64,
     pub(crate) subparticles: u64,
     /// Triangles of its meshes.
     pub(crate) triangles: u64,
@@ -55,9 +62,13 @@ pub enum BackendKind {
     Gpu,
 }
 
-/// The device that computes runs. Clones share it.
+/// The device that computes runs. Clones share it and its memory.
 #[derive(Clone, Debug, Default)]
-pub struct Device(Option<Arc<Adapter>>);
+pub struct Device {
+    adapter: Option<Arc<Adapter>>,
+    /// Memory of the machine that runs on the CPU share; none where their number is fixed.
+    machine: Option<Arc<MemoryBudget>>,
+}
 
 #[derive(Debug)]
 struct Adapter {
@@ -96,12 +107,15 @@ impl Device {
             }
             Some(BackendKind::Cpu) => Ok(Self::cpu()),
             _ => match open(options) {
-                Ok(computer) => Ok(Self(Some(Arc::new(Adapter {
-                    options: options.clone(),
-                    name: computer.device(),
-                    memory: Arc::new(MemoryBudget::new(options.memory_mib.unwrap_or(DEFAULT_MEMORY_MIB))),
-                    open: Mutex::new(Arc::new(computer)),
-                })))),
+                Ok(computer) => {
+                    let adapter = Adapter {
+                        options: options.clone(),
+                        name: computer.device(),
+                        memory: Arc::new(MemoryBudget::new(options.memory_mib.unwrap_or(DEFAULT_MEMORY_MIB))),
+                        open: Mutex::new(Arc::new(computer)),
+                    };
+                    Ok(Self { adapter: Some(Arc::new(adapter)), machine: None })
+                }
                 Err(reason) if requests_gpu => Err(reason),
                 Err(reason) => {
                     tracing::info!(%reason, "computing on the CPU");
@@ -124,34 +138,43 @@ impl Device {
 
     /// `cpu` or `gpu`.
     pub fn backend(&self) -> &'static str {
-        if self.0.is_some() { "gpu" } else { "cpu" }
+        if self.adapter.is_some() { "gpu" } else { "cpu" }
     }
 
     /// Processor and instruction set, or graphics adapter.
     pub fn name(&self) -> String {
-        self.0.as_ref().map_or_else(roost_solver::cpu::device_name, |adapter| adapter.name.clone())
+        self.adapter.as_ref().map_or_else(roost_solver::cpu::device_name, |adapter| adapter.name.clone())
     }
 
     /// Memory for runs, in MiB: the configured memory of a GPU, or the memory of the machine. None where neither is known.
     pub(crate) fn memory_mib(&self) -> Option<u32> {
-        let configured = self.0.as_ref().and_then(|adapter| adapter.options.memory_mib);
+        let configured = self.adapter.as_ref().and_then(|adapter| adapter.options.memory_mib);
         configured.or_else(crate::memory::memory_mib)
     }
 
-    /// Default of jobs at once: one on the CPU, on a GPU as many as its memory holds up to a limit.
-    pub fn default_slots(&self) -> usize {
-        if self.0.is_some() { MAX_GPU_SLOTS } else { 1 }
+    /// Limits runs on the CPU to the memory of the machine, if that is known. An adapter has its own limit.
+    pub(crate) fn share_memory(&mut self) {
+        if self.adapter.is_none() {
+            self.machine = self.memory_mib().map(|mib| Arc::new(MemoryBudget::new(share_of_machine(mib))));
+        }
+    }
+
+    fn memory(&self) -> Option<&Arc<MemoryBudget>> {
+        self.adapter.as_ref().map(|adapter| &adapter.memory).or(self.machine.as_ref())
     }
 
     /// Announces a run: until it has its memory, or the returned value is dropped, no other run fits.
     pub(crate) fn announce_run(&self) -> Option<PendingRun> {
-        self.0.as_ref().map(|adapter| adapter.memory.announce_run())
+        self.memory().map(|memory| memory.announce_run())
     }
 
     /// The number of further runs that fit into memory; waits until one fits.
     pub(crate) async fn runs_that_fit(&self) -> usize {
-        match &self.0 {
-            Some(adapter) => adapter.memory.runs_that_fit().await,
+        match self.memory() {
+            // An adapter tries one run before the size of any is known; the memory of a machine suffices for most.
+            Some(memory) => {
+                memory.runs_that_fit().await.unwrap_or(if self.adapter.is_some() { 1 } else { usize::MAX })
+            }
             None => usize::MAX,
         }
     }
@@ -165,11 +188,13 @@ impl Device {
         threads: usize,
         size: RunSize,
     ) -> Result<ReservedDevice, ReserveError> {
-        let Some(adapter) = self.0.clone() else {
-            return Ok(ReservedDevice {
-                computer: Arc::new(Computer::Cpu(CpuOptions { threads })),
-                _share: None,
-            });
+        let Some(adapter) = self.adapter.clone() else {
+            let share = match &self.machine {
+                Some(memory) => Some(memory.take(size.machine_bytes).ok_or(ReserveError::MemoryInUse)?),
+                None => None,
+            };
+            let computer = Arc::new(Computer::Cpu(CpuOptions { threads }));
+            return Ok(ReservedDevice { computer, _share: share });
         };
         let share = adapter.memory.take(typical_bytes(size)).ok_or(ReserveError::MemoryInUse)?;
         // Opening an adapter takes a while.
@@ -193,7 +218,7 @@ pub(crate) enum ReserveError {
 #[derive(Debug)]
 pub(crate) struct ReservedDevice {
     computer: Arc<Computer>,
-    /// Memory of the adapter.
+    /// Memory of the adapter or the machine.
     _share: Option<MemoryShare>,
 }
 
@@ -303,7 +328,7 @@ mod tests {
     #[test]
     fn only_a_lost_adapter_is_opened_again() {
         let Some(device) = software() else { return };
-        let adapter = device.0.clone().expect("an adapter");
+        let adapter = device.adapter.clone().expect("an adapter");
         let first = adapter.computer().expect("it is open");
         let broken = std::thread::scope(|scope| {
             let reserved = reserve(&device);
@@ -328,7 +353,7 @@ mod tests {
     #[test]
     fn a_run_that_exceeds_the_memory_fails_alone() {
         let Some(device) = software() else { return };
-        let options = device.0.clone().expect("an adapter").options.clone();
+        let options = device.adapter.clone().expect("an adapter").options.clone();
         let device = Device::choose(&DeviceOptions { memory_mib: Some(1), ..options }).expect("an adapter");
         let alone = result(&device);
         let mut large = serde_json::json!(small().scenario());
@@ -337,7 +362,7 @@ mod tests {
         let large = checked(&scenario::from_value(&large).expect("a sound scenario"));
         let beside = std::thread::scope(|scope| {
             let small = scope.spawn(|| result(&device));
-            let computer = device.0.as_ref().expect("an adapter").computer().expect("it is open");
+            let computer = device.adapter.as_ref().expect("an adapter").computer().expect("it is open");
             let mut keep_on = |_: &Progress| Flow::Continue;
             let refused = computer.simulate(&large, &mut keep_on);
             let words = refused.map(|result| result.performance).expect_err("too little memory");

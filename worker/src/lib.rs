@@ -24,6 +24,8 @@ mod memory_budget;
 pub mod meshes;
 pub mod outbox;
 pub mod runner;
+mod slots;
 
 pub use config::{WorkerConfig, threads};
 pub use lease::{WorkerError, work};
+pub use slots::Slots;

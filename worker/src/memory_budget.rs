@@ -1,4 +1,4 @@
-//! The memory of a graphics adapter that the runs of a worker share. A run that does not fit goes back to the queue at once; the worker claims
+//! The memory of a graphics adapter, or of the machine, that the runs of a worker share. A run that does not fit goes back to the queue at once; the worker claims
 //! no more until as much memory is free.
 
 use std::sync::Arc;
@@ -60,17 +60,17 @@ impl MemoryBudget {
         self.free.clone().try_acquire_many_owned(mib).ok().map(MemoryShare)
     }
 
-    /// The number of further runs that fit, if they are as large as the last one; 1 before the first. Waits until one fits and no run is
+    /// The number of further runs that fit, if they are as large as the last one; none before the first. Waits until one fits and no run is
     /// pending.
-    pub(crate) async fn runs_that_fit(&self) -> usize {
+    pub(crate) async fn runs_that_fit(&self) -> Option<usize> {
         // An error is impossible: `self` holds the sender.
         let _ = self.pending.subscribe().wait_for(|runs| *runs == 0).await;
         let last_run = self.last_run_mib.load(Relaxed);
         if last_run == 0 {
-            return 1;
+            return None;
         }
         let _one = self.free.acquire_many(last_run).await.expect("the semaphore is never closed");
-        1 + self.free.available_permits() / last_run as usize
+        Some(1 + self.free.available_permits() / last_run as usize)
     }
 }
 
@@ -93,21 +93,21 @@ mod tests {
     #[test]
     fn as_many_runs_fit_as_the_memory_holds() {
         let budget = Arc::new(MemoryBudget::new(100));
-        assert_eq!(ready(budget.runs_that_fit()), Some(1), "no size is known yet");
+        assert_eq!(ready(budget.runs_that_fit()), Some(None), "no size is known yet");
         let pending = budget.announce_run();
         assert_eq!(ready(budget.runs_that_fit()), None, "the size of the pending run is unknown");
         let first = budget.take(30 * MIB).expect("it fits");
         drop(pending);
-        assert_eq!(ready(budget.runs_that_fit()), Some(2));
+        assert_eq!(ready(budget.runs_that_fit()), Some(Some(2)));
         let second = budget.take(30 * MIB - 1).expect("it fits");
         let third = budget.take(40 * MIB).expect("it fits");
         assert_eq!(ready(budget.runs_that_fit()), None, "all memory is taken");
         drop(first);
         assert_eq!(ready(budget.runs_that_fit()), None, "30 MiB are too little for another of 40 MiB");
         drop(second);
-        assert_eq!(ready(budget.runs_that_fit()), Some(1));
+        assert_eq!(ready(budget.runs_that_fit()), Some(Some(1)));
         drop(third);
-        assert_eq!(ready(budget.runs_that_fit()), Some(2));
+        assert_eq!(ready(budget.runs_that_fit()), Some(Some(2)));
     }
 
     #[test]
@@ -117,7 +117,7 @@ mod tests {
         assert!(budget.take(1 << 40).is_none());
         assert_eq!(ready(budget.runs_that_fit()), None, "another run would come before the large one");
         drop(small);
-        assert_eq!(ready(budget.runs_that_fit()), Some(1));
+        assert_eq!(ready(budget.runs_that_fit()), Some(Some(1)));
         let all = budget.take(1 << 40).expect("it is alone");
         assert!(budget.take(1).is_none());
         drop(all);

@@ -212,7 +212,13 @@ async fn solver(
 ) -> Result<impl FnOnce(&mut dyn Observer) -> Result<RunResult, SimulateError> + Send + 'static, RunEnd> {
     let triangles = checked.setup().meshes.triangles();
     let has_moments = checked.scenario().bonds.moment_stiffness_factor > 0.0;
-    let size = RunSize { subparticles: checked.estimate().subparticles, triangles, has_moments };
+    let estimate = checked.estimate();
+    let size = RunSize {
+        machine_bytes: estimate.memory_bytes,
+        subparticles: estimate.subparticles,
+        triangles,
+        has_moments,
+    };
     let reserved = resources.device.reserve(resources.threads, size).await;
     let reserved = reserved.map_err(|why| match why {
         ReserveError::MemoryInUse => RunEnd::failed(AttemptOutcome::Released, MEMORY_IN_USE),

@@ -7,7 +7,6 @@ use roost_api::job::AttemptOutcome;
 use roost_api::lease::{
     ClaimReply, ClaimRequest, ClaimedAttempt, FailureReport, MAX_CLAIMED_JOBS, ResultDelivery,
 };
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::task::TaskTracker;
 use tracing::field::Empty;
 use tracing::{Instrument, Span};
@@ -23,40 +22,38 @@ use crate::client::ClientError;
 use crate::meshes::MeshSource;
 use crate::outbox::{Content, Delivery};
 use crate::runner::{Extras, Resources, Run, RunEnd};
+use crate::slots::{Slot, SlotPool, bodies};
 
 /// Time that a stopping worker waits for the answer to its last claim.
 const LAST_CLAIM: Duration = Duration::from_secs(1);
 
 /// Claims jobs until a stop, as many as slots and memory allow. The runs continue in `runs`.
 pub(super) async fn run(session: &Arc<Session>, runs: &TaskTracker) {
-    let slots = Arc::new(Semaphore::new(session.config.slots.max(1)));
+    let device = &session.config.device;
+    let pool = SlotPool::new(session.config.slots, device, session.config.resolved_threads());
     loop {
-        let permit = tokio::select! {
+        let capacity = async { (device.runs_that_fit().await, pool.wait().await) };
+        let (fitting, free) = tokio::select! {
             biased;
             () = session.stop_claiming.cancelled() => return,
-            permit = slots.clone().acquire_owned() => permit.expect("the semaphore is never closed"),
+            capacity = capacity => capacity,
         };
-        let fitting = tokio::select! {
-            biased;
-            () = session.stop_claiming.cancelled() => return,
-            fitting = session.config.device.runs_that_fit() => fitting,
-        };
-        let free = fitting.min(1 + slots.available_permits());
-        let Some(reply) = claim(session, free).await else { return };
-        let mut permit = Some(permit);
-        for attempt in reply.attempts {
-            let permit = permit.take().or_else(|| slots.clone().try_acquire_owned().ok());
-            start(session, runs, attempt, permit);
+        let asked = free.min(fitting).min(MAX_CLAIMED_JOBS as usize);
+        let Some(reply) = claim(session, asked).await else { return };
+        let bodies: Vec<u64> = reply.attempts.iter().map(|attempt| bodies(&attempt.scenario)).collect();
+        let slots = pool.assign(&bodies, asked, fitting);
+        for (attempt, slot) in reply.attempts.into_iter().zip(slots) {
+            start(session, runs, attempt, slot);
         }
     }
 }
 
 /// One claim, repeated with the same request id until it is answered; none after a stop.
-async fn claim(session: &Session, free: usize) -> Option<ClaimReply> {
+async fn claim(session: &Session, max_jobs: usize) -> Option<ClaimReply> {
     let mut request = ClaimRequest {
         request_id: Uuid::now_v7(),
         worker_id: session.worker_id,
-        max_jobs: free.min(MAX_CLAIMED_JOBS as usize) as u32,
+        max_jobs: max_jobs as u32,
         wait_s: session.config.claim_wait.as_secs_f64(),
     };
     let mut backoff = Backoff::default();
@@ -111,18 +108,13 @@ async fn release(session: &Session, reply: ClaimReply) {
 }
 
 /// Starts one attempt. It is inserted before the first await, so that a drain right after the claim finds it.
-fn start(
-    session: &Arc<Session>,
-    runs: &TaskTracker,
-    claimed: ClaimedAttempt,
-    permit: Option<OwnedSemaphorePermit>,
-) {
+fn start(session: &Arc<Session>, runs: &TaskTracker, claimed: ClaimedAttempt, slot: Slot) {
     let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, frames, checkpoints, checkpoint, .. } =
         claimed;
     let key = (job_id, attempt);
-    tracing::info!(job = %job_id, attempt, "running");
+    tracing::info!(job = %job_id, attempt, threads = slot.threads, "running");
     let meshes = MeshSource::Server(session.meshes.clone());
-    let resources = Resources::new(session.config.device.clone(), session.config.threads_per_slot());
+    let resources = Resources::new(session.config.device.clone(), slot.threads);
     let folder = session.outbox.frames_folder(job_id, attempt);
     let recording = frames.and_then(|order| Recording::start(folder, &scenario, order));
     let uploader = checkpoints.map(|order| Uploader::start(session.clone(), key, order));
@@ -135,7 +127,7 @@ fn start(
     let run = Run::start_observed(scenario, meshes, resources, max_wall_s, extras);
     session.attempts.insert(key, &run);
     let span = tracing::debug_span!("attempt", job = %job_id, attempt, outcome = Empty);
-    let ending = finish(session.clone(), key, run, (recording, uploader), permit);
+    let ending = finish(session.clone(), key, run, (recording, uploader), slot);
     runs.spawn(ending.instrument(span));
 }
 
@@ -145,10 +137,10 @@ async fn finish(
     (job_id, attempt): AttemptKey,
     run: Run,
     (recording, uploader): (Option<Recording>, Option<Uploader>),
-    permit: Option<OwnedSemaphorePermit>,
+    slot: Slot,
 ) {
     let end = after_checkpoint(run.end().await, uploader).await;
-    drop(permit);
+    drop(slot);
     // The frames of an attempt that is handed back or abandoned are discarded.
     let has_frames = match end {
         RunEnd::Finished(_) => true,
@@ -210,7 +202,7 @@ mod tests {
     use tokio_util::sync::CancellationToken;
 
     use super::*;
-    use crate::WorkerConfig;
+    use crate::{Slots, WorkerConfig};
 
     #[tokio::test]
     async fn a_drain_right_after_a_claim_stops_the_run() {
@@ -222,7 +214,8 @@ mod tests {
         }))
         .unwrap();
         // One thread and no await: no spawned task has run yet.
-        start(&session, &TaskTracker::new(), claimed, None);
+        let slot = SlotPool::new(Slots::Auto, &session.config.device, 1).assign(&[1], 1, 1).remove(0);
+        start(&session, &TaskTracker::new(), claimed, slot);
         assert_eq!(session.attempts.beats().len(), 1);
     }
 }

@@ -19,6 +19,7 @@ use crate::client::{Client, ClientError};
 use crate::fills::FillCache;
 use crate::meshes::MeshCache;
 use crate::outbox::Outbox;
+use crate::slots::Slots;
 
 /// Maximum size of the cache of filled states, in bytes.
 const FILL_CACHE_BYTES: u64 = 4 << 30;
@@ -42,7 +43,10 @@ pub(super) struct Session {
 }
 
 impl Session {
-    pub(super) fn open(config: WorkerConfig, shutdown: &CancellationToken) -> Result<Self, WorkerError> {
+    pub(super) fn open(mut config: WorkerConfig, shutdown: &CancellationToken) -> Result<Self, WorkerError> {
+        if config.slots == Slots::Auto {
+            config.device.share_memory();
+        }
         let key = config.outbox_key.as_ref().unwrap_or(&config.server);
         let unusable = |source| WorkerError::StateDir { path: config.state_dir.clone(), source };
         let outbox = Outbox::open(&config.state_dir, key).map_err(unusable)?;

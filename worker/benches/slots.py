@@ -1,0 +1,78 @@
+#!/usr/bin/env python3
+"""Compares `roost work --slots auto` with fixed numbers of slots: wall time of sweeps, on one machine, in turn.
+
+    cargo build --release
+    worker/benches/slots.py target/release/roost [ROUNDS]
+
+Sweeps: the four runs of `roost demo`, and 40 runs of a slice of a hopper. Every run has the same bits on any number of threads, so only the
+time differs. Each round runs every choice once, in an order that turns from round to round. A row is the median over the rounds, and its
+ratio to the best fixed choice. Exits with 1 if `auto` takes more than 1.05 times as long as the best fixed choice.
+"""
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).parents[2]
+
+
+def slices():
+    base = {"experiment": "hopper",
+            "product": {"count": 12, "subparticle_radius_m": 0.006},
+            "equipment": {"hopper_width_m": 0.15, "side_walls": "frictionless"},
+            "numerics": {"timestep_s": "auto", "duration_s": 1.0}}
+    levels = [round(0.040 + 0.004 * step, 3) for step in range(8)]
+    return {"name": "slices", "base": base, "design": {"kind": "grid"}, "replicates": 5, "cache": "bypass",
+            "factors": [{"pointer": "/equipment/gate_opening_m", "levels": levels}]}
+
+
+def timed(roost, sweep, slots):
+    """Seconds from the submission to the end of the last job, on a fresh server with one worker that waits for work."""
+    with tempfile.TemporaryDirectory() as folder:
+        port = 20000 + os.getpid() % 20000
+        server = f"http://127.0.0.1:{port}"
+        environment = {**os.environ, "ROOST_SERVER": server, "ROOST_LOG": "error"}
+        document = pathlib.Path(folder, "sweep.json")
+        document.write_text(json.dumps(sweep))
+        start = lambda *arguments: subprocess.Popen([roost, *arguments], env=environment)
+        processes = [start("serve", "--listen", f"127.0.0.1:{port}", "--data", f"{folder}/data")]
+        time.sleep(1)
+        try:
+            processes.append(start("work", "--backend", "cpu", "--state", f"{folder}/state", "--slots", slots))
+            time.sleep(1)
+            before = time.monotonic()
+            subprocess.run([roost, "submit", "--wait", document], env=environment, check=True,
+                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            return time.monotonic() - before
+        finally:
+            for process in reversed(processes):
+                process.terminate()
+                process.wait()
+
+
+def main():
+    roost, rounds = os.path.abspath(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 5
+    processors = len(os.sched_getaffinity(0))
+    fixed = sorted({"1", "2", str(max(1, processors // 2)), str(processors)}, key=int)
+    demo = json.loads((ROOT / "src/demo/sweep.json").read_text())
+    is_good = True
+    for name, sweep in (("demo", demo), ("40 slices", slices())):
+        choices, times = [*fixed, "auto"], {}
+        for number in range(rounds):
+            turn = number % len(choices)
+            for slots in choices[turn:] + choices[:turn]:
+                times.setdefault(slots, []).append(timed(roost, sweep, slots))
+        medians = {slots: statistics.median(values) for slots, values in times.items()}
+        best = min(medians[slots] for slots in fixed)
+        for slots in choices:
+            every = " ".join(f"{value:.2f}" for value in times[slots])
+            print(f"{name:10} slots {slots:>4}: {medians[slots]:7.2f} s, {medians[slots] / best:.3f} of the best  ({every})")
+        is_good &= medians["auto"] <= 1.05 * best
+    sys.exit(0 if is_good else 1)
+
+
+main()
