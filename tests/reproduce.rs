@@ -51,6 +51,8 @@ fn full_report_has_every_figure_and_depends_on_its_records_only() {
     assert_eq!(document["schema"], "roost.report/1");
     assert_eq!((&document["profile"], &document["complete"]), (&json!("tiny"), &json!(true)));
     assert_eq!(document["version"], env!("CARGO_PKG_VERSION"));
+    let read = roost_reproduce::Document::from_json(&document.to_string()).unwrap();
+    assert_eq!(read.faults("tiny"), Vec::<String>::new(), "the rows that the profile defines");
     assert!(document["machine"].as_str().unwrap().contains("cpu"), "{}", document["machine"]);
     for row in rows(&document) {
         let fields = ["figure", "quantity", "unit", "paper", "measured", "demand", "holds", "note"];

@@ -15,11 +15,12 @@ mod report;
 mod row;
 mod scheduler;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Result;
 use roost_terminal::{Exit, Table, format, message, print_lines, signals, threads};
 
+pub use document::Document;
 use plan::{Figure, Part, Plan, Results};
 use profile::Profile;
 use progress::Progress;
@@ -57,6 +58,9 @@ pub struct Args {
     /// Show the planned simulations and run none
     #[arg(long)]
     plan: bool,
+    /// Commit of the source, stated in report.json and report.md
+    #[arg(long, value_name = "COMMIT", hide = true)]
+    commit: Option<String>,
 }
 
 impl Args {
@@ -101,7 +105,7 @@ fn reproduce(args: &Args, should_stop: &dyn Fn() -> bool) -> Result<Exit> {
     store.create_folder()?;
     threads::warn_if_too_many(args.threads);
     let order: Vec<usize> = plan.order().into_iter().filter(|index| ends[*index].is_none()).collect();
-    write_report(&args.output, profile, &plan, &ends)?;
+    write_report(args, &plan, &ends)?;
     let mut progress = Progress::new(&plan, &order);
     let threads = threads::count(args.threads);
     scheduler::run_all(&plan.tasks, &order, threads, &store, should_stop, &mut |event| {
@@ -113,7 +117,7 @@ fn reproduce(args: &Args, should_stop: &dyn Fn() -> bool) -> Result<Exit> {
                 }
                 ends[index] = Some(*end);
                 if progress.end(index) {
-                    write_report(&args.output, profile, &plan, &ends)?;
+                    write_report(args, &plan, &ends)?;
                 }
             }
         }
@@ -121,7 +125,7 @@ fn reproduce(args: &Args, should_stop: &dyn Fn() -> bool) -> Result<Exit> {
     })?;
     drop(progress);
     // After a stop within a figure, the last report lacks the runs that have ended since.
-    print_lines(write_report(&args.output, profile, &plan, &ends)? + "\n")?;
+    print_lines(write_report(args, &plan, &ends)? + "\n")?;
     let is_complete = ends.iter().all(Option::is_some);
     if !is_complete {
         message!("stopped; the same command continues from here");
@@ -131,11 +135,13 @@ fn reproduce(args: &Args, should_stop: &dyn Fn() -> bool) -> Result<Exit> {
 }
 
 /// Writes the report of the runs that have ended. Returns a summary.
-fn write_report(folder: &Path, profile: &Profile, plan: &Plan, ends: &Ends) -> Result<String> {
+fn write_report(args: &Args, plan: &Plan, ends: &Ends) -> Result<String> {
+    let (folder, profile) = (&args.output, args.profile());
     let sections =
         plan.figures.iter().zip(&plan.uses).map(|(figure, used)| section(profile, figure, used, ends));
     let records = ends.iter().flatten().flatten();
-    let report = Report { profile, machine: machines(records), sections: sections.collect() };
+    let commit = args.commit.clone();
+    let report = Report { profile, machine: machines(records), commit, sections: sections.collect() };
     let document = report.document();
     let files = ["report.html", "report.json", "report.md"].map(|name| folder.join(name));
     record::write_atomically(&files[0], report.html().as_bytes())?;

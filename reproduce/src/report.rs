@@ -7,7 +7,7 @@ use roost_solver::{SOLVER_REVISION, VERSION};
 use roost_terminal::format::{duration, significant};
 use serde_json::Value;
 
-use crate::document::{Document, SCHEMA};
+use crate::document::{Document, Finding, SCHEMA};
 use crate::plan::{Evaluation, Figure, Illustration};
 use crate::profile::Profile;
 use crate::record::Record;
@@ -33,6 +33,12 @@ impl Section<'_> {
         self.evaluation.as_ref().map_or(&[], |evaluation| &evaluation.rows)
     }
 
+    /// The findings of the evaluation.
+    fn findings(&self) -> impl Iterator<Item = Finding> {
+        let findings = self.evaluation.iter().flat_map(|evaluation| &evaluation.findings);
+        findings.map(|text| Finding { figure: self.figure.name.to_owned(), text: text.clone() })
+    }
+
     /// The number of demands that hold, as a text.
     pub(crate) fn demands_text(&self) -> String {
         match (self.evaluation.is_some(), counts(self.rows().iter())) {
@@ -51,6 +57,8 @@ impl Section<'_> {
 pub(crate) struct Report<'a> {
     pub(crate) profile: &'a Profile,
     pub(crate) machine: String,
+    /// Commit of the source, if it was given.
+    pub(crate) commit: Option<String>,
     pub(crate) sections: Vec<Section<'a>>,
 }
 
@@ -77,8 +85,10 @@ impl Report<'_> {
             machine: self.machine.clone(),
             version: VERSION.to_owned(),
             solver_revision: SOLVER_REVISION,
+            commit: self.commit.clone(),
             complete: self.sections.iter().all(|section| section.evaluation.is_some()),
             rows: self.rows().cloned().collect(),
+            findings: self.sections.iter().flat_map(Section::findings).collect(),
         }
     }
 
@@ -305,7 +315,7 @@ mod tests {
 
     fn report<'a>(figure: &'a Figure, evaluation: Option<Evaluation>) -> Report<'a> {
         let sections = vec![Section { figure, ended: Vec::new(), evaluation }];
-        Report { profile: PROFILES[0], machine: "a machine".to_owned(), sections }
+        Report { profile: PROFILES[0], machine: "a machine".to_owned(), commit: None, sections }
     }
 
     #[test]

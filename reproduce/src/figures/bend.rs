@@ -192,14 +192,14 @@ fn bar_finding(profile: &Profile, results: &Results<'_>) -> Option<String> {
         .collect();
     others.extend(angle("coarse").map(|angle| {
         format!(
-            "{}° with sub-particles of {} mm, with fewer layers across the thickness",
+            "{}° with sub-particles of {} mm, in fewer layers",
             rounded(angle, 0),
             significant(COARSE * profile.radius_m * 1e3)
         )
     }));
     Some(format!(
         "Over a bar of 20 mm radius a fillet of size 2 with R = {} mm bends by {}°, less than 120°. The paper does not specify its \
-         support, which matters: {}.",
+         support. The support matters: {}.",
         significant(profile.radius_m * 1e3),
         rounded(mean, 0),
         others.join(", ")

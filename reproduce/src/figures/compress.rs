@@ -193,8 +193,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
     }));
     findings.extend(top.zip(after).filter(|(top, after)| after.1 < 0.9 * top.1).map(|(top, after)| {
         format!(
-            "The block of the paper's size with R = 1.75 mm buckles: its stress rises to {} kPa at a strain of {} and falls to {} kPa \
-             at {}. The picture shows the last state.",
+            "The block of the paper's size with R = 1.75 mm buckles. Its stress rises to {} kPa at a strain of {} and falls to {} kPa \
+             at {}.",
             rounded(top.1 / 1e3, 2),
             rounded(top.0, 3),
             rounded(after.1 / 1e3, 2),

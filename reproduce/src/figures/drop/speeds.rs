@@ -92,8 +92,8 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
         );
         findings.extend(rises.into_iter().map(|((from, before), (to, after))| {
             format!(
-                "“Slower impacts consistently leave more intact” does not seem to hold for {multiple}, {}: {} % at {} m/s, {} % at {} m/s \
-                 (one in forty such comparisons is wrong by chance).",
+                "“Slower impacts consistently leave more intact” does not hold for {multiple}, {}: {} % at {} m/s, {} % at {} m/s. One \
+                 in forty such comparisons is wrong by chance.",
                 orientation.0,
                 rounded(100.0 * before, 1),
                 significant(from),

@@ -78,8 +78,8 @@ fn cause_finding(dry: &Replicates, frictions: &[(f64, Replicates)], sticky: &Rep
         .collect::<Option<_>>()?;
     let minimum = frictions.iter().filter_map(|(_, rates)| rates.mean()).reduce(f64::min)?;
     let mut text = format!(
-        "At 6 cm with all other parameters dry, belt friction changes the mean rate from {} kg/s with 0.5 to {}. A surface energy of \
-         {STICKY_J_M2} J/m² in all contacts, in place of 0.055 J/m², changes it to {} kg/s.",
+        "At 6 cm, dry, the mean rate is {} kg/s with a belt friction of 0.5. It is {}. A surface energy of {STICKY_J_M2} J/m² in all \
+         contacts, in place of 0.055 J/m², changes it to {} kg/s.",
         rounded(dry_kg_s, 2),
         reduced.join(", "),
         rounded(sticky_kg_s, 2)
@@ -102,8 +102,8 @@ fn wet_finding(profile: &Profile) -> String {
     };
     let ((dry, usual), (wet, energy)) = (parameters("dry"), parameters("wet"));
     format!(
-        "The wet condition is an assumption: a friction of {} on the belt in place of {}, and a surface energy of {} J/m² in all \
-         contacts in place of {}. The paper only says that water was added.",
+        "The wet condition is an assumption: a friction of {} on the belt in place of {}, a surface energy of {} J/m² in place of {}. \
+         The paper only says that water was added.",
         significant(wet),
         significant(dry),
         significant(energy),
@@ -212,7 +212,12 @@ mod tests {
         let seeds = |mean: f64| Replicates { values: vec![mean - 0.1, mean + 0.1], planned: 2 };
         let frictions = |least: f64| [(0.3, seeds(6.0)), (0.1, seeds(least))];
         let text = cause_finding(&seeds(8.0), &frictions(1.0), &seeds(7.5)).unwrap();
-        assert!(text.contains("8.00 kg/s with 0.5 to 6.00 kg/s with 0.3, 1.00 kg/s with 0.1"), "{text}");
+        assert!(
+            text.contains(
+                "8.00 kg/s with a belt friction of 0.5. It is 6.00 kg/s with 0.3, 1.00 kg/s with 0.1"
+            ),
+            "{text}"
+        );
         assert!(text.contains("changes it to 7.50 kg/s") && text.contains("traction"), "{text}");
         assert!(!cause_finding(&seeds(8.0), &frictions(5.0), &seeds(2.0)).unwrap().contains("traction"));
         assert_eq!(cause_finding(&seeds(8.0), &frictions(1.0), &Replicates::default()), None);
