@@ -44,6 +44,11 @@ fn the_feed_brings_its_rate_and_the_belt_carries_as_much() {
     assert!(result.warnings.iter().all(|warning| warning.code != "feed_short"));
     // The few fillets of the first filling are out in the first half.
     assert_close(of("steady_rate_kg_s"), rate, 0.15);
+    let power = result.series("belt_power").expect("a series");
+    let late =
+        power.t_s.iter().zip(&power.values).filter(|(t, _)| **t >= 0.5 * power.t_s[power.t_s.len() - 1]);
+    let late: Vec<f64> = late.map(|(_, watts)| *watts).collect();
+    assert_close(of("mean_belt_power_w"), late.iter().sum::<f64>() / late.len() as f64, 1e-9);
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Power of the belt, force on the gate, and the series of loads on request.
 
+use std::ops::RangeInclusive;
+
 use serde_json::{Map, Value};
 
 use super::BELT_POWER;
@@ -54,20 +56,21 @@ impl LoadMonitor {
         }
     }
 
-    /// Adds the responses; means are taken until `until_s`, in seconds of belt time.
-    pub(super) fn add_responses(&self, until_s: f64, responses: &mut Map<String, Value>) {
+    /// Adds the responses; means are taken over these belt times in seconds.
+    pub(super) fn add_responses(&self, times_s: RangeInclusive<f64>, responses: &mut Map<String, Value>) {
         let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
-        let stats = |column: usize, until_s: f64| {
+        let always = f64::NEG_INFINITY..=f64::INFINITY;
+        let stats = |column: usize, times_s: &RangeInclusive<f64>| {
             let mut stats = SampleStats::default();
-            let samples = self.samples.iter().filter(|sample| sample[0] <= until_s);
+            let samples = self.samples.iter().filter(|sample| times_s.contains(&sample[0]));
             samples.for_each(|sample| stats.add(sample[column]));
             stats
         };
         let gate = |value: Option<f64>| self.gate.and(value);
         add("passed_through", self.passed_through.into());
-        add("mean_belt_power_w", stats(1, until_s).mean().into());
-        add("max_belt_power_w", stats(1, f64::INFINITY).max().into());
-        add("mean_gate_force_n", gate(stats(2, until_s).mean()).into());
-        add("max_gate_force_n", gate(stats(2, f64::INFINITY).max()).into());
+        add("mean_belt_power_w", stats(1, &times_s).mean().into());
+        add("max_belt_power_w", stats(1, &always).max().into());
+        add("mean_gate_force_n", gate(stats(2, &times_s).mean()).into());
+        add("max_gate_force_n", gate(stats(2, &always).max()).into());
     }
 }

@@ -95,10 +95,10 @@ const RESPONSES: &[Response] = &[
     MAX_OVERLAP_RATIO,
     ESCAPED_KG,
     PASSED_THROUGH,
-    number("mean_belt_power_w", "W", "Mean of the series `belt_power` until 80 % is out."),
+    number("mean_belt_power_w", "W", "Mean of the series `belt_power` until 80 % is out; with a feed, in the second half of the time from t = 0 on."),
     number("max_belt_power_w", "W", "Maximum of the series `belt_power`."),
     number("mean_gate_force_n", "N",
-        "Mean force on the surface named `gate` until 80 % is out; null without such a surface."),
+        "Mean force on the surface named `gate` until 80 % is out; with a feed, in the second half of the time from t = 0 on. Null without such a surface."),
     number("max_gate_force_n", "N", "Maximum of this force over all samples."),
     WARNING_COUNT,
 ];

@@ -294,14 +294,18 @@ impl ExperimentMonitor for HopperMonitor {
         };
         let curl = self.curls.mean_and_largest_deg(discharge.flowing_until_s());
         let mut responses = discharge.responses().into_map();
-        self.loads.add_responses(discharge.flowing_until_s(), &mut responses);
+        let is_fed = self.equipment.feed_kg_s > 0.0;
+        let end_s = self.recorder.belt_s(self.mass).last().copied().unwrap_or_default();
+        // With a feed the first filling is no steady state.
+        let load_times_s = if is_fed { 0.5 * end_s..=end_s } else { 0.0..=discharge.flowing_until_s() };
+        self.loads.add_responses(load_times_s, &mut responses);
         let mut add = |name: &str, value: Value| responses.insert(name.to_owned(), value);
         add("loaded_kg", self.mass_at_start_kg.into());
         add("escaped_kg", self.escaped_kg.into());
         add("fed_kg", self.feed.fed_kg().into());
         add("inside_kg", self.recorder.last(self.inside).into());
         let (t_s, mass_kg) = (self.recorder.belt_s(self.mass), self.recorder.values(self.mass));
-        let steady_kg_s = second_half_rate(t_s, mass_kg).filter(|_| self.equipment.feed_kg_s > 0.0);
+        let steady_kg_s = second_half_rate(t_s, mass_kg).filter(|_| is_fed);
         add("steady_rate_kg_s", steady_kg_s.into());
         let residence = self.residence.residence();
         add("residence_mean_s", residence.mean_s().into());
