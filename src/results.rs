@@ -74,6 +74,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                 }
                 Err(error) => return Err(error.into()),
             };
+            if result.is_of_earlier_form() {
+                message!(
+                    "an earlier version simulated this job: `scenario` is in the present form, `scenario_digest` of the form at that time"
+                );
+            }
             job_content(&result, args.format)?
         }
     };

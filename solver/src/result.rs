@@ -60,6 +60,11 @@ impl RunResult {
         serde_json::from_value(document).map_err(|error| error.to_string())
     }
 
+    /// Whether an earlier version wrote the scenario in another form. [`Self::scenario_digest`] is the digest of that form.
+    pub fn is_of_earlier_form(&self) -> bool {
+        self.scenario.digest() != self.scenario_digest
+    }
+
     /// The series of that name.
     pub fn series(&self, name: &str) -> Option<&Series> {
         self.series.iter().find(|series| series.name == name)

@@ -62,4 +62,21 @@ fn results_without_warnings_are_still_read() {
     document.as_object_mut().unwrap().remove("warnings");
     let read: RunResult = serde_json::from_value(document).expect("a result of an older solver");
     assert_eq!(read.warnings, []);
+    assert!(!read.is_of_earlier_form());
+}
+
+#[test]
+fn a_scenario_of_an_earlier_schema_keeps_its_digest_and_is_told_from_a_present_one() {
+    let mut document =
+        json!(run(json!({"experiment": "drop", "product": {"count": 1}, "numerics": {"duration_s": 0.01}})));
+    document["scenario"]["schema"] = json!("roost.scenario/1");
+    document["scenario"]["bonds"].as_object_mut().unwrap().remove("reference_radius_m");
+    document["scenario_digest"] = json!("of schema 1");
+    let read = RunResult::from_value(document).expect("an earlier result");
+    assert_eq!(
+        (read.scenario.schema.as_str(), read.scenario_digest.as_str()),
+        (scenario::SCHEMA, "of schema 1")
+    );
+    assert_eq!(read.scenario.bonds.reference_radius_m, None);
+    assert!(read.is_of_earlier_form());
 }
