@@ -276,10 +276,22 @@ mod tests {
         let mut scene = two_fillets(0.3);
         let shift = DVec3::new(1.1, 0.9, 0.8);
         let apart = Interpenetration::new(&scene).fraction(&nested(&scene, shift, |point| point));
-        scene = two_fillets(0.11);
+        let half_m = 0.11;
+        scene = two_fillets(half_m);
         scene.periodic_y = true;
-        let state = nested(&scene, shift, |point| point + DVec3::Y * 0.1);
-        assert_eq!(Interpenetration::new(&scene).fraction(&state), apart);
+        let measure = Interpenetration::new(&scene);
+        let mut boxes_apart = 0;
+        for k in 0..88 {
+            let y = 2.0 * half_m * f64::from(k) / 88.0;
+            let state = nested(&scene, shift, |point| point + DVec3::Y * y);
+            assert_eq!(measure.fraction(&state), apart, "moved by {y} m");
+            let placed: Vec<Placed> =
+                state.body_ranges().map(|(body, range)| placed(&state, body, range)).collect();
+            boxes_apart += usize::from(!placed[0].meets(&placed[1], 0.0));
+        }
+        // A body is in one piece from its first sub-particle on. Two such pieces are a period apart where the seam is between
+        // their first sub-particles.
+        assert!(boxes_apart > 0, "no place of the seam separates the boxes");
     }
 
     #[test]
