@@ -123,7 +123,7 @@ fn evaluate(profile: &Profile, results: &Results<'_>) -> Evaluation {
             _ => row.note("reported without a demand"),
         });
         if !is_papers && n > 0 {
-            findings.push(format!("At {name} the paper has {papers} flow; here it is {words}."));
+            findings.push(format!("At {name}, the paper's regime is {papers}; here it is {words}."));
         }
         let row = Row::new(NAME, format!("minimum rate over 1 s, over the belt's capacity, at {name}"), "");
         let row = row.replicates(&results.response(name, "lowest_rate_ratio"));
