@@ -12,7 +12,7 @@ test: NEEDS += chromium:chromium
 # Drivers complain without.
 export XDG_RUNTIME_DIR ?= /tmp
 
-.PHONY: demo test check deny dashboard-check book needs
+.PHONY: demo test check deny dashboard-check book validation needs
 
 MDBOOK := target/tools/bin/mdbook
 
@@ -58,6 +58,13 @@ dashboard-check:
 		node .ci/dashboard/openapi-types.mjs target/dashboard/openapi.json > target/dashboard/openapi.d.ts && \
 		$(DASHBOARD_TOOLS)/node_modules/.bin/tsc --project .ci/dashboard; \
 	else echo "the types of the dashboard are not checked: TypeScript cannot be installed (it needs node and npm)"; fi
+
+# The tables of docs/validation.md: simulates the paper's figures at the current solver revision, in about an hour on two cores. The
+# results in target/validation let a stopped call continue.
+validation: needs
+	cargo run -- reproduce --standard --commit "$$(git describe --always --dirty --exclude '*')" -o target/validation
+	cp target/validation/report.json docs/data/validation.json
+	ROOST_WRITE=1 cargo test --test validation
 
 # The documents as a book, target/book/index.html. A warning is an error.
 book: $(MDBOOK)
