@@ -84,7 +84,7 @@ fn parse_id(list: &str, text: &str) -> Result<Uuid, String> {
 #[derive(Clone, Debug)]
 pub(crate) enum Target {
     Sweep(SweepView),
-    Job(JobView),
+    Job(Box<JobView>),
 }
 
 /// Finds the sweep or the job of an id, which does not contain its type.
@@ -95,7 +95,7 @@ pub(crate) async fn find(client: &Client, id: Uuid) -> Result<Target> {
         Err(error) => return Err(error.into()),
     }
     match client.job(JobId(id)).await {
-        Ok(job) => Ok(Target::Job(job)),
+        Ok(job) => Ok(Target::Job(Box::new(job))),
         Err(ClientError::Problem(mut problem)) if problem.status == 404 => {
             problem.detail = format!("no sweep and no job has the id {id} at {}", client.server());
             Err(ClientError::Problem(problem).into())

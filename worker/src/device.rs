@@ -130,7 +130,7 @@ impl Device {
     /// # Errors
     /// In words, when the adapter was lost and cannot be opened again.
     pub fn stamp(&self, checked: &Checked) -> Result<Stamp, String> {
-        Ok(match &self.0 {
+        Ok(match &self.adapter {
             Some(adapter) => adapter.computer()?.stamp(checked),
             None => Computer::Cpu(CpuOptions::default()).stamp(checked),
         })
@@ -299,7 +299,7 @@ mod tests {
         check(scenario, &Meshes::default(), &Limits::default()).expect("one that can run")
     }
 
-    const SIZE: RunSize = RunSize { subparticles: 1000, triangles: 0, has_moments: false };
+    const SIZE: RunSize = RunSize { subparticles: 1000, triangles: 0, has_moments: false, machine_bytes: 0 };
 
     fn reserve(device: &Device) -> ReservedDevice {
         let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");

@@ -77,13 +77,13 @@ pub fn run<B: Backend>(
         simulation.start();
     }
     let is_between = from.is_some_and(|from| from.head.moment == Moment::Step);
-    let end = simulation.to_the_end(is_between);
+    let end = simulation.finish(is_between);
     Ok(simulation.summary(end))
 }
 
 impl<B: Backend> Simulation<'_, B> {
     /// Runs to the end, at first to the next sample if it is between two.
-    fn to_the_end(&mut self, is_between: bool) -> End {
+    fn finish(&mut self, is_between: bool) -> End {
         if is_between && let Some(end) = self.advance() {
             return end;
         }

@@ -47,6 +47,13 @@ pub(super) struct Rows {
     pub(super) walls: Vec<WallPair>,
 }
 
+/// The rows of one sub-particle, from a saved run.
+struct SavedRow {
+    pairs: Vec<Pair>,
+    moments: Vec<Moment>,
+    walls: Vec<WallPair>,
+}
+
 /// The rows of one sub-particle.
 type Row<'a> = (&'a [Pair], &'a [Moment], &'a [WallPair]);
 
@@ -59,23 +66,19 @@ impl Rows {
 
     /// Rows that hold only what a saved run has.
     pub(super) fn restore(saved: &SavedRun, has_moments: bool) -> Self {
-        let rows: Vec<_> = saved.pairs_of_each().into_iter().zip(saved.walls_of_each()).collect();
-        let rows: Vec<(Vec<Pair>, Vec<Moment>, Vec<WallPair>)> = rows
+        let rows: Vec<SavedRow> = saved
+            .pairs_of_each()
             .iter()
-            .map(|(pairs, walls)| {
-                let moments = pairs.iter().filter(|_| has_moments).map(Moment::restore);
-                (
-                    pairs.iter().map(Pair::restore).collect(),
-                    moments.collect(),
-                    walls.iter().map(WallPair::restore).collect(),
-                )
+            .zip(saved.walls_of_each())
+            .map(|(pairs, walls)| SavedRow {
+                pairs: pairs.iter().map(Pair::restore).collect(),
+                moments: pairs.iter().filter(|_| has_moments).map(Moment::restore).collect(),
+                walls: walls.iter().map(WallPair::restore).collect(),
             })
             .collect();
-        let longest = |length: fn(&(Vec<Pair>, Vec<Moment>, Vec<WallPair>)) -> usize| {
-            rows.iter().map(length).max().unwrap_or(0) as u32
-        };
-        let needed = RowCapacity::holding(longest(|row| row.0.len()), longest(|row| row.2.len()));
-        let rows = rows.iter().map(|(pairs, moments, walls)| (&pairs[..], &moments[..], &walls[..]));
+        let longest = |length: fn(&SavedRow) -> usize| rows.iter().map(length).max().unwrap_or(0) as u32;
+        let needed = RowCapacity::holding(longest(|row| row.pairs.len()), longest(|row| row.walls.len()));
+        let rows = rows.iter().map(|row| (&row.pairs[..], &row.moments[..], &row.walls[..]));
         Self::of(RowCapacity::default().max(needed), has_moments, rows)
     }
 

@@ -140,7 +140,7 @@ impl Field {
     }
 
     /// Acts only from t = 0 on.
-    pub(super) const fn from_start(self) -> Self {
+    pub(super) const fn acts_from_start(self) -> Self {
         Self { from_start: true, ..self }
     }
 

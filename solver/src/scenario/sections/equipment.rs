@@ -58,7 +58,7 @@ pub enum SideWalls {
 pub(in crate::scenario) const FIELDS: &[Field] = &[
     number("/equipment/gate_opening_m", "m", 0.06, from_to(0.001, 5.0), "Fig. 5",
         "Height of the gate's lower edge above the belt. With `parametric` false it does nothing: see `opening_height_m`.")
-        .from_start(),
+        .acts_from_start(),
     number("/equipment/hopper_width_m", "m", 0.59, from_to(0.01, 10.0), "derived",
         "Inner width of the hopper across the belt (y); derived from 33.2 kg in 4 s."),
     number("/equipment/hopper_length_m", "m", 0.30, from_to(0.01, 10.0), "derived",
@@ -72,7 +72,7 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
          walls; a fillet that leaves on one side enters on the other."),
     number("/equipment/belt_speed_m_s", "m/s", 0.25, from_to(0.0, 10.0), "section 2.4",
         "Speed of the belt from t = 0 on; the paper has 15 m/min. With `parametric` false the belt among `surfaces` has its own.")
-        .from_start(),
+        .acts_from_start(),
     flag("/equipment/shutter_while_filling", true, "assumed",
         "Whether a shutter closes the opening until the belt starts."),
     number("/equipment/feed_kg_s", "kg/s", 0.0, from_to(0.0, 1000.0), "assumed",
@@ -84,10 +84,10 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Whether the result has the series of force and torque on each surface. They make it ten times as large."),
     nullable("/equipment/opening_width_m", "m", from_to(0.001, 10.0), "assumed",
         "With `parametric` false: inner width of the opening under the gate. Null: no belt capacity, and `regime` is null.")
-        .from_start(),
+        .acts_from_start(),
     nullable("/equipment/opening_height_m", "m", from_to(0.001, 5.0), "assumed",
         "With `parametric` false: height of the gate's lower edge above the belt. Null: no belt capacity, and `regime` is null.")
-        .from_start(),
+        .acts_from_start(),
 ];
 
 /// The experiment in documents.

@@ -68,21 +68,21 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         "Time step. `auto`: the stability limit with a margin, from stiffness, mass, damping and the speed at the start."),
     number("/numerics/duration_s", "s", 6.0, TIME, "numerics",
         "Simulated time from t = 0: the start of the belt, or of the test.")
-        .from_start()
+        .acts_from_start()
         .by_name(),
     number("/numerics/output_interval_s", "s", 0.02, above_to(0.0, 0.1), "numerics",
         "Interval between samples."),
     flag("/numerics/stop/when_empty", true, "numerics",
         "Whether the simulation ends when every fillet has left.")
-        .from_start()
+        .acts_from_start()
         .by_name(),
     nullable("/numerics/stop/when_jammed_s", "s", TIME, "numerics",
         "The simulation ends when nothing has passed the gate for this long; null: never.")
-        .from_start()
+        .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_done", true, "numerics",
         "Whether the simulation ends when its responses are known: fillets at rest, or sliding, or the block compressed.")
-        .from_start()
+        .acts_from_start()
         .by_name(),
     number("/numerics/gravity_m_s2", "m/s²", 9.81, from_to(0.0, 100.0), "assumed",
         "Acceleration of gravity, downwards; 0 by default in `compress`, where the block's weight would distort the curve."),
