@@ -29,7 +29,6 @@ use roost_solver::gpu::Gpu;
 use roost_solver::gpu::source::Source;
 use roost_solver::physics::bond::{BondLaw, BondModel};
 use roost_solver::result::RunResult;
-use roost_solver::scenario::{self, Scenario};
 use roost_solver::simulate_on;
 use roost_solver::{Flow, Progress};
 use serde_json::json;
