@@ -38,7 +38,7 @@ pub(crate) struct CheckpointArgs {
     #[arg(long, value_name = "DIR", env = "ROOST_FILLS")]
     fills: Option<OsString>,
     /// Fill the hopper anew, and do not keep the filled state
-    #[arg(long, conflicts_with = "fills")]
+    #[arg(long)]
     no_shared_fill: bool,
 }
 

@@ -107,10 +107,7 @@ impl<B: Backend> Simulation<'_, B> {
                 surface_loads: &surface_loads,
             };
             let decision = self.monitor.observe(&sample);
-            // A picture at t = 0 is taken after the start, at the second offer.
-            if !matches!(decision, Decision::Start) {
-                self.offer_snapshot();
-            }
+            self.offer_snapshot(matches!(decision, Decision::Start));
             match decision {
                 Decision::End(reason) => return Some((reason, None)),
                 Decision::Diverged(seen) => return Some((EndReason::Unstable, Some(seen))),
@@ -169,9 +166,10 @@ impl<B: Backend> Simulation<'_, B> {
         None
     }
 
-    fn offer_snapshot(&mut self) {
+    /// Offers a picture. The one at t = 0 is taken after the start, at the second offer.
+    fn offer_snapshot(&mut self, starts: bool) {
         let (simulated_s, belt_time_s) = (self.timeline.simulated_s(), self.timeline.belt_time_s());
-        if self.observer.wants_snapshot(simulated_s) {
+        if self.observer.wants_snapshot(simulated_s) && !starts {
             let bonds = self.backend.bonds(&mut self.run);
             let state = self.backend.state(&mut self.run);
             self.observer.snapshot(&Snapshot {
