@@ -48,6 +48,7 @@ pub(crate) struct Checkpoints {
     /// Where the run puts them, and the task that writes them; none without checkpoints.
     writer: Option<(CheckpointSlot, JoinHandle<()>)>,
     warning: Arc<Mutex<Option<String>>>,
+    saves: bool,
 }
 
 impl CheckpointArgs {
@@ -62,7 +63,12 @@ impl CheckpointArgs {
         let stamp = device.stamp(checked).map_err(anyhow::Error::msg)?;
         let file = folder.join(FILE);
         let mut extras = Extras::default();
-        let mut checkpoints = Checkpoints { file, writer: None, warning: Arc::default() };
+        let mut checkpoints = Checkpoints {
+            file,
+            writer: None,
+            warning: Arc::default(),
+            saves: self.checkpoint_every.is_some(),
+        };
         if let Some(interval) = self.checkpoint_every.filter(|interval| !interval.is_zero()) {
             let saved = if self.from_start { None } else { read(&checkpoints.file, &stamp)? };
             if let Some(saved) = saved {
@@ -76,11 +82,15 @@ impl CheckpointArgs {
         }
         extras.fills = self.fill_cache(&stamp);
         // Frames show the fill as well.
-        if extras.resume.is_none()
-            && !has_frames
-            && extras.fills.as_ref().is_some_and(|cache| cache.has(&stamp))
-        {
+        let cache = extras.fills.clone().filter(|_| extras.resume.is_none() && !has_frames);
+        if let Some((cache, filled)) = cache.and_then(|cache| Some((cache.clone(), cache.load(&stamp)?))) {
             message!("starts from a hopper filled before");
+            let refused = Box::new(move |reason: String| {
+                message!("{reason}; the hopper is filled again");
+                cache.discard(&stamp);
+            });
+            extras.resume =
+                Some(Resume { checkpoint: Box::pin(async { Some(filled) }), refused: Some(refused) });
         }
         Ok((checkpoints, extras))
     }
@@ -145,17 +155,21 @@ impl Checkpoints {
         self.warning.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// Waits for the last file. The checkpoint of a run that came to its end is deleted.
-    pub(crate) async fn finish(mut self, is_at_its_end: bool) {
+    /// Waits for the last file of a run that has ended.
+    pub(crate) async fn close(&mut self) {
         let Some((slot, writer)) = self.writer.take() else { return };
         slot.close();
         let _ = writer.await;
         if let Some(warning) = self.warning() {
             message!("{warning}");
         }
-        if is_at_its_end {
+    }
+
+    /// Deletes the file of a run whose result is written; says how another one continues.
+    pub(crate) fn finish(&self, is_at_its_end: bool) {
+        if self.saves && is_at_its_end {
             let _ = fs::remove_file(&self.file);
-        } else if self.file.exists() {
+        } else if self.saves && self.file.exists() {
             message!("the same command continues from {}", self.file.display());
         }
     }

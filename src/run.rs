@@ -6,6 +6,7 @@ use anyhow::Result;
 use roost_api::job::AttemptOutcome;
 use roost_api::printable::one_line;
 use roost_api::{Phase, Progress, RunResult};
+use roost_solver::result::EndReason;
 use roost_solver::{Limits, scenario};
 use roost_terminal::progress::Bar;
 use roost_terminal::{
@@ -86,12 +87,12 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     );
     let mut frames = args.frames.prepare(&scenario, estimate)?;
     let pictures = frames.as_ref().map(Frames::pictures);
-    let (checkpoints, extras) =
+    let (mut checkpoints, extras) =
         args.checkpoints.prepare(&args.output, &resources.device, &checked, pictures.is_some())?;
     let run = Run::start_checked(checked, resources, Extras { frames: pictures, ..extras });
     let warning = || frames.as_mut().and_then(Frames::warning).or_else(|| checkpoints.warning());
     let end = follow(run, &shutdown, warning).await;
-    checkpoints.finish(matches!(end, RunEnd::Finished(_))).await;
+    checkpoints.close().await;
     let report = frames.as_mut().map(Frames::finish);
     let (result, exit) = match end {
         RunEnd::Finished(result) => (result, Exit::Done),
@@ -104,6 +105,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         RunEnd::Abandoned => anyhow::bail!("the run was abandoned"),
     };
     let mut files = output::write(&args.output, &result)?;
+    checkpoints.finish(result.end_reason != EndReason::Cancelled);
     files.extend(report.iter().flat_map(|report| report.files.iter().cloned()));
     if args.json {
         let mut summary = summary(&result, &files);

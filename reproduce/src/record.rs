@@ -103,19 +103,24 @@ impl Store {
         &self,
         digest: &str,
         saved: &Checkpoint,
+        shots: &[Shot],
         pictures: &[Picture],
     ) -> Result<()> {
         let [checkpoint, beside] = self.checkpoint_files(digest);
         // In this order: pictures that are later than the checkpoint are taken again.
-        write_atomically(&beside, &serde_json::to_vec(pictures)?)?;
+        write_atomically(&beside, &serde_json::to_vec(&(shots, pictures))?)?;
         write_atomically(&checkpoint, &saved.to_bytes())
     }
 
-    /// The checkpoint of a run and the pictures taken before it, if both can be read.
-    pub(crate) fn load_checkpoint(&self, digest: &str) -> Option<(Checkpoint, Vec<Picture>)> {
+    /// The checkpoint of a run and the pictures taken before it, if both can be read and all requested pictures were due.
+    pub(crate) fn load_checkpoint(&self, digest: &str, shots: &[Shot]) -> Option<(Checkpoint, Vec<Picture>)> {
         let [checkpoint, beside] = self.checkpoint_files(digest);
         let saved = Checkpoint::from_bytes(&fs::read(checkpoint).ok()?).ok()?;
-        let mut pictures: Vec<Picture> = serde_json::from_slice(&fs::read(beside).ok()?).ok()?;
+        let (due, mut pictures): (Vec<Shot>, Vec<Picture>) =
+            serde_json::from_slice(&fs::read(beside).ok()?).ok()?;
+        if !shots.iter().all(|shot| due.contains(shot)) {
+            return None;
+        }
         pictures.retain(|picture| picture.simulated_s <= saved.head.simulated_s);
         Some((saved, pictures))
     }

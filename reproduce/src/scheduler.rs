@@ -110,7 +110,7 @@ fn run(
     events: &Sender<Event>,
 ) {
     let compute = || {
-        let (from, pictures) = store.load_checkpoint(&task.digest).unzip();
+        let (from, pictures) = store.load_checkpoint(&task.digest, &task.shots).unzip();
         let mut observer = TaskObserver {
             index,
             task,
@@ -189,7 +189,9 @@ impl Observer for TaskObserver<'_> {
 
     fn checkpoint(&mut self, checkpoint: Checkpoint) {
         self.saved_at = Instant::now();
-        if let Err(error) = self.store.save_checkpoint(&self.task.digest, &checkpoint, &self.pictures) {
+        if let Err(error) =
+            self.store.save_checkpoint(&self.task.digest, &checkpoint, &self.task.shots, &self.pictures)
+        {
             message!("a checkpoint was not saved: {error}");
         }
     }
@@ -286,6 +288,6 @@ mod tests {
         .unwrap();
         started.dedup();
         assert_eq!((ended, started), (0, vec![0]));
-        assert!(store.load_checkpoint(&digest).is_some(), "it continues from there");
+        assert!(store.load_checkpoint(&digest, &[]).is_some(), "it continues from there");
     }
 }

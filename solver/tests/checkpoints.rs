@@ -15,7 +15,7 @@ use resuming::{Killer, RandomSteps, bits, with_kills};
 use roost_solver::cpu::Cpu;
 use roost_solver::engine::checkpoint::CheckpointError;
 use roost_solver::scenario::Scenario;
-use roost_solver::{Checkpoint, Flow, Progress, simulate_on};
+use roost_solver::{Checkpoint, Flow, Moment, Observer, Progress, simulate_on};
 use serde_json::json;
 
 /// Cases of the property below in the test command; `ROOST_CASES` sets another number.
@@ -56,6 +56,62 @@ fn runs_that_are_killed_at_random_steps_end_with_the_same_bits() {
     }
     assert!(killed as u64 > cases / 2, "{killed} kills in {cases} cases");
     println!("{cases} cases, {killed} kills");
+}
+
+/// Takes the filled state of a run.
+struct Filling(Option<Checkpoint>);
+
+impl Observer for Filling {
+    fn progress(&mut self, _: &Progress) -> Flow {
+        if self.0.is_some() { Flow::Cancel } else { Flow::Continue }
+    }
+
+    fn wants_checkpoint(&mut self, moment: Moment) -> bool {
+        moment == Moment::Start
+    }
+
+    fn checkpoint(&mut self, checkpoint: Checkpoint) {
+        self.0 = Some(checkpoint);
+    }
+}
+
+#[test]
+fn a_filled_state_serves_every_value_of_the_fields_that_act_from_the_start() {
+    let base = json!({
+        "experiment": "hopper", "product": {"count": 8, "subparticle_radius_m": 0.01},
+        "equipment": {"hopper_width_m": 0.15, "hopper_length_m": 0.2, "gate_opening_m": 0.1, "surface_loads": true},
+        "numerics": {"timestep_s": "auto", "duration_s": 0.2, "rest_speed_m_s": 0.1},
+    });
+    let others = [
+        ("/equipment/gate_opening_m", json!(0.04)),
+        ("/equipment/belt_speed_m_s", json!(0.6)),
+        ("/numerics/duration_s", json!(0.3)),
+        ("/numerics/stop/when_empty", json!(false)),
+        ("/numerics/stop/when_jammed_s", json!(0.05)),
+    ];
+    let marked: Vec<&str> = roost_solver::scenario::fields::FIELDS
+        .iter()
+        .filter(|field| field.from_start && field.pointer != "/numerics/stop/when_done")
+        .map(|field| field.pointer)
+        .filter(|pointer| !pointer.contains("/opening_"))
+        .collect();
+    assert!(marked.iter().all(|pointer| others.iter().any(|(other, _)| other == pointer)), "{marked:?}");
+    for cpu in [Cpu::new(1), Cpu::plain(1)] {
+        let mut filling = Filling(None);
+        simulate_on(&cpu, &checked(&common::scenario(base.clone(), &[])), None, &mut filling)
+            .expect("no checkpoint");
+        let filled =
+            Checkpoint::from_bytes(&filling.0.expect("it was filled").to_bytes()).expect("its own bytes");
+        for other in &others {
+            let scenario = checked(&common::scenario(base.clone(), std::slice::from_ref(other)));
+            let run = |from| {
+                simulate_on(&cpu, &scenario, from, &mut |_: &Progress| Flow::Continue).expect("it fits")
+            };
+            assert!(bits(&run(Some(&filled))) == bits(&run(None)), "{other:?}");
+        }
+        let fill = [("/equipment/hopper_length_m", json!(0.25))];
+        assert!(go_on(&cpu, &common::scenario(base.clone(), &fill), &filled).is_err(), "another fill");
+    }
 }
 
 /// The checkpoint of a run at half its progress.

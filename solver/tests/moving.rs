@@ -196,6 +196,7 @@ fn a_gate_that_opens_keeps_the_contacts_of_what_stays() {
     assert_force(bench.cpu.surface_loads(&mut bench.run)[0].force, 2.0 * of_one, 2e-3);
     let height = bench.position(1).z;
     bench.cpu.start(&mut bench.run);
+    assert_eq!(bench.cpu.surface_loads(&mut bench.run)[0].force, DVec3::ZERO, "it has only just opened");
     bench.steps(1);
     assert_force(bench.cpu.surface_loads(&mut bench.run)[0].force, of_one, 2e-3);
     bench.steps(5000);

@@ -1,23 +1,20 @@
 //! Files that are whole or not there.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
-use std::{fs, io};
+
+use tempfile::NamedTempFile;
 
 /// Writes a temporary file beside `path` and renames it, so that a reader sees the whole content or the old one. A full disk
-/// leaves the old one.
+/// leaves the old one, and two processes leave the content of one of them.
 ///
 /// # Errors
 /// As the system reports it.
 pub fn write_atomically(path: &Path, content: &[u8]) -> io::Result<()> {
-    let temporary = path.with_extension("part");
-    let written = || {
-        let mut file = fs::File::create(&temporary)?;
-        file.write_all(content)?;
-        file.sync_all()?;
-        fs::rename(&temporary, path)
-    };
-    written().inspect_err(|_| {
-        let _ = fs::remove_file(&temporary);
-    })
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = NamedTempFile::new_in(folder)?;
+    file.write_all(content)?;
+    file.as_file().sync_all()?;
+    file.persist(path)?;
+    Ok(())
 }

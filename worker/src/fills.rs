@@ -5,7 +5,6 @@ use std::time::{Duration, SystemTime};
 use std::{fs, io};
 
 use roost_solver::{Checkpoint, Moment, Stamp};
-use tempfile::NamedTempFile;
 
 /// Age after which a filled state that nobody has used is deleted.
 const MAX_AGE: Duration = Duration::from_secs(30 * 24 * 3600);
@@ -52,9 +51,11 @@ impl FillCache {
         }
     }
 
-    /// Whether it has the filled state of runs with this stamp; true too for runs that share no fill.
-    pub fn has(&self, stamp: &Stamp) -> bool {
-        self.path(stamp).is_none_or(|path| path.exists())
+    /// Deletes the filled state of runs with this stamp: the solver has refused it.
+    pub fn discard(&self, stamp: &Stamp) {
+        self.path(stamp).into_iter().for_each(|path| {
+            let _ = fs::remove_file(path);
+        });
     }
 
     /// Stores a filled state that it does not have, and deletes what is too old or too much.
@@ -63,8 +64,10 @@ impl FillCache {
     /// As the system reports them. The folder is then as before.
     pub fn store(&self, filled: &Checkpoint) -> io::Result<()> {
         let Some(path) = self.path(&filled.head.stamp).filter(|path| !path.exists()) else { return Ok(()) };
-        let mut file = NamedTempFile::new_in(&self.folder)?;
+        // With the extension of the others: one that a killed process left behind is pruned like them.
+        let mut file = tempfile::Builder::new().suffix(".fill").tempfile_in(&self.folder)?;
         io::Write::write_all(&mut file, &filled.to_bytes())?;
+        file.as_file().sync_all()?;
         file.persist(&path)?;
         self.prune()
     }
@@ -86,7 +89,12 @@ impl FillCache {
         for (used, bytes, path) in files {
             let is_old = now.duration_since(used).is_ok_and(|age| age > MAX_AGE);
             if is_old || total > self.limit_bytes {
-                fs::remove_file(path)?;
+                // Another process may have been faster.
+                if let Err(error) = fs::remove_file(path)
+                    && error.kind() != io::ErrorKind::NotFound
+                {
+                    return Err(error);
+                }
                 total -= bytes;
             }
         }

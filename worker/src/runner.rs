@@ -229,8 +229,8 @@ async fn solver(
         None => (None, None),
     };
     if let (None, Some(cache)) = (&checkpoint, fills) {
-        checkpoint = filled::load(cache, &resources.device, &checked).await?;
-        refused = Some(Box::new(filled::refused));
+        let (filled, discard) = filled::load(cache, &resources.device, &checked).await?;
+        (checkpoint, refused) = (filled, Some(discard));
     }
     Ok(move |observer: &mut dyn Observer| {
         match (reserved.simulate(&checked, checkpoint.as_ref(), observer), refused) {

@@ -256,9 +256,7 @@ impl PlainRun {
             start_step: saved.start_step,
             ..Self::new(scene, params)
         };
-        if run.start_step.is_some() {
-            run.walls.start();
-        }
+        run.walls.restore(saved.start_step, saved.step, scene.timestep_s, &run.state.frame);
         run
     }
 
@@ -284,7 +282,8 @@ impl PlainRun {
 
     fn start(&mut self) {
         self.start_step = Some(self.step);
-        self.walls.start();
+        let changed = self.walls.start();
+        self.neighbour_lists.surfaces_changed(&changed);
     }
 
     fn enter(&mut self, scene: &Scene, first: usize, bodies: &[Placement]) {

@@ -166,6 +166,12 @@ impl NeighbourLists {
         self.rows().flat_map(row).collect()
     }
 
+    /// Clears the loads and memories of contacts with surfaces that have changed their form.
+    pub(super) fn surfaces_changed(&mut self, changed: &[[u32; 2]]) {
+        let walls = self.chunks.iter_mut().flat_map(|chunk| &mut chunk.walls);
+        walls.for_each(|wall| wall.surface_changed(changed));
+    }
+
     /// Facets that remember anything, by sub-particle.
     pub(super) fn save_walls(&self) -> Vec<SavedWall> {
         let row = |(chunk, k, i): (&ChunkNeighbours, usize, u32)| {

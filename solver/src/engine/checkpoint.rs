@@ -27,8 +27,10 @@ const MAGIC: &[u8; 8] = b"ROOSTCKP";
 /// Most bytes of a head.
 const MAX_HEAD_BYTES: usize = 4096;
 
-/// Most bytes of a state before compression: 10 million sub-particles with all their contacts.
-const MAX_STATE_BYTES: u64 = 8 << 30;
+/// Most bytes of a state for each compressed byte, and for any state. Floating-point numbers hardly shrink: no state of a run comes
+/// near, and a file cannot claim the memory of the machine.
+const MAX_EXPANSION: u64 = 64;
+const MIN_STATE_BYTES: u64 = 16 << 20;
 
 /// The fastest level: floating-point numbers hardly shrink further at a higher one.
 const ZSTD_LEVEL: i32 = 1;
@@ -138,14 +140,6 @@ impl Checkpoint {
         bytes
     }
 
-    /// Reads the head alone, without the checksum.
-    ///
-    /// # Errors
-    /// Bytes that do not begin like a checkpoint of this format.
-    pub fn head_of(bytes: &[u8]) -> Result<Head, CheckpointError> {
-        Ok(split(bytes)?.0)
-    }
-
     /// Reads a file.
     ///
     /// # Errors
@@ -157,7 +151,8 @@ impl Checkpoint {
         }
         let mut state = Vec::new();
         let decoder = zstd::Decoder::new(body).map_err(CheckpointError::damaged)?;
-        decoder.take(MAX_STATE_BYTES).read_to_end(&mut state).map_err(CheckpointError::damaged)?;
+        let limit = (MAX_EXPANSION * body.len() as u64).max(MIN_STATE_BYTES);
+        decoder.take(limit).read_to_end(&mut state).map_err(CheckpointError::damaged)?;
         match postcard::take_from_bytes(&state) {
             Ok((body, [])) => Ok(Self { head, body }),
             Ok(_) => Err(CheckpointError::damaged("its state goes on after its end")),
@@ -210,7 +205,7 @@ impl Stamp {
     /// Digest of everything that a filled state depends on; none for runs that share no fill.
     pub fn fill_key(&self) -> Option<String> {
         let Self { solver_revision, device, fill_digest, .. } = self;
-        let key = format!("{} {solver_revision} {device}", fill_digest.as_ref()?);
+        let key = format!("{FORMAT} {solver_revision} {} {device}", fill_digest.as_ref()?);
         Some(blake3::hash(key.as_bytes()).to_hex().to_string())
     }
 

@@ -49,18 +49,16 @@ pub fn run<B: Backend>(
         Some(from) => {
             let damaged = |why: &dyn ToString| CheckpointError::Damaged(why.to_string());
             let saved = from.body.columns.run(scene, entered).map_err(|why| damaged(&why))?;
+            let is_same_time = (saved.step, saved.start_step) == (so_far.step, so_far.start_step);
+            let is_at_start = from.head.moment == Moment::Start;
+            if !is_same_time || !timeline.is_possible() || is_at_start && so_far.start_step.is_some() {
+                return Err(damaged(&"its times do not fit each other"));
+            }
             monitor.restore(&from.body.monitor).map_err(|why| damaged(&why))?;
             backend.restore(scene, &saved)
         }
     };
-    let (clock, earlier_wall_s) = (
-        Instant::now(),
-        from.map_or(0.0, |from| match from.head.moment {
-            Moment::Step => from.head.wall_s,
-            // A shared fill took no time of this run.
-            Moment::Start => 0.0,
-        }),
-    );
+    let (clock, earlier_wall_s) = (Instant::now(), from.map_or(0.0, |from| from.head.wall_s));
     let mut simulation = Simulation {
         backend,
         scene,

@@ -43,6 +43,21 @@ impl Timeline {
         Self { plan, dt, so_far, fault: None }
     }
 
+    /// Whether a run can have come there: its counts and times fit each other and the plan.
+    pub(super) fn is_possible(&self) -> bool {
+        let SoFar { step, start_step, samples, sample_step, advancing_s, max_overlap_m, .. } = self.so_far;
+        let started = start_step.is_none_or(|start| start <= step);
+        // A phase has at least one step, and a sample at most one interval ahead.
+        let last = if started { self.last_step().saturating_add(1) } else { 0 };
+        started
+            && step <= last
+            && sample_step <= last
+            && samples <= last
+            && advancing_s.is_finite()
+            && advancing_s >= 0.0
+            && max_overlap_m.is_finite()
+    }
+
     pub(super) fn start(&mut self) {
         self.so_far.start_step = Some(self.so_far.step);
         self.so_far.samples = 0;

@@ -95,6 +95,15 @@ impl Rows {
         (0..self.counts.len()).flat_map(row).collect()
     }
 
+    /// Clears the loads and memories of contacts with surfaces that have changed their form.
+    pub(super) fn surfaces_changed(&mut self, changed: &[[u32; 2]]) {
+        for wall in &mut self.walls {
+            let mut saved = wall.save();
+            saved.surface_changed(changed);
+            *wall = WallPair::restore(&saved);
+        }
+    }
+
     /// Facets that remember anything, by sub-particle.
     pub(super) fn save_walls(&self) -> Vec<SavedWall> {
         let row = |i: usize| {

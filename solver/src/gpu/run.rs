@@ -82,8 +82,9 @@ impl Run {
     ) -> Result<Self, OutOfDeviceMemory> {
         let rows = Rows::restore(saved, scene.laws.moment.is_some());
         let mut run = Self::with(device, scene, saved.state.clone(), rows, make)?;
+        run.walls.restore(saved.start_step, saved.step, run.dt, &run.state.frame);
         if saved.start_step.is_some() {
-            run.start(device);
+            run.buffers.write_geometry(device, &Geometry::new(&run.walls));
         }
         (run.step, run.start_step, run.bonds_broken) =
             (saved.step, saved.start_step, saved.state.bonds_broken);
@@ -225,8 +226,15 @@ impl Run {
 
     pub(super) fn start(&mut self, device: &Device) {
         self.start_step = Some(self.step);
-        self.walls.start();
+        let changed = self.walls.start();
         self.buffers.write_geometry(device, &Geometry::new(&self.walls));
+        if !changed.is_empty() {
+            self.state(device);
+            let mut rows = self.buffers.read_rows(device);
+            rows.surfaces_changed(&changed);
+            self.surface_loads = self.loads(&rows.counts, &rows.walls);
+            self.buffers.write_rows(device, &rows);
+        }
     }
 
     pub(super) fn remove(&mut self, device: &Device, serials: &[u32]) {

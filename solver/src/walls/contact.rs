@@ -26,6 +26,16 @@ pub struct WallPair {
     pub force: Vec3,
 }
 
+impl WallPair {
+    /// Clears what the contact has borne and crossed, if its surface has changed its form: see [`Walls::start`].
+    pub(crate) fn surface_changed(&mut self, changed: &[[u32; 2]]) {
+        if changed.iter().any(|[first, last]| (*first..=*last).contains(&self.facet)) {
+            self.force = Vec3::ZERO;
+            self.side = SideMemory::default();
+        }
+    }
+}
+
 /// A sub-particle among surfaces.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seer {

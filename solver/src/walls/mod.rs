@@ -184,6 +184,7 @@ impl Walls {
             let before = facets(before, anchor);
             // The facets keep their numbers, and with them the histories of their contacts.
             let mut after = facets(surface.triangles_at(Some(0.0)), anchor);
+            assert!(after.len() <= before.len(), "the form until t = 0 has as many facets");
             after.resize_with(before.len(), Facet::default);
             let from_start = (after != before).then_some(after);
             let wall_facet = |facet: Facet| WallFacet { surface: k, aabb: facet.aabb(), facet };
@@ -232,11 +233,24 @@ impl Walls {
     }
 
     /// Sets t = 0: surfaces take the form that they have from then on. It lies within the one before, so lists stay valid.
-    pub fn start(&mut self) {
+    /// Returns the first and last facet of each surface that has changed.
+    pub fn start(&mut self) -> Vec<[u32; 2]> {
+        let mut changed = Vec::new();
         for surface in &mut self.surfaces {
-            let from_start = surface.from_start.take().into_iter().flatten();
+            let Some(from_start) = surface.from_start.take() else { continue };
+            changed.push([surface.first, surface.first + from_start.len() as u32 - 1]);
             let facets = &mut self.facets[surface.first as usize..];
             facets.iter_mut().zip(from_start).for_each(|(facet, now)| facet.facet = now);
+        }
+        changed
+    }
+
+    /// Takes the form and the pose of the last of `step` steps of a run that started at `start_step`.
+    pub(crate) fn restore(&mut self, start_step: Option<u64>, step: u64, dt: f64, frame: &Frame) {
+        let Some(start) = start_step else { return };
+        self.start();
+        if step > start {
+            self.pose(Some((step - 1 - start) as f64 * dt), frame);
         }
     }
 

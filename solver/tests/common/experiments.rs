@@ -45,10 +45,20 @@ pub fn experiments() -> Vec<Scenario> {
     documents.iter().map(|document| scenario::from_value(document).expect("a sound scenario")).collect()
 }
 
-/// Scenes in which bodies break up and leave in parts: fillets torn by a fall onto an edge, and single spheres.
+/// A surface that turns, and scenes in which bodies break up and leave in parts: fillets torn by a fall onto an edge, and single spheres.
 pub fn fragments() -> Vec<Scenario> {
     let numerics = json!({"timestep_s": "auto", "duration_s": 0.25, "output_interval_s": 0.005});
     let documents = [
+        json!({
+            "experiment": "scene", "product": {"subparticle_radius_m": 0.01}, "numerics": numerics,
+            "scene": {
+                "bodies": [{"position_m": [0, 0, 0.03]}],
+                "surfaces": [{
+                    "name": "turntable", "plate_m": [[-0.3, -0.3, 0], [0.6, 0, 0], [0, 0.6, 0]], "motion": "moving",
+                    "velocity_m_s": [0.2, 0, 0.1], "spin_deg_s": [20, 10, 90], "pivot_m": [0.05, 0, 0],
+                }],
+            },
+        }),
         json!({
             "experiment": "scene", "product": {"subparticle_radius_m": 0.008}, "numerics": numerics,
             "bonds": {"normal_strength_pa": 3000.0, "shear_strength_pa": 3000.0},

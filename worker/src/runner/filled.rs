@@ -21,19 +21,23 @@ impl Extras {
     }
 }
 
-/// The filled state that a run starts from, if the cache has it.
+/// Gets the reason when the solver refuses a filled state.
+pub(super) type Refused = Box<dyn FnOnce(String) + Send>;
+
+/// The filled state that a run starts from, if the cache has it, and the function that deletes a refused one.
 pub(super) async fn load(
     cache: FillCache,
     device: &Device,
     checked: &Checked,
-) -> Result<Option<Checkpoint>, RunEnd> {
+) -> Result<(Option<Checkpoint>, Refused), RunEnd> {
     let stamp = device.stamp(checked).map_err(|why| RunEnd::failed(AttemptOutcome::Worker, why))?;
-    tokio::task::spawn_blocking(move || cache.load(&stamp)).await.map_err(thread_ended)
-}
-
-/// The solver has refused a filled state.
-pub(super) fn refused(reason: String) {
-    tracing::warn!(reason, "a filled state was refused; the hopper is filled anew");
+    let discarding = (cache.clone(), stamp.clone());
+    let refused = move |reason: String| {
+        tracing::warn!(reason, "a filled state was refused; the hopper is filled again");
+        discarding.0.discard(&discarding.1);
+    };
+    let filled = tokio::task::spawn_blocking(move || cache.load(&stamp)).await.map_err(thread_ended)?;
+    Ok((filled, Box::new(refused)))
 }
 
 /// Stores the filled state of a run beside it.

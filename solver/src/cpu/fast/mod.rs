@@ -191,7 +191,9 @@ impl FastRun {
 
     pub(super) fn start(&mut self) {
         self.start_step = Some(self.step);
-        self.walls.start();
+        let changed = self.walls.start();
+        let walls = self.bodies.iter_mut().flat_map(|body| &mut body.walls.pairs);
+        walls.for_each(|wall| wall.surface_changed(&changed));
     }
 
     /// One time step: the stages of [`crate::engine::Backend`].

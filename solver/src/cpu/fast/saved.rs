@@ -71,14 +71,12 @@ impl FastRun {
     ) -> Self {
         let mut run = Self::without_bodies(scene, params, instructions, saved.state.clone());
         (run.step, run.start_step) = (saved.step, saved.start_step);
-        if run.start_step.is_some() {
-            run.walls.start();
-        }
+        run.walls.restore(saved.start_step, saved.step, scene.timestep_s, &run.state.frame);
         let mut from = 0;
         let mut pairs = saved.pairs.iter().peekable();
         let mut contacts: Vec<SavedPair> = Vec::new();
         let mut walls = saved.walls.iter().copied().peekable();
-        for stored in &saved.stored_bodies {
+        for stored in stored_bodies(saved) {
             let range = from..from + stored.count as usize;
             from = range.end;
             let mut bonds = Vec::new();
@@ -132,6 +130,15 @@ impl FastRun {
             self.body_pairs.push(BodyPair { pairs, ..BodyPair::new(of_pair[0].0) });
         }
     }
+}
+
+/// The stored bodies, those of the scene where none are named.
+fn stored_bodies(saved: &SavedRun) -> Vec<StoredBody> {
+    if saved.stored_bodies.is_empty() {
+        let own = saved.state.body_ranges();
+        return own.map(|(_, range)| StoredBody { count: range.len() as u32, is_group: false }).collect();
+    }
+    saved.stored_bodies.clone()
 }
 
 /// Mark of a history that held in the last of `step` steps.

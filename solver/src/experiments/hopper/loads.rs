@@ -66,11 +66,13 @@ impl LoadMonitor {
             samples.for_each(|sample| stats.add(sample[column]));
             stats
         };
+        // At t = 0 the gate has only just opened, and bears nothing yet.
+        let opened = |times_s: &RangeInclusive<f64>| times_s.start().max(f64::MIN_POSITIVE)..=*times_s.end();
         let gate = |value: Option<f64>| self.gate.and(value);
         add("passed_through", self.passed_through.into());
         add("mean_belt_power_w", stats(1, &times_s).mean().into());
         add("max_belt_power_w", stats(1, &always).max().into());
-        add("mean_gate_force_n", gate(stats(2, &times_s).mean()).into());
-        add("max_gate_force_n", gate(stats(2, &always).max()).into());
+        add("mean_gate_force_n", gate(stats(2, &opened(&times_s)).mean()).into());
+        add("max_gate_force_n", gate(stats(2, &opened(&always)).max()).into());
     }
 }
