@@ -1,11 +1,13 @@
 //! Checkpoints on the way between a run and the server: uploads beside the run, and the download before it.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use roost_api::checkpoint::{CheckpointOrder, CheckpointView};
+use roost_api::ids::JobId;
 use roost_solver::Checkpoint;
 use tokio::task::{JoinHandle, spawn_blocking};
+use tokio_util::sync::CancellationToken;
 
 use super::attempts::AttemptKey;
 use super::session::Session;
@@ -16,10 +18,13 @@ use crate::client::{ClientError, EncodedCheckpoint, digest};
 /// Bytes of one part of an upload. A part that is cut is sent again.
 const PART_BYTES: usize = 4 << 20;
 
-/// Failures in a row after which an upload or a download is given up.
+/// Failures in a row after which an upload is given up, or downloads of other bytes after which a checkpoint counts as damaged.
 const MAX_TRIES: u32 = 5;
 
-/// Time for the upload of the last checkpoint of a run that is handed back. The service manager kills the worker soon.
+/// Time for a download while the server does not answer. The run then begins at zero.
+const LONGEST_DOWNLOAD: Duration = Duration::from_secs(300);
+
+/// Time for the upload of a last checkpoint after the worker was told to stop. The service manager kills it soon.
 const LAST_UPLOAD: Duration = Duration::from_secs(4);
 
 /// Uploads the checkpoints of a run, one at a time and beside it.
@@ -27,6 +32,7 @@ const LAST_UPLOAD: Duration = Duration::from_secs(4);
 pub(super) struct Uploader {
     slot: CheckpointSlot,
     uploads: JoinHandle<bool>,
+    stopping: CancellationToken,
 }
 
 impl Uploader {
@@ -34,7 +40,7 @@ impl Uploader {
     pub(super) fn start(session: Arc<Session>, key: AttemptKey, order: CheckpointOrder) -> Self {
         let interval = Duration::try_from_secs_f64(order.interval_s).unwrap_or(Duration::MAX);
         let slot = CheckpointSlot::new(interval);
-        let checkpoints = slot.clone();
+        let (checkpoints, stopping) = (slot.clone(), session.stop_claiming.clone());
         let uploads = tokio::spawn(async move {
             let mut is_stored = false;
             while let Some(checkpoint) = checkpoints.take().await {
@@ -42,7 +48,7 @@ impl Uploader {
             }
             is_stored
         });
-        Self { slot, uploads }
+        Self { slot, uploads, stopping }
     }
 
     /// Where the run puts its checkpoints.
@@ -50,12 +56,17 @@ impl Uploader {
         self.slot.clone()
     }
 
-    /// Ends after the last upload of a run that is handed back. Returns whether the server has its checkpoint.
+    /// Ends after the last upload of a run that is handed back, which has a time limit once the worker stops. Returns whether the
+    /// server has its checkpoint.
     pub(super) async fn finish(mut self) -> bool {
         self.slot.close();
-        match tokio::time::timeout(LAST_UPLOAD, &mut self.uploads).await {
-            Ok(is_stored) => is_stored.unwrap_or(false),
-            Err(_) => {
+        let time_is_up = async {
+            self.stopping.cancelled().await;
+            tokio::time::sleep(LAST_UPLOAD).await;
+        };
+        tokio::select! {
+            is_stored = &mut self.uploads => is_stored.unwrap_or(false),
+            () = time_is_up => {
                 tracing::warn!("the last checkpoint was not uploaded within {} s", LAST_UPLOAD.as_secs());
                 self.uploads.abort();
                 false
@@ -122,18 +133,35 @@ async fn send(session: &Session, key: AttemptKey, encoded: &EncodedCheckpoint) -
     }
 }
 
+/// Why a run does not continue from its checkpoint.
+enum LoadError {
+    /// No run can continue from it.
+    Unusable(String),
+    /// It was not downloaded. It may be good.
+    NotDownloaded(String),
+}
+
 /// The checkpoint that an attempt continues from.
 pub(super) fn resume(session: &Arc<Session>, key: AttemptKey, stored: CheckpointView) -> Resume {
+    resume_within(LONGEST_DOWNLOAD, session, key, stored)
+}
+
+fn resume_within(limit: Duration, session: &Arc<Session>, key: AttemptKey, stored: CheckpointView) -> Resume {
     let (loading, refusing) = (session.clone(), session.clone());
     let checkpoint = async move {
-        match load(&loading, key, &stored).await {
+        let (job, attempt) = key;
+        match load(&loading, job, &stored, limit).await {
             Ok(checkpoint) => {
-                let (simulated_s, job) = (stored.simulated_s, key.0);
-                tracing::info!(%job, attempt = key.1, simulated_s, "the run continues from a checkpoint");
+                let simulated_s = stored.simulated_s;
+                tracing::info!(%job, attempt, simulated_s, "the run continues from a checkpoint");
                 Some(checkpoint)
             }
-            Err(reason) => {
+            Err(LoadError::Unusable(reason)) => {
                 discard(&loading, key, &reason).await;
+                None
+            }
+            Err(LoadError::NotDownloaded(reason)) => {
+                tracing::warn!(%job, attempt, reason, "the checkpoint was not downloaded: the run begins at zero");
                 None
             }
         }
@@ -145,29 +173,36 @@ pub(super) fn resume(session: &Arc<Session>, key: AttemptKey, stored: Checkpoint
     Resume { checkpoint: Box::pin(checkpoint), refused: Some(Box::new(refused)) }
 }
 
-/// Downloads a checkpoint and checks its bytes.
+/// Downloads a checkpoint and checks its bytes. While the server does not answer, tries again within a time limit.
 async fn load(
     session: &Session,
-    (job, _): AttemptKey,
+    job: JobId,
     stored: &CheckpointView,
-) -> Result<Checkpoint, String> {
-    let (mut failures, mut backoff) = (0, Backoff::default());
+    limit: Duration,
+) -> Result<Checkpoint, LoadError> {
+    let (mut damaged, mut backoff, began) = (0, Backoff::default(), Instant::now());
     let bytes = loop {
-        let reason = match session.client.download_checkpoint(job, stored.attempt).await {
+        match session.client.download_checkpoint(job, stored.attempt).await {
             Ok(bytes) if digest(&bytes) == stored.digest => break bytes,
-            Ok(_) => "the downloaded bytes have another digest".to_owned(),
-            Err(error) if error.is_transient() => error.to_string(),
-            Err(error) => return Err(error.to_string()),
-        };
-        failures += 1;
-        if failures >= MAX_TRIES {
-            return Err(reason);
+            Ok(_) => {
+                damaged += 1;
+                if damaged >= MAX_TRIES {
+                    return Err(LoadError::Unusable("the downloaded bytes have another digest".to_owned()));
+                }
+            }
+            Err(error) if error.problem_status() == Some(404) => {
+                return Err(LoadError::Unusable(error.to_string()));
+            }
+            Err(error) if error.is_transient() && began.elapsed() < limit => {
+                tracing::debug!(%job, %error, "the checkpoint was not downloaded; retrying");
+            }
+            Err(error) => return Err(LoadError::NotDownloaded(error.to_string())),
         }
         backoff.pause().await;
     };
     match spawn_blocking(move || Checkpoint::from_bytes(&bytes)).await {
-        Ok(checkpoint) => checkpoint.map_err(|error| error.to_string()),
-        Err(error) => Err(error.to_string()),
+        Ok(checkpoint) => checkpoint.map_err(|error| LoadError::Unusable(error.to_string())),
+        Err(error) => Err(LoadError::NotDownloaded(error.to_string())),
     }
 }
 

@@ -139,8 +139,9 @@ async fn finish(
     (recording, uploader): (Option<Recording>, Option<Uploader>),
     slot: Slot,
 ) {
-    let end = after_checkpoint(run.end().await, uploader).await;
+    let end = run.end().await;
     drop(slot);
+    let end = after_checkpoint(end, uploader).await;
     // The frames of an attempt that is handed back or abandoned are discarded.
     let has_frames = match end {
         RunEnd::Finished(_) => true,

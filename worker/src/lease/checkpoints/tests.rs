@@ -1,12 +1,9 @@
 //! Uploads and downloads of checkpoints, against a server that cuts, refuses or delays them.
 
-use std::sync::Mutex;
-use std::time::Instant;
-
-use roost_api::ids::JobId;
 use roost_solver::mesh::Meshes;
 use roost_solver::{CpuOptions, Flow, Limits, Moment, Observer, Progress, check, scenario, simulate};
 use serde_json::json;
+use std::sync::Mutex;
 use tokio_util::sync::CancellationToken;
 
 use super::*;
@@ -152,11 +149,23 @@ async fn a_slow_last_upload_does_not_delay_the_end_of_the_worker() {
     let never = (Duration::from_secs(600), "200 OK", String::new());
     let (address, _seen) = server(vec![never]).await;
     let (session, _folder) = session(&address);
+    session.stop_claiming.cancel();
     let uploader = Uploader::start(session, KEY(), ORDER);
     uploader.slot().put(checkpoint());
     let began = Instant::now();
     assert!(!uploader.finish().await);
     assert!(began.elapsed() < LAST_UPLOAD + Duration::from_secs(2), "{:?}", began.elapsed());
+}
+
+#[tokio::test]
+async fn the_last_upload_of_a_paused_job_has_no_time_limit() {
+    let slow =
+        (LAST_UPLOAD + Duration::from_secs(1), "200 OK", r#"{"received": 1000000000, "recorded": true}"#);
+    let (address, _seen) = server(vec![(slow.0, slow.1, slow.2.to_owned())]).await;
+    let (session, _folder) = session(&address);
+    let uploader = Uploader::start(session, KEY(), ORDER);
+    uploader.slot().put(checkpoint());
+    assert!(uploader.finish().await);
 }
 
 #[tokio::test]
@@ -167,24 +176,47 @@ async fn a_run_without_checkpoints_is_not_stored() {
     assert!(seen.lock().unwrap().is_empty());
 }
 
+/// Bytes with the digest of [`stored`], which are no checkpoint.
+const FOREIGN: &str = "no checkpoint, but with the right digest";
+
+fn stored() -> CheckpointView {
+    CheckpointView {
+        attempt: 1,
+        simulated_s: 1.0,
+        bytes: FOREIGN.len() as u64,
+        digest: digest(FOREIGN.as_bytes()),
+        solver_revision: 1,
+        backend: "cpu".to_owned(),
+        device: "a".to_owned(),
+    }
+}
+
+#[tokio::test]
+async fn a_download_is_repeated_and_a_failure_of_the_server_discards_no_checkpoint() {
+    let refusals = ["503 Service Unavailable", "401 Unauthorized"];
+    for (limit, refusal) in [Duration::ZERO, LONGEST_DOWNLOAD].into_iter().zip(refusals) {
+        let (address, seen) = server(vec![problem(refusal)]).await;
+        let (session, _folder) = session(&address);
+        let resume = resume_within(limit, &session, (JobId::new(), 2), stored());
+        assert!(resume.checkpoint.await.is_none());
+        assert_eq!(*seen.lock().unwrap(), ["get "], "{refusal}");
+    }
+    let mut answers = vec![problem(refusals[0]); MAX_TRIES as usize];
+    answers.push((Duration::ZERO, "200 OK", FOREIGN.to_owned()));
+    let (address, seen) = server(answers).await;
+    let (session, _folder) = session(&address);
+    assert!(resume(&session, (JobId::new(), 2), stored()).checkpoint.await.is_none());
+    assert_eq!(*seen.lock().unwrap(), ["get ", "get ", "get ", "get ", "get ", "get ", "delete "]);
+}
+
 #[tokio::test]
 async fn a_checkpoint_that_cannot_be_used_is_discarded() {
     let wrong = (Duration::ZERO, "200 OK", "other bytes".to_owned());
-    let foreign = "no checkpoint, but with the right digest";
-    let right = (Duration::ZERO, "200 OK", foreign.to_owned());
+    let right = (Duration::ZERO, "200 OK", FOREIGN.to_owned());
     for (answers, downloads) in [(vec![wrong; 5], 5), (vec![right], 1), (vec![problem("404 Not Found")], 1)] {
         let (address, seen) = server(answers).await;
         let (session, _folder) = session(&address);
-        let stored = CheckpointView {
-            attempt: 1,
-            simulated_s: 1.0,
-            bytes: foreign.len() as u64,
-            digest: digest(foreign.as_bytes()),
-            solver_revision: 1,
-            backend: "cpu".to_owned(),
-            device: "a".to_owned(),
-        };
-        let resume = resume(&session, (JobId::new(), 2), stored);
+        let resume = resume(&session, (JobId::new(), 2), stored());
         assert!(resume.checkpoint.await.is_none());
         let mut expected = vec!["get "; downloads];
         expected.push("delete ");
