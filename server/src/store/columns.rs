@@ -81,6 +81,9 @@ pub(super) fn from_json<T: DeserializeOwned>(what: &'static str, text: &str) -> 
 }
 
 /// The JSON text of a value of ours.
-pub(super) fn to_json(what: &'static str, value: &impl serde::Serialize) -> Result<String, StoreError> {
+pub(super) fn to_json(
+    what: &'static str,
+    value: &(impl serde::Serialize + ?Sized),
+) -> Result<String, StoreError> {
     serde_json::to_string(value).map_err(|error| corrupt(what, error))
 }

@@ -31,6 +31,7 @@ pub(super) const ELIGIBLE_JOBS: &str = "
         SELECT j.seq FROM jobs j
         WHERE j.state = 'queued' AND j.not_before IS NULL AND j.paused = 0
           AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue
+          AND (j.sweep_id IS NULL OR j.sweep_id NOT IN (SELECT id FROM sweeps WHERE state <> 'ready'))
           AND (j.needs_backend IS NULL OR j.needs_backend = me.backend)
           AND (j.needs_memory_mib IS NULL OR j.needs_memory_mib <= me.memory_mib)
           AND (j.attempt = j.attempts_before_retry

@@ -1,17 +1,29 @@
 //! Cancel, pause, resume and retry of one job, or of all jobs of a sweep.
 
+use futures_util::TryStreamExt;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState};
 use roost_api::time::Timestamp;
+use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
-use super::columns::Columns;
+use super::columns::{Columns, to_json};
 use super::writer::SLICE;
 use super::{Store, StoreError};
 use crate::queue::{CancelEffect, Refusal, on_cancel, on_retry};
 
-const JOB_EXISTS: &str = "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?)";
+/// A job, unless its sweep is hidden.
+const JOB: &str = "SELECT seq, state, failure_class FROM jobs WHERE id = ?
+    AND NOT EXISTS (SELECT 1 FROM sweeps WHERE sweeps.id = jobs.sweep_id AND sweeps.state <> 'ready')";
 const SWEEP_EXISTS: &str = "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ? AND state = 'ready')";
+
+/// The jobs of a sweep that a pause or resume may change. A reader finds them, since a sweep has many other jobs.
+pub(super) const UNENDED: &str = "SELECT seq FROM jobs INDEXED BY jobs_by_sweep
+    WHERE sweep_id = ? AND state IN ('queued', 'running') AND paused <> ?";
+
+/// The jobs of a sweep that a retry may queue again.
+pub(super) const FAILED: &str = "SELECT seq, state, failure_class FROM jobs INDEXED BY jobs_by_sweep
+    WHERE sweep_id = ? AND state IN ('failed', 'cancelled')";
 
 impl Store {
     /// Cancels a job. An ended job does not change.
@@ -23,7 +35,7 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if !exists(tx, JOB_EXISTS, id.to_string()).await? {
+                    if job(tx, id).await?.is_none() {
                         return Ok(Err(Refusal::NoJob));
                     }
                     cancel(tx, Scope::Job(id), now).await?;
@@ -42,15 +54,15 @@ impl Store {
         loop {
             let slice = self.writer.write(move |tx| {
                 Box::pin(async move {
-                    if !exists(tx, SWEEP_EXISTS, id.to_string()).await? {
+                    if !sweep_exists(tx, id).await? {
                         return Ok(Err(Refusal::NoSweep));
                     }
                     cancel(tx, Scope::Sweep(id), now).await.map(Ok)
                 })
             });
             match slice.await? {
-                Ok(cancelled) if cancelled == SLICE as u64 => {}
-                // The last slice has left no job that is queued, and has asked for the end of all running ones.
+                Ok(changed) if changed == SLICE as u64 => {}
+                // The last slice has left no job that is queued, and no running one without a request.
                 other => return Ok(other.map(drop)),
             }
         }
@@ -61,10 +73,8 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if !exists(tx, JOB_EXISTS, id.to_string()).await? {
-                        return Ok(Err(Refusal::NoJob));
-                    }
-                    set_paused(tx, Scope::Job(id), pause, 0).await?;
+                    let Some(row) = job(tx, id).await? else { return Ok(Err(Refusal::NoJob)) };
+                    set_paused(tx, &[row.column("seq")?], pause).await?;
                     Ok(Ok(()))
                 })
             })
@@ -77,21 +87,27 @@ impl Store {
         id: SweepId,
         pause: bool,
     ) -> Result<Result<(), Refusal>, StoreError> {
-        let mut last_seq = 0;
-        loop {
-            let slice = self.writer.write(move |tx| {
+        if self.sweep_size(id).await?.is_none() {
+            return Ok(Err(Refusal::NoSweep));
+        }
+        let sql = sqlx::query_scalar(UNENDED).bind(id.to_string()).bind(pause);
+        let mut unended: Vec<i64> = sql.fetch_all(&self.readers).await?;
+        unended.sort_unstable();
+        for slice in unended.chunks(SLICE) {
+            let slice = slice.to_vec();
+            let changed = self.writer.write(move |tx| {
                 Box::pin(async move {
-                    if !exists(tx, SWEEP_EXISTS, id.to_string()).await? {
+                    if !sweep_exists(tx, id).await? {
                         return Ok(Err(Refusal::NoSweep));
                     }
-                    set_paused(tx, Scope::Sweep(id), pause, last_seq).await.map(Ok)
+                    set_paused(tx, &slice, pause).await.map(Ok)
                 })
             });
-            match slice.await? {
-                Ok(Some(seq)) => last_seq = seq,
-                other => return Ok(other.map(drop)),
+            if let Err(refusal) = changed.await? {
+                return Ok(Err(refusal));
             }
         }
+        Ok(Ok(()))
     }
 
     /// Queues a failed or cancelled job again, with new attempt limits.
@@ -103,16 +119,12 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let row = sqlx::query("SELECT state, failure_class FROM jobs WHERE id = ?")
-                        .bind(id.to_string())
-                        .fetch_optional(&mut *tx)
-                        .await?;
-                    let Some(row) = row else { return Ok(Err(Refusal::NoJob)) };
+                    let Some(row) = job(tx, id).await? else { return Ok(Err(Refusal::NoJob)) };
                     let (state, class) = (row.parsed("state")?, row.parsed_opt("failure_class")?);
                     if let Err(refusal) = on_retry(state, class, class_filter) {
                         return Ok(Err(refusal));
                     }
-                    requeue(tx, Scope::Job(id), state, class, Requeued::default()).await?;
+                    requeue(tx, &[row.column("seq")?], class_filter, 0).await?;
                     Ok(Ok(()))
                 })
             })
@@ -125,38 +137,40 @@ impl Store {
         id: SweepId,
         class_filter: Option<FailureClass>,
     ) -> Result<Result<u64, Refusal>, StoreError> {
-        let classes = FailureClass::ALL.iter().map(|class| (JobState::Failed, Some(*class)));
-        let others = JobState::ALL.iter().filter(|state| **state != JobState::Failed);
-        let (mut done, mut exists) = (Requeued::default(), false);
-        for (state, class) in classes.chain(others.map(|state| (*state, None))) {
-            if on_retry(state, class, class_filter).is_err() {
-                continue;
-            }
-            // By number: a job that fails again meanwhile is not queued twice.
-            done.last_seq = 0;
-            let mut more = true;
-            while more {
-                let slice = self.writer.write(move |tx| {
-                    Box::pin(async move {
-                        if !self::exists(tx, SWEEP_EXISTS, id.to_string()).await? {
-                            return Ok(None);
-                        }
-                        requeue(tx, Scope::Sweep(id), state, class, done).await.map(Some)
-                    })
-                });
-                let Some(after) = slice.await? else { return Ok(Err(Refusal::NoSweep)) };
-                more = after.jobs - done.jobs == SLICE as u64;
-                (done, exists) = (after, true);
-            }
-        }
-        if !exists && self.sweep_size(id).await?.is_none() {
+        if self.sweep_size(id).await?.is_none() {
             return Ok(Err(Refusal::NoSweep));
         }
-        Ok(Ok(done.jobs))
+        // By number: a job that fails again meanwhile is not queued twice.
+        let mut failed: Vec<i64> = Vec::new();
+        let mut rows = sqlx::query(FAILED).bind(id.to_string()).fetch(&self.readers);
+        while let Some(row) = rows.try_next().await? {
+            if is_retryable(&row, class_filter)? {
+                failed.push(row.column("seq")?);
+            }
+        }
+        drop(rows);
+        failed.sort_unstable();
+        let mut queued = 0;
+        for slice in failed.chunks(SLICE) {
+            let slice = slice.to_vec();
+            let more = self.writer.write(move |tx| {
+                Box::pin(async move {
+                    if !sweep_exists(tx, id).await? {
+                        return Ok(Err(Refusal::NoSweep));
+                    }
+                    requeue(tx, &slice, class_filter, queued).await.map(Ok)
+                })
+            });
+            match more.await? {
+                Ok(more) => queued += more,
+                Err(refusal) => return Ok(Err(refusal)),
+            }
+        }
+        Ok(Ok(queued))
     }
 }
 
-/// The jobs that a user changes.
+/// The jobs that a user cancels.
 #[derive(Clone, Copy)]
 enum Scope {
     Job(JobId),
@@ -164,12 +178,11 @@ enum Scope {
 }
 
 impl Scope {
-    /// Its jobs in SQL, in the order of their state or of their number.
-    fn jobs(self, is_by_state: bool) -> &'static str {
-        match (self, is_by_state) {
-            (Self::Job(_), _) => "jobs WHERE id = ?",
-            (Self::Sweep(_), true) => "jobs INDEXED BY jobs_by_sweep WHERE sweep_id = ?",
-            (Self::Sweep(_), false) => "jobs INDEXED BY jobs_of_sweep WHERE sweep_id = ?",
+    /// Its jobs in SQL.
+    fn jobs(self) -> &'static str {
+        match self {
+            Self::Job(_) => "jobs WHERE id = ?",
+            Self::Sweep(_) => "jobs INDEXED BY jobs_by_sweep WHERE sweep_id = ?",
         }
     }
 
@@ -181,96 +194,73 @@ impl Scope {
     }
 }
 
-async fn exists(tx: &mut SqliteConnection, sql: &'static str, id: String) -> Result<bool, StoreError> {
-    Ok(sqlx::query_scalar(sql).bind(id).fetch_one(&mut *tx).await?)
+async fn job(tx: &mut SqliteConnection, id: JobId) -> Result<Option<SqliteRow>, StoreError> {
+    Ok(sqlx::query(JOB).bind(id.to_string()).fetch_optional(&mut *tx).await?)
 }
 
-/// Pauses or resumes jobs that have not ended, at most a slice of them, after those up to a number. Returns the highest number, if there
-/// may be more.
-async fn set_paused(
-    tx: &mut SqliteConnection,
-    scope: Scope,
-    pause: bool,
-    last_seq: i64,
-) -> Result<Option<i64>, StoreError> {
-    let jobs = scope.jobs(false);
-    let sql = format!(
-        "UPDATE jobs SET paused = ? WHERE seq IN (SELECT seq FROM {jobs} AND ended_at IS NULL AND seq > ? ORDER BY seq LIMIT ?)
-         RETURNING seq"
-    );
-    let changed: Vec<i64> = sqlx::query_scalar(AssertSqlSafe(sql))
-        .bind(pause)
-        .bind(scope.id())
-        .bind(last_seq)
-        .bind(SLICE as i64)
-        .fetch_all(&mut *tx)
-        .await?;
-    Ok(changed.iter().copied().max().filter(|_| changed.len() == SLICE))
+async fn sweep_exists(tx: &mut SqliteConnection, id: SweepId) -> Result<bool, StoreError> {
+    Ok(sqlx::query_scalar(SWEEP_EXISTS).bind(id.to_string()).fetch_one(&mut *tx).await?)
 }
 
-/// Cancels queued jobs, at most a slice of them, and asks for the end of all running ones. Returns how many were cancelled.
+fn is_retryable(row: &SqliteRow, class_filter: Option<FailureClass>) -> Result<bool, StoreError> {
+    Ok(on_retry(row.parsed("state")?, row.parsed_opt("failure_class")?, class_filter).is_ok())
+}
+
+/// Pauses or resumes those of these jobs that have not ended.
+async fn set_paused(tx: &mut SqliteConnection, jobs: &[i64], pause: bool) -> Result<(), StoreError> {
+    let sql = "UPDATE jobs SET paused = ?1 WHERE seq IN (SELECT value FROM json_each(?2))
+               AND ended_at IS NULL AND paused <> ?1";
+    sqlx::query(sql).bind(pause).bind(to_json("jobs", jobs)?).execute(&mut *tx).await?;
+    Ok(())
+}
+
+/// Cancels queued jobs, and asks for the end of running ones, at most a slice of each. Returns the larger number.
 async fn cancel(tx: &mut SqliteConnection, scope: Scope, now: Timestamp) -> Result<u64, StoreError> {
-    let (jobs, mut cancelled) = (scope.jobs(true), 0);
+    let (jobs, mut changed) = (scope.jobs(), 0);
     for state in JobState::ALL {
-        let change = match on_cancel(*state) {
-            CancelEffect::Cancel => "state = 'cancelled', not_before = NULL, paused = 0, ended_at = ?",
-            CancelEffect::Request => "cancelling = 1",
+        let (change, unless) = match on_cancel(*state) {
+            CancelEffect::Cancel => ("state = 'cancelled', not_before = NULL, paused = 0, ended_at = ?", ""),
+            CancelEffect::Request => ("cancelling = 1", "AND cancelling = 0"),
             CancelEffect::Nothing => continue,
         };
-        let sql =
-            format!("UPDATE jobs SET {change} WHERE seq IN (SELECT seq FROM {jobs} AND state = ? LIMIT ?)");
+        let sql = format!(
+            "UPDATE jobs SET {change} WHERE seq IN (SELECT seq FROM {jobs} AND state = ? {unless} LIMIT ?)"
+        );
         let mut query = sqlx::query(AssertSqlSafe(sql));
-        let is_cancel = on_cancel(*state) == CancelEffect::Cancel;
-        if is_cancel {
+        if on_cancel(*state) == CancelEffect::Cancel {
             query = query.bind(now.0);
         }
-        let limit = if is_cancel { SLICE as i64 } else { -1 };
-        let done = query.bind(scope.id()).bind(state.as_str()).bind(limit).execute(&mut *tx).await?;
-        if is_cancel {
-            cancelled += done.rows_affected();
-        }
+        let query = query.bind(scope.id()).bind(state.as_str()).bind(SLICE as i64);
+        changed = changed.max(query.execute(&mut *tx).await?.rows_affected());
     }
-    Ok(cancelled)
+    Ok(changed)
 }
 
-/// Jobs that were queued again.
-#[derive(Clone, Copy, Default)]
-struct Requeued {
-    /// How many.
-    jobs: u64,
-    /// The highest number of those of one state and class.
-    last_seq: i64,
-}
-
-/// Queues jobs of this state and class again, at most a slice of them, after those that are done. They get positions as if they were
-/// submitted now: otherwise a large sweep would go before all others. Their owner stays the same.
+/// Queues those of these jobs again that may be, after `before` others of the same sweep; returns how many. They get positions as if they
+/// were submitted now: otherwise a large sweep would go before all others. Their owner stays the same.
 async fn requeue(
     tx: &mut SqliteConnection,
-    scope: Scope,
-    state: JobState,
-    class: Option<FailureClass>,
-    done: Requeued,
-) -> Result<Requeued, StoreError> {
-    let jobs = scope.jobs(false);
-    let sql = format!(
-        "UPDATE jobs SET state = 'queued', attempts_before_retry = attempt, failure_class = NULL, failure_message = NULL,
-                         ended_at = NULL,
-                         queue_position = ? + again.place + coalesce((SELECT queue_position FROM fair_share
-                             WHERE fair_share.priority = jobs.priority AND fair_share.owner = jobs.owner), 0)
-         FROM (SELECT seq, row_number() OVER (PARTITION BY owner ORDER BY queue_position, seq) - 1 AS place
-               FROM (SELECT seq, owner, queue_position FROM {jobs} AND state = ? AND failure_class IS ? AND seq > ?
-                     ORDER BY seq LIMIT ?)) AS again
-         WHERE jobs.seq = again.seq RETURNING jobs.seq"
-    );
-    let queued: Vec<i64> = sqlx::query_scalar(AssertSqlSafe(sql))
-        .bind(done.jobs as i64)
-        .bind(scope.id())
-        .bind(state.as_str())
-        .bind(class.map(FailureClass::as_str))
-        .bind(done.last_seq)
-        .bind(SLICE as i64)
-        .fetch_all(&mut *tx)
-        .await?;
-    let last_seq = queued.iter().copied().max().unwrap_or(done.last_seq);
-    Ok(Requeued { jobs: done.jobs + queued.len() as u64, last_seq })
+    jobs: &[i64],
+    class_filter: Option<FailureClass>,
+    before: u64,
+) -> Result<u64, StoreError> {
+    let sql = "SELECT seq, state, failure_class FROM jobs WHERE seq IN (SELECT value FROM json_each(?))";
+    let rows = sqlx::query(sql).bind(to_json("jobs", jobs)?).fetch_all(&mut *tx).await?;
+    let mut again: Vec<i64> = Vec::with_capacity(rows.len());
+    for row in &rows {
+        if is_retryable(row, class_filter)? {
+            again.push(row.column("seq")?);
+        }
+    }
+    let sql = "
+        UPDATE jobs SET state = 'queued', attempts_before_retry = attempt, failure_class = NULL, failure_message = NULL,
+                        ended_at = NULL,
+                        queue_position = ? + again.place + coalesce((SELECT queue_position FROM fair_share
+                            WHERE fair_share.priority = jobs.priority AND fair_share.owner = jobs.owner), 0)
+        FROM (SELECT seq, row_number() OVER (PARTITION BY owner ORDER BY queue_position, seq) - 1 AS place
+              FROM jobs WHERE seq IN (SELECT value FROM json_each(?))) AS again
+        WHERE jobs.seq = again.seq";
+    let queued =
+        sqlx::query(sql).bind(before as i64).bind(to_json("jobs", &again)?).execute(&mut *tx).await?;
+    Ok(queued.rows_affected())
 }

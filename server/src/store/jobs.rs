@@ -47,10 +47,10 @@ const FROM: &str = " FROM jobs j
     LEFT JOIN checkpoints c ON c.job_id = j.id ";
 
 impl Store {
-    /// One job.
+    /// One job, unless its sweep is hidden.
     pub(crate) async fn job(&self, id: JobId) -> Result<Option<JobView>, StoreError> {
         let row = view()
-            .push("WHERE j.id = ")
+            .push("WHERE (s.state IS NULL OR s.state = 'ready') AND j.id = ")
             .push_bind(id.to_string())
             .build()
             .fetch_optional(&self.readers)

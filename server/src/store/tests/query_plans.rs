@@ -60,6 +60,8 @@ async fn frequent_queries_use_an_index() {
         (versions::QUEUE_COUNTS, "USING INDEX jobs_ended"),
         (versions::QUEUE_COUNTS, "COVERING INDEX jobs_by_sweep (sweep_id=?)"),
         (deletion::HIDE, "COVERING INDEX jobs_by_sweep (sweep_id=? AND state=? AND ended_at>?)"),
+        (job_control::UNENDED, "SEARCH jobs USING INDEX jobs_by_sweep (sweep_id=? AND state=?)"),
+        (job_control::FAILED, "SEARCH jobs USING INDEX jobs_by_sweep (sweep_id=? AND state=?)"),
         ("SELECT seq FROM sweeps WHERE state <> 'ready'", "INDEX sweeps_hidden"),
         (versions::QUEUED_AT, "events_of_job"),
         ("SELECT 1 FROM jobs WHERE state = 'running' AND lease_expires_at <= 5", "jobs_by_lease"),
