@@ -1,5 +1,7 @@
 //! Deleting sweeps. One transaction hides the sweep: its state is `deleting`. Its rows are then deleted in batches, so that heartbeats do
-//! not wait for a large sweep, and then the objects that no row names. The next start finishes a deletion that was interrupted.
+//! not wait for a large sweep, and then the objects that no row names. A background task finishes a deletion that was interrupted.
+//!
+//! A hidden sweep is deleted by the number of its row. Its identifier may be submitted again meanwhile.
 
 use roost_api::ids::SweepId;
 use roost_api::sweep::Deletion;
@@ -16,11 +18,11 @@ const BATCH: i64 = SLICE as i64;
 /// Design points of one batch, after the jobs.
 const POINTS: i64 = 4 * BATCH;
 
-/// Hides a sweep whose jobs all ended before a time.
+/// Hides a sweep whose jobs all ended before a time. Returns the number of its row.
 pub(super) const HIDE: &str = "UPDATE sweeps SET state = 'deleting' WHERE id = ? AND state = 'ready'
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id AND state IN ('queued', 'running'))
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id AND state IN ('succeeded', 'failed', 'cancelled')
-                    AND ended_at >= ?)";
+                    AND ended_at >= ?) RETURNING seq";
 
 impl Store {
     /// What a deletion of a sweep would remove.
@@ -62,17 +64,17 @@ impl Store {
         before: Timestamp,
         now: Timestamp,
     ) -> Result<bool, StoreError> {
-        let marked = self
+        let hidden: Option<i64> = self
             .writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let marked = sqlx::query(HIDE)
-                    .bind(id.to_string())
-                    .bind(before.0)
-                    .execute(&mut *tx)
-                    .await?;
-                    if marked.rows_affected() == 0 {
-                        return Ok(false);
+                    let hidden = sqlx::query_scalar(HIDE)
+                        .bind(id.to_string())
+                        .bind(before.0)
+                        .fetch_optional(&mut *tx)
+                        .await?;
+                    if hidden.is_none() {
+                        return Ok(None);
                     }
                     sqlx::query(
                         "INSERT INTO deletions (sweep_id, name, deleted_at) SELECT id, name, ? FROM sweeps WHERE id = ?",
@@ -81,36 +83,44 @@ impl Store {
                     .bind(id.to_string())
                     .execute(&mut *tx)
                     .await?;
-                    Ok(true)
+                    Ok(hidden)
                 })
             })
             .await?;
-        if marked {
-            self.delete_hidden(id).await?;
+        if let Some(seq) = hidden {
+            self.delete_hidden(seq).await?;
         }
-        Ok(marked)
+        Ok(hidden.is_some())
     }
 
-    /// Deletes a hidden sweep.
-    pub(super) async fn delete_hidden(&self, id: SweepId) -> Result<(), StoreError> {
+    /// Deletes the sweep of this number, if its state is `deleting`.
+    pub(super) async fn delete_hidden(&self, seq: i64) -> Result<(), StoreError> {
         let mut more = true;
         while more {
             let objects;
-            (more, objects) = self
-                .writer
-                .write(move |tx| Box::pin(async move { delete_batch(tx, &id.to_string()).await }))
-                .await?;
-            self.remove_unreferenced(&objects).await?;
+            (more, objects) =
+                self.writer.write(move |tx| Box::pin(async move { delete_batch(tx, seq).await })).await?;
+            self.remove_objects(&objects).await;
         }
         Ok(())
     }
 
-    /// Deletes the sweeps that an earlier server process was submitting or deleting.
+    /// Removes objects that deleted rows have named. A daily task finds those that a failure leaves.
+    async fn remove_objects(&self, objects: &[String]) {
+        if let Err(error) = self.remove_unreferenced(objects).await {
+            tracing::warn!(error = error.as_dyn(), "removing objects of deleted jobs failed");
+        }
+    }
+
+    /// Deletes the sweeps that a failure or the end of an earlier server process has left hidden.
     pub(crate) async fn delete_leftovers(&self) -> Result<(), StoreError> {
-        let left =
-            sqlx::query("SELECT id FROM sweeps WHERE state = 'deleting'").fetch_all(&self.readers).await?;
-        for row in left {
-            self.delete_hidden(row.parsed("id")?).await?;
+        let left = sqlx::query_scalar("SELECT seq FROM sweeps WHERE state = 'deleting'")
+            .fetch_all(&self.readers)
+            .await?;
+        for seq in left {
+            if let Err(error) = self.delete_hidden(seq).await {
+                tracing::error!(error = error.as_dyn(), seq, "deleting a hidden sweep failed");
+            }
         }
         Ok(())
     }
@@ -138,7 +148,7 @@ impl Store {
                 })
             })
             .await?;
-        self.remove_unreferenced(&objects).await?;
+        self.remove_objects(&objects).await;
         Ok(gone)
     }
 }
@@ -162,12 +172,17 @@ pub(super) async fn mark_leftovers(connection: &mut SqliteConnection) -> Result<
     Ok(())
 }
 
-/// Deletes a batch of jobs with their rows, and the sweep after the last batch. Returns whether there is more to do, and the objects
-/// that these jobs named.
-async fn delete_batch(tx: &mut SqliteConnection, id: &str) -> Result<(bool, Vec<String>), StoreError> {
+/// Deletes a batch of jobs of a sweep that is `deleting`, with their rows, and the sweep after the last batch. Returns whether there is
+/// more to do, and the objects that these jobs named.
+async fn delete_batch(tx: &mut SqliteConnection, seq: i64) -> Result<(bool, Vec<String>), StoreError> {
+    let id: Option<String> = sqlx::query_scalar("SELECT id FROM sweeps WHERE seq = ? AND state = 'deleting'")
+        .bind(seq)
+        .fetch_optional(&mut *tx)
+        .await?;
+    let Some(id) = id else { return Ok((false, Vec::new())) };
     let jobs: Vec<(String, String)> =
         sqlx::query_as("SELECT id, scenario_digest FROM jobs WHERE sweep_id = ? LIMIT ?")
-            .bind(id)
+            .bind(&id)
             .bind(BATCH)
             .fetch_all(&mut *tx)
             .await?;
@@ -177,11 +192,11 @@ async fn delete_batch(tx: &mut SqliteConnection, id: &str) -> Result<(bool, Vec<
     }
     let points = "DELETE FROM design_points WHERE sweep_id = ?1
                   AND point IN (SELECT point FROM design_points WHERE sweep_id = ?1 LIMIT ?2)";
-    if sqlx::query(points).bind(id).bind(POINTS).execute(&mut *tx).await?.rows_affected() as i64 == POINTS {
+    if sqlx::query(points).bind(&id).bind(POINTS).execute(&mut *tx).await?.rows_affected() as i64 == POINTS {
         return Ok((true, objects));
     }
     for sql in ["DELETE FROM extensions WHERE sweep_id = ?", "DELETE FROM sweeps WHERE id = ?"] {
-        sqlx::query(sql).bind(id).execute(&mut *tx).await?;
+        sqlx::query(sql).bind(&id).execute(&mut *tx).await?;
     }
     Ok((false, objects))
 }
@@ -199,6 +214,7 @@ async fn delete_jobs(
     let objects = sqlx::query_scalar(objects).bind(&ids).fetch_all(&mut *tx).await?;
     for (sql, names) in [
         ("DELETE FROM results WHERE job_id IN (SELECT value FROM json_each(?))", &ids),
+        ("DELETE FROM checkpoints WHERE job_id IN (SELECT value FROM json_each(?))", &ids),
         ("DELETE FROM attempts WHERE job_id IN (SELECT value FROM json_each(?))", &ids),
         ("DELETE FROM jobs WHERE id IN (SELECT value FROM json_each(?))", &ids),
         (UNNAMED_DOCUMENTS, &to_json("documents", &documents)?),

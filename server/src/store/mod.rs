@@ -128,6 +128,9 @@ pub enum StoreError {
         /// All jobs.
         jobs: u64,
     },
+    /// Another request deleted a sweep during its submission.
+    #[error("the sweep was deleted before all of its jobs were stored")]
+    Interrupted,
     /// The writer has stopped.
     #[error("the database writer has stopped")]
     WriterGone,

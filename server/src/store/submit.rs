@@ -130,7 +130,6 @@ impl NewSweep {
 
 /// A sweep that is stored in slices.
 pub(crate) struct Submission {
-    id: SweepId,
     batches: JobBatches,
     options: Arc<JobOptions>,
     next: QueueStart,
@@ -184,8 +183,8 @@ impl Store {
                 Ok(true) => {}
                 Ok(false) => return Ok(()),
                 Err(error) => {
-                    // If this fails too, the next start deletes them.
-                    if let Err(error) = self.delete_hidden(id).await {
+                    // If this fails too, a background task or the next start deletes them.
+                    if let Err(error) = self.delete_remains(id).await {
                         tracing::error!(
                             error = error.as_dyn(),
                             "deleting the jobs of a failed submission failed"
@@ -207,9 +206,7 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", head.id.to_string())
-                        .await?
-                    {
+                    if exists(tx, SUBMITTED, head.id.to_string()).await? {
                         return Ok(());
                     }
                     insert_head(tx, head, "ready", now).await?;
@@ -220,7 +217,7 @@ impl Store {
             .await
     }
 
-    /// Stores the row of a large sweep in the state `submitting`. None if an earlier request has stored the sweep.
+    /// Stores the row of a large sweep in the state `submitting`. None if an earlier request has stored the sweep, or a user has deleted it.
     pub(super) async fn begin_sweep(
         &self,
         sweep: NewSweep,
@@ -232,14 +229,14 @@ impl Store {
         let shared = options.clone();
         let begun = self.writer.write(move |tx| {
             Box::pin(async move {
-                if exists(tx, "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?)", id.to_string()).await? {
+                if exists(tx, SUBMITTED, id.to_string()).await? {
                     return Ok(None);
                 }
                 let queue = insert_head(tx, head, "submitting", now).await?;
                 Ok(Some(QueueStart { queue, ..queue_start(tx, &shared).await? }))
             })
         });
-        Ok(begun.await?.map(|next| Submission { id, batches, options, next }))
+        Ok(begun.await?.map(|next| Submission { batches, options, next }))
     }
 
     /// Stores the next jobs of a sweep. Returns false when all are stored and the sweep is visible.
@@ -248,12 +245,14 @@ impl Store {
         submission: &mut Submission,
         now: Timestamp,
     ) -> Result<bool, StoreError> {
-        let id = submission.id;
+        let seq = submission.next.queue;
         let Some(batch) = submission.batches.next().await? else {
             let shown = self.writer.write(move |tx| {
                 Box::pin(async move {
-                    let sql = "UPDATE sweeps SET state = 'ready' WHERE id = ? AND state = 'submitting'";
-                    sqlx::query(sql).bind(id.to_string()).execute(&mut *tx).await?;
+                    let sql = "UPDATE sweeps SET state = 'ready' WHERE seq = ? AND state = 'submitting'";
+                    if sqlx::query(sql).bind(seq).execute(&mut *tx).await?.rows_affected() == 0 {
+                        return Err(StoreError::Interrupted);
+                    }
                     change_listings(tx).await
                 })
             });
@@ -272,12 +271,25 @@ impl Store {
     /// Deletes what a failed or interrupted submission of the same sweep has left.
     async fn delete_remains(&self, id: SweepId) -> Result<(), StoreError> {
         let sql = "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ? AND state <> 'ready')";
-        if sqlx::query_scalar(sql).bind(id.to_string()).fetch_one(&self.readers).await? {
-            self.delete_hidden(id).await?;
+        if !sqlx::query_scalar(sql).bind(id.to_string()).fetch_one(&self.readers).await? {
+            return Ok(());
+        }
+        let hidden = self.writer.write(move |tx| {
+            Box::pin(async move {
+                let sql =
+                    "UPDATE sweeps SET state = 'deleting' WHERE id = ? AND state <> 'ready' RETURNING seq";
+                Ok(sqlx::query_scalar(sql).bind(id.to_string()).fetch_optional(&mut *tx).await?)
+            })
+        });
+        if let Some(seq) = hidden.await? {
+            self.delete_hidden(seq).await?;
         }
         Ok(())
     }
 }
+
+/// Whether an earlier request has stored a sweep. One that a user has deleted does not return with a repeat of its submission.
+const SUBMITTED: &str = "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?1) OR EXISTS (SELECT 1 FROM deletions WHERE sweep_id = ?1)";
 
 /// Stores the row of a sweep, and returns its number.
 async fn insert_head(

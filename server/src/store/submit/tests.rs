@@ -13,6 +13,7 @@ use uuid::Uuid;
 use super::super::writer::SLICE as BATCH;
 use super::*;
 use crate::clock::Now;
+use crate::queue::Refusal;
 use crate::store::{Claim, JobFilter};
 use crate::sweep::{SweepLimits, read};
 
@@ -160,6 +161,88 @@ async fn an_interrupted_submission_leaves_nothing() {
     assert!(store.store_slice(&mut submission, NOW.wall).await.unwrap());
     store.insert_sweep(sweep(id, 3000), NOW.wall, ()).await.unwrap();
     assert_eq!(numbers(&store).await, (1, 2, 6000, 3000, 5999));
+    store.close().await;
+}
+
+/// Changes rows as no request does.
+async fn write(store: &Store, sql: &'static str) {
+    store
+        .writer
+        .write(move |tx| Box::pin(async move { Ok(sqlx::raw_sql(sql).execute(tx).await.map(drop)?) }))
+        .await
+        .unwrap();
+}
+
+async fn newest_sweep(store: &Store) -> i64 {
+    sqlx::query_scalar("SELECT max(seq) FROM sweeps").fetch_one(&store.readers).await.unwrap()
+}
+
+#[tokio::test]
+async fn a_deletion_does_not_touch_a_new_sweep_with_the_same_identifier() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = open(&dir).await;
+    let id = SweepId::new();
+    let mut interrupted = store.begin_sweep(sweep(id, 1200), NOW.wall).await.unwrap().unwrap();
+    let before = newest_sweep(&store).await;
+    assert!(store.store_slice(&mut interrupted, NOW.wall).await.unwrap());
+    write(&store, "UPDATE sweeps SET state = 'deleting'").await;
+    let mut repeat = store.begin_sweep(sweep(id, 1200), NOW.wall).await.unwrap().unwrap();
+    let after = newest_sweep(&store).await;
+    assert_ne!(before, after);
+    assert!(store.store_slice(&mut repeat, NOW.wall).await.unwrap());
+    // The first deletion goes on, at first during the new submission.
+    store.delete_hidden(before).await.unwrap();
+    while store.store_slice(&mut repeat, NOW.wall).await.unwrap() {}
+    for seq in [before, after] {
+        store.delete_hidden(seq).await.unwrap();
+        assert_eq!(numbers(&store).await, (1, 2, 2400, 1200, 2399), "{seq}");
+    }
+    store.close().await;
+}
+
+#[tokio::test]
+async fn a_deleted_sweep_does_not_return() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = open(&dir).await;
+    let mut submission = store.begin_sweep(sweep(SweepId::new(), 600), NOW.wall).await.unwrap().unwrap();
+    for _ in 0..1200_usize.div_ceil(BATCH) {
+        assert!(store.store_slice(&mut submission, NOW.wall).await.unwrap());
+    }
+    write(&store, "UPDATE sweeps SET state = 'deleting'").await;
+    let last = store.store_slice(&mut submission, NOW.wall).await;
+    assert!(matches!(last, Err(StoreError::Interrupted)), "{last:?}");
+    store.delete_leftovers().await.unwrap();
+
+    for replicates in [2, 1200] {
+        let id = SweepId::new();
+        store.insert_sweep(sweep(id, replicates), NOW.wall, ()).await.unwrap();
+        store.cancel_sweep(id, NOW.wall).await.unwrap().unwrap();
+        assert!(store.delete_sweep(id, NOW.wall).await.unwrap());
+        store.insert_sweep(sweep(id, replicates), NOW.wall, ()).await.unwrap();
+        assert_eq!(rows(&store).await, 0);
+    }
+    store.close().await;
+}
+
+#[tokio::test]
+async fn jobs_of_a_hidden_sweep_do_not_change() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = open(&dir).await;
+    let (id, worker) = (SweepId::new(), register(&store).await);
+    store.insert_sweep(sweep(id, 2), NOW.wall, ()).await.unwrap();
+    store.cancel_sweep(id, NOW.wall).await.unwrap().unwrap();
+    let job = store.jobs(JobFilter { limit: 1, ..JobFilter::default() }).await.unwrap().0[0].id;
+    write(&store, "UPDATE sweeps SET state = 'deleting'").await;
+    assert_eq!(store.job(job).await.unwrap(), None);
+    assert_eq!(store.retry_job(job, None).await.unwrap(), Err(Refusal::NoJob));
+    assert_eq!(store.cancel_job(job, NOW.wall).await.unwrap(), Err(Refusal::NoJob));
+    assert_eq!(store.pause_job(job, true).await.unwrap(), Err(Refusal::NoJob));
+    // No request leaves these rows: the claim and the deletion do not rely on it.
+    write(&store, "UPDATE jobs SET state = 'queued', ended_at = NULL").await;
+    assert_eq!(claim(&store, worker, 4).await, []);
+    write(&store, "INSERT INTO checkpoints SELECT id, 1, 'x', 1, 0, 1, 'cpu', 'a' FROM jobs").await;
+    store.delete_leftovers().await.unwrap();
+    assert_eq!(rows(&store).await, 0);
     store.close().await;
 }
 
