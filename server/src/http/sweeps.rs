@@ -212,7 +212,8 @@ pub(crate) async fn cancel(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
 ) -> Result<Json<SweepView>, ApiError> {
-    app.store.cancel_sweep(id, app.clock.now()).await??;
+    let state = app.clone();
+    run_detached(async move { state.store.cancel_sweep(id, state.clock.now()).await }).await???;
     view(&app, id).await.map(Json)
 }
 
@@ -227,9 +228,14 @@ pub(crate) async fn retry(
     Segments(id): Segments<SweepId>,
     Params(query): Params<RetryQuery>,
 ) -> Result<Json<SweepView>, ApiError> {
-    if app.store.retry_sweep(id, query.class).await?? > 0 {
-        app.work.notify_waiters();
-    }
+    let state = app.clone();
+    let retry = async move {
+        let retried = state.store.retry_sweep(id, query.class).await;
+        // Also after a failure: some of its jobs may be queued.
+        state.work.notify_waiters();
+        retried
+    };
+    run_detached(retry).await???;
     view(&app, id).await.map(Json)
 }
 
@@ -243,7 +249,8 @@ pub(crate) async fn pause(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
 ) -> Result<Json<SweepView>, ApiError> {
-    app.store.pause_sweep(id, true).await??;
+    let state = app.clone();
+    run_detached(async move { state.store.pause_sweep(id, true).await }).await???;
     view(&app, id).await.map(Json)
 }
 
@@ -257,8 +264,13 @@ pub(crate) async fn resume(
     State(app): State<App>,
     Segments(id): Segments<SweepId>,
 ) -> Result<Json<SweepView>, ApiError> {
-    app.store.pause_sweep(id, false).await??;
-    app.work.notify_waiters();
+    let state = app.clone();
+    let resume = async move {
+        let resumed = state.store.pause_sweep(id, false).await;
+        state.work.notify_waiters();
+        resumed
+    };
+    run_detached(resume).await???;
     view(&app, id).await.map(Json)
 }
 
@@ -354,7 +366,8 @@ pub(crate) async fn delete(
         run_detached(async move { app.store.delete_sweep(id, app.clock.now()).await })
     };
     if !query.dry_run && !delete().await?? {
-        let unended = deletion.unended;
+        // Another request may have deleted the sweep meanwhile.
+        let unended = app.store.deletion(id).await?.ok_or(Refusal::NoSweep)?.unended;
         let detail = format!(
             "{unended} of its jobs have not ended: cancel the sweep and wait until running jobs have stopped"
         );
