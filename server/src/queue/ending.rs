@@ -34,10 +34,23 @@ pub(crate) fn on_failure(
 ) -> Result<Verdict, Refusal> {
     match fence {
         FenceState::Current => change_on(job, outcome, policy, now).map(Verdict::Record),
-        FenceState::Ended(before) if before == outcome => Ok(Verdict::Repeat),
+        FenceState::Ended(before)
+            if before == outcome || (is_handed_back(before) && is_handed_back(outcome)) =>
+        {
+            Ok(Verdict::Repeat)
+        }
         FenceState::Ended(outcome) => Err(Refusal::AttemptEnded { outcome }),
         FenceState::Stale(refusal) => Err(refusal),
     }
+}
+
+/// The outcome to record: an attempt without a stored checkpoint is released, not preempted.
+pub(crate) fn recorded_outcome(reported: AttemptOutcome, has_checkpoint: bool) -> AttemptOutcome {
+    if reported == AttemptOutcome::Preempted && !has_checkpoint { AttemptOutcome::Released } else { reported }
+}
+
+fn is_handed_back(outcome: AttemptOutcome) -> bool {
+    matches!(outcome, AttemptOutcome::Released | AttemptOutcome::Preempted)
 }
 
 fn change_on(

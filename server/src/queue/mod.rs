@@ -33,7 +33,7 @@ use roost_api::time::Timestamp;
 
 pub(crate) use allocation::{Allocation, Demand, WorkerLoad, allocate};
 pub(crate) use control::{CancelEffect, on_cancel, on_retry};
-pub(crate) use ending::{Verdict, on_failure, on_result};
+pub(crate) use ending::{Verdict, on_failure, on_result, recorded_outcome};
 pub(crate) use fair_share::{EligibleJob, Owner, OwnerQueue, Rounds};
 pub(crate) use fence::{FenceState, fence};
 pub(crate) use lease::{BeatEffect, StopRequest, on_beat, on_deadline, on_lease_expired};

@@ -96,6 +96,16 @@ fn the_third_worker_failure_ends_the_job_and_a_release_requeues_it() {
 }
 
 #[test]
+fn an_attempt_without_a_checkpoint_is_released() {
+    use AttemptOutcome::{Preempted, Released, Worker};
+    assert_eq!(recorded_outcome(Preempted, true), Preempted);
+    assert_eq!(recorded_outcome(Preempted, false), Released);
+    assert_eq!(recorded_outcome(Worker, false), Worker);
+    let repeat = on_failure(&job(JobState::Queued), FenceState::Ended(Released), Preempted, POLICY, NOW);
+    assert_eq!(repeat, Ok(Verdict::Repeat));
+}
+
+#[test]
 fn a_job_with_a_requested_cancel_keeps_a_reported_end() {
     let cancelling = JobSnapshot { cancelling: true, worker_failures: 2, ..job(JobState::Running) };
     use AttemptOutcome::{Cancelled, Preempted, Released, Worker};

@@ -17,7 +17,9 @@ use super::transitions::{AttemptEnd, AttemptRef, end_attempts, fence_attempts};
 use super::writer::Writer;
 use super::{Store, StoreError};
 use crate::clock::Now;
-use crate::queue::{JobChange, Provenance, Refusal, RetryPolicy, Verdict, on_failure, on_result};
+use crate::queue::{
+    JobChange, Provenance, Refusal, RetryPolicy, Verdict, on_failure, on_result, recorded_outcome,
+};
 
 /// A result as text with its digest. Long results take a while to encode, so that it happens before any transaction.
 pub(crate) struct EncodedResult {
@@ -144,6 +146,7 @@ impl Store {
                         }
                         None => None,
                     };
+                    let outcome = recorded_outcome(outcome, has_checkpoint(tx, job, attempt).await?);
                     let (message, partial, at) = (Some(message.as_str()), document.as_deref(), now.wall);
                     end_attempts(tx, &[AttemptEnd { job, attempt, outcome, change, message, partial, at }])
                         .await?;
@@ -231,6 +234,12 @@ pub(super) const RECORD: &str = "
     SELECT r.value ->> 'job', r.value ->> 'attempt', r.value ->> 'digest', r.value ->> 'revision',
            r.value ->> 'backend', r.value ->> 'responses', r.value ->> 'document', r.value ->> 'at'
     FROM json_each(?) AS r";
+
+/// Whether the newest checkpoint of a job is of this attempt.
+async fn has_checkpoint(tx: &mut SqliteConnection, job: JobId, attempt: u32) -> Result<bool, StoreError> {
+    let sql = "SELECT EXISTS (SELECT 1 FROM checkpoints WHERE job_id = ? AND attempt = ?)";
+    Ok(sqlx::query_scalar(sql).bind(job.to_string()).bind(attempt).fetch_one(&mut *tx).await?)
+}
 
 /// Stores a document under its digest.
 async fn insert_document(tx: &mut SqliteConnection, digest: &str, body: String) -> Result<(), StoreError> {

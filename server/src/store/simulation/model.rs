@@ -111,6 +111,12 @@ impl Job {
                 if current { Answer::Recorded } else { Answer::Refused }
             }
             Some(before) if before == outcome => Answer::Repeat,
+            // An attempt without a checkpoint is recorded as released.
+            Some(AttemptOutcome::Released | AttemptOutcome::Preempted)
+                if matches!(outcome, AttemptOutcome::Released | AttemptOutcome::Preempted) =>
+            {
+                Answer::Repeat
+            }
             Some(_) => Answer::Refused,
         }
     }
