@@ -26,12 +26,7 @@ const DAY: Duration = Duration::from_secs(24 * 3600);
 /// Runs all tasks until the server shuts down.
 pub(crate) async fn run(app: App) {
     // The next start completes an interrupted deletion.
-    let deleting = app.shutdown.run_until_cancelled(async {
-        if let Err(error) = app.store.delete_leftovers().await {
-            tracing::error!(error = error.as_dyn(), "deleting what an interrupted request left failed");
-        }
-        delete_old(&app).await;
-    });
+    let deleting = app.shutdown.run_until_cancelled(delete_old(&app));
     let removing = app.shutdown.run_until_cancelled(remove_checkpoints(&app));
     tokio::join!(expire(&app), removing, deleting);
 }
@@ -61,7 +56,9 @@ async fn remove_unneeded(app: &App) -> Result<(), StoreError> {
     let uploading = app.checkpoint_uploads.jobs();
     if !uploading.is_empty() {
         let running = app.store.running_of(&uploading).await?;
-        for part in app.checkpoint_uploads.take_except(&running) {
+        // An upload that began meanwhile stays.
+        let ended = uploading.into_iter().filter(|job| !running.contains(job));
+        for part in app.checkpoint_uploads.take(ended) {
             app.store.discard(part).await;
         }
     }
@@ -75,6 +72,9 @@ async fn delete_old(app: &App) {
     let mut logged = None;
     loop {
         clock.tick().await;
+        if let Err(error) = app.store.delete_leftovers().await {
+            tracing::error!(error = error.as_dyn(), "finding hidden sweeps failed");
+        }
         let doubt = clock_doubt(app);
         if let Some(reason) = doubt {
             if doubt != logged {

@@ -2,7 +2,7 @@
 //!
 //! They are in memory and in the folder of unnamed uploads. A restart of the server removes both, and the upload begins again.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use roost_api::ids::JobId;
@@ -79,8 +79,8 @@ impl CheckpointUploads {
     }
 
     /// Takes the parts of jobs that no longer run.
-    pub(crate) fn take_except(&self, running: &HashSet<JobId>) -> Vec<Staged> {
-        let gone = self.lock().extract_if(|job, _| !running.contains(job)).collect::<Vec<_>>();
-        gone.into_iter().flat_map(|(_, upload)| upload.parts).collect()
+    pub(crate) fn take(&self, ended: impl Iterator<Item = JobId>) -> Vec<Staged> {
+        let mut uploads = self.lock();
+        ended.filter_map(|job| uploads.remove(&job)).flat_map(|upload| upload.parts).collect()
     }
 }
