@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use roost_api::RunResult;
 use roost_api::ids::SweepId;
 use roost_api::table::{SweepPoints, SweepResults};
-use roost_solver::experiments::outputs_of;
+use roost_solver::experiments::{is_indicator, outputs_of};
 use roost_terminal::{BadInput, Exit, Table, format, message, print_content};
 use roost_worker::client::{Client, ClientError};
 use serde_json::{Value, json};
@@ -190,7 +190,7 @@ fn points(results: &SweepPoints, shown: &[&str]) -> Table {
         let levels = factors.iter().map(|name| format::cell(&point.factors[name]));
         let done = format!("{} of {}", point.counts.succeeded, point.counts.total());
         let responses = shown.iter().map(|name| match point.responses.get(*name) {
-            Some(summary) => format::summary(summary),
+            Some(summary) => format::summary(summary, is_indicator(name)),
             None => "–".to_owned(),
         });
         let cells = [point.point.to_string()].into_iter().chain(levels);

@@ -4,14 +4,14 @@ use roost_solver::experiments::{all_curves, all_responses, all_series};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// A response: a number, a word, or true or false.
+/// A response: a number, an indicator, a word, or true or false.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct ResponseRow {
     /// Name, with its unit last.
     pub name: String,
     /// Unit; empty without one.
     pub unit: String,
-    /// `number`, `word` or `boolean`.
+    /// `number`, `indicator` (1 if an event happened, else 0), `word` or `boolean`.
     pub r#type: String,
     /// Meaning.
     pub meaning: String,

@@ -82,13 +82,13 @@ pub struct PointRow {
 pub struct Summary {
     /// Number of trials with a value; null is no value.
     pub n: u64,
-    /// Mean of a numeric response.
+    /// Mean of a numeric response. That of an indicator, such as `jammed`, is the share of trials with 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mean: Option<f64>,
     /// Standard deviation with n − 1, from two values on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub standard_deviation: Option<f64>,
-    /// Lower end of the 95 % interval of the mean (Student's t), from two values on.
+    /// Lower end of the 95 % interval of the mean: Student's t from two values on, Wilson for an indicator from one value on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low_95: Option<f64>,
     /// Its upper end.

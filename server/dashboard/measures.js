@@ -1,5 +1,5 @@
 // @ts-check
-// Measures of design points: each numeric response, and for each response in words the share of trials with one word.
+// Measures of design points: each numeric response, the share of trials of each indicator, and for each response in words the share of trials with one word.
 
 import { labelOf, number } from "./format.js";
 import { responseRow } from "./outputs.js";
@@ -24,6 +24,22 @@ function numericMeasure(name, unit) {
 }
 
 /**
+ * The share of trials in which an event happened, with the server's interval.
+ * @param {string} name
+ * @returns {Measure}
+ */
+function indicatorMeasure(name) {
+  const number = numericMeasure(name, undefined);
+  return {
+    ...number, label: `share ${name.replaceAll("_", " ")}`, is_share: true,
+    of: (row) => {
+      const value = number.of(row);
+      return value && { ...value, count: Math.round(value.mean * value.n) };
+    },
+  };
+}
+
+/**
  * @param {string} name @param {string} word
  * @returns {Measure}
  */
@@ -41,7 +57,7 @@ function wordMeasure(name, word) {
 }
 
 /**
- * Measures of these design points by name, shares last. A share is named `name=word`, as in the table of effects.
+ * Measures of these design points by name, shares of words last. Such a share is named `name=word`, as in the table of effects.
  * @param {PointRow[]} points @param {OutputTable} outputs
  */
 export function measures(points, outputs) {
@@ -54,7 +70,11 @@ export function measures(points, outputs) {
     }
   }
   const shares = [...words].sort().map((pair) => wordMeasure(pair.slice(0, pair.indexOf("=")), pair.slice(pair.indexOf("=") + 1)));
-  return [...[...numbers].sort().map((name) => numericMeasure(name, responseRow(outputs, name)?.unit)), ...shares];
+  const measureOf = (/** @type {string} */ name) => {
+    const row = responseRow(outputs, name);
+    return row?.type === "indicator" ? indicatorMeasure(name) : numericMeasure(name, row?.unit);
+  };
+  return [...[...numbers].sort().map(measureOf), ...shares];
 }
 
 /**

@@ -86,6 +86,7 @@ fn a_filled_state_serves_every_value_of_the_fields_that_act_from_the_start() {
         ("/equipment/gate_opening_m", json!(0.04)),
         ("/equipment/belt_speed_m_s", json!(0.6)),
         ("/numerics/duration_s", json!(0.3)),
+        ("/numerics/jam_after_s", json!(0.05)),
         ("/numerics/stop/when_empty", json!(false)),
         ("/numerics/stop/when_jammed_s", json!(0.05)),
     ];

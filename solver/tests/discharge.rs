@@ -216,6 +216,23 @@ fn a_jam_is_counted_from_the_last_passage() {
         }
         let ended = stage.process() == Decision::End(EndReason::Jammed);
         assert_eq!(ended, k == 11, "at {} s", 0.02 * f64::from(k as u32));
+        let responses = stage.monitor.responses(EndReason::Duration);
+        let jammed = if k < 5 { Value::Null } else { json!(u8::from(ended)) };
+        assert_eq!(responses["jammed"], jammed, "at {} s", 0.02 * f64::from(k as u32));
+    }
+    let responses = stage.monitor.responses(EndReason::Jammed);
+    assert_close(responses["time_to_jam_s"].as_f64().unwrap(), 0.12, 1e-9);
+}
+
+#[test]
+fn a_stop_with_little_inside_is_no_jam() {
+    for (inside, jammed) in [(0.02, 0), (0.1, 1)] {
+        let mut stage = Stage::started(&[("/numerics/stop/when_jammed_s", json!(0.09))]);
+        let all = stage.state.particles.len();
+        stage.put(0..all - (inside * all as f64).round() as usize, 0.01);
+        while stage.process() != Decision::End(EndReason::Jammed) {}
+        let responses = stage.monitor.responses(EndReason::Jammed);
+        assert_eq!(responses["jammed"], json!(jammed), "{inside} of it inside");
     }
 }
 

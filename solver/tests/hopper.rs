@@ -124,13 +124,21 @@ fn a_fill_that_has_no_time_to_rest_says_so() {
 
 #[test]
 fn a_belt_that_stands_still_is_a_jam() {
-    let result = run(&[
+    let standing = [
         ("/equipment/belt_speed_m_s", json!(0.0)),
         ("/equipment/gate_opening_m", json!(0.02)),
-        ("/numerics/duration_s", json!(5.0)),
-        ("/numerics/stop/when_jammed_s", json!(0.2)),
-    ]);
+        ("/numerics/duration_s", json!(1.5)),
+    ];
+    let stopped = [&standing[..], &[("/numerics/stop/when_jammed_s", json!(0.2))]].concat();
+    let result = run(&stopped);
     assert_eq!(result.end_reason, EndReason::Jammed);
+    assert_eq!(result.responses["jammed"], json!(1));
+    // Without an early end the same run jams at the same time.
+    let whole = run(&[&standing[..], &[("/numerics/jam_after_s", json!(0.2))]].concat());
+    assert_eq!(whole.end_reason, EndReason::Duration);
+    for name in ["jammed", "time_to_jam_s"] {
+        assert_eq!(whole.responses[name], result.responses[name], "{name}");
+    }
     let out = masses(&result);
     assert!(response(&result, "discharged_kg") < 0.1 * loaded(&result));
     // The end comes with the first sample 0.2 s after the last passage, or after belt start.

@@ -3,7 +3,7 @@
 mod common;
 
 use common::checked;
-use roost_solver::experiments::{ResponseType, outputs_of, response_names};
+use roost_solver::experiments::{ResponseType, is_indicator, outputs_of, response_names};
 use roost_solver::result::EndReason;
 use roost_solver::scenario::{self, Scenario, fields};
 use roost_solver::{CpuOptions, Flow, Progress, simulate};
@@ -72,10 +72,12 @@ fn every_experiment_returns_the_rows_of_its_table_whatever_happens() {
             let value = &result.responses[row.name];
             let fits = match row.kind {
                 ResponseType::Number => value.is_number(),
+                ResponseType::Indicator => *value == 0 || *value == 1,
                 ResponseType::Boolean => value.is_boolean(),
                 ResponseType::Word => value.is_string(),
             };
             assert!(fits || value.is_null(), "{experiment}: {} is {value}", row.name);
+            assert_eq!(is_indicator(row.name), row.kind == ResponseType::Indicator, "{}", row.name);
             assert!(row.doc.ends_with('.') && !row.doc.contains('\n'), "{experiment}: {}", row.name);
         }
         let series = outputs.series.iter().map(|row| (row.name.replace("<name>", "floor"), row.unit));

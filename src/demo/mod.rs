@@ -23,8 +23,9 @@ use crate::{output, watch, work};
 const SWEEP: &str = include_str!("sweep.json");
 
 /// Headings of the table, and their responses.
-const RESPONSES: [(&str, &str); 5] = [
+const RESPONSES: [(&str, &str); 6] = [
     ("regime", "regime"),
+    ("jammed", "jammed"),
     ("filled (kg)", "filled_kg"),
     ("out at 4 s (kg)", "discharged_kg_at_4s"),
     ("95 % out after (s)", "time_to_95_percent_s"),

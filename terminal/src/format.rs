@@ -75,7 +75,14 @@ pub fn factor_names<S: AsRef<str>>(pointers: &[S]) -> Vec<String> {
 }
 
 /// A response over the replicates of a design point: `4.21 ± 0.2` (the 95 % interval), or words with their counts.
-pub fn summary(summary: &Summary) -> String {
+/// The mean of an indicator is a share: `3 of 12 (9 to 53 %)`.
+pub fn summary(summary: &Summary, is_indicator: bool) -> String {
+    if let (true, Some(mean), Some(low), Some(high)) =
+        (is_indicator, summary.mean, summary.low_95, summary.high_95)
+    {
+        let ones = (mean * summary.n as f64).round();
+        return format!("{ones} of {} ({:.0} to {:.0} %)", summary.n, 100.0 * low, 100.0 * high);
+    }
     if let Some(words) = &summary.words {
         let counted =
             words.iter().map(|(word, n)| if *n == summary.n { word.clone() } else { format!("{word} ×{n}") });
@@ -139,10 +146,13 @@ mod tests {
 
     #[test]
     fn summaries_have_an_interval_or_counts() {
-        let text = |value| summary(&serde_json::from_value(value).unwrap());
+        let text = |value| summary(&serde_json::from_value(value).unwrap(), false);
         assert_eq!(text(json!({"n": 3, "mean": 4.2131, "low_95": 4.0, "high_95": 4.4262})), "4.213 ± 0.21");
         assert_eq!(text(json!({"n": 1, "mean": 40.0})), "40");
         assert_eq!(text(json!({"n": 0})), "–");
+        let share = json!({"n": 12, "mean": 0.25, "low_95": 0.0889, "high_95": 0.5323});
+        assert_eq!(summary(&serde_json::from_value(share).unwrap(), true), "3 of 12 (9 to 53 %)");
+        assert_eq!(summary(&Summary::default(), true), "–");
         assert_eq!(text(json!({"n": 2, "words": {"constant": 2}})), "constant");
         assert_eq!(text(json!({"n": 3, "words": {"constant": 2, "no_flow": 1}})), "constant ×2, no_flow ×1");
     }

@@ -55,10 +55,15 @@ export function mapPlot({ points, factors, measure, x, y, path }) {
      * @param {(cell: Cell) => T} work
      */
     const each = (work) => grid.cells.map((row) => row.map(work));
+    // Trials of several points have no common interval.
+    const interval = (/** @type {Cell} */ cell) => {
+      const value = cell.rows.length === 1 ? measure.of(cell.rows[0]) : null;
+      return value && value.low !== null && value.high !== null ? `<br>95 %: ${number(value.low, 3)} to ${number(value.high, 3)}` : "";
+    };
     const trace = {
-      type: "heatmap", x: grid.across.map(String), y: grid.up.map(String), z: each((cell) => (cell.n ? cell.sum / cell.n : null)), text: each(text), texttemplate: "%{text}",
+      type: "heatmap", x: grid.across.map(String), y: grid.up.map(String), z: each((cell) => (cell.n ? cell.sum / cell.n : null)), text: each(text), texttemplate: "%{text}", hovertext: each(interval),
       customdata: each((cell) => (cell.rows.length === 1 ? path(cell.rows[0]) : null)),
-      hovertemplate: `${factorLabel(x, factors)} %{x}<br>${factorLabel(y, factors)} %{y}<br>${measure.label} %{z:.4g} (%{text})<extra></extra>`,
+      hovertemplate: `${factorLabel(x, factors)} %{x}<br>${factorLabel(y, factors)} %{y}<br>${measure.label} %{z:.4g} (%{text})%{hovertext}<extra></extra>`,
       colorscale: scaleOf(measure), ...limits, xgap: 2, ygap: 2, colorbar: { title: title(measure), thickness: 12 },
     };
     return { traces: grid.cells.flat().some((cell) => cell.n) ? [trace] : [], layout: { ...layout, xaxis: { ...layout.xaxis, type: "category" }, yaxis: { ...layout.yaxis, type: "category" } }, table };

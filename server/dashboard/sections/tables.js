@@ -31,7 +31,7 @@ export function pointsTable() {
       cell: (row) => {
         const value = measure.of(row);
         if (!value) return "–";
-        return measure.is_share ? `${value.count} of ${value.n}` : h("span", { title: `95 %: ${number(value.low)} to ${number(value.high)}` }, number(value.mean));
+        return h("span", { title: `95 %: ${number(value.low)} to ${number(value.high)}` }, measure.is_share ? `${value.count} of ${value.n}` : number(value.mean));
       },
     });
     /** @type {Column<PointRow>[]} */

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use roost_api::job::{FailureClass, JobState};
 use roost_api::table::{PointRow, ShareInterval, Summary, TrialRow};
+use roost_solver::experiments::is_indicator;
 use roost_stats::{Sample, share_interval};
 use serde_json::Value;
 
@@ -28,12 +29,13 @@ fn point(trials: &[TrialRow]) -> PointRow {
             values.entry(name).or_default().push(value);
         }
     }
-    row.responses = values.into_iter().map(|(name, values)| (name.to_owned(), summary(&values))).collect();
+    row.responses =
+        values.into_iter().map(|(name, values)| (name.to_owned(), summary(name, &values))).collect();
     row
 }
 
-/// The mean of numbers; the counts and the shares of words. Null is no value.
-fn summary(values: &[&Value]) -> Summary {
+/// The mean of numbers; the counts and the shares of words. The mean of an indicator is a share. Null is no value.
+fn summary(name: &str, values: &[&Value]) -> Summary {
     let numbers: Vec<f64> = values.iter().filter_map(|value| value.as_f64()).collect();
     let mut words: BTreeMap<String, u64> = BTreeMap::new();
     for word in values.iter().filter_map(|value| word(value)) {
@@ -47,13 +49,19 @@ fn summary(values: &[&Value]) -> Summary {
         words.iter().filter_map(|(word, count)| Some((word.clone(), share(*count)?))).collect();
     let sample = Sample::of(&numbers);
     let mean = sample.map(|sample| sample.mean);
-    let half_width = sample.and_then(|sample| sample.half_width());
+    let interval = if is_indicator(name) {
+        let ones = numbers.iter().filter(|value| **value == 1.0).count();
+        share_interval(ones as u64, numbers.len() as u64).map(|share| (share.low, share.high))
+    } else {
+        let half_width = sample.and_then(|sample| sample.half_width());
+        mean.zip(half_width).map(|(mean, half)| (mean - half, mean + half))
+    };
     Summary {
         n: numbers.len() as u64 + trials,
         mean,
         standard_deviation: sample.and_then(|sample| sample.deviation),
-        low_95: mean.zip(half_width).map(|(mean, half)| mean - half),
-        high_95: mean.zip(half_width).map(|(mean, half)| mean + half),
+        low_95: interval.map(|(low, _)| low),
+        high_95: interval.map(|(_, high)| high),
         words: (!words.is_empty()).then_some(words),
         shares: (!shares.is_empty()).then_some(shares),
         unseen_high_95: share(0).map(|share| share.high_95),

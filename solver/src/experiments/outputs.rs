@@ -3,6 +3,9 @@
 //! The rows of an experiment stand with it; rows that several experiments share stand here. Documents, API, command
 //! and dashboard read this table.
 
+use std::collections::BTreeSet;
+use std::sync::LazyLock;
+
 use super::{ALL, definition};
 use crate::observe::{Clock, Recorder, SeriesId};
 use crate::result::Curve;
@@ -13,6 +16,8 @@ use crate::scenario::{DECLARATIONS, Declaration, Experiment};
 pub enum ResponseType {
     /// A number.
     Number,
+    /// 1 if an event happened, else 0: its mean over replicates is a share.
+    Indicator,
     /// True or false.
     Boolean,
     /// A word.
@@ -24,13 +29,14 @@ impl ResponseType {
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Number => "number",
+            Self::Indicator => "indicator",
             Self::Boolean => "boolean",
             Self::Word => "word",
         }
     }
 }
 
-/// A response: a number, a word, or true or false. A response that was not reached is null.
+/// A response: a number, an indicator, a word, or true or false. A response that was not reached is null.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// Name, with its unit last.
@@ -90,6 +96,11 @@ pub struct Outputs {
 
 pub(super) const fn number(name: &'static str, unit: &'static str, doc: &'static str) -> Response {
     Response { name, unit, kind: ResponseType::Number, doc, headline: false }
+}
+
+/// 1 if an event happened, else 0.
+pub(super) const fn indicator(name: &'static str, doc: &'static str) -> Response {
+    Response { name, unit: "", kind: ResponseType::Indicator, doc, headline: false }
 }
 
 pub(super) const fn boolean(name: &'static str, doc: &'static str) -> Response {
@@ -201,6 +212,15 @@ pub fn response_names(experiment: &Experiment) -> Vec<&'static str> {
     let mut names: Vec<_> = outputs(experiment).responses.iter().map(|response| response.name).collect();
     names.sort_unstable();
     names
+}
+
+/// Whether a response of this name is an indicator, in any experiment.
+pub fn is_indicator(response: &str) -> bool {
+    static NAMES: LazyLock<BTreeSet<&'static str>> = LazyLock::new(|| {
+        let rows = ALL.iter().flat_map(|(_, outputs)| outputs.responses);
+        rows.filter(|row| row.kind == ResponseType::Indicator).map(|row| row.name).collect()
+    });
+    NAMES.contains(response)
 }
 
 /// A row of the table with the experiments that have it.

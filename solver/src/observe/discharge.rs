@@ -7,6 +7,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::curve::Curve;
+use super::jam::{Jam, Passages};
 use super::regime::{self, Flow, Regime, SPILL_S, WINDOW_S};
 use crate::result::EndReason;
 
@@ -32,6 +33,10 @@ pub struct Discharge<'a> {
     pub t_s: &'a [f64],
     /// Mass that has passed the gate at those times, in kilograms.
     pub mass_kg: &'a [f64],
+    /// Mass in the hopper at those times, in kilograms.
+    pub inside_kg: &'a [f64],
+    /// Time without a passage that makes a jam, in seconds.
+    pub jam_after_s: f64,
     /// Reason of the end: an empty hopper stays empty, a jammed one is final.
     pub end_reason: EndReason,
     /// Mass of all fillets in the hopper at belt start, in kilograms.
@@ -74,6 +79,10 @@ pub struct DischargeResponses {
     pub longest_stoppage_s: Option<f64>,
     /// Regime; `None` without a belt capacity: unknown, or 0 when the belt stands still or the bed has no volume.
     pub regime: Option<Regime>,
+    /// 1 if the hopper jammed, else 0; none when that is not known.
+    pub jammed: Option<u8>,
+    /// When the last mass passed before the jam; none without a jam.
+    pub time_to_jam_s: Option<f64>,
     /// Q_b: mass rate that the belt carries away with a full opening.
     pub belt_capacity_kg_s: Option<f64>,
     /// q, the lowest running 1 s mean of the rate over Q_b, from 0.5 s until 80 % is out.
@@ -113,6 +122,8 @@ impl Discharge<'_> {
         let lowest_rate = (until > 0.0).then(|| regime::lowest_rate(&curve, until));
         let rate_variation = regime::variation(&curve, until);
         let linearity_until = until.min(EVALUATION_TIME_S);
+        let &Self { t_s, mass_kg, inside_kg, filled_kg, .. } = self;
+        let jam = Passages { t_s, mass_kg, inside_kg, filled_kg }.jam(self.jam_after_s);
         DischargeResponses {
             filled_kg: self.filled_kg,
             discharged_kg: curve.final_mass(),
@@ -141,6 +152,12 @@ impl Discharge<'_> {
                 }
                 _ => Regime::TooShort,
             }),
+            jammed: match jam {
+                Jam::At(_) => Some(1),
+                Jam::Never => Some(0),
+                Jam::Unknown => None,
+            },
+            time_to_jam_s: if let Jam::At(time_s) = jam { Some(time_s) } else { None },
             belt_capacity_kg_s: belt_capacity,
             lowest_rate_ratio: lowest_rate.zip(capacity).map(|(rate, capacity)| rate / capacity),
             linearity_r2: curve.linearity(0.0, linearity_until),

@@ -10,6 +10,7 @@ const FILLED: f64 = 40.0;
 struct Sampled {
     t_s: Vec<f64>,
     mass_kg: Vec<f64>,
+    inside_kg: Vec<f64>,
     end_reason: EndReason,
 }
 
@@ -20,8 +21,9 @@ fn sample(end: f64, curve: impl Fn(f64) -> f64) -> Sampled {
 fn sample_every(interval: f64, end: f64, curve: impl Fn(f64) -> f64) -> Sampled {
     let t_s =
         (0..=(end / interval).round() as usize).map(|index| index as f64 * interval).collect::<Vec<_>>();
-    let mass_kg = t_s.iter().map(|t| curve(*t)).collect();
-    Sampled { t_s, mass_kg, end_reason: EndReason::Duration }
+    let mass_kg: Vec<f64> = t_s.iter().map(|t| curve(*t)).collect();
+    let inside_kg = mass_kg.iter().map(|mass| FILLED - mass).collect();
+    Sampled { t_s, mass_kg, inside_kg, end_reason: EndReason::Duration }
 }
 
 impl Sampled {
@@ -33,6 +35,8 @@ impl Sampled {
         Discharge {
             t_s: &self.t_s,
             mass_kg: &self.mass_kg,
+            inside_kg: &self.inside_kg,
+            jam_after_s: 1.0,
             end_reason: self.end_reason,
             filled_kg: FILLED,
             bed_volume_m3: 0.04,
@@ -301,9 +305,15 @@ fn nothing_at_all() {
 
 #[test]
 fn without_samples_capacity_or_fill_there_are_no_numbers() {
-    let none = Sampled { t_s: vec![], mass_kg: vec![], end_reason: EndReason::FillNotAtRest }.responses();
+    let of = |t_s: Vec<f64>, end_reason| Sampled {
+        mass_kg: vec![0.0; t_s.len()],
+        inside_kg: vec![FILLED; t_s.len()],
+        t_s,
+        end_reason,
+    };
+    let none = of(vec![], EndReason::FillNotAtRest).responses();
     assert_eq!(none.regime, Some(Regime::TooShort));
-    let one = Sampled { t_s: vec![0.0], mass_kg: vec![0.0], end_reason: EndReason::Unstable }.responses();
+    let one = of(vec![0.0], EndReason::Unstable).responses();
     assert_eq!((one.regime, one.longest_stoppage_s), (Some(Regime::TooShort), None));
     let moving = sample(6.0, line(8.0));
     let still = Discharge { full_opening_m3_s: Some(0.0), ..moving.discharge() }.responses();
@@ -332,6 +342,11 @@ fn responses_hardly_depend_on_the_output_interval() {
 fn the_map_is_flat_and_says_regimes_in_words() {
     let map = sample(6.0, line(3.0)).responses().into_map();
     assert_eq!(map["regime"], "inconsistent");
+    assert_eq!((&map["jammed"], &map["time_to_jam_s"]), (&0.into(), &serde_json::Value::Null));
+    let stopped = sample(6.0, |t| 8.0 * t.min(2.0)).responses().into_map();
+    assert_eq!((&stopped["jammed"], &stopped["time_to_jam_s"]), (&1.into(), &2.0.into()));
+    let short = sample(0.5, line(3.0)).responses().into_map();
+    assert!(short["jammed"].is_null() && short["time_to_jam_s"].is_null());
     assert_eq!(map["steady"], true);
     assert_eq!(map["discharged_kg"], 18.0);
     assert!(map["time_to_95_percent_s"].is_null());

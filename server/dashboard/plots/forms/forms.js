@@ -20,7 +20,7 @@ import { slidePlot } from "./slide.js";
  * @type {Record<string, Form>}
  */
 const FORMS = {
-  hopper: { failures: ["regime=no_flow", "regime=inconsistent"] },
+  hopper: { failures: ["jammed", "regime=no_flow", "regime=inconsistent"] },
   drop: { failures: [], title: "Bonds intact over impact speed", over: "/drop/speed_m_s", plot: dropPlot },
   bend: { failures: ["torn=true", "fell_off=true"], title: "Bend angle", over: "/bonds/normal_stiffness_n_m3", plot: bendPlot },
   slide: { failures: ["slid=true", "rolled_over=true"], title: "Angle of sliding over friction", over: "/contact/fillet_equipment/static_friction", plot: slidePlot },

@@ -77,6 +77,29 @@ fn points_average_succeeded_trials_and_count_failed_ones() {
     assert_eq!(effects[2].factors[0].effect, None, "one point shows no effect");
 }
 
+#[test]
+fn mean_of_an_indicator_is_a_share_with_its_interval() {
+    // 4 of 10 trials jam; a null is no value. SciPy: binomtest(4, 10).proportion_ci(method="wilson").
+    let jammed = |r: u32| if r == 10 { Value::Null } else { json!(u8::from(r < 4)) };
+    let trials: Vec<_> =
+        (0..11).map(|r| trial(0, r, json!({}), json!({"jammed": jammed(r), "y": jammed(r)}))).collect();
+    let row = &by_point(&trials)[0];
+    let (jammed, number) = (&row.responses["jammed"], &row.responses["y"]);
+    assert_eq!((jammed.n, jammed.mean), (10, Some(0.4)));
+    near(jammed.low_95, &json!(0.16818032970623614));
+    near(jammed.high_95, &json!(0.6873262302663417));
+    assert!(number.low_95.unwrap() < 0.04, "a number has Student's interval: {number:?}");
+    // A single trial has an interval, and it is never a point.
+    let single = &by_point(&trials[..1])[0].responses["jammed"];
+    near(single.low_95, &json!(0.20654931437723745));
+    assert_eq!(single.high_95, Some(1.0));
+    let responses = [Response { name: "jammed".to_owned(), has_numbers: true, has_words: false }];
+    let csv = String::from_utf8(csv(&of_points(&[], &responses, &[row.clone()]), true).unwrap()).unwrap();
+    let head = "jammed.n,jammed.mean,jammed.standard_deviation,jammed.low_95,jammed.high_95";
+    assert!(csv.lines().next().unwrap().ends_with(head), "{csv}");
+    assert!(csv.lines().nth(1).unwrap().contains(",10,0.4,0.51"), "{csv}");
+}
+
 /// The effects of points that are added in batches of this size.
 fn effects(factors: &[Factor], points: Vec<PointRow>, batch: usize) -> Vec<ResponseEffects> {
     let mut effects = Effects::of(factors.to_vec());

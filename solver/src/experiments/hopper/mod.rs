@@ -19,7 +19,7 @@ use serde_json::Value;
 use super::loads::LOADS;
 use super::outputs::{
     BONDS_INTACT, BONDS_INTACT_FRACTION, ESCAPED_KG, KINETIC_ENERGY, KINETIC_ENERGY_END_J, MAX_OVERLAP_RATIO,
-    PASSED_THROUGH, boolean, curve, number, series, word,
+    PASSED_THROUGH, boolean, curve, indicator, number, series, word,
 };
 use super::placement::Floor;
 use super::warnings::WARNING_COUNT;
@@ -36,13 +36,18 @@ const USUAL_SHARE: f64 = 0.6;
 #[rustfmt::skip]
 const RESPONSES: &[Response] = &[
     word("regime",
-        "By q = `lowest_rate_ratio`: `no_flow` (a jam) below 0.15 unless 95 % came out, `inconsistent` (uneven) below 0.55, else \
+        "By q = `lowest_rate_ratio`: `no_flow` below 0.15 unless 95 % came out, `inconsistent` (uneven) below 0.55, else \
          `constant`. `outrun`: at `belt_capacity_kg_s` the filled mass is out within 0.5 s, so that q says nothing. `too_short`: less \
          than 4 s simulated, neither empty nor jammed. Null without a belt capacity.").headline(),
     number("effective_throughput_kg_s", "kg/s",
         "95 % of the filled mass, divided by the time until it was out; null when it was not. The definition is ours: the paper \
          quotes 7.6 kg/s without one.").headline(),
     number("mean_rate_kg_s", "kg/s", "Mean rate from 0.5 s until 80 % is out. The first 0.5 s, the spill at the start, does not count.").headline(),
+    indicator("jammed",
+        "Whether the hopper jammed: nothing passed the gate for `jam_after_s`, or for a shorter `when_jammed_s`, while at least 5 % of \
+         the filled mass was inside. An arch that collapses later was a jam. Null when the simulation is shorter and the hopper not \
+         empty.").headline(),
+    number("time_to_jam_s", "s", "Time of the last passage before the first jam, 0 without a passage; null without a jam."),
     number("discharged_kg", "kg", "Mass out at the end.").headline(),
     number("discharged_kg_at_4s", "kg",
         "Mass out at 4 s; the last value if the simulation ended sooner, empty or jammed.").headline(),

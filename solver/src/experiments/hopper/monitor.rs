@@ -16,7 +16,8 @@ use crate::experiments::interpenetration::Interpenetration;
 use crate::experiments::outputs::{BONDS_INTACT, KINETIC_ENERGY};
 use crate::experiments::warnings::{FEED_SHORT, NO_REGIME, never_at_rest};
 use crate::observe::{
-    Discharge, REST_DURATION_S, Recorder, ResidenceTimes, RestDetector, SeriesId, known_mass_rates, mass_rate,
+    Discharge, REST_DURATION_S, Recorder, ResidenceTimes, RestDetector, SeriesId, has_stopped,
+    known_mass_rates, mass_rate,
 };
 use crate::result::{Curve, EndReason, Warning};
 use crate::scenario::{Equipment, Numerics, Scenario};
@@ -164,8 +165,8 @@ impl HopperMonitor {
         if stop.when_empty && self.unpassed == 0 {
             return Some(EndReason::Empty);
         }
-        let stood = now_s - self.last_passage_s;
-        stop.when_jammed_s.is_some_and(|longest| stood >= longest).then_some(EndReason::Jammed)
+        let is_jammed = |after_s| has_stopped(self.last_passage_s, now_s, after_s);
+        stop.when_jammed_s.is_some_and(is_jammed).then_some(EndReason::Jammed)
     }
 }
 
@@ -286,6 +287,8 @@ impl ExperimentMonitor for HopperMonitor {
         let discharge = Discharge {
             t_s: self.recorder.belt_s(self.mass),
             mass_kg: self.recorder.values(self.mass),
+            inside_kg: self.recorder.values(self.inside),
+            jam_after_s: self.numerics.shortest_jam_s(),
             end_reason: reason,
             filled_kg: bed.mass_kg,
             bed_volume_m3: bed.volume_m3,

@@ -103,7 +103,7 @@ pub(in crate::scenario) const DECLARATION: Declaration = Declaration {
     takes: &[
         "/product/count", "/product/sizes_m", "/product/shape", "/product/mesh", "/product/spheres", "/product/fill",
         "/contact/fillet_fillet_radius_ratio",
-        "/numerics/duration_s", "/numerics/stop/when_empty", "/numerics/stop/when_jammed_s",
+        "/numerics/duration_s", "/numerics/jam_after_s", "/numerics/stop/when_empty", "/numerics/stop/when_jammed_s",
         "/numerics/max_fill_s",
     ],
     defaults: &[],

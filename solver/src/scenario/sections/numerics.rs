@@ -15,6 +15,8 @@ pub struct Numerics {
     pub duration_s: f64,
     /// Interval between samples, in seconds.
     pub output_interval_s: f64,
+    /// A hopper without a passage for this long, in seconds, has jammed.
+    pub jam_after_s: f64,
     /// Conditions that end a run before its duration.
     pub stop: Stop,
     /// Acceleration of gravity, in m/s².
@@ -27,6 +29,13 @@ pub struct Numerics {
     pub speed_limit_m_s: f64,
     /// Run time steps past the stability limit, as a stability study needs.
     pub allow_unstable: bool,
+}
+
+impl Numerics {
+    /// Time without a passage that makes a jam, in seconds. A run that ends early as jammed has jammed.
+    pub fn shortest_jam_s(&self) -> f64 {
+        self.stop.when_jammed_s.map_or(self.jam_after_s, |when_s| when_s.min(self.jam_after_s))
+    }
 }
 
 /// A time step: a number of seconds, or `"auto"` for the largest safe one.
@@ -72,12 +81,17 @@ pub(in crate::scenario) const FIELDS: &[Field] = &[
         .by_name(),
     number("/numerics/output_interval_s", "s", 0.02, above_to(0.0, 0.1), "numerics",
         "Interval between samples."),
+    number("/numerics/jam_after_s", "s", 1.0, TIME, "numerics",
+        "A hopper has jammed when nothing passes the gate for this long while at least 5 % of the filled mass is inside. A shorter \
+         `when_jammed_s` counts instead.")
+        .acts_from_start()
+        .by_name(),
     flag("/numerics/stop/when_empty", true, "numerics",
         "Whether the simulation ends when every fillet has left.")
         .acts_from_start()
         .by_name(),
     nullable("/numerics/stop/when_jammed_s", "s", TIME, "numerics",
-        "The simulation ends when nothing has passed the gate for this long; null: never.")
+        "The simulation ends when nothing has passed the gate for this long, whatever is left inside; null: never.")
         .acts_from_start()
         .by_name(),
     flag("/numerics/stop/when_done", true, "numerics",
