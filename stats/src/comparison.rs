@@ -35,13 +35,20 @@ fn squared_error(sample: &Sample) -> Option<f64> {
 
 /// Welch's interval of `a` − `b`; none unless both have several values.
 pub fn welch(a: &Sample, b: &Sample) -> Option<Difference> {
-    let (error_a, error_b) = (squared_error(a)?, squared_error(b)?);
-    let sum = error_a + error_b;
-    let degrees_of_freedom =
-        sum.powi(2) / (error_a.powi(2) / (a.n - 1) as f64 + error_b.powi(2) / (b.n - 1) as f64);
-    // Without any variance the degrees of freedom are 0/0, and the interval is a point.
-    let half_width = if sum > 0.0 { t_quantile_95(degrees_of_freedom) * sum.sqrt() } else { 0.0 };
+    let half_width = unpaired_half_width([(1.0, *a), (-1.0, *b)])?;
     Some(Difference { mean: a.mean - b.mean, half_width })
+}
+
+/// Half the width of Welch's interval of a weighted sum of means; none if a mean with a weight is that of a single value.
+pub(crate) fn unpaired_half_width(terms: impl IntoIterator<Item = (f64, Sample)>) -> Option<f64> {
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for (weight, sample) in terms.into_iter().filter(|(weight, _)| *weight != 0.0) {
+        let error = weight * weight * squared_error(&sample)?;
+        sum += error;
+        squares += error.powi(2) / (sample.n - 1) as f64;
+    }
+    // Without any variance the degrees of freedom are 0/0, and the interval is a point.
+    Some(if sum > 0.0 { t_quantile_95(sum.powi(2) / squares) * sum.sqrt() } else { 0.0 })
 }
 
 /// `a` / `b` with its 95 % interval from the relative errors of both, to first order; the degrees of freedom are Welch's.

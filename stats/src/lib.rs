@@ -1,4 +1,5 @@
-//! Statistics of a few simulations: means and shares with 95 % intervals, differences of means, straight lines and rank correlations.
+//! Statistics of a few simulations: means and shares with 95 % intervals, differences of means and other contrasts, straight lines and
+//! rank correlations.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -13,11 +14,13 @@
 //! All functions are pure.
 
 mod comparison;
+mod contrast;
 mod line;
 mod sample;
 mod share;
 
 pub use comparison::{Difference, ratio, welch};
+pub use contrast::{Contrast, Pairing, PointTable, Values};
 pub use line::{Line, ROUNDING, line, rank_correlation, rank_correlation_p_value};
 pub use sample::{Replicates, Sample};
 pub use share::{Interval, share_interval};

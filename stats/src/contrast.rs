@@ -1,0 +1,328 @@
+//! Contrasts of design points: weighted sums of their means with weights that add up to 0, and 95 % intervals that use common seeds.
+//!
+//! A difference of two points has the weights 1 and −1. The effect of a factor along a line, and the mean at a level minus the mean of all
+//! points, are contrasts too. Points whose replicates share their seeds share random influences, which a contrast within one seed removes.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | y_ps, c_p | value at point p with seed s, weight of the point |
+//! | P, S | number of points and of seeds |
+//! | by seed | e_s = Σ_p c_p y_ps for each seed; the interval is that of the mean of the e_s |
+//! | additive model | y_ps = m_p + b_s + ε_ps: Σ_p c_p ȳ_p ± t(ν) σ √(Σ c_p² / S) with the residual variance σ², ν = (P − 1)(S − 1) |
+//! | unpaired | Σ_p c_p ȳ_p ± t(ν) √(Σ c_p² s_p² / n_p), ν after Welch and Satterthwaite |
+//!
+//! By seed is exact for normal values, whatever their variances and correlations, but t is large for few seeds. Below 5 seeds the additive
+//! model pools the residuals of all points; it assumes one variance. Two points give the same interval by both.
+//!
+//! Shares of few replicates are often 0 or 1, which would look certain. Each point therefore gets two more replicates, one with the event
+//! and one without (Agresti and Caffo 2000); within a seed these are independent between points (Agresti and Min 2005).
+
+use crate::comparison::unpaired_half_width;
+use crate::line::ROUNDING;
+use crate::sample::{Sample, t_quantile_95};
+use crate::share::Interval;
+
+/// Seeds from which on the interval comes from one contrast per seed.
+const SEEDS_OF_OWN_VARIANCE: usize = 5;
+
+/// Meaning of the values of a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Values {
+    /// Numbers.
+    Numbers,
+    /// 1 where an event happened, else 0.
+    Events,
+}
+
+/// How an interval uses common seeds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pairing {
+    /// One contrast per seed.
+    BySeed,
+    /// The additive model of points and seeds.
+    AdditiveModel,
+    /// Not at all.
+    Unpaired,
+}
+
+/// A contrast with its 95 % interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contrast {
+    /// Its value.
+    pub value: f64,
+    /// Its interval; none when single values show no variance.
+    pub interval: Option<Interval>,
+    /// Width of this interval over that of the unpaired one; none when it is unpaired, or when nothing varies.
+    pub width_ratio: Option<f64>,
+}
+
+/// Values of one quantity at design points, by seed.
+#[derive(Clone, Debug, Default)]
+pub struct PointTable {
+    /// The values of all points, one after the other.
+    values: Vec<f64>,
+    /// End of each point in `values`.
+    ends: Vec<usize>,
+    /// The seeds of the first point.
+    seeds: Vec<u64>,
+    /// Whether a later point has other seeds.
+    is_incomplete: bool,
+}
+
+impl PointTable {
+    /// Adds a point with at least one value.
+    ///
+    /// # Panics
+    /// When the numbers of seeds and values differ, or are 0.
+    pub fn push(&mut self, seeds: &[u64], values: &[f64]) {
+        assert!(
+            seeds.len() == values.len() && !seeds.is_empty(),
+            "as many values as seeds, and at least one"
+        );
+        if self.ends.is_empty() {
+            self.seeds = seeds.to_vec();
+        }
+        self.is_incomplete |= self.seeds != seeds;
+        self.values.extend(values);
+        self.ends.push(self.values.len());
+    }
+
+    /// The same table with other values.
+    pub fn map(&self, value: impl Fn(f64) -> f64) -> Self {
+        let values = self.values.iter().map(|old| value(*old)).collect();
+        Self { values, ends: self.ends.clone(), seeds: self.seeds.clone(), is_incomplete: self.is_incomplete }
+    }
+
+    /// The values of each point.
+    pub fn points(&self) -> impl ExactSizeIterator<Item = &[f64]> {
+        (0..self.ends.len()).map(|point| {
+            let start = if point == 0 { 0 } else { self.ends[point - 1] };
+            &self.values[start..self.ends[point]]
+        })
+    }
+
+    /// The mean of each point.
+    pub fn means(&self) -> Vec<f64> {
+        self.points().map(|values| values.iter().sum::<f64>() / values.len() as f64).collect()
+    }
+
+    /// Number of seeds, if all points have the same.
+    pub fn common_seeds(&self) -> Option<usize> {
+        (!self.is_incomplete && !self.ends.is_empty()).then_some(self.seeds.len())
+    }
+
+    /// How intervals use common seeds: at least two points need the same seeds, and at least two of them.
+    pub fn pairing(&self, kind: Values) -> Pairing {
+        match self.common_seeds() {
+            Some(seeds) if seeds >= 2 && self.ends.len() >= 2 => {
+                let is_exact = seeds >= SEEDS_OF_OWN_VARIANCE || self.ends.len() == 2;
+                if is_exact || kind == Values::Events { Pairing::BySeed } else { Pairing::AdditiveModel }
+            }
+            _ => Pairing::Unpaired,
+        }
+    }
+
+    /// The contrast with these weights, one per point, which add up to 0.
+    ///
+    /// # Panics
+    /// When there are not as many weights as points.
+    pub fn contrast(&self, weights: &[f64], kind: Values) -> Contrast {
+        assert_eq!(weights.len(), self.ends.len(), "as many weights as points");
+        let means = self.means();
+        let terms = || weights.iter().zip(&means).map(|(weight, mean)| weight * mean);
+        let value = terms().sum::<f64>();
+        let unpaired = self.unpaired(weights, kind);
+        let paired = match self.pairing(kind) {
+            Pairing::BySeed => self.by_seed(weights, kind),
+            Pairing::AdditiveModel => self.additive_model(weights),
+            Pairing::Unpaired => return Contrast { value, interval: unpaired, width_ratio: None },
+        };
+        let width = |interval: Interval| interval.high - interval.low;
+        let rounding = ROUNDING * terms().map(f64::abs).sum::<f64>();
+        let unpaired = unpaired.map(width).filter(|width| *width > rounding);
+        let width_ratio = paired.zip(unpaired).map(|(paired, unpaired)| width(paired) / unpaired);
+        Contrast { value, interval: paired, width_ratio }
+    }
+
+    fn unpaired(&self, weights: &[f64], kind: Values) -> Option<Interval> {
+        let samples: Option<Vec<Sample>> = self
+            .points()
+            .map(|values| match kind {
+                Values::Numbers => Sample::of(values),
+                Values::Events => Sample::of(&[values, &[0.0, 1.0]].concat()),
+            })
+            .collect();
+        let terms: Vec<(f64, Sample)> = weights.iter().copied().zip(samples?).collect();
+        let value = terms.iter().map(|(weight, sample)| weight * sample.mean).sum::<f64>();
+        around(value, unpaired_half_width(terms)?)
+    }
+
+    fn by_seed(&self, weights: &[f64], kind: Values) -> Option<Interval> {
+        let mut contrasts = vec![0.0; self.seeds.len()];
+        for (weight, values) in weights.iter().zip(self.points()) {
+            contrasts.iter_mut().zip(values).for_each(|(contrast, value)| *contrast += weight * value);
+        }
+        let sample = Sample::of(&contrasts)?;
+        let sample = match kind {
+            Values::Numbers => sample,
+            Values::Events => with_two_events(&sample, weights),
+        };
+        around(sample.mean, sample.half_width()?)
+    }
+
+    fn additive_model(&self, weights: &[f64]) -> Option<Interval> {
+        let (points, seeds) = (self.ends.len() as f64, self.seeds.len() as f64);
+        let mut by_seed = vec![0.0; self.seeds.len()];
+        let (mut value, mut squares) = (0.0, 0.0);
+        for (weight, values) in weights.iter().zip(self.points()) {
+            let mean = values.iter().sum::<f64>() / seeds;
+            value += weight * mean;
+            for (sum, deviation) in by_seed.iter_mut().zip(values.iter().map(|value| value - mean)) {
+                *sum += deviation;
+                squares += deviation * deviation;
+            }
+        }
+        let residual = squares - by_seed.iter().map(|sum| sum * sum).sum::<f64>() / points;
+        // What is left of a perfect correlation is rounding error.
+        let residual = if residual > ROUNDING * squares { residual } else { 0.0 };
+        let degrees_of_freedom = (points - 1.0) * (seeds - 1.0);
+        let weight = weights.iter().map(|weight| weight * weight).sum::<f64>();
+        let error = (residual / degrees_of_freedom * weight / seeds).sqrt();
+        around(value, t_quantile_95(degrees_of_freedom) * error)
+    }
+}
+
+fn around(centre: f64, half_width: f64) -> Option<Interval> {
+    Some(Interval { low: centre - half_width, high: centre + half_width })
+}
+
+/// The sample of contrasts by seed with two more seeds, in which every point has the event in one half of the cases, independently of
+/// the other points: their contrasts have the mean 0 and the mean square Σ c_p² / 4.
+fn with_two_events(contrasts: &Sample, weights: &[f64]) -> Sample {
+    let seeds = contrasts.n as f64;
+    let n = contrasts.n + 2;
+    let mean = contrasts.mean * seeds / n as f64;
+    let variance = contrasts.deviation.unwrap_or(0.0).powi(2);
+    let squares = variance * (seeds - 1.0)
+        + seeds * contrasts.mean.powi(2)
+        + weights.iter().map(|weight| weight * weight / 2.0).sum::<f64>();
+    let deviation = ((squares - n as f64 * mean * mean) / (n - 1) as f64).max(0.0).sqrt();
+    Sample { n, mean, deviation: Some(deviation) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::welch;
+
+    fn table(points: &[&[f64]]) -> PointTable {
+        let mut table = PointTable::default();
+        for values in points {
+            let seeds: Vec<u64> = (1..=values.len() as u64).collect();
+            table.push(&seeds, values);
+        }
+        table
+    }
+
+    fn assert_near(interval: Option<Interval>, low: f64, high: f64) {
+        let found = interval.unwrap();
+        assert!(
+            (found.low - low).abs() < 1e-9 && (found.high - high).abs() < 1e-9,
+            "{found:?}, not {low} to {high}"
+        );
+    }
+
+    #[test]
+    fn two_points_have_the_interval_of_the_differences_by_seed() {
+        let (a, b) = ([3.0, 5.5, 4.0, 9.0], [2.0, 3.5, 3.5, 7.0]);
+        let differences: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+        let paired = Sample::of(&differences).unwrap();
+        let half = paired.half_width().unwrap();
+        let (seeds, values) = (table(&[&a, &b]), Values::Numbers);
+        let found = seeds.contrast(&[1.0, -1.0], values);
+        assert_near(found.interval, paired.mean - half, paired.mean + half);
+        assert_eq!((seeds.pairing(values), found.value), (Pairing::BySeed, paired.mean));
+        // The additive model has the same residuals.
+        assert_near(seeds.additive_model(&[1.0, -1.0]), paired.mean - half, paired.mean + half);
+        let unpaired = welch(&Sample::of(&a).unwrap(), &Sample::of(&b).unwrap()).unwrap();
+        assert_near(
+            seeds.unpaired(&[1.0, -1.0], values),
+            paired.mean - unpaired.half_width,
+            paired.mean + unpaired.half_width,
+        );
+        assert!((found.width_ratio.unwrap() - half / unpaired.half_width).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn additive_model_agrees_with_a_worked_example() {
+        // Means 2, 4, 9; seeds add −1, 0, 1; residuals ±0.5 in two points: Σ ε² = 1 with ν = 4.
+        let rows: [&[f64]; 3] = [&[1.5, 2.0, 2.5], &[2.5, 4.0, 5.5], &[8.0, 9.0, 10.0]];
+        let found = table(&rows).contrast(&[-1.0, 0.0, 1.0], Values::Numbers);
+        let half = t_quantile_95(4.0) * (1.0f64 / 4.0 * 2.0 / 3.0).sqrt();
+        assert_near(found.interval, 7.0 - half, 7.0 + half);
+        assert_eq!(table(&rows).pairing(Values::Numbers), Pairing::AdditiveModel);
+    }
+
+    #[test]
+    fn other_seeds_or_a_single_one_leave_points_unpaired() {
+        let mut other = PointTable::default();
+        other.push(&[1, 2, 3], &[1.0, 2.0, 4.0]);
+        other.push(&[1, 2, 4], &[1.5, 2.5, 4.5]);
+        assert_eq!((other.pairing(Values::Numbers), other.common_seeds()), (Pairing::Unpaired, None));
+        let found = other.contrast(&[1.0, -1.0], Values::Numbers);
+        let expected =
+            welch(&Sample::of(&[1.0, 2.0, 4.0]).unwrap(), &Sample::of(&[1.5, 2.5, 4.5]).unwrap()).unwrap();
+        assert_near(found.interval, -0.5 - expected.half_width, -0.5 + expected.half_width);
+        assert_eq!(found.width_ratio, None);
+        let single = table(&[&[1.0], &[2.0]]);
+        assert_eq!(single.pairing(Values::Numbers), Pairing::Unpaired);
+        assert_eq!(
+            single.contrast(&[-1.0, 1.0], Values::Numbers),
+            Contrast { value: 1.0, interval: None, width_ratio: None }
+        );
+        // A point without a weight may have a single value.
+        let three = table(&[&[1.0, 2.0, 4.0], &[1.5, 2.5, 4.5], &[7.0]]);
+        assert_near(
+            three.contrast(&[1.0, -1.0, 0.0], Values::Numbers).interval,
+            -0.5 - expected.half_width,
+            -0.5 + expected.half_width,
+        );
+    }
+
+    #[test]
+    fn perfect_correlation_leaves_a_point_and_constants_no_ratio() {
+        let a = [0.1, 0.7, 0.4];
+        let shifted = |by: f64| a.map(|value| value + by);
+        let found = table(&[&a, &shifted(0.3), &shifted(1.1)]).contrast(&[-1.0, 0.0, 1.0], Values::Numbers);
+        assert_near(found.interval, 1.1, 1.1);
+        assert_eq!(found.width_ratio, Some(0.0));
+        let constant = table(&[&[0.1; 6], &[0.7; 6]]).contrast(&[-1.0, 1.0], Values::Numbers);
+        assert_near(constant.interval, 0.6, 0.6);
+        assert_eq!(constant.width_ratio, None);
+    }
+
+    #[test]
+    fn events_have_two_more_replicates() {
+        // Of 10 seeds, 4 have the event at the first point alone and 1 at the second alone: Agresti and Min add ½ to each of the four cells.
+        let first = [1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0];
+        let second = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
+        let found = table(&[&first, &second]).contrast(&[1.0, -1.0], Values::Events);
+        let mean = 3.0 / 12.0;
+        let half = t_quantile_95(11.0) * ((4.5 + 1.5 - 12.0 * mean * mean) / 11.0 / 12.0f64).sqrt();
+        assert_near(found.interval, mean - half, mean + half);
+        assert!((found.value - 0.3).abs() < 1e-12, "the value has no more replicates");
+        // No event at all leaves an uncertainty.
+        let none = table(&[&[0.0; 4], &[0.0; 4]]).contrast(&[1.0, -1.0], Values::Events);
+        assert!(none.interval.unwrap().high > 0.2, "{none:?}");
+        // Unpaired: 2 of 3 and 0 of 2 become 3 of 5 and 1 of 4 (Agresti and Caffo).
+        let unpaired = table(&[&[1.0, 1.0, 0.0], &[0.0, 0.0]]).contrast(&[1.0, -1.0], Values::Events);
+        let (a, b) =
+            (Sample::of(&[1.0, 1.0, 1.0, 0.0, 0.0]).unwrap(), Sample::of(&[1.0, 0.0, 0.0, 0.0]).unwrap());
+        let expected = welch(&a, &b).unwrap();
+        assert_near(
+            unpaired.interval,
+            expected.mean - expected.half_width,
+            expected.mean + expected.half_width,
+        );
+    }
+}
