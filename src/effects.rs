@@ -13,7 +13,8 @@ use crate::target;
 /// Show the effect of each factor of a sweep on each response
 ///
 /// The effect is the change of the response from the minimum to the maximum of the factor, along a straight line. ρ is
-/// Spearman's rank correlation, and p its p-value.
+/// Spearman's rank correlation, and p its p-value. The 95 % interval of an effect says how far other seeds would move it; it uses the seeds
+/// that all design points have in common.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Id of a sweep
@@ -38,7 +39,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         message!("no job has succeeded yet; `roost status {}` shows the progress", args.id);
     } else {
         let shown = if args.all { None } else { Some(results::headline(&client, sweep).await?) };
-        print_lines(format_args!("{}", table(&effects, shown.as_deref())))?;
+        print_lines(format_args!("{}\n{}", table(&effects, shown.as_deref()), effects.pairing.sentence))?;
     }
     Ok(Exit::Done)
 }
@@ -48,7 +49,7 @@ fn table(effects: &SweepEffects, shown: Option<&[&str]>) -> Table {
     let stem = |of: &ResponseEffects| of.response.split('=').next().unwrap_or_default().to_owned();
     let is_shown = |of: &&ResponseEffects| shown.is_none_or(|shown| shown.contains(&stem(of).as_str()));
     let names = format::factor_names(&effects.sweep.factors);
-    let mut table = Table::new(["response", "mean", "factor", "effect", "ρ", "p", "points"]);
+    let mut table = Table::new(["response", "mean", "factor", "effect", "95 % interval", "ρ", "p", "points"]);
     for of in effects.responses.iter().filter(is_shown) {
         let mut factors: Vec<_> = of.factors.iter().zip(&names).collect();
         let strength = |rank: Option<f64>| rank.map_or(-1.0, f64::abs);
@@ -62,6 +63,7 @@ fn table(effects: &SweepEffects, shown: Option<&[&str]>) -> Table {
                 format::significant(of.mean),
                 name.clone(),
                 number(factor.effect),
+                format::interval(factor.low_95, factor.high_95),
                 factor.rank_correlation.map_or_else(|| "–".to_owned(), |rank| format!("{rank:.2}")),
                 factor.p_value.map_or_else(|| "–".to_owned(), |p| format!("{p:.3}")),
                 of.points.to_string(),

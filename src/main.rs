@@ -2,6 +2,7 @@
 
 mod cancel;
 mod checkpoints;
+mod compare;
 mod completions;
 mod copies;
 mod delete;
@@ -75,6 +76,7 @@ enum Command {
     Status(status::Args),
     Results(results::Args),
     Effects(effects::Args),
+    Compare(compare::Args),
     Validate(validate::Args),
     Cancel(cancel::Args),
     Pause(pause::Pause),
@@ -131,6 +133,7 @@ impl Command {
             Self::Status(args) => status::execute(args).await,
             Self::Results(args) => results::execute(args).await,
             Self::Effects(args) => effects::execute(args).await,
+            Self::Compare(args) => compare::execute(args).await,
             Self::Validate(args) => validate::execute(&args),
             Self::Cancel(args) => cancel::execute(args).await,
             Self::Pause(args) => pause::pause(args).await,

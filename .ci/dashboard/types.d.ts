@@ -8,6 +8,7 @@ declare global {
   type JobState = Schemas["JobState"];
   type JobView = Schemas["JobView"];
   type OutputTable = Schemas["OutputTable"];
+  type PairingGain = Schemas["PairingGain"];
   type PointRow = Schemas["PointRow"];
   type ResponseEffects = Schemas["ResponseEffects"];
   type SeriesPart = Schemas["SeriesPart"];
@@ -56,8 +57,8 @@ declare global {
   type SweepData = { points: PointRow[]; trials: TrialRow[]; effects: ResponseEffects[]; curves: TrialCurve[]; factors: string[]; path: (row: PointRow) => string | null };
   type PlotInput = SweepData & { measure: Measure; x: string };
   type MapInput = PlotInput & { y: string };
-  /** Traces and layout as plotly.js takes them, and the table beneath the plot. */
-  type Plot = { traces: any[]; layout: any; table: () => Node | string };
+  /** Traces and layout as plotly.js takes them, the table beneath the plot, and a sentence between them. */
+  type Plot = { traces: any[]; layout: any; table: () => Node | string; note?: string };
   type Line = { name: string; data: Series | Curve; path?: string };
   type Replicate = Pick<JobSeries, "t_s" | "values" | "partial"> & { job_id?: string };
   type Group = { name: string; replicates: Replicate[]; path?: string | null };

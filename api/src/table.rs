@@ -146,6 +146,93 @@ pub struct JobSeries {
     pub values: Vec<f64>,
 }
 
+/// How an interval uses the seeds that design points have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Pairing {
+    /// Each seed gives one difference or effect; the interval is that of their mean.
+    BySeed,
+    /// Additive model of points and seeds, for fewer than five seeds and more than two points. It assumes one variance.
+    AdditiveModel,
+    /// Not at all (Welch): the points have different seeds, or a single one.
+    Unpaired,
+}
+
+/// How much narrower intervals are by pairing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PairingGain {
+    /// Median of the widths of paired intervals, each divided by the width of the unpaired interval (Welch). Null without a paired interval.
+    pub median_width_ratio: Option<f64>,
+    /// Number of paired intervals.
+    pub intervals: u64,
+    /// The same in words.
+    pub sentence: String,
+}
+
+impl PairingGain {
+    /// The gain of a number of intervals.
+    pub fn new(median_width_ratio: Option<f64>, intervals: u64) -> Self {
+        let sentence = match median_width_ratio {
+            Some(ratio) => format!(
+                "Pairing by seed: the median interval has {ratio:.2} times the width of the unpaired one ({intervals} {}).",
+                if intervals == 1 { "interval" } else { "intervals" }
+            ),
+            None => "No interval is paired by seed: that needs two seeds in common at all points, and a response that varies.".to_owned(),
+        };
+        Self { median_width_ratio, intervals, sentence }
+    }
+}
+
+/// The differences of the responses between two design points of a sweep.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SweepDifferences {
+    /// The sweep.
+    pub sweep: SweepView,
+    /// The first point.
+    pub from: DesignPoint,
+    /// The second point.
+    pub to: DesignPoint,
+    /// An entry for each numeric response that both points have, by name. A response in words has an entry `name=word` for each word.
+    pub responses: Vec<ResponseDifference>,
+    /// What pairing did to the intervals.
+    pub pairing: PairingGain,
+}
+
+/// A design point and its levels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct DesignPoint {
+    /// Its index.
+    pub point: u32,
+    /// Levels by factor.
+    #[schema(value_type = Object)]
+    pub factors: Map<String, Value>,
+}
+
+/// The difference of one response between two design points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ResponseDifference {
+    /// Name of the response.
+    pub response: String,
+    /// Number of trials of the first point with a value.
+    pub from_n: u64,
+    /// Their mean.
+    pub from_mean: f64,
+    /// Number of trials of the second point with a value.
+    pub to_n: u64,
+    /// Their mean.
+    pub to_mean: f64,
+    /// Mean of the second point minus mean of the first.
+    pub difference: f64,
+    /// Lower end of the 95 % interval of the difference; null when a point has a single value.
+    pub low_95: Option<f64>,
+    /// Its upper end.
+    pub high_95: Option<f64>,
+    /// How the interval uses common seeds.
+    pub pairing: Pairing,
+    /// Width of the interval divided by the width of the unpaired one; null when it is unpaired or nothing varies.
+    pub width_ratio: Option<f64>,
+}
+
 /// The effects of a sweep's factors on each response.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SweepEffects {
@@ -153,6 +240,8 @@ pub struct SweepEffects {
     pub sweep: SweepView,
     /// An entry for each numeric response by name. A response in words has an entry `name=word` for each word: the share of trials with it.
     pub responses: Vec<ResponseEffects>,
+    /// What pairing did to the intervals of the effects.
+    pub pairing: PairingGain,
 }
 
 /// The effects of all factors on one response. Each design point counts once, with the mean of its replicates.
@@ -164,6 +253,10 @@ pub struct ResponseEffects {
     pub points: u64,
     /// Mean over them.
     pub mean: f64,
+    /// How intervals use common seeds.
+    pub pairing: Pairing,
+    /// Number of seeds, if all these points have the same.
+    pub seeds: Option<u64>,
     /// An entry for each factor, in the order of the sweep.
     pub factors: Vec<FactorEffect>,
 }
@@ -176,6 +269,12 @@ pub struct FactorEffect {
     /// Main effect: the change of the response over the range of the factor, along the straight line of least squares (over logarithms on a log
     /// scale). Null for factors that are not numbers or do not vary.
     pub effect: Option<f64>,
+    /// Lower end of its 95 % interval, from two replicates on: how far other seeds would move the effect at these design points.
+    pub low_95: Option<f64>,
+    /// Its upper end.
+    pub high_95: Option<f64>,
+    /// Width of the interval divided by the width of the unpaired one; null when it is unpaired or nothing varies.
+    pub width_ratio: Option<f64>,
     /// Rank correlation of factor and response (Spearman), −1 to 1. Null for factors that are not numbers or do not vary.
     pub rank_correlation: Option<f64>,
     /// Two-sided p-value of the rank correlation (Student's t), from three design points on.
@@ -195,4 +294,8 @@ pub struct LevelEffect {
     pub mean: f64,
     /// This mean minus the mean over all points.
     pub effect: f64,
+    /// Lower end of the 95 % interval of the effect, from two replicates on.
+    pub low_95: Option<f64>,
+    /// Its upper end.
+    pub high_95: Option<f64>,
 }

@@ -111,6 +111,11 @@ impl PointTable {
         (!self.is_incomplete && !self.ends.is_empty()).then_some(self.seeds.len())
     }
 
+    /// Whether a point has several values. Otherwise no contrast has an interval.
+    pub fn has_replicates(&self) -> bool {
+        self.values.len() > self.ends.len()
+    }
+
     /// How intervals use common seeds: at least two points need the same seeds, and at least two of them.
     pub fn pairing(&self, kind: Values) -> Pairing {
         match self.common_seeds() {

@@ -77,6 +77,7 @@ fn paired_intervals_of_numbers_cover_95_percent() {
                     weights.len()
                 );
                 assert!((0.94..0.96).contains(&coverage), "{case}");
+                println!("{case}");
                 // With many seeds the width falls as √(1 − correlation). Without a correlation pairing does not help.
                 let expected = (1.0 - correlation).sqrt();
                 assert!(seeds < 20 || (ratio - expected).abs() < 0.05, "{case}");

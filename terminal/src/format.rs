@@ -95,6 +95,14 @@ pub fn summary(summary: &Summary, is_indicator: bool) -> String {
     }
 }
 
+/// An interval, such as `0.4 to 1.2`; a dash without one.
+pub fn interval(low: Option<f64>, high: Option<f64>) -> String {
+    match low.zip(high) {
+        Some((low, high)) => format!("{} to {}", significant(low), significant(high)),
+        None => "–".to_owned(),
+    }
+}
+
 /// Two significant digits, for errors.
 fn two_digits(value: f64) -> String {
     if value == 0.0 { "0".to_owned() } else { significant(format!("{value:.1e}").parse().unwrap_or(value)) }

@@ -188,6 +188,14 @@ fn effects(traces: &[Value], effects: &Value) {
         let pointer = if text(name).starts_with("gate") { GATE } else { BELT };
         assert_eq!(size, expected[pointer], "{name}");
     }
+    // Both ends of the interval, as distances from the effect.
+    let ends = traces[0]["error_x"]["array"].as_array().unwrap().iter().zip(numbers(&traces[0]["x"]));
+    for ((above, size), name) in ends.zip(names) {
+        let pointer = if text(name).starts_with("gate") { GATE } else { BELT };
+        let factor = of["factors"].as_array().unwrap().iter().find(|one| one["factor"] == pointer).unwrap();
+        let high = factor["high_95"].as_f64().unwrap_or(size);
+        assert!((above.as_f64().unwrap() + size - high).abs() < 1e-9, "{name}");
+    }
 }
 
 /// The residuals of a least-squares fit are orthogonal to each of its terms.

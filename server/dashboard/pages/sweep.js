@@ -36,7 +36,7 @@ export async function show(main, id) {
   let [sweep, { base }] = await Promise.all([read(at), read(`${at}/spec`)]);
   const experiment = String(base.experiment), form = formOf(experiment), outputs = await readOutputsOf(experiment);
   const headline = headlineOf(outputs).map((row) => row.name), plotted = headlineOf(outputs).find((row) => row.type === "number")?.name, series_names = seriesNames(outputs);
-  /** @type {Pick<SweepData, "points" | "trials" | "effects" | "curves">} */
+  /** @type {Pick<SweepData, "points" | "trials" | "effects" | "curves"> & { pairing?: PairingGain }} */
   const results = { points: [], trials: [], effects: [], curves: [] };
   const top = head(at, sweep, (view) => {
     update(view);
@@ -103,7 +103,7 @@ export async function show(main, id) {
     const data = { ...results, factors, path: pathOf };
     response.draw(() => (x ? responsePlot({ ...data, x, measure, by: y }) : null));
     map.draw(() => (y ? mapPlot({ ...data, x, measure: map_measure, y }) : null));
-    effect.draw(() => (x ? effectsPlot({ effects: results.effects.find((one) => one.response === measure.name), factors, label: measure.label }) : null));
+    effect.draw(() => (x ? effectsPlot({ effects: results.effects.find((one) => one.response === measure.name), pairing: results.pairing, factors, label: measure.label }) : null));
     surface.draw(() => (y ? surfacePlot({ ...data, x, measure, y }) : null));
     coordinates.draw({ ...data, measure });
     points.draw({ ...data, all, headline });
@@ -149,7 +149,7 @@ export async function show(main, id) {
         total(sweep.counts) <= MAX_DOTS ? read(`${at}/results`) : { trials: [] }]);
       // A later read has begun: its answer is newer.
       if (mine < reads) return;
-      Object.assign(results, { points: byPoint.points, effects: effects.responses, trials: byTrial.trials, curves: form.curve ? await curvesOf(byTrial.trials, form.curve) : [] });
+      Object.assign(results, { points: byPoint.points, effects: effects.responses, pairing: effects.pairing, trials: byTrial.trials, curves: form.curve ? await curvesOf(byTrial.trials, form.curve) : [] });
       await draw();
       failed(null);
     } catch (error) {

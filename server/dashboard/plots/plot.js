@@ -64,9 +64,9 @@ function themed(layout) {
 export function panel(title, { controls = [], size = "", is_wide = false, empty_text = "No data yet." } = {}) {
   const plot = h("div", { class: `plot ${size}`, role: "img", "aria-label": title });
   const empty = h("p", { class: "dim" }, empty_text);
-  const beneath = h("div", { class: "tall" });
+  const beneath = h("div", { class: "tall" }), note = h("p", { class: "dim", hidden: true });
   const details = h("details", { class: "under" }, h("summary", {}, "As a table"), beneath);
-  const card = h("section", { class: is_wide ? "card whole" : "card" }, h("h2", {}, title), controls.length > 0 && h("div", { class: "row" }, controls), empty, plot, details);
+  const card = h("section", { class: is_wide ? "card whole" : "card" }, h("h2", {}, title), controls.length > 0 && h("div", { class: "row" }, controls), empty, plot, note, details);
   /** @type {(() => Plot | null | undefined) | undefined} */
   let make;
   let has_listeners = false;
@@ -77,7 +77,9 @@ export function panel(title, { controls = [], size = "", is_wide = false, empty_
     empty.hidden = !is_empty;
     card.hidden = is_empty && empty_text === null;
     plot.hidden = details.hidden = is_empty;
+    note.hidden = is_empty || !drawn.note;
     if (is_empty) return;
+    note.textContent = drawn.note ?? "";
     const config = { displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"], toImageButtonOptions: { format: "svg", filename: title } };
     await Plotly.react(plot, drawn.traces, themed(drawn.layout), config);
     if (!has_listeners) {

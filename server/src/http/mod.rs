@@ -121,6 +121,7 @@ fn routes(
         .routes(routes!(sweeps::pause))
         .routes(routes!(sweeps::resume))
         .routes(routes!(results::effects))
+        .routes(routes!(results::differences))
         .routes(routes!(series::of_sweep))
         .routes(routes!(validate::validate))
         .routes(routes!(meta::scenario_schema))

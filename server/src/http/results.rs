@@ -1,4 +1,4 @@
-//! Results: document and series of a job, effects of a sweep.
+//! Results: document and series of a job, effects and differences of a sweep.
 
 use axum::Json;
 use axum::extract::State;
@@ -7,7 +7,7 @@ use axum::response::{IntoResponse, Response};
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::JobState;
 use roost_api::problem::Problem;
-use roost_api::table::SweepEffects;
+use roost_api::table::{DesignPoint, SweepDifferences, SweepEffects, TrialRow};
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
@@ -152,11 +152,56 @@ pub(crate) async fn effects(
     let factors = app.store.factors(id).await?.ok_or(Refusal::NoSweep)?;
     let mut rows = TableRows::of_points(app, &sweep)?;
     let mut effects = sweep::Effects::of(factors);
-    while let Some(points) = rows.next_points().await? {
-        effects.add(points);
+    while let Some(trials) = rows.next_points().await? {
+        effects.add(&trials);
     }
-    let responses = run_blocking(move || effects.responses()).await?;
-    Ok(Json(SweepEffects { sweep, responses }))
+    let (responses, pairing) = run_blocking(move || effects.responses()).await?;
+    Ok(Json(SweepEffects { sweep, responses, pairing }))
+}
+
+/// Query of differences.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct DifferencesQuery {
+    /// Index of the first design point.
+    from: u32,
+    /// Index of the second design point.
+    to: u32,
+}
+
+/// Computes the difference of each response between two design points of a sweep, with intervals that use their common seeds.
+#[utoipa::path(get, path = "/v1/sweeps/{id}/differences", tag = "results", operation_id = "sweep_differences",
+    params(("id" = uuid::Uuid, Path, description = "The sweep"), DifferencesQuery),
+    responses((status = 200, description = "Differences by response", body = SweepDifferences),
+              (status = 404, description = "No such sweep, or it has no such point", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn differences(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+    Params(query): Params<DifferencesQuery>,
+) -> Result<Json<SweepDifferences>, ApiError> {
+    let sweep = view(&app, id).await?;
+    let from = trials_of(&app, id, sweep.points, query.from).await?;
+    let to = trials_of(&app, id, sweep.points, query.to).await?;
+    let point =
+        |trials: &[TrialRow]| DesignPoint { point: trials[0].point, factors: trials[0].factors.clone() };
+    let points = [point(&from), point(&to)];
+    let (responses, pairing) = run_blocking(move || sweep::differences(&from, &to)).await?;
+    let [from, to] = points;
+    Ok(Json(SweepDifferences { sweep, from, to, responses, pairing }))
+}
+
+/// The trials of one of `points` design points.
+async fn trials_of(app: &App, id: SweepId, points: u32, point: u32) -> Result<Vec<TrialRow>, ApiError> {
+    let next = point.saturating_add(1);
+    let trials = app.store.trials_of(id, point..next).await?;
+    if trials.is_empty() {
+        let detail =
+            format!("the sweep has no design point {point}: allowed is 0 to {}", points.saturating_sub(1));
+        return Err(ApiError::new(ProblemKind::NotFound, detail));
+    }
+    Ok(trials)
 }
 
 pub(super) fn csv(text: String) -> Response {

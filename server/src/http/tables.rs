@@ -183,19 +183,19 @@ impl TableRows {
         Ok(Self { app, id: sweep.id, by_point: true, replicates: sweep.replicates, range })
     }
 
-    /// The next chunk of design points; none after the last.
-    pub(super) async fn next_points(&mut self) -> Result<Option<Vec<PointRow>>, ApiError> {
+    /// All trials of the next chunk of design points; none after the last.
+    pub(super) async fn next_points(&mut self) -> Result<Option<Vec<TrialRow>>, ApiError> {
         let Some(((first, _), points)) = self.range.take((CHUNK / self.replicates.max(1)).max(1)) else {
             return Ok(None);
         };
-        let trials = self.app.store.trials_of(self.id, first..first + points).await?;
-        run_blocking(move || sweep::by_point(&trials)).await.map(Some)
+        Ok(Some(self.app.store.trials_of(self.id, first..first + points).await?))
     }
 
     /// The next chunk; none after the last.
     async fn next(&mut self) -> Result<Option<Chunk>, ApiError> {
         if self.by_point {
-            return Ok(self.next_points().await?.map(Chunk::Points));
+            let Some(trials) = self.next_points().await? else { return Ok(None) };
+            return run_blocking(move || Some(Chunk::Points(sweep::by_point(&trials)))).await;
         }
         let Some((place, rows)) = self.range.take(CHUNK) else { return Ok(None) };
         Ok(Some(Chunk::Trials(self.app.store.trials_from(self.id, place, rows).await?)))

@@ -3,9 +3,10 @@
 //! - `plan` reads factors (`factor_pointers`, `factor_values`, `levels`, `values`) and the design.
 //! - `designs` has a file per kind of design, behind one trait; `points` makes scenarios of their rows (`pointer`).
 //! - `expand` validates a sweep and lists every fault; `extend` does the same for an extension.
-//! - `summary`, `effects` and `table` evaluate trials.
+//! - `summary`, `effects`, `differences` (both by `replicates`) and `table` evaluate trials.
 
 mod designs;
+mod differences;
 mod effects;
 mod expand;
 mod extend;
@@ -15,6 +16,7 @@ mod levels;
 mod plan;
 mod pointer;
 mod points;
+mod replicates;
 mod schema;
 mod summary;
 mod table;
@@ -32,6 +34,7 @@ use serde_json::Value;
 
 use crate::document::{MAX_FAULTS, read_leniently};
 pub(crate) use designs::factors;
+pub(crate) use differences::differences;
 pub(crate) use effects::Effects;
 use expand::expand;
 pub(crate) use extend::{AddedPoints, StoredSweep, extend, replicate};

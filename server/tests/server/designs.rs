@@ -147,6 +147,26 @@ async fn tables_by_trial_and_by_point_in_every_format() {
     let effect = &effects["responses"][0]["factors"][0];
     assert_eq!((&effect["factor"], &effect["levels"][2]["level"]), (&json!(GATE), &json!(0.07)));
     assert_eq!(effect["effect"], Value::Null, "it is the same at every point");
+    // Three points with two seeds each.
+    let of = &effects["responses"][0];
+    assert_eq!((&of["pairing"], &of["seeds"]), (&json!("additive_model"), &json!(2)));
+    let sentence = "No interval is paired by seed: that needs two seeds in common at all points, and a response that varies.";
+    assert_eq!(effects["pairing"], json!({"median_width_ratio": null, "intervals": 0, "sentence": sentence}));
+
+    let differences = server.get(&format!("{path}/differences?from=0&to=2")).await.expect(StatusCode::OK);
+    assert_eq!(
+        (&differences["from"]["point"], &differences["to"]["factors"][GATE]),
+        (&json!(0), &json!(0.07))
+    );
+    let discharged = &differences["responses"][0];
+    assert_eq!(
+        (&discharged["response"], &discharged["pairing"]),
+        (&json!("discharged_kg"), &json!("by_seed"))
+    );
+    assert_eq!((&discharged["from_n"], &discharged["difference"]), (&json!(2), &json!(0.0)));
+    let unknown = server.get(&format!("{path}/differences?from=0&to=3")).await.problem(404, "not-found");
+    assert!(text(&unknown["detail"]).contains("no design point 3: allowed is 0 to 2"), "{unknown}");
+    server.get(&format!("{path}/differences?from=0")).await.problem(400, "invalid-query");
     server.stop().await;
 }
 

@@ -29,7 +29,7 @@ use roost_api::mesh::{self, MeshView};
 use roost_api::page::Page;
 use roost_api::prune::Pruning;
 use roost_api::sweep::{Deletion, SweepView};
-use roost_api::table::{SweepEffects, SweepPoints, SweepResults};
+use roost_api::table::{SweepDifferences, SweepEffects, SweepPoints, SweepResults};
 use roost_api::worker::{WorkerRegistration, WorkerView, WorkerWelcome};
 use roost_api::{API_VERSION, RunResult};
 use serde::Serialize;
@@ -196,6 +196,11 @@ impl Client {
     /// The effects of a sweep's factors on each response.
     pub async fn sweep_effects(&self, id: SweepId) -> ClientResult<SweepEffects> {
         self.get(&format!("sweeps/{id}/effects")).await
+    }
+
+    /// The difference of each response between two design points of a sweep.
+    pub async fn sweep_differences(&self, id: SweepId, from: u32, to: u32) -> ClientResult<SweepDifferences> {
+        self.get(&format!("sweeps/{id}/differences?from={from}&to={to}")).await
     }
 
     /// Adds points or replicates to a sweep.

@@ -5,7 +5,7 @@ use parquet::record::RowAccessor;
 use roost_api::design::Factor;
 use roost_api::ids::JobId;
 use roost_api::job::{FailureClass, JobState};
-use roost_api::table::{PointRow, ResponseEffects, TrialRow};
+use roost_api::table::{Pairing, PairingGain, ResponseEffects, TrialRow};
 
 use super::*;
 
@@ -66,14 +66,13 @@ fn points_average_succeeded_trials_and_count_failed_ones() {
     near(regime.unseen_high_95, &json!(0.6576197724933469));
     assert_eq!((&rows[0].responses["y"].shares, rows[0].responses["y"].unseen_high_95), (&None, None));
     let factors = [Factor { pointer: Some("/a".to_owned()), ..Factor::default() }];
-    let effects = effects(&factors, rows, 1);
+    let (effects, _) = effects(&factors, &trials, 1);
     let names: Vec<_> = effects.iter().map(|of| of.response.as_str()).collect();
     assert_eq!(names, ["regime=constant", "regime=no_flow", "t", "y"]);
     assert_eq!((effects[1].mean, effects[1].factors[0].effect), (0.75, Some(0.5)), "shares of trials");
-    assert_eq!(
-        json!(effects[3].factors[0].levels[1]),
-        json!({"level": 2, "points": 1, "mean": 5.0, "effect": 1.0})
-    );
+    let level = &effects[3].factors[0].levels[1];
+    assert_eq!((&level.level, level.points, level.mean, level.effect), (&json!(2), 1, 5.0, 1.0));
+    assert_eq!((level.low_95, effects[3].pairing, effects[3].seeds), (None, Pairing::Unpaired, None));
     assert_eq!(effects[2].factors[0].effect, None, "one point shows no effect");
 }
 
@@ -101,9 +100,10 @@ fn mean_of_an_indicator_is_a_share_with_its_interval() {
 }
 
 /// The effects of points that are added in batches of this size.
-fn effects(factors: &[Factor], points: Vec<PointRow>, batch: usize) -> Vec<ResponseEffects> {
+fn effects(factors: &[Factor], trials: &[TrialRow], batch: usize) -> (Vec<ResponseEffects>, PairingGain) {
     let mut effects = Effects::of(factors.to_vec());
-    points.chunks(batch).for_each(|batch| effects.add(batch.to_vec()));
+    let points: Vec<_> = trials.chunk_by(|one, other| one.point == other.point).collect();
+    points.chunks(batch).for_each(|batch| effects.add(&batch.concat()));
     effects.responses()
 }
 
@@ -127,7 +127,7 @@ fn effects_and_rank_correlations_match_scipy() {
         serde_json::from_value::<Factor>(json!({"pointer": name, "scale": scale})).unwrap()
     };
     let factors = [factor("/a", None), factor("/b", Some("log")), factor("/c", None), factor("/word", None)];
-    let found = effects(&factors, by_point(&trials), 7);
+    let (found, _) = effects(&factors, &trials, 7);
     for (response, expected) in found.iter().zip([&data["of_y"], &data["of_z"]]) {
         assert_eq!(response.points, 20);
         for (effect, name) in response.factors.iter().zip(["a", "b", "c"]) {
@@ -140,6 +140,80 @@ fn effects_and_rank_correlations_match_scipy() {
         let words = &response.factors[3];
         assert_eq!((words.effect, words.rank_correlation, words.levels.len()), (None, None, 1));
     }
+}
+
+/// The trials of the points in `contrasts` of the reference numbers, with this many seeds.
+fn contrast_trials(seeds: usize) -> Vec<TrialRow> {
+    let data = &scipy()["contrasts"];
+    let trial = |point: usize, seed: usize| {
+        let responses = json!({"y": data["values"][point][seed], "jammed": u8::from(seed + point > 4)});
+        trial(point as u32, seed as u32, json!({"/x": data["x"][point]}), responses)
+    };
+    (0..4).flat_map(|point| (0..seeds).map(move |seed| trial(point, seed))).collect()
+}
+
+#[test]
+fn intervals_of_effects_use_common_seeds_and_match_scipy() {
+    let data = &scipy()["contrasts"];
+    let factors = [Factor { pointer: Some("/x".to_owned()), ..Factor::default() }];
+    for (seeds, pairing, name) in
+        [(6, Pairing::BySeed, "by_seed"), (3, Pairing::AdditiveModel, "additive_model")]
+    {
+        let (found, gain) = effects(&factors, &contrast_trials(seeds), 2);
+        let y = &found[1];
+        assert_eq!((y.response.as_str(), y.pairing, y.seeds), ("y", pairing, Some(seeds as u64)));
+        near(y.factors[0].low_95, &data[name][0]);
+        near(y.factors[0].high_95, &data[name][1]);
+        if seeds == 6 {
+            near(y.factors[0].effect, &data["effect"]);
+        }
+        // The seeds dominate the variance of y, so pairing makes its interval much narrower.
+        assert!(y.factors[0].width_ratio.unwrap() < 0.6, "{y:?}");
+        let level = &y.factors[0].levels[0];
+        assert!(level.low_95 < Some(level.effect) && level.high_95 > Some(level.effect), "{level:?}");
+        assert_eq!(found[0].pairing, Pairing::BySeed, "events are always paired by seed");
+        assert_eq!(gain.intervals, 2);
+        assert!(gain.sentence.contains("Pairing by seed: the median interval has"), "{}", gain.sentence);
+    }
+    // A failed trial leaves the seeds incomplete.
+    let mut trials = contrast_trials(6);
+    (trials[7].state, trials[7].failure_class) = (JobState::Failed, Some(FailureClass::Unstable));
+    let (found, gain) = effects(&factors, &trials, 2);
+    assert_eq!(
+        (found[1].pairing, found[1].seeds, found[1].factors[0].width_ratio),
+        (Pairing::Unpaired, None, None)
+    );
+    assert!(found[1].factors[0].low_95.is_some(), "it has an unpaired interval");
+    assert_eq!((gain.median_width_ratio, gain.intervals), (None, 0));
+    // One replicate has no interval.
+    let (found, _) = effects(&factors, &contrast_trials(1), 2);
+    assert_eq!((found[1].factors[0].low_95, found[1].factors[0].levels[0].low_95), (None, None));
+}
+
+#[test]
+fn differences_of_two_points_match_scipy() {
+    let data = &scipy()["contrasts"];
+    let trials = contrast_trials(6);
+    let points: Vec<_> = trials.chunk_by(|one, other| one.point == other.point).collect();
+    let (found, gain) = differences(points[1], points[3]);
+    let names: Vec<_> = found.iter().map(|of| of.response.as_str()).collect();
+    assert_eq!(names, ["jammed", "y"]);
+    let y = &found[1];
+    near(y.low_95, &data["difference"][0]);
+    near(y.high_95, &data["difference"][1]);
+    let width = |name: &str| data[name][1].as_f64().unwrap() - data[name][0].as_f64().unwrap();
+    near(y.width_ratio, &json!(width("difference") / width("unpaired")));
+    assert_eq!((y.pairing, y.from_n, y.to_n), (Pairing::BySeed, 6, 6));
+    assert!((y.difference - (y.to_mean - y.from_mean)).abs() < 1e-12);
+    assert_eq!((found[0].from_mean, found[0].to_mean), (2.0 / 6.0, 4.0 / 6.0));
+    assert_eq!(gain.intervals, 2);
+    // Other seeds are unpaired, a single trial has no interval, and a response of one point has no difference.
+    let (found, _) = differences(points[1], &points[3][..5]);
+    assert_eq!((found[1].pairing, found[1].to_n), (Pairing::Unpaired, 5));
+    let (found, _) = differences(&points[1][..1], &points[3][..1]);
+    assert_eq!((found[1].pairing, found[1].low_95), (Pairing::Unpaired, None));
+    let none = [trial(9, 0, json!({}), json!({"other": 1.0, "regime": "constant"}))];
+    assert!(differences(points[1], &none).0.is_empty());
 }
 
 #[test]

@@ -1,0 +1,35 @@
+//! Differences between two design points, with intervals that use their common seeds.
+
+use roost_api::table::{PairingGain, ResponseDifference, TrialRow};
+
+use super::replicates::{Replicates, ends, gain};
+
+/// The difference of every response that both points have, second less first, and what pairing did to their intervals.
+pub(crate) fn differences(from: &[TrialRow], to: &[TrialRow]) -> (Vec<ResponseDifference>, PairingGain) {
+    let mut replicates = Replicates::default();
+    replicates.add(from);
+    replicates.add(to);
+    let both = replicates.responses().filter(|response| response.points.len() == 2);
+    let mut differences: Vec<ResponseDifference> = both
+        .map(|response| {
+            let contrast = response.table.contrast(&[-1.0, 1.0], response.kind);
+            let counts: Vec<u64> = response.table.points().map(|values| values.len() as u64).collect();
+            let (means, (low_95, high_95)) = (response.table.means(), ends(contrast.interval));
+            ResponseDifference {
+                pairing: response.pairing(),
+                response: response.name,
+                from_n: counts[0],
+                from_mean: means[0],
+                to_n: counts[1],
+                to_mean: means[1],
+                difference: contrast.value,
+                low_95,
+                high_95,
+                width_ratio: contrast.width_ratio,
+            }
+        })
+        .collect();
+    differences.sort_by(|one, other| one.response.cmp(&other.response));
+    let gain = gain(differences.iter().filter_map(|of| of.width_ratio).collect());
+    (differences, gain)
+}
