@@ -46,7 +46,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     } else {
         let shown = if args.all { None } else { Some(results::headline(&client, sweep).await?) };
         print_lines(format_args!(
-            "{}\n{}\n{}\n{}",
+            "{}\n{}\n{}\n{}\n",
             levels(&differences.from, &differences.sweep.factors),
             levels(&differences.to, &differences.sweep.factors),
             table(&differences, shown.as_deref()),

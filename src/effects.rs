@@ -39,7 +39,7 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         message!("no job has succeeded yet; `roost status {}` shows the progress", args.id);
     } else {
         let shown = if args.all { None } else { Some(results::headline(&client, sweep).await?) };
-        print_lines(format_args!("{}\n{}", table(&effects, shown.as_deref()), effects.pairing.sentence))?;
+        print_lines(format_args!("{}\n{}\n", table(&effects, shown.as_deref()), effects.pairing.sentence))?;
     }
     Ok(Exit::Done)
 }

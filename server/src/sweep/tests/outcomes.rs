@@ -93,7 +93,8 @@ fn mean_of_an_indicator_is_a_share_with_its_interval() {
     near(single.low_95, &json!(0.20654931437723745));
     assert_eq!(single.high_95, Some(1.0));
     let responses = [Response { name: "jammed".to_owned(), has_numbers: true, has_words: false }];
-    let csv = String::from_utf8(csv(&of_points(&[], &responses, &[row.clone()]), true).unwrap()).unwrap();
+    let csv = String::from_utf8(csv(&of_points(&[], &responses, std::slice::from_ref(row)), true).unwrap())
+        .unwrap();
     let head = "jammed.n,jammed.mean,jammed.standard_deviation,jammed.low_95,jammed.high_95";
     assert!(csv.lines().next().unwrap().ends_with(head), "{csv}");
     assert!(csv.lines().nth(1).unwrap().contains(",10,0.4,0.51"), "{csv}");
