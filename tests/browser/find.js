@@ -38,7 +38,7 @@ window.find = {
   /** The data of the plot in a card, once it is drawn. */
   plot: (title) => {
     const plot = find.card(title)?.querySelector(".plot:not([hidden])");
-    return plot?.data?.map(({ type, mode, name, x, y, z, error_y, customdata, fill }) => ({ type, mode, name, x, y, z, customdata, fill, up: error_y?.array, down: error_y?.arrayminus }));
+    return plot?.data?.map(({ type, mode, name, x, y, z, error_x, error_y, customdata, fill }) => ({ type, mode, name, x, y, z, customdata, fill, up: error_y?.array, down: error_y?.arrayminus, right: error_x?.array, left: error_x?.arrayminus }));
   },
   /** Rows of the table whose caption begins so, as text. */
   rows: (caption) => {

@@ -140,6 +140,14 @@ fn a_share_has_the_interval_of_the_server_even_without_a_trial() {
             null,
         ])
     );
+    let jammed = json!({"responses": {"jammed": {"n": 12, "mean": 0.25, "low_95": 0.09, "high_95": 0.53}}});
+    let measure: Value = page.value(&format!(
+        "import('/dashboard/measures.js').then(({{ measures }}) => {{
+            const points = [{jammed}], [jammed] = measures(points, {{ responses: [{{ name: 'jammed', type: 'indicator' }}] }});
+            return [jammed.label, jammed.is_share, jammed.of(points[0])]; }})"
+    ));
+    let interval = json!({"n": 12, "count": 3, "mean": 0.25, "low": 0.09, "high": 0.53});
+    assert_eq!(measure, json!(["share jammed", true, interval]));
 }
 
 #[test]

@@ -23,7 +23,11 @@ pub(crate) fn match_the_api(sandbox: &Sandbox, page: &mut Page, id: &str) {
         &sandbox.get(&format!("/v1/sweeps/{id}/results"))["trials"],
     );
     map(&drawn(page, "Map over two factors"), points);
-    effects(&drawn(page, "Main effects"), &sandbox.get(&format!("/v1/sweeps/{id}/effects")));
+    let computed = sandbox.get(&format!("/v1/sweeps/{id}/effects"));
+    effects(&drawn(page, "Main effects"), &computed);
+    let sentence: String =
+        page.value("find.card('Main effects').querySelector('p:not([hidden])').textContent");
+    assert_eq!(sentence, text(&computed["pairing"]["sentence"]));
     surface(&drawn(page, "Response surface"), points);
     coordinates(page, points);
     for series in ["discharged_mass", "mass_rate"] {
@@ -188,13 +192,16 @@ fn effects(traces: &[Value], effects: &Value) {
         let pointer = if text(name).starts_with("gate") { GATE } else { BELT };
         assert_eq!(size, expected[pointer], "{name}");
     }
-    // Both ends of the interval, as distances from the effect.
-    let ends = traces[0]["error_x"]["array"].as_array().unwrap().iter().zip(numbers(&traces[0]["x"]));
-    for ((above, size), name) in ends.zip(names) {
+    // Bars reach to both ends of the interval.
+    let sizes = numbers(&traces[0]["x"]);
+    let bars = [("right", "high_95", 1.0), ("left", "low_95", -1.0)];
+    for (name, (index, size)) in names.iter().zip(sizes.iter().enumerate()) {
         let pointer = if text(name).starts_with("gate") { GATE } else { BELT };
         let factor = of["factors"].as_array().unwrap().iter().find(|one| one["factor"] == pointer).unwrap();
-        let high = factor["high_95"].as_f64().unwrap_or(size);
-        assert!((above.as_f64().unwrap() + size - high).abs() < 1e-9, "{name}");
+        for (side, end, sign) in bars {
+            let end = factor[end].as_f64().expect("several replicates");
+            assert!((size + sign * numbers(&traces[0][side])[index] - end).abs() < 1e-9, "{name}: {side}");
+        }
     }
 }
 

@@ -153,7 +153,11 @@ pub(crate) async fn effects(
     let mut rows = TableRows::of_points(app, &sweep)?;
     let mut effects = sweep::Effects::of(factors);
     while let Some(trials) = rows.next_points().await? {
-        effects.add(&trials);
+        let added = run_blocking(move || {
+            effects.add(&trials);
+            effects
+        });
+        effects = added.await?;
     }
     let (responses, pairing) = run_blocking(move || effects.responses()).await?;
     Ok(Json(SweepEffects { sweep, responses, pairing }))
