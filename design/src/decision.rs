@@ -1,0 +1,87 @@
+//! Decisions: proposals, the reason to stop, and the answer as data.
+
+use serde::Serialize;
+
+use crate::evidence::{Evidence, Point};
+use crate::goals::EstimateAnswer;
+
+/// A run that comes next.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct Proposal {
+    /// Its point.
+    pub point: Point,
+    /// Its replicate, from 0 on.
+    pub replicate: u32,
+}
+
+/// The reason why a study is finished.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Finished {
+    /// The goal's stopping rule is met.
+    ByRule,
+    /// The budget is spent and no run is in flight.
+    ByBudget,
+    /// No point can be run any more: all are excluded or have their maximum of replicates.
+    NothingLeft,
+}
+
+/// The decision about a study.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Decision {
+    /// Runs that come next, the most useful first.
+    pub proposals: Vec<Proposal>,
+    /// Why the study is finished; none while it goes on.
+    pub finished: Option<Finished>,
+    /// The answer so far.
+    pub answer: Answer,
+}
+
+/// Number of runs by state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct RunCounts {
+    /// Runs with a result.
+    pub done: usize,
+    /// Failed runs.
+    pub failed: usize,
+    /// Runs in flight.
+    pub pending: usize,
+}
+
+impl RunCounts {
+    /// The runs of some evidence.
+    pub fn of(evidence: &Evidence) -> Self {
+        let (failed, pending) = (evidence.failed(), evidence.pending());
+        Self { done: evidence.runs() - failed - pending, failed, pending }
+    }
+}
+
+/// A point that is left out because its runs fail.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ExcludedPoint {
+    /// Values of the factors, in their units.
+    pub values: Vec<f64>,
+    /// Number of failed runs.
+    pub failed: usize,
+    /// Number of runs with a result.
+    pub done: usize,
+}
+
+/// The answer of a study so far.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Answer {
+    /// Runs it rests on.
+    pub runs: RunCounts,
+    /// Points that were left out because their runs fail.
+    pub excluded: Vec<ExcludedPoint>,
+    /// The finding of the goal.
+    pub finding: Finding,
+}
+
+/// The finding of a goal.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Finding {
+    /// Goal `estimate`.
+    Estimate(EstimateAnswer),
+}

@@ -1,0 +1,161 @@
+//! Evidence: the runs of a study, grouped by point, in canonical order.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::question::Measure;
+
+/// Steps of a coordinate from 0 to 1. Fine enough for any factor, and coarse enough that a coordinate survives
+/// the way to the factor's value and back.
+const STEPS: f64 = (1_u32 << 30) as f64;
+
+/// A point of the unit cube: a coordinate from 0 to 1 per factor, in whole steps of 2⁻³⁰, so that points compare exactly.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(from = "Vec<f64>", into = "Vec<f64>")]
+pub struct Point(Vec<u32>);
+
+impl Point {
+    /// The point nearest to some coordinates; coordinates outside the cube are moved to its surface.
+    pub fn new(coordinates: &[f64]) -> Self {
+        Self(
+            coordinates
+                .iter()
+                .map(|coordinate| (coordinate.clamp(0.0, 1.0) * STEPS).round() as u32)
+                .collect(),
+        )
+    }
+
+    /// Its coordinates, from 0 to 1.
+    pub fn coordinates(&self) -> Vec<f64> {
+        self.0.iter().map(|steps| f64::from(*steps) / STEPS).collect()
+    }
+}
+
+impl From<Vec<f64>> for Point {
+    fn from(coordinates: Vec<f64>) -> Self {
+        Self::new(&coordinates)
+    }
+}
+
+impl From<Point> for Vec<f64> {
+    fn from(point: Point) -> Self {
+        point.coordinates()
+    }
+}
+
+/// The state of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// In flight.
+    Pending,
+    /// It ended without a usable result.
+    Failed,
+    /// Its responses by name. A response may be missing, for instance the time of a jam that did not occur.
+    Responses(BTreeMap<String, f64>),
+}
+
+/// A run of a study.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// Its point.
+    pub point: Point,
+    /// Its replicate, from 0 on; it chooses the seed of the simulation.
+    pub replicate: u32,
+    /// Its state.
+    pub outcome: Outcome,
+}
+
+/// The runs at one point, in the order of replicates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointRuns {
+    /// The point.
+    pub point: Point,
+    /// Its runs by replicate.
+    pub runs: BTreeMap<u32, Outcome>,
+}
+
+impl PointRuns {
+    /// The finite values of a measure's response, in the order of replicates.
+    pub fn values(&self, measure: &Measure) -> Vec<f64> {
+        let responses = self.runs.values().filter_map(|outcome| match outcome {
+            Outcome::Responses(responses) => responses.get(measure.response()).copied(),
+            Outcome::Pending | Outcome::Failed => None,
+        });
+        responses.filter(|value| value.is_finite()).collect()
+    }
+
+    /// Number of runs in flight.
+    pub fn pending(&self) -> usize {
+        self.runs.values().filter(|outcome| **outcome == Outcome::Pending).count()
+    }
+
+    /// Number of failed runs.
+    pub fn failed(&self) -> usize {
+        self.runs.values().filter(|outcome| **outcome == Outcome::Failed).count()
+    }
+
+    /// The first replicate after all that exist.
+    pub fn next_replicate(&self) -> u32 {
+        self.runs.keys().next_back().map_or(0, |last| last + 1)
+    }
+}
+
+/// All runs of a study. Construction puts them into canonical order, so that the order of results does not matter.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Evidence {
+    points: Vec<PointRuns>,
+}
+
+impl Evidence {
+    /// Groups runs by point. Of runs of the same point and replicate the one with responses counts, then the failed one.
+    pub fn new(runs: impl IntoIterator<Item = Run>) -> Self {
+        let mut by_point: BTreeMap<Point, BTreeMap<u32, Outcome>> = BTreeMap::new();
+        for Run { point, replicate, outcome } in runs {
+            let known = by_point.entry(point).or_default().entry(replicate).or_insert(Outcome::Pending);
+            let replaces = match (&*known, &outcome) {
+                (Outcome::Pending, _) | (Outcome::Failed, Outcome::Responses(_)) => true,
+                (Outcome::Responses(old), Outcome::Responses(new)) => is_below(new, old),
+                _ => false,
+            };
+            if replaces {
+                *known = outcome;
+            }
+        }
+        Self { points: by_point.into_iter().map(|(point, runs)| PointRuns { point, runs }).collect() }
+    }
+
+    /// Its points in canonical order.
+    pub fn points(&self) -> &[PointRuns] {
+        &self.points
+    }
+
+    /// The runs at a point.
+    pub fn at(&self, point: &Point) -> Option<&PointRuns> {
+        self.points.binary_search_by(|runs| runs.point.cmp(point)).ok().map(|index| &self.points[index])
+    }
+
+    /// Number of runs in any state.
+    pub fn runs(&self) -> usize {
+        self.points.iter().map(|point| point.runs.len()).sum()
+    }
+
+    /// Number of runs in flight.
+    pub fn pending(&self) -> usize {
+        self.points.iter().map(PointRuns::pending).sum()
+    }
+
+    /// Number of failed runs.
+    pub fn failed(&self) -> usize {
+        self.points.iter().map(PointRuns::failed).sum()
+    }
+}
+
+/// An order of responses, for two different results of the same run.
+fn is_below(one: &BTreeMap<String, f64>, other: &BTreeMap<String, f64>) -> bool {
+    let bits = |responses: &BTreeMap<String, f64>| -> Vec<(String, u64)> {
+        responses.iter().map(|(name, value)| (name.clone(), value.to_bits())).collect()
+    };
+    bits(one) < bits(other)
+}

@@ -1,0 +1,157 @@
+//! Goal `estimate`: replicate each point until the interval of each named response is as narrow as asked.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Course, Study};
+use crate::decision::{Finding, Proposal};
+use crate::evidence::{Point, PointRuns};
+use crate::factor::Factor;
+use crate::fault::{Fault, fault};
+use crate::intervals::{Estimated, MIN_MEAN_RUNS, values_needed};
+use crate::question::Measure;
+
+/// The fields of the goal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Estimate {
+    /// The points: a value per factor, in its unit.
+    pub points: Vec<Vec<f64>>,
+    /// The measures, and how narrow their intervals must be.
+    pub intervals: Vec<MeasureWidth>,
+}
+
+/// A measure and the width of its interval at which replicates end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeasureWidth {
+    /// The measure.
+    pub of: Measure,
+    /// Maximum width of its 95 % interval, from end to end, in the unit of the response.
+    pub width: f64,
+}
+
+/// The finding of the goal.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EstimateAnswer {
+    /// The points, in the order of the question.
+    pub points: Vec<PointEstimate>,
+}
+
+/// The estimates at a point.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PointEstimate {
+    /// Values of the factors.
+    pub values: Vec<f64>,
+    /// A row per measure, in the order of the question.
+    pub measures: Vec<MeasureEstimate>,
+    /// Whether the point is left out because its runs fail.
+    pub is_excluded: bool,
+}
+
+/// The estimate of a measure at a point.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeasureEstimate {
+    /// The measure.
+    pub of: Measure,
+    /// The estimate with its interval; none without values.
+    pub estimated: Option<Estimated>,
+    /// Whether the interval is as narrow as asked.
+    pub is_narrow: bool,
+}
+
+impl Estimate {
+    pub(crate) fn faults(&self, at: &str, factors: &[Factor], faults: &mut Vec<Fault>) {
+        if self.points.is_empty() {
+            faults.push(fault(
+                &format!("{at}/points"),
+                &self.points,
+                "nothing to estimate",
+                "at least one point",
+            ));
+        }
+        for (index, values) in self.points.iter().enumerate() {
+            let at = format!("{at}/points/{index}");
+            if values.len() != factors.len() {
+                let detail = format!("{} values for {} factors", values.len(), factors.len());
+                faults.push(fault(&at, values, &detail, "a value per factor"));
+            }
+            for (position, (value, factor)) in values.iter().zip(factors).enumerate() {
+                if factor.coordinate(*value).is_none() {
+                    let allowed = format!("{} to {}", factor.low, factor.high);
+                    let detail = format!("outside the range of {}", factor.name);
+                    faults.push(fault(&format!("{at}/{position}"), value, &detail, &allowed));
+                }
+            }
+        }
+        if self.intervals.is_empty() {
+            let at = format!("{at}/intervals");
+            faults.push(fault(&at, &self.intervals, "nothing to estimate", "at least one measure"));
+        }
+        for (index, interval) in self.intervals.iter().enumerate() {
+            let at = format!("{at}/intervals/{index}");
+            interval.of.faults(&format!("{at}/of"), faults);
+            if interval.width <= 0.0 {
+                faults.push(fault(&format!("{at}/width"), interval.width, "no width", "more than 0"));
+            }
+        }
+    }
+}
+
+/// The estimates at a point with its runs.
+fn estimates(goal: &Estimate, runs: Option<&PointRuns>) -> Vec<MeasureEstimate> {
+    let of_measure = |interval: &MeasureWidth| {
+        let estimated = runs.and_then(|runs| Estimated::of(&interval.of, &runs.values(&interval.of)));
+        let is_narrow =
+            estimated.and_then(|found| found.width()).is_some_and(|width| width <= interval.width);
+        MeasureEstimate { of: interval.of.clone(), estimated, is_narrow }
+    };
+    goal.intervals.iter().map(of_measure).collect()
+}
+
+/// Number of runs that the point should have next to those it has, by a forecast from its values.
+fn missing(goal: &Estimate, runs: Option<&PointRuns>, most: usize) -> usize {
+    let Some(runs) = runs else { return MIN_MEAN_RUNS.min(most) };
+    let of_measure = |interval: &MeasureWidth| {
+        let values = runs.values(&interval.of);
+        let narrow = Estimated::of(&interval.of, &values).and_then(|found| found.width());
+        if narrow.is_some_and(|width| width <= interval.width) {
+            return 0;
+        }
+        // At least one run more: the forecast may have been met without success.
+        values_needed(&interval.of, &values, interval.width, most).max(values.len() + 1) - values.len()
+    };
+    let more = goal.intervals.iter().map(of_measure).max().unwrap_or(0);
+    more.saturating_sub(runs.pending()).min(most.saturating_sub(runs.runs.len()))
+}
+
+pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
+    let budget = &study.question.budget;
+    let mut points = Vec::new();
+    // Position in the queue of a point's replicates, then the point: all points advance together.
+    let mut queue = Vec::new();
+    let (mut is_met, mut usable) = (true, 0);
+    for values in &goal.points {
+        let factors = study.question.factors.iter().zip(values);
+        let coordinates: Vec<f64> = factors.filter_map(|(factor, value)| factor.coordinate(*value)).collect();
+        let point = Point::new(&coordinates);
+        let runs = study.evidence.at(&point);
+        let is_excluded = runs.is_some_and(|runs| budget.excludes(runs));
+        let measures = estimates(goal, runs);
+        if !is_excluded {
+            usable += 1;
+            is_met &= measures.iter().all(|measure| measure.is_narrow);
+            let (known, next) = runs.map_or((0, 0), |runs| (runs.runs.len(), runs.next_replicate()));
+            let more = missing(goal, runs, budget.max_replicates).min(study.room);
+            queue.extend((0..more).map(|index| (known + index, point.clone(), next + index as u32)));
+        }
+        points.push(PointEstimate { values: values.clone(), measures, is_excluded });
+    }
+    queue.sort();
+    queue.dedup();
+    let proposals = queue.into_iter().map(|(_, point, replicate)| Proposal { point, replicate });
+    Course {
+        proposals: proposals.take(study.room).collect(),
+        is_met: is_met && usable > 0,
+        finding: Finding::Estimate(EstimateAnswer { points }),
+    }
+}

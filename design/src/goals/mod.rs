@@ -1,0 +1,73 @@
+//! Goals: a module per goal with its fields, its decision and its answer.
+
+mod estimate;
+
+pub use estimate::{Estimate, EstimateAnswer, MeasureEstimate, MeasureWidth, PointEstimate};
+
+use crate::decision::{Answer, Decision, ExcludedPoint, Finding, Finished, Proposal, RunCounts};
+use crate::evidence::{Evidence, PointRuns};
+use crate::question::{Goal, Question};
+
+/// The state of a study, as every goal's decision needs it.
+#[derive(Debug)]
+pub(crate) struct Study<'a> {
+    pub(crate) question: &'a Question,
+    pub(crate) evidence: &'a Evidence,
+    /// Maximum number of proposals: as wanted, within the budget.
+    pub(crate) room: usize,
+    pub(crate) seed: u64,
+}
+
+/// What a goal decides.
+#[derive(Debug)]
+pub(crate) struct Course {
+    /// Proposals, the most useful first; at most the study's room are used.
+    pub(crate) proposals: Vec<Proposal>,
+    /// Whether the goal's stopping rule is met.
+    pub(crate) is_met: bool,
+    pub(crate) finding: Finding,
+}
+
+impl Study<'_> {
+    /// Points of the evidence that are not excluded.
+    pub(crate) fn usable_points(&self) -> impl Iterator<Item = &PointRuns> {
+        self.evidence.points().iter().filter(|point| !self.question.budget.excludes(point))
+    }
+
+    /// Values of the factors at coordinates.
+    pub(crate) fn values(&self, coordinates: &[f64]) -> Vec<f64> {
+        self.question.factors.iter().zip(coordinates).map(|(factor, at)| factor.value(*at)).collect()
+    }
+}
+
+/// The decision, whatever the goal: budget, exclusions and reasons to stop are handled here.
+pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, seed: u64) -> Decision {
+    let left = question.budget.max_runs.saturating_sub(evidence.runs());
+    let study = Study { question, evidence, room: wanted.min(left), seed };
+    let mut course = match &question.goal {
+        Goal::Estimate(goal) => estimate::decide(goal, &study),
+    };
+    course.proposals.truncate(study.room);
+    let is_idle = evidence.pending() == 0;
+    let finished = if course.is_met {
+        Some(Finished::ByRule)
+    } else if left == 0 && is_idle {
+        Some(Finished::ByBudget)
+    } else if study.room > 0 && course.proposals.is_empty() && is_idle {
+        Some(Finished::NothingLeft)
+    } else {
+        None
+    };
+    if finished.is_some() {
+        course.proposals.clear();
+    }
+    let excluded = evidence.points().iter().filter(|point| question.budget.excludes(point));
+    let excluded = excluded.map(|point| ExcludedPoint {
+        values: study.values(&point.point.coordinates()),
+        failed: point.failed(),
+        done: point.runs.len() - point.failed() - point.pending(),
+    });
+    let answer =
+        Answer { runs: RunCounts::of(evidence), excluded: excluded.collect(), finding: course.finding };
+    Decision { proposals: course.proposals, finished, answer }
+}

@@ -1,0 +1,144 @@
+//! Intervals of probabilities and means at a point.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | n, s | number of runs, number of them with response 1 |
+//! | B | the beta function |
+//! | a, b | parameters of the mixture over p, both ½ |
+//! | α | 1 − confidence |
+//!
+//! A study looks at a point after every run, and stops when it likes the interval. An interval for a fixed n would then miss
+//! the truth too often. The confidence sequence keeps every p with B(a + s, b + n − s) / (B(a, b) pˢ (1 − p)ⁿ⁻ˢ) < 1/α.
+//! The ratio is a martingale under the true p (Robbins 1970), so that with probability 1 − α no interval of the whole
+//! sequence misses it (Ville's inequality). Means have intervals of Student's t distribution from [`MIN_MEAN_RUNS`] runs on.
+
+use roost_stats::Sample;
+use serde::Serialize;
+use statrs::function::beta::ln_beta;
+
+use crate::question::Measure;
+
+/// Minimum number of values for the interval of a mean.
+pub const MIN_MEAN_RUNS: usize = 5;
+/// Confidence of intervals.
+pub const CONFIDENCE: f64 = 0.95;
+/// Both parameters of the mixture: the interval is then narrow for small and large probabilities too.
+const MIXTURE: f64 = 0.5;
+/// Number of halvings of an interval that holds an end: to the last bit of a number from 0 to 1.
+const HALVINGS: usize = 60;
+
+/// An estimate with its 95 % interval, in the unit of the response.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimated {
+    /// Number of values.
+    pub n: usize,
+    /// Share or mean of the values.
+    pub value: f64,
+    /// Lower end of the interval; none with too few values.
+    pub low: Option<f64>,
+    /// Upper end of the interval; none with too few values.
+    pub high: Option<f64>,
+}
+
+impl Estimated {
+    /// The estimate of a measure from values of its response; none without values.
+    pub fn of(measure: &Measure, values: &[f64]) -> Option<Self> {
+        let sample = Sample::of(values)?;
+        let ends = match measure {
+            Measure::Probability(_) => {
+                let count = values.iter().filter(|value| **value != 0.0).count();
+                Some(confidence_sequence(count as f64, values.len() as f64, CONFIDENCE))
+            }
+            Measure::Mean(_) if sample.n < MIN_MEAN_RUNS => None,
+            Measure::Mean(_) => sample.half_width().map(|half| (sample.mean - half, sample.mean + half)),
+        };
+        Some(Self {
+            n: sample.n,
+            value: sample.mean,
+            low: ends.map(|ends| ends.0),
+            high: ends.map(|ends| ends.1),
+        })
+    }
+
+    /// Width of the interval; none with too few values.
+    pub fn width(&self) -> Option<f64> {
+        Some(self.high? - self.low?)
+    }
+}
+
+/// The interval of a probability after `n` runs, `count` of them with response 1, as one of a sequence that is looked at after
+/// every run. Counts need not be whole, for forecasts.
+pub fn confidence_sequence(count: f64, n: f64, confidence: f64) -> (f64, f64) {
+    let share = if n > 0.0 { count / n } else { 0.5 };
+    let least =
+        ln_beta(MIXTURE + count, MIXTURE + n - count) - ln_beta(MIXTURE, MIXTURE) + (1.0 - confidence).ln();
+    let is_kept = |p: f64| times_ln(count, p) + times_ln(n - count, 1.0 - p) > least;
+    let end = |mut kept: f64, mut limit: f64| {
+        if is_kept(limit) {
+            return limit;
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (kept + limit);
+            *(if is_kept(middle) { &mut kept } else { &mut limit }) = middle;
+        }
+        limit
+    };
+    (end(share, 0.0), end(share, 1.0))
+}
+
+/// n ln p, which is 0 for n = 0 even at p = 0.
+fn times_ln(n: f64, p: f64) -> f64 {
+    if n == 0.0 { 0.0 } else { n * p.ln() }
+}
+
+/// The number of values after which the interval should be as narrow as `width`, if later values are like those so far.
+pub fn values_needed(measure: &Measure, values: &[f64], width: f64, most: usize) -> usize {
+    let Some(sample) = Sample::of(values) else { return MIN_MEAN_RUNS };
+    let is_narrow = |n: usize| match measure {
+        Measure::Probability(_) => {
+            let count = values.iter().sum::<f64>();
+            // Half a run more on both sides: a share of 0 or 1 is no certainty.
+            let share = (count + 0.5) / (sample.n as f64 + 1.0);
+            let later = count + share * (n - sample.n) as f64;
+            let (low, high) = confidence_sequence(later, n as f64, CONFIDENCE);
+            high - low <= width
+        }
+        Measure::Mean(_) => {
+            let half = Sample { n, ..sample }.half_width();
+            n >= MIN_MEAN_RUNS && half.is_some_and(|half| 2.0 * half <= width)
+        }
+    };
+    let (mut below, mut enough) = (sample.n, sample.n);
+    let mut step = 1;
+    while !is_narrow(enough) {
+        if enough >= most {
+            return most.max(sample.n);
+        }
+        below = enough;
+        enough = (sample.n + step).min(most);
+        step *= 2;
+    }
+    while enough > below + 1 {
+        let middle = below.midpoint(enough);
+        *(if is_narrow(middle) { &mut enough } else { &mut below }) = middle;
+    }
+    enough
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A generator of uniform numbers that is good enough for coin tosses (splitmix64).
+    pub(crate) struct Coins(pub(crate) u64);
+
+    impl Coins {
+        pub(crate) fn uniform(&mut self) -> f64 {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut word = self.0;
+            word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            word = (word ^ (word >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((word ^ (word >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! Decisions of studies: which runs come next, whether the study is finished, and its answer so far.
+//!
+//! [`decide`] is a pure function of the question, the results, the runs in flight and a seed. It knows no SQL, no HTTP, no
+//! solver and no clock. The order of results does not matter: [`Evidence::new`] puts them into canonical order.
+//!
+//! | module | content |
+//! |---|---|
+//! | `question` | the user's document: factors, goal, budget; its faults |
+//! | `evidence` | points in the unit cube, and the runs at them |
+//! | `decision` | proposals, the reason to stop, the answer as data |
+//! | `goals` | a file or folder per goal: its fields, its decision, its answer |
+//! | `intervals` | intervals of probabilities and means |
+
+mod decision;
+mod evidence;
+mod factor;
+mod fault;
+pub mod goals;
+pub mod intervals;
+mod question;
+
+pub use decision::{Answer, Decision, ExcludedPoint, Finding, Finished, Proposal, RunCounts};
+pub use evidence::{Evidence, Outcome, Point, PointRuns, Run};
+pub use factor::{Factor, Scale};
+pub use fault::Fault;
+pub use question::{Budget, Goal, Measure, Question};
+
+/// Decides about a study: up to `wanted` runs that come next, whether it is finished, and the answer so far.
+///
+/// Runs in flight are part of the evidence ([`Outcome::Pending`]); nothing is proposed twice. The same arguments give the
+/// same decision. The question must be without faults ([`Question::faults`]).
+pub fn decide(question: &Question, evidence: &Evidence, wanted: usize, seed: u64) -> Decision {
+    goals::decide(question, evidence, wanted, seed)
+}

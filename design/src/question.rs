@@ -1,0 +1,131 @@
+//! The question of a study: the user's document, and its faults.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::evidence::PointRuns;
+use crate::factor::Factor;
+use crate::fault::{Fault, fault};
+use crate::goals::Estimate;
+
+/// The question of a study.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Question {
+    /// Factors with their ranges, at least one.
+    pub factors: Vec<Factor>,
+    /// The goal, with its stopping rule.
+    pub goal: Goal,
+    /// Limits of the number of runs.
+    pub budget: Budget,
+}
+
+/// The goal of a study. In JSON an object with one member, for instance `{"boundary": {…}}`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Goal {
+    /// Replicates at given points until intervals are narrow enough.
+    Estimate(Estimate),
+}
+
+/// A quantity of the runs at a point, for instance `{"probability": "jammed"}` or `{"mean": "rate_kg_s"}`.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Measure {
+    /// Share of runs whose response is 1; the response is 0 or 1.
+    Probability(String),
+    /// Mean of a response.
+    Mean(String),
+}
+
+impl Measure {
+    /// The name of the response.
+    pub fn response(&self) -> &str {
+        match self {
+            Self::Probability(response) | Self::Mean(response) => response,
+        }
+    }
+
+    pub(crate) fn faults(&self, at: &str, faults: &mut Vec<Fault>) {
+        if self.response().is_empty() {
+            faults.push(fault(at, self, "the response has no name", "the name of a response"));
+        }
+    }
+}
+
+/// Limits of the number of runs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Budget {
+    /// Maximum number of runs in all, failed ones included.
+    pub max_runs: usize,
+    /// Maximum number of runs at one point.
+    #[serde(default = "default_replicates")]
+    pub max_replicates: usize,
+    /// A point is excluded when this many of its runs have failed, and they are at least half of its finished runs.
+    #[serde(default = "default_failures")]
+    pub max_failures: usize,
+}
+
+fn default_replicates() -> usize {
+    1000
+}
+
+fn default_failures() -> usize {
+    3
+}
+
+impl Budget {
+    /// Whether a point is excluded because its runs fail.
+    pub fn excludes(&self, point: &PointRuns) -> bool {
+        let failed = point.failed();
+        failed >= self.max_failures && 2 * failed >= point.runs.len() - point.pending()
+    }
+}
+
+impl Question {
+    /// Reads a question. Refuses a document of another form, or with faults, and names every fault that can be found.
+    pub fn read(document: &Value) -> Result<Self, Vec<Fault>> {
+        let question: Self = serde_path_to_error::deserialize(document).map_err(|error| {
+            let mut pointer = String::new();
+            for segment in error.path() {
+                if !matches!(segment, serde_path_to_error::Segment::Unknown) {
+                    pointer += &format!("/{segment}").replace(['[', ']'], "");
+                }
+            }
+            let value = document.pointer(&pointer).cloned().unwrap_or_default();
+            vec![fault(&pointer, value, &error.inner().to_string(), "the form of a question")]
+        })?;
+        let faults = question.faults();
+        if faults.is_empty() { Ok(question) } else { Err(faults) }
+    }
+
+    /// All faults, by JSON pointer.
+    pub fn faults(&self) -> Vec<Fault> {
+        let mut faults = Vec::new();
+        if self.factors.is_empty() {
+            faults.push(fault("/factors", &self.factors, "a study needs factors", "at least one factor"));
+        }
+        for (index, factor) in self.factors.iter().enumerate() {
+            factor.faults(&format!("/factors/{index}"), &mut faults);
+            if self.factors[..index].iter().any(|other| other.name == factor.name) {
+                let at = format!("/factors/{index}/name");
+                faults.push(fault(&at, &factor.name, "the factor is listed twice", "different names"));
+            }
+        }
+        let budget = &self.budget;
+        for (name, value) in [
+            ("max_runs", budget.max_runs),
+            ("max_replicates", budget.max_replicates),
+            ("max_failures", budget.max_failures),
+        ] {
+            if value == 0 {
+                faults.push(fault(&format!("/budget/{name}"), value, "nothing could be run", "at least 1"));
+            }
+        }
+        match &self.goal {
+            Goal::Estimate(goal) => goal.faults("/goal/estimate", &self.factors, &mut faults),
+        }
+        faults
+    }
+}
