@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::factor::Factor;
 use crate::question::Measure;
 
 /// Steps of a coordinate from 0 to 1. Fine enough for any factor, and coarse enough that a coordinate survives
@@ -24,6 +25,23 @@ impl Point {
                 .map(|coordinate| (coordinate.clamp(0.0, 1.0) * STEPS).round() as u32)
                 .collect(),
         )
+    }
+
+    /// The point of values of the factors; none outside their ranges.
+    pub fn of_values(factors: &[Factor], values: &[f64]) -> Option<Self> {
+        let coordinates = factors.iter().zip(values).map(|(factor, value)| factor.coordinate(*value));
+        Some(Self::new(&coordinates.collect::<Option<Vec<f64>>>()?))
+    }
+
+    /// The values of the factors, in their units.
+    pub fn values(&self, factors: &[Factor]) -> Vec<f64> {
+        factors.iter().zip(self.coordinates()).map(|(factor, coordinate)| factor.value(coordinate)).collect()
+    }
+
+    /// The nearest point whose values are rounded as [`Factor::value`] rounds them. Proposals are such points, so that the
+    /// values of a run lead back to its point.
+    pub fn rounded(&self, factors: &[Factor]) -> Self {
+        Self::of_values(factors, &self.values(factors)).unwrap_or_else(|| self.clone())
     }
 
     /// Its coordinates, from 0 to 1.

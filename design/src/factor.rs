@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::fault::{Fault, fault};
 
+/// Decimal places of values, for a range of 1.
+const DIGITS: i32 = 7;
+
 /// The scale of a factor between `low` and `high`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -31,13 +34,22 @@ pub struct Factor {
 }
 
 impl Factor {
-    /// The value at a coordinate from 0 (`low`) to 1 (`high`).
+    /// The value at a coordinate from 0 (`low`) to 1 (`high`), rounded to about seven digits of the range, or of the value on a
+    /// logarithmic scale. A value that a user typed is thus found again from its coordinate.
     pub fn value(&self, coordinate: f64) -> f64 {
-        let value = match self.scale {
-            Scale::Linear => self.low + coordinate * (self.high - self.low),
-            Scale::Log => self.low * (self.high / self.low).powf(coordinate),
+        let (value, size) = match self.scale {
+            Scale::Linear => (self.low + coordinate * (self.high - self.low), self.high - self.low),
+            Scale::Log => {
+                let value = self.low * (self.high / self.low).powf(coordinate);
+                (value, value)
+            }
         };
-        value.clamp(self.low, self.high)
+        let places = DIGITS - size.log10().floor() as i32;
+        let scale = 10.0_f64.powi(places.abs());
+        // Division by a power of ten, unlike multiplication by its inverse, gives the number nearest to the decimal one.
+        let rounded =
+            if places < 0 { (value / scale).round() * scale } else { (value * scale).round() / scale };
+        rounded.clamp(self.low, self.high)
     }
 
     /// The coordinate from 0 to 1 of a value; none outside the range.
@@ -76,7 +88,7 @@ mod tests {
             for step in 0..=10 {
                 let coordinate = f64::from(step) / 10.0;
                 let back = factor.coordinate(factor.value(coordinate)).unwrap();
-                assert!((back - coordinate).abs() < 1e-12, "{scale:?}: {back}, not {coordinate}");
+                assert!((back - coordinate).abs() < 1e-7, "{scale:?}: {back}, not {coordinate}");
             }
             assert_eq!(factor.coordinate(0.21), None);
         }

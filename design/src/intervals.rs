@@ -126,19 +126,5 @@ pub fn values_needed(measure: &Measure, values: &[f64], width: f64, most: usize)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A generator of uniform numbers that is good enough for coin tosses (splitmix64).
-    pub(crate) struct Coins(pub(crate) u64);
-
-    impl Coins {
-        pub(crate) fn uniform(&mut self) -> f64 {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut word = self.0;
-            word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            word = (word ^ (word >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((word ^ (word >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-        }
-    }
-}
+#[path = "tests/intervals.rs"]
+mod tests;

@@ -18,6 +18,8 @@ mod fault;
 pub mod goals;
 pub mod intervals;
 mod question;
+#[cfg(test)]
+mod tests;
 
 pub use decision::{Answer, Decision, ExcludedPoint, Finding, Finished, Proposal, RunCounts};
 pub use evidence::{Evidence, Outcome, Point, PointRuns, Run};

@@ -131,9 +131,7 @@ pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
     let mut queue = Vec::new();
     let (mut is_met, mut usable) = (true, 0);
     for values in &goal.points {
-        let factors = study.question.factors.iter().zip(values);
-        let coordinates: Vec<f64> = factors.filter_map(|(factor, value)| factor.coordinate(*value)).collect();
-        let point = Point::new(&coordinates);
+        let Some(point) = Point::of_values(&study.question.factors, values) else { continue };
         let runs = study.evidence.at(&point);
         let is_excluded = runs.is_some_and(|runs| budget.excludes(runs));
         let measures = estimates(goal, runs);

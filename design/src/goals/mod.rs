@@ -33,11 +33,6 @@ impl Study<'_> {
     pub(crate) fn usable_points(&self) -> impl Iterator<Item = &PointRuns> {
         self.evidence.points().iter().filter(|point| !self.question.budget.excludes(point))
     }
-
-    /// Values of the factors at coordinates.
-    pub(crate) fn values(&self, coordinates: &[f64]) -> Vec<f64> {
-        self.question.factors.iter().zip(coordinates).map(|(factor, at)| factor.value(*at)).collect()
-    }
 }
 
 /// The decision, whatever the goal: budget, exclusions and reasons to stop are handled here.
@@ -63,7 +58,7 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
     }
     let excluded = evidence.points().iter().filter(|point| question.budget.excludes(point));
     let excluded = excluded.map(|point| ExcludedPoint {
-        values: study.values(&point.point.coordinates()),
+        values: point.point.values(&question.factors),
         failed: point.failed(),
         done: point.runs.len() - point.failed() - point.pending(),
     });

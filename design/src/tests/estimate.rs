@@ -1,0 +1,102 @@
+//! Tests of the goal `estimate`.
+
+use serde_json::json;
+
+use crate::goals::{EstimateAnswer, PointEstimate};
+use crate::tests::truth::{Random, play, run};
+use crate::{Decision, Evidence, Finding, Finished, Outcome, Point, Proposal, Question, Run, decide};
+
+fn question(max_runs: usize, width: f64) -> Question {
+    let document = json!({
+        "factors": [{ "name": "gate", "low": 0.0, "high": 10.0 }],
+        "goal": { "estimate": {
+            "points": [[2.0], [8.0]],
+            "intervals": [{ "of": { "probability": "jammed" }, "width": width }],
+        } },
+        "budget": { "max_runs": max_runs, "max_replicates": 500 },
+    });
+    Question::read(&document).unwrap()
+}
+
+fn points(decision: &Decision) -> &[PointEstimate] {
+    let Finding::Estimate(EstimateAnswer { points }) = &decision.answer.finding else {
+        panic!("an estimate")
+    };
+    points
+}
+
+/// Jams at 2 in half of the runs, at 8 never.
+fn simulate(random: &mut Random) -> impl FnMut(&[f64]) -> f64 + '_ {
+    |coordinates| f64::from(u8::from(coordinates[0] < 0.5 && random.uniform() < 0.5))
+}
+
+#[test]
+fn points_are_replicated_until_their_intervals_are_narrow() {
+    let (runs, decision) = play(&question(10_000, 0.3), ("jammed", 20, 1), simulate(&mut Random(3)));
+    assert_eq!(decision.finished, Some(Finished::ByRule));
+    let estimates: Vec<_> = points(&decision).iter().map(|point| &point.measures[0]).collect();
+    assert!(estimates.iter().all(|measure| measure.is_narrow));
+    let n: Vec<usize> = estimates.iter().map(|measure| measure.estimated.unwrap().n).collect();
+    assert!(n[0] > 4 * n[1], "a share of one half needs more runs: {n:?}");
+    let point = Point::new(&[0.2]);
+    let known = runs.iter().filter(|run| run.point == point).count();
+    let evidence = |without: usize| {
+        let left: Vec<Run> = runs
+            .iter()
+            .filter(|run| run.point != point || (run.replicate as usize) < known - without)
+            .cloned()
+            .collect();
+        decide(&question(10_000, 0.3), &Evidence::new(left), 20, 1)
+    };
+    assert!(evidence(25).finished.is_none(), "replicates of a batch at most are more than needed");
+}
+
+#[test]
+fn the_budget_ends_a_study_when_nothing_is_in_flight() {
+    let question = question(30, 0.01);
+    let (mut runs, decision) = play(&question, ("jammed", 7, 1), simulate(&mut Random(3)));
+    assert_eq!((decision.finished, decision.answer.runs.done), (Some(Finished::ByBudget), 30));
+    runs[3].outcome = Outcome::Pending;
+    let decision = decide(&question, &Evidence::new(runs), 7, 1);
+    assert_eq!((decision.finished, decision.proposals.len(), decision.answer.runs.pending), (None, 0, 1));
+}
+
+#[test]
+fn nothing_is_proposed_twice() {
+    let question = question(1000, 0.1);
+    let mut runs: Vec<Run> = Vec::new();
+    for _ in 0..10 {
+        let decision = decide(&question, &Evidence::new(runs.clone()), 6, 1);
+        for Proposal { point, replicate } in decision.proposals {
+            assert!(!runs.iter().any(|run| run.point == point && run.replicate == replicate));
+            runs.push(Run { point, replicate, outcome: Outcome::Pending });
+        }
+    }
+    assert_eq!(runs.len(), 10, "five runs of each point, before more is known");
+}
+
+#[test]
+fn a_point_whose_runs_fail_is_excluded_and_named() {
+    let question = question(1000, 0.3);
+    let mut runs: Vec<Run> = Vec::new();
+    let decision = loop {
+        let decision = decide(&question, &Evidence::new(runs.clone()), 10, 1);
+        if decision.finished.is_some() {
+            break decision;
+        }
+        for proposal in &decision.proposals {
+            let mut run = run(proposal, "jammed", 0.0);
+            if proposal.point == Point::new(&[0.2]) {
+                run.outcome = Outcome::Failed;
+            }
+            runs.push(run);
+        }
+    };
+    assert_eq!(decision.finished, Some(Finished::ByRule));
+    assert_eq!((decision.answer.excluded.len(), &decision.answer.excluded[0].values), (1, &vec![2.0]));
+    assert!(points(&decision)[0].is_excluded && !points(&decision)[1].is_excluded);
+    runs.retain(|run| run.outcome == Outcome::Failed);
+    runs.extend(runs.clone().into_iter().map(|run| Run { point: Point::new(&[0.8]), ..run }));
+    let decision = decide(&question, &Evidence::new(runs), 10, 1);
+    assert_eq!(decision.finished, Some(Finished::NothingLeft));
+}

@@ -1,0 +1,6 @@
+//! Tests of the crate: questions, evidence, and the support that tests of goals share.
+
+mod estimate;
+mod evidence;
+mod question;
+pub(crate) mod truth;
