@@ -17,6 +17,7 @@ mod factor;
 mod fault;
 pub mod goals;
 pub mod intervals;
+pub mod model;
 mod question;
 #[cfg(test)]
 mod tests;
