@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::evidence::{Evidence, Point};
-use crate::goals::EstimateAnswer;
+use crate::goals::{BoundaryAnswer, EstimateAnswer};
 
 /// A run that comes next.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -84,4 +84,6 @@ pub struct Answer {
 pub enum Finding {
     /// Goal `estimate`.
     Estimate(EstimateAnswer),
+    /// Goal `boundary`.
+    Boundary(BoundaryAnswer),
 }

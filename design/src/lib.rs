@@ -19,6 +19,7 @@ pub mod goals;
 pub mod intervals;
 pub mod model;
 mod question;
+mod space;
 #[cfg(test)]
 mod tests;
 

@@ -6,7 +6,7 @@ use serde_json::Value;
 use crate::evidence::PointRuns;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
-use crate::goals::Estimate;
+use crate::goals::{Boundary, Estimate};
 
 /// The question of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +26,8 @@ pub struct Question {
 pub enum Goal {
     /// Replicates at given points until intervals are narrow enough.
     Estimate(Estimate),
+    /// The level set of a probability or mean.
+    Boundary(Boundary),
 }
 
 /// A quantity of the runs at a point, for instance `{"probability": "jammed"}` or `{"mean": "rate_kg_s"}`.
@@ -125,6 +127,7 @@ impl Question {
         }
         match &self.goal {
             Goal::Estimate(goal) => goal.faults("/goal/estimate", &self.factors, &mut faults),
+            Goal::Boundary(goal) => goal.faults("/goal/boundary", &self.factors, &mut faults),
         }
         faults
     }

@@ -1,7 +1,9 @@
 //! Goals: a module per goal with its fields, its decision and its answer.
 
+mod boundary;
 mod estimate;
 
+pub use boundary::{Boundary, BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place, Side};
 pub use estimate::{Estimate, EstimateAnswer, MeasureEstimate, MeasureWidth, PointEstimate};
 
 use crate::decision::{Answer, Decision, ExcludedPoint, Finding, Finished, Proposal, RunCounts};
@@ -41,6 +43,7 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
     let study = Study { question, evidence, room: wanted.min(left), seed };
     let mut course = match &question.goal {
         Goal::Estimate(goal) => estimate::decide(goal, &study),
+        Goal::Boundary(goal) => boundary::decide(goal, &study),
     };
     course.proposals.truncate(study.room);
     let is_idle = evidence.pending() == 0;

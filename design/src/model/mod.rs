@@ -4,6 +4,7 @@
 //! the data. [`Model`] hides the difference: it predicts latent values, and converts them.
 
 pub mod binomial;
+pub(crate) mod fantasy;
 pub mod gaussian;
 pub mod kernel;
 mod noise;

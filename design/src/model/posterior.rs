@@ -50,6 +50,16 @@ pub(super) fn ln_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
 }
 
 impl Posterior {
+    /// The kernel.
+    pub fn kernel(&self) -> &Kernel {
+        &self.kernel
+    }
+
+    /// The variance at any point without data.
+    pub fn prior_variance(&self) -> f64 {
+        self.kernel.diagonal()
+    }
+
     /// Means and variances at points (columns).
     pub fn predict(&self, points: &DMatrix<f64>) -> Prediction {
         let covariances = self.kernel.matrix(&self.points, points);

@@ -1,5 +1,6 @@
 //! Tests of the crate: questions, evidence, and the support that tests of goals share.
 
+mod boundary;
 mod estimate;
 mod evidence;
 mod question;

@@ -1,0 +1,125 @@
+//! The band that holds the whole boundary with 95 % confidence.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | m, s | posterior mean and standard deviation of the latent function at a point of the map |
+//! | ℓ | its level at the boundary |
+//! | z | the band is where \|m − ℓ\| ≤ z s; elsewhere the side of the boundary is known |
+//!
+//! The boundary is inside the band when every point outside is on the side of its mean. For a draw f from the joint posterior,
+//! the smallest z with this property is the maximum of |m − ℓ|/s over the points where f and m are on different sides. The z of
+//! the answer is the 95 % quantile over draws, hence a statement about the whole boundary, not about each point
+//! (after Bolin and Lindgren 2015).
+
+use nalgebra::DMatrix;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde::Serialize;
+use statrs::distribution::{ContinuousCDF, Normal};
+use statrs::function::erf::erfc;
+
+use crate::model::Model;
+use crate::model::kernel::columns;
+
+/// Number of draws from the posterior.
+const DRAWS: usize = 400;
+/// Maximum number of points of a draw; more are thinned evenly.
+const MAX_POINTS: usize = 500;
+/// Points with |m − ℓ| beyond this many s are on the wrong side in no draw.
+const FAR: f64 = 4.5;
+/// Confidence of the band.
+const CONFIDENCE: f64 = 0.95;
+
+/// The side of the boundary on which a point is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// Below the level.
+    Below,
+    /// Above the level.
+    Above,
+    /// In the band: not known with 95 % confidence.
+    Band,
+}
+
+/// The latent function at points of a map.
+#[derive(Debug)]
+pub(super) struct Band {
+    pub(super) means: Vec<f64>,
+    pub(super) deviations: Vec<f64>,
+    pub(super) level: f64,
+    /// z.
+    pub(super) multiplier: f64,
+}
+
+impl Band {
+    pub(super) fn of(model: &Model, points: &[Vec<f64>], level: f64, seed: u64) -> Self {
+        let map = columns(points[0].len(), points);
+        let prediction = model.posterior.predict(&map);
+        let means = prediction.means.as_slice().to_vec();
+        let deviations: Vec<f64> = prediction.variances.iter().map(|variance| variance.sqrt()).collect();
+        let mut band = Self { means, deviations, level, multiplier: f64::INFINITY };
+        band.multiplier = band.quantile(model, &map, seed);
+        band
+    }
+
+    /// (m − ℓ) / s.
+    pub(super) fn distance(&self, point: usize) -> f64 {
+        (self.means[point] - self.level) / self.deviations[point]
+    }
+
+    pub(super) fn side(&self, point: usize) -> Side {
+        let distance = self.distance(point);
+        match distance.abs() <= self.multiplier {
+            true => Side::Band,
+            false if distance > 0.0 => Side::Above,
+            false => Side::Below,
+        }
+    }
+
+    /// The expected share of points on the wrong side.
+    pub(super) fn misclassified(&self) -> f64 {
+        let share = |point| 0.5 * erfc(self.distance(point).abs() / std::f64::consts::SQRT_2);
+        (0..self.means.len()).map(share).sum::<f64>() / self.means.len() as f64
+    }
+
+    fn quantile(&self, model: &Model, map: &DMatrix<f64>, seed: u64) -> f64 {
+        let pointwise = Normal::standard().inverse_cdf(0.5 + 0.5 * CONFIDENCE);
+        let near: Vec<usize> =
+            (0..self.means.len()).filter(|point| self.distance(*point).abs() < FAR).collect();
+        let step = near.len().div_ceil(MAX_POINTS).max(1);
+        let chosen: Vec<usize> = near.into_iter().step_by(step).collect();
+        if chosen.is_empty() {
+            return pointwise;
+        }
+        let points = map.select_columns(&chosen);
+        let prediction = model.posterior.predict(&points);
+        let mut covariances = model.posterior.covariances(&points, &prediction);
+        for index in 0..chosen.len() {
+            // Neighbours are almost the same: keep the matrix positive definite.
+            covariances[(index, index)] *= 1.0 + 1e-6;
+            covariances[(index, index)] += 1e-9 * model.posterior.prior_variance();
+        }
+        let Some(factor) = covariances.cholesky() else { return FAR };
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let numbers = DMatrix::from_fn(chosen.len(), DRAWS, |_, _| normal(&mut random));
+        let draws = factor.l() * numbers;
+        let needed = |draw: nalgebra::DVectorView<'_, f64>| {
+            let wrong = chosen.iter().zip(draw.iter()).filter(|(point, deviation)| {
+                let difference = self.means[**point] - self.level;
+                difference * (difference + **deviation) < 0.0
+            });
+            wrong.map(|(point, _)| self.distance(*point).abs()).fold(0.0, f64::max)
+        };
+        let mut needed: Vec<f64> = draws.column_iter().map(needed).collect();
+        needed.sort_by(f64::total_cmp);
+        needed[(CONFIDENCE * DRAWS as f64).ceil() as usize - 1].max(pointwise)
+    }
+}
+
+/// A normal number of mean 0 and variance 1 (Box and Muller 1958).
+fn normal(random: &mut ChaCha8Rng) -> f64 {
+    let mut uniform = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+    let radius = (-2.0 * (1.0 - uniform()).ln()).sqrt();
+    radius * (std::f64::consts::TAU * uniform()).cos()
+}
