@@ -23,7 +23,7 @@ use gaussian::Replicated;
 use kernel::columns;
 use noise::Noise;
 pub use posterior::{Posterior, Prediction};
-use prior::{Prior, climb};
+use prior::{Hyperparameters, Prior, climb};
 
 /// Evaluations of the likelihood per start of the search for hyperparameters.
 const EVALUATIONS: usize = 25;
@@ -47,6 +47,8 @@ enum Likelihood {
 pub struct Model {
     /// The posterior of the latent function at the points of the data.
     pub posterior: Posterior,
+    /// Posteriors with other probable hyperparameters; each counts as much as the first.
+    pub alternatives: Vec<Posterior>,
     likelihood: Likelihood,
 }
 
@@ -78,13 +80,14 @@ impl Model {
         let counts: Vec<Counted> = values.iter().map(counted).collect();
         let prior = Prior { variance: (10.0, 1.0), constant: 9.0, length: (0.7, 0.7) };
         let mut start: Option<DVector<f64>> = None;
-        let (kernel, _) = climb(&prior, points.nrows(), &[], EVALUATIONS, |kernel, _| {
+        let ((kernel, _), around) = climb(&prior, points.nrows(), &[], EVALUATIONS, |kernel, _| {
             let fit = binomial::fit(points, &counts, kernel, start.as_ref())?;
             start = Some(fit.posterior.weights);
             Some((fit.log_likelihood, fit.gradient))
         })?;
-        let posterior = binomial::fit(points, &counts, &kernel, start.as_ref())?.posterior;
-        Some(Self { posterior, likelihood: Likelihood::Binomial })
+        let posterior = |kernel| Some(binomial::fit(points, &counts, kernel, start.as_ref())?.posterior);
+        let alternatives = around.iter().filter_map(|(kernel, _)| posterior(kernel)).collect();
+        Some(Self { posterior: posterior(&kernel)?, alternatives, likelihood: Likelihood::Binomial })
     }
 
     fn of_means(points: &DMatrix<f64>, values: &[Vec<f64>]) -> Option<Self> {
@@ -106,15 +109,22 @@ impl Model {
             relative.iter().map(|relative| (relative * variance).max(1e-10)).collect()
         };
         let prior = Prior { variance: (1.0, 1.0), constant: 1.0, length: (0.7, 0.7) };
-        let (kernel, further) =
-            climb(&prior, points.nrows(), &[(0.1, 2.0)], EVALUATIONS, |kernel, further| {
-                let fit = gaussian::fit(points, &summaries, kernel, &times(further[0]))?;
-                Some((fit.log_likelihood, fit.gradient))
-            })?;
-        let variance = further[0];
-        let posterior = gaussian::fit(points, &summaries, &kernel, &times(variance))?.posterior;
-        let likelihood = Likelihood::Gaussian { centre: sample.mean, spread, noise, variance };
-        Some(Self { posterior, likelihood })
+        let (top, around) = climb(&prior, points.nrows(), &[(0.1, 2.0)], EVALUATIONS, |kernel, further| {
+            let fit = gaussian::fit(points, &summaries, kernel, &times(further[0]))?;
+            Some((fit.log_likelihood, fit.gradient))
+        })?;
+        let posterior = |(kernel, further): &Hyperparameters| {
+            Some(gaussian::fit(points, &summaries, kernel, &times(further[0]))?.posterior)
+        };
+        let alternatives = around.iter().filter_map(posterior).collect();
+        let posterior = posterior(&top)?;
+        let likelihood = Likelihood::Gaussian { centre: sample.mean, spread, noise, variance: top.1[0] };
+        Some(Self { posterior, alternatives, likelihood })
+    }
+
+    /// The posterior and its alternatives, all of the same weight.
+    pub fn posteriors(&self) -> impl Iterator<Item = &Posterior> {
+        std::iter::once(&self.posterior).chain(&self.alternatives)
     }
 
     /// The latent value of a probability or mean.

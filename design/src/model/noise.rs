@@ -58,7 +58,8 @@ impl Noise {
             gradient.pop();
             Some((fit.log_likelihood, gradient))
         });
-        let posterior = found.and_then(|(kernel, _)| gaussian::fit(&points, &values, &kernel, &variances));
+        let posterior =
+            found.and_then(|((kernel, _), _)| gaussian::fit(&points, &values, &kernel, &variances));
         Self { smooth: posterior.map(|fit| (fit.posterior, centre)) }
     }
 

@@ -89,8 +89,12 @@ fn band_holds_the_true_boundary() {
         std::env::var("ROOST_REPETITIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(200);
     let only = std::env::var("ROOST_TRUTH").unwrap_or_default();
     println!("truth | band holds | runs | points | wrong side | band | by rule");
+    let mut missed = Vec::new();
     for truth in TRUTHS.iter().filter(|truth| truth.name.contains(&only)) {
         let figures = repeat(truth, repetitions, (600, 0.02));
-        assert!(figures.held as f64 >= 0.93 * repetitions as f64, "{}", truth.name);
+        if (figures.held as f64) < 0.93 * repetitions as f64 {
+            missed.push(truth.name);
+        }
     }
+    assert!(missed.is_empty(), "{missed:?}");
 }

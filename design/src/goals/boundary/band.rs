@@ -18,8 +18,8 @@ use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal};
 use statrs::function::erf::erfc;
 
-use crate::model::Model;
 use crate::model::kernel::columns;
+use crate::model::{Model, Prediction};
 
 /// Number of draws from the posterior.
 const DRAWS: usize = 400;
@@ -55,9 +55,9 @@ pub(super) struct Band {
 impl Band {
     pub(super) fn of(model: &Model, points: &[Vec<f64>], level: f64, seed: u64) -> Self {
         let map = columns(points[0].len(), points);
-        let prediction = model.posterior.predict(&map);
-        let means = prediction.means.as_slice().to_vec();
-        let deviations: Vec<f64> = prediction.variances.iter().map(|variance| variance.sqrt()).collect();
+        let (means, variances) =
+            mixture(&model.posteriors().map(|posterior| posterior.predict(&map)).collect::<Vec<_>>());
+        let deviations = variances.iter().map(|variance| variance.sqrt()).collect();
         let mut band = Self { means, deviations, level, multiplier: f64::INFINITY };
         band.multiplier = band.quantile(model, &map, seed);
         band
@@ -93,28 +93,52 @@ impl Band {
             return pointwise;
         }
         let points = map.select_columns(&chosen);
-        let prediction = model.posterior.predict(&points);
-        let mut covariances = model.posterior.covariances(&points, &prediction);
-        for index in 0..chosen.len() {
-            // Neighbours are almost the same: keep the matrix positive definite.
-            covariances[(index, index)] *= 1.0 + 1e-6;
-            covariances[(index, index)] += 1e-9 * model.posterior.prior_variance();
-        }
-        let Some(factor) = covariances.cholesky() else { return FAR };
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let numbers = DMatrix::from_fn(chosen.len(), DRAWS, |_, _| normal(&mut random));
-        let draws = factor.l() * numbers;
-        let needed = |draw: nalgebra::DVectorView<'_, f64>| {
-            let wrong = chosen.iter().zip(draw.iter()).filter(|(point, deviation)| {
-                let difference = self.means[**point] - self.level;
-                difference * (difference + **deviation) < 0.0
-            });
-            wrong.map(|(point, _)| self.distance(*point).abs()).fold(0.0, f64::max)
-        };
-        let mut needed: Vec<f64> = draws.column_iter().map(needed).collect();
+        let posteriors = model.posteriors().count();
+        let mut needed: Vec<f64> = Vec::new();
+        for posterior in model.posteriors() {
+            let prediction = posterior.predict(&points);
+            let mut covariances = posterior.covariances(&points, &prediction);
+            for index in 0..chosen.len() {
+                // Neighbours are almost the same: keep the matrix positive definite.
+                covariances[(index, index)] +=
+                    1e-6 * covariances[(index, index)] + 1e-9 * posterior.prior_variance();
+            }
+            let Some(factor) = covariances.cholesky() else { return FAR };
+            let numbers =
+                DMatrix::from_fn(chosen.len(), DRAWS.div_ceil(posteriors), |_, _| normal(&mut random));
+            let mut draws = factor.l() * numbers;
+            for mut draw in draws.column_iter_mut() {
+                draw += &prediction.means;
+            }
+            needed.extend(draws.column_iter().map(|draw| self.needed(&chosen, draw.as_slice())));
+        }
         needed.sort_by(f64::total_cmp);
-        needed[(CONFIDENCE * DRAWS as f64).ceil() as usize - 1].max(pointwise)
+        needed[(CONFIDENCE * needed.len() as f64).ceil() as usize - 1].max(pointwise)
     }
+
+    /// The smallest z whose band holds the boundary of a draw at some points.
+    fn needed(&self, points: &[usize], draw: &[f64]) -> f64 {
+        let wrong = points
+            .iter()
+            .zip(draw)
+            .filter(|(point, value)| (self.means[**point] - self.level) * (**value - self.level) < 0.0);
+        wrong.map(|(point, _)| self.distance(*point).abs()).fold(0.0, f64::max)
+    }
+}
+
+/// Means and variances of a mixture of predictions with the same weight.
+fn mixture(predictions: &[Prediction]) -> (Vec<f64>, Vec<f64>) {
+    let share = 1.0 / predictions.len() as f64;
+    let points = predictions[0].means.len();
+    let sum = |value: &dyn Fn(&Prediction) -> f64| predictions.iter().map(value).sum::<f64>() * share;
+    let mean = |point: usize| sum(&|prediction| prediction.means[point]);
+    let means: Vec<f64> = (0..points).map(mean).collect();
+    let variance = |point: usize| {
+        sum(&|prediction| prediction.variances[point] + (prediction.means[point] - means[point]).powi(2))
+    };
+    let variances = (0..points).map(variance).collect();
+    (means, variances)
 }
 
 /// A normal number of mean 0 and variance 1 (Box and Muller 1958).
