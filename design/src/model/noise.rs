@@ -51,7 +51,7 @@ impl Noise {
         let values: Vec<Replicated> =
             logs.iter().map(|log| Replicated { n: 1.0, mean: log - centre, squares: 0.0 }).collect();
         let points = points.select_columns(&replicated);
-        let prior = Prior { variance: (0.3, 1.0), constant: 0.25, length: (0.7, 0.7) };
+        let prior = Prior { variance: (0.1, 1.5), constant: 0.25, length: (0.7, 0.7) };
         let found = climb(&prior, points.nrows(), &[], 25, |kernel, _| {
             let fit = gaussian::fit(&points, &values, kernel, &variances)?;
             let mut gradient = fit.gradient;

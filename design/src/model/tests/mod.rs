@@ -141,3 +141,79 @@ fn newton_from_a_bad_start_finds_the_same_mode() {
     let other = binomial::fit(&case.points(), &case.counted(), &case.kernel(), Some(&start)).unwrap();
     assert!((fit.log_likelihood - other.log_likelihood).abs() < 1e-8);
 }
+
+#[test]
+fn a_fantasy_changes_variances_as_a_run_with_the_mean_as_its_result_does() {
+    let case = &cases().gaussian[1];
+    let fit = |points: &DMatrix<f64>, values: &[Replicated], noise: &[f64]| {
+        gaussian::fit(points, values, &case.kernel(), noise).unwrap().posterior
+    };
+    let candidates = columns(2, &case.at);
+    let before = fit(&case.points(), &case.replicated(), &case.noise);
+    let prediction = before.predict(&candidates);
+    let mut fantasies = fantasy::Fantasies {
+        means: prediction.means.as_slice().to_vec(),
+        covariances: before.covariances(&candidates, &prediction),
+        noise: vec![0.07; 5],
+    };
+    let (mut points, mut values, mut noise) = (case.points.clone(), case.replicated(), case.noise.clone());
+    for candidate in [2, 2, 4] {
+        fantasies.observe(candidate);
+        points.push(case.at[candidate].clone());
+        values.push(Replicated { n: 1.0, mean: prediction.means[candidate], squares: 0.0 });
+        noise.push(0.07);
+    }
+    let after = fit(&columns(2, &points), &values, &noise).predict(&candidates);
+    for index in 0..5 {
+        assert!((after.means[index] - prediction.means[index]).abs() < 1e-9, "the mean stays");
+        assert!((after.variances[index] - fantasies.deviation(index).powi(2)).abs() < 1e-9);
+    }
+}
+
+/// Runs of a response with standard deviation 0.1 at one end of the range and 1 at the other.
+fn uneven(replicates: u32) -> Vec<PointRuns> {
+    let mut random = crate::tests::truth::Random(4);
+    let mut runs = Vec::new();
+    for index in 0..60 {
+        let point = crate::Point::new(&[f64::from(index) / 59.0]);
+        let x = point.coordinates()[0];
+        for replicate in 0..replicates {
+            let value = 5.0 + 2.0 * x + 0.1 * 10.0_f64.powf(x) * random.normal();
+            runs.push(crate::tests::truth::run(
+                &crate::Proposal { point: point.clone(), replicate },
+                "y",
+                value,
+            ));
+        }
+    }
+    crate::Evidence::new(runs).points().to_vec()
+}
+
+#[test]
+fn noise_is_smoothed_over_the_range() {
+    let measure = Measure::Mean("y".into());
+    let ends = columns(1, &[[0.05], [0.95]]);
+    let deviations = |replicates: u32| {
+        let model = Model::fit(&measure, &uneven(replicates)).unwrap();
+        let Likelihood::Gaussian { spread, .. } = &model.likelihood else { panic!("a mean") };
+        let noise = model.noise(&ends, &model.posterior.predict(&ends));
+        [noise[0].sqrt() * spread, noise[1].sqrt() * spread]
+    };
+    // Two replicates at each of 60 points.
+    let [low, high] = deviations(2);
+    assert!((0.07..0.18).contains(&low) && (0.6..1.3).contains(&high), "{low} and {high}, not 0.11 and 0.89");
+    let [low, high] = deviations(1);
+    assert!((low - high).abs() < 1e-9 && (0.3..0.7).contains(&low), "without replicates one noise: {low}");
+}
+
+#[test]
+fn a_model_finds_a_line_and_converts_its_values() {
+    let model = Model::fit(&Measure::Mean("y".into()), &uneven(4)).unwrap();
+    let at = columns(1, &[[0.3]]);
+    let prediction = model.posterior.predict(&at);
+    let value = model.value(prediction.means[0]);
+    assert!((value - 5.6).abs() < 0.1, "{value}");
+    assert!((model.value(model.latent(5.6)) - 5.6).abs() < 1e-12);
+    assert!(model.alternatives.len() == 6, "two for each of three hyperparameters");
+    assert!(Model::fit(&Measure::Mean("other".into()), &uneven(4)).is_none());
+}

@@ -3,11 +3,12 @@
 use crate::tests::truth::Random;
 
 /// A probability or mean as a function of the factors, and its noise.
+#[derive(Clone, Copy)]
 pub(super) struct Truth {
     pub(super) name: &'static str,
     pub(super) factors: usize,
     /// Log odds of the probability, or the mean.
-    function: fn(&[f64]) -> f64,
+    pub(super) function: fn(&[f64]) -> f64,
     /// Level of the probability or mean at the boundary.
     pub(super) level: f64,
     /// Standard deviation of a mean's noise; none for a probability.
