@@ -63,7 +63,7 @@ pub fn fit(
     start: Option<&DVector<f64>>,
 ) -> Option<BinomialFit> {
     let n = counts.len();
-    let covariances = kernel.matrix(points, points);
+    let covariances = kernel.symmetric(points);
     let objective = |weights: &DVector<f64>, latent: &DVector<f64>| {
         log_likelihood(counts, latent) - 0.5 * weights.dot(latent)
     };

@@ -53,7 +53,7 @@ pub fn fit(
     noise: &[f64],
 ) -> Option<GaussianFit> {
     let n = values.len();
-    let covariances = kernel.matrix(points, points);
+    let covariances = kernel.symmetric(points);
     let precision = |index: usize, _| values[index].n / noise[index];
     let precisions = DVector::from_fn(n, precision);
     let root = precisions.map(f64::sqrt);

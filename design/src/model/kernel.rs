@@ -27,9 +27,23 @@ impl Kernel {
     pub fn matrix(&self, rows: &DMatrix<f64>, columns: &DMatrix<f64>) -> DMatrix<f64> {
         let (rows, columns) = (self.scaled(rows), self.scaled(columns));
         DMatrix::from_fn(rows.ncols(), columns.ncols(), |row, column| {
-            let square = squared_distance(&rows, row, &columns, column);
-            self.variance * matern(square) + self.constant
+            self.variance * matern(squared_distance(&rows, row, &columns, column)) + self.constant
         })
+    }
+
+    /// Covariances between the points of one list.
+    pub fn symmetric(&self, points: &DMatrix<f64>) -> DMatrix<f64> {
+        let scaled = self.scaled(points);
+        let mut matrix = DMatrix::from_element(scaled.ncols(), scaled.ncols(), self.diagonal());
+        for column in 0..scaled.ncols() {
+            for row in 0..column {
+                let square = squared_distance(&scaled, row, &scaled, column);
+                let covariance = self.variance * matern(square) + self.constant;
+                matrix[(row, column)] = covariance;
+                matrix[(column, row)] = covariance;
+            }
+        }
+        matrix
     }
 
     /// The variance at any point.
@@ -69,8 +83,10 @@ impl Kernel {
 }
 
 fn squared_distance(rows: &DMatrix<f64>, row: usize, columns: &DMatrix<f64>, column: usize) -> f64 {
-    let pairs = rows.column(row).into_iter().zip(columns.column(column));
-    pairs.map(|(one, other)| (one - other) * (one - other)).sum()
+    let factors = rows.nrows();
+    let one = &rows.as_slice()[row * factors..(row + 1) * factors];
+    let other = &columns.as_slice()[column * factors..(column + 1) * factors];
+    one.iter().zip(other).map(|(one, other)| (one - other) * (one - other)).sum()
 }
 
 fn matern(square: f64) -> f64 {

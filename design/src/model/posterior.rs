@@ -78,7 +78,7 @@ impl Posterior {
 
     /// Covariances between the points of a prediction.
     pub fn covariances(&self, points: &DMatrix<f64>, prediction: &Prediction) -> DMatrix<f64> {
-        let mut covariances = self.kernel.matrix(points, points);
+        let mut covariances = self.kernel.symmetric(points);
         covariances.gemm_tr(-1.0, &prediction.reductions, &prediction.reductions, 1.0);
         covariances
     }

@@ -23,10 +23,10 @@ use crate::model::{Model, Prediction};
 
 /// Number of draws from the posterior.
 const DRAWS: usize = 400;
-/// Maximum number of points of a draw; more are thinned evenly.
-const MAX_POINTS: usize = 500;
-/// Points with |m − ℓ| beyond this many s are on the wrong side in no draw.
-const FAR: f64 = 4.5;
+/// Maximum number of points of a draw; more are thinned evenly, since neighbours hardly differ.
+const MAX_POINTS: usize = 200;
+/// Points with |m − ℓ| beyond this many s are on the wrong side in almost no draw.
+const FAR: f64 = 4.0;
 /// Confidence of the band.
 const CONFIDENCE: f64 = 0.95;
 
