@@ -137,6 +137,7 @@ fn documents_named_in_the_code_exist() {
         "src",
         "api",
         "bench",
+        "design",
         "frames",
         "reproduce",
         "server",

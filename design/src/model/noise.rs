@@ -24,7 +24,8 @@ const LEAST_SHARE: f64 = 1e-4;
 /// Relative noise variance as a function of the point; 1 where nothing is known.
 #[derive(Clone, Debug)]
 pub(super) struct Noise {
-    smooth: Option<(Posterior, f64)>,
+    /// Posterior of the log variance, and its centre.
+    smooth: Option<Box<(Posterior, f64)>>,
 }
 
 impl Noise {
@@ -60,14 +61,15 @@ impl Noise {
         });
         let posterior =
             found.and_then(|((kernel, _), _)| gaussian::fit(&points, &values, &kernel, &variances));
-        Self { smooth: posterior.map(|fit| (fit.posterior, centre)) }
+        Self { smooth: posterior.map(|fit| Box::new((fit.posterior, centre))) }
     }
 
     /// Relative noise variances at points.
     pub(super) fn at(&self, points: &DMatrix<f64>) -> Vec<f64> {
         match &self.smooth {
             None => vec![1.0; points.ncols()],
-            Some((posterior, centre)) => {
+            Some(smooth) => {
+                let (posterior, centre) = smooth.as_ref();
                 posterior.predict(points).means.iter().map(|log| (log + centre).exp()).collect()
             }
         }

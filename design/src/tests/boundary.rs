@@ -130,7 +130,7 @@ fn order_of_results_does_not_matter_and_nothing_is_proposed_twice() {
         }
         assert_eq!(decide(&question, &Evidence::new(runs.clone()), 40, 9), expected);
     }
-    let landed = runs.iter().cloned().filter(|run| run.outcome != Outcome::Pending);
+    let landed = runs.iter().filter(|run| run.outcome != Outcome::Pending).cloned();
     let other = decide(&question, &Evidence::new(landed), 40, 9);
     assert_ne!(other.proposals, expected.proposals, "runs in flight count");
     assert_eq!(other.answer.finding, expected.answer.finding, "but are no evidence");
