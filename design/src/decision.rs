@@ -18,7 +18,7 @@ pub struct Proposal {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Finished {
-    /// The goal's stopping rule is met.
+    /// The goal's stopping rule is met; runs in flight are not needed any more.
     ByRule,
     /// The budget is spent and no run is in flight.
     ByBudget,

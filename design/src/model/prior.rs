@@ -91,6 +91,10 @@ fn around(
         let (Some(before), Some(after)) = (slopes(-STEP), slopes(STEP)) else { return Vec::new() };
         curvature.set_column(index, &((before - after) / (2.0 * STEP)));
     }
+    // The decomposition would not end.
+    if curvature.iter().any(|value: &f64| !value.is_finite()) {
+        return Vec::new();
+    }
     let mut decomposed = (0.5 * (&curvature + curvature.transpose())).symmetric_eigen();
     // No direction is less certain than the widest prior.
     let least = priors.iter().map(|(_, deviation)| deviation.powi(-2)).fold(f64::INFINITY, f64::min);

@@ -137,6 +137,30 @@ fn order_of_results_does_not_matter_and_nothing_is_proposed_twice() {
 }
 
 #[test]
+fn a_batch_in_two_halves_is_the_whole_batch() {
+    for name in ["2 factors, curved", "2 factors, wavy"] {
+        let truth = truth(name);
+        let question = question(truth, 600, 0.001);
+        let mut random = Random(6);
+        let mut runs: Vec<Run> = Vec::new();
+        for _ in 0..3 {
+            let decision = decide(&question, &Evidence::new(runs.clone()), 32, 2);
+            runs.extend(results(truth, &decision.proposals, &mut random));
+        }
+        let whole = decide(&question, &Evidence::new(runs.clone()), 60, 2).proposals;
+        let first = decide(&question, &Evidence::new(runs.clone()), 30, 2).proposals;
+        assert_eq!(first, whole[..30]);
+        // Runs in flight count as the choices before them in a batch do.
+        runs.extend(first.into_iter().map(|Proposal { point, replicate }| Run {
+            point,
+            replicate,
+            outcome: Outcome::Pending,
+        }));
+        assert_eq!(decide(&question, &Evidence::new(runs), 30, 2).proposals, whole[30..], "{name}");
+    }
+}
+
+#[test]
 fn workers_are_busy_before_results_arrive() {
     let question = question(truth("2 factors, tilted"), 2000, 0.02);
     let mut runs: Vec<Run> = Vec::new();
@@ -182,6 +206,28 @@ fn failures_in_a_corner_do_not_stop_a_study() {
     );
     assert!(decision.answer.runs.failed < 100, "{:?}", decision.answer.runs);
     assert_eq!(answer(&decision).place, Place::Inside);
+}
+
+#[test]
+fn odd_responses_never_stop_a_study() {
+    type Response = fn(&[f64], usize) -> f64;
+    let responses: [(&str, Response); 4] = [
+        ("always the same", |_, _| 3.0),
+        ("missing in every third run", |x, run| if run % 3 == 0 { f64::NAN } else { x[0] }),
+        ("missing always", |_, _| f64::NAN),
+        ("enormous", |x, _| (x[0] - 0.5) * 1e300),
+    ];
+    for name in ["2 factors, wavy", "2 factors, tilted"] {
+        let question = question(truth(name), 50, 0.001);
+        for (response, value) in responses {
+            let mut runs = 0;
+            let (runs, decision) = play(&question, ("y", 3, 1), |x| {
+                runs += 1;
+                value(x, runs)
+            });
+            assert!(decision.finished == Some(Finished::ByRule) || runs.len() == 50, "{name}, {response}");
+        }
+    }
 }
 
 #[test]
