@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::evidence::{Evidence, Point};
-use crate::goals::{BoundaryAnswer, EstimateAnswer};
+use crate::goals::{BoundaryAnswer, EstimateAnswer, SensitivityAnswer};
 
 /// A run that comes next.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -86,4 +86,6 @@ pub enum Finding {
     Estimate(EstimateAnswer),
     /// Goal `boundary`.
     Boundary(BoundaryAnswer),
+    /// Goal `sensitivity`.
+    Sensitivity(SensitivityAnswer),
 }

@@ -6,7 +6,7 @@ use serde_json::Value;
 use crate::evidence::PointRuns;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
-use crate::goals::{Boundary, Estimate};
+use crate::goals::{Boundary, Estimate, Sensitivity};
 
 /// The question of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +28,8 @@ pub enum Goal {
     Estimate(Estimate),
     /// The level set of a probability or mean.
     Boundary(Boundary),
+    /// Shares of the factors in the variance of a response.
+    Sensitivity(Sensitivity),
 }
 
 /// A quantity of the runs at a point, for instance `{"probability": "jammed"}` or `{"mean": "rate_kg_s"}`.
@@ -128,6 +130,7 @@ impl Question {
         match &self.goal {
             Goal::Estimate(goal) => goal.faults("/goal/estimate", &self.factors, &mut faults),
             Goal::Boundary(goal) => goal.faults("/goal/boundary", &self.factors, &mut faults),
+            Goal::Sensitivity(goal) => goal.faults("/goal/sensitivity", &self.factors, budget, &mut faults),
         }
         faults
     }

@@ -15,3 +15,11 @@ pub(crate) fn grid(steps: usize, factors: usize) -> Vec<Vec<f64>> {
     };
     (0..steps.pow(factors as u32)).map(point).collect()
 }
+
+/// A seed for one of several sequences: all bits of seed and stream count (Stafford's mix 13).
+pub(crate) fn mixed_seed(seed: u64, stream: u64) -> u64 {
+    let mut word = seed.wrapping_add((stream + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    word = (word ^ (word >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    word ^ (word >> 31)
+}

@@ -150,6 +150,7 @@ pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
     Course {
         proposals: proposals.take(study.room).collect(),
         is_met: is_met && usable > 0,
+        is_spent: false,
         finding: Finding::Estimate(EstimateAnswer { points }),
     }
 }

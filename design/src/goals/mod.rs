@@ -2,9 +2,13 @@
 
 mod boundary;
 mod estimate;
+mod sensitivity;
 
 pub use boundary::{Boundary, BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place, Side};
 pub use estimate::{Estimate, EstimateAnswer, MeasureEstimate, MeasureWidth, PointEstimate};
+pub use sensitivity::{
+    Effects, LostRun, MeasureSensitivity, Method, MorrisEffects, Sensitivity, SensitivityAnswer, SobolIndices,
+};
 
 use crate::decision::{Answer, Decision, ExcludedPoint, Finding, Finished, Proposal, RunCounts};
 use crate::evidence::{Evidence, PointRuns};
@@ -27,6 +31,8 @@ pub(crate) struct Course {
     pub(crate) proposals: Vec<Proposal>,
     /// Whether the goal's stopping rule is met.
     pub(crate) is_met: bool,
+    /// Whether the budget has no room for the goal's next step, which may be several runs.
+    pub(crate) is_spent: bool,
     pub(crate) finding: Finding,
 }
 
@@ -44,12 +50,13 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
     let mut course = match &question.goal {
         Goal::Estimate(goal) => estimate::decide(goal, &study),
         Goal::Boundary(goal) => boundary::decide(goal, &study),
+        Goal::Sensitivity(goal) => sensitivity::decide(goal, &study),
     };
     course.proposals.truncate(study.room);
     let is_idle = evidence.pending() == 0;
     let finished = if course.is_met {
         Some(Finished::ByRule)
-    } else if left == 0 && is_idle {
+    } else if (left == 0 || course.is_spent) && is_idle {
         Some(Finished::ByBudget)
     } else if study.room > 0 && course.proposals.is_empty() && is_idle {
         Some(Finished::NothingLeft)

@@ -95,7 +95,7 @@ pub(super) fn decide(goal: &Boundary, study: &Study<'_>) -> Course {
         // Nothing is known yet, but workers wait.
         _ => further_proposals(study),
     };
-    Course { proposals, is_met, finding: Finding::Boundary(answer) }
+    Course { proposals, is_met, is_spent: false, finding: Finding::Boundary(answer) }
 }
 
 /// A point of the first design or of the sequence that goes on.
