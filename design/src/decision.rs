@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::evidence::{Evidence, Point};
-use crate::goals::{BoundaryAnswer, EstimateAnswer, SensitivityAnswer};
+use crate::goals::{BoundaryAnswer, EstimateAnswer, OptimiseAnswer, SensitivityAnswer};
 
 /// A run that comes next.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -86,6 +86,8 @@ pub enum Finding {
     Estimate(EstimateAnswer),
     /// Goal `boundary`.
     Boundary(BoundaryAnswer),
+    /// Goal `optimise`.
+    Optimise(OptimiseAnswer),
     /// Goal `sensitivity`.
     Sensitivity(SensitivityAnswer),
 }

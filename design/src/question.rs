@@ -6,7 +6,7 @@ use serde_json::Value;
 use crate::evidence::PointRuns;
 use crate::factor::Factor;
 use crate::fault::{Fault, fault};
-use crate::goals::{Boundary, Estimate, Sensitivity};
+use crate::goals::{Boundary, Estimate, Optimise, Sensitivity};
 
 /// The question of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +28,8 @@ pub enum Goal {
     Estimate(Estimate),
     /// The level set of a probability or mean.
     Boundary(Boundary),
+    /// The best value of a response, or trade-offs of two.
+    Optimise(Optimise),
     /// Shares of the factors in the variance of a response.
     Sensitivity(Sensitivity),
 }
@@ -130,6 +132,7 @@ impl Question {
         match &self.goal {
             Goal::Estimate(goal) => goal.faults("/goal/estimate", &self.factors, &mut faults),
             Goal::Boundary(goal) => goal.faults("/goal/boundary", &self.factors, &mut faults),
+            Goal::Optimise(goal) => goal.faults("/goal/optimise", &self.factors, budget, &mut faults),
             Goal::Sensitivity(goal) => goal.faults("/goal/sensitivity", &self.factors, budget, &mut faults),
         }
         faults

@@ -2,10 +2,15 @@
 
 mod boundary;
 mod estimate;
+mod optimise;
 mod sensitivity;
 
 pub use boundary::{Boundary, BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place, Side};
 pub use estimate::{Estimate, EstimateAnswer, MeasureEstimate, MeasureWidth, PointEstimate};
+pub use optimise::{
+    Bounds, Confirmation, ConfirmationState, Constraint, FIRST_CONFIRMATION, Forecast, Objective, Optimise,
+    OptimiseAnswer, Recommendation,
+};
 pub use sensitivity::{
     Effects, LostRun, MeasureSensitivity, Method, MorrisEffects, Sensitivity, SensitivityAnswer, SobolIndices,
 };
@@ -50,6 +55,7 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
     let mut course = match &question.goal {
         Goal::Estimate(goal) => estimate::decide(goal, &study),
         Goal::Boundary(goal) => boundary::decide(goal, &study),
+        Goal::Optimise(goal) => optimise::decide(goal, &study),
         Goal::Sensitivity(goal) => sensitivity::decide(goal, &study),
     };
     course.proposals.truncate(study.room);

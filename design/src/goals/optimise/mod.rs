@@ -1,0 +1,353 @@
+//! Goal `optimise`: the best value of a response, or the best trade-offs of two, under constraints on other responses.
+//!
+//! The study begins with points of a Sobol' sequence. Models of all measures then choose each further run by expected improvement
+//! times the probability that the constraints hold (`search`). When the search ends, the best point gets runs with fresh seeds
+//! (`confirmation`). When they do not certify the constraints, the point is marked, and the search goes on within the budget.
+//!
+//! | file | content |
+//! |---|---|
+//! | `models` | a fitted model per measure, and one of runs that fail |
+//! | `search`, `surfaces`, `candidates` | the choice of runs |
+//! | `normal`, `front` | expected improvement for one objective and two |
+//! | `recommendation` | the best points that should pass a confirmation |
+//! | `confirmation` | fresh runs, and their verdict |
+
+mod candidates;
+mod confirmation;
+mod front;
+mod models;
+mod normal;
+mod recommendation;
+mod search;
+mod surfaces;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+pub use confirmation::{Bounds, ConfirmationState, FIRST_CONFIRMATION};
+pub use recommendation::{Confirmation, Forecast, Recommendation};
+
+use super::{Course, Study};
+use crate::decision::{Finding, Proposal};
+use crate::evidence::{Outcome, Point, PointRuns};
+use crate::factor::Factor;
+use crate::fault::{Fault, fault};
+use crate::question::{Budget, Measure};
+use crate::space::sobol;
+use confirmation::{Confirming, Plan};
+use models::Models;
+use recommendation::Outlook;
+
+/// Share of the budget beside the confirmation that the first search may use; the rest is for a search after a refuted one.
+const FIRST_SEARCH: f64 = 0.8;
+
+/// The fields of the goal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Optimise {
+    /// One objective, or two for a Pareto front.
+    pub objectives: Vec<Objective>,
+    /// Constraints that must hold together, with 95 % confidence.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub constraints: Vec<Constraint>,
+    /// The search ends when the expected improvement of the best next run is below this one. With one objective it is a
+    /// share of the standard deviation of the objective over the points so far; with two a share of the area of the front.
+    #[serde(default = "default_tolerance")]
+    pub tolerance: f64,
+    /// Maximum number of runs that confirm a point. By default twice the number that certifies the constraints in
+    /// the best case, or 10 without constraints.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confirmation_runs: Option<usize>,
+    /// Maximum number of points of a Pareto front that are confirmed and recommended.
+    #[serde(default = "default_front_points")]
+    pub front_points: usize,
+}
+
+fn default_tolerance() -> f64 {
+    1e-3
+}
+
+fn default_front_points() -> usize {
+    5
+}
+
+/// An objective, for instance `{"minimise": {"mean": "power_w"}}`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Objective {
+    /// The smallest value is the best.
+    Minimise(Measure),
+    /// The largest value is the best.
+    Maximise(Measure),
+}
+
+/// A constraint, for instance `{"of": {"probability": "jammed"}, "at_most": 0.05}`. It has one of the two limits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Constraint {
+    /// The measure.
+    pub of: Measure,
+    /// Upper limit, in the unit of the response.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_most: Option<f64>,
+    /// Lower limit, in the unit of the response.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_least: Option<f64>,
+}
+
+/// The finding of the goal.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OptimiseAnswer {
+    /// The recommended point; with two objectives those of the front, by the first objective.
+    pub recommended: Vec<Recommendation>,
+    /// Points whose confirmation failed.
+    pub rejected: Vec<Recommendation>,
+    /// Expected improvement of the best next run, in the unit of the tolerance; none outside the search.
+    pub expected_improvement: Option<f64>,
+}
+
+impl Objective {
+    /// The measure.
+    pub fn measure(&self) -> &Measure {
+        match self {
+            Self::Minimise(measure) | Self::Maximise(measure) => measure,
+        }
+    }
+
+    /// 1 for an objective that is minimised, −1 for one that is maximised.
+    fn sign(&self) -> f64 {
+        if matches!(self, Self::Minimise(_)) { 1.0 } else { -1.0 }
+    }
+}
+
+impl Constraint {
+    fn limit(&self) -> f64 {
+        self.at_most.or(self.at_least).expect("a constraint without faults has a limit")
+    }
+
+    fn faults(&self, at: &str, faults: &mut Vec<Fault>) {
+        self.of.faults(&format!("{at}/of"), faults);
+        if self.at_most.is_some() == self.at_least.is_some() {
+            faults.push(fault(at, self, "not one limit", "either `at_most` or `at_least`"));
+        }
+        let is_probability = matches!(self.of, Measure::Probability(_));
+        for (name, limit) in [("at_most", self.at_most), ("at_least", self.at_least)] {
+            if let Some(limit) = limit.filter(|limit| is_probability && !(0.001..=0.999).contains(limit)) {
+                let at = format!("{at}/{name}");
+                faults.push(fault(&at, limit, "no runs could certify it", "from 0.001 to 0.999"));
+            }
+        }
+    }
+}
+
+impl Optimise {
+    pub(crate) fn faults(&self, at: &str, factors: &[Factor], budget: &Budget, faults: &mut Vec<Fault>) {
+        let before = faults.len();
+        if !(1..=2).contains(&self.objectives.len()) {
+            let at = format!("{at}/objectives");
+            faults.push(fault(&at, &self.objectives, "not one objective or two", "one or two objectives"));
+        }
+        for (index, objective) in self.objectives.iter().enumerate() {
+            let name = if objective.sign() > 0.0 { "minimise" } else { "maximise" };
+            objective.measure().faults(&format!("{at}/objectives/{index}/{name}"), faults);
+        }
+        for (index, constraint) in self.constraints.iter().enumerate() {
+            constraint.faults(&format!("{at}/constraints/{index}"), faults);
+        }
+        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
+            let at = format!("{at}/tolerance");
+            faults.push(fault(&at, self.tolerance, "not a share to end at", "more than 0 and less than 1"));
+        }
+        if self.front_points == 0 {
+            faults.push(fault(&format!("{at}/front_points"), 0, "nothing to recommend", "at least 1"));
+        }
+        if faults.len() > before {
+            return;
+        }
+        let Some(plan) = self.plan() else {
+            let unlimited = Self { confirmation_runs: None, ..self.clone() }.plan();
+            let allowed = format!("at least {}", unlimited.map_or(0, |plan| plan.first));
+            let detail = "these runs cannot certify the constraints even in the best case";
+            faults.push(fault(&format!("{at}/confirmation_runs"), self.confirmation_runs, detail, &allowed));
+            return;
+        };
+        let least = 2 * (factors.len() + 1) + self.reserve(&plan);
+        if budget.max_runs < least {
+            let detail = "no room for a search and a confirmation";
+            faults.push(fault("/budget/max_runs", budget.max_runs, detail, &format!("at least {least}")));
+        }
+    }
+
+    /// Number of points that are recommended.
+    fn targets(&self) -> usize {
+        if self.objectives.len() == 1 { 1 } else { self.front_points }
+    }
+
+    /// Runs that are kept for the confirmation.
+    fn reserve(&self, plan: &Plan) -> usize {
+        plan.most * self.targets()
+    }
+
+    /// Measures without repetition, those of the objectives first.
+    fn measures(&self) -> Vec<&Measure> {
+        let objectives = self.objectives.iter().map(Objective::measure);
+        let mut measures: Vec<&Measure> = Vec::new();
+        for measure in objectives.chain(self.constraints.iter().map(|constraint| &constraint.of)) {
+            if !measures.contains(&measure) {
+                measures.push(measure);
+            }
+        }
+        measures
+    }
+}
+
+/// Runs of the search at a point.
+fn search_runs(point: &PointRuns) -> impl Iterator<Item = (&u32, &Outcome)> {
+    point.runs.range(..FIRST_CONFIRMATION)
+}
+
+/// The first replicate of the search after all that exist.
+fn next_replicate(point: Option<&PointRuns>) -> u32 {
+    point.and_then(|point| search_runs(point).last()).map_or(0, |(replicate, _)| replicate + 1)
+}
+
+/// The points whose confirmation has begun, with its state.
+fn confirmations<'a>(
+    goal: &Optimise,
+    plan: &Plan,
+    study: &Study<'a>,
+) -> BTreeMap<&'a Point, (Confirming<'a>, ConfirmationState)> {
+    let max_failures = study.question.budget.max_failures;
+    let begun = study.evidence.points().iter().filter_map(|point| {
+        let runs = Confirming::of(point)?;
+        let state = runs.state(goal, plan, max_failures);
+        Some((&point.point, (runs, state)))
+    });
+    begun.collect()
+}
+
+pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
+    let plan = goal.plan().expect("a question without faults has a plan");
+    let begun = confirmations(goal, &plan, study);
+    let count = |state| begun.values().filter(|(_, other)| *other == state).count();
+    let (open, confirmed) = (count(ConfirmationState::Open), count(ConfirmationState::Confirmed));
+    let missing = goal.targets() - (open + confirmed).min(goal.targets());
+    let models = Models::fit(goal, study);
+    let outlook = Outlook::of(goal, &plan, study, models.as_ref(), &begun);
+    let mut course = Course {
+        proposals: Vec::new(),
+        is_met: missing == 0 && open == 0,
+        is_spent: false,
+        finding: Finding::Optimise(outlook.answer(&plan, study, &begun)),
+    };
+    for (point, (runs, _)) in begun.iter().filter(|(_, (_, state))| *state == ConfirmationState::Open) {
+        let run = |replicate| Proposal { point: (*point).clone(), replicate };
+        course.proposals.extend(runs.next(&plan).map(run));
+    }
+    let is_searching = search_room(goal, &plan, study) > 0 && open + confirmed == 0;
+    if is_searching {
+        let improvement = search_step(goal, &plan, study, models.as_ref(), &mut course);
+        if let Finding::Optimise(answer) = &mut course.finding {
+            answer.expected_improvement = improvement;
+        }
+        if improvement.is_none_or(|improvement| improvement >= goal.tolerance) {
+            return course;
+        }
+        course.proposals.clear();
+    }
+    let search_pending = study.evidence.points().iter().flat_map(search_runs);
+    let is_waiting = search_pending.filter(|(_, outcome)| **outcome == Outcome::Pending).count() > 0;
+    if missing > 0 && !is_waiting {
+        begin_confirmations(&plan, study, &outlook, (missing, open + confirmed), &mut course);
+    }
+    course
+}
+
+/// Begins the confirmation of the next points, as far as the budget allows.
+fn begin_confirmations(
+    plan: &Plan,
+    study: &Study<'_>,
+    outlook: &Outlook<'_>,
+    (missing, begun): (usize, usize),
+    course: &mut Course,
+) {
+    let left = study.question.budget.max_runs.saturating_sub(study.evidence.runs() + course.proposals.len());
+    let points = outlook.next_points(missing);
+    let affordable = points.iter().take(left / plan.first);
+    let runs = affordable.flat_map(|point| {
+        (0..plan.first as u32)
+            .map(|index| Proposal { point: point.clone(), replicate: FIRST_CONFIRMATION + index })
+    });
+    let before = course.proposals.len();
+    course.proposals.extend(runs);
+    if course.proposals.len() == before && begun == 0 {
+        course.is_spent = true;
+    } else if course.proposals.is_empty() {
+        // The front has no more points, or the budget no more runs; those confirmed are the answer.
+        course.is_met = true;
+    }
+}
+
+/// Number of runs that the search may still begin.
+fn search_room(goal: &Optimise, plan: &Plan, study: &Study<'_>) -> usize {
+    let points = study.evidence.points();
+    let searched: usize = points.iter().map(|point| search_runs(point).count()).sum();
+    let confirming = study.evidence.runs() - searched;
+    let free = study.question.budget.max_runs.saturating_sub(goal.reserve(plan) + confirming);
+    let share = if confirming == 0 { FIRST_SEARCH } else { 1.0 };
+    ((share * free as f64) as usize).saturating_sub(searched)
+}
+
+/// Proposes runs of the search. Returns the expected improvement of the best one; none while the first design is incomplete.
+fn search_step(
+    goal: &Optimise,
+    plan: &Plan,
+    study: &Study<'_>,
+    models: Option<&Models>,
+    course: &mut Course,
+) -> Option<f64> {
+    let room = search_room(goal, plan, study).min(study.room);
+    let (wanted, is_ready) = first_design(goal, study);
+    let first = wanted.len();
+    course.proposals.extend(wanted.into_iter().take(room));
+    let models = models.filter(|_| is_ready)?;
+    let rest = room.saturating_sub(first);
+    let (further, improvement) = search::proposals(goal, plan, study, models, rest);
+    course.proposals.extend(further);
+    (first == 0).then_some(improvement)?
+}
+
+/// Missing runs of the first design, and whether enough of its points have results for models.
+fn first_design(goal: &Optimise, study: &Study<'_>) -> (Vec<Proposal>, bool) {
+    let budget = &study.question.budget;
+    let factors = &study.question.factors;
+    let has_means = goal.measures().iter().any(|measure| matches!(measure, Measure::Mean(_)));
+    // Two runs at a point show the noise of means.
+    let replicates = if has_means { 2.min(budget.max_replicates) } else { 1 };
+    let points = (5 * (factors.len() + 1)).min(budget.max_runs / (4 * replicates)).max(factors.len() + 1);
+    let has_values =
+        |point: &PointRuns| goal.measures().iter().all(|measure| !point.values(measure).is_empty());
+    let known = study.usable_points().filter(|point| has_values(point)).count();
+    let mut proposals = Vec::new();
+    let mut begun = 0;
+    // Excluded points are replaced by later ones of the sequence.
+    for index in 0..4 * points {
+        let point = Point::new(&sobol(index, factors.len(), study.seed)).rounded(factors);
+        let runs = study.evidence.at(&point);
+        if runs.is_some_and(|runs| budget.excludes(runs)) {
+            continue;
+        }
+        let (count, failed) = runs.map_or((0, 0), |runs| (search_runs(runs).count(), runs.failed()));
+        let next = next_replicate(runs);
+        let more = (replicates + failed).saturating_sub(count) as u32;
+        proposals.extend((0..more).map(|index| Proposal { point: point.clone(), replicate: next + index }));
+        begun += 1;
+        if begun == points || known + begun >= 2 * points {
+            break;
+        }
+    }
+    (proposals, 4 * known >= 3 * points)
+}
