@@ -1,9 +1,8 @@
 //! 95 % intervals of Sobol' indices: the union of a bootstrap interval and an interval of Student's t.
 //!
 //! The bootstrap draws whole rows with replacement and takes quantiles of the indices. The other interval has the standard
-//! error of the linearised index (delta method). With few rows both are a little short, at different indices: the bootstrap
-//! where the index is near 0 and noisy, the other where the index is skewed. The union, with each of them at
-//! 97 %, covers the truth in at least 94 % of simulations from 64 rows on (`docs/proofs.md`).
+//! error of the linearised index (delta method). With few rows each of them misses the truth too often. Their union, each at
+//! 97 %, holds it in at least 94 % of simulated designs from 64 rows on (`docs/proofs.md`).
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
