@@ -60,6 +60,13 @@ pub(crate) struct ServerArgs {
     /// Maximum size of a checkpoint; without a checkpoint, a job that is handed back begins again
     #[arg(long, default_value_t = ServerConfig::default().max_checkpoint_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     checkpoint_limit_mib: u64,
+    /// Maximum size of all filled states together, which jobs with the same fill start from; the longest unused are deleted. 0 stores none:
+    /// each worker then shares fills between its own jobs only
+    #[arg(long, default_value_t = ServerConfig::default().fill_limit_bytes >> 20, value_name = "MIB", value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
+    fills_limit_mib: u64,
+    /// Delete filled states at this time after their last use, such as 12h or 30d
+    #[arg(long, default_value = "30d", value_name = "AGE", value_parser = crate::prune::age)]
+    fills_max_age: Duration,
     /// Maximum number of requests per second for each token, or for all clients without tokens; 0 means no limit
     #[arg(long, default_value_t = 0, value_name = "N")]
     max_requests_per_s: u32,
@@ -99,6 +106,8 @@ impl ServerArgs {
             max_frames_bytes: self.max_frames_mb * 1_000_000,
             checkpoint_interval: self.checkpoint_interval,
             max_checkpoint_bytes: self.checkpoint_limit_mib << 20,
+            fill_limit_bytes: self.fills_limit_mib << 20,
+            fill_max_age: self.fills_max_age,
             max_requests_per_s: self.max_requests_per_s,
             max_connections: self.max_connections,
             prune_after: self.prune_after,

@@ -1,6 +1,7 @@
 //! `roost status`: the progress of a sweep or a job.
 
 use anyhow::Result;
+use roost_api::job::{FilledBy, JobView};
 use roost_terminal::{Exit, message, print_json, print_line, print_lines};
 use serde_json::json;
 use uuid::Uuid;
@@ -56,6 +57,9 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
                         "checkpoint at {simulated_s:.3} s of simulated time, {mib:.1} MiB"
                     ))?;
                 }
+                if let Some(text) = fill(&job) {
+                    print_line(text)?;
+                }
                 if let Some(message) = &job.failure_message {
                     print_line(format_args!("{message}"))?;
                 }
@@ -63,4 +67,14 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         }
     }
     Ok(Exit::Done)
+}
+
+/// Where the filled state of a job came from, where that is worth a line.
+fn fill(job: &JobView) -> Option<&'static str> {
+    match (job.filled_by, job.shared_fill) {
+        (Some(FilledBy::Shared), _) => Some("started from a filled state of another run"),
+        (Some(FilledBy::Attempt), true) => Some("filled by itself"),
+        (_, false) => Some("shares no filled state"),
+        (None, true) => None,
+    }
 }

@@ -37,6 +37,9 @@ pub(crate) struct Args {
     /// Simulate even if the server has a result of the same scenario
     #[arg(long)]
     no_cache: bool,
+    /// Fill each hopper anew: use no filled state of another job, and keep none
+    #[arg(long)]
+    no_shared_fill: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -145,6 +148,9 @@ fn add_options(document: &mut Value, args: &Args) {
     }
     if args.no_cache {
         set("cache", json!("bypass"));
+    }
+    if args.no_shared_fill {
+        set("shared_fill", json!(false));
     }
 }
 

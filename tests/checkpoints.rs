@@ -12,6 +12,9 @@ use support::{Sandbox, fraction, run, slow_scenario, stdout};
 /// Simulated time of the scenario: some seconds of wall time.
 const DURATION_S: f64 = 15.0;
 
+/// A server with short leases that stores no fills: checkpoints are its only objects.
+const WITHOUT_FILLS: &[&str] = &["--lease-s", "2", "--fills-limit-mib", "0"];
+
 /// The parts of a result that do not depend on wall time.
 fn physics(result: &Value) -> [Value; 4] {
     ["responses", "series", "curves", "end_reason"].map(|name| result[name].clone())
@@ -49,7 +52,7 @@ fn a_job_continues_after_sigterm_with_the_result_of_an_undisturbed_run() {
     let _undisturbed = support::timing_lock();
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
-    let _server = sandbox.start_server();
+    let _server = sandbox.start_server_with(WITHOUT_FILLS);
     let worker = sandbox.start_worker("first");
     let job = sandbox.submit(&slow_scenario(DURATION_S));
     sandbox.wait_for_job(&job, "the job is under way", |job| fraction(job) > 0.1);
@@ -94,7 +97,7 @@ fn a_damaged_checkpoint_is_discarded_and_the_job_begins_at_zero() {
     let _undisturbed = support::timing_lock();
     let sandbox = Sandbox::new();
     let expected = undisturbed(&sandbox);
-    let _server = sandbox.start_server();
+    let _server = sandbox.start_server_with(WITHOUT_FILLS);
     let worker = sandbox.start_worker("first");
     let job = sandbox.submit(&slow_scenario(DURATION_S));
     sandbox.wait_for_job(&job, "the job is under way", |job| fraction(job) > 0.1);

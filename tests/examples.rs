@@ -42,6 +42,7 @@ curl -s $R/v1/workers --json '{"worker_id": "'$WORKER'", "name": "again", "api_v
   "backend": "cpu", "device": "'"$DEVICE"'", "threads": 1}'"#
         }
         "PUT /v1/jobs/{id}/attempts/{n}/checkpoint" => "printf 'a checkpoint' > run.checkpoint",
+        "PUT /v1/jobs/{id}/attempts/{n}/fill" => "printf 'a checkpoint' > run.fill",
         "POST /v1/jobs/{id}/attempts/{n}/result" => {
             r#"printf '{"worker_id": "%s", "result": %s}' $WORKER "$(curl -s $R/v1/jobs/$DONE/result)" > delivery.json"#
         }
@@ -126,6 +127,9 @@ submit() { curl -s $R/v1/jobs --json @again.json | sed -n 's/^{"id":"\([^"]*\)".
     assert_eq!(answer("POST /v1/jobs/{id}/attempts/{n}/result")["recorded"], true);
     assert_eq!(answer("PUT /v1/jobs/{id}/attempts/{n}/checkpoint")["recorded"], true);
     assert_eq!(std::fs::read(sandbox.path("stored.checkpoint")).unwrap(), b"a checkpoint");
+    // The worker stored the fill of the first job, which has the same hopper.
+    assert_eq!(answer("PUT /v1/jobs/{id}/attempts/{n}/fill")["recorded"], false);
+    assert!(std::fs::read(sandbox.path("stored.fill")).unwrap().starts_with(b"ROOSTCKP"));
     assert_eq!(&std::fs::read(sandbox.path("results.parquet")).unwrap()[..4], b"PAR1");
     assert!(std::fs::read_to_string(sandbox.path("results.csv")).unwrap().starts_with("job_id,point,"));
 }

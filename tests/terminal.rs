@@ -47,7 +47,13 @@ fn fail_a_job(sandbox: &Sandbox) {
         threads: 1,
     };
     let worker_id = registration.worker_id;
-    let claim = ClaimRequest { request_id: Uuid::now_v7(), worker_id, max_jobs: 1, wait_s: 20.0 };
+    let claim = ClaimRequest {
+        request_id: Uuid::now_v7(),
+        worker_id,
+        max_jobs: 1,
+        wait_s: 20.0,
+        shares_fills: false,
+    };
     sandbox.ask(|client| async move {
         client.register(&registration).await.unwrap();
         let claimed = client.claim(&claim).await.unwrap().attempts.remove(0);

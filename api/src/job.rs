@@ -163,6 +163,16 @@ words!(
     }
 );
 
+words!(
+    /// Where the filled state of an attempt came from.
+    FilledBy {
+        /// The attempt filled by itself.
+        Attempt = "attempt",
+        /// An earlier run had filled: the attempt started from its state at t = 0.
+        Shared = "shared",
+    }
+);
+
 /// Requirements of a job on its worker.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -200,6 +210,9 @@ pub struct JobEnvelope {
     /// Whether a cached result may be used.
     #[serde(default = "default_cache")]
     pub cache: Cache,
+    /// Whether the run may start from a filled state that another run left, and leave its own. No result depends on it.
+    #[serde(default = "default_shared_fill")]
+    pub shared_fill: bool,
 }
 
 /// The schema of labels. JSON Schema limits characters, not bytes: the server checks bytes as well.
@@ -219,6 +232,11 @@ pub(crate) fn labels_schema() -> Object {
 /// The default of [`JobEnvelope::cache`].
 pub fn default_cache() -> Cache {
     Cache::Use
+}
+
+/// The default of [`JobEnvelope::shared_fill`].
+pub fn default_shared_fill() -> bool {
+    true
 }
 
 /// A job as the API shows it.
@@ -260,6 +278,12 @@ pub struct JobView {
     /// Its newest checkpoint. It is deleted when the job ends.
     #[serde(default)]
     pub checkpoint: Option<CheckpointView>,
+    /// Whether its run may start from a filled state that another run left, and leave its own.
+    #[serde(default = "default_shared_fill")]
+    pub shared_fill: bool,
+    /// Where the filled state of its newest attempt came from; null until it has a result, and for runs that share none.
+    #[serde(default)]
+    pub filled_by: Option<FilledBy>,
     /// Progress of the running attempt.
     #[schema(value_type = Option<ProgressSchema>)]
     pub progress: Option<Progress>,

@@ -11,9 +11,10 @@ use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 use uuid::Uuid;
 
 use crate::checkpoint::{CheckpointOrder, CheckpointView};
+use crate::fill::FillOrder;
 use crate::frames::FramesOrder;
 use crate::ids::{JobId, WorkerId};
-use crate::job::AttemptOutcome;
+use crate::job::{AttemptOutcome, FilledBy};
 use crate::solver_documents::{ProgressSchema, RunResultSchema};
 use crate::time::Timestamp;
 
@@ -37,6 +38,10 @@ pub struct ClaimRequest {
     /// Time that the server waits for work before it answers without any, in seconds.
     #[schema(schema_with = wait_s)]
     pub wait_s: f64,
+    /// Whether the worker starts from stored fills and uploads those that it computes. Jobs with a fill that a running attempt computes
+    /// are then passed over.
+    #[serde(default)]
+    pub shares_fills: bool,
 }
 
 fn max_jobs() -> Object {
@@ -85,6 +90,12 @@ pub struct ClaimedAttempt {
     /// The checkpoint to continue from. It is from the same solver revision, backend and device as the worker.
     #[serde(default)]
     pub checkpoint: Option<CheckpointView>,
+    /// Whether the run may start from a filled state that another run left, and leave its own.
+    #[serde(default = "crate::job::default_shared_fill")]
+    pub shared_fill: bool,
+    /// The fill that the job shares with others; null if it shares none, or if the claim did not say `shares_fills`.
+    #[serde(default)]
+    pub fill: Option<FillOrder>,
     /// End of the lease, unless it is renewed.
     #[schema(value_type = String, format = DateTime)]
     pub lease_expires_at: Timestamp,
@@ -201,6 +212,9 @@ pub struct ResultDelivery {
     /// The result document.
     #[schema(value_type = RunResultSchema)]
     pub result: RunResult,
+    /// Where its filled state came from, if it shares one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filled_by: Option<FilledBy>,
 }
 
 /// The report of an attempt that ended without a result. Repeating it is safe.

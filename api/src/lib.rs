@@ -6,6 +6,7 @@
 pub mod checkpoint;
 pub mod design;
 pub mod event;
+pub mod fill;
 pub mod frames;
 pub mod ids;
 pub mod job;

@@ -54,6 +54,9 @@ pub struct SweepSpec {
     /// Whether cached results may be used.
     #[serde(default = "crate::job::default_cache")]
     pub cache: Cache,
+    /// Whether runs may start from a filled state that another run left, and leave their own. No result depends on it.
+    #[serde(default = "crate::job::default_shared_fill")]
+    pub shared_fill: bool,
 }
 
 fn one() -> u32 {

@@ -44,6 +44,10 @@ pub struct ServerConfig {
     pub checkpoint_interval: Duration,
     /// Maximum size of a checkpoint.
     pub max_checkpoint_bytes: u64,
+    /// Maximum size of all stored fills together; 0 stores none.
+    pub fill_limit_bytes: u64,
+    /// Age after its last use at which a fill is deleted.
+    pub fill_max_age: Duration,
     /// Maximum of requests per second for each token, or in total without tokens; 0 is no limit.
     pub max_requests_per_s: u32,
     /// Maximum number of connections. The system's limit of open files may reduce it.
@@ -77,6 +81,8 @@ impl Default for ServerConfig {
             max_frames_bytes: 200_000_000,
             checkpoint_interval: Duration::from_secs(300),
             max_checkpoint_bytes: 256 * 1024 * 1024,
+            fill_limit_bytes: 20 * 1024 * 1024 * 1024,
+            fill_max_age: Duration::from_secs(30 * 24 * 3600),
             max_requests_per_s: 0,
             max_connections: 8192,
             head_timeout: Duration::from_secs(10),

@@ -19,6 +19,9 @@ const DELETE_EVERY: Duration = Duration::from_secs(600);
 /// Interval of the removal of checkpoints.
 const REMOVE_EVERY: Duration = Duration::from_secs(1);
 
+/// Time after which jobs share a withdrawn fill again.
+const WITHDRAWN: Duration = Duration::from_secs(3600);
+
 /// After a downtime longer than this the clock may be wrong, and the server deletes nothing until it has run
 /// for as long.
 const DAY: Duration = Duration::from_secs(24 * 3600);
@@ -53,12 +56,15 @@ async fn remove_checkpoints(app: &App) {
 
 async fn remove_unneeded(app: &App) -> Result<(), StoreError> {
     app.store.remove_unnamed_objects().await?;
-    let uploading = app.checkpoint_uploads.jobs();
-    if !uploading.is_empty() {
+    for uploads in [&app.checkpoint_uploads, &app.fill_uploads] {
+        let uploading = uploads.jobs();
+        if uploading.is_empty() {
+            continue;
+        }
         let running = app.store.running_of(&uploading).await?;
         // An upload that began meanwhile stays.
         let ended = uploading.into_iter().filter(|job| !running.contains(job));
-        for part in app.checkpoint_uploads.take(ended) {
+        for part in uploads.take(ended) {
             app.store.discard(part).await;
         }
     }
@@ -86,6 +92,12 @@ async fn delete_old(app: &App) {
         logged = None;
         if let Err(error) = app.store.forget_before(ago(app, app.config.memory)).await {
             tracing::error!(error = error.as_dyn(), "deleting old events failed");
+        }
+        let (unused, withdrawn) = (ago(app, app.config.fill_max_age), ago(app, WITHDRAWN));
+        match app.store.prune_fills(unused, withdrawn).await {
+            Ok(0) => {}
+            Ok(fills) => tracing::info!(fills, "deleted unused fills"),
+            Err(error) => tracing::error!(error = error.as_dyn(), "deleting unused fills failed"),
         }
         if let Some(age) = app.config.prune_after {
             prune(app, age).await;
@@ -149,7 +161,9 @@ async fn tick(app: &App) -> Result<(), StoreError> {
         app.metrics.attempt_ended(if is_lost { AttemptOutcome::Lost } else { AttemptOutcome::Timeout });
     }
     let requeued = |change: &JobChange| matches!(change, JobChange::Requeue { not_before: None, .. });
-    if passed.resumed > 0 || passed.changes.iter().any(|(_, change)| requeued(change)) {
+    // Jobs that waited for a fill of an ended attempt.
+    let ended_fills = app.store.forget_ended_fills().await?;
+    if ended_fills > 0 || passed.resumed > 0 || passed.changes.iter().any(|(_, change)| requeued(change)) {
         app.work.notify_waiters();
     }
     // Changes by `roost token` take effect within a second.

@@ -117,6 +117,7 @@ impl Server {
             refusal_limit: Default::default(),
             shutdown: CancellationToken::new(),
             checkpoint_uploads: Default::default(),
+            fill_uploads: Default::default(),
             progress: Default::default(),
         });
         Ok(Self { listener, address, app, _lock: lock })

@@ -2,34 +2,31 @@
 //!
 //! Every [`Run`] ends with exactly one [`RunEnd`], even when the solver panics.
 
+mod ending;
 mod filled;
 mod stop;
 
-use std::any::Any;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use roost_api::job::AttemptOutcome;
+use roost_api::job::{AttemptOutcome, FilledBy};
 use roost_api::{Progress, RunResult};
 use roost_solver::engine::run::Snapshot;
 use roost_solver::observe::Recorder;
-use roost_solver::result::{EndReason, Instability};
-use roost_solver::scenario::{self, Fault};
+use roost_solver::scenario;
 use roost_solver::{Checked, Checkpoint, Flow, Limits, Moment, Observer, SimulateError};
 use serde_json::Value;
 use tokio::sync::watch;
-use tokio::task::{JoinError, JoinHandle};
+use tokio::task::JoinHandle;
 
 use crate::checkpoints::{CheckpointSlot, Resume};
 use crate::device::{Device, ReserveError, RunSize};
-use crate::fills::FillCache;
+use crate::fills::{FillCache, ServerFill};
+use crate::memory_budget::PendingRun;
 use crate::meshes::MeshSource;
+use ending::{classify, invalid, stopped_early, thread_ended};
 use filled::{Filled, Start};
 pub use stop::{Stop, StopFlag};
-
-const WORKER_STOPS: &str = "handed back: the worker is stopping";
-
-const JOB_PAUSED: &str = "handed back: the job was paused";
 
 const MEMORY_IN_USE: &str = "released: other jobs of the worker use the memory of its device";
 
@@ -69,6 +66,8 @@ pub struct Extras {
     pub checkpoints: Option<CheckpointSlot>,
     /// Where it finds a filled state to start from, and leaves its own. Runs with frames do neither: frames show the fill.
     pub fills: Option<FillCache>,
+    /// The fill on the server, which the run uses after its cache.
+    pub server_fill: Option<ServerFill>,
     /// Where it continues from; from zero without.
     pub resume: Option<Resume>,
 }
@@ -104,6 +103,7 @@ pub struct Run {
     pub recorder: SharedRecorder,
     /// Asks it to stop.
     pub stop: StopFlag,
+    filled: Filled,
     run: JoinHandle<RunEnd>,
 }
 
@@ -122,8 +122,8 @@ impl Run {
         mut extras: Extras,
     ) -> Self {
         let pending = resources.device.announce_run();
-        let start = extras.start();
-        Self::start_with(max_wall_s, extras, async move {
+        let (start, filled) = extras.start();
+        Self::start_with(max_wall_s, extras, filled, async move {
             let scenario = scenario::from_value(&document).map_err(|faults| invalid(&faults))?;
             let digests = scenario.meshes().into_iter().map(str::to_owned).collect();
             let meshes = meshes.load(digests).await;
@@ -131,25 +131,24 @@ impl Run {
                 meshes.map_err(|failure| RunEnd::failed(AttemptOutcome::Worker, failure.to_string()))?;
             let check = move || roost_solver::check(&scenario, &meshes, &Limits::NONE);
             let checked = tokio::task::spawn_blocking(check).await.map_err(thread_ended)?;
-            let solve = solver(resources, checked.map_err(|faults| invalid(&faults))?, start).await;
-            drop(pending);
-            solve
+            solver(resources, checked.map_err(|faults| invalid(&faults))?, start, pending).await
         })
     }
 
     /// Starts a checked scenario. Must be called within a tokio runtime.
     pub fn start_checked(checked: Checked, resources: Resources, mut extras: Extras) -> Self {
         let pending = resources.device.announce_run();
-        let start = extras.start();
-        Self::start_with(None, extras, async move {
-            let solve = solver(resources, checked, start).await;
-            drop(pending);
-            solve
-        })
+        let (start, filled) = extras.start();
+        Self::start_with(
+            None,
+            extras,
+            filled,
+            async move { solver(resources, checked, start, pending).await },
+        )
     }
 
     /// Starts a function that reports progress and gives a result, after `prepare` has made it.
-    fn start_with<P, F>(max_wall_s: Option<f64>, extras: Extras, prepare: P) -> Self
+    fn start_with<P, F>(max_wall_s: Option<f64>, extras: Extras, filled: Filled, prepare: P) -> Self
     where
         P: Future<Output = Result<F, RunEnd>> + Send + 'static,
         F: FnOnce(&mut dyn Observer) -> Result<RunResult, SimulateError> + Send + 'static,
@@ -159,6 +158,7 @@ impl Run {
         let flag = stop.clone();
         let recorder = SharedRecorder::default();
         let copy = recorder.clone();
+        let observed = filled.clone();
         let run = tokio::spawn(async move {
             let solve = tokio::select! {
                 biased;
@@ -177,38 +177,65 @@ impl Run {
                     }
                     if flag.get().is_some() { Flow::Cancel } else { Flow::Continue }
                 };
-                let Extras { frames, checkpoints, fills, .. } = extras;
-                let filled = Filled::new(fills.filter(|_| frames.is_none()));
+                let Extras { frames, checkpoints, .. } = extras;
                 let stop = flag.clone();
-                let mut observer =
-                    RunObserver { report, stop, frames, checkpoints, filled, copy, copied_at: started };
+                let mut observer = RunObserver {
+                    report,
+                    stop,
+                    frames,
+                    checkpoints,
+                    filled: observed,
+                    copy,
+                    copied_at: started,
+                };
                 let outcome = solve(&mut observer);
                 observer.filled.finish();
                 classify(outcome, flag.get(), max_wall_s)
             });
             solving.await.unwrap_or_else(thread_ended)
         });
-        Self { progress, recorder, stop, run }
+        Self { progress, recorder, stop, filled, run }
     }
 
     /// A run that never starts to compute.
     #[cfg(test)]
     pub(crate) fn pending() -> Self {
         type Solve = fn(&mut dyn Observer) -> Result<RunResult, SimulateError>;
-        Self::start_with(None, Extras::default(), std::future::pending::<Result<Solve, RunEnd>>())
+        Self::start_plain(std::future::pending::<Result<Solve, RunEnd>>())
+    }
+
+    /// A run without extras.
+    #[cfg(test)]
+    fn start_plain<P, F>(prepare: P) -> Self
+    where
+        P: Future<Output = Result<F, RunEnd>> + Send + 'static,
+        F: FnOnce(&mut dyn Observer) -> Result<RunResult, SimulateError> + Send + 'static,
+    {
+        let mut extras = Extras::default();
+        let (_, filled) = extras.start();
+        Self::start_with(None, extras, filled, prepare)
     }
 
     /// Waits for the end of the run.
     pub async fn end(self) -> RunEnd {
-        self.run.await.unwrap_or_else(thread_ended)
+        self.end_with_fill().await.0
+    }
+
+    /// The same, and where its filled state came from.
+    pub(crate) async fn end_with_fill(self) -> (RunEnd, Option<FilledBy>) {
+        let end = self.run.await.unwrap_or_else(thread_ended);
+        // Also of a run that did not begin to compute: nobody waits for its fill.
+        self.filled.finish();
+        (end, self.filled.filled_by())
     }
 }
 
-/// Waits for the device to have memory for a scenario; the function then simulates it.
+/// Waits for the device to have memory for a scenario, and for its fill; the function then simulates it.
 async fn solver(
     resources: Resources,
     checked: Checked,
     Start { resume, fills }: Start,
+    pending: Option<PendingRun>,
 ) -> Result<impl FnOnce(&mut dyn Observer) -> Result<RunResult, SimulateError> + Send + 'static, RunEnd> {
     let triangles = checked.setup().meshes.triangles();
     let has_moments = checked.scenario().bonds.moment_stiffness_factor > 0.0;
@@ -224,13 +251,16 @@ async fn solver(
         ReserveError::MemoryInUse => RunEnd::failed(AttemptOutcome::Released, MEMORY_IN_USE),
         ReserveError::Failed(reason) => RunEnd::failed(AttemptOutcome::Worker, reason),
     })?;
+    // Its size is known. Waiting for a fill must not keep the worker from claims.
+    drop(pending);
     let (mut checkpoint, mut refused) = match resume {
         Some(resume) => (resume.checkpoint.await, resume.refused),
         None => (None, None),
     };
-    if let (None, Some(cache)) = (&checkpoint, fills) {
-        let (filled, discard) = filled::load(cache, &resources.device, &checked).await?;
-        (checkpoint, refused) = (filled, Some(discard));
+    match (&checkpoint, fills) {
+        (None, Some(fills)) => (checkpoint, refused) = fills.load(&resources.device, &checked).await?,
+        (Some(_), Some(fills)) => fills.keep(),
+        (_, None) => {}
     }
     Ok(move |observer: &mut dyn Observer| {
         match (reserved.simulate(&checked, checkpoint.as_ref(), observer), refused) {
@@ -242,33 +272,6 @@ async fn solver(
             (outcome, _) => outcome,
         }
     })
-}
-
-/// The end of a run whose thread panicked or was dropped.
-fn thread_ended(error: JoinError) -> RunEnd {
-    if !error.is_panic() {
-        return RunEnd::failed(AttemptOutcome::Worker, "the run's thread was dropped");
-    }
-    let message = format!("the solver panicked: {}", panic_text(&*error.into_panic()));
-    RunEnd::failed(AttemptOutcome::Worker, message)
-}
-
-/// The end of a run that was stopped before it began.
-fn stopped_early(why: Stop) -> RunEnd {
-    match why {
-        Stop::Abandon => RunEnd::Abandoned,
-        Stop::Release => RunEnd::failed(AttemptOutcome::Released, WORKER_STOPS),
-        Stop::Preempt => RunEnd::failed(AttemptOutcome::Released, JOB_PAUSED),
-        Stop::Cancel | Stop::Timeout => {
-            RunEnd::failed(AttemptOutcome::Cancelled, "cancelled before it began")
-        }
-    }
-}
-
-/// The end of a run with an invalid scenario.
-fn invalid(faults: &[Fault]) -> RunEnd {
-    let faults: Vec<_> = faults.iter().map(Fault::to_string).collect();
-    RunEnd::failed(AttemptOutcome::Invalid, faults.join("; "))
 }
 
 /// A copy of the samples of a run so far.
@@ -336,49 +339,6 @@ impl<F: FnMut(&Progress) -> Flow> Observer for RunObserver<F> {
         self.copied_at = Instant::now();
         self.copy.lock().clone_from(recorder);
     }
-}
-
-/// Classifies the end of a run by its result and the reason to stop. A run that ended before it saw the flag has a normal result.
-fn classify(
-    outcome: Result<RunResult, SimulateError>,
-    stop: Option<Stop>,
-    max_wall_s: Option<f64>,
-) -> RunEnd {
-    let result = match outcome {
-        Ok(result) => result,
-        Err(error) => return RunEnd::failed(AttemptOutcome::Worker, error.to_string()),
-    };
-    let (outcome, message) = match (result.end_reason, stop) {
-        (_, Some(Stop::Abandon)) => return RunEnd::Abandoned,
-        (EndReason::Unstable, _) => {
-            let message = match &result.instability {
-                Some(instability) => {
-                    let Instability { reason, step, time_s } = instability;
-                    format!("{reason} at step {step}, belt time {time_s:.4} s")
-                }
-                None => "the physics diverged".to_owned(),
-            };
-            (AttemptOutcome::Unstable, message)
-        }
-        (EndReason::Cancelled, Some(Stop::Release)) => {
-            return RunEnd::failed(AttemptOutcome::Released, WORKER_STOPS);
-        }
-        (EndReason::Cancelled, Some(Stop::Preempt)) => {
-            return RunEnd::failed(AttemptOutcome::Released, JOB_PAUSED);
-        }
-        (EndReason::Cancelled, Some(Stop::Timeout)) => {
-            let limit = max_wall_s.unwrap_or_default();
-            (AttemptOutcome::Timeout, format!("stopped after max_wall_s = {limit} s"))
-        }
-        (EndReason::Cancelled, _) => (AttemptOutcome::Cancelled, "cancelled while running".to_owned()),
-        _ => return RunEnd::Finished(result),
-    };
-    RunEnd::Failed { outcome, message, result: Some(result) }
-}
-
-fn panic_text(payload: &(dyn Any + Send)) -> &str {
-    let text = payload.downcast_ref::<&str>().copied();
-    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
 }
 
 #[cfg(test)]

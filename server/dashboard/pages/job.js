@@ -39,6 +39,7 @@ export async function show(main, id) {
         ["Speed", job.progress.wall_s > 0 ? `${number(job.progress.particle_steps / job.progress.wall_s / 1e6, 3)} million particle-steps/s` : null],
         ["Left", job.progress.fraction > 0 ? duration((job.progress.wall_s * (1 - job.progress.fraction)) / job.progress.fraction) : null]]),
       facts([...levels, ["Attempt", job.attempt], ["Continues from", typeof job.resumed_from_s === "number" ? `${number(job.resumed_from_s, 3)} s of simulated time` : null],
+        ["Fill", job.filled_by === "shared" ? "of another run" : job.filled_by === "attempt" ? "its own" : null],
         ["Checkpoint", job.checkpoint ? `at ${number(job.checkpoint.simulated_s, 3)} s, ${number(job.checkpoint.bytes / 2 ** 20, 3)} MiB` : null], ["Submitted", dateTime(job.submitted_at)], ["Started", job.started_at && dateTime(job.started_at)],
         ["Ended", job.ended_at && dateTime(job.ended_at)], ["Duration", took ? duration(took) : null]]));
   }

@@ -47,9 +47,10 @@ pub(crate) async fn result(
     State(app): State<App>,
     Delivery { job: id, attempt, body, bytes, budget: _budget }: Delivery<ResultDelivery>,
 ) -> Result<Json<Receipt>, ApiError> {
-    let ResultDelivery { worker_id, result } = body;
+    let ResultDelivery { worker_id, result, filled_by } = body;
     let stored = run_blocking_if_long(bytes, move || checked_result(&result)).await??;
-    let verdict = app.store.record_result(id, attempt, worker_id, stored, app.clock.now()).await??;
+    let recorded = app.store.record_result(id, attempt, worker_id, (stored, filled_by), app.clock.now());
+    let verdict = recorded.await??;
     Ok(Json(settle(&app, id, AttemptOutcome::Succeeded, &verdict)))
 }
 

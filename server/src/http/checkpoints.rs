@@ -5,20 +5,16 @@ use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use futures_util::StreamExt;
 use roost_api::checkpoint::{CheckpointReceipt, MEDIA_TYPE};
 use roost_api::ids::{JobId, WorkerId};
 use roost_api::problem::Problem;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::extract::{Params, Segments, check_media_type, incomplete_body};
+use super::extract::{Params, Segments};
+use super::parts::{Part, Received};
 use super::problem::{ApiError, ProblemKind};
-use crate::state::{App, UploadKey};
-use crate::store::StageError;
-
-/// Media types of an upload.
-const MEDIA_TYPES: [&str; 2] = [MEDIA_TYPE, "application/octet-stream"];
+use crate::state::App;
 
 /// Query of a part of an upload.
 #[derive(Deserialize, IntoParams)]
@@ -40,25 +36,6 @@ pub(crate) struct UploadQuery {
     /// Bytes before this part.
     #[serde(default)]
     offset: u64,
-}
-
-impl UploadQuery {
-    fn check(&self) -> Result<(), ApiError> {
-        let is_digest = self.digest.len() == 64
-            && self.digest.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
-        let detail = if !self.simulated_s.is_finite() || self.simulated_s < 0.0 {
-            format!("simulated_s {} is out of range: allowed is a number from 0", self.simulated_s)
-        } else if self.bytes == 0 {
-            "bytes 0 is out of range: allowed is a whole number from 1".to_owned()
-        } else if !is_digest {
-            "digest is not a BLAKE3 hash: send 64 hexadecimal digits in lower case".to_owned()
-        } else if self.offset >= self.bytes {
-            format!("offset {} is out of range: allowed is a number below bytes, {}", self.offset, self.bytes)
-        } else {
-            return Ok(());
-        };
-        Err(ApiError::new(ProblemKind::InvalidQuery, detail))
-    }
 }
 
 /// Uploads a part of a checkpoint of an attempt. Send the part that begins at `received` of the last answer, until all parts have arrived.
@@ -84,58 +61,20 @@ pub(crate) async fn upload(
     Params(query): Params<UploadQuery>,
     request: Request,
 ) -> Result<Json<CheckpointReceipt>, ApiError> {
-    query.check()?;
-    check_media_type(request.headers(), MEDIA_TYPES, ProblemKind::NotCheckpoint)?;
-    // Refuse a stale attempt before its megabytes are sent.
-    app.store.may_write(job, attempt, query.worker_id).await??;
-    let limit = app.config.max_checkpoint_bytes;
-    if query.bytes > limit {
-        let detail = format!(
-            "the checkpoint of {} bytes is larger than {limit} bytes (checkpoint-limit-mib, which the operator can set)",
-            query.bytes
-        );
-        return Err(ApiError::new(ProblemKind::TooLarge, detail));
+    if !query.simulated_s.is_finite() || query.simulated_s < 0.0 {
+        let detail = format!("simulated_s {} is out of range: allowed is a number from 0", query.simulated_s);
+        return Err(ApiError::new(ProblemKind::InvalidQuery, detail));
     }
-    let key = UploadKey { job, attempt, digest: query.digest };
-    let received = app.checkpoint_uploads.received(&key);
-    let mut body = request.into_body().into_data_stream();
-    let length = query.bytes - query.offset;
-    if received != query.offset {
-        // A client reads the answer after it has sent the body.
-        let mut rest = length;
-        while let Some(Ok(chunk)) = body.next().await
-            && let Some(less) = rest.checked_sub(chunk.len() as u64)
-        {
-            rest = less;
+    let UploadQuery { worker_id: worker, simulated_s, bytes, digest, offset } = query;
+    let part = Part { job, attempt, worker, bytes, digest, offset };
+    match part.receive(&app, &app.checkpoint_uploads, "checkpoint", request).await? {
+        Received::Some(received) => Ok(Json(CheckpointReceipt { received, recorded: false })),
+        Received::All(whole) => {
+            let recorded = app.store.record_checkpoint(job, attempt, worker, whole, simulated_s).await??;
+            app.progress.touch(job);
+            Ok(Json(CheckpointReceipt { received: bytes, recorded }))
         }
-        return Ok(Json(CheckpointReceipt { received, recorded: false }));
     }
-    let part = app.store.stage(body, length).await.map_err(|unstaged| match unstaged {
-        StageError::Broken(error) => incomplete_body(&error),
-        StageError::TooLong => {
-            let detail = format!("the body is longer than bytes − offset, {length} bytes: nothing is stored");
-            ApiError::new(ProblemKind::WrongResult, detail)
-        }
-        StageError::Store(error) => error.into(),
-    })?;
-    let added = app.checkpoint_uploads.add(&key, query.offset, part, query.bytes);
-    for part in added.unused {
-        app.store.discard(part).await;
-    }
-    let Some(parts) = added.complete else {
-        return Ok(Json(CheckpointReceipt { received: added.received, recorded: false }));
-    };
-    let whole = app.store.join(parts).await?;
-    if whole.digest != key.digest {
-        let detail =
-            format!("the bytes have the digest {}, not {}: upload them again", whole.digest, key.digest);
-        app.store.discard(whole).await;
-        return Err(ApiError::new(ProblemKind::WrongResult, detail));
-    }
-    let recorded = app.store.record_checkpoint(job, attempt, query.worker_id, whole, query.simulated_s);
-    let recorded = recorded.await??;
-    app.progress.touch(job);
-    Ok(Json(CheckpointReceipt { received: added.received, recorded }))
 }
 
 /// Downloads the checkpoint that an attempt recorded, while it is the newest of the job.
@@ -157,13 +96,18 @@ pub(crate) async fn download(
     };
     let stored = app.store.checkpoint(job, attempt).await??.ok_or_else(none)?;
     let bytes = app.store.read_object(&stored.digest, 0..stored.bytes).await?.ok_or_else(none)?;
-    let mut response = Body::from_stream(bytes).into_response();
+    Ok(whole(Body::from_stream(bytes), stored.bytes))
+}
+
+/// The answer with a whole checkpoint or fill.
+pub(super) fn whole(body: Body, bytes: u64) -> Response {
+    let mut response = body.into_response();
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
-    headers.insert(header::CONTENT_LENGTH, stored.bytes.into());
+    headers.insert(header::CONTENT_LENGTH, bytes.into());
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    Ok(response)
+    response
 }
 
 /// Query of a discarded checkpoint.

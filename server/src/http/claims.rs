@@ -40,6 +40,8 @@ pub(crate) async fn claim(
             interval_s: app.config.checkpoint_interval.as_secs_f64(),
             limit_bytes: app.config.max_checkpoint_bytes,
         }),
+        shares_fills: request.shares_fills && app.config.fill_limit_bytes > 0,
+        max_fill_bytes: app.config.max_checkpoint_bytes.min(app.config.fill_limit_bytes),
     };
     let mut is_first = true;
     loop {

@@ -21,7 +21,7 @@ fn subject(path: &str, segments: &HashMap<String, String>) -> Option<Subject> {
         "jobs" | "sweeps" => Some(Subject::Everything),
         "workers" => Some(Subject::Workers),
         "meshes" => Some(Subject::Meshes),
-        _ if ["/events", "/frames", "/checkpoint"].iter().any(|end| rest.ends_with(end)) => None,
+        _ if ["/events", "/frames", "/checkpoint", "/fill"].iter().any(|end| rest.ends_with(end)) => None,
         _ if rest.starts_with("jobs/{id}") => segments.get("id")?.parse().ok().map(Subject::Job),
         _ if rest.starts_with("sweeps/{id}") => segments.get("id")?.parse().ok().map(Subject::Sweep),
         _ => None,

@@ -53,6 +53,7 @@ pub(crate) async fn submit(
         max_wall_s: envelope.max_wall_s,
         frame_interval_s: envelope.frame_interval_s,
         cache: envelope.cache,
+        shared_fill: envelope.shared_fill,
     };
     app.store.insert_job(job, app.clock.now()).await?;
     app.work.notify_waiters();

@@ -11,6 +11,7 @@ mod delivery;
 mod etags;
 mod events;
 mod extract;
+mod fills;
 mod frames;
 mod heartbeats;
 mod jobs;
@@ -19,6 +20,7 @@ mod meshes;
 mod meta;
 mod metrics;
 mod page;
+mod parts;
 mod priority;
 mod problem;
 mod prune;
@@ -144,6 +146,7 @@ fn routes(
         // These have their own limits, since they are streamed to disk.
         .routes(routes!(frames::upload))
         .routes(routes!(checkpoints::upload, checkpoints::download, checkpoints::discard))
+        .routes(routes!(fills::upload, fills::download, fills::withdraw))
         .layer(large);
     let meshes = OpenApiRouter::new()
         .routes(routes!(meshes::upload, meshes::list))

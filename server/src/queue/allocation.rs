@@ -6,9 +6,7 @@
 //! goes to an idle worker, which gets nothing else. At the head of the queue it blocks the jobs behind it: otherwise a worker that
 //! runs several jobs would never be idle.
 
-use std::collections::HashSet;
-
-use super::fair_share::{OwnerQueue, Rounds, ScheduledJob};
+use super::fair_share::{OwnerQueue, Rounds, ScheduledJob, Taken};
 
 /// The jobs that a worker holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,7 +44,7 @@ pub(crate) fn allocate(
     lists: &[Vec<OwnerQueue>],
     rounds: &mut Rounds,
 ) -> Vec<Allocation> {
-    let mut taken = HashSet::new();
+    let mut taken = Taken::default();
     let mut get = |demand: &Demand| {
         let mut jobs = rounds.next_jobs(&lists[demand.list], &taken, demand.max_jobs);
         let is_any = !jobs.is_empty();
@@ -54,7 +52,7 @@ pub(crate) fn allocate(
         jobs.truncate(batch(demand.load, &alone));
         for next in &jobs {
             rounds.record(next.priority, next.owner, next.round);
-            taken.insert(next.job.seq);
+            taken.add(next.job);
         }
         Allocation { held_back: jobs.is_empty() && is_any, jobs }
     };
@@ -77,7 +75,7 @@ mod tests {
 
     /// Jobs of one owner.
     fn owner_queue(owner: i64, jobs: impl IntoIterator<Item = (i64, bool)>) -> OwnerQueue {
-        let jobs = jobs.into_iter().map(|(seq, alone)| EligibleJob { seq, alone }).collect();
+        let jobs = jobs.into_iter().map(|(seq, alone)| EligibleJob { seq, alone, fill: None }).collect();
         OwnerQueue { priority: 0, owner, jobs }
     }
 
@@ -128,7 +126,8 @@ mod tests {
         let mut rounds = Rounds::default();
         let allocations = allocate(&[demand(1, 3), demand(0, 4)], &lists, &mut rounds);
         assert_eq!(allocations.iter().map(numbers).collect::<Vec<_>>(), [vec![0, 1, 2], vec![10, 3, 11, 4]]);
-        assert_eq!(rounds.next_jobs(&lists[0], &HashSet::from([0, 1, 2, 3, 4, 10, 11]), 1)[0].job.seq, 12);
+        let taken = Taken { jobs: [0, 1, 2, 3, 4, 10, 11].into(), ..Taken::default() };
+        assert_eq!(rounds.next_jobs(&lists[0], &taken, 1)[0].job.seq, 12);
     }
 
     #[test]

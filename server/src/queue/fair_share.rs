@@ -22,6 +22,8 @@ pub(crate) struct EligibleJob {
     pub seq: i64,
     /// Whether it runs alone.
     pub alone: bool,
+    /// Number of the fill that it would compute, if any.
+    pub fill: Option<u32>,
 }
 
 /// The first eligible jobs of one owner at one priority.
@@ -48,6 +50,21 @@ pub(crate) struct ScheduledJob {
     pub round: i64,
 }
 
+/// The jobs that claims of one batch have got, and the fills that their attempts compute.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Taken {
+    pub(crate) jobs: HashSet<i64>,
+    pub(crate) fills: HashSet<u32>,
+}
+
+impl Taken {
+    /// Adds a job.
+    pub(crate) fn add(&mut self, job: EligibleJob) {
+        self.jobs.insert(job.seq);
+        self.fills.extend(job.fill);
+    }
+}
+
 /// The rounds that owners have reached.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Rounds {
@@ -70,28 +87,49 @@ impl Rounds {
         self.last.get(&(priority, owner)).map_or(current, |last| current.max(last + 1))
     }
 
-    /// The next jobs of these queues, at most `max`, without `taken` ones.
-    pub(crate) fn next_jobs(
-        &self,
-        queues: &[OwnerQueue],
-        taken: &HashSet<i64>,
-        max: usize,
-    ) -> Vec<ScheduledJob> {
-        let mut next = Vec::new();
-        for OwnerQueue { priority, owner, jobs } in queues {
-            let (priority, owner) = (*priority, *owner);
-            let rounds = self.next(priority, owner)..;
-            let free = jobs.iter().filter(|job| !taken.contains(&job.seq)).take(max);
-            next.extend(free.zip(rounds).map(|(job, round)| ScheduledJob {
-                job: *job,
-                priority,
-                owner,
-                round,
-            }));
+    /// The next jobs of these queues, at most `max`, without `taken` ones. Of jobs that would compute the same fill, the first.
+    pub(crate) fn next_jobs(&self, queues: &[OwnerQueue], taken: &Taken, max: usize) -> Vec<ScheduledJob> {
+        let mut fills = taken.fills.clone();
+        let head = |queue| Head { queue, next: 0, round: self.next(queue.priority, queue.owner) };
+        let mut heads: Vec<_> = queues.iter().map(head).collect();
+        let mut scheduled = Vec::new();
+        while scheduled.len() < max {
+            for head in &mut heads {
+                head.pass(|job| {
+                    taken.jobs.contains(&job.seq) || job.fill.is_some_and(|it| fills.contains(&it))
+                });
+            }
+            let rank =
+                |head: &Head<'_>, job: EligibleJob| (-i64::from(head.queue.priority), head.round, job.seq);
+            let ranked =
+                heads.iter_mut().filter_map(|head| head.job().map(|job| (rank(head, job), head, job)));
+            let Some((_, head, job)) = ranked.min_by_key(|(rank, ..)| *rank) else { break };
+            let OwnerQueue { priority, owner, .. } = *head.queue;
+            scheduled.push(ScheduledJob { job, priority, owner, round: head.round });
+            (head.next, head.round) = (head.next + 1, head.round + 1);
+            fills.extend(job.fill);
         }
-        next.sort_by_key(|next| (-i64::from(next.priority), next.round, next.job.seq));
-        next.truncate(max);
-        next
+        scheduled
+    }
+}
+
+/// The rest of an owner queue, and the round of its next job.
+struct Head<'q> {
+    queue: &'q OwnerQueue,
+    next: usize,
+    round: i64,
+}
+
+impl Head<'_> {
+    fn job(&self) -> Option<EligibleJob> {
+        self.queue.jobs.get(self.next).copied()
+    }
+
+    /// Passes over jobs that are not free.
+    fn pass(&mut self, is_taken: impl Fn(EligibleJob) -> bool) {
+        while self.job().is_some_and(&is_taken) {
+            self.next += 1;
+        }
     }
 }
 
@@ -99,14 +137,18 @@ impl Rounds {
 mod tests {
     use super::*;
 
+    fn job(seq: i64) -> EligibleJob {
+        EligibleJob { seq, alone: false, fill: None }
+    }
+
     fn owner_queue(priority: i32, owner: Owner, jobs: std::ops::Range<i64>) -> OwnerQueue {
-        OwnerQueue { priority, owner, jobs: jobs.map(|seq| EligibleJob { seq, alone: false }).collect() }
+        OwnerQueue { priority, owner, jobs: jobs.map(job).collect() }
     }
 
     /// The owners of claimed jobs; each claim takes this many.
     fn claimed(
         rounds: &mut Rounds,
-        taken: &mut HashSet<i64>,
+        taken: &mut Taken,
         queues: &[OwnerQueue],
         claims: &[usize],
     ) -> Vec<Owner> {
@@ -114,7 +156,7 @@ mod tests {
         for max in claims {
             for next in rounds.next_jobs(queues, taken, *max) {
                 rounds.record(next.priority, next.owner, next.round);
-                taken.insert(next.job.seq);
+                taken.add(next.job);
                 owners.push(next.owner);
             }
         }
@@ -124,7 +166,8 @@ mod tests {
     #[test]
     fn owners_alternate_whatever_the_size_of_claims() {
         let queues = [owner_queue(0, 1, 0..100), owner_queue(0, 2, 100..200), owner_queue(0, 3, 200..203)];
-        let claim = |claims: &[usize]| claimed(&mut Rounds::default(), &mut HashSet::new(), &queues, claims);
+        let claim =
+            |claims: &[usize]| claimed(&mut Rounds::default(), &mut Taken::default(), &queues, claims);
         let one_by_one = claim(&[1; 20]);
         assert_eq!(one_by_one[..9], [1, 2, 3, 1, 2, 3, 1, 2, 3]);
         assert_eq!(one_by_one[9..], [1, 2, 1, 2, 1, 2, 1, 2, 1, 2, 1], "the third owner has no more jobs");
@@ -136,13 +179,13 @@ mod tests {
     #[test]
     fn each_priority_has_its_own_rounds() {
         let queues = [owner_queue(5, 2, 100..103), owner_queue(0, 1, 0..9), owner_queue(0, 2, 10..19)];
-        let owners = claimed(&mut Rounds::default(), &mut HashSet::new(), &queues, &[7]);
+        let owners = claimed(&mut Rounds::default(), &mut Taken::default(), &queues, &[7]);
         assert_eq!(owners, [2, 2, 2, 1, 2, 1, 2]);
     }
 
     #[test]
     fn a_late_owner_starts_in_the_current_round() {
-        let (mut rounds, mut taken) = (Rounds::default(), HashSet::new());
+        let (mut rounds, mut taken) = (Rounds::default(), Taken::default());
         let queues = [owner_queue(0, 1, 0..100), owner_queue(0, 2, 100..200)];
         assert_eq!(claimed(&mut rounds, &mut taken, &queues[..1], &[64]), [1; 64]);
         assert_eq!(claimed(&mut rounds, &mut taken, &queues, &[1; 6]), [2, 1, 2, 1, 2, 1]);
@@ -157,10 +200,28 @@ mod tests {
 
     #[test]
     fn an_absent_owner_saves_no_rounds() {
-        let (mut rounds, mut taken) = (Rounds::default(), HashSet::new());
+        let (mut rounds, mut taken) = (Rounds::default(), Taken::default());
         let queues = [owner_queue(0, 1, 0..100), owner_queue(0, 2, 100..200)];
         claimed(&mut rounds, &mut taken, &queues[1..], &[50]);
         claimed(&mut rounds, &mut taken, &queues[..1], &[10]);
         assert_eq!(claimed(&mut rounds, &mut taken, &queues, &[1; 6]), [2, 1, 2, 1, 2, 1]);
+    }
+
+    #[test]
+    fn jobs_of_one_fill_come_one_at_a_time() {
+        let with_fill = |seq, fill: u32| EligibleJob { fill: (fill > 0).then_some(fill), ..job(seq) };
+        let queue = |owner, jobs: &[EligibleJob]| OwnerQueue { priority: 0, owner, jobs: jobs.to_vec() };
+        let queues = [
+            queue(1, &[(1, 7), (2, 7), (3, 0), (4, 8), (5, 9)].map(|(seq, fill)| with_fill(seq, fill))),
+            queue(2, &[(6, 8), (7, 0)].map(|(seq, fill)| with_fill(seq, fill))),
+        ];
+        let numbers = |taken: &Taken, max| -> Vec<i64> {
+            Rounds::default().next_jobs(&queues, taken, max).iter().map(|next| next.job.seq).collect()
+        };
+        assert_eq!(numbers(&Taken::default(), 2), [1, 6]);
+        assert_eq!(numbers(&Taken::default(), 9), [1, 6, 3, 7, 5], "job 4 would compute the fill of job 6");
+        let mut taken = Taken::default();
+        taken.add(with_fill(1, 7));
+        assert_eq!(numbers(&taken, 3), [3, 6, 5], "an earlier claim of the batch computes fill 7");
     }
 }

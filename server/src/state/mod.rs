@@ -4,10 +4,10 @@
 
 mod access;
 pub(crate) mod audit;
-mod checkpoint_uploads;
 pub(crate) mod connections;
 mod mesh_cache;
 mod metrics;
+mod partial_uploads;
 mod progress;
 mod samples;
 mod submission_turns;
@@ -26,10 +26,10 @@ use crate::config::ServerConfig;
 use crate::store::{Store, StoreError};
 use crate::sweep::Response;
 pub(crate) use access::{Access, AccessError, Caller};
-pub(crate) use checkpoint_uploads::{CheckpointUploads, UploadKey};
 pub(crate) use connections::Connections;
 pub(crate) use mesh_cache::{MeshCache, MeshCacheError};
 pub(crate) use metrics::{AnsweredRequest, MachineUsage, Metrics, RequestKind};
+pub(crate) use partial_uploads::{PartialUploads, UploadKey};
 pub(crate) use progress::ProgressBoard;
 pub(crate) use samples::Received;
 use submission_turns::SubmissionTurns;
@@ -70,7 +70,9 @@ pub(crate) struct AppState {
     /// Ends everything that waits.
     pub(crate) shutdown: CancellationToken,
     /// Parts of checkpoints whose upload is not complete.
-    pub(crate) checkpoint_uploads: CheckpointUploads,
+    pub(crate) checkpoint_uploads: PartialUploads,
+    /// Parts of fills whose upload is not complete.
+    pub(crate) fill_uploads: PartialUploads,
     /// Progress and samples of running jobs.
     pub(crate) progress: ProgressBoard,
 }

@@ -54,11 +54,21 @@ async fn inspect(path: &Path) -> Result<(BackupReport, Vec<String>), StoreError>
     };
     let jobs = count(&mut copy, "SELECT count(*) FROM jobs").await?;
     let results = count(&mut copy, "SELECT count(*) FROM results").await?;
+    forget_fills(&mut copy).await?;
     let objects = named(&mut copy).await?;
     // Removes the log beside the file.
     copy.close().await?;
     let bytes = fs::metadata(path).map_err(sqlx::Error::Io)?.len();
     Ok((BackupReport { bytes, jobs, results, absent_objects: 0 }, objects))
+}
+
+/// Deletes the fills of a copy: they may be large, and jobs compute them again. A database of an earlier version has none.
+async fn forget_fills(copy: &mut SqliteConnection) -> Result<(), StoreError> {
+    let sql = "SELECT EXISTS (SELECT 1 FROM sqlite_master WHERE name = 'fills')";
+    if sqlx::query_scalar(sql).fetch_one(&mut *copy).await? {
+        sqlx::query("DELETE FROM fills").execute(copy).await?;
+    }
+    Ok(())
 }
 
 /// The objects that a database names. A database of an earlier version has no checkpoints, another name for the column, or no frames.

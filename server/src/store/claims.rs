@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use roost_api::checkpoint::CheckpointOrder;
+use roost_api::fill::FillOrder;
 use roost_api::frames::FramesOrder;
 use roost_api::ids::WorkerId;
 use roost_api::lease::ClaimedAttempt;
@@ -15,7 +16,7 @@ use uuid::Uuid;
 
 use super::batcher::{Batcher, waves};
 use super::columns::{Columns, to_json};
-use super::eligible_jobs::{ELIGIBLE_JOBS, candidates, rounds};
+use super::eligible_jobs::{ELIGIBLE_JOBS, FillNumbers, candidates, rounds};
 use super::workers::online_window;
 use super::writer::Writer;
 use super::{Store, StoreError};
@@ -35,17 +36,32 @@ macro_rules! usable_checkpoint {
     };
 }
 
+/// An expression on the fill of a row of `jobs` for the device of its worker; null without one.
+macro_rules! stored_fill {
+    ($of:literal) => {
+        concat!(
+            "CASE WHEN jobs.fill_digest IS NOT NULL THEN (SELECT ",
+            $of,
+            " FROM workers w JOIN fills f ON f.fill_digest = jobs.fill_digest AND f.solver_revision = w.solver_revision
+             AND f.backend = w.backend AND f.device = w.device
+             WHERE w.id = jobs.worker_id AND f.object_digest IS NOT NULL) END"
+        )
+    };
+}
+
 /// The columns of a claimed job.
 macro_rules! claimed_columns {
     () => {
         concat!(
-            "id, attempt, max_wall_s, frame_interval_s, lease_expires_at, priority, queue_position, seq,
+            "id, attempt, max_wall_s, frame_interval_s, shared_fill, fill_digest, lease_expires_at, priority, queue_position, seq,
              (SELECT body FROM scenarios WHERE scenarios.digest = jobs.scenario_digest) AS scenario, ",
             usable_checkpoint!(
                 "json_object('attempt', c.attempt, 'simulated_s', c.simulated_s, 'bytes', c.bytes, 'digest', c.object_digest,
                  'solver_revision', c.solver_revision, 'backend', c.backend, 'device', c.device)"
             ),
-            " AS checkpoint"
+            " AS checkpoint, ",
+            stored_fill!("json_object('bytes', f.bytes, 'digest', f.object_digest)"),
+            " AS fill"
         )
     };
 }
@@ -75,6 +91,23 @@ pub(super) const TAKE: &str = concat!(
         queue_position = max(queue_position, excluded.queue_position), round = max(round, excluded.round)"
 );
 
+/// Makes new attempts the ones that compute the fills of their jobs, where no attempt has stored or withdrawn them.
+pub(super) const COMPUTE_FILLS: &str = "
+    INSERT INTO fills (fill_digest, solver_revision, backend, device, job_id, attempt, used_at)
+    SELECT j.fill_digest, w.solver_revision, w.backend, w.device, j.id, j.attempt, took.value ->> 'at'
+    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq' CROSS JOIN workers w ON w.id = j.worker_id
+    WHERE took.value ->> 'computes' AND j.fill_digest IS NOT NULL
+    ON CONFLICT (fill_digest, solver_revision, backend, device) DO UPDATE SET
+        job_id = excluded.job_id, attempt = excluded.attempt, used_at = excluded.used_at
+    WHERE fills.job_id IS NOT NULL";
+
+/// Records the use of stored fills by new attempts.
+pub(super) const USE_FILLS: &str = "
+    UPDATE fills SET used_at = max(used_at, took.value ->> 'at')
+    FROM json_each(?) AS took CROSS JOIN jobs j ON j.seq = took.value ->> 'seq' CROSS JOIN workers w ON w.id = j.worker_id
+    WHERE fills.fill_digest = j.fill_digest AND fills.solver_revision = w.solver_revision
+      AND fills.backend = w.backend AND fills.device = w.device AND fills.object_digest IS NOT NULL";
+
 /// Renews the leases of attempts that a request claimed and that still run.
 pub(super) const REPEAT: &str = concat!(
     "
@@ -91,7 +124,7 @@ pub(super) const REPEAT: &str = concat!(
 pub(super) const ARRIVE: &str = "
     UPDATE workers SET last_seen_at = request.value ->> 'at'
     FROM json_each(?) AS request WHERE workers.id = request.value ->> 'worker';
-    SELECT request.key AS place, me.backend, me.memory_mib, me.draining,
+    SELECT request.key AS place, me.solver_revision, me.backend, me.device, me.memory_mib, me.draining,
         EXISTS (SELECT 1 FROM attempts WHERE request_id = request.value ->> 'request' AND worker_id = me.id) AS repeated,
         EXISTS (SELECT 1 FROM attempts WHERE worker_id = me.id AND outcome = 'worker') AS has_failed,
         (SELECT count(*) FROM jobs WHERE worker_id = me.id AND state = 'running') AS jobs,
@@ -109,6 +142,10 @@ pub(crate) struct Claim {
     pub(crate) max_frames_bytes: u64,
     /// The checkpoints that jobs without frames shall record.
     pub(crate) checkpoints: Option<CheckpointOrder>,
+    /// Whether the worker stores the fills that it computes, and starts from stored ones.
+    pub(crate) shares_fills: bool,
+    /// Bytes that a fill may have.
+    pub(crate) max_fill_bytes: u64,
 }
 
 /// The answer to a claim.
@@ -158,6 +195,7 @@ impl Store {
             .bind(since.0)
             .bind(until.0)
             .bind(1)
+            .bind(claim.shares_fills)
             .fetch_optional(&self.readers)
             .await?;
         Ok(found.is_some())
@@ -182,9 +220,18 @@ async fn claim_all(
 /// Workers that can run the same jobs. A worker that has failed jobs is a class of its own.
 #[derive(PartialEq)]
 struct WorkerClass {
-    backend: String,
     memory_mib: Option<i64>,
     failed: Option<WorkerId>,
+    shares_fills: bool,
+    device: FillDevice,
+}
+
+/// Solver revision, backend and device of a worker: those with equal ones can use each other's fills.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub(super) struct FillDevice {
+    solver_revision: u32,
+    backend: String,
+    device: String,
 }
 
 /// Allocates jobs to claims of different workers.
@@ -206,9 +253,14 @@ async fn claim_wave(
         } else if !row.column("draining")? {
             let failed = row.column::<bool>("has_failed")?.then_some(claim.worker);
             let class = WorkerClass {
-                backend: row.column("backend")?,
                 memory_mib: row.column("memory_mib")?,
                 failed,
+                shares_fills: claim.shares_fills,
+                device: FillDevice {
+                    solver_revision: row.number("solver_revision")?,
+                    backend: row.column("backend")?,
+                    device: row.column("device")?,
+                },
             };
             let known = classes.iter().position(|(other, _)| *other == class);
             let list = known.unwrap_or(classes.len());
@@ -222,9 +274,9 @@ async fn claim_wave(
     // In the order of the claims, which the rows need not have.
     demands.sort_by_key(|(place, _)| *place);
     let total: usize = demands.iter().map(|(_, demand)| demand.max_jobs).sum();
-    let mut lists = Vec::new();
-    for (_, (claim, now)) in &classes {
-        lists.push(candidates(tx, *claim, *now, total).await?);
+    let (mut lists, mut fills) = (Vec::new(), FillNumbers::default());
+    for (class, (claim, now)) in &classes {
+        lists.push(candidates(tx, *claim, *now, total, (&mut fills, &class.device)).await?);
     }
     let ordered: Vec<_> = demands.iter().map(|(_, demand)| *demand).collect();
     let allocations = allocate(&ordered, &lists, &mut rounds(tx, &lists).await?);
@@ -267,14 +319,22 @@ async fn start_attempts(
         let until = lease_end(now.lease, claim.lease).0;
         taken.extend(allocation.jobs.iter().map(|next| {
             json!({"seq": next.job.seq, "round": next.round, "worker": claim.worker, "request": claim.request_id,
-                   "at": now.wall.0, "until": until})
+                   "at": now.wall.0, "until": until, "computes": u8::from(next.job.fill.is_some())})
         }));
     }
     if taken.is_empty() {
         return Ok(HashMap::new());
     }
+    let computes = allocations.iter().flat_map(|(_, it)| &it.jobs).any(|next| next.job.fill.is_some());
     let taken = to_json("jobs", &taken)?;
     let rows = sqlx::query(TAKE).bind(&taken).bind(&taken).bind(&taken).fetch_all(&mut *tx).await?;
+    if computes {
+        sqlx::query(COMPUTE_FILLS).bind(&taken).execute(&mut *tx).await?;
+    }
+    let uses = |row: &SqliteRow| Ok::<_, StoreError>(row.column::<Option<String>>("fill")?.is_some());
+    if rows.iter().map(uses).collect::<Result<Vec<_>, _>>()?.contains(&true) {
+        sqlx::query(USE_FILLS).bind(&taken).execute(&mut *tx).await?;
+    }
     rows.into_iter().map(|row| Ok((row.column("seq")?, row))).collect()
 }
 
@@ -282,6 +342,8 @@ async fn start_attempts(
 fn attempt(row: &SqliteRow, claim: Claim) -> Result<ClaimedAttempt, StoreError> {
     let interval_s: Option<f64> = row.column("frame_interval_s")?;
     let limit_bytes = claim.max_frames_bytes;
+    let has_fill = claim.shares_fills && row.column::<Option<String>>("fill_digest")?.is_some();
+    let fill = FillOrder { stored: row.json("fill")?, limit_bytes: claim.max_fill_bytes };
     Ok(ClaimedAttempt {
         job_id: row.parsed("id")?,
         attempt: row.number("attempt")?,
@@ -291,6 +353,8 @@ fn attempt(row: &SqliteRow, claim: Claim) -> Result<ClaimedAttempt, StoreError> 
         // Frames would begin at the checkpoint.
         checkpoints: claim.checkpoints.filter(|_| interval_s.is_none()),
         checkpoint: row.json("checkpoint")?,
+        shared_fill: row.column("shared_fill")?,
+        fill: has_fill.then_some(fill),
         lease_expires_at: row.moment("lease_expires_at")?,
     })
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use roost_api::RunResult;
 use roost_api::ids::{JobId, WorkerId};
-use roost_api::job::AttemptOutcome;
+use roost_api::job::{AttemptOutcome, FilledBy};
 use roost_api::time::Timestamp;
 use roost_solver::scenario;
 use serde_json::json;
@@ -62,6 +62,7 @@ const MAX_BATCH: usize = 64;
 pub(super) struct Delivered {
     attempt: AttemptRef,
     result: EncodedResult,
+    filled_by: Option<FilledBy>,
     now: Timestamp,
 }
 
@@ -95,16 +96,17 @@ impl Store {
         })
     }
 
-    /// Records a result, exactly once per job.
+    /// Records a result, exactly once per job, and where its filled state came from.
     pub(crate) async fn record_result(
         &self,
         job: JobId,
         attempt: u32,
         worker: WorkerId,
-        result: EncodedResult,
+        (result, filled_by): (EncodedResult, Option<FilledBy>),
         now: Timestamp,
     ) -> Result<Result<Verdict, Refusal>, StoreError> {
-        self.results.submit(Delivered { attempt: AttemptRef { job, attempt, worker }, result, now }).await
+        let attempt = AttemptRef { job, attempt, worker };
+        self.results.submit(Delivered { attempt, result, filled_by, now }).await
     }
 
     /// Records the failure of an attempt, with its partial result.
@@ -148,8 +150,10 @@ impl Store {
                     };
                     let outcome = recorded_outcome(outcome, has_checkpoint(tx, job, attempt).await?);
                     let (message, partial, at) = (Some(message.as_str()), document.as_deref(), now.wall);
-                    end_attempts(tx, &[AttemptEnd { job, attempt, outcome, change, message, partial, at }])
-                        .await?;
+                    let filled_by = None;
+                    let ending =
+                        AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, at };
+                    end_attempts(tx, &[ending]).await?;
                     Ok(Ok(verdict))
                 })
             })
@@ -209,7 +213,7 @@ async fn record(tx: &mut SqliteConnection, accepted: &[(&Delivered, JobChange)])
     let mut bodies =
         Vec::with_capacity(accepted.iter().map(|(delivered, _)| delivered.result.body.len()).sum());
     let (mut rows, mut endings) = (Vec::new(), Vec::new());
-    for (Delivered { attempt: AttemptRef { job, attempt, .. }, result, now }, change) in accepted {
+    for (Delivered { attempt: AttemptRef { job, attempt, .. }, result, filled_by, now }, change) in accepted {
         let (job, attempt, at) = (*job, *attempt, *now);
         rows.push(json!({
             "job": job, "attempt": attempt, "digest": result.provenance.scenario,
@@ -218,7 +222,8 @@ async fn record(tx: &mut SqliteConnection, accepted: &[(&Delivered, JobChange)])
         }));
         bodies.extend_from_slice(result.body.as_bytes());
         let outcome = AttemptOutcome::Succeeded;
-        endings.push(AttemptEnd { job, attempt, outcome, change, message: None, partial: None, at });
+        let (message, partial, filled_by) = (None, None, *filled_by);
+        endings.push(AttemptEnd { job, attempt, outcome, change, message, partial, filled_by, at });
     }
     let rows = to_json("results", &rows)?;
     sqlx::query(RECORD).bind(bodies).bind(&rows).bind(&rows).execute(&mut *tx).await?;

@@ -1,10 +1,12 @@
 //! Eligible jobs: the first queued jobs of each owner that a worker can run.
 
+use std::collections::{HashMap, HashSet};
+
 use futures_util::TryStreamExt;
 use sqlx::SqliteConnection;
 
 use super::StoreError;
-use super::claims::Claim;
+use super::claims::{Claim, FillDevice};
 use super::columns::{Columns, to_json};
 use super::workers::online_window;
 use crate::clock::Now;
@@ -14,6 +16,10 @@ use crate::queue::{EligibleJob, OwnerQueue, Rounds};
 /// `jobs_to_claim`, whatever the length of the queue, and each list walks that index from there to its limit; a test checks the query
 /// plan. A sweep that is not `ready` is passed over in one step. Rows come lazily: a reader that has enough reads no further queue. A job that the worker has failed is left to another
 /// suitable worker that was seen between ?2 and ?3, if there is one.
+///
+/// For a worker that shares fills (?5), a job is passed over while a running attempt computes its fill, unless it continues from a
+/// checkpoint. At most 500 such jobs of a queue are passed over, so that a long queue of one fill costs a claim milliseconds. `fill` is
+/// the fill that an attempt of the job would compute.
 pub(super) const ELIGIBLE_JOBS: &str = "
     WITH RECURSIVE heads (priority, owner, queue) AS (
         SELECT * FROM (SELECT priority, owner, queue FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
@@ -26,9 +32,17 @@ pub(super) const ELIGIBLE_JOBS: &str = "
              AND priority = heads.priority AND owner > heads.owner ORDER BY owner, queue LIMIT 1),
             (SELECT seq FROM jobs WHERE state = 'queued' AND not_before IS NULL AND paused = 0
              AND priority < heads.priority ORDER BY priority DESC, owner, queue LIMIT 1)))
-    SELECT heads.priority, heads.owner, found.queue_position, found.seq, found.alone
+    SELECT heads.priority, heads.owner, found.queue_position, found.seq, found.alone,
+           CASE WHEN found.fill_digest IS NOT NULL AND ?5
+                     AND NOT EXISTS (SELECT 1 FROM fills f WHERE f.fill_digest = found.fill_digest
+                                     AND f.solver_revision = me.solver_revision AND f.backend = me.backend
+                                     AND f.device = me.device AND f.job_id IS NULL)
+                     AND NOT EXISTS (SELECT 1 FROM checkpoints c WHERE c.job_id = found.id
+                                     AND c.solver_revision = me.solver_revision AND c.backend = me.backend
+                                     AND c.device = me.device)
+                THEN found.fill_digest END AS fill
     FROM heads CROSS JOIN workers me CROSS JOIN jobs found ON found.seq IN (
-        SELECT j.seq FROM jobs j
+        SELECT first.seq FROM (SELECT j.seq, j.id, j.fill_digest FROM jobs j
         WHERE j.state = 'queued' AND j.not_before IS NULL AND j.paused = 0
           AND j.priority = heads.priority AND j.owner = heads.owner AND j.queue = heads.queue
           AND (j.sweep_id IS NULL OR j.sweep_id NOT IN (SELECT id FROM sweeps WHERE state <> 'ready'))
@@ -44,7 +58,16 @@ pub(super) const ELIGIBLE_JOBS: &str = "
                               AND NOT EXISTS (SELECT 1 FROM attempts f WHERE f.job_id = j.id
                                               AND f.worker_id = other.id AND f.outcome = 'worker'
                                               AND f.number > j.attempts_before_retry)))
-        ORDER BY j.queue_position, j.seq LIMIT ?4)
+        ORDER BY j.queue_position, j.seq LIMIT ?4 + 500) AS first
+        WHERE first.fill_digest IS NULL OR NOT ?5
+           OR NOT EXISTS (SELECT 1 FROM fills f
+                          JOIN jobs r ON r.id = f.job_id AND r.attempt = f.attempt AND r.state = 'running'
+                          WHERE f.fill_digest = first.fill_digest AND f.solver_revision = me.solver_revision
+                          AND f.backend = me.backend AND f.device = me.device)
+           OR EXISTS (SELECT 1 FROM checkpoints c WHERE c.job_id = first.id
+                      AND c.solver_revision = me.solver_revision AND c.backend = me.backend
+                      AND c.device = me.device)
+        LIMIT ?4)
     WHERE me.id = ?1 AND me.draining = 0
       AND heads.queue NOT IN (SELECT seq FROM sweeps WHERE state <> 'ready')";
 
@@ -52,22 +75,61 @@ pub(super) const ELIGIBLE_JOBS: &str = "
 pub(super) const ROUNDS: &str =
     "SELECT priority, owner, round FROM fair_share WHERE priority IN (SELECT value FROM json_each(?))";
 
-/// The first jobs that a worker can run: up to `max` of each queue of an owner. Priorities below those that suffice are not read.
+/// Numbers of the fills that the jobs of one batch of claims would compute. Devices that differ share none.
+#[derive(Default)]
+pub(super) struct FillNumbers(HashMap<(String, FillDevice), u32>);
+
+impl FillNumbers {
+    fn number(&mut self, digest: String, device: &FillDevice) -> u32 {
+        let next = self.0.len() as u32;
+        *self.0.entry((digest, device.clone())).or_insert(next)
+    }
+}
+
+/// The first jobs that a worker can run: up to `max` of each queue of an owner, and more where many would compute the same fill.
+/// Priorities below those that suffice are not read.
 pub(super) async fn candidates(
     tx: &mut SqliteConnection,
     claim: Claim,
     now: Now,
     max: usize,
+    fills: (&mut FillNumbers, &FillDevice),
+) -> Result<Vec<OwnerQueue>, StoreError> {
+    let first = list(tx, claim, now, (max, max), (&mut *fills.0, fills.1)).await?;
+    let is_short = |queue: &OwnerQueue| queue.jobs.len() >= max && distinct(&queue.jobs) < max;
+    if first.iter().any(is_short) {
+        return list(tx, claim, now, (max, max + PASSED_OVER), fills).await;
+    }
+    Ok(first)
+}
+
+/// Jobs of one queue that a claim reads beyond those it asks for.
+const PASSED_OVER: usize = 500;
+
+/// The number of jobs that can run at the same time: of those that would compute the same fill, one.
+fn distinct(jobs: &[EligibleJob]) -> usize {
+    let mut fills = HashSet::new();
+    jobs.iter().filter(|job| job.fill.is_none_or(|fill| fills.insert(fill))).count()
+}
+
+/// Up to `limit` jobs of each queue, until there are `max` that can run at the same time.
+async fn list(
+    tx: &mut SqliteConnection,
+    claim: Claim,
+    now: Now,
+    (max, limit): (usize, usize),
+    (numbers, device): (&mut FillNumbers, &FillDevice),
 ) -> Result<Vec<OwnerQueue>, StoreError> {
     let (since, until) = online_window(now.wall, claim.lease);
     let mut rows = sqlx::query(ELIGIBLE_JOBS)
         .bind(claim.worker.to_string())
         .bind(since.0)
         .bind(until.0)
-        .bind(i64::try_from(max).unwrap_or(i64::MAX))
+        .bind(i64::try_from(limit).unwrap_or(i64::MAX))
+        .bind(claim.shares_fills)
         .fetch(&mut *tx);
     let mut queues: Vec<(OwnerQueue, Vec<(i64, EligibleJob)>)> = Vec::new();
-    let mut found = 0;
+    let (mut found, mut fills) = (0, HashSet::new());
     while let Some(row) = rows.try_next().await? {
         let (priority, owner) = (row.column("priority")?, row.column("owner")?);
         let last = queues.last().map(|(queue, _)| (queue.priority, queue.owner));
@@ -78,11 +140,11 @@ pub(super) async fn candidates(
             queues.push((OwnerQueue { priority, owner, jobs: Default::default() }, Vec::new()));
         }
         if let Some((_, jobs)) = queues.last_mut() {
-            jobs.push((
-                row.column("queue_position")?,
-                EligibleJob { seq: row.column("seq")?, alone: row.column("alone")? },
-            ));
-            found += 1;
+            let fill: Option<String> = row.column("fill")?;
+            let fill = fill.map(|digest| numbers.number(digest, device));
+            found += usize::from(fill.is_none_or(|fill| fills.insert(fill)));
+            let job = EligibleJob { seq: row.column("seq")?, alone: row.column("alone")?, fill };
+            jobs.push((row.column("queue_position")?, job));
         }
     }
     let in_order = |(queue, mut jobs): (OwnerQueue, Vec<(i64, EligibleJob)>)| {

@@ -23,7 +23,8 @@ const BATCH: usize = 1000;
 /// The objects of a list that no row names.
 pub(super) const UNREFERENCED: &str = "SELECT value FROM json_each(?)
     WHERE NOT EXISTS (SELECT 1 FROM frames WHERE object_digest = value)
-      AND NOT EXISTS (SELECT 1 FROM checkpoints WHERE object_digest = value)";
+      AND NOT EXISTS (SELECT 1 FROM checkpoints WHERE object_digest = value)
+      AND NOT EXISTS (SELECT 1 FROM fills WHERE object_digest = value)";
 
 /// The frames of a job.
 pub(crate) struct StoredFrames {
@@ -146,7 +147,8 @@ impl Store {
                 // Checked again under the lock: a row may have named it meanwhile.
                 let _lock = self.objects.lock_removal().await;
                 let sql = "SELECT EXISTS (SELECT 1 FROM frames WHERE object_digest = ?1)
-                                  OR EXISTS (SELECT 1 FROM checkpoints WHERE object_digest = ?1)";
+                                  OR EXISTS (SELECT 1 FROM checkpoints WHERE object_digest = ?1)
+                                  OR EXISTS (SELECT 1 FROM fills WHERE object_digest = ?1)";
                 let is_referenced: bool =
                     sqlx::query_scalar(sql).bind(&object).fetch_one(&self.readers).await?;
                 if !is_referenced && self.objects.remove(&object).await? {

@@ -1,5 +1,6 @@
 //! Inserting jobs in batches: the next batches of a large sweep are encoded while one is inserted, and only these few are in memory.
 
+use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 use rayon::prelude::*;
@@ -29,6 +30,8 @@ pub(super) struct JobRow {
     pub(super) id: JobId,
     digest: String,
     body: String,
+    /// Digest of what acts before t = 0; none for a run that shares no fill.
+    fill: Option<String>,
     seed: i64,
     place: Option<(SweepId, u32, u32)>,
     /// Levels of a new design point, with its first job only.
@@ -40,13 +43,53 @@ impl JobRow {
     pub(super) fn single(scenario: &Scenario, id: JobId) -> Result<Self, StoreError> {
         let seed = scenario.seed as i64; // at most 2^53 - 1
         let (digest, body) = (scenario.digest(), to_json("scenario", scenario)?);
-        Ok(Self { id, digest, body, seed, place: None, levels: None })
+        Ok(Self { id, digest, body, fill: scenario.fill_digest(), seed, place: None, levels: None })
     }
 
     fn of(trial: &Trial, sweep: SweepId) -> Result<Self, StoreError> {
         let levels = trial.levels.as_ref().map(|levels| to_json("levels", levels)).transpose()?;
         let place = Some((sweep, trial.point, trial.replicate));
         Ok(Self { place, levels, ..Self::single(&trial.scenario, JobId::new())? })
+    }
+}
+
+/// A job about to be stored.
+pub(crate) struct NewJob {
+    /// Its identifier.
+    pub id: JobId,
+    /// Identifier of the token that submitted it; empty without one.
+    pub token: String,
+    /// The complete scenario.
+    pub scenario: Scenario,
+    /// Higher is claimed first.
+    pub priority: i32,
+    /// Free labels.
+    pub labels: BTreeMap<String, String>,
+    /// Requirements on its worker.
+    pub needs: Needs,
+    /// Longest wall time, in seconds.
+    pub max_wall_s: Option<f64>,
+    /// Simulated time from frame to frame, in seconds; none without frames.
+    pub frame_interval_s: Option<f64>,
+    /// Whether the result may come from the cache.
+    pub cache: Cache,
+    /// Whether its run may share its fill with others.
+    pub shared_fill: bool,
+}
+
+impl NewJob {
+    /// Its options.
+    pub(super) fn options(self) -> Result<JobOptions, StoreError> {
+        Ok(JobOptions {
+            token: self.token,
+            priority: self.priority,
+            labels: to_json("labels", &self.labels)?,
+            needs: self.needs,
+            max_wall_s: self.max_wall_s,
+            frame_interval_s: self.frame_interval_s,
+            cache: self.cache,
+            shared_fill: self.shared_fill,
+        })
     }
 }
 
@@ -61,6 +104,7 @@ pub(super) struct JobOptions {
     pub(super) max_wall_s: Option<f64>,
     pub(super) frame_interval_s: Option<f64>,
     pub(super) cache: Cache,
+    pub(super) shared_fill: bool,
 }
 
 impl JobOptions {
@@ -74,7 +118,13 @@ impl JobOptions {
             max_wall_s: spec.max_wall_s,
             frame_interval_s: spec.frame_interval_s,
             cache: spec.cache,
+            shared_fill: spec.shared_fill,
         })
+    }
+
+    /// Whether the jobs share fills. Frames show the fill as well.
+    fn shares_fills(&self) -> bool {
+        self.shared_fill && self.frame_interval_s.is_none()
     }
 }
 
@@ -195,7 +245,7 @@ pub(super) async fn insert_jobs(
 
     let mut query = QueryBuilder::<Sqlite>::new(
         "INSERT INTO jobs (id, sweep_id, point, replicate, scenario_digest, seed, priority, owner, queue, queue_position, labels,
-         needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, submitted_at) ",
+         needs_backend, needs_memory_mib, max_wall_s, frame_interval_s, cache, shared_fill, fill_digest, submitted_at) ",
     );
     query.push_values(jobs.iter().zip(start.position..), |mut row, (job, position)| {
         row.push_bind(job.id.to_string())
@@ -214,6 +264,8 @@ pub(super) async fn insert_jobs(
             .push_bind(options.max_wall_s)
             .push_bind(options.frame_interval_s)
             .push_bind(options.cache.as_str())
+            .push_bind(options.shared_fill)
+            .push_bind(job.fill.as_ref().filter(|_| options.shares_fills()))
             .push_bind(now.0);
     });
     query.build().execute(&mut *tx).await?;

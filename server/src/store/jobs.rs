@@ -37,7 +37,7 @@ fn view() -> QueryBuilder<Sqlite> {
 }
 
 const VIEW: &str = "SELECT j.*, coalesce(s.labels, j.labels) AS shown_labels, p.levels, r.responses, f.bytes AS frames_bytes, f.count AS frames_count, f.stop_reason AS frames_stop_reason,
-    a.resumed_from_s, ";
+    a.resumed_from_s, a.filled_by, ";
 const FROM: &str = " FROM jobs j
     LEFT JOIN sweeps s ON s.id = j.sweep_id
     LEFT JOIN design_points p ON p.sweep_id = j.sweep_id AND p.point = j.point
@@ -143,6 +143,8 @@ fn job_view(row: &SqliteRow) -> Result<JobView, StoreError> {
         worker_id: row.parsed_opt("worker_id")?,
         resumed_from_s: row.column("resumed_from_s")?,
         checkpoint: checkpoint_view(row)?,
+        shared_fill: row.column("shared_fill")?,
+        filled_by: row.parsed_opt("filled_by")?,
         progress: None, // only in the server's memory
         retry_at: row.moment_opt("not_before")?,
         alone: row.column("alone")?,

@@ -15,6 +15,7 @@ mod eligible_jobs;
 mod events;
 mod expiry;
 mod extension;
+mod fills;
 mod frames;
 mod heartbeats;
 mod job_checkpoints;

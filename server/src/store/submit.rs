@@ -8,47 +8,24 @@
 //!      └──────── failed or interrupted ────┘
 //! ```
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use roost_api::design::DesignKind;
-use roost_api::ids::{JobId, SweepId};
-use roost_api::job::{Cache, Needs};
+use roost_api::ids::SweepId;
+use roost_api::job::Cache;
 use roost_api::sweep::SweepSpec;
 use roost_api::time::Timestamp;
 use roost_solver::SOLVER_REVISION;
-use roost_solver::scenario::Scenario;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::columns::to_json;
 use super::deletion::change_listings;
+pub(crate) use super::job_rows::NewJob;
 use super::job_rows::{JobBatches, JobOptions, JobRow, QueueStart, insert_jobs, insert_points, queue_start};
 use super::{Store, StoreError};
 use crate::sweep::Expansion;
 #[cfg(test)]
 use crate::sweep::Trial;
-
-/// A job about to be stored.
-pub(crate) struct NewJob {
-    /// Its identifier.
-    pub id: JobId,
-    /// Identifier of the token that submitted it; empty without one.
-    pub token: String,
-    /// The complete scenario.
-    pub scenario: Scenario,
-    /// Higher is claimed first.
-    pub priority: i32,
-    /// Free labels.
-    pub labels: BTreeMap<String, String>,
-    /// Requirements on its worker.
-    pub needs: Needs,
-    /// Longest wall time, in seconds.
-    pub max_wall_s: Option<f64>,
-    /// Simulated time from frame to frame, in seconds; none without frames.
-    pub frame_interval_s: Option<f64>,
-    /// Whether the result may come from the cache.
-    pub cache: Cache,
-}
 
 /// A sweep about to be stored.
 pub(crate) struct NewSweep {
@@ -118,10 +95,11 @@ impl NewSweep {
                 token: token.to_owned(),
                 priority,
                 labels: json(),
-                needs: Needs::default(),
+                needs: Default::default(),
                 max_wall_s: None,
                 frame_interval_s: None,
                 cache: Cache::Bypass,
+                shared_fill: true,
             },
             batches: JobBatches::start(id, jobs as u64, move |encoder| encoder.encode(trials.into_iter())),
         }
@@ -139,21 +117,11 @@ impl Store {
     /// Stores a new job, with a cached result where that is allowed.
     pub(crate) async fn insert_job(&self, job: NewJob, now: Timestamp) -> Result<(), StoreError> {
         let row = JobRow::single(&job.scenario, job.id)?;
-        let options = JobOptions {
-            token: job.token,
-            priority: job.priority,
-            labels: to_json("labels", &job.labels)?,
-            needs: job.needs,
-            max_wall_s: job.max_wall_s,
-            frame_interval_s: job.frame_interval_s,
-            cache: job.cache,
-        };
+        let (id, options) = (job.id, job.options()?);
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    if exists(tx, "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?)", job.id.to_string())
-                        .await?
-                    {
+                    if exists(tx, "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?)", id.to_string()).await? {
                         return Ok(());
                     }
                     let newest = newest(tx).await?;

@@ -2,7 +2,7 @@
 
 use roost_api::design::DesignKind;
 use roost_api::ids::{JobId, SweepId};
-use roost_api::job::{AttemptOutcome, Cache, FailureClass, JobState};
+use roost_api::job::{AttemptOutcome, Cache, FailureClass, FilledBy, JobState};
 use roost_api::mesh::{MeshFormat, MeshView};
 use roost_api::time::Timestamp;
 use sqlx::AssertSqlSafe;
@@ -33,6 +33,7 @@ async fn checks_of_the_schema_list_every_enum() {
         ("failure_class", words(FailureClass::ALL.iter().map(|word| word.as_str()))),
         ("outcome", words(AttemptOutcome::ALL.iter().map(|word| word.as_str()))),
         ("cache", words(Cache::ALL.iter().map(|word| word.as_str()))),
+        ("filled_by", words(FilledBy::ALL.iter().map(|word| word.as_str()))),
         ("design", words(DesignKind::ALL.iter().map(|word| word.as_str()))),
         ("format", words(MeshFormat::ALL.iter().map(|word| word.as_str()))),
     ] {

@@ -1,7 +1,7 @@
 //! Snapshots that `queue` decides on, and the transitions that it decides.
 
 use roost_api::ids::{JobId, WorkerId};
-use roost_api::job::{AttemptOutcome, JobState};
+use roost_api::job::{AttemptOutcome, FilledBy, JobState};
 use roost_api::time::Timestamp;
 use serde_json::{Value, json};
 use sqlx::sqlite::SqliteRow;
@@ -111,6 +111,8 @@ pub(super) struct AttemptEnd<'a> {
     pub(super) message: Option<&'a str>,
     /// Digest of its partial result.
     pub(super) partial: Option<&'a str>,
+    /// Where its filled state came from.
+    pub(super) filled_by: Option<FilledBy>,
     pub(super) at: Timestamp,
 }
 
@@ -128,7 +130,7 @@ impl AttemptEnd<'_> {
         };
         json!({
             "job": self.job, "attempt": self.attempt, "outcome": self.outcome.as_str(), "message": self.message,
-            "partial": self.partial, "at": self.at.0, "state": state.as_str(), "not_before": not_before,
+            "partial": self.partial, "filled_by": self.filled_by.map(FilledBy::as_str), "at": self.at.0, "state": state.as_str(), "not_before": not_before,
             "alone": u8::from(alone), "class": class.map(|class| class.as_str()),
             "why": class.and(self.message), "ended_at": state.is_ended().then_some(self.at.0),
         })
@@ -151,7 +153,7 @@ pub(super) async fn end_attempts(
 
 pub(super) const END: &str = "
     UPDATE attempts SET outcome = e.value ->> 'outcome', message = e.value ->> 'message',
-                        partial_digest = e.value ->> 'partial', ended_at = e.value ->> 'at'
+                        partial_digest = e.value ->> 'partial', filled_by = e.value ->> 'filled_by', ended_at = e.value ->> 'at'
     FROM json_each(?) AS e
     WHERE attempts.job_id = e.value ->> 'job' AND attempts.number = e.value ->> 'attempt';
     UPDATE jobs SET state = e.value ->> 'state', not_before = e.value ->> 'not_before',

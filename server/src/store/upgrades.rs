@@ -26,7 +26,7 @@ async fn open_at(path: &Path, version: i64) -> SqliteConnection {
 #[tokio::test]
 async fn a_backup_of_an_earlier_version_counts_its_objects() {
     let dir = tempfile::tempdir().unwrap();
-    for (version, absent) in [(7, 0), (12, 1), (13, 1), (15, 2)] {
+    for (version, absent) in [(7, 0), (12, 1), (13, 1), (15, 2), (17, 2)] {
         let (path, to) =
             (dir.path().join(format!("{version}.db")), dir.path().join(format!("{version}.copy")));
         let mut database = open_at(&path, version).await;
@@ -37,6 +37,11 @@ async fn a_backup_of_an_earlier_version_counts_its_objects() {
         if version >= 15 {
             let checkpoint = "INSERT INTO checkpoints VALUES ('j', 1, 'c', 1, 1, 1, 'cpu', 'd')";
             sqlx::raw_sql(checkpoint).execute(&mut database).await.unwrap();
+        }
+        if version >= 17 {
+            // Jobs compute fills again: a backup has none.
+            let fill = "INSERT INTO fills VALUES ('f', 1, 'cpu', 'd', NULL, NULL, 'f', 1, 0)";
+            sqlx::raw_sql(fill).execute(&mut database).await.unwrap();
         }
         database.close().await.unwrap();
         assert_eq!(copy(&path, &to).await.unwrap().absent_objects, absent, "version {version}");
@@ -91,6 +96,7 @@ async fn an_upgrade_to_owners_keeps_the_order_of_jobs_and_the_labels() {
         max_wall_s: None,
         frame_interval_s: None,
         cache: Cache::Bypass,
+        shared_fill: true,
     };
     let (same, other) = (new(""), new("another"));
     let expected = [other.id, swept, later, single, same.id];
@@ -109,8 +115,16 @@ async fn an_upgrade_to_owners_keeps_the_order_of_jobs_and_the_labels() {
     let (request_id, worker_id) = (uuid::Uuid::now_v7(), worker.worker_id);
     store.register_worker(worker, Timestamp(0)).await.unwrap().unwrap();
     let lease = Duration::from_secs(9);
-    let claim =
-        Claim { request_id, worker: worker_id, max_jobs: 9, lease, max_frames_bytes: 0, checkpoints: None };
+    let claim = Claim {
+        request_id,
+        worker: worker_id,
+        max_jobs: 9,
+        lease,
+        max_frames_bytes: 0,
+        checkpoints: None,
+        shares_fills: false,
+        max_fill_bytes: 0,
+    };
     let now = Now { wall: Timestamp(0), lease: Timestamp(0) };
     let claimed = store.claim(claim, now).await.unwrap().unwrap().attempts;
     assert_eq!(claimed.iter().map(|attempt| attempt.job_id).collect::<Vec<_>>(), expected);

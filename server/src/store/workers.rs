@@ -218,6 +218,8 @@ mod tests {
             lease: LEASE,
             max_frames_bytes: 0,
             checkpoints: None,
+            shares_fills: false,
+            max_fill_bytes: 0,
         };
         let mine_at = async |wall: Timestamp| store.has_work(claim, Now { wall, lease: now }).await.unwrap();
 

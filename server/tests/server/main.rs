@@ -13,6 +13,7 @@ mod docs;
 mod etags;
 mod events;
 mod fences;
+mod fills;
 mod frames;
 mod imports;
 mod layout;

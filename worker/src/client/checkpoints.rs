@@ -1,7 +1,7 @@
 //! Checkpoints of attempts.
 
-use reqwest::Method;
 use reqwest::header::CONTENT_TYPE;
+use reqwest::{Method, RequestBuilder};
 use roost_api::checkpoint::{CheckpointReceipt, MEDIA_TYPE};
 use roost_api::ids::{JobId, WorkerId};
 
@@ -23,6 +23,12 @@ impl EncodedCheckpoint {
     pub fn new(simulated_s: f64, bytes: Vec<u8>) -> Self {
         Self { simulated_s, digest: digest(&bytes), bytes }
     }
+
+    /// At most `max_bytes` from `offset` on.
+    pub(super) fn part(&self, offset: u64, max_bytes: usize) -> Vec<u8> {
+        let from = usize::try_from(offset).unwrap_or(usize::MAX).min(self.bytes.len());
+        self.bytes[from..self.bytes.len().min(from.saturating_add(max_bytes))].to_vec()
+    }
 }
 
 /// BLAKE3 hash in hexadecimal.
@@ -40,8 +46,7 @@ impl Client {
         (offset, max_bytes): (u64, usize),
     ) -> ClientResult<CheckpointReceipt> {
         let EncodedCheckpoint { simulated_s, digest, bytes } = checkpoint;
-        let from = usize::try_from(offset).unwrap_or(usize::MAX).min(bytes.len());
-        let part = bytes[from..bytes.len().min(from.saturating_add(max_bytes))].to_vec();
+        let part = checkpoint.part(offset, max_bytes);
         let request = self.request(Method::PUT, &route(job, attempt)).query(&[
             ("worker_id", worker.to_string()),
             ("simulated_s", simulated_s.to_string()),
@@ -54,7 +59,11 @@ impl Client {
 
     /// The checkpoint that an attempt recorded; the caller checks its digest.
     pub async fn download_checkpoint(&self, job: JobId, attempt: u32) -> ClientResult<Vec<u8>> {
-        let request = self.request(Method::GET, &route(job, attempt));
+        self.bytes(self.request(Method::GET, &route(job, attempt))).await
+    }
+
+    /// The bytes of a long answer.
+    pub(super) async fn bytes(&self, request: RequestBuilder) -> ClientResult<Vec<u8>> {
         let response = self.send(request.timeout(FILE_TIMEOUT)).await?;
         let bytes = response.bytes().await.map_err(|error| ClientError::transport(self.server(), &error))?;
         Ok(bytes.into())

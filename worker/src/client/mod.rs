@@ -5,6 +5,7 @@
 mod checkpoints;
 mod credentials;
 mod error;
+mod fills;
 mod job_control;
 mod reason;
 mod recorded_frames;

@@ -77,3 +77,21 @@ fn a_damaged_fill_is_deleted_and_the_longest_unused_go_first() {
     fs::write(cache.path(&stamps[0]).unwrap(), b"ROOSTCKP").unwrap();
     assert!(cache.load(&stamps[0]).is_none() && !cache.path(&stamps[0]).unwrap().exists());
 }
+
+#[tokio::test]
+async fn runs_with_the_same_fill_take_turns() {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = FillCache::open(folder.path(), u64::MAX).unwrap();
+    let [low, high, other] =
+        [hopper(1, 0.04), hopper(1, 0.08), hopper(2, 0.04)].map(|it| computer().stamp(&it));
+    let first = cache.turn(&low).await.expect("it shares a fill");
+    let soon = Duration::from_millis(50);
+    let clone = cache.clone();
+    assert!(tokio::time::timeout(soon, clone.turn(&high)).await.is_err(), "the first has its turn");
+    assert!(tokio::time::timeout(soon, cache.turn(&other)).await.is_ok(), "another fill");
+    let waiting = clone.turn(&high);
+    drop(first);
+    assert!(tokio::time::timeout(Duration::from_secs(20), waiting).await.is_ok());
+    let none = Stamp { fill_digest: None, ..low };
+    assert!(cache.turn(&none).await.is_none());
+}

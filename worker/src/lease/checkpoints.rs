@@ -1,31 +1,22 @@
 //! Checkpoints on the way between a run and the server: uploads beside the run, and the download before it.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use roost_api::checkpoint::{CheckpointOrder, CheckpointView};
-use roost_api::ids::JobId;
 use roost_solver::Checkpoint;
 use tokio::task::{JoinHandle, spawn_blocking};
 use tokio_util::sync::CancellationToken;
 
 use super::attempts::AttemptKey;
 use super::session::Session;
+use super::transfer::{LAST_UPLOAD, LoadError, MAX_TRIES, load, send};
 use crate::backoff::Backoff;
 use crate::checkpoints::{CheckpointSlot, Resume};
-use crate::client::{ClientError, EncodedCheckpoint, digest};
-
-/// Bytes of one part of an upload. A part that is cut is sent again.
-const PART_BYTES: usize = 4 << 20;
-
-/// Failures in a row after which an upload is given up, or downloads of other bytes after which a checkpoint counts as damaged.
-const MAX_TRIES: u32 = 5;
+use crate::client::EncodedCheckpoint;
 
 /// Time for a download while the server does not answer. The run then begins at zero.
 const LONGEST_DOWNLOAD: Duration = Duration::from_secs(300);
-
-/// Time for the upload of a last checkpoint after the worker was told to stop. The service manager kills it soon.
-const LAST_UPLOAD: Duration = Duration::from_secs(4);
 
 /// Uploads the checkpoints of a run, one at a time and beside it.
 #[derive(Debug)]
@@ -94,7 +85,8 @@ async fn upload(session: &Session, key: AttemptKey, checkpoint: Checkpoint, limi
         tracing::warn!(%job, attempt, bytes, limit_bytes, "the checkpoint is larger than the server allows");
         return false;
     }
-    match send(session, key, &encoded).await {
+    let put = |part| session.client.upload_checkpoint(key, session.worker_id, &encoded, part);
+    match send(&session.client, bytes, put).await {
         Ok(()) => {
             tracing::debug!(%job, attempt, bytes, simulated_s, "checkpoint uploaded");
             true
@@ -106,41 +98,6 @@ async fn upload(session: &Session, key: AttemptKey, checkpoint: Checkpoint, limi
     }
 }
 
-/// Sends the parts of a checkpoint, from where the server asks.
-async fn send(session: &Session, key: AttemptKey, encoded: &EncodedCheckpoint) -> Result<(), ClientError> {
-    let (mut received, mut failures, mut backoff) = (0, 0, Backoff::default());
-    loop {
-        let part = (received, PART_BYTES);
-        match session.client.upload_checkpoint(key, session.worker_id, encoded, part).await {
-            Ok(receipt) if receipt.received >= encoded.bytes.len() as u64 => return Ok(()),
-            Ok(receipt) => {
-                // The server starts over after a restart.
-                failures = if receipt.received > received { 0 } else { failures + 1 };
-                received = receipt.received;
-            }
-            Err(error) if error.is_transient() && failures + 1 < MAX_TRIES => {
-                failures += 1;
-                backoff.pause().await;
-            }
-            Err(error) => return Err(error),
-        }
-        if failures >= MAX_TRIES {
-            return Err(ClientError::Body {
-                server: session.client.server().to_owned(),
-                reason: format!("the upload does not get past byte {received}"),
-            });
-        }
-    }
-}
-
-/// Why a run does not continue from its checkpoint.
-enum LoadError {
-    /// No run can continue from it.
-    Unusable(String),
-    /// It was not downloaded. It may be good.
-    NotDownloaded(String),
-}
-
 /// The checkpoint that an attempt continues from.
 pub(super) fn resume(session: &Arc<Session>, key: AttemptKey, stored: CheckpointView) -> Resume {
     resume_within(LONGEST_DOWNLOAD, session, key, stored)
@@ -150,7 +107,8 @@ fn resume_within(limit: Duration, session: &Arc<Session>, key: AttemptKey, store
     let (loading, refusing) = (session.clone(), session.clone());
     let checkpoint = async move {
         let (job, attempt) = key;
-        match load(&loading, job, &stored, limit).await {
+        let get = || loading.client.download_checkpoint(job, stored.attempt);
+        match load(&stored.digest, limit, get).await {
             Ok(checkpoint) => {
                 let simulated_s = stored.simulated_s;
                 tracing::info!(%job, attempt, simulated_s, "the run continues from a checkpoint");
@@ -171,39 +129,6 @@ fn resume_within(limit: Duration, session: &Arc<Session>, key: AttemptKey, store
         runtime.spawn(async move { discard(&refusing, key, &reason).await });
     };
     Resume { checkpoint: Box::pin(checkpoint), refused: Some(Box::new(refused)) }
-}
-
-/// Downloads a checkpoint and checks its bytes. While the server does not answer, tries again within a time limit.
-async fn load(
-    session: &Session,
-    job: JobId,
-    stored: &CheckpointView,
-    limit: Duration,
-) -> Result<Checkpoint, LoadError> {
-    let (mut damaged, mut backoff, began) = (0, Backoff::default(), Instant::now());
-    let bytes = loop {
-        match session.client.download_checkpoint(job, stored.attempt).await {
-            Ok(bytes) if digest(&bytes) == stored.digest => break bytes,
-            Ok(_) => {
-                damaged += 1;
-                if damaged >= MAX_TRIES {
-                    return Err(LoadError::Unusable("the downloaded bytes have another digest".to_owned()));
-                }
-            }
-            Err(error) if error.problem_status() == Some(404) => {
-                return Err(LoadError::Unusable(error.to_string()));
-            }
-            Err(error) if error.is_transient() && began.elapsed() < limit => {
-                tracing::debug!(%job, %error, "the checkpoint was not downloaded; retrying");
-            }
-            Err(error) => return Err(LoadError::NotDownloaded(error.to_string())),
-        }
-        backoff.pause().await;
-    };
-    match spawn_blocking(move || Checkpoint::from_bytes(&bytes)).await {
-        Ok(checkpoint) => checkpoint.map_err(|error| LoadError::Unusable(error.to_string())),
-        Err(error) => Err(LoadError::NotDownloaded(error.to_string())),
-    }
 }
 
 /// Tells the server that the attempt begins at zero, so that no later attempt gets the same checkpoint.

@@ -15,6 +15,7 @@ use uuid::Uuid;
 use super::attempts::AttemptKey;
 use super::checkpoints::Uploader;
 use super::deliver;
+use super::fills::FillUpload;
 use super::frames::Recording;
 use super::session::Session;
 use crate::backoff::Backoff;
@@ -55,6 +56,7 @@ async fn claim(session: &Session, max_jobs: usize) -> Option<ClaimReply> {
         worker_id: session.worker_id,
         max_jobs: max_jobs as u32,
         wait_s: session.config.claim_wait.as_secs_f64(),
+        shares_fills: true,
     };
     let mut backoff = Backoff::default();
     loop {
@@ -109,8 +111,18 @@ async fn release(session: &Session, reply: ClaimReply) {
 
 /// Starts one attempt. It is inserted before the first await, so that a drain right after the claim finds it.
 fn start(session: &Arc<Session>, runs: &TaskTracker, claimed: ClaimedAttempt, slot: Slot) {
-    let ClaimedAttempt { job_id, attempt, scenario, max_wall_s, frames, checkpoints, checkpoint, .. } =
-        claimed;
+    let ClaimedAttempt {
+        job_id,
+        attempt,
+        scenario,
+        max_wall_s,
+        frames,
+        checkpoints,
+        checkpoint,
+        shared_fill,
+        fill,
+        ..
+    } = claimed;
     let key = (job_id, attempt);
     tracing::info!(job = %job_id, attempt, threads = slot.threads, "running");
     let meshes = MeshSource::Server(session.meshes.clone());
@@ -118,16 +130,18 @@ fn start(session: &Arc<Session>, runs: &TaskTracker, claimed: ClaimedAttempt, sl
     let folder = session.outbox.frames_folder(job_id, attempt);
     let recording = frames.and_then(|order| Recording::start(folder, &scenario, order));
     let uploader = checkpoints.map(|order| Uploader::start(session.clone(), key, order));
+    let (server_fill, fill_upload) = fill.map(|order| super::fills::share(session, key, order)).unzip();
     let extras = Extras {
         frames: recording.as_ref().map(Recording::observer),
         checkpoints: uploader.as_ref().map(Uploader::slot),
-        fills: Some(session.fills.clone()),
+        fills: shared_fill.then(|| session.fills.clone()),
+        server_fill,
         resume: checkpoint.map(|stored| super::checkpoints::resume(session, key, stored)),
     };
     let run = Run::start_observed(scenario, meshes, resources, max_wall_s, extras);
     session.attempts.insert(key, &run);
     let span = tracing::debug_span!("attempt", job = %job_id, attempt, outcome = Empty);
-    let ending = finish(session.clone(), key, run, (recording, uploader), slot);
+    let ending = finish(session.clone(), key, run, (recording, uploader, fill_upload), slot);
     runs.spawn(ending.instrument(span));
 }
 
@@ -136,11 +150,17 @@ async fn finish(
     session: Arc<Session>,
     (job_id, attempt): AttemptKey,
     run: Run,
-    (recording, uploader): (Option<Recording>, Option<Uploader>),
+    (recording, uploader, fill_upload): (Option<Recording>, Option<Uploader>, Option<FillUpload>),
     slot: Slot,
 ) {
-    let end = run.end().await;
+    let (end, filled_by) = run.end_with_fill().await;
     drop(slot);
+    match (&end, fill_upload) {
+        (RunEnd::Abandoned, Some(upload)) => upload.abort(),
+        // The server takes the fill of a running attempt only.
+        (_, Some(upload)) => upload.finish().await,
+        (_, None) => {}
+    }
     let end = after_checkpoint(end, uploader).await;
     // The frames of an attempt that is handed back or abandoned are discarded.
     let has_frames = match end {
@@ -164,7 +184,7 @@ async fn finish(
         RunEnd::Finished(result) => {
             tracing::info!(job = %job_id, attempt, wall_s = result.performance.wall_s, "finished");
             Span::current().record("outcome", "finished");
-            Content::Result(ResultDelivery { worker_id, result })
+            Content::Result(ResultDelivery { worker_id, result, filled_by })
         }
         RunEnd::Failed { outcome, message, result } => {
             tracing::warn!(job = %job_id, attempt, %outcome, message, "ended without a result");

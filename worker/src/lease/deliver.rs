@@ -180,7 +180,7 @@ mod tests {
     async fn a_refused_result_becomes_a_failure_report() {
         let worker_id = roost_api::ids::WorkerId::new();
         for status in ["413 Payload Too Large", "400 Bad Request", "422 Unprocessable Entity"] {
-            let delivery = ResultDelivery { worker_id, result: result() };
+            let delivery = ResultDelivery { worker_id, result: result(), filled_by: None };
             let (reports, _folder) = reports_after_refusal(status, Content::Result(delivery)).await;
             assert_eq!(reports.len(), 1, "{status}");
             assert!(reports[0].contains(r#""outcome":"worker""#), "{status}: {}", reports[0]);
@@ -202,7 +202,11 @@ mod tests {
                 }
             };
             let server = answering(status, content_type, &body).await;
-            let delivery = ResultDelivery { worker_id: roost_api::ids::WorkerId::new(), result: result() };
+            let delivery = ResultDelivery {
+                worker_id: roost_api::ids::WorkerId::new(),
+                result: result(),
+                filled_by: None,
+            };
             let (session, _folder) = session_with(&server, Content::Result(delivery)).await;
             assert!(!deliver_waiting(&session).await.unwrap(), "{status}: it waits");
             assert_eq!(session.outbox.waiting().unwrap().len(), 1, "{status} {content_type}");

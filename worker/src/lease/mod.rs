@@ -4,12 +4,14 @@ mod attempts;
 mod checkpoints;
 mod claim;
 mod deliver;
+mod fills;
 mod frames;
 mod heartbeat;
 mod sent_samples;
 mod session;
 #[cfg(test)]
 mod tests;
+mod transfer;
 
 use std::io;
 use std::path::PathBuf;

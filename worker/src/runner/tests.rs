@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use roost_api::Phase;
 use roost_solver::mesh::Meshes;
+use roost_solver::result::EndReason;
 use serde_json::json;
 
 use super::*;
@@ -152,7 +153,7 @@ async fn a_panic_fails_the_attempt_with_its_message() {
         observer.progress(&progress);
         panic!("index {} out of range", 7)
     };
-    let run = Run::start_with(None, Extras::default(), async { Ok(solve) });
+    let run = Run::start_plain(async { Ok(solve) });
     let RunEnd::Failed { outcome, message, result } = run.end().await else { panic!("no failure") };
     assert_eq!((outcome, result), (AttemptOutcome::Worker, None));
     assert_eq!(message, "the solver panicked: index 7 out of range");
@@ -179,7 +180,7 @@ async fn a_run_that_waits_for_meshes_can_be_stopped() {
         (Stop::Preempt, Some(AttemptOutcome::Released)),
         (Stop::Abandon, None),
     ] {
-        let run = Run::start_with(None, Extras::default(), std::future::pending::<Result<Solve, RunEnd>>());
+        let run = Run::start_plain(std::future::pending::<Result<Solve, RunEnd>>());
         run.stop.set(why);
         let end = tokio::time::timeout(Duration::from_secs(20), run.end()).await.expect("an end");
         let actual = match end {

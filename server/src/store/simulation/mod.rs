@@ -7,6 +7,7 @@
 //! `ROOST_SEED=17 cargo test -p roost-server simulation -- --nocapture` repeats the run of one seed and prints its steps.
 //! `ROOST_SEEDS=100000` runs more seeds, from `ROOST_FIRST_SEED` on.
 
+mod fills;
 mod model;
 mod world;
 

@@ -6,6 +6,8 @@ use roost_api::ids::{JobId, WorkerId};
 use roost_api::job::{AttemptOutcome, FailureClass, JobState};
 use roost_api::lease::Directive;
 
+use super::fills::{Fill, FillKey, Fills};
+
 /// Leases, in milliseconds.
 pub(super) const LEASE_MS: i64 = 10_000;
 /// Maximum attempts that end as `worker`, and as `lost`: few, so that runs reach them.
@@ -38,6 +40,8 @@ pub(super) struct Job {
     pub(super) paused: bool,
     /// Attempt and simulated time of the stored checkpoint, and the backend of its worker.
     pub(super) checkpoint: Option<(u32, f64, &'static str)>,
+    /// The scenarios that share its fill.
+    pub(super) fill: Option<usize>,
     pub(super) alone: bool,
     pub(super) class: Option<FailureClass>,
     /// The attempt whose result is recorded; 0 for a cached result.
@@ -66,6 +70,7 @@ impl Job {
             cancelling: false,
             paused: false,
             checkpoint: None,
+            fill: None,
             alone: false,
             class: None,
             result: from_cache.then_some(0),
@@ -121,6 +126,11 @@ impl Job {
         }
     }
 
+    /// Whether an attempt may write. Without a report, it counts like a lost one.
+    pub(super) fn may_write(&self, number: u32, worker: WorkerId) -> bool {
+        self.fence(number, worker, AttemptOutcome::Lost) == Answer::Recorded
+    }
+
     fn end(&mut self, state: JobState, class: Option<FailureClass>) {
         (self.state, self.class, self.cancelling) = (state, class, false);
         if state.is_ended() {
@@ -166,8 +176,7 @@ impl Job {
 
     /// A heartbeat.
     pub(super) fn beat(&mut self, number: u32, worker: WorkerId, now: i64) -> Directive {
-        // Without a report, an attempt counts like a lost one.
-        if self.fence(number, worker, AttemptOutcome::Lost) != Answer::Recorded {
+        if !self.may_write(number, worker) {
             return Directive::Abandon;
         }
         if self.state == JobState::Queued {
@@ -203,8 +212,7 @@ impl Job {
         worker: (WorkerId, &'static str),
         simulated_s: f64,
     ) -> Option<bool> {
-        // Without a report, an attempt counts like a lost one.
-        if self.fence(number, worker.0, AttemptOutcome::Lost) != Answer::Recorded {
+        if !self.may_write(number, worker.0) {
             return None;
         }
         let is_older = self.checkpoint.is_some_and(|(by, at_s, _)| by == number && at_s > simulated_s);
@@ -216,7 +224,7 @@ impl Job {
 
     /// A worker cannot use the checkpoint of earlier attempts; returns whether it may say so.
     pub(super) fn discard(&mut self, number: u32, worker: WorkerId) -> bool {
-        let may = self.fence(number, worker, AttemptOutcome::Lost) == Answer::Recorded;
+        let may = self.may_write(number, worker);
         if may {
             self.checkpoint = self.checkpoint.filter(|(by, ..)| *by >= number);
         }
@@ -249,12 +257,15 @@ pub(super) struct Waiting {
     /// Its number; older jobs have lower numbers.
     pub(super) seq: i64,
     pub(super) alone: bool,
+    /// The fill that it would compute.
+    pub(super) computes: Option<FillKey>,
 }
 
 /// All jobs.
 #[derive(Debug, Default)]
 pub(super) struct Model {
     pub(super) jobs: BTreeMap<JobId, Job>,
+    pub(super) fills: Fills,
     /// Owners that have had a job in the current round, by priority.
     served: BTreeMap<i32, BTreeSet<&'static str>>,
 }
@@ -285,14 +296,18 @@ impl Model {
             let rank = |(owner, place): &(&&str, &usize)| (served.contains(**owner), left[**place].seq);
             let (_, place) = firsts.iter().min_by_key(rank).expect("one of that priority");
             let job = left.remove(*place);
+            left.retain(|other| job.computes.is_none() || other.computes != job.computes);
             serve(served, self.jobs[&job.id].owner);
             next.push(job);
         }
         next
     }
 
-    /// A worker claims a job.
-    pub(super) fn claim(&mut self, id: JobId, worker: WorkerId, now: i64) {
+    /// A worker claims a job, and computes its fill.
+    pub(super) fn claim(&mut self, id: JobId, worker: WorkerId, computes: Option<FillKey>, now: i64) {
+        if let Some(key) = computes {
+            self.fills.insert(key, Fill::Computing(id, self.jobs[&id].newest() + 1));
+        }
         let job = self.jobs.get_mut(&id).expect("known");
         job.claim(worker, now);
         serve(self.served.entry(job.priority).or_default(), job.owner);

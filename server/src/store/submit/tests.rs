@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use roost_api::ids::WorkerId;
+use roost_api::ids::{JobId, WorkerId};
 use roost_api::worker::WorkerRegistration;
 use roost_solver::Limits;
 use roost_solver::mesh::Meshes;
@@ -70,7 +70,16 @@ async fn register(store: &Store) -> WorkerId {
 
 async fn claim(store: &Store, worker: WorkerId, max_jobs: u32) -> Vec<JobId> {
     let (request_id, lease) = (Uuid::now_v7(), Duration::from_secs(9));
-    let claim = Claim { request_id, worker, max_jobs, lease, max_frames_bytes: 0, checkpoints: None };
+    let claim = Claim {
+        request_id,
+        worker,
+        max_jobs,
+        lease,
+        max_frames_bytes: 0,
+        checkpoints: None,
+        shares_fills: false,
+        max_fill_bytes: 0,
+    };
     let claimed = store.claim(claim, NOW).await.unwrap().unwrap();
     claimed.attempts.iter().map(|attempt| attempt.job_id).collect()
 }

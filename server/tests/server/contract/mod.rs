@@ -171,6 +171,7 @@ async fn create_objects(server: &TestServer, seed: u64) -> HashMap<&'static str,
     let stream = frames::MAGIC.to_vec();
     assert_eq!(worker.upload_frames(&attempts[2], "&count=1", stream).await.0, 200);
     assert_eq!(worker.checkpoint(&attempts[2], 1.0, b"a checkpoint").await.status, 200);
+    assert_eq!(worker.fill(&attempts[2], b"a fill").await.status, 200);
     worker.deliver(&attempts[0]).await.expect(200.try_into().unwrap());
     let partial = result_of(&attempts[1]["scenario"]);
     worker.fail(&attempts[1], "unstable", Some(&partial)).await.expect(200.try_into().unwrap());

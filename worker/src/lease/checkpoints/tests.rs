@@ -1,13 +1,16 @@
 //! Uploads and downloads of checkpoints, against a server that cuts, refuses or delays them.
 
+use roost_api::ids::JobId;
 use roost_solver::mesh::Meshes;
 use roost_solver::{CpuOptions, Flow, Limits, Moment, Observer, Progress, check, scenario, simulate};
 use serde_json::json;
 use std::sync::Mutex;
+use std::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::*;
 use crate::WorkerConfig;
+use crate::client::digest;
 use crate::client::tests::answering_after;
 use crate::runner::Stop;
 

@@ -1,5 +1,7 @@
-//! Users, workers, the network and the clock, at random from one seed. [`workers`] has the actions of workers, [`sweeps`] large sweeps.
+//! Users, workers, the network and the clock, at random from one seed. [`workers`] has the actions of workers, [`fills`] those with fills,
+//! [`sweeps`] large sweeps.
 
+mod fills;
 mod sweeps;
 mod workers;
 
@@ -13,6 +15,7 @@ use roost_api::time::Timestamp;
 use roost_api::worker::WorkerRegistration;
 use roost_solver::SOLVER_REVISION;
 use roost_solver::scenario::{self, Scenario};
+use serde_json::json;
 use sqlx::Row;
 use sweeps::SimulatedSubmission;
 use uuid::{Builder, Uuid};
@@ -23,11 +26,20 @@ use crate::clock::Now;
 use crate::queue::{RetryLimit, RetryPolicy};
 use crate::store::{NewJob, Store};
 
-/// Scenarios of the jobs: few, so that some results come from the cache.
+/// Scenarios of the jobs: few, so that some results come from the cache. The first three have one fill, the others another.
 static SCENARIOS: LazyLock<Vec<(Scenario, String)>> = LazyLock::new(|| {
-    let parse = |seed| scenario::parse(&format!(r#"{{"experiment": "hopper", "seed": {seed}}}"#)).unwrap();
+    let parse = |which| {
+        let (seed, gate_m) = (fill_of(which), 0.05 + 0.01 * which as f64);
+        let scenario = json!({"experiment": "hopper", "seed": seed, "equipment": {"gate_opening_m": gate_m}});
+        scenario::from_value(&scenario).unwrap()
+    };
     (0..5).map(parse).map(|scenario| (scenario.digest(), scenario)).map(|(digest, it)| (it, digest)).collect()
 });
+
+/// The fill of a scenario.
+fn fill_of(which: usize) -> usize {
+    which / 3
+}
 
 /// Tokens that submit.
 const OWNERS: [&str; 3] = ["", "a", "b"];
@@ -41,6 +53,7 @@ struct Worker {
     id: WorkerId,
     backend: &'static str,
     memory_mib: Option<u32>,
+    shares_fills: bool,
     draining: bool,
     last_seen: i64,
     /// Its last claim, and the attempts that it knows of.
@@ -76,7 +89,7 @@ pub(super) struct World<'s> {
 impl<'s> World<'s> {
     /// An empty store and two workers.
     pub(super) async fn new(store: &'s Store, seed: u64) -> Self {
-        let clear = "DELETE FROM checkpoints; DELETE FROM results; DELETE FROM attempts; DELETE FROM jobs; DELETE FROM design_points;
+        let clear = "DELETE FROM fills; DELETE FROM checkpoints; DELETE FROM results; DELETE FROM attempts; DELETE FROM jobs; DELETE FROM design_points;
                      DELETE FROM sweeps; DELETE FROM workers; DELETE FROM fair_share;
                      DELETE FROM documents; DELETE FROM scenarios";
         store
@@ -127,8 +140,10 @@ impl<'s> World<'s> {
             38..50 => self.beat().await,
             50..68 => self.report_an_end().await,
             68..73 => self.deliver_again().await,
-            73..75 => self.deliver_batch().await,
-            75..79 => self.upload().await,
+            73 => self.deliver_batch().await,
+            74 => self.upload_fill().await,
+            75..78 => self.upload().await,
+            78 => self.change_fills().await,
             79..82 => self.pause_or_resume().await,
             82..86 => self.wait(LEASE_MS / 3).await,
             86..88 => self.wait(2 * LEASE_MS).await,
@@ -174,10 +189,12 @@ impl<'s> World<'s> {
         self.steps
             .push(format!("worker {} arrives: {id}, {backend}, {memory_mib:?} MiB", self.workers.len()));
         let (last_seen, held) = (self.now.wall.0, Vec::new());
+        let shares_fills = self.random.u32(0..5) > 0;
         self.workers.push(Worker {
             id,
             backend,
             memory_mib,
+            shares_fills,
             draining: false,
             last_seen,
             request: None,
@@ -193,6 +210,7 @@ impl<'s> World<'s> {
         let memory_mib = maybe(&mut self.random).then(|| self.random.choice(MEMORY).unwrap());
         let max_wall_ms = maybe(&mut self.random).then_some(LEASE_MS);
         let (priority, owner) = (self.random.i32(0..2), self.random.choice(OWNERS).unwrap());
+        let shared_fill = !maybe(&mut self.random);
         let job = NewJob {
             id,
             token: owner.to_owned(),
@@ -203,13 +221,16 @@ impl<'s> World<'s> {
             max_wall_s: max_wall_ms.map(|ms| ms as f64 / 1000.0),
             frame_interval_s: None,
             cache,
+            shared_fill,
         };
         let known = self.digests.iter().filter(|(_, other)| *other == which);
         let known = known.map(|(job, _)| &self.model.jobs[job]).any(|job| job.result.is_some());
-        self.steps.push(format!("submit {id} of '{owner}' at {priority}: scenario {which}, {cache}, needs {backend:?} {memory_mib:?}"));
+        self.steps.push(format!("submit {id} of '{owner}' at {priority}: scenario {which}, {cache}, shared fill {shared_fill}, needs {backend:?} {memory_mib:?}"));
         self.store.insert_job(job, self.now.wall).await.unwrap();
         let from_cache = cache == Cache::Use && known;
-        self.model.jobs.insert(id, Job::new((priority, owner), backend, memory_mib, max_wall_ms, from_cache));
+        let mut job = Job::new((priority, owner), backend, memory_mib, max_wall_ms, from_cache);
+        job.fill = shared_fill.then_some(fill_of(which));
+        self.model.jobs.insert(id, job);
         self.digests.push((id, which));
     }
 
@@ -283,6 +304,7 @@ impl<'s> World<'s> {
             assert_eq!(class, job.class.map(|class| class.to_string()), "{id}");
             assert_eq!(row.get::<Option<u32>, _>("result"), job.result, "{id}");
         }
+        self.compare_fills().await;
     }
 
     /// Two capable workers register and run the remaining jobs: every job must end.

@@ -5,7 +5,7 @@ use roost_api::job::JobState;
 use serde_json::Map;
 
 use super::super::model::Job;
-use super::{OWNERS, SCENARIOS, World};
+use super::{OWNERS, SCENARIOS, World, fill_of};
 use crate::store::deletion::mark_leftovers;
 use crate::store::submit::{NewSweep, Submission};
 use crate::sweep::Trial;
@@ -42,7 +42,9 @@ impl World<'_> {
             // Whatever happened meanwhile: nobody could claim or cancel it.
             assert_eq!(state, JobState::Queued.as_str());
             let job: JobId = job.parse().unwrap();
-            self.model.jobs.insert(job, Job::new((priority, owner), None, None, None, false));
+            let mut model = Job::new((priority, owner), None, None, None, false);
+            model.fill = Some(fill_of(scenarios[point as usize]));
+            self.model.jobs.insert(job, model);
             self.digests.push((job, scenarios[point as usize]));
         }
     }

@@ -57,7 +57,17 @@ impl World<'_> {
         let send = |it: &SimulatedClaim| {
             let (request_id, worker) = (it.request, self.workers[it.index].id);
             let (max_jobs, lease, max_frames_bytes, checkpoints) = (it.max_jobs, LEASE, 1, None);
-            let claim = Claim { request_id, worker, max_jobs, lease, max_frames_bytes, checkpoints };
+            let (shares_fills, max_fill_bytes) = (self.workers[it.index].shares_fills, 1);
+            let claim = Claim {
+                request_id,
+                worker,
+                max_jobs,
+                lease,
+                max_frames_bytes,
+                checkpoints,
+                shares_fills,
+                max_fill_bytes,
+            };
             self.store.claim(claim, self.now)
         };
         let claimed = join_all(claims.iter().map(send)).await;
@@ -73,6 +83,7 @@ impl World<'_> {
                     stored.filter(|it| it.2 == backend).map(|it| (it.0, it.1)),
                     "{attempt:?}"
                 );
+                self.check_fill(claim.index, attempt);
             }
             let claimed: Vec<_> = claimed.iter().map(|attempt| (attempt.job_id, attempt.attempt)).collect();
             self.check_claim(claim, repeated, &queue, &claimed);
@@ -112,8 +123,8 @@ impl World<'_> {
                 _ => next.iter().take_while(|next| !next.alone).map(|next| next.id).collect(),
             };
             assert_eq!(claimed.iter().map(|(job, _)| *job).collect::<Vec<_>>(), expected, "of {before:?}");
-            for (job, attempt) in claimed {
-                self.model.claim(*job, worker, self.now.lease.0);
+            for ((job, attempt), next) in claimed.iter().zip(&next) {
+                self.model.claim(*job, worker, next.computes, self.now.lease.0);
                 assert_eq!(*attempt, self.model.jobs[job].newest());
             }
         }
@@ -160,8 +171,13 @@ impl World<'_> {
         };
         let jobs = queue.iter().map(|(id, seq)| (*id, *seq, &self.model.jobs[id]));
         let jobs = jobs
-            .filter(|(_, _, job)| job.state == JobState::Queued && fits(job, me) && !left_to_another(job));
-        jobs.map(|(id, seq, job)| Waiting { id, seq, alone: job.alone }).collect()
+            .filter(|(_, _, job)| job.state == JobState::Queued && fits(job, me) && !left_to_another(job))
+            .filter(|(_, _, job)| !me.shares_fills || !self.model.waits(job, me.backend));
+        let waiting = |(id, seq, job): (JobId, i64, &Job)| {
+            let computes = self.model.computes(job, me.backend).filter(|_| me.shares_fills);
+            Waiting { id, seq, alone: job.alone, computes }
+        };
+        jobs.map(waiting).collect()
     }
 
     pub(super) async fn beat(&mut self) {
@@ -280,7 +296,8 @@ impl World<'_> {
         let answers = join_all(reports.iter().map(async |report| {
             let Report { job, attempt, worker, outcome, .. } = *report;
             if outcome == AttemptOutcome::Succeeded {
-                return self.store.record_result(job, attempt, worker, result(report), self.now.wall).await;
+                let result = (result(report), None);
+                return self.store.record_result(job, attempt, worker, result, self.now.wall).await;
             }
             let (policy, now) = (self.policy, self.now);
             self.store.record_failure(job, attempt, worker, outcome, String::new(), None, policy, now).await

@@ -1,4 +1,4 @@
-//! Parts of checkpoints whose upload is not complete, at most one upload for each job.
+//! Parts of checkpoints or fills whose upload is not complete, at most one upload for each job.
 //!
 //! They are in memory and in the folder of unnamed uploads. A restart of the server removes both, and the upload begins again.
 
@@ -9,7 +9,7 @@ use roost_api::ids::JobId;
 
 use crate::store::Staged;
 
-/// An upload: its job and attempt, and the digest of the whole checkpoint.
+/// An upload: its job and attempt, and the digest of the whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct UploadKey {
     pub(crate) job: JobId,
@@ -19,7 +19,7 @@ pub(crate) struct UploadKey {
 
 /// The incomplete uploads of all jobs.
 #[derive(Default)]
-pub(crate) struct CheckpointUploads(Mutex<HashMap<JobId, Incomplete>>);
+pub(crate) struct PartialUploads(Mutex<HashMap<JobId, Incomplete>>);
 
 struct Incomplete {
     key: UploadKey,
@@ -43,7 +43,7 @@ pub(crate) struct Added {
     pub(crate) unused: Vec<Staged>,
 }
 
-impl CheckpointUploads {
+impl PartialUploads {
     fn lock(&self) -> MutexGuard<'_, HashMap<JobId, Incomplete>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
