@@ -19,6 +19,7 @@ pub mod problem;
 pub mod prune;
 #[expect(dead_code, reason = "the types exist for their schemas alone")]
 mod solver_documents;
+pub mod study;
 pub mod sweep;
 pub mod table;
 pub mod time;

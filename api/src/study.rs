@@ -1,0 +1,162 @@
+//! Studies: a question about a scenario, which the server answers by growing a sweep.
+//!
+//! A study and its sweep have the same identifier: results, frames and events of its runs are those of the sweep.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use crate::design::Factor;
+use crate::ids::SweepId;
+use crate::job::{Cache, Needs, words};
+use crate::time::Timestamp;
+
+/// The schema of a study.
+pub const SCHEMA: &str = "roost.study/1";
+
+words!(
+    /// The state of a study.
+    StudyState {
+        /// Runs are proposed and made.
+        Running = "running",
+        /// Nothing is proposed or run until it is resumed.
+        Paused = "paused",
+        /// It has its answer.
+        Finished = "finished",
+        /// A user has ended it.
+        Cancelled = "cancelled",
+    }
+);
+
+words!(
+    /// The reason why a study is finished.
+    StudyEnd {
+        /// The answer is as certain as asked.
+        ByRule = "by_rule",
+        /// The budget is spent.
+        ByBudget = "by_budget",
+        /// No point can be run any more.
+        NothingLeft = "nothing_left",
+    }
+);
+
+/// A submitted study.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StudySpec {
+    /// `roost.study/1`, or left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub schema: Option<String>,
+    /// A name for people, of at most 256 bytes.
+    #[schema(max_length = 256)]
+    pub name: String,
+    /// The scenario that the factors vary. Its seed chooses the seeds of all runs.
+    #[schema(value_type = Object)]
+    pub base: Value,
+    /// The factors, each with `low` and `high`, and perhaps `scale`.
+    pub factors: Vec<Factor>,
+    /// The goal: an object with one member `estimate`, `boundary`, `optimise` or `sensitivity`.
+    #[schema(value_type = Object)]
+    pub goal: Value,
+    /// Limits of the number of runs.
+    pub budget: StudyBudget,
+    /// Jobs of higher priority are claimed first. Values outside -100 to 100 need a token with the scope `admin`.
+    #[serde(default)]
+    pub priority: i32,
+    /// Free labels, at most 64 with keys and values of at most 256 bytes.
+    #[serde(default)]
+    #[schema(schema_with = crate::job::labels_schema)]
+    pub labels: BTreeMap<String, String>,
+    /// Requirements of its jobs on the worker.
+    #[serde(default)]
+    pub needs: Needs,
+    /// Maximum wall time of an attempt, in seconds.
+    #[serde(default)]
+    pub max_wall_s: Option<f64>,
+    /// Whether cached results may be used.
+    #[serde(default = "crate::job::default_cache")]
+    pub cache: Cache,
+}
+
+/// Limits of the number of runs of a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StudyBudget {
+    /// Maximum number of runs in all, failed ones included.
+    pub max_runs: u32,
+    /// Maximum number of runs at one point; 1,000 unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_replicates: Option<u32>,
+    /// A point is left out when this many of its runs have failed, and they are at least half of its ended runs; 3 unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_failures: Option<u32>,
+}
+
+/// A change of a study's budget.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BudgetChange {
+    /// The new maximum number of runs; not below the present one.
+    pub max_runs: u32,
+}
+
+/// Number of runs of a study by state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct StudyRuns {
+    /// With a result.
+    pub done: u64,
+    /// Failed.
+    pub failed: u64,
+    /// Cancelled.
+    pub cancelled: u64,
+    /// Queued or running.
+    pub pending: u64,
+    /// The budget.
+    pub max_runs: u64,
+}
+
+/// A study as the API shows it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct StudyView {
+    /// Its identifier, which is also that of its sweep.
+    pub id: SweepId,
+    /// Its name.
+    pub name: String,
+    /// Its state.
+    pub state: StudyState,
+    /// Why it is finished; null before.
+    pub finished: Option<StudyEnd>,
+    /// The question, in words.
+    pub question: String,
+    /// The answer so far, in sentences; empty before the first result.
+    pub answer: Vec<String>,
+    /// Names of its factors, each the pointer of the factor's first field.
+    pub factors: Vec<String>,
+    /// Its runs.
+    pub runs: StudyRuns,
+    /// Number of points with runs.
+    pub points: u64,
+    /// When it was submitted.
+    #[schema(value_type = String, format = DateTime)]
+    pub submitted_at: Timestamp,
+    /// When the answer was last computed; null before.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub answered_at: Option<Timestamp>,
+}
+
+/// The answer of a study with its evidence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct StudyAnswer {
+    /// The study.
+    pub study: StudyView,
+    /// The factors with their ranges, as submitted.
+    pub factors: Vec<Factor>,
+    /// The goal, as submitted.
+    #[schema(value_type = Object)]
+    pub goal: Value,
+    /// Numbers of the answer: `runs`, `excluded` and `finding`, an object with one member named by the goal. Null before the first result.
+    #[schema(value_type = Object)]
+    pub answer: Value,
+}
