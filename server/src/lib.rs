@@ -6,6 +6,8 @@
 //! | `state` | shared state of a running server: access, connections, caches, metrics, progress |
 //! | `document`, `mesh`, `validation` | read and check submissions, pure |
 //! | `queue`, `sweep` | decide on attempts; expand designs and summarize results with `roost_stats`, pure |
+//! | `study` | reads studies, and states their answers, pure |
+//! | `decider` | grows studies: a background task |
 //! | `store` | one SQLite file and the objects; the only module with sqlx |
 //! | `reaper` | background tasks |
 //!
@@ -14,6 +16,7 @@
 mod clock;
 mod config;
 mod data;
+mod decider;
 mod document;
 mod http;
 mod mesh;
@@ -23,6 +26,7 @@ mod reaper;
 mod server;
 mod state;
 mod store;
+mod study;
 mod sweep;
 mod validation;
 

@@ -16,7 +16,7 @@ use crate::data::{self, DATABASE, DataError};
 use crate::queue::lease_end;
 use crate::state::{Access, App, AppState, Connections, MeshCache, Metrics};
 use crate::store::{Store, StoreError};
-use crate::{http, process, reaper};
+use crate::{decider, http, process, reaper};
 
 /// Why a server did not start, or ended.
 #[derive(Debug, thiserror::Error)]
@@ -133,6 +133,7 @@ impl Server {
     pub async fn run(self, shutdown: CancellationToken) -> Result<(), ServerError> {
         let app = self.app;
         let reaper = tokio::spawn(reaper::run(app.clone()));
+        let decider = tokio::spawn(decider::run(app.clone()));
         let stop = app.shutdown.clone();
         let serving = http::serve(self.listener, app.clone(), stop.clone());
         tokio::pin!(serving);
@@ -152,6 +153,7 @@ impl Server {
         };
         stop.cancel();
         let _ = reaper.await;
+        let _ = decider.await;
         app.store.close().await;
         served
     }

@@ -17,6 +17,7 @@ use roost_api::Fault;
 use roost_api::design::Extension;
 use roost_api::job::JobEnvelope;
 use roost_api::lease::{ClaimRequest, FailureReport, HeartbeatRequest, ResultDelivery};
+use roost_api::study::{BudgetChange, StudySpec};
 use roost_api::sweep::SweepSpec;
 use roost_api::worker::WorkerRegistration;
 use roost_solver::Limits;
@@ -50,12 +51,14 @@ macro_rules! document_types {
 }
 
 document_types!(
+    BudgetChange,
     ClaimRequest,
     Extension,
     FailureReport,
     HeartbeatRequest,
     JobEnvelope,
     ResultDelivery,
+    StudySpec,
     SweepSpec,
     WorkerRegistration,
 );

@@ -30,6 +30,7 @@ mod series;
 mod session;
 mod spec;
 mod stored_result;
+mod studies;
 mod submissions;
 mod sweeps;
 mod tables;
@@ -99,7 +100,8 @@ fn routes(
     let submissions = OpenApiRouter::new()
         .routes(routes!(jobs::submit))
         .routes(routes!(sweeps::submit))
-        .routes(routes!(sweeps::extend));
+        .routes(routes!(sweeps::extend))
+        .routes(routes!(studies::submit));
     let submissions = made_once(submissions).layer(small);
     let users = OpenApiRouter::new()
         .routes(routes!(jobs::list))
@@ -122,6 +124,13 @@ fn routes(
         .routes(routes!(sweeps::retry))
         .routes(routes!(sweeps::pause))
         .routes(routes!(sweeps::resume))
+        .routes(routes!(studies::list))
+        .routes(routes!(studies::show))
+        .routes(routes!(studies::answer))
+        .routes(routes!(studies::pause))
+        .routes(routes!(studies::resume))
+        .routes(routes!(studies::cancel))
+        .routes(routes!(studies::budget))
         .routes(routes!(results::effects))
         .routes(routes!(results::differences))
         .routes(routes!(series::of_sweep))

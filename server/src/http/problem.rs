@@ -166,7 +166,7 @@ impl From<MeshCacheError> for ApiError {
 impl From<Refusal> for ApiError {
     fn from(refusal: Refusal) -> Self {
         let kind = match refusal {
-            Refusal::NoJob | Refusal::NoSweep | Refusal::NoAttempt | Refusal::NoWorker => {
+            Refusal::NoJob | Refusal::NoSweep | Refusal::NoStudy | Refusal::NoAttempt | Refusal::NoWorker => {
                 ProblemKind::NotFound
             }
             Refusal::Superseded { .. }

@@ -80,7 +80,8 @@ fn with_schema(document: &Value) -> String {
     document.to_string()
 }
 
-fn limits(app: &App) -> SweepLimits {
+/// Limits of sweeps and studies.
+pub(super) fn limits(app: &App) -> SweepLimits {
     SweepLimits { max_jobs: app.config.max_jobs_per_sweep, scenario: app.config.limits }
 }
 
@@ -286,6 +287,8 @@ const MAX_EXTEND_ATTEMPTS: u32 = 8;
     responses((status = 200, description = "The sweep after the change", body = SweepView),
               (status = 404, description = "No such sweep", body = Problem,
                content_type = "application/problem+json"),
+              (status = 409, description = "The sweep belongs to a study", body = Problem,
+               content_type = "application/problem+json"),
               (status = 422, description = "The document has faults, or the design cannot be extended; `errors` lists all faults", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn extend(
@@ -309,6 +312,10 @@ async fn extend_once(
     caller: &Caller,
     document: Value,
 ) -> Result<(), ApiError> {
+    if app.store.is_study(id).await? {
+        let detail = "a study adds the points of this sweep itself: raise the budget of the study, or submit a sweep of its own";
+        return Err(ApiError::new(ProblemKind::WrongState, detail));
+    }
     let _mesh_lock = app.mesh_gate.read().await;
     for _ in 0..MAX_EXTEND_ATTEMPTS {
         if app.store.is_extended(extension).await? {
@@ -353,7 +360,7 @@ pub(crate) struct DeleteQuery {
     responses((status = 200, description = "The deleted objects, or with `dry_run` those that would be", body = Deletion),
               (status = 404, description = "No such sweep", body = Problem,
                content_type = "application/problem+json"),
-              (status = 409, description = "Some of its jobs have not ended", body = Problem,
+              (status = 409, description = "Some of its jobs have not ended, or its study goes on", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn delete(
     State(app): State<App>,
@@ -368,9 +375,12 @@ pub(crate) async fn delete(
     if !query.dry_run && !delete().await?? {
         // Another request may have deleted the sweep meanwhile.
         let unended = app.store.deletion(id).await?.ok_or(Refusal::NoSweep)?.unended;
-        let detail = format!(
-            "{unended} of its jobs have not ended: cancel the sweep and wait until running jobs have stopped"
-        );
+        let detail = match unended {
+            0 => "its study goes on: cancel the study first".to_owned(),
+            _ => format!(
+                "{unended} of its jobs have not ended: cancel the sweep and wait until running jobs have stopped"
+            ),
+        };
         return Err(ApiError::new(ProblemKind::WrongState, detail));
     }
     let dry_run = query.dry_run.then_some(axum::Extension(DryRun));

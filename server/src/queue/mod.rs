@@ -99,6 +99,9 @@ pub(crate) enum Refusal {
     /// No such sweep.
     #[error("there is no sweep with this id")]
     NoSweep,
+    /// No such study.
+    #[error("there is no study with this id")]
+    NoStudy,
     /// No such attempt.
     #[error("the job has no attempt with this number")]
     NoAttempt,

@@ -18,11 +18,12 @@ const BATCH: i64 = SLICE as i64;
 /// Design points of one batch, after the jobs.
 const POINTS: i64 = 4 * BATCH;
 
-/// Hides a sweep whose jobs all ended before a time. Returns the number of its row.
+/// Hides a sweep whose jobs all ended before a time, unless its study goes on. Returns the number of its row.
 pub(super) const HIDE: &str = "UPDATE sweeps SET state = 'deleting' WHERE id = ? AND state = 'ready'
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id AND state IN ('queued', 'running'))
     AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = sweeps.id AND state IN ('succeeded', 'failed', 'cancelled')
-                    AND ended_at >= ?) RETURNING seq";
+                    AND ended_at >= ?)
+    AND NOT EXISTS (SELECT 1 FROM studies WHERE sweep_id = sweeps.id AND state IN ('running', 'paused')) RETURNING seq";
 
 impl Store {
     /// What a deletion of a sweep would remove.
@@ -195,7 +196,11 @@ async fn delete_batch(tx: &mut SqliteConnection, seq: i64) -> Result<(bool, Vec<
     if sqlx::query(points).bind(&id).bind(POINTS).execute(&mut *tx).await?.rows_affected() as i64 == POINTS {
         return Ok((true, objects));
     }
-    for sql in ["DELETE FROM extensions WHERE sweep_id = ?", "DELETE FROM sweeps WHERE id = ?"] {
+    for sql in [
+        "DELETE FROM extensions WHERE sweep_id = ?",
+        "DELETE FROM studies WHERE sweep_id = ?",
+        "DELETE FROM sweeps WHERE id = ?",
+    ] {
         sqlx::query(sql).bind(&id).execute(&mut *tx).await?;
     }
     Ok((false, objects))

@@ -57,6 +57,7 @@ impl Store {
                     if !sweep_exists(tx, id).await? {
                         return Ok(Err(Refusal::NoSweep));
                     }
+                    end_study(tx, id).await?;
                     cancel(tx, Scope::Sweep(id), now).await.map(Ok)
                 })
             });
@@ -168,6 +169,13 @@ impl Store {
         }
         Ok(Ok(queued))
     }
+}
+
+/// Ends the study of a sweep that is being cancelled, which would otherwise add further jobs.
+async fn end_study(tx: &mut SqliteConnection, id: SweepId) -> Result<(), StoreError> {
+    let sql = "UPDATE studies SET state = 'cancelled' WHERE sweep_id = ? AND state IN ('running', 'paused')";
+    sqlx::query(sql).bind(id.to_string()).execute(&mut *tx).await?;
+    Ok(())
 }
 
 /// The jobs that a user cancels.

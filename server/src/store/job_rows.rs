@@ -46,7 +46,7 @@ impl JobRow {
         Ok(Self { id, digest, body, fill: scenario.fill_digest(), seed, place: None, levels: None })
     }
 
-    fn of(trial: &Trial, sweep: SweepId) -> Result<Self, StoreError> {
+    pub(super) fn of(trial: &Trial, sweep: SweepId) -> Result<Self, StoreError> {
         let levels = trial.levels.as_ref().map(|levels| to_json("levels", levels)).transpose()?;
         let place = Some((sweep, trial.point, trial.replicate));
         Ok(Self { place, levels, ..Self::single(&trial.scenario, JobId::new())? })

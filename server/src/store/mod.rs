@@ -29,6 +29,7 @@ mod prune;
 mod results;
 #[cfg(test)]
 mod simulation;
+mod studies;
 mod submissions;
 mod submit;
 mod sweeps;
@@ -67,6 +68,7 @@ pub(crate) use heartbeats::Beat;
 pub(crate) use jobs::JobFilter;
 use migrations::migrator;
 pub(crate) use objects::{StageError, Staged};
+pub(crate) use studies::{MAX_PROPOSALS, NewStudy, StoredStudy};
 pub(crate) use submissions::{StoredResponse, Submission, SubmissionState};
 pub(crate) use submit::{NewJob, NewSweep};
 pub(crate) use tokens::Token;

@@ -259,6 +259,31 @@ impl Store {
 /// Whether an earlier request has stored a sweep. One that a user has deleted does not return with a repeat of its submission.
 const SUBMITTED: &str = "SELECT EXISTS (SELECT 1 FROM sweeps WHERE id = ?1) OR EXISTS (SELECT 1 FROM deletions WHERE sweep_id = ?1)";
 
+/// Stores the row of a study's sweep. Returns false, and changes nothing, if an earlier request has stored it.
+pub(super) async fn insert_study_sweep(
+    tx: &mut SqliteConnection,
+    id: SweepId,
+    spec: &SweepSpec,
+    (factors, points): (&[String], u32),
+    now: Timestamp,
+) -> Result<bool, StoreError> {
+    if exists(tx, SUBMITTED, id.to_string()).await? {
+        return Ok(false);
+    }
+    let head = SweepHead {
+        id,
+        name: spec.name.clone(),
+        text: to_json("sweep", spec)?,
+        design: spec.design.kind,
+        factors: to_json("factors", factors)?,
+        labels: to_json("labels", &spec.labels)?,
+        points: points as usize,
+        replicates: 1,
+    };
+    insert_head(tx, head, "ready", now).await?;
+    Ok(true)
+}
+
 /// Stores the row of a sweep, and returns its number.
 async fn insert_head(
     tx: &mut SqliteConnection,

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 use roost_api::Fault;
+use roost_api::design::Factor;
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::{self, Scenario};
 use serde_json::{Map, Value, json};
@@ -14,6 +15,7 @@ use serde_json::{Map, Value, json};
 use super::designs::{Plan, PlannedFactor, Row};
 use super::extend::replicate;
 use super::pointer;
+use super::values::FactorValues;
 use crate::mesh;
 
 /// Faults that are listed: more have the same reasons.
@@ -81,6 +83,26 @@ impl Points {
             RowSource::Rows(rows) => rows.len(),
         };
         Self { base: base.clone(), complete: json!(scenario), factors, source, count }
+    }
+
+    /// Points of these factors without rows: [`Points::at_values`] makes them one by one.
+    pub(crate) fn without_rows(base: &Value, scenario: &Scenario, factors: &[Factor]) -> Self {
+        let planned = factors.iter().map(|factor| PlannedFactor {
+            fields: factor.fields().into_iter().map(str::to_owned).collect(),
+            values: FactorValues::Rows,
+        });
+        Self::new(base, scenario, planned.collect(), RowSource::Rows(Vec::new()))
+    }
+
+    /// The point with a value per factor, or the faults of its scenario.
+    pub(crate) fn at_values(&self, values: Vec<Value>) -> Result<Point, Vec<Fault>> {
+        let row: Row = values.into_iter().map(Some).collect();
+        self.point(&row).map_err(|(_, faults)| faults)
+    }
+
+    /// The complete base.
+    pub(crate) fn complete_base(&self) -> &Value {
+        &self.complete
     }
 
     /// How many there are.

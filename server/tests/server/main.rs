@@ -31,6 +31,7 @@ mod series;
 mod start_stop;
 #[path = "../../../tests/support/stl.rs"]
 mod stl;
+mod studies;
 mod submissions;
 mod sweeps;
 mod tables;

@@ -1,0 +1,132 @@
+//! The decider: the background task that grows studies.
+//!
+//! For each running study it reads the trials, decides on a thread of its own, and stores proposals and answer in one transaction. A
+//! decision depends on the stored rows alone, so that a server that was killed goes on as if nothing had happened. No claim or result
+//! waits for a decision.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use futures_util::StreamExt;
+use futures_util::stream;
+use roost_api::ids::SweepId;
+use roost_api::job::JobState;
+use roost_api::study::StudyState;
+use roost_api::table::TrialRow;
+
+use crate::state::App;
+use crate::store::{MAX_PROPOSALS, StoreError};
+use crate::study::Study;
+
+/// Interval between looks at the trials of running studies.
+const INTERVAL: Duration = Duration::from_millis(200);
+
+/// Minimum number of queued runs that a study keeps, so that a worker finds the next one at once.
+pub(crate) const MIN_QUEUED: usize = 4;
+
+/// Studies that are decided about at once.
+const AT_ONCE: usize = 2;
+
+/// Runs until the server shuts down.
+pub(crate) async fn run(app: App) {
+    let mut seen = HashMap::new();
+    while app.shutdown.run_until_cancelled(tokio::time::sleep(INTERVAL)).await.is_some() {
+        if let Err(error) = look(&app, &mut seen).await {
+            tracing::error!(error = error.as_dyn(), "looking at studies failed");
+        }
+    }
+}
+
+/// Runs of a study by state, when it was last decided about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Tally {
+    queued: usize,
+    running: usize,
+    ended: usize,
+    max_runs: u32,
+}
+
+impl Tally {
+    fn of(trials: &[TrialRow], max_runs: u32) -> Self {
+        let mut tally = Self { max_runs, ..Self::default() };
+        for trial in trials {
+            match trial.state {
+                JobState::Queued => tally.queued += 1,
+                JobState::Running => tally.running += 1,
+                JobState::Succeeded | JobState::Failed | JobState::Cancelled => tally.ended += 1,
+            }
+        }
+        tally
+    }
+
+    /// Number of runs to propose: as many as run now shall wait. More would be chosen without the results of those that run.
+    fn wanted(&self) -> usize {
+        self.running.max(MIN_QUEUED).saturating_sub(self.queued).min(MAX_PROPOSALS)
+    }
+}
+
+async fn look(app: &App, seen: &mut HashMap<SweepId, Tally>) -> Result<(), StoreError> {
+    let running = app.store.running_studies().await?;
+    seen.retain(|id, _| running.contains(id));
+    let decisions = running.into_iter().map(|id| {
+        let before = seen.get(&id).copied();
+        async move { (id, decide(app, id, before).await) }
+    });
+    let decided: Vec<_> = stream::iter(decisions).buffer_unordered(AT_ONCE).collect().await;
+    for (id, outcome) in decided {
+        match outcome {
+            Ok(Some(tally)) => drop(seen.insert(id, tally)),
+            Ok(None) => {}
+            Err(error) => {
+                tracing::error!(error = error.as_dyn(), study = %id, "deciding about a study failed")
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Decides about a study if its runs have changed. Returns its runs before the decision, or none if the decision was not stored.
+async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<Tally>, StoreError> {
+    let Some(stored) = app.store.study(id).await? else { return Ok(None) };
+    let trials = app.store.trials_of(id, 0..u32::MAX).await?;
+    let tally = Tally::of(&trials, stored.max_runs);
+    let has_new_results =
+        before.is_none_or(|before| (before.ended, before.max_runs) != (tally.ended, tally.max_runs));
+    if !has_new_results && tally.wanted() == 0 || before == Some(tally) {
+        return Ok(before);
+    }
+    let (spec, max_runs) = (stored.spec.clone(), stored.max_runs);
+    let work = tokio::task::spawn_blocking(move || {
+        let study = Study::stored(spec, max_runs)?;
+        let decided = study.decide(&trials, tally.wanted())?;
+        Ok::<_, Vec<roost_api::Fault>>((study.sweep_spec(), decided))
+    });
+    let (sweep, decided) = match work.await {
+        Ok(Ok(work)) => work,
+        Ok(Err(faults)) => {
+            let reason = faults.first().map(ToString::to_string).unwrap_or_default();
+            return pause(app, id, &reason).await;
+        }
+        Err(error) => return pause(app, id, &error.to_string()).await,
+    };
+    let (count, finished) = (decided.trials.len(), decided.finished);
+    let is_stored = app.store.store_decision(&stored, &sweep, decided, app.clock.now()).await?;
+    if is_stored && count > 0 {
+        app.work.notify_waiters();
+    }
+    if is_stored && let Some(end) = finished {
+        tracing::info!(study = %id, %end, "a study is finished");
+        // Runs that nobody needs any more.
+        if let Err(refusal) = app.store.cancel_sweep(id, app.clock.now()).await? {
+            tracing::warn!(study = %id, %refusal, "the last runs of a study were not cancelled");
+        }
+    }
+    Ok(is_stored.then_some(tally))
+}
+
+/// Pauses a study that cannot be decided about: it would fail again at once.
+async fn pause(app: &App, id: SweepId, reason: &str) -> Result<Option<Tally>, StoreError> {
+    tracing::error!(study = %id, reason, "a study cannot go on and is paused");
+    app.store.set_study_state(id, &[StudyState::Running], StudyState::Paused).await?;
+    Ok(None)
+}

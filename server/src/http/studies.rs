@@ -1,0 +1,252 @@
+//! Studies: submit, list, show, answer, pause, resume, cancel, change the budget.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderName, StatusCode, Uri, header};
+use axum::response::Response;
+use roost_api::ids::SweepId;
+use roost_api::page::Page;
+use roost_api::problem::Problem;
+use roost_api::study::{BudgetChange, StudyAnswer, StudyRuns, StudySpec, StudyState, StudyView};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use utoipa::IntoParams;
+
+use super::blocking::{run_blocking, run_detached};
+use super::extract::{Document, Params, Segments};
+use super::page::{cursor, limit, limit_schema, page};
+use super::priority::check_priority;
+use super::problem::{ApiError, ProblemKind};
+use super::submissions::Reserved;
+use super::sweeps::limits;
+use crate::decider::MIN_QUEUED;
+use crate::document::{fault, read_document};
+use crate::queue::Refusal;
+use crate::state::{App, Caller};
+use crate::store::{NewStudy, StoredStudy};
+use crate::study::{self, Study};
+
+/// Submits a study: a base scenario, factors with ranges, a goal and a budget. The server then proposes runs until it has the answer.
+#[utoipa::path(post, path = "/v1/studies", tag = "studies", operation_id = "submit_study",
+    params(("Idempotency-Key" = Option<String>, Header, min_length = 1, max_length = 255,
+            description = "A repeat with the same key creates nothing new")),
+    request_body = StudySpec,
+    responses((status = 201, description = "Accepted; the first runs follow at once", body = StudyView),
+              (status = 422, description = "The document has faults; `errors` lists all of them", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn submit(
+    State(app): State<App>,
+    axum::Extension(caller): axum::Extension<Caller>,
+    reserved: Reserved,
+    Document(document): Document,
+) -> Result<(StatusCode, [(HeaderName, String); 1], Json<StudyView>), ApiError> {
+    let (id, state) = (SweepId(reserved.id()), app.clone());
+    run_detached(async move { create(&state, id, caller, document).await }).await??;
+    let location = [(header::LOCATION, format!("/v1/studies/{id}"))];
+    Ok((StatusCode::CREATED, location, Json(view_of(&app, id).await?)))
+}
+
+async fn create(app: &App, id: SweepId, caller: Caller, document: Value) -> Result<(), ApiError> {
+    let _turn = app.submission_turns.wait(id).await;
+    let limits = limits(app);
+    let mesh_lock = app.mesh_gate.read().await;
+    let meshes = app.mesh_cache.meshes_of(&document, &app.store).await?;
+    let read = run_blocking(move || {
+        let (study, _) = study::read(document, &meshes, limits).map_err(ApiError::faults)?;
+        check_priority(&caller, "/priority", study.spec.priority)?;
+        let first = study.decide(&[], MIN_QUEUED).map_err(ApiError::faults)?;
+        let (sweep, factors, token) = (study.sweep_spec(), study.factor_names(), caller.token.to_string());
+        Ok::<_, ApiError>((NewStudy { id, spec: study.spec, sweep, factors, token }, first))
+    });
+    let (study, first) = read.await??;
+    app.store.insert_study(study, first, app.clock.now()).await?;
+    drop(mesh_lock);
+    app.work.notify_waiters();
+    Ok(())
+}
+
+/// Query of a list of studies.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(crate) struct StudyQuery {
+    /// `next_cursor` of the previous page.
+    #[param(value_type = Option<String>)]
+    cursor: Option<i64>,
+    /// Maximum of rows of the page.
+    #[param(schema_with = limit_schema)]
+    limit: Option<u32>,
+}
+
+/// Lists studies, newest first.
+#[utoipa::path(get, path = "/v1/studies", tag = "studies", operation_id = "list_studies", params(StudyQuery),
+    responses((status = 200, description = "A page of studies", body = Page<StudyView>)))]
+pub(crate) async fn list(
+    State(app): State<App>,
+    uri: Uri,
+    Params(query): Params<StudyQuery>,
+) -> Result<Response, ApiError> {
+    let (studies, next) = app.store.studies(cursor(query.cursor)?, limit(query.limit)?).await?;
+    let mut views = Vec::with_capacity(studies.len());
+    for study in &studies {
+        views.push(view(&app, study).await?);
+    }
+    Ok(page(&uri, views, next))
+}
+
+/// Shows a study with its answer in words.
+#[utoipa::path(get, path = "/v1/studies/{id}", tag = "studies", operation_id = "show_study",
+    params(("id" = uuid::Uuid, Path, description = "The study")),
+    responses((status = 200, description = "The study", body = StudyView),
+              (status = 404, description = "No such study", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn show(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<StudyView>, ApiError> {
+    view_of(&app, id).await.map(Json)
+}
+
+/// Shows the newest answer of a study as numbers, with its evidence.
+#[utoipa::path(get, path = "/v1/studies/{id}/answer", tag = "studies", operation_id = "study_answer",
+    params(("id" = uuid::Uuid, Path, description = "The study")),
+    responses((status = 200, description = "The answer so far", body = StudyAnswer),
+              (status = 404, description = "No such study", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn answer(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<StudyAnswer>, ApiError> {
+    let stored = stored(&app, id).await?;
+    Ok(Json(StudyAnswer {
+        study: view(&app, &stored).await?,
+        factors: stored.spec.factors,
+        goal: stored.spec.goal,
+        answer: stored.answer.unwrap_or(Value::Null),
+    }))
+}
+
+/// Pauses a study: nothing is proposed, and its jobs that have not ended are paused.
+#[utoipa::path(post, path = "/v1/studies/{id}/pause", tag = "studies", operation_id = "pause_study",
+    params(("id" = uuid::Uuid, Path, description = "The study")),
+    responses((status = 200, description = "The study after the change", body = StudyView),
+              (status = 404, description = "No such study", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn pause(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<StudyView>, ApiError> {
+    set_paused(app, id, true).await
+}
+
+/// Resumes a paused study and its jobs.
+#[utoipa::path(post, path = "/v1/studies/{id}/resume", tag = "studies", operation_id = "resume_study",
+    params(("id" = uuid::Uuid, Path, description = "The study")),
+    responses((status = 200, description = "The study after the change", body = StudyView),
+              (status = 404, description = "No such study", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn resume(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<StudyView>, ApiError> {
+    set_paused(app, id, false).await
+}
+
+async fn set_paused(app: App, id: SweepId, pause: bool) -> Result<Json<StudyView>, ApiError> {
+    stored(&app, id).await?;
+    let state = app.clone();
+    let change = async move {
+        let (from, to): (&[StudyState], _) = if pause {
+            (&[StudyState::Running], StudyState::Paused)
+        } else {
+            (&[StudyState::Paused], StudyState::Running)
+        };
+        state.store.set_study_state(id, from, to).await?;
+        let changed = state.store.pause_sweep(id, pause).await?;
+        state.work.notify_waiters();
+        changed.map_err(ApiError::from)
+    };
+    run_detached(change).await??;
+    view_of(&app, id).await.map(Json)
+}
+
+/// Ends a study, and cancels its jobs that have not ended. Its answer and its results stay.
+#[utoipa::path(post, path = "/v1/studies/{id}/cancel", tag = "studies", operation_id = "cancel_study",
+    params(("id" = uuid::Uuid, Path, description = "The study")),
+    responses((status = 200, description = "The study after the change", body = StudyView),
+              (status = 404, description = "No such study", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn cancel(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+) -> Result<Json<StudyView>, ApiError> {
+    stored(&app, id).await?;
+    let state = app.clone();
+    run_detached(async move { state.store.cancel_sweep(id, state.clock.now()).await }).await???;
+    view_of(&app, id).await.map(Json)
+}
+
+/// Raises the budget of a study. A study that had ended goes on.
+#[utoipa::path(post, path = "/v1/studies/{id}/budget", tag = "studies", operation_id = "raise_study_budget",
+    params(("id" = uuid::Uuid, Path, description = "The study")),
+    request_body = BudgetChange,
+    responses((status = 200, description = "The study after the change", body = StudyView),
+              (status = 404, description = "No such study", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 409, description = "The study is cancelled", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 422, description = "The budget is too small or too large", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn budget(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+    Document(document): Document,
+) -> Result<Json<StudyView>, ApiError> {
+    let change: BudgetChange = read_document(document).map_err(ApiError::faults)?;
+    let study = stored(&app, id).await?;
+    let (now, most) = (study.max_runs, app.config.max_jobs_per_sweep);
+    if change.max_runs < now || u64::from(change.max_runs) > most {
+        let allowed = format!("{now} (the present budget) to {most} (max_jobs_per_sweep)");
+        let found = fault("/max_runs", json!(change.max_runs), "the budget can only grow", &allowed);
+        return Err(ApiError::faults(vec![found]));
+    }
+    if !app.store.raise_budget(id, change.max_runs).await? {
+        let detail = "the study is cancelled: submit it again, and earlier results come from the cache";
+        return Err(ApiError::new(ProblemKind::WrongState, detail));
+    }
+    view_of(&app, id).await.map(Json)
+}
+
+async fn stored(app: &App, id: SweepId) -> Result<StoredStudy, ApiError> {
+    Ok(app.store.study(id).await?.ok_or(Refusal::NoStudy)?)
+}
+
+async fn view_of(app: &App, id: SweepId) -> Result<StudyView, ApiError> {
+    view(app, &stored(app, id).await?).await
+}
+
+async fn view(app: &App, stored: &StoredStudy) -> Result<StudyView, ApiError> {
+    let sweep = app.store.sweep(stored.id).await?.ok_or(Refusal::NoStudy)?;
+    let counts = sweep.counts;
+    // This server may no longer be able to read a study of an earlier one.
+    let question = Study::stored(stored.spec.clone(), stored.max_runs).map(|study| study.question_sentence());
+    Ok(StudyView {
+        id: stored.id,
+        name: sweep.name,
+        state: stored.state,
+        finished: stored.finished,
+        question: question.unwrap_or_default(),
+        answer: stored.sentences.clone(),
+        factors: sweep.factors,
+        runs: StudyRuns {
+            done: counts.succeeded,
+            failed: counts.failed,
+            cancelled: counts.cancelled,
+            pending: counts.queued + counts.running,
+            max_runs: u64::from(stored.max_runs),
+        },
+        points: u64::from(sweep.points),
+        submitted_at: stored.submitted_at,
+        answered_at: stored.answered_at,
+    })
+}

@@ -1,0 +1,273 @@
+//! Studies: the question and newest answer beside the sweep that they grow.
+
+use roost_api::ids::SweepId;
+use roost_api::study::{StudyEnd, StudySpec, StudyState};
+use roost_api::sweep::SweepSpec;
+use roost_api::time::Timestamp;
+use serde_json::Value;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{AssertSqlSafe, SqliteConnection};
+
+use super::columns::{Columns, from_json, to_json};
+use super::job_rows::{JobOptions, JobRow, queue_start};
+use super::submit::{insert_study_sweep, queue_jobs};
+use super::writer::SLICE;
+use super::{Store, StoreError};
+use crate::study::Decided;
+
+/// Maximum number of runs that one decision proposes: they are one transaction.
+pub(crate) const MAX_PROPOSALS: usize = SLICE;
+
+/// A study in the store.
+#[derive(Clone, Debug)]
+pub(crate) struct StoredStudy {
+    /// Its identifier.
+    pub(crate) id: SweepId,
+    /// As submitted.
+    pub(crate) spec: StudySpec,
+    /// Its budget now.
+    pub(crate) max_runs: u32,
+    /// Its state.
+    pub(crate) state: StudyState,
+    /// Why it is finished.
+    pub(crate) finished: Option<StudyEnd>,
+    /// Number of decisions so far.
+    pub(crate) decisions: i64,
+    /// Numbers of the newest answer.
+    pub(crate) answer: Option<Value>,
+    /// The newest answer in words.
+    pub(crate) sentences: Vec<String>,
+    /// When it was submitted.
+    pub(crate) submitted_at: Timestamp,
+    /// When the newest answer was computed.
+    pub(crate) answered_at: Option<Timestamp>,
+    /// Row of its sweep: listings go from the newest to the oldest.
+    pub(crate) seq: i64,
+    /// The token that submitted its jobs.
+    token: String,
+}
+
+/// A study about to be stored.
+pub(crate) struct NewStudy {
+    /// Its identifier.
+    pub(crate) id: SweepId,
+    /// As submitted.
+    pub(crate) spec: StudySpec,
+    /// The specification of its sweep.
+    pub(crate) sweep: SweepSpec,
+    /// Names of its factors.
+    pub(crate) factors: Vec<String>,
+    /// The token that submitted it; empty without one.
+    pub(crate) token: String,
+}
+
+/// The jobs of a decision about a study.
+fn rows(decided: &Decided, id: SweepId) -> Result<Vec<JobRow>, StoreError> {
+    decided.trials.iter().map(|trial| JobRow::of(trial, id)).collect()
+}
+
+const COLUMNS: &str = "SELECT w.seq, w.submitted_at, s.sweep_id, s.spec, s.max_runs, s.state, s.finished, s.decisions, s.answer,
+        s.sentences, s.answered_at, s.token_id
+    FROM studies s JOIN sweeps w ON w.id = s.sweep_id AND w.state = 'ready'";
+
+impl Store {
+    /// Stores a new study with its sweep and its first runs. A repeat changes nothing.
+    pub(crate) async fn insert_study(
+        &self,
+        study: NewStudy,
+        first: Decided,
+        now: Timestamp,
+    ) -> Result<(), StoreError> {
+        let NewStudy { id, spec, sweep, factors, token } = study;
+        let options = JobOptions::of(&sweep, token.clone())?;
+        let text = to_json("study", &spec)?;
+        let (answer, sentences) =
+            (to_json("answer", &first.answer)?, to_json("sentences", &first.sentences)?);
+        let rows = rows(&first, id)?;
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    if !insert_study_sweep(tx, id, &sweep, (&factors, first.points), now).await? {
+                        return Ok(());
+                    }
+                    let sql = "INSERT INTO studies (sweep_id, spec, max_runs, token_id, decisions, answer, sentences, answered_at)
+                               VALUES (?, ?, ?, ?, 1, ?, ?, ?)";
+                    sqlx::query(sql)
+                        .bind(id.to_string())
+                        .bind(text)
+                        .bind(spec.budget.max_runs)
+                        .bind(token)
+                        .bind(answer)
+                        .bind(sentences)
+                        .bind(now.0)
+                        .execute(&mut *tx)
+                        .await?;
+                    add_runs(tx, id, (&rows, first.points), &options, now).await
+                })
+            })
+            .await
+    }
+
+    /// One study.
+    pub(crate) async fn study(&self, id: SweepId) -> Result<Option<StoredStudy>, StoreError> {
+        let sql = format!("{COLUMNS} WHERE s.sweep_id = ?");
+        let row = sqlx::query(AssertSqlSafe(sql)).bind(id.to_string()).fetch_optional(&self.readers).await?;
+        row.as_ref().map(stored).transpose()
+    }
+
+    /// Studies, newest first, and the row that the next page starts before.
+    pub(crate) async fn studies(
+        &self,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<(Vec<StoredStudy>, Option<i64>), StoreError> {
+        let sql = format!("{COLUMNS} WHERE w.seq < ? ORDER BY w.seq DESC LIMIT ?");
+        let rows = sqlx::query(AssertSqlSafe(sql))
+            .bind(before.unwrap_or(i64::MAX))
+            .bind(i64::from(limit) + 1)
+            .fetch_all(&self.readers)
+            .await?;
+        let mut studies = rows.iter().map(stored).collect::<Result<Vec<_>, _>>()?;
+        let more = studies.len() > limit as usize;
+        studies.truncate(limit as usize);
+        let next = studies.last().filter(|_| more).map(|last| last.seq);
+        Ok((studies, next))
+    }
+
+    /// Whether a sweep belongs to a study.
+    pub(crate) async fn is_study(&self, id: SweepId) -> Result<bool, StoreError> {
+        let sql = "SELECT EXISTS (SELECT 1 FROM studies WHERE sweep_id = ?)";
+        Ok(sqlx::query_scalar(sql).bind(id.to_string()).fetch_one(&self.readers).await?)
+    }
+
+    /// Studies that the server decides about.
+    pub(crate) async fn running_studies(&self) -> Result<Vec<SweepId>, StoreError> {
+        let sql = "SELECT sweep_id FROM studies WHERE state = 'running' ORDER BY sweep_id";
+        let rows = sqlx::query(sql).fetch_all(&self.readers).await?;
+        rows.iter().map(|row| row.parsed("sweep_id")).collect()
+    }
+
+    /// Stores a decision about a study: its runs become jobs. Returns false, and changes nothing, when the study has changed since.
+    pub(crate) async fn store_decision(
+        &self,
+        study: &StoredStudy,
+        sweep: &SweepSpec,
+        decision: Decided,
+        now: Timestamp,
+    ) -> Result<bool, StoreError> {
+        let (id, decisions, max_runs) = (study.id, study.decisions, study.max_runs);
+        let options = JobOptions::of(sweep, study.token.clone())?;
+        let rows =
+            decision.trials.iter().map(|trial| JobRow::of(trial, id)).collect::<Result<Vec<_>, _>>()?;
+        let (answer, sentences) =
+            (to_json("answer", &decision.answer)?, to_json("sentences", &decision.sentences)?);
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let sql = "UPDATE studies SET decisions = decisions + 1, answer = ?, sentences = ?, answered_at = ?, finished = ?,
+                                   state = CASE WHEN ? IS NULL THEN state ELSE 'finished' END
+                               WHERE sweep_id = ? AND decisions = ? AND max_runs = ? AND state = 'running'
+                                   AND EXISTS (SELECT 1 FROM sweeps WHERE id = sweep_id AND state = 'ready')";
+                    let end = decision.finished.map(StudyEnd::as_str);
+                    let stored = sqlx::query(sql)
+                        .bind(answer)
+                        .bind(sentences)
+                        .bind(now.0)
+                        .bind(end)
+                        .bind(end)
+                        .bind(id.to_string())
+                        .bind(decisions)
+                        .bind(max_runs)
+                        .execute(&mut *tx)
+                        .await?
+                        .rows_affected();
+                    if stored == 0 {
+                        return Ok(false);
+                    }
+                    add_runs(tx, id, (&rows, decision.points), &options, now).await?;
+                    Ok(true)
+                })
+            })
+            .await
+    }
+
+    /// Moves a study to another state, if it is in one of some states. Returns whether it was.
+    pub(crate) async fn set_study_state(
+        &self,
+        id: SweepId,
+        from: &'static [StudyState],
+        to: StudyState,
+    ) -> Result<bool, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let words: Vec<&str> = from.iter().map(|state| state.as_str()).collect();
+                    let sql = "UPDATE studies SET state = ? WHERE sweep_id = ? AND state IN (SELECT value FROM json_each(?))";
+                    let changed = sqlx::query(sql)
+                        .bind(to.as_str())
+                        .bind(id.to_string())
+                        .bind(to_json("states", &words)?)
+                        .execute(&mut *tx)
+                        .await?
+                        .rows_affected();
+                    Ok(changed == 1)
+                })
+            })
+            .await
+    }
+
+    /// Raises the budget of a study. A finished study goes on. Returns false when the budget would not grow, or the study is cancelled.
+    pub(crate) async fn raise_budget(&self, id: SweepId, max_runs: u32) -> Result<bool, StoreError> {
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    let sql = "UPDATE studies SET max_runs = ?1, finished = NULL,
+                                   state = CASE state WHEN 'finished' THEN 'running' ELSE state END
+                               WHERE sweep_id = ?2 AND max_runs <= ?1 AND state <> 'cancelled'";
+                    let changed =
+                        sqlx::query(sql).bind(max_runs).bind(id.to_string()).execute(&mut *tx).await?;
+                    Ok(changed.rows_affected() == 1)
+                })
+            })
+            .await
+    }
+}
+
+/// Queues the runs of a decision. The replicates of the sweep are those of the point that has most.
+async fn add_runs(
+    tx: &mut SqliteConnection,
+    id: SweepId,
+    (rows, points): (&[JobRow], u32),
+    options: &JobOptions,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    if rows.is_empty() {
+        return Ok(());
+    }
+    let start = queue_start(tx, options).await?;
+    queue_jobs(tx, rows, options, start, now).await?;
+    let sql = "UPDATE sweeps SET points = ?1, replicates =
+                   (SELECT max(runs) FROM (SELECT count(*) AS runs FROM jobs WHERE sweep_id = ?2 GROUP BY point))
+               WHERE id = ?2";
+    sqlx::query(sql).bind(points).bind(id.to_string()).execute(&mut *tx).await?;
+    Ok(())
+}
+
+fn stored(row: &SqliteRow) -> Result<StoredStudy, StoreError> {
+    let spec: String = row.column("spec")?;
+    let answer: Option<String> = row.column("answer")?;
+    Ok(StoredStudy {
+        id: row.parsed("sweep_id")?,
+        spec: from_json("study", &spec)?,
+        max_runs: row.number("max_runs")?,
+        state: row.parsed("state")?,
+        finished: row.parsed_opt("finished")?,
+        decisions: row.column("decisions")?,
+        answer: answer.map(|text| from_json("answer", &text)).transpose()?,
+        sentences: row.json("sentences")?,
+        submitted_at: row.moment("submitted_at")?,
+        answered_at: row.moment_opt("answered_at")?,
+        seq: row.column("seq")?,
+        token: row.column("token_id")?,
+    })
+}

@@ -1,0 +1,83 @@
+//! Studies, without IO: from the document to a question, from trials to evidence, from decisions to trials, and answers in words.
+//!
+//! - `read` checks a submitted study and lists every fault; `measures` checks the responses that its goal names.
+//! - `trials` turns trials of the sweep into evidence, and proposals into trials.
+//! - `sentences` states question and answer; `words` names factors and measures.
+//!
+//! The decision itself is [`roost_design::decide`].
+
+mod measures;
+mod read;
+mod sentences;
+#[cfg(test)]
+mod tests;
+mod trials;
+mod words;
+
+use roost_api::Fault;
+use roost_api::study::{StudyEnd, StudySpec};
+use roost_api::sweep::SweepSpec;
+use roost_api::table::TrialRow;
+use roost_design::{Answer, Finished, Question, decide};
+
+use crate::sweep::{Points, Trial};
+pub(crate) use read::read;
+
+/// A study that can be decided about.
+#[derive(Clone, Debug)]
+pub(crate) struct Study {
+    /// As submitted.
+    pub(crate) spec: StudySpec,
+    /// Its question, with the present budget.
+    pub(crate) question: Question,
+    /// Makes the scenarios of its runs.
+    points: Points,
+    /// Seed of the base, from which all others follow.
+    seed: u64,
+}
+
+/// A decision: runs that come next, and the answer so far.
+#[derive(Debug)]
+pub(crate) struct Decided {
+    /// Runs that come next.
+    pub(crate) trials: Vec<Trial>,
+    /// Number of points of the sweep with them.
+    pub(crate) points: u32,
+    /// Why the study is finished; none while it goes on.
+    pub(crate) finished: Option<StudyEnd>,
+    /// The answer as numbers.
+    pub(crate) answer: Answer,
+    /// The answer in words.
+    pub(crate) sentences: Vec<String>,
+}
+
+impl Study {
+    /// Decides about up to `wanted` further runs after some trials. A scenario that is proposed may have faults.
+    pub(crate) fn decide(&self, trials: &[TrialRow], wanted: usize) -> Result<Decided, Vec<Fault>> {
+        let (evidence, known) = self.evidence(trials);
+        let decision = decide(&self.question, &evidence, wanted, self.seed);
+        let (trials, points) = self.trials(&decision.proposals, known)?;
+        let finished = decision.finished.map(|finished| match finished {
+            Finished::ByRule => StudyEnd::ByRule,
+            Finished::ByBudget => StudyEnd::ByBudget,
+            Finished::NothingLeft => StudyEnd::NothingLeft,
+        });
+        let sentences = sentences::answer(self, &decision.answer, finished);
+        Ok(Decided { trials, points, finished, answer: decision.answer, sentences })
+    }
+
+    /// The question in words.
+    pub(crate) fn question_sentence(&self) -> String {
+        sentences::question(self)
+    }
+
+    /// Names of its factors.
+    pub(crate) fn factor_names(&self) -> Vec<String> {
+        self.question.factors.iter().map(|factor| factor.name.clone()).collect()
+    }
+
+    /// The specification of its sweep: a list of the two corners of the range.
+    pub(crate) fn sweep_spec(&self) -> SweepSpec {
+        read::sweep_spec(&self.spec)
+    }
+}

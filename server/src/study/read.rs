@@ -1,0 +1,188 @@
+//! Reading a study: its sweep at the corners of the range, then its question. Every fault of both is listed.
+
+use roost_api::Fault;
+use roost_api::design::{Design, DesignKind, Factor, Scale};
+use roost_api::study::{SCHEMA, StudySpec};
+use roost_api::sweep::SweepSpec;
+use roost_design::Question;
+use roost_solver::mesh::Meshes;
+use roost_solver::scenario::field::FieldKind;
+use roost_solver::scenario::{self, fields};
+use serde_json::{Value, json};
+
+use super::{Study, measures};
+use crate::document::{fault, read_leniently};
+use crate::sweep::{self, Expansion, Points, SweepLimits};
+
+/// Number of factors up to which every corner of the range is checked.
+const ALL_CORNERS: usize = 5;
+
+/// Reads a submitted study, and the expansion of its sweep at the corners of the range, or lists every fault.
+pub(crate) fn read(
+    document: Value,
+    meshes: &Meshes,
+    limits: SweepLimits,
+) -> Result<(Study, Expansion), Vec<Fault>> {
+    let (spec, mut faults) = read_leniently::<StudySpec>(document);
+    let Some(spec) = spec else { return Err(faults) };
+    check_factors(&spec.factors, &mut faults);
+    if let Some(schema) = spec.schema.as_deref().filter(|schema| *schema != SCHEMA) {
+        faults.push(fault("/schema", json!(schema), "unknown schema", SCHEMA));
+    }
+    if u64::from(spec.budget.max_runs) > limits.max_jobs {
+        let allowed = format!("at most {} (max_jobs_per_sweep)", limits.max_jobs);
+        faults.push(fault(
+            "/budget/max_runs",
+            json!(spec.budget.max_runs),
+            "more runs than a sweep may have",
+            &allowed,
+        ));
+    }
+    let question = question(&spec, spec.budget.max_runs).map_err(|found| faults.extend(found)).ok();
+    if let Some(question) = &question
+        && let Ok(base) = scenario::from_value(&spec.base)
+    {
+        measures::check(&question.goal, &base.experiment, &mut faults);
+    }
+    if spec.factors.is_empty() {
+        return Err(faults);
+    }
+    let corners = corners(&spec.factors);
+    let expansion = sweep::read(json!(sweep_of(&spec, &corners)), meshes, limits);
+    let expansion = expansion.map_err(|found| {
+        faults.extend(found.into_iter().map(|fault| at_factor(fault, &corners, &spec.factors)));
+    });
+    match (question, expansion) {
+        (Some(question), Ok((_, expansion))) if faults.is_empty() => {
+            let points = expansion.points.clone();
+            let seed = expansion.base.seed;
+            Ok((Study { spec, question, points, seed }, expansion))
+        }
+        _ => Err(faults),
+    }
+}
+
+impl Study {
+    /// A stored study with its present budget, or the faults that this server finds in it.
+    pub(crate) fn stored(spec: StudySpec, max_runs: u32) -> Result<Self, Vec<Fault>> {
+        let question = question(&spec, max_runs)?;
+        let base = scenario::from_value(&spec.base)?;
+        let points = Points::without_rows(&spec.base, &base, &spec.factors);
+        Ok(Self { spec, question, points, seed: base.seed })
+    }
+}
+
+/// The question of a study, or its faults with pointers into the study.
+fn question(spec: &StudySpec, max_runs: u32) -> Result<Question, Vec<Fault>> {
+    let factor = |factor: &Factor| {
+        let scale = factor.scale.unwrap_or(Scale::Linear);
+        json!({"name": factor.name(), "low": factor.low, "high": factor.high, "scale": scale})
+    };
+    let mut budget = json!(spec.budget);
+    budget["max_runs"] = json!(max_runs);
+    let factors: Vec<Value> = spec.factors.iter().map(factor).collect();
+    let document = json!({"factors": factors, "goal": spec.goal, "budget": budget});
+    Question::read(&document).map_err(|faults| faults.into_iter().map(of_question).collect())
+}
+
+fn of_question(found: roost_design::Fault) -> Fault {
+    // A factor has a pointer here, and a name there.
+    let pointer = match found.pointer.strip_suffix("/name") {
+        Some(factor) => format!("{factor}/pointer"),
+        None => found.pointer,
+    };
+    fault(&pointer, found.value, &found.detail, &found.allowed)
+}
+
+/// Checks that factors are ranges of numbers.
+fn check_factors(factors: &[Factor], faults: &mut Vec<Fault>) {
+    for (index, factor) in factors.iter().enumerate() {
+        let at = format!("/factors/{index}");
+        let given = [
+            ("levels", factor.levels.as_ref().map(|levels| json!(levels))),
+            ("count", factor.count.map(|count| json!(count))),
+        ];
+        for (name, value) in given {
+            if let Some(value) = value {
+                let detail = "a factor of a study is a range, not a list of levels";
+                faults.push(fault(&format!("{at}/{name}"), value, detail, "`low` and `high`"));
+            }
+        }
+        for (name, value) in [("low", factor.low), ("high", factor.high)] {
+            if value.is_none() {
+                let detail = "a factor of a study has both ends of its range";
+                faults.push(fault(&format!("{at}/{name}"), Value::Null, detail, "a number"));
+            }
+        }
+        for pointer in factor.fields() {
+            let kind = fields::find(pointer).map(|field| field.kind);
+            let is_number = matches!(
+                kind,
+                Some(FieldKind::Number(_) | FieldKind::Nullable(_) | FieldKind::NumberOrAuto(_)) | None
+            );
+            if !is_number {
+                let detail = "this field is no number on a continuous scale";
+                let allowed = "a field with a number, such as /equipment/gate_opening_m; a sweep for words, lists and whole numbers";
+                faults.push(fault(&format!("{at}/pointer"), json!(pointer), detail, allowed));
+            }
+        }
+    }
+}
+
+/// The corners of the range: rows of low and high values. Of many factors, one high value at a time.
+fn corners(factors: &[Factor]) -> Vec<Vec<f64>> {
+    let ends = |factor: &Factor| [factor.low.unwrap_or(0.0), factor.high.unwrap_or(1.0)];
+    let row = |is_high: &dyn Fn(usize) -> bool| -> Vec<f64> {
+        factors.iter().enumerate().map(|(index, factor)| ends(factor)[usize::from(is_high(index))]).collect()
+    };
+    if factors.len() <= ALL_CORNERS {
+        return (0..1_usize << factors.len()).map(|corner| row(&|index| corner >> index & 1 == 1)).collect();
+    }
+    let one_high = (0..factors.len()).map(|high| row(&|index| index == high));
+    [row(&|_| false), row(&|_| true)].into_iter().chain(one_high).collect()
+}
+
+/// The specification of a study's sweep: a list of the two corners of the range.
+pub(super) fn sweep_spec(spec: &StudySpec) -> SweepSpec {
+    let corners = corners(&spec.factors);
+    let ends: Vec<Vec<f64>> = corners.first().into_iter().chain(corners.last()).cloned().collect();
+    sweep_of(spec, &ends)
+}
+
+fn sweep_of(spec: &StudySpec, rows: &[Vec<f64>]) -> SweepSpec {
+    let rows = rows.iter().map(|row| row.iter().map(|value| json!(value)).collect()).collect();
+    let factors = spec.factors.iter().map(|factor| Factor {
+        pointer: factor.pointer.clone(),
+        pointers: factor.pointers.clone(),
+        ..Factor::default()
+    });
+    SweepSpec {
+        schema: None,
+        name: spec.name.clone(),
+        base: spec.base.clone(),
+        design: Design { kind: DesignKind::List, points: None, seed: None, rows: Some(rows), table: None },
+        factors: factors.collect(),
+        replicates: 1,
+        priority: spec.priority,
+        labels: spec.labels.clone(),
+        needs: spec.needs.clone(),
+        max_wall_s: spec.max_wall_s,
+        frame_interval_s: None,
+        cache: spec.cache,
+    }
+}
+
+/// Moves a fault at a corner to the end of the factor's range.
+fn at_factor(found: Fault, corners: &[Vec<f64>], factors: &[Factor]) -> Fault {
+    let place = found.pointer.strip_prefix("/design/rows/").and_then(|rest| {
+        let (row, rest) = rest.split_once('/')?;
+        let factor = rest.split('/').next()?.parse::<usize>().ok()?;
+        let value = corners.get(row.parse::<usize>().ok()?)?.get(factor)?;
+        let end = if factors.get(factor)?.high == Some(*value) { "high" } else { "low" };
+        Some(format!("/factors/{factor}/{end}"))
+    });
+    match place {
+        Some(pointer) => Fault { pointer, ..found },
+        None => found,
+    }
+}
