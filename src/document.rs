@@ -11,11 +11,15 @@ pub(crate) enum DocumentKind {
     Job,
     /// A base scenario with factors.
     Sweep,
+    /// A question about a base scenario.
+    Study,
 }
 
 impl DocumentKind {
     pub(crate) fn of(document: &Value) -> Self {
-        if roost_server::is_sweep(document) {
+        if roost_server::is_study(document) {
+            Self::Study
+        } else if roost_server::is_sweep(document) {
             Self::Sweep
         } else if document.get("scenario").is_some() {
             Self::Job
@@ -36,6 +40,7 @@ mod tests {
         assert_eq!(DocumentKind::of(&json!({"experiment": "hopper"})), DocumentKind::Scenario);
         assert_eq!(DocumentKind::of(&json!({"scenario": {}})), DocumentKind::Job);
         assert_eq!(DocumentKind::of(&json!({"base": {}, "factors": []})), DocumentKind::Sweep);
+        assert_eq!(DocumentKind::of(&json!({"base": {}, "factors": [], "goal": {}})), DocumentKind::Study);
         assert_eq!(DocumentKind::of(&json!([])), DocumentKind::Scenario);
     }
 }

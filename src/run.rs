@@ -56,11 +56,16 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     if let (Some(seed), Some(fields)) = (args.seed, document.as_object_mut()) {
         fields.insert("seed".to_owned(), json!(seed));
     }
-    if DocumentKind::of(&document) == DocumentKind::Sweep {
+    let other = match DocumentKind::of(&document) {
+        DocumentKind::Sweep => Some("sweep; `roost run` takes one scenario, and `roost submit` takes sweeps"),
+        DocumentKind::Study => {
+            Some("study; `roost run` takes one scenario, and `roost study run` takes studies")
+        }
+        DocumentKind::Scenario | DocumentKind::Job => None,
+    };
+    if let Some(other) = other {
         let name = input::display_name(&args.scenario);
-        let text =
-            format!("{name} is a sweep; `roost run` takes one scenario, and `roost submit` takes sweeps");
-        return Err(BadInput(text).into());
+        return Err(BadInput(format!("{name} is a {other}")).into());
     }
     let resolved = meshes::resolve(&args.scenario, document).without_server();
     let faults_error = |faults: Vec<_>| input::faults_error(&args.scenario, &resolved.with_faults(faults));

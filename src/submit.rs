@@ -6,7 +6,7 @@ use anyhow::Result;
 use roost_api::job::{FailureClass, JobState, JobView};
 use roost_api::sweep::SweepView;
 use roost_solver::Limits;
-use roost_terminal::{Exit, input, message, print_json, print_line, signals};
+use roost_terminal::{BadInput, Exit, input, message, print_json, print_line, signals};
 use roost_worker::client::ClientError;
 use serde_json::{Value, json};
 
@@ -55,6 +55,11 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let resolved = meshes::resolve(&args.file, input::read_document(&args.file)?).checked(&args.file)?;
     let mut document = resolved.document.clone();
     let kind = DocumentKind::of(&document);
+    if kind == DocumentKind::Study {
+        let name = input::display_name(&args.file);
+        let text = format!("{name} is a study; `roost study submit` takes studies");
+        return Err(BadInput(text).into());
+    }
     if kind == DocumentKind::Scenario {
         document = json!({ "scenario": document });
     }

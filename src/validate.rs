@@ -11,13 +11,13 @@ use serde_json::json;
 
 use crate::meshes::{self, Resolved};
 
-/// Check a scenario or a sweep without simulating it
+/// Check a scenario, a sweep or a study without simulating it
 ///
 /// Prints the cost (sub-particles, steps, memory, time) and a description of its meshes. For an invalid document, prints every
 /// fault with its JSON pointer, the value and the allowed values.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// JSON file with a scenario, or with a sweep (which has a `base`); `-` reads stdin
+    /// JSON file with a scenario, a sweep (which has a `base`) or a study (which has a `goal`); `-` reads stdin
     file: PathBuf,
     /// Print JSON: the report, or `{"valid": false, "errors": […]}`
     #[arg(long)]
@@ -54,6 +54,13 @@ fn print_report(args: &Args, resolved: &Resolved, report: &ValidationReport) -> 
     }
     let estimate = &report.estimate;
     print_line(format_args!("{}: a valid {}", input::display_name(&args.file), report.document))?;
+    if report.document == "study" {
+        let took = format::duration(report.wall_s);
+        print_line(format_args!(
+            "  at most {} runs, {took} on two cores, one after the other; the base scenario:",
+            report.jobs
+        ))?;
+    }
     if report.document == "sweep" {
         let took = format::duration(report.wall_s);
         print_line(format_args!(

@@ -10,11 +10,11 @@ use crate::solver_documents::EstimateSchema;
 /// The cost of a valid document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ValidationReport {
-    /// `scenario` or `sweep`.
+    /// `scenario`, `sweep` or `study`.
     pub document: String,
-    /// Number of jobs.
+    /// Number of jobs; of a study, at most so many.
     pub jobs: u64,
-    /// Cost of the scenario, or of the base scenario of the sweep.
+    /// Cost of the scenario, or of the base scenario of the sweep or study.
     #[schema(value_type = EstimateSchema)]
     pub estimate: Estimate,
     /// Predicted wall time of all jobs on two cores, one after another, in seconds. Cached results take no time.

@@ -37,4 +37,4 @@ pub use queue::{RetryLimit, RetryPolicy};
 pub use roost_solver::Limits;
 pub use server::{Server, ServerError};
 pub use store::{BackupReport, Bucket, BucketError, StoreError, TokenFile};
-pub use validation::{is_sweep, validate};
+pub use validation::{is_study, is_sweep, validate};

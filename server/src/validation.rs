@@ -13,9 +13,10 @@ use serde_json::{Value, json};
 
 use crate::document::read_envelope;
 use crate::mesh;
+use crate::study;
 use crate::sweep::{self, SweepLimits};
 
-/// Checks a scenario, a job envelope or a sweep with its meshes, and estimates its cost.
+/// Checks a scenario, a job envelope, a sweep or a study with its meshes, and estimates its cost.
 ///
 /// # Errors
 /// All faults, with pointers into the document.
@@ -25,6 +26,19 @@ pub fn validate(
     limits: &Limits,
     max_jobs: u64,
 ) -> Result<ValidationReport, Vec<Fault>> {
+    if is_study(&document) {
+        let (study, expansion) = study::read(document, meshes, SweepLimits { max_jobs, scenario: *limits })?;
+        let max_runs = u64::from(study.spec.budget.max_runs);
+        return Ok(ValidationReport {
+            document: "study".to_owned(),
+            jobs: max_runs,
+            meshes: mesh::reports(iter::once(expansion.base.clone()), meshes),
+            estimate: expansion.estimate,
+            // The mean of the corners of the range.
+            wall_s: expansion.wall_s / expansion.jobs() as f64 * max_runs as f64,
+            scenario: json!(expansion.base),
+        });
+    }
     if is_sweep(&document) {
         let names_meshes = !mesh::digests_in(&document).is_empty();
         let (_, expansion) = sweep::read(document, meshes, SweepLimits { max_jobs, scenario: *limits })?;
@@ -53,6 +67,12 @@ pub fn validate(
         estimate,
         scenario: json!(scenario),
     })
+}
+
+/// Whether a document is a study: by its schema, or by a field that only studies have.
+pub fn is_study(document: &Value) -> bool {
+    document.get("schema").is_some_and(|schema| schema == study::SCHEMA)
+        || ["goal", "budget"].iter().any(|name| document.get(name).is_some())
 }
 
 /// Whether a document is a sweep: by its schema, or by a field that only sweeps have.

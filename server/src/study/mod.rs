@@ -22,6 +22,7 @@ use roost_design::{Answer, Finished, Question, decide};
 
 use crate::sweep::{Points, Trial};
 pub(crate) use read::read;
+pub(crate) use roost_api::study::SCHEMA;
 
 /// A study that can be decided about.
 #[derive(Clone, Debug)]

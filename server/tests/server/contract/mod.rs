@@ -182,12 +182,23 @@ async fn create_objects(server: &TestServer, seed: u64) -> HashMap<&'static str,
     for _ in 0..3 {
         sweeps.push(server.post("/v1/sweeps", &sweep).await.expect(201.try_into().unwrap())["id"].clone());
     }
+    let goal = json!({"boundary": {"of": {"probability": "jammed"}, "level": 0.5}});
+    let range = json!([{"pointer": "/equipment/belt_speed_m_s", "low": 0.2, "high": 0.4}]);
+    let study = json!({"name": "a study", "base": scenario(7), "factors": range, "goal": goal, "budget": {"max_runs": 20}});
+    let mut studies = Vec::new();
+    for _ in 0..3 {
+        studies.push(server.post("/v1/studies", &study).await.expect(201.try_into().unwrap())["id"].clone());
+    }
     // The job that runs most often, for heartbeats and deliveries.
     jobs.extend([&attempts[2]["job_id"], &attempts[2]["job_id"], &attempts[3]["job_id"]].map(Value::clone));
     HashMap::from([
         ("job_id", jobs.clone()),
         ("jobs", jobs),
         ("sweeps", sweeps),
+        ("studies", studies),
+        ("goal", vec![goal]),
+        ("budget", vec![json!({"max_runs": 20})]),
+        ("max_runs", vec![json!(30)]),
         ("workers", vec![json!(worker.id)]),
         ("worker_id", vec![json!(worker.id)]),
         ("digest", vec![mesh.body["digest"].clone()]),
@@ -201,7 +212,11 @@ async fn create_objects(server: &TestServer, seed: u64) -> HashMap<&'static str,
         ("design", vec![json!({"kind": "grid"}), json!({"kind": "sobol", "points": 2})]),
         (
             "factors",
-            vec![sweep["factors"].clone(), json!([{"pointer": "/product/count", "low": 2, "high": 4}])],
+            vec![
+                sweep["factors"].clone(),
+                json!([{"pointer": "/product/count", "low": 2, "high": 4}]),
+                range,
+            ],
         ),
         ("needs", vec![json!({})]),
         ("levels", vec![json!({"/equipment/belt_speed_m_s": [0.35]})]),
