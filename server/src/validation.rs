@@ -33,9 +33,9 @@ pub fn validate(
             document: "study".to_owned(),
             jobs: max_runs,
             meshes: mesh::reports(iter::once(expansion.base.clone()), meshes),
-            estimate: expansion.estimate,
             // The mean of the corners of the range.
             wall_s: expansion.wall_s / expansion.jobs() as f64 * max_runs as f64,
+            estimate: expansion.estimate,
             scenario: json!(expansion.base),
         });
     }
