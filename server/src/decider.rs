@@ -10,9 +10,8 @@ use std::time::Duration;
 use futures_util::StreamExt;
 use futures_util::stream;
 use roost_api::ids::SweepId;
-use roost_api::job::JobState;
 use roost_api::study::StudyState;
-use roost_api::table::TrialRow;
+use roost_api::sweep::StateCounts;
 
 use crate::state::App;
 use crate::store::{MAX_PROPOSALS, StoreError};
@@ -37,31 +36,24 @@ pub(crate) async fn run(app: App) {
     }
 }
 
-/// Runs of a study by state, when it was last decided about.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// What a decision depends on: it is made again when this has changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Tally {
-    queued: usize,
-    running: usize,
-    ended: usize,
+    counts: StateCounts,
     max_runs: u32,
 }
 
 impl Tally {
-    fn of(trials: &[TrialRow], max_runs: u32) -> Self {
-        let mut tally = Self { max_runs, ..Self::default() };
-        for trial in trials {
-            match trial.state {
-                JobState::Queued => tally.queued += 1,
-                JobState::Running => tally.running += 1,
-                JobState::Succeeded | JobState::Failed | JobState::Cancelled => tally.ended += 1,
-            }
-        }
-        tally
-    }
-
     /// Number of runs to propose: as many as run now shall wait. More would be chosen without the results of those that run.
     fn wanted(&self) -> usize {
-        self.running.max(MIN_QUEUED).saturating_sub(self.queued).min(MAX_PROPOSALS)
+        let (queued, running) = (self.counts.queued as usize, self.counts.running as usize);
+        running.max(MIN_QUEUED).saturating_sub(queued).min(MAX_PROPOSALS)
+    }
+
+    /// Whether a decision could bring something new after an earlier one: a new answer, or further runs.
+    fn is_news_after(&self, before: &Self) -> bool {
+        let has_results = (self.counts.ended(), self.max_runs) != (before.counts.ended(), before.max_runs);
+        has_results || (self != before && self.wanted() > 0)
     }
 }
 
@@ -88,13 +80,11 @@ async fn look(app: &App, seen: &mut HashMap<SweepId, Tally>) -> Result<(), Store
 /// Decides about a study if its runs have changed. Returns its runs before the decision, or none if the decision was not stored.
 async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<Tally>, StoreError> {
     let Some(stored) = app.store.study(id).await? else { return Ok(None) };
-    let trials = app.store.trials_of(id, 0..u32::MAX).await?;
-    let tally = Tally::of(&trials, stored.max_runs);
-    let has_new_results =
-        before.is_none_or(|before| (before.ended, before.max_runs) != (tally.ended, tally.max_runs));
-    if !has_new_results && tally.wanted() == 0 || before == Some(tally) {
+    let tally = Tally { counts: app.store.study_counts(id).await?, max_runs: stored.max_runs };
+    if before.is_some_and(|before| !tally.is_news_after(&before)) {
         return Ok(before);
     }
+    let trials = app.store.trials_of(id, 0..u32::MAX).await?;
     let (spec, max_runs) = (stored.spec.clone(), stored.max_runs);
     let work = tokio::task::spawn_blocking(move || {
         let study = Study::stored(spec, max_runs)?;
@@ -116,10 +106,6 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
     }
     if is_stored && let Some(end) = finished {
         tracing::info!(study = %id, %end, "a study is finished");
-        // Runs that nobody needs any more.
-        if let Err(refusal) = app.store.cancel_sweep(id, app.clock.now()).await? {
-            tracing::warn!(study = %id, %refusal, "the last runs of a study were not cancelled");
-        }
     }
     Ok(is_stored.then_some(tally))
 }

@@ -180,7 +180,7 @@ async fn end_study(tx: &mut SqliteConnection, id: SweepId) -> Result<(), StoreEr
 
 /// The jobs that a user cancels.
 #[derive(Clone, Copy)]
-enum Scope {
+pub(super) enum Scope {
     Job(JobId),
     Sweep(SweepId),
 }
@@ -223,7 +223,11 @@ async fn set_paused(tx: &mut SqliteConnection, jobs: &[i64], pause: bool) -> Res
 }
 
 /// Cancels queued jobs, and asks for the end of running ones, at most a slice of each. Returns the larger number.
-async fn cancel(tx: &mut SqliteConnection, scope: Scope, now: Timestamp) -> Result<u64, StoreError> {
+pub(super) async fn cancel(
+    tx: &mut SqliteConnection,
+    scope: Scope,
+    now: Timestamp,
+) -> Result<u64, StoreError> {
     let (jobs, mut changed) = (scope.jobs(), 0);
     for state in JobState::ALL {
         let (change, unless) = match on_cancel(*state) {

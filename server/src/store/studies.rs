@@ -2,13 +2,14 @@
 
 use roost_api::ids::SweepId;
 use roost_api::study::{StudyEnd, StudySpec, StudyState};
-use roost_api::sweep::SweepSpec;
+use roost_api::sweep::{StateCounts, SweepSpec};
 use roost_api::time::Timestamp;
 use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::columns::{Columns, from_json, to_json};
+use super::job_control::{Scope, cancel};
 use super::job_rows::{JobOptions, JobRow, queue_start};
 use super::submit::{insert_study_sweep, queue_jobs};
 use super::writer::SLICE;
@@ -147,6 +148,16 @@ impl Store {
         rows.iter().map(|row| row.parsed("sweep_id")).collect()
     }
 
+    /// Number of jobs of a study by state; a covering index serves it.
+    pub(crate) async fn study_counts(&self, id: SweepId) -> Result<StateCounts, StoreError> {
+        let sql = "SELECT state, count(*) AS jobs FROM jobs WHERE sweep_id = ? GROUP BY state";
+        let mut counts = StateCounts::default();
+        for row in sqlx::query(sql).bind(id.to_string()).fetch_all(&self.readers).await? {
+            *counts.of(row.parsed("state")?) = row.number("jobs")?;
+        }
+        Ok(counts)
+    }
+
     /// Stores a decision about a study: its runs become jobs. Returns false, and changes nothing, when the study has changed since.
     pub(crate) async fn store_decision(
         &self,
@@ -185,6 +196,10 @@ impl Store {
                         return Ok(false);
                     }
                     add_runs(tx, id, (&rows, decision.points), &options, now).await?;
+                    if decision.finished.is_some() {
+                        // Runs that nobody needs any more.
+                        cancel(tx, Scope::Sweep(id), now).await?;
+                    }
                     Ok(true)
                 })
             })
