@@ -130,7 +130,7 @@ pub struct StudyView {
     pub finished: Option<StudyEnd>,
     /// The question, in words.
     pub question: String,
-    /// The answer so far, in sentences; empty before the first result.
+    /// The answer so far, in sentences, the last of which tells whether the study goes on.
     pub answer: Vec<String>,
     /// Names of its factors, each the pointer of the factor's first field.
     pub factors: Vec<String>,
@@ -156,7 +156,7 @@ pub struct StudyAnswer {
     /// The goal, as submitted.
     #[schema(value_type = Object)]
     pub goal: Value,
-    /// Numbers of the answer: `runs`, `excluded` and `finding`, an object with one member named by the goal. Null before the first result.
+    /// Numbers of the answer: `runs`, `excluded` and `finding`, an object with one member named by the goal. Null before the first decision.
     #[schema(value_type = Object)]
     pub answer: Value,
 }

@@ -28,36 +28,57 @@ const AT_ONCE: usize = 2;
 
 /// Runs until the server shuts down.
 pub(crate) async fn run(app: App) {
+    app.shutdown.run_until_cancelled(decide_always(&app)).await;
+}
+
+async fn decide_always(app: &App) {
+    if let Err(error) = cancel_all_rest(app).await {
+        tracing::error!(error = error.as_dyn(), "cancelling the last runs of finished studies failed");
+    }
     let mut seen = HashMap::new();
-    while app.shutdown.run_until_cancelled(tokio::time::sleep(INTERVAL)).await.is_some() {
-        if let Err(error) = look(&app, &mut seen).await {
+    loop {
+        tokio::time::sleep(INTERVAL).await;
+        if let Err(error) = decide_about_all(app, &mut seen).await {
             tracing::error!(error = error.as_dyn(), "looking at studies failed");
         }
     }
+}
+
+/// Cancels what an earlier server process had no time to cancel.
+async fn cancel_all_rest(app: &App) -> Result<(), StoreError> {
+    for id in app.store.finished_with_jobs().await? {
+        cancel_rest(app, id).await?;
+    }
+    Ok(())
 }
 
 /// What a decision depends on: it is made again when this has changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Tally {
     counts: StateCounts,
+    /// Queued jobs that are not paused.
+    waiting: u64,
     max_runs: u32,
 }
 
 impl Tally {
     /// Number of runs to propose: as many as run now shall wait. More would be chosen without the results of those that run.
     fn wanted(&self) -> usize {
-        let (queued, running) = (self.counts.queued as usize, self.counts.running as usize);
-        running.max(MIN_QUEUED).saturating_sub(queued).min(MAX_PROPOSALS)
+        let (waiting, running) = (self.waiting as usize, self.counts.running as usize);
+        running.max(MIN_QUEUED).saturating_sub(waiting).min(MAX_PROPOSALS)
     }
 
     /// Whether a decision could bring something new after an earlier one: a new answer, or further runs.
     fn is_news_after(&self, before: &Self) -> bool {
-        let has_results = (self.counts.ended(), self.max_runs) != (before.counts.ended(), before.max_runs);
+        let results = |tally: &Self| {
+            (tally.counts.succeeded, tally.counts.failed, tally.counts.cancelled, tally.max_runs)
+        };
+        let has_results = results(self) != results(before);
         has_results || (self != before && self.wanted() > 0)
     }
 }
 
-async fn look(app: &App, seen: &mut HashMap<SweepId, Tally>) -> Result<(), StoreError> {
+async fn decide_about_all(app: &App, seen: &mut HashMap<SweepId, Tally>) -> Result<(), StoreError> {
     let running = app.store.running_studies().await?;
     seen.retain(|id, _| running.contains(id));
     let decisions = running.into_iter().map(|id| {
@@ -80,12 +101,13 @@ async fn look(app: &App, seen: &mut HashMap<SweepId, Tally>) -> Result<(), Store
 /// Decides about a study if its runs have changed. Returns its runs before the decision, or none if the decision was not stored.
 async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<Tally>, StoreError> {
     let Some(stored) = app.store.study(id).await? else { return Ok(None) };
-    let tally = Tally { counts: app.store.study_counts(id).await?, max_runs: stored.max_runs };
+    let (counts, waiting) = app.store.study_counts(id).await?;
+    let tally = Tally { counts, waiting, max_runs: stored.max_runs };
     if before.is_some_and(|before| !tally.is_news_after(&before)) {
         return Ok(before);
     }
     let trials = app.store.trials_of(id, 0..u32::MAX).await?;
-    let (spec, max_runs) = (stored.spec.clone(), stored.max_runs);
+    let (spec, max_runs) = (stored.document()?, stored.max_runs);
     let work = tokio::task::spawn_blocking(move || {
         let study = Study::stored(spec, max_runs)?;
         let decided = study.decide(&trials, tally.wanted())?;
@@ -106,6 +128,7 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
     }
     if is_stored && let Some(end) = finished {
         tracing::info!(study = %id, %end, "a study is finished");
+        cancel_rest(app, id).await?;
     }
     Ok(is_stored.then_some(tally))
 }
@@ -113,6 +136,14 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
 /// Pauses a study that cannot be decided about: it would fail again at once.
 async fn pause(app: &App, id: SweepId, reason: &str) -> Result<Option<Tally>, StoreError> {
     tracing::error!(study = %id, reason, "a study cannot go on and is paused");
-    app.store.set_study_state(id, &[StudyState::Running], StudyState::Paused).await?;
+    app.store.change_study(id, &[StudyState::Running], StudyState::Paused, Some(reason.to_owned())).await?;
     Ok(None)
+}
+
+/// Cancels the jobs of a finished study that nobody needs any more.
+async fn cancel_rest(app: &App, id: SweepId) -> Result<(), StoreError> {
+    if let Err(refusal) = app.store.cancel_jobs(id, app.clock.now()).await? {
+        tracing::warn!(study = %id, %refusal, "the last runs of a study were not cancelled");
+    }
+    Ok(())
 }

@@ -19,10 +19,12 @@ fn subject(path: &str, segments: &HashMap<String, String>) -> Option<Subject> {
     let rest = path.strip_prefix("/v1/")?;
     match rest {
         "jobs" | "sweeps" => Some(Subject::Everything),
+        "studies" => Some(Subject::Studies),
         "workers" => Some(Subject::Workers),
         "meshes" => Some(Subject::Meshes),
         _ if ["/events", "/frames", "/checkpoint", "/fill"].iter().any(|end| rest.ends_with(end)) => None,
         _ if rest.starts_with("jobs/{id}") => segments.get("id")?.parse().ok().map(Subject::Job),
+        _ if rest.starts_with("studies/{id}") => segments.get("id")?.parse().ok().map(Subject::Study),
         _ if rest.starts_with("sweeps/{id}") => segments.get("id")?.parse().ok().map(Subject::Sweep),
         _ => None,
     }

@@ -4,11 +4,13 @@ use axum::Json;
 use axum::http::{HeaderValue, Uri, header};
 use axum::response::{IntoResponse, Response};
 use roost_api::page::Page;
+use roost_api::sweep::SweepView;
 use serde::Serialize;
 use serde::de::{Deserialize, Deserializer, Error};
 use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use super::problem::{ApiError, ProblemKind};
+use crate::store::TrialPlace;
 
 /// Default number of rows of a page.
 const ROWS: u32 = 50;
@@ -73,14 +75,30 @@ pub(crate) fn label<'de, D: Deserializer<'de>>(
 
 /// A range of rows of a table in the order of design point and replicate.
 pub(crate) struct RowRange {
-    /// Rows per design point.
+    /// Rows per design point. A sweep whose points have different numbers of trials counts as one point with all of them.
     per_point: u64,
+    is_even: bool,
     next: u64,
     end: u64,
     all: u64,
 }
 
 impl RowRange {
+    /// The trials of a sweep after a cursor, at most `limit` of them if given.
+    pub(crate) fn of_trials(
+        sweep: &SweepView,
+        cursor: Option<&str>,
+        limit: Option<u32>,
+        max_rows: u32,
+    ) -> Result<Self, ApiError> {
+        let trials = sweep.counts.total();
+        if trials == u64::from(sweep.points) * u64::from(sweep.replicates) {
+            return Self::new(sweep.points, sweep.replicates, cursor, limit, max_rows);
+        }
+        let trials = u32::try_from(trials).unwrap_or(u32::MAX);
+        Ok(Self { is_even: false, ..Self::new(1, trials, cursor, limit, max_rows)? })
+    }
+
     /// The rows after a cursor, at most `limit` of them if given.
     pub(crate) fn new(
         points: u32,
@@ -111,7 +129,7 @@ impl RowRange {
                 return Err(ApiError::new(ProblemKind::InvalidQuery, detail));
             }
         };
-        Ok(Self { per_point, next, end, all })
+        Ok(Self { per_point, is_even: true, next, end, all })
     }
 
     /// The cursor of the next page; none after the last.
@@ -119,13 +137,17 @@ impl RowRange {
         (self.end < self.all).then(|| format!("{}.{}", self.end / self.per_point, self.end % self.per_point))
     }
 
-    /// Takes up to `rows` rows: design point and row of the first, and their number.
-    pub(crate) fn take(&mut self, rows: u32) -> Option<((u32, u32), u32)> {
+    /// Takes up to `rows` rows: the place of the first, and their number.
+    pub(crate) fn take(&mut self, rows: u32) -> Option<(TrialPlace, u32)> {
         let rows = u64::from(rows).min(self.end.checked_sub(self.next)?);
         let first = (self.next / self.per_point, self.next % self.per_point);
         self.next += rows;
         // None exceeds the number of points, of replicates, or `limit`, which are u32.
-        (rows > 0).then_some(((first.0 as u32, first.1 as u32), rows as u32))
+        let place = match self.is_even {
+            true => TrialPlace { from: (first.0 as u32, first.1 as u32), skip: 0 },
+            false => TrialPlace { from: (0, 0), skip: first.1 as u32 },
+        };
+        (rows > 0).then_some((place, rows as u32))
     }
 }
 

@@ -77,7 +77,7 @@ pub(crate) async fn of_sweep(
     }
     let sweep = view(&app, id).await?;
     let (limit, cursor) = (Some(query.limit.unwrap_or(JOBS)), query.cursor.as_deref());
-    let mut rows = RowRange::new(sweep.points, sweep.replicates, cursor, limit, MAX_JOBS)?;
+    let mut rows = RowRange::of_trials(&sweep, cursor, limit, MAX_JOBS)?;
     let next_cursor = rows.next_cursor();
     let mut answer = SweepSeries { name, unit: None, items: Vec::new(), next_cursor };
     let mut existing = Vec::new();

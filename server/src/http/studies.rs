@@ -20,11 +20,11 @@ use super::problem::{ApiError, ProblemKind};
 use super::submissions::Reserved;
 use super::sweeps::limits;
 use crate::decider::MIN_QUEUED;
-use crate::document::{fault, read_document};
+use crate::document::{fault, prefixed, read_document};
 use crate::queue::Refusal;
 use crate::state::{App, Caller};
 use crate::store::{NewStudy, StoredStudy};
-use crate::study::{self, Study};
+use crate::study::{self, sentences};
 
 /// Submits a study: a base scenario, factors with ranges, a goal and a budget. The server then proposes runs until it has the answer.
 #[utoipa::path(post, path = "/v1/studies", tag = "studies", operation_id = "submit_study",
@@ -54,9 +54,11 @@ async fn create(app: &App, id: SweepId, caller: Caller, document: Value) -> Resu
     let read = run_blocking(move || {
         let (study, _) = study::read(document, &meshes, limits).map_err(ApiError::faults)?;
         check_priority(&caller, "/priority", study.spec.priority)?;
-        let first = study.decide(&[], MIN_QUEUED).map_err(ApiError::faults)?;
+        let first =
+            study.decide(&[], MIN_QUEUED).map_err(|faults| ApiError::faults(prefixed("/base", faults)))?;
         let (sweep, factors, token) = (study.sweep_spec(), study.factor_names(), caller.token.to_string());
-        Ok::<_, ApiError>((NewStudy { id, spec: study.spec, sweep, factors, token }, first))
+        let question = study.question_sentence();
+        Ok::<_, ApiError>((NewStudy { id, spec: study.spec, question, sweep, factors, token }, first))
     });
     let (study, first) = read.await??;
     app.store.insert_study(study, first, app.clock.now()).await?;
@@ -118,10 +120,11 @@ pub(crate) async fn answer(
     Segments(id): Segments<SweepId>,
 ) -> Result<Json<StudyAnswer>, ApiError> {
     let stored = stored(&app, id).await?;
+    let spec = stored.document()?;
     Ok(Json(StudyAnswer {
         study: view(&app, &stored).await?,
-        factors: stored.spec.factors,
-        goal: stored.spec.goal,
+        factors: spec.factors,
+        goal: spec.goal,
         answer: stored.answer.unwrap_or(Value::Null),
     }))
 }
@@ -131,6 +134,8 @@ pub(crate) async fn answer(
     params(("id" = uuid::Uuid, Path, description = "The study")),
     responses((status = 200, description = "The study after the change", body = StudyView),
               (status = 404, description = "No such study", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 409, description = "The study has ended", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn pause(
     State(app): State<App>,
@@ -144,6 +149,8 @@ pub(crate) async fn pause(
     params(("id" = uuid::Uuid, Path, description = "The study")),
     responses((status = 200, description = "The study after the change", body = StudyView),
               (status = 404, description = "No such study", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 409, description = "The study has ended", body = Problem,
                content_type = "application/problem+json")))]
 pub(crate) async fn resume(
     State(app): State<App>,
@@ -153,20 +160,20 @@ pub(crate) async fn resume(
 }
 
 async fn set_paused(app: App, id: SweepId, pause: bool) -> Result<Json<StudyView>, ApiError> {
-    stored(&app, id).await?;
-    let state = app.clone();
+    let state = stored(&app, id).await?.state;
+    if matches!(state, StudyState::Finished | StudyState::Cancelled) {
+        let detail = format!(
+            "the study is {state}: `budget` continues a finished one, and a retry of its sweep a cancelled one"
+        );
+        return Err(ApiError::new(ProblemKind::WrongState, detail));
+    }
+    let shared = app.clone();
     let change = async move {
-        let (from, to): (&[StudyState], _) = if pause {
-            (&[StudyState::Running], StudyState::Paused)
-        } else {
-            (&[StudyState::Paused], StudyState::Running)
-        };
-        state.store.set_study_state(id, from, to).await?;
-        let changed = state.store.pause_sweep(id, pause).await?;
-        state.work.notify_waiters();
-        changed.map_err(ApiError::from)
+        let changed = shared.store.pause_sweep(id, pause).await;
+        shared.work.notify_waiters();
+        changed
     };
-    run_detached(change).await??;
+    run_detached(change).await???;
     view_of(&app, id).await.map(Json)
 }
 
@@ -205,14 +212,16 @@ pub(crate) async fn budget(
     let change: BudgetChange = read_document(document).map_err(ApiError::faults)?;
     let study = stored(&app, id).await?;
     let (now, most) = (study.max_runs, app.config.max_jobs_per_sweep);
-    if change.max_runs < now || u64::from(change.max_runs) > most {
-        let allowed = format!("{now} (the present budget) to {most} (max_jobs_per_sweep)");
+    if study.state == StudyState::Cancelled {
+        let detail = "the study is cancelled: a retry of its sweep continues it";
+        return Err(ApiError::new(ProblemKind::WrongState, detail));
+    }
+    // A smaller one would come too late: the runs are there.
+    let is_raised = change.max_runs > now && u64::from(change.max_runs) <= most;
+    if !is_raised || !app.store.raise_budget(id, change.max_runs).await? {
+        let allowed = format!("more than {now} (the present budget), at most {most} (max_jobs_per_sweep)");
         let found = fault("/max_runs", json!(change.max_runs), "the budget can only grow", &allowed);
         return Err(ApiError::faults(vec![found]));
-    }
-    if !app.store.raise_budget(id, change.max_runs).await? {
-        let detail = "the study is cancelled: submit it again, and earlier results come from the cache";
-        return Err(ApiError::new(ProblemKind::WrongState, detail));
     }
     view_of(&app, id).await.map(Json)
 }
@@ -228,15 +237,15 @@ async fn view_of(app: &App, id: SweepId) -> Result<StudyView, ApiError> {
 async fn view(app: &App, stored: &StoredStudy) -> Result<StudyView, ApiError> {
     let sweep = app.store.sweep(stored.id).await?.ok_or(Refusal::NoStudy)?;
     let counts = sweep.counts;
-    // This server may no longer be able to read a study of an earlier one.
-    let question = Study::stored(stored.spec.clone(), stored.max_runs).map(|study| study.question_sentence());
+    let mut answer = stored.sentences.clone();
+    answer.push(sentences::state(stored.state, stored.finished, stored.max_runs, stored.reason.as_deref()));
     Ok(StudyView {
         id: stored.id,
         name: sweep.name,
         state: stored.state,
         finished: stored.finished,
-        question: question.unwrap_or_default(),
-        answer: stored.sentences.clone(),
+        question: stored.question.clone(),
+        answer,
         factors: sweep.factors,
         runs: StudyRuns {
             done: counts.succeeded,

@@ -23,7 +23,7 @@ use super::problem::{ApiError, ProblemKind};
 use super::sweeps::view;
 use crate::queue::Refusal;
 use crate::state::App;
-use crate::store::Subject;
+use crate::store::{Subject, TrialPlace};
 use crate::sweep;
 
 /// Maximum of trials in memory.
@@ -98,8 +98,11 @@ pub(crate) async fn table(
 ) -> Result<Response, ApiError> {
     let sweep = view(&app, id).await?;
     let by_point = query.by == By::Point;
-    let per_point = if by_point { 1 } else { sweep.replicates };
-    let range = RowRange::new(sweep.points, per_point, query.cursor.as_deref(), query.limit, MAX_ROWS)?;
+    let cursor = query.cursor.as_deref();
+    let range = match by_point {
+        true => RowRange::new(sweep.points, 1, cursor, query.limit, MAX_ROWS)?,
+        false => RowRange::of_trials(&sweep, cursor, query.limit, MAX_ROWS)?,
+    };
     let next_cursor = range.next_cursor();
     let selected = query.responses.map(|names| names.split(',').map(str::to_owned).collect::<Vec<_>>());
     // JSON rows contain the names.
@@ -185,7 +188,9 @@ impl TableRows {
 
     /// All trials of the next chunk of design points; none after the last.
     pub(super) async fn next_points(&mut self) -> Result<Option<Vec<TrialRow>>, ApiError> {
-        let Some(((first, _), points)) = self.range.take((CHUNK / self.replicates.max(1)).max(1)) else {
+        let Some((TrialPlace { from: (first, _), .. }, points)) =
+            self.range.take((CHUNK / self.replicates.max(1)).max(1))
+        else {
             return Ok(None);
         };
         Ok(Some(self.app.store.trials_of(self.id, first..first + points).await?))

@@ -149,7 +149,7 @@ impl ProgressBoard {
                 board.jobs.get(&job).map_or(0, |known| known.changes).max(sampled)
             }
             Subject::Sweep(sweep) => board.sweeps.get(&sweep).copied().unwrap_or(0),
-            Subject::Meshes => 0,
+            Subject::Studies | Subject::Study(_) | Subject::Meshes => 0,
         }
     }
 

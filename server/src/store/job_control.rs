@@ -3,6 +3,7 @@
 use futures_util::TryStreamExt;
 use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState};
+use roost_api::study::StudyState;
 use roost_api::time::Timestamp;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
@@ -45,8 +46,19 @@ impl Store {
             .await
     }
 
-    /// Cancels the jobs of a sweep that have not ended, in slices: other writes wait for one of them at most.
+    /// Cancels the jobs of a sweep that have not ended, and the study that would add further ones.
     pub(crate) async fn cancel_sweep(
+        &self,
+        id: SweepId,
+        now: Timestamp,
+    ) -> Result<Result<(), Refusal>, StoreError> {
+        self.change_study(id, &[StudyState::Running, StudyState::Paused], StudyState::Cancelled, None)
+            .await?;
+        self.cancel_jobs(id, now).await
+    }
+
+    /// Cancels the jobs of a sweep that have not ended, in slices: other writes wait for one of them at most.
+    pub(crate) async fn cancel_jobs(
         &self,
         id: SweepId,
         now: Timestamp,
@@ -57,7 +69,6 @@ impl Store {
                     if !sweep_exists(tx, id).await? {
                         return Ok(Err(Refusal::NoSweep));
                     }
-                    end_study(tx, id).await?;
                     cancel(tx, Scope::Sweep(id), now).await.map(Ok)
                 })
             });
@@ -82,7 +93,7 @@ impl Store {
             .await
     }
 
-    /// Pauses or resumes the jobs of a sweep that have not ended, in slices.
+    /// Pauses or resumes a sweep: the jobs that have not ended, and the study that adds further ones.
     pub(crate) async fn pause_sweep(
         &self,
         id: SweepId,
@@ -91,6 +102,18 @@ impl Store {
         if self.sweep_size(id).await?.is_none() {
             return Ok(Err(Refusal::NoSweep));
         }
+        if pause {
+            // First: no job is added while the others are paused.
+            self.change_study(id, &[StudyState::Running], StudyState::Paused, None).await?;
+            return self.pause_jobs(id, true).await;
+        }
+        let resumed = self.pause_jobs(id, false).await?;
+        self.change_study(id, &[StudyState::Paused], StudyState::Running, None).await?;
+        Ok(resumed)
+    }
+
+    /// Pauses or resumes the jobs of a sweep that have not ended, in slices.
+    async fn pause_jobs(&self, id: SweepId, pause: bool) -> Result<Result<(), Refusal>, StoreError> {
         let sql = sqlx::query_scalar(UNENDED).bind(id.to_string()).bind(pause);
         let mut unended: Vec<i64> = sql.fetch_all(&self.readers).await?;
         unended.sort_unstable();
@@ -171,16 +194,9 @@ impl Store {
     }
 }
 
-/// Ends the study of a sweep that is being cancelled, which would otherwise add further jobs.
-async fn end_study(tx: &mut SqliteConnection, id: SweepId) -> Result<(), StoreError> {
-    let sql = "UPDATE studies SET state = 'cancelled' WHERE sweep_id = ? AND state IN ('running', 'paused')";
-    sqlx::query(sql).bind(id.to_string()).execute(&mut *tx).await?;
-    Ok(())
-}
-
 /// The jobs that a user cancels.
 #[derive(Clone, Copy)]
-pub(super) enum Scope {
+enum Scope {
     Job(JobId),
     Sweep(SweepId),
 }
@@ -223,11 +239,7 @@ async fn set_paused(tx: &mut SqliteConnection, jobs: &[i64], pause: bool) -> Res
 }
 
 /// Cancels queued jobs, and asks for the end of running ones, at most a slice of each. Returns the larger number.
-pub(super) async fn cancel(
-    tx: &mut SqliteConnection,
-    scope: Scope,
-    now: Timestamp,
-) -> Result<u64, StoreError> {
+async fn cancel(tx: &mut SqliteConnection, scope: Scope, now: Timestamp) -> Result<u64, StoreError> {
     let (jobs, mut changed) = (scope.jobs(), 0);
     for state in JobState::ALL {
         let (change, unless) = match on_cancel(*state) {
@@ -272,7 +284,12 @@ async fn requeue(
         FROM (SELECT seq, row_number() OVER (PARTITION BY owner ORDER BY queue_position, seq) - 1 AS place
               FROM jobs WHERE seq IN (SELECT value FROM json_each(?))) AS again
         WHERE jobs.seq = again.seq";
-    let queued =
-        sqlx::query(sql).bind(before as i64).bind(to_json("jobs", &again)?).execute(&mut *tx).await?;
+    let again = to_json("jobs", &again)?;
+    // A study that had ended awaits the results of its jobs.
+    let study = "UPDATE studies SET state = 'running', finished = NULL, changes = changes + 1
+                 WHERE state IN ('finished', 'cancelled')
+                     AND sweep_id IN (SELECT sweep_id FROM jobs WHERE seq IN (SELECT value FROM json_each(?)))";
+    sqlx::query(study).bind(&again).execute(&mut *tx).await?;
+    let queued = sqlx::query(sql).bind(before as i64).bind(&again).execute(&mut *tx).await?;
     Ok(queued.rows_affected())
 }

@@ -73,7 +73,7 @@ pub(crate) use submissions::{StoredResponse, Submission, SubmissionState};
 pub(crate) use submit::{NewJob, NewSweep};
 pub(crate) use tokens::Token;
 pub use tokens::TokenFile;
-pub(crate) use trials::{MAX_DOCUMENTS, TrialDocument};
+pub(crate) use trials::{MAX_DOCUMENTS, TrialDocument, TrialPlace};
 pub(crate) use versions::{QueueCounts, Subject};
 use writer::Writer;
 

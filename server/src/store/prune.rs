@@ -101,6 +101,7 @@ const ENDED_SWEEPS: &str = "
     FROM sweeps s
     WHERE s.state = 'ready' AND s.submitted_at < ?1
       AND NOT EXISTS (SELECT 1 FROM jobs WHERE sweep_id = s.id AND (ended_at IS NULL OR ended_at >= ?1))
+      AND NOT EXISTS (SELECT 1 FROM studies WHERE sweep_id = s.id AND state IN ('running', 'paused'))
     ORDER BY s.seq";
 
 pub(super) const SINGLE_JOBS: &str = "SELECT count(*) FROM jobs WHERE sweep_id IS NULL AND ended_at < ?";

@@ -1,6 +1,7 @@
 //! Studies: the question and newest answer beside the sweep that they grow.
 
 use roost_api::ids::SweepId;
+use roost_api::job::JobState;
 use roost_api::study::{StudyEnd, StudySpec, StudyState};
 use roost_api::sweep::{StateCounts, SweepSpec};
 use roost_api::time::Timestamp;
@@ -9,7 +10,6 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::columns::{Columns, from_json, to_json};
-use super::job_control::{Scope, cancel};
 use super::job_rows::{JobOptions, JobRow, queue_start};
 use super::submit::{insert_study_sweep, queue_jobs};
 use super::writer::SLICE;
@@ -24,12 +24,16 @@ pub(crate) const MAX_PROPOSALS: usize = SLICE;
 pub(crate) struct StoredStudy {
     /// Its identifier.
     pub(crate) id: SweepId,
-    /// As submitted.
-    pub(crate) spec: StudySpec,
+    /// As submitted, as JSON text.
+    pub(crate) spec: String,
+    /// The question in words.
+    pub(crate) question: String,
     /// Its budget now.
     pub(crate) max_runs: u32,
     /// Its state.
     pub(crate) state: StudyState,
+    /// Why the server has paused it.
+    pub(crate) reason: Option<String>,
     /// Why it is finished.
     pub(crate) finished: Option<StudyEnd>,
     /// Number of decisions so far.
@@ -54,6 +58,8 @@ pub(crate) struct NewStudy {
     pub(crate) id: SweepId,
     /// As submitted.
     pub(crate) spec: StudySpec,
+    /// Its question in words.
+    pub(crate) question: String,
     /// The specification of its sweep.
     pub(crate) sweep: SweepSpec,
     /// Names of its factors.
@@ -67,9 +73,16 @@ fn rows(decided: &Decided, id: SweepId) -> Result<Vec<JobRow>, StoreError> {
     decided.trials.iter().map(|trial| JobRow::of(trial, id)).collect()
 }
 
-const COLUMNS: &str = "SELECT w.seq, w.submitted_at, s.sweep_id, s.spec, s.max_runs, s.state, s.finished, s.decisions, s.answer,
+const COLUMNS: &str = "SELECT w.seq, w.submitted_at, s.sweep_id, s.spec, s.question, s.max_runs, s.state, s.reason, s.finished, s.decisions, s.answer,
         s.sentences, s.answered_at, s.token_id
     FROM studies s JOIN sweeps w ON w.id = s.sweep_id AND w.state = 'ready'";
+
+impl StoredStudy {
+    /// The document as submitted.
+    pub(crate) fn document(&self) -> Result<StudySpec, StoreError> {
+        from_json("study", &self.spec)
+    }
+}
 
 impl Store {
     /// Stores a new study with its sweep and its first runs. A repeat changes nothing.
@@ -79,7 +92,7 @@ impl Store {
         first: Decided,
         now: Timestamp,
     ) -> Result<(), StoreError> {
-        let NewStudy { id, spec, sweep, factors, token } = study;
+        let NewStudy { id, spec, question, sweep, factors, token } = study;
         let options = JobOptions::of(&sweep, token.clone())?;
         let text = to_json("study", &spec)?;
         let (answer, sentences) =
@@ -91,11 +104,12 @@ impl Store {
                     if !insert_study_sweep(tx, id, &sweep, (&factors, first.points), now).await? {
                         return Ok(());
                     }
-                    let sql = "INSERT INTO studies (sweep_id, spec, max_runs, token_id, decisions, answer, sentences, answered_at)
-                               VALUES (?, ?, ?, ?, 1, ?, ?, ?)";
+                    let sql = "INSERT INTO studies (sweep_id, spec, question, max_runs, token_id, decisions, answer, sentences, answered_at)
+                               VALUES (?, ?, ?, ?, ?, 1, ?, ?, ?)";
                     sqlx::query(sql)
                         .bind(id.to_string())
                         .bind(text)
+                        .bind(question)
                         .bind(spec.budget.max_runs)
                         .bind(token)
                         .bind(answer)
@@ -103,7 +117,7 @@ impl Store {
                         .bind(now.0)
                         .execute(&mut *tx)
                         .await?;
-                    add_runs(tx, id, (&rows, first.points), &options, now).await
+                    add_runs(tx, id, (&rows, first.points, first.replicates), &options, now).await
                 })
             })
             .await
@@ -148,14 +162,18 @@ impl Store {
         rows.iter().map(|row| row.parsed("sweep_id")).collect()
     }
 
-    /// Number of jobs of a study by state; a covering index serves it.
-    pub(crate) async fn study_counts(&self, id: SweepId) -> Result<StateCounts, StoreError> {
-        let sql = "SELECT state, count(*) AS jobs FROM jobs WHERE sweep_id = ? GROUP BY state";
-        let mut counts = StateCounts::default();
+    /// Number of jobs of a study by state, and of its queued jobs that are not paused.
+    pub(crate) async fn study_counts(&self, id: SweepId) -> Result<(StateCounts, u64), StoreError> {
+        let sql = "SELECT state, count(*) AS jobs, sum(paused = 0) AS unpaused FROM jobs WHERE sweep_id = ? GROUP BY state";
+        let (mut counts, mut waiting) = (StateCounts::default(), 0);
         for row in sqlx::query(sql).bind(id.to_string()).fetch_all(&self.readers).await? {
-            *counts.of(row.parsed("state")?) = row.number("jobs")?;
+            let state = row.parsed("state")?;
+            *counts.of(state) = row.number("jobs")?;
+            if state == JobState::Queued {
+                waiting = row.number("unpaused")?;
+            }
         }
-        Ok(counts)
+        Ok((counts, waiting))
     }
 
     /// Stores a decision about a study: its runs become jobs. Returns false, and changes nothing, when the study has changed since.
@@ -175,7 +193,7 @@ impl Store {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let sql = "UPDATE studies SET decisions = decisions + 1, answer = ?, sentences = ?, answered_at = ?, finished = ?,
+                    let sql = "UPDATE studies SET decisions = decisions + 1, changes = changes + 1, answer = ?, sentences = ?, answered_at = ?, finished = ?,
                                    state = CASE WHEN ? IS NULL THEN state ELSE 'finished' END
                                WHERE sweep_id = ? AND decisions = ? AND max_runs = ? AND state = 'running'
                                    AND EXISTS (SELECT 1 FROM sweeps WHERE id = sweep_id AND state = 'ready')";
@@ -195,50 +213,57 @@ impl Store {
                     if stored == 0 {
                         return Ok(false);
                     }
-                    add_runs(tx, id, (&rows, decision.points), &options, now).await?;
-                    if decision.finished.is_some() {
-                        // Runs that nobody needs any more.
-                        cancel(tx, Scope::Sweep(id), now).await?;
-                    }
+                    add_runs(tx, id, (&rows, decision.points, decision.replicates), &options, now).await?;
                     Ok(true)
                 })
             })
             .await
     }
 
-    /// Moves a study to another state, if it is in one of some states. Returns whether it was.
-    pub(crate) async fn set_study_state(
+    /// Moves a study to another state, if it is in one of some states. The server gives a `reason` when it pauses one.
+    pub(crate) async fn change_study(
         &self,
         id: SweepId,
         from: &'static [StudyState],
         to: StudyState,
-    ) -> Result<bool, StoreError> {
+        reason: Option<String>,
+    ) -> Result<(), StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
                     let words: Vec<&str> = from.iter().map(|state| state.as_str()).collect();
-                    let sql = "UPDATE studies SET state = ? WHERE sweep_id = ? AND state IN (SELECT value FROM json_each(?))";
-                    let changed = sqlx::query(sql)
+                    let sql = "UPDATE studies SET state = ?, reason = ?, changes = changes + 1
+                               WHERE sweep_id = ? AND state IN (SELECT value FROM json_each(?))";
+                    sqlx::query(sql)
                         .bind(to.as_str())
+                        .bind(reason)
                         .bind(id.to_string())
                         .bind(to_json("states", &words)?)
                         .execute(&mut *tx)
-                        .await?
-                        .rows_affected();
-                    Ok(changed == 1)
+                        .await?;
+                    Ok(())
                 })
             })
             .await
     }
 
-    /// Raises the budget of a study. A finished study goes on. Returns false when the budget would not grow, or the study is cancelled.
+    /// Finished studies with jobs that nobody needs any more: the server ended before it had cancelled them.
+    pub(crate) async fn finished_with_jobs(&self) -> Result<Vec<SweepId>, StoreError> {
+        let sql = "SELECT sweep_id FROM studies WHERE state = 'finished' AND EXISTS
+                       (SELECT 1 FROM jobs WHERE jobs.sweep_id = studies.sweep_id AND state IN ('queued', 'running'))";
+        let rows = sqlx::query(sql).fetch_all(&self.readers).await?;
+        rows.iter().map(|row| row.parsed("sweep_id")).collect()
+    }
+
+    /// Raises the budget of a study. A finished study goes on. Returns false, and changes nothing, when the budget would not grow or
+    /// the study is cancelled.
     pub(crate) async fn raise_budget(&self, id: SweepId, max_runs: u32) -> Result<bool, StoreError> {
         self.writer
             .write(move |tx| {
                 Box::pin(async move {
-                    let sql = "UPDATE studies SET max_runs = ?1, finished = NULL,
+                    let sql = "UPDATE studies SET max_runs = ?1, finished = NULL, changes = changes + 1,
                                    state = CASE state WHEN 'finished' THEN 'running' ELSE state END
-                               WHERE sweep_id = ?2 AND max_runs <= ?1 AND state <> 'cancelled'";
+                               WHERE sweep_id = ?2 AND max_runs < ?1 AND state <> 'cancelled'";
                     let changed =
                         sqlx::query(sql).bind(max_runs).bind(id.to_string()).execute(&mut *tx).await?;
                     Ok(changed.rows_affected() == 1)
@@ -252,7 +277,7 @@ impl Store {
 async fn add_runs(
     tx: &mut SqliteConnection,
     id: SweepId,
-    (rows, points): (&[JobRow], u32),
+    (rows, points, replicates): (&[JobRow], u32, u32),
     options: &JobOptions,
     now: Timestamp,
 ) -> Result<(), StoreError> {
@@ -261,21 +286,20 @@ async fn add_runs(
     }
     let start = queue_start(tx, options).await?;
     queue_jobs(tx, rows, options, start, now).await?;
-    let sql = "UPDATE sweeps SET points = ?1, replicates =
-                   (SELECT max(runs) FROM (SELECT count(*) AS runs FROM jobs WHERE sweep_id = ?2 GROUP BY point))
-               WHERE id = ?2";
-    sqlx::query(sql).bind(points).bind(id.to_string()).execute(&mut *tx).await?;
+    let sql = "UPDATE sweeps SET points = ?1, replicates = max(replicates, ?2) WHERE id = ?3";
+    sqlx::query(sql).bind(points).bind(replicates).bind(id.to_string()).execute(&mut *tx).await?;
     Ok(())
 }
 
 fn stored(row: &SqliteRow) -> Result<StoredStudy, StoreError> {
-    let spec: String = row.column("spec")?;
     let answer: Option<String> = row.column("answer")?;
     Ok(StoredStudy {
         id: row.parsed("sweep_id")?,
-        spec: from_json("study", &spec)?,
+        spec: row.column("spec")?,
+        question: row.column("question")?,
         max_runs: row.number("max_runs")?,
         state: row.parsed("state")?,
+        reason: row.column("reason")?,
         finished: row.parsed_opt("finished")?,
         decisions: row.column("decisions")?,
         answer: answer.map(|text| from_json("answer", &text)).transpose()?,

@@ -13,6 +13,13 @@ use crate::sweep::Response;
 /// Design point and replicate of a trial.
 pub(crate) type TrialIndex = (u32, u32);
 
+/// A place among the trials of a sweep: those from an index on, without the first `skip` of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TrialPlace {
+    pub(crate) from: TrialIndex,
+    pub(crate) skip: u32,
+}
+
 /// Result documents in memory at a time.
 pub(crate) const MAX_DOCUMENTS: u32 = 16;
 
@@ -33,14 +40,14 @@ const COLUMNS: &str = "SELECT j.id, j.point, j.replicate, j.seed, j.state, j.fai
 
 /// Trials in the order of an index, without sorting.
 pub(super) const FROM: &str = "WHERE j.sweep_id = ? AND (j.point, j.replicate) >= (?, ?)
-    ORDER BY j.point, j.replicate LIMIT ?";
+    ORDER BY j.point, j.replicate LIMIT ? OFFSET ?";
 
 impl Store {
-    /// At most `limit` trials from an index on.
+    /// At most `limit` trials from a place on.
     pub(crate) async fn trials_from(
         &self,
         id: SweepId,
-        (point, replicate): TrialIndex,
+        TrialPlace { from: (point, replicate), skip }: TrialPlace,
         limit: u32,
     ) -> Result<Vec<TrialRow>, StoreError> {
         let rows = sqlx::query(AssertSqlSafe(format!("{COLUMNS} {FROM}")))
@@ -48,6 +55,7 @@ impl Store {
             .bind(point)
             .bind(replicate)
             .bind(limit)
+            .bind(skip)
             .fetch_all(&self.readers)
             .await?;
         rows.iter().map(trial).collect()
@@ -71,11 +79,11 @@ impl Store {
         rows.iter().map(trial).collect()
     }
 
-    /// A few trials with their result documents, from an index on.
+    /// A few trials with their result documents, from a place on.
     pub(crate) async fn documents_from(
         &self,
         id: SweepId,
-        (point, replicate): TrialIndex,
+        TrialPlace { from: (point, replicate), skip }: TrialPlace,
         limit: u32,
     ) -> Result<Vec<TrialDocument>, StoreError> {
         let sql = format!(
@@ -90,6 +98,7 @@ impl Store {
             .bind(point)
             .bind(replicate)
             .bind(limit.min(MAX_DOCUMENTS))
+            .bind(skip)
             .fetch_all(&self.readers)
             .await?;
         rows.iter()

@@ -43,6 +43,10 @@ pub(crate) enum Subject {
     Job(JobId),
     /// One sweep and its jobs.
     Sweep(SweepId),
+    /// Listings of all studies.
+    Studies,
+    /// One study and its jobs.
+    Study(SweepId),
     /// The workers.
     Workers,
     /// The meshes.
@@ -61,6 +65,8 @@ impl Store {
             Subject::Everything => (EVERYTHING, None),
             Subject::Job(id) => (JOB, Some(id.to_string())),
             Subject::Sweep(id) => (SWEEP, Some(id.to_string())),
+            Subject::Studies => (STUDIES, None),
+            Subject::Study(id) => (STUDY, Some(id.to_string())),
             Subject::Workers => (WORKERS, None),
             Subject::Meshes => (MESHES, None),
         };
@@ -148,6 +154,16 @@ pub(super) const SWEEP: &str = "SELECT coalesce(
         -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0),
     (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1)
     FROM sweeps WHERE id = ?1 AND state = 'ready'";
+const STUDIES: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
+    (SELECT coalesce(sum(seq), 0) FROM sqlite_sequence WHERE name IN ('jobs', 'sweeps', 'deletions'))
+        + (SELECT coalesce(sum(changes), 0) FROM studies)";
+
+const STUDY: &str = "SELECT coalesce(
+        (SELECT max(seq) FROM events WHERE sweep_id = ?1), -(SELECT min(seq) FROM events),
+        -(SELECT seq + 1 FROM sqlite_sequence WHERE name = 'events'), 0),
+    (SELECT coalesce(max(seq), 0) FROM jobs WHERE sweep_id = ?1) + studies.changes
+    FROM studies JOIN sweeps ON sweeps.id = studies.sweep_id AND sweeps.state = 'ready' WHERE sweep_id = ?1";
+
 const WORKERS: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'events'),
     (SELECT coalesce(max(last_seen_at), 0) + count(*) + coalesce(sum(draining), 0) FROM workers)";
 const MESHES: &str = "SELECT (SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'meshes'),

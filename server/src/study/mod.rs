@@ -8,7 +8,7 @@
 
 mod measures;
 mod read;
-mod sentences;
+pub(crate) mod sentences;
 #[cfg(test)]
 mod tests;
 mod trials;
@@ -44,6 +44,8 @@ pub(crate) struct Decided {
     pub(crate) trials: Vec<Trial>,
     /// Number of points of the sweep with them.
     pub(crate) points: u32,
+    /// Maximum number of runs at a point with them.
+    pub(crate) replicates: u32,
     /// Why the study is finished; none while it goes on.
     pub(crate) finished: Option<StudyEnd>,
     /// The answer as numbers.
@@ -58,13 +60,14 @@ impl Study {
         let (evidence, known) = self.evidence(trials);
         let decision = decide(&self.question, &evidence, wanted, self.seed);
         let (trials, points) = self.trials(&decision.proposals, known)?;
+        let replicates = trials::most_at_a_point(&evidence, &decision.proposals);
         let finished = decision.finished.map(|finished| match finished {
             Finished::ByRule => StudyEnd::ByRule,
             Finished::ByBudget => StudyEnd::ByBudget,
             Finished::NothingLeft => StudyEnd::NothingLeft,
         });
-        let sentences = sentences::answer(self, &decision.answer, finished);
-        Ok(Decided { trials, points, finished, answer: decision.answer, sentences })
+        let sentences = sentences::answer(self, &decision.answer);
+        Ok(Decided { trials, points, replicates, finished, answer: decision.answer, sentences })
     }
 
     /// The question in words.

@@ -25,7 +25,7 @@ pub(crate) fn read(
 ) -> Result<(Study, Expansion), Vec<Fault>> {
     let (spec, mut faults) = read_leniently::<StudySpec>(document);
     let Some(spec) = spec else { return Err(faults) };
-    check_factors(&spec.factors, &mut faults);
+    check_factors(&spec, &mut faults);
     if let Some(schema) = spec.schema.as_deref().filter(|schema| *schema != SCHEMA) {
         faults.push(fault("/schema", json!(schema), "unknown schema", SCHEMA));
     }
@@ -95,8 +95,9 @@ fn of_question(found: roost_design::Fault) -> Fault {
 }
 
 /// Checks that factors are ranges of numbers.
-fn check_factors(factors: &[Factor], faults: &mut Vec<Fault>) {
-    for (index, factor) in factors.iter().enumerate() {
+fn check_factors(spec: &StudySpec, faults: &mut Vec<Fault>) {
+    let complete = scenario::from_value(&spec.base).map(|base| json!(base)).unwrap_or_default();
+    for (index, factor) in spec.factors.iter().enumerate() {
         let at = format!("/factors/{index}");
         let given = [
             ("levels", factor.levels.as_ref().map(|levels| json!(levels))),
@@ -116,10 +117,13 @@ fn check_factors(factors: &[Factor], faults: &mut Vec<Fault>) {
         }
         for pointer in factor.fields() {
             let kind = fields::find(pointer).map(|field| field.kind);
-            let is_number = matches!(
-                kind,
-                Some(FieldKind::Number(_) | FieldKind::Nullable(_) | FieldKind::NumberOrAuto(_)) | None
-            );
+            let is_number = match kind {
+                Some(kind) => {
+                    matches!(kind, FieldKind::Number(_) | FieldKind::Nullable(_) | FieldKind::NumberOrAuto(_))
+                }
+                // A field that does not exist has a fault of its own.
+                None => complete.pointer(pointer).is_none(),
+            };
             if !is_number {
                 let detail = "this field is no number on a continuous scale";
                 let allowed = "a field with a number, such as /equipment/gate_opening_m; a sweep for words, lists and whole numbers";
@@ -169,6 +173,8 @@ fn sweep_of(spec: &StudySpec, rows: &[Vec<f64>]) -> SweepSpec {
         max_wall_s: spec.max_wall_s,
         frame_interval_s: None,
         cache: spec.cache,
+        // No two runs have the same seed, and thus the same fill.
+        shared_fill: false,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Question and answer of a study in sentences.
 
-use roost_api::study::StudyEnd;
+use roost_api::study::{StudyEnd, StudyState};
 use roost_design::goals::{
     BoundaryAnswer, Confirmation, ConfirmationState, Constraint, Crossing, Effects, EstimateAnswer,
     Objective, OptimiseAnswer, Place, Recommendation, SensitivityAnswer, SobolIndices,
@@ -78,7 +78,7 @@ fn constraint(constraint: &Constraint) -> String {
 }
 
 /// The answer in words: finding, evidence, what was left out, and assumptions.
-pub(super) fn answer(study: &Study, answer: &Answer, finished: Option<StudyEnd>) -> Vec<String> {
+pub(super) fn answer(study: &Study, answer: &Answer) -> Vec<String> {
     let mut sentences = match &answer.finding {
         Finding::Estimate(finding) => estimate(study, finding),
         Finding::Boundary(finding) => boundary(study, finding),
@@ -93,19 +93,36 @@ pub(super) fn answer(study: &Study, answer: &Answer, finished: Option<StudyEnd>)
             answer.excluded.iter().take(MAX_STATED).map(|point| place(study, &point.values)).collect();
         sentences.push(format!("Left out because their runs fail: {}.", list(&points)));
     }
-    sentences.push(match finished {
-        None => "The study goes on.".to_owned(),
-        Some(StudyEnd::ByRule) => "The study ended because the answer is as certain as asked.".to_owned(),
-        Some(StudyEnd::ByBudget) => {
-            format!(
-                "The study ended because its budget of {} runs is spent; a larger budget continues it.",
-                study.question.budget.max_runs
-            )
-        }
-        Some(StudyEnd::NothingLeft) => "The study ended because no point can be run any more.".to_owned(),
-    });
     sentences.push(assumptions(study));
     sentences
+}
+
+/// Whether a study goes on, or why it does not.
+pub(crate) fn state(
+    state: StudyState,
+    finished: Option<StudyEnd>,
+    max_runs: u32,
+    reason: Option<&str>,
+) -> String {
+    match (state, finished) {
+        (StudyState::Running, _) => "The study goes on.".to_owned(),
+        (StudyState::Paused, _) => match reason {
+            Some(reason) => format!("The server has paused the study: {reason}."),
+            None => "The study is paused.".to_owned(),
+        },
+        (StudyState::Cancelled, _) => "A user has cancelled the study.".to_owned(),
+        (StudyState::Finished, Some(StudyEnd::ByRule)) => {
+            "The study ended because the answer is as certain as asked.".to_owned()
+        }
+        (StudyState::Finished, Some(StudyEnd::NothingLeft)) => {
+            "The study ended because no point can be run any more.".to_owned()
+        }
+        (StudyState::Finished, _) => {
+            format!(
+                "The study ended because its budget of {max_runs} runs is spent; a larger budget continues it."
+            )
+        }
+    }
 }
 
 /// What the answer assumes beside its factors.

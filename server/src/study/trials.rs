@@ -96,3 +96,13 @@ fn outcome(trial: &TrialRow) -> Outcome {
         }
     }
 }
+
+/// Maximum number of runs at a point, with those that are proposed.
+pub(super) fn most_at_a_point(evidence: &Evidence, proposals: &[Proposal]) -> u32 {
+    let mut runs: BTreeMap<&Point, usize> =
+        evidence.points().iter().map(|known| (&known.point, known.runs.len())).collect();
+    for proposal in proposals {
+        *runs.entry(&proposal.point).or_default() += 1;
+    }
+    runs.into_values().max().map_or(1, |most| u32::try_from(most).unwrap_or(u32::MAX))
+}

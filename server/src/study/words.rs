@@ -57,7 +57,10 @@ pub(super) fn digits(number: f64) -> String {
 pub(super) fn measure(measure: &Measure) -> String {
     match measure {
         Measure::Probability(response) => format!("the probability of `{response}`"),
-        Measure::Mean(response) => format!("the mean {}", Quantity::of_response(response).name),
+        Measure::Mean(response) => {
+            let name = Quantity::of_response(response).name;
+            format!("the mean {}", name.strip_prefix("mean ").unwrap_or(&name))
+        }
     }
 }
 

@@ -68,15 +68,27 @@ async fn work(server: &TestServer, id: &str, enough: usize) -> Value {
     }
 }
 
-/// Every trial of a study's sweep.
+/// Every trial of a study's sweep, in small pages.
 async fn trials(server: &TestServer, id: &str) -> Vec<Value> {
-    let table = server.get(&format!("/v1/sweeps/{id}/results?limit=1000")).await.expect(StatusCode::OK);
-    table["trials"].as_array().unwrap().clone()
+    let (mut trials, mut next) = (Vec::new(), String::new());
+    loop {
+        let path = format!("/v1/sweeps/{id}/results?limit=7{next}");
+        let page = server.get(&path).await.expect(StatusCode::OK);
+        trials.extend(page["trials"].as_array().unwrap().iter().cloned());
+        match page["next_cursor"].as_str() {
+            Some(cursor) => next = format!("&cursor={cursor}"),
+            None => return trials,
+        }
+    }
 }
 
 /// Checks that no run was proposed twice, and that all have different seeds.
 async fn check_runs(server: &TestServer, id: &str) {
     let trials = trials(server, id).await;
+    let jobs = server.get(&format!("/v1/sweeps/{id}")).await.body["counts"].as_object().unwrap().clone();
+    assert_eq!(trials.len() as u64, jobs.values().filter_map(Value::as_u64).sum::<u64>());
+    let csv = server.get(&format!("/v1/sweeps/{id}/results?format=csv")).await.text;
+    assert_eq!(csv.lines().count(), trials.len() + 1);
     let of = |names: [&str; 2]| -> BTreeSet<String> {
         trials
             .iter()
@@ -98,7 +110,7 @@ async fn a_boundary_is_found_and_stated() {
     let certain =
         crossings.iter().find(|crossing| crossing["is_certain"] == true).expect("a certain crossing");
     let (low, high) = (certain["low"].as_f64().unwrap(), certain["high"].as_f64().unwrap());
-    assert!(low < TRUE_GATE_M && TRUE_GATE_M < high && high - low < 0.02, "{low} to {high}");
+    assert!(low < TRUE_GATE_M && TRUE_GATE_M < high && high - low < 0.03, "{low} to {high}");
     let sentences = study["answer"].as_array().unwrap();
     let is_stated = |part: &str| sentences.iter().any(|sentence| text(sentence).contains(part));
     for part in ["gate opening", "as certain as asked", "8 mm radius", "95 % confidence"] {
@@ -168,13 +180,70 @@ async fn a_paused_study_proposes_and_runs_nothing_and_a_cancelled_one_ends() {
         .await
         .problem(409, "wrong-state");
     server.send(Method::DELETE, &format!("/v1/sweeps/{id}"), None).await.problem(409, "wrong-state");
-    assert_eq!(ask(&server, &id, "cancel").await["state"], "cancelled");
+    // A pause of the sweep is one of the study.
+    let sweep = async |verb: &str| {
+        server.post(&format!("/v1/sweeps/{id}/{verb}"), &json!({})).await.expect(StatusCode::OK)
+    };
+    sweep("pause").await;
+    assert_eq!(show(&server, &id).await["state"], "paused");
+    sweep("resume").await;
+    assert_eq!(show(&server, &id).await["state"], "running");
+    let cancelled = ask(&server, &id, "cancel").await;
+    assert_eq!(cancelled["state"], "cancelled");
+    assert_eq!(
+        cancelled["answer"].as_array().unwrap().last(),
+        Some(&json!("A user has cancelled the study."))
+    );
+    server.post(&format!("/v1/studies/{id}/pause"), &json!({})).await.problem(409, "wrong-state");
     server
         .post(&format!("/v1/studies/{id}/budget"), &json!({"max_runs": 500}))
         .await
         .problem(409, "wrong-state");
     server.send(Method::DELETE, &format!("/v1/sweeps/{id}"), None).await.expect(StatusCode::OK);
     server.get(&format!("/v1/studies/{id}")).await.problem(404, "not-found");
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_retry_of_cancelled_jobs_continues_the_study() {
+    let (server, _dir) = TestServer::start().await;
+    let id = submit(&server, &question(14)).await;
+    let deadline = Instant::now() + Duration::from_secs(20);
+    work(&server, &id, 4).await;
+    while show(&server, &id).await["runs"]["pending"] == 0 {
+        assert!(Instant::now() < deadline, "no further runs");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    ask(&server, &id, "cancel").await;
+    let before = trials(&server, &id).await;
+    assert!(before.iter().any(|trial| trial["state"] == "cancelled"));
+    server.post(&format!("/v1/sweeps/{id}/retry"), &json!({})).await.expect(StatusCode::OK);
+    assert_eq!(show(&server, &id).await["state"], "running");
+    let study = work(&server, &id, usize::MAX).await;
+    assert_eq!((&study["finished"], &study["runs"]["done"]), (&json!("by_budget"), &json!(14)), "{study}");
+    check_runs(&server, &id).await;
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn an_unchanged_study_is_not_sent_again() {
+    let (server, _dir) = TestServer::start().await;
+    let id = submit(&server, &question(400)).await;
+    ask(&server, &id, "pause").await;
+    for path in [format!("/v1/studies/{id}"), "/v1/studies".to_owned()] {
+        let url = format!("http://{}{path}", server.address);
+        let first = server.http.get(&url).send().await.unwrap();
+        let etag = first.headers()["etag"].clone();
+        let again = async || {
+            server.http.get(&url).header("if-none-match", etag.clone()).send().await.unwrap().status()
+        };
+        assert_eq!(again().await, StatusCode::NOT_MODIFIED, "{path}");
+    }
+    let url = format!("http://{}/v1/studies/{id}", server.address);
+    let etag = server.http.get(&url).send().await.unwrap().headers()["etag"].clone();
+    ask(&server, &id, "resume").await;
+    let changed = server.http.get(&url).header("if-none-match", etag).send().await.unwrap();
+    assert_eq!(changed.status(), StatusCode::OK);
     server.stop().await;
 }
 
