@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Compares `roost work --slots auto` with fixed numbers of slots: wall time of sweeps, on one machine, in turn.
 
-    cargo build --release
-    worker/benches/slots.py target/release/roost [ROUNDS]
+    cargo build
+    worker/benches/slots.py target/debug/roost [ROUNDS]
 
 Sweeps: the four runs of `roost demo`, and 40 runs of a slice of a hopper. Every run has the same bits on any number of threads, so only the
 time differs. Each round runs every choice once, in an order that turns from round to round. A row is the median over the rounds, and its
