@@ -1,12 +1,12 @@
 //! Decisions: proposals, the reason to stop, and the answer as data.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::evidence::{Evidence, Point};
 use crate::goals::{BoundaryAnswer, EstimateAnswer, OptimiseAnswer, SensitivityAnswer};
 
 /// A run that comes next.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Proposal {
     /// Its point.
     pub point: Point,
@@ -15,7 +15,7 @@ pub struct Proposal {
 }
 
 /// The reason why a study is finished.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Finished {
     /// The goal's stopping rule is met; runs in flight are not needed any more.
@@ -27,7 +27,7 @@ pub enum Finished {
 }
 
 /// The decision about a study.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decision {
     /// Runs that come next, the most useful first.
     pub proposals: Vec<Proposal>,
@@ -38,7 +38,7 @@ pub struct Decision {
 }
 
 /// Number of runs by state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunCounts {
     /// Runs with a result.
     pub done: usize,
@@ -57,7 +57,7 @@ impl RunCounts {
 }
 
 /// A point that is left out because its runs fail.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExcludedPoint {
     /// Values of the factors, in their units.
     pub values: Vec<f64>,
@@ -68,7 +68,7 @@ pub struct ExcludedPoint {
 }
 
 /// The answer of a study so far.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Answer {
     /// Runs it rests on.
     pub runs: RunCounts,
@@ -79,7 +79,7 @@ pub struct Answer {
 }
 
 /// The finding of a goal.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Finding {
     /// Goal `estimate`.

@@ -13,7 +13,7 @@
 //! sequence misses it (Ville's inequality). Means have intervals of Student's t distribution from [`MIN_MEAN_RUNS`] runs on.
 
 use roost_stats::Sample;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use statrs::function::beta::ln_beta;
 
 use crate::question::Measure;
@@ -28,7 +28,7 @@ const MIXTURE: f64 = 0.5;
 const HALVINGS: usize = 60;
 
 /// An estimate with its 95 % interval, in the unit of the response.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimated {
     /// Number of values.
     pub n: usize,

@@ -31,14 +31,14 @@ pub struct MeasureWidth {
 }
 
 /// The finding of the goal.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EstimateAnswer {
     /// The points, in the order of the question.
     pub points: Vec<PointEstimate>,
 }
 
 /// The estimates at a point.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointEstimate {
     /// Values of the factors.
     pub values: Vec<f64>,
@@ -49,7 +49,7 @@ pub struct PointEstimate {
 }
 
 /// The estimate of a measure at a point.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeasureEstimate {
     /// The measure.
     pub of: Measure,

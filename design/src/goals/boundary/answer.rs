@@ -1,6 +1,6 @@
 //! The answer of the goal: map, band, crossings, and the evidence.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Boundary;
 use super::band::{Band, Side};
@@ -14,7 +14,7 @@ use crate::space::grid;
 const STEPS: [usize; super::MAX_FACTORS] = [201, 33, 11, 6];
 
 /// Where the boundary is, with 95 % confidence.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Place {
     /// Part of the range is below the level, and part above.
@@ -28,7 +28,7 @@ pub enum Place {
 }
 
 /// A point of the map.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapPoint {
     /// Values of the factors, in their units.
     pub values: Vec<f64>,
@@ -43,7 +43,7 @@ pub struct MapPoint {
 }
 
 /// A stretch of a single factor in which the level is crossed.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Crossing {
     /// Lower end of its 95 % interval, in the unit of the factor.
     pub low: f64,
@@ -56,7 +56,7 @@ pub struct Crossing {
 }
 
 /// A point of the evidence.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObservedPoint {
     /// Values of the factors, in their units.
     pub values: Vec<f64>,
@@ -65,7 +65,7 @@ pub struct ObservedPoint {
 }
 
 /// The finding of the goal.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BoundaryAnswer {
     /// The level, in the unit of the response.
     pub level: f64,

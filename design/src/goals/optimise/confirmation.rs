@@ -12,7 +12,7 @@
 //! The confidence sequence of `intervals` may be looked at after every run, but needs 116 runs without a jam to certify
 //! P ≤ 0.05; these looks need 72.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ContinuousCDF, Discrete, DiscreteCDF, StudentsT};
 
 use super::{Constraint, Optimise};
@@ -28,7 +28,7 @@ const MIN_RUNS: usize = 10;
 pub(super) const ASSURANCE: f64 = 0.5;
 
 /// The state of a confirmation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ConfirmationState {
     /// Runs are missing.
@@ -84,7 +84,7 @@ impl Plan {
 }
 
 /// One-sided bounds of a measure at a look.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bounds {
     /// Number of values.
     pub n: usize,

@@ -99,7 +99,7 @@ pub struct Constraint {
 }
 
 /// The finding of the goal.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OptimiseAnswer {
     /// The recommended point; with two objectives those of the front, by the first objective.
     pub recommended: Vec<Recommendation>,

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::confirmation::{ASSURANCE, Bounds, ConfirmationState, Confirming, Plan};
@@ -23,7 +23,7 @@ const NEIGHBOURHOOD: f64 = 0.02;
 const QUANTILES: usize = 12;
 
 /// A point with forecasts and its confirmation.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recommendation {
     /// Values of the factors.
     pub values: Vec<f64>,
@@ -40,7 +40,7 @@ pub struct Recommendation {
 }
 
 /// The forecast of a measure at a point, in the unit of the response.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Forecast {
     /// The measure.
     pub of: Measure,
@@ -53,7 +53,7 @@ pub struct Forecast {
 }
 
 /// The confirmation of a point: runs with fresh seeds alone.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Confirmation {
     /// Its state.
     pub state: ConfirmationState,

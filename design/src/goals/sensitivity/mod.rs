@@ -57,7 +57,7 @@ pub enum Method {
 }
 
 /// The finding of the goal.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SensitivityAnswer {
     /// The method.
     pub method: Method,
@@ -70,7 +70,7 @@ pub struct SensitivityAnswer {
 }
 
 /// The sensitivity of a measure.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeasureSensitivity {
     /// The measure.
     pub of: Measure,
@@ -82,7 +82,7 @@ pub struct MeasureSensitivity {
 }
 
 /// Results by factor.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Effects {
     /// Sobol' indices.
@@ -92,7 +92,7 @@ pub enum Effects {
 }
 
 /// Sobol' indices of a factor, without clipping: small ones may be a little below 0.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SobolIndices {
     /// Name of the factor.
     pub factor: String,

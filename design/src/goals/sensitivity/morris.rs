@@ -12,7 +12,7 @@
 //! All coordinates are then uniform over the range, where a grid of levels visits its levels only.
 
 use roost_stats::Sample;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::rows::{Design, Progress};
 use super::saltelli::sobol_point;
@@ -29,7 +29,7 @@ pub(super) const FIRST_LOOK: usize = 16;
 const STEP: f64 = 0.5;
 
 /// Elementary effects of a factor, in the unit of the response, for a change over the whole range.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MorrisEffects {
     /// Name of the factor.
     pub factor: String,

@@ -1,6 +1,6 @@
 //! The rows of a design: which of them are complete, which runs come next, and which runs were lost.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Method, Sensitivity, morris, saltelli};
 use crate::decision::Proposal;
@@ -23,7 +23,7 @@ pub(super) struct Design<'a> {
 }
 
 /// A run of a design that failed, or lacks a response.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LostRun {
     /// Values of the factors.
     pub values: Vec<f64>,

@@ -1,4 +1,6 @@
-//! Plots as SVG: panels one above the other, and a legend beside them.
+//! Plots as SVG: panels one above the other, and a legend beside them. Answers of studies have pictures of their own (`answer`).
+
+mod answer;
 
 use std::path::Path;
 
@@ -9,6 +11,8 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 use crate::format::significant;
+
+pub use answer::answer_svg;
 
 /// Okabe and Ito's palette, which colour-blind readers can distinguish.
 const COLOURS: [RGBColor; 7] = [
