@@ -1,4 +1,4 @@
-//! A server and one worker in this process, for `roost up` and `roost demo`.
+//! A server and one worker in this process, for `roost up`, `roost demo` and `roost study run`.
 
 use anyhow::{Context, Result};
 use roost_server::{Server, ServerConfig, ServerError};

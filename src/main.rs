@@ -27,6 +27,7 @@ mod retry;
 mod run;
 mod serve;
 mod status;
+mod study;
 mod submit;
 mod target;
 mod telemetry;
@@ -72,6 +73,7 @@ enum Command {
     Work(work::Args),
     Run(run::Args),
     Submit(submit::Args),
+    Study(study::Args),
     List(list::Args),
     Status(status::Args),
     Results(results::Args),
@@ -102,6 +104,7 @@ impl Command {
         match self {
             Self::Up(_) | Self::Serve(_) | Self::Work(_) => "info",
             Self::Demo(_) => "error",
+            Self::Study(args) => args.log_filter(),
             _ => "warn",
         }
     }
@@ -129,6 +132,7 @@ impl Command {
             Self::Work(args) => work::execute(args).await,
             Self::Run(args) => run::execute(args).await,
             Self::Submit(args) => submit::execute(args).await,
+            Self::Study(args) => study::execute(args).await,
             Self::List(args) => list::execute(args).await,
             Self::Status(args) => status::execute(args).await,
             Self::Results(args) => results::execute(args).await,

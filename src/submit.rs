@@ -123,7 +123,7 @@ fn exit_of_job(job: &JobView) -> Exit {
 }
 
 /// An error with the faults from the server. Pointers lead into the file, which has no envelope around the scenario.
-fn submission_error(file: &Path, kind: DocumentKind, error: ClientError) -> anyhow::Error {
+pub(crate) fn submission_error(file: &Path, kind: DocumentKind, error: ClientError) -> anyhow::Error {
     let ClientError::Problem(problem) = &error else { return error.into() };
     if problem.errors.is_empty() {
         return error.into();

@@ -69,6 +69,11 @@ pub(crate) fn id(text: &str) -> Result<Uuid, String> {
     parse_id("roost list", text)
 }
 
+/// Parses the id of a study.
+pub(crate) fn study_id(text: &str) -> Result<SweepId, String> {
+    parse_id("roost study list", text).map(SweepId)
+}
+
 /// Parses the id of a worker.
 pub(crate) fn worker_id(text: &str) -> Result<WorkerId, String> {
     parse_id("roost list --workers", text).map(WorkerId)

@@ -121,7 +121,7 @@ fn short_name(job: &JobView) -> String {
 }
 
 /// Repeats a request until the server answers, and reports the first failure. A signal ends it, even during a request.
-async fn retrying<T, F>(request: impl Fn() -> F, shutdown: &CancellationToken) -> Result<T>
+pub(crate) async fn retrying<T, F>(request: impl Fn() -> F, shutdown: &CancellationToken) -> Result<T>
 where
     F: Future<Output = Result<T, ClientError>>,
 {
@@ -144,7 +144,7 @@ where
     }
 }
 
-async fn pause(shutdown: &CancellationToken) -> Result<()> {
+pub(crate) async fn pause(shutdown: &CancellationToken) -> Result<()> {
     tokio::select! {
         () = shutdown.cancelled() => bail!(STOPPED),
         () = tokio::time::sleep(POLL_INTERVAL) => Ok(()),

@@ -10,6 +10,7 @@ use roost_api::sweep::SweepView;
 use roost_api::table::SweepResults;
 use roost_server::ServerConfig;
 use roost_terminal::plot::{self, Curve, Panel, Style};
+use roost_terminal::quantity::Quantity;
 use roost_terminal::{Exit, Table, format, message, print_line, print_lines, signals};
 use roost_worker::WorkerConfig;
 use roost_worker::client::Client;
@@ -120,7 +121,7 @@ async fn run_results(client: &Client, results: &SweepResults) -> Result<Vec<Opti
 }
 
 fn table(results: &SweepResults, runs: &[Option<RunResult>]) -> Table {
-    let factors = results.sweep.factors.iter().map(|pointer| factor_name(pointer));
+    let factors = results.sweep.factors.iter().map(|pointer| Quantity::of_field(pointer).label());
     let names = RESPONSES.iter().map(|(name, _)| (*name).to_owned());
     let mut table = Table::new(factors.chain(names).chain(["ended".to_owned()]));
     for (trial, run) in results.trials.iter().zip(runs) {
@@ -159,15 +160,6 @@ fn curves(results: &SweepResults, runs: &[Option<RunResult>]) -> Vec<Curve> {
     curves
 }
 
-/// The name of a factor with its unit: `/equipment/gate_opening_m` is `gate opening (m)`.
-fn factor_name(pointer: &str) -> String {
-    let name = pointer.rsplit('/').next().unwrap_or(pointer);
-    match name.strip_suffix("_m") {
-        Some(name) => format!("{} (m)", name.replace('_', " ")),
-        None => name.replace('_', " "),
-    }
-}
-
 /// A level in the legend: lengths in centimetres, texts unchanged.
 fn level(pointer: &str, value: &Value) -> String {
     match value.as_f64() {
@@ -194,9 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_and_levels_have_readable_names() {
-        assert_eq!(factor_name("/equipment/gate_opening_m"), "gate opening (m)");
-        assert_eq!(factor_name("/contact/condition"), "condition");
+    fn levels_are_readable() {
         assert_eq!(level("/equipment/gate_opening_m", &0.045.into()), "4.5 cm");
         assert_eq!(level("/contact/condition", &"wet".into()), "wet");
     }

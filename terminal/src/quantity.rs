@@ -15,10 +15,12 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// The quantity of a scenario's field: `/equipment/gate_opening_m` is the gate opening in m.
+    /// The quantity of a scenario's field: `/equipment/gate_opening_m` is the gate opening in m. All parts of the pointer below its
+    /// section are in the name, since several contacts have a `static_friction`.
     pub fn of_field(pointer: &str) -> Self {
         let unit = fields::find(pointer).map_or("", |field| field.unit);
-        Self::new(pointer.rsplit('/').next().unwrap_or(pointer), unit)
+        let name = pointer.trim_start_matches('/');
+        Self::new(&name.split_once('/').map_or(name, |(_, below)| below).replace('/', " "), unit)
     }
 
     /// The quantity of a response: `mean_rate_kg_s` is the mean rate in kg/s.
@@ -59,7 +61,8 @@ mod tests {
         assert_eq!(field("/equipment/gate_opening_m"), "gate opening (m)");
         assert_eq!(field("/equipment/belt_speed_m_s"), "belt speed (m/s)");
         assert_eq!(field("/contact/condition"), "condition");
-        assert_eq!(field("/contact/fillet_belt/friction"), "friction");
+        assert_eq!(field("/contact/fillet_belt/static_friction"), "fillet belt static friction");
+        assert_eq!(field("/seed"), "seed");
         let response = |name: &str| Quantity::of_response(name).label();
         assert_eq!(response("mean_rate_kg_s"), "mean rate (kg/s)");
         assert_eq!(response("bulk_density_kg_m3"), "bulk density (kg/m³)");

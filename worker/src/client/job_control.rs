@@ -39,7 +39,7 @@ impl Client {
         self.retry(&format!("sweeps/{id}/retry"), class).await
     }
 
-    async fn change<T: DeserializeOwned>(&self, route: &str) -> ClientResult<T> {
+    pub(super) async fn change<T: DeserializeOwned>(&self, route: &str) -> ClientResult<T> {
         self.fetch(self.request(Method::POST, route).timeout(SWEEP_TIMEOUT)).await
     }
 
@@ -50,6 +50,6 @@ impl Client {
     }
 }
 
-fn pause_or_resume(pause: bool) -> &'static str {
+pub(super) fn pause_or_resume(pause: bool) -> &'static str {
     if pause { "pause" } else { "resume" }
 }

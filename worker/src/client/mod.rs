@@ -9,6 +9,7 @@ mod fills;
 mod job_control;
 mod reason;
 mod recorded_frames;
+mod studies;
 #[cfg(test)]
 pub(crate) mod tests;
 

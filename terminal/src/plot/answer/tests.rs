@@ -7,7 +7,7 @@ use super::*;
 
 const GATE: &str = "/equipment/gate_opening_m";
 const SPEED: &str = "/equipment/belt_speed_m_s";
-const FRICTION: &str = "/contact/fillet_belt/friction";
+const FRICTION: &str = "/contact/fillet_belt/static_friction";
 
 /// Log odds of a jam at a gate opening and a belt speed.
 fn jam(gate: f64, speed: f64) -> f64 {
@@ -166,7 +166,7 @@ fn boundary_over_two_factors_is_a_map_with_its_boundary() {
 fn boundary_over_three_factors_has_slices() {
     let goal = json!({"boundary": {"of": {"mean": "mean_rate_kg_s"}, "level": 2.0}});
     let answer = answer(&factors(3), goal, 80);
-    picture("slices", &answer, &["boundary, 2 kg/s", "friction 0.2", "friction 0.8"]);
+    picture("slices", &answer, &["boundary, 2 kg/s", "fillet belt static friction 0.2", "fillet belt static friction 0.8"]);
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn front_has_numbered_points() {
 fn sensitivities_are_bars() {
     let of = json!([{"mean": "mean_rate_kg_s"}, {"probability": "jammed"}]);
     let goal = json!({"sensitivity": {"of": of, "width": 0.5}});
-    let texts = ["share of the variance of the mean rate (kg/s)", "gate opening", "friction"];
+    let texts = ["share of the variance of the mean rate (kg/s)", "gate opening", "fillet belt static friction"];
     picture("sobol", &answer(&factors(3), goal, 400), &texts);
     let goal = json!({"sensitivity": {"of": of, "width": 0.5, "method": "morris"}});
     picture("morris", &answer(&factors(3), goal, 300), &["belt speed", "μ* of noise alone"]);

@@ -1,0 +1,60 @@
+//! `roost study`: questions about a scenario, which the server answers by runs that it chooses.
+
+mod answer;
+mod control;
+mod folder;
+mod follow;
+mod run;
+mod show;
+mod submit;
+
+use anyhow::Result;
+use clap::Subcommand;
+use roost_terminal::Exit;
+
+/// Ask a question about a scenario: which runs answer it is chosen for you
+///
+/// A study has a base scenario, factors with ranges, a goal and a budget of runs. It grows a sweep with the same id until the answer
+/// is as certain as asked. `roost study run` needs no server.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    Run(run::Args),
+    Submit(submit::Args),
+    List(show::List),
+    Show(show::Show),
+    Watch(follow::Args),
+    Answer(answer::Args),
+    Pause(control::Pause),
+    Resume(control::Resume),
+    Cancel(control::Cancel),
+    Budget(control::Budget),
+}
+
+impl Args {
+    /// Default filter of the log.
+    pub(crate) fn log_filter(&self) -> &'static str {
+        // Server and worker are in this process: its progress says what they do.
+        if matches!(self.action, Action::Run(_)) { "error" } else { "warn" }
+    }
+}
+
+pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    match args.action {
+        Action::Run(args) => run::execute(args).await,
+        Action::Submit(args) => submit::execute(args).await,
+        Action::List(args) => show::list(args).await,
+        Action::Show(args) => show::show(args).await,
+        Action::Watch(args) => follow::execute(args).await,
+        Action::Answer(args) => answer::execute(args).await,
+        Action::Pause(args) => control::pause(args).await,
+        Action::Resume(args) => control::resume(args).await,
+        Action::Cancel(args) => control::cancel(args).await,
+        Action::Budget(args) => control::budget(args).await,
+    }
+}

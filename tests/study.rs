@@ -1,0 +1,189 @@
+//! `roost study run`: a question that one process answers, repeats of the command, a kill, and changes of the question.
+
+mod support;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use roost_worker::client::Client;
+use serde_json::{Value, json};
+use support::{Process, hopper_scenario, roost, slow_scenario, stdout, transcript, wait_until};
+use tempfile::TempDir;
+
+/// Runs that answer the question: five at each of two points.
+const RUNS: usize = 10;
+
+/// Two gate openings, each with as many runs as an interval of a mean needs.
+fn question(base: Value) -> Value {
+    json!({
+        "name": "two gates", "base": base,
+        "factors": [{"pointer": "/equipment/gate_opening_m", "low": 0.05, "high": 0.1}],
+        "goal": {"estimate": {"points": [[0.06], [0.08]], "intervals": [{"of": {"mean": "filled_kg"}, "width": 100.0}]}},
+        "budget": {"max_runs": 20}
+    })
+}
+
+/// A file with a question, and a folder for its study.
+struct Place {
+    folder: TempDir,
+}
+
+impl Place {
+    fn new(question: &Value) -> Self {
+        let place = Self { folder: tempfile::tempdir().unwrap() };
+        place.write(question);
+        place
+    }
+
+    fn write(&self, question: &Value) {
+        std::fs::write(self.file(), question.to_string()).unwrap();
+    }
+
+    fn file(&self) -> PathBuf {
+        self.folder.path().join("question.json")
+    }
+
+    fn output(&self) -> PathBuf {
+        self.folder.path().join("out")
+    }
+
+    fn command(&self) -> Command {
+        let mut command = roost();
+        command.args(["study", "run"]).arg(self.file()).arg("-o").arg(self.output());
+        command.args(["--backend", "cpu", "--threads", "2"]);
+        command
+    }
+
+    fn run(&self) -> Output {
+        self.command().output().unwrap()
+    }
+
+    fn answer(&self) -> Value {
+        serde_json::from_slice(&std::fs::read(self.output().join("answer.json")).unwrap()).unwrap()
+    }
+}
+
+/// The columns of a table that tell its runs apart: the factor and the seed.
+fn runs_in(table: &Path) -> Vec<(String, String)> {
+    let mut reader = csv::Reader::from_path(table).unwrap();
+    let heads = reader.headers().unwrap().clone();
+    let column = |name: &str| heads.iter().position(|head| head.contains(name)).unwrap();
+    let (gate, seed) = (column("gate_opening_m"), column("seed"));
+    let rows = reader.records().map(Result::unwrap);
+    rows.map(|row| (row[gate].to_owned(), row[seed].to_owned())).collect()
+}
+
+#[test]
+fn question_is_answered_and_a_repeat_has_the_same_answer() {
+    let mut asked = question(hopper_scenario(0.1));
+    let place = Place::new(&asked);
+    let first = stdout(&place.run());
+    let answer = place.answer();
+    assert_eq!(answer["study"]["finished"], "by_rule", "{answer:#}");
+    assert_eq!(answer["study"]["runs"]["done"], RUNS);
+    assert!(first.contains(answer["study"]["question"].as_str().unwrap()), "{first}");
+    for sentence in answer["study"]["answer"].as_array().unwrap() {
+        assert!(first.contains(sentence.as_str().unwrap()), "no `{sentence}` in {first}");
+    }
+    let picture = std::fs::read_to_string(place.output().join("answer.svg")).unwrap();
+    roxmltree::Document::parse(&picture).unwrap();
+    assert!(picture.contains("gate opening (m)"));
+    let table = place.output().join("results.csv");
+    assert_eq!(runs_in(&table).len(), RUNS);
+
+    // The folder has the answer: nothing is simulated again.
+    std::fs::remove_file(&table).unwrap();
+    let again = place.run();
+    assert_eq!(stdout(&again), first);
+    assert_eq!(place.answer(), answer);
+    assert_eq!(runs_in(&table).len(), RUNS);
+
+    // Another question belongs into another folder.
+    asked["base"]["seed"] = json!(5);
+    place.write(&asked);
+    let refused = place.run();
+    assert_eq!(refused.status.code(), Some(2), "{}", transcript(&refused));
+    assert!(transcript(&refused).contains("/base/seed: 5"), "{}", transcript(&refused));
+    asked["base"].as_object_mut().unwrap().remove("seed");
+    asked["budget"]["max_runs"] = json!(15);
+    place.write(&asked);
+    let refused = place.run();
+    assert_eq!(refused.status.code(), Some(2), "{}", transcript(&refused));
+    assert!(transcript(&refused).contains("/budget/max_runs: 15"), "{}", transcript(&refused));
+
+    asked["budget"]["max_runs"] = json!(40);
+    place.write(&asked);
+    stdout(&place.run());
+    assert_eq!(place.answer()["study"]["runs"]["max_runs"], 40);
+}
+
+#[test]
+fn faulty_question_is_refused_and_can_be_corrected() {
+    let mut asked = question(hopper_scenario(0.1));
+    asked["goal"]["estimate"]["intervals"][0]["of"]["mean"] = json!("filled_kgs");
+    let place = Place::new(&asked);
+    let refused = place.run();
+    assert_eq!(refused.status.code(), Some(2), "{}", transcript(&refused));
+    assert!(transcript(&refused).contains("filled_kgs"), "{}", transcript(&refused));
+    place.write(&question(hopper_scenario(0.1)));
+    stdout(&place.run());
+}
+
+#[tokio::test]
+async fn killed_study_goes_on() {
+    let place = Place::new(&question(slow_scenario(2.0)));
+    let log = place.folder.path().join("first.log");
+    let killed = Process::start(&mut place.command(), log);
+    let address = wait_until("the server has an address", || {
+        let log = killed.log();
+        let rest = log.split("server at ").nth(1)?;
+        rest.split(',').next().filter(|_| rest.contains('\n')).map(str::to_owned)
+    });
+    let client = Client::new(&address).unwrap();
+    let study = loop {
+        let studies = client.studies(None, 1).await.map(|page| page.items).unwrap_or_default();
+        if let Some(study) = studies.into_iter().find(|study| study.runs.done >= 2) {
+            break study;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+    };
+    killed.kill();
+    assert!(study.runs.done < RUNS as u64, "it was killed midway");
+    assert!(!place.output().join("answer.json").exists());
+    let output = place.run();
+    stdout(&output);
+    assert!(transcript(&output).contains(&format!("going on with study {}", study.id)));
+    let answer = place.answer();
+    assert_eq!(answer["study"]["id"], json!(study.id));
+    assert_eq!(answer["study"]["runs"]["done"], RUNS);
+    let runs = runs_in(&place.output().join("results.csv"));
+    assert_eq!(runs.iter().collect::<BTreeSet<_>>().len(), RUNS, "nothing ran twice: {runs:?}");
+}
+
+#[test]
+fn interrupted_study_says_how_it_goes_on() {
+    let place = Place::new(&question(slow_scenario(60.0)));
+    let process = Process::start(&mut place.command(), place.folder.path().join("first.log"));
+    wait_until("the study has begun", || process.log().contains("study ").then_some(()));
+    process.terminate();
+    let log = place.folder.path().join("first.log");
+    let (status, _) = process.wait();
+    let log = std::fs::read_to_string(log).unwrap();
+    assert_eq!(status.code(), Some(1), "{log}");
+    assert!(log.contains("the same command goes on with the study"), "{log}");
+}
+
+#[test]
+fn example_questions_are_questions() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/examples/studies");
+    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut count = 0;
+    for file in files {
+        let study: roost_api::study::StudySpec =
+            serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap_or_else(|error| panic!("{file:?}: {error}"));
+        roost_solver::scenario::from_value(&study.base).unwrap();
+        count += 1;
+    }
+    assert_eq!(count, 5);
+}
