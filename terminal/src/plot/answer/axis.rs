@@ -106,10 +106,10 @@ pub(super) fn spread(values: impl Iterator<Item = f64>) -> Range<f64> {
     }
 }
 
-/// A measure in words with its unit: `probability of jammed`, `mean of rate variation`.
+/// A measure in words with its unit: `probability of jammed`, `mean rate (kg/s)`.
 pub(super) fn measure_label(measure: &Measure) -> String {
     match measure {
-        Measure::Probability(response) => format!("probability of `{response}`"),
+        Measure::Probability(response) => format!("probability of {}", Quantity::of_response(response).name),
         Measure::Mean(response) => {
             let label = Quantity::of_response(response).label();
             if label.starts_with("mean ") { label } else { format!("mean {label}") }

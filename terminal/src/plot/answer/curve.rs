@@ -99,7 +99,8 @@ impl<'a> Curve<'a> {
             for at in &crossing.estimates {
                 rows.push((Glyph::Line(ORANGE.stroke_width(2)), format!("crossing at {}", quantity.value(*at))));
             }
-            let ends = format!("95 %: {} to {}", significant(crossing.low), quantity.value(crossing.high));
+            let word = if crossing.is_certain { "its 95 % interval" } else { "perhaps a crossing" };
+            let ends = format!("{word}: {} to {}", significant(crossing.low), quantity.value(crossing.high));
             rows.push((Glyph::Patch(ORANGE.mix(0.15)), ends));
         }
         rows

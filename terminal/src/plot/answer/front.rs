@@ -3,7 +3,7 @@
 use anyhow::Result;
 use plotters::prelude::*;
 use roost_design::Factor;
-use roost_design::goals::{Optimise, OptimiseAnswer, Recommendation};
+use roost_design::goals::{Objective, Optimise, OptimiseAnswer, Recommendation};
 
 use super::axis::{Axis, AxisRange, chart, measure_label, spread};
 use super::legend::{self, Glyph};
@@ -47,10 +47,10 @@ impl Body for Front<'_> {
             let pairs = points().flat_map(|point| [forecast(point), confirmed(point)]).flatten();
             let ends = pairs.flat_map(|pair| [pair[objective].1, pair[objective].2]);
             let range = spread(ends);
-            Axis {
-                label: measure_label(self.goal.objectives[objective].measure()),
-                range: AxisRange::Linear(range.into()),
-            }
+            let objective = &self.goal.objectives[objective];
+            let word = if matches!(objective, Objective::Minimise(_)) { "minimised" } else { "maximised" };
+            let label = format!("{}, {word}", measure_label(objective.measure()));
+            Axis { label, range: AxisRange::Linear(range.into()) }
         };
         let mut chart = chart(&plot, axis(0), axis(1))?;
         let (model, fresh, left_out) = (BLUE.mix(0.45), GREEN.mix(1.0), BLACK.mix(0.3));

@@ -112,7 +112,7 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
 fn boundary_over_one_factor_has_curve_level_and_points() {
     let goal = json!({"boundary": {"of": {"probability": "jammed"}, "level": 0.2}});
     let answer = answer(&factors(1), goal, 120);
-    let texts = ["gate opening (m)", "probability of `jammed`", "level 0.2"];
+    let texts = ["gate opening (m)", "probability of jammed", "level 0.2"];
     let drawn = picture("curve", &answer, &texts);
     let found = &answer.answer["finding"]["boundary"];
     let observed = found["observed"].as_array().unwrap();
@@ -174,7 +174,7 @@ fn estimates_are_points_or_rows() {
     let intervals =
         json!([{"of": {"probability": "jammed"}, "width": 0.4}, {"of": {"mean": "mean_rate_kg_s"}, "width": 0.1}]);
     let goal = json!({"estimate": {"points": [[0.04], [0.055], [0.07]], "intervals": intervals}});
-    let labels = ["probability of `jammed`", "mean rate (kg/s)"];
+    let labels = ["probability of jammed", "mean rate (kg/s)"];
     picture("points", &answer(&factors(1), goal, 200), &labels);
     let goal = json!({"estimate": {"points": [[0.04, 0.2], [0.07, 0.5]], "intervals": intervals}});
     picture("rows", &answer(&factors(2), goal, 200), &[labels[0], labels[1], "0.07 m, 0.5 m/s"]);
@@ -185,7 +185,7 @@ fn recommendation_has_forecast_and_confirmation() {
     let goal = json!({"optimise": {"objectives": [{"maximise": {"mean": "mean_rate_kg_s"}}],
         "constraints": [{"of": {"probability": "jammed"}, "at_most": 0.2}]}});
     let answer = answer(&factors(2), goal, 160);
-    let drawn = picture("optimum", &answer, &["mean rate (kg/s)", "probability of `jammed`"]);
+    let drawn = picture("optimum", &answer, &["mean rate (kg/s)", "probability of jammed"]);
     let found = &answer.answer["finding"]["optimise"]["recommended"][0]["confirmation"];
     assert_eq!(found["state"], "confirmed");
     assert_eq!(drawn.matches("fill=\"#009E73\"").count(), 2, "both measures are confirmed");
@@ -196,7 +196,7 @@ fn front_has_numbered_points() {
     let goal = json!({"optimise": {"objectives": [{"maximise": {"mean": "mean_rate_kg_s"}},
         {"minimise": {"mean": "curl_angle_deg"}}], "front_points": 3}});
     let answer = answer(&factors(2), goal, 150);
-    let drawn = picture("front", &answer, &["mean rate (kg/s)", "mean curl angle (°)", "1", "2"]);
+    let drawn = picture("front", &answer, &["mean rate (kg/s), maximised", "mean curl angle (°), minimised", "1", "2"]);
     assert!(drawn.contains("1: gate opening"), "values of the points");
 }
 
