@@ -46,7 +46,7 @@ pub(crate) struct Args {
 }
 
 /// The server has its own limits.
-const NO_LIMITS: Limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
+pub(crate) const NO_LIMITS: Limits = Limits { max_subparticles: u64::MAX, max_steps: u64::MAX };
 
 /// Submissions of as many jobs take seconds and are announced.
 const MANY_JOBS: u64 = 10_000;

@@ -11,8 +11,8 @@ use serde_json::{Value, json};
 use support::{Process, hopper_scenario, roost, slow_scenario, stdout, transcript, wait_until};
 use tempfile::TempDir;
 
-/// Runs that answer the question: five at each of two points.
-const RUNS: usize = 10;
+/// Runs that answer the question: five at each of two points. A study with several workers may make some more.
+const RUNS: u64 = 10;
 
 /// Two gate openings, each with as many runs as an interval of a mean needs.
 fn question(base: Value) -> Value {
@@ -64,7 +64,12 @@ impl Place {
     }
 }
 
-/// The columns of a table that tell its runs apart: the factor and the seed.
+/// Number of runs with a result.
+fn done(answer: &Value) -> u64 {
+    answer["study"]["runs"]["done"].as_u64().unwrap()
+}
+
+/// The factor and the seed of each run in a table, which tell runs apart.
 fn runs_in(table: &Path) -> Vec<(String, String)> {
     let mut reader = csv::Reader::from_path(table).unwrap();
     let heads = reader.headers().unwrap().clone();
@@ -81,7 +86,7 @@ fn question_is_answered_and_a_repeat_has_the_same_answer() {
     let first = stdout(&place.run());
     let answer = place.answer();
     assert_eq!(answer["study"]["finished"], "by_rule", "{answer:#}");
-    assert_eq!(answer["study"]["runs"]["done"], RUNS);
+    assert!(done(&answer) >= RUNS, "{answer:#}");
     assert!(first.contains(answer["study"]["question"].as_str().unwrap()), "{first}");
     for sentence in answer["study"]["answer"].as_array().unwrap() {
         assert!(first.contains(sentence.as_str().unwrap()), "no `{sentence}` in {first}");
@@ -90,27 +95,28 @@ fn question_is_answered_and_a_repeat_has_the_same_answer() {
     roxmltree::Document::parse(&picture).unwrap();
     assert!(picture.contains("gate opening (m)"));
     let table = place.output().join("results.csv");
-    assert_eq!(runs_in(&table).len(), RUNS);
+    let runs = runs_in(&table);
+    assert!(runs.len() as u64 >= RUNS, "{runs:?}");
 
     // The folder has the answer: nothing is simulated again.
     std::fs::remove_file(&table).unwrap();
     let again = place.run();
     assert_eq!(stdout(&again), first);
     assert_eq!(place.answer(), answer);
-    assert_eq!(runs_in(&table).len(), RUNS);
+    assert_eq!(runs_in(&table), runs);
 
     // Another question belongs into another folder.
     asked["base"]["seed"] = json!(5);
     place.write(&asked);
     let refused = place.run();
     assert_eq!(refused.status.code(), Some(2), "{}", transcript(&refused));
-    assert!(transcript(&refused).contains("/base/seed: 5"), "{}", transcript(&refused));
+    assert!(transcript(&refused).contains("/base/seed: "), "{}", transcript(&refused));
     asked["base"].as_object_mut().unwrap().remove("seed");
     asked["budget"]["max_runs"] = json!(15);
     place.write(&asked);
     let refused = place.run();
     assert_eq!(refused.status.code(), Some(2), "{}", transcript(&refused));
-    assert!(transcript(&refused).contains("/budget/max_runs: 15"), "{}", transcript(&refused));
+    assert!(transcript(&refused).contains("/budget/max_runs: "), "{}", transcript(&refused));
 
     asked["budget"]["max_runs"] = json!(40);
     place.write(&asked);
@@ -149,16 +155,16 @@ async fn killed_study_goes_on() {
         tokio::time::sleep(std::time::Duration::from_millis(50)).await;
     };
     killed.kill();
-    assert!(study.runs.done < RUNS as u64, "it was killed midway");
+    assert!(study.runs.done < RUNS, "it was killed midway");
     assert!(!place.output().join("answer.json").exists());
     let output = place.run();
     stdout(&output);
     assert!(transcript(&output).contains(&format!("going on with study {}", study.id)));
     let answer = place.answer();
     assert_eq!(answer["study"]["id"], json!(study.id));
-    assert_eq!(answer["study"]["runs"]["done"], RUNS);
+    assert!(done(&answer) >= RUNS, "{answer:#}");
     let runs = runs_in(&place.output().join("results.csv"));
-    assert_eq!(runs.iter().collect::<BTreeSet<_>>().len(), RUNS, "nothing ran twice: {runs:?}");
+    assert_eq!(runs.iter().collect::<BTreeSet<_>>().len(), runs.len(), "nothing ran twice: {runs:?}");
 }
 
 #[test]
@@ -180,8 +186,8 @@ fn example_questions_are_questions() {
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let mut count = 0;
     for file in files {
-        let study: roost_api::study::StudySpec =
-            serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap_or_else(|error| panic!("{file:?}: {error}"));
+        let study: roost_api::study::StudySpec = serde_json::from_slice(&std::fs::read(&file).unwrap())
+            .unwrap_or_else(|error| panic!("{file:?}: {error}"));
         roost_solver::scenario::from_value(&study.base).unwrap();
         count += 1;
     }

@@ -62,7 +62,7 @@ pub(super) fn smaller_budget(file: &Path, wanted: u64, present: u64) -> BadInput
         pointer: BUDGET.to_owned(),
         value: wanted.into(),
         detail: "the budget of a study can only grow".to_owned(),
-        allowed: format!("at least {present}"),
+        allowed: Some(format!("at least {present}")),
     };
     input::faults_error(file, &[fault])
 }
@@ -93,7 +93,7 @@ fn compare(pointer: String, known: &Value, question: &Value, found: &mut Vec<Fau
             pointer,
             value: question.clone(),
             detail: "it differs from the question that the folder belongs to".to_owned(),
-            allowed: known.to_string(),
+            allowed: Some(if known.is_null() { "left out".to_owned() } else { known.to_string() }),
         }),
     }
 }
@@ -115,10 +115,19 @@ mod tests {
         let pointers = |question: Value| -> Vec<String> {
             changes(&known, &question).into_iter().map(|change| change.pointer).collect()
         };
-        assert!(pointers(json!({"name": "a", "base": {"seed": 1.0, "x/y": 2}, "factors": [{"low": 1, "high": 2}]})).is_empty());
-        let changed = json!({"base": {"seed": 1, "x/y": 3}, "factors": [{"low": 1, "high": 3}], "cache": "bypass"});
+        assert!(
+            pointers(
+                json!({"name": "a", "base": {"seed": 1.0, "x/y": 2}, "factors": [{"low": 1, "high": 2}]})
+            )
+            .is_empty()
+        );
+        let changed =
+            json!({"base": {"seed": 1, "x/y": 3}, "factors": [{"low": 1, "high": 3}], "cache": "bypass"});
         assert_eq!(pointers(changed), ["/base/x~1y", "/factors/0/high", "/name", "/cache"]);
-        assert_eq!(pointers(json!({"name": "a", "base": {"seed": 1, "x/y": 2}, "factors": []})), ["/factors"]);
+        assert_eq!(
+            pointers(json!({"name": "a", "base": {"seed": 1, "x/y": 2}, "factors": []})),
+            ["/factors"]
+        );
     }
 
     #[test]
@@ -133,7 +142,7 @@ mod tests {
         folder.check(file, &question).unwrap();
         question["base"]["seed"] = json!(2);
         let error = folder.check(file, &question).unwrap_err().to_string();
-        assert!(error.contains("/base/seed: 2") && !error.contains(BUDGET), "{error}");
-        assert!(smaller_budget(file, 5, 20).0.contains("/budget/max_runs: 5"));
+        assert!(error.contains("/base/seed: it differs") && !error.contains(BUDGET), "{error}");
+        assert!(smaller_budget(file, 5, 20).0.contains("/budget/max_runs: the budget"));
     }
 }

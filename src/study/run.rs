@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use roost_api::study::StudyView;
 use roost_server::ServerConfig;
-use roost_terminal::{Exit, input, message, print_line, signals};
+use roost_terminal::{Exit, message, print_line, signals};
 use roost_worker::client::Client;
 use tokio_util::sync::CancellationToken;
 
@@ -13,7 +13,7 @@ use super::answer::{self, write_file};
 use super::folder::{Folder, smaller_budget};
 use super::{follow, show, submit};
 use crate::farm::Farm;
-use crate::meshes::{self, Resolved};
+use crate::meshes::Resolved;
 use crate::work::WorkerArgs;
 
 /// Answer a question on this machine, without a server
@@ -41,7 +41,7 @@ struct Asked {
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
     let shutdown = signals::shutdown_token()?;
-    let resolved = meshes::resolve(&args.file, input::read_document(&args.file)?).checked(&args.file)?;
+    let resolved = submit::read(&args.file)?;
     let folder = Folder::open(args.output)?;
     let device = args.worker.device()?;
     let (data, state) = (folder.data(), folder.data().join("worker"));

@@ -136,7 +136,8 @@ pub(super) mod tests {
     #[test]
     fn study_in_words_has_question_answer_and_state() {
         let mut study = view(0, 4, 100);
-        let expected = ["gate", "", "Where?", "", "No run has a result yet.", "", "running: 0 of 100 runs, 4 pending"];
+        let expected =
+            ["gate", "", "Where?", "", "No run has a result yet.", "", "running: 0 of 100 runs, 4 pending"];
         assert_eq!(words(&study), expected);
         study.state = StudyState::Finished;
         study.finished = Some(StudyEnd::ByBudget);

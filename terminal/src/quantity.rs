@@ -33,7 +33,10 @@ impl Quantity {
         let unit = if unit == "1" { "" } else { unit };
         let suffix = match unit {
             "°" => "_deg".to_owned(),
-            unit => format!("_{}", unit.to_lowercase().replace(['/', '·'], "_").replace('²', "2").replace('³', "3")),
+            unit => format!(
+                "_{}",
+                unit.to_lowercase().replace(['/', '·'], "_").replace('²', "2").replace('³', "3")
+            ),
         };
         let stem = name.strip_suffix(&suffix).filter(|_| !unit.is_empty()).unwrap_or(name);
         Self { name: stem.replace('_', " "), unit: unit.to_owned() }

@@ -101,7 +101,9 @@ pub(super) fn spread(values: impl Iterator<Item = f64>) -> Range<f64> {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
     match ends {
         (low, high) if low < high => low - 0.05 * (high - low)..high + 0.05 * (high - low),
-        (value, _) if value.is_finite() => value - 0.5 * value.abs().max(1e-9)..value + 0.5 * value.abs().max(1e-9),
+        (value, _) if value.is_finite() => {
+            value - 0.5 * value.abs().max(1e-9)..value + 0.5 * value.abs().max(1e-9)
+        }
         _ => 0.0..1.0,
     }
 }

@@ -37,7 +37,11 @@ impl<'a> Curve<'a> {
         let map = self.boundary.iter().flat_map(|found| &found.map);
         let map = map.flat_map(|point| [point.low, point.high]);
         let ends = |estimated: &Estimated| {
-            [estimated.value, estimated.low.unwrap_or(estimated.value), estimated.high.unwrap_or(estimated.value)]
+            [
+                estimated.value,
+                estimated.low.unwrap_or(estimated.value),
+                estimated.high.unwrap_or(estimated.value),
+            ]
         };
         let points = self.points.iter().flat_map(|(_, estimated)| ends(estimated));
         Axis::of_measure(self.of, map.chain(points).chain(self.boundary.map(|found| found.level)))
@@ -70,7 +74,10 @@ impl<'a> Curve<'a> {
                     chart.draw_series([PathElement::new(ends, ORANGE.stroke_width(2))])?;
                 }
             }
-            chart.draw_series(LineSeries::new(map.iter().map(|point| (point.values[0], point.estimate)), line))?;
+            chart.draw_series(LineSeries::new(
+                map.iter().map(|point| (point.values[0], point.estimate)),
+                line,
+            ))?;
             let across = [(self.factor.low, found.level), (self.factor.high, found.level)];
             let (dash, gap) = DASHES[1].unwrap_or((9, 5));
             chart.draw_series(DashedLineSeries::new(across, dash, gap, level))?;
@@ -97,7 +104,10 @@ impl<'a> Curve<'a> {
         ];
         for crossing in &found.crossings {
             for at in &crossing.estimates {
-                rows.push((Glyph::Line(ORANGE.stroke_width(2)), format!("crossing at {}", quantity.value(*at))));
+                rows.push((
+                    Glyph::Line(ORANGE.stroke_width(2)),
+                    format!("crossing at {}", quantity.value(*at)),
+                ));
             }
             let word = if crossing.is_certain { "its 95 % interval" } else { "perhaps a crossing" };
             let ends = format!("{word}: {} to {}", significant(crossing.low), quantity.value(crossing.high));
@@ -121,10 +131,16 @@ impl<'a> Curves<'a> {
     pub(super) fn of_estimate(factor: &'a Factor, found: &'a EstimateAnswer) -> Self {
         let measures = found.points.first().map_or(0, |point| point.measures.len());
         let panel = |index: usize| {
-            let points = found.points.iter().filter_map(|point| {
-                Some((*point.values.first()?, point.measures.get(index)?.estimated?))
-            });
-            Curve { factor, of: &found.points[0].measures[index].of, boundary: None, points: points.collect() }
+            let points = found
+                .points
+                .iter()
+                .filter_map(|point| Some((*point.values.first()?, point.measures.get(index)?.estimated?)));
+            Curve {
+                factor,
+                of: &found.points[0].measures[index].of,
+                boundary: None,
+                points: points.collect(),
+            }
         };
         Self((0..measures).map(panel).collect())
     }

@@ -122,7 +122,10 @@ impl Map<'_> {
                 let values: Vec<f64> = panel.map.iter().map(|point| of(point) - level).collect();
                 let place = |(x, y): (f64, f64)| (panel.x.value(x), panel.y.value(y));
                 let lines = contour::lines(&values, panel.steps);
-                lines.into_iter().map(|line| line.into_iter().map(place).collect::<Vec<_>>()).collect::<Vec<_>>()
+                lines
+                    .into_iter()
+                    .map(|line| line.into_iter().map(place).collect::<Vec<_>>())
+                    .collect::<Vec<_>>()
             };
             for boundary in line(|point| point.estimate) {
                 chart.draw_series(LineSeries::new(boundary, BLACK.stroke_width(3)))?;
@@ -166,8 +169,14 @@ impl Map<'_> {
         }
         y += height + 22;
         let mut rows = vec![
-            (Glyph::Line(BLACK.stroke_width(3)), format!("boundary, {}", measure_value(self.of, self.found.level))),
-            (Glyph::Dashes(BLACK.stroke_width(1)), "its band: all of it is inside with 95 % confidence".to_owned()),
+            (
+                Glyph::Line(BLACK.stroke_width(3)),
+                format!("boundary, {}", measure_value(self.of, self.found.level)),
+            ),
+            (
+                Glyph::Dashes(BLACK.stroke_width(1)),
+                "its band: all of it is inside with 95 % confidence".to_owned(),
+            ),
         ];
         if is_map {
             let runs = self.found.observed.iter().map(|point| point.estimated.n);

@@ -87,7 +87,8 @@ impl Panels {
     pub(super) fn of_optimise(goal: &Optimise, factors: &[Factor], found: &OptimiseAnswer) -> Self {
         let objectives = goal.objectives.iter().map(|objective| (objective.measure(), None));
         let constraints = goal.constraints.iter();
-        let constraints = constraints.map(|constraint| (&constraint.of, constraint.at_most.or(constraint.at_least)));
+        let constraints =
+            constraints.map(|constraint| (&constraint.of, constraint.at_most.or(constraint.at_least)));
         let of_measure = |(index, (of, limit)): (usize, (&Measure, Option<f64>))| {
             let count = goal.objectives.len();
             let rows = |point: &Recommendation, word: &str| {
@@ -97,9 +98,13 @@ impl Panels {
                 };
                 let ends = Some((forecast.low, forecast.high));
                 let name = place(factors, &point.values);
-                let forecast = Mark { value: forecast.value, ends, colour: BLUE, radius: legend::radius(point.runs) };
+                let forecast =
+                    Mark { value: forecast.value, ends, colour: BLUE, radius: legend::radius(point.runs) };
                 let confirmed = point.confirmation.as_ref().and_then(|found| confirmed(found, index, count));
-                Row { name: format!("{word}{name}"), marks: [Some(forecast), confirmed].into_iter().flatten().collect() }
+                Row {
+                    name: format!("{word}{name}"),
+                    marks: [Some(forecast), confirmed].into_iter().flatten().collect(),
+                }
             };
             let recommended = found.recommended.iter().map(|point| rows(point, ""));
             let rejected = found.rejected.iter().map(|point| rows(point, "rejected: "));
@@ -156,7 +161,10 @@ impl Panels {
                     ];
                 }
                 None => {
-                    panels.push(Panel { label: format!("{what}: no variation beyond noise"), ..Panel::default() });
+                    panels.push(Panel {
+                        label: format!("{what}: no variation beyond noise"),
+                        ..Panel::default()
+                    });
                 }
             }
         }

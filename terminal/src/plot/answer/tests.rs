@@ -98,7 +98,8 @@ fn picture(name: &str, answer: &StudyAnswer, texts: &[&str]) -> String {
 fn circles(svg: &str, opacity: &str) -> Vec<(f64, f64, f64)> {
     let document = roxmltree::Document::parse(svg).unwrap();
     let circles = document.descendants().filter(|node| node.attribute("opacity") == Some(opacity));
-    let circles = circles.filter(|node| node.has_tag_name("circle") && node.attribute("fill") != Some("none"));
+    let circles =
+        circles.filter(|node| node.has_tag_name("circle") && node.attribute("fill") != Some("none"));
     let number = |node: &roxmltree::Node<'_, '_>, name| node.attribute(name).unwrap().parse::<f64>().unwrap();
     circles.map(|node| (number(&node, "cx"), number(&node, "cy"), number(&node, "r"))).collect()
 }
@@ -118,7 +119,11 @@ fn boundary_over_one_factor_has_curve_level_and_points() {
     let observed = found["observed"].as_array().unwrap();
     let points = circles(&drawn, "0.75");
     let legend = points.iter().filter(|(x, ..)| *x > 660.0).count();
-    assert_eq!((points.len(), legend), (observed.len() + 2, 2), "each point once, and two sizes in the legend");
+    assert_eq!(
+        (points.len(), legend),
+        (observed.len() + 2, 2),
+        "each point once, and two sizes in the legend"
+    );
     // The place of a point follows from its value.
     let low = observed.iter().map(|point| point["values"][0].as_f64().unwrap());
     let values = sorted(low.collect());
@@ -166,13 +171,16 @@ fn boundary_over_two_factors_is_a_map_with_its_boundary() {
 fn boundary_over_three_factors_has_slices() {
     let goal = json!({"boundary": {"of": {"mean": "mean_rate_kg_s"}, "level": 2.0}});
     let answer = answer(&factors(3), goal, 80);
-    picture("slices", &answer, &["boundary, 2 kg/s", "fillet belt static friction 0.2", "fillet belt static friction 0.8"]);
+    picture(
+        "slices",
+        &answer,
+        &["boundary, 2 kg/s", "fillet belt static friction 0.2", "fillet belt static friction 0.8"],
+    );
 }
 
 #[test]
 fn estimates_are_points_or_rows() {
-    let intervals =
-        json!([{"of": {"probability": "jammed"}, "width": 0.4}, {"of": {"mean": "mean_rate_kg_s"}, "width": 0.1}]);
+    let intervals = json!([{"of": {"probability": "jammed"}, "width": 0.4}, {"of": {"mean": "mean_rate_kg_s"}, "width": 0.1}]);
     let goal = json!({"estimate": {"points": [[0.04], [0.055], [0.07]], "intervals": intervals}});
     let labels = ["probability of jammed", "mean rate (kg/s)"];
     picture("points", &answer(&factors(1), goal, 200), &labels);
@@ -196,7 +204,11 @@ fn front_has_numbered_points() {
     let goal = json!({"optimise": {"objectives": [{"maximise": {"mean": "mean_rate_kg_s"}},
         {"minimise": {"mean": "curl_angle_deg"}}], "front_points": 3}});
     let answer = answer(&factors(2), goal, 150);
-    let drawn = picture("front", &answer, &["mean rate (kg/s), maximised", "mean curl angle (°), minimised", "1", "2"]);
+    let drawn = picture(
+        "front",
+        &answer,
+        &["mean rate (kg/s), maximised", "mean curl angle (°), minimised", "1", "2"],
+    );
     assert!(drawn.contains("1: gate opening"), "values of the points");
 }
 
@@ -204,7 +216,8 @@ fn front_has_numbered_points() {
 fn sensitivities_are_bars() {
     let of = json!([{"mean": "mean_rate_kg_s"}, {"probability": "jammed"}]);
     let goal = json!({"sensitivity": {"of": of, "width": 0.5}});
-    let texts = ["share of the variance of the mean rate (kg/s)", "gate opening", "fillet belt static friction"];
+    let texts =
+        ["share of the variance of the mean rate (kg/s)", "gate opening", "fillet belt static friction"];
     picture("sobol", &answer(&factors(3), goal, 400), &texts);
     let goal = json!({"sensitivity": {"of": of, "width": 0.5, "method": "morris"}});
     picture("morris", &answer(&factors(3), goal, 300), &["belt speed", "μ* of noise alone"]);
