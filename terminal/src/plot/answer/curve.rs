@@ -6,7 +6,7 @@ use roost_design::goals::{BoundaryAnswer, EstimateAnswer};
 use roost_design::intervals::Estimated;
 use roost_design::{Factor, Measure};
 
-use super::axis::{Axis, chart, measure_label, measure_value};
+use super::axis::{Axis, AxisRange, chart, measure_label, measure_value};
 use super::legend::{self, Glyph};
 use super::{Area, BLUE, Body, ORANGE};
 use crate::format::significant;
@@ -36,22 +36,25 @@ impl<'a> Curve<'a> {
     fn axis_of_measure(&self) -> Axis {
         let map = self.boundary.iter().flat_map(|found| &found.map);
         let map = map.flat_map(|point| [point.low, point.high]);
-        let ends = |estimated: &Estimated| {
-            [
-                estimated.value,
-                estimated.low.unwrap_or(estimated.value),
-                estimated.high.unwrap_or(estimated.value),
-            ]
-        };
-        let points = self.points.iter().flat_map(|(_, estimated)| ends(estimated));
-        Axis::of_measure(self.of, map.chain(points).chain(self.boundary.map(|found| found.level)))
+        let values = self.points.iter().map(|(_, estimated)| estimated.value);
+        let level = self.boundary.map(|found| found.level);
+        if let (Measure::Probability(_), Some(level)) = (self.of, level) {
+            // A small level would be at the bottom of an axis to 1. Intervals of points with few runs are cut.
+            let top = map.chain(values).fold(2.0 * level, f64::max);
+            return Axis {
+                range: AxisRange::Linear((0.0..(1.05 * top).min(1.0)).into()),
+                label: measure_label(self.of),
+            };
+        }
+        let ends = self.points.iter().flat_map(|(_, estimated)| [estimated.low, estimated.high]).flatten();
+        Axis::of_measure(self.of, map.chain(values).chain(ends).chain(level))
     }
 
     fn paint(&self, area: &Area<'_>) -> Result<()> {
         let (plot, side) = area.split_horizontally(WIDTH - legend::WIDTH);
         let x = Axis::of_factor(self.factor);
         let y = self.axis_of_measure();
-        let heights = y.range.clone();
+        let range = Ranged::range(&y.range);
         let mut chart = chart(&plot, x, y)?;
         let line = BLUE.stroke_width(2);
         let level = BLACK.stroke_width(1);
@@ -65,7 +68,6 @@ impl<'a> Curve<'a> {
             if !map.is_empty() {
                 chart.draw_series([Polygon::new(upper.chain(lower).collect::<Vec<_>>(), BLUE.mix(0.18))])?;
             }
-            let range = plotters::coord::ranged1d::Ranged::range(&heights);
             for crossing in &found.crossings {
                 let corners = [(crossing.low, range.start), (crossing.high, range.end)];
                 chart.draw_series([Rectangle::new(corners, ORANGE.mix(0.15).filled())])?;
@@ -85,7 +87,8 @@ impl<'a> Curve<'a> {
         }
         for (at, estimated) in &self.points {
             if let (Some(low), Some(high)) = (estimated.low, estimated.high) {
-                chart.draw_series([PathElement::new([(*at, low), (*at, high)], interval)])?;
+                let ends = [(*at, low), (*at, high.min(range.end))];
+                chart.draw_series([PathElement::new(ends, interval)])?;
             }
             chart.draw_series([Circle::new((*at, estimated.value), legend::radius(estimated.n), dot)])?;
         }
