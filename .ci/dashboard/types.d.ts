@@ -13,6 +13,8 @@ declare global {
   type ResponseEffects = Schemas["ResponseEffects"];
   type SeriesPart = Schemas["SeriesPart"];
   type StateCounts = Schemas["StateCounts"];
+  type StudyAnswer = Schemas["StudyAnswer"];
+  type StudyView = Schemas["StudyView"];
   type SweepEffects = Schemas["SweepEffects"];
   type SweepPoints = Schemas["SweepPoints"];
   type SweepResults = Schemas["SweepResults"];
@@ -38,6 +40,27 @@ declare global {
     type?: string | string[]; title?: string; description?: string; properties?: Record<string, Schema>; items?: Schema; enum?: string[]; default?: unknown;
     minimum?: number; exclusiveMinimum?: number; maximum?: number; exclusiveMaximum?: number; "x-experiments"?: string[]; "x-unit"?: string;
   };
+
+  // Answers of studies, as `design/src/goals/` makes them: the API has no schema of goals.
+  /** A value with its 95 % interval from n runs; null ends with too few runs. */
+  type Estimated = { n: number; value: number; low: number | null; high: number | null };
+  type StudyMeasure = { probability: string } | { mean: string };
+  type MapPoint = { values: number[]; estimate: number; low: number; high: number; side: "below" | "above" | "band" };
+  type Crossing = { low: number; high: number; estimates: number[]; is_certain: boolean };
+  type BoundaryFinding = { level: number; crossings: Crossing[]; map: MapPoint[]; observed: { values: number[]; estimated: Estimated }[] };
+  type PointEstimate = { values: number[]; measures: { of: StudyMeasure; estimated: Estimated | null; is_narrow: boolean }[]; is_excluded: boolean };
+  type Forecast = { of: StudyMeasure; value: number; low: number; high: number };
+  type Recommendation = {
+    values: number[]; runs: number; objectives: Forecast[]; constraints: Forecast[];
+    confirmation: { state: "open" | "confirmed" | "refuted" | "undecided"; objectives: (Estimated | null)[]; constraints: (Estimated | null)[] } | null;
+  };
+  type OptimiseFinding = { recommended: Recommendation[]; rejected: Recommendation[] };
+  type SobolIndices = { factor: string; first_order: Estimated; total: Estimated };
+  type MorrisEffects = { factor: string; mu: number; mu_star: Estimated; sigma: number; noise_floor: number | null; has_effect: boolean | null };
+  type SensitivityFinding = { measures: { of: StudyMeasure; effects: { sobol: SobolIndices[] } | { morris: MorrisEffects[] } | null }[] };
+  type Finding = { estimate: { points: PointEstimate[] } } | { boundary: BoundaryFinding } | { optimise: OptimiseFinding } | { sensitivity: SensitivityFinding };
+  /** A factor of a study; `pointer` is that of its first field. */
+  type StudyFactor = { pointer: string; label: string; is_log: boolean };
 
   // Elements and tables.
   type Child = Node | string | number | boolean | null | undefined | Child[];

@@ -9,6 +9,8 @@ import { addSignOut } from "./session.js";
 const PAGES = [
   [/^\/$/, "sweeps"],
   [/^\/sweeps\/([^/]+)$/, "sweep"],
+  [/^\/studies$/, "studies"],
+  [/^\/studies\/([^/]+)$/, "study"],
   [/^\/jobs\/([^/]+)$/, "job"],
   [/^\/workers$/, "workers"],
   [/^\/compare$/, "compare"],
@@ -38,7 +40,7 @@ async function start() {
   const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll("nav a"));
   for (const link of links) {
     const path = new URL(link.href).pathname;
-    const is_current = path === location.pathname || (path === "/" && location.pathname.startsWith("/sweeps/"));
+    const is_current = path === location.pathname || location.pathname.startsWith(path === "/" ? "/sweeps/" : `${path}/`);
     if (is_current) link.setAttribute("aria-current", "page");
   }
   const main = /** @type {HTMLElement} */ (document.getElementById("main"));

@@ -123,6 +123,16 @@ export function sortRows(rows, columns, sort) {
   });
 }
 
+/**
+ * Buttons to the pages of a listing. `cursors` lead to the page that is shown; `show` gets those of another one.
+ * @param {(string | null)[]} cursors @param {string | null | undefined} next @param {(cursors: (string | null)[]) => unknown} show @param {string} [prefix] of their ids
+ */
+export function pager(cursors, next, show, prefix = "") {
+  return h("div", { class: "row" },
+    h("button", { id: `${prefix}newer`, disabled: cursors.length === 1, onclick: () => void show(cursors.slice(0, -1)) }, "Newer"),
+    h("button", { id: `${prefix}older`, disabled: !next, onclick: () => void show([...cursors, next ?? null]) }, "Older"));
+}
+
 /** Jobs that can be compared at once. */
 export const MAX_COMPARED = 8;
 

@@ -14,6 +14,7 @@ mod modules;
 mod page;
 mod playback;
 mod plots;
+mod studies;
 mod submit;
 mod visits;
 
@@ -26,7 +27,10 @@ fn audit_pages(page: &mut Page, paths: &[&str]) {
         for theme in ["light", "dark"] {
             page.open(path);
             page.theme(theme);
-            page.until("something is shown", "document.querySelector('main table, main textarea')");
+            page.until(
+                "something is shown",
+                "document.querySelector('main table, main textarea, main .plot:not([hidden])')",
+            );
             // Plots are drawn again in the colours of the theme.
             page.until(
                 "plots are drawn",

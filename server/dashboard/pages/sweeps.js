@@ -4,7 +4,7 @@
 import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
 import { ago, factorLabel, plural } from "../format.js";
-import { parameter, counts, failures, errorBox, progress, setParameters, state, stateOfSweep, table, total } from "../parts.js";
+import { parameter, counts, failures, errorBox, pager, progress, setParameters, state, stateOfSweep, table, total } from "../parts.js";
 
 /** @type {Column<SweepView>[]} */
 const COLUMNS = [
@@ -45,10 +45,7 @@ export function show(main) {
       fill(rows, label.value ? h("p", {}, "No sweep has this label.") : h("p", {}, "No sweeps yet. ", h("a", { href: "/submit" }, "Submit a sweep"), " here, or run ", h("code", {}, "roost submit sweep.json"), "."));
       return;
     }
-    fill(rows, table(`${plural(page.items.length, "sweep")}, newest first`, COLUMNS, page.items),
-      h("div", { class: "row" },
-        h("button", { id: "newer", disabled: cursors.length === 1, onclick: () => list(cursors.slice(0, -1)) }, "Newer"),
-        h("button", { id: "older", disabled: !page.next_cursor, onclick: () => list([...cursors, page.next_cursor ?? null]) }, "Older")));
+    fill(rows, table(`${plural(page.items.length, "sweep")}, newest first`, COLUMNS, page.items), pager(cursors, page.next_cursor, list));
   };
   list(cursors);
 }

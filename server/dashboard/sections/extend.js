@@ -1,5 +1,5 @@
 // @ts-check
-// The dialogs that retry failed jobs and extend a sweep by points, levels or replicates.
+// A button with a dialog, and the dialogs that retry failed jobs and extend a sweep by points, levels or replicates.
 
 import { h, announce } from "../dom.js";
 import { factorLabel } from "../format.js";
@@ -13,7 +13,7 @@ const BY_LEVELS = ["grid", "one_at_a_time"];
  * @param {string} title @param {Child} inside @param {() => (data: FormData) => Promise<unknown>} open
  * @returns {[HTMLButtonElement, HTMLDialogElement]}
  */
-function dialog(title, inside, open) {
+export function dialog(title, inside, open) {
   const errors = h("div");
   /** @type {((data: FormData) => Promise<unknown>) | undefined} */
   let submit;

@@ -5,7 +5,7 @@ import { poll } from "../api.js";
 import { fill, h } from "../dom.js";
 import { ago, factorLabel, plural, number, shortId } from "../format.js";
 import { level } from "../measures.js";
-import { FAILURE_CLASSES, STATES, parameter, choice, errorBox, requested, sortRows, setParameters, state, table } from "../parts.js";
+import { FAILURE_CLASSES, STATES, parameter, choice, errorBox, pager, requested, sortRows, setParameters, state, table } from "../parts.js";
 
 /** Rows that are drawn. */
 const ROWS = 200;
@@ -67,7 +67,7 @@ const FILTERS = ["state", "failure", "point"];
  * @param {string} path
  */
 export function jobsTable(path) {
-  const place = h("div", { class: "wide tall" }), pager = h("div", { class: "row" }), errors = h("div");
+  const place = h("div", { class: "wide tall" }), buttons = h("div"), errors = h("div");
   /** @type {(string | null)[]} */
   let cursors = [null];
   let stop = () => {};
@@ -78,7 +78,7 @@ export function jobsTable(path) {
   const point = h("input", { type: "number", min: 0, style: { width: "90px" }, value: parameter("point") ?? "", onchange: () => void filter("point")(point.value) });
   const card = h("section", { class: "card", id: "jobs" }, h("div", { class: "row spread" }, h("h2", {}, "Jobs"), h("div", { class: "row" },
     choice("State", [["", "all"], ...STATES], parameter("state") ?? "", filter("state")), choice("Failure class", [["", "any"], ...FAILURE_CLASSES], parameter("failure") ?? "", filter("failure")),
-    h("label", { class: "field" }, "Point", point))), errors, place, pager);
+    h("label", { class: "field" }, "Point", point))), errors, place, buttons);
   /** @type {Column<JobView>[]} */
   const columns = [
     { title: "Job", cell: (job) => h("a", { href: `/jobs/${job.id}`, class: "mono" }, shortId(job.id)) },
@@ -106,8 +106,7 @@ export function jobsTable(path) {
   /** @param {Page<JobView>} page */
   function draw(page) {
     fill(place, table(`${plural(page.items.length, "job")}, newest first, from number ${1 + 100 * (cursors.length - 1)}`, columns, page.items));
-    fill(pager, h("button", { id: "jobs-newer", disabled: cursors.length === 1, onclick: () => show(cursors.slice(0, -1)) }, "Newer"),
-      h("button", { id: "jobs-older", disabled: !page.next_cursor, onclick: () => show([...cursors, page.next_cursor ?? null]) }, "Older"));
+    fill(buttons, pager(cursors, page.next_cursor, show, "jobs-"));
   }
   show(cursors);
   return card;

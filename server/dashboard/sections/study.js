@@ -1,0 +1,80 @@
+// @ts-check
+// The head of a study's page: state, runs of the budget, question, answer, and actions.
+
+import { post } from "../api.js";
+import { fill, h, withCode } from "../dom.js";
+import { dateTime, factorLabel, plural } from "../format.js";
+import { action, facts } from "../parts.js";
+import { dialog } from "./extend.js";
+
+/** The reasons why a study is finished. */
+const ENDS = { by_rule: "as certain as asked", by_budget: "budget spent", nothing_left: "no point left to run" };
+/** Colours of states, named like states of jobs. */
+const COLOURS = { running: "running", paused: "queued", finished: "succeeded", cancelled: "cancelled" };
+
+/**
+ * The state of a study as a coloured dot and its word.
+ * @param {StudyView} study
+ */
+export function stateOfStudy({ state, finished }) {
+  return h("span", { class: `state ${COLOURS[state]}` }, state === "finished" && finished ? `${state}: ${ENDS[finished]}` : state);
+}
+
+/**
+ * The runs of a study as parts of its budget.
+ * @param {StudyView} study
+ */
+export function runsBar({ name, runs }, is_large = false) {
+  const ended = /** @type {[string, number][]} */ ([["succeeded", runs.done], ["failed", runs.failed], ["cancelled", runs.cancelled], ["running", runs.pending]]);
+  const percent = Math.min(100, Math.floor((100 * (runs.done + runs.failed + runs.cancelled)) / runs.max_runs));
+  return h("div", { class: is_large ? "bar large" : "bar", role: "progressbar", "aria-valuemin": 0, "aria-valuemax": 100, "aria-valuenow": percent, "aria-label": `${name}: ${percent} % of the budget used` },
+    ended.filter(([, count]) => count > 0).map(([colour, count]) => h("span", { class: colour, style: { "--part": `${(100 * count) / runs.max_runs}%` } })));
+}
+
+/**
+ * The head of a study; `changed` gets the study after an action.
+ * @param {string} at path of the study @param {StudyView} first @param {(study: StudyView) => void} changed
+ */
+export function studyHead(at, first, changed) {
+  const runs = h("div"), words = h("section", { class: "card" }), buttons = actions(at, first, changed);
+  /** @param {StudyView} study */
+  function draw(study) {
+    buttons.update(study);
+    document.title = `${study.name} · Roost`;
+    const { done, failed, cancelled, pending, max_runs } = study.runs;
+    const count = (/** @type {number} */ number, /** @type {string} */ word) => h("span", {}, `${number.toLocaleString("en")} ${word}`);
+    fill(runs, runsBar(study, true),
+      h("div", { class: "row", id: "runs" }, stateOfStudy(study), count(done, "done"), count(failed, "failed"), count(pending, "pending"), cancelled > 0 && count(cancelled, "cancelled"),
+        h("span", {}, `budget of ${plural(max_runs, "run")}`), h("a", { href: `/sweeps/${study.id}` }, "Results and runs in flight")),
+      facts([["Factors", study.factors.map((pointer) => factorLabel(pointer, study.factors)).join(", ")], ["Points", study.points.toLocaleString("en")],
+        ["Submitted", dateTime(study.submitted_at)], ["Answered", dateTime(study.answered_at)], ["Identifier", h("span", { class: "mono" }, study.id)]]));
+    fill(words, h("h2", {}, "Question"), h("p", { id: "question" }, withCode(study.question)), h("h2", {}, "Answer"),
+      study.answer.length > 0 ? h("ul", { id: "answer" }, study.answer.map((sentence) => h("li", {}, withCode(sentence)))) : h("p", { class: "dim", id: "answer" }, "No answer yet: it follows the first result."));
+  }
+  return { runs, words, bar: h("div", { class: "row" }, buttons.elements), draw };
+}
+
+/**
+ * The actions on a study; those that apply are visible. Elements are made once, since a dialog may be open.
+ * @param {string} at @param {StudyView} first @param {(study: StudyView) => void} changed
+ */
+function actions(at, first, changed) {
+  let study = first;
+  const pause = action("Pause", () => post(`${at}/pause`).then(changed)), resume = action("Resume", () => post(`${at}/resume`).then(changed));
+  const cancel = action("Cancel", () => post(`${at}/cancel`).then(changed), { ask: () => `End this study and cancel ${plural(study.runs.pending, "run")}?` });
+  const max_runs = h("input", { name: "max_runs", type: "number", step: 1, required: true });
+  const [budget, budget_dialog] = dialog("Raise budget", h("p", {}, h("label", { class: "field" }, "Maximum number of runs", max_runs)), () => {
+    max_runs.min = max_runs.value = String(study.runs.max_runs);
+    return () => post(`${at}/budget`, { max_runs: Number(max_runs.value) }).then(changed);
+  });
+  /** @param {StudyView} next */
+  function update(next) {
+    study = next;
+    pause.hidden = study.state !== "running";
+    resume.hidden = study.state !== "paused";
+    cancel.hidden = !["running", "paused"].includes(study.state);
+    budget.hidden = study.state === "cancelled";
+  }
+  const download = h("a", { href: `${at}/answer`, download: `${first.name}.json` }, "Answer document");
+  return { elements: [pause, resume, cancel, budget, budget_dialog, download], update };
+}

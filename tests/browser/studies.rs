@@ -1,0 +1,218 @@
+//! Pages of studies: from the question to the answer and its pictures, with results of a real worker.
+
+use serde_json::{Value, json};
+
+use super::page::Page;
+use super::plots::numbers;
+use super::support::{Sandbox, wait_until};
+use super::{audit_pages, text};
+
+const GATE: &str = "/equipment/gate_opening_m";
+const BELT: &str = "/equipment/belt_speed_m_s";
+const STIFFNESS: &str = "/bonds/normal_stiffness_n_m3";
+const STRAIN_RATE: &str = "/compress/strain_rate_1_s";
+
+/// A hopper with two fillets, which is soon empty or jammed.
+fn hopper() -> Value {
+    json!({"experiment": "hopper", "product": {"count": 2, "subparticle_radius_m": 0.009},
+           "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless", "belt_speed_m_s": 0.5},
+           "numerics": {"timestep_s": "auto", "duration_s": 6.0, "stop": {"when_empty": true, "when_jammed_s": 0.3}}})
+}
+
+/// A block of eight sub-particles.
+fn block() -> Value {
+    json!({"experiment": "compress", "compress": {"lattice": [2, 2, 2]},
+           "numerics": {"timestep_s": "auto", "output_interval_s": 0.0005}})
+}
+
+fn factor(pointer: &str, low: f64, high: f64) -> Value {
+    json!({"pointer": pointer, "low": low, "high": high})
+}
+
+/// Submits a study and returns its id.
+fn submit(
+    page: &mut Page,
+    name: &str,
+    base: &Value,
+    factors: &[Value],
+    goal: &Value,
+    max_runs: u32,
+) -> String {
+    let study = json!({"name": name, "base": base, "factors": factors, "goal": goal, "budget": {"max_runs": max_runs}});
+    page.value(&format!(
+        "import('/dashboard/api.js').then(({{ post }}) => post('/v1/studies', {study})).then(({{ id }}) => id)"
+    ))
+}
+
+/// Waits until a study is finished and opens its page with the picture. Returns the finding.
+fn finished(sandbox: &Sandbox, page: &mut Page, id: &str, title: &str) -> Value {
+    wait_until("the study is finished", || {
+        (sandbox.get(&format!("/v1/studies/{id}"))["state"] == "finished").then_some(())
+    });
+    page.open(&format!("/studies/{id}"));
+    page.until(&format!("{title} is drawn"), &format!("find.plot('{title}')"));
+    sandbox.get(&format!("/v1/studies/{id}/answer"))["answer"]["finding"].clone()
+}
+
+/// The trace of a plot with this name.
+fn trace(page: &mut Page, title: &str, name: &str) -> Value {
+    let traces: Vec<Value> = page.value(&format!("find.plot('{title}')"));
+    let found = traces.iter().find(|trace| trace["name"] == name);
+    found.unwrap_or_else(|| panic!("{title} has no {name}: {traces:?}")).clone()
+}
+
+/// Numbers of each row at a JSON pointer.
+fn column(rows: &Value, pointer: &str) -> Vec<f64> {
+    rows.as_array().unwrap().iter().map(|row| row.pointer(pointer).and_then(Value::as_f64).unwrap()).collect()
+}
+
+/// The values of a trace and both ends of its intervals are those of the answer.
+fn assert_intervals(trace: &Value, estimated: &Value, at: &str) {
+    let of = |end: &str| column(estimated, &format!("{at}/{end}"));
+    let (value, low, high) = (of("value"), of("low"), of("high"));
+    assert_eq!(numbers(&trace["y"]), value);
+    for (i, (up, down)) in numbers(&trace["up"]).iter().zip(numbers(&trace["down"])).enumerate() {
+        assert!((value[i] + up - high[i]).abs() < 1e-9 && (value[i] - down - low[i]).abs() < 1e-9, "{trace}");
+    }
+}
+
+#[test]
+fn a_study_from_its_question_to_its_answer() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
+    page.open("/studies");
+    page.until("no study is listed", "document.querySelector('main').innerText.includes('No studies yet')");
+    let jammed = json!({"probability": "jammed"});
+    let goal =
+        json!({"estimate": {"points": [[0.02], [0.12]], "intervals": [{"of": jammed, "width": 0.75}]}});
+    let id = submit(&mut page, "two gates", &hopper(), &[factor(GATE, 0.02, 0.12)], &goal, 20);
+    page.until("the study is listed", "find.rows('1 study,')");
+    let show = || sandbox.get(&format!("/v1/studies/{id}"));
+    page.click_named("two gates");
+    page.until("the question", "document.querySelector('#question')");
+    let question: String = page.value("document.querySelector('#question').textContent");
+    assert_eq!(question, text(&show()["question"]).replace('`', ""));
+
+    let state = |word: &str| format!("document.querySelector('#runs .state').textContent === '{word}'");
+    page.click_named("Pause");
+    page.until("the study is paused", &state("paused"));
+    assert_eq!(show()["state"], "paused");
+    page.click_named("Resume");
+    page.until("the study goes on", &state("running"));
+    assert_eq!(show()["state"], "running");
+
+    page.value::<()>("(window.seen = true, null)");
+    let _worker = sandbox.start_worker("bench");
+    page.until("the study ends", &state("finished: as certain as asked"));
+    page.until(
+        "the picture has both points",
+        "find.plot('Estimate: probability of jammed')?.[0].x.length === 2",
+    );
+    assert!(page.value::<bool>("window.seen"), "the page was loaded again");
+    let answer = sandbox.get(&format!("/v1/studies/{id}/answer"));
+    let points = &answer["answer"]["finding"]["estimate"]["points"];
+    let drawn = trace(&mut page, "Estimate: probability of jammed", "as narrow as asked");
+    assert_eq!(numbers(&drawn["x"]), [0.02, 0.12]);
+    assert_intervals(&drawn, points, "/measures/0/estimated");
+    assert!(numbers(&drawn["y"])[0] > numbers(&drawn["y"])[1], "narrow gates jam: {drawn}");
+    let sentences: Vec<String> =
+        page.value("[...document.querySelectorAll('#answer li')].map((one) => one.textContent)");
+    let stated = answer["study"]["answer"].as_array().unwrap();
+    assert_eq!(sentences, stated.iter().map(|line| text(line).replace('`', "")).collect::<Vec<_>>());
+    let runs: String = page.value("document.querySelector('#runs').innerText");
+    assert!(
+        runs.contains(&format!("{} done", show()["runs"]["done"])) && runs.contains("budget of 20 runs"),
+        "{runs}"
+    );
+
+    page.click_named("Raise budget");
+    page.write("Maximum number of runs", "25");
+    page.click_named("Raise budget");
+    page.until(
+        "the budget has grown",
+        "document.querySelector('#runs').innerText.includes('budget of 25 runs')",
+    );
+    assert_eq!(show()["runs"]["max_runs"], 25);
+    page.until("the study is finished again", &state("finished: as certain as asked"));
+    audit_pages(&mut page, &["/studies", &format!("/studies/{id}")]);
+    page.click_named("Results and runs in flight");
+    page.until("the sweep of the study", &format!("location.pathname === '/sweeps/{id}'"));
+}
+
+#[test]
+fn a_cancelled_study_offers_no_further_action() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
+    page.open("/studies");
+    let goal = json!({"estimate": {"points": [[0.02]], "intervals": [{"of": {"probability": "jammed"}, "width": 0.5}]}});
+    let id = submit(&mut page, "ends", &hopper(), &[factor(GATE, 0.02, 0.12)], &goal, 20);
+    page.open(&format!("/studies/{id}"));
+    page.click_named("Cancel");
+    page.until("it is cancelled", "document.querySelector('#runs .state').textContent === 'cancelled'");
+    for name in ["Pause", "Resume", "Cancel", "Raise budget"] {
+        page.until(&format!("{name} is gone"), &format!("find.control('{name}') === undefined"));
+    }
+    assert_eq!(sandbox.get(&format!("/v1/studies/{id}"))["state"], "cancelled");
+}
+
+#[test]
+fn pictures_of_boundaries_optima_and_sensitivities_match_their_answers() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let _worker = sandbox.start_worker("bench");
+    let mut page = Page::new(&sandbox.address);
+    page.open("/studies");
+    let (gate, stiffness, rate) =
+        (factor(GATE, 0.02, 0.12), factor(STIFFNESS, 1e6, 4e6), factor(STRAIN_RATE, 0.5, 3.0));
+    let jammed = json!({"boundary": {"of": {"probability": "jammed"}, "level": 0.5}});
+    let modulus = json!({"mean": "modulus_pa"});
+    let optimum = json!({"optimise": {"objectives": [{"minimise": modulus}], "confirmation_runs": 5}});
+    let sensitivity = json!({"sensitivity": {"of": [modulus], "width": 0.5}});
+    let one = submit(&mut page, "smallest gate", &hopper(), &[gate.clone()], &jammed, 24);
+    let two = submit(&mut page, "gate and belt", &hopper(), &[gate, factor(BELT, 0.2, 1.0)], &jammed, 36);
+    let best = submit(&mut page, "softest block", &block(), &[stiffness.clone()], &optimum, 24);
+    let matter = submit(&mut page, "what matters", &block(), &[stiffness, rate], &sensitivity, 32);
+
+    let finding = &finished(&sandbox, &mut page, &one, "Boundary")["boundary"];
+    let estimate = trace(&mut page, "Boundary", "estimate");
+    assert_eq!(numbers(&estimate["x"]), column(&finding["map"], "/values/0"));
+    assert_eq!(numbers(&estimate["y"]), column(&finding["map"], "/estimate"));
+    assert_eq!(numbers(&trace(&mut page, "Boundary", "low")["y"]), column(&finding["map"], "/low"));
+    assert_eq!(numbers(&trace(&mut page, "Boundary", "95 % band")["y"]), column(&finding["map"], "/high"));
+    let observed = trace(&mut page, "Boundary", "runs at a point, 95 % interval");
+    assert_eq!(numbers(&observed["x"]), column(&finding["observed"], "/values/0"));
+    assert_intervals(&observed, &finding["observed"], "/estimated");
+
+    let finding = &finished(&sandbox, &mut page, &two, "Boundary")["boundary"];
+    let boundary = trace(&mut page, "Boundary", "boundary at 0.5");
+    let cells: Vec<f64> = boundary["z"].as_array().unwrap().iter().flat_map(numbers).collect();
+    // The map of the answer has the last factor vary fastest: it is a column of the picture.
+    let (rows, columns) = (boundary["y"].as_array().unwrap().len(), boundary["x"].as_array().unwrap().len());
+    let transposed: Vec<f64> = (0..columns)
+        .flat_map(|x| (0..rows).map(move |y| (x, y)))
+        .map(|(x, y)| cells[y * columns + x])
+        .collect();
+    assert_eq!(transposed, column(&finding["map"], "/estimate"));
+    let points = trace(&mut page, "Boundary", "points");
+    assert_eq!(numbers(&points["y"]), column(&finding["observed"], "/values/1"));
+
+    let finding = &finished(&sandbox, &mut page, &best, "Recommended point")["optimise"];
+    let drawn: Vec<Value> = page.value("find.plot('Recommended point')");
+    let recommended = finding["recommended"].as_array().unwrap();
+    assert!(!recommended.is_empty(), "{finding}");
+    assert_eq!(numbers(&drawn[0]["x"]), column(&finding["recommended"], "/values/0"));
+
+    let title = "Sensitivity: mean of modulus (Pa)";
+    let finding = &finished(&sandbox, &mut page, &matter, title)["sensitivity"];
+    for (name, field) in [("first-order index", "first_order"), ("total index", "total")] {
+        let mut expected = column(&finding["measures"][0]["effects"]["sobol"], &format!("/{field}/value"));
+        let mut shown = numbers(&trace(&mut page, title, name)["x"]);
+        expected.sort_by(f64::total_cmp);
+        shown.sort_by(f64::total_cmp);
+        assert_eq!(shown, expected);
+    }
+    let paths: Vec<String> = [one, two, best, matter].iter().map(|id| format!("/studies/{id}")).collect();
+    audit_pages(&mut page, &paths.iter().map(String::as_str).collect::<Vec<_>>());
+}
