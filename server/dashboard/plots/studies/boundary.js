@@ -69,7 +69,7 @@ function overFactor({ factors, name, is_share, finding }) {
   const traces = [...(map.length > 0 ? band : []), points, stretch(true, "crossing, 95 % interval"), stretch(false, "perhaps a crossing"), marks];
   return {
     traces: traces.filter((trace) => trace.x.length > 0),
-    layout: { xaxis: factorAxis(factors[0]), yaxis: { title: { text: name }, ...(is_share && { range: [-0.03, 1.03] }) }, ...levelLine(level, `level ${number(level)}`) },
+    layout: { xaxis: factorAxis(factors[0]), yaxis: { title: { text: name }, ...(is_share && { range: [-0.05, 1.05] }) }, ...levelLine(level, `level ${number(level)}`) },
     table: () => h("div", {}, table("Crossings of the level", [
       { title: factors[0].label, is_number: true, cell: ({ estimates }) => estimates.map((at) => number(at)).join(", ") || "–" },
       { title: "95 % interval", is_number: true, cell: intervalText },
@@ -109,7 +109,7 @@ function overTwo({ factors, name, is_share, finding }, slice) {
   const traces = [
     { type: "heatmap", name, x, y, z: grid(({ estimate }) => estimate), zsmooth: false, ...(is_share && { zmin: 0, zmax: 1 }), colorscale: is_share ? [[0, colour("c0")], [0.5, colour("c4")], [1, colour("c1")]] : "Viridis",
       colorbar: { title: { text: name, side: "right" }, thickness: 12 }, text: grid((point) => `${placeText(factors, point.values)}<br>${name} ${number(point.estimate)}<br>band: ${intervalText(point)}`), hoverinfo: "text" },
-    { type: "heatmap", name: "in the band: side not known", x, y, z: grid(({ side }) => (side === "band" ? 1 : null)), showscale: false, hoverinfo: "skip", colorscale: [[0, transparent(colour("raised"), 0.45)], [1, transparent(colour("raised"), 0.45)]] },
+    { type: "heatmap", name: "in the band: side not known", x, y, z: grid(({ side }) => (side === "band" ? 1 : null)), showscale: false, hoverinfo: "skip", colorscale: [0, 1].map((at) => [at, transparent(colour("ground"), 0.45)]) },
     line(`boundary at ${number(level)}`, ({ estimate }) => estimate, { width: 3 }),
     line("edge of the band", ({ high }) => high, { width: 1.4, dash: "dash" }),
     { ...line("other edge", ({ low }) => low, { width: 1.4, dash: "dash" }), showlegend: false },
@@ -119,6 +119,6 @@ function overTwo({ factors, name, is_share, finding }, slice) {
   return {
     traces, layout: { xaxis: factorAxis(factors[a]), yaxis: factorAxis(factors[b]) },
     table: () => observedTable({ factors, name, observed }),
-    note: `Pale cells are in the band: their side of the boundary is not known with 95 % confidence. ${factors.length > 2 ? "The map is a slice; points with results are in the table." : "The mark of a point grows with its number of runs."}`,
+    note: `Between the dashed lines is the band: the side of the boundary is not known there with 95 % confidence. ${factors.length > 2 ? "The map is a slice; points with results are in the table." : "The mark of a point grows with its number of runs."}`,
   };
 }

@@ -30,7 +30,7 @@ function estimatePlot({ points, i, name, width, factors, is_share }) {
   const { xaxis } = alongPoints(factors, rows);
   return {
     traces: traces.filter((trace) => trace.x.length > 0),
-    layout: { xaxis, yaxis: { title: { text: name }, ...(is_share && { range: [-0.03, 1.03] }) } },
+    layout: { xaxis, yaxis: { title: { text: name }, ...(is_share && { range: [-0.05, 1.05] }) } },
     table: () => table(`${name}; intervals at most ${number(width)} wide are asked`, [
       ...factorColumns(factors),
       { title: "Runs", is_number: true, cell: ({ measures }) => measures[i].estimated?.n ?? 0 },

@@ -40,7 +40,7 @@ function sobolPlot(all, name, pointers) {
   const rows = [...all].sort((a, b) => b.total.value - a.total.value), title = ({ factor = "" }) => factorLabel(factor, pointers), y = rows.map(title);
   return {
     traces: [bars("first-order index", y, rows.map((row) => row.first_order), colour("c0")), bars("total index", y, rows.map((row) => row.total), colour("c1"))],
-    layout: { barmode: "group", xaxis: { title: { text: `share of the variance of ${name}` } }, yaxis },
+    layout: { barmode: "group", xaxis: { title: { text: "share of the variance" } }, yaxis },
     table: () => table(`Sobol' indices of ${name}`, [
       { title: "Factor", cell: title },
       { title: "First-order index", is_number: true, cell: (row) => number(row.first_order.value) }, { title: "95 % interval", is_number: true, cell: (row) => intervalText(row.first_order) },
