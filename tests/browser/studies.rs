@@ -158,6 +158,23 @@ fn a_cancelled_study_offers_no_further_action() {
 }
 
 #[test]
+fn two_factors_of_a_map_are_along_its_axes() {
+    let sandbox = Sandbox::new();
+    let _server = sandbox.start_server();
+    let mut page = Page::new(&sandbox.address);
+    page.open("/studies");
+    let mut changed = |slice: Value, factor: usize, value: Value| -> Value {
+        page.value(&format!(
+            "import('/dashboard/plots/studies/boundary.js').then(({{ changedSlice }}) => changedSlice({slice}, {factor}, {value}, Array(4).fill([1, 2, 3])))"
+        ))
+    };
+    let slice = json!([null, null, 2, 3]);
+    assert_eq!(changed(slice.clone(), 2, json!(1)), json!([null, null, 1, 3]), "another value");
+    assert_eq!(changed(slice.clone(), 1, json!(3)), json!([null, 3, null, 3]), "a factor leaves the axes");
+    assert_eq!(changed(slice, 3, Value::Null), json!([2, null, 2, null]), "a factor joins the axes");
+}
+
+#[test]
 fn pictures_of_boundaries_optima_and_sensitivities_match_their_answers() {
     let sandbox = Sandbox::new();
     let _server = sandbox.start_server();

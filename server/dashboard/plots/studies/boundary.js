@@ -30,16 +30,25 @@ export function boundaryPictures({ goal, factors, label }) {
   /** @param {number[][]} levels of the map */
   function sliceChoices(levels) {
     return slice.map((value, i) => choice(factors[i].label, [["", "along an axis"], ...levels[i].map((level) => /** @type {Option} */ ([String(level), number(level)]))], value === null ? "" : String(value), (text) => {
-      const next = slice.map((one, k) => (k === i ? (text === "" ? null : Number(text)) : one));
-      // Two factors are along the axes: one leaves them or joins them for another.
-      const along = next.flatMap((one, k) => (one === null ? [k] : []));
-      const other = along.length > 2 ? along.find((k) => k !== i) : next.findIndex((one, k) => one !== null && k !== i);
-      if (other !== undefined) next[other] = along.length > 2 ? levels[other][Math.floor(levels[other].length / 2)] : null;
-      slice = next;
+      slice = changedSlice(slice, i, text === "" ? null : Number(text), levels);
+      fill(place, sliceChoices(levels));
+      place.querySelectorAll("select")[i].focus();
       if (newest) draw(newest);
     }));
   }
   return [{ card: plot.card, draw }];
+}
+
+/**
+ * The slice after a choice for factor i: a value, or null for a place along an axis. Two factors are along the axes, so another factor leaves
+ * or joins them.
+ * @param {(number | null)[]} slice @param {number} i @param {number | null} value @param {number[][]} levels of the map
+ */
+export function changedSlice(slice, i, value, levels) {
+  const next = slice.map((one, k) => (k === i ? value : one)), along = next.filter((one) => one === null).length;
+  const other = next.findIndex((one, k) => k !== i && (along > 2 ? one === null : one !== null));
+  if (along !== 2) next[other] = along > 2 ? levels[other][Math.floor(levels[other].length / 2)] : null;
+  return next;
 }
 
 /** @param {BoundaryFinding["observed"]} observed @param {StudyFactor[]} factors @param {string} name */
