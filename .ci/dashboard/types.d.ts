@@ -60,7 +60,7 @@ declare global {
   type SensitivityFinding = { measures: { of: StudyMeasure; effects: { sobol: SobolIndices[] } | { morris: MorrisEffects[] } | null }[] };
   type Finding = { estimate: { points: PointEstimate[] } } | { boundary: BoundaryFinding } | { optimise: OptimiseFinding } | { sensitivity: SensitivityFinding };
   /** A factor of a study; `pointer` is that of its first field. */
-  type StudyFactor = { pointer: string; label: string; is_log: boolean };
+  type StudyFactor = { pointer: string; label: string; low: number; high: number; is_log: boolean };
 
   // Elements and tables.
   type Child = Node | string | number | boolean | null | undefined | Child[];

@@ -185,12 +185,12 @@ fn pictures_of_boundaries_optima_and_sensitivities_match_their_answers() {
         (factor(GATE, 0.02, 0.12), factor(STIFFNESS, 1e6, 4e6), factor(STRAIN_RATE, 0.5, 3.0));
     let jammed = json!({"boundary": {"of": {"probability": "jammed"}, "level": 0.5}});
     let modulus = json!({"mean": "modulus_pa"});
-    let optimum = json!({"optimise": {"objectives": [{"minimise": modulus}], "confirmation_runs": 5}});
-    let sensitivity = json!({"sensitivity": {"of": [modulus], "width": 0.5}});
+    let optimum = json!({"optimise": {"objectives": [{"minimise": modulus}]}});
+    let sensitivity = json!({"sensitivity": {"of": [modulus], "width": 0.5, "method": "morris"}});
     let one = submit(&mut page, "smallest gate", &hopper(), &[gate.clone()], &jammed, 24);
     let two = submit(&mut page, "gate and belt", &hopper(), &[gate, factor(BELT, 0.2, 1.0)], &jammed, 36);
-    let best = submit(&mut page, "softest block", &block(), &[stiffness.clone()], &optimum, 24);
-    let matter = submit(&mut page, "what matters", &block(), &[stiffness, rate], &sensitivity, 32);
+    let best = submit(&mut page, "softest block", &block(), &[stiffness.clone()], &optimum, 40);
+    let matter = submit(&mut page, "what matters", &block(), &[stiffness, rate], &sensitivity, 64);
 
     let finding = &finished(&sandbox, &mut page, &one, "Boundary")["boundary"];
     let estimate = trace(&mut page, "Boundary", "estimate");
@@ -223,12 +223,15 @@ fn pictures_of_boundaries_optima_and_sensitivities_match_their_answers() {
 
     let title = "Sensitivity: mean of modulus (Pa)";
     let finding = &finished(&sandbox, &mut page, &matter, title)["sensitivity"];
-    for (name, field) in [("first-order index", "first_order"), ("total index", "total")] {
-        let mut expected = column(&finding["measures"][0]["effects"]["sobol"], &format!("/{field}/value"));
-        let mut shown = numbers(&trace(&mut page, title, name)["x"]);
-        expected.sort_by(f64::total_cmp);
-        shown.sort_by(f64::total_cmp);
-        assert_eq!(shown, expected);
+    let effects = finding["measures"][0]["effects"]["morris"].as_array().unwrap();
+    let bars = trace(&mut page, title, "mean absolute effect");
+    for (label, (x, up)) in
+        bars["y"].as_array().unwrap().iter().zip(numbers(&bars["x"]).iter().zip(numbers(&bars["right"])))
+    {
+        let name = text(label).split(" (").next().unwrap().replace(' ', "_");
+        let effect = effects.iter().find(|one| text(&one["factor"]).contains(&name)).unwrap();
+        let at = |end: &str| effect["mu_star"][end].as_f64().unwrap();
+        assert!(*x == at("value") && (x + up - at("high")).abs() < 1e-9, "{label}: {effect}");
     }
     let paths: Vec<String> = [one, two, best, matter].iter().map(|id| format!("/studies/{id}")).collect();
     audit_pages(&mut page, &paths.iter().map(String::as_str).collect::<Vec<_>>());

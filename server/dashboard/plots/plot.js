@@ -49,10 +49,10 @@ function themed(layout) {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "closest", showlegend: true,
     font: { color: colour("text"), family: "system-ui, sans-serif", size: 12 }, margin: { l: 56, r: 12, t: 30, b: 44 },
     modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("dim"), activecolor: colour("text") },
-    // Below the plot, clear of the axis title and the buttons.
-    legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", x: 0 },
     hoverlabel: { bgcolor: colour("raised"), bordercolor: colour("line"), font: { color: colour("text") }, align: "left" },
     ...layout, ...axes,
+    // Below the plot, clear of the axis title and the buttons.
+    legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", x: 0, ...layout.legend },
   };
 }
 

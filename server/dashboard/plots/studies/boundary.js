@@ -73,12 +73,12 @@ function overFactor({ factors, name, is_share, finding }) {
   const points = { type: "scatter", mode: "markers", name: "runs at a point, 95 % interval", x: observed.map(({ values }) => values[0]), y: observed.map(({ estimated }) => estimated.value),
     marker: { ...sizedByRuns(observed.map(({ estimated }) => estimated.n)), color: colour("c7"), opacity: 1, line: { color: colour("raised"), width: 1 } },
     error_y: errorBars(observed.map(({ estimated }) => estimated), colour("c7")), text: observedText(observed, factors, name), hoverinfo: "text" };
-  const marks = { type: "scatter", mode: "markers", name: "crossing", x: estimates.map(({ at }) => at), y: estimates.map(() => level), marker: { color: colour("c1"), size: 12, symbol: "diamond", line: { color: colour("raised"), width: 1.5 } },
+  const marks = { type: "scatter", mode: "markers", name: "estimated crossing", x: estimates.map(({ at }) => at), y: estimates.map(() => level), marker: { color: colour("c1"), size: 12, symbol: "diamond", line: { color: colour("raised"), width: 1.5 } },
     text: estimates.map(({ at, one }) => `crosses at ${factors[0].label} ${number(at)}<br>95 %: ${intervalText(one)}`), hoverinfo: "text" };
   const traces = [...(map.length > 0 ? band : []), points, stretch(true, "crossing, 95 % interval"), stretch(false, "perhaps a crossing"), marks];
   return {
     traces: traces.filter((trace) => trace.x.length > 0),
-    layout: { xaxis: factorAxis(factors[0]), yaxis: { title: { text: name }, ...(is_share && { range: [-0.05, 1.05] }) }, ...levelLine(level, `level ${number(level)}`) },
+    layout: { legend: { itemsizing: "constant" }, xaxis: factorAxis(factors[0]), yaxis: { title: { text: name }, ...(is_share && { range: [-0.05, 1.05] }) }, ...levelLine(level, `level ${number(level)}`) },
     table: () => h("div", {}, table("Crossings of the level", [
       { title: factors[0].label, is_number: true, cell: ({ estimates }) => estimates.map((at) => number(at)).join(", ") || "–" },
       { title: "95 % interval", is_number: true, cell: intervalText },
@@ -112,22 +112,20 @@ function overTwo({ factors, name, is_share, finding }, slice) {
    * @param {(point: MapPoint) => T} of
    */
   const grid = (of) => y.map((up) => x.map((across) => of(/** @type {MapPoint} */ (found.get(`${across} ${up}`)))));
-  const line = (/** @type {string} */ title, /** @type {(point: MapPoint) => number} */ of, /** @type {object} */ style) => ({
-    type: "contour", name: title, x, y, z: grid(of), showscale: false, showlegend: true, hoverinfo: "skip", autocontour: false, contours: { start: level, end: level, size: 1, coloring: "none" }, line: { color: colour("text"), ...style },
-  });
+  const contour = { type: "contour", x, y, showscale: false, showlegend: true, hoverinfo: "skip", autocontour: false };
   const traces = [
-    { type: "heatmap", name, x, y, z: grid(({ estimate }) => estimate), zsmooth: false, ...(is_share && { zmin: 0, zmax: 1 }), colorscale: is_share ? [[0, colour("c0")], [0.5, colour("c4")], [1, colour("c1")]] : "Viridis",
+    // Without smoothing plotly.js sets a style that the content security policy refuses.
+    { type: "heatmap", name, x, y, z: grid(({ estimate }) => estimate), zsmooth: "best", ...(is_share && { zmin: 0, zmax: 1 }), colorscale: is_share ? [[0, colour("c0")], [0.5, colour("c4")], [1, colour("c1")]] : "Viridis",
       colorbar: { title: { text: name, side: "right" }, thickness: 12 }, text: grid((point) => `${placeText(factors, point.values)}<br>${name} ${number(point.estimate)}<br>band: ${intervalText(point)}`), hoverinfo: "text" },
-    { type: "heatmap", name: "in the band: side not known", x, y, z: grid(({ side }) => (side === "band" ? 1 : null)), showscale: false, hoverinfo: "skip", colorscale: [0, 1].map((at) => [at, transparent(colour("ground"), 0.45)]) },
-    line(`boundary at ${number(level)}`, ({ estimate }) => estimate, { width: 3 }),
-    line("edge of the band", ({ high }) => high, { width: 1.4, dash: "dash" }),
-    { ...line("other edge", ({ low }) => low, { width: 1.4, dash: "dash" }), showlegend: false },
+    // The level is in the band where it is between both ends: there this is positive. plotly.js leaves the part free that meets the constraint.
+    { ...contour, name: "band: the side is not known", z: grid(({ low, high }) => Math.min(high - level, level - low)), contours: { type: "constraint", operation: "<", value: 0 }, fillcolor: transparent(colour("ground"), 0.5), line: { color: colour("text"), width: 1.4, dash: "dash" } },
+    { ...contour, name: `boundary at ${number(level)}`, z: grid(({ estimate }) => estimate), contours: { start: level, end: level, size: 1, coloring: "none" }, line: { color: colour("text"), width: 3 } },
     ...(factors.length > 2 ? [] : [{ type: "scatter", mode: "markers", name: "points", x: observed.map(({ values }) => values[a]), y: observed.map(({ values }) => values[b]),
       marker: { ...sizedByRuns(observed.map(({ estimated }) => estimated.n)), color: colour("text"), opacity: 1, line: { color: colour("raised"), width: 1.5 } }, text: observedText(observed, factors, name), hoverinfo: "text" }]),
   ];
   return {
-    traces, layout: { xaxis: factorAxis(factors[a]), yaxis: factorAxis(factors[b]) },
+    traces, layout: { legend: { itemsizing: "constant" }, xaxis: factorAxis(factors[a]), yaxis: factorAxis(factors[b]) },
     table: () => observedTable({ factors, name, observed }),
-    note: `Between the dashed lines is the band: the side of the boundary is not known there with 95 % confidence. ${factors.length > 2 ? "The map is a slice; points with results are in the table." : "The mark of a point grows with its number of runs."}`,
+    note: `In the band the side of the boundary is not known with 95 % confidence. ${factors.length > 2 ? "The map is a slice; points with results are in the table." : "The mark of a point grows with its number of runs."}`,
   };
 }

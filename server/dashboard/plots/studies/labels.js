@@ -68,6 +68,16 @@ export function alongPoints(factors, points) {
 }
 
 /**
+ * The range of a single factor as that of its axis, on which a single point would have none.
+ * @param {StudyFactor[]} factors
+ */
+export function wholeRange(factors) {
+  if (factors.length > 1) return {};
+  const [{ low, high, is_log }] = factors, ends = is_log ? [Math.log10(low), Math.log10(high)] : [low, high], margin = 0.03 * (ends[1] - ends[0]);
+  return { range: [ends[0] - margin, ends[1] + margin] };
+}
+
+/**
  * A dashed line across the plot at a value of the vertical axis, with its name.
  * @param {number} y @param {string} name
  */

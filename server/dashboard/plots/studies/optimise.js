@@ -4,7 +4,7 @@
 import { number } from "../../format.js";
 import { table } from "../../parts.js";
 import { colour, panel } from "../plot.js";
-import { alongPoints, errorBars, factorColumns, intervalText, placeText } from "./labels.js";
+import { alongPoints, errorBars, factorColumns, intervalText, placeText, wholeRange } from "./labels.js";
 
 /** @typedef {import("./labels.js").WithInterval} WithInterval */
 /** @typedef {Recommendation & { is_recommended: boolean }} Row */
@@ -57,7 +57,7 @@ function optimisePlot({ rows, names, constraints, factors }) {
   const axis = (/** @type {number} */ i) => ({ title: { text: `${names[i].name}, ${names[i].word}d` } });
   return {
     traces: traces.filter((trace) => trace.x.length > 0),
-    layout: { xaxis: is_front ? axis(0) : alongPoints(factors, rows).xaxis, yaxis: axis(is_front ? 1 : 0) },
+    layout: { xaxis: is_front ? axis(0) : { ...alongPoints(factors, rows).xaxis, ...wholeRange(factors) }, yaxis: axis(is_front ? 1 : 0) },
     table: () => table("Points with their objectives and constraints; 95 % intervals and bounds", [
       ...factorColumns(factors),
       { title: "State", cell: (row) => `${row.is_recommended ? "recommended" : "rejected"}, ${stateText(row)}` },
