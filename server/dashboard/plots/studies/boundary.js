@@ -6,7 +6,7 @@ import { fill, h } from "../../dom.js";
 import { number } from "../../format.js";
 import { choice, table } from "../../parts.js";
 import { colour, panel, transparent } from "../plot.js";
-import { errorBars, factorAxis, factorColumns, intervalText, levelLine, placeText, sizedByRuns } from "./labels.js";
+import { errorBars, factorAxis, factorColumns, intervalText, levelLine, placeText, sizedByRuns, wholeRange } from "./labels.js";
 
 /** @typedef {{ factors: StudyFactor[], name: string, is_share: boolean, finding: BoundaryFinding }} BoundaryInput */
 
@@ -120,11 +120,11 @@ function overTwo({ factors, name, is_share, finding }, slice) {
     // The level is in the band where it is between both ends: there this is positive. plotly.js leaves the part free that meets the constraint.
     { ...contour, name: "band: the side is not known", z: grid(({ low, high }) => Math.min(high - level, level - low)), contours: { type: "constraint", operation: "<", value: 0 }, fillcolor: transparent(colour("ground"), 0.5), line: { color: colour("text"), width: 1.4, dash: "dash" } },
     { ...contour, name: `boundary at ${number(level)}`, z: grid(({ estimate }) => estimate), contours: { start: level, end: level, size: 1, coloring: "none" }, line: { color: colour("text"), width: 3 } },
-    ...(factors.length > 2 ? [] : [{ type: "scatter", mode: "markers", name: "points", x: observed.map(({ values }) => values[a]), y: observed.map(({ values }) => values[b]),
+    ...(factors.length > 2 ? [] : [{ type: "scatter", mode: "markers", name: "points", cliponaxis: false, x: observed.map(({ values }) => values[a]), y: observed.map(({ values }) => values[b]),
       marker: { ...sizedByRuns(observed.map(({ estimated }) => estimated.n)), color: colour("text"), opacity: 1, line: { color: colour("raised"), width: 1.5 } }, text: observedText(observed, factors, name), hoverinfo: "text" }]),
   ];
   return {
-    traces, layout: { legend: { itemsizing: "constant" }, xaxis: factorAxis(factors[a]), yaxis: factorAxis(factors[b]) },
+    traces, layout: { legend: { itemsizing: "constant" }, xaxis: { ...factorAxis(factors[a]), ...wholeRange(factors[a]) }, yaxis: { ...factorAxis(factors[b]), ...wholeRange(factors[b]) } },
     table: () => observedTable({ factors, name, observed }),
     note: `In the band the side of the boundary is not known with 95 % confidence. ${factors.length > 2 ? "The map is a slice; points with results are in the table." : "The mark of a point grows with its number of runs."}`,
   };

@@ -68,13 +68,12 @@ export function alongPoints(factors, points) {
 }
 
 /**
- * The range of a single factor as that of its axis, on which a single point would have none.
- * @param {StudyFactor[]} factors
+ * The whole range of a factor on its axis, with a margin as a share of it.
+ * @param {StudyFactor} factor @param {number} [margin]
  */
-export function wholeRange(factors) {
-  if (factors.length > 1) return {};
-  const [{ low, high, is_log }] = factors, ends = is_log ? [Math.log10(low), Math.log10(high)] : [low, high], margin = 0.03 * (ends[1] - ends[0]);
-  return { range: [ends[0] - margin, ends[1] + margin] };
+export function wholeRange({ low, high, is_log }, margin = 0) {
+  const [from, to] = is_log ? [Math.log10(low), Math.log10(high)] : [low, high], beyond = margin * (to - from);
+  return { range: [from - beyond, to + beyond] };
 }
 
 /**

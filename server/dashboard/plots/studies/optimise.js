@@ -57,7 +57,7 @@ function optimisePlot({ rows, names, constraints, factors }) {
   const axis = (/** @type {number} */ i) => ({ title: { text: `${names[i].name}, ${names[i].word}d` } });
   return {
     traces: traces.filter((trace) => trace.x.length > 0),
-    layout: { xaxis: is_front ? axis(0) : { ...alongPoints(factors, rows).xaxis, ...wholeRange(factors) }, yaxis: axis(is_front ? 1 : 0) },
+    layout: { xaxis: is_front ? axis(0) : { ...alongPoints(factors, rows).xaxis, ...(factors.length === 1 && wholeRange(factors[0], 0.03)) }, yaxis: axis(is_front ? 1 : 0) },
     table: () => table("Points with their objectives and constraints; 95 % intervals and bounds", [
       ...factorColumns(factors),
       { title: "State", cell: (row) => `${row.is_recommended ? "recommended" : "rejected"}, ${stateText(row)}` },
