@@ -120,11 +120,14 @@ fn a_study_from_its_question_to_its_answer() {
         page.value("[...document.querySelectorAll('#answer li')].map((one) => one.textContent)");
     let stated = answer["study"]["answer"].as_array().unwrap();
     assert_eq!(sentences, stated.iter().map(|line| text(line).replace('`', "")).collect::<Vec<_>>());
-    let runs: String = page.value("document.querySelector('#runs').innerText");
-    assert!(
-        runs.contains(&format!("{} done", show()["runs"]["done"])) && runs.contains("budget of 20 runs"),
-        "{runs}"
-    );
+    // A run in flight may still end.
+    let done = wait_until("no run is in flight", || {
+        let runs = show()["runs"].clone();
+        (runs["pending"] == 0).then(|| runs["done"].clone())
+    });
+    for count in [format!("{done} done"), "budget of 20 runs".to_owned()] {
+        page.until(&count, &format!("document.querySelector('#runs').innerText.includes('{count}')"));
+    }
 
     page.click_named("Raise budget");
     page.write("Maximum number of runs", "25");
