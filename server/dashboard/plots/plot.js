@@ -40,6 +40,9 @@ export const transparent = (hex, opacity) => `${hex}${Math.round(255 * opacity).
  */
 export const shareRange = (name, values) => (name.endsWith("_fraction") && values.every((value) => value === values[0]) ? { range: [-0.03, 1.05] } : {});
 
+/** The legend of a plot unless its layout has another: below the plot, clear of the axis title and the buttons. */
+export const LEGEND = { orientation: "h", yref: "container", y: 0, yanchor: "bottom", x: 0 };
+
 /** @param {any} layout */
 function themed(layout) {
   const axis = { gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("dim"), automargin: true, title: { standoff: 8 } };
@@ -50,9 +53,7 @@ function themed(layout) {
     font: { color: colour("text"), family: "system-ui, sans-serif", size: 12 }, margin: { l: 56, r: 12, t: 30, b: 44 },
     modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("dim"), activecolor: colour("text") },
     hoverlabel: { bgcolor: colour("raised"), bordercolor: colour("line"), font: { color: colour("text") }, align: "left" },
-    ...layout, ...axes,
-    // Below the plot, clear of the axis title and the buttons.
-    legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", x: 0, ...layout.legend },
+    legend: LEGEND, ...layout, ...axes,
   };
 }
 

@@ -5,7 +5,7 @@
 import { fill, h } from "../../dom.js";
 import { number } from "../../format.js";
 import { choice, table } from "../../parts.js";
-import { colour, panel, transparent } from "../plot.js";
+import { colour, LEGEND, panel, transparent } from "../plot.js";
 import { errorBars, factorAxis, factorColumns, intervalText, levelLine, placeText, sizedByRuns, wholeRange } from "./labels.js";
 
 /** @typedef {{ factors: StudyFactor[], name: string, is_share: boolean, finding: BoundaryFinding }} BoundaryInput */
@@ -78,7 +78,7 @@ function overFactor({ factors, name, is_share, finding }) {
   const traces = [...(map.length > 0 ? band : []), points, stretch(true, "crossing, 95 % interval"), stretch(false, "perhaps a crossing"), marks];
   return {
     traces: traces.filter((trace) => trace.x.length > 0),
-    layout: { legend: { itemsizing: "constant" }, xaxis: factorAxis(factors[0]), yaxis: { title: { text: name }, ...(is_share && { range: [-0.05, 1.05] }) }, ...levelLine(level, `level ${number(level)}`) },
+    layout: { legend: { ...LEGEND, itemsizing: "constant" }, xaxis: factorAxis(factors[0]), yaxis: { title: { text: name }, ...(is_share && { range: [-0.05, 1.05] }) }, ...levelLine(level, `level ${number(level)}`) },
     table: () => h("div", {}, table("Crossings of the level", [
       { title: factors[0].label, is_number: true, cell: ({ estimates }) => estimates.map((at) => number(at)).join(", ") || "–" },
       { title: "95 % interval", is_number: true, cell: intervalText },
@@ -124,7 +124,7 @@ function overTwo({ factors, name, is_share, finding }, slice) {
       marker: { ...sizedByRuns(observed.map(({ estimated }) => estimated.n)), color: colour("text"), opacity: 1, line: { color: colour("raised"), width: 1.5 } }, text: observedText(observed, factors, name), hoverinfo: "text" }]),
   ];
   return {
-    traces, layout: { legend: { itemsizing: "constant" }, xaxis: { ...factorAxis(factors[a]), ...wholeRange(factors[a]) }, yaxis: { ...factorAxis(factors[b]), ...wholeRange(factors[b]) } },
+    traces, layout: { legend: { ...LEGEND, itemsizing: "constant" }, xaxis: { ...factorAxis(factors[a]), ...wholeRange(factors[a]) }, yaxis: { ...factorAxis(factors[b]), ...wholeRange(factors[b]) } },
     table: () => observedTable({ factors, name, observed }),
     note: `In the band the side of the boundary is not known with 95 % confidence. ${factors.length > 2 ? "The map is a slice; points with results are in the table." : "The mark of a point grows with its number of runs."}`,
   };
