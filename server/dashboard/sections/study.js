@@ -49,7 +49,7 @@ export function studyHead(at, first, changed) {
       facts([["Factors", study.factors.map((pointer) => factorLabel(pointer, study.factors)).join(", ")], ["Points", study.points.toLocaleString("en")],
         ["Submitted", dateTime(study.submitted_at)], ["Answered", dateTime(study.answered_at)], ["Identifier", h("span", { class: "mono" }, study.id)]]));
     fill(words, h("h2", {}, "Question"), h("p", { id: "question" }, withCode(study.question)), h("h2", {}, "Answer"),
-      study.answer.length > 0 ? h("ul", { id: "answer" }, study.answer.map((sentence) => h("li", {}, withCode(sentence)))) : h("p", { class: "dim", id: "answer" }, "No answer yet: it follows the first result."));
+      study.answer.length > 0 ? h("ul", { id: "answer" }, study.answer.map((sentence) => h("li", {}, withCode(sentence)))) : h("p", { class: "dim", id: "answer" }, "No answer yet."));
   }
   return { runs, words, bar: h("div", { class: "row" }, buttons.elements), draw };
 }
