@@ -35,17 +35,32 @@ fn squared_error(sample: &Sample) -> Option<f64> {
 
 /// Welch's interval of `a` − `b`; none unless both have several values.
 pub fn welch(a: &Sample, b: &Sample) -> Option<Difference> {
-    let half_width = unpaired_half_width([(1.0, *a), (-1.0, *b)])?;
+    let term = |weight: f64, sample: &Sample| ErrorTerm {
+        weight,
+        squared_error: squared_error(sample),
+        degrees_of_freedom: sample.n as f64 - 1.0,
+    };
+    let half_width = unpaired_half_width([term(1.0, a), term(-1.0, b)])?;
     Some(Difference { mean: a.mean - b.mean, half_width })
 }
 
+/// A mean in a weighted sum.
+pub(crate) struct ErrorTerm {
+    /// Its weight.
+    pub(crate) weight: f64,
+    /// Square of its standard error; none for a single value.
+    pub(crate) squared_error: Option<f64>,
+    /// Degrees of freedom of this error.
+    pub(crate) degrees_of_freedom: f64,
+}
+
 /// Half the width of Welch's interval of a weighted sum of means; none if a mean with a weight is that of a single value.
-pub(crate) fn unpaired_half_width(terms: impl IntoIterator<Item = (f64, Sample)>) -> Option<f64> {
+pub(crate) fn unpaired_half_width(terms: impl IntoIterator<Item = ErrorTerm>) -> Option<f64> {
     let (mut sum, mut squares) = (0.0, 0.0);
-    for (weight, sample) in terms.into_iter().filter(|(weight, _)| *weight != 0.0) {
-        let error = weight * weight * squared_error(&sample)?;
+    for term in terms.into_iter().filter(|term| term.weight != 0.0) {
+        let error = term.weight * term.weight * term.squared_error?;
         sum += error;
-        squares += error.powi(2) / (sample.n - 1) as f64;
+        squares += error.powi(2) / term.degrees_of_freedom;
     }
     // Without any variance the degrees of freedom are 0/0, and the interval is a point.
     Some(if sum > 0.0 { t_quantile_95(sum.powi(2) / squares) * sum.sqrt() } else { 0.0 })

@@ -14,10 +14,11 @@
 //! By seed is exact for normal values, whatever their variances and correlations, but t is large for few seeds. Below 5 seeds the additive
 //! model pools the residuals of all points; it assumes one variance. Two points give the same interval by both.
 //!
-//! Shares of few replicates are often 0 or 1, which would look certain. Each point therefore gets two more replicates, one with the event
-//! and one without (Agresti and Caffo 2000); within a seed these are independent between points (Agresti and Min 2005).
+//! Shares of few replicates are often 0 or 1, which would look certain. Each point therefore gets 4/k more trials, half of them with the
+//! event (Price and Bonett 2004), with k = (Σ|c_p|)² / Σ c_p², the number of points whose weights are large. For two points these are two
+//! trials (Agresti and Caffo 2000). Within a seed they are independent between points (Agresti and Min 2005).
 
-use crate::comparison::unpaired_half_width;
+use crate::comparison::{ErrorTerm, unpaired_half_width};
 use crate::line::ROUNDING;
 use crate::sample::{Sample, t_quantile_95};
 use crate::share::Interval;
@@ -132,42 +133,63 @@ impl PointTable {
     /// # Panics
     /// When there are not as many weights as points.
     pub fn contrast(&self, weights: &[f64], kind: Values) -> Contrast {
-        assert_eq!(weights.len(), self.ends.len(), "as many weights as points");
+        let interval = self.interval(weights, kind);
         let means = self.means();
         let terms = || weights.iter().zip(&means).map(|(weight, mean)| weight * mean);
-        let value = terms().sum::<f64>();
+        let width = |interval: Interval| interval.high - interval.low;
+        let rounding = ROUNDING * terms().map(f64::abs).sum::<f64>();
+        let width_ratio = interval.filter(|_| self.pairing(kind) != Pairing::Unpaired).and_then(|paired| {
+            let unpaired = self.interval_by(Pairing::Unpaired, weights, kind).map(width)?;
+            (unpaired > rounding).then(|| width(paired) / unpaired)
+        });
+        Contrast { value: terms().sum(), interval, width_ratio }
+    }
+
+    /// The interval of the contrast alone.
+    ///
+    /// # Panics
+    /// When there are not as many weights as points.
+    pub fn interval(&self, weights: &[f64], kind: Values) -> Option<Interval> {
+        assert_eq!(weights.len(), self.ends.len(), "as many weights as points");
+        self.interval_by(self.pairing(kind), weights, kind)
+    }
+
+    fn interval_by(&self, pairing: Pairing, weights: &[f64], kind: Values) -> Option<Interval> {
+        let interval = match pairing {
+            Pairing::BySeed => self.by_seed(weights, kind)?,
+            Pairing::AdditiveModel => self.additive_model(weights)?,
+            Pairing::Unpaired => self.unpaired(weights, kind)?,
+        };
         // No shares have a contrast beyond the sum of its positive or of its negative weights.
         let bound = |sign: f64| weights.iter().map(|weight| (sign * weight).max(0.0)).sum::<f64>() * sign;
-        let possible = |interval: Interval| match kind {
+        Some(match kind {
             Values::Numbers => interval,
             Values::Events => {
                 Interval { low: interval.low.max(bound(-1.0)), high: interval.high.min(bound(1.0)) }
             }
-        };
-        let unpaired = self.unpaired(weights, kind).map(possible);
-        let paired = match self.pairing(kind) {
-            Pairing::BySeed => self.by_seed(weights, kind).map(possible),
-            Pairing::AdditiveModel => self.additive_model(weights),
-            Pairing::Unpaired => return Contrast { value, interval: unpaired, width_ratio: None },
-        };
-        let width = |interval: Interval| interval.high - interval.low;
-        let rounding = ROUNDING * terms().map(f64::abs).sum::<f64>();
-        let unpaired = unpaired.map(width).filter(|width| *width > rounding);
-        let width_ratio = paired.zip(unpaired).map(|(paired, unpaired)| width(paired) / unpaired);
-        Contrast { value, interval: paired, width_ratio }
+        })
     }
 
     fn unpaired(&self, weights: &[f64], kind: Values) -> Option<Interval> {
-        let samples: Option<Vec<Sample>> = self
-            .points()
-            .map(|values| match kind {
-                Values::Numbers => Sample::of(values),
-                Values::Events => Sample::of(&[values, &[0.0, 1.0]].concat()),
-            })
-            .collect();
-        let terms: Vec<(f64, Sample)> = weights.iter().copied().zip(samples?).collect();
-        let value = terms.iter().map(|(weight, sample)| weight * sample.mean).sum::<f64>();
-        around(value, unpaired_half_width(terms)?)
+        let more = match kind {
+            Values::Numbers => 0.0,
+            Values::Events => additional_trials(weights),
+        };
+        let mut value = 0.0;
+        let terms = weights.iter().zip(self.points()).map(|(weight, values)| {
+            let trials = values.len() as f64 + more;
+            let mean = (values.iter().sum::<f64>() + more / 2.0) / trials;
+            value += weight * mean;
+            // Half of the further trials have the value 1, half 0.
+            let of = |shift: f64| (shift - mean).powi(2);
+            let squares =
+                values.iter().map(|value| of(*value)).sum::<f64>() + more / 2.0 * (of(0.0) + of(1.0));
+            let degrees_of_freedom = trials - 1.0;
+            let squared_error = (trials > 1.0).then(|| squares / degrees_of_freedom / trials);
+            ErrorTerm { weight: *weight, squared_error, degrees_of_freedom }
+        });
+        let half_width = unpaired_half_width(terms)?;
+        around(value, half_width)
     }
 
     fn by_seed(&self, weights: &[f64], kind: Values) -> Option<Interval> {
@@ -175,12 +197,21 @@ impl PointTable {
         for (weight, values) in weights.iter().zip(self.points()) {
             contrasts.iter_mut().zip(values).for_each(|(contrast, value)| *contrast += weight * value);
         }
+        let seeds = contrasts.len() as f64;
         let sample = Sample::of(&contrasts)?;
-        let sample = match kind {
-            Values::Numbers => sample,
-            Values::Events => with_two_events(&sample, weights),
+        let squares = sample.deviation?.powi(2) * (seeds - 1.0);
+        let more = match kind {
+            Values::Numbers => return around(sample.mean, sample.half_width()?),
+            Values::Events => additional_trials(weights),
         };
-        around(sample.mean, sample.half_width()?)
+        // In further seeds every point has the event in one half of the cases, independently of the others: these contrasts have the
+        // mean 0 and the mean square Σ c_p² / 4.
+        let n = seeds + more;
+        let mean = sample.mean * seeds / n;
+        let squares = squares
+            + seeds * more / n * sample.mean.powi(2)
+            + more / 4.0 * weights.iter().map(|weight| weight * weight).sum::<f64>();
+        around(mean, t_quantile_95(n - 1.0) * (squares / (n - 1.0) / n).sqrt())
     }
 
     fn additive_model(&self, weights: &[f64]) -> Option<Interval> {
@@ -209,18 +240,15 @@ fn around(centre: f64, half_width: f64) -> Option<Interval> {
     Some(Interval { low: centre - half_width, high: centre + half_width })
 }
 
-/// The sample of contrasts by seed with two more seeds, in which every point has the event in one half of the cases, independently of
-/// the other points: their contrasts have the mean 0 and the mean square Σ c_p² / 4.
-fn with_two_events(contrasts: &Sample, weights: &[f64]) -> Sample {
-    let seeds = contrasts.n as f64;
-    let n = contrasts.n + 2;
-    let mean = contrasts.mean * seeds / n as f64;
-    let variance = contrasts.deviation.unwrap_or(0.0).powi(2);
-    let squares = variance * (seeds - 1.0)
-        + seeds * contrasts.mean.powi(2)
-        + weights.iter().map(|weight| weight * weight / 2.0).sum::<f64>();
-    let deviation = ((squares - n as f64 * mean * mean) / (n - 1) as f64).max(0.0).sqrt();
-    Sample { n, mean, deviation: Some(deviation) }
+/// 4/k, the number of further trials at each point, of which half have the event. k = (Σ|c|)² / Σ c² is the number of points where all
+/// weights have the same size. A point that is compared with the mean of many others has most of the weight, so its k is near 4.
+fn additional_trials(weights: &[f64]) -> f64 {
+    let sum = weights.iter().map(|weight| weight.abs()).sum::<f64>();
+    if sum > 0.0 {
+        4.0 * weights.iter().map(|weight| weight * weight).sum::<f64>() / sum.powi(2)
+    } else {
+        0.0
+    }
 }
 
 #[cfg(test)]
@@ -336,5 +364,32 @@ mod tests {
             (Sample::of(&[1.0, 1.0, 1.0, 0.0, 0.0]).unwrap(), Sample::of(&[1.0, 0.0, 0.0, 0.0]).unwrap());
         let expected = welch(&a, &b).unwrap();
         assert_near(unpaired.interval, expected.mean - expected.half_width, 1.0);
+    }
+
+    #[test]
+    fn many_points_share_the_further_trials() {
+        // Nine points with 4 trials each, of which the first four always have the event: the line falls by 4/3 over the range.
+        let weights: Vec<f64> = (0..9).map(|point| f64::from(point - 4) * 8.0 / 60.0).collect();
+        let table = |first_seed: &dyn Fn(u64) -> u64| {
+            let mut table = PointTable::default();
+            for point in 0..9 {
+                let from = first_seed(point);
+                table.push(&[from, from + 1, from + 2, from + 3], &[f64::from(u8::from(point < 4)); 4]);
+            }
+            table
+        };
+        let paired = table(&|_| 0).contrast(&weights, Values::Events);
+        let unpaired = table(&|point| 4 * point).contrast(&weights, Values::Events);
+        // k = 20² / 60, so each point has 0.6 more trials: 0.3 or 4.3 events of 4.6, and the means shrink by 4/4.6 towards ½.
+        let (mean, squares) = (-4.0 / 3.0 * 4.0 / 4.6, 64.0 / 60.0);
+        let by_seed = 4.0 * 0.6 / 4.6 * (16.0 / 9.0) + 0.6 / 4.0 * squares;
+        let high = mean + t_quantile_95(3.6) * (by_seed / 3.6 / 4.6f64).sqrt();
+        assert_near(paired.interval, -4.0 / 3.0, high);
+        let error = (squares * 0.3 * 4.3 / (4.6 * 4.6) / 3.6f64).sqrt();
+        let high = mean + t_quantile_95(3.6 * 60.0 * 60.0 / 708.0) * error;
+        assert_near(unpaired.interval, -4.0 / 3.0, high);
+        // Points without a weight add none.
+        assert_eq!(additional_trials(&[1.0, 0.0, -1.0]), 2.0);
+        assert_eq!(additional_trials(&[0.5, 0.5, -0.5, -0.5]), 1.0);
     }
 }

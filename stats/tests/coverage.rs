@@ -1,6 +1,7 @@
-//! Coverage of the intervals of contrasts, by simulation with correlated seeds: the share of intervals that contain the true contrast.
+//! Coverage of the intervals of contrasts, by simulation with correlated or independent seeds: the share of intervals that contain the
+//! true contrast.
 
-use roost_stats::{Pairing, PointTable, Values};
+use roost_stats::{Interval, Pairing, PointTable, Values};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// Repetitions: the standard error of a coverage of 95 % is 0.35 %.
@@ -30,26 +31,38 @@ struct Design<'a> {
     value: &'a dyn Fn(usize, f64) -> f64,
 }
 
+impl Design<'_> {
+    /// A table of random values. `is_paired`: all points have the same seeds; otherwise the correlation must be 0.
+    fn table(&self, random: &mut Random, is_paired: bool) -> PointTable {
+        let seeds = self.seeds as u64;
+        let (own, common) = ((1.0 - self.correlation).sqrt(), self.correlation.sqrt());
+        let shared: Vec<f64> = (0..seeds).map(|_| random.normal()).collect();
+        let mut table = PointTable::default();
+        for point in 0..self.weights.len() {
+            let values: Vec<f64> = shared
+                .iter()
+                .map(|shared| (self.value)(point, common * shared + own * random.normal()))
+                .collect();
+            let first = if is_paired { 0 } else { point as u64 * seeds };
+            table.push(&(first..first + seeds).collect::<Vec<_>>(), &values);
+        }
+        assert_eq!(table.pairing(self.kind) != Pairing::Unpaired, is_paired);
+        table
+    }
+
+    fn is_covered(&self, interval: Option<Interval>) -> bool {
+        let interval = interval.expect("several seeds");
+        (interval.low..=interval.high).contains(&self.truth)
+    }
+}
+
 /// Coverage of the paired interval, and the mean of its width over that of the unpaired one.
 fn coverage(design: &Design<'_>) -> (f64, f64) {
     let mut random = Random(20260);
-    let seeds: Vec<u64> = (0..design.seeds as u64).collect();
-    let (own, common) = ((1.0 - design.correlation).sqrt(), design.correlation.sqrt());
     let (mut covered, mut ratios) = (0, 0.0);
     for _ in 0..REPETITIONS {
-        let shared: Vec<f64> = seeds.iter().map(|_| random.normal()).collect();
-        let mut table = PointTable::default();
-        for point in 0..design.weights.len() {
-            let values: Vec<f64> = shared
-                .iter()
-                .map(|shared| (design.value)(point, common * shared + own * random.normal()))
-                .collect();
-            table.push(&seeds, &values);
-        }
-        assert_ne!(table.pairing(design.kind), Pairing::Unpaired);
-        let contrast = table.contrast(design.weights, design.kind);
-        let interval = contrast.interval.expect("several seeds");
-        covered += usize::from((interval.low..=interval.high).contains(&design.truth));
+        let contrast = design.table(&mut random, true).contrast(design.weights, design.kind);
+        covered += usize::from(design.is_covered(contrast.interval));
         ratios += contrast.width_ratio.expect("values that vary");
     }
     (covered as f64 / REPETITIONS as f64, ratios / REPETITIONS as f64)
@@ -146,4 +159,89 @@ fn paired_intervals_of_shares_cover_about_95_percent() {
     let mean = coverages.iter().sum::<f64>() / coverages.len() as f64;
     println!("minimum {minimum}, mean {mean}");
     assert!(minimum >= 0.91 && mean >= 0.95, "minimum {minimum}, mean {mean}");
+}
+
+/// Weights of the slope over the range, and of the mean of the first points minus the mean of all points.
+fn slope(points: usize) -> Vec<f64> {
+    let x = |point: usize| point as f64 / (points - 1) as f64 - 0.5;
+    let squares = (0..points).map(|point| x(point).powi(2)).sum::<f64>();
+    (0..points).map(|point| x(point) / squares).collect()
+}
+
+fn level(points: usize, first: usize) -> Vec<f64> {
+    let share = |point: usize| if point < first { 1.0 / first as f64 } else { 0.0 };
+    (0..points).map(|point| share(point) - 1.0 / points as f64).collect()
+}
+
+/// Coverage of the interval of shares of up to 100 points, and whether the estimate was always inside.
+fn coverage_of_shares(
+    shares: &[f64],
+    weights: &[f64],
+    seeds: usize,
+    correlation: Option<f64>,
+) -> (f64, bool) {
+    // The standard error of a coverage of 95 % is 0.7 %.
+    const REPETITIONS: usize = 1000;
+    let truth = shares.iter().zip(weights).map(|(share, weight)| share * weight).sum();
+    let limits: Vec<f64> = shares.iter().map(|share| Normal::standard().inverse_cdf(*share)).collect();
+    let value = |point: usize, random: f64| f64::from(u8::from(random < limits[point]));
+    let design = Design {
+        weights,
+        seeds,
+        correlation: correlation.unwrap_or(0.0),
+        kind: Values::Events,
+        truth,
+        value: &value,
+    };
+    let mut random = Random(20261);
+    let (mut covered, mut contains_estimate) = (0, true);
+    for _ in 0..REPETITIONS {
+        let contrast = design.table(&mut random, correlation.is_some()).contrast(weights, Values::Events);
+        covered += usize::from(design.is_covered(contrast.interval));
+        let interval = contrast.interval.expect("several seeds");
+        contains_estimate &=
+            interval.low <= contrast.value + 1e-12 && interval.high >= contrast.value - 1e-12;
+    }
+    (covered as f64 / REPETITIONS as f64, contains_estimate)
+}
+
+#[test]
+fn intervals_of_shares_cover_about_95_percent_for_many_points() {
+    // Unpaired, and paired by seed without and with a correlation.
+    for correlation in [None, Some(0.0), Some(0.7)] {
+        let mut coverages = Vec::new();
+        for points in [2, 9, 30, 100] {
+            let along = |share: &dyn Fn(f64) -> f64| -> Vec<f64> {
+                (0..points).map(|point| share(point as f64 / (points - 1) as f64)).collect()
+            };
+            let step = along(&|x| if x < 0.45 { 0.999 } else { 0.001 });
+            let steep = along(&|x| 1.0 / (1.0 + (20.0 * (x - 0.5)).exp()));
+            let gentle = along(&|x| 0.02 + 0.9 / (1.0 + (8.0 * (x - 0.3)).exp()));
+            let rare = vec![0.02; points];
+            let one_low = along(&|x| if x == 0.0 { 0.1 } else { 0.3 });
+            let third = (points / 3).max(1);
+            for (name, shares, weights) in [
+                ("slope of a step", &step, slope(points)),
+                ("slope of a steep curve", &steep, slope(points)),
+                ("slope of a gentle curve", &gentle, slope(points)),
+                ("slope of 2 %", &rare, slope(points)),
+                ("first third of a gentle curve", &gentle, level(points, third)),
+                ("first of equal 2 %", &rare, level(points, 1)),
+                ("first with 10 of 30 %", &one_low, level(points, 1)),
+            ] {
+                for seeds in [4, 10] {
+                    let (coverage, contains_estimate) =
+                        coverage_of_shares(shares, &weights, seeds, correlation);
+                    let case = format!("{points} points, {name}, {seeds} seeds, {correlation:?}: {coverage}");
+                    println!("{case}");
+                    assert!(contains_estimate || points > 30, "{case}");
+                    coverages.push(coverage);
+                }
+            }
+        }
+        let minimum = coverages.iter().copied().reduce(f64::min).unwrap();
+        let mean = coverages.iter().sum::<f64>() / coverages.len() as f64;
+        println!("{correlation:?}: minimum {minimum}, mean {mean}");
+        assert!(minimum >= 0.9 && mean >= 0.95, "{correlation:?}: minimum {minimum}, mean {mean}");
+    }
 }
