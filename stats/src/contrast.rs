@@ -71,6 +71,9 @@ pub struct PointTable {
 }
 
 impl PointTable {
+    /// Memory that a point takes in addition to its values, in bytes.
+    pub const BYTES_PER_POINT: usize = size_of::<usize>();
+
     /// Adds a point with at least one value.
     ///
     /// # Panics

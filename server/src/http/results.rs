@@ -150,16 +150,21 @@ pub(crate) async fn effects(
 ) -> Result<Json<SweepEffects>, ApiError> {
     let sweep = view(&app, id).await?;
     let factors = app.store.factors(id).await?.ok_or(Refusal::NoSweep)?;
-    let mut rows = TableRows::of_points(app, &sweep)?;
-    let mut effects = sweep::Effects::of(factors);
-    while let Some(trials) = rows.next_points().await? {
-        let added = run_blocking(move || {
-            effects.add(&trials);
-            effects
-        });
-        effects = added.await?;
+    let mut effects = sweep::Effects::of(factors, sweep::MAX_EFFECTS_BYTES);
+    let mut is_complete = false;
+    while !is_complete {
+        let mut rows = TableRows::of_points(app.clone(), &sweep)?;
+        while let Some(trials) = rows.next_points().await? {
+            let added = run_blocking(move || {
+                effects.add(&trials);
+                effects
+            });
+            effects = added.await?;
+        }
+        let evaluated = run_blocking(move || (effects.finish_pass(), effects));
+        (is_complete, effects) = evaluated.await?;
     }
-    let (responses, pairing) = run_blocking(move || effects.responses()).await?;
+    let (responses, pairing) = effects.responses();
     Ok(Json(SweepEffects { sweep, responses, pairing }))
 }
 

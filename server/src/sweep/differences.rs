@@ -6,10 +6,11 @@ use super::replicates::{Replicates, ends, gain};
 
 /// The difference of every response that both points have, second less first, and what pairing did to their intervals.
 pub(crate) fn differences(from: &[TrialRow], to: &[TrialRow]) -> (Vec<ResponseDifference>, PairingGain) {
-    let mut replicates = Replicates::default();
+    // Two points are few enough for one pass.
+    let mut replicates = Replicates::new(usize::MAX);
     replicates.add(from);
     replicates.add(to);
-    let both = replicates.responses().filter(|response| response.points.len() == 2);
+    let both = replicates.finish_pass().0.filter(|response| response.points.len() == 2);
     let mut differences: Vec<ResponseDifference> = both
         .map(|response| {
             let contrast = response.table.contrast(&[-1.0, 1.0], response.kind);

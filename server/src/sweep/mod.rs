@@ -35,7 +35,7 @@ use serde_json::Value;
 use crate::document::{MAX_FAULTS, read_leniently};
 pub(crate) use designs::factors;
 pub(crate) use differences::differences;
-pub(crate) use effects::Effects;
+pub(crate) use effects::{Effects, MAX_EFFECTS_BYTES};
 use expand::expand;
 pub(crate) use extend::{AddedPoints, StoredSweep, extend, replicate};
 pub(crate) use points::{Points, Trial};

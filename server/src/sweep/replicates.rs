@@ -9,12 +9,25 @@ use roost_stats::{Contrast, Interval, PointTable, Values};
 
 use super::summary::word;
 
-/// Responses of design points. Points of a large sweep are added in batches.
-#[derive(Default)]
+/// Responses of design points. Points of a large sweep are added in batches, and its trials are read in several passes: a pass holds the
+/// first responses by name that fit, and the next pass the following ones.
 pub(super) struct Replicates {
+    max_bytes: usize,
+    bytes: usize,
     points: u32,
-    numbers: BTreeMap<String, Rows>,
-    words: BTreeMap<String, Words>,
+    columns: BTreeMap<String, Column>,
+    /// The last response of the previous pass.
+    after: Option<String>,
+    /// The first response of the next pass.
+    before: Option<String>,
+}
+
+/// Values of one name: numbers, and words by their place in the vocabulary.
+#[derive(Default)]
+struct Column {
+    numbers: Rows,
+    vocabulary: Vec<String>,
+    words: Rows,
 }
 
 /// Values at the points that have one.
@@ -22,13 +35,7 @@ pub(super) struct Replicates {
 struct Rows {
     points: Vec<u32>,
     table: PointTable,
-}
-
-/// Words as numbers, by their place in the vocabulary.
-#[derive(Default)]
-struct Words {
-    vocabulary: Vec<String>,
-    rows: Rows,
+    bytes: usize,
 }
 
 /// One response: numbers, or the share of trials with an event.
@@ -44,23 +51,34 @@ pub(super) struct Response {
 }
 
 impl Replicates {
+    /// Holds as many responses as fit into this memory, and at least one.
+    pub(super) fn new(max_bytes: usize) -> Self {
+        Self { max_bytes, bytes: 0, points: 0, columns: BTreeMap::new(), after: None, before: None }
+    }
+
     /// Adds points with their succeeded trials, which are sorted by point and replicate.
     pub(super) fn add(&mut self, trials: &[TrialRow]) {
         for trials in trials.chunk_by(|one, other| one.point == other.point) {
             self.add_point(trials);
             self.points += 1;
+            self.leave_to_next_pass();
         }
     }
 
     fn add_point(&mut self, trials: &[TrialRow]) {
         let mut numbers: BTreeMap<&str, (Vec<u64>, Vec<f64>)> = BTreeMap::new();
         let mut words: BTreeMap<&str, (Vec<u64>, Vec<f64>)> = BTreeMap::new();
+        let (after, before) = (&self.after, &self.before);
+        let is_of_this_pass = |name: &String| {
+            after.as_ref().is_none_or(|after| name > after)
+                && before.as_ref().is_none_or(|before| name < before)
+        };
         for trial in trials.iter().filter(|trial| trial.state == JobState::Succeeded) {
-            for (name, value) in &trial.responses {
+            for (name, value) in trial.responses.iter().filter(|(name, _)| is_of_this_pass(name)) {
                 let ((seeds, values), number) = if let Some(number) = value.as_f64() {
                     (numbers.entry(name).or_default(), number)
                 } else if let Some(word) = word(value) {
-                    let vocabulary = &mut self.words.entry(name.clone()).or_default().vocabulary;
+                    let vocabulary = &mut self.columns.entry(name.clone()).or_default().vocabulary;
                     let known = vocabulary.iter().position(|known| *known == word);
                     let place = known.unwrap_or_else(|| {
                         vocabulary.push(word);
@@ -75,35 +93,61 @@ impl Replicates {
             }
         }
         for (name, (seeds, values)) in numbers {
-            self.numbers.entry(name.to_owned()).or_default().push(self.points, &seeds, &values);
+            let rows = &mut self.columns.entry(name.to_owned()).or_default().numbers;
+            self.bytes += rows.push(self.points, &seeds, &values);
         }
         for (name, (seeds, values)) in words {
-            self.words.entry(name.to_owned()).or_default().rows.push(self.points, &seeds, &values);
+            let rows = &mut self.columns.entry(name.to_owned()).or_default().words;
+            self.bytes += rows.push(self.points, &seeds, &values);
         }
     }
 
-    /// Every response by name, one after the other.
-    pub(super) fn responses(self) -> impl Iterator<Item = Response> {
-        let numbers = self.numbers.into_iter().map(|(name, rows)| {
-            let kind = if is_indicator(&name) { Values::Events } else { Values::Numbers };
-            Response { name, points: rows.points, table: rows.table, kind }
+    /// Drops the last responses by name that do not fit.
+    fn leave_to_next_pass(&mut self) {
+        while self.bytes > self.max_bytes && self.columns.len() > 1 {
+            let Some((name, column)) = self.columns.pop_last() else { return };
+            self.bytes -= column.numbers.bytes + column.words.bytes;
+            self.before = Some(name);
+        }
+    }
+
+    /// The responses of this pass by name, one after the other, and the next pass if there are more.
+    pub(super) fn finish_pass(self) -> (impl Iterator<Item = Response>, Option<Self>) {
+        let last = self.columns.last_key_value().map(|(name, _)| name.clone());
+        let next = self.before.map(|_| Self { after: last, ..Self::new(self.max_bytes) });
+        (self.columns.into_iter().flat_map(|(name, column)| column.responses(name)), next)
+    }
+}
+
+impl Column {
+    fn responses(self, name: String) -> impl Iterator<Item = Response> {
+        let Self { numbers, vocabulary, words } = self;
+        let kind = if is_indicator(&name) { Values::Events } else { Values::Numbers };
+        let of_words = name.clone();
+        let numbers = (!numbers.points.is_empty()).then_some(Response {
+            name,
+            points: numbers.points,
+            table: numbers.table,
+            kind,
         });
-        let words = self.words.into_iter().flat_map(|(name, Words { vocabulary, rows })| {
-            vocabulary.into_iter().enumerate().map(move |(place, word)| Response {
-                name: format!("{name}={word}"),
-                points: rows.points.clone(),
-                table: rows.table.map(|value| f64::from(u8::from(value == place as f64))),
-                kind: Values::Events,
-            })
+        let words = vocabulary.into_iter().enumerate().map(move |(place, word)| Response {
+            name: format!("{of_words}={word}"),
+            points: words.points.clone(),
+            table: words.table.map(|value| f64::from(u8::from(value == place as f64))),
+            kind: Values::Events,
         });
-        numbers.chain(words)
+        numbers.into_iter().chain(words)
     }
 }
 
 impl Rows {
-    fn push(&mut self, point: u32, seeds: &[u64], values: &[f64]) {
+    /// Adds a point, and returns the memory that it takes, in bytes.
+    fn push(&mut self, point: u32, seeds: &[u64], values: &[f64]) -> usize {
         self.points.push(point);
         self.table.push(seeds, values);
+        let bytes = size_of_val(&point) + size_of_val(values) + PointTable::BYTES_PER_POINT;
+        self.bytes += bytes;
+        bytes
     }
 }
 
@@ -119,8 +163,17 @@ impl Response {
 
     /// The contrast with these weights; none without replicates, or when all weights are 0.
     pub(super) fn contrast(&self, weights: impl FnOnce() -> Vec<f64>) -> Option<Contrast> {
+        Some(self.table.contrast(&self.weights(weights)?, self.kind))
+    }
+
+    /// The interval of this contrast alone.
+    pub(super) fn interval(&self, weights: impl FnOnce() -> Vec<f64>) -> Option<Interval> {
+        self.table.interval(&self.weights(weights)?, self.kind)
+    }
+
+    fn weights(&self, weights: impl FnOnce() -> Vec<f64>) -> Option<Vec<f64>> {
         let weights = self.table.has_replicates().then(weights)?;
-        weights.iter().any(|weight| *weight != 0.0).then(|| self.table.contrast(&weights, self.kind))
+        weights.iter().any(|weight| *weight != 0.0).then_some(weights)
     }
 }
 
@@ -139,4 +192,57 @@ pub(super) fn gain(mut ratios: Vec<f64>) -> PairingGain {
         _ => Some((ratios[middle - 1] + ratios[middle]) / 2.0),
     };
     PairingGain::new(median, ratios.len() as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use roost_api::ids::JobId;
+    use serde_json::json;
+
+    use super::*;
+
+    fn point(point: u32) -> Vec<TrialRow> {
+        let trial = |replicate| TrialRow {
+            job_id: JobId::new(),
+            point,
+            replicate,
+            seed: u64::from(replicate),
+            factors: Default::default(),
+            state: JobState::Succeeded,
+            failure_class: None,
+            backend: None,
+            solver_revision: None,
+            responses: json!({"a": point, "b": 1.5, "c": "word", "d": replicate})
+                .as_object()
+                .unwrap()
+                .clone(),
+        };
+        (0..3).map(trial).collect()
+    }
+
+    #[test]
+    fn passes_hold_what_fits_and_cover_every_response_once() {
+        // A response takes 3 · 8 + 4 + 8 = 36 bytes per point, 360 in all.
+        for (max_bytes, expected) in [
+            (1440, vec![vec!["a", "b", "c=word", "d"]]),
+            (1439, vec![vec!["a", "b", "c=word"], vec!["d"]]),
+            (750, vec![vec!["a", "b"], vec!["c=word", "d"]]),
+            (1, vec![vec!["a"], vec!["b"], vec!["c=word"], vec!["d"]]),
+        ] {
+            let mut pass = Some(Replicates::new(max_bytes));
+            let mut found = Vec::new();
+            while let Some(mut replicates) = pass {
+                for index in 0..10 {
+                    replicates.add(&point(index));
+                    assert!(replicates.bytes <= max_bytes.max(360), "{} bytes", replicates.bytes);
+                }
+                let (responses, next) = replicates.finish_pass();
+                let responses: Vec<Response> = responses.collect();
+                assert!(responses.iter().all(|of| of.points == (0..10).collect::<Vec<_>>()));
+                found.push(responses.into_iter().map(|of| of.name).collect::<Vec<_>>());
+                pass = next;
+            }
+            assert_eq!(found, expected, "{max_bytes} bytes");
+        }
+    }
 }

@@ -100,12 +100,22 @@ fn mean_of_an_indicator_is_a_share_with_its_interval() {
     assert!(csv.lines().nth(1).unwrap().contains(",10,0.4,0.51"), "{csv}");
 }
 
-/// The effects of points that are added in batches of this size.
+/// The effects of points that are added in batches of this size, in one pass and with one response per pass.
 fn effects(factors: &[Factor], trials: &[TrialRow], batch: usize) -> (Vec<ResponseEffects>, PairingGain) {
-    let mut effects = Effects::of(factors.to_vec());
     let points: Vec<_> = trials.chunk_by(|one, other| one.point == other.point).collect();
-    points.chunks(batch).for_each(|batch| effects.add(&batch.concat()));
-    effects.responses()
+    let [(passes, found), (more_passes, same)] = [MAX_EFFECTS_BYTES, 1].map(|max_bytes| {
+        let (mut effects, mut passes) = (Effects::of(factors.to_vec(), max_bytes), 0);
+        let mut is_complete = false;
+        while !is_complete {
+            points.chunks(batch).for_each(|batch| effects.add(&batch.concat()));
+            is_complete = effects.finish_pass();
+            passes += 1;
+        }
+        (passes, effects.responses())
+    });
+    assert!(passes == 1 && more_passes > 1, "{passes} and {more_passes} passes");
+    assert_eq!(json!(same.0), json!(found.0));
+    found
 }
 
 #[test]
