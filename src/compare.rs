@@ -3,7 +3,7 @@
 use anyhow::Result;
 use roost_api::ids::SweepId;
 use roost_api::table::{DesignPoint, Pairing, SweepDifferences};
-use roost_terminal::{Exit, Table, format, message, print_json, print_lines};
+use roost_terminal::{BadInput, Exit, Table, format, message, print_json, print_lines};
 use serde_json::json;
 use uuid::Uuid;
 
@@ -21,7 +21,7 @@ pub(crate) struct Args {
     id: Uuid,
     /// Index of the first design point; `roost results --by point` lists them
     from: u32,
-    /// Index of the second design point
+    /// Index of the second design point, another one
     to: u32,
     #[command(flatten)]
     server: target::Server,
@@ -34,6 +34,12 @@ pub(crate) struct Args {
 }
 
 pub(crate) async fn execute(args: Args) -> Result<Exit> {
+    if args.from == args.to {
+        let to = args.to;
+        return Err(
+            BadInput(format!("TO {to} is the same design point as FROM {to}; give another one")).into()
+        );
+    }
     let (client, sweep) = (args.server.client()?, SweepId(args.id));
     let differences = client.sweep_differences(sweep, args.from, args.to).await?;
     if args.json {

@@ -175,7 +175,7 @@ pub(crate) async fn effects(
 pub(crate) struct DifferencesQuery {
     /// Index of the first design point.
     from: u32,
-    /// Index of the second design point.
+    /// Index of the second design point, another one.
     to: u32,
 }
 
@@ -191,6 +191,14 @@ pub(crate) async fn differences(
     Params(query): Params<DifferencesQuery>,
 ) -> Result<Json<SweepDifferences>, ApiError> {
     let sweep = view(&app, id).await?;
+    if query.from == query.to {
+        let to = query.to;
+        let detail = format!(
+            "to={to} is the same design point as from={to}: allowed is another one, of 0 to {}",
+            sweep.points.saturating_sub(1)
+        );
+        return Err(ApiError::new(ProblemKind::InvalidQuery, detail));
+    }
     let from = trials_of(&app, id, sweep.points, query.from).await?;
     let to = trials_of(&app, id, sweep.points, query.to).await?;
     let point =

@@ -167,6 +167,9 @@ async fn tables_by_trial_and_by_point_in_every_format() {
     let unknown = server.get(&format!("{path}/differences?from=0&to=3")).await.problem(404, "not-found");
     assert!(text(&unknown["detail"]).contains("no design point 3: allowed is 0 to 2"), "{unknown}");
     server.get(&format!("{path}/differences?from=0")).await.problem(400, "invalid-query");
+    let same = server.get(&format!("{path}/differences?from=2&to=2")).await.problem(400, "invalid-query");
+    let detail = "to=2 is the same design point as from=2: allowed is another one, of 0 to 2";
+    assert_eq!(text(&same["detail"]), detail);
     server.stop().await;
 }
 
