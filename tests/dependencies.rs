@@ -38,7 +38,10 @@ fn crates_import_only_what_the_architecture_allows() {
         ("roost-bench", &["roost-server v"]),
         ("roost-terminal", &["roost-server v", "roost-worker v"]),
         ("roost-stats", &["roost-solver v", "roost-api v"]),
-        ("roost-design", &["roost-solver v", "roost-api v", "roost-server v", "sqlx v", "hyper v", "tokio v"]),
+        (
+            "roost-design",
+            &["roost-solver v", "roost-api v", "roost-server v", "sqlx v", "hyper v", "tokio v"],
+        ),
     ] {
         let tree = dependencies(package);
         let found: Vec<_> = forbidden.iter().filter(|name| tree.contains(**name)).collect();

@@ -42,7 +42,9 @@ fn axum_is_used_in_http_only_and_sqlx_in_store_only() {
 #[test]
 fn pure_modules_use_neither_io_nor_clock() {
     let pure = |file: &str| {
-        ["queue/", "sweep/", "study/", "document/", "mesh.rs", "validation.rs"].iter().any(|at| file.starts_with(at))
+        ["queue/", "sweep/", "study/", "document/", "mesh.rs", "validation.rs"]
+            .iter()
+            .any(|at| file.starts_with(at))
     };
     let io = [
         "tokio",
