@@ -7,19 +7,28 @@ use crate::scenario::Equipment;
 
 /// Volume per second that the belt carries through the full opening, in m³/s, or the reason why it is unknown or 0.
 pub(super) fn full_opening_m3_s(equipment: &Equipment, scene: &Scene) -> Result<f64, String> {
-    let (speed, width, height) = if equipment.parametric {
-        (equipment.belt_speed_m_s, equipment.hopper_width_m, equipment.gate_opening_m)
+    let (width, height) = if equipment.parametric {
+        (equipment.hopper_width_m, equipment.gate_opening_m)
     } else {
         let (Some(width), Some(height)) = (equipment.opening_width_m, equipment.opening_height_m) else {
             return Err("the opening of the CAD hopper is not declared".to_owned());
         };
-        (speed_of_belt_m_s(&scene.surfaces)?, width, height)
+        (width, height)
     };
+    let speed = belt_speed_m_s(equipment, || scene)?;
     if speed > 0.0 {
         Ok(speed * width * height)
     } else {
         Err("the belt does not run out of the hopper".to_owned())
     }
+}
+
+/// Speed of the belt under the gate, in m/s, or the reason why it is unknown. Only a hopper of its own surfaces needs the scene.
+pub(in crate::experiments) fn belt_speed_m_s<'a>(
+    equipment: &Equipment,
+    scene: impl FnOnce() -> &'a Scene,
+) -> Result<f64, String> {
+    if equipment.parametric { Ok(equipment.belt_speed_m_s) } else { speed_of_belt_m_s(&scene().surfaces) }
 }
 
 /// Speed along x of the belts that pass the gate plane.

@@ -57,6 +57,12 @@ const SOFT_TISSUE: WarningKind = kind(
     "The weight on a sub-particle at the floor presses it in by half of R or more, by Hertz: bodies may sink through.",
     "Check the unit of /material/youngs_modulus_pa, or raise it.",
 );
+const SLOW_BELT: WarningKind = kind(
+    "slow_belt",
+    "Within `/numerics/jam_after_s`, or a shorter `when_jammed_s`, the belt moves less than three diameters of a sub-particle: steady flow \
+     may count as a jam.",
+    "Raise /numerics/jam_after_s, and a shorter /numerics/stop/when_jammed_s.",
+);
 const ESCAPED_MASS: WarningKind = kind(
     "escaped_mass",
     "`escaped_kg` is above 0.",
@@ -116,6 +122,7 @@ pub const ALL_WARNINGS: &[&WarningKind] = &[
     &WHOLE_SPHERES,
     &THIN_FILLET,
     &SOFT_TISSUE,
+    &SLOW_BELT,
     &TEST_NEVER_BEGAN,
     &NO_REGIME,
     &FEED_SHORT,

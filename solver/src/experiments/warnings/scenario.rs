@@ -1,8 +1,9 @@
-//! Warnings that need no run: time step, fill of the lattice, and tissue too soft for its own weight.
+//! Warnings that need no run: time step, fill of the lattice, tissue too soft for its own weight, and a belt too slow for the time of a jam.
 
-use super::{SOFT_TISSUE, THIN_FILLET, UNSTABLE_TIMESTEP, WHOLE_SPHERES};
+use super::{SLOW_BELT, SOFT_TISSUE, THIN_FILLET, UNSTABLE_TIMESTEP, WHOLE_SPHERES};
 use crate::engine::scene::BodyKind;
 use crate::experiments::Setup;
+use crate::experiments::hopper::belt_speed_m_s;
 use crate::physics::hertz::tissue_on_rigid;
 use crate::result::Warning;
 use crate::scenario::{Experiment, Fill, Scenario};
@@ -14,9 +15,13 @@ const SOFT_OVERLAP_RATIO: f64 = 0.5;
 /// Layers of sub-particles below which the stiffness of a fillet depends on the radius.
 const FEWEST_LAYERS: usize = 4;
 
+/// Way of the belt during a stoppage, over the diameter of a sub-particle, below which a steady flow may count as a jam. Sub-particles of a
+/// layer are a diameter apart, and gaps between fillets add to that.
+const SHORTEST_WAY_RATIO: f64 = 3.0;
+
 /// The warnings of a scenario.
 pub fn of_scenario(setup: &Setup) -> Vec<Warning> {
-    [timestep(setup), whole_spheres(setup), thin_fillet(setup), soft_tissue(setup)]
+    [timestep(setup), whole_spheres(setup), thin_fillet(setup), soft_tissue(setup), slow_belt(setup)]
         .into_iter()
         .flatten()
         .collect()
@@ -74,6 +79,21 @@ fn soft_tissue(setup: &Setup) -> Option<Warning> {
         material.youngs_modulus_pa,
     );
     (ratio > SOFT_OVERLAP_RATIO).then(|| SOFT_TISSUE.with(&figures))
+}
+
+/// A belt at rest carries nothing, so that a jam is no error there.
+fn slow_belt(setup: &Setup) -> Option<Warning> {
+    let Experiment::Hopper { equipment } = &setup.scenario.experiment else { return None };
+    let speed_m_s = belt_speed_m_s(equipment, || setup.scene()).ok().filter(|speed| *speed > 0.0)?;
+    let jam_s = setup.scenario.numerics.shortest_jam_s();
+    let way_m = SHORTEST_WAY_RATIO * 2.0 * setup.scenario.product.radius_m();
+    let figures = format!(
+        "In {jam_s} s, after which a hopper counts as jammed, the belt moves {:.3e} m at {speed_m_s} m/s: less than three diameters of a \
+         sub-particle, {way_m:.3e} m, which take {:.2} s. Steady flow may count as a jam.",
+        speed_m_s * jam_s,
+        way_m / speed_m_s,
+    );
+    (speed_m_s * jam_s < way_m).then(|| SLOW_BELT.with(&figures))
 }
 
 /// Weight on the floor over its area: of the first filling in a hopper, without what a feed brings later; elsewhere of one body of the smallest height that it can lie at.

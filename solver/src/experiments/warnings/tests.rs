@@ -116,6 +116,33 @@ fn tissue_too_soft_for_the_weight_of_the_bed_is_named() {
 }
 
 #[test]
+fn belt_too_slow_for_the_time_of_a_jam_is_named() {
+    let of = |speed: f64, numerics: Value| {
+        let document = json!({
+            "experiment": "hopper",
+            "product": {"count": 6, "subparticle_radius_m": 0.008},
+            "equipment": {"belt_speed_m_s": speed},
+            "numerics": numerics,
+        });
+        checked(&document)
+    };
+    let is_slow = |checked: &crate::Checked| codes(checked.warnings()).contains(&"slow_belt");
+    // Three diameters are 48 mm, which take 4.8 s at 1 cm/s.
+    let slow = of(0.01, json!({}));
+    assert!(is_slow(&slow));
+    let message = &slow.warnings().last().unwrap().message;
+    assert!(message.contains("moves 1.000e-2 m at 0.01 m/s") && message.contains("4.80 s"), "{message}");
+    assert_eq!(slow.estimate().warnings.last(), Some(message));
+    assert!(is_slow(&of(0.01, json!({"jam_after_s": 4.7}))));
+    assert!(!is_slow(&of(0.01, json!({"jam_after_s": 4.9}))));
+    assert!(!is_slow(&of(0.05, json!({}))));
+    let stop = json!({"jam_after_s": 5.0, "stop": {"when_jammed_s": 0.5}});
+    assert!(is_slow(&of(0.05, stop)), "the shorter time counts");
+    // A belt at rest has its own warning.
+    assert!(!is_slow(&of(0.0, json!({}))));
+}
+
+#[test]
 fn fillets_that_a_feed_brings_later_weigh_nothing_before() {
     let of = |feed_kg_s: f64| {
         let document = json!({
