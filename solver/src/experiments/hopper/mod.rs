@@ -48,7 +48,9 @@ const RESPONSES: &[Response] = &[
         "Whether the hopper jammed: nothing passed the gate for `jam_after_s`, or for a shorter `when_jammed_s`, while at least 5 % of \
          the filled mass was inside. An arch that collapses later was a jam. Null when the simulation is shorter and the hopper not \
          empty.").headline(),
-    number("time_to_jam_s", "s", "Time of the last passage before the first jam, 0 without a passage; null without a jam."),
+    number("time_to_jam_s", "s",
+        "Time of the last passage before the first jam, 0 without a passage; null without a jam: its mean over replicates is that of the \
+         jammed runs alone."),
     number("discharged_kg", "kg", "Mass out at the end.").headline(),
     number("discharged_kg_at_4s", "kg",
         "Mass out at 4 s; the last value if the simulation ended sooner, empty or jammed.").headline(),
