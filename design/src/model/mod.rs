@@ -30,7 +30,6 @@ const EVALUATIONS: usize = 25;
 
 /// The likelihood of a model.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "a decision has a handful of models")]
 enum Likelihood {
     Binomial,
     Gaussian {
