@@ -17,6 +17,7 @@ pub mod page;
 pub mod printable;
 pub mod problem;
 pub mod prune;
+pub mod quantity;
 #[expect(dead_code, reason = "the types exist for their schemas alone")]
 mod solver_documents;
 pub mod study;

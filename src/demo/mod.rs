@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use roost_api::RunResult;
+use roost_api::quantity::Quantity;
 use roost_api::sweep::SweepView;
 use roost_api::table::SweepResults;
 use roost_server::ServerConfig;
 use roost_terminal::plot::{self, Curve, Panel, Style};
-use roost_terminal::quantity::Quantity;
 use roost_terminal::{Exit, Table, format, message, print_line, print_lines, signals};
 use roost_worker::WorkerConfig;
 use roost_worker::client::Client;

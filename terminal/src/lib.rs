@@ -12,7 +12,6 @@ pub mod input;
 mod log;
 pub mod plot;
 pub mod progress;
-pub mod quantity;
 pub mod signals;
 mod table;
 pub mod threads;

@@ -1,5 +1,6 @@
 //! Question and answer of a study in sentences.
 
+use roost_api::quantity::Quantity;
 use roost_api::study::{StudyEnd, StudyState};
 use roost_design::goals::{
     BoundaryAnswer, Confirmation, ConfirmationState, Constraint, Crossing, Effects, EstimateAnswer,
@@ -9,7 +10,7 @@ use roost_design::intervals::Estimated;
 use roost_design::{Answer, Finding, Goal, Measure};
 
 use super::Study;
-use super::words::{Quantity, digits, list, measure, value};
+use super::words::{digits, list, measure, number, range, value};
 
 /// Points of an estimate that are stated in words; the table has all of them.
 const MAX_STATED: usize = 12;
@@ -22,7 +23,7 @@ pub(super) fn question(study: &Study) -> String {
         .iter()
         .map(|factor| {
             let quantity = Quantity::of_field(&factor.name);
-            format!("{} from {}", quantity.name, quantity.range(factor.low, factor.high))
+            format!("{} from {}", quantity.name, range(&quantity, factor.low, factor.high))
         })
         .collect();
     let over = list(&ranges);
@@ -149,7 +150,7 @@ fn place(study: &Study, values: &[f64]) -> String {
         .zip(values)
         .map(|(factor, value)| {
             let quantity = Quantity::of_field(&factor.name);
-            format!("{} {}", quantity.name, quantity.value(*value))
+            format!("{} {}", quantity.name, number(&quantity, *value))
         })
         .collect();
     list(&parts)
@@ -239,13 +240,13 @@ fn boundary(study: &Study, finding: &BoundaryAnswer) -> Vec<String> {
 
 /// A stretch of a single factor in which the level is, or may be, crossed.
 fn crossing(crossing: &Crossing, quantity: &Quantity, what: &str, level: &str) -> String {
-    let (name, range) = (&quantity.name, quantity.range(crossing.low, crossing.high));
+    let (name, range) = (&quantity.name, range(quantity, crossing.low, crossing.high));
     if !crossing.is_certain {
         return format!("{} may be {level} at a {name} of {range} too: more runs would tell.", capital(what));
     }
     match crossing.estimates.as_slice() {
         [only] => {
-            let middle = quantity.value(*only);
+            let middle = number(quantity, *only);
             format!("{} is {level} at a {name} of {middle} ({range} with 95 % confidence).", capital(what))
         }
         _ => format!("{} is {level} at a {name} of {range}, with 95 % confidence.", capital(what)),
@@ -267,7 +268,7 @@ fn safe_side(finding: &BoundaryAnswer, quantity: &Quantity, what: &str, level: &
             "{} is below {level} for {} from {}, with 95 % confidence.",
             capital(what),
             quantity.name,
-            quantity.range(*first, *last)
+            range(quantity, *first, *last)
         )
     })
 }

@@ -1,46 +1,16 @@
 //! Words for factors, measures and numbers.
 
+use roost_api::quantity::Quantity;
 use roost_design::Measure;
-use roost_solver::experiments::all_responses;
-use roost_solver::scenario::fields;
 
-/// A quantity with its name and unit.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Quantity {
-    pub(super) name: String,
-    unit: String,
+/// A number with the unit of a quantity.
+pub(super) fn number(quantity: &Quantity, value: f64) -> String {
+    quantity.with_unit(&digits(value))
 }
 
-impl Quantity {
-    /// The quantity of a scenario's field: `/equipment/gate_opening_m` is the gate opening in m.
-    pub(super) fn of_field(pointer: &str) -> Self {
-        let unit = fields::find(pointer).map_or("", |field| field.unit);
-        Self::new(pointer.rsplit('/').next().unwrap_or(pointer), unit)
-    }
-
-    /// The quantity of a response.
-    pub(super) fn of_response(response: &str) -> Self {
-        let row = all_responses().into_iter().find(|shared| shared.row.name == response);
-        Self::new(response, row.map_or("", |shared| shared.row.unit))
-    }
-
-    fn new(name: &str, unit: &str) -> Self {
-        let suffix = format!("_{}", unit.replace('/', "_").replace('²', "2").replace('³', "3"));
-        let unit = if unit == "1" { "" } else { unit };
-        let stem = name.strip_suffix(&suffix).filter(|_| !unit.is_empty()).unwrap_or(name);
-        Self { name: stem.replace('_', " "), unit: unit.to_owned() }
-    }
-
-    /// A number with the unit.
-    pub(super) fn value(&self, number: f64) -> String {
-        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
-        format!("{}{unit}", digits(number))
-    }
-
-    /// Two numbers with the unit.
-    pub(super) fn range(&self, low: f64, high: f64) -> String {
-        format!("{} to {}", digits(low), self.value(high))
-    }
+/// Two numbers with the unit of a quantity.
+pub(super) fn range(quantity: &Quantity, low: f64, high: f64) -> String {
+    format!("{} to {}", digits(low), number(quantity, high))
 }
 
 /// A number to four digits.
@@ -65,10 +35,10 @@ pub(super) fn measure(measure: &Measure) -> String {
 }
 
 /// A value of a measure with its unit.
-pub(super) fn value(measure: &Measure, number: f64) -> String {
+pub(super) fn value(measure: &Measure, value: f64) -> String {
     match measure {
-        Measure::Probability(_) => digits(number),
-        Measure::Mean(response) => Quantity::of_response(response).value(number),
+        Measure::Probability(_) => digits(value),
+        Measure::Mean(response) => number(&Quantity::of_response(response), value),
     }
 }
 

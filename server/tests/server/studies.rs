@@ -11,6 +11,9 @@ use super::test_server::*;
 /// Pointer of the factor.
 const GATE: &str = "/equipment/gate_opening_m";
 
+/// A change of a valid question.
+type Change<'a> = &'a dyn Fn(&mut Value);
+
 /// The probability of a jam at a gate opening, in metres.
 fn jam_probability(gate_m: f64) -> f64 {
     1.0 / (1.0 + ((gate_m - 0.055) / 0.004).exp())
@@ -287,7 +290,7 @@ async fn a_study_with_faults_is_refused_with_all_of_them() {
         let errors = problem["errors"].as_array().unwrap();
         errors.iter().map(|error| text(&error["pointer"]).to_owned()).collect()
     };
-    let cases: [(&dyn Fn(&mut Value), &[&str]); 9] = [
+    let cases: [(Change, &[&str]); 9] = [
         (
             &|q| q["goal"]["boundary"]["of"] = json!({"probability": "stuck"}),
             &["/goal/boundary/of/probability"],

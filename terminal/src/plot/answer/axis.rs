@@ -11,7 +11,7 @@ use roost_design::{Factor, Measure, Scale};
 use super::Area;
 use crate::format::significant;
 use crate::plot::FONT;
-use crate::quantity::Quantity;
+use roost_api::quantity::Quantity;
 
 pub(super) type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<AxisRange, AxisRange>>;
 
@@ -123,7 +123,7 @@ pub(super) fn measure_label(measure: &Measure) -> String {
 pub(super) fn measure_value(measure: &Measure, value: f64) -> String {
     match measure {
         Measure::Probability(_) => significant(value),
-        Measure::Mean(response) => Quantity::of_response(response).value(value),
+        Measure::Mean(response) => Quantity::of_response(response).with_unit(&significant(value)),
     }
 }
 

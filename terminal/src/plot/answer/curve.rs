@@ -11,7 +11,7 @@ use super::legend::{self, Glyph};
 use super::{Area, BLUE, Body, ORANGE};
 use crate::format::significant;
 use crate::plot::{DASHES, WIDTH};
-use crate::quantity::Quantity;
+use roost_api::quantity::Quantity;
 
 const HEIGHT: u32 = 460;
 const PANEL_HEIGHT: u32 = 340;
@@ -109,11 +109,15 @@ impl<'a> Curve<'a> {
             for at in &crossing.estimates {
                 rows.push((
                     Glyph::Line(ORANGE.stroke_width(2)),
-                    format!("crossing at {}", quantity.value(*at)),
+                    format!("crossing at {}", quantity.with_unit(&significant(*at))),
                 ));
             }
             let word = if crossing.is_certain { "its 95 % interval" } else { "perhaps a crossing" };
-            let ends = format!("{word}: {} to {}", significant(crossing.low), quantity.value(crossing.high));
+            let ends = format!(
+                "{word}: {} to {}",
+                significant(crossing.low),
+                quantity.with_unit(&significant(crossing.high))
+            );
             rows.push((Glyph::Patch(ORANGE.mix(0.15)), ends));
         }
         rows

@@ -8,8 +8,9 @@ use roost_design::goals::{Objective, Optimise, OptimiseAnswer, Recommendation};
 use super::axis::{Axis, AxisRange, chart, measure_label, spread};
 use super::legend::{self, Glyph};
 use super::{Area, BLUE, Body, GREEN};
+use crate::format::significant;
 use crate::plot::{FONT, WIDTH};
-use crate::quantity::Quantity;
+use roost_api::quantity::Quantity;
 
 const HEIGHT: u32 = 500;
 
@@ -80,7 +81,7 @@ impl Body for Front<'_> {
             }
             let value = |(factor, value): (&Factor, &f64)| {
                 let quantity = Quantity::of_field(&factor.name);
-                format!("{} {}", quantity.name, quantity.value(*value))
+                format!("{} {}", quantity.name, quantity.with_unit(&significant(*value)))
             };
             let values: Vec<String> = self.factors.iter().zip(&point.values).map(value).collect();
             rows.push((Glyph::None, format!("{number}: {}", values.join(", "))));

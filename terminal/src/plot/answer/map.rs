@@ -9,8 +9,9 @@ use roost_design::{Factor, Measure};
 use super::axis::{Axis, chart, measure_label, measure_value};
 use super::legend::{self, Glyph};
 use super::{Area, BLUE, Body, ORANGE, contour};
+use crate::format::significant;
 use crate::plot::{DASHES, FONT, WIDTH};
-use crate::quantity::Quantity;
+use roost_api::quantity::Quantity;
 
 const HEIGHT: u32 = 580;
 const SLICE_HEIGHT: u32 = 400;
@@ -103,7 +104,7 @@ impl Map<'_> {
             }
             let value = |factor: &usize| {
                 let quantity = Quantity::of_field(&self.factors[*factor].name);
-                format!("{} {}", quantity.name, quantity.value(map[0].values[*factor]))
+                format!("{} {}", quantity.name, quantity.with_unit(&significant(map[0].values[*factor])))
             };
             let title = if map.is_empty() { Vec::new() } else { others.iter().map(value).collect() };
             Panel { x: &self.factors[x], y: &self.factors[y], steps, map, title: title.join(", ") }

@@ -12,8 +12,9 @@ use roost_design::{Factor, Measure};
 use super::axis::{Axis, AxisRange, measure_label, spread};
 use super::legend::{self, Glyph};
 use super::{Area, BLUE, Body, GREEN, ORANGE};
+use crate::format::significant;
 use crate::plot::{FONT, WIDTH};
-use crate::quantity::Quantity;
+use roost_api::quantity::Quantity;
 
 const ROW_HEIGHT: u32 = 44;
 /// Height of a panel beside its rows: axis and margins.
@@ -56,7 +57,8 @@ pub(super) struct Panels {
 
 /// Values of factors as the name of a row.
 fn place(factors: &[Factor], values: &[f64]) -> String {
-    let value = |(factor, value): (&Factor, &f64)| Quantity::of_field(&factor.name).value(*value);
+    let value =
+        |(factor, value): (&Factor, &f64)| Quantity::of_field(&factor.name).with_unit(&significant(*value));
     factors.iter().zip(values).map(value).collect::<Vec<_>>().join(", ")
 }
 

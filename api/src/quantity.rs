@@ -3,8 +3,6 @@
 use roost_solver::experiments::all_responses;
 use roost_solver::scenario::fields;
 
-use crate::format::significant;
-
 /// A quantity with its name and unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Quantity {
@@ -47,10 +45,9 @@ impl Quantity {
         if self.unit.is_empty() { self.name.clone() } else { format!("{} ({})", self.name, self.unit) }
     }
 
-    /// A number with the unit, such as `0.052 m`.
-    pub fn value(&self, number: f64) -> String {
-        let number = significant(number);
-        if self.unit.is_empty() { number } else { format!("{number} {}", self.unit) }
+    /// A number as text with the unit, such as `0.052 m`.
+    pub fn with_unit(&self, number: &str) -> String {
+        if self.unit.is_empty() { number.to_owned() } else { format!("{number} {}", self.unit) }
     }
 }
 
@@ -71,6 +68,6 @@ mod tests {
         assert_eq!(response("bulk_density_kg_m3"), "bulk density (kg/m³)");
         assert_eq!(response("curl_angle_deg"), "curl angle (°)");
         assert_eq!(response("rate_variation"), "rate variation");
-        assert_eq!(Quantity::of_field("/equipment/gate_opening_m").value(0.0523), "0.0523 m");
+        assert_eq!(Quantity::of_field("/equipment/gate_opening_m").with_unit("0.0523"), "0.0523 m");
     }
 }
