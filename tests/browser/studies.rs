@@ -190,9 +190,9 @@ fn pictures_of_boundaries_optima_and_sensitivities_match_their_answers() {
     let modulus = json!({"mean": "modulus_pa"});
     let optimum = json!({"optimise": {"objectives": [{"minimise": modulus}]}});
     let sensitivity = json!({"sensitivity": {"of": [modulus], "width": 0.5, "method": "morris"}});
-    let one = submit(&mut page, "smallest gate", &hopper(), &[gate.clone()], &jammed, 24);
+    let one = submit(&mut page, "smallest gate", &hopper(), std::slice::from_ref(&gate), &jammed, 24);
     let two = submit(&mut page, "gate and belt", &hopper(), &[gate, factor(BELT, 0.2, 1.0)], &jammed, 36);
-    let best = submit(&mut page, "softest block", &block(), &[stiffness.clone()], &optimum, 40);
+    let best = submit(&mut page, "softest block", &block(), std::slice::from_ref(&stiffness), &optimum, 40);
     let matter = submit(&mut page, "what matters", &block(), &[stiffness, rate], &sensitivity, 64);
 
     let finding = &finished(&sandbox, &mut page, &one, "Boundary")["boundary"];
