@@ -132,6 +132,8 @@ pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
     let (mut is_met, mut usable) = (true, 0);
     for values in &goal.points {
         let Some(point) = Point::of_values(&study.question.factors, values) else { continue };
+        // The values of a run are rounded: only a rounded point finds its runs again.
+        let point = point.rounded(&study.question.factors);
         let runs = study.evidence.at(&point);
         let is_excluded = runs.is_some_and(|runs| budget.excludes(runs));
         let measures = estimates(goal, runs);

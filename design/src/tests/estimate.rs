@@ -100,3 +100,31 @@ fn a_point_whose_runs_fail_is_excluded_and_named() {
     let decision = decide(&question, &Evidence::new(runs), 10, 1);
     assert_eq!(decision.finished, Some(Finished::NothingLeft));
 }
+
+#[test]
+fn a_point_with_many_digits_finds_its_runs() {
+    let document = json!({
+        "factors": [{ "name": "gate", "low": 0.03, "high": 0.09 }],
+        "goal": { "estimate": {
+            "points": [[1.0 / 30.0]],
+            "intervals": [{ "of": { "probability": "jammed" }, "width": 0.3 }],
+        } },
+        "budget": { "max_runs": 200 },
+    });
+    let question = Question::read(&document).unwrap();
+    let mut runs: Vec<Run> = Vec::new();
+    let decision = loop {
+        let decision = decide(&question, &Evidence::new(runs.clone()), 5, 1);
+        if decision.finished.is_some() {
+            break decision;
+        }
+        assert!(runs.len() < 50, "the point does not find its runs");
+        // A run knows the values of its factors alone.
+        runs.extend(decision.proposals.iter().map(|next| {
+            let values = next.point.values(&question.factors);
+            let point = Point::of_values(&question.factors, &values).unwrap();
+            run(&Proposal { point, ..next.clone() }, "jammed", 0.0)
+        }));
+    };
+    assert_eq!(decision.finished, Some(Finished::ByRule));
+}
