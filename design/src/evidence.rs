@@ -70,6 +70,8 @@ pub enum Outcome {
     Pending,
     /// It ended without a usable result.
     Failed,
+    /// A user has cancelled it: neither a result nor a failure, and outside the budget. Its replicate is used up.
+    Cancelled,
     /// Its responses by name. A response may be missing, for instance the time of a jam that did not occur.
     Responses(BTreeMap<String, f64>),
 }
@@ -99,9 +101,14 @@ impl PointRuns {
     pub fn values(&self, measure: &Measure) -> Vec<f64> {
         let responses = self.runs.values().filter_map(|outcome| match outcome {
             Outcome::Responses(responses) => responses.get(measure.response()).copied(),
-            Outcome::Pending | Outcome::Failed => None,
+            Outcome::Pending | Outcome::Cancelled | Outcome::Failed => None,
         });
         responses.filter(|value| value.is_finite()).collect()
+    }
+
+    /// Number of runs but for cancelled ones.
+    pub fn count(&self) -> usize {
+        self.runs.values().filter(|outcome| **outcome != Outcome::Cancelled).count()
     }
 
     /// Number of runs in flight.
@@ -127,13 +134,16 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Groups runs by point. Of runs of the same point and replicate the one with responses counts, then the failed one.
+    /// Groups runs by point. Of runs of the same point and replicate the one with responses counts, then the failed one, then
+    /// the cancelled one.
     pub fn new(runs: impl IntoIterator<Item = Run>) -> Self {
         let mut by_point: BTreeMap<Point, BTreeMap<u32, Outcome>> = BTreeMap::new();
         for Run { point, replicate, outcome } in runs {
             let known = by_point.entry(point).or_default().entry(replicate).or_insert(Outcome::Pending);
             let replaces = match (&*known, &outcome) {
-                (Outcome::Pending, _) | (Outcome::Failed, Outcome::Responses(_)) => true,
+                (Outcome::Pending, _)
+                | (Outcome::Cancelled, Outcome::Failed | Outcome::Responses(_))
+                | (Outcome::Failed, Outcome::Responses(_)) => true,
                 (Outcome::Responses(old), Outcome::Responses(new)) => is_below(new, old),
                 _ => false,
             };
@@ -154,9 +164,9 @@ impl Evidence {
         self.points.binary_search_by(|runs| runs.point.cmp(point)).ok().map(|index| &self.points[index])
     }
 
-    /// Number of runs in any state.
+    /// Number of runs but for cancelled ones: those that the budget counts.
     pub fn runs(&self) -> usize {
-        self.points.iter().map(|point| point.runs.len()).sum()
+        self.points.iter().map(PointRuns::count).sum()
     }
 
     /// Number of runs in flight.

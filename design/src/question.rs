@@ -85,7 +85,7 @@ impl Budget {
     /// Whether a point is excluded because its runs fail.
     pub fn excludes(&self, point: &PointRuns) -> bool {
         let failed = point.failed();
-        failed >= self.max_failures && 2 * failed >= point.runs.len() - point.pending()
+        failed >= self.max_failures && 2 * failed >= point.count() - point.pending()
     }
 }
 

@@ -121,7 +121,7 @@ fn missing(goal: &Estimate, runs: Option<&PointRuns>, most: usize) -> usize {
         values_needed(&interval.of, &values, interval.width, most).max(values.len() + 1) - values.len()
     };
     let more = goal.intervals.iter().map(of_measure).max().unwrap_or(0);
-    more.saturating_sub(runs.pending()).min(most.saturating_sub(runs.runs.len()))
+    more.saturating_sub(runs.pending()).min(most.saturating_sub(runs.count()))
 }
 
 pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
@@ -140,7 +140,7 @@ pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
         if !is_excluded {
             usable += 1;
             is_met &= measures.iter().all(|measure| measure.is_narrow);
-            let (known, next) = runs.map_or((0, 0), |runs| (runs.runs.len(), runs.next_replicate()));
+            let (known, next) = runs.map_or((0, 0), |runs| (runs.count(), runs.next_replicate()));
             let more = missing(goal, runs, budget.max_replicates).min(study.room);
             queue.extend((0..more).map(|index| (known + index, point.clone(), next + index as u32)));
         }

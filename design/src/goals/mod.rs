@@ -76,7 +76,7 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
     let excluded = excluded.map(|point| ExcludedPoint {
         values: point.point.values(&question.factors),
         failed: point.failed(),
-        done: point.runs.len() - point.failed() - point.pending(),
+        done: point.count() - point.failed() - point.pending(),
     });
     let answer =
         Answer { runs: RunCounts::of(evidence), excluded: excluded.collect(), finding: course.finding };

@@ -128,3 +128,20 @@ fn a_point_with_many_digits_finds_its_runs() {
     };
     assert_eq!(decision.finished, Some(Finished::ByRule));
 }
+
+#[test]
+fn a_cancelled_run_costs_its_replicate_and_nothing_else() {
+    let question = question(10, 0.1);
+    let first = decide(&question, &Evidence::default(), 10, 1).proposals;
+    let mut runs: Vec<Run> = first.iter().map(|next| run(next, "jammed", 0.0)).collect();
+    let cancelled = Run { outcome: Outcome::Cancelled, ..runs[0].clone() };
+    runs[0] = cancelled.clone();
+    let decision = decide(&question, &Evidence::new(runs.clone()), 10, 1);
+    let counts = decision.answer.runs;
+    assert_eq!((counts.done, counts.failed, counts.pending), (9, 0, 0));
+    let [next] = &decision.proposals[..] else { panic!("one run is left: {:?}", decision.proposals) };
+    assert!(runs.iter().all(|run| (&run.point, run.replicate) != (&next.point, next.replicate)));
+    let point = Evidence::new(runs).at(&cancelled.point).cloned().unwrap();
+    assert_eq!((point.count(), point.failed(), point.next_replicate()), (4, 0, 5));
+    assert!(!question.budget.excludes(&point));
+}

@@ -1,7 +1,9 @@
 //! Tests of evidence: canonical order, and points that survive the way to values and back.
 
+use serde_json::json;
+
 use crate::tests::truth::{Random, run};
-use crate::{Evidence, Factor, Measure, Outcome, Point, Proposal, Run, Scale};
+use crate::{Evidence, Factor, Measure, Outcome, Point, Proposal, Question, Run, Scale, decide};
 
 #[test]
 fn order_of_results_does_not_matter() {
@@ -52,4 +54,38 @@ fn a_proposed_point_survives_the_way_to_values_and_back() {
         Point::of_values(&[Factor { name: "x".into(), low: 0.0, high: 1.0, scale: Scale::Linear }], &[1.1]),
         None
     );
+}
+
+#[test]
+fn a_cancelled_run_of_a_first_design_comes_again_as_another_replicate() {
+    for goal in [
+        json!({ "boundary": { "of": { "mean": "y" }, "level": 0.5 } }),
+        json!({ "optimise": { "objectives": [{ "minimise": { "mean": "y" } }] } }),
+    ] {
+        let document = json!({
+            "factors": [{ "name": "gate", "low": 0.0, "high": 1.0 }],
+            "goal": goal,
+            "budget": { "max_runs": 100 },
+        });
+        let question = Question::read(&document).unwrap();
+        let first = decide(&question, &Evidence::default(), 100, 1).proposals;
+        let mut runs: Vec<Run> = first.iter().map(|next| run(next, "y", 0.0)).collect();
+        runs.iter_mut().for_each(|run| run.outcome = Outcome::Pending);
+        // The last replicate of its point.
+        let index = runs.iter().rposition(|run| run.replicate == 1).unwrap();
+        runs[index].outcome = Outcome::Cancelled;
+        let expected = Proposal { point: runs[index].point.clone(), replicate: 2 };
+        let decision = decide(&question, &Evidence::new(runs), 100, 1);
+        assert!(decision.proposals.contains(&expected), "{document}");
+        assert_eq!(decision.answer.runs.pending, first.len() - 1);
+    }
+    let proposal = Proposal { point: Point::new(&[0.5]), replicate: 0 };
+    let done = run(&proposal, "y", 2.0);
+    let cancelled = Run { outcome: Outcome::Cancelled, ..done.clone() };
+    let failed = Run { outcome: Outcome::Failed, ..done.clone() };
+    for (better, worse) in [(&done, &cancelled), (&failed, &cancelled)] {
+        let of = |runs: [&Run; 2]| Evidence::new(runs.map(Clone::clone));
+        assert_eq!(of([better, worse]), of([better, better]));
+        assert_eq!(of([worse, better]), of([better, better]));
+    }
 }

@@ -85,7 +85,7 @@ fn candidates(study: &Study<'_>) -> (Vec<Candidate>, Vec<usize>) {
     let (factors, budget) = (&study.question.factors, &study.question.budget);
     let known = study.usable_points().map(|runs| Candidate {
         point: runs.point.clone(),
-        room: budget.max_replicates.saturating_sub(runs.runs.len()),
+        room: budget.max_replicates.saturating_sub(runs.count()),
         next_replicate: runs.next_replicate(),
         is_known: true,
     });

@@ -113,7 +113,7 @@ fn first_proposals(study: &Study<'_>) -> Vec<Proposal> {
         for point in &points {
             let known = study.evidence.at(point);
             let is_excluded = known.is_some_and(|known| budget.excludes(known));
-            let (count, next) = known.map_or((0, 0), |known| (known.runs.len(), known.next_replicate()));
+            let (count, next) = known.map_or((0, 0), |known| (known.count(), known.next_replicate()));
             if !is_excluded && replicate >= count {
                 let replicate = next + (replicate - count) as u32;
                 proposals.push(Proposal { point: point.clone(), replicate });

@@ -264,16 +264,18 @@ impl<'a> Confirming<'a> {
         (!runs.is_empty()).then_some(Self { runs })
     }
 
-    /// Runs before the first that is in flight.
+    /// Runs before the first that is in flight, but for cancelled ones.
     fn ended(&self) -> impl Iterator<Item = &'a Outcome> + '_ {
-        self.runs.iter().map(|(_, outcome)| *outcome).take_while(|outcome| **outcome != Outcome::Pending)
+        let outcomes = self.runs.iter().map(|(_, outcome)| *outcome);
+        let ended = outcomes.take_while(|outcome| **outcome != Outcome::Pending);
+        ended.filter(|outcome| **outcome != Outcome::Cancelled)
     }
 
     /// The values of a measure, in the order of replicates.
     pub(super) fn values(&self, measure: &Measure) -> Vec<f64> {
         let values = self.ended().filter_map(|outcome| match outcome {
             Outcome::Responses(values) => values.get(measure.response()).copied(),
-            Outcome::Pending | Outcome::Failed => None,
+            Outcome::Pending | Outcome::Cancelled | Outcome::Failed => None,
         });
         values.filter(|value| value.is_finite()).collect()
     }
@@ -323,7 +325,8 @@ impl<'a> Confirming<'a> {
     pub(super) fn next(&self, plan: &Plan) -> std::ops::Range<u32> {
         let (ended, failed) = self.counts();
         let next = plan.looks().find(|look| look + failed > ended).unwrap_or(plan.most);
+        let cancelled = self.runs.iter().filter(|(_, outcome)| **outcome == Outcome::Cancelled).count();
         let from = self.runs.last().map_or(FIRST_CONFIRMATION, |(replicate, _)| replicate + 1);
-        from..from.max(FIRST_CONFIRMATION + (next + failed) as u32)
+        from..from.max(FIRST_CONFIRMATION + (next + failed + cancelled) as u32)
     }
 }

@@ -204,14 +204,16 @@ impl Optimise {
     }
 }
 
-/// Runs of the search at a point.
+/// Runs of the search at a point, but for cancelled ones.
 fn search_runs(point: &PointRuns) -> impl Iterator<Item = (&u32, &Outcome)> {
-    point.runs.range(..FIRST_CONFIRMATION)
+    point.runs.range(..FIRST_CONFIRMATION).filter(|(_, outcome)| **outcome != Outcome::Cancelled)
 }
 
 /// The first replicate of the search after all that exist.
 fn next_replicate(point: Option<&PointRuns>) -> u32 {
-    point.and_then(|point| search_runs(point).last()).map_or(0, |(replicate, _)| replicate + 1)
+    point
+        .and_then(|point| point.runs.range(..FIRST_CONFIRMATION).next_back())
+        .map_or(0, |(replicate, _)| replicate + 1)
 }
 
 /// The points whose confirmation has begun, with its state.

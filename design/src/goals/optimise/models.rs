@@ -38,7 +38,7 @@ fn success(study: &Study<'_>) -> Option<Model> {
     let of_point = |point: &PointRuns| {
         let outcome = |outcome: &Outcome| {
             let value = match outcome {
-                Outcome::Pending => return None,
+                Outcome::Pending | Outcome::Cancelled => return None,
                 Outcome::Failed => 0.0,
                 Outcome::Responses(_) => 1.0,
             };

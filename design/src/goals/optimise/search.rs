@@ -99,7 +99,7 @@ fn old_points(study: &Study<'_>) -> Vec<(Point, usize)> {
         let pending =
             search_runs(point).filter(|(_, outcome)| **outcome == Outcome::Pending).count().min(left);
         left -= pending;
-        if pending > 0 || point.failed() < point.runs.len() {
+        if pending > 0 || point.failed() < point.count() {
             points.push((point.point.clone(), pending));
         }
     }

@@ -22,7 +22,7 @@ pub(super) struct Design<'a> {
     pub(super) seed: u64,
 }
 
-/// A run of a design that failed, or lacks a response.
+/// A run of a design that failed, was cancelled, or lacks a response.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LostRun {
     /// Values of the factors.
@@ -160,6 +160,6 @@ fn value(study: &Study<'_>, run: &Proposal, measure: &Measure) -> Option<f64> {
         Outcome::Responses(values) => {
             values.get(measure.response()).copied().filter(|value| value.is_finite())
         }
-        Outcome::Pending | Outcome::Failed => None,
+        Outcome::Pending | Outcome::Cancelled | Outcome::Failed => None,
     }
 }
