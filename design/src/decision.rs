@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::evidence::{Evidence, Point};
 use crate::goals::{BoundaryAnswer, EstimateAnswer, OptimiseAnswer, SensitivityAnswer};
+use crate::usable::UnusableResponses;
 
 /// A run that comes next.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -56,7 +57,7 @@ impl RunCounts {
     }
 }
 
-/// A point that is left out because its runs fail.
+/// A point that is left out because its runs fail, or have no response that a measure can use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExcludedPoint {
     /// Values of the factors, in their units.
@@ -72,8 +73,10 @@ pub struct ExcludedPoint {
 pub struct Answer {
     /// Runs it rests on.
     pub runs: RunCounts,
-    /// Points that were left out because their runs fail.
+    /// Points that were left out because their runs fail, or have no response that a measure can use.
     pub excluded: Vec<ExcludedPoint>,
+    /// Responses of finished runs that were of no use, for each measure with such responses.
+    pub unusable: Vec<UnusableResponses>,
     /// The finding of the goal.
     pub finding: Finding,
 }

@@ -97,13 +97,13 @@ pub struct PointRuns {
 }
 
 impl PointRuns {
-    /// The finite values of a measure's response, in the order of replicates.
+    /// The values of a measure's response that it accepts, in the order of replicates.
     pub fn values(&self, measure: &Measure) -> Vec<f64> {
         let responses = self.runs.values().filter_map(|outcome| match outcome {
             Outcome::Responses(responses) => responses.get(measure.response()).copied(),
             Outcome::Pending | Outcome::Cancelled | Outcome::Failed => None,
         });
-        responses.filter(|value| value.is_finite()).collect()
+        responses.filter(|value| measure.accepts(*value)).collect()
     }
 
     /// Number of runs but for cancelled ones.

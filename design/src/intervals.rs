@@ -42,13 +42,13 @@ pub struct Estimated {
 }
 
 impl Estimated {
-    /// The estimate of a measure from values of its response; none without values.
+    /// The estimate of a measure from values of its response that it accepts; none without values.
     pub fn of(measure: &Measure, values: &[f64]) -> Option<Self> {
         let sample = Sample::of(values)?;
         let ends = match measure {
             Measure::Probability(_) => {
-                let count = values.iter().filter(|value| **value != 0.0).count();
-                Some(confidence_sequence(count as f64, values.len() as f64, CONFIDENCE))
+                let count = values.iter().sum::<f64>();
+                Some(confidence_sequence(count, values.len() as f64, CONFIDENCE))
             }
             Measure::Mean(_) if sample.n < MIN_MEAN_RUNS => None,
             Measure::Mean(_) => sample.half_width().map(|half| (sample.mean - half, sample.mean + half)),

@@ -10,6 +10,7 @@
 //! | `decision` | proposals, the reason to stop, the answer as data |
 //! | `goals` | a file or folder per goal: its fields, its decision, its answer |
 //! | `intervals` | intervals of probabilities and means |
+//! | `usable` | responses that a measure cannot use |
 
 mod decision;
 mod evidence;
@@ -22,12 +23,14 @@ mod question;
 mod space;
 #[cfg(test)]
 mod tests;
+mod usable;
 
 pub use decision::{Answer, Decision, ExcludedPoint, Finding, Finished, Proposal, RunCounts};
 pub use evidence::{Evidence, Outcome, Point, PointRuns, Run};
 pub use factor::{Factor, Scale};
 pub use fault::Fault;
 pub use question::{Budget, Goal, Measure, Question};
+pub use usable::UnusableResponses;
 
 /// Decides about a study: up to `wanted` runs that come next, whether it is finished, and the answer so far.
 ///

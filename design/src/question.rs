@@ -8,6 +8,10 @@ use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::goals::{Boundary, Estimate, Optimise, Sensitivity};
 
+/// Number of results without a usable response after which a point is excluded. A response that four runs in ten have, for
+/// instance the time of a jam, is missing in all of them by chance in 0.6 % of the points.
+const MAX_WITHOUT_VALUE: usize = 10;
+
 /// The question of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -52,10 +56,33 @@ impl Measure {
         }
     }
 
+    /// Whether the measure can use a response: 0 or 1 for a probability, any finite number for a mean.
+    pub fn accepts(&self, value: f64) -> bool {
+        match self {
+            Self::Probability(_) => value == 0.0 || value == 1.0,
+            Self::Mean(_) => value.is_finite(),
+        }
+    }
+
     pub(crate) fn faults(&self, at: &str, faults: &mut Vec<Fault>) {
         if self.response().is_empty() {
             faults.push(fault(at, self, "the response has no name", "the name of a response"));
         }
+    }
+}
+
+impl Goal {
+    /// The measures of the goal, without repetition.
+    pub(crate) fn measures(&self) -> Vec<&Measure> {
+        let mut measures = match self {
+            Self::Estimate(goal) => goal.intervals.iter().map(|interval| &interval.of).collect(),
+            Self::Boundary(goal) => vec![&goal.of],
+            Self::Optimise(goal) => goal.measures(),
+            Self::Sensitivity(goal) => goal.of.iter().collect(),
+        };
+        measures.sort();
+        measures.dedup();
+        measures
     }
 }
 
@@ -90,6 +117,15 @@ impl Budget {
 }
 
 impl Question {
+    /// Whether a point is excluded: its runs fail, or [`MAX_WITHOUT_VALUE`] of them have a result and none a response that
+    /// a measure of the goal accepts.
+    pub fn excludes(&self, point: &PointRuns) -> bool {
+        let results = point.count() - point.failed() - point.pending();
+        let lacks = |measure: &&Measure| point.values(measure).is_empty();
+        self.budget.excludes(point)
+            || (results >= MAX_WITHOUT_VALUE && self.goal.measures().iter().any(lacks))
+    }
+
     /// Reads a question. Refuses a document of another form, or with faults, and names every fault that can be found.
     pub fn read(document: &Value) -> Result<Self, Vec<Fault>> {
         let question: Self = serde_path_to_error::deserialize(document).map_err(|error| {

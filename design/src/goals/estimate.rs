@@ -44,7 +44,7 @@ pub struct PointEstimate {
     pub values: Vec<f64>,
     /// A row per measure, in the order of the question.
     pub measures: Vec<MeasureEstimate>,
-    /// Whether the point is left out because its runs fail.
+    /// Whether the point is left out because its runs fail, or have no response that a measure can use.
     pub is_excluded: bool,
 }
 
@@ -135,7 +135,7 @@ pub(super) fn decide(goal: &Estimate, study: &Study<'_>) -> Course {
         // The values of a run are rounded: only a rounded point finds its runs again.
         let point = point.rounded(&study.question.factors);
         let runs = study.evidence.at(&point);
-        let is_excluded = runs.is_some_and(|runs| budget.excludes(runs));
+        let is_excluded = runs.is_some_and(|runs| study.question.excludes(runs));
         let measures = estimates(goal, runs);
         if !is_excluded {
             usable += 1;

@@ -18,6 +18,7 @@ pub use sensitivity::{
 use crate::decision::{Answer, Decision, ExcludedPoint, Finding, Finished, Proposal, RunCounts};
 use crate::evidence::{Evidence, PointRuns};
 use crate::question::{Goal, Question};
+use crate::usable::UnusableResponses;
 
 /// The state of a study, as every goal's decision needs it.
 #[derive(Debug)]
@@ -44,7 +45,7 @@ pub(crate) struct Course {
 impl Study<'_> {
     /// Points of the evidence that are not excluded.
     pub(crate) fn usable_points(&self) -> impl Iterator<Item = &PointRuns> {
-        self.evidence.points().iter().filter(|point| !self.question.budget.excludes(point))
+        self.evidence.points().iter().filter(|point| !self.question.excludes(point))
     }
 }
 
@@ -72,13 +73,19 @@ pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, se
     if finished.is_some() {
         course.proposals.clear();
     }
-    let excluded = evidence.points().iter().filter(|point| question.budget.excludes(point));
+    let excluded = evidence.points().iter().filter(|point| question.excludes(point));
     let excluded = excluded.map(|point| ExcludedPoint {
         values: point.point.values(&question.factors),
         failed: point.failed(),
         done: point.count() - point.failed() - point.pending(),
     });
-    let answer =
-        Answer { runs: RunCounts::of(evidence), excluded: excluded.collect(), finding: course.finding };
+    let measures = question.goal.measures().into_iter();
+    let unusable = measures.filter_map(|measure| UnusableResponses::of(measure, evidence.points()));
+    let answer = Answer {
+        runs: RunCounts::of(evidence),
+        excluded: excluded.collect(),
+        unusable: unusable.collect(),
+        finding: course.finding,
+    };
     Decision { proposals: course.proposals, finished, answer }
 }

@@ -145,3 +145,33 @@ fn a_cancelled_run_costs_its_replicate_and_nothing_else() {
     assert_eq!((point.count(), point.failed(), point.next_replicate()), (4, 0, 5));
     assert!(!question.budget.excludes(&point));
 }
+
+#[test]
+fn responses_of_a_probability_other_than_0_and_1_are_lost_and_named() {
+    let (runs, decision) = play(&question(100, 0.1), ("jammed", 5, 1), |_| 3.2);
+    assert_eq!(decision.finished, Some(Finished::NothingLeft));
+    let [unusable] = &decision.answer.unusable[..] else { panic!("a row") };
+    assert_eq!((unusable.not_binary, unusable.missing, unusable.outliers), (runs.len(), 0, 0));
+    assert!(points(&decision).iter().all(|point| point.measures[0].estimated.is_none()));
+}
+
+#[test]
+fn a_response_that_never_appears_ends_its_point() {
+    let question = question(1000, 0.3);
+    let mut runs: Vec<Run> = Vec::new();
+    let decision = loop {
+        let decision = decide(&question, &Evidence::new(runs.clone()), 10, 1);
+        if decision.finished.is_some() {
+            break decision;
+        }
+        let at = |next: &Proposal| next.point == Point::new(&[0.2]);
+        runs.extend(
+            decision.proposals.iter().map(|next| run(next, if at(next) { "other" } else { "jammed" }, 0.0)),
+        );
+    };
+    assert_eq!(decision.finished, Some(Finished::ByRule));
+    let [excluded] = &decision.answer.excluded[..] else { panic!("one point") };
+    assert_eq!((&excluded.values, excluded.failed), (&vec![2.0], 0));
+    assert!(excluded.done < 20 && points(&decision)[0].is_excluded, "{excluded:?}");
+    assert_eq!(decision.answer.unusable[0].missing, excluded.done);
+}

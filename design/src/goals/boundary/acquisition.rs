@@ -94,7 +94,7 @@ fn candidates(study: &Study<'_>) -> (Vec<Candidate>, Vec<usize>) {
         .evidence
         .points()
         .iter()
-        .filter(|point| budget.excludes(point))
+        .filter(|point| study.question.excludes(point))
         .map(|point| point.point.coordinates())
         .collect();
     let start = candidates.len();

@@ -112,7 +112,7 @@ fn first_proposals(study: &Study<'_>) -> Vec<Proposal> {
     for replicate in 0..FIRST_REPLICATES.min(budget.max_replicates) {
         for point in &points {
             let known = study.evidence.at(point);
-            let is_excluded = known.is_some_and(|known| budget.excludes(known));
+            let is_excluded = known.is_some_and(|known| study.question.excludes(known));
             let (count, next) = known.map_or((0, 0), |known| (known.count(), known.next_replicate()));
             if !is_excluded && replicate >= count {
                 let replicate = next + (replicate - count) as u32;

@@ -192,7 +192,7 @@ impl Optimise {
     }
 
     /// Measures without repetition, those of the objectives first.
-    fn measures(&self) -> Vec<&Measure> {
+    pub(crate) fn measures(&self) -> Vec<&Measure> {
         let objectives = self.objectives.iter().map(Objective::measure);
         let mut measures: Vec<&Measure> = Vec::new();
         for measure in objectives.chain(self.constraints.iter().map(|constraint| &constraint.of)) {
