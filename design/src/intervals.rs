@@ -5,13 +5,18 @@
 //! | n, s | number of runs, number of them with response 1 |
 //! | B | the beta function |
 //! | a, b | parameters of the mixture over p, both ½ |
+//! | d, t | standard deviation of n values, √n (mean − μ) / d for a mean μ |
+//! | c², k | precision of the mixture over μ/σ, here 1; k = c² / (n + c²) |
 //! | α | 1 − confidence |
 //!
 //! A study looks at a point after every run, and stops when it likes the interval. An interval for a fixed n would then miss
 //! the truth too often. The confidence sequence keeps every p with B(a + s, b + n − s) / (B(a, b) pˢ (1 − p)ⁿ⁻ˢ) < 1/α.
 //! The ratio is a martingale under the true p (Robbins 1970), so that with probability 1 − α no interval of the whole
-//! sequence misses it (Ville's inequality). Means have intervals of Student's t distribution from [`MIN_MEAN_RUNS`]
-//! runs on. Their 95 % are 85 to 95 % when runs end by the width, by skewness of the response (docs/proofs.md).
+//! sequence misses it (Ville's inequality).
+//!
+//! For means the confidence sequence keeps every μ with √k ((1 + t²/(n − 1)) / (1 + k t²/(n − 1)))^(n/2) < 1/α, the Bayes factor of
+//! a t test (Rouder et al. 2009). It is such a martingale for normal values of unknown σ (Lai 1976; Wang and Ramdas 2024). The
+//! coverage of other distributions is measured (docs/proofs.md). Equal values say nothing of σ: they have no interval.
 
 use roost_stats::Sample;
 use serde::{Deserialize, Serialize};
@@ -25,6 +30,8 @@ pub const MIN_MEAN_RUNS: usize = 5;
 pub const CONFIDENCE: f64 = 0.95;
 /// Both parameters of the mixture: the interval is then narrow for small and large probabilities too.
 const MIXTURE: f64 = 0.5;
+/// Precision of the normal mixture over μ/σ: the interval is the narrowest, for its number of values, between 20 and 200 values.
+const PRECISION: f64 = 1.0;
 /// Number of halvings of an interval that holds an end: to the last bit of a number from 0 to 1.
 const HALVINGS: usize = 60;
 
@@ -35,9 +42,9 @@ pub struct Estimated {
     pub n: usize,
     /// Share or mean of the values.
     pub value: f64,
-    /// Lower end of the interval; none with too few values.
+    /// Lower end of the interval; none with too few values, or equal values of a mean.
     pub low: Option<f64>,
-    /// Upper end of the interval; none with too few values.
+    /// Upper end of the interval; none with too few values, or equal values of a mean.
     pub high: Option<f64>,
 }
 
@@ -50,8 +57,7 @@ impl Estimated {
                 let count = values.iter().sum::<f64>();
                 Some(confidence_sequence(count, values.len() as f64, CONFIDENCE))
             }
-            Measure::Mean(_) if sample.n < MIN_MEAN_RUNS => None,
-            Measure::Mean(_) => sample.half_width().map(|half| (sample.mean - half, sample.mean + half)),
+            Measure::Mean(_) => mean_half_width(&sample).map(|half| (sample.mean - half, sample.mean + half)),
         };
         Some(Self {
             n: sample.n,
@@ -65,6 +71,19 @@ impl Estimated {
     pub fn width(&self) -> Option<f64> {
         Some(self.high? - self.low?)
     }
+}
+
+/// Half the width of the interval of a mean, as one of a sequence that is looked at after every run. None with fewer than
+/// [`MIN_MEAN_RUNS`] values, or with equal values.
+pub fn mean_half_width(sample: &Sample) -> Option<f64> {
+    let deviation = sample.deviation.filter(|deviation| sample.n >= MIN_MEAN_RUNS && *deviation > 0.0)?;
+    let n = sample.n as f64;
+    let share = PRECISION / (n + PRECISION);
+    let alpha = 1.0 - CONFIDENCE;
+    // The condition, solved for t²/(n − 1).
+    let ratio = (share.sqrt() * alpha).powf(-2.0 / n);
+    let square = (ratio - 1.0) / (1.0 - share * ratio);
+    Some(deviation * (square * (n - 1.0) / n).sqrt())
 }
 
 /// The interval of a probability after `n` runs, `count` of them with response 1, as one of a sequence that is looked at after
@@ -95,6 +114,11 @@ fn times_ln(n: f64, p: f64) -> f64 {
 /// The number of values after which the interval should be as narrow as `width`, if later values are like those so far.
 pub fn values_needed(measure: &Measure, values: &[f64], width: f64, most: usize) -> usize {
     let Some(sample) = Sample::of(values) else { return MIN_MEAN_RUNS };
+    let is_mean = matches!(measure, Measure::Mean(_));
+    if is_mean && sample.deviation.is_none_or(|deviation| deviation == 0.0) {
+        // Nothing is known of the spread.
+        return (2 * sample.n).max(MIN_MEAN_RUNS).min(most).max(sample.n);
+    }
     let is_narrow = |n: usize| match measure {
         Measure::Probability(_) => {
             let count = values.iter().sum::<f64>();
@@ -104,10 +128,7 @@ pub fn values_needed(measure: &Measure, values: &[f64], width: f64, most: usize)
             let (low, high) = confidence_sequence(later, n as f64, CONFIDENCE);
             high - low <= width
         }
-        Measure::Mean(_) => {
-            let half = Sample { n, ..sample }.half_width();
-            n >= MIN_MEAN_RUNS && half.is_some_and(|half| 2.0 * half <= width)
-        }
+        Measure::Mean(_) => mean_half_width(&Sample { n, ..sample }).is_some_and(|half| 2.0 * half <= width),
     };
     let (mut below, mut enough) = (sample.n, sample.n);
     let mut step = 1;

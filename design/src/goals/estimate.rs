@@ -1,4 +1,6 @@
 //! Goal `estimate`: replicate each point until the interval of each named response is as narrow as asked.
+//!
+//! Equal values of a mean have no interval: their point gets its maximum of replicates.
 
 use serde::{Deserialize, Serialize};
 

@@ -57,13 +57,22 @@ fn no_interval_of_a_sequence_misses_the_probability() {
 }
 
 #[test]
-fn means_need_five_values() {
+fn intervals_of_means_agree_with_scipy() {
     assert_eq!(Estimated::of(&mean(), &[]), None);
     let few = Estimated::of(&mean(), &[1.0, 2.0, 3.0, 4.0]).unwrap();
     assert_eq!((few.n, few.value, few.width()), (4, 2.5, None));
-    let enough = Estimated::of(&mean(), &[1.0, 2.0, 3.0, 4.0, 5.0]).unwrap();
-    // t(4) = 2.776, s = √2.5.
-    assert!((enough.width().unwrap() - 2.0 * 2.776 * (2.5f64 / 5.0).sqrt()).abs() < 1e-3);
+    // tests/data/intervals.py: the mixture of noncentral t densities by scipy.integrate.quad.
+    for (n, expected) in MEANS {
+        let sample = Sample { n, mean: 0.0, deviation: Some(1.0) };
+        let half = mean_half_width(&sample).unwrap();
+        assert!((half / expected - 1.0).abs() < 1e-12, "{n}: {half}, not {expected}");
+    }
+}
+
+#[test]
+fn equal_values_have_no_interval_of_their_mean() {
+    let equal = Estimated::of(&mean(), &[3.0; 40]).unwrap();
+    assert_eq!((equal.value, equal.width()), (3.0, None));
 }
 
 #[test]
@@ -77,27 +86,36 @@ fn forecast_is_the_first_number_of_values_with_a_narrow_interval() {
     };
     assert!(width(n) <= 0.2 && width(n - 1) > 0.2, "{n}");
     assert_eq!(values_needed(&probability(), &values, 0.2, 50), 50);
-    assert_eq!(values_needed(&mean(), &[3.0], 0.1, 1000), 1000, "a single value says nothing of the spread");
-    assert_eq!(values_needed(&mean(), &[3.0, 3.0], 0.1, 1000), 5);
+    // Equal values say nothing of the spread.
+    assert_eq!(values_needed(&mean(), &[3.0], 0.1, 1000), 5);
+    assert_eq!(values_needed(&mean(), &[3.0; 8], 0.1, 1000), 16);
 }
 
 #[test]
-#[ignore = "a minute; its figures are in docs/proofs.md"]
-fn coverage_of_means_that_stop_by_width() {
-    for (name, draw) in DISTRIBUTIONS {
-        for width in [1.0, 0.5, 0.25] {
+fn means_that_stop_by_width_are_as_certain_as_promised() {
+    for (name, least, draw) in DISTRIBUTIONS {
+        for width in [2.0, 1.0, 0.5, 0.25] {
             let mut held = 0;
+            let mut runs = 0;
             for repetition in 0..2000 {
                 let mut random = Random(repetition);
-                let mut values: Vec<f64> = (0..5).map(|_| draw(&mut random)).collect();
-                let mut found = Estimated::of(&mean(), &values).unwrap();
-                while found.width().unwrap() > width {
-                    values.push(draw(&mut random));
-                    found = Estimated::of(&mean(), &values).unwrap();
-                }
-                held += usize::from(found.low.unwrap() <= 0.0 && 0.0 <= found.high.unwrap());
+                let (mut sum, mut squares, mut n) = (0.0, 0.0, 0);
+                let half = loop {
+                    let value: f64 = draw(&mut random);
+                    (sum, squares, n) = (sum + value, squares + value * value, n + 1);
+                    let variance = (squares - sum * sum / n as f64) / (n as f64 - 1.0);
+                    let deviation = (n > 1).then(|| variance.max(0.0).sqrt());
+                    let half = mean_half_width(&Sample { n, mean: sum / n as f64, deviation });
+                    if let Some(half) = half.filter(|half| 2.0 * half <= width) {
+                        break half;
+                    }
+                };
+                held += usize::from((sum / n as f64).abs() <= half);
+                runs += n;
             }
-            println!("{name}, width {width}: {}", held as f64 / 2000.0);
+            let held = held as f64 / 2000.0;
+            println!("{name}, width {width}: {held} with {} runs", runs / 2000);
+            assert!(held >= least, "{name}, width {width}: {held}");
         }
     }
 }
@@ -112,10 +130,19 @@ const INTERVALS: [(u32, u32, f64, f64); 6] = [
     (500, 1000, 0.4424183856766253, 0.5575816143233748),
 ];
 
-/// Distributions of mean 0 and variance 1.
+/// Number of values, and half the width of the interval of their mean in standard deviations.
+const MEANS: [(usize, f64); 4] =
+    [(5, 3.780380235572408), (10, 1.2237340155529761), (60, 0.42882185659232125), (150, 0.2760202910643082)];
+
+/// Distributions of mean 0 and variance 1, with the least share of intervals that must hold the mean.
 type Draw = fn(&mut Random) -> f64;
-const DISTRIBUTIONS: [(&str, Draw); 3] = [
-    ("normal", |random| random.normal()),
-    ("uniform", |random| 12.0f64.sqrt() * (random.uniform() - 0.5)),
-    ("exponential", |random| -(1.0 - random.uniform()).ln() - 1.0),
+const DISTRIBUTIONS: [(&str, f64, Draw); 4] = [
+    ("normal", 0.95, |random| random.normal()),
+    ("uniform", 0.95, |random| 12.0f64.sqrt() * (random.uniform() - 0.5)),
+    ("exponential", 0.95, |random| -(1.0 - random.uniform()).ln() - 1.0),
+    ("lognormal", 0.87, |random| {
+        // ln of the response has deviation 1.
+        let e = std::f64::consts::E;
+        (random.normal().exp() - e.sqrt()) / ((e - 1.0) * e).sqrt()
+    }),
 ];
