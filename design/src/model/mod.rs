@@ -11,12 +11,13 @@ mod noise;
 mod posterior;
 mod prior;
 mod search;
+mod subset;
 #[cfg(test)]
 mod tests;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::evidence::PointRuns;
+use crate::evidence::{Point, PointRuns};
 use crate::question::Measure;
 use binomial::Counted;
 use gaussian::Replicated;
@@ -27,6 +28,9 @@ use prior::{Hyperparameters, Prior, climb};
 
 /// Evaluations of the likelihood per start of the search for hyperparameters.
 const EVALUATIONS: usize = 25;
+
+/// Maximum number of unique points of a model: its cost grows with their cube.
+pub const MAX_POINTS: usize = 200;
 
 /// The likelihood of a model.
 #[derive(Clone, Debug)]
@@ -42,6 +46,32 @@ enum Likelihood {
     },
 }
 
+/// A posterior, its alternatives and the likelihood.
+type Fitted = (Posterior, Vec<Posterior>, Likelihood);
+
+/// The values of a measure by point, in canonical order.
+#[derive(Debug, Default)]
+struct Data {
+    points: Vec<Point>,
+    coordinates: Vec<Vec<f64>>,
+    values: Vec<Vec<f64>>,
+}
+
+impl Data {
+    /// The values at points that have any.
+    fn of<'a>(measure: &Measure, evidence: impl IntoIterator<Item = &'a PointRuns>) -> Self {
+        let rows: Vec<(&PointRuns, Vec<f64>)> =
+            evidence.into_iter().map(|point| (point, point.values(measure))).collect();
+        let mut data = Self::default();
+        for (point, values) in rows.into_iter().filter(|(_, values)| !values.is_empty()) {
+            data.points.push(point.point.clone());
+            data.coordinates.push(point.point.coordinates());
+            data.values.push(values);
+        }
+        data
+    }
+}
+
 /// A fitted model of one measure.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -50,33 +80,61 @@ pub struct Model {
     /// Posteriors with other probable hyperparameters; each counts as much as the first.
     pub alternatives: Vec<Posterior>,
     likelihood: Likelihood,
+    /// The points of the data, in canonical order.
+    points: Vec<Point>,
 }
 
 impl Model {
-    /// Fits a model to the values of a measure; none without values, or when numbers overflow. Points without values are left out.
+    /// Fits a model to the values of a measure; none without values, or when numbers overflow. Points without values are
+    /// left out. Of more than [`MAX_POINTS`] points those that fill the range evenly count.
     pub fn fit<'a>(measure: &Measure, evidence: impl IntoIterator<Item = &'a PointRuns>) -> Option<Self> {
-        let mut coordinates = Vec::new();
-        let mut values = Vec::new();
-        for point in evidence {
-            let found = point.values(measure);
-            if !found.is_empty() {
-                coordinates.push(point.point.coordinates());
-                values.push(found);
-            }
-        }
-        let factors = coordinates.first()?.len();
-        let points = columns(factors, &coordinates);
-        match measure {
-            Measure::Probability(_) => Self::of_counts(&points, &values),
-            Measure::Mean(_) => Self::of_means(&points, &values),
-        }
+        let data = Data::of(measure, evidence);
+        let chosen = subset::spread(&data.coordinates, MAX_POINTS);
+        Self::of_data(measure, &data, &subset::fill(chosen, &[], MAX_POINTS))
     }
 
-    fn of_counts(points: &DMatrix<f64>, values: &[Vec<f64>]) -> Option<Self> {
-        let counted = |values: &Vec<f64>| Counted {
-            count: values.iter().filter(|value| **value != 0.0).count() as f64,
-            n: values.len() as f64,
-        };
+    /// As [`Model::fit`], but of more than [`MAX_POINTS`] points half fill the range, and half are those nearest to the boundary at
+    /// a level, in standard deviations of a model of the first half.
+    pub fn fit_near<'a>(
+        measure: &Measure,
+        evidence: impl IntoIterator<Item = &'a PointRuns>,
+        level: f64,
+    ) -> Option<Self> {
+        let data = Data::of(measure, evidence);
+        if data.points.len() <= MAX_POINTS {
+            return Self::of_data(measure, &data, &(0..data.points.len()).collect::<Vec<_>>());
+        }
+        let pilot = subset::spread(&data.coordinates, MAX_POINTS / 2);
+        let model = Self::of_data(measure, &data, &subset::fill(pilot.clone(), &[], MAX_POINTS / 2))?;
+        let prediction = model.posterior.predict(&columns(data.coordinates[0].len(), &data.coordinates));
+        let level = model.latent(level);
+        let latents = prediction.means.iter().zip(prediction.variances.iter());
+        let distances: Vec<f64> =
+            latents.map(|(mean, variance)| (mean - level).abs() / variance.sqrt()).collect();
+        Self::of_data(measure, &data, &subset::fill(pilot, &distances, MAX_POINTS))
+    }
+
+    /// Whether the model rests on a point.
+    pub(crate) fn has(&self, point: &Point) -> bool {
+        self.points.binary_search(point).is_ok()
+    }
+
+    /// The model of the data at some positions, in rising order.
+    fn of_data(measure: &Measure, data: &Data, chosen: &[usize]) -> Option<Self> {
+        let factors = data.coordinates.first()?.len();
+        let coordinates: Vec<&Vec<f64>> = chosen.iter().map(|index| &data.coordinates[*index]).collect();
+        let values: Vec<&[f64]> = chosen.iter().map(|index| data.values[*index].as_slice()).collect();
+        let points = columns(factors, &coordinates);
+        let (posterior, alternatives, likelihood) = match measure {
+            Measure::Probability(_) => Self::of_counts(&points, &values),
+            Measure::Mean(_) => Self::of_means(&points, &values),
+        }?;
+        let points = chosen.iter().map(|index| data.points[*index].clone()).collect();
+        Some(Self { posterior, alternatives, likelihood, points })
+    }
+
+    fn of_counts(points: &DMatrix<f64>, values: &[&[f64]]) -> Option<Fitted> {
+        let counted = |values: &&[f64]| Counted { count: values.iter().sum(), n: values.len() as f64 };
         let counts: Vec<Counted> = values.iter().map(counted).collect();
         let prior = Prior { variance: (10.0, 1.0), constant: 9.0, length: (0.7, 0.7) };
         let mut start: Option<DVector<f64>> = None;
@@ -87,10 +145,10 @@ impl Model {
         })?;
         let posterior = |kernel| Some(binomial::fit(points, &counts, kernel, start.as_ref())?.posterior);
         let alternatives = around.iter().filter_map(|(kernel, _)| posterior(kernel)).collect();
-        Some(Self { posterior: posterior(&kernel)?, alternatives, likelihood: Likelihood::Binomial })
+        Some((posterior(&kernel)?, alternatives, Likelihood::Binomial))
     }
 
-    fn of_means(points: &DMatrix<f64>, values: &[Vec<f64>]) -> Option<Self> {
+    fn of_means(points: &DMatrix<f64>, values: &[&[f64]]) -> Option<Fitted> {
         let summaries = values.iter().map(|values| Replicated::of(values)).collect::<Option<Vec<_>>>()?;
         let means: Vec<f64> = summaries.iter().map(|summary| summary.mean).collect();
         let sample = roost_stats::Sample::of(&means)?;
@@ -119,7 +177,7 @@ impl Model {
         let alternatives = around.iter().filter_map(posterior).collect();
         let posterior = posterior(&top)?;
         let likelihood = Likelihood::Gaussian { centre: sample.mean, spread, noise, variance: top.1[0] };
-        Some(Self { posterior, alternatives, likelihood })
+        Some((posterior, alternatives, likelihood))
     }
 
     /// The posterior and its alternatives, all of the same weight.

@@ -275,3 +275,25 @@ fn a_decision_about_2_000_runs_takes_less_than_2_seconds() {
         assert!(seconds < 2.0, "{name}: {seconds} s");
     }
 }
+
+#[test]
+fn two_thousand_points_with_runs_in_flight_take_less_than_2_seconds() {
+    for name in ["2 factors, curved", "2 factors, wavy"] {
+        let truth = truth(name);
+        let mut random = Random(1);
+        let at = |index: usize| Point::new(&crate::space::sobol(index, 2, 5));
+        let proposals: Vec<Proposal> =
+            (0..2200).map(|index| Proposal { point: at(index), replicate: 0 }).collect();
+        let mut runs = results(truth, &proposals, &mut random);
+        runs[2000..].iter_mut().for_each(|run| run.outcome = Outcome::Pending);
+        let evidence = Evidence::new(runs);
+        let question = question(truth, 10_000, 0.0001);
+        let start = processor_seconds();
+        let decision = decide(&question, &evidence, 200, 3);
+        let seconds = processor_seconds() - start;
+        println!("{name}: {seconds:.2} s");
+        assert_eq!(decision.proposals.len(), 200);
+        assert!(holds(truth, answer(&decision)), "{name}");
+        assert!(seconds < 2.0, "{name}: {seconds} s");
+    }
+}

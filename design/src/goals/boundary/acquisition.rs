@@ -14,19 +14,19 @@
 
 use super::Boundary;
 use crate::decision::Proposal;
-use crate::evidence::Point;
+use crate::evidence::{Point, PointRuns};
 use crate::goals::Study;
-use crate::model::Model;
 use crate::model::fantasy::Fantasies;
 use crate::model::kernel::columns;
+use crate::model::{MAX_POINTS, Model};
 use crate::space::sobol;
 
 /// Candidates that fill the range, by number of factors.
 const CANDIDATES: [usize; super::MAX_FACTORS] = [128, 320, 400, 400];
 /// Share of the best gain with which a replicate is preferred to a new point.
 const REPLICATE_SHARE: f64 = 0.9;
-/// Number of unique points beyond which only replicates are chosen: the cost of the model grows with its cube.
-const MAX_POINTS: usize = 200;
+/// Maximum number of known points outside the model that are taken into account: runs in flight, or without a value.
+const MAX_OTHERS: usize = 200;
 /// Candidates this close to an excluded point are left out, in widths of the range.
 const EXCLUDED_RADIUS: f64 = 0.05;
 
@@ -41,7 +41,7 @@ struct Candidate {
 }
 
 pub(super) fn proposals(goal: &Boundary, study: &Study<'_>, model: &Model) -> Vec<Proposal> {
-    let (mut candidates, filling) = candidates(study);
+    let (mut candidates, filling) = candidates(goal, study, model);
     let coordinates: Vec<Vec<f64>> =
         candidates.iter().map(|candidate| candidate.point.coordinates()).collect();
     let mut fantasies = Fantasies::new(model, &columns(study.question.factors.len(), &coordinates));
@@ -62,6 +62,7 @@ pub(super) fn proposals(goal: &Boundary, study: &Study<'_>, model: &Model) -> Ve
                 gains[*one].total_cmp(&gains[*other]).then(other.cmp(one))
             })
         };
+        // The model takes no more points: only replicates inform it.
         let new = best(false).filter(|_| points < MAX_POINTS);
         let chosen = match (best(true), new) {
             (Some(old), Some(new)) if gains[old] >= REPLICATE_SHARE * gains[new] => old,
@@ -81,9 +82,18 @@ pub(super) fn proposals(goal: &Boundary, study: &Study<'_>, model: &Model) -> Ve
 }
 
 /// Known points and points that fill the range, and the positions of those that do.
-fn candidates(study: &Study<'_>) -> (Vec<Candidate>, Vec<usize>) {
+fn candidates(goal: &Boundary, study: &Study<'_>, model: &Model) -> (Vec<Candidate>, Vec<usize>) {
     let (factors, budget) = (&study.question.factors, &study.question.budget);
-    let known = study.usable_points().map(|runs| Candidate {
+    let mut others = 0;
+    let is_needed = |runs: &&PointRuns| {
+        if model.has(&runs.point) {
+            return true;
+        }
+        let is_other = runs.pending() > 0 || runs.values(&goal.of).is_empty();
+        others += usize::from(is_other);
+        is_other && others <= MAX_OTHERS
+    };
+    let known = study.usable_points().filter(is_needed).map(|runs| Candidate {
         point: runs.point.clone(),
         room: budget.max_replicates.saturating_sub(runs.count()),
         next_replicate: runs.next_replicate(),

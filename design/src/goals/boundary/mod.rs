@@ -81,7 +81,7 @@ fn first_points(study: &Study<'_>) -> usize {
 pub(super) fn decide(goal: &Boundary, study: &Study<'_>) -> Course {
     let with_values = study.usable_points().filter(|point| !point.values(&goal.of).is_empty()).count();
     let first = first_proposals(study);
-    let model = Model::fit(&goal.of, study.usable_points());
+    let model = Model::fit_near(&goal.of, study.usable_points(), goal.level);
     let answer = BoundaryAnswer::of(goal, study, model.as_ref());
     // Points of earlier sweeps serve as well as the first design.
     let is_begun = with_values >= first_points(study);
