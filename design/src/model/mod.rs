@@ -19,6 +19,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::evidence::{Point, PointRuns};
 use crate::question::Measure;
+use crate::usable::credible;
 use binomial::Counted;
 use gaussian::Replicated;
 use kernel::columns;
@@ -31,6 +32,8 @@ const EVALUATIONS: usize = 25;
 
 /// Maximum number of unique points of a model: its cost grows with their cube.
 pub const MAX_POINTS: usize = 200;
+/// Magnitudes of responses whose squares are ordinary numbers.
+const ORDINARY: std::ops::Range<f64> = 1e-100..1e100;
 
 /// The likelihood of a model.
 #[derive(Clone, Debug)]
@@ -58,10 +61,14 @@ struct Data {
 }
 
 impl Data {
-    /// The values at points that have any.
+    /// The values at points that have any; outliers of a mean are left out.
     fn of<'a>(measure: &Measure, evidence: impl IntoIterator<Item = &'a PointRuns>) -> Self {
-        let rows: Vec<(&PointRuns, Vec<f64>)> =
+        let mut rows: Vec<(&PointRuns, Vec<f64>)> =
             evidence.into_iter().map(|point| (point, point.values(measure))).collect();
+        if matches!(measure, Measure::Mean(_)) {
+            let credible = credible(&rows.iter().flat_map(|(_, values)| values).copied().collect::<Vec<_>>());
+            rows.iter_mut().for_each(|(_, values)| values.retain(|value| credible.contains(value)));
+        }
         let mut data = Self::default();
         for (point, values) in rows.into_iter().filter(|(_, values)| !values.is_empty()) {
             data.points.push(point.point.clone());
@@ -85,8 +92,8 @@ pub struct Model {
 }
 
 impl Model {
-    /// Fits a model to the values of a measure; none without values, or when numbers overflow. Points without values are
-    /// left out. Of more than [`MAX_POINTS`] points those that fill the range evenly count.
+    /// Fits a model to the values of a measure; none without values, or when numbers overflow. Points without values and outliers
+    /// are left out. Of more than [`MAX_POINTS`] points those that fill the range evenly count.
     pub fn fit<'a>(measure: &Measure, evidence: impl IntoIterator<Item = &'a PointRuns>) -> Option<Self> {
         let data = Data::of(measure, evidence);
         let chosen = subset::spread(&data.coordinates, MAX_POINTS);
@@ -149,7 +156,11 @@ impl Model {
     }
 
     fn of_means(points: &DMatrix<f64>, values: &[&[f64]]) -> Option<Fitted> {
-        let summaries = values.iter().map(|values| Replicated::of(values)).collect::<Option<Vec<_>>>()?;
+        let largest = values.iter().copied().flatten().map(|value| value.abs()).fold(0.0, f64::max);
+        let unit = if largest == 0.0 || ORDINARY.contains(&largest) { 1.0 } else { largest };
+        let in_units =
+            |values: &&[f64]| Replicated::of(&values.iter().map(|value| value / unit).collect::<Vec<_>>());
+        let summaries = values.iter().map(in_units).collect::<Option<Vec<_>>>()?;
         let means: Vec<f64> = summaries.iter().map(|summary| summary.mean).collect();
         let sample = roost_stats::Sample::of(&means)?;
         // Equal values have no spread: any scale will do.
@@ -176,7 +187,8 @@ impl Model {
         };
         let alternatives = around.iter().filter_map(posterior).collect();
         let posterior = posterior(&top)?;
-        let likelihood = Likelihood::Gaussian { centre: sample.mean, spread, noise, variance: top.1[0] };
+        let (centre, spread) = (sample.mean * unit, spread * unit);
+        let likelihood = Likelihood::Gaussian { centre, spread, noise, variance: top.1[0] };
         Some((posterior, alternatives, likelihood))
     }
 

@@ -297,3 +297,17 @@ fn two_thousand_points_with_runs_in_flight_take_less_than_2_seconds() {
         assert!(seconds < 2.0, "{name}: {seconds} s");
     }
 }
+
+#[test]
+fn one_enormous_response_is_left_out_and_named() {
+    let truth = truth("2 factors, wavy");
+    let question = question(truth, 400, 0.03);
+    let mut random = Random(4);
+    let mut first = true;
+    let (_, decision) = play(&question, ("y", 20, 2), |x| {
+        if std::mem::take(&mut first) { 1e200 } else { truth.draw(x, &mut random) }
+    });
+    assert_eq!(decision.finished, Some(Finished::ByRule));
+    assert!(holds(truth, answer(&decision)));
+    assert_eq!(decision.answer.unusable[0].outliers, 1);
+}
