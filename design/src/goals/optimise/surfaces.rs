@@ -6,6 +6,8 @@ use crate::model::Model;
 
 /// Share of the variance that keeps covariances of nearly equal points positive definite.
 const JITTER: f64 = 1e-8;
+/// Number of times that this share is increased tenfold; the last would repair any finite covariances.
+const TRIES: usize = 10;
 
 /// The latent values of a measure at points.
 #[derive(Clone, Debug)]
@@ -61,16 +63,17 @@ impl Surface {
         let rows = self.covariances.select_rows(known);
         let mut between = rows.select_columns(known);
         let scale = between.diagonal().max().max(1e-12);
-        let mut jitter = JITTER;
-        let factor = loop {
+        let repaired = (0..TRIES as i32).find_map(|attempt| {
             for index in 0..known.len() {
-                between[(index, index)] += jitter * scale;
+                between[(index, index)] += JITTER * 10.0_f64.powi(attempt) * scale;
             }
-            if let Some(cholesky) = between.clone().cholesky() {
-                break cholesky.unpack();
-            }
-            jitter *= 10.0;
-        };
+            between.clone().cholesky()
+        });
+        // Numbers that are not finite have no factor; no point is then chosen by them.
+        let factor = repaired.map_or_else(
+            || DMatrix::from_element(known.len(), known.len(), f64::NAN),
+            |cholesky| cholesky.unpack(),
+        );
         let mut slopes = rows;
         factor.solve_lower_triangular_unchecked_mut(&mut slopes);
         let deviations = slopes.column_iter().enumerate().map(|(index, slopes)| {
@@ -90,5 +93,21 @@ impl Conditional {
     /// Means at all points, given those values.
     pub(super) fn means(&self, surface: &Surface, numbers: &DVector<f64>) -> DVector<f64> {
         &surface.means + self.slopes.tr_mul(numbers)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_overflowed_end() {
+        let surface = Surface {
+            means: DVector::zeros(3),
+            covariances: DMatrix::from_element(3, 3, f64::NAN),
+            noise: vec![1.0; 3],
+        };
+        let given = surface.given(&[0, 1]);
+        assert!(given.means(&surface, &DVector::from_element(2, 1.0)).iter().all(|mean| mean.is_nan()));
     }
 }
