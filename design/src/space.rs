@@ -1,6 +1,10 @@
 //! Points that fill the unit cube: a scrambled Sobol' sequence and regular grids.
 
-/// A point of the Sobol' sequence (directions of Joe and Kuo) in Owen's scrambling by hashes (Burley 2020).
+/// Number of points of the longest sequence.
+pub(crate) const SEQUENCE_LENGTH: usize = 1 << 16;
+
+/// A point of the Sobol' sequence (directions of Joe and Kuo) in Owen's scrambling by hashes (Burley 2020); `index` is below
+/// [`SEQUENCE_LENGTH`].
 pub(crate) fn sobol(index: usize, factors: usize, seed: u64) -> Vec<f64> {
     // The crate takes 32 bits: both halves of the seed count.
     let seed = (seed ^ (seed >> 32)) as u32;

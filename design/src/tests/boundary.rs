@@ -299,6 +299,22 @@ fn two_thousand_points_with_runs_in_flight_take_less_than_2_seconds() {
 }
 
 #[test]
+fn a_large_budget_may_wait_for_its_first_results() {
+    let question = question(truth("2 factors, tilted"), 100_000, 0.02);
+    let first = decide(&question, &Evidence::default(), 100, 1).proposals;
+    let runs = first.into_iter().map(|Proposal { point, replicate }| Run {
+        point,
+        replicate,
+        outcome: Outcome::Pending,
+    });
+    let evidence = Evidence::new(runs);
+    let decision = decide(&question, &evidence, 70_000, 1);
+    assert_eq!(decision.finished, None);
+    let proposals = decision.proposals.len();
+    assert!((60_000..65_536).contains(&proposals), "{proposals}");
+}
+
+#[test]
 fn one_enormous_response_is_left_out_and_named() {
     let truth = truth("2 factors, wavy");
     let question = question(truth, 400, 0.03);

@@ -17,7 +17,7 @@ use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::model::Model;
 use crate::question::Measure;
-use crate::space::sobol;
+use crate::space::{SEQUENCE_LENGTH, sobol};
 pub use answer::{BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place};
 pub use band::Side;
 
@@ -125,7 +125,7 @@ fn first_proposals(study: &Study<'_>) -> Vec<Proposal> {
 
 /// Further points of the sequence, one run each.
 fn further_proposals(study: &Study<'_>) -> Vec<Proposal> {
-    let points = (first_points(study)..).map(|index| sequence_point(study, index));
+    let points = (first_points(study)..SEQUENCE_LENGTH).map(|index| sequence_point(study, index));
     let new = points
         .take(study.room + study.evidence.points().len())
         .filter(|point| study.evidence.at(point).is_none());
