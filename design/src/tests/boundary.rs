@@ -299,6 +299,37 @@ fn two_thousand_points_with_runs_in_flight_take_less_than_2_seconds() {
 }
 
 #[test]
+fn the_share_on_the_wrong_side_is_that_of_the_whole_range() {
+    let truth = truth("4 factors");
+    let question = question(truth, 10_000, 0.0001);
+    let mut random = Random(2);
+    let proposals: Vec<Proposal> = (0..150)
+        .map(|index| Proposal { point: Point::new(&crate::space::sobol(index, 4, 5)), replicate: 0 })
+        .collect();
+    let evidence = Evidence::new(results(truth, &proposals, &mut random));
+    let decision = decide(&question, &evidence, 0, 3);
+    let model =
+        crate::model::Model::fit(&crate::Measure::Mean("y".into()), evidence.points()).expect("a model");
+    let points: Vec<Vec<f64>> = (0..4000).map(|_| (0..4).map(|_| random.uniform()).collect()).collect();
+    let points = crate::model::kernel::columns(4, &points);
+    let level = model.latent(truth.level);
+    let predictions: Vec<_> = model.posteriors().map(|posterior| posterior.predict(&points)).collect();
+    let share = (0..4000).map(|point| {
+        let n = predictions.len() as f64;
+        let mean = predictions.iter().map(|found| found.means[point]).sum::<f64>() / n;
+        let square =
+            predictions.iter().map(|found| found.variances[point] + found.means[point].powi(2)).sum::<f64>()
+                / n;
+        let distance = (mean - level).abs() / (square - mean * mean).sqrt();
+        0.5 * statrs::function::erf::erfc(distance / std::f64::consts::SQRT_2)
+    });
+    let expected = share.sum::<f64>() / 4000.0;
+    let found = answer(&decision).misclassified.unwrap();
+    println!("wrong side: {found}, by 4,000 random points {expected}");
+    assert!((found / expected - 1.0).abs() < 0.1, "{found}, not {expected}");
+}
+
+#[test]
 fn a_large_budget_may_wait_for_its_first_results() {
     let question = question(truth("2 factors, tilted"), 100_000, 0.02);
     let first = decide(&question, &Evidence::default(), 100, 1).proposals;

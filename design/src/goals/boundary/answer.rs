@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Boundary;
-use super::band::{Band, Side};
+use super::band::{Band, Side, misclassified};
 use crate::evidence::Point;
 use crate::goals::Study;
 use crate::intervals::Estimated;
@@ -114,8 +114,9 @@ impl BoundaryAnswer {
     fn describe(&mut self, study: &Study<'_>, model: &Model) {
         let factors = &study.question.factors;
         let points = grid(STEPS[factors.len() - 1], factors.len());
-        let band = Band::of(model, &points, model.latent(self.level), study.seed);
-        self.misclassified = Some(band.misclassified());
+        let level = model.latent(self.level);
+        let band = Band::of(model, &points, level, study.seed);
+        self.misclassified = Some(misclassified(model, factors.len(), level, study.seed));
         self.band_deviations = Some(band.multiplier);
         self.length_scales = model.posterior.kernel().lengths.clone();
         let sides: Vec<Side> = (0..points.len()).map(|point| band.side(point)).collect();

@@ -95,4 +95,11 @@ pub(super) const TRUTHS: &[Truth] = &[
         level: 0.0,
         noise: Some(|x| 0.2 + 0.6 * x[1]),
     },
+    Truth {
+        name: "4 factors, closed, mean, even noise",
+        factors: 4,
+        function: |x| 1.0 - x.iter().map(|x| 3.0 * (x - 0.5) * (x - 0.5)).sum::<f64>(),
+        level: 0.5,
+        noise: Some(|_| 0.2),
+    },
 ];
