@@ -42,16 +42,17 @@ pub struct MapPoint {
     pub side: Side,
 }
 
-/// A stretch of a single factor in which the level is crossed.
+/// A stretch of a single factor in which the side of the level is not known with 95 % confidence, or changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Crossing {
-    /// Lower end of its 95 % interval, in the unit of the factor.
+    /// Lower end, in the unit of the factor: the last point of the map on a known side, or the lower end of the range.
     pub low: f64,
-    /// Upper end of its 95 % interval.
+    /// Upper end: the first point on a known side, or the upper end of the range.
     pub high: f64,
     /// Values at which the estimate crosses the level within the interval.
     pub estimates: Vec<f64>,
-    /// Whether both ends are inside the range, on different sides: the level is then crossed for certain.
+    /// Whether both ends are on known and different sides. The model then has the level crossed in between with 95 % confidence,
+    /// as all that the band says; this is no proof. Either end may be an end of the range.
     pub is_certain: bool,
 }
 
