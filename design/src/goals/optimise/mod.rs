@@ -14,6 +14,8 @@
 
 mod candidates;
 mod confirmation;
+#[cfg(test)]
+mod decision_tests;
 mod front;
 mod models;
 mod normal;
@@ -263,7 +265,7 @@ pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
     let search_pending = study.evidence.points().iter().flat_map(search_runs);
     let is_waiting = search_pending.filter(|(_, outcome)| **outcome == Outcome::Pending).count() > 0;
     if missing > 0 && !is_waiting {
-        begin_confirmations(&plan, study, &outlook, (missing, open + confirmed), &mut course);
+        begin_confirmations(&plan, study, &outlook, missing, (open, confirmed), &mut course);
     }
     course
 }
@@ -273,7 +275,8 @@ fn begin_confirmations(
     plan: &Plan,
     study: &Study<'_>,
     outlook: &Outlook<'_>,
-    (missing, begun): (usize, usize),
+    missing: usize,
+    (open, confirmed): (usize, usize),
     course: &mut Course,
 ) {
     let left = study.question.budget.max_runs.saturating_sub(study.evidence.runs() + course.proposals.len());
@@ -285,9 +288,12 @@ fn begin_confirmations(
     });
     let before = course.proposals.len();
     course.proposals.extend(runs);
-    if course.proposals.len() == before && begun == 0 {
+    if course.proposals.len() > before || open > 0 {
+        return;
+    }
+    if confirmed == 0 {
         course.is_spent = true;
-    } else if course.proposals.is_empty() {
+    } else {
         // The front has no more points, or the budget no more runs; those confirmed are the answer.
         course.is_met = true;
     }
