@@ -1,20 +1,29 @@
 //! Confirmation: fresh seeds at a recommended point, until its constraints are certified or refuted.
 //!
 //! The search has chosen the point because its runs looked good, so these runs are no evidence. A confirmation rests on replicates
-//! from [`FIRST_CONFIRMATION`] on alone, and their order decides: quick runs have no advantage. It is looked at after n₀ 2ᵏ runs,
-//! k = 0, 1, … With m constraints a look may be wrong about each with probability αₖ = 0.05/(m 2ᵏ⁺¹), which is 0.05 in all.
+//! from [`FIRST_CONFIRMATION`] on alone, and their order decides: quick runs have no advantage.
 //!
-//! | constraint | bounds at a look |
+//! | symbol | meaning |
 //! |---|---|
-//! | probability | one-sided binomial ones (Clopper and Pearson 1934) with confidence 1 − αₖ |
-//! | mean | one-sided ones of Student's t with confidence 1 − αₖ |
+//! | r | attempt, from 1 on. Replicates r·[`FIRST_CONFIRMATION`] and above belong to it |
+//! | m | number of constraints |
+//! | n₀ 2ᵏ | runs after which one looks, k = 0, 1, …; the last look has all runs |
+//! | αₖ | probability with which a look may be wrong about a constraint: 0.05/(m 2ʳ 2ᵏ⁺¹), twice that at the last look |
 //!
-//! The confidence sequence of `intervals` may be looked at after every run, but needs 116 runs without a jam to certify
-//! P ≤ 0.05; these looks need 72.
+//! The αₖ of all looks and attempts together are 0.05/m: however often a study tries, a recommended point breaks a constraint
+//! with a probability of at most 5 %. The points of a front share an attempt, because each of them is a claim of its own.
+//!
+//! | constraint | bounds at a look (`bounds`) |
+//! |---|---|
+//! | probability | one-sided binomial ones (Clopper and Pearson 1934); a run without a value counts as the worse case |
+//! | mean | one-sided ones of Student's t, widened for the skewness of the values |
+//!
+//! The confidence sequence of `intervals` may be looked at after every run, but needs more runs without a jam to certify
+//! P ≤ 0.05 at a first attempt; these looks need 86.
 
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{Binomial, ContinuousCDF, Discrete, DiscreteCDF, StudentsT};
 
+use super::bounds::{Bounds, at_most};
 use super::{Constraint, Optimise};
 use crate::evidence::{Outcome, PointRuns};
 use crate::intervals::CONFIDENCE;
@@ -22,8 +31,14 @@ use crate::question::Measure;
 
 /// The first replicate of a confirmation. The search uses lower ones.
 pub const FIRST_CONFIRMATION: u32 = 1_000_000;
-/// Minimum number of runs of a confirmation.
+/// Minimum number of values of an objective in a confirmation.
 const MIN_RUNS: usize = 10;
+/// Minimum number of runs for a constraint on a mean: with fewer, a skewed response is certified wrongly too often.
+const MIN_MEAN_RUNS: usize = 30;
+/// Maximum of the number of runs of a confirmation in a question.
+pub(super) const MAX_RUNS: usize = 10_000;
+/// Maximum number of attempts.
+const MAX_ATTEMPTS: u32 = 1000;
 /// Probability with which a point at the limit of the search passes its confirmation.
 pub(super) const ASSURANCE: f64 = 0.5;
 
@@ -33,235 +48,128 @@ pub(super) const ASSURANCE: f64 = 0.5;
 pub enum ConfirmationState {
     /// Runs are missing.
     Open,
-    /// All constraints hold with 95 % confidence.
+    /// All constraints hold with 95 % confidence, and every objective has values.
     Confirmed,
     /// A constraint does not hold, with 95 % confidence, or the runs fail.
     Refuted,
-    /// The maximum number of runs cannot certify the constraints.
+    /// The maximum number of runs cannot certify the constraints, or leaves an objective without values.
     Undecided,
 }
 
 /// Numbers of runs of a confirmation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plan {
     /// Runs of the first look: the best case.
     pub(super) first: usize,
     /// Maximum.
     pub(super) most: usize,
+    /// The probability with which each constraint may be certified wrongly.
+    alpha: f64,
 }
 
 /// The confirmation runs at a point.
 #[derive(Clone, Debug)]
 pub(super) struct Confirming<'a> {
+    /// The attempt, from 1 on.
+    pub(super) attempt: u32,
+    /// None when the question does not allow it any more.
+    plan: Option<Plan>,
     runs: Vec<(u32, &'a Outcome)>,
-}
-
-/// A look of a confirmation at a constraint.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Look {
-    runs: usize,
-    /// The maximum number of runs against a probability constraint with which it is certified.
-    allowed: Option<usize>,
-    /// The quantile of Student's t for the bounds of a mean.
-    quantile: f64,
 }
 
 impl Plan {
     /// The looks: numbers of runs.
     fn looks(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..).map(|look| self.first << look).take_while(|runs| *runs <= self.most)
+        let before = (0..).map(|look| self.first << look).take_while(|runs| *runs < self.most);
+        before.chain([self.most])
     }
 
     /// The looks with the probability α_k of each.
-    fn tails(&self, alpha: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
-        self.looks().zip(1..).map(move |(runs, power)| (runs, alpha * 0.5_f64.powi(power)))
+    pub(super) fn tails(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let tail = |(runs, power): (usize, i32)| {
+            let power = if runs == self.most { power - 1 } else { power };
+            (runs, self.alpha * 0.5_f64.powi(power))
+        };
+        self.looks().zip(1..).map(tail)
     }
 
     /// The last look with at most `runs` runs, and its α_k.
-    fn last_look(&self, runs: usize, alpha: f64) -> Option<(usize, f64)> {
-        self.tails(alpha).take_while(|(look, _)| *look <= runs).last()
+    fn last_look(&self, runs: usize) -> Option<(usize, f64)> {
+        self.tails().take_while(|(look, _)| *look <= runs).last()
     }
-}
-
-/// One-sided bounds of a measure at a look.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Bounds {
-    /// Number of values.
-    pub n: usize,
-    /// Share or mean of the values.
-    pub value: f64,
-    /// The measure is above this bound with at least 95 % confidence.
-    pub low: f64,
-    /// The measure is below this bound with at least 95 % confidence.
-    pub high: f64,
-}
-
-impl Bounds {
-    /// Bounds at the last look that values allow; none before the first.
-    fn of(measure: &Measure, plan: &Plan, alpha: f64, values: &[f64]) -> Option<Self> {
-        let (n, tail) = plan.last_look(values.len(), alpha)?;
-        let sample = roost_stats::Sample::of(&values[..n])?;
-        let (low, high) = match measure {
-            Measure::Probability(_) => {
-                let count = values[..n].iter().filter(|value| **value != 0.0).count();
-                (1.0 - upper(n - count, n, tail), upper(count, n, tail))
-            }
-            Measure::Mean(_) => {
-                let half = t_quantile(n, tail) * sample.deviation? / (n as f64).sqrt();
-                (sample.mean - half, sample.mean + half)
-            }
-        };
-        Some(Self { n, value: sample.mean, low, high })
-    }
-}
-
-/// The upper bound of a probability: `count` events or fewer of `n` then have the probability `tail`.
-fn upper(count: usize, n: usize, tail: f64) -> f64 {
-    bisect(|p| at_most(count, n, p) > tail)
-}
-
-/// The end of the range from 0 on in which a condition on a probability holds.
-fn bisect(holds: impl Fn(f64) -> bool) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        *(if holds(middle) { &mut low } else { &mut high }) = middle;
-    }
-    high
-}
-
-/// Probability of at most `count` events in `n` runs.
-fn at_most(count: usize, n: usize, p: f64) -> f64 {
-    Binomial::new(p, n as u64).expect("a probability").cdf(count as u64)
-}
-
-/// The one-sided quantile of Student's t for the mean of `n` values.
-fn t_quantile(n: usize, tail: f64) -> f64 {
-    StudentsT::new(0.0, 1.0, n as f64 - 1.0).expect("at least two runs").inverse_cdf(1.0 - tail)
 }
 
 impl Constraint {
-    /// Number of runs that speak against a probability constraint.
-    fn against(&self, values: &[f64]) -> usize {
-        let count = values.iter().filter(|value| **value != 0.0).count();
-        if self.at_most.is_some() { count } else { values.len() - count }
+    /// Number of runs that speak against a probability constraint, those without a value included.
+    fn against(&self, values: &[Option<f64>]) -> usize {
+        let is_against =
+            |value: &Option<f64>| value.is_none_or(|value| (value != 0.0) == self.at_most.is_some());
+        values.iter().filter(|value| is_against(value)).count()
     }
 
     /// The limit of the probability of runs that speak against it.
-    fn limit_against(&self) -> f64 {
+    pub(super) fn limit_against(&self) -> f64 {
         if self.at_most.is_some() { self.limit() } else { 1.0 - self.limit() }
     }
 
     /// The maximum number of runs against a probability constraint with which a look certifies it; none if none does.
-    fn allowed(&self, runs: usize, tail: f64) -> Option<usize> {
+    pub(super) fn allowed(&self, runs: usize, tail: f64) -> Option<usize> {
         (0..runs).take_while(|against| at_most(*against, runs, self.limit_against()) <= tail).last()
     }
 
-    /// The looks of a plan.
-    pub(super) fn looks(&self, plan: &Plan, alpha: f64) -> Vec<Look> {
-        let look = |(runs, tail)| Look {
-            runs,
-            allowed: match self.of {
-                Measure::Probability(_) => self.allowed(runs, tail),
-                Measure::Mean(_) => None,
-            },
-            quantile: t_quantile(runs, tail),
-        };
-        plan.tails(alpha).map(look).collect()
-    }
-
-    /// The limit for the search: a point there passes its confirmation with probability [`ASSURANCE`]. `deviation` is that of
-    /// single runs, in the unit of the response.
-    pub(super) fn search_limit(&self, looks: &[Look], deviation: f64) -> f64 {
-        match &self.of {
-            Measure::Probability(_) => {
-                let limit = bisect(|p| passes(looks, p) >= ASSURANCE).min(self.limit_against());
-                if self.at_most.is_some() { limit } else { 1.0 - limit }
-            }
-            Measure::Mean(_) => {
-                let margin = margin(looks, deviation);
-                if self.at_most.is_some() { self.limit() - margin } else { self.limit() + margin }
-            }
-        }
-    }
-
-    /// Probability that a confirmation passes for a measure known by quantiles of equal probability.
-    pub(super) fn assurance(&self, looks: &[Look], quantiles: &[f64], deviation: f64) -> f64 {
-        let sign = if self.at_most.is_some() { 1.0 } else { -1.0 };
-        let error = looks.last().map_or(0.0, |look| deviation / (look.runs as f64).sqrt()).max(1e-300);
-        let pass = |value: &f64| match &self.of {
-            Measure::Probability(_) => passes(looks, if sign > 0.0 { *value } else { 1.0 - value }),
-            Measure::Mean(_) => {
-                super::normal::cdf((sign * (self.limit() - value) - margin(looks, deviation)) / error)
-            }
-        };
-        quantiles.iter().map(pass).sum::<f64>() / quantiles.len() as f64
-    }
-
-    /// Whether values certify (true) or refute (false) the constraint at their last look.
-    fn verdict(&self, plan: &Plan, alpha: f64, values: &[f64]) -> Option<bool> {
-        let bounds = Bounds::of(&self.of, plan, alpha, values)?;
+    /// Whether the values of a look certify (true) or refute (false) the constraint.
+    fn verdict(&self, tail: f64, values: &[Option<f64>]) -> Option<bool> {
+        let bounds = Bounds::of(&self.of, tail, values)?;
         let (is_below, is_above) = (bounds.high <= self.limit(), bounds.low >= self.limit());
         (is_below || is_above).then_some(if self.at_most.is_some() { is_below } else { is_above })
     }
-}
 
-/// Probability that a confirmation certifies a probability constraint, if a run speaks against it with probability `p`.
-fn passes(looks: &[Look], p: f64) -> f64 {
-    let most = looks.iter().filter_map(|look| look.allowed).max().unwrap_or(0);
-    // Probability of each number of runs against it, while no look has certified it.
-    let mut open = vec![0.0; most + 1];
-    open[0] = 1.0;
-    let (mut passed, mut before) = (0.0, 0);
-    for look in looks {
-        let step = Binomial::new(p.clamp(0.0, 1.0), (look.runs - before) as u64).expect("a probability");
-        let steps: Vec<f64> = (0..=most).map(|count| step.pmf(count as u64)).collect();
-        let next = |count: usize| (0..=count).map(|old| open[old] * steps[count - old]).sum();
-        open = (0..=most).map(next).collect();
-        let certified = look.allowed.map_or(0, |allowed| allowed + 1);
-        passed += open[..certified].iter().sum::<f64>();
-        open[..certified].fill(0.0);
-        before = look.runs;
+    /// The number of runs that certify the constraint in the best case, at a look that is wrong with probability `tail`.
+    fn needed(&self, tail: f64) -> usize {
+        match &self.of {
+            // Without a run against it: (1 − limit)ⁿ ≤ tail.
+            Measure::Probability(_) => (tail.ln() / (-self.limit_against()).ln_1p()).ceil() as usize,
+            Measure::Mean(_) => MIN_MEAN_RUNS,
+        }
     }
-    passed
-}
-
-/// Half the width of the interval of a mean at the last look.
-fn margin(looks: &[Look], deviation: f64) -> f64 {
-    looks.last().map_or(0.0, |look| look.quantile * deviation / (look.runs as f64).sqrt())
 }
 
 impl Optimise {
-    /// The probability with which each constraint may be certified wrongly (Bonferroni).
-    pub(super) fn alpha(&self) -> f64 {
-        (1.0 - CONFIDENCE) / self.constraints.len().max(1) as f64
+    /// The numbers of runs of an attempt, from 1 on; none when the maximum in the question certifies nothing.
+    pub(super) fn plan(&self, attempt: u32) -> Option<Plan> {
+        // Each constraint has its share of what may be wrong (Bonferroni).
+        let alpha = (1.0 - CONFIDENCE) / self.constraints.len().max(1) as f64 * 0.5_f64.powi(attempt as i32);
+        let needed = |tail: f64| {
+            let runs = self.constraints.iter().map(|constraint| constraint.needed(tail));
+            runs.fold(MIN_RUNS, usize::max)
+        };
+        let first = needed(0.5 * alpha);
+        let most = self.confirmation_runs.unwrap_or(2 * first);
+        // A single look may be wrong with all of α.
+        let is_possible = attempt <= MAX_ATTEMPTS && most >= needed(alpha);
+        is_possible.then_some(Plan { first: first.min(most), most, alpha })
     }
 
-    /// The numbers of runs of a confirmation; none when the maximum in the question certifies nothing.
-    pub(super) fn plan(&self) -> Option<Plan> {
-        let needed = |constraint: &Constraint| match &constraint.of {
-            // Without a run against it: (1 − limit)ⁿ ≤ α₀.
-            Measure::Probability(_) => {
-                ((0.5 * self.alpha()).ln() / (-constraint.limit_against()).ln_1p()).ceil() as usize
-            }
-            Measure::Mean(_) => MIN_RUNS,
+    /// The next attempt. It is the last one as long as that has fewer points than are recommended in all.
+    pub(super) fn next_attempt<'a>(
+        &self,
+        begun: impl Iterator<Item = (u32, ConfirmationState)> + Clone + 'a,
+    ) -> u32 {
+        let last = begun.clone().map(|(attempt, _)| attempt).max().unwrap_or(1);
+        let is_taken = |(attempt, state): &(u32, ConfirmationState)| {
+            *attempt == last || matches!(state, ConfirmationState::Open | ConfirmationState::Confirmed)
         };
-        let first = self.constraints.iter().map(needed).fold(MIN_RUNS, usize::max);
-        let by_default = if self.constraints.is_empty() { first } else { 2 * first };
-        let most = self.confirmation_runs.unwrap_or(by_default);
-        (most >= first).then_some(Plan { first, most })
+        if begun.filter(is_taken).count() < self.targets() { last } else { last + 1 }
     }
 }
 
 impl<'a> Confirming<'a> {
     /// The confirmation at a point; none if it has not begun.
-    pub(super) fn of(point: &'a PointRuns) -> Option<Self> {
-        let runs: Vec<_> = point
-            .runs
-            .range(FIRST_CONFIRMATION..)
-            .map(|(replicate, outcome)| (*replicate, outcome))
-            .collect();
-        (!runs.is_empty()).then_some(Self { runs })
+    pub(super) fn of(goal: &Optimise, point: &'a PointRuns) -> Option<Self> {
+        let runs = point.runs.range(FIRST_CONFIRMATION..);
+        let runs: Vec<_> = runs.map(|(replicate, outcome)| (*replicate, outcome)).collect();
+        let attempt = runs.first()?.0 / FIRST_CONFIRMATION;
+        Some(Self { attempt, plan: goal.plan(attempt), runs })
     }
 
     /// Runs before the first that is in flight, but for cancelled ones.
@@ -271,45 +179,45 @@ impl<'a> Confirming<'a> {
         ended.filter(|outcome| **outcome != Outcome::Cancelled)
     }
 
-    /// The values of a measure, in the order of replicates.
-    pub(super) fn values(&self, measure: &Measure) -> Vec<f64> {
-        let values = self.ended().filter_map(|outcome| match outcome {
+    /// The values of a measure by run, in the order of replicates; none where a run failed or lacks the response.
+    fn outcomes(&self, measure: &Measure) -> Vec<Option<f64>> {
+        let value = |outcome: &Outcome| match outcome {
             Outcome::Responses(values) => values.get(measure.response()).copied(),
             Outcome::Pending | Outcome::Cancelled | Outcome::Failed => None,
-        });
-        values.filter(|value| value.is_finite()).collect()
+        };
+        self.ended().map(|outcome| value(outcome).filter(|value| value.is_finite())).collect()
     }
 
-    /// Number of runs that have ended, and how many of them failed.
-    fn counts(&self) -> (usize, usize) {
-        self.ended().fold((0, 0), |(ended, failed), outcome| {
-            (ended + 1, failed + usize::from(*outcome == Outcome::Failed))
-        })
+    /// The values of a measure.
+    pub(super) fn values(&self, measure: &Measure) -> Vec<f64> {
+        self.outcomes(measure).into_iter().flatten().collect()
     }
 
-    pub(super) fn state(&self, goal: &Optimise, plan: &Plan, max_failures: usize) -> ConfirmationState {
-        let (ended, failed) = self.counts();
+    pub(super) fn state(&self, goal: &Optimise, max_failures: usize) -> ConfirmationState {
+        let ended = self.ended().count();
+        let failed = self.ended().filter(|outcome| **outcome == Outcome::Failed).count();
         if failed >= max_failures && 2 * failed >= ended {
             return ConfirmationState::Refuted;
         }
-        let alpha = goal.alpha();
-        let last = plan.last_look(plan.most, alpha);
-        let (mut is_certified, mut is_refuted, mut is_hopeless) = (ended >= plan.first, false, false);
+        let Some(plan) = &self.plan else { return ConfirmationState::Undecided };
+        let (look, last) = (plan.last_look(ended), plan.last_look(plan.most));
+        let (mut is_certified, mut is_refuted, mut is_hopeless) = (look.is_some(), false, false);
         for constraint in &goal.constraints {
-            let values = self.values(&constraint.of);
-            let verdict = constraint.verdict(plan, alpha, &values);
+            let values = self.outcomes(&constraint.of);
+            let verdict = look.and_then(|(runs, tail)| constraint.verdict(tail, &values[..runs]));
             is_certified &= verdict == Some(true);
             is_refuted |= verdict == Some(false);
             if matches!(constraint.of, Measure::Probability(_)) {
                 let allowed = last.and_then(|(runs, tail)| constraint.allowed(runs, tail));
-                is_hopeless |= constraint.against(&values) > allowed.unwrap_or(0);
+                is_hopeless |= allowed.is_none_or(|allowed| constraint.against(&values) > allowed);
             }
         }
-        if is_certified {
+        let has_values = |objective: &super::Objective| self.values(objective.measure()).len() >= MIN_RUNS;
+        if is_certified && goal.objectives.iter().all(has_values) {
             ConfirmationState::Confirmed
         } else if is_refuted {
             ConfirmationState::Refuted
-        } else if is_hopeless || ended >= last.map_or(0, |(runs, _)| runs) + failed {
+        } else if is_hopeless || ended >= plan.most {
             ConfirmationState::Undecided
         } else {
             ConfirmationState::Open
@@ -317,16 +225,18 @@ impl<'a> Confirming<'a> {
     }
 
     /// Bounds of a measure at the last look so far.
-    pub(super) fn bounds(&self, goal: &Optimise, plan: &Plan, measure: &Measure) -> Option<Bounds> {
-        Bounds::of(measure, plan, goal.alpha(), &self.values(measure))
+    pub(super) fn bounds(&self, measure: &Measure) -> Option<Bounds> {
+        let values = self.outcomes(measure);
+        let (runs, tail) = self.plan.as_ref()?.last_look(values.len())?;
+        Bounds::of(measure, tail, &values[..runs])
     }
 
     /// Replicates of an open confirmation that come next: up to the next look.
-    pub(super) fn next(&self, plan: &Plan) -> std::ops::Range<u32> {
-        let (ended, failed) = self.counts();
-        let next = plan.looks().find(|look| look + failed > ended).unwrap_or(plan.most);
-        let cancelled = self.runs.iter().filter(|(_, outcome)| **outcome == Outcome::Cancelled).count();
+    pub(super) fn next(&self) -> std::ops::Range<u32> {
+        let ended = self.ended().count();
+        let next = self.plan.as_ref().and_then(|plan| plan.looks().find(|look| *look > ended)).unwrap_or(0);
         let from = self.runs.last().map_or(FIRST_CONFIRMATION, |(replicate, _)| replicate + 1);
-        from..from.max(FIRST_CONFIRMATION + (next + failed + cancelled) as u32)
+        let cancelled = self.runs.iter().filter(|(_, outcome)| **outcome == Outcome::Cancelled).count();
+        from..from + (next + cancelled).saturating_sub(self.runs.len()) as u32
     }
 }

@@ -10,9 +10,12 @@
 //! | `search`, `surfaces`, `candidates` | the choice of runs |
 //! | `normal`, `front` | expected improvement for one objective and two |
 //! | `recommendation` | the best points that should pass a confirmation |
-//! | `confirmation` | fresh runs, and their verdict |
+//! | `confirmation`, `bounds` | fresh runs, and their verdict |
+//! | `chances` | the chances of a point to pass |
 
+mod bounds;
 mod candidates;
+mod chances;
 mod confirmation;
 #[cfg(test)]
 mod decision_tests;
@@ -29,7 +32,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-pub use confirmation::{Bounds, ConfirmationState, FIRST_CONFIRMATION};
+pub use bounds::Bounds;
+pub use confirmation::{ConfirmationState, FIRST_CONFIRMATION};
 pub use recommendation::{Confirmation, Forecast, Recommendation};
 
 use super::{Course, Study};
@@ -39,6 +43,7 @@ use crate::factor::Factor;
 use crate::fault::{Fault, fault};
 use crate::question::{Budget, Measure};
 use crate::space::sobol;
+use chances::NextConfirmation;
 use confirmation::{Confirming, Plan};
 use models::Models;
 use recommendation::Outlook;
@@ -59,8 +64,9 @@ pub struct Optimise {
     /// share of the standard deviation of the objective over the points so far; with two a share of the area of the front.
     #[serde(default = "default_tolerance")]
     pub tolerance: f64,
-    /// Maximum number of runs that confirm a point. By default twice the number that certifies the constraints in
-    /// the best case, or 10 without constraints.
+    /// Maximum number of runs that confirm a point, beside `max_replicates`. By default twice the number that certifies
+    /// the constraints in the best case, or 20 without constraints. Later attempts need more runs; the study ends when this
+    /// maximum is too small for them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confirmation_runs: Option<usize>,
     /// Maximum number of points of a Pareto front that are confirmed and recommended.
@@ -107,6 +113,8 @@ pub struct OptimiseAnswer {
     pub recommended: Vec<Recommendation>,
     /// Points whose confirmation failed.
     pub rejected: Vec<Recommendation>,
+    /// Number of attempts at a confirmation. All of them together are wrong about a recommended point with at most 5 %.
+    pub attempts: u32,
     /// Expected improvement of the best next run, in the unit of the tolerance; none outside the search.
     pub expected_improvement: Option<f64>,
 }
@@ -166,12 +174,18 @@ impl Optimise {
         if self.front_points == 0 {
             faults.push(fault(&format!("{at}/front_points"), 0, "nothing to recommend", "at least 1"));
         }
+        if let Some(runs) = self.confirmation_runs.filter(|runs| *runs > confirmation::MAX_RUNS) {
+            let (at, allowed) =
+                (format!("{at}/confirmation_runs"), format!("at most {}", confirmation::MAX_RUNS));
+            faults.push(fault(&at, runs, "too many runs at one point", &allowed));
+        }
         if faults.len() > before {
             return;
         }
-        let Some(plan) = self.plan() else {
-            let unlimited = Self { confirmation_runs: None, ..self.clone() }.plan();
-            let allowed = format!("at least {}", unlimited.map_or(0, |plan| plan.first));
+        let Some(plan) = self.plan(1) else {
+            let least = (1..confirmation::MAX_RUNS)
+                .find(|runs| Self { confirmation_runs: Some(*runs), ..self.clone() }.plan(1).is_some());
+            let allowed = format!("at least {}", least.unwrap_or_default());
             let detail = "these runs cannot certify the constraints even in the best case";
             faults.push(fault(&format!("{at}/confirmation_runs"), self.confirmation_runs, detail, &allowed));
             return;
@@ -190,7 +204,9 @@ impl Optimise {
 
     /// Runs that are kept for the confirmation.
     fn reserve(&self, plan: &Plan) -> usize {
-        plan.most * self.targets()
+        // Without constraints only lost runs take a confirmation past its first look.
+        let runs = if self.constraints.is_empty() { plan.first } else { plan.most };
+        runs * self.targets()
     }
 
     /// Measures without repetition, those of the objectives first.
@@ -221,39 +237,42 @@ fn next_replicate(point: Option<&PointRuns>) -> u32 {
 /// The points whose confirmation has begun, with its state.
 fn confirmations<'a>(
     goal: &Optimise,
-    plan: &Plan,
     study: &Study<'a>,
 ) -> BTreeMap<&'a Point, (Confirming<'a>, ConfirmationState)> {
     let max_failures = study.question.budget.max_failures;
     let begun = study.evidence.points().iter().filter_map(|point| {
-        let runs = Confirming::of(point)?;
-        let state = runs.state(goal, plan, max_failures);
+        let runs = Confirming::of(goal, point)?;
+        let state = runs.state(goal, max_failures);
         Some((&point.point, (runs, state)))
     });
     begun.collect()
 }
 
 pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
-    let plan = goal.plan().expect("a question without faults has a plan");
-    let begun = confirmations(goal, &plan, study);
+    let begun = confirmations(goal, study);
+    let attempt = goal.next_attempt(begun.values().map(|(runs, state)| (runs.attempt, *state)));
+    // The forecasts need a plan even when there is no further attempt.
+    let further = goal.plan(attempt);
+    let plan = further.or(goal.plan(1)).expect("a question without faults has a plan");
+    let next = NextConfirmation::of(goal, plan);
     let count = |state| begun.values().filter(|(_, other)| *other == state).count();
     let (open, confirmed) = (count(ConfirmationState::Open), count(ConfirmationState::Confirmed));
     let missing = goal.targets() - (open + confirmed).min(goal.targets());
     let models = Models::fit(goal, study);
-    let outlook = Outlook::of(goal, &plan, study, models.as_ref(), &begun);
+    let outlook = Outlook::of(goal, &next, study, models.as_ref(), &begun);
     let mut course = Course {
         proposals: Vec::new(),
         is_met: missing == 0 && open == 0,
         is_spent: false,
-        finding: Finding::Optimise(outlook.answer(&plan, study, &begun)),
+        finding: Finding::Optimise(outlook.answer(study, &begun)),
     };
     for (point, (runs, _)) in begun.iter().filter(|(_, (_, state))| *state == ConfirmationState::Open) {
         let run = |replicate| Proposal { point: (*point).clone(), replicate };
-        course.proposals.extend(runs.next(&plan).map(run));
+        course.proposals.extend(runs.next().map(run));
     }
-    let is_searching = search_room(goal, &plan, study) > 0 && open + confirmed == 0;
+    let is_searching = further.is_some() && search_room(goal, &plan, study) > 0 && open + confirmed == 0;
     if is_searching {
-        let improvement = search_step(goal, &plan, study, models.as_ref(), &mut course);
+        let improvement = search_step(goal, &next, study, models.as_ref(), &mut course);
         if let Finding::Optimise(answer) = &mut course.finding {
             answer.expected_improvement = improvement;
         }
@@ -265,14 +284,15 @@ pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
     let search_pending = study.evidence.points().iter().flat_map(search_runs);
     let is_waiting = search_pending.filter(|(_, outcome)| **outcome == Outcome::Pending).count() > 0;
     if missing > 0 && !is_waiting {
-        begin_confirmations(&plan, study, &outlook, missing, (open, confirmed), &mut course);
+        let missing = if further.is_some() { missing } else { 0 };
+        begin_confirmations((attempt, &plan), study, &outlook, missing, (open, confirmed), &mut course);
     }
     course
 }
 
 /// Begins the confirmation of the next points, as far as the budget allows.
 fn begin_confirmations(
-    plan: &Plan,
+    (attempt, plan): (u32, &Plan),
     study: &Study<'_>,
     outlook: &Outlook<'_>,
     missing: usize,
@@ -284,7 +304,7 @@ fn begin_confirmations(
     let affordable = points.iter().take(left / plan.first);
     let runs = affordable.flat_map(|point| {
         (0..plan.first as u32)
-            .map(|index| Proposal { point: point.clone(), replicate: FIRST_CONFIRMATION + index })
+            .map(|index| Proposal { point: point.clone(), replicate: attempt * FIRST_CONFIRMATION + index })
     });
     let before = course.proposals.len();
     course.proposals.extend(runs);
@@ -312,18 +332,18 @@ fn search_room(goal: &Optimise, plan: &Plan, study: &Study<'_>) -> usize {
 /// Proposes runs of the search. Returns the expected improvement of the best one; none while the first design is incomplete.
 fn search_step(
     goal: &Optimise,
-    plan: &Plan,
+    next: &NextConfirmation<'_>,
     study: &Study<'_>,
     models: Option<&Models>,
     course: &mut Course,
 ) -> Option<f64> {
-    let room = search_room(goal, plan, study).min(study.room);
+    let room = search_room(goal, &next.plan, study).min(study.room);
     let (wanted, is_ready) = first_design(goal, study);
     let first = wanted.len();
     course.proposals.extend(wanted.into_iter().take(room));
     let models = models.filter(|_| is_ready)?;
     let rest = room.saturating_sub(first);
-    let (further, improvement) = search::proposals(goal, plan, study, models, rest);
+    let (further, improvement) = search::proposals(goal, next, study, models, rest);
     course.proposals.extend(further);
     (first == 0).then_some(improvement)?
 }

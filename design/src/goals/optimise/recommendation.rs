@@ -6,7 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::confirmation::{ASSURANCE, Bounds, ConfirmationState, Confirming, Plan};
+use super::bounds::Bounds;
+use super::chances::NextConfirmation;
+use super::confirmation::{ASSURANCE, ConfirmationState, Confirming, Plan};
 use super::models::Models;
 use super::{Constraint, Optimise, OptimiseAnswer, candidates, front};
 use crate::evidence::{Point, PointRuns};
@@ -55,6 +57,8 @@ pub struct Forecast {
 /// The confirmation of a point: runs with fresh seeds alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Confirmation {
+    /// The attempt, from 1 on: the later, the more runs it needs. Points of a front share one.
+    pub attempt: u32,
     /// Its state.
     pub state: ConfirmationState,
     /// The objectives, with 95 % intervals.
@@ -87,20 +91,19 @@ impl<'a> Outlook<'a> {
     /// Usable points with values, and around the best of them and over the range others without. None without models.
     pub(super) fn of(
         goal: &'a Optimise,
-        plan: &Plan,
+        next: &NextConfirmation<'_>,
         study: &Study<'a>,
         models: Option<&Models<'_>>,
         begun: &BTreeMap<&Point, (Confirming<'_>, ConfirmationState)>,
     ) -> Self {
-        let least_assurance = least_assurance(plan, study);
-        let considered = models.map_or(Vec::new(), |models| consider(goal, plan, study, models, begun));
+        let least_assurance = least_assurance(&next.plan, study);
+        let considered = models.map_or(Vec::new(), |models| consider(goal, next, study, models, begun));
         Self { goal, least_assurance, considered }
     }
 
     /// The answer so far.
     pub(super) fn answer(
         &self,
-        plan: &Plan,
         study: &Study<'_>,
         begun: &BTreeMap<&Point, (Confirming<'_>, ConfirmationState)>,
     ) -> OptimiseAnswer {
@@ -108,9 +111,10 @@ impl<'a> Outlook<'a> {
         let recommendation = |point: &Considered<'_>| {
             let confirmation = begun.get(&point.point).map(|(runs, state)| {
                 let estimated = |measure: &Measure| Estimated::of(measure, &runs.values(measure));
-                let bounds = |constraint: &Constraint| runs.bounds(goal, plan, &constraint.of);
+                let bounds = |constraint: &Constraint| runs.bounds(&constraint.of);
                 let objectives = goal.objectives.iter().map(|objective| estimated(objective.measure()));
                 Confirmation {
+                    attempt: runs.attempt,
                     state: *state,
                     objectives: objectives.collect(),
                     constraints: goal.constraints.iter().map(bounds).collect(),
@@ -138,6 +142,7 @@ impl<'a> Outlook<'a> {
                 .filter(|point| point.is_rejected())
                 .map(recommendation)
                 .collect(),
+            attempts: begun.values().map(|(runs, _)| runs.attempt).max().unwrap_or(0),
             expected_improvement: None,
         }
     }
@@ -219,7 +224,7 @@ fn least_assurance(plan: &Plan, study: &Study<'_>) -> f64 {
 
 fn consider<'a>(
     goal: &Optimise,
-    plan: &Plan,
+    next: &NextConfirmation<'_>,
     study: &Study<'a>,
     models: &Models<'_>,
     begun: &BTreeMap<&Point, (Confirming<'_>, ConfirmationState)>,
@@ -234,7 +239,7 @@ fn consider<'a>(
     };
     let known = study.evidence.points().iter().filter(is_considered);
     let known: Vec<_> = known.map(|runs| (runs.point.clone(), Some(runs))).collect();
-    let mut considered = forecast(goal, plan, study, models, known);
+    let mut considered = forecast(goal, next, study, models, known);
     for point in &mut considered {
         point.state = begun.get(&point.point).map(|(_, state)| *state);
     }
@@ -251,7 +256,7 @@ fn consider<'a>(
         let rounded = new.concat().into_iter().map(|point| Point::new(&point).rounded(factors));
         let new: BTreeSet<Point> = rounded.filter(|point| study.evidence.at(point).is_none()).collect();
         let new = new.into_iter().map(|point| (point, None)).collect();
-        considered.extend(forecast(goal, plan, study, models, new));
+        considered.extend(forecast(goal, next, study, models, new));
     }
     considered
 }
@@ -259,14 +264,19 @@ fn consider<'a>(
 /// Points with their forecasts.
 fn forecast<'a>(
     goal: &Optimise,
-    plan: &Plan,
+    next: &NextConfirmation<'_>,
     study: &Study<'_>,
     models: &Models<'_>,
     points: Vec<(Point, Option<&'a PointRuns>)>,
 ) -> Vec<Considered<'a>> {
     let coordinates: Vec<_> = points.iter().map(|(point, _)| point.coordinates()).collect();
     let matrix = columns(study.question.factors.len(), &coordinates);
-    let success = models.success.as_ref().map(|model| (model, model.posterior.predict(&matrix).means));
+    let success: Vec<f64> = match &models.success {
+        None => vec![1.0; points.len()],
+        Some(model) => {
+            model.posterior.predict(&matrix).means.iter().map(|latent| model.value(*latent)).collect()
+        }
+    };
     let considered = |(index, (point, runs))| Considered {
         point,
         runs,
@@ -274,7 +284,7 @@ fn forecast<'a>(
         latents: Vec::new(),
         objectives: Vec::new(),
         constraints: Vec::new(),
-        assurance: success.as_ref().map_or(1.0, |(model, means)| model.value(means[index])),
+        assurance: success[index],
     };
     let mut considered: Vec<_> = points.into_iter().enumerate().map(considered).collect();
     for objective in &goal.objectives {
@@ -284,11 +294,10 @@ fn forecast<'a>(
             point.objectives.push(forecast);
         }
     }
-    for constraint in &goal.constraints {
-        let looks = constraint.looks(plan, goal.alpha());
-        let forecasts = forecasts(&constraint.of, models, &matrix);
-        for (point, (forecast, _, quantiles, noise)) in considered.iter_mut().zip(forecasts) {
-            point.assurance *= constraint.assurance(&looks, &quantiles, noise);
+    for (constraint, chances) in goal.constraints.iter().zip(&next.chances) {
+        let forecasts = forecasts(&constraint.of, models, &matrix).into_iter().zip(&success);
+        for (point, ((forecast, _, quantiles, noise), success)) in considered.iter_mut().zip(forecasts) {
+            point.assurance *= chances.assurance(&quantiles, noise, *success);
             point.constraints.push(forecast);
         }
     }

@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::confirmation::Plan;
+use super::chances::NextConfirmation;
 use super::models::Models;
 use super::normal::{LnSum, ln_cdf, ln_improvement};
 use super::surfaces::{Conditional, Surface};
@@ -55,7 +55,7 @@ struct Field<'a> {
 /// The proposals of the search, and the expected improvement of the first in the unit of the tolerance.
 pub(super) fn proposals(
     goal: &Optimise,
-    plan: &Plan,
+    next: &NextConfirmation<'_>,
     study: &Study<'_>,
     models: &Models<'_>,
     room: usize,
@@ -65,13 +65,13 @@ pub(super) fn proposals(
     let seed = mixed_seed(study.seed, study.evidence.runs() as u64);
     let old = old_points(study);
     let spread = candidates::spread(200, factors, seed);
-    let mut wide = Field::of(goal, plan, study, models, &old, &spread);
+    let mut wide = Field::of(goal, next, study, models, &old, &spread);
     let centres = wide.best_incumbents(6);
     let near = candidates::clouds(&centres, 8, seed);
-    wide = Field::of(goal, plan, study, models, &old, &[spread, near].concat());
+    wide = Field::of(goal, next, study, models, &old, &[spread, near].concat());
     let best = wide.best_new(60, seed);
     let around = candidates::clouds(&best[..best.len().min(4)], 10, mixed_seed(seed, 1));
-    let mut field = Field::of(goal, plan, study, models, &old, &[best, around].concat());
+    let mut field = Field::of(goal, next, study, models, &old, &[best, around].concat());
     let (mut proposals, mut improvement) = (Vec::new(), None);
     let mut counts: BTreeMap<usize, u32> = BTreeMap::new();
     while proposals.len() < room.max(1) {
@@ -116,7 +116,7 @@ fn best_of(values: &[f64], is_allowed: impl Fn(usize) -> bool) -> Option<(usize,
 impl<'a> Field<'a> {
     fn of(
         goal: &'a Optimise,
-        plan: &Plan,
+        next: &NextConfirmation<'_>,
         study: &Study<'_>,
         models: &Models<'_>,
         old: &[(Point, usize)],
@@ -136,16 +136,12 @@ impl<'a> Field<'a> {
         for objective in &goal.objectives {
             surfaces.push(Surface::of(models.of(objective.measure()), &matrix, objective.sign()));
         }
-        for constraint in &goal.constraints {
+        for (constraint, chances) in goal.constraints.iter().zip(&next.chances) {
             let model = models.of(&constraint.of);
             let sign = if constraint.at_most.is_some() { 1.0 } else { -1.0 };
             let surface = Surface::of(model, &matrix, sign);
             let unit = model.value(1.0) - model.value(0.0);
-            let looks = constraint.looks(plan, goal.alpha());
-            let limit = |noise: &f64| {
-                let limit = constraint.search_limit(&looks, noise.sqrt() * unit);
-                sign * model.latent(limit)
-            };
+            let limit = |noise: &f64| sign * model.latent(chances.search_limit(noise.sqrt() * unit));
             // The limit of a probability does not depend on the point.
             limits.push(match constraint.of {
                 crate::question::Measure::Probability(_) => vec![limit(&0.0); points.len()],

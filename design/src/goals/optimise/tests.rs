@@ -2,6 +2,8 @@
 
 use serde_json::Value;
 
+use super::bounds::Bounds;
+use super::chances::Chances;
 use super::confirmation::{ConfirmationState, Confirming};
 use super::normal::{LnSum, ln_cdf, ln_improvement};
 use super::{Constraint, FIRST_CONFIRMATION, Objective, Optimise, front};
@@ -86,26 +88,47 @@ fn load() -> Constraint {
     Constraint { of: Measure::Mean("load".to_owned()), at_most: None, at_least: Some(1.0) }
 }
 
-/// Confirmation runs with a probability of jams and a normal load of deviation 1, until the verdict.
-fn verdict(goal: &Optimise, jams: f64, load: f64, random: &mut Random) -> (ConfirmationState, usize) {
-    let plan = goal.plan().unwrap();
-    let mut point = PointRuns { point: Point::new(&[0.5]), runs: [].into() };
-    let mut next = FIRST_CONFIRMATION..FIRST_CONFIRMATION + plan.first as u32;
-    loop {
-        for replicate in next {
-            let jammed = f64::from(u8::from(random.uniform() < jams));
-            let load = load + random.normal();
-            let values = [("jammed".to_owned(), jammed), ("load".to_owned(), load), ("cost".to_owned(), 1.0)];
-            point.runs.insert(replicate, Outcome::Responses(values.into()));
+/// Attempts at a confirmation with a probability of jams and drawn loads: the last state, and its number of runs.
+fn attempts(
+    goal: &Optimise,
+    attempts: std::ops::RangeInclusive<u32>,
+    jams: f64,
+    random: &mut Random,
+    load: impl Fn(&mut Random) -> f64,
+) -> (ConfirmationState, usize) {
+    let mut last = (ConfirmationState::Open, 0);
+    for attempt in attempts {
+        let first = attempt * FIRST_CONFIRMATION;
+        let mut point = PointRuns { point: Point::new(&[0.5]), runs: [].into() };
+        let mut next = first..first + goal.plan(attempt).unwrap().first as u32;
+        loop {
+            for replicate in next {
+                let jammed = f64::from(u8::from(random.uniform() < jams));
+                let values = [("jammed", jammed), ("load", load(random)), ("cost", 1.0)];
+                point.runs.insert(replicate, outcome(&values));
+            }
+            let runs = Confirming::of(goal, &point).unwrap();
+            last = (runs.state(goal, 3), point.runs.len());
+            if last.0 != ConfirmationState::Open {
+                break;
+            }
+            next = runs.next();
+            assert!(!next.is_empty(), "an open confirmation goes on");
         }
-        let runs = Confirming::of(&point).unwrap();
-        let state = runs.state(goal, &plan, 3);
-        if state != ConfirmationState::Open {
-            return (state, point.runs.len());
+        if last.0 == ConfirmationState::Confirmed {
+            break;
         }
-        next = runs.next(&plan);
-        assert!(!next.is_empty(), "an open confirmation goes on");
     }
+    last
+}
+
+fn outcome(values: &[(&str, f64)]) -> Outcome {
+    Outcome::Responses(values.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect())
+}
+
+/// A first attempt with a normal load of deviation 1.
+fn verdict(goal: &Optimise, jams: f64, load: f64, random: &mut Random) -> (ConfirmationState, usize) {
+    attempts(goal, 1..=1, jams, random, |random| load + random.normal())
 }
 
 #[test]
@@ -130,7 +153,7 @@ fn a_confirmation_seldom_certifies_what_does_not_hold() {
 fn a_confirmation_certifies_what_holds_clearly() {
     let mut random = Random(2);
     let goal = goal(vec![jam(), load()]);
-    let plan = goal.plan().unwrap();
+    let plan = goal.plan(1).unwrap();
     let found: Vec<_> = (0..200).map(|_| verdict(&goal, 0.002, 2.0, &mut random)).collect();
     let passed = found.iter().filter(|(state, _)| *state == ConfirmationState::Confirmed).count();
     assert!(passed >= 190, "{passed} of 200");
@@ -144,13 +167,162 @@ fn a_confirmation_certifies_what_holds_clearly() {
 fn the_limit_of_the_search_passes_with_the_stated_probability() {
     let mut random = Random(3);
     let goal = goal(vec![jam()]);
-    let plan = goal.plan().unwrap();
-    let limit = jam().search_limit(&jam().looks(&plan, goal.alpha()), 0.0);
+    let plan = goal.plan(1).unwrap();
+    let limit = Chances::of(&jam(), &plan).search_limit(0.0);
     let passed =
         (0..2000).filter(|_| verdict(&goal, limit, 0.0, &mut random).0 == ConfirmationState::Confirmed);
     let share = passed.count() as f64 / 2000.0;
     println!("limit {limit}: {share}");
     assert!((0.46..=0.54).contains(&share), "{share} at {limit}");
     let opposite = Constraint { at_most: None, at_least: Some(0.95), ..jam() };
-    assert_near(opposite.search_limit(&opposite.looks(&plan, goal.alpha()), 0.0), 1.0 - limit, 1e-9);
+    assert_near(Chances::of(&opposite, &plan).search_limit(0.0), 1.0 - limit, 1e-9);
+}
+
+/// Share of 2,000 studies that certify what does not hold, with a number of attempts.
+fn wrong(goal: &Optimise, most: u32, jams: f64, load: impl Fn(&mut Random) -> f64) -> f64 {
+    let mut random = Random(4);
+    let is_wrong =
+        |_: &i32| attempts(goal, 1..=most, jams, &mut random, &load).0 == ConfirmationState::Confirmed;
+    (0..2000).filter(is_wrong).count() as f64 / 2000.0
+}
+
+#[test]
+fn many_attempts_are_seldom_wrong_together() {
+    let share = wrong(&goal(vec![jam()]), 20, 0.05, |_| 0.0);
+    println!("20 attempts: {share} certified");
+    assert!(share <= 0.05, "{share}");
+}
+
+#[test]
+fn skewed_loads_at_their_limit_are_seldom_certified() {
+    let exponential = |random: &mut Random| -(1.0 - random.uniform()).ln();
+    let lognormal = |random: &mut Random| random.normal().exp();
+    let below = |limit| Constraint { of: load().of, at_most: Some(limit), at_least: None };
+    let above = |limit| Constraint { at_least: Some(limit), at_most: None, ..below(limit) };
+    let mean = 0.5_f64.exp();
+    for (name, share) in [
+        ("exponential, at most", wrong(&goal(vec![below(1.0)]), 4, 0.0, exponential)),
+        ("exponential, at least", wrong(&goal(vec![above(1.0)]), 4, 0.0, exponential)),
+        ("lognormal, at most", wrong(&goal(vec![below(mean)]), 4, 0.0, lognormal)),
+        ("lognormal, at least", wrong(&goal(vec![above(mean)]), 4, 0.0, lognormal)),
+    ] {
+        println!("{name}: {share} certified");
+        assert!(share <= 0.06, "{name}: {share}");
+    }
+}
+
+#[test]
+fn equal_values_certify_no_mean() {
+    let goal = goal(vec![load()]);
+    let (state, runs) = attempts(&goal, 1..=1, 0.0, &mut Random(5), |_| 2.0);
+    assert_eq!((state, runs), (ConfirmationState::Undecided, goal.plan(1).unwrap().most));
+    assert_eq!(Bounds::of(&load().of, 0.01, &[Some(2.0); 30]), None);
+}
+
+/// The state of a first attempt with all its runs, where `outcome` says what a run gives.
+fn state_of(goal: &Optimise, runs: u32, outcome: impl Fn(u32) -> Outcome) -> ConfirmationState {
+    let runs = (0..runs).map(|index| (FIRST_CONFIRMATION + index, outcome(index)));
+    let point = PointRuns { point: Point::new(&[0.5]), runs: runs.collect() };
+    Confirming::of(goal, &point).unwrap().state(goal, 20)
+}
+
+#[test]
+fn an_objective_without_values_is_not_confirmed() {
+    let goal = goal(Vec::new());
+    let costly = outcome(&[("cost", 1.0)]);
+    let failing = |lost: u32| {
+        let costly = costly.clone();
+        move |index: u32| if index < lost { Outcome::Failed } else { costly.clone() }
+    };
+    assert_eq!(state_of(&goal, 10, failing(0)), ConfirmationState::Confirmed);
+    assert_eq!(state_of(&goal, 10, failing(10)), ConfirmationState::Open);
+    assert_eq!(state_of(&goal, 20, failing(10)), ConfirmationState::Confirmed);
+    assert_eq!(state_of(&goal, 20, failing(11)), ConfirmationState::Undecided);
+    assert_eq!(state_of(&goal, 20, |_| outcome(&[("load", 1.0)])), ConfirmationState::Undecided);
+}
+
+#[test]
+fn lost_runs_speak_against_a_probability() {
+    let goal = goal(vec![jam()]);
+    let plan = goal.plan(1).unwrap();
+    let lost = |share: u32, lost: Outcome| {
+        move |index: u32| {
+            let is_lost = index.is_multiple_of(share);
+            if is_lost { lost.clone() } else { outcome(&[("jammed", 0.0), ("cost", 1.0)]) }
+        }
+    };
+    let most = plan.most as u32;
+    assert_eq!(state_of(&goal, most, lost(1000, Outcome::Failed)), ConfirmationState::Confirmed);
+    for kind in [Outcome::Failed, outcome(&[("cost", 1.0)])] {
+        assert_eq!(state_of(&goal, most, lost(10, kind)), ConfirmationState::Undecided);
+    }
+    let mut values = [Some(0.0); 100];
+    values[..4].fill(None);
+    let with_lost = Bounds::of(&jam().of, 0.01, &values).unwrap();
+    values[..4].fill(Some(1.0));
+    let jammed = Bounds::of(&jam().of, 0.01, &values).unwrap();
+    assert_eq!((with_lost.n, with_lost.lost, with_lost.low), (96, 4, 0.0));
+    assert_near(with_lost.high, jammed.high, 1e-12);
+}
+
+#[test]
+fn all_runs_of_a_confirmation_are_looked_at() {
+    let limited = |runs| Optimise { confirmation_runs: Some(runs), ..goal(vec![jam()]) };
+    // One jam in 100 runs cannot pass at 86, but may with the rest of α at the end.
+    let looks = |runs| limited(runs).plan(1).unwrap().tails().collect::<Vec<_>>();
+    for (runs, expected) in [
+        (100, vec![(86, 0.0125), (100, 0.0125)]),
+        (72, vec![(72, 0.025)]),
+        (400, vec![(86, 0.0125), (172, 0.00625), (344, 0.003_125), (400, 0.003_125)]),
+    ] {
+        let looks = looks(runs);
+        assert_eq!(looks.len(), expected.len());
+        for (look, expected) in looks.iter().zip(expected) {
+            assert_eq!(look.0, expected.0);
+            assert_near(look.1, expected.1, 1e-12);
+        }
+    }
+    assert_eq!(limited(71).plan(1), None);
+    assert_eq!(limited(100).plan(4), None, "a fourth attempt needs 112");
+}
+
+#[test]
+fn attempts_are_counted_by_recommended_point() {
+    use ConfirmationState::{Confirmed, Open, Refuted};
+    let next = |targets, begun: &[(u32, ConfirmationState)]| {
+        let two = goal(Vec::new()).objectives[0].clone();
+        let objectives = if targets == 1 { vec![two] } else { vec![two.clone(), two] };
+        let goal = Optimise { objectives, front_points: targets, ..goal(Vec::new()) };
+        goal.next_attempt(begun.iter().copied())
+    };
+    assert_eq!((next(1, &[]), next(1, &[(1, Refuted)]), next(1, &[(1, Refuted), (2, Refuted)])), (1, 2, 3));
+    assert_eq!(next(3, &[(1, Open), (1, Refuted)]), 1, "a third point has its first attempt");
+    assert_eq!(next(3, &[(1, Confirmed), (1, Refuted), (1, Refuted)]), 2);
+    assert_eq!(next(3, &[(1, Confirmed), (1, Refuted), (1, Refuted), (2, Open)]), 2);
+    assert_eq!(next(3, &[(1, Confirmed), (1, Refuted), (1, Refuted), (2, Refuted), (2, Refuted)]), 3);
+}
+
+#[test]
+fn chances_from_tables_are_near_and_quick() {
+    let half = Constraint { of: jam().of, at_most: Some(0.3), at_least: None };
+    for (constraint, runs) in [(jam(), None), (half, Some(1000))] {
+        let goal = Optimise { confirmation_runs: runs, ..goal(vec![constraint.clone()]) };
+        let time = std::time::Instant::now();
+        let chances = Chances::of(&constraint, &goal.plan(1).unwrap());
+        let at = |index: u32| f64::from(index) / 5000.0 * constraint.limit();
+        let sum: f64 = (0..5000).map(|index| chances.at(at(index))).sum();
+        let tables = time.elapsed();
+        let time = std::time::Instant::now();
+        for index in (0..5000).step_by(50) {
+            let exact = chances.exactly_at(at(index));
+            assert!(
+                (chances.at(at(index)) - exact).abs() < 1e-3,
+                "{} not {exact} at {}",
+                chances.at(at(index)),
+                at(index)
+            );
+        }
+        // A hundred exact chances took this time.
+        assert!(sum > 0.0 && tables < 10 * time.elapsed(), "{tables:?}");
+    }
 }
