@@ -145,13 +145,21 @@ fn many_factors_are_screened() {
 }
 
 #[test]
-fn a_response_that_does_not_vary_has_no_indices() {
-    let question = asked(2, json!({"of": [{"mean": "y"}], "width": 0.5}), 400);
-    let (_, decision) = study(&question, 4, 40, |_, _| responses(&[("y", 3.0)]));
-    assert_eq!(
-        (decision.finished, &finding(&decision).measures[0].effects),
-        (Some(Finished::ByBudget), &None)
-    );
+fn a_response_that_does_not_vary_ends_after_the_first_look() {
+    for (count, first_look) in [(2, 64 * 5), (12, 16 * 14)] {
+        let question = asked(count, json!({"of": [{"mean": "y"}], "width": 0.5}), 2000);
+        let (runs, decision) = study(&question, 4, 40, |_, _| responses(&[("y", 3.0)]));
+        let found = &finding(&decision).measures[0];
+        assert_eq!(
+            (decision.finished, &found.effects, found.is_constant),
+            (Some(Finished::ByRule), &None, true)
+        );
+        assert!(runs.len() < first_look + 40, "{} runs", runs.len());
+    }
+    // Another measure goes on.
+    let question = asked(2, json!({"of": [{"mean": "y"}, {"mean": "x"}], "width": 0.001}), 400);
+    let (_, decision) = study(&question, 4, 40, |point, _| responses(&[("y", 3.0), ("x", point[0])]));
+    assert_eq!(decision.finished, Some(Finished::ByBudget));
 }
 
 #[test]

@@ -79,6 +79,8 @@ pub struct MeasureSensitivity {
     pub noise_variance: Option<f64>,
     /// Results by factor, in the order of the question; none when the response does not vary, or by no more than its noise.
     pub effects: Option<Effects>,
+    /// Whether all runs of these rows gave the same value. The study then runs no further rows for this measure.
+    pub is_constant: bool,
 }
 
 /// Results by factor.
@@ -149,16 +151,20 @@ pub(super) fn decide(goal: &Sensitivity, study: &Study<'_>) -> Course {
     let measures: Vec<_> = goal
         .of
         .iter()
-        .map(|measure| match design.method {
-            Method::Sobol => sobol(measure, &design, &progress, study, &names),
-            Method::Morris => morris::sensitivity(measure, &design, &progress, study, &names),
+        .map(|measure| {
+            let found = match design.method {
+                Method::Sobol => sobol(measure, &design, &progress, study, &names),
+                Method::Morris => morris::sensitivity(measure, &design, &progress, study, &names),
+            };
+            MeasureSensitivity { is_constant: progress.is_constant(measure, &design, study), ..found }
         })
         .collect();
-    let is_narrow = |measure: &MeasureSensitivity| {
-        measure
+    let is_done = |measure: &MeasureSensitivity| {
+        let is_narrow = measure
             .effects
             .as_ref()
-            .is_some_and(|effects| effects.widest().is_some_and(|width| width <= goal.width))
+            .is_some_and(|effects| effects.widest().is_some_and(|width| width <= goal.width));
+        is_narrow || measure.is_constant
     };
     let finding = SensitivityAnswer {
         method: design.method,
@@ -167,7 +173,7 @@ pub(super) fn decide(goal: &Sensitivity, study: &Study<'_>) -> Course {
         measures,
     };
     Course {
-        is_met: finding.measures.iter().all(is_narrow),
+        is_met: finding.measures.iter().all(is_done),
         is_spent: progress.is_spent,
         proposals: progress.proposals,
         finding: Finding::Sensitivity(finding),
@@ -201,7 +207,12 @@ fn sobol(
         };
         Effects::Sobol(names.iter().enumerate().map(of_factor).collect())
     });
-    MeasureSensitivity { of: measure.clone(), noise_variance: sums.noise_variance(None), effects }
+    MeasureSensitivity {
+        of: measure.clone(),
+        noise_variance: sums.noise_variance(None),
+        effects,
+        is_constant: false,
+    }
 }
 
 impl Effects {

@@ -121,5 +121,10 @@ pub(super) fn sensitivity(
     let effects = effects.filter(|effects| {
         progress.rows >= FIRST_LOOK && effects.iter().any(|effect| effect.mu_star.value > 0.0)
     });
-    MeasureSensitivity { of: measure.clone(), noise_variance, effects: effects.map(Effects::Morris) }
+    MeasureSensitivity {
+        of: measure.clone(),
+        noise_variance,
+        effects: effects.map(Effects::Morris),
+        is_constant: false,
+    }
 }

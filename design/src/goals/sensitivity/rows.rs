@@ -137,6 +137,15 @@ impl Progress {
         (0..self.rows).map(move |row| design.runs(row).iter().map(|run| value(study, run, measure)).collect())
     }
 
+    /// Whether all values of a measure are equal, in enough rows for intervals.
+    pub(super) fn is_constant(&self, measure: &Measure, design: &Design<'_>, study: &Study<'_>) -> bool {
+        let values: Vec<f64> = self.values(measure, design, study).flatten().flatten().collect();
+        // At least half of the runs have values.
+        let is_enough =
+            self.rows >= design.first_look() && 2 * values.len() >= self.rows * design.runs_per_row();
+        is_enough && values.iter().all(|value| *value == values[0])
+    }
+
     /// Runs of the rows that a measure lacks.
     pub(super) fn lost(&self, goal: &Sensitivity, design: &Design<'_>, study: &Study<'_>) -> Vec<LostRun> {
         let is_lost = |run: &Proposal| goal.of.iter().any(|measure| value(study, run, measure).is_none());
