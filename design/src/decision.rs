@@ -23,7 +23,8 @@ pub enum Finished {
     ByRule,
     /// The budget is spent and no run is in flight.
     ByBudget,
-    /// No point can be run any more: all are excluded or have their maximum of replicates.
+    /// No further run would help: points are excluded, have their maximum of replicates, or lack responses. The answer of the goal
+    /// `optimise` names its obstacle.
     NothingLeft,
 }
 

@@ -92,7 +92,7 @@ impl Goal {
 pub struct Budget {
     /// Maximum number of runs in all, failed ones included.
     pub max_runs: usize,
-    /// Maximum number of runs at one point.
+    /// Maximum number of runs at one point. Confirmations of the goal `optimise` have a maximum of their own.
     #[serde(default = "default_replicates")]
     pub max_replicates: usize,
     /// A point is excluded when this many of its runs have failed, and they are at least half of its finished runs.

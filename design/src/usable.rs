@@ -11,7 +11,7 @@
 
 use std::ops::RangeInclusive;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::evidence::{Outcome, PointRuns};
 use crate::question::Measure;
@@ -20,7 +20,7 @@ use crate::question::Measure;
 const OUTLIER: f64 = 1e6;
 
 /// Numbers of responses of finished runs that a measure could not use.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UnusableResponses {
     /// The measure.
     pub of: Measure,

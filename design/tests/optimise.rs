@@ -105,12 +105,12 @@ fn toy_question(max_runs: usize) -> Question {
     asked(2, goal, max_runs)
 }
 
-/// Random search with the same runs: 20 replicates at each point, and 144 runs for a confirmation of the cheapest point without
+/// Random search with the same runs: 20 replicates at each point, and 172 runs for a confirmation of the cheapest point without
 /// jams. Its cost; infinite when these runs do not certify it.
 fn random_toy(seed: u64, runs: usize) -> f64 {
     let mut places = generator(seed, &[], 2);
     let mut best = (f64::INFINITY, f64::INFINITY);
-    for _ in 0..(runs - 144) / 20 {
+    for _ in 0..(runs - 172) / 20 {
         let point = [uniform(&mut places), uniform(&mut places)];
         let (cost, jams) = toy(&point);
         let has_jammed = (0..20).any(|_| uniform(&mut places) < jams);
@@ -119,8 +119,8 @@ fn random_toy(seed: u64, runs: usize) -> f64 {
         }
     }
     let mut jams = |runs: usize| (0..runs).filter(|_| uniform(&mut places) < best.1).count();
-    let first = jams(72);
-    let is_confirmed = first == 0 || (first == 1 && jams(72) == 0);
+    let first = jams(86);
+    let is_confirmed = first == 0 || (first <= 2 && first + jams(86) <= 2);
     if is_confirmed { best.0 } else { f64::INFINITY }
 }
 
@@ -133,7 +133,11 @@ fn assert_toy(repetitions: u64) {
         let (runs, decision) = study(&question, seed, 40, simulate_toy(seed));
         assert!(runs.len() <= 500);
         let finding = finding(&decision);
-        let best = &finding.recommended[0];
+        let Some(best) = finding.recommended.first() else {
+            regrets.push(f64::INFINITY);
+            random.push(random_toy(seed, 500) - optimum);
+            continue;
+        };
         let is_confirmed =
             best.confirmation.as_ref().is_some_and(|found| found.state == ConfirmationState::Confirmed);
         assert_eq!(is_confirmed, decision.finished == Some(Finished::ByRule));
@@ -175,10 +179,10 @@ fn a_noisy_constrained_toy_is_minimised_in_many_studies() {
 fn confirmations_use_seeds_that_the_search_has_not_used() {
     let (runs, decision) = study(&toy_question(400), 5, 10, simulate_toy(5));
     let confirming: Vec<_> = runs.iter().filter(|run| run.replicate >= FIRST_CONFIRMATION).collect();
-    assert!(confirming.len() >= 72, "0.95^72 is 0.025");
+    assert!(confirming.len() >= 86, "0.95^86 is 0.0125");
     let best = &finding(&decision).recommended[0];
     let found = best.confirmation.as_ref().unwrap().constraints[0].unwrap();
-    assert!(found.n >= 72 && found.high <= 0.05, "{found:?}");
+    assert!(found.n >= 86 && found.high <= 0.05, "{found:?}");
     drive::assert_order_is_irrelevant(&toy_question(400), &runs, 10, 5);
     drive::assert_order_is_irrelevant(&toy_question(400), &runs[..runs.len() / 3], 10, 5);
 }

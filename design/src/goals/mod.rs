@@ -8,8 +8,8 @@ mod sensitivity;
 pub use boundary::{Boundary, BoundaryAnswer, Crossing, MapPoint, ObservedPoint, Place, Side};
 pub use estimate::{Estimate, EstimateAnswer, MeasureEstimate, MeasureWidth, PointEstimate};
 pub use optimise::{
-    Bounds, Confirmation, ConfirmationState, Constraint, FIRST_CONFIRMATION, Forecast, Objective, Optimise,
-    OptimiseAnswer, Recommendation,
+    Bounds, Confirmation, ConfirmationState, Constraint, FIRST_CONFIRMATION, Forecast, Objective, Obstacle,
+    Optimise, OptimiseAnswer, Recommendation,
 };
 pub use sensitivity::{
     Effects, LostRun, MeasureSensitivity, Method, MorrisEffects, Sensitivity, SensitivityAnswer, SobolIndices,

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{ConfirmationState, FIRST_CONFIRMATION, OptimiseAnswer};
+use super::{ConfirmationState, FIRST_CONFIRMATION, Obstacle, OptimiseAnswer};
 use crate::{Decision, Evidence, Finding, Finished, Outcome, Point, Question, Run, decide};
 
 fn question(factors: usize, goal: &Value, budget: &Value) -> Question {
@@ -54,4 +54,111 @@ fn a_front_is_not_finished_while_its_confirmations_run() {
     let decision = decide(responses(&[("one", 0.5), ("other", 0.5)]));
     let confirmed = vec![Some(ConfirmationState::Confirmed); 2];
     assert_eq!((states(&decision), decision.finished), (confirmed, Some(Finished::ByRule)));
+}
+
+/// Runs a study with ten workers to its end.
+fn play(question: &Question, simulate: impl Fn(f64, u32) -> Outcome) -> (Vec<Run>, Decision) {
+    let mut runs = Vec::new();
+    loop {
+        let decision = decide(question, &Evidence::new(runs.iter().cloned()), 10, 1);
+        if decision.finished.is_some() {
+            return (runs, decision);
+        }
+        assert!(!decision.proposals.is_empty(), "the study neither goes on nor ends");
+        for proposal in decision.proposals {
+            let x = proposal.point.coordinates()[0];
+            runs.push(run(x, proposal.replicate, simulate(x, proposal.replicate)));
+        }
+    }
+}
+
+fn minimise_y(budget: &Value) -> Question {
+    question(1, &json!({"objectives": [{"minimise": {"mean": "y"}}]}), budget)
+}
+
+#[test]
+fn points_without_a_response_are_replaced() {
+    // No response above 0.5, where the lowest value would be.
+    let simulate = |x: f64, _| responses(&if x > 0.5 { vec![] } else { vec![("y", (x - 0.7).powi(2))] });
+    let (runs, decision) = play(&minimise_y(&json!({"max_runs": 100})), simulate);
+    assert_eq!(
+        (states(&decision), decision.finished),
+        (vec![Some(ConfirmationState::Confirmed)], Some(Finished::ByRule))
+    );
+    let best = finding(&decision).recommended[0].values[0];
+    assert!((0.4..=0.5).contains(&best), "{best}");
+    // The first design had to be made up for.
+    let first: std::collections::BTreeSet<_> = runs[..20].iter().map(|run| &run.point).collect();
+    assert!(first.iter().any(|point| point.coordinates()[0] > 0.5));
+}
+
+#[test]
+fn a_study_without_any_response_names_the_obstacle() {
+    let (runs, decision) = play(&minimise_y(&json!({"max_runs": 400})), |_, _| responses(&[]));
+    assert_eq!(decision.finished, Some(Finished::NothingLeft));
+    assert_eq!(finding(&decision).obstacle, Some(Obstacle::MissingResponses));
+    assert!(runs.len() <= 80, "four times the first design");
+}
+
+#[test]
+fn an_infeasible_study_recommends_nothing() {
+    let goal = |confirmation_runs| {
+        json!({
+            "objectives": [{"minimise": {"mean": "y"}}],
+            "constraints": [{"of": {"probability": "jammed"}, "at_most": 0.2}],
+            "confirmation_runs": confirmation_runs,
+        })
+    };
+    let simulate =
+        |x: f64, replicate: u32| responses(&[("y", x), ("jammed", f64::from(u8::from(replicate % 3 == 0)))]);
+    let (_, decision) = play(&question(1, &goal(None), &json!({"max_runs": 200})), simulate);
+    assert_eq!(decision.finished, Some(Finished::ByBudget));
+    let found = finding(&decision);
+    assert!(found.recommended.is_empty() && !found.rejected.is_empty(), "{:?}", states(&decision));
+    assert_eq!(found.attempts as usize, found.rejected.len());
+    let (_, decision) = play(&question(1, &goal(Some(23)), &json!({"max_runs": 300})), simulate);
+    assert_eq!(decision.finished, Some(Finished::NothingLeft));
+    let found = finding(&decision);
+    assert_eq!((found.attempts, found.obstacle), (3, Some(Obstacle::ConfirmationRuns)));
+}
+
+#[test]
+fn the_search_keeps_to_the_maximum_of_replicates() {
+    let simulate = |x: f64, replicate: u32| {
+        if replicate == 0 { Outcome::Failed } else { responses(&[("y", (x - 0.7).powi(2))]) }
+    };
+    let (runs, _) = play(&minimise_y(&json!({"max_runs": 100, "max_replicates": 2})), simulate);
+    let search = runs.iter().filter(|run| run.replicate < FIRST_CONFIRMATION);
+    assert_eq!(search.map(|run| run.replicate).max(), Some(1));
+}
+
+#[test]
+fn the_tolerance_of_a_probability_is_a_difference_of_probabilities() {
+    let goal = json!({"objectives": [{"minimise": {"probability": "jammed"}}], "tolerance": 0.02});
+    let question = question(1, &goal, &json!({"max_runs": 400}));
+    // No jam below 0.5: the log odds there could fall without end.
+    let simulate = |x: f64, _| responses(&[("jammed", f64::from(u8::from(x > 0.5)))]);
+    let (runs, decision) = play(&question, simulate);
+    assert_eq!(decision.finished, Some(Finished::ByRule));
+    assert!(finding(&decision).recommended[0].values[0] < 0.5);
+    println!("{} runs", runs.len());
+    assert!(runs.len() < 150, "{} runs", runs.len());
+}
+
+#[test]
+fn more_factors_than_the_sequence_has_dimensions_are_a_fault() {
+    let factor = |index: usize| json!({"name": format!("/x{index}"), "low": 0.0, "high": 1.0});
+    let document = json!({
+        "factors": (0..257).map(factor).collect::<Vec<_>>(),
+        "goal": {"optimise": {"objectives": [{"minimise": {"mean": "y"}}], "confirmation_runs": 20_000}},
+        "budget": {"max_runs": 2000},
+    });
+    let faults = Question::read(&document).unwrap_err();
+    let pointers: Vec<_> =
+        faults.iter().map(|fault| (fault.pointer.as_str(), fault.allowed.as_str())).collect();
+    let expected = [
+        ("/goal/optimise/confirmation_runs", "at most 10000"),
+        ("/factors", "at most 256 factors with this goal"),
+    ];
+    assert_eq!(pointers, expected);
 }

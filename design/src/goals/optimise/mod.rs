@@ -7,6 +7,8 @@
 //! | file | content |
 //! |---|---|
 //! | `models` | a fitted model per measure, and one of runs that fail |
+//! | `faults` | faults of the question |
+//! | `first_design` | the points that come first |
 //! | `search`, `surfaces`, `candidates` | the choice of runs |
 //! | `normal`, `front` | expected improvement for one objective and two |
 //! | `recommendation` | the best points that should pass a confirmation |
@@ -19,6 +21,8 @@ mod chances;
 mod confirmation;
 #[cfg(test)]
 mod decision_tests;
+mod faults;
+mod first_design;
 mod front;
 mod models;
 mod normal;
@@ -39,10 +43,7 @@ pub use recommendation::{Confirmation, Forecast, Recommendation};
 use super::{Course, Study};
 use crate::decision::{Finding, Proposal};
 use crate::evidence::{Outcome, Point, PointRuns};
-use crate::factor::Factor;
-use crate::fault::{Fault, fault};
-use crate::question::{Budget, Measure};
-use crate::space::sobol;
+use crate::question::Measure;
 use chances::NextConfirmation;
 use confirmation::{Confirming, Plan};
 use models::Models;
@@ -60,8 +61,9 @@ pub struct Optimise {
     /// Constraints that must hold together, with 95 % confidence.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub constraints: Vec<Constraint>,
-    /// The search ends when the expected improvement of the best next run is below this one. With one objective it is a
-    /// share of the standard deviation of the objective over the points so far; with two a share of the area of the front.
+    /// The search ends when the expected improvement of the best next run is below this one. For a mean it
+    /// is a share of the standard deviation over the points so far, for a probability a difference of probabilities, and for two
+    /// objectives a share of the area of the front.
     #[serde(default = "default_tolerance")]
     pub tolerance: f64,
     /// Maximum number of runs that confirm a point, beside `max_replicates`. By default twice the number that certifies
@@ -117,6 +119,20 @@ pub struct OptimiseAnswer {
     pub attempts: u32,
     /// Expected improvement of the best next run, in the unit of the tolerance; none outside the search.
     pub expected_improvement: Option<f64>,
+    /// Why no run comes next, when the study ends without a confirmed point and within its budget.
+    pub obstacle: Option<Obstacle>,
+}
+
+/// Why no run comes next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Obstacle {
+    /// Too few points have values of all responses.
+    MissingResponses,
+    /// Every point that could be confirmed has failed, or lies beside one that has.
+    NoCandidate,
+    /// The question's `confirmation_runs` are too few for a further attempt.
+    ConfirmationRuns,
 }
 
 impl Objective {
@@ -137,66 +153,9 @@ impl Constraint {
     fn limit(&self) -> f64 {
         self.at_most.or(self.at_least).expect("a constraint without faults has a limit")
     }
-
-    fn faults(&self, at: &str, faults: &mut Vec<Fault>) {
-        self.of.faults(&format!("{at}/of"), faults);
-        if self.at_most.is_some() == self.at_least.is_some() {
-            faults.push(fault(at, self, "not one limit", "either `at_most` or `at_least`"));
-        }
-        let is_probability = matches!(self.of, Measure::Probability(_));
-        for (name, limit) in [("at_most", self.at_most), ("at_least", self.at_least)] {
-            if let Some(limit) = limit.filter(|limit| is_probability && !(0.001..=0.999).contains(limit)) {
-                let at = format!("{at}/{name}");
-                faults.push(fault(&at, limit, "no runs could certify it", "from 0.001 to 0.999"));
-            }
-        }
-    }
 }
 
 impl Optimise {
-    pub(crate) fn faults(&self, at: &str, factors: &[Factor], budget: &Budget, faults: &mut Vec<Fault>) {
-        let before = faults.len();
-        if !(1..=2).contains(&self.objectives.len()) {
-            let at = format!("{at}/objectives");
-            faults.push(fault(&at, &self.objectives, "not one objective or two", "one or two objectives"));
-        }
-        for (index, objective) in self.objectives.iter().enumerate() {
-            let name = if objective.sign() > 0.0 { "minimise" } else { "maximise" };
-            objective.measure().faults(&format!("{at}/objectives/{index}/{name}"), faults);
-        }
-        for (index, constraint) in self.constraints.iter().enumerate() {
-            constraint.faults(&format!("{at}/constraints/{index}"), faults);
-        }
-        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
-            let at = format!("{at}/tolerance");
-            faults.push(fault(&at, self.tolerance, "not a share to end at", "more than 0 and less than 1"));
-        }
-        if self.front_points == 0 {
-            faults.push(fault(&format!("{at}/front_points"), 0, "nothing to recommend", "at least 1"));
-        }
-        if let Some(runs) = self.confirmation_runs.filter(|runs| *runs > confirmation::MAX_RUNS) {
-            let (at, allowed) =
-                (format!("{at}/confirmation_runs"), format!("at most {}", confirmation::MAX_RUNS));
-            faults.push(fault(&at, runs, "too many runs at one point", &allowed));
-        }
-        if faults.len() > before {
-            return;
-        }
-        let Some(plan) = self.plan(1) else {
-            let least = (1..confirmation::MAX_RUNS)
-                .find(|runs| Self { confirmation_runs: Some(*runs), ..self.clone() }.plan(1).is_some());
-            let allowed = format!("at least {}", least.unwrap_or_default());
-            let detail = "these runs cannot certify the constraints even in the best case";
-            faults.push(fault(&format!("{at}/confirmation_runs"), self.confirmation_runs, detail, &allowed));
-            return;
-        };
-        let least = 2 * (factors.len() + 1) + self.reserve(&plan);
-        if budget.max_runs < least {
-            let detail = "no room for a search and a confirmation";
-            faults.push(fault("/budget/max_runs", budget.max_runs, detail, &format!("at least {least}")));
-        }
-    }
-
     /// Number of points that are recommended.
     fn targets(&self) -> usize {
         if self.objectives.len() == 1 { 1 } else { self.front_points }
@@ -220,6 +179,11 @@ impl Optimise {
         }
         measures
     }
+}
+
+/// Whether a point has a value of every measure.
+fn has_values(goal: &Optimise, point: &PointRuns) -> bool {
+    goal.measures().iter().all(|measure| !point.values(measure).is_empty())
 }
 
 /// Runs of the search at a point, but for cancelled ones.
@@ -271,21 +235,36 @@ pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
         course.proposals.extend(runs.next().map(run));
     }
     let is_searching = further.is_some() && search_room(goal, &plan, study) > 0 && open + confirmed == 0;
+    let mut is_over = true;
     if is_searching {
         let improvement = search_step(goal, &next, study, models.as_ref(), &mut course);
         if let Finding::Optimise(answer) = &mut course.finding {
             answer.expected_improvement = improvement;
         }
-        if improvement.is_none_or(|improvement| improvement >= goal.tolerance) {
-            return course;
-        }
-        course.proposals.clear();
+        is_over = improvement.is_some_and(|improvement| improvement < goal.tolerance);
     }
-    let search_pending = study.evidence.points().iter().flat_map(search_runs);
-    let is_waiting = search_pending.filter(|(_, outcome)| **outcome == Outcome::Pending).count() > 0;
-    if missing > 0 && !is_waiting {
-        let missing = if further.is_some() { missing } else { 0 };
-        begin_confirmations((attempt, &plan), study, &outlook, missing, (open, confirmed), &mut course);
+    if is_over {
+        if is_searching {
+            course.proposals.clear();
+        }
+        let search_pending = study.evidence.points().iter().flat_map(search_runs);
+        let is_waiting = search_pending.filter(|(_, outcome)| **outcome == Outcome::Pending).count() > 0;
+        if missing > 0 && !is_waiting {
+            let missing = if further.is_some() { missing } else { 0 };
+            begin_confirmations((attempt, &plan), study, &outlook, missing, (open, confirmed), &mut course);
+        }
+    }
+    let is_unfinished = !course.is_met && !course.is_spent && study.evidence.pending() == 0;
+    if let Finding::Optimise(answer) = &mut course.finding
+        && is_unfinished
+        && study.room > 0
+        && course.proposals.is_empty()
+    {
+        answer.obstacle = Some(match (&models, further) {
+            (Some(_), None) => Obstacle::ConfirmationRuns,
+            (Some(_), Some(_)) if is_over => Obstacle::NoCandidate,
+            _ => Obstacle::MissingResponses,
+        });
     }
     course
 }
@@ -312,7 +291,7 @@ fn begin_confirmations(
         return;
     }
     if confirmed == 0 {
-        course.is_spent = true;
+        course.is_spent = !points.is_empty();
     } else {
         // The front has no more points, or the budget no more runs; those confirmed are the answer.
         course.is_met = true;
@@ -338,44 +317,13 @@ fn search_step(
     course: &mut Course,
 ) -> Option<f64> {
     let room = search_room(goal, &next.plan, study).min(study.room);
-    let (wanted, is_ready) = first_design(goal, study);
+    let (wanted, is_ready) = first_design::first_design(goal, study);
     let first = wanted.len();
     course.proposals.extend(wanted.into_iter().take(room));
     let models = models.filter(|_| is_ready)?;
     let rest = room.saturating_sub(first);
     let (further, improvement) = search::proposals(goal, next, study, models, rest);
     course.proposals.extend(further);
-    (first == 0).then_some(improvement)?
-}
-
-/// Missing runs of the first design, and whether enough of its points have results for models.
-fn first_design(goal: &Optimise, study: &Study<'_>) -> (Vec<Proposal>, bool) {
-    let budget = &study.question.budget;
-    let factors = &study.question.factors;
-    let has_means = goal.measures().iter().any(|measure| matches!(measure, Measure::Mean(_)));
-    // Two runs at a point show the noise of means.
-    let replicates = if has_means { 2.min(budget.max_replicates) } else { 1 };
-    let points = (5 * (factors.len() + 1)).min(budget.max_runs / (4 * replicates)).max(factors.len() + 1);
-    let has_values =
-        |point: &PointRuns| goal.measures().iter().all(|measure| !point.values(measure).is_empty());
-    let known = study.usable_points().filter(|point| has_values(point)).count();
-    let mut proposals = Vec::new();
-    let mut begun = 0;
-    // Excluded points are replaced by later ones of the sequence.
-    for index in 0..4 * points {
-        let point = Point::new(&sobol(index, factors.len(), study.seed)).rounded(factors);
-        let runs = study.evidence.at(&point);
-        if runs.is_some_and(|runs| budget.excludes(runs)) {
-            continue;
-        }
-        let (count, failed) = runs.map_or((0, 0), |runs| (search_runs(runs).count(), runs.failed()));
-        let next = next_replicate(runs);
-        let more = (replicates + failed).saturating_sub(count) as u32;
-        proposals.extend((0..more).map(|index| Proposal { point: point.clone(), replicate: next + index }));
-        begun += 1;
-        if begun == points || known + begun >= 2 * points {
-            break;
-        }
-    }
-    (proposals, 4 * known >= 3 * points)
+    // Without any point to choose nothing can be improved.
+    (first == 0).then(|| improvement.unwrap_or(0.0))
 }

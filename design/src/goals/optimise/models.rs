@@ -1,4 +1,6 @@
-//! A fitted model per measure of the question, and one of the runs that fail.
+//! A fitted model per measure of the question, and one of the runs that are lost.
+
+use std::collections::BTreeMap;
 
 use super::Optimise;
 use crate::evidence::{Outcome, PointRuns};
@@ -12,7 +14,7 @@ use crate::question::Measure;
 pub(super) struct Models<'a> {
     /// Measures and their models, objectives first.
     measures: Vec<(&'a Measure, Model)>,
-    /// Probability that a run succeeds; none without failed runs.
+    /// Probability that a run succeeds; none without lost runs.
     pub(super) success: Option<Model>,
 }
 
@@ -21,7 +23,7 @@ impl<'a> Models<'a> {
     pub(super) fn fit(goal: &'a Optimise, study: &Study<'_>) -> Option<Self> {
         let of_measure = |measure: &'a Measure| Some((measure, Model::fit(measure, study.usable_points())?));
         let measures = goal.measures().into_iter().map(of_measure).collect::<Option<_>>()?;
-        Some(Self { measures, success: success(study) })
+        Some(Self { measures, success: success(goal, study) })
     }
 
     pub(super) fn of(&self, measure: &Measure) -> &Model {
@@ -30,21 +32,26 @@ impl<'a> Models<'a> {
     }
 }
 
-/// The model of success, from the runs of the search at all points.
-fn success(study: &Study<'_>) -> Option<Model> {
+/// The model of success, from the runs of the search at all points: a run without one of the responses is lost too.
+fn success(goal: &Optimise, study: &Study<'_>) -> Option<Model> {
     const NAME: &str = "succeeded";
+    let measures = goal.measures();
+    let has_all = |values: &BTreeMap<String, f64>| {
+        measures.iter().all(|measure| values.get(measure.response()).is_some_and(|value| value.is_finite()))
+    };
+    let success = |outcome: &Outcome| match outcome {
+        Outcome::Pending | Outcome::Cancelled => None,
+        Outcome::Failed => Some(false),
+        Outcome::Responses(values) => Some(has_all(values)),
+    };
     let points = study.evidence.points();
-    points.iter().any(|point| point.failed() > 0).then_some(())?;
+    let mut all = points.iter().flat_map(search_runs);
+    all.any(|(_, outcome)| success(outcome) == Some(false)).then_some(())?;
     let of_point = |point: &PointRuns| {
-        let outcome = |outcome: &Outcome| {
-            let value = match outcome {
-                Outcome::Pending | Outcome::Cancelled => return None,
-                Outcome::Failed => 0.0,
-                Outcome::Responses(_) => 1.0,
-            };
-            Some(Outcome::Responses([(NAME.to_owned(), value)].into()))
-        };
-        let runs = search_runs(point).filter_map(|(replicate, run)| Some((*replicate, outcome(run)?)));
+        let runs = search_runs(point).filter_map(|(replicate, outcome)| {
+            let value = f64::from(u8::from(success(outcome)?));
+            Some((*replicate, Outcome::Responses([(NAME.to_owned(), value)].into())))
+        });
         PointRuns { point: point.point.clone(), runs: runs.collect() }
     };
     let points: Vec<PointRuns> = points.iter().map(of_point).collect();

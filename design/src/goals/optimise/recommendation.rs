@@ -10,7 +10,7 @@ use super::bounds::Bounds;
 use super::chances::NextConfirmation;
 use super::confirmation::{ASSURANCE, ConfirmationState, Confirming, Plan};
 use super::models::Models;
-use super::{Constraint, Optimise, OptimiseAnswer, candidates, front};
+use super::{Constraint, Optimise, OptimiseAnswer, candidates, front, has_values};
 use crate::evidence::{Point, PointRuns};
 use crate::goals::Study;
 use crate::intervals::Estimated;
@@ -130,7 +130,8 @@ impl<'a> Outlook<'a> {
             }
         };
         let mut recommended: Vec<_> = self.considered.iter().filter(|point| point.is_good()).collect();
-        if recommended.is_empty() {
+        // After a failed confirmation only confirmed points are worth the name.
+        if recommended.is_empty() && !self.considered.iter().any(Considered::is_rejected) {
             recommended = self.next(goal.targets());
         }
         recommended.sort_by(|one, other| one.latents[0].total_cmp(&other.latents[0]));
@@ -144,6 +145,7 @@ impl<'a> Outlook<'a> {
                 .collect(),
             attempts: begun.values().map(|(runs, _)| runs.attempt).max().unwrap_or(0),
             expected_improvement: None,
+            obstacle: None,
         }
     }
 
@@ -231,11 +233,9 @@ fn consider<'a>(
 ) -> Vec<Considered<'a>> {
     let factors = &study.question.factors;
     let budget = &study.question.budget;
-    let has_values =
-        |point: &PointRuns| goal.measures().iter().all(|measure| !point.values(measure).is_empty());
     // A point whose confirmation fails for its failed runs is excluded, but named as rejected.
     let is_considered = |point: &&PointRuns| {
-        begun.contains_key(&point.point) || (!budget.excludes(point) && has_values(point))
+        begun.contains_key(&point.point) || (!budget.excludes(point) && has_values(goal, point))
     };
     let known = study.evidence.points().iter().filter(is_considered);
     let known: Vec<_> = known.map(|runs| (runs.point.clone(), Some(runs))).collect();

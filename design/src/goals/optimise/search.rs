@@ -25,11 +25,12 @@ use super::chances::NextConfirmation;
 use super::models::Models;
 use super::normal::{LnSum, ln_cdf, ln_improvement};
 use super::surfaces::{Conditional, Surface};
-use super::{Optimise, candidates, front, next_replicate, search_runs};
+use super::{Optimise, candidates, front, has_values, next_replicate, search_runs};
 use crate::decision::Proposal;
 use crate::evidence::{Outcome, Point};
 use crate::goals::Study;
 use crate::model::kernel::columns;
+use crate::question::Measure;
 use crate::space::{mixed_seed, sobol};
 
 /// Number of draws of the values at the incumbents.
@@ -63,7 +64,7 @@ pub(super) fn proposals(
     let factors = study.question.factors.len();
     // Other candidates after every result.
     let seed = mixed_seed(study.seed, study.evidence.runs() as u64);
-    let old = old_points(study);
+    let old = old_points(goal, study);
     let spread = candidates::spread(200, factors, seed);
     let mut wide = Field::of(goal, next, study, models, &old, &spread);
     let centres = wide.best_incumbents(6);
@@ -76,7 +77,8 @@ pub(super) fn proposals(
     let mut counts: BTreeMap<usize, u32> = BTreeMap::new();
     while proposals.len() < room.max(1) {
         let values = field.acquisition(seed);
-        let Some((chosen, ln)) = best_of(&values, |index| !field.incumbents.contains(&index)) else { break };
+        let is_allowed = |index| !field.incumbents.contains(&index) && field.has_room(index, study, &counts);
+        let Some((chosen, ln)) = best_of(&values, is_allowed) else { break };
         if improvement.is_none() {
             improvement = Some(ln.exp() / field.scale());
         }
@@ -91,15 +93,15 @@ pub(super) fn proposals(
     (proposals, improvement)
 }
 
-/// Points with runs of the search that have a value or are in flight, with the number in flight.
-fn old_points(study: &Study<'_>) -> Vec<(Point, usize)> {
+/// Points with a value of every measure, or with runs of the search in flight, with the number in flight.
+fn old_points(goal: &Optimise, study: &Study<'_>) -> Vec<(Point, usize)> {
     let mut left = MAX_PENDING;
     let mut points = Vec::new();
     for point in study.usable_points() {
         let pending =
             search_runs(point).filter(|(_, outcome)| **outcome == Outcome::Pending).count().min(left);
         left -= pending;
-        if pending > 0 || point.failed() < point.count() {
+        if pending > 0 || has_values(goal, point) {
             points.push((point.point.clone(), pending));
         }
     }
@@ -144,8 +146,8 @@ impl<'a> Field<'a> {
             let limit = |noise: &f64| sign * model.latent(chances.search_limit(noise.sqrt() * unit));
             // The limit of a probability does not depend on the point.
             limits.push(match constraint.of {
-                crate::question::Measure::Probability(_) => vec![limit(&0.0); points.len()],
-                crate::question::Measure::Mean(_) => surface.noise.iter().map(limit).collect(),
+                Measure::Probability(_) => vec![limit(&0.0); points.len()],
+                Measure::Mean(_) => surface.noise.iter().map(limit).collect(),
             });
             surfaces.push(surface);
         }
@@ -296,13 +298,27 @@ impl<'a> Field<'a> {
         if self.goal.objectives.len() == 2 { front::reference(&self.mean_values()) } else { [0.0; 2] }
     }
 
-    /// The unit of the tolerance in latent units: one standard deviation of an objective, or the area of the front.
+    /// The unit of the tolerance in latent units: one standard deviation of a mean, a probability of 1, or the area of the front.
     fn scale(&self) -> f64 {
-        if self.goal.objectives.len() == 1 {
-            1.0
-        } else {
-            front::area(&self.mean_values(), self.reference()).max(1e-12)
+        match self.goal.objectives.as_slice() {
+            [one] if matches!(one.measure(), Measure::Mean(_)) => 1.0,
+            [_] => {
+                // Where the best point seems to be, a small change of the log odds is one of P by P(1 − P) of it.
+                let ranks: Vec<f64> = self.incumbents.iter().map(|index| -self.rank(*index)).collect();
+                let best = best_of(&ranks, |_| true)
+                    .map_or(0.0, |(best, _)| self.surfaces[0].means[self.incumbents[best]]);
+                let p = crate::model::binomial::probability(best);
+                1.0 / (p * (1.0 - p)).max(1e-12)
+            }
+            _ => front::area(&self.mean_values(), self.reference()).max(1e-12),
         }
+    }
+
+    /// Whether a point may have another run, with `counts` new ones in this batch.
+    fn has_room(&self, place: usize, study: &Study<'_>, counts: &BTreeMap<usize, u32>) -> bool {
+        let runs = study.evidence.at(&self.points[place]).map_or(0, |point| search_runs(point).count());
+        let more = counts.get(&place).map_or(0, |count| *count as usize);
+        runs + more < study.question.budget.max_replicates
     }
 
     /// An incumbent at which a replicate serves as well as a run at a point.
@@ -312,16 +328,11 @@ impl<'a> Field<'a> {
         study: &Study<'_>,
         counts: &BTreeMap<usize, u32>,
     ) -> Option<usize> {
-        let has_room = |place: &usize| {
-            let runs = study.evidence.at(&self.points[*place]).map_or(0, |point| search_runs(point).count());
-            let more = counts.get(place).map_or(0, |count| *count as usize);
-            runs + more < study.question.budget.max_replicates
-        };
         let is_like = |place: &usize| self.surfaces.iter().all(|surface| surface.is_like(index, *place));
         self.incumbents
             .iter()
             .copied()
-            .filter(|place| has_room(place) && is_like(place))
+            .filter(|place| self.has_room(*place, study, counts) && is_like(place))
             .min_by(|one, other| self.rank(*one).total_cmp(&self.rank(*other)))
     }
 

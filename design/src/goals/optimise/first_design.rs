@@ -1,0 +1,46 @@
+//! The first design: points of a Sobol' sequence, until enough of them have results for models.
+
+use super::{Optimise, has_values, next_replicate, search_runs};
+use crate::decision::Proposal;
+use crate::evidence::{Outcome, Point};
+use crate::goals::Study;
+use crate::question::Measure;
+use crate::space::sobol;
+
+/// Missing runs of the first design, and whether enough of its points have results for models.
+pub(super) fn first_design(goal: &Optimise, study: &Study<'_>) -> (Vec<Proposal>, bool) {
+    let budget = &study.question.budget;
+    let factors = &study.question.factors;
+    let has_means = goal.measures().iter().any(|measure| matches!(measure, Measure::Mean(_)));
+    // Two runs at a point show the noise of means.
+    let replicates = if has_means { 2.min(budget.max_replicates) } else { 1 };
+    let points = (5 * (factors.len() + 1)).min(budget.max_runs / (4 * replicates)).max(factors.len() + 1);
+    let known = study.usable_points().filter(|point| has_values(goal, point)).count();
+    let mut proposals = Vec::new();
+    let (mut begun, mut is_exhausted) = (0, true);
+    // Points that are excluded, or whose runs lack a response, are replaced by later ones of the sequence.
+    for index in 0..4 * points {
+        let point = Point::new(&sobol(index, factors.len(), study.seed)).rounded(factors);
+        let runs = study.evidence.at(&point);
+        if runs.is_some_and(|runs| budget.excludes(runs)) {
+            continue;
+        }
+        let (count, failed) = runs.map_or((0, 0), |runs| (search_runs(runs).count(), runs.failed()));
+        let next = next_replicate(runs);
+        let more = (replicates + failed).min(budget.max_replicates).saturating_sub(count) as u32;
+        let is_over =
+            more == 0 && runs.is_some_and(|runs| search_runs(runs).all(|(_, run)| *run != Outcome::Pending));
+        if is_over && runs.is_some_and(|runs| !has_values(goal, runs)) {
+            continue;
+        }
+        proposals.extend((0..more).map(|index| Proposal { point: point.clone(), replicate: next + index }));
+        begun += 1;
+        if begun == points || known + begun >= 2 * points {
+            is_exhausted = false;
+            break;
+        }
+    }
+    let is_enough = 4 * known >= 3 * points;
+    let is_all = is_exhausted && proposals.is_empty() && known > factors.len();
+    (proposals, is_enough || is_all)
+}
