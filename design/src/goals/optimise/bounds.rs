@@ -48,10 +48,8 @@ impl Bounds {
             Measure::Mean(_) => {
                 let deviation = sample.deviation.filter(|deviation| *deviation > 0.0 && sample.n > 2)?;
                 let (n, skewness) = (sample.n as f64, skewness(&known, sample.mean));
-                let quantile = t_quantile(sample.n, tail);
-                let doubt = 2.0 * (6.0 / n).sqrt();
-                let below = quantile.max(without_skewness(quantile, (skewness - doubt) / n.sqrt()));
-                let above = quantile.max(-without_skewness(-quantile, (skewness + doubt) / n.sqrt()));
+                let below = mean_quantile(sample.n, tail, -skewness);
+                let above = mean_quantile(sample.n, tail, skewness);
                 let unit = deviation / n.sqrt();
                 (sample.mean - below * unit, sample.mean + above * unit)
             }
@@ -92,7 +90,10 @@ pub(super) fn at_most(count: usize, n: usize, p: f64) -> f64 {
     Binomial::new(p, n as u64).expect("a probability").cdf(count as u64)
 }
 
-/// The one-sided quantile of Student's t for the mean of `n` values.
-pub(super) fn t_quantile(n: usize, tail: f64) -> f64 {
-    StudentsT::new(0.0, 1.0, n as f64 - 1.0).expect("at least two runs").inverse_cdf(1.0 - tail)
+/// The distance of the upper bound of a mean from the mean of `n` values, in units of s/√n.
+pub(super) fn mean_quantile(n: usize, tail: f64, skewness: f64) -> f64 {
+    let student = StudentsT::new(0.0, 1.0, n as f64 - 1.0).expect("at least two runs");
+    let (quantile, root) = (student.inverse_cdf(1.0 - tail), (n as f64).sqrt());
+    let doubt = 2.0 * 6.0_f64.sqrt() / root;
+    quantile.max(-without_skewness(-quantile, (skewness + doubt) / root))
 }

@@ -2,7 +2,7 @@
 
 use statrs::distribution::{Binomial, Discrete};
 
-use super::bounds::{bisect, t_quantile};
+use super::bounds::{bisect, mean_quantile};
 use super::confirmation::{ASSURANCE, Plan};
 use super::{Constraint, Optimise};
 use crate::question::Measure;
@@ -34,7 +34,7 @@ pub(super) struct Look {
     runs: usize,
     /// The maximum number of runs against a probability constraint with which it is certified.
     allowed: Option<usize>,
-    /// The quantile of Student's t for the bounds of a mean.
+    /// The distance of the bounds from the mean of values without skewness, in units of its standard error.
     quantile: f64,
 }
 
@@ -51,7 +51,7 @@ impl<'a> Chances<'a> {
         let look = |(runs, tail)| Look {
             runs,
             allowed: if is_probability { constraint.allowed(runs, tail) } else { None },
-            quantile: t_quantile(runs, tail),
+            quantile: mean_quantile(runs, tail, 0.0),
         };
         let looks: Vec<Look> = plan.tails().map(look).collect();
         // Beyond twice the limit the chance is nil.

@@ -150,16 +150,16 @@ impl Optimise {
         is_possible.then_some(Plan { first: first.min(most), most, alpha })
     }
 
-    /// The next attempt. It is the last one as long as that has fewer points than are recommended in all.
-    pub(super) fn next_attempt<'a>(
-        &self,
-        begun: impl Iterator<Item = (u32, ConfirmationState)> + Clone + 'a,
-    ) -> u32 {
-        let last = begun.clone().map(|(attempt, _)| attempt).max().unwrap_or(1);
-        let is_taken = |(attempt, state): &(u32, ConfirmationState)| {
-            *attempt == last || matches!(state, ConfirmationState::Open | ConfirmationState::Confirmed)
+    /// The next attempt, and the number of points that may begin it. It is the last one as long as that has fewer points than are
+    /// recommended in all: each recommended point has every attempt once.
+    pub(super) fn next_attempt(&self, begun: &[(u32, ConfirmationState)]) -> (u32, usize) {
+        let last = begun.iter().map(|(attempt, _)| *attempt).max().unwrap_or(1);
+        let is_good = |state| matches!(state, ConfirmationState::Open | ConfirmationState::Confirmed);
+        let free = |next: u32| {
+            let taken = begun.iter().filter(|(attempt, state)| *attempt == next || is_good(*state));
+            self.targets().saturating_sub(taken.count())
         };
-        if begun.filter(is_taken).count() < self.targets() { last } else { last + 1 }
+        if free(last) > 0 { (last, free(last)) } else { (last + 1, free(last + 1)) }
     }
 }
 

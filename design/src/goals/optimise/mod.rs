@@ -214,7 +214,8 @@ fn confirmations<'a>(
 
 pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
     let begun = confirmations(goal, study);
-    let attempt = goal.next_attempt(begun.values().map(|(runs, state)| (runs.attempt, *state)));
+    let attempts: Vec<_> = begun.values().map(|(runs, state)| (runs.attempt, *state)).collect();
+    let (attempt, free) = goal.next_attempt(&attempts);
     // The forecasts need a plan even when there is no further attempt.
     let further = goal.plan(attempt);
     let plan = further.or(goal.plan(1)).expect("a question without faults has a plan");
@@ -250,7 +251,7 @@ pub(super) fn decide(goal: &Optimise, study: &Study<'_>) -> Course {
         let search_pending = study.evidence.points().iter().flat_map(search_runs);
         let is_waiting = search_pending.filter(|(_, outcome)| **outcome == Outcome::Pending).count() > 0;
         if missing > 0 && !is_waiting {
-            let missing = if further.is_some() { missing } else { 0 };
+            let missing = if further.is_some() { missing.min(free) } else { 0 };
             begin_confirmations((attempt, &plan), study, &outlook, missing, (open, confirmed), &mut course);
         }
     }

@@ -293,13 +293,16 @@ fn attempts_are_counted_by_recommended_point() {
         let two = goal(Vec::new()).objectives[0].clone();
         let objectives = if targets == 1 { vec![two] } else { vec![two.clone(), two] };
         let goal = Optimise { objectives, front_points: targets, ..goal(Vec::new()) };
-        goal.next_attempt(begun.iter().copied())
+        goal.next_attempt(begun)
     };
-    assert_eq!((next(1, &[]), next(1, &[(1, Refuted)]), next(1, &[(1, Refuted), (2, Refuted)])), (1, 2, 3));
-    assert_eq!(next(3, &[(1, Open), (1, Refuted)]), 1, "a third point has its first attempt");
-    assert_eq!(next(3, &[(1, Confirmed), (1, Refuted), (1, Refuted)]), 2);
-    assert_eq!(next(3, &[(1, Confirmed), (1, Refuted), (1, Refuted), (2, Open)]), 2);
-    assert_eq!(next(3, &[(1, Confirmed), (1, Refuted), (1, Refuted), (2, Refuted), (2, Refuted)]), 3);
+    assert_eq!((next(1, &[]), next(1, &[(1, Refuted)])), ((1, 1), (2, 1)));
+    assert_eq!(next(1, &[(1, Refuted), (2, Refuted)]), (3, 1));
+    assert_eq!(next(3, &[(1, Open), (1, Refuted)]), (1, 1), "a third point has its first attempt");
+    let first = [(1, Confirmed), (1, Refuted), (1, Refuted)];
+    assert_eq!(next(3, &first), (2, 2));
+    assert_eq!(next(3, &[&first[..], &[(2, Open)]].concat()), (2, 1));
+    assert_eq!(next(3, &[&first[..], &[(2, Refuted), (2, Confirmed)]].concat()), (3, 1));
+    assert_eq!(next(3, &[(1, Confirmed), (1, Open), (1, Confirmed)]), (2, 0));
 }
 
 #[test]
