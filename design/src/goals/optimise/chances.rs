@@ -56,7 +56,7 @@ impl<'a> Chances<'a> {
         let looks: Vec<Look> = plan.tails().map(look).collect();
         // Beyond twice the limit the chance is nil.
         let end = if is_probability { (2.0 * constraint.limit_against()).min(1.0) } else { 0.0 };
-        let cells = if is_probability { 0..=CELLS } else { 1..=0 };
+        let cells = if is_probability { 0..CELLS + 1 } else { 0..0 };
         let table = cells.map(|cell| passes(&looks, end * cell as f64 / CELLS as f64)).collect();
         Self { constraint, looks, table, end }
     }

@@ -109,8 +109,9 @@ fn an_infeasible_study_recommends_nothing() {
             "confirmation_runs": confirmation_runs,
         })
     };
-    let simulate =
-        |x: f64, replicate: u32| responses(&[("y", x), ("jammed", f64::from(u8::from(replicate % 3 == 0)))]);
+    let simulate = |x: f64, replicate: u32| {
+        responses(&[("y", x), ("jammed", f64::from(u8::from(replicate.is_multiple_of(3))))])
+    };
     let (_, decision) = play(&question(1, &goal(None), &json!({"max_runs": 200})), simulate);
     assert_eq!(decision.finished, Some(Finished::ByBudget));
     let found = finding(&decision);
