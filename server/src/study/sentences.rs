@@ -4,7 +4,7 @@ use roost_api::quantity::Quantity;
 use roost_api::study::{StudyEnd, StudyState};
 use roost_design::goals::{
     BoundaryAnswer, Confirmation, ConfirmationState, Constraint, Crossing, Effects, EstimateAnswer,
-    Objective, OptimiseAnswer, Place, Recommendation, SensitivityAnswer, SobolIndices,
+    Objective, Obstacle, OptimiseAnswer, Place, Recommendation, SensitivityAnswer, SobolIndices,
 };
 use roost_design::intervals::Estimated;
 use roost_design::{Answer, Finding, Goal, Measure};
@@ -92,7 +92,18 @@ pub(super) fn answer(study: &Study, answer: &Answer) -> Vec<String> {
     if !answer.excluded.is_empty() {
         let points: Vec<String> =
             answer.excluded.iter().take(MAX_STATED).map(|point| place(study, &point.values)).collect();
-        sentences.push(format!("Left out because their runs fail: {}.", list(&points)));
+        sentences.push(format!("Left out because their runs fail or lack responses: {}.", list(&points)));
+    }
+    for of in &answer.unusable {
+        let counts = [
+            (of.missing, "without it"),
+            (of.not_binary, "neither 0 nor 1"),
+            (of.outliers, "far from all others"),
+        ];
+        let counts = counts.iter().filter(|(runs, _)| *runs > 0).map(|(runs, why)| format!("{runs} {why}"));
+        let response = of.of.response();
+        sentences
+            .push(format!("Not used of the response `{response}`: {}.", list(&counts.collect::<Vec<_>>())));
     }
     sentences.push(assumptions(study));
     sentences
@@ -315,6 +326,16 @@ fn optimise(study: &Study, finding: &OptimiseAnswer) -> Vec<String> {
         .collect();
     if sentences.is_empty() {
         sentences.push("No point is recommended yet.".to_owned());
+    }
+    if let Some(obstacle) = finding.obstacle {
+        let why = match obstacle {
+            Obstacle::MissingResponses => "too few points have all responses",
+            Obstacle::NoCandidate => {
+                "every point that could be confirmed has failed, or lies beside one that has"
+            }
+            Obstacle::ConfirmationRuns => "`confirmation_runs` are too few for a further attempt",
+        };
+        sentences.push(format!("The search ended because {why}."));
     }
     if !finding.rejected.is_empty() {
         let points: Vec<String> =

@@ -111,7 +111,7 @@ fn states_of_jobs_are_evidence() {
         (JobState::Running, (0, 0, 4)),
         (JobState::Failed, (0, 4, 0)),
         (JobState::Succeeded, (4, 0, 0)),
-        (JobState::Cancelled, (4, 0, 0)),
+        (JobState::Cancelled, (0, 0, 0)),
     ] {
         let rows = trials(&study, &[], 4, state, &|_| 1);
         let runs = study.decide(&rows, 0).unwrap().answer.runs;

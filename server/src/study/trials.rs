@@ -79,12 +79,12 @@ impl Study {
     }
 }
 
-/// The outcome of a trial. A cancelled one has no responses, which is no failure.
+/// The outcome of a trial.
 fn outcome(trial: &TrialRow) -> Outcome {
     match trial.state {
         JobState::Queued | JobState::Running => Outcome::Pending,
         JobState::Failed => Outcome::Failed,
-        JobState::Cancelled => Outcome::Responses(BTreeMap::new()),
+        JobState::Cancelled => Outcome::Cancelled,
         JobState::Succeeded => {
             let number = |value: &Value| {
                 value.as_f64().or(value.as_bool().map(|is_true| f64::from(u8::from(is_true))))

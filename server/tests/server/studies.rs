@@ -276,7 +276,10 @@ async fn points_whose_runs_fail_are_left_out_and_named() {
     };
     assert_eq!(study["finished"], "by_rule", "{study}");
     let sentences = study["answer"].to_string();
-    assert!(sentences.contains("Left out because their runs fail: gate opening 0.08 m"), "{sentences}");
+    assert!(
+        sentences.contains("Left out because their runs fail or lack responses: gate opening 0.08 m"),
+        "{sentences}"
+    );
     server.stop().await;
 }
 

@@ -124,7 +124,7 @@ pub struct OptimiseAnswer {
 }
 
 /// Why no run comes next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Obstacle {
     /// Too few points have values of all responses.
