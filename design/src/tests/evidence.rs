@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use crate::tests::truth::{Random, run};
-use crate::{Evidence, Factor, Measure, Outcome, Point, Proposal, Question, Run, Scale, decide};
+use crate::tests::truth::{Random, play, run};
+use crate::{Evidence, Factor, Finding, Measure, Outcome, Point, Proposal, Question, Run, Scale, decide};
 
 #[test]
 fn order_of_results_does_not_matter() {
@@ -88,4 +88,20 @@ fn a_cancelled_run_of_a_first_design_comes_again_as_another_replicate() {
         assert_eq!(of([better, worse]), of([better, better]));
         assert_eq!(of([worse, better]), of([better, better]));
     }
+}
+
+#[test]
+fn a_sensitivity_loses_responses_that_are_not_of_a_probability() {
+    let document = json!({
+        "factors": [
+            { "name": "gate", "low": 0.0, "high": 1.0 },
+            { "name": "belt", "low": 0.0, "high": 1.0 },
+        ],
+        "goal": { "sensitivity": { "of": [{ "probability": "y" }], "width": 0.5, "method": "sobol" } },
+        "budget": { "max_runs": 320 },
+    });
+    let question = Question::read(&document).unwrap();
+    let (runs, decision) = play(&question, ("y", 100, 1), |_| 3.2);
+    let Finding::Sensitivity(answer) = &decision.answer.finding else { panic!("a sensitivity") };
+    assert_eq!(answer.lost.len(), runs.len());
 }

@@ -185,7 +185,7 @@ impl<'a> Confirming<'a> {
             Outcome::Responses(values) => values.get(measure.response()).copied(),
             Outcome::Pending | Outcome::Cancelled | Outcome::Failed => None,
         };
-        self.ended().map(|outcome| value(outcome).filter(|value| value.is_finite())).collect()
+        self.ended().map(|outcome| value(outcome).filter(|value| measure.accepts(*value))).collect()
     }
 
     /// The values of a measure.

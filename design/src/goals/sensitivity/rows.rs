@@ -167,7 +167,7 @@ fn outcome<'a>(study: &'a Study<'_>, run: &Proposal) -> Option<&'a Outcome> {
 fn value(study: &Study<'_>, run: &Proposal, measure: &Measure) -> Option<f64> {
     match outcome(study, run)? {
         Outcome::Responses(values) => {
-            values.get(measure.response()).copied().filter(|value| value.is_finite())
+            values.get(measure.response()).copied().filter(|value| measure.accepts(*value))
         }
         Outcome::Pending | Outcome::Cancelled | Outcome::Failed => None,
     }
