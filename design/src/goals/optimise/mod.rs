@@ -50,7 +50,7 @@ use models::Models;
 use recommendation::Outlook;
 
 /// Share of the budget beside the confirmation that the first search may use; the rest is for a search after a refuted one.
-const FIRST_SEARCH: f64 = 0.8;
+const FIRST_SEARCH: f64 = 0.7;
 
 /// The fields of the goal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -18,7 +18,7 @@ use crate::model::kernel::columns;
 use crate::question::Measure;
 
 /// The assurance that the last affordable confirmation needs.
-const LAST_ASSURANCE: f64 = 0.6;
+const LAST_ASSURANCE: f64 = 0.8;
 /// Points nearer than this to a rejected one, in every factor and in widths of its range, are not recommended.
 const NEIGHBOURHOOD: f64 = 0.02;
 /// Number of quantiles that stand for a posterior.
