@@ -19,7 +19,7 @@ fn question(base: Value) -> Value {
     json!({
         "name": "two gates", "base": base,
         "factors": [{"pointer": "/equipment/gate_opening_m", "low": 0.05, "high": 0.1}],
-        "goal": {"estimate": {"points": [[0.06], [0.08]], "intervals": [{"of": {"mean": "filled_kg"}, "width": 100.0}]}},
+        "goal": {"estimate": {"points": [[0.06], [0.08]], "intervals": [{"of": {"mean": "fill_duration_s"}, "width": 100.0}]}},
         "budget": {"max_runs": 20}
     })
 }
