@@ -37,7 +37,9 @@ fn success(goal: &Optimise, study: &Study<'_>) -> Option<Model> {
     const NAME: &str = "succeeded";
     let measures = goal.measures();
     let has_all = |values: &BTreeMap<String, f64>| {
-        measures.iter().all(|measure| values.get(measure.response()).is_some_and(|value| measure.accepts(*value)))
+        measures
+            .iter()
+            .all(|measure| values.get(measure.response()).is_some_and(|value| measure.accepts(*value)))
     };
     let success = |outcome: &Outcome| match outcome {
         Outcome::Pending | Outcome::Cancelled => None,
