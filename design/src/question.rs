@@ -117,7 +117,7 @@ impl Budget {
 }
 
 impl Question {
-    /// Whether a point is excluded: its runs fail, or [`MAX_WITHOUT_VALUE`] of them have a result and none a response that
+    /// Whether a point is excluded: its runs fail, or ten of them have a result and none a response that
     /// a measure of the goal accepts.
     pub fn excludes(&self, point: &PointRuns) -> bool {
         let results = point.count() - point.failed() - point.pending();
