@@ -2,7 +2,7 @@
 """Kills workers while they run jobs with checkpoints, and measures the work that is lost.
 
     cargo build
-    worker/benches/kills.py target/debug/roost [KILLS [SECONDS [CHECKED]]]
+    worker/benches/kills.py target/debug/roost [KILLS [SECONDS [CHECKED [REPLICATES]]]]
 
 A server, and two workers with one thread each. Every 12 s one of them is killed with SIGKILL and started again. Checkpoints are uploaded
 every 10 s. The time lost by a kill is that from the moment at which the job was as far as its next attempt begins, to the kill. At
@@ -24,9 +24,9 @@ INTERVAL_S = 12.0
 LIMIT_S = 15.0
 
 BASE = {"experiment": "hopper",
-        "product": {"count": 32, "subparticle_radius_m": 0.005},
-        "equipment": {"hopper_width_m": 0.2, "side_walls": "frictionless"},
-        "numerics": {"timestep_s": "auto", "duration_s": 3.0, "stop": {"when_empty": False}}}
+        "product": {"count": 96, "subparticle_radius_m": 0.005},
+        "equipment": {"hopper_width_m": 0.4, "side_walls": "frictionless"},
+        "numerics": {"timestep_s": 1e-4, "duration_s": 6.0, "stop": {"when_empty": False}}}
 GATES = [round(0.045 + 0.005 * step, 3) for step in range(4)]
 
 
@@ -38,8 +38,8 @@ class Farm:
         port = 20000 + os.getpid() % 20000
         self.address = f"http://127.0.0.1:{port}"
         self.environment = {**os.environ, "ROOST_SERVER": self.address, "ROOST_LOG": "error"}
-        self.server = self.start("serve", "--listen", f"127.0.0.1:{port}", "--data", f"{folder}/data", "--lease", "5",
-                                 "--heartbeat", "1", "--checkpoint-interval", "10s", "--max-lost", "0")
+        self.server = self.start("serve", "--listen", f"127.0.0.1:{port}", "--data", f"{folder}/data", "--lease-s", "5",
+                                 "--heartbeat-s", "1", "--checkpoint-interval", "10s", "--lost-attempts", "0", "--retry-pause-s", "0")
         time.sleep(1.5)
         self.workers = [self.worker(number) for number in range(2)]
 
@@ -62,7 +62,7 @@ class Farm:
         return json.loads(done.stdout)["id"]
 
     def jobs(self, sweep):
-        return self.get(f"/v1/sweeps/{sweep}/jobs?limit=1000")["items"]
+        return self.get(f"/v1/sweeps/{sweep}/jobs?limit=100")["items"]
 
     def stop(self):
         for process in [*self.workers, self.server]:
@@ -110,13 +110,13 @@ def undisturbed(roost, folder, job):
 
 
 def main():
-    numbers = [int(argument) for argument in sys.argv[2:]] + [100, 1200, 6][len(sys.argv) - 2:]
-    kills, seconds, checked = numbers[:3]
+    numbers = [int(argument) for argument in sys.argv[2:]] + [100, 1200, 6, 5][len(sys.argv) - 2:]
+    kills, seconds, checked, replicates = numbers
     roost, chance = os.path.abspath(sys.argv[1]), random.Random(1)
     with tempfile.TemporaryDirectory() as folder:
         farm, follower = Farm(roost, folder), Follower()
         try:
-            sweep = farm.submit({"name": "kills", "base": BASE, "design": {"kind": "grid"}, "replicates": 5, "cache": "bypass",
+            sweep = farm.submit({"name": "kills", "base": BASE, "design": {"kind": "grid"}, "replicates": replicates, "cache": "bypass",
                                  "shared_fill": False, "factors": [{"pointer": "/equipment/gate_opening_m", "levels": GATES}]})
             began, done, idle = time.monotonic(), 0, 0
             while True:
