@@ -1,11 +1,11 @@
-//! Question and answer of a study in sentences.
+//! Question and answer of a study in sentences; `boundary` and `optimise` state the findings of these goals.
+
+mod boundary;
+mod optimise;
 
 use roost_api::quantity::Quantity;
 use roost_api::study::{StudyEnd, StudyState};
-use roost_design::goals::{
-    BoundaryAnswer, Confirmation, ConfirmationState, Constraint, Crossing, Effects, EstimateAnswer,
-    Objective, Obstacle, OptimiseAnswer, Place, Recommendation, SensitivityAnswer, SobolIndices,
-};
+use roost_design::goals::{Constraint, Effects, EstimateAnswer, Objective, SensitivityAnswer, SobolIndices};
 use roost_design::intervals::Estimated;
 use roost_design::{Answer, Finding, Goal, Measure};
 
@@ -82,8 +82,8 @@ fn constraint(constraint: &Constraint) -> String {
 pub(super) fn answer(study: &Study, answer: &Answer) -> Vec<String> {
     let mut sentences = match &answer.finding {
         Finding::Estimate(finding) => estimate(study, finding),
-        Finding::Boundary(finding) => boundary(study, finding),
-        Finding::Optimise(finding) => optimise(study, finding),
+        Finding::Boundary(finding) => boundary::sentences(study, finding),
+        Finding::Optimise(finding) => optimise::sentences(study, finding),
         Finding::Sensitivity(finding) => sensitivity(finding),
     };
     let runs = answer.runs;
@@ -203,175 +203,6 @@ fn estimate(study: &Study, finding: &EstimateAnswer) -> Vec<String> {
         sentences.push("No run has ended yet.".to_owned());
     }
     sentences
-}
-
-fn boundary(study: &Study, finding: &BoundaryAnswer) -> Vec<String> {
-    let Goal::Boundary(goal) = &study.question.goal else { return Vec::new() };
-    let what = measure(&goal.of);
-    let level = value(&goal.of, goal.level);
-    let mut sentences = Vec::new();
-    match finding.place {
-        Place::NowhereAllBelow => {
-            sentences.push(format!(
-                "Nowhere in the range: {what} is below {level} everywhere, with 95 % confidence."
-            ));
-        }
-        Place::NowhereAllAbove => {
-            sentences.push(format!(
-                "Nowhere in the range: {what} is above {level} everywhere, with 95 % confidence."
-            ));
-        }
-        Place::Inside => match study.question.factors.as_slice() {
-            [factor] => {
-                let quantity = Quantity::of_field(&factor.name);
-                sentences.extend(finding.crossings.iter().map(|at| crossing(at, &quantity, &what, &level)));
-                sentences.extend(safe_side(finding, &quantity, &what, &level));
-            }
-            factors => {
-                let names: Vec<String> =
-                    factors.iter().map(|factor| Quantity::of_field(&factor.name).name).collect();
-                sentences.push(format!(
-                    "The boundary lies inside the range: {what} is below {level} in {} % of it and above in {} %, with 95 % confidence.",
-                    share(finding, true), share(finding, false)
-                ));
-                sentences.push(format!("The map over {} shows where.", list(&names)));
-            }
-        },
-        Place::Unknown => sentences.push(format!("It is not known yet where {what} is {level}.")),
-    }
-    if let Some(misclassified) = finding.misclassified {
-        sentences.push(format!(
-            "An expected {} % of the range is on the wrong side of the estimated boundary; {} % was asked.",
-            digits(100.0 * misclassified),
-            digits(100.0 * finding.asked)
-        ));
-    }
-    sentences
-}
-
-/// A stretch of a single factor in which the level is, or may be, crossed.
-fn crossing(crossing: &Crossing, quantity: &Quantity, what: &str, level: &str) -> String {
-    let (name, range) = (&quantity.name, range(quantity, crossing.low, crossing.high));
-    if !crossing.is_certain {
-        return format!("{} may be {level} at a {name} of {range} too: more runs would tell.", capital(what));
-    }
-    match crossing.estimates.as_slice() {
-        [only] => {
-            let middle = number(quantity, *only);
-            format!("{} is {level} at a {name} of {middle} ({range} with 95 % confidence).", capital(what))
-        }
-        _ => format!("{} is {level} at a {name} of {range}, with 95 % confidence.", capital(what)),
-    }
-}
-
-/// The stretch of a single factor that is below the level with 95 % confidence, as a decision needs it.
-fn safe_side(finding: &BoundaryAnswer, quantity: &Quantity, what: &str, level: &str) -> Option<String> {
-    use roost_design::goals::Side;
-    let below: Vec<f64> =
-        finding.map.iter().filter(|point| point.side == Side::Below).map(|point| point.values[0]).collect();
-    let (first, last) = (below.first()?, below.last()?);
-    let is_one_stretch = {
-        let sides: Vec<bool> = finding.map.iter().map(|point| point.side == Side::Below).collect();
-        sides.windows(2).filter(|pair| !pair[0] && pair[1]).count() + usize::from(sides[0]) == 1
-    };
-    is_one_stretch.then(|| {
-        format!(
-            "{} is below {level} for {} from {}, with 95 % confidence.",
-            capital(what),
-            quantity.name,
-            range(quantity, *first, *last)
-        )
-    })
-}
-
-/// Percent of the map on one side.
-fn share(finding: &BoundaryAnswer, is_below: bool) -> String {
-    use roost_design::goals::Side;
-    let side = if is_below { Side::Below } else { Side::Above };
-    let count = finding.map.iter().filter(|point| point.side == side).count();
-    digits((100.0 * count as f64 / finding.map.len().max(1) as f64).round())
-}
-
-fn optimise(study: &Study, finding: &OptimiseAnswer) -> Vec<String> {
-    let Goal::Optimise(goal) = &study.question.goal else { return Vec::new() };
-    let mut sentences: Vec<String> = finding
-        .recommended
-        .iter()
-        .map(|point| {
-            let objectives =
-                goal.objectives.iter().map(Objective::measure).zip(&point.objectives).enumerate();
-            let objectives: Vec<String> = objectives
-                .map(|(index, (of, forecast))| {
-                    let confirmed =
-                        point.confirmation.as_ref().and_then(|found| found.objectives.get(index)?.as_ref());
-                    match confirmed {
-                        Some(estimated) => {
-                            format!("{} is {}", measure(of), interval(of, estimated.value, ends(estimated)))
-                        }
-                        None => format!(
-                            "{} is forecast as {}",
-                            measure(of),
-                            interval(of, forecast.value, Some((forecast.low, forecast.high)))
-                        ),
-                    }
-                })
-                .collect();
-            format!(
-                "At {}, {}; {}.",
-                place(study, &point.values),
-                list(&objectives),
-                confirmation(goal.constraints.as_slice(), point)
-            )
-        })
-        .collect();
-    if sentences.is_empty() {
-        sentences.push("No point is recommended yet.".to_owned());
-    }
-    if let Some(obstacle) = finding.obstacle {
-        let why = match obstacle {
-            Obstacle::MissingResponses => "too few points have all responses",
-            Obstacle::NoCandidate => {
-                "every point that could be confirmed has failed, or lies beside one that has"
-            }
-            Obstacle::ConfirmationRuns => "`confirmation_runs` are too few for a further attempt",
-        };
-        sentences.push(format!("The search ended because {why}."));
-    }
-    if !finding.rejected.is_empty() {
-        let points: Vec<String> =
-            finding.rejected.iter().take(MAX_STATED).map(|point| place(study, &point.values)).collect();
-        sentences.push(format!("Not confirmed by fresh seeds: {}.", list(&points)));
-    }
-    sentences
-}
-
-/// The state of the confirmation of a point, with the bounds of its constraints.
-fn confirmation(constraints: &[Constraint], point: &Recommendation) -> String {
-    let Some(Confirmation { state, constraints: bounds, .. }) = &point.confirmation else {
-        return "fresh seeds have not confirmed it yet".to_owned();
-    };
-    let bounds: Vec<String> = constraints
-        .iter()
-        .zip(bounds)
-        .filter_map(|(constraint, bounds)| {
-            let (bounds, of) = (bounds.as_ref()?, &constraint.of);
-            let (word, bound) =
-                if constraint.at_most.is_some() { ("below", bounds.high) } else { ("above", bounds.low) };
-            Some(format!(
-                "{} is {word} {} with 95 % confidence (n = {})",
-                measure(of),
-                value(of, bound),
-                bounds.n
-            ))
-        })
-        .collect();
-    let verdict = match state {
-        ConfirmationState::Open => "its confirmation with fresh seeds goes on",
-        ConfirmationState::Confirmed => "fresh seeds confirm it",
-        ConfirmationState::Refuted => "fresh seeds refute it",
-        ConfirmationState::Undecided => "its runs with fresh seeds cannot decide",
-    };
-    if bounds.is_empty() { verdict.to_owned() } else { format!("{verdict}: {}", list(&bounds)) }
 }
 
 fn sensitivity(finding: &SensitivityAnswer) -> Vec<String> {
