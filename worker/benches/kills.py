@@ -18,7 +18,8 @@ import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
+
+from farm import Farm
 
 INTERVAL_S = 12.0
 LIMIT_S = 15.0
@@ -30,44 +31,11 @@ BASE = {"experiment": "hopper",
 GATES = [round(0.045 + 0.005 * step, 3) for step in range(4)]
 
 
-class Farm:
-    """A server with two workers on this machine."""
+OPTIONS = ["--lease-s", "5", "--heartbeat-s", "1", "--checkpoint-interval", "10s", "--lost-attempts", "0", "--retry-pause-s", "0"]
 
-    def __init__(self, roost, folder):
-        self.roost, self.folder = roost, folder
-        port = 20000 + os.getpid() % 20000
-        self.address = f"http://127.0.0.1:{port}"
-        self.environment = {**os.environ, "ROOST_SERVER": self.address, "ROOST_LOG": "error"}
-        self.server = self.start("serve", "--listen", f"127.0.0.1:{port}", "--data", f"{folder}/data", "--lease-s", "5",
-                                 "--heartbeat-s", "1", "--checkpoint-interval", "10s", "--lost-attempts", "0", "--retry-pause-s", "0")
-        time.sleep(1.5)
-        self.workers = [self.worker(number) for number in range(2)]
 
-    def start(self, *arguments):
-        return subprocess.Popen([self.roost, *arguments], env=self.environment, stderr=subprocess.DEVNULL)
-
-    def worker(self, number):
-        return self.start("work", "--backend", "cpu", "--slots", "1", "--threads", "1", "--name", f"worker-{number}",
-                          "--state", f"{self.folder}/worker-{number}")
-
-    def get(self, path):
-        with urllib.request.urlopen(self.address + path, timeout=30) as answer:
-            return json.load(answer)
-
-    def submit(self, sweep):
-        document = pathlib.Path(self.folder, "sweep.json")
-        document.write_text(json.dumps(sweep))
-        done = subprocess.run([self.roost, "submit", "--json", document], env=self.environment, check=True,
-                              stdout=subprocess.PIPE)
-        return json.loads(done.stdout)["id"]
-
-    def jobs(self, sweep):
-        return self.get(f"/v1/sweeps/{sweep}/jobs?limit=100")["items"]
-
-    def stop(self):
-        for process in [*self.workers, self.server]:
-            process.terminate()
-            process.wait()
+def worker(farm, number):
+    return farm.worker(f"worker-{number}", "--slots", "1", "--threads", "1")
 
 
 class Follower:
@@ -114,8 +82,9 @@ def main():
     kills, seconds, checked, replicates = numbers
     roost, chance = os.path.abspath(sys.argv[1]), random.Random(1)
     with tempfile.TemporaryDirectory() as folder:
-        farm, follower = Farm(roost, folder), Follower()
-        try:
+        follower = Follower()
+        with Farm(roost, folder, *OPTIONS) as farm:
+            farm.workers = [worker(farm, number) for number in range(2)]
             sweep = farm.submit({"name": "kills", "base": BASE, "design": {"kind": "grid"}, "replicates": replicates, "cache": "bypass",
                                  "shared_fill": False, "factors": [{"pointer": "/equipment/gate_opening_m", "levels": GATES}]})
             began, done, idle = time.monotonic(), 0, 0
@@ -134,7 +103,7 @@ def main():
                     farm.workers[number].wait()
                     idle += not running
                     follower.open += [(time.monotonic(), job["id"], job["attempt"]) for job in running]
-                    farm.workers[number] = farm.worker(number)
+                    farm.workers[number] = worker(farm, number)
                     done += 1
                     print(f"{elapsed:6.0f} s: kill {done}, {sum(job['state'] == 'succeeded' for job in jobs)} of {len(jobs)} done",
                           file=sys.stderr)
@@ -144,8 +113,6 @@ def main():
             for job in chosen:
                 job["result"] = farm.get(f"/v1/jobs/{job['id']}/result")
                 job["scenario"] = job["result"]["scenario"]
-        finally:
-            farm.stop()
         same = sum(undisturbed(roost, folder, job) for job in chosen)
         lost = sorted(follower.lost_s)
         part = lambda share: lost[min(len(lost) - 1, int(share * len(lost)))] if lost else 0.0

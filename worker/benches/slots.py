@@ -17,6 +17,8 @@ import sys
 import tempfile
 import time
 
+from farm import Farm
+
 ROOT = pathlib.Path(__file__).parents[2]
 
 
@@ -32,26 +34,15 @@ def slices():
 
 def timed(roost, sweep, slots):
     """Seconds from the submission to the end of the last job, on a fresh server with one worker that waits for work."""
-    with tempfile.TemporaryDirectory() as folder:
-        port = 20000 + os.getpid() % 20000
-        server = f"http://127.0.0.1:{port}"
-        environment = {**os.environ, "ROOST_SERVER": server, "ROOST_LOG": "error"}
+    with tempfile.TemporaryDirectory() as folder, Farm(roost, folder) as farm:
+        farm.workers = [farm.worker("worker", "--slots", slots)]
+        time.sleep(1)
         document = pathlib.Path(folder, "sweep.json")
         document.write_text(json.dumps(sweep))
-        start = lambda *arguments: subprocess.Popen([roost, *arguments], env=environment)
-        processes = [start("serve", "--listen", f"127.0.0.1:{port}", "--data", f"{folder}/data")]
-        time.sleep(1)
-        try:
-            processes.append(start("work", "--backend", "cpu", "--state", f"{folder}/state", "--slots", slots))
-            time.sleep(1)
-            before = time.monotonic()
-            subprocess.run([roost, "submit", "--wait", document], env=environment, check=True,
-                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            return time.monotonic() - before
-        finally:
-            for process in reversed(processes):
-                process.terminate()
-                process.wait()
+        before = time.monotonic()
+        subprocess.run([roost, "submit", "--wait", document], env=farm.environment, check=True,
+                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        return time.monotonic() - before
 
 
 def main():
