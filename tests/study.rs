@@ -180,16 +180,45 @@ fn interrupted_study_says_how_it_goes_on() {
     assert!(log.contains("the same command goes on with the study"), "{log}");
 }
 
-#[test]
-fn example_questions_are_questions() {
+/// The example questions with small hoppers, few runs and wide intervals, and their goals.
+fn small_examples() -> Vec<(String, &'static str, Value)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/examples/studies");
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let mut count = 0;
-    for file in files {
-        let study: roost_api::study::StudySpec = serde_json::from_slice(&std::fs::read(&file).unwrap())
-            .unwrap_or_else(|error| panic!("{file:?}: {error}"));
-        roost_solver::scenario::from_value(&study.base).unwrap();
-        count += 1;
+    let small = |file: PathBuf| {
+        let mut asked: Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+        asked["base"]["product"] = json!({"count": 4, "subparticle_radius_m": 0.012});
+        asked["base"]["numerics"]["duration_s"] = json!(0.5);
+        let goals = ["boundary", "estimate", "optimise", "sensitivity"];
+        let goal = goals.into_iter().find(|goal| asked["goal"].get(goal).is_some()).unwrap();
+        if goal == "sensitivity" {
+            // Effects of eight factors from 10 trajectories, instead of 64 rows of indices.
+            asked["goal"][goal]["method"] = json!("morris");
+        }
+        asked["budget"]["max_runs"] = json!(if goal == "sensitivity" { 100 } else { 60 });
+        (file.file_stem().unwrap().to_str().unwrap().to_owned(), goal, asked)
+    };
+    files.filter(|file| file.extension().is_some_and(|extension| extension == "json")).map(small).collect()
+}
+
+#[test]
+fn example_questions_are_answered() {
+    let examples = small_examples();
+    assert_eq!(examples.len(), 6);
+    for (name, goal, asked) in examples {
+        let place = Place::new(&asked);
+        let printed = stdout(&place.run());
+        let answer = place.answer();
+        assert_eq!(answer["study"]["state"], "finished", "{name}: {answer:#}");
+        assert!(done(&answer) >= 20, "{name}: {answer:#}");
+        assert!(answer["answer"]["finding"].get(goal).is_some(), "{name}: {answer:#}");
+        let sentences = answer["study"]["answer"].as_array().unwrap();
+        assert!(sentences.len() >= 3, "{name}: {sentences:?}");
+        for sentence in sentences {
+            assert!(printed.contains(sentence.as_str().unwrap()), "{name}: no `{sentence}` in {printed}");
+        }
+        let picture = std::fs::read_to_string(place.output().join("answer.svg")).unwrap();
+        roxmltree::Document::parse(&picture).unwrap();
+        assert_eq!(runs_in(&place.output().join("results.csv")).len() as u64, answer["study"]["runs"]["done"]
+            .as_u64().unwrap() + answer["study"]["runs"]["cancelled"].as_u64().unwrap(), "{name}");
     }
-    assert_eq!(count, 5);
 }

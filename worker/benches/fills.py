@@ -39,11 +39,7 @@ def measured(roost, document):
         with Farm(roost, folder) as farm:
             identifier, started = farm.submit(document), time.monotonic()
             farm.workers = [farm.worker(f"worker-{number}", "--slots", "1", "--threads", "1") for number in range(2)]
-            while True:
-                view = farm.get(f"/v1/sweeps/{identifier}")
-                if view["ended_at"]:
-                    break
-                time.sleep(0.5)
+            farm.wait(identifier)
             wall_s, outcomes, filled_by_another = time.monotonic() - started, {}, 0
             for job in farm.jobs(identifier):
                 result = farm.get(f"/v1/jobs/{job['id']}/result")

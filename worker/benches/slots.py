@@ -8,11 +8,11 @@ Sweeps: the four runs of `roost demo`, and 40 runs of a slice of a hopper. Every
 time differs. Each round runs every choice once, in an order that turns from round to round. A row is the median over the rounds, and its
 ratio to the best fixed choice. Exits with 1 if `auto` takes more than 1.05 times as long as the best fixed choice.
 """
+import datetime
 import json
 import os
 import pathlib
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -37,12 +37,11 @@ def timed(roost, sweep, slots):
     with tempfile.TemporaryDirectory() as folder, Farm(roost, folder) as farm:
         farm.workers = [farm.worker("worker", "--slots", slots)]
         time.sleep(1)
-        document = pathlib.Path(folder, "sweep.json")
-        document.write_text(json.dumps(sweep))
-        before = time.monotonic()
-        subprocess.run([roost, "submit", "--wait", document], env=farm.environment, check=True,
-                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        return time.monotonic() - before
+        identifier = farm.submit(sweep)
+        farm.wait(identifier)
+        jobs = farm.jobs(identifier)
+        moment = lambda text: datetime.datetime.fromisoformat(text).timestamp()
+        return max(moment(job["ended_at"]) for job in jobs) - min(moment(job["submitted_at"]) for job in jobs)
 
 
 def main():

@@ -12,6 +12,7 @@ use roost_solver::result::{EndReason, Performance, SCHEMA, SolverInfo};
 use roost_solver::scenario::{self, Scenario};
 use roost_worker::client::{MAX_IDLE, prepare_tls};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use uuid::Uuid;
 
@@ -19,7 +20,7 @@ use uuid::Uuid;
 pub(super) const SEEDS: u64 = 500;
 
 /// The scenario of every job.
-fn base_scenario() -> Value {
+pub(super) fn base_scenario() -> Value {
     json!({"experiment": "hopper", "product": {"count": 6, "subparticle_radius_m": 0.008}})
 }
 
@@ -55,22 +56,23 @@ pub(super) struct ApiClient {
     url: String,
 }
 
-/// The fields of an attempt that a worker without a solver needs.
+/// The fields of an attempt that a worker without a solver needs, with a scenario or its seed.
 #[derive(Clone, Debug, Deserialize)]
-pub(super) struct Attempt {
+pub(super) struct Attempt<S = Seeded> {
     pub(super) job_id: Uuid,
     pub(super) attempt: u32,
-    scenario: Seeded,
+    pub(super) scenario: S,
 }
 
+/// The seed of a scenario.
 #[derive(Clone, Debug, Deserialize)]
-struct Seeded {
+pub(super) struct Seeded {
     seed: u64,
 }
 
 #[derive(Deserialize)]
-struct Claimed {
-    attempts: Vec<Attempt>,
+struct Claimed<S> {
+    attempts: Vec<Attempt<S>>,
 }
 
 impl ApiClient {
@@ -129,18 +131,35 @@ pub(super) struct SimulatedWorker {
 
 impl SimulatedWorker {
     pub(super) async fn claim(&self, request: Uuid, wait_s: f64) -> Result<Option<Attempt>> {
+        self.claim_with(request, wait_s).await
+    }
+
+    /// Claims one job, with its whole scenario or a part of it.
+    pub(super) async fn claim_with<S: DeserializeOwned>(
+        &self,
+        request: Uuid,
+        wait_s: f64,
+    ) -> Result<Option<Attempt<S>>> {
         let body = json!({"request_id": request, "worker_id": self.id, "max_jobs": 1, "wait_s": wait_s});
         let response =
             self.client.http.post(format!("{}/v1/claims", self.client.url)).json(&body).send().await?;
-        let claimed: Claimed = success("/v1/claims", response).await?.json().await?;
+        let claimed: Claimed<S> = success("/v1/claims", response).await?.json().await?;
         Ok(claimed.attempts.into_iter().next())
     }
 
     /// Delivers the result of an attempt. Returns whether it was recorded now, or none for a stale attempt.
     pub(super) async fn deliver(&self, attempt: &Attempt, results: &Results) -> Result<Option<bool>> {
-        let Attempt { job_id, attempt: number, scenario } = attempt;
-        let path = format!("/v1/jobs/{job_id}/attempts/{number}/result");
-        let result = results.0.get(&scenario.seed).context("no result for this seed")?;
+        let result = results.0.get(&attempt.scenario.seed).context("no result for this seed")?;
+        self.deliver_result(attempt, result).await
+    }
+
+    /// Delivers a result, given as JSON. Returns whether it was recorded now, or none for a stale attempt.
+    pub(super) async fn deliver_result<S>(
+        &self,
+        attempt: &Attempt<S>,
+        result: &str,
+    ) -> Result<Option<bool>> {
+        let path = format!("/v1/jobs/{}/attempts/{}/result", attempt.job_id, attempt.attempt);
         let body = format!(r#"{{"worker_id": "{}", "result": {result}}}"#, self.id);
         let request = self.client.http.post(format!("{}{path}", self.client.url));
         let response = request.header("content-type", "application/json").body(body).send().await?;
@@ -174,16 +193,16 @@ impl Results {
         let base = scenario::from_value(&base_scenario()).map_err(|faults| anyhow::anyhow!("{faults:?}"))?;
         let entry = |seed| {
             let scenario = Scenario { seed, ..base.clone() };
-            Ok((seed, serde_json::to_string(&sample_result(scenario))?))
+            let responses = json!({"discharged_kg": 1.0, "regime": "constant"});
+            Ok((seed, serde_json::to_string(&sample_result(scenario, &responses))?))
         };
         Ok(Self((base.seed..base.seed + SEEDS).map(entry).collect::<Result<_>>()?))
     }
 }
 
 /// A result with the size of a small simulation.
-fn sample_result(scenario: Scenario) -> RunResult {
+pub(super) fn sample_result(scenario: Scenario, responses: &Value) -> RunResult {
     let samples: Vec<f64> = (0..200).map(|sample| f64::from(sample) * 0.02).collect();
-    let responses = json!({"discharged_kg": 1.0, "regime": "constant"});
     RunResult {
         schema: SCHEMA.to_owned(),
         end_reason: EndReason::Duration,

@@ -12,9 +12,8 @@ use tokio::time::sleep;
 use uuid::Uuid;
 
 use super::clients::{ApiClient, Results, SEEDS, grid_sweep, p99_ms, replicate_sweep, timed};
-use super::large_sweeps;
 use super::server::Server;
-use super::{Args, Row, Target};
+use super::{Args, Row, Target, large_sweeps, studies};
 
 const PAIRS: &str = "claim and result pairs, synchronous=FULL";
 const CLAIM: &str = "claim with 100,000 queued, p99";
@@ -54,6 +53,7 @@ pub(super) async fn measure(args: &Args) -> Result<Vec<Row>> {
         many_jobs(&mut rows, args.many).await?;
     }
     large_sweeps::measure(&mut rows, &results, args.many).await?;
+    studies::measure(&mut rows, length).await?;
     Ok(rows.rows)
 }
 

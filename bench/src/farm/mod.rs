@@ -1,11 +1,13 @@
 //! `roost bench farm`: the targets of the service, measured against a server process.
 //!
-//! [`server`] starts the process, [`clients`] simulates users and workers, [`measurements`] and [`large_sweeps`] measure each target.
+//! [`server`] starts the process, [`clients`] simulates users and workers, [`measurements`], [`large_sweeps`] and
+//! [`studies`] measure each target.
 
 mod clients;
 mod large_sweeps;
 mod measurements;
 mod server;
+mod studies;
 
 use anyhow::{Result, bail};
 use clap::builder::RangedU64ValueParser;

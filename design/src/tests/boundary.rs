@@ -1,11 +1,12 @@
 //! Tests of the goal `boundary` on synthetic truths.
 
+mod hopper;
 mod judge;
 mod truths;
 
 use serde_json::{Value, json};
 
-use crate::goals::{BoundaryAnswer, Place, Side};
+use crate::goals::{BoundaryAnswer, MapPoint, Place, Side};
 use crate::tests::truth::{Random, play, run};
 use crate::{Decision, Evidence, Finding, Finished, Outcome, Point, Proposal, Question, Run, decide};
 use truths::{TRUTHS, Truth};
@@ -34,6 +35,13 @@ fn holds(truth: &Truth, answer: &BoundaryAnswer) -> bool {
         Side::Above => truth.mean(&point.values) >= truth.level,
         Side::Below => truth.mean(&point.values) <= truth.level,
     })
+}
+
+/// Share of the map on the wrong side of the estimated boundary.
+fn misclassified(truth: &Truth, map: &[MapPoint]) -> f64 {
+    let is_wrong =
+        |point: &&MapPoint| (point.estimate > truth.level) != (truth.mean(&point.values) > truth.level);
+    map.iter().filter(is_wrong).count() as f64 / map.len() as f64
 }
 
 /// Results of a truth for proposals.

@@ -1,17 +1,10 @@
 //! Repeated studies of synthetic truths: how often the band holds the true boundary, and how many runs other designs need.
 
 use super::truths::{TRUTHS, Truth};
-use super::{answer, holds, question};
-use crate::goals::{MapPoint, Side};
+use super::{answer, holds, misclassified, question};
+use crate::goals::Side;
 use crate::tests::truth::{Random, play, run};
 use crate::{Evidence, Finished, Point, Proposal, Run, decide};
-
-/// Share of the map on the wrong side of the estimated boundary.
-fn misclassified(truth: &Truth, map: &[MapPoint]) -> f64 {
-    let is_wrong =
-        |point: &&MapPoint| (point.estimate > truth.level) != (truth.mean(&point.values) > truth.level);
-    map.iter().filter(is_wrong).count() as f64 / map.len() as f64
-}
 
 /// Figures of repeated studies.
 #[derive(Default)]
