@@ -11,7 +11,6 @@ the end, some jobs are simulated again without kills. Exits with 1 if a job is l
 import json
 import os
 import pathlib
-import pathlib
 import random
 import signal
 import statistics
