@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use roost_api::job::{JobState, JobView};
 use serde_json::{Value, json};
 
-use support::{Sandbox, fraction, run, slow_scenario, stdout};
+use support::small_disk::SmallDisk;
+use support::{Process, Sandbox, fraction, run, slow_scenario, stdout};
 
 /// Simulated time of the scenario: some seconds of wall time.
 const DURATION_S: f64 = 15.0;
@@ -181,6 +182,38 @@ fn a_run_continues_from_its_checkpoint_after_an_interrupt() {
     assert!(continued.status.success() && log.contains("continues from the checkpoint at "), "{log}");
     assert!(physics_in(&folder) == expected, "the result differs");
     assert!(!saved.exists(), "deleted at the end");
+}
+
+#[test]
+fn a_full_disk_keeps_the_last_checkpoint_and_the_run_goes_on() {
+    let _undisturbed = support::timing_lock();
+    let sandbox = Sandbox::new();
+    let Some(disk) = SmallDisk::mount(&sandbox.path("saved"), 4) else {
+        eprintln!("left out: only root may mount the small disk that this fills");
+        return;
+    };
+    let expected = undisturbed(&sandbox);
+    let file = sandbox.file("run.json", &slow_scenario(DURATION_S));
+    let folder = sandbox.path("saved").display().to_string();
+    let saved = sandbox.path("saved").join("checkpoint.roost");
+    let arguments =
+        ["run", "--backend", "cpu", "--threads", "1", "--checkpoint-every", "1s", "-o", &folder, &file];
+    let process = Process::start(support::roost().args(arguments), sandbox.path("run.log"));
+    support::wait_until("a checkpoint", || saved.exists().then_some(()));
+    disk.fill();
+    support::wait_until("it says that a checkpoint was not saved", || {
+        process.log().contains("the checkpoint was not saved").then_some(())
+    });
+    let kept = std::fs::read(&saved).unwrap();
+    let before = process.log().len();
+    support::wait_until("the run goes on", || (process.log().len() > before).then_some(()));
+    assert_eq!(std::fs::read(&saved).unwrap(), kept, "the last one stays");
+    process.kill();
+    disk.clear();
+    let continued = run(&arguments);
+    let log = support::transcript(&continued);
+    assert!(continued.status.success() && log.contains("continues from the checkpoint at "), "{log}");
+    assert!(physics_in(&folder) == expected, "the result differs");
 }
 
 #[test]

@@ -2,9 +2,9 @@
 """Compares `roost work --slots auto` with fixed numbers of slots: wall time of sweeps, on one machine, in turn.
 
     cargo build
-    worker/benches/slots.py target/debug/roost [ROUNDS]
+    worker/benches/slots.py target/debug/roost [ROUNDS [SWEEP]]
 
-Sweeps: the four runs of `roost demo`, and 40 runs of a slice of a hopper. Every run has the same bits on any number of threads, so only the
+Sweeps: `demo`, the four runs of `roost demo`; `slices`, 40 runs of a slice of a hopper; `hoppers`, four whole hoppers. Every run has the same bits on any number of threads, so only the
 time differs. Each round runs every choice once, in an order that turns from round to round. A row is the median over the rounds, and its
 ratio to the best fixed choice. Exits with 1 if `auto` takes more than 1.05 times as long as the best fixed choice.
 """
@@ -32,6 +32,11 @@ def slices():
             "factors": [{"pointer": "/equipment/gate_opening_m", "levels": levels}]}
 
 
+def hoppers():
+    base = {"experiment": "hopper", "product": {"subparticle_radius_m": 0.006}, "numerics": {"timestep_s": "auto"}}
+    return {"name": "hoppers", "base": base, "design": {"kind": "grid"}, "factors": [], "replicates": 4, "cache": "bypass"}
+
+
 def timed(roost, sweep, slots):
     """Seconds from the submission to the end of the last job, on a fresh server with one worker that waits for work."""
     with tempfile.TemporaryDirectory() as folder, Farm(roost, folder) as farm:
@@ -50,7 +55,9 @@ def main():
     fixed = sorted({"1", "2", str(max(1, processors // 2)), str(processors)}, key=int)
     demo = json.loads((ROOT / "src/demo/sweep.json").read_text())
     is_good = True
-    for name, sweep in (("demo", demo), ("40 slices", slices())):
+    sweeps = {"demo": demo, "slices": slices(), "hoppers": hoppers()}
+    for name in sys.argv[3:] or sweeps:
+        sweep = sweeps[name]
         choices, times = [*fixed, "auto"], {}
         for number in range(rounds):
             turn = number % len(choices)
