@@ -62,6 +62,9 @@ pub struct StudySpec {
     pub goal: Value,
     /// Limits of the number of runs.
     pub budget: StudyBudget,
+    /// Sweeps whose finished runs it begins with. The runs are copied, and the budget does not count them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub seeded_by: Vec<SweepId>,
     /// Jobs of higher priority are claimed first. Values outside -100 to 100 need a token with the scope `admin`.
     #[serde(default)]
     pub priority: i32,
@@ -115,6 +118,32 @@ pub struct StudyRuns {
     pub pending: u64,
     /// The budget.
     pub max_runs: u64,
+    /// Ended runs that the budget does not count: those of the sweeps that it began with.
+    #[serde(default)]
+    pub outside_budget: u64,
+}
+
+/// A sweep that a study began with, and the number of its runs by use.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct SeedingSweep {
+    /// The sweep.
+    pub sweep: SweepId,
+    /// Its name.
+    pub name: String,
+    /// Runs that were copied. Those outside the ranges are used once the ranges are wide enough.
+    pub copied: u64,
+    /// Runs left out because their scenario differs from the base in more than the factors and the seed.
+    pub other_scenarios: u64,
+    /// The first field in which the first of these differs.
+    pub first_difference: Option<String>,
+    /// Runs left out because another revision of the solver made their results.
+    pub other_revisions: u64,
+    /// Runs left out because they have no result.
+    pub without_result: u64,
+    /// Runs left out because a run with the same values of the factors and the same seed was copied before.
+    pub repeated: u64,
+    /// Whether copied runs at different points have a seed in common. Intervals take their deviations for independent.
+    pub shares_seeds: bool,
 }
 
 /// A study as the API shows it.
@@ -156,6 +185,9 @@ pub struct StudyAnswer {
     /// The goal, as submitted.
     #[schema(value_type = Object)]
     pub goal: Value,
+    /// The sweeps that it began with.
+    #[serde(default)]
+    pub seeded_by: Vec<SeedingSweep>,
     /// Numbers of the answer: `runs`, `excluded` and `finding`, an object with one member named by the goal. Null before the first decision.
     #[schema(value_type = Object)]
     pub answer: Value,

@@ -33,6 +33,12 @@ impl Point {
         Some(Self::new(&coordinates.collect::<Option<Vec<f64>>>()?))
     }
 
+    /// The point of a run with some values of the factors; none outside their ranges. Its values are rounded, so that runs from before
+    /// a change of the ranges, or from elsewhere, belong to a point that can be proposed.
+    pub fn of_run(factors: &[Factor], values: &[f64]) -> Option<Self> {
+        Some(Self::of_values(factors, values)?.rounded(factors))
+    }
+
     /// The values of the factors, in their units.
     pub fn values(&self, factors: &[Factor]) -> Vec<f64> {
         factors.iter().zip(self.coordinates()).map(|(factor, coordinate)| factor.value(coordinate)).collect()
@@ -131,6 +137,8 @@ impl PointRuns {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Evidence {
     points: Vec<PointRuns>,
+    /// Number of runs that the budget does not count.
+    free: usize,
 }
 
 impl Evidence {
@@ -151,7 +159,18 @@ impl Evidence {
                 *known = outcome;
             }
         }
-        Self { points: by_point.into_iter().map(|(point, runs)| PointRuns { point, runs }).collect() }
+        let points = by_point.into_iter().map(|(point, runs)| PointRuns { point, runs });
+        Self { points: points.collect(), free: 0 }
+    }
+
+    /// The same evidence, of which the budget does not count some ended runs: they were made for another purpose.
+    pub fn with_free(self, runs: usize) -> Self {
+        Self { free: runs, ..self }
+    }
+
+    /// Number of runs that the budget does not count.
+    pub(crate) fn free(&self) -> usize {
+        self.free
     }
 
     /// Its points in canonical order.
@@ -164,9 +183,14 @@ impl Evidence {
         self.points.binary_search_by(|runs| runs.point.cmp(point)).ok().map(|index| &self.points[index])
     }
 
-    /// Number of runs but for cancelled ones: those that the budget counts.
+    /// Number of runs but for cancelled ones.
     pub fn runs(&self) -> usize {
         self.points.iter().map(PointRuns::count).sum()
+    }
+
+    /// Number of runs that the budget counts.
+    pub fn spent(&self) -> usize {
+        self.runs().saturating_sub(self.free)
     }
 
     /// Number of runs in flight.

@@ -107,10 +107,11 @@ async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<
         return Ok(before);
     }
     let trials = app.store.trials_of(id, 0..u32::MAX).await?;
-    let (spec, max_runs) = (stored.document()?, stored.max_runs);
+    let observations = app.store.observations(id).await?;
+    let (spec, max_runs, seeding) = (stored.document()?, stored.max_runs, stored.seeding.clone());
     let work = tokio::task::spawn_blocking(move || {
-        let study = Study::stored(spec, max_runs)?;
-        let decided = study.decide(&trials, tally.wanted())?;
+        let study = Study::stored(spec, max_runs, seeding)?;
+        let decided = study.decide(&trials, &observations, tally.wanted())?;
         Ok::<_, Vec<roost_api::Fault>>((study.sweep_spec(), decided))
     });
     let (sweep, decided) = match work.await {

@@ -76,7 +76,8 @@ fn progress(study: &StudyView, runs_per_s: f64) -> String {
 
 /// The exit code of a study: success if it has ended with an answer.
 pub(super) fn exit_of(study: &StudyView) -> Exit {
-    if study.state == StudyState::Finished && study.runs.done > 0 { Exit::Done } else { Exit::Failed }
+    let evidence = study.runs.done + study.runs.outside_budget;
+    if study.state == StudyState::Finished && evidence > 0 { Exit::Done } else { Exit::Failed }
 }
 
 #[cfg(test)]
@@ -112,5 +113,7 @@ mod tests {
         assert_eq!(exit_of(&study), Exit::Done);
         study.runs.done = 0;
         assert_eq!(exit_of(&study), Exit::Failed);
+        study.runs.outside_budget = 40;
+        assert_eq!(exit_of(&study), Exit::Done, "runs of a sweep can answer alone");
     }
 }

@@ -51,7 +51,7 @@ impl Study<'_> {
 
 /// The decision, whatever the goal: budget, exclusions and reasons to stop are handled here.
 pub(crate) fn decide(question: &Question, evidence: &Evidence, wanted: usize, seed: u64) -> Decision {
-    let left = question.budget.max_runs.saturating_sub(evidence.runs());
+    let left = question.budget.max_runs.saturating_sub(evidence.spent());
     let study = Study { question, evidence, room: wanted.min(left), seed };
     let mut course = match &question.goal {
         Goal::Estimate(goal) => estimate::decide(goal, &study),

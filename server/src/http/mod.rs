@@ -26,6 +26,7 @@ mod problem;
 mod prune;
 mod results;
 mod safety;
+mod seeding;
 mod series;
 mod session;
 mod spec;

@@ -17,6 +17,7 @@ use super::extract::{Document, Params, Segments};
 use super::page::{cursor, limit, limit_schema, page};
 use super::priority::check_priority;
 use super::problem::{ApiError, ProblemKind};
+use super::seeding;
 use super::submissions::Reserved;
 use super::sweeps::limits;
 use crate::decider::MIN_QUEUED;
@@ -54,13 +55,22 @@ async fn create(app: &App, id: SweepId, caller: Caller, document: Value) -> Resu
     let read = run_blocking(move || {
         let (study, _) = study::read(document, &meshes, limits).map_err(ApiError::faults)?;
         check_priority(&caller, "/priority", study.spec.priority)?;
-        let first =
-            study.decide(&[], MIN_QUEUED).map_err(|faults| ApiError::faults(prefixed("/base", faults)))?;
-        let (sweep, factors, token) = (study.sweep_spec(), study.factor_names(), caller.token.to_string());
-        let question = study.question_sentence();
-        Ok::<_, ApiError>((NewStudy { id, spec: study.spec, question, sweep, factors, token }, first))
+        Ok::<_, ApiError>((study, caller.token.to_string()))
     });
-    let (study, first) = read.await??;
+    let (study, token) = read.await??;
+    let runs = seeding::runs(app, &study.spec.seeded_by).await?;
+    let decided = run_blocking(move || {
+        let mut study = study;
+        let copies = seeding::copy(&mut study, runs).map_err(ApiError::faults)?;
+        let first = study.decide(&[], &copies, MIN_QUEUED);
+        let first = first.map_err(|faults| ApiError::faults(prefixed("/base", faults)))?;
+        let (sweep, factors) = (study.sweep_spec(), study.factor_names());
+        let question = study.question_sentence();
+        let seeding = (study.seeding, copies);
+        let study = NewStudy { id, spec: study.spec, question, sweep, factors, seeding, token };
+        Ok::<_, ApiError>((study, first))
+    });
+    let (study, first) = decided.await??;
     app.store.insert_study(study, first, app.clock.now()).await?;
     drop(mesh_lock);
     app.work.notify_waiters();
@@ -125,6 +135,7 @@ pub(crate) async fn answer(
         study: view(&app, &stored).await?,
         factors: spec.factors,
         goal: spec.goal,
+        seeded_by: stored.seeding,
         answer: stored.answer.unwrap_or(Value::Null),
     }))
 }
@@ -253,6 +264,7 @@ async fn view(app: &App, stored: &StoredStudy) -> Result<StudyView, ApiError> {
             cancelled: counts.cancelled,
             pending: counts.queued + counts.running,
             max_runs: u64::from(stored.max_runs),
+            outside_budget: app.store.runs_outside_budget(stored.id).await?,
         },
         points: u64::from(sweep.points),
         submitted_at: stored.submitted_at,

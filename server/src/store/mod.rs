@@ -25,6 +25,7 @@ mod jobs;
 mod meshes;
 mod migrations;
 mod objects;
+mod observations;
 mod prune;
 mod results;
 #[cfg(test)]

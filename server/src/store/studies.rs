@@ -2,7 +2,7 @@
 
 use roost_api::ids::SweepId;
 use roost_api::job::JobState;
-use roost_api::study::{StudyEnd, StudySpec, StudyState};
+use roost_api::study::{SeedingSweep, StudyEnd, StudySpec, StudyState};
 use roost_api::sweep::{StateCounts, SweepSpec};
 use roost_api::time::Timestamp;
 use serde_json::Value;
@@ -11,10 +11,11 @@ use sqlx::{AssertSqlSafe, SqliteConnection};
 
 use super::columns::{Columns, from_json, to_json};
 use super::job_rows::{JobOptions, JobRow, queue_start};
+use super::observations::insert_copies;
 use super::submit::{insert_study_sweep, queue_jobs};
 use super::writer::SLICE;
 use super::{Store, StoreError};
-use crate::study::Decided;
+use crate::study::{Decided, Observation};
 
 /// Maximum number of runs that one decision proposes: they are one transaction.
 pub(crate) const MAX_PROPOSALS: usize = SLICE;
@@ -46,6 +47,8 @@ pub(crate) struct StoredStudy {
     pub(crate) submitted_at: Timestamp,
     /// When the newest answer was computed.
     pub(crate) answered_at: Option<Timestamp>,
+    /// The sweeps that it began with.
+    pub(crate) seeding: Vec<SeedingSweep>,
     /// Row of its sweep: listings go from the newest to the oldest.
     pub(crate) seq: i64,
     /// The token that submitted its jobs.
@@ -64,6 +67,8 @@ pub(crate) struct NewStudy {
     pub(crate) sweep: SweepSpec,
     /// Names of its factors.
     pub(crate) factors: Vec<String>,
+    /// The sweeps that it begins with, and their runs.
+    pub(crate) seeding: (Vec<SeedingSweep>, Vec<Observation>),
     /// The token that submitted it; empty without one.
     pub(crate) token: String,
 }
@@ -74,7 +79,7 @@ fn rows(decided: &Decided, id: SweepId) -> Result<Vec<JobRow>, StoreError> {
 }
 
 const COLUMNS: &str = "SELECT w.seq, w.submitted_at, s.sweep_id, s.spec, s.question, s.max_runs, s.state, s.reason, s.finished, s.decisions, s.answer,
-        s.sentences, s.answered_at, s.token_id
+        s.sentences, s.answered_at, s.token_id, s.seeding
     FROM studies s JOIN sweeps w ON w.id = s.sweep_id AND w.state = 'ready'";
 
 impl StoredStudy {
@@ -92,9 +97,9 @@ impl Store {
         first: Decided,
         now: Timestamp,
     ) -> Result<(), StoreError> {
-        let NewStudy { id, spec, question, sweep, factors, token } = study;
+        let NewStudy { id, spec, question, sweep, factors, seeding: (seeding, copies), token } = study;
         let options = JobOptions::of(&sweep, token.clone())?;
-        let text = to_json("study", &spec)?;
+        let (text, seeding) = (to_json("study", &spec)?, to_json("seeding", &seeding)?);
         let (answer, sentences) =
             (to_json("answer", &first.answer)?, to_json("sentences", &first.sentences)?);
         let rows = rows(&first, id)?;
@@ -104,8 +109,8 @@ impl Store {
                     if !insert_study_sweep(tx, id, &sweep, (&factors, first.points), now).await? {
                         return Ok(());
                     }
-                    let sql = "INSERT INTO studies (sweep_id, spec, question, max_runs, token_id, decisions, answer, sentences, answered_at)
-                               VALUES (?, ?, ?, ?, ?, 1, ?, ?, ?)";
+                    let sql = "INSERT INTO studies (sweep_id, spec, question, max_runs, token_id, decisions, answer, sentences, answered_at, seeding)
+                               VALUES (?, ?, ?, ?, ?, 1, ?, ?, ?, ?)";
                     sqlx::query(sql)
                         .bind(id.to_string())
                         .bind(text)
@@ -115,8 +120,10 @@ impl Store {
                         .bind(answer)
                         .bind(sentences)
                         .bind(now.0)
+                        .bind(seeding)
                         .execute(&mut *tx)
                         .await?;
+                    insert_copies(tx, id, &copies, now).await?;
                     add_runs(tx, id, (&rows, first.points, first.replicates), &options, now).await
                 })
             })
@@ -306,6 +313,7 @@ fn stored(row: &SqliteRow) -> Result<StoredStudy, StoreError> {
         sentences: row.json("sentences")?,
         submitted_at: row.moment("submitted_at")?,
         answered_at: row.moment_opt("answered_at")?,
+        seeding: row.json("seeding")?,
         seq: row.column("seq")?,
         token: row.column("token_id")?,
     })

@@ -1,13 +1,16 @@
 //! Studies, without IO: from the document to a question, from trials to evidence, from decisions to trials, and answers in words.
 //!
 //! - `read` checks a submitted study and lists every fault; `measures` checks the responses that its goal names.
-//! - `trials` turns trials of the sweep into evidence, and proposals into trials.
+//! - `observations` are runs that are no jobs of the study; `seeding` copies them from earlier sweeps.
+//! - `trials` turns trials of the sweep and observations into evidence, and proposals into trials.
 //! - `sentences` states question and answer; `words` names factors and measures.
 //!
 //! The decision itself is [`roost_design::decide`].
 
 mod measures;
+mod observations;
 mod read;
+mod seeding;
 pub(crate) mod sentences;
 #[cfg(test)]
 mod tests;
@@ -15,14 +18,16 @@ mod trials;
 mod words;
 
 use roost_api::Fault;
-use roost_api::study::{StudyEnd, StudySpec};
+use roost_api::study::{SeedingSweep, StudyEnd, StudySpec};
 use roost_api::sweep::SweepSpec;
 use roost_api::table::TrialRow;
 use roost_design::{Answer, Finished, Question, decide};
 
 use crate::sweep::{Points, Trial};
+pub(crate) use observations::{Observation, Source};
 pub(crate) use read::read;
 pub(crate) use roost_api::study::SCHEMA;
+pub(crate) use seeding::{Copied, MAX_SEEDING_RUNS, SweepRun};
 
 /// A study that can be decided about.
 #[derive(Clone, Debug)]
@@ -35,6 +40,8 @@ pub(crate) struct Study {
     points: Points,
     /// Seed of the base, from which all others follow.
     seed: u64,
+    /// The sweeps that it began with.
+    pub(crate) seeding: Vec<SeedingSweep>,
 }
 
 /// A decision: runs that come next, and the answer so far.
@@ -55,19 +62,24 @@ pub(crate) struct Decided {
 }
 
 impl Study {
-    /// Decides about up to `wanted` further runs after some trials. A scenario that is proposed may have faults.
-    pub(crate) fn decide(&self, trials: &[TrialRow], wanted: usize) -> Result<Decided, Vec<Fault>> {
-        let (evidence, known) = self.evidence(trials);
-        let decision = decide(&self.question, &evidence, wanted, self.seed);
-        let (trials, points) = self.trials(&decision.proposals, known)?;
-        let replicates = trials::most_at_a_point(&evidence, &decision.proposals);
+    /// Decides about up to `wanted` further runs after some trials and observations. A scenario that is proposed may have faults.
+    pub(crate) fn decide(
+        &self,
+        trials: &[TrialRow],
+        observations: &[Observation],
+        wanted: usize,
+    ) -> Result<Decided, Vec<Fault>> {
+        let known = self.known(trials, observations);
+        let decision = decide(&self.question, &known.evidence, wanted, self.seed);
+        let sentences = sentences::answer(self, &decision.answer, &known);
+        let (new, points) = self.trials(&decision.proposals, known)?;
+        let replicates = trials::most_at_a_point(trials, &new);
         let finished = decision.finished.map(|finished| match finished {
             Finished::ByRule => StudyEnd::ByRule,
             Finished::ByBudget => StudyEnd::ByBudget,
             Finished::NothingLeft => StudyEnd::NothingLeft,
         });
-        let sentences = sentences::answer(self, &decision.answer);
-        Ok(Decided { trials, points, replicates, finished, answer: decision.answer, sentences })
+        Ok(Decided { trials: new, points, replicates, finished, answer: decision.answer, sentences })
     }
 
     /// The question in words.

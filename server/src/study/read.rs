@@ -2,9 +2,9 @@
 
 use roost_api::Fault;
 use roost_api::design::{Design, DesignKind, Factor, Scale};
-use roost_api::study::{SCHEMA, StudySpec};
+use roost_api::study::{SCHEMA, SeedingSweep, StudySpec};
 use roost_api::sweep::SweepSpec;
-use roost_design::Question;
+use roost_design::{Goal, Question};
 use roost_solver::mesh::Meshes;
 use roost_solver::scenario::field::FieldKind;
 use roost_solver::scenario::{self, fields};
@@ -39,6 +39,7 @@ pub(crate) fn read(
         ));
     }
     let question = question(&spec, spec.budget.max_runs).map_err(|found| faults.extend(found)).ok();
+    check_seeding(&spec, question.as_ref(), &mut faults);
     if let Some(question) = &question
         && let Ok(base) = scenario::from_value(&spec.base)
     {
@@ -56,19 +57,23 @@ pub(crate) fn read(
         (Some(question), Ok((_, expansion))) if faults.is_empty() => {
             let points = expansion.points.clone();
             let seed = expansion.base.seed;
-            Ok((Study { spec, question, points, seed }, expansion))
+            Ok((Study { spec, question, points, seed, seeding: Vec::new() }, expansion))
         }
         _ => Err(faults),
     }
 }
 
 impl Study {
-    /// A stored study with its present budget, or the faults that this server finds in it.
-    pub(crate) fn stored(spec: StudySpec, max_runs: u32) -> Result<Self, Vec<Fault>> {
+    /// A stored study with its present budget and the sweeps that it began with, or the faults that this server finds in it.
+    pub(crate) fn stored(
+        spec: StudySpec,
+        max_runs: u32,
+        seeding: Vec<SeedingSweep>,
+    ) -> Result<Self, Vec<Fault>> {
         let question = question(&spec, max_runs)?;
         let base = scenario::from_value(&spec.base)?;
         let points = Points::without_rows(&spec.base, &base, &spec.factors);
-        Ok(Self { spec, question, points, seed: base.seed })
+        Ok(Self { spec, question, points, seed: base.seed, seeding })
     }
 }
 
@@ -129,6 +134,21 @@ fn check_factors(spec: &StudySpec, faults: &mut Vec<Fault>) {
                 let allowed = "a field with a number, such as /equipment/gate_opening_m; a sweep for words, lists and whole numbers";
                 faults.push(fault(&format!("{at}/pointer"), json!(pointer), detail, allowed));
             }
+        }
+    }
+}
+
+/// Checks the list of sweeps that a study begins with.
+fn check_seeding(spec: &StudySpec, question: Option<&Question>, faults: &mut Vec<Fault>) {
+    let is_sensitivity = matches!(question.map(|question| &question.goal), Some(Goal::Sensitivity(_)));
+    if is_sensitivity && !spec.seeded_by.is_empty() {
+        let detail = "a sensitivity rests on the points of its own design, which no sweep has";
+        faults.push(fault("/seeded_by", json!(spec.seeded_by), detail, "no sweeps, or another goal"));
+    }
+    for (index, sweep) in spec.seeded_by.iter().enumerate() {
+        if spec.seeded_by[..index].contains(sweep) {
+            let at = format!("/seeded_by/{index}");
+            faults.push(fault(&at, json!(sweep), "the sweep is listed twice", "each sweep once"));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use roost_api::ids::JobId;
+use roost_api::ids::{JobId, SweepId};
 use roost_api::job::{FailureClass, JobState};
 use roost_api::study::StudyEnd;
 use roost_api::table::TrialRow;
@@ -10,7 +10,7 @@ use roost_solver::Limits;
 use roost_solver::mesh::Meshes;
 use serde_json::{Map, Value, json};
 
-use super::{Study, read};
+use super::{Copied, Observation, Source, Study, SweepRun, read};
 use crate::sweep::SweepLimits;
 
 const GATE: &str = "/equipment/gate_opening_m";
@@ -42,7 +42,7 @@ fn trials(
 ) -> Vec<TrialRow> {
     let mut levels: Vec<(u32, Map<String, Value>)> =
         before.iter().map(|row| (row.point, row.factors.clone())).collect();
-    let decided = study.decide(before, wanted).unwrap();
+    let decided = study.decide(before, &[], wanted).unwrap();
     let rows = decided.trials.into_iter().map(|trial| {
         if let Some(new) = trial.levels {
             levels.push((trial.point, new));
@@ -90,9 +90,9 @@ fn runs_have_seeds_of_their_own_and_the_values_of_their_point() {
 #[test]
 fn a_stored_study_decides_as_the_submitted_one() {
     let submitted = study(boundary());
-    let stored = Study::stored(submitted.spec.clone(), 60).unwrap();
+    let stored = Study::stored(submitted.spec.clone(), 60, Vec::new()).unwrap();
     let rows = trials(&submitted, &[], 12, JobState::Succeeded, &|gate| u8::from(gate < 0.05));
-    let (one, other) = (submitted.decide(&rows, 5).unwrap(), stored.decide(&rows, 5).unwrap());
+    let (one, other) = (submitted.decide(&rows, &[], 5).unwrap(), stored.decide(&rows, &[], 5).unwrap());
     let runs = |decided: &super::Decided| -> Vec<(u32, u32, u64)> {
         decided.trials.iter().map(|trial| (trial.point, trial.replicate, trial.scenario.seed)).collect()
     };
@@ -100,7 +100,10 @@ fn a_stored_study_decides_as_the_submitted_one() {
     assert_eq!((one.answer, one.sentences), (other.answer, other.sentences));
     // Another order of results changes nothing.
     let reversed: Vec<TrialRow> = rows.iter().rev().cloned().collect();
-    assert_eq!(runs(&stored.decide(&reversed, 5).unwrap()), runs(&stored.decide(&rows, 5).unwrap()));
+    assert_eq!(
+        runs(&stored.decide(&reversed, &[], 5).unwrap()),
+        runs(&stored.decide(&rows, &[], 5).unwrap())
+    );
 }
 
 #[test]
@@ -114,7 +117,7 @@ fn states_of_jobs_are_evidence() {
         (JobState::Cancelled, (0, 0, 0)),
     ] {
         let rows = trials(&study, &[], 4, state, &|_| 1);
-        let runs = study.decide(&rows, 0).unwrap().answer.runs;
+        let runs = study.decide(&rows, &[], 0).unwrap().answer.runs;
         assert_eq!((runs.done, runs.failed, runs.pending), counts, "{state}");
     }
     // A cancelled run has no response, and its replicate is not used again.
@@ -133,7 +136,7 @@ fn questions_and_answers_are_sentences() {
         "Where is the probability of `jammed` equal to 0.05, for gate opening from 0.03 to 0.09 m and belt speed from 0.1 to 1 m/s?"
     );
     let rows = trials(&study, &[], 60, JobState::Succeeded, &|_| 0);
-    let sentences = study.decide(&rows, 0).unwrap().sentences;
+    let sentences = study.decide(&rows, &[], 0).unwrap().sentences;
     assert!(
         sentences
             .iter()
@@ -146,6 +149,89 @@ fn questions_and_answers_are_sentences() {
     let asked = optimise.question_sentence();
     assert!(asked.starts_with("What maximises the mean rate"), "{asked}");
     assert!(asked.ends_with("so that the probability of `jammed` is at most 0.2?"), "{asked}");
-    let decided = study.decide(&rows, 0).unwrap();
+    let decided = study.decide(&rows, &[], 0).unwrap();
     assert_ne!(decided.finished, Some(StudyEnd::NothingLeft));
+}
+
+/// A finished run of a sweep, at some values and with a seed.
+fn sweep_run(gate: f64, speed: f64, seed: u64, change: &dyn Fn(&mut Value)) -> SweepRun {
+    let mut scenario = document(boundary())["base"].clone();
+    scenario["equipment"] = json!({"gate_opening_m": gate, "belt_speed_m_s": speed});
+    scenario["seed"] = json!(seed);
+    change(&mut scenario);
+    let scenario = json!(roost_solver::scenario::from_value(&scenario).unwrap());
+    let responses = json!({"jammed": u8::from(gate < 0.06), "regime": "constant"});
+    let responses = responses.as_object().unwrap().clone();
+    SweepRun { scenario, solver_revision: roost_solver::SOLVER_REVISION, responses }
+}
+
+fn copy(study: &mut Study, runs: &[SweepRun]) -> Vec<Observation> {
+    let (counts, copies) = study.copy((SweepId::new(), "gates".to_owned(), 3), runs, &mut Copied::default());
+    study.seeding.push(counts);
+    copies
+}
+
+#[test]
+fn runs_of_sweeps_are_evidence_outside_the_budget() {
+    let mut study = study(boundary());
+    let same = |_: &mut Value| {};
+    let mut other_revision = sweep_run(0.05, 0.5, 9, &same);
+    other_revision.solver_revision -= 1;
+    let runs = [
+        sweep_run(0.05, 0.5, 1, &same),
+        sweep_run(0.05, 0.5, 2, &same),
+        sweep_run(0.05, 0.5, 2, &same), // the same run again
+        sweep_run(0.06, 0.5, 2, &same), // the same seed at another point
+        sweep_run(0.10, 0.5, 3, &same), // outside the range
+        sweep_run(0.05, 0.5, 3, &|scenario| scenario["product"]["count"] = json!(7)),
+        other_revision,
+    ];
+    let copies = copy(&mut study, &runs);
+    let counts = study.seeding[0].clone();
+    assert_eq!(
+        (counts.copied, counts.repeated, counts.other_scenarios, counts.other_revisions),
+        (4, 1, 1, 1)
+    );
+    assert_eq!(counts.first_difference.as_deref(), Some("/product/count"));
+    assert!(counts.shares_seeds);
+    let decided = study.decide(&[], &copies, 100).unwrap();
+    assert_eq!((decided.answer.runs.done, decided.answer.runs.pending), (3, 0));
+    // More copies than the budget has runs leave all of it.
+    let many: Vec<SweepRun> = (0..70).map(|seed| sweep_run(0.05, 0.5, 100 + seed, &same)).collect();
+    let many = copy(&mut self::study(boundary()), &many);
+    assert!(!study.decide(&[], &many, 10).unwrap().trials.is_empty());
+    let sentences = decided.sentences.join(" ");
+    for part in [
+        "It uses 3 runs of the sweep `gates`",
+        "1 run outside the ranges, 1 run of other scenarios (the first differs in `/product/count`), 1 run of other solver revisions, 3 runs without a result and 1 run that repeat another",
+        "have seeds in common",
+    ] {
+        assert!(sentences.contains(part), "{part}: {sentences}");
+    }
+}
+
+#[test]
+fn no_run_repeats_an_observation() {
+    let mut study = study(boundary());
+    // An earlier study of the same base had these runs, with the seeds that this one would choose.
+    let before = trials(&study, &[], 40, JobState::Succeeded, &|_| 1);
+    let level = |row: &TrialRow, name: &str| row.factors[name].as_f64().unwrap();
+    let run = |row: &TrialRow| sweep_run(level(row, GATE), level(row, SPEED), row.seed, &|_| {});
+    // Of each point all runs but the first.
+    let runs: Vec<SweepRun> = before.iter().filter(|row| row.replicate > 0).map(run).collect();
+    assert!(runs.len() >= 10);
+    let copies = copy(&mut study, &runs);
+    assert_eq!(copies.len(), runs.len());
+    let decided = study.decide(&[], &copies, 40).unwrap();
+    let known: BTreeSet<u64> = copies.iter().map(|copy| copy.seed).collect();
+    assert!(decided.trials.len() >= 10);
+    assert!(decided.trials.iter().all(|trial| !known.contains(&trial.scenario.seed)));
+    // Replicate 0 of the points belongs to the copies.
+    assert!(decided.trials.iter().any(|trial| trial.replicate > 0));
+    // A run with the same point and seed counts once.
+    let twice: Vec<Observation> = copies.iter().chain(&copies).cloned().collect();
+    assert_eq!(study.decide(&[], &twice, 0).unwrap().answer.runs.done, copies.len());
+    let as_jobs: Vec<TrialRow> = before.iter().filter(|row| row.replicate > 0).cloned().collect();
+    assert_eq!(study.decide(&as_jobs, &copies, 0).unwrap().answer.runs.done, copies.len());
+    assert!(copies.iter().all(|copy| matches!(copy.source, Source::Sweep(_))));
 }

@@ -1,53 +1,116 @@
-//! Trials of a study's sweep as evidence, and proposals as trials.
+//! Trials and observations as evidence, and proposals as trials.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 use roost_api::Fault;
+use roost_api::ids::SweepId;
 use roost_api::job::JobState;
 use roost_api::table::TrialRow;
 use roost_design::{Evidence, Outcome, Point, Proposal, Run};
-use serde_json::{Map, Value, json};
+use serde_json::json;
 
 use super::Study;
+use super::observations::{Observation, Source, numbers};
 use crate::sweep::Trial;
 
 /// Largest seed.
-const MAX_SEED: u64 = (1 << 53) - 1;
+pub(crate) const MAX_SEED: u64 = (1 << 53) - 1;
 
-/// The points of a study's sweep, with their indices.
+/// All runs of a study.
 #[derive(Clone, Debug, Default)]
-pub(super) struct KnownPoints {
+pub(super) struct Known {
+    pub(super) evidence: Evidence,
+    /// Runs of sweeps, by sweep.
+    pub(super) copies: BTreeMap<SweepId, Copies>,
+    /// The index of each point with jobs.
     indices: BTreeMap<Point, u32>,
     /// Number of points of the sweep.
     count: u32,
+    seeds: HashSet<u64>,
+}
+
+/// Number of runs that were copied from a sweep.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Copies {
+    /// Runs that are evidence.
+    pub(super) used: u64,
+    /// Runs outside the ranges.
+    pub(super) outside: u64,
+}
+
+/// Gives each run at a point a replicate of its own.
+#[derive(Default)]
+struct Replicates(BTreeMap<Point, BTreeSet<u32>>);
+
+impl Replicates {
+    /// The first free replicate at a point, from one on.
+    fn take(&mut self, point: &Point, from: u32) -> u32 {
+        let taken = self.0.entry(point.clone()).or_default();
+        let free = (from..).find(|replicate| taken.insert(*replicate));
+        free.unwrap_or(u32::MAX)
+    }
 }
 
 impl Study {
-    /// The evidence of trials, and their points.
-    pub(super) fn evidence(&self, trials: &[TrialRow]) -> (Evidence, KnownPoints) {
-        let mut known = KnownPoints::default();
-        let mut runs = Vec::with_capacity(trials.len());
+    /// The evidence of trials and observations. A run with the same point and seed as another counts once.
+    ///
+    /// Two points can become one when the ranges grow, since values are rounded. Their runs then get different replicates here.
+    pub(super) fn known(&self, trials: &[TrialRow], observations: &[Observation]) -> Known {
+        let mut known = Known::default();
+        let mut replicates = Replicates::default();
+        let mut seen: HashSet<(Point, u64)> = HashSet::new();
+        let mut runs = Vec::with_capacity(trials.len() + observations.len());
+        let mut trials: Vec<&TrialRow> = trials.iter().collect();
+        trials.sort_by_key(|trial| (trial.point, trial.replicate));
         for trial in trials {
             known.count = known.count.max(trial.point + 1);
-            // A trial outside the range cannot be: the range of a study does not change.
-            let Some(point) = self.point(&trial.factors) else { continue };
-            known.indices.insert(point.clone(), trial.point);
-            runs.push(Run { point, replicate: trial.replicate, outcome: outcome(trial) });
+            known.seeds.insert(trial.seed);
+            let value = |name: &str| trial.factors.get(name)?.as_f64();
+            // No trial is outside the ranges: they only grow.
+            let Some(point) = self.point(&value) else { continue };
+            known.indices.entry(point.clone()).or_insert(trial.point);
+            let outcome = outcome(trial);
+            if outcome != Outcome::Cancelled {
+                seen.insert((point.clone(), trial.seed));
+            }
+            let replicate = replicates.take(&point, trial.replicate);
+            runs.push(Run { point, replicate, outcome });
         }
-        (Evidence::new(runs), known)
+        let mut observations: Vec<&Observation> = observations.iter().collect();
+        observations.sort_by_key(|observation| observation.order());
+        let mut free = 0;
+        for observation in observations {
+            known.seeds.insert(observation.seed);
+            let Source::Sweep(sweep) = observation.source;
+            let copies = known.copies.entry(sweep).or_default();
+            let Some(point) = self.point(&|name| observation.levels.get(name).copied()) else {
+                copies.outside += 1;
+                continue;
+            };
+            if !seen.insert((point.clone(), observation.seed)) {
+                continue;
+            }
+            copies.used += 1;
+            free += usize::from(observation.is_free());
+            let replicate = replicates.take(&point, observation.replicate);
+            runs.push(Run { point, replicate, outcome: observation.outcome.clone() });
+        }
+        known.evidence = Evidence::new(runs).with_free(free);
+        known
     }
 
-    fn point(&self, levels: &Map<String, Value>) -> Option<Point> {
+    /// The point of some values; none outside the ranges.
+    fn point(&self, value: &dyn Fn(&str) -> Option<f64>) -> Option<Point> {
         let factors = &self.question.factors;
-        let value = |factor: &roost_design::Factor| levels.get(&factor.name).and_then(Value::as_f64);
-        Point::of_values(factors, &factors.iter().map(value).collect::<Option<Vec<f64>>>()?)
+        let values = factors.iter().map(|factor| value(&factor.name));
+        Point::of_run(factors, &values.collect::<Option<Vec<f64>>>()?)
     }
 
     /// The trials of proposals, the first of each new point with its levels, and the number of points with them; or the faults of a scenario.
     pub(super) fn trials(
         &self,
         proposals: &[Proposal],
-        mut known: KnownPoints,
+        mut known: Known,
     ) -> Result<(Vec<Trial>, u32), Vec<Fault>> {
         let mut trials = Vec::with_capacity(proposals.len());
         for Proposal { point, replicate } in proposals {
@@ -57,25 +120,32 @@ impl Study {
             let index = *known.indices.entry(point.clone()).or_insert(known.count);
             known.count = known.count.max(index + 1);
             let mut scenario = made.scenario;
-            scenario.seed = self.seed_of(&values, *replicate);
+            scenario.seed = self.new_seed(&values, *replicate, &mut known.seeds);
             let levels = is_new.then_some(made.levels);
             trials.push(Trial { point: index, replicate: *replicate, scenario, levels });
         }
         Ok((trials, known.count))
     }
 
-    /// The seed of a run, which depends on the base's seed, the values of the factors and the replicate alone.
+    /// The seed of a run, which depends on the base's seed, the values of the factors and the replicate, and is none of `known`.
     ///
-    /// Runs at different points have different seeds: the models take their deviations for independent.
-    fn seed_of(&self, values: &[f64], replicate: u32) -> u64 {
+    /// Runs at different points have different seeds: the models take their deviations for independent. Another study of the same base
+    /// has the same seeds at the same points: if this one began with its runs, they are known.
+    fn new_seed(&self, values: &[f64], replicate: u32, known: &mut HashSet<u64>) -> u64 {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&self.seed.to_le_bytes()).update(&replicate.to_le_bytes());
         for value in values {
             hasher.update(&value.to_bits().to_le_bytes());
         }
-        let mut bytes = [0; 8];
-        hasher.finalize_xof().fill(&mut bytes);
-        u64::from_le_bytes(bytes) & MAX_SEED
+        let mut stream = hasher.finalize_xof();
+        loop {
+            let mut bytes = [0; 8];
+            stream.fill(&mut bytes);
+            let seed = u64::from_le_bytes(bytes) & MAX_SEED;
+            if known.insert(seed) {
+                return seed;
+            }
+        }
     }
 }
 
@@ -85,24 +155,15 @@ fn outcome(trial: &TrialRow) -> Outcome {
         JobState::Queued | JobState::Running => Outcome::Pending,
         JobState::Failed => Outcome::Failed,
         JobState::Cancelled => Outcome::Cancelled,
-        JobState::Succeeded => {
-            let number = |value: &Value| {
-                value.as_f64().or(value.as_bool().map(|is_true| f64::from(u8::from(is_true))))
-            };
-            let responses = trial.responses.iter();
-            Outcome::Responses(
-                responses.filter_map(|(name, value)| Some((name.clone(), number(value)?))).collect(),
-            )
-        }
+        JobState::Succeeded => Outcome::Responses(numbers(&trial.responses)),
     }
 }
 
-/// Maximum number of runs at a point, with those that are proposed.
-pub(super) fn most_at_a_point(evidence: &Evidence, proposals: &[Proposal]) -> u32 {
-    let mut runs: BTreeMap<&Point, usize> =
-        evidence.points().iter().map(|known| (&known.point, known.runs.len())).collect();
-    for proposal in proposals {
-        *runs.entry(&proposal.point).or_default() += 1;
+/// Maximum number of jobs at a point, with new ones.
+pub(super) fn most_at_a_point(trials: &[TrialRow], new: &[Trial]) -> u32 {
+    let mut jobs: BTreeMap<u32, u32> = BTreeMap::new();
+    for point in trials.iter().map(|trial| trial.point).chain(new.iter().map(|trial| trial.point)) {
+        *jobs.entry(point).or_default() += 1;
     }
-    runs.into_values().max().map_or(1, |most| u32::try_from(most).unwrap_or(u32::MAX))
+    jobs.into_values().max().unwrap_or(1)
 }

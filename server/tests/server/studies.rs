@@ -9,32 +9,32 @@ use serde_json::{Value, json};
 use super::test_server::*;
 
 /// Pointer of the factor.
-const GATE: &str = "/equipment/gate_opening_m";
+pub(super) const GATE: &str = "/equipment/gate_opening_m";
 
 /// A change of a valid question.
 type Change<'a> = &'a dyn Fn(&mut Value);
 
 /// The probability of a jam at a gate opening, in metres.
-fn jam_probability(gate_m: f64) -> f64 {
+pub(super) fn jam_probability(gate_m: f64) -> f64 {
     1.0 / (1.0 + ((gate_m - 0.055) / 0.004).exp())
 }
 
 /// The gate opening at which the probability of a jam is ½, in metres.
-const TRUE_GATE_M: f64 = 0.055;
+pub(super) const TRUE_GATE_M: f64 = 0.055;
 
-fn question(max_runs: u32) -> Value {
+pub(super) fn question(max_runs: u32) -> Value {
     json!({"name": "smallest gate", "base": scenario(1),
            "factors": [{"pointer": GATE, "low": 0.03, "high": 0.09}],
            "goal": {"boundary": {"of": {"probability": "jammed"}, "level": 0.5, "misclassified": 0.05}},
            "budget": {"max_runs": max_runs}})
 }
 
-async fn submit(server: &TestServer, question: &Value) -> String {
+pub(super) async fn submit(server: &TestServer, question: &Value) -> String {
     let study = server.post("/v1/studies", question).await.expect(StatusCode::CREATED);
     text(&study["id"]).to_owned()
 }
 
-async fn show(server: &TestServer, id: &str) -> Value {
+pub(super) async fn show(server: &TestServer, id: &str) -> Value {
     server.get(&format!("/v1/studies/{id}")).await.expect(StatusCode::OK)
 }
 
@@ -43,7 +43,7 @@ async fn ask(server: &TestServer, id: &str, verb: &str) -> Value {
 }
 
 /// Delivers a result for an attempt, drawn from the truth with the seed of the scenario.
-async fn deliver(worker: &Worker<'_>, attempt: &Value) {
+pub(super) async fn deliver(worker: &Worker<'_>, attempt: &Value) {
     let scenario = &attempt["scenario"];
     let gate_m = scenario.pointer(GATE).and_then(Value::as_f64).unwrap();
     let mut result = result_of(scenario);
@@ -53,7 +53,7 @@ async fn deliver(worker: &Worker<'_>, attempt: &Value) {
 }
 
 /// Runs the jobs of a study until it is not `running` any more, or `enough` results are there.
-async fn work(server: &TestServer, id: &str, enough: usize) -> Value {
+pub(super) async fn work(server: &TestServer, id: &str, enough: usize) -> Value {
     let worker = server.worker("cpu").await;
     let deadline = Instant::now() + Duration::from_secs(120);
     let mut delivered = 0;
@@ -72,7 +72,7 @@ async fn work(server: &TestServer, id: &str, enough: usize) -> Value {
 }
 
 /// Every trial of a study's sweep, in small pages.
-async fn trials(server: &TestServer, id: &str) -> Vec<Value> {
+pub(super) async fn trials(server: &TestServer, id: &str) -> Vec<Value> {
     let (mut trials, mut next) = (Vec::new(), String::new());
     loop {
         let path = format!("/v1/sweeps/{id}/results?limit=7{next}");
@@ -86,7 +86,7 @@ async fn trials(server: &TestServer, id: &str) -> Vec<Value> {
 }
 
 /// Checks that no run was proposed twice, and that all have different seeds.
-async fn check_runs(server: &TestServer, id: &str) {
+pub(super) async fn check_runs(server: &TestServer, id: &str) {
     let trials = trials(server, id).await;
     let jobs = server.get(&format!("/v1/sweeps/{id}")).await.body["counts"].as_object().unwrap().clone();
     assert_eq!(trials.len() as u64, jobs.values().filter_map(Value::as_u64).sum::<u64>());

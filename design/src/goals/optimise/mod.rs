@@ -279,7 +279,7 @@ fn begin_confirmations(
     (open, confirmed): (usize, usize),
     course: &mut Course,
 ) {
-    let left = study.question.budget.max_runs.saturating_sub(study.evidence.runs() + course.proposals.len());
+    let left = study.question.budget.max_runs.saturating_sub(study.evidence.spent() + course.proposals.len());
     let points = outlook.next_points(missing);
     let affordable = points.iter().take(left / plan.first);
     let runs = affordable.flat_map(|point| {
@@ -306,7 +306,8 @@ fn search_room(goal: &Optimise, plan: &Plan, study: &Study<'_>) -> usize {
     let confirming = study.evidence.runs() - searched;
     let free = study.question.budget.max_runs.saturating_sub(goal.reserve(plan) + confirming);
     let share = if confirming == 0 { FIRST_SEARCH } else { 1.0 };
-    ((share * free as f64) as usize).saturating_sub(searched)
+    // Runs that the budget does not count belong to the search.
+    ((share * free as f64) as usize).saturating_sub(searched - study.evidence.free().min(searched))
 }
 
 /// Proposes runs of the search. Returns the expected improvement of the best one; none while the first design is incomplete.

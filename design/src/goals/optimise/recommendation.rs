@@ -220,7 +220,7 @@ impl Considered<'_> {
 /// The assurance that a point needs: less when the budget has room for another confirmation, should the first one fail. Points
 /// near the limits have better objectives, and runs of a confirmation say more about one point than those of a search.
 fn least_assurance(plan: &Plan, study: &Study<'_>) -> f64 {
-    let left = study.question.budget.max_runs.saturating_sub(study.evidence.runs());
+    let left = study.question.budget.max_runs.saturating_sub(study.evidence.spent());
     if left >= 2 * plan.most { ASSURANCE } else { LAST_ASSURANCE }
 }
 

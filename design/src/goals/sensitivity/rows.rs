@@ -101,7 +101,7 @@ impl Design<'_> {
 impl Progress {
     pub(super) fn of(design: &Design<'_>, study: &Study<'_>) -> Self {
         let (mut complete, mut started) = (0, 0);
-        let (mut proposals, mut used) = (Vec::new(), study.evidence.runs());
+        let (mut proposals, mut used) = (Vec::new(), study.evidence.spent());
         let mut is_spent = true;
         for row in 0..MAX_ROWS {
             let runs = design.runs(row);

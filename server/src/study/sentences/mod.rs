@@ -1,7 +1,11 @@
-//! Question and answer of a study in sentences; `boundary` and `optimise` state the findings of these goals.
+//! Question and answer of a study in sentences; `boundary` and `optimise` state the findings of these goals, `sources` the
+//! runs that come from elsewhere.
 
 mod boundary;
 mod optimise;
+mod sources;
+
+pub(crate) use sources::left_out;
 
 use roost_api::quantity::Quantity;
 use roost_api::study::{StudyEnd, StudyState};
@@ -10,6 +14,7 @@ use roost_design::intervals::Estimated;
 use roost_design::{Answer, Finding, Goal, Measure};
 
 use super::Study;
+use super::trials::Known;
 use super::words::{digits, list, measure, number, range, value};
 
 /// Points of an estimate that are stated in words; the table has all of them.
@@ -79,7 +84,7 @@ fn constraint(constraint: &Constraint) -> String {
 }
 
 /// The answer in words: finding, evidence, what was left out, and assumptions.
-pub(super) fn answer(study: &Study, answer: &Answer) -> Vec<String> {
+pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<String> {
     let mut sentences = match &answer.finding {
         Finding::Estimate(finding) => estimate(study, finding),
         Finding::Boundary(finding) => boundary::sentences(study, finding),
@@ -89,6 +94,7 @@ pub(super) fn answer(study: &Study, answer: &Answer) -> Vec<String> {
     let runs = answer.runs;
     let failed = if runs.failed > 0 { format!("; {} more failed", runs.failed) } else { String::new() };
     sentences.push(format!("The answer rests on {} runs{failed}.", runs.done));
+    sentences.extend(sources::sentences(study, known));
     if !answer.excluded.is_empty() {
         let points: Vec<String> =
             answer.excluded.iter().take(MAX_STATED).map(|point| place(study, &point.values)).collect();
@@ -106,6 +112,7 @@ pub(super) fn answer(study: &Study, answer: &Answer) -> Vec<String> {
             .push(format!("Not used of the response `{response}`: {}.", list(&counts.collect::<Vec<_>>())));
     }
     sentences.push(assumptions(study));
+    sentences.extend(sources::assumption(study));
     sentences
 }
 

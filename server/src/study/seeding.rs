@@ -1,0 +1,126 @@
+//! Seeding: finished runs of earlier sweeps become observations of a new study.
+//!
+//! A run is copied if its scenario is that of the base with other values of the factors and another seed, and its result comes from the
+//! present revision of the solver. A copy survives the deletion of its sweep.
+
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+
+use roost_api::ids::SweepId;
+use roost_api::study::SeedingSweep;
+use roost_design::Outcome;
+use roost_solver::SOLVER_REVISION;
+use roost_solver::scenario::{self, Scenario, escape};
+use serde_json::{Map, Value, json};
+
+use super::Study;
+use super::observations::{Observation, Source, numbers};
+
+/// Maximum number of runs that a study begins with.
+pub(crate) const MAX_SEEDING_RUNS: u64 = 10_000;
+
+/// A finished run of a sweep.
+#[derive(Clone, Debug)]
+pub(crate) struct SweepRun {
+    /// Its complete scenario.
+    pub(crate) scenario: Value,
+    /// The revision of the solver that made its result.
+    pub(crate) solver_revision: u32,
+    /// Its responses.
+    pub(crate) responses: Map<String, Value>,
+}
+
+/// Runs that were copied before, by the bits of their values and by seed.
+#[derive(Debug, Default)]
+pub(crate) struct Copied(HashSet<(Vec<u64>, u64)>);
+
+impl Study {
+    /// Copies the finished runs of a sweep, which has `without_result` others.
+    pub(crate) fn copy(
+        &self,
+        (sweep, name, without_result): (SweepId, String, u64),
+        runs: &[SweepRun],
+        copied: &mut Copied,
+    ) -> (SeedingSweep, Vec<Observation>) {
+        let mut counts = SeedingSweep {
+            sweep,
+            name,
+            copied: 0,
+            other_scenarios: 0,
+            first_difference: None,
+            other_revisions: 0,
+            without_result,
+            repeated: 0,
+            shares_seeds: false,
+        };
+        let mut observations = Vec::new();
+        let mut points_by_seed: BTreeMap<u64, BTreeSet<Vec<u64>>> = BTreeMap::new();
+        for run in runs {
+            let (levels, seed) = match self.levels_of(&run.scenario) {
+                Ok(found) => found,
+                Err(pointer) => {
+                    counts.other_scenarios += 1;
+                    counts.first_difference.get_or_insert(pointer);
+                    continue;
+                }
+            };
+            if run.solver_revision != SOLVER_REVISION {
+                counts.other_revisions += 1;
+                continue;
+            }
+            let bits: Vec<u64> = levels.values().map(|value| value.to_bits()).collect();
+            if !copied.0.insert((bits.clone(), seed)) {
+                counts.repeated += 1;
+                continue;
+            }
+            counts.copied += 1;
+            points_by_seed.entry(seed).or_default().insert(bits);
+            observations.push(Observation {
+                source: Source::Sweep(sweep),
+                levels,
+                replicate: 0,
+                seed,
+                outcome: Outcome::Responses(numbers(&run.responses)),
+            });
+        }
+        counts.shares_seeds = points_by_seed.values().any(|points| points.len() > 1);
+        (counts, observations)
+    }
+
+    /// The values of the factors in a scenario that differs from the base in nothing else but the seed, and its seed; or the first field
+    /// in which it differs.
+    fn levels_of(&self, document: &Value) -> Result<(BTreeMap<String, f64>, u64), String> {
+        let scenario: Scenario = scenario::from_value(document)
+            .map_err(|faults| faults.into_iter().next().map(|fault| fault.pointer).unwrap_or_default())?;
+        let complete = json!(scenario);
+        let mut levels = BTreeMap::new();
+        let mut values = Vec::new();
+        for name in self.factor_names() {
+            let value = complete.pointer(&name).cloned().unwrap_or_default();
+            let Some(number) = value.as_f64() else { return Err(name) };
+            values.push(value);
+            levels.insert(name, number);
+        }
+        let made = self.points.at_values(values);
+        let made =
+            made.map_err(|faults| faults.into_iter().next().map(|fault| fault.pointer).unwrap_or_default())?;
+        let expected = Scenario { seed: scenario.seed, ..made.scenario };
+        if expected == scenario {
+            return Ok((levels, scenario.seed));
+        }
+        Err(difference(String::new(), &json!(expected), &complete).unwrap_or_default())
+    }
+}
+
+/// The pointer of the first difference of two documents; none if they are equal.
+fn difference(at: String, one: &Value, other: &Value) -> Option<String> {
+    match (one, other) {
+        (Value::Object(one), Value::Object(other)) => {
+            let names: BTreeSet<&String> = one.keys().chain(other.keys()).collect();
+            names.into_iter().find_map(|name| {
+                let value = |of: &Map<String, Value>| of.get(name).cloned().unwrap_or_default();
+                difference(format!("{at}/{}", escape(name)), &value(one), &value(other))
+            })
+        }
+        (one, other) => (one != other).then_some(at),
+    }
+}
