@@ -2,6 +2,8 @@
 
 -- The present ranges of the factors, [[low, high], …]; null as submitted.
 ALTER TABLE studies ADD COLUMN ranges TEXT CHECK (json_valid(ranges));
+-- Attempts at a confirmation before the ranges grew: their runs belong to the search now.
+ALTER TABLE studies ADD COLUMN past_attempts INTEGER NOT NULL DEFAULT 0;
 -- Who runs the proposals: the jobs of the server, or clients that ask for them.
 ALTER TABLE studies ADD COLUMN driver TEXT NOT NULL DEFAULT 'server' CHECK (driver IN ('server', 'client'));
 -- The sweeps that it began with: numbers of their runs that were copied or left out.

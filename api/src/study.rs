@@ -105,6 +105,28 @@ pub struct BudgetChange {
     pub max_runs: u32,
 }
 
+/// A change of a study's ranges.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RangeChange {
+    /// The factors whose ranges grow.
+    pub ranges: Vec<WiderRange>,
+}
+
+/// A wider range of a factor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WiderRange {
+    /// The factor: the pointer of its first field.
+    pub pointer: String,
+    /// The new lowest value, not above the present one; as before unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub low: Option<f64>,
+    /// The new highest value, not below the present one; as before unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<f64>,
+}
+
 /// Number of runs of a study by state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct StudyRuns {
@@ -180,7 +202,7 @@ pub struct StudyView {
 pub struct StudyAnswer {
     /// The study.
     pub study: StudyView,
-    /// The factors with their ranges, as submitted.
+    /// The factors with their present ranges.
     pub factors: Vec<Factor>,
     /// The goal, as submitted.
     #[schema(value_type = Object)]

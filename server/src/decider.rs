@@ -59,6 +59,8 @@ struct Tally {
     /// Queued jobs that are not paused.
     waiting: u64,
     max_runs: u32,
+    /// Changes of its ranges.
+    news: i64,
 }
 
 impl Tally {
@@ -71,7 +73,7 @@ impl Tally {
     /// Whether a decision could bring something new after an earlier one: a new answer, or further runs.
     fn is_news_after(&self, before: &Self) -> bool {
         let results = |tally: &Self| {
-            (tally.counts.succeeded, tally.counts.failed, tally.counts.cancelled, tally.max_runs)
+            (tally.counts.succeeded, tally.counts.failed, tally.counts.cancelled, tally.max_runs, tally.news)
         };
         let has_results = results(self) != results(before);
         has_results || (self != before && self.wanted() > 0)
@@ -102,15 +104,15 @@ async fn decide_about_all(app: &App, seen: &mut HashMap<SweepId, Tally>) -> Resu
 async fn decide(app: &App, id: SweepId, before: Option<Tally>) -> Result<Option<Tally>, StoreError> {
     let Some(stored) = app.store.study(id).await? else { return Ok(None) };
     let (counts, waiting) = app.store.study_counts(id).await?;
-    let tally = Tally { counts, waiting, max_runs: stored.max_runs };
+    let tally = Tally { counts, waiting, max_runs: stored.max_runs, news: stored.news };
     if before.is_some_and(|before| !tally.is_news_after(&before)) {
         return Ok(before);
     }
     let trials = app.store.trials_of(id, 0..u32::MAX).await?;
     let observations = app.store.observations(id).await?;
-    let (spec, max_runs, seeding) = (stored.document()?, stored.max_runs, stored.seeding.clone());
+    let present = stored.present()?;
     let work = tokio::task::spawn_blocking(move || {
-        let study = Study::stored(spec, max_runs, seeding)?;
+        let study = Study::stored(present)?;
         let decided = study.decide(&trials, &observations, tally.wanted())?;
         Ok::<_, Vec<roost_api::Fault>>((study.sweep_spec(), decided))
     });

@@ -1,7 +1,8 @@
-//! `roost study pause`, `resume`, `cancel` and `budget`.
+//! `roost study pause`, `resume`, `cancel`, `budget` and `widen`.
 
 use anyhow::Result;
 use roost_api::ids::SweepId;
+use roost_api::study::{RangeChange, WiderRange};
 use roost_terminal::Exit;
 
 use super::show;
@@ -36,6 +37,21 @@ pub(crate) struct Budget {
     /// New maximum number of runs, not below the present one
     #[arg(value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     max_runs: u32,
+}
+
+/// Widen the range of a factor; all runs are kept, and a finished study goes on
+#[derive(Debug, clap::Args)]
+pub(crate) struct Widen {
+    #[command(flatten)]
+    target: Target,
+    /// Pointer of the factor, such as /equipment/gate_opening_m
+    pointer: String,
+    /// New lowest value, not above the present one
+    #[arg(allow_negative_numbers = true)]
+    low: f64,
+    /// New highest value, not below the present one
+    #[arg(allow_negative_numbers = true)]
+    high: f64,
 }
 
 #[derive(Debug, clap::Args)]
@@ -73,6 +89,14 @@ pub(crate) async fn cancel(args: Cancel) -> Result<Exit> {
 pub(crate) async fn budget(args: Budget) -> Result<Exit> {
     let Budget { target, max_runs } = args;
     let study = target.server.client()?.raise_study_budget(target.id, max_runs).await?;
+    show::print(&study, target.json)?;
+    Ok(Exit::Done)
+}
+
+pub(crate) async fn widen(args: Widen) -> Result<Exit> {
+    let Widen { target, pointer, low, high } = args;
+    let change = RangeChange { ranges: vec![WiderRange { pointer, low: Some(low), high: Some(high) }] };
+    let study = target.server.client()?.widen_study(target.id, &change).await?;
     show::print(&study, target.json)?;
     Ok(Exit::Done)
 }

@@ -34,6 +34,7 @@ enum Action {
     Resume(control::Resume),
     Cancel(control::Cancel),
     Budget(control::Budget),
+    Widen(control::Widen),
 }
 
 impl Args {
@@ -56,5 +57,6 @@ pub(crate) async fn execute(args: Args) -> Result<Exit> {
         Action::Resume(args) => control::resume(args).await,
         Action::Cancel(args) => control::cancel(args).await,
         Action::Budget(args) => control::budget(args).await,
+        Action::Widen(args) => control::widen(args).await,
     }
 }

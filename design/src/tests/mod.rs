@@ -4,4 +4,5 @@ mod boundary;
 mod estimate;
 mod evidence;
 mod question;
+mod ranges;
 pub(crate) mod truth;

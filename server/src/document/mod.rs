@@ -17,7 +17,7 @@ use roost_api::Fault;
 use roost_api::design::Extension;
 use roost_api::job::JobEnvelope;
 use roost_api::lease::{ClaimRequest, FailureReport, HeartbeatRequest, ResultDelivery};
-use roost_api::study::{BudgetChange, StudySpec};
+use roost_api::study::{BudgetChange, RangeChange, StudySpec};
 use roost_api::sweep::SweepSpec;
 use roost_api::worker::WorkerRegistration;
 use roost_solver::Limits;
@@ -57,6 +57,7 @@ document_types!(
     FailureReport,
     HeartbeatRequest,
     JobEnvelope,
+    RangeChange,
     ResultDelivery,
     StudySpec,
     SweepSpec,

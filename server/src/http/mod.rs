@@ -132,6 +132,7 @@ fn routes(
         .routes(routes!(studies::resume))
         .routes(routes!(studies::cancel))
         .routes(routes!(studies::budget))
+        .routes(routes!(studies::ranges))
         .routes(routes!(results::effects))
         .routes(routes!(results::differences))
         .routes(routes!(series::of_sweep))

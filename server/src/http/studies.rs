@@ -1,4 +1,4 @@
-//! Studies: submit, list, show, answer, pause, resume, cancel, change the budget.
+//! Studies: submit, list, show, answer, pause, resume, cancel, change budget and ranges.
 
 use axum::Json;
 use axum::extract::State;
@@ -7,7 +7,7 @@ use axum::response::Response;
 use roost_api::ids::SweepId;
 use roost_api::page::Page;
 use roost_api::problem::Problem;
-use roost_api::study::{BudgetChange, StudyAnswer, StudyRuns, StudySpec, StudyState, StudyView};
+use roost_api::study::{BudgetChange, RangeChange, StudyAnswer, StudyRuns, StudySpec, StudyState, StudyView};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use utoipa::IntoParams;
@@ -130,7 +130,7 @@ pub(crate) async fn answer(
     Segments(id): Segments<SweepId>,
 ) -> Result<Json<StudyAnswer>, ApiError> {
     let stored = stored(&app, id).await?;
-    let spec = stored.document()?;
+    let spec = stored.present()?.spec();
     Ok(Json(StudyAnswer {
         study: view(&app, &stored).await?,
         factors: spec.factors,
@@ -233,6 +233,40 @@ pub(crate) async fn budget(
         let allowed = format!("more than {now} (the present budget), at most {most} (max_jobs_per_sweep)");
         let found = fault("/max_runs", json!(change.max_runs), "the budget can only grow", &allowed);
         return Err(ApiError::faults(vec![found]));
+    }
+    view_of(&app, id).await.map(Json)
+}
+
+/// Widens ranges of a study. All its runs are kept, and a study that had ended goes on.
+#[utoipa::path(post, path = "/v1/studies/{id}/ranges", tag = "studies", operation_id = "widen_study_ranges",
+    params(("id" = uuid::Uuid, Path, description = "The study")),
+    request_body = RangeChange,
+    responses((status = 200, description = "The study after the change", body = StudyView),
+              (status = 404, description = "No such study", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 409, description = "The study is cancelled, or has changed meanwhile", body = Problem,
+               content_type = "application/problem+json"),
+              (status = 422, description = "A range would shrink, or its scenarios have faults", body = Problem,
+               content_type = "application/problem+json")))]
+pub(crate) async fn ranges(
+    State(app): State<App>,
+    Segments(id): Segments<SweepId>,
+    Document(document): Document,
+) -> Result<Json<StudyView>, ApiError> {
+    let change: RangeChange = read_document(document).map_err(ApiError::faults)?;
+    let study = stored(&app, id).await?;
+    if study.state == StudyState::Cancelled {
+        let detail = "the study is cancelled: a retry of its sweep continues it";
+        return Err(ApiError::new(ProblemKind::WrongState, detail));
+    }
+    let (present, limits) = (study.present()?, limits(&app));
+    let meshes = app.mesh_cache.meshes_of(&present.submitted.base, &app.store).await?;
+    let wider = run_blocking(move || study::widen(present, &change, &meshes, limits)).await?;
+    if let Some((ranges, wider)) = wider.map_err(ApiError::faults)?
+        && !app.store.widen(&study, &ranges, wider.question_sentence()).await?
+    {
+        let detail = "the study has changed meanwhile: look at it, and repeat the request";
+        return Err(ApiError::new(ProblemKind::WrongState, detail));
     }
     view_of(&app, id).await.map(Json)
 }

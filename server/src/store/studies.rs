@@ -5,6 +5,7 @@ use roost_api::job::JobState;
 use roost_api::study::{SeedingSweep, StudyEnd, StudySpec, StudyState};
 use roost_api::sweep::{StateCounts, SweepSpec};
 use roost_api::time::Timestamp;
+use roost_design::goals::FIRST_CONFIRMATION;
 use serde_json::Value;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, SqliteConnection};
@@ -15,7 +16,7 @@ use super::observations::insert_copies;
 use super::submit::{insert_study_sweep, queue_jobs};
 use super::writer::SLICE;
 use super::{Store, StoreError};
-use crate::study::{Decided, Observation};
+use crate::study::{Decided, Observation, Present, Ranges};
 
 /// Maximum number of runs that one decision proposes: they are one transaction.
 pub(crate) const MAX_PROPOSALS: usize = SLICE;
@@ -47,6 +48,12 @@ pub(crate) struct StoredStudy {
     pub(crate) submitted_at: Timestamp,
     /// When the newest answer was computed.
     pub(crate) answered_at: Option<Timestamp>,
+    /// Its ranges now; none as submitted.
+    ranges: Option<Ranges>,
+    /// Number of attempts at a confirmation before the ranges grew.
+    past_attempts: u32,
+    /// Number of changes of its ranges.
+    pub(crate) news: i64,
     /// The sweeps that it began with.
     pub(crate) seeding: Vec<SeedingSweep>,
     /// Row of its sweep: listings go from the newest to the oldest.
@@ -79,13 +86,19 @@ fn rows(decided: &Decided, id: SweepId) -> Result<Vec<JobRow>, StoreError> {
 }
 
 const COLUMNS: &str = "SELECT w.seq, w.submitted_at, s.sweep_id, s.spec, s.question, s.max_runs, s.state, s.reason, s.finished, s.decisions, s.answer,
-        s.sentences, s.answered_at, s.token_id, s.seeding
+        s.sentences, s.answered_at, s.token_id, s.seeding, s.ranges, s.past_attempts, s.news
     FROM studies s JOIN sweeps w ON w.id = s.sweep_id AND w.state = 'ready'";
 
 impl StoredStudy {
-    /// The document as submitted.
-    pub(crate) fn document(&self) -> Result<StudySpec, StoreError> {
-        from_json("study", &self.spec)
+    /// The study as it is now.
+    pub(crate) fn present(&self) -> Result<Present, StoreError> {
+        Ok(Present {
+            submitted: from_json("study", &self.spec)?,
+            max_runs: self.max_runs,
+            ranges: self.ranges.clone(),
+            past_attempts: self.past_attempts,
+            seeding: self.seeding.clone(),
+        })
     }
 }
 
@@ -280,6 +293,41 @@ impl Store {
     }
 }
 
+impl Store {
+    /// Widens the ranges of a study, whose question is then another one. A finished study goes on. Returns false, and changes nothing, when
+    /// the study has changed since or is cancelled.
+    pub(crate) async fn widen(
+        &self,
+        study: &StoredStudy,
+        ranges: &Ranges,
+        question: String,
+    ) -> Result<bool, StoreError> {
+        let (id, news, ranges) = (study.id, study.news, to_json("ranges", ranges)?);
+        self.writer
+            .write(move |tx| {
+                Box::pin(async move {
+                    // A decision that is being made has other ranges: the number of decisions refuses it.
+                    let sql = "UPDATE studies SET ranges = ?1, question = ?2, finished = NULL, news = news + 1, decisions = decisions + 1,
+                                   changes = changes + 1, state = CASE state WHEN 'finished' THEN 'running' ELSE state END,
+                                   past_attempts = (SELECT coalesce(max(replicate), 0) FROM
+                                       (SELECT replicate FROM jobs WHERE sweep_id = ?3
+                                        UNION ALL SELECT replicate FROM observations WHERE study_id = ?3)) / ?5
+                               WHERE sweep_id = ?3 AND news = ?4 AND state <> 'cancelled'";
+                    let changed = sqlx::query(sql)
+                        .bind(ranges)
+                        .bind(question)
+                        .bind(id.to_string())
+                        .bind(news)
+                        .bind(FIRST_CONFIRMATION)
+                        .execute(&mut *tx)
+                        .await?;
+                    Ok(changed.rows_affected() == 1)
+                })
+            })
+            .await
+    }
+}
+
 /// Queues the runs of a decision. The replicates of the sweep are those of the point that has most.
 async fn add_runs(
     tx: &mut SqliteConnection,
@@ -313,6 +361,9 @@ fn stored(row: &SqliteRow) -> Result<StoredStudy, StoreError> {
         sentences: row.json("sentences")?,
         submitted_at: row.moment("submitted_at")?,
         answered_at: row.moment_opt("answered_at")?,
+        ranges: row.json("ranges")?,
+        past_attempts: row.number("past_attempts")?,
+        news: row.column("news")?,
         seeding: row.json("seeding")?,
         seq: row.column("seq")?,
         token: row.column("token_id")?,

@@ -2,6 +2,7 @@
 //!
 //! - `read` checks a submitted study and lists every fault; `measures` checks the responses that its goal names.
 //! - `observations` are runs that are no jobs of the study; `seeding` copies them from earlier sweeps.
+//! - `ranges` checks wider ranges.
 //! - `trials` turns trials of the sweep and observations into evidence, and proposals into trials.
 //! - `sentences` states question and answer; `words` names factors and measures.
 //!
@@ -9,6 +10,7 @@
 
 mod measures;
 mod observations;
+mod ranges;
 mod read;
 mod seeding;
 pub(crate) mod sentences;
@@ -25,6 +27,7 @@ use roost_design::{Answer, Finished, Question, decide};
 
 use crate::sweep::{Points, Trial};
 pub(crate) use observations::{Observation, Source};
+pub(crate) use ranges::{Ranges, widen, with_ranges};
 pub(crate) use read::read;
 pub(crate) use roost_api::study::SCHEMA;
 pub(crate) use seeding::{Copied, MAX_SEEDING_RUNS, SweepRun};
@@ -42,6 +45,32 @@ pub(crate) struct Study {
     seed: u64,
     /// The sweeps that it began with.
     pub(crate) seeding: Vec<SeedingSweep>,
+    /// The ranges as submitted.
+    first_ranges: Ranges,
+    /// Number of attempts at a confirmation before the ranges grew. Their runs belong to the search now.
+    past_attempts: u32,
+}
+
+/// A stored study as it is now.
+#[derive(Clone, Debug)]
+pub(crate) struct Present {
+    /// As submitted.
+    pub(crate) submitted: StudySpec,
+    /// The budget.
+    pub(crate) max_runs: u32,
+    /// The ranges; none as submitted.
+    pub(crate) ranges: Option<Ranges>,
+    /// Number of attempts at a confirmation before the ranges grew.
+    pub(crate) past_attempts: u32,
+    /// The sweeps that it began with.
+    pub(crate) seeding: Vec<SeedingSweep>,
+}
+
+impl Present {
+    /// The document with its present ranges.
+    pub(crate) fn spec(&self) -> StudySpec {
+        with_ranges(self.submitted.clone(), self.ranges.as_deref().unwrap_or_default())
+    }
 }
 
 /// A decision: runs that come next, and the answer so far.

@@ -2,7 +2,7 @@
 
 use roost_api::Fault;
 use roost_api::design::{Design, DesignKind, Factor, Scale};
-use roost_api::study::{SCHEMA, SeedingSweep, StudySpec};
+use roost_api::study::{SCHEMA, StudySpec};
 use roost_api::sweep::SweepSpec;
 use roost_design::{Goal, Question};
 use roost_solver::mesh::Meshes;
@@ -10,7 +10,7 @@ use roost_solver::scenario::field::FieldKind;
 use roost_solver::scenario::{self, fields};
 use serde_json::{Value, json};
 
-use super::{Study, measures};
+use super::{Present, Study, measures, ranges};
 use crate::document::{fault, read_leniently};
 use crate::sweep::{self, Expansion, Points, SweepLimits};
 
@@ -57,23 +57,31 @@ pub(crate) fn read(
         (Some(question), Ok((_, expansion))) if faults.is_empty() => {
             let points = expansion.points.clone();
             let seed = expansion.base.seed;
-            Ok((Study { spec, question, points, seed, seeding: Vec::new() }, expansion))
+            let first_ranges = ranges::ranges(&spec.factors);
+            let (seeding, past_attempts) = (Vec::new(), 0);
+            let study = Study { spec, question, points, seed, seeding, first_ranges, past_attempts };
+            Ok((study, expansion))
         }
         _ => Err(faults),
     }
 }
 
 impl Study {
-    /// A stored study with its present budget and the sweeps that it began with, or the faults that this server finds in it.
-    pub(crate) fn stored(
-        spec: StudySpec,
-        max_runs: u32,
-        seeding: Vec<SeedingSweep>,
-    ) -> Result<Self, Vec<Fault>> {
-        let question = question(&spec, max_runs)?;
+    /// A stored study as it is now, or the faults that this server finds in it.
+    pub(crate) fn stored(present: Present) -> Result<Self, Vec<Fault>> {
+        let spec = present.spec();
+        let question = question(&spec, present.max_runs)?;
         let base = scenario::from_value(&spec.base)?;
         let points = Points::without_rows(&spec.base, &base, &spec.factors);
-        Ok(Self { spec, question, points, seed: base.seed, seeding })
+        Ok(Self {
+            spec,
+            question,
+            points,
+            seed: base.seed,
+            seeding: present.seeding,
+            first_ranges: ranges::ranges(&present.submitted.factors),
+            past_attempts: present.past_attempts,
+        })
     }
 }
 

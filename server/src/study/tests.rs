@@ -10,7 +10,7 @@ use roost_solver::Limits;
 use roost_solver::mesh::Meshes;
 use serde_json::{Map, Value, json};
 
-use super::{Copied, Observation, Source, Study, SweepRun, read};
+use super::{Copied, Observation, Present, Ranges, Source, Study, SweepRun, read};
 use crate::sweep::SweepLimits;
 
 const GATE: &str = "/equipment/gate_opening_m";
@@ -30,6 +30,12 @@ fn study(goal: Value) -> Study {
 
 fn boundary() -> Value {
     json!({"boundary": {"of": {"probability": "jammed"}, "level": 0.05}})
+}
+
+/// A study as the store has it, with other ranges.
+fn present(study: &Study, ranges: Option<Ranges>) -> Present {
+    let (submitted, seeding) = (study.spec.clone(), study.seeding.clone());
+    Present { submitted, max_runs: 60, ranges, past_attempts: 0, seeding }
 }
 
 /// Trials of a decision in a state, with a response.
@@ -90,7 +96,7 @@ fn runs_have_seeds_of_their_own_and_the_values_of_their_point() {
 #[test]
 fn a_stored_study_decides_as_the_submitted_one() {
     let submitted = study(boundary());
-    let stored = Study::stored(submitted.spec.clone(), 60, Vec::new()).unwrap();
+    let stored = Study::stored(present(&submitted, None)).unwrap();
     let rows = trials(&submitted, &[], 12, JobState::Succeeded, &|gate| u8::from(gate < 0.05));
     let (one, other) = (submitted.decide(&rows, &[], 5).unwrap(), stored.decide(&rows, &[], 5).unwrap());
     let runs = |decided: &super::Decided| -> Vec<(u32, u32, u64)> {
@@ -234,4 +240,46 @@ fn no_run_repeats_an_observation() {
     let as_jobs: Vec<TrialRow> = before.iter().filter(|row| row.replicate > 0).cloned().collect();
     assert_eq!(study.decide(&as_jobs, &copies, 0).unwrap().answer.runs.done, copies.len());
     assert!(copies.iter().all(|copy| matches!(copy.source, Source::Sweep(_))));
+}
+
+#[test]
+fn a_wider_range_keeps_all_runs_and_begins_confirmations_again() {
+    let goal = json!({"optimise": {"objectives": [{"minimise": {"probability": "jammed"}}]}});
+    let narrow = study(goal);
+    let mut rows = Vec::new();
+    let jammed = |gate: f64| u8::from(gate < 0.06);
+    let finished = loop {
+        rows.extend(trials(&narrow, &rows, 10, JobState::Succeeded, &jammed));
+        let decided = narrow.decide(&rows, &[], 10).unwrap();
+        if let Some(end) = decided.finished {
+            break end;
+        }
+    };
+    assert_eq!(finished, StudyEnd::ByRule);
+    let confirmed = rows.iter().map(|row| row.replicate).max().unwrap();
+    assert!((1_000_000..2_000_000).contains(&confirmed));
+    let wider = |past_attempts: u32| {
+        let ranges = Some(vec![(0.02, 0.5), (0.1, 1.0)]);
+        Study::stored(Present { past_attempts, max_runs: 400, ..present(&narrow, ranges) }).unwrap()
+    };
+    // Without the count of attempts, the old confirmation would answer the new question.
+    assert_eq!(wider(0).decide(&rows, &[], 10).unwrap().finished, Some(StudyEnd::ByRule));
+    let wide = wider(confirmed / 1_000_000);
+    let decided = wide.decide(&rows, &[], 10).unwrap();
+    assert_eq!((decided.finished, decided.answer.runs.done), (None, rows.len()));
+    let seeds: BTreeSet<u64> = rows.iter().map(|row| row.seed).collect();
+    let places: BTreeSet<(u32, u32)> = rows.iter().map(|row| (row.point, row.replicate)).collect();
+    let mut more = rows.clone();
+    let finished = loop {
+        let new = trials(&wide, &more, 10, JobState::Succeeded, &jammed);
+        assert!(
+            new.iter().all(|row| !seeds.contains(&row.seed) && !places.contains(&(row.point, row.replicate)))
+        );
+        more.extend(new);
+        if let Some(end) = wide.decide(&more, &[], 10).unwrap().finished {
+            break end;
+        }
+    };
+    assert_eq!(finished, StudyEnd::ByRule);
+    assert!(more[rows.len()..].iter().any(|row| row.replicate >= 2_000_000), "a new confirmation");
 }

@@ -6,6 +6,7 @@ use roost_api::Fault;
 use roost_api::ids::SweepId;
 use roost_api::job::JobState;
 use roost_api::table::TrialRow;
+use roost_design::goals::FIRST_CONFIRMATION;
 use roost_design::{Evidence, Outcome, Point, Proposal, Run};
 use serde_json::json;
 
@@ -73,7 +74,7 @@ impl Study {
             if outcome != Outcome::Cancelled {
                 seen.insert((point.clone(), trial.seed));
             }
-            let replicate = replicates.take(&point, trial.replicate);
+            let replicate = replicates.take(&point, self.replicate(trial.replicate));
             runs.push(Run { point, replicate, outcome });
         }
         let mut observations: Vec<&Observation> = observations.iter().collect();
@@ -92,7 +93,7 @@ impl Study {
             }
             copies.used += 1;
             free += usize::from(observation.is_free());
-            let replicate = replicates.take(&point, observation.replicate);
+            let replicate = replicates.take(&point, self.replicate(observation.replicate));
             runs.push(Run { point, replicate, outcome: observation.outcome.clone() });
         }
         known.evidence = Evidence::new(runs).with_free(free);
@@ -106,6 +107,23 @@ impl Study {
         Point::of_run(factors, &values.collect::<Option<Vec<f64>>>()?)
     }
 
+    /// The replicate of a stored run in the evidence. A confirmation before the ranges grew was one of another question: its runs count as
+    /// runs of the search, and the attempts begin at 1 again.
+    fn replicate(&self, stored: u32) -> u32 {
+        let past = self.past_attempts.saturating_mul(FIRST_CONFIRMATION);
+        match stored {
+            0..FIRST_CONFIRMATION => stored,
+            _ if stored - FIRST_CONFIRMATION < past => 0,
+            _ => stored - past,
+        }
+    }
+
+    /// The replicate that a proposed run gets in the store.
+    fn stored_replicate(&self, proposed: u32) -> u32 {
+        let past = self.past_attempts.saturating_mul(FIRST_CONFIRMATION);
+        if proposed < FIRST_CONFIRMATION { proposed } else { proposed.saturating_add(past) }
+    }
+
     /// The trials of proposals, the first of each new point with its levels, and the number of points with them; or the faults of a scenario.
     pub(super) fn trials(
         &self,
@@ -116,13 +134,14 @@ impl Study {
         for Proposal { point, replicate } in proposals {
             let values = point.values(&self.question.factors);
             let made = self.points.at_values(values.iter().map(|value| json!(value)).collect())?;
+            let replicate = self.stored_replicate(*replicate);
             let is_new = !known.indices.contains_key(point);
             let index = *known.indices.entry(point.clone()).or_insert(known.count);
             known.count = known.count.max(index + 1);
             let mut scenario = made.scenario;
-            scenario.seed = self.new_seed(&values, *replicate, &mut known.seeds);
+            scenario.seed = self.new_seed(&values, replicate, &mut known.seeds);
             let levels = is_new.then_some(made.levels);
-            trials.push(Trial { point: index, replicate: *replicate, scenario, levels });
+            trials.push(Trial { point: index, replicate, scenario, levels });
         }
         Ok((trials, known.count))
     }

@@ -1,9 +1,9 @@
-//! Studies: submit, show, answer, pause, resume, cancel, and a larger budget.
+//! Studies: submit, show, answer, pause, resume, cancel, a larger budget, and wider ranges.
 
 use reqwest::Method;
 use roost_api::ids::SweepId;
 use roost_api::page::Page;
-use roost_api::study::{BudgetChange, StudyAnswer, StudyView};
+use roost_api::study::{BudgetChange, RangeChange, StudyAnswer, StudyView};
 use serde_json::Value;
 
 use super::job_control::pause_or_resume;
@@ -44,5 +44,10 @@ impl Client {
     /// Sets the maximum number of runs of a study, which can only grow.
     pub async fn raise_study_budget(&self, id: SweepId, max_runs: u32) -> ClientResult<StudyView> {
         self.post(&format!("studies/{id}/budget"), &BudgetChange { max_runs }).await
+    }
+
+    /// Widens ranges of a study.
+    pub async fn widen_study(&self, id: SweepId, change: &RangeChange) -> ClientResult<StudyView> {
+        self.post(&format!("studies/{id}/ranges"), change).await
     }
 }

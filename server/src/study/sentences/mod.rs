@@ -95,6 +95,7 @@ pub(super) fn answer(study: &Study, answer: &Answer, known: &Known) -> Vec<Strin
     let failed = if runs.failed > 0 { format!("; {} more failed", runs.failed) } else { String::new() };
     sentences.push(format!("The answer rests on {} runs{failed}.", runs.done));
     sentences.extend(sources::sentences(study, known));
+    sentences.extend(growth(study));
     if !answer.excluded.is_empty() {
         let points: Vec<String> =
             answer.excluded.iter().take(MAX_STATED).map(|point| place(study, &point.values)).collect();
@@ -142,6 +143,20 @@ pub(crate) fn state(
             )
         }
     }
+}
+
+/// The ranges that have grown since the study was submitted, as they were.
+fn growth(study: &Study) -> Option<String> {
+    let factors = study.question.factors.iter().zip(&study.first_ranges);
+    let grown = factors.filter(|(factor, (low, high))| factor.low < *low || factor.high > *high);
+    let parts: Vec<String> = grown
+        .map(|(factor, (low, high))| {
+            let quantity = Quantity::of_field(&factor.name);
+            let (before, now) = (range(&quantity, *low, *high), range(&quantity, factor.low, factor.high));
+            format!("{} was {before} and is {now} now", quantity.name)
+        })
+        .collect();
+    (!parts.is_empty()).then(|| format!("The ranges have grown since the study began: {}.", list(&parts)))
 }
 
 /// What the answer assumes beside its factors.
